@@ -1,0 +1,1 @@
+//! The film: per-pixel mean and variance over iterations, in f64.

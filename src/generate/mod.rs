@@ -1,0 +1,1 @@
+//! Scenes the project makes itself, as binary glTF.

@@ -1,0 +1,1 @@
+//! Error of an image against a reference.

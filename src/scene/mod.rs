@@ -1,0 +1,156 @@
+//! The scene as plain data: what a glTF file says, checked, in metres and world space, before anything is flattened.
+//!
+//! `gltf.rs` is the only file that knows glTF. Everything here is valid by construction: indices are in range, numbers
+//! are finite, and the node hierarchy is resolved to one transform an instance.
+
+pub mod gltf;
+
+use glam::{DAffine3, DVec3};
+
+/// A loaded scene. Lengths are metres; transforms are kept in f64 until the renderer moves the origin to the sensor.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    /// One mesh a glTF primitive, in its own space.
+    pub meshes: Vec<Mesh>,
+    /// Where meshes stand in the world; several instances may share a mesh.
+    pub instances: Vec<Instance>,
+    /// Never empty: primitives without a material use the glTF default material.
+    pub materials: Vec<Material>,
+    pub textures: Vec<Texture>,
+    pub images: Vec<Image>,
+    /// In the order of the nodes that carry them.
+    pub cameras: Vec<Camera>,
+    /// Punctual lights and beams; emissive meshes are found through `materials`.
+    pub lights: Vec<Light>,
+    /// What the file asks for and taugate does not do, one sentence each, in the file's order.
+    pub warnings: Vec<String>,
+}
+
+/// Triangles of one glTF primitive.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// For messages: mesh name and primitive number, e.g. `Chair[0]`.
+    pub name: String,
+    pub positions: Vec<[f32; 3]>,
+    /// Unit normals, one a position, or empty for flat shading.
+    pub normals: Vec<[f32; 3]>,
+    /// Texture coordinates (set 0), one a position, or empty.
+    pub uvs: Vec<[f32; 2]>,
+    /// Counter-clockwise corners seen from the front; every index is below `positions.len()`. Triangles of zero area
+    /// are already dropped.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+}
+
+/// A mesh placed in the world.
+#[derive(Debug, Clone)]
+pub struct Instance {
+    pub mesh: u32,
+    /// World from mesh space. May mirror or scale unevenly; never singular.
+    pub transform: DAffine3,
+    /// Name of the glTF node, `node 17` when it has none.
+    pub node: String,
+}
+
+/// How coverage is read from the base colour's alpha.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum AlphaMode {
+    #[default]
+    Opaque,
+    /// Opaque where alpha >= cutoff, absent elsewhere.
+    Mask(f32),
+    /// Present with probability alpha.
+    Blend,
+}
+
+/// A metallic-roughness material with the extensions taugate reads.
+#[derive(Debug, Clone)]
+pub struct Material {
+    pub name: String,
+    /// Linear RGB and alpha, each in [0, 1].
+    pub base_color: [f32; 4],
+    /// Index into [`Scene::textures`]; multiplied with `base_color`. sRGB.
+    pub base_color_texture: Option<u32>,
+    /// In [0, 1].
+    pub metallic: f32,
+    /// Perceptual roughness in [0, 1]; the GGX alpha is its square.
+    pub roughness: f32,
+    /// Radiance in W / (m^2 sr): emissiveFactor x emissiveStrength, >= 0.
+    pub emission: [f32; 3],
+    /// Index into [`Scene::textures`]; multiplied with `emission`. sRGB.
+    pub emission_texture: Option<u32>,
+    /// KHR_materials_specular: 0 with `metallic` 0 is pure Lambert. In [0, 1].
+    pub specular: f32,
+    /// Refractive index >= 1.
+    pub ior: f32,
+    /// KHR_materials_transmission in [0, 1].
+    pub transmission: f32,
+    pub alpha_mode: AlphaMode,
+    pub double_sided: bool,
+}
+
+/// How texture coordinates outside [0, 1] are read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Wrap {
+    #[default]
+    Repeat,
+    Mirror,
+    Clamp,
+}
+
+/// An image with its sampler. Minification filters and mip levels are not used.
+#[derive(Debug, Clone)]
+pub struct Texture {
+    /// Index into [`Scene::images`].
+    pub image: u32,
+    pub wrap: [Wrap; 2],
+    /// Bilinear if true, else nearest.
+    pub linear: bool,
+}
+
+/// Decoded texels, row 0 at the top (v = 0), sRGB-encoded colour and linear alpha, 8 bits each.
+#[derive(Debug, Clone)]
+pub struct Image {
+    pub width: u32,
+    pub height: u32,
+    pub rgba: Vec<[u8; 4]>,
+}
+
+/// A pinhole camera: looks along -Z of its transform, +Y up, +X right.
+#[derive(Debug, Clone)]
+pub struct Camera {
+    pub name: String,
+    /// World from camera, rotation and translation only (scale removed).
+    pub transform: DAffine3,
+    /// Vertical field of view in radians, in (0, pi).
+    pub yfov: f64,
+    /// Width over height if the file says so.
+    pub aspect: Option<f64>,
+    /// `extras.width`, `extras.height` if the file says so.
+    pub resolution: Option<[u32; 2]>,
+}
+
+/// A light without surface.
+#[derive(Debug, Clone)]
+pub struct Light {
+    /// Name of the node that carries it.
+    pub node: String,
+    pub position: DVec3,
+    /// Unit vector along which it shines (-Z of its node); meaningless for points.
+    pub direction: DVec3,
+    pub kind: LightKind,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LightKind {
+    /// Radiant intensity in W / sr, the same in all directions.
+    Point { intensity: [f32; 3] },
+    /// Radiant intensity in W / sr inside `inner` (half angle, radians), falling to 0 at `outer` as KHR_lights_punctual
+    /// says: clamp((cos - cos outer) / (cos inner - cos outer))^2.
+    Spot { intensity: [f32; 3], inner: f32, outer: f32 },
+    /// Parallel light through a disk of `radius` >= 0 metres around `position`; `power` in W in all.
+    Beam { power: [f32; 3], radius: f32 },
+    /// Infinitely far away: has no travel time. Kept so that a gated render can refuse it by name.
+    Directional { irradiance: [f32; 3] },
+}
