@@ -9,6 +9,7 @@
 pub mod error;
 pub mod film;
 pub mod generate;
+pub mod gpu;
 pub mod metrics;
 pub mod oracle;
 pub mod scene;

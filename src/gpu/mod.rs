@@ -1,0 +1,13 @@
+//! Vulkan compute: device, buffers, kernels. All the unsafe code is here, and nothing here knows rendering.
+
+mod buffer;
+mod device;
+mod kernel;
+pub mod layout;
+mod recorder;
+pub mod shader;
+
+pub use buffer::Buffer;
+pub use device::{Device, DeviceInfo};
+pub use kernel::{Bindings, Kernel};
+pub use recorder::{Recorder, Timing};
