@@ -6,10 +6,12 @@
 //! Rendering": light subpaths, two trees over their vertices, sensor subpaths, queries, connections, film.
 //! `docs/ARCHITECTURE.md` is the map, `docs/PAPER.md` says which function implements which equation.
 
+pub mod bvh;
 pub mod error;
 pub mod film;
 pub mod generate;
 pub mod gpu;
+pub mod lightcone;
 pub mod metrics;
 pub mod oracle;
 pub mod scene;

@@ -132,5 +132,6 @@ fn sample_beam(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     (*r).pdf_direction = 1.0;
     (*r).throughput = e.strength / e.select_pdf;
     (*r).beam = true;
-    (*r).deterministic = e.outer == 0.0;
+    // Surfaces that let light pass by chance make the first hit random.
+    (*r).deterministic = e.outer == 0.0 && !HAS_ALPHA;
 }

@@ -41,7 +41,7 @@ fn bucket_values(low: u32, high: u32, i: u32) -> f32 {
 // Eqs. 23 and 24: power of the buckets that can hold time-valid vertices. Bucket b of [tau_lo, tau_hi] is valid from the
 // constant-time indices below; a node of one travel time is 0/0 there and all its power sits in the buckets.
 fn bucket_power(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
-    let scale = f32(BUCKETS) / max(c.tau_hi - c.tau_lo, 1e-30);
+    let scale = BUCKET_COUNT / max(c.tau_hi - c.tau_lo, 1e-30);
     let first = clamp(floor((shell.lo - d.y - c.tau_lo) * scale), 0.0, 7.0);
     let last = clamp(floor((shell.hi - d.x - c.tau_lo) * scale), -1.0, 7.0);
     let k = vec4<f32>(0.0, 1.0, 2.0, 3.0);

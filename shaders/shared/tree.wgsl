@@ -26,7 +26,9 @@ struct TreeNode {
 
 const LEAF_BIT: u32 = 0x80000000u;
 const LEAF_FIRST: u32 = 0x07ffffffu;
+// Bucket slots a node stores, and how many of them its travel times are divided into (B).
 const BUCKETS: u32 = 8u;
+override BUCKET_COUNT: f32 = f32(BUCKETS);
 
 @group(1) @binding(0) var<storage, read> light_vertices: array<PathVertex>;
 // 3D tree over emitter points (v_tau = 0) and 4D tree over scattered vertices, in one array.

@@ -1,0 +1,268 @@
+//! The hierarchy over light vertices (Sec. 5.2): balanced, split along the greatest of four extents, with power buckets
+//! over travel time (Sec. 5.5.2) at every node. The 3D tree of emitter points is the same with all v_tau = 0.
+
+use rayon::join;
+
+use crate::gpu::layout::constants::{BUCKETS, LEAF_BIT, LEAF_FIRST};
+use crate::gpu::layout::{NONE, TreeChild, TreeNode};
+
+/// A light vertex as the tree sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Item {
+    /// Position and travel time, finite.
+    pub point: [f32; 4],
+    /// Bounds every channel of phi; > 0, in any unit.
+    pub power: f32,
+    /// The caller's number of the vertex.
+    pub index: u32,
+}
+
+/// How a tree is built.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TreeOptions {
+    /// Most vertices in a leaf, 1 to 16.
+    pub leaf_size: usize,
+    /// Buckets used at a node, 1 to 8 (B of the paper).
+    pub buckets: u32,
+    /// Added to node numbers and to vertex numbers, where trees share arrays.
+    pub first_node: u32,
+    pub first_vertex: u32,
+}
+
+/// A flattened tree. Items are reordered in place so that every leaf is a range of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tree {
+    /// Inner nodes in depth-first order.
+    pub nodes: Vec<TreeNode>,
+    /// Where a query starts: an inner node, a leaf reference for few items, [`NONE`] for no items.
+    pub root: u32,
+}
+
+/// Below this many items a subtree is built by one thread.
+const SEQUENTIAL: usize = 4096;
+
+/// Powers are scaled to a total of 1 and kept above this, so that no vertex underflows to probability 0.
+const LEAST_POWER: f32 = 1e-30;
+
+impl Tree {
+    /// Builds the tree over `items` and reorders them. O(n log n) time, no allocation beyond the nodes.
+    pub fn build(items: &mut [Item], options: TreeOptions) -> Tree {
+        if items.is_empty() {
+            return Tree { nodes: vec![], root: NONE };
+        }
+        let total: f64 = items.iter().map(|i| f64::from(i.power)).sum();
+        for item in items.iter_mut() {
+            item.power = ((f64::from(item.power) / total) as f32).max(LEAST_POWER);
+        }
+        let mut nodes = vec![bytemuck::Zeroable::zeroed(); inner_nodes(items.len(), options.leaf_size)];
+        let root = Builder { options }.subtree(items, options.first_vertex, &mut nodes, options.first_node);
+        Tree { nodes, root: root.child }
+    }
+}
+
+struct Builder {
+    options: TreeOptions,
+}
+
+impl Builder {
+    /// Builds the subtree over `items`, whose first vertex has number `first`, into exactly `slots`, the first of which has
+    /// number `base`. Returns how its parent refers to it.
+    fn subtree(&self, items: &mut [Item], first: u32, slots: &mut [TreeNode], base: u32) -> TreeChild {
+        let (lo, hi) = bounds(items);
+        let mut summary = self.summary(items, lo, hi);
+        if items.len() <= self.options.leaf_size {
+            summary.child = leaf_reference(first, items.len());
+            return summary;
+        }
+        // Balanced split along the dimension of greatest extent among all four (Sec. 5.2).
+        let axis = (0..4).max_by(|&a, &b| (hi[a] - lo[a]).total_cmp(&(hi[b] - lo[b]))).unwrap_or(0);
+        let half = items.len() / 2;
+        items.select_nth_unstable_by(half, |a, b| {
+            a.point[axis].total_cmp(&b.point[axis]).then(a.index.cmp(&b.index))
+        });
+        let (left_items, right_items) = items.split_at_mut(half);
+        let (own, children) = slots.split_at_mut(1);
+        let left_count = inner_nodes(half, self.options.leaf_size);
+        let (left_slots, right_slots) = children.split_at_mut(left_count);
+        let right_base = base + 1 + left_count as u32;
+        let build_left = || self.subtree(left_items, first, left_slots, base + 1);
+        let build_right = || self.subtree(right_items, first + half as u32, right_slots, right_base);
+        let (left, right) = if half > SEQUENTIAL { join(build_left, build_right) } else { run_both(build_left, build_right) };
+        own[0] = TreeNode { left, right };
+        summary.child = base;
+        summary
+    }
+
+    /// Bounds and bucket powers of a node (`child` is left to the caller).
+    fn summary(&self, items: &[Item], lo: [f32; 4], hi: [f32; 4]) -> TreeChild {
+        let mut powers = [0.0f32; BUCKETS as usize];
+        let scale = bucket_scale(lo[3], hi[3], self.options.buckets);
+        let last = self.options.buckets as usize - 1;
+        for item in items {
+            powers[(((item.point[3] - lo[3]) * scale) as usize).min(last)] += item.power;
+        }
+        let (quantised, power_unit) = quantise(powers);
+        TreeChild {
+            lo: [lo[0], lo[1], lo[2]],
+            tau_lo: lo[3],
+            hi: [hi[0], hi[1], hi[2]],
+            tau_hi: hi[3],
+            buckets_low: u32::from_le_bytes([quantised[0], quantised[1], quantised[2], quantised[3]]),
+            buckets_high: u32::from_le_bytes([quantised[4], quantised[5], quantised[6], quantised[7]]),
+            power_unit,
+            child: 0,
+        }
+    }
+}
+
+fn run_both<A, B>(a: impl FnOnce() -> A, b: impl FnOnce() -> B) -> (A, B) {
+    (a(), b())
+}
+
+/// Buckets a metre of travel time; 0 extent puts everything into bucket 0.
+pub fn bucket_scale(tau_lo: f32, tau_hi: f32, buckets: u32) -> f32 {
+    buckets as f32 / (tau_hi - tau_lo).max(1e-30)
+}
+
+/// Eight powers in units of 1/255 of the greatest, rounded up so that no bucket that holds a vertex reads 0.
+fn quantise(powers: [f32; 8]) -> ([u8; 8], f32) {
+    let greatest = powers.iter().copied().fold(0.0f32, f32::max);
+    let unit = (greatest / 255.0).max(f32::MIN_POSITIVE);
+    (powers.map(|p| if p > 0.0 { (p / unit).ceil().clamp(1.0, 255.0) as u8 } else { 0 }), unit)
+}
+
+fn bounds(items: &[Item]) -> ([f32; 4], [f32; 4]) {
+    let (mut lo, mut hi) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
+    for item in items {
+        for k in 0..4 {
+            lo[k] = lo[k].min(item.point[k]);
+            hi[k] = hi[k].max(item.point[k]);
+        }
+    }
+    (lo, hi)
+}
+
+fn leaf_reference(first: u32, count: usize) -> u32 {
+    assert!((1..=16).contains(&count) && first <= LEAF_FIRST, "leaf of {count} vertices from {first}");
+    LEAF_BIT | ((count as u32 - 1) << 27) | first
+}
+
+/// Inner nodes of a balanced tree over `n` items: 0 up to the leaf size, else 1 + those of both halves.
+fn inner_nodes(n: usize, leaf_size: usize) -> usize {
+    // All sizes at one level differ by at most 1: the pair (n, n + 1) is enough.
+    fn pair(n: usize, leaf_size: usize) -> (usize, usize) {
+        if n < leaf_size {
+            return (0, 0);
+        }
+        let (a, b) = pair(n / 2, leaf_size);
+        let (even, odd, even_next) = (1 + 2 * a, 1 + a + b, 1 + 2 * b);
+        let (this, next) = if n.is_multiple_of(2) { (even, odd) } else { (odd, even_next) };
+        (if n <= leaf_size { 0 } else { this }, next)
+    }
+    pair(n, leaf_size).0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn random_items(n: usize, seed: u64) -> Vec<Item> {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        let mut next = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 40) as f32 / (1 << 24) as f32
+        };
+        (0..n as u32).map(|index| Item { point: [next(), next(), next(), 4.0 * next()], power: next() + 1e-6, index }).collect()
+    }
+
+    fn options(leaf_size: usize) -> TreeOptions {
+        TreeOptions { leaf_size, buckets: 8, first_node: 0, first_vertex: 0 }
+    }
+
+    /// Walks the tree; checks that every vertex is in exactly one leaf and inside the bounds of all its ancestors.
+    fn validate(tree: &Tree, items: &[Item], leaf_size: usize) {
+        let mut seen = vec![false; items.len()];
+        let mut stack: Vec<(u32, Vec<TreeChild>)> = vec![(tree.root, vec![])];
+        while let Some((reference, ancestors)) = stack.pop() {
+            if reference & LEAF_BIT != 0 {
+                let first = (reference & LEAF_FIRST) as usize;
+                let count = ((reference >> 27) & 15) as usize + 1;
+                assert!(count <= leaf_size);
+                for i in first..first + count {
+                    assert!(!seen[i]);
+                    seen[i] = true;
+                    for a in &ancestors {
+                        let p = items[i].point;
+                        assert!((0..3).all(|k| a.lo[k] <= p[k] && p[k] <= a.hi[k]));
+                        assert!(a.tau_lo <= p[3] && p[3] <= a.tau_hi);
+                        let b = (((p[3] - a.tau_lo) * bucket_scale(a.tau_lo, a.tau_hi, 8)) as usize).min(7);
+                        let word = if b < 4 { a.buckets_low } else { a.buckets_high };
+                        assert!(word.to_le_bytes()[b % 4] > 0, "a bucket that holds a vertex reads 0");
+                    }
+                }
+                continue;
+            }
+            let node = tree.nodes[reference as usize];
+            for child in [node.left, node.right] {
+                let mut path = ancestors.clone();
+                path.push(child);
+                stack.push((child.child, path));
+            }
+        }
+        assert!(seen.iter().all(|&s| s));
+    }
+
+    #[test]
+    fn empty_and_single() {
+        assert_eq!(Tree::build(&mut [], options(1)).root, NONE);
+        let mut one = random_items(1, 1);
+        let tree = Tree::build(&mut one, options(1));
+        assert!(tree.nodes.is_empty());
+        assert_eq!(tree.root, LEAF_BIT);
+    }
+
+    #[test]
+    fn inner_node_counts_match_the_recursion() {
+        fn slow(n: usize, leaf: usize) -> usize {
+            if n <= leaf { 0 } else { 1 + slow(n / 2, leaf) + slow(n - n / 2, leaf) }
+        }
+        for leaf in [1, 2, 3, 8, 16] {
+            for n in 0..300 {
+                assert_eq!(inner_nodes(n, leaf), slow(n, leaf), "{n} items, leaf {leaf}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_vertex_is_in_one_leaf_and_inside_its_ancestors() {
+        for (n, leaf) in [(2, 1), (3, 1), (17, 4), (1000, 1), (1000, 16), (20_000, 8)] {
+            let mut items = random_items(n, n as u64);
+            let tree = Tree::build(&mut items, options(leaf));
+            validate(&tree, &items, leaf);
+        }
+    }
+
+    #[test]
+    fn degenerate_input() {
+        let mut same = vec![Item { point: [1.0, 2.0, 3.0, 4.0], power: 1.0, index: 0 }; 100];
+        for (i, item) in same.iter_mut().enumerate() {
+            item.index = i as u32;
+        }
+        validate(&Tree::build(&mut same, options(1)), &same, 1);
+        let mut uneven = random_items(1000, 3);
+        for (i, item) in uneven.iter_mut().enumerate() {
+            item.power = 10f32.powi((i % 60) as i32 - 37);
+        }
+        validate(&Tree::build(&mut uneven, options(4)), &uneven, 4);
+    }
+
+    #[test]
+    fn the_order_of_the_input_does_not_matter() {
+        let mut a = random_items(5000, 9);
+        let mut b = a.clone();
+        b.reverse();
+        let (ta, tb) = (Tree::build(&mut a, options(1)), Tree::build(&mut b, options(1)));
+        assert_eq!(a.iter().map(|i| i.index).collect::<Vec<_>>(), b.iter().map(|i| i.index).collect::<Vec<_>>());
+        assert_eq!(ta.root, tb.root);
+    }
+}

@@ -1,0 +1,231 @@
+//! The scene flattened for the device: world-space triangles relative to the sensor, attributes, materials, textures.
+
+use glam::{DMat3, DVec3};
+
+use super::albedo::{AlbedoTable, DELTA_ALPHA};
+use crate::bvh::{self, Bvh};
+use crate::gpu::layout::constants::*;
+use crate::gpu::layout::{InstanceNormals, Material, NONE, TextureInfo, Triangle, VertexAttributes};
+use crate::scene::{self, AlphaMode, Scene, Wrap};
+use crate::settings::Emitters;
+
+/// What the kernels must be able to do for this scene; everything else is compiled out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+pub struct Features {
+    pub textures: bool,
+    pub alpha: bool,
+    /// Any material that is not pure Lambert.
+    pub glossy: bool,
+    pub transmission: bool,
+}
+
+/// Arrays in the layout of `shared/scene.wgsl`.
+pub struct Geometry {
+    pub bvh: Bvh,
+    pub triangles: Vec<Triangle>,
+    pub corners: Vec<u32>,
+    pub attributes: Vec<VertexAttributes>,
+    pub instances: Vec<InstanceNormals>,
+    /// One for each (material, shines or not) that is used.
+    pub materials: Vec<Material>,
+    pub textures: Vec<TextureInfo>,
+    pub texels: Vec<u32>,
+    pub features: Features,
+    /// Greatest refractive index.
+    pub greatest_ior: f32,
+}
+
+impl Geometry {
+    /// Flattens the scene around `origin`, the sensor's position: coordinates near it keep their digits wherever it stands.
+    pub fn new(scene: &Scene, origin: DVec3, emitters: &Emitters, albedo: &AlbedoTable) -> Geometry {
+        let mut materials = MaterialSet::new(scene, emitters, albedo);
+        let (corners, attributes, corner_base) = attributes(scene);
+        let mut triangles = vec![];
+        let mut instances = vec![];
+        for instance in &scene.instances {
+            let mesh = &scene.meshes[instance.mesh as usize];
+            let number = instances.len() as u32;
+            let linear = instance.transform.matrix3;
+            instances.push(normal_columns(linear));
+            let positions: Vec<[f32; 3]> = mesh
+                .positions
+                .iter()
+                .map(|p| {
+                    let world = instance.transform.transform_point3(DVec3::from(p.map(f64::from)));
+                    (world - origin).as_vec3().to_array()
+                })
+                .collect();
+            let mut material = materials.number(mesh.material, &instance.node);
+            if linear.determinant() < 0.0 {
+                material |= TRIANGLE_MIRRORED;
+            }
+            if !mesh.normals.is_empty() {
+                material |= TRIANGLE_SMOOTH;
+            }
+            let base = corner_base[instance.mesh as usize];
+            for (i, t) in mesh.triangles.iter().enumerate() {
+                let [v0, v1, v2] = t.map(|c| positions[c as usize]);
+                let corner = if base == NONE { NONE } else { base + 3 * i as u32 };
+                triangles.push(Triangle { v0, instance: number, v1, corner, v2, material });
+            }
+        }
+        let bvh = bvh::build(&triangles.iter().map(|t| [t.v0, t.v1, t.v2]).collect::<Vec<_>>());
+        let triangles = bvh.order.iter().map(|&i| triangles[i as usize]).collect();
+        let (textures, texels) = textures(scene, materials.features.textures);
+        Geometry {
+            bvh,
+            triangles,
+            corners,
+            attributes,
+            instances,
+            textures,
+            texels,
+            features: materials.features,
+            greatest_ior: materials.greatest_ior,
+            materials: materials.list,
+        }
+    }
+}
+
+/// Inverse transpose, scaled to keep f32 in range: only the direction matters.
+fn normal_columns(linear: DMat3) -> InstanceNormals {
+    let m = linear.inverse().transpose();
+    let size = m.to_cols_array().iter().fold(0.0f64, |a, x| a.max(x.abs())).max(1e-300);
+    let column = |c: DVec3| (c / size).as_vec3().to_array();
+    InstanceNormals { x: column(m.x_axis), pad0: 0.0, y: column(m.y_axis), pad1: 0.0, z: column(m.z_axis), pad2: 0.0 }
+}
+
+/// Corner indices of all meshes that have normals or texture coordinates, their vertices, and each mesh's first corner.
+fn attributes(scene: &Scene) -> (Vec<u32>, Vec<VertexAttributes>, Vec<u32>) {
+    let (mut corners, mut attributes, mut bases) = (vec![], vec![], vec![]);
+    for mesh in &scene.meshes {
+        if mesh.normals.is_empty() && mesh.uvs.is_empty() {
+            bases.push(NONE);
+            continue;
+        }
+        bases.push(corners.len() as u32);
+        let first = attributes.len() as u32;
+        for i in 0..mesh.positions.len() {
+            let [u, v] = mesh.uvs.get(i).copied().unwrap_or_default();
+            let normal = mesh.normals.get(i).map_or(0, |&n| octahedral(n));
+            attributes.push(VertexAttributes { normal, u, v });
+        }
+        corners.extend(mesh.triangles.iter().flatten().map(|&c| first + c));
+    }
+    (corners, attributes, bases)
+}
+
+/// Unit vector as two 16-bit octahedral coordinates (Cigolle et al. 2014).
+fn octahedral(n: [f32; 3]) -> u32 {
+    let sum = n[0].abs() + n[1].abs() + n[2].abs();
+    let (mut x, mut y) = (n[0] / sum, n[1] / sum);
+    if n[2] < 0.0 {
+        (x, y) = ((1.0 - y.abs()) * 1f32.copysign(x), (1.0 - x.abs()) * 1f32.copysign(y));
+    }
+    let pack = |v: f32| u32::from((v.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
+    pack(x) | (pack(y) << 16)
+}
+
+/// Materials as they are used, with the emission of nodes that are not selected switched off.
+struct MaterialSet<'a> {
+    scene: &'a Scene,
+    emitters: &'a Emitters,
+    albedo: &'a AlbedoTable,
+    list: Vec<Material>,
+    numbers: std::collections::HashMap<(u32, bool), u32>,
+    features: Features,
+    greatest_ior: f32,
+}
+
+impl<'a> MaterialSet<'a> {
+    fn new(scene: &'a Scene, emitters: &'a Emitters, albedo: &'a AlbedoTable) -> Self {
+        let (list, numbers) = (vec![], Default::default());
+        MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), greatest_ior: 1.0 }
+    }
+
+    /// Number of `material` on `node`, with the alpha bit where the surface may let rays pass.
+    fn number(&mut self, material: u32, node: &str) -> u32 {
+        let source = &self.scene.materials[material as usize];
+        let shines = match self.emitters {
+            Emitters::Scene => true,
+            Emitters::Nodes(names) => names.iter().any(|n| n == node),
+        };
+        let number = match self.numbers.get(&(material, shines)) {
+            Some(&n) => n,
+            None => {
+                let n = self.list.len() as u32;
+                self.list.push(self.convert(source, shines));
+                self.numbers.insert((material, shines), n);
+                n
+            }
+        };
+        let alpha = if is_partial(source) { TRIANGLE_ALPHA } else { 0 };
+        self.features.alpha |= alpha != 0;
+        number | alpha
+    }
+
+    fn convert(&mut self, m: &scene::Material, shines: bool) -> Material {
+        let f0 = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2) * m.specular;
+        let mut alpha = m.roughness * m.roughness;
+        if alpha < DELTA_ALPHA || (m.transmission > 0.0 && (m.ior - 1.0).abs() < 1e-5) {
+            alpha = 0.0;
+        }
+        let emission = if shines { m.emission } else { [0.0; 3] };
+        let emission_texture = if emission == [0.0; 3] { None } else { m.emission_texture };
+        self.features.textures |= m.base_color_texture.is_some() || emission_texture.is_some();
+        self.features.glossy |= m.metallic > 0.0 || f0 > 0.0 || m.transmission > 0.0;
+        self.features.transmission |= m.transmission > 0.0 && m.metallic < 1.0;
+        self.greatest_ior = self.greatest_ior.max(m.ior);
+        let (mode, cutoff) = match m.alpha_mode {
+            AlphaMode::Opaque => (0, 0.0),
+            AlphaMode::Mask(cutoff) => (MATERIAL_MASK, cutoff),
+            AlphaMode::Blend => (MATERIAL_BLEND, 0.0),
+        };
+        Material {
+            base_color: [m.base_color[0], m.base_color[1], m.base_color[2]],
+            opacity: m.base_color[3],
+            emission,
+            emission_density: 0.0,
+            metallic: m.metallic,
+            alpha,
+            f0,
+            ior: m.ior,
+            transmission: m.transmission,
+            diffuse_scale: (1.0 / (std::f64::consts::PI * (1.0 - self.albedo.mean(alpha.into(), f0.into())))) as f32,
+            alpha_cutoff: cutoff,
+            flags: mode | if m.double_sided { MATERIAL_DOUBLE_SIDED } else { 0 },
+            base_texture: m.base_color_texture.unwrap_or(NONE),
+            emission_texture: emission_texture.unwrap_or(NONE),
+            pad0: 0,
+            pad1: 0,
+        }
+    }
+}
+
+/// Can the alpha of the material be below 1?
+fn is_partial(m: &scene::Material) -> bool {
+    m.alpha_mode != AlphaMode::Opaque && (m.base_color[3] < 1.0 || m.base_color_texture.is_some())
+}
+
+fn textures(scene: &Scene, needed: bool) -> (Vec<TextureInfo>, Vec<u32>) {
+    if !needed {
+        return (vec![], vec![]);
+    }
+    let mut texels = vec![];
+    let mut first = vec![];
+    for image in &scene.images {
+        first.push(texels.len() as u32);
+        texels.extend(image.rgba.iter().map(|&c| u32::from_le_bytes(c)));
+    }
+    let wrap = |w: Wrap| match w {
+        Wrap::Repeat => 0,
+        Wrap::Mirror => 1,
+        Wrap::Clamp => 2,
+    };
+    let infos = scene.textures.iter().map(|t| {
+        let image = &scene.images[t.image as usize];
+        let sampler = wrap(t.wrap[0]) | (wrap(t.wrap[1]) << 2) | (u32::from(t.linear) << 4);
+        TextureInfo { first: first[t.image as usize], width: image.width, height: image.height, sampler }
+    });
+    (infos.collect(), texels)
+}

@@ -1,0 +1,154 @@
+//! What the kernels are told: the frame of an iteration and the switches that are fixed for a render.
+
+use glam::{DVec3, Vec3};
+
+use super::emitters::EmitterSet;
+use super::geometry::{Features, Geometry};
+use super::pool::PoolLayout;
+use crate::error::{Error, Result};
+use crate::gpu::layout::constants::*;
+use crate::gpu::layout::{Frame, NONE};
+use crate::scene::Scene;
+use crate::settings::{Estimator, Settings, Strategies};
+
+/// Stands for infinity on the device; sums of it with travel times stay finite.
+const OPEN: f32 = 3e38;
+
+/// Everything about a render that does not change from iteration to iteration.
+pub struct Plan {
+    pub estimator: Estimator,
+    pub light_paths: u32,
+    pub buckets: u32,
+    pub max_depth: u32,
+    pub features: Features,
+    pub crop_pixels: u64,
+    /// Light subpaths are traced, not only started; t = 1 takes part.
+    pub traces_light: bool,
+    pub splats: bool,
+    frame: Frame,
+}
+
+impl Plan {
+    pub fn new(scene: &Scene, settings: &Settings, geometry: &Geometry, emitters: &EmitterSet) -> Result<Plan> {
+        let lights_only_by_beam = emitters.has_beam && !emitters.has_area && emitters.deterministic.is_empty();
+        if settings.estimator == Estimator::Pt && lights_only_by_beam {
+            return Err(Error::Settings(
+                "--estimator pt cannot see by a collimated beam (no ray finds it, no point on it can be connected); \
+                 use bdpt or lcs-paper"
+                    .into(),
+            ));
+        }
+        let all = settings.strategies == Strategies::All;
+        let pt = settings.estimator == Estimator::Pt;
+        let traces_light = !pt && settings.max_depth >= 2;
+        let features = geometry.features;
+        let frame = frame(scene, settings, emitters, all, pt);
+        Ok(Plan {
+            estimator: settings.estimator,
+            light_paths: settings.light_paths,
+            buckets: settings.buckets,
+            max_depth: settings.max_depth,
+            features,
+            crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
+            traces_light,
+            splats: traces_light && all,
+            frame,
+        })
+    }
+
+    /// Candidate slots a shade point for a pool.
+    pub fn slots(&self, pool: &PoolLayout) -> u32 {
+        let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
+        let chosen = match self.estimator {
+            Estimator::Pt => u32::from(pool.emitter_points > 0),
+            Estimator::Bdpt => pool.longest_path,
+            Estimator::LcsPaper => {
+                self.frame.queries * (u32::from(pool.tree3_root != NONE) + u32::from(pool.tree4_root != NONE))
+            }
+        };
+        (deterministic + chosen).max(1)
+    }
+
+    /// The frame of iteration `iteration`, `samples` a pixel from number `first_sample` on. Without a pool: for the light
+    /// subpaths themselves.
+    pub fn frame(&self, iteration: u32, first_sample: u32, samples: u32, pool: Option<&PoolLayout>) -> Frame {
+        let mut frame = Frame {
+            iteration,
+            first_sample,
+            samples,
+            light_count: self.light_paths as f32 / samples as f32,
+            ..self.frame
+        };
+        if let Some(pool) = pool {
+            frame.deterministic_count = pool.deterministic;
+            frame.emitter_vertices = pool.emitter_points;
+            frame.tree3_root = pool.tree3_root;
+            frame.tree4_root = pool.tree4_root;
+            frame.slots = self.slots(pool);
+        }
+        frame
+    }
+
+    /// Override constants of all kernels.
+    pub fn constants(&self) -> Vec<(&'static str, f64)> {
+        let estimator = match self.estimator {
+            Estimator::Pt => ESTIMATOR_PT,
+            Estimator::Bdpt => ESTIMATOR_BDPT,
+            Estimator::LcsPaper => ESTIMATOR_LCS,
+        };
+        let switch = |on: bool| if on { 1.0 } else { 0.0 };
+        vec![
+            ("HAS_TEXTURES", switch(self.features.textures)),
+            ("HAS_ALPHA", switch(self.features.alpha)),
+            ("HAS_GLOSSY", switch(self.features.glossy)),
+            ("HAS_TRANSMISSION", switch(self.features.transmission)),
+            ("ESTIMATOR", estimator.into()),
+            ("BUCKET_COUNT", self.buckets.into()),
+        ]
+    }
+}
+
+fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, pt: bool) -> Frame {
+    let camera = &scene.cameras[settings.camera];
+    let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
+    let [width, height] = settings.resolution;
+    let tangent = (0.5 * camera.yfov).tan();
+    let extent = [tangent * f64::from(width) / f64::from(height), tangent];
+    let pixel_area = 4.0 * extent[0] * extent[1] / (f64::from(width) * f64::from(height));
+    let closed = settings.gate.hi.is_finite();
+    let hi = if closed { settings.gate.hi as f32 } else { OPEN };
+    // A travel time is a sum of a few dozen rounded terms.
+    let slack = if closed { hi * 4e-6 } else { 0.0 };
+    let switch = |on: bool| if on { 1.0 } else { 0.0 };
+    Frame {
+        right: axis(DVec3::X),
+        up: axis(DVec3::Y),
+        forward: axis(DVec3::NEG_Z),
+        width,
+        height,
+        seed: settings.seed,
+        extent: extent.map(|x| x as f32),
+        pixel_area: pixel_area as f32,
+        gate_lo: settings.gate.lo as f32,
+        gate_hi: hi,
+        cull_hi: if settings.cull && closed { hi + slack } else { OPEN },
+        slack,
+        emitter_lo: Vec3::to_array(&emitters.lo),
+        emitter_hi: Vec3::to_array(&emitters.hi),
+        light_paths: settings.light_paths,
+        max_depth: settings.max_depth,
+        queries: settings.queries,
+        emitter_count: emitters.table.len() as u32,
+        tree3_root: NONE,
+        tree4_root: NONE,
+        keep_s0: switch(all),
+        keep_t1: switch(all && !pt),
+        keep_s2: switch(!pt),
+        crop_x: settings.crop.x0,
+        crop_y: settings.crop.y0,
+        crop_width: settings.crop.width(),
+        crop_height: settings.crop.height(),
+        samples: 1,
+        ..bytemuck::Zeroable::zeroed()
+    }
+}

@@ -1,0 +1,175 @@
+//! The light-vertex pool of an iteration on the host: vertices as they come back from the device, sorted for the estimator.
+
+use super::plan::Plan;
+use crate::error::Result;
+use crate::gpu::layout::constants::*;
+use crate::gpu::layout::{NONE, PathVertex, TreeNode};
+use crate::gpu::{Buffer, Device};
+use crate::lightcone::tree::{Item, Tree, TreeOptions};
+use crate::settings::Estimator;
+
+/// Vertices in the order the kernels use: deterministic, emitter points, scattered.
+#[derive(Default)]
+pub struct LightPool {
+    /// Punctual lights of the scene; thin beams add the vertices of their common prefix.
+    pub deterministic: Vec<PathVertex>,
+    /// Emitter points (v_tau = 0) and scattered vertices, each with the number of its light path.
+    pub emitter_points: Vec<(u32, PathVertex)>,
+    pub scattered: Vec<(u32, PathVertex)>,
+}
+
+/// The pool on the device: group 1 of the kernels.
+pub struct DevicePool {
+    vertices: Buffer,
+    nodes: Buffer,
+    offsets: Buffer,
+}
+
+/// What the kernels must know of the pool.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoolLayout {
+    pub deterministic: u32,
+    pub emitter_points: u32,
+    pub tree3_root: u32,
+    pub tree4_root: u32,
+    /// bdpt: vertices of the longest light path.
+    pub longest_path: u32,
+}
+
+/// Arrays ready for upload.
+pub struct SortedPool {
+    pub vertices: Vec<PathVertex>,
+    pub nodes: Vec<TreeNode>,
+    pub offsets: Vec<u32>,
+    pub layout: PoolLayout,
+}
+
+impl LightPool {
+    /// Takes a vertex that was reached by light path `path`. Of a deterministic prefix only the first copy is kept: it
+    /// carries the whole power.
+    pub fn push(&mut self, path: u32, vertex: &PathVertex) {
+        if vertex.flags & VERTEX_DETERMINISTIC != 0 {
+            let same = |v: &PathVertex| v.owner == vertex.owner && (v.flags ^ vertex.flags) & VERTEX_DEPTH == 0;
+            if !self.deterministic.iter().any(same) {
+                self.deterministic.push(*vertex);
+            }
+        } else if vertex.flags & VERTEX_EMITTER != 0 {
+            self.emitter_points.push((path, *vertex));
+        } else {
+            self.scattered.push((path, *vertex));
+        }
+    }
+
+    /// Builds the trees (`lcs-paper`) or groups the vertices by path (`bdpt`).
+    pub fn sort(&self, plan: &Plan) -> SortedPool {
+        match plan.estimator {
+            Estimator::Bdpt => self.by_path(plan.light_paths),
+            Estimator::Pt => self.emitters_only(),
+            Estimator::LcsPaper => self.trees(plan.buckets),
+        }
+    }
+
+    fn layout(&self) -> PoolLayout {
+        PoolLayout {
+            deterministic: self.deterministic.len() as u32,
+            emitter_points: self.emitter_points.len() as u32,
+            tree3_root: NONE,
+            tree4_root: NONE,
+            longest_path: 0,
+        }
+    }
+
+    fn emitters_only(&self) -> SortedPool {
+        let mut vertices = self.deterministic.clone();
+        vertices.extend(self.emitter_points.iter().map(|(_, v)| *v));
+        SortedPool { vertices, nodes: vec![], offsets: vec![], layout: self.layout() }
+    }
+
+    /// Counting sort by light path; vertices of a path keep the order in which they were reached.
+    fn by_path(&self, light_paths: u32) -> SortedPool {
+        let first = self.deterministic.len() as u32;
+        let mut offsets = vec![0u32; light_paths as usize + 1];
+        let all = || self.emitter_points.iter().chain(&self.scattered);
+        for (path, _) in all() {
+            offsets[*path as usize + 1] += 1;
+        }
+        let longest_path = offsets.iter().copied().max().unwrap_or(0);
+        offsets[0] = first;
+        for i in 1..offsets.len() {
+            offsets[i] += offsets[i - 1];
+        }
+        let mut next = offsets.clone();
+        let mut vertices = self.deterministic.clone();
+        vertices.resize(offsets[light_paths as usize] as usize, bytemuck::Zeroable::zeroed());
+        for (path, vertex) in all() {
+            let slot = &mut next[*path as usize];
+            vertices[*slot as usize] = *vertex;
+            *slot += 1;
+        }
+        SortedPool { vertices, nodes: vec![], offsets, layout: PoolLayout { longest_path, ..self.layout() } }
+    }
+
+    /// The 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4).
+    fn trees(&self, buckets: u32) -> SortedPool {
+        let mut items3 = items(&self.emitter_points);
+        let mut items4 = items(&self.scattered);
+        let first3 = self.deterministic.len() as u32;
+        let first4 = first3 + items3.len() as u32;
+        // Individual vertices reside in leaves (Sec. 5.2).
+        let options = TreeOptions { leaf_size: 1, buckets, first_node: 0, first_vertex: first3 };
+        let tree3 = Tree::build(&mut items3, options);
+        let first_node = tree3.nodes.len() as u32;
+        let tree4 = Tree::build(&mut items4, TreeOptions { first_node, first_vertex: first4, ..options });
+        let mut vertices = self.deterministic.clone();
+        vertices.extend(items3.iter().map(|i| self.emitter_points[i.index as usize].1));
+        vertices.extend(items4.iter().map(|i| self.scattered[i.index as usize].1));
+        let layout = PoolLayout {
+            emitter_points: items3.len() as u32,
+            tree3_root: tree3.root,
+            tree4_root: tree4.root,
+            ..self.layout()
+        };
+        SortedPool { vertices, nodes: [tree3.nodes, tree4.nodes].concat(), offsets: vec![], layout }
+    }
+}
+
+/// Vertices that can contribute, as the tree sees them.
+fn items(vertices: &[(u32, PathVertex)]) -> Vec<Item> {
+    let power = |v: &PathVertex| v.throughput.iter().fold(0.0f32, |a, &x| a.max(x));
+    vertices
+        .iter()
+        .enumerate()
+        .filter(|(_, (_, v))| power(v) > 0.0 && power(v).is_finite())
+        .map(|(i, (_, v))| Item { point: [v.position[0], v.position[1], v.position[2], v.tau], power: power(v), index: i as u32 })
+        .collect()
+}
+
+impl DevicePool {
+    pub fn new(device: &Device, pool: &SortedPool) -> Result<DevicePool> {
+        let remedy = "use fewer --light-paths";
+        Ok(DevicePool {
+            vertices: Buffer::from_slice(device, "light vertices", &pool.vertices, remedy)?,
+            nodes: Buffer::from_slice(device, "tree nodes", &pool.nodes, remedy)?,
+            offsets: Buffer::from_slice(device, "light path offsets", &pool.offsets, remedy)?,
+        })
+    }
+
+    /// Writes the next pool over this one if it fits; false if it does not.
+    pub fn replace(&mut self, pool: &SortedPool) -> Result<bool> {
+        let fits = |buffer: &Buffer, bytes: usize| buffer.size() >= bytes as u64;
+        if !fits(&self.vertices, size_of_val(&pool.vertices[..]))
+            || !fits(&self.nodes, size_of_val(&pool.nodes[..]))
+            || !fits(&self.offsets, size_of_val(&pool.offsets[..]))
+        {
+            return Ok(false);
+        }
+        self.vertices.write(0, &pool.vertices)?;
+        self.nodes.write(0, &pool.nodes)?;
+        self.offsets.write(0, &pool.offsets)?;
+        Ok(true)
+    }
+
+    pub fn bindings(&self) -> Vec<(&str, &Buffer)> {
+        vec![("light_vertices", &self.vertices), ("tree_nodes", &self.nodes), ("path_offsets", &self.offsets)]
+    }
+}
