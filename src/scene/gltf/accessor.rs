@@ -49,7 +49,7 @@ impl Document<'_> {
     pub fn indices(&self, index: usize, what: &str) -> Checked<Vec<u32>> {
         use ComponentType::{U8, U16, U32};
         let elements = self.elements(index, what, Type::Scalar, &[U8, U16, U32])?;
-        Ok(elements.map(|bytes| unsigned(bytes)))
+        Ok(elements.map(unsigned))
     }
 
     /// `count` of an accessor, 1 to [`MAX_ELEMENTS`].

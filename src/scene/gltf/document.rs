@@ -37,10 +37,10 @@ impl<'a> Document<'a> {
         let (json, bin) = resolve::split_container(bytes)?;
         let root: Root = ::gltf::json::deserialize::from_slice(json)
             .map_err(|e| format!("is not valid glTF 2.0 ({}); re-export it", printable(&e.to_string(), 200)))?;
-        let version = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
-        if !matches!(version.as_str(), "2.0" | "2") && !(root.asset.min_version.is_none() && version.starts_with("2."))
-        {
-            let version = printable(version, 20);
+        let asset = &root.asset;
+        let is_readable = asset.min_version.as_ref().map_or(asset.version.starts_with("2."), |least| least == "2.0");
+        if !is_readable {
+            let version = printable(asset.min_version.as_ref().unwrap_or(&asset.version), 20);
             return Err(format!("is glTF version {version}; re-export it as glTF 2.0"));
         }
         if root.nodes.len() > MAX_NODES {
@@ -52,7 +52,7 @@ impl<'a> Document<'a> {
 
     /// Refuses what the file cannot do without and taugate cannot do; warns of what it can do without.
     pub fn check_extensions(&self, warnings: &mut Warnings) -> Checked<()> {
-        for name in self.root.extensions_required.iter().filter(|name| !EXTENSIONS.contains(&name.as_str())) {
+        if let Some(name) = self.root.extensions_required.iter().find(|name| !EXTENSIONS.contains(&name.as_str())) {
             let remedy = match name.as_str() {
                 "KHR_draco_mesh_compression" => "re-export without Draco compression",
                 "EXT_meshopt_compression" | "KHR_meshopt_compression" => "re-export without meshopt compression",

@@ -51,8 +51,8 @@ fn place(kind: LightKind, world: &DAffine3, name: &str) -> Checked<Light> {
 
 fn punctual(light: &JsonLight, name: &str) -> Checked<LightKind> {
     let intensity = light.color.map(|channel| channel * light.intensity);
-    let are_valid = intensity.iter().chain(&light.color).all(|value| value.is_finite() && *value >= 0.0);
-    if !are_valid || !(light.intensity.is_finite() && light.intensity >= 0.0) {
+    let mut factors = intensity.iter().chain(&light.color).chain([&light.intensity]);
+    if !factors.all(|value| value.is_finite() && *value >= 0.0) {
         return Err(format!(
             "the light of node `{name}` has a negative or non-finite intensity; correct it and re-export"
         ));

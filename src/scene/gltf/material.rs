@@ -101,7 +101,7 @@ impl Materials {
         let ext = source.extensions.clone().unwrap_or_default();
         let strength = ext.emissive_strength.unwrap_or_default().emissive_strength.0;
         let emission = source.emissive_factor.0.map(|factor| factor * strength);
-        if !emission.iter().all(|value| value.is_finite() && *value >= 0.0) || !(strength >= 0.0) {
+        if !emission.iter().chain([&strength]).all(|value| value.is_finite() && *value >= 0.0) {
             return Err(format!(
                 "the emission of material `{name}` is negative or not finite; correct it and re-export"
             ));

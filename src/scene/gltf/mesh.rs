@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use ::gltf::json::accessor::ComponentType::{F32, U8, U16};
+use ::gltf::json::extensions::mesh::Primitive as PrimitiveExtensions;
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked::{Invalid, Valid};
 use glam::{DAffine2, DVec2, Vec3};
@@ -26,11 +27,11 @@ pub struct Meshes {
     /// By glTF mesh: its primitives among `meshes`; `None` if no node uses it.
     ranges: Vec<Option<Range<usize>>>,
     /// Vertices and triangles read so far: many primitives may share one accessor.
-    vertices: u64,
-    corners: u64,
+    vertices_read: u64,
+    corners_read: u64,
     degenerate: u64,
     points_or_lines: u64,
-    unlit_normals: Vec<String>,
+    flattened: Vec<String>,
     missing_uvs: Vec<String>,
 }
 
@@ -90,7 +91,7 @@ impl Meshes {
         if self.points_or_lines > 0 {
             warnings.push(format!("{} primitives of points or lines are left out", self.points_or_lines));
         }
-        if let Some((count, name)) = first(&self.unlit_normals) {
+        if let Some((count, name)) = first(&self.flattened) {
             warnings.push(format!("{count} meshes with normals of zero length are shaded flat (first: {name})"));
         }
         if let Some((count, name)) = first(&self.missing_uvs) {
@@ -98,6 +99,7 @@ impl Meshes {
         }
     }
 
+    /// Appends the mesh of one primitive unless nothing of it can be seen.
     fn primitive(
         &mut self,
         doc: &Document,
@@ -114,98 +116,27 @@ impl Meshes {
             }
             Invalid => return Err(format!("{name} has an unknown mode; re-export the file")),
         };
-        let draco =
-            primitive.extensions.as_ref().is_some_and(|ext| ext.others.contains_key("KHR_draco_mesh_compression"));
-        let attribute = |semantic| primitive.attributes.get(&Valid(semantic)).map(|accessor| accessor.value());
         let mut ignored = |is_used: bool, what: &'static str| {
             if is_used {
                 warnings.once(what, || format!("{what} are not read (first: {name})"));
             }
         };
-        ignored(attribute(Semantic::Colors(0)).is_some(), "vertex colours");
+        ignored(attribute(primitive, Semantic::Colors(0)).is_some(), "vertex colours");
         ignored(primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()), "morph targets");
 
-        let what = |attribute: &str| format!("{attribute} of {name}");
-        let positions = attribute(Semantic::Positions)
-            .ok_or_else(|| format!("{name} has no POSITION attribute; remove it or re-export the file"))?;
-        if draco && doc.root.accessors.get(positions).is_some_and(|accessor| accessor.buffer_view.is_none()) {
-            return Err(format!("{name} is compressed; re-export without Draco compression"));
-        }
-        let count = doc.count(positions, &what("POSITION"))?;
-        self.vertices += count;
-        if self.vertices > MAX_ELEMENTS {
-            return Err(format!("the scene has more than {MAX_ELEMENTS} vertices at {name}; simplify it or split it"));
-        }
-        let positions = doc.vectors::<3>(positions, &what("POSITION"), &[F32])?;
-        check_finite(&positions, &what("POSITION"))?;
-
-        let attribute_count = |accessor: usize, what: &str| match doc.count(accessor, what)? {
-            other if other == count => Ok(accessor),
-            other => Err(format!(
-                "accessor {accessor} ({what}) has {other} elements for {count} positions; re-export the file"
-            )),
-        };
-        let normals = match attribute(Semantic::Normals) {
-            None => Vec::new(),
-            Some(accessor) => {
-                let accessor = attribute_count(accessor, &what("NORMAL"))?;
-                doc.vectors::<3>(accessor, &what("NORMAL"), &[F32])?
-            }
-        };
-        check_finite(&normals, &what("NORMAL"))?;
-        let mut uvs = match attribute(Semantic::TexCoords(0)) {
-            None => Vec::new(),
-            Some(accessor) => {
-                let accessor = attribute_count(accessor, &what("TEXCOORD_0"))?;
-                doc.vectors::<2>(accessor, &what("TEXCOORD_0"), &[F32, U8, U16])?
-            }
-        };
-
-        let (material, uv_transform) = materials.of(primitive.material.map(|material| material.value()), &name)?;
-        if let Some(transform) = uv_transform {
-            transform_uvs(&mut uvs, &transform);
-        }
-        check_finite(&uvs, &what("TEXCOORD_0"))?;
-        if uvs.is_empty() && materials.is_textured(material) {
-            self.missing_uvs.push(name.clone());
-        }
-
-        let corners = match primitive.indices {
-            Some(accessor) => {
-                let what = what("indices");
-                self.corners += doc.count(accessor.value(), &what)?;
-                let indices =
-                    (self.corners <= MAX_ELEMENTS).then(|| doc.indices(accessor.value(), &what)).transpose()?;
-                if let Some(index) = indices.iter().flatten().find(|&&index| u64::from(index) >= count) {
-                    return Err(format!(
-                        "accessor {accessor} ({what}) has the index {index}, but there are only {count} positions; re-export the file"
-                    ));
-                }
-                indices
-            }
-            None => {
-                self.corners += count;
-                None
-            }
-        };
-        if self.corners > MAX_ELEMENTS {
-            return Err(format!(
-                "the meshes have more than {MAX_TRIANGLES} triangles at {name}; simplify or split the scene"
-            ));
-        }
-        let number = corners.as_ref().map_or(count as usize, Vec::len);
-        let corner = |i: usize| corners.as_ref().map_or(i as u32, |corners| corners[i]);
-        if number < 3 || (mode == Mode::Triangles && number % 3 != 0) {
+        let mut mesh = self.vertices(doc, name, primitive, materials)?;
+        let corners = self.corners(doc, &mesh, primitive)?;
+        let number = corners.len();
+        if number < 3 || (mode == Mode::Triangles && !number.is_multiple_of(3)) {
+            let name = mesh.name;
             return Err(format!("{name} has {number} corners, which do not make whole triangles; re-export the file"));
         }
-
-        let mut triangles = Vec::with_capacity(if mode == Mode::Triangles { number / 3 } else { number - 2 });
         let mut push = |triangle: [usize; 3]| {
-            let triangle = triangle.map(corner);
-            if has_zero_area(triangle.map(|index| positions[index as usize])) {
+            let triangle = triangle.map(|corner| corners[corner]);
+            if has_zero_area(triangle.map(|index| mesh.positions[index as usize])) {
                 self.degenerate += 1;
             } else {
-                triangles.push(triangle);
+                mesh.triangles.push(triangle);
             }
         };
         match mode {
@@ -213,21 +144,103 @@ impl Meshes {
             Mode::TriangleFan => (0..number - 2).for_each(|i| push([i + 1, i + 2, 0])),
             _ => (0..number / 3).for_each(|i| push([3 * i, 3 * i + 1, 3 * i + 2])),
         }
-        if triangles.is_empty() {
+        if mesh.triangles.is_empty() {
             return Ok(());
         }
 
-        let mut mesh = Mesh { name, positions, normals, uvs, triangles, material };
         drop_unused(&mut mesh);
         if !normalise(&mut mesh.normals) {
             mesh.normals = Vec::new();
-            self.unlit_normals.push(mesh.name.clone());
+            self.flattened.push(mesh.name.clone());
+        }
+        if mesh.uvs.is_empty() && materials.is_textured(mesh.material) {
+            self.missing_uvs.push(mesh.name.clone());
         }
         let points = || mesh.positions.iter().map(|&point| Vec3::from(point));
         self.bounds.push([points().fold(Vec3::INFINITY, Vec3::min), points().fold(Vec3::NEG_INFINITY, Vec3::max)]);
         self.meshes.push(mesh);
         Ok(())
     }
+
+    /// A mesh with all but its triangles; normals are finite, not yet of unit length.
+    fn vertices(
+        &mut self,
+        doc: &Document,
+        name: String,
+        primitive: &Primitive,
+        materials: &mut Materials,
+    ) -> Checked<Mesh> {
+        let what = |attribute: &str| format!("{attribute} of {name}");
+        let positions = attribute(primitive, Semantic::Positions)
+            .ok_or_else(|| format!("{name} has no POSITION attribute; remove it or re-export the file"))?;
+        let draco = |ext: &PrimitiveExtensions| ext.others.contains_key("KHR_draco_mesh_compression");
+        if primitive.extensions.as_ref().is_some_and(draco)
+            && doc.root.accessors.get(positions).is_some_and(|accessor| accessor.buffer_view.is_none())
+        {
+            return Err(format!("{name} is compressed; re-export without Draco compression"));
+        }
+        let count = doc.count(positions, &what("POSITION"))?;
+        self.vertices_read += count;
+        if self.vertices_read > MAX_ELEMENTS {
+            return Err(format!("the scene has more than {MAX_ELEMENTS} vertices at {name}; simplify it or split it"));
+        }
+        let positions = doc.vectors::<3>(positions, &what("POSITION"), &[F32])?;
+        check_finite(&positions, &what("POSITION"))?;
+
+        let beside_positions = |accessor: usize, what: &str| match doc.count(accessor, what)? {
+            other if other == count => Ok(accessor),
+            other => Err(format!(
+                "accessor {accessor} ({what}) has {other} elements for {count} positions; re-export the file"
+            )),
+        };
+        let normals = match attribute(primitive, Semantic::Normals) {
+            None => Vec::new(),
+            Some(accessor) => {
+                let accessor = beside_positions(accessor, &what("NORMAL"))?;
+                doc.vectors::<3>(accessor, &what("NORMAL"), &[F32])?
+            }
+        };
+        check_finite(&normals, &what("NORMAL"))?;
+        let mut uvs = match attribute(primitive, Semantic::TexCoords(0)) {
+            None => Vec::new(),
+            Some(accessor) => {
+                let accessor = beside_positions(accessor, &what("TEXCOORD_0"))?;
+                doc.vectors::<2>(accessor, &what("TEXCOORD_0"), &[F32, U8, U16])?
+            }
+        };
+        let (material, uv_transform) = materials.of(primitive.material.map(|material| material.value()), &name)?;
+        if let Some(transform) = uv_transform {
+            transform_uvs(&mut uvs, &transform);
+        }
+        check_finite(&uvs, &what("TEXCOORD_0"))?;
+        Ok(Mesh { positions, normals, uvs, triangles: Vec::new(), material, name })
+    }
+
+    /// The vertices of the corners in drawing order, each below `mesh.positions.len()`.
+    fn corners(&mut self, doc: &Document, mesh: &Mesh, primitive: &Primitive) -> Checked<Vec<u32>> {
+        let name = &mesh.name;
+        let what = format!("indices of {name}");
+        let count = mesh.positions.len();
+        let accessor = primitive.indices.map(|accessor| accessor.value());
+        self.corners_read += accessor.map_or(Ok(count as u64), |accessor| doc.count(accessor, &what))?;
+        if self.corners_read > MAX_ELEMENTS {
+            return Err(format!(
+                "the meshes have more than {MAX_TRIANGLES} triangles at {name}; simplify or split the scene"
+            ));
+        }
+        let Some(accessor) = accessor else { return Ok((0..count as u32).collect()) };
+        let corners = doc.indices(accessor, &what)?;
+        match corners.iter().find(|&&index| index as usize >= count) {
+            None => Ok(corners),
+            Some(index) => Err(format!(
+                "accessor {accessor} ({what}) has the index {index}, but there are only {count} positions; re-export the file"
+            )),
+        }
+    }
+}
+
+fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
+    primitive.attributes.get(&Valid(semantic)).map(|accessor| accessor.value())
 }
 
 fn check_finite<const N: usize>(vectors: &[[f32; N]], what: &str) -> Checked<()> {

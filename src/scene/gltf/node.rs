@@ -109,7 +109,7 @@ pub fn check_extent([low, high]: &[Vec3; 2], transform: &DAffine3, name: &str) -
         transform.transform_point3(Vec3::new(pick(0), pick(1), pick(2)).as_dvec3())
     });
     for corner in corners {
-        if !(corner.abs().max_element() <= MAX_COORDINATE) || !corner.is_finite() {
+        if !corner.to_array().iter().all(|value| value.abs() <= MAX_COORDINATE) {
             return Err(format!(
                 "the mesh of node `{name}` reaches farther than {MAX_COORDINATE:e} m from the origin; check its scale"
             ));
