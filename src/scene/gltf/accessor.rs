@@ -8,6 +8,8 @@ use super::document::Document;
 
 /// Three corners for each of the most triangles a scene may have.
 pub const MAX_ELEMENTS: u64 = 3 * super::mesh::MAX_TRIANGLES;
+/// Of an accessor without buffer view: a file of a few bytes must not fill the memory with zeros.
+const MAX_ZEROS: u64 = 1 << 24;
 
 /// An accessor whose shape, component type and extent are checked.
 struct Elements<'a> {
@@ -87,6 +89,9 @@ impl Document<'_> {
         let size = component.size() * shape.multiplicity();
 
         let bytes = match accessor.buffer_view {
+            None if count > MAX_ZEROS => {
+                return Err(format!("{name} has no bufferView for its {count} elements; re-export the file"));
+            }
             None => None,
             Some(view) => {
                 let offset = accessor.byte_offset.unwrap_or_default().0;
