@@ -17,8 +17,10 @@ pub struct Bvh {
 
 /// Builds the hierarchy. `corners` are finite; none gives a hierarchy that no ray hits.
 pub fn build(corners: &[[[f32; 3]; 3]]) -> Bvh {
-    let triangles: Vec<Triangle> =
-        corners.iter().map(|c| Triangle { v0: Vec3A::from(c[0]), v1: Vec3A::from(c[1]), v2: Vec3A::from(c[2]) }).collect();
+    let triangles: Vec<Triangle> = corners
+        .iter()
+        .map(|c| Triangle { v0: Vec3A::from(c[0]), v1: Vec3A::from(c[1]), v2: Vec3A::from(c[2]) })
+        .collect();
     let mut elapsed = std::time::Duration::ZERO;
     let host = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut elapsed);
     let mut nodes: Vec<[u32; 4]> = bytemuck::cast_slice::<_, u32>(&host.nodes).as_chunks::<4>().0.to_vec();

@@ -14,6 +14,7 @@ pub mod gpu;
 pub mod lightcone;
 pub mod metrics;
 pub mod oracle;
+pub mod render;
 pub mod scene;
 pub mod settings;
 pub mod units;

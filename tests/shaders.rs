@@ -24,11 +24,16 @@ fn every_kernel_compiles() {
 }
 
 /// Compares every host twin that a module mentions with its reflection; returns the differences.
-fn compare_layouts(module: &naga::Module, twins: &[(&'static str, usize, Vec<(&'static str, usize)>)]) -> (usize, Vec<String>) {
+fn compare_layouts(
+    module: &naga::Module,
+    twins: &[(&'static str, usize, Vec<(&'static str, usize)>)],
+) -> (usize, Vec<String>) {
     let mut differences = vec![];
     let mut seen = 0;
     for (_, kind) in module.types.iter() {
-        let (Some(name), naga::TypeInner::Struct { members, span }) = (kind.name.as_deref(), &kind.inner) else { continue };
+        let (Some(name), naga::TypeInner::Struct { members, span }) = (kind.name.as_deref(), &kind.inner) else {
+            continue;
+        };
         let Some((_, size, fields)) = twins.iter().find(|(n, ..)| *n == name) else { continue };
         seen += 1;
         let of_shader: Vec<(String, usize)> =
@@ -75,7 +80,9 @@ fn shared_constants_agree() {
         let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
         for (_, constant) in module.constants.iter() {
             let Some(name) = constant.name.as_deref() else { continue };
-            let naga::Expression::Literal(naga::Literal::U32(value)) = module.global_expressions[constant.init] else { continue };
+            let naga::Expression::Literal(naga::Literal::U32(value)) = module.global_expressions[constant.init] else {
+                continue;
+            };
             for (host_name, host_value) in layout::constants::ALL {
                 if *host_name == name {
                     assert_eq!(*host_value, value, "{name} in {path}");

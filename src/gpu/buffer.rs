@@ -63,7 +63,10 @@ impl Buffer {
                 .ok_or_else(|| Error::Device(format!("{} has no memory for {name}", shared.info.name)))?;
             let memory = shared
                 .device
-                .allocate_memory(&vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(kind), None)
+                .allocate_memory(
+                    &vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(kind),
+                    None,
+                )
                 .map_err(|e| {
                     shared.device.destroy_buffer(handle, None);
                     shared.error("allocating device memory", e)
@@ -116,6 +119,16 @@ impl Buffer {
         Ok(())
     }
 
+    /// Shows `look` the first `count` elements where they lie, or a copy where the device's memory is not mapped.
+    pub fn with<T: AnyBitPattern + NoUninit, R>(&self, count: usize, look: impl FnOnce(&[T]) -> R) -> Result<R> {
+        assert!((count * size_of::<T>()) as u64 <= self.size, "{}: read past the end", self.name);
+        match self.mapping {
+            // SAFETY: the range was checked, mappings are page-aligned, any bit pattern is valid for T, and the device is idle.
+            Some(address) => Ok(look(unsafe { std::slice::from_raw_parts(address.cast::<T>(), count) })),
+            None => Ok(look(&self.to_vec(count)?)),
+        }
+    }
+
     /// `count` elements from the beginning.
     pub fn to_vec<T: AnyBitPattern + NoUninit>(&self, count: usize) -> Result<Vec<T>> {
         let mut data = vec![T::zeroed(); count];
@@ -128,7 +141,11 @@ impl Buffer {
     }
 }
 
-fn find_memory(memory: &vk::PhysicalDeviceMemoryProperties, allowed: u32, wanted: vk::MemoryPropertyFlags) -> Option<u32> {
+fn find_memory(
+    memory: &vk::PhysicalDeviceMemoryProperties,
+    allowed: u32,
+    wanted: vk::MemoryPropertyFlags,
+) -> Option<u32> {
     let types = memory.memory_types_as_slice();
     (0..types.len()).find(|&i| allowed & (1 << i) != 0 && types[i].property_flags.contains(wanted)).map(|i| i as u32)
 }

@@ -88,9 +88,9 @@ impl Device {
 
 fn device_error(doing: &str, e: vk::Result) -> Error {
     match e {
-        vk::Result::ERROR_DEVICE_LOST => {
-            Error::Device(format!("the device was lost while {doing}; try --device with another one or a smaller --resolution"))
-        }
+        vk::Result::ERROR_DEVICE_LOST => Error::Device(format!(
+            "the device was lost while {doing}; try --device with another one or a smaller --resolution"
+        )),
         vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
             Error::Device(format!("out of memory while {doing}; try a smaller --resolution or fewer --light-paths"))
         }
@@ -107,7 +107,9 @@ impl Shared {
 fn open_instance() -> Result<(ash::Entry, ash::Instance)> {
     // SAFETY: loading libvulkan runs its initialisers, as for every Vulkan program.
     let entry = unsafe { ash::Entry::load() }.map_err(|_| {
-        Error::Device("no Vulkan loader (libvulkan.so.1) on this machine; run ./setup.sh, or install a graphics driver".into())
+        Error::Device(
+            "no Vulkan loader (libvulkan.so.1) on this machine; run ./setup.sh, or install a graphics driver".into(),
+        )
     })?;
     let app = vk::ApplicationInfo::default().application_name(c"taugate").api_version(vk::API_VERSION_1_2);
     let layers = if validating() { vec![c"VK_LAYER_KHRONOS_validation".as_ptr()] } else { vec![] };
@@ -161,7 +163,12 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> DeviceInf
         instance.get_physical_device_memory_properties(physical)
     };
     let p = properties.properties;
-    let heap_bytes = memory.memory_heaps_as_slice().iter().filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL)).map(|h| h.size).max();
+    let heap_bytes = memory
+        .memory_heaps_as_slice()
+        .iter()
+        .filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
+        .map(|h| h.size)
+        .max();
     let text = |s: &[std::ffi::c_char]| {
         let bytes: Vec<u8> = s.iter().map(|&c| c as u8).take_while(|&c| c != 0).collect();
         String::from_utf8_lossy(&bytes).into_owned()
@@ -210,11 +217,13 @@ unsafe fn open_physical(
     // SAFETY: see the function's contract; every structure outlives the call it is passed to.
     unsafe {
         let families = instance.get_physical_device_queue_family_properties(physical);
-        let family = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)).ok_or_else(|| {
-            Error::Device(format!("{} has no compute queue; choose another with --device", info.name))
-        })?;
+        let family =
+            families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)).ok_or_else(|| {
+                Error::Device(format!("{} has no compute queue; choose another with --device", info.name))
+            })?;
         let priorities = [1.0];
-        let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family as u32).queue_priorities(&priorities)];
+        let queues =
+            [vk::DeviceQueueCreateInfo::default().queue_family_index(family as u32).queue_priorities(&priorities)];
         let device = instance
             .create_device(physical, &vk::DeviceCreateInfo::default().queue_create_infos(&queues), None)
             .map_err(|e| device_error("opening the device", e))?;
@@ -226,7 +235,9 @@ unsafe fn open_physical(
         let debug = if validating() {
             let loader = ash::ext::debug_utils::Instance::new(&entry, &instance);
             let create = vk::DebugUtilsMessengerCreateInfoEXT::default()
-                .message_severity(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING)
+                .message_severity(
+                    vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
+                )
                 .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
                 .pfn_user_callback(Some(on_message));
             let messenger = loader

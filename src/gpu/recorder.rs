@@ -75,7 +75,14 @@ impl Recorder {
     }
 
     /// `groups` workgroups of `kernel`; nothing for 0. `constants` are its immediates.
-    pub fn dispatch<P: NoUninit>(&mut self, label: &'static str, kernel: &Kernel, bindings: &Bindings, constants: &P, groups: u32) -> Result<()> {
+    pub fn dispatch<P: NoUninit>(
+        &mut self,
+        label: &'static str,
+        kernel: &Kernel,
+        bindings: &Bindings,
+        constants: &P,
+        groups: u32,
+    ) -> Result<()> {
         if groups == 0 {
             return Ok(());
         }
@@ -125,7 +132,8 @@ impl Recorder {
     fn finish_dispatch(&mut self) {
         let d = self.device.shared.device.clone();
         let write = vk::AccessFlags::SHADER_WRITE;
-        let read = vk::AccessFlags::SHADER_READ | vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::INDIRECT_COMMAND_READ;
+        let read =
+            vk::AccessFlags::SHADER_READ | vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::INDIRECT_COMMAND_READ;
         let barrier = [vk::MemoryBarrier::default().src_access_mask(write).dst_access_mask(read)];
         // SAFETY: recording has begun.
         unsafe {
@@ -177,7 +185,10 @@ impl Recorder {
             );
             shared.device.end_command_buffer(self.commands).map_err(|e| shared.error("recording", e))?;
             let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
-            shared.device.queue_submit(shared.queue, &submit, self.fence).map_err(|e| shared.error("submitting work", e))?;
+            shared
+                .device
+                .queue_submit(shared.queue, &submit, self.fence)
+                .map_err(|e| shared.error("submitting work", e))?;
             shared
                 .device
                 .wait_for_fences(&[self.fence], true, u64::MAX)

@@ -80,9 +80,8 @@ fn include(
     for (i, line) in text.lines().enumerate() {
         let at = i as u32 + 1;
         if let Some(name) = line.strip_prefix("#import ") {
-            let (path_in, text_in) = source(name.trim()).ok_or_else(|| {
-                Error::Shader(format!("shaders/{path}.wgsl:{at}: no module named {}", name.trim()))
-            })?;
+            let (path_in, text_in) = source(name.trim())
+                .ok_or_else(|| Error::Shader(format!("shaders/{path}.wgsl:{at}: no module named {}", name.trim())))?;
             include(path_in, text_in, done, open, out)?;
             continue;
         }
@@ -161,7 +160,9 @@ pub fn compile(file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Re
         let name = variable.name.clone().unwrap_or_default();
         match (&variable.binding, variable.space) {
             (Some(b), _) => bindings.push((name, b.group, b.binding)),
-            (None, naga::AddressSpace::Immediate) => constants_size = module.types[variable.ty].inner.size(module.to_ctx()),
+            (None, naga::AddressSpace::Immediate) => {
+                constants_size = module.types[variable.ty].inner.size(module.to_ctx())
+            }
             _ => {}
         }
     }
@@ -180,7 +181,12 @@ fn writer_options() -> spv::Options<'static> {
     spv::Options {
         lang_version: (1, 3),
         flags: spv::WriterFlags::empty(),
-        bounds_check_policies: BoundsCheckPolicies { index: policy, buffer: policy, image_load: policy, binding_array: policy },
+        bounds_check_policies: BoundsCheckPolicies {
+            index: policy,
+            buffer: policy,
+            image_load: policy,
+            binding_array: policy,
+        },
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
         force_loop_bounding: false,
         emit_int_div_checks: false,

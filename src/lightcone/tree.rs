@@ -77,9 +77,7 @@ impl Builder {
         // Balanced split along the dimension of greatest extent among all four (Sec. 5.2).
         let axis = (0..4).max_by(|&a, &b| (hi[a] - lo[a]).total_cmp(&(hi[b] - lo[b]))).unwrap_or(0);
         let half = items.len() / 2;
-        items.select_nth_unstable_by(half, |a, b| {
-            a.point[axis].total_cmp(&b.point[axis]).then(a.index.cmp(&b.index))
-        });
+        items.select_nth_unstable_by(half, |a, b| a.point[axis].total_cmp(&b.point[axis]).then(a.index.cmp(&b.index)));
         let (left_items, right_items) = items.split_at_mut(half);
         let (own, children) = slots.split_at_mut(1);
         let left_count = inner_nodes(half, self.options.leaf_size);
@@ -87,7 +85,8 @@ impl Builder {
         let right_base = base + 1 + left_count as u32;
         let build_left = || self.subtree(left_items, first, left_slots, base + 1);
         let build_right = || self.subtree(right_items, first + half as u32, right_slots, right_base);
-        let (left, right) = if half > SEQUENTIAL { join(build_left, build_right) } else { run_both(build_left, build_right) };
+        let (left, right) =
+            if half > SEQUENTIAL { join(build_left, build_right) } else { run_both(build_left, build_right) };
         own[0] = TreeNode { left, right };
         summary.child = base;
         summary
@@ -172,7 +171,9 @@ mod tests {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (state >> 40) as f32 / (1 << 24) as f32
         };
-        (0..n as u32).map(|index| Item { point: [next(), next(), next(), 4.0 * next()], power: next() + 1e-6, index }).collect()
+        (0..n as u32)
+            .map(|index| Item { point: [next(), next(), next(), 4.0 * next()], power: next() + 1e-6, index })
+            .collect()
     }
 
     fn options(leaf_size: usize) -> TreeOptions {

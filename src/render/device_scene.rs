@@ -16,7 +16,12 @@ pub struct DeviceScene {
 
 impl DeviceScene {
     /// Uploads everything; fails with a remedy if a buffer exceeds what the device allows.
-    pub fn new(device: &Device, geometry: &Geometry, emitters: &EmitterSet, albedo: &AlbedoTable) -> Result<DeviceScene> {
+    pub fn new(
+        device: &Device,
+        geometry: &Geometry,
+        emitters: &EmitterSet,
+        albedo: &AlbedoTable,
+    ) -> Result<DeviceScene> {
         let meshes = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
         let images = "use smaller textures, or a device with a larger limit (taugate devices)";
         let buffers = vec![

@@ -95,7 +95,8 @@ impl EmitterSet {
                 }
                 LightKind::Spot { intensity, inner, outer } => {
                     let (inner, outer) = (inner.cos(), outer.cos());
-                    let flux = 2.0 * std::f64::consts::PI * f64::from(1.0 - 0.5 * (inner + outer)) * luminance(intensity);
+                    let flux =
+                        2.0 * std::f64::consts::PI * f64::from(1.0 - 0.5 * (inner + outer)) * luminance(intensity);
                     (Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..place }, flux, 0.0)
                 }
                 LightKind::Beam { power, radius } => {

@@ -154,7 +154,8 @@ impl<'a> MaterialSet<'a> {
             Some(&n) => n,
             None => {
                 let n = self.list.len() as u32;
-                self.list.push(self.convert(source, shines));
+                let converted = self.convert(source, shines);
+                self.list.push(converted);
                 self.numbers.insert((material, shines), n);
                 n
             }

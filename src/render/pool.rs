@@ -140,18 +140,26 @@ fn items(vertices: &[(u32, PathVertex)]) -> Vec<Item> {
         .iter()
         .enumerate()
         .filter(|(_, (_, v))| power(v) > 0.0 && power(v).is_finite())
-        .map(|(i, (_, v))| Item { point: [v.position[0], v.position[1], v.position[2], v.tau], power: power(v), index: i as u32 })
+        .map(|(i, (_, v))| Item {
+            point: [v.position[0], v.position[1], v.position[2], v.tau],
+            power: power(v),
+            index: i as u32,
+        })
         .collect()
 }
 
 impl DevicePool {
+    /// Buffers with room for a pool a little larger than this one: the next iteration's differs by chance.
     pub fn new(device: &Device, pool: &SortedPool) -> Result<DevicePool> {
         let remedy = "use fewer --light-paths";
-        Ok(DevicePool {
-            vertices: Buffer::from_slice(device, "light vertices", &pool.vertices, remedy)?,
-            nodes: Buffer::from_slice(device, "tree nodes", &pool.nodes, remedy)?,
-            offsets: Buffer::from_slice(device, "light path offsets", &pool.offsets, remedy)?,
-        })
+        let room = |n: usize| n + n / 8 + 64;
+        let mut buffers = DevicePool {
+            vertices: Buffer::new::<PathVertex>(device, "light vertices", room(pool.vertices.len()), remedy)?,
+            nodes: Buffer::new::<TreeNode>(device, "tree nodes", room(pool.nodes.len()), remedy)?,
+            offsets: Buffer::new::<u32>(device, "light path offsets", pool.offsets.len(), remedy)?,
+        };
+        buffers.replace(pool)?;
+        Ok(buffers)
     }
 
     /// Writes the next pool over this one if it fits; false if it does not.

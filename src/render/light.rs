@@ -1,0 +1,165 @@
+//! Phase 1 of Algorithm 1: light subpaths, one bounce a submit, read back into the pool.
+
+use super::device_scene::DeviceScene;
+use super::plan::Plan;
+use super::pool::LightPool;
+use super::stats::Stats;
+use crate::error::Result;
+use crate::gpu::layout::constants::*;
+use crate::gpu::layout::{Dispatch, NONE, PathState, PathVertex};
+use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+
+/// Light paths traced together; more would make a submit too long for a display driver.
+const BATCH: usize = 1 << 16;
+
+/// Kernels and buffers of the light subpaths.
+pub struct LightTracer {
+    start: (Kernel, Bindings),
+    trace: (Kernel, Bindings),
+    splat: (Kernel, Bindings),
+    vertices: Buffer,
+    states: Buffer,
+    list: Buffer,
+    splats: Buffer,
+    recorder: Recorder,
+}
+
+impl LightTracer {
+    pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan) -> Result<LightTracer> {
+        let capacity = BATCH.min(plan.light_paths as usize);
+        let remedy = "use fewer --light-paths";
+        let states = Buffer::new::<PathState>(device, "light path states", capacity, remedy)?;
+        let vertices = Buffer::new::<PathVertex>(device, "new light vertices", capacity, remedy)?;
+        let list = Buffer::new::<u32>(device, "living light paths", capacity, remedy)?;
+        let splats = Buffer::new::<[f32; 4]>(device, "light splats", capacity, remedy)?;
+        let mut buffers = scene.bindings();
+        buffers.extend([("states", &states), ("vertices", &vertices), ("list", &list), ("splats", &splats)]);
+        let make = |file: &'static str| -> Result<(Kernel, Bindings)> {
+            let kernel = Kernel::new(device, file, file, &plan.constants())?;
+            let bindings = kernel.bind(&buffers)?;
+            Ok((kernel, bindings))
+        };
+        Ok(LightTracer {
+            start: make("light_start")?,
+            trace: make("light_trace")?,
+            splat: make("light_splat")?,
+            recorder: Recorder::new(device)?,
+            vertices,
+            states,
+            list,
+            splats,
+        })
+    }
+
+    /// Traces all light subpaths of an iteration into `pool`; adds what the sensor sees of them (t = 1) to `image`, RGB over
+    /// the crop, in the order of the paths.
+    pub fn run(&mut self, plan: &Plan, pool: &mut LightPool, image: &mut [f32], stats: &mut Stats) -> Result<()> {
+        for first in (0..plan.light_paths).step_by(BATCH) {
+            let count = (plan.light_paths - first).min(BATCH as u32);
+            self.run_batch(plan, first, count, pool, image, stats)?;
+        }
+        stats.light_paths += u64::from(plan.light_paths);
+        Ok(())
+    }
+
+    fn run_batch(
+        &mut self,
+        plan: &Plan,
+        first: u32,
+        count: u32,
+        pool: &mut LightPool,
+        image: &mut [f32],
+        stats: &mut Stats,
+    ) -> Result<()> {
+        let constants =
+            |count: u32, bounce: u32| Dispatch { first, count, bounce, counter: NONE, list_a: NONE, list_b: NONE };
+        let groups = self.start.0.groups(count as usize);
+        self.recorder.dispatch("light_start", &self.start.0, &self.start.1, &constants(count, 0), groups)?;
+        self.submit(stats)?;
+        let mut living: Vec<u32> = (0..count).collect();
+        self.collect(&living, first, pool)?;
+        if !plan.traces_light {
+            return Ok(());
+        }
+        living = self.survivors(&living)?;
+        for bounce in 0..plan.max_depth - 1 {
+            if living.is_empty() {
+                break;
+            }
+            self.list.write(0, &living)?;
+            let constants = constants(living.len() as u32, bounce);
+            let groups = self.trace.0.groups(living.len());
+            self.recorder.dispatch("light_trace", &self.trace.0, &self.trace.1, &constants, groups)?;
+            if plan.splats {
+                let groups = self.splat.0.groups(living.len());
+                self.recorder.dispatch("light_splat", &self.splat.0, &self.splat.1, &constants, groups)?;
+            }
+            self.submit(stats)?;
+            stats.closest_rays += living.len() as u64;
+            let start = std::time::Instant::now();
+            let known = pool.deterministic.len();
+            self.collect(&living, first, pool)?;
+            if plan.splats {
+                self.add_splats(&living, known, pool, image)?;
+            }
+            living = self.survivors(&living)?;
+            stats.add_host("read light vertices", start.elapsed().as_secs_f64());
+        }
+        Ok(())
+    }
+
+    fn submit(&mut self, stats: &mut Stats) -> Result<()> {
+        let start = std::time::Instant::now();
+        let timing = self.recorder.submit()?;
+        stats.add_submit(start.elapsed().as_secs_f64());
+        stats.add_timing(&timing);
+        Ok(())
+    }
+
+    /// Vertices that were just reached, in the order of the paths.
+    fn collect(&self, living: &[u32], first: u32, pool: &mut LightPool) -> Result<()> {
+        self.vertices.with::<PathVertex, _>(self.vertices_in_use(living), |vertices| {
+            for &slot in living {
+                let vertex = &vertices[slot as usize];
+                if vertex.flags & VERTEX_VALID != 0 {
+                    pool.push(first + slot, vertex);
+                }
+            }
+        })
+    }
+
+    fn survivors(&self, living: &[u32]) -> Result<Vec<u32>> {
+        self.states.with::<PathState, _>(self.vertices_in_use(living), |states| {
+            living.iter().copied().filter(|&slot| states[slot as usize].flags & PATH_ALIVE != 0).collect()
+        })
+    }
+
+    fn vertices_in_use(&self, living: &[u32]) -> usize {
+        living.last().map_or(0, |&slot| slot as usize + 1)
+    }
+
+    /// Of a deterministic vertex, which all paths repeat, only the first copy counts.
+    fn add_splats(&self, living: &[u32], known: usize, pool: &LightPool, image: &mut [f32]) -> Result<()> {
+        let n = self.vertices_in_use(living);
+        let mut fresh: Vec<u32> = pool.deterministic[known..].iter().map(|v| v.owner).collect();
+        let vertices = self.vertices.to_vec::<PathVertex>(if fresh.is_empty() && known == 0 { 0 } else { n })?;
+        self.splats.with::<[f32; 4], _>(n, |splats| {
+            for &slot in living {
+                let [r, g, b, pixel] = splats[slot as usize];
+                let pixel = pixel.to_bits();
+                if let Some(vertex) = vertices.get(slot as usize)
+                    && vertex.flags & VERTEX_DETERMINISTIC != 0
+                {
+                    let Some(i) = fresh.iter().position(|&owner| owner == vertex.owner) else { continue };
+                    fresh.swap_remove(i);
+                }
+                if pixel != NONE {
+                    let at = pixel as usize * 3;
+                    for (k, value) in [r, g, b].into_iter().enumerate() {
+                        image[at + k] += if value.is_finite() { value } else { 0.0 };
+                    }
+                }
+            }
+        })
+    }
+}

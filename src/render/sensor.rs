@@ -1,0 +1,340 @@
+//! Phase 3 of Algorithm 1: sensor subpaths in tiles; at every bounce shade points, queries, connections.
+
+use std::time::Instant;
+
+use super::device_scene::DeviceScene;
+use super::plan::Plan;
+use super::pool::DevicePool;
+use super::stats::Stats;
+use crate::error::Result;
+use crate::gpu::layout::constants::*;
+use crate::gpu::layout::{Candidate, Dispatch, NONE, PathState, PathVertex};
+use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+
+/// Counters of the lists: living paths (two, in turn), shade points, live candidates.
+const LIVING: [u32; 2] = [0, 1];
+const SHADE: u32 = 2;
+const CANDIDATES: u32 = 3;
+const COUNTERS: usize = 16;
+
+/// Samples a pixel in one iteration, at most.
+pub const MOST_SAMPLES: u32 = 16;
+
+/// A submit is kept under this on average, so that the worst stays under 0.1 s.
+const TARGET_SECONDS: f64 = 0.06;
+/// Bounces that end a submit; between submits the host sees whether any path lives.
+const SUBMIT_AFTER: [u32; 6] = [1, 2, 4, 8, 16, 32];
+
+/// Kernels and buffers of the sensor subpaths.
+pub struct SensorTracer {
+    kernels: Kernels,
+    buffers: Buffers,
+    recorder: Recorder,
+    slots: u32,
+    /// Paths a tile may hold, and how many it holds at present.
+    capacity: usize,
+    tile: usize,
+}
+
+struct Kernels {
+    start: Kernel,
+    trace: Kernel,
+    count: Kernel,
+    scan: Kernel,
+    scatter: Kernel,
+    query: Kernel,
+    connect: Kernel,
+    gather: Kernel,
+    resolve: Kernel,
+}
+
+struct Buffers {
+    states: Buffer,
+    shade_points: Buffer,
+    radiance: Buffer,
+    tallies: Buffer,
+    emitted: Buffer,
+    living: [Buffer; 2],
+    shade_list: Buffer,
+    slot_list: Buffer,
+    marks: Buffer,
+    chunk_counts: Buffer,
+    candidates: Buffer,
+    contributions: Buffer,
+    counters: Buffer,
+    arguments: Buffer,
+    film: Buffer,
+    film_tallies: Buffer,
+}
+
+/// Descriptor sets for one pool; `[0]` where bounce numbers are even.
+pub struct Bound {
+    start: Bindings,
+    trace: [Bindings; 2],
+    compact_paths: [[Bindings; 3]; 2],
+    query: Bindings,
+    compact_candidates: [Bindings; 3],
+    connect: Bindings,
+    gather: Bindings,
+    resolve: Bindings,
+}
+
+impl SensorTracer {
+    /// Buffers for `slots` candidates a shade point.
+    pub fn new(device: &Device, plan: &Plan, slots: u32) -> Result<SensorTracer> {
+        let info = device.info();
+        // Enough to fill the machine, little enough for its limits and caches.
+        let wanted: u64 = if info.is_cpu { 1 << 16 } else { 1 << 20 };
+        let limit = info.max_storage_buffer_range.min(info.max_allocation);
+        let by_vertices = limit / size_of::<PathVertex>() as u64;
+        let by_slots = limit / (16 * u64::from(slots));
+        let all = plan.crop_pixels * u64::from(MOST_SAMPLES);
+        let capacity = wanted.min(by_vertices).min(by_slots).min(all).max(u64::from(MOST_SAMPLES)) as usize;
+        let buffers = Buffers::new(device, plan, capacity, slots as usize)?;
+        let kernels = Kernels::new(device, plan)?;
+        let tile = capacity.min(1 << 13);
+        Ok(SensorTracer { kernels, buffers, recorder: Recorder::new(device)?, slots, capacity, tile })
+    }
+
+    pub fn slots(&self) -> u32 {
+        self.slots
+    }
+
+    /// Descriptor sets over the scene, a pool and the tracer's buffers.
+    pub fn bind(&self, scene: &DeviceScene, pool: &DevicePool) -> Result<Bound> {
+        let (k, b) = (&self.kernels, &self.buffers);
+        let shared = || {
+            let mut all = scene.bindings();
+            all.extend(pool.bindings());
+            all.extend(b.bindings());
+            all
+        };
+        let living = |parity: usize| {
+            let mut all = shared();
+            all.extend([("list", &b.living[parity]), ("source", &b.living[parity])]);
+            all.extend([("list_a", &b.living[1 - parity]), ("list_b", &b.shade_list)]);
+            all
+        };
+        let candidates = || {
+            let mut all = shared();
+            all.extend([("source", &b.shade_list), ("list_a", &b.slot_list), ("list_b", &b.shade_list)]);
+            all
+        };
+        let shade = || {
+            let mut all = shared();
+            all.push(("list", &b.shade_list));
+            all
+        };
+        let compact = |buffers: &[(&str, &Buffer)]| -> Result<[Bindings; 3]> {
+            Ok([k.count.bind(buffers)?, k.scan.bind(buffers)?, k.scatter.bind(buffers)?])
+        };
+        Ok(Bound {
+            start: k.start.bind(&living(0))?,
+            trace: [k.trace.bind(&living(0))?, k.trace.bind(&living(1))?],
+            compact_paths: [compact(&living(0))?, compact(&living(1))?],
+            query: k.query.bind(&shade())?,
+            compact_candidates: compact(&candidates())?,
+            connect: k.connect.bind(&shade())?,
+            gather: k.gather.bind(&shade())?,
+            resolve: k.resolve.bind(&shared())?,
+        })
+    }
+
+    /// Renders `samples` samples of every pixel of the crop and adds their means to `image` (RGB).
+    pub fn run(
+        &mut self,
+        plan: &Plan,
+        bound: &Bound,
+        samples: u32,
+        image: &mut [f32],
+        stats: &mut Stats,
+    ) -> Result<()> {
+        assert!((1..=MOST_SAMPLES).contains(&samples));
+        let all = plan.crop_pixels * u64::from(samples);
+        let mut first = 0;
+        while first < all {
+            let whole_pixels = (self.tile / samples as usize).max(1) * samples as usize;
+            let count = (whole_pixels as u64).min(all - first) as u32;
+            self.run_tile(plan, bound, first as u32, count, samples, stats)?;
+            first += u64::from(count);
+        }
+        stats.samples += all;
+        stats.timed("read film", || self.buffers.add_film(image)).map(|tally| {
+            stats.dropped += tally[0];
+            stats.shadow_rays += tally[1];
+            stats.inside_gate += tally[2];
+        })
+    }
+
+    fn run_tile(
+        &mut self,
+        plan: &Plan,
+        bound: &Bound,
+        first: u32,
+        count: u32,
+        samples: u32,
+        stats: &mut Stats,
+    ) -> Result<()> {
+        let constants = Dispatch { first, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE };
+        let mut counters = [0u32; COUNTERS];
+        counters[LIVING[0] as usize] = count;
+        self.buffers.counters.write(0, &counters)?;
+        let mut arguments = [1u32; COUNTERS];
+        arguments[LIVING[0] as usize * 3] = self.kernels.trace.groups(count as usize);
+        self.buffers.arguments.write(0, &arguments)?;
+        let groups = self.kernels.start.groups(count as usize);
+        self.recorder.dispatch("sensor_start", &self.kernels.start, &bound.start, &constants, groups)?;
+        let mut longest = 0.0f64;
+        for bounce in 0..plan.max_depth {
+            self.record_bounce(bound, &Dispatch { bounce, ..constants }, count)?;
+            if SUBMIT_AFTER.contains(&(bounce + 1)) || (bounce + 1) % 32 == 0 {
+                longest = longest.max(self.submit(stats)?);
+                self.buffers.counters.read(0, &mut counters)?;
+                if counters[LIVING[(bounce as usize + 1) % 2] as usize] == 0 {
+                    break;
+                }
+            }
+        }
+        let groups = self.kernels.resolve.groups((count / samples) as usize);
+        self.recorder.dispatch("resolve", &self.kernels.resolve, &bound.resolve, &constants, groups)?;
+        longest = longest.max(self.submit(stats)?);
+        self.buffers.counters.read(0, &mut counters)?;
+        let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
+        stats.closest_rays += u64::from(count) + total(LIVING[0]) + total(LIVING[1]);
+        stats.shade_points += total(SHADE);
+        stats.candidates += total(SHADE) * u64::from(self.slots);
+        stats.live_candidates += total(CANDIDATES);
+        self.adapt(count as usize, longest);
+        Ok(())
+    }
+
+    /// One bounce: trace, then everything the new shade points need.
+    fn record_bounce(&mut self, bound: &Bound, constants: &Dispatch, count: u32) -> Result<()> {
+        let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
+        let parity = constants.bounce as usize % 2;
+        let (living, next) = (LIVING[parity], LIVING[1 - parity]);
+        let at = |counter: u32| Dispatch { counter, ..*constants };
+        let arguments = |list: u32| (&b.arguments, 3 * u64::from(list));
+        r.dispatch_indirect("sensor_trace", &k.trace, &bound.trace[parity], &at(living), arguments(living))?;
+        let lists = Dispatch { list_a: next, list_b: SHADE, ..at(living) };
+        let chunks = |entries: usize| k.count.groups(entries.div_ceil(CHUNK as usize));
+        let [count_set, scan_set, scatter_set] = &bound.compact_paths[parity];
+        r.dispatch("compact", &k.count, count_set, &lists, chunks(count as usize))?;
+        r.dispatch("compact", &k.scan, scan_set, &lists, 1)?;
+        r.dispatch("compact", &k.scatter, scatter_set, &lists, chunks(count as usize))?;
+        r.dispatch_indirect("shell_query", &k.query, &bound.query, &at(SHADE), arguments(SHADE))?;
+        let lists = Dispatch { list_a: CANDIDATES, list_b: NONE, ..at(SHADE) };
+        let slots = chunks(count as usize * self.slots as usize);
+        let [count_set, scan_set, scatter_set] = &bound.compact_candidates;
+        r.dispatch("compact", &k.count, count_set, &lists, slots)?;
+        r.dispatch("compact", &k.scan, scan_set, &lists, 1)?;
+        r.dispatch("compact", &k.scatter, scatter_set, &lists, slots)?;
+        r.dispatch_indirect("connect", &k.connect, &bound.connect, &at(CANDIDATES), arguments(CANDIDATES))?;
+        r.dispatch_indirect("gather", &k.gather, &bound.gather, &at(SHADE), arguments(SHADE))
+    }
+
+    fn submit(&mut self, stats: &mut Stats) -> Result<f64> {
+        let start = Instant::now();
+        let timing = self.recorder.submit()?;
+        let seconds = start.elapsed().as_secs_f64();
+        stats.add_host("device", seconds);
+        stats.add_submit(seconds);
+        stats.add_timing(&timing);
+        Ok(seconds)
+    }
+
+    /// Changes the tile so that the longest submit comes near the target; the image does not depend on it.
+    fn adapt(&mut self, count: usize, longest: f64) {
+        let factor = (TARGET_SECONDS / longest.max(1e-6)).clamp(0.5, 2.0);
+        if factor < 1.0 || count >= self.tile {
+            self.tile = ((count as f64 * factor) as usize).clamp(1024.min(self.capacity), self.capacity);
+        }
+    }
+}
+
+impl Kernels {
+    fn new(device: &Device, plan: &Plan) -> Result<Kernels> {
+        let constants = plan.constants();
+        let make = |file: &'static str, entry: &str| Kernel::new(device, file, entry, &constants);
+        Ok(Kernels {
+            start: make("sensor_start", "sensor_start")?,
+            trace: make("sensor_trace", "sensor_trace")?,
+            count: make("compact", "compact_count")?,
+            scan: make("compact", "compact_scan")?,
+            scatter: make("compact", "compact_scatter")?,
+            query: make("shell_query", "shell_query")?,
+            connect: make("connect", "connect")?,
+            gather: make("gather", "gather")?,
+            resolve: make("resolve", "resolve")?,
+        })
+    }
+}
+
+impl Buffers {
+    fn new(device: &Device, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers> {
+        let few = "use a smaller --resolution or fewer --queries";
+        let entries = paths * slots.max(1);
+        let film = plan.crop_pixels as usize;
+        let words = |name: &'static str, n: usize| Buffer::new::<u32>(device, name, n, few);
+        let quads = |name: &'static str, n: usize| Buffer::new::<[f32; 4]>(device, name, n, few);
+        Ok(Buffers {
+            states: Buffer::new::<PathState>(device, "sensor path states", paths, few)?,
+            shade_points: Buffer::new::<PathVertex>(device, "shade points", paths, few)?,
+            radiance: quads("path radiance", paths)?,
+            tallies: quads("path tallies", paths)?,
+            emitted: quads("emitter hits", 1)?,
+            living: [words("living paths", paths)?, words("living paths", paths)?],
+            shade_list: words("shade point list", paths)?,
+            slot_list: words("candidate list", entries)?,
+            marks: words("marks", entries)?,
+            chunk_counts: Buffer::new::<[u32; 2]>(device, "chunk counts", entries.div_ceil(CHUNK as usize), few)?,
+            candidates: Buffer::new::<Candidate>(device, "candidates", entries, few)?,
+            contributions: quads("contributions", entries)?,
+            counters: words("counters", COUNTERS)?,
+            arguments: words("dispatch arguments", COUNTERS)?,
+            film: quads("film", film)?,
+            film_tallies: quads("film tallies", film)?,
+        })
+    }
+
+    fn bindings(&self) -> Vec<(&str, &Buffer)> {
+        vec![
+            ("states", &self.states),
+            ("shade_points", &self.shade_points),
+            ("radiance", &self.radiance),
+            ("tallies", &self.tallies),
+            ("emitted", &self.emitted),
+            ("shade_list", &self.shade_list),
+            ("slot_list", &self.slot_list),
+            ("marks", &self.marks),
+            ("chunk_counts", &self.chunk_counts),
+            ("candidates", &self.candidates),
+            ("contributions", &self.contributions),
+            ("counters", &self.counters),
+            ("arguments", &self.arguments),
+            ("film", &self.film),
+            ("film_tallies", &self.film_tallies),
+        ]
+    }
+
+    /// Adds the film to `image` and returns its tallies, added up.
+    fn add_film(&self, image: &mut [f32]) -> Result<[u64; 4]> {
+        let pixels = image.len() / 3;
+        self.film.with::<[f32; 4], _>(pixels, |film| {
+            for (to, from) in image.chunks_exact_mut(3).zip(film) {
+                for k in 0..3 {
+                    to[k] += from[k];
+                }
+            }
+        })?;
+        self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
+            let add = |mut sum: [u64; 4], t: &[u32; 4]| {
+                for k in 0..4 {
+                    sum[k] += u64::from(t[k]);
+                }
+                sum
+            };
+            tallies.iter().fold([0; 4], add)
+        })
+    }
+}
