@@ -7,6 +7,7 @@
 //! `docs/ARCHITECTURE.md` is the map, `docs/PAPER.md` says which function implements which equation.
 
 pub mod error;
+pub mod experiment;
 pub mod film;
 pub mod generate;
 pub mod metrics;
@@ -14,5 +15,6 @@ pub mod oracle;
 pub mod scene;
 pub mod settings;
 pub mod units;
+pub mod values;
 
 pub use error::Error;
