@@ -8,10 +8,16 @@
 
 pub mod error;
 pub mod experiment;
+pub mod exr_file;
+pub mod files;
 pub mod film;
 pub mod generate;
+pub mod gpu;
 pub mod metrics;
 pub mod oracle;
+pub mod png_file;
+pub mod render;
+pub mod resolve;
 pub mod scene;
 pub mod settings;
 pub mod units;
