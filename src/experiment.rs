@@ -27,8 +27,8 @@ pub struct Experiment {
     pub gate: GateTable,
     pub render: RenderTable,
     pub output: OutputTable,
-    #[serde(skip_serializing, deserialize_with = "no_medium")]
-    medium: (),
+    #[serde(skip_serializing)]
+    pub medium: Medium,
 }
 
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -89,9 +89,15 @@ pub enum Png {
     File(PathBuf),
 }
 
-fn no_medium<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
-    serde::de::IgnoredAny::deserialize(deserializer)?;
-    Err(D::Error::custom("media are not rendered yet: remove the table [medium]"))
+/// Holds the place of fog and smoke: the table is known, and refused.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Medium;
+
+impl<'de> Deserialize<'de> for Medium {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Medium, D::Error> {
+        serde::de::IgnoredAny::deserialize(deserializer)?;
+        Err(D::Error::custom("media are not rendered yet: remove the table [medium]"))
+    }
 }
 
 impl Experiment {
@@ -178,7 +184,7 @@ impl Experiment {
                 png: self.output.png.or(below.output.png),
                 stats: self.output.stats.or(below.output.stats),
             },
-            medium: (),
+            medium: Medium,
         }
     }
 

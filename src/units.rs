@@ -72,14 +72,14 @@ impl Gate {
     /// A gate in optical path length or time: `A..B`, `CENTER+-HALF` or `A+WIDTH`, each with a unit. In `A..B` one side
     /// may inherit the unit of the other, and `B` may be `inf`.
     pub fn parse(text: &str) -> Result<Gate> {
-        let (lo, hi) = interval(text, "gate", HOW_TO_WRITE, &PATH_UNITS, &PATH_UNIT_NAMES)?;
+        let (lo, hi) = interval(text, "gate", HOW_TO_WRITE, &PATH_UNITS, PATH_UNIT_NAMES)?;
         Gate::new(lo, hi)
     }
 
     /// A gate given as one-way range of a sensor beside the emitter: tau = 2 depth. Lengths only.
     pub fn parse_depth(text: &str) -> Result<Gate> {
         let example = "write it like 6.25m..6.4m";
-        let (lo, hi) = interval(text, "depth", example, &LENGTH_UNITS, &LENGTH_UNIT_NAMES)?;
+        let (lo, hi) = interval(text, "depth", example, &LENGTH_UNITS, LENGTH_UNIT_NAMES)?;
         Gate::new(2.0 * lo, 2.0 * hi)
     }
 
