@@ -1,7 +1,5 @@
 //! The Vulkan device. (A place holder: the calls are the ones the program makes, and none finds a device.)
 
-use serde::Serialize;
-
 use crate::error::{Error, Result};
 
 /// An open device with its queue.
@@ -9,14 +7,14 @@ use crate::error::{Error, Result};
 pub struct Device {}
 
 /// What matters about a device when choosing one.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone)]
 pub struct DeviceInfo {
     pub name: String,
     pub driver: String,
     /// Vulkan version, such as 1.3.296.
     pub api_version: String,
-    /// Size of each memory heap.
-    pub heap_bytes: Vec<u64>,
+    /// Size of the largest device-local heap.
+    pub heap_bytes: u64,
     pub max_storage_buffer_range: u64,
     pub max_allocation: u64,
     pub subgroup_size: u32,
