@@ -1,1 +1,100 @@
-//! glTF 2.0 to [`Scene`](super::Scene).
+//! glTF 2.0 to [`Scene`](super::Scene). With its submodules the only code that knows glTF.
+//!
+//! The `gltf` crate parses the JSON and nothing more: its readers panic or return garbage on hostile files, so every
+//! index, size and number is checked here, straight from the JSON structs. A file that loads keeps all the promises
+//! of [`crate::scene`]; a file that does not is an error that names the offending part and the remedy.
+
+mod accessor;
+mod camera;
+mod document;
+mod image;
+mod light;
+mod material;
+mod mesh;
+mod node;
+mod resolve;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use super::{Instance, Scene};
+use crate::error::{Error, Result};
+use document::{Document, Warnings};
+
+/// Why a file cannot be loaded: one sentence; [`load`] adds the path.
+type Checked<T> = std::result::Result<T, String>;
+
+/// The scene in a `.glb` or `.gltf` file. Files it refers to must lie in the folder of `path` or below.
+pub fn load(path: &Path) -> Result<Scene> {
+    let bytes = resolve::read_file(path).map_err(|message| Error::Scene { path: path.into(), message })?;
+    load_slice(&bytes, path)
+}
+
+/// The scene in the bytes of a `.glb` or `.gltf` file; `path` is for messages and for relative URIs.
+pub fn load_slice(bytes: &[u8], path: &Path) -> Result<Scene> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // The last net: a panic here is a defect of this reader or of a decoder, but the file is the user's to change.
+    catch_unwind(AssertUnwindSafe(|| read(bytes, folder)))
+        .unwrap_or_else(|_| Err("the glTF reader failed on this file; re-export it, and report the file".into()))
+        .map_err(|message| Error::Scene { path: path.into(), message })
+}
+
+/// Bytes to scene: document, hierarchy, materials, meshes, then what stands where, images last.
+fn read(bytes: &[u8], folder: &Path) -> Checked<Scene> {
+    let mut warnings = Warnings::default();
+    let doc = Document::open(bytes, folder)?;
+    doc.check_extensions(&mut warnings)?;
+
+    let worlds = node::world_transforms(&doc)?;
+    let mut materials = material::load(&doc, &mut warnings)?;
+    let meshes = mesh::load(&doc, &worlds, &mut materials, &mut warnings)?;
+    let instances = place(&doc, &worlds, &meshes, &mut warnings)?;
+    if instances.is_empty() {
+        return Err(meshes.nothing_to_render());
+    }
+
+    let cameras = camera::load(&doc, &worlds, &mut warnings)?;
+    let lights = light::load(&doc, &worlds)?;
+    let images = image::load(&doc, folder, &materials.images, &mut warnings)?;
+    Ok(Scene {
+        meshes: meshes.meshes,
+        instances,
+        materials: materials.materials,
+        textures: materials.textures,
+        images,
+        cameras,
+        lights,
+        warnings: warnings.list,
+    })
+}
+
+/// One instance for each node in the scene and primitive of its mesh, in the order of the nodes.
+fn place(
+    doc: &Document,
+    worlds: &node::Worlds,
+    meshes: &mesh::Meshes,
+    warnings: &mut Warnings,
+) -> Checked<Vec<Instance>> {
+    let mut instances = Vec::new();
+    let mut triangles = 0u64;
+    for (index, transform) in worlds.iter() {
+        let Some(range) = doc.root.nodes.get(index).and_then(|node| meshes.of(node.mesh?.value())) else { continue };
+        let name = doc.node_name(index);
+        if node::is_singular(&transform) {
+            warnings.once("singular", || format!("node `{name}` is scaled to nothing, so its mesh is left out"));
+            continue;
+        }
+        for mesh in range {
+            triangles += meshes.meshes[mesh].triangles.len() as u64;
+            if triangles > mesh::MAX_TRIANGLES {
+                return Err(format!(
+                    "the scene has more than {} million triangles, instances included; simplify it or split it",
+                    mesh::MAX_TRIANGLES >> 20
+                ));
+            }
+            node::check_extent(&meshes.bounds[mesh], &transform, &name)?;
+            instances.push(Instance { mesh: mesh as u32, transform, node: name.clone() });
+        }
+    }
+    Ok(instances)
+}

@@ -1,0 +1,56 @@
+//! Perspective cameras.
+
+use ::gltf::json::Extras;
+use serde::Deserialize;
+
+use super::Checked;
+use super::document::{Document, Warnings, finite, printable};
+use super::node::{Worlds, rigid};
+use crate::scene::Camera;
+
+/// One camera a node of the scene that has a perspective camera, in the order of the nodes.
+pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked<Vec<Camera>> {
+    let mut cameras = Vec::new();
+    for (index, world) in worlds.iter() {
+        let Some(node) = doc.root.nodes.get(index) else { continue };
+        let Some(number) = node.camera.map(|camera| camera.value()) else { continue };
+        let source = doc.root.cameras.get(number).ok_or_else(|| {
+            format!(
+                "node `{}` refers to camera {number}, which does not exist; re-export the file",
+                doc.node_name(index)
+            )
+        })?;
+        let own = [&node.name, &source.name].into_iter().flatten().find(|name| !name.is_empty());
+        let name = own.map_or_else(|| format!("camera {number}"), |name| printable(name, 120));
+        let Some(perspective) = &source.perspective else {
+            warnings.once("orthographic", || format!("orthographic cameras are not read (first: `{name}`)"));
+            continue;
+        };
+        let yfov = f64::from(finite(perspective.yfov, &format!("the yfov of camera `{name}`"))?);
+        if !(yfov > 0.0 && yfov < std::f64::consts::PI) {
+            return Err(format!(
+                "the yfov of camera `{name}` is {yfov}, but must be between 0 and pi; correct it and re-export"
+            ));
+        }
+        let aspect = perspective.aspect_ratio.map(f64::from);
+        if aspect.is_some_and(|aspect| !(aspect.is_finite() && aspect > 0.0)) {
+            return Err(format!("the aspectRatio of camera `{name}` must be positive; correct it and re-export"));
+        }
+        let transform = rigid(&world).ok_or_else(|| {
+            format!("the node of camera `{name}` is scaled to nothing; set its scale to 1 and re-export")
+        })?;
+        cameras.push(Camera { name, transform, yfov, aspect, resolution: resolution(&source.extras) });
+    }
+    Ok(cameras)
+}
+
+/// `width` and `height` if both are there and usable; extras belong to everybody, so anything else is not ours.
+fn resolution(extras: &Extras) -> Option<[u32; 2]> {
+    #[derive(Deserialize)]
+    struct Size {
+        width: u32,
+        height: u32,
+    }
+    let size: Size = serde_json::from_str(extras.as_ref()?.get()).ok()?;
+    (size.width > 0 && size.height > 0).then_some([size.width, size.height])
+}

@@ -1,0 +1,303 @@
+//! Meshes: attributes and indices of each primitive, made into clean triangles.
+
+use std::ops::Range;
+
+use ::gltf::json::accessor::ComponentType::{F32, U8, U16};
+use ::gltf::json::extensions::mesh::Primitive as PrimitiveExtensions;
+use ::gltf::json::mesh::{Mode, Primitive, Semantic};
+use ::gltf::json::validation::Checked::{Invalid, Valid};
+use glam::{DAffine2, DVec2, Vec3};
+
+use super::Checked;
+use super::accessor::MAX_ELEMENTS;
+use super::document::{Document, Warnings, label};
+use super::material::Materials;
+use super::node::Worlds;
+use crate::scene::Mesh;
+
+/// In a scene, instances included.
+pub const MAX_TRIANGLES: u64 = 64 << 20;
+
+/// The meshes that nodes of the scene use, in the order of the file.
+#[derive(Default)]
+pub struct Meshes {
+    pub meshes: Vec<Mesh>,
+    /// Lowest and highest corner of each mesh.
+    pub bounds: Vec<[Vec3; 2]>,
+    /// By glTF mesh: its primitives among `meshes`; `None` if no node uses it.
+    ranges: Vec<Option<Range<usize>>>,
+    /// Vertices and triangles read so far: many primitives may share one accessor.
+    vertices_read: u64,
+    corners_read: u64,
+    degenerate: u64,
+    points_or_lines: u64,
+    flattened: Vec<String>,
+    missing_uvs: Vec<String>,
+}
+
+/// Reads every mesh that a node in the scene refers to; what cannot be seen is dropped and counted.
+pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings: &mut Warnings) -> Checked<Meshes> {
+    let mut out = Meshes { ranges: vec![None; doc.root.meshes.len()], ..Meshes::default() };
+    let mut is_used = vec![false; doc.root.meshes.len()];
+    for (index, _) in worlds.iter() {
+        let Some(node) = doc.root.nodes.get(index) else { continue };
+        if node.skin.is_some() {
+            warnings.once("skins", || format!("skins are not read (first: node `{}`)", doc.node_name(index)));
+        }
+        let Some(mesh) = node.mesh.map(|mesh| mesh.value()) else { continue };
+        *is_used.get_mut(mesh).ok_or_else(|| {
+            format!("node `{}` refers to mesh {mesh}, which does not exist; re-export the file", doc.node_name(index))
+        })? = true;
+    }
+    if !doc.root.animations.is_empty() {
+        warnings.once("animations", || "animations are not read; nodes stand where the file puts them".into());
+    }
+    for (index, mesh) in doc.root.meshes.iter().enumerate().filter(|(index, _)| is_used[*index]) {
+        let start = out.meshes.len();
+        for (number, primitive) in mesh.primitives.iter().enumerate() {
+            let name = format!("{}[{number}]", label(mesh.name.as_deref(), "mesh", index));
+            out.primitive(doc, name, primitive, materials, warnings)?;
+        }
+        out.ranges[index] = Some(start..out.meshes.len());
+    }
+    out.warn(warnings);
+    if materials.materials.is_empty() {
+        materials.of(None, "the scene")?;
+    }
+    Ok(out)
+}
+
+impl Meshes {
+    /// The primitives of a glTF mesh, as indices into `meshes`.
+    pub fn of(&self, mesh: usize) -> Option<Range<usize>> {
+        self.ranges.get(mesh)?.clone()
+    }
+
+    /// Why a scene without instances is refused.
+    pub fn nothing_to_render(&self) -> String {
+        let why = match (self.degenerate, self.points_or_lines) {
+            (0, 0) => String::new(),
+            (0, _) => ", only points or lines".into(),
+            (count, _) => format!(", only {count} of zero area"),
+        };
+        format!("the scene has no triangles{why}; export a scene with visible meshes")
+    }
+
+    fn warn(&self, warnings: &mut Warnings) {
+        let first = |names: &[String]| names.first().map(|name| (names.len(), name.clone()));
+        if self.degenerate > 0 {
+            warnings.push(format!("{} triangles of zero area are left out", self.degenerate));
+        }
+        if self.points_or_lines > 0 {
+            warnings.push(format!("{} primitives of points or lines are left out", self.points_or_lines));
+        }
+        if let Some((count, name)) = first(&self.flattened) {
+            warnings.push(format!("{count} meshes with normals of zero length are shaded flat (first: {name})"));
+        }
+        if let Some((count, name)) = first(&self.missing_uvs) {
+            warnings.push(format!("{count} textured meshes have no texture coordinates (first: {name})"));
+        }
+    }
+
+    /// Appends the mesh of one primitive unless nothing of it can be seen.
+    fn primitive(
+        &mut self,
+        doc: &Document,
+        name: String,
+        primitive: &Primitive,
+        materials: &mut Materials,
+        warnings: &mut Warnings,
+    ) -> Checked<()> {
+        let mode = match primitive.mode {
+            Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
+            Valid(_) => {
+                self.points_or_lines += 1;
+                return Ok(());
+            }
+            Invalid => return Err(format!("{name} has an unknown mode; re-export the file")),
+        };
+        let mut ignored = |is_used: bool, what: &'static str| {
+            if is_used {
+                warnings.once(what, || format!("{what} are not read (first: {name})"));
+            }
+        };
+        ignored(attribute(primitive, Semantic::Colors(0)).is_some(), "vertex colours");
+        ignored(primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()), "morph targets");
+
+        let mut mesh = self.vertices(doc, name, primitive, materials)?;
+        let corners = self.corners(doc, &mesh, primitive)?;
+        let number = corners.len();
+        if number < 3 || (mode == Mode::Triangles && !number.is_multiple_of(3)) {
+            let name = mesh.name;
+            return Err(format!("{name} has {number} corners, which do not make whole triangles; re-export the file"));
+        }
+        let mut push = |triangle: [usize; 3]| {
+            let triangle = triangle.map(|corner| corners[corner]);
+            if has_zero_area(triangle.map(|index| mesh.positions[index as usize])) {
+                self.degenerate += 1;
+            } else {
+                mesh.triangles.push(triangle);
+            }
+        };
+        match mode {
+            Mode::TriangleStrip => (0..number - 2).for_each(|i| push([i, i + 1 + i % 2, i + 2 - i % 2])),
+            Mode::TriangleFan => (0..number - 2).for_each(|i| push([i + 1, i + 2, 0])),
+            _ => (0..number / 3).for_each(|i| push([3 * i, 3 * i + 1, 3 * i + 2])),
+        }
+        if mesh.triangles.is_empty() {
+            return Ok(());
+        }
+
+        drop_unused(&mut mesh);
+        if !normalise(&mut mesh.normals) {
+            mesh.normals = Vec::new();
+            self.flattened.push(mesh.name.clone());
+        }
+        if mesh.uvs.is_empty() && materials.is_textured(mesh.material) {
+            self.missing_uvs.push(mesh.name.clone());
+        }
+        let points = || mesh.positions.iter().map(|&point| Vec3::from(point));
+        self.bounds.push([points().fold(Vec3::INFINITY, Vec3::min), points().fold(Vec3::NEG_INFINITY, Vec3::max)]);
+        self.meshes.push(mesh);
+        Ok(())
+    }
+
+    /// A mesh with all but its triangles; normals are finite, not yet of unit length.
+    fn vertices(
+        &mut self,
+        doc: &Document,
+        name: String,
+        primitive: &Primitive,
+        materials: &mut Materials,
+    ) -> Checked<Mesh> {
+        let what = |attribute: &str| format!("{attribute} of {name}");
+        let positions = attribute(primitive, Semantic::Positions)
+            .ok_or_else(|| format!("{name} has no POSITION attribute; remove it or re-export the file"))?;
+        let draco = |ext: &PrimitiveExtensions| ext.others.contains_key("KHR_draco_mesh_compression");
+        if primitive.extensions.as_ref().is_some_and(draco)
+            && doc.root.accessors.get(positions).is_some_and(|accessor| accessor.buffer_view.is_none())
+        {
+            return Err(format!("{name} is compressed; re-export without Draco compression"));
+        }
+        let count = doc.count(positions, &what("POSITION"))?;
+        self.vertices_read += count;
+        if self.vertices_read > MAX_ELEMENTS {
+            return Err(format!("the scene has more than {MAX_ELEMENTS} vertices at {name}; simplify it or split it"));
+        }
+        let positions = doc.vectors::<3>(positions, &what("POSITION"), &[F32])?;
+        check_finite(&positions, &what("POSITION"))?;
+
+        let beside_positions = |accessor: usize, what: &str| match doc.count(accessor, what)? {
+            other if other == count => Ok(accessor),
+            other => Err(format!(
+                "accessor {accessor} ({what}) has {other} elements for {count} positions; re-export the file"
+            )),
+        };
+        let normals = match attribute(primitive, Semantic::Normals) {
+            None => Vec::new(),
+            Some(accessor) => {
+                let accessor = beside_positions(accessor, &what("NORMAL"))?;
+                doc.vectors::<3>(accessor, &what("NORMAL"), &[F32])?
+            }
+        };
+        check_finite(&normals, &what("NORMAL"))?;
+        let mut uvs = match attribute(primitive, Semantic::TexCoords(0)) {
+            None => Vec::new(),
+            Some(accessor) => {
+                let accessor = beside_positions(accessor, &what("TEXCOORD_0"))?;
+                doc.vectors::<2>(accessor, &what("TEXCOORD_0"), &[F32, U8, U16])?
+            }
+        };
+        let (material, uv_transform) = materials.of(primitive.material.map(|material| material.value()), &name)?;
+        if let Some(transform) = uv_transform {
+            transform_uvs(&mut uvs, &transform);
+        }
+        check_finite(&uvs, &what("TEXCOORD_0"))?;
+        Ok(Mesh { positions, normals, uvs, triangles: Vec::new(), material, name })
+    }
+
+    /// The vertices of the corners in drawing order, each below `mesh.positions.len()`.
+    fn corners(&mut self, doc: &Document, mesh: &Mesh, primitive: &Primitive) -> Checked<Vec<u32>> {
+        let name = &mesh.name;
+        let what = format!("indices of {name}");
+        let count = mesh.positions.len();
+        let accessor = primitive.indices.map(|accessor| accessor.value());
+        self.corners_read += accessor.map_or(Ok(count as u64), |accessor| doc.count(accessor, &what))?;
+        if self.corners_read > MAX_ELEMENTS {
+            return Err(format!(
+                "the meshes have more than {MAX_TRIANGLES} triangles at {name}; simplify or split the scene"
+            ));
+        }
+        let Some(accessor) = accessor else { return Ok((0..count as u32).collect()) };
+        let corners = doc.indices(accessor, &what)?;
+        match corners.iter().find(|&&index| index as usize >= count) {
+            None => Ok(corners),
+            Some(index) => Err(format!(
+                "accessor {accessor} ({what}) has the index {index}, but there are only {count} positions; re-export the file"
+            )),
+        }
+    }
+}
+
+fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
+    primitive.attributes.get(&Valid(semantic)).map(|accessor| accessor.value())
+}
+
+fn check_finite<const N: usize>(vectors: &[[f32; N]], what: &str) -> Checked<()> {
+    match vectors.iter().position(|vector| vector.iter().any(|value| !value.is_finite())) {
+        None => Ok(()),
+        Some(vertex) => Err(format!("{what} is not finite at vertex {vertex}; clean the mesh and re-export")),
+    }
+}
+
+fn transform_uvs(uvs: &mut [[f32; 2]], transform: &DAffine2) {
+    for uv in uvs {
+        *uv = transform.transform_point2(DVec2::from(uv.map(f64::from))).as_vec2().to_array();
+    }
+}
+
+/// Exact for coinciding corners; else whether the cross product of the edges vanishes in f64.
+fn has_zero_area(corners: [[f32; 3]; 3]) -> bool {
+    let [a, b, c] = corners.map(|corner| Vec3::from(corner).as_dvec3());
+    (b - a).cross(c - a) == glam::DVec3::ZERO
+}
+
+/// Keeps only the vertices that triangles use: some exporters give every primitive the vertices of all.
+fn drop_unused(mesh: &mut Mesh) {
+    let mut is_used = vec![false; mesh.positions.len()];
+    for &index in mesh.triangles.iter().flatten() {
+        is_used[index as usize] = true;
+    }
+    let kept = is_used.iter().filter(|is_used| **is_used).count();
+    if kept == is_used.len() {
+        return;
+    }
+    fn keep<T: Copy>(values: &mut Vec<T>, is_used: &[bool]) {
+        *values = values.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|(value, _)| *value).collect();
+    }
+    keep(&mut mesh.positions, &is_used);
+    keep(&mut mesh.normals, &is_used);
+    keep(&mut mesh.uvs, &is_used);
+    let mut next = 0;
+    let renumbered: Vec<u32> = is_used
+        .iter()
+        .map(|&is_used| {
+            next += u32::from(is_used);
+            next.wrapping_sub(1)
+        })
+        .collect();
+    for index in mesh.triangles.iter_mut().flatten() {
+        *index = renumbered[*index as usize];
+    }
+}
+
+/// Makes all normals unit vectors; false if one has no direction.
+fn normalise(normals: &mut [[f32; 3]]) -> bool {
+    normals.iter_mut().all(|normal| match Vec3::from(*normal).as_dvec3().try_normalize() {
+        Some(unit) => {
+            *normal = unit.as_vec3().to_array();
+            true
+        }
+        None => false,
+    })
+}

@@ -1,0 +1,155 @@
+//! The node hierarchy, resolved to one transform a node.
+
+use ::gltf::json::Node;
+use ::gltf::json::scene::UnitQuaternion;
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
+
+use super::Checked;
+use super::document::Document;
+
+/// Farther out than this f32 arithmetic on squared distances overflows.
+const MAX_COORDINATE: f64 = 1e15;
+
+/// World from node space, by node; `None` for nodes that are not in the scene.
+pub struct Worlds(Vec<Option<DAffine3>>);
+
+impl Worlds {
+    /// The nodes in the scene, by index.
+    pub fn iter(&self) -> impl Iterator<Item = (usize, DAffine3)> + '_ {
+        self.0.iter().enumerate().filter_map(|(index, world)| Some((index, (*world)?)))
+    }
+}
+
+/// Walks the default scene (else scene 0, else all root nodes) without recursion; each node may be met once.
+pub fn world_transforms(doc: &Document) -> Checked<Worlds> {
+    let nodes = &doc.root.nodes;
+    let mut worlds = vec![None; nodes.len()];
+    let roots = roots(doc)?;
+    let mut stack: Vec<(usize, DAffine3)> = roots.iter().rev().map(|&root| (root, DAffine3::IDENTITY)).collect();
+    while let Some((index, parent)) = stack.pop() {
+        let (Some(node), Some(world)) = (nodes.get(index), worlds.get_mut(index)) else {
+            return Err(format!("node {index} is referred to but does not exist; re-export the file"));
+        };
+        let name = || doc.node_name(index);
+        if world.is_some() {
+            return Err(format!("node `{}` has two parents or is its own ancestor; re-export the file", name()));
+        }
+        let here = parent * local(node, name)?;
+        if !here.is_finite() {
+            return Err(format!("the transform of node `{}` is not finite; correct it and re-export", name()));
+        }
+        *world = Some(here);
+        stack.extend(node.children.iter().flatten().rev().map(|child| (child.value(), here)));
+    }
+    if doc.root.scenes.is_empty() {
+        // Without a scene all nodes belong to it; one that no root leads to hangs below itself.
+        if let Some(index) = worlds.iter().position(Option::is_none) {
+            return Err(format!("node `{}` is its own ancestor; re-export the file", doc.node_name(index)));
+        }
+    }
+    Ok(Worlds(worlds))
+}
+
+fn roots(doc: &Document) -> Checked<Vec<usize>> {
+    let scene = match doc.root.scene {
+        Some(index) => Some(
+            doc.root
+                .scenes
+                .get(index.value())
+                .ok_or_else(|| format!("the default scene {} does not exist; re-export the file", index.value()))?,
+        ),
+        None => doc.root.scenes.first(),
+    };
+    if let Some(scene) = scene {
+        return Ok(scene.nodes.iter().map(|node| node.value()).collect());
+    }
+    let mut is_child = vec![false; doc.root.nodes.len()];
+    for child in doc.root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
+        if let Some(flag) = is_child.get_mut(child.value()) {
+            *flag = true;
+        }
+    }
+    Ok((0..is_child.len()).filter(|&index| !is_child[index]).collect())
+}
+
+/// Parent from node space.
+fn local(node: &Node, name: impl Fn() -> String) -> Checked<DAffine3> {
+    if let Some(matrix) = node.matrix {
+        let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
+        if matrix.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
+            return Err(format!("the matrix of node `{}` is not affine; re-export the file", name()));
+        }
+        return Ok(DAffine3::from_mat4(matrix));
+    }
+    let vector = |value: Option<[f32; 3]>, default: DVec3| value.map_or(default, |v| Vec3::from(v).as_dvec3());
+    let rotation = DQuat::from_array(node.rotation.unwrap_or(UnitQuaternion([0.0, 0.0, 0.0, 1.0])).0.map(f64::from));
+    let length = rotation.length();
+    if !(length.is_finite() && length > 0.0) {
+        return Err(format!("the rotation of node `{}` has no direction; correct it and re-export", name()));
+    }
+    Ok(DAffine3::from_scale_rotation_translation(
+        vector(node.scale, DVec3::ONE),
+        DQuat::from_vec4(glam::DVec4::from(rotation) / length),
+        vector(node.translation, DVec3::ZERO),
+    ))
+}
+
+/// True if the transform flattens space to a plane or less: no inverse that is worth having.
+pub fn is_singular(transform: &DAffine3) -> bool {
+    let matrix = transform.matrix3;
+    let longest = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());
+    let volume = (matrix * longest.recip()).determinant().abs();
+    volume.is_nan() || volume <= 1e-12
+}
+
+/// An error if the box of a mesh, put into the world, reaches out of what the renderer can hold.
+pub fn check_extent([low, high]: &[Vec3; 2], transform: &DAffine3, name: &str) -> Checked<()> {
+    let corners = (0..8u32).map(|corner| {
+        let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        transform.transform_point3(Vec3::new(pick(0), pick(1), pick(2)).as_dvec3())
+    });
+    for corner in corners {
+        if !corner.to_array().iter().all(|value| value.abs() <= MAX_COORDINATE) {
+            return Err(format!(
+                "the mesh of node `{name}` reaches farther than {MAX_COORDINATE:e} m from the origin; check its scale"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Rotation and translation of `transform`: keeps where -Z points and, at right angles to it, +Y. `None` if it is
+/// flattened.
+pub fn rigid(transform: &DAffine3) -> Option<DAffine3> {
+    let back = transform.matrix3.z_axis.try_normalize()?;
+    let up = transform.matrix3.y_axis.try_normalize()?.reject_from_normalized(back);
+    if up.length() < 1e-6 {
+        return None;
+    }
+    let up = up.normalize();
+    let matrix = DMat3::from_cols(up.cross(back), up, back);
+    Some(DAffine3::from_mat3_translation(matrix, transform.translation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flattening_is_singular_and_thinning_is_not() {
+        let scale = |x, y, z| DAffine3::from_scale(DVec3::new(x, y, z));
+        assert!(is_singular(&scale(1.0, 0.0, 1.0)));
+        assert!(is_singular(&scale(0.0, 0.0, 0.0)));
+        assert!(is_singular(&scale(f64::NAN, 1.0, 1.0)));
+        assert!(!is_singular(&scale(1.0, 1e-6, 1.0)));
+        assert!(!is_singular(&scale(1e-30, -1e-30, 1e-30)));
+    }
+
+    #[test]
+    fn rigid_drops_scale_and_mirrors() {
+        let rotation = DQuat::from_rotation_y(0.5);
+        let scaled = DAffine3::from_scale_rotation_translation(DVec3::new(-2.0, 3.0, 0.5), rotation, DVec3::X);
+        let rigid = rigid(&scaled).unwrap();
+        assert!(rigid.abs_diff_eq(DAffine3::from_rotation_translation(rotation, DVec3::X), 1e-12));
+    }
+}

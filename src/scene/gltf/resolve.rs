@@ -1,0 +1,232 @@
+//! Where bytes come from: the GLB container, `data:` URIs, and files beside the scene.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use ::gltf::json::Root;
+use base64::Engine;
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+
+use super::Checked;
+use super::document::printable;
+
+/// Of a file or a buffer.
+pub const MAX_BYTES: u64 = 1 << 30;
+/// Of all buffers together, which may name one file many times.
+const MAX_TOTAL_BYTES: u64 = 4 << 30;
+
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &STANDARD,
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
+
+/// JSON and, in a GLB that has one, the BIN chunk. (The crate's own splitter underflows on short lengths.)
+pub fn split_container(bytes: &[u8]) -> Checked<(&[u8], Option<&[u8]>)> {
+    let Some(rest) = bytes.strip_prefix(b"glTF") else {
+        let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        return Ok((text, None));
+    };
+    let truncated = || "is a truncated GLB file; copy or export it again".to_string();
+    let (version, rest) = u32_le(rest).ok_or_else(truncated)?;
+    if version != 2 {
+        return Err(format!("is GLB version {version}; re-export it as glTF 2.0"));
+    }
+    let (length, rest) = u32_le(rest).ok_or_else(truncated)?;
+    let mut rest = (length as usize).checked_sub(12).and_then(|length| rest.get(..length)).ok_or_else(truncated)?;
+    let (mut json, mut bin) = (None, None);
+    while !rest.is_empty() {
+        let (length, after) = u32_le(rest).ok_or_else(truncated)?;
+        let (kind, after) = u32_le(after).ok_or_else(truncated)?;
+        let (chunk, after) = after.split_at_checked(length as usize).ok_or_else(truncated)?;
+        match &kind.to_le_bytes() {
+            b"JSON" if json.is_none() => json = Some(chunk),
+            b"BIN\0" if json.is_some() && bin.is_none() => bin = Some(chunk),
+            _ if json.is_none() => return Err("is a GLB file that does not begin with JSON; re-export it".into()),
+            _ => {}
+        }
+        rest = after;
+    }
+    Ok((json.ok_or_else(truncated)?, bin))
+}
+
+fn u32_le(bytes: &[u8]) -> Option<(u32, &[u8])> {
+    let (head, rest) = bytes.split_first_chunk::<4>()?;
+    Some((u32::from_le_bytes(*head), rest))
+}
+
+/// Every buffer of the file, cut to its `byteLength`.
+pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folder: &Path) -> Checked<Vec<Cow<'a, [u8]>>> {
+    let mut total = 0u64;
+    let mut buffers = Vec::with_capacity(root.buffers.len());
+    for (index, buffer) in root.buffers.iter().enumerate() {
+        let length = buffer.byte_length.0;
+        total = total.saturating_add(length);
+        if length > MAX_BYTES {
+            return Err(format!("buffer {index} is larger than 1 GiB; split the scene"));
+        }
+        if total > MAX_TOTAL_BYTES {
+            return Err("the buffers are larger than 4 GiB in all; split the scene".into());
+        }
+        let bytes = match (&buffer.uri, bin) {
+            (Some(uri), _) => Cow::Owned(uri_bytes(uri, folder, &format!("buffer {index}"))?),
+            (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
+            (None, _) => {
+                let remedy = if root.extensions_used.iter().any(|name| name.ends_with("meshopt_compression")) {
+                    "re-export without meshopt compression"
+                } else {
+                    "re-export the file"
+                };
+                return Err(format!("buffer {index} has no data; {remedy}"));
+            }
+        };
+        buffers.push(cut(bytes, length as usize).ok_or_else(|| {
+            format!("buffer {index} should have {length} bytes but its data is shorter; copy or export the file again")
+        })?);
+    }
+    Ok(buffers)
+}
+
+fn cut(bytes: Cow<'_, [u8]>, length: usize) -> Option<Cow<'_, [u8]>> {
+    match bytes {
+        Cow::Borrowed(bytes) => bytes.get(..length).map(Cow::Borrowed),
+        Cow::Owned(bytes) if bytes.len() < length => None,
+        Cow::Owned(mut bytes) => {
+            bytes.truncate(length);
+            Some(Cow::Owned(bytes))
+        }
+    }
+}
+
+/// What a `data:` URI holds or the file a relative URI names; `what` says in messages who refers to it.
+pub fn uri_bytes(uri: &str, folder: &Path, what: &str) -> Checked<Vec<u8>> {
+    if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
+        let (head, data) =
+            uri.split_once(',').ok_or_else(|| format!("the data URI of {what} has no comma; re-export"))?;
+        if !head.to_ascii_lowercase().ends_with(";base64") {
+            return Err(format!("the data URI of {what} is not base64; re-export the file as .glb"));
+        }
+        return BASE64
+            .decode(data)
+            .map_err(|e| format!("the data URI of {what} is not valid base64 ({e}); re-export the file as .glb"));
+    }
+    let shown = printable(uri, 120);
+    let name = relative_name(uri).map_err(|why| {
+        format!("{what} refers to `{shown}`, which {why}; put the file beside the scene, or re-export as .glb")
+    })?;
+    let missing = |e: std::io::Error| {
+        format!("{what} refers to `{shown}`, which cannot be opened ({e}); put the file beside the scene")
+    };
+    // Canonical paths see through symbolic links.
+    let base = folder.canonicalize().map_err(missing)?;
+    let target = base.join(name).canonicalize().map_err(missing)?;
+    if !target.starts_with(&base) {
+        return Err(format!(
+            "{what} refers to `{shown}`, which lies outside the folder of the scene; copy the file into it"
+        ));
+    }
+    read_file(&target).map_err(|why| format!("{what} refers to `{shown}`, which {why}"))
+}
+
+/// The file name a relative URI stands for, or why it is refused.
+fn relative_name(uri: &str) -> Checked<String> {
+    let name = percent_decode(uri)?;
+    let scheme_end = name.find(|c: char| !c.is_ascii_alphanumeric() && !"+-.".contains(c));
+    if scheme_end.is_some_and(|end| end > 0 && name[end..].starts_with(':')) {
+        return Err("has a scheme or a drive letter".into());
+    }
+    if name.is_empty() || name.contains('\0') {
+        return Err("is empty or has a NUL character".into());
+    }
+    if name.starts_with('/') || name.contains('\\') {
+        return Err("is an absolute path or has a backslash".into());
+    }
+    if name.split('/').any(|part| part == "..") {
+        return Err("leaves the folder of the scene".into());
+    }
+    Ok(name)
+}
+
+fn percent_decode(uri: &str) -> Checked<String> {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let [first, after @ ..] = rest {
+        let (byte, after) = match (first, after) {
+            (b'%', [high, low, after @ ..]) => match (hex(*high), hex(*low)) {
+                (Some(high), Some(low)) => (high << 4 | low, after),
+                _ => return Err("has an invalid % escape".into()),
+            },
+            (b'%', _) => return Err("has an invalid % escape".into()),
+            _ => (*first, after),
+        };
+        bytes.push(byte);
+        rest = after;
+    }
+    String::from_utf8(bytes).map_err(|_| "has an invalid % escape (not UTF-8)".into())
+}
+
+fn hex(digit: u8) -> Option<u8> {
+    (digit as char).to_digit(16).map(|value| value as u8)
+}
+
+/// A regular file of at most [`MAX_BYTES`]; the error completes the sentence "this file ...".
+pub fn read_file(path: &Path) -> Checked<Vec<u8>> {
+    let failed = |e: std::io::Error| format!("cannot be read ({e}); check the path and its permissions");
+    let meta = path.metadata().map_err(failed)?;
+    if !meta.is_file() {
+        return Err("is not a regular file; give the path of a .glb or .gltf file".into());
+    }
+    if meta.len() > MAX_BYTES {
+        return Err("is larger than 1 GiB; split the scene".into());
+    }
+    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(failed)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err("is larger than 1 GiB; split the scene".into());
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percent_escapes_decode_once() {
+        assert_eq!(relative_name("a%20b/c.bin").unwrap(), "a b/c.bin");
+        assert_eq!(relative_name("%252e%252e/c").unwrap(), "%2e%2e/c");
+        assert_eq!(relative_name("a..b/...c").unwrap(), "a..b/...c");
+    }
+
+    #[test]
+    fn names_that_could_leave_the_folder_are_refused() {
+        let hostile = [
+            "",
+            "/a",
+            "%2fa",
+            "//host/a",
+            "\\\\host\\a",
+            "a\\b",
+            "..",
+            "../a",
+            "a/../b",
+            "%2e%2e/a",
+            "C:a",
+            "c:/a",
+            "%43:/a",
+            "file:///a",
+            "http://a/b",
+            "a%00b",
+            "a%FFb",
+            "a%",
+            "a%f",
+            "a%zz",
+            "%",
+        ];
+        for uri in hostile {
+            assert!(relative_name(uri).is_err(), "{uri}");
+        }
+    }
+}
