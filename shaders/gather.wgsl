@@ -1,0 +1,39 @@
+// Adds the contributions of a shade point to its sensor subpath, slot by slot, so that the order never changes.
+#import candidate
+#import frame
+#import math
+
+@group(2) @binding(0) var<storage, read> shade_list: array<u32>;
+@group(2) @binding(1) var<storage, read> counters: array<u32>;
+@group(2) @binding(2) var<storage, read> candidates: array<Candidate>;
+@group(2) @binding(3) var<storage, read> contributions: array<vec4<f32>>;
+@group(2) @binding(4) var<storage, read_write> radiance: array<vec4<f32>>;
+// A path's counts: samples dropped as non-finite, shadow rays, contributions inside the gate, queries that came back dead.
+@group(2) @binding(5) var<storage, read_write> tallies: array<vec4<u32>>;
+
+// One thread, one shade point.
+@compute @workgroup_size(WORKGROUP)
+fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
+    let rank = id.x;
+    if (rank >= counters[dispatch.counter]) {
+        return;
+    }
+    let path = shade_list[rank];
+    var sum = vec3<f32>(0.0);
+    var tally = vec4<u32>(0u);
+    for (var i = 0u; i < frame.slots; i++) {
+        let slot = rank * frame.slots + i;
+        if (candidates[slot].vertex == NONE) {
+            tally.w += 1u;
+            continue;
+        }
+        let c = contributions[slot];
+        let finite = is_finite(c.xyz);
+        tally.x += select(1u, 0u, finite);
+        tally.y += select(0u, 1u, c.w >= 0.0);
+        tally.z += select(0u, 1u, finite && max_component(c.xyz) > 0.0);
+        sum += select(vec3<f32>(0.0), c.xyz, finite);
+    }
+    radiance[path] += vec4<f32>(sum, 0.0);
+    tallies[path] += tally;
+}

@@ -1,0 +1,51 @@
+// Strategy t = 1: every light vertex seen from the pinhole. The gate is tested before the ray is traced.
+#import visibility
+#import scatter
+#import camera
+#import gate
+
+@group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
+@group(2) @binding(1) var<storage, read> list: array<u32>;
+// Light arriving at a pixel of the crop; w holds the pixel's bits, NONE for nothing.
+@group(2) @binding(2) var<storage, read_write> splats: array<vec4<f32>>;
+
+// One thread, one light vertex that was just reached.
+@compute @workgroup_size(WORKGROUP)
+fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x >= dispatch.count) {
+        return;
+    }
+    let slot = list[id.x];
+    let v = vertices[slot];
+    splats[slot] = vec4<f32>(vec3<f32>(0.0), bitcast<f32>(NONE));
+    let pixel = pixel_of(v.position);
+    if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE) {
+        return;
+    }
+    let d = length(v.position);
+    let w = -v.position / d;
+    if (!in_gate(v.tau, medium_towards(v, w) * d, 0.0)) {
+        return;
+    }
+    let c = connect_light_vertex(v, w);
+    let cosine = dot(-w, frame.forward);
+    // Flux over area becomes mean radiance over the pixel (box filter): 1 / (d^2 pixel_area cos^3).
+    let density = pixel_pdf(cosine);
+    let value = v.throughput * c.value * (density / (d * d));
+    if (!(max_component(value) > 0.0)) {
+        return;
+    }
+
+    // Visibility, from the vertex to the pinhole.
+    let origin = leave(v.position, v.geometric, v.offset, w);
+    let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u) | 1u;
+    let key = vec4<u32>(dispatch.first + slot, frame.iteration, lane, frame.seed);
+    let hit = trace(origin, -origin, 1.0, true, key);
+    if (hit.triangle != NONE) {
+        return;
+    }
+    // Eq. 27 over all strategies kept; those with s' < s stand in d_vcm and d_vc.
+    let area_density = density * c.cosine / (d * d);
+    let w_light = mis(area_density / frame.light_count) * (v.d_vcm + v.d_vc * mis(c.pdf_reverse));
+    splats[slot] = vec4<f32>(value / (1.0 + w_light), bitcast<f32>(pixel));
+}

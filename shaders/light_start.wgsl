@@ -1,0 +1,59 @@
+// Starts the light subpaths of an iteration: an emitter, a point on it, a direction.
+#import scatter
+#import random
+
+// One entry a path of the batch.
+@group(2) @binding(0) var<storage, read_write> states: array<PathState>;
+@group(2) @binding(1) var<storage, read_write> vertices: array<PathVertex>;
+
+// One thread, one light subpath.
+@compute @workgroup_size(WORKGROUP)
+fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
+    let slot = id.x;
+    if (slot >= dispatch.count) {
+        return;
+    }
+    let path = dispatch.first + slot;
+    let choice = random4(STREAM_LIGHT, path, frame.iteration, 0u, 0u, frame.seed);
+    let place = random4(STREAM_LIGHT, path, frame.iteration, 0u, 1u, frame.seed);
+    var e = sample_emission(choice.x, place);
+    let per_path = 1.0 / f32(frame.light_paths);
+
+    var s: PathState;
+    s.position = e.vertex.position;
+    s.tau = 0.0;
+    s.direction = e.direction;
+    s.eta = 1.0;
+    s.select_pdf = e.vertex.select_pdf;
+    s.emitter = e.vertex.owner;
+    s.throughput = e.throughput * per_path;
+    s.flags = select(0u, PATH_ALIVE, max_component(s.throughput) > 0.0);
+    if (e.deterministic) {
+        // All paths of this emitter are the same one: it carries the whole power once.
+        s.throughput = e.throughput * e.vertex.select_pdf;
+        s.flags |= PATH_DETERMINISTIC;
+    }
+    if (!e.beam) {
+        let side = leave(vec3<f32>(0.0), e.vertex.geometric, e.vertex.offset, e.direction);
+        s.shift = side;
+        start_weights(&s, e);
+    }
+    e.vertex.throughput *= per_path;
+    e.vertex.select_pdf = 1.0;
+    e.vertex.flags = select(0u, e.vertex.flags, e.stored);
+    states[slot] = s;
+    vertices[slot] = e.vertex;
+}
+
+// Partial MIS sums of the first segment (Georgiev 2012, Eqs. 31 and 32): d_vcm leads to s = 1, d_vc to s = 0.
+fn start_weights(s: ptr<function, PathState>, e: Emission) {
+    if (e.stored) {
+        let cosine = abs(dot(e.vertex.geometric, e.direction));
+        (*s).d_vcm = mis(1.0 / e.pdf_direction);
+        (*s).d_vc = frame.keep_s0 * mis(cosine / (e.density * e.pdf_direction));
+    } else {
+        // A punctual light is connected once at every shade point, not with the probability of being chosen.
+        (*s).d_vcm = mis(1.0 / (e.pdf_direction * e.vertex.select_pdf));
+        (*s).d_vc = 0.0;
+    }
+}

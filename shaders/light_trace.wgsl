@@ -1,0 +1,67 @@
+// One segment of every living light subpath: trace, store the vertex, choose the next direction.
+#import visibility
+#import walk
+
+@group(2) @binding(0) var<storage, read_write> states: array<PathState>;
+// The vertex each path has just reached; VERTEX_VALID where it can be connected.
+@group(2) @binding(1) var<storage, read_write> vertices: array<PathVertex>;
+// Living paths of the batch.
+@group(2) @binding(2) var<storage, read> list: array<u32>;
+
+// One thread, one light subpath.
+@compute @workgroup_size(WORKGROUP)
+fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x >= dispatch.count) {
+        return;
+    }
+    let slot = list[id.x];
+    let path = dispatch.first + slot;
+    var s = states[slot];
+    states[slot].flags = 0u;
+    vertices[slot].flags = 0u;
+
+    // Nearest surface along the ray.
+    let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
+    let hit = trace(s.position + s.shift, s.direction, 3e38, false, vec4<u32>(path, frame.iteration, lane, frame.seed));
+    if (hit.triangle == NONE) {
+        return;
+    }
+    let surface = surface_at(hit.triangle, hit.u, hit.v);
+    var v = arrive(&s, surface);
+
+    // Exact culling (DESIGN 3.1): whatever follows, the light still has to reach the sensor at the origin.
+    if (v.tau + length(v.position) >= frame.cull_hi) {
+        return;
+    }
+    let depth = dispatch.bounce + 1u;
+    v.flags |= depth;
+    v.owner = s.emitter;
+    if ((s.flags & PATH_DETERMINISTIC) != 0u) {
+        v.flags |= VERTEX_DETERMINISTIC;
+        v.select_pdf = s.select_pdf;
+    }
+    if (is_connectible(v.material)) {
+        v.flags |= VERTEX_VALID;
+    }
+    vertices[slot] = v;
+
+    // Next direction. A vertex of depth d closes paths of at least d + 1 segments.
+    if (depth + 1u >= frame.max_depth) {
+        return;
+    }
+    if ((s.flags & PATH_DETERMINISTIC) != 0u) {
+        // From here on the paths differ: each carries its share.
+        s.throughput *= 1.0 / (s.select_pdf * f32(frame.light_paths));
+    }
+    let u = random4(STREAM_LIGHT, path, frame.iteration, depth, 0u, frame.seed);
+    let roulette = random4(STREAM_LIGHT, path, frame.iteration, depth, 1u, frame.seed);
+    let was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
+    if (!depart(&s, v, false, u, select(roulette.x, -1.0, was_deterministic))) {
+        return;
+    }
+    if ((s.flags & PATH_DETERMINISTIC) != 0u) {
+        s.throughput *= s.select_pdf * f32(frame.light_paths);
+    }
+    s.flags |= PATH_ALIVE;
+    states[slot] = s;
+}

@@ -1,0 +1,39 @@
+// Starts the sensor subpaths of a tile: a point in the pixel, the ray through it.
+#import camera
+#import random
+#import path
+
+@group(2) @binding(0) var<storage, read_write> states: array<PathState>;
+@group(2) @binding(1) var<storage, read_write> radiance: array<vec4<f32>>;
+@group(2) @binding(2) var<storage, read_write> list: array<u32>;
+@group(2) @binding(3) var<storage, read_write> tallies: array<vec4<u32>>;
+
+// One thread, one sample of one pixel.
+@compute @workgroup_size(WORKGROUP)
+fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
+    let slot = id.x;
+    if (slot >= dispatch.count) {
+        return;
+    }
+    let sensor = sensor_sample(dispatch.first + slot);
+    let u = random4(STREAM_SENSOR, sensor.pixel.y * frame.width + sensor.pixel.x, sensor.sample, 0u, 0u, frame.seed);
+    let d = film_direction(vec2<f32>(sensor.pixel) + u.xy);
+    let length2 = dot(d, d);
+    let direction = d * inverseSqrt(length2);
+
+    var s: PathState;
+    s.position = vec3<f32>(0.0);
+    s.tau = 0.0;
+    s.direction = direction;
+    s.eta = 1.0;
+    s.throughput = vec3<f32>(1.0);
+    s.flags = PATH_ALIVE;
+    s.shift = vec3<f32>(0.0);
+    // Partial MIS sums (Georgiev 2012, Eqs. 33 and 34): d_vcm leads to t = 1.
+    s.d_vcm = frame.keep_t1 * mis(frame.light_count / pixel_pdf(inverseSqrt(length2)));
+    s.d_vc = 0.0;
+    states[slot] = s;
+    radiance[slot] = vec4<f32>(0.0);
+    tallies[slot] = vec4<u32>(0u);
+    list[slot] = slot;
+}

@@ -1,0 +1,99 @@
+// One segment of every living sensor subpath: trace, collect light that was hit, leave a shade point, go on.
+#import visibility
+#import walk
+#import camera
+#import gate
+
+@group(2) @binding(0) var<storage, read_write> states: array<PathState>;
+@group(2) @binding(1) var<storage, read_write> shade_points: array<PathVertex>;
+@group(2) @binding(2) var<storage, read> list: array<u32>;
+@group(2) @binding(3) var<storage, read> counters: array<u32>;
+// For each entry of `list`: MARK_ALIVE, MARK_SHADE.
+@group(2) @binding(4) var<storage, read_write> marks: array<u32>;
+@group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
+@group(2) @binding(6) var<storage, read_write> tallies: array<vec4<u32>>;
+// Travel time of the emitter that was hit, with its light in xyz; read back by the probe only.
+@group(2) @binding(7) var<storage, read_write> emitted: array<vec4<f32>>;
+
+override PROBE: bool = false;
+const MARK_ALIVE: u32 = 1u;
+const MARK_SHADE: u32 = 2u;
+
+// One thread, one sensor subpath.
+@compute @workgroup_size(WORKGROUP)
+fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x >= counters[dispatch.counter]) {
+        return;
+    }
+    let slot = list[id.x];
+    var s = states[slot];
+    marks[id.x] = 0u;
+    if (PROBE) {
+        emitted[slot] = vec4<f32>(0.0);
+    }
+
+    // Nearest surface along the ray.
+    let sensor = sensor_sample(dispatch.first + slot);
+    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
+    let lane = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
+    let hit = trace(s.position + s.shift, s.direction, 3e38, false, vec4<u32>(index, sensor.sample, lane, frame.seed));
+    if (hit.triangle == NONE) {
+        return;
+    }
+    let surface = surface_at(hit.triangle, hit.u, hit.v);
+    var q = arrive(&s, surface);
+    q.owner = slot;
+    let depth = dispatch.bounce + 1u;
+    q.flags |= depth;
+
+    // Strategy s = 0: the subpath has found an emitter by itself.
+    if (frame.keep_s0 > 0.0) {
+        let light = emitter_hit(s, surface, q, depth);
+        if (max_component(light) > 0.0 && in_gate(0.0, 0.0, q.tau)) {
+            radiance[slot] += vec4<f32>(light, 0.0);
+            tallies[slot].z += 1u;
+            if (PROBE) {
+                emitted[slot] = vec4<f32>(light, q.tau);
+            }
+        }
+    }
+
+    // Exact culling (DESIGN 3.1): the path still has to reach an emitter.
+    let nearest = clamp(q.position, frame.emitter_lo, frame.emitter_hi);
+    if (depth >= frame.max_depth || q.tau + distance(q.position, nearest) >= frame.cull_hi) {
+        return;
+    }
+    var mark = 0u;
+    if (is_connectible(q.material)) {
+        q.flags |= VERTEX_VALID;
+        mark = MARK_SHADE;
+    }
+    shade_points[slot] = q;
+
+    // Next direction. The first bounces are always taken: they carry most of the image.
+    let u = random4(STREAM_SENSOR, index, sensor.sample, depth, 0u, frame.seed);
+    let roulette = random4(STREAM_SENSOR, index, sensor.sample, depth, 1u, frame.seed);
+    if (depth < frame.max_depth && depart(&s, q, true, u, select(roulette.x, -1.0, depth < 3u))) {
+        states[slot] = s;
+        mark |= MARK_ALIVE;
+    }
+    marks[id.x] = mark;
+}
+
+// Light of the emitter at q towards the sensor, weighted against s >= 1 (Eq. 27).
+fn emitter_hit(s: PathState, surface: Surface, q: PathVertex, depth: u32) -> vec3<f32> {
+    let m = materials[surface.material];
+    let two_sided = (m.flags & MATERIAL_DOUBLE_SIDED) != 0u;
+    if (m.emission_density <= 0.0 || !(two_sided || (q.flags & VERTEX_FRONT) != 0u)) {
+        return vec3<f32>(0.0);
+    }
+    let light = s.throughput * emission(surface);
+    if (depth == 1u) {
+        return light;
+    }
+    let cosine = dot(q.geometric, q.to_previous);
+    let direct = m.emission_density;
+    let emitted_density = direct * cosine / select(PI, 2.0 * PI, two_sided);
+    let w_sensor = mis(direct) * s.d_vcm + frame.keep_s2 * mis(emitted_density) * s.d_vc;
+    return light / (1.0 + w_sensor);
+}

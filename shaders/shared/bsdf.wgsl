@@ -1,0 +1,297 @@
+// Surface scattering in the local frame of the shading normal (+z).
+//
+// A material mixes a conductor (weight metallic), a dielectric coat over a diffuse base, and glass (weight transmission
+// of what is not metal), all with one GGX lobe. `f` is written for the flow of light: `wl` points to where light comes
+// from, `wc` to where it goes (the sensor's side). Both point away from the surface. Densities are per solid angle.
+#import scene
+
+struct Bsdf {
+    base: vec3<f32>,
+    metallic: f32,
+    alpha: f32,
+    f0: f32,
+    transmission: f32,
+    diffuse_scale: f32,
+    // Refractive index on the +z side over that on the -z side, and both.
+    eta_above: f32,
+    eta_below: f32,
+    // Nothing scatters: the back of a one-sided surface.
+    black: bool,
+}
+
+struct BsdfValue {
+    // Scattered radiance per incident irradiance, 1 / sr, without any cosine.
+    f: vec3<f32>,
+    // Density with which sampling from wc would find wl, and from wl would find wc.
+    pdf_to_light: f32,
+    pdf_to_sensor: f32,
+}
+
+struct BsdfSample {
+    direction: vec3<f32>,
+    // f / pdf without cosines for smooth lobes; for delta lobes reflectance / probability.
+    weight: vec3<f32>,
+    // Density of the direction, and of the reverse choice; both 1 for delta lobes.
+    pdf: f32,
+    pdf_reverse: f32,
+    delta: bool,
+    valid: bool,
+}
+
+// Probabilities of sampling the three lobes.
+struct Lobes {
+    diffuse: f32,
+    gloss: f32,
+    glass: f32,
+}
+
+// `front`: the +z side of the frame is the front of the surface, where the refractive index is 1.
+fn make_bsdf(material: u32, base: vec3<f32>, front: bool) -> Bsdf {
+    let m = materials[material];
+    var b: Bsdf;
+    b.base = base;
+    b.metallic = m.metallic;
+    b.alpha = m.alpha;
+    b.f0 = m.f0;
+    b.transmission = select(0.0, m.transmission, HAS_TRANSMISSION);
+    b.diffuse_scale = m.diffuse_scale;
+    b.eta_above = select(m.ior, 1.0, front);
+    b.eta_below = select(1.0, m.ior, front);
+    b.black = !front && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && b.transmission == 0.0;
+    return b;
+}
+
+fn schlick(f0: vec3<f32>, cosine: f32) -> vec3<f32> {
+    let x = clamp(1.0 - cosine, 0.0, 1.0);
+    let x2 = x * x;
+    return f0 + (1.0 - f0) * (x2 * x2 * x);
+}
+
+// Unpolarised reflectance of a dielectric interface; `cosine` on the side of index `eta_i`, 1 in total reflection.
+fn fresnel_dielectric(cosine: f32, eta_i: f32, eta_t: f32) -> f32 {
+    let sin2_t = square(eta_i / eta_t) * max(0.0, 1.0 - cosine * cosine);
+    if (sin2_t >= 1.0) {
+        return 1.0;
+    }
+    let cos_t = sqrt(1.0 - sin2_t);
+    let parallel = (eta_t * cosine - eta_i * cos_t) / (eta_t * cosine + eta_i * cos_t);
+    let perpendicular = (eta_i * cosine - eta_t * cos_t) / (eta_i * cosine + eta_t * cos_t);
+    return 0.5 * (parallel * parallel + perpendicular * perpendicular);
+}
+
+// GGX distribution of normals (Walter et al. 2007, Eq. 33), from sin^2 so that narrow lobes keep their digits.
+fn ggx_d(h: vec3<f32>, alpha: f32) -> f32 {
+    let a2 = alpha * alpha;
+    let s = (h.x * h.x + h.y * h.y) / a2 + h.z * h.z;
+    return 1.0 / (PI * a2 * s * s);
+}
+
+// Smith's Lambda for GGX (Heitz 2014, Eq. 72).
+fn ggx_lambda(w: vec3<f32>, alpha: f32) -> f32 {
+    let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
+    return 0.5 * (sqrt(1.0 + alpha * alpha * tan2) - 1.0);
+}
+
+// Density of visible normals from w, w.z > 0 (Heitz 2018, Eq. 3).
+fn ggx_visible_pdf(w: vec3<f32>, h: vec3<f32>, alpha: f32) -> f32 {
+    return ggx_d(h, alpha) * max(dot(w, h), 0.0) / (w.z * (1.0 + ggx_lambda(w, alpha)));
+}
+
+// Visible normal seen from w, w.z > 0 (Dupuy and Benyoub 2023, spherical caps).
+fn ggx_sample_visible(w: vec3<f32>, alpha: f32, u: vec2<f32>) -> vec3<f32> {
+    let stretched = normalize(vec3<f32>(w.xy * alpha, w.z));
+    let phi = 2.0 * PI * u.x;
+    let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
+    let r = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
+    let cap = vec3<f32>(r * cos(phi), r * sin(phi), z) + stretched;
+    return normalize(vec3<f32>(cap.xy * alpha, cap.z));
+}
+
+// Directional albedo of the coat's GGX lobe at `cosine`, in [0, 1].
+fn coat_albedo(cosine: f32, alpha: f32, f0: f32) -> f32 {
+    let size = f32(ALBEDO_SIZE - 1u);
+    let p = vec2<f32>(clamp(cosine, 0.0, 1.0), clamp(sqrt(alpha), 0.0, 1.0)) * size;
+    let i = min(vec2<u32>(p), vec2<u32>(ALBEDO_SIZE - 2u));
+    let f = p - vec2<f32>(i);
+    let row = i.y * ALBEDO_SIZE + i.x;
+    let low = mix(albedo_table[row], albedo_table[row + 1u], f.x);
+    let high = mix(albedo_table[row + ALBEDO_SIZE], albedo_table[row + ALBEDO_SIZE + 1u], f.x);
+    let ab = mix(low, high, f.y);
+    return clamp(f0 * ab.x + select(0.0, ab.y, f0 > 0.0), 0.0, 1.0);
+}
+
+fn is_delta(b: Bsdf) -> bool {
+    return b.alpha < DELTA_ALPHA;
+}
+
+// Probabilities of the lobes for a direction at `cosine` from the normal; they add up to 1.
+fn lobe_probabilities(b: Bsdf, cosine: f32) -> Lobes {
+    if (!HAS_GLOSSY) {
+        return Lobes(1.0, 0.0, 0.0);
+    }
+    let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
+    let coat = coat_albedo(cosine, b.alpha, b.f0);
+    let diffuse = plastic * luminance(b.base) * (1.0 - coat);
+    let gloss = plastic * coat + b.metallic * luminance(schlick(b.base, cosine));
+    let glass = (1.0 - b.metallic) * b.transmission;
+    let sum = diffuse + gloss + glass;
+    if (sum <= 0.0) {
+        return Lobes(1.0, 0.0, 0.0);
+    }
+    return Lobes(diffuse / sum, gloss / sum, glass / sum);
+}
+
+// Value and densities of the smooth lobes; zero where a direction grazes or the lobes are deltas.
+fn bsdf_eval(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
+    var r = BsdfValue(vec3<f32>(0.0), 0.0, 0.0);
+    if (b.black || wl.z == 0.0 || wc.z == 0.0) {
+        return r;
+    }
+    if (wl.z > 0.0 && wc.z > 0.0) {
+        return bsdf_eval_reflection(b, wl, wc);
+    }
+    if (HAS_TRANSMISSION && wl.z * wc.z < 0.0 && b.transmission > 0.0 && !is_delta(b)) {
+        return bsdf_eval_transmission(b, wl, wc);
+    }
+    return r;
+}
+
+fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
+    var r: BsdfValue;
+    if (!HAS_GLOSSY) {
+        r.f = b.base / PI;
+        r.pdf_to_light = wl.z / PI;
+        r.pdf_to_sensor = wc.z / PI;
+        return r;
+    }
+    let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
+    let from_sensor = lobe_probabilities(b, wc.z);
+    let from_light = lobe_probabilities(b, wl.z);
+    // Diffuse base under the coat: reciprocal, and the coat's albedo is what it does not get.
+    let base = (1.0 - coat_albedo(wl.z, b.alpha, b.f0)) * (1.0 - coat_albedo(wc.z, b.alpha, b.f0)) * b.diffuse_scale;
+    r.f = plastic * base * b.base;
+    r.pdf_to_light = from_sensor.diffuse * wl.z / PI;
+    r.pdf_to_sensor = from_light.diffuse * wc.z / PI;
+    if (is_delta(b)) {
+        return r;
+    }
+    let h = normalize(wl + wc);
+    let d = ggx_d(h, b.alpha);
+    let cosine = max(dot(wl, h), 0.0);
+    let masking = 1.0 / (1.0 + ggx_lambda(wl, b.alpha) + ggx_lambda(wc, b.alpha));
+    let glass_f = fresnel_dielectric(cosine, b.eta_above, b.eta_below);
+    let coat_f = select(vec3<f32>(0.0), schlick(vec3<f32>(b.f0), cosine), b.f0 > 0.0);
+    let fresnel = b.metallic * schlick(b.base, cosine) + plastic * coat_f
+        + (1.0 - b.metallic) * b.transmission * glass_f;
+    r.f += fresnel * (d * masking / (4.0 * wl.z * wc.z));
+    let to_light = ggx_visible_pdf(wc, h, b.alpha) / max(4.0 * dot(wc, h), 1e-12);
+    let to_sensor = ggx_visible_pdf(wl, h, b.alpha) / max(4.0 * dot(wl, h), 1e-12);
+    r.pdf_to_light += (from_sensor.gloss + from_sensor.glass * glass_f) * to_light;
+    r.pdf_to_sensor += (from_light.gloss + from_light.glass * glass_f) * to_sensor;
+    return r;
+}
+
+// Walter et al. 2007, Eqs. 16, 17 and 21.
+fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
+    var r = BsdfValue(vec3<f32>(0.0), 0.0, 0.0);
+    let eta_l = select(b.eta_below, b.eta_above, wl.z > 0.0);
+    let eta_c = select(b.eta_below, b.eta_above, wc.z > 0.0);
+    var h = -(eta_l * wl + eta_c * wc);
+    let length2 = dot(h, h);
+    // Equal indices: light goes straight on, a delta that this lobe does not hold.
+    if (length2 < 1e-14) {
+        return r;
+    }
+    h = h * inverseSqrt(length2);
+    h = select(h, -h, h.z < 0.0);
+    let l_h = dot(wl, h);
+    let c_h = dot(wc, h);
+    if (l_h * wl.z <= 0.0 || c_h * wc.z <= 0.0) {
+        return r;
+    }
+    let reflectance = fresnel_dielectric(abs(l_h), eta_l, eta_c);
+    let d = ggx_d(h, b.alpha);
+    let masking = 1.0 / (1.0 + ggx_lambda(wl, b.alpha) + ggx_lambda(wc, b.alpha));
+    let glass = (1.0 - b.metallic) * b.transmission;
+    let denominator = square(eta_l * l_h + eta_c * c_h);
+    let shape = d * masking * (1.0 - reflectance) / denominator;
+    r.f = glass * b.base * (abs(l_h * c_h / (wl.z * wc.z)) * eta_c * eta_c * shape);
+    let from_sensor = lobe_probabilities(b, abs(wc.z));
+    let from_light = lobe_probabilities(b, abs(wl.z));
+    let up_c = select(-wc, wc, wc.z > 0.0);
+    let up_l = select(-wl, wl, wl.z > 0.0);
+    let h_c = select(vec3<f32>(-h.xy, h.z), h, wc.z > 0.0);
+    let h_l = select(vec3<f32>(-h.xy, h.z), h, wl.z > 0.0);
+    r.pdf_to_light = from_sensor.glass * (1.0 - reflectance) * ggx_visible_pdf(up_c, h_c, b.alpha)
+        * eta_l * eta_l * abs(l_h) / denominator;
+    r.pdf_to_sensor = from_light.glass * (1.0 - reflectance) * ggx_visible_pdf(up_l, h_l, b.alpha)
+        * eta_c * eta_c * abs(c_h) / denominator;
+    return r;
+}
+
+// Direction for the known direction `w`, w.z > 0. `to_light`: w points to the sensor's side and light is looked for;
+// else w points to the light's side. `u.w` picks the lobe, `u.z` reflection or refraction.
+fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSample {
+    var s: BsdfSample;
+    s.valid = false;
+    if (b.black || w.z <= 0.0) {
+        return s;
+    }
+    let lobes = lobe_probabilities(b, w.z);
+    if (u.w < lobes.diffuse) {
+        s.direction = cosine_hemisphere(u.xy);
+    } else {
+        var h = vec3<f32>(0.0, 0.0, 1.0);
+        if (!is_delta(b)) {
+            h = ggx_sample_visible(w, b.alpha, u.xy);
+        }
+        s.direction = reflect(-w, h);
+        var refracted = false;
+        if (HAS_TRANSMISSION && u.w >= lobes.diffuse + lobes.gloss) {
+            refracted = u.z >= fresnel_dielectric(max(dot(w, h), 0.0), b.eta_above, b.eta_below);
+            if (refracted) {
+                s.direction = refract(-w, h, b.eta_above / b.eta_below);
+            }
+        }
+        // A rough facet may reflect below the horizon or refract above it: that light is lost.
+        if (s.direction.z == 0.0 || (s.direction.z < 0.0) != refracted) {
+            return s;
+        }
+        if (is_delta(b)) {
+            return delta_sample(b, w, s.direction, to_light, lobes);
+        }
+    }
+    let wl = select(w, s.direction, to_light);
+    let wc = select(s.direction, w, to_light);
+    let value = bsdf_eval(b, wl, wc);
+    s.pdf = select(value.pdf_to_sensor, value.pdf_to_light, to_light);
+    s.pdf_reverse = select(value.pdf_to_light, value.pdf_to_sensor, to_light);
+    s.valid = s.pdf > 0.0;
+    s.weight = value.f / max(s.pdf, 1e-30);
+    s.delta = false;
+    return s;
+}
+
+// Reflectance over probability of a mirror reflection or a smooth refraction that was chosen.
+fn delta_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool, lobes: Lobes) -> BsdfSample {
+    var s: BsdfSample;
+    s.direction = direction;
+    s.delta = true;
+    s.pdf = 1.0;
+    s.pdf_reverse = 1.0;
+    s.valid = true;
+    let glass = (1.0 - b.metallic) * b.transmission;
+    let reflectance = fresnel_dielectric(w.z, b.eta_above, b.eta_below);
+    if (direction.z > 0.0) {
+        let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
+        let coat_f = select(vec3<f32>(0.0), schlick(vec3<f32>(b.f0), w.z), b.f0 > 0.0);
+        let albedo = b.metallic * schlick(b.base, w.z) + plastic * coat_f + glass * reflectance;
+        s.weight = albedo / max(lobes.gloss + lobes.glass * reflectance, 1e-30);
+    } else {
+        // Radiance is squeezed into the smaller solid angle of the denser side; the flux of particles is not.
+        let squeeze = select(1.0, square(b.eta_above / b.eta_below), to_light);
+        s.weight = glass * (1.0 - reflectance) * squeeze * b.base
+            / max(lobes.glass * (1.0 - reflectance), 1e-30);
+    }
+    return s;
+}

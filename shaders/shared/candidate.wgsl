@@ -1,0 +1,7 @@
+// A light vertex chosen for a shade point.
+struct Candidate {
+    // Index into `light_vertices`, NONE for an empty slot.
+    vertex: u32,
+    // 1 / (K P(j | q)), the factor of Eqs. 25 and 26.
+    weight: f32,
+}

@@ -1,0 +1,136 @@
+// Where light begins: choosing an emitter, a point and a direction on it, and the light it sends along a direction.
+#import surface
+#import path
+#import bsdf
+
+struct Emission {
+    vertex: PathVertex,
+    direction: vec3<f32>,
+    // Density per solid angle of `direction`; 1 for beams, whose direction is fixed.
+    pdf_direction: f32,
+    // Radiance (or intensity, or power) times cosine over all densities: what the subpath starts with.
+    throughput: vec3<f32>,
+    // Density per area of the point, selection included; surfaces only.
+    density: f32,
+    beam: bool,
+    // The emitter point can be connected and goes to the 3D tree.
+    stored: bool,
+    deterministic: bool,
+}
+
+// Alias method (Vose 1991).
+fn choose_emitter(u: f32) -> u32 {
+    let x = u * f32(frame.emitter_count);
+    let i = min(u32(x), frame.emitter_count - 1u);
+    return select(emitters[i].other, i, x - f32(i) < emitters[i].keep);
+}
+
+// Light leaving a point of an emitter towards the unit direction `w`, times the cosine at the emitter (1 for points),
+// relative to the vertex's throughput; y: density per solid angle of that direction.
+fn emitter_profile(v: PathVertex, w: vec3<f32>) -> vec2<f32> {
+    let cosine = dot(v.geometric, w);
+    switch (v.material) {
+        case EMIT_ONE_SIDED: {
+            return vec2<f32>(max(cosine, 0.0), max(cosine, 0.0) / PI);
+        }
+        case EMIT_TWO_SIDED: {
+            return vec2<f32>(abs(cosine), abs(cosine) / (2.0 * PI));
+        }
+        case EMIT_POINT: {
+            return vec2<f32>(1.0, 1.0 / (4.0 * PI));
+        }
+        default: {
+            let along = dot(v.to_previous, w);
+            let outer = v.base_color.x;
+            return vec2<f32>(spot_falloff(along, outer, v.base_color.y),
+                select(0.0, 1.0 / (2.0 * PI * (1.0 - outer)), along > outer));
+        }
+    }
+}
+
+// KHR_lights_punctual: 1 inside the inner cone, 0 outside the outer one; arguments are cosines.
+fn spot_falloff(cosine: f32, outer: f32, inner: f32) -> f32 {
+    let x = clamp((cosine - outer) / max(inner - outer, 1e-4), 0.0, 1.0);
+    return x * x;
+}
+
+// Uniform direction within the cone of cosine `outer` around `axis`.
+fn uniform_cone(axis: vec3<f32>, outer: f32, u: vec2<f32>) -> vec3<f32> {
+    let z = mix(1.0, outer, u.x);
+    let r = sqrt(max(0.0, 1.0 - z * z));
+    let phi = 2.0 * PI * u.y;
+    return frame_around(axis) * vec3<f32>(r * cos(phi), r * sin(phi), z);
+}
+
+// First vertex and direction of a light subpath.
+fn sample_emission(choice: f32, a: vec4<f32>) -> Emission {
+    let number = choose_emitter(choice);
+    let e = emitters[number];
+    var r: Emission;
+    r.vertex.owner = number;
+    r.vertex.select_pdf = e.select_pdf;
+    r.vertex.eta = 1.0;
+    r.vertex.flags = VERTEX_EMITTER | VERTEX_VALID;
+    switch (e.kind) {
+        case EMITTER_TRIANGLE: {
+            sample_triangle(e, a, &r);
+        }
+        case EMITTER_BEAM: {
+            sample_beam(e, a, &r);
+        }
+        default: {
+            sample_punctual(e, a, &r);
+        }
+    }
+    return r;
+}
+
+fn sample_triangle(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
+    let b = uniform_triangle(a.xy);
+    let s = surface_at(e.triangle, b.x, b.y);
+    let m = materials[s.material];
+    var radiance = emission(s);
+    if (HAS_ALPHA) {
+        radiance *= coverage(s);
+    }
+    let two_sided = (m.flags & MATERIAL_DOUBLE_SIDED) != 0u;
+    let density = m.emission_density;
+    (*r).vertex.position = s.position;
+    (*r).vertex.offset = s.offset;
+    (*r).vertex.geometric = s.geometric;
+    (*r).vertex.normal = s.geometric;
+    (*r).vertex.material = select(EMIT_ONE_SIDED, EMIT_TWO_SIDED, two_sided);
+    (*r).vertex.throughput = radiance / density;
+    // Only s = 0 stands before s = 1: the sensor path finds this point.
+    (*r).vertex.d_vcm = frame.keep_s0 * mis(1.0 / density);
+    let up = select(1.0, -1.0, two_sided && a.z >= 0.5);
+    let stretched = select(a.z, select(2.0 * a.z, 2.0 * a.z - 1.0, a.z >= 0.5), two_sided);
+    (*r).direction = frame_around(up * s.geometric) * cosine_hemisphere(vec2<f32>(stretched, a.w));
+    let cosine = abs(dot((*r).direction, s.geometric));
+    (*r).pdf_direction = cosine / select(PI, 2.0 * PI, two_sided);
+    (*r).throughput = radiance * select(PI, 2.0 * PI, two_sided) / density;
+    (*r).density = density;
+    (*r).stored = true;
+}
+
+fn sample_punctual(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
+    let spot = e.kind == EMITTER_SPOT;
+    let outer = select(-1.0, e.outer, spot);
+    (*r).vertex.position = e.position;
+    (*r).direction = uniform_cone(e.direction, outer, a.xy);
+    (*r).pdf_direction = 1.0 / (2.0 * PI * (1.0 - outer));
+    let falloff = select(1.0, spot_falloff(dot(e.direction, (*r).direction), e.outer, e.inner), spot);
+    (*r).throughput = e.strength * (falloff / ((*r).pdf_direction * e.select_pdf));
+}
+
+fn sample_beam(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
+    let radius = e.outer * sqrt(a.x);
+    let phi = 2.0 * PI * a.y;
+    let disk = frame_around(e.direction) * vec3<f32>(radius * cos(phi), radius * sin(phi), 0.0);
+    (*r).vertex.position = e.position + disk;
+    (*r).direction = e.direction;
+    (*r).pdf_direction = 1.0;
+    (*r).throughput = e.strength / e.select_pdf;
+    (*r).beam = true;
+    (*r).deterministic = e.outer == 0.0;
+}

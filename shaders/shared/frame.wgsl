@@ -1,0 +1,76 @@
+// What is constant during one iteration. Positions are metres relative to the sensor: the pinhole is the origin.
+
+struct Frame {
+    // Camera axes in world space, unit length; the camera looks along `forward`.
+    right: vec3<f32>,
+    width: u32,
+    up: vec3<f32>,
+    height: u32,
+    forward: vec3<f32>,
+    seed: u32,
+    // Half extents of the image plane at distance 1.
+    extent: vec2<f32>,
+    // Area of a pixel on that plane.
+    pixel_area: f32,
+    // Light subpaths for each sensor sample of a pixel: the sample count of the t = 1 strategies.
+    light_count: f32,
+    // The gate [lo, hi) in metres of optical path; hi is 3e38 for an open gate.
+    gate_lo: f32,
+    gate_hi: f32,
+    // Subpaths whose travel time cannot stay below this stop (DESIGN 3.1); 3e38 switches it off.
+    cull_hi: f32,
+    // Rounding allowance of a travel time: bounds are widened by it so that no valid vertex is pruned.
+    slack: f32,
+    // Box around everything that emits.
+    emitter_lo: vec3<f32>,
+    iteration: u32,
+    emitter_hi: vec3<f32>,
+    light_paths: u32,
+    max_depth: u32,
+    queries: u32,
+    deterministic_count: u32,
+    emitter_count: u32,
+    // Roots of the two trees: a node, a leaf reference, or NONE.
+    tree3_root: u32,
+    tree4_root: u32,
+    // 1 if the strategies take part in the MIS weights, else 0.
+    keep_s0: f32,
+    keep_t1: f32,
+    keep_s2: f32,
+    crop_x: u32,
+    crop_y: u32,
+    crop_width: u32,
+    crop_height: u32,
+    // Sensor samples a pixel in this iteration and the number of the first one.
+    samples: u32,
+    first_sample: u32,
+    // Emitter points in the pool; they follow the deterministic vertices.
+    emitter_vertices: u32,
+    // Candidate slots a shade point.
+    slots: u32,
+}
+
+// What changes from dispatch to dispatch.
+struct Dispatch {
+    // First path of the batch or tile, counted over the light paths or the crop's samples.
+    first: u32,
+    // Threads that have work, where the host knows it.
+    count: u32,
+    bounce: u32,
+    // Index into `counters` of the length of the list the kernel works through.
+    counter: u32,
+    // Compaction: counters of the lists it makes; `list_b` NONE for one list of the entries' own numbers.
+    list_a: u32,
+    list_b: u32,
+}
+
+@group(0) @binding(0) var<storage, read> frame: Frame;
+var<immediate> dispatch: Dispatch;
+
+// Threads a workgroup; the image does not depend on it.
+override WORKGROUP: u32 = 64u;
+// Switches that remove code the scene does not need.
+override HAS_TEXTURES: bool = true;
+override HAS_ALPHA: bool = true;
+override HAS_GLOSSY: bool = true;
+override HAS_TRANSMISSION: bool = true;

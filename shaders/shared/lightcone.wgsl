@@ -1,0 +1,72 @@
+// Bounds of a tree node against the light-cone shell of a shade point (Secs. 5.3 and 5.5).
+#import tree
+
+// The shell seen from q: connections of optical length in [lo - v_tau, hi - v_tau) count (Eq. 7).
+struct Shell {
+    q: vec3<f32>,
+    // gate - q_tau, widened by the rounding allowance.
+    lo: f32,
+    hi: f32,
+    // Least and greatest refractive index a connection may travel in.
+    eta_lo: f32,
+    eta_hi: f32,
+}
+
+// Least and greatest distance from q to the box.
+fn box_distances(q: vec3<f32>, lo: vec3<f32>, hi: vec3<f32>) -> vec2<f32> {
+    let near = max(max(lo - q, q - hi), vec3<f32>(0.0));
+    let far = max(abs(lo - q), abs(hi - q));
+    return vec2<f32>(length(near), length(far));
+}
+
+// Eq. 19: no vertex with travel time in [tau_lo, tau_hi] and optical distance in [d.x, d.y] can meet the gate.
+fn is_pruned(tau_lo: f32, tau_hi: f32, d: vec2<f32>, shell: Shell) -> bool {
+    return tau_hi + d.y < shell.lo || tau_lo + d.x > shell.hi;
+}
+
+// Eq. 22 without the power: share of the distances [d.x, d.y] that the shell at v_tau = 0 leaves valid (Eq. 21).
+// A node of one distance is 0/0 there: all or nothing, and nothing was already pruned.
+fn spatial_overlap(d: vec2<f32>, shell: Shell) -> f32 {
+    let extent = d.y - d.x;
+    let overlap = min(d.y, shell.hi) - max(d.x, shell.lo);
+    // A floor keeps nodes that are touched at one distance only: zero would be bias.
+    return select(max(overlap / extent, 1e-3), 1.0, extent <= 0.0);
+}
+
+fn bucket_values(low: u32, high: u32, i: u32) -> f32 {
+    let word = select(low, high, i >= 4u);
+    return f32((word >> ((i & 3u) * 8u)) & 0xffu);
+}
+
+// Eqs. 23 and 24: power of the buckets that can hold time-valid vertices. Bucket b of [tau_lo, tau_hi] is valid from the
+// constant-time indices below; a node of one travel time is 0/0 there and all its power sits in the buckets.
+fn bucket_power(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
+    let scale = f32(BUCKETS) / max(c.tau_hi - c.tau_lo, 1e-30);
+    let first = clamp(floor((shell.lo - d.y - c.tau_lo) * scale), 0.0, 7.0);
+    let last = clamp(floor((shell.hi - d.x - c.tau_lo) * scale), -1.0, 7.0);
+    let k = vec4<f32>(0.0, 1.0, 2.0, 3.0);
+    let low = vec4<f32>(unpack4xU8(c.buckets_low));
+    let high = vec4<f32>(unpack4xU8(c.buckets_high));
+    let a = select(vec4<f32>(0.0), low, (k >= vec4<f32>(first)) & (k <= vec4<f32>(last)));
+    let b = select(vec4<f32>(0.0), high, (k + 4.0 >= vec4<f32>(first)) & (k + 4.0 <= vec4<f32>(last)));
+    let sum = a + b;
+    return c.power_unit * (sum.x + sum.y + sum.z + sum.w);
+}
+
+// B(N, q) of the paper: effective power over the squared least distance. Inside the box, where 1 / d_min^2 is infinite,
+// the box's half diagonal stands in (DESIGN 3.5).
+fn node_bound(c: TreeChild, shell: Shell, spatial: bool) -> f32 {
+    let distances = box_distances(shell.q, c.lo, c.hi);
+    let d = vec2<f32>(distances.x * shell.eta_lo, distances.y * shell.eta_hi);
+    if (is_pruned(c.tau_lo, c.tau_hi, d, shell)) {
+        return 0.0;
+    }
+    var power: f32;
+    if (spatial) {
+        power = c.power_unit * bucket_values(c.buckets_low, c.buckets_high, 0u) * spatial_overlap(d, shell);
+    } else {
+        power = bucket_power(c, d, shell);
+    }
+    let diagonal = c.hi - c.lo;
+    return power / max(max(distances.x * distances.x, 0.25 * dot(diagonal, diagonal)), 1e-20);
+}

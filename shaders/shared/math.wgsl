@@ -1,0 +1,57 @@
+// Small helpers without a home elsewhere.
+
+const PI: f32 = 3.14159265358979;
+const NONE: u32 = 0xffffffffu;
+
+fn square(x: f32) -> f32 {
+    return x * x;
+}
+
+fn max_component(v: vec3<f32>) -> f32 {
+    return max(v.x, max(v.y, v.z));
+}
+
+fn luminance(c: vec3<f32>) -> f32 {
+    return dot(c, vec3<f32>(0.2126, 0.7152, 0.0722));
+}
+
+// WGSL has no isNan; an exponent of all ones is infinite or not a number.
+fn is_finite(v: vec3<f32>) -> bool {
+    let e = bitcast<vec3<u32>>(v) & vec3<u32>(0x7f800000u);
+    return all(e != vec3<u32>(0x7f800000u));
+}
+
+// Right-handed frame around the unit vector n (Duff et al. 2017, listing 3): columns tangent, bitangent, n.
+fn frame_around(n: vec3<f32>) -> mat3x3<f32> {
+    let s = select(-1.0, 1.0, n.z >= 0.0);
+    let a = -1.0 / (s + n.z);
+    let b = n.x * n.y * a;
+    return mat3x3<f32>(
+        vec3<f32>(1.0 + s * n.x * n.x * a, s * b, -s * n.x),
+        vec3<f32>(b, s + n.y * n.y * a, -n.y),
+        n,
+    );
+}
+
+// Cosine-distributed direction around +z; density cos / pi per solid angle.
+fn cosine_hemisphere(u: vec2<f32>) -> vec3<f32> {
+    let r = sqrt(u.x);
+    let phi = 2.0 * PI * u.y;
+    return vec3<f32>(r * cos(phi), r * sin(phi), sqrt(max(0.0, 1.0 - u.x)));
+}
+
+// Barycentric weights (of corner 1 and 2) of a uniformly distributed point of a triangle.
+fn uniform_triangle(u: vec2<f32>) -> vec2<f32> {
+    let r = sqrt(u.x);
+    return vec2<f32>(1.0 - r, r * u.y);
+}
+
+// Unit vector from two 16-bit octahedral coordinates.
+fn decode_octahedral(packed: u32) -> vec3<f32> {
+    let e = unpack2x16snorm(packed);
+    let z = 1.0 - abs(e.x) - abs(e.y);
+    let t = max(-z, 0.0);
+    let x = e.x - select(-t, t, e.x >= 0.0);
+    let y = e.y - select(-t, t, e.y >= 0.0);
+    return normalize(vec3<f32>(x, y, z));
+}

@@ -1,0 +1,81 @@
+// What a subpath carries from bounce to bounce, and what a vertex keeps for its connections.
+
+// A subpath on its way: the ray to trace next. d_vcm and d_vc are Georgiev's partial MIS sums ("Implementing Vertex
+// Connection and Merging", 2012, Sec. 4) with every term squared (power heuristic, beta = 2).
+struct PathState {
+    // The last vertex, exactly: travel times are measured from here, never along the shifted ray.
+    position: vec3<f32>,
+    // Travel time at the last vertex, metres of optical path.
+    tau: f32,
+    direction: vec3<f32>,
+    // Refractive index of the medium the ray travels in.
+    eta: f32,
+    // Sensor: omega; light: phi. Throughput over density, 1/M included.
+    throughput: vec3<f32>,
+    // PATH_ bits.
+    flags: u32,
+    // From `position` to the origin of the ray.
+    shift: vec3<f32>,
+    // Light subpaths: probability of the emitter they started from.
+    select_pdf: f32,
+    d_vcm: f32,
+    d_vc: f32,
+    // Light subpaths: number of the emitter.
+    emitter: u32,
+    pad0: u32,
+}
+
+const PATH_ALIVE: u32 = 1u;
+// Nothing random has happened yet: a beam of zero radius, and mirrors behind it.
+const PATH_DETERMINISTIC: u32 = 2u;
+
+// A vertex that can be connected: a light vertex v or a shade point q.
+struct PathVertex {
+    position: vec3<f32>,
+    // v_tau or q_tau: travel time from the emitter, or to the sensor.
+    tau: f32,
+    // Light: phi = throughput / density, 1/M included. Sensor: omega.
+    throughput: vec3<f32>,
+    // Index into `materials`; VERTEX_EMITTER vertices keep their emission profile here.
+    material: u32,
+    // Shading normal, on the side of `geometric`.
+    normal: vec3<f32>,
+    d_vcm: f32,
+    // Geometric normal on the side of `to_previous`.
+    geometric: vec3<f32>,
+    d_vc: f32,
+    // Unit direction to the previous vertex of its subpath. Spots: the axis.
+    to_previous: vec3<f32>,
+    // VERTEX_ bits, and the number of segments behind the vertex in the low byte.
+    flags: u32,
+    // Base colour at the point. Spots: cosines of the outer and inner half angles.
+    base_color: vec3<f32>,
+    // Refractive index of the medium on the side of `to_previous`.
+    eta: f32,
+    // See Surface.offset.
+    offset: f32,
+    // Probability of the emitter; 1 unless the vertex is deterministic.
+    select_pdf: f32,
+    // Light: number of the emitter. Sensor: number of the path in the tile.
+    owner: u32,
+    pad0: u32,
+}
+
+const VERTEX_DEPTH: u32 = 0xffu;
+// A point on an emitter (s = 1); its `material` is one of the EMIT_ profiles.
+const VERTEX_EMITTER: u32 = 0x100u;
+const VERTEX_DETERMINISTIC: u32 = 0x200u;
+// The side of `to_previous` is the front of the surface.
+const VERTEX_FRONT: u32 = 0x400u;
+// The slot holds a vertex.
+const VERTEX_VALID: u32 = 0x800u;
+
+const EMIT_ONE_SIDED: u32 = 0u;
+const EMIT_TWO_SIDED: u32 = 1u;
+const EMIT_POINT: u32 = 2u;
+const EMIT_SPOT: u32 = 3u;
+
+// Power heuristic (Eq. 27, beta = 2).
+fn mis(x: f32) -> f32 {
+    return x * x;
+}

@@ -1,0 +1,119 @@
+// The scene on the device: geometry, attributes, materials, textures, emitters. Group 0 lives here and in frame.wgsl.
+#import frame
+#import math
+
+// Three corners relative to the sensor, in metres, in BVH order.
+struct Triangle {
+    v0: vec3<f32>,
+    // Index into `instances`.
+    instance: u32,
+    v1: vec3<f32>,
+    // Index of its corners in `corners`, or NONE when it has neither normals nor texture coordinates.
+    corner: u32,
+    v2: vec3<f32>,
+    // Index into `materials`, with TRIANGLE_ bits on top.
+    material: u32,
+}
+
+const TRIANGLE_SMOOTH: u32 = 0x80000000u;
+const TRIANGLE_ALPHA: u32 = 0x40000000u;
+// The instance mirrors: the corners run clockwise seen from the front.
+const TRIANGLE_MIRRORED: u32 = 0x20000000u;
+const TRIANGLE_MATERIAL: u32 = 0x00ffffffu;
+
+struct VertexAttributes {
+    // Octahedral, 16 bits a coordinate, in mesh space.
+    normal: u32,
+    u: f32,
+    v: f32,
+}
+
+// Columns of the inverse transpose of the instance's linear part.
+struct InstanceNormals {
+    x: vec3<f32>,
+    pad0: f32,
+    y: vec3<f32>,
+    pad1: f32,
+    z: vec3<f32>,
+    pad2: f32,
+}
+
+struct Material {
+    base_color: vec3<f32>,
+    // Alpha factor of the base colour.
+    opacity: f32,
+    // Radiance, W / (m^2 sr).
+    emission: vec3<f32>,
+    // Density of emitter samples on this surface, 1 / m^2: selection probability times 1 / area.
+    emission_density: f32,
+    metallic: f32,
+    // GGX alpha; below DELTA_ALPHA the lobe is a delta.
+    alpha: f32,
+    // Normal reflectance of the dielectric coat; 0 is pure Lambert.
+    f0: f32,
+    ior: f32,
+    transmission: f32,
+    // 1 / (pi (1 - mean directional albedo of the coat)).
+    diffuse_scale: f32,
+    alpha_cutoff: f32,
+    flags: u32,
+    // Indices into `textures`, or NONE.
+    base_texture: u32,
+    emission_texture: u32,
+    pad0: u32,
+    pad1: u32,
+}
+
+const MATERIAL_DOUBLE_SIDED: u32 = 1u;
+const MATERIAL_MASK: u32 = 2u;
+const MATERIAL_BLEND: u32 = 4u;
+const DELTA_ALPHA: f32 = 0.001;
+
+struct TextureInfo {
+    // First texel in `texels`.
+    first: u32,
+    width: u32,
+    height: u32,
+    // Bits 0-1: wrap u, 2-3: wrap v (0 repeat, 1 mirror, 2 clamp), 4: bilinear.
+    sampler: u32,
+}
+
+// One entry of the alias table over everything that emits.
+struct Emitter {
+    kind: u32,
+    // Triangles: index into `triangles`.
+    triangle: u32,
+    // Alias table: keep this entry with probability `keep`, else take `alias`.
+    keep: f32,
+    other: u32,
+    // Punctual lights and beams.
+    position: vec3<f32>,
+    // Probability with which a light subpath starts here.
+    select_pdf: f32,
+    direction: vec3<f32>,
+    // Spots: cosine of the outer half angle. Beams: radius in metres.
+    outer: f32,
+    // Intensity W / sr (point, spot) or power W (beam). Triangles: unused.
+    strength: vec3<f32>,
+    // Spots: cosine of the inner half angle.
+    inner: f32,
+}
+
+const EMITTER_TRIANGLE: u32 = 0u;
+const EMITTER_POINT: u32 = 1u;
+const EMITTER_SPOT: u32 = 2u;
+const EMITTER_BEAM: u32 = 3u;
+
+@group(0) @binding(1) var<storage, read> bvh_nodes: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
+@group(0) @binding(3) var<storage, read> corners: array<u32>;
+@group(0) @binding(4) var<storage, read> attributes: array<VertexAttributes>;
+@group(0) @binding(5) var<storage, read> instances: array<InstanceNormals>;
+@group(0) @binding(6) var<storage, read> materials: array<Material>;
+@group(0) @binding(7) var<storage, read> textures: array<TextureInfo>;
+@group(0) @binding(8) var<storage, read> texels: array<u32>;
+@group(0) @binding(9) var<storage, read> emitters: array<Emitter>;
+// Directional albedo of the GGX lobe, ALBEDO_SIZE x ALBEDO_SIZE over (cosine, roughness): f0 * x + y.
+@group(0) @binding(10) var<storage, read> albedo_table: array<vec2<f32>>;
+
+const ALBEDO_SIZE: u32 = 32u;

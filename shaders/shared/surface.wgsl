@@ -1,0 +1,94 @@
+// From a hit to the point that is shaded.
+#import texture
+
+struct Surface {
+    position: vec3<f32>,
+    // Metres by which a ray leaving the surface starts off it, along the geometric normal: several times the rounding
+    // error of the plane of this triangle.
+    offset: f32,
+    // Unit geometric normal, on the front side.
+    geometric: vec3<f32>,
+    // Index into `materials`.
+    material: u32,
+    // Unit shading normal, on the side of `geometric`.
+    normal: vec3<f32>,
+    // TRIANGLE_ bits.
+    flags: u32,
+    uv: vec2<f32>,
+}
+
+// 2^-19: the plane of a triangle is known to about 6 x 2^-24 of its farthest corner (DESIGN 5, leak and self-hit tests).
+const OFFSET_SCALE: f32 = 1.9073486e-6;
+
+// Point of triangle `index` with barycentric weights u, v of corners 1 and 2.
+fn surface_at(index: u32, u: f32, v: f32) -> Surface {
+    let t = triangles[index];
+    var s: Surface;
+    s.position = (1.0 - u - v) * t.v0 + u * t.v1 + v * t.v2;
+    let reach = max(max(abs(t.v0), abs(t.v1)), abs(t.v2));
+    s.offset = OFFSET_SCALE * max_component(reach);
+    s.material = t.material & TRIANGLE_MATERIAL;
+    s.flags = t.material;
+    let facing = select(1.0, -1.0, (t.material & TRIANGLE_MIRRORED) != 0u);
+    s.geometric = facing * normalize(cross(t.v1 - t.v0, t.v2 - t.v0));
+    s.normal = s.geometric;
+    s.uv = vec2<f32>(0.0);
+    if (t.corner != NONE) {
+        let a = attributes[corners[t.corner]];
+        let b = attributes[corners[t.corner + 1u]];
+        let c = attributes[corners[t.corner + 2u]];
+        let w = 1.0 - u - v;
+        s.uv = w * vec2<f32>(a.u, a.v) + u * vec2<f32>(b.u, b.v) + v * vec2<f32>(c.u, c.v);
+        if ((t.material & TRIANGLE_SMOOTH) != 0u) {
+            s.normal = shading_normal(a.normal, b.normal, c.normal, vec3<f32>(w, u, v), t.instance, s.geometric);
+        }
+    }
+    return s;
+}
+
+// Interpolated corner normals in world space, turned to the side of the geometric normal; that one where they cancel.
+fn shading_normal(a: u32, b: u32, c: u32, weights: vec3<f32>, instance: u32, geometric: vec3<f32>) -> vec3<f32> {
+    let local = weights.x * decode_octahedral(a) + weights.y * decode_octahedral(b) + weights.z * decode_octahedral(c);
+    let m = instances[instance];
+    let world = m.x * local.x + m.y * local.y + m.z * local.z;
+    let length2 = dot(world, world);
+    if (!(length2 > 1e-12)) {
+        return geometric;
+    }
+    let n = world * inverseSqrt(length2);
+    return select(n, -n, dot(n, geometric) < 0.0);
+}
+
+// Linear base colour and alpha at the point.
+fn base_color(s: Surface) -> vec4<f32> {
+    let m = materials[s.material];
+    let factor = vec4<f32>(m.base_color, m.opacity);
+    if (!HAS_TEXTURES) {
+        return factor;
+    }
+    return factor * sample_texture(m.base_texture, s.uv);
+}
+
+// Radiance the surface emits towards its front (and back, when double-sided).
+fn emission(s: Surface) -> vec3<f32> {
+    let m = materials[s.material];
+    if (!HAS_TEXTURES || m.emission_texture == NONE) {
+        return m.emission;
+    }
+    return m.emission * sample_texture(m.emission_texture, s.uv).xyz;
+}
+
+// Probability that the surface is there at all (alphaMode MASK and BLEND).
+fn coverage(s: Surface) -> f32 {
+    let m = materials[s.material];
+    if ((m.flags & (MATERIAL_MASK | MATERIAL_BLEND)) == 0u) {
+        return 1.0;
+    }
+    let alpha = base_color(s).w;
+    return select(alpha, select(0.0, 1.0, alpha >= m.alpha_cutoff), (m.flags & MATERIAL_MASK) != 0u);
+}
+
+// Origin of a ray that leaves `position` towards `direction`.
+fn leave(position: vec3<f32>, geometric: vec3<f32>, offset: f32, direction: vec3<f32>) -> vec3<f32> {
+    return position + geometric * select(-offset, offset, dot(geometric, direction) >= 0.0);
+}

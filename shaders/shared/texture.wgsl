@@ -1,0 +1,50 @@
+// Textures from a storage buffer: wrap, filter, sRGB.
+#import scene
+
+// sRGB to linear (IEC 61966-2-1) of one channel in [0, 1].
+fn srgb_to_linear(c: vec3<f32>) -> vec3<f32> {
+    let low = c / 12.92;
+    let high = pow((c + 0.055) / 1.055, vec3<f32>(2.4));
+    return select(high, low, c <= vec3<f32>(0.04045));
+}
+
+fn wrap_texel(i: i32, size: i32, mode: u32) -> i32 {
+    let clamped = clamp(i, 0, size - 1);
+    let repeated = ((i % size) + size) % size;
+    let period = ((i % (2 * size)) + 2 * size) % (2 * size);
+    let mirrored = min(period, 2 * size - 1 - period);
+    return select(select(repeated, mirrored, mode == 1u), clamped, mode == 2u);
+}
+
+// Linear RGB and alpha of texel (x, y), wrapped.
+fn texel(info: TextureInfo, x: i32, y: i32) -> vec4<f32> {
+    let i = wrap_texel(x, i32(info.width), info.sampler & 3u);
+    let j = wrap_texel(y, i32(info.height), (info.sampler >> 2u) & 3u);
+    let c = unpack4x8unorm(texels[info.first + u32(j) * info.width + u32(i)]);
+    return vec4<f32>(srgb_to_linear(c.xyz), c.w);
+}
+
+// Linear RGB and alpha at texture coordinates uv; white where `index` is NONE.
+fn sample_texture(index: u32, uv: vec2<f32>) -> vec4<f32> {
+    if (index == NONE) {
+        return vec4<f32>(1.0);
+    }
+    let info = textures[index];
+    // Coordinates are reduced to one period of the mirror mode so that the integer texel index cannot overflow.
+    let bounded = select(uv - 2.0 * floor(0.5 * uv), clamp(uv, vec2<f32>(-1.0), vec2<f32>(2.0)),
+        vec2<bool>((info.sampler & 3u) == 2u, ((info.sampler >> 2u) & 3u) == 2u));
+    let p = bounded * vec2<f32>(f32(info.width), f32(info.height));
+    if ((info.sampler & 16u) == 0u) {
+        return texel(info, i32(floor(p.x)), i32(floor(p.y)));
+    }
+    let base = floor(p - 0.5);
+    let f = p - 0.5 - base;
+    var sum = vec4<f32>(0.0);
+    for (var k = 0; k < 4; k++) {
+        let dx = k & 1;
+        let dy = k >> 1u;
+        let w = select(1.0 - f.x, f.x, dx == 1) * select(1.0 - f.y, f.y, dy == 1);
+        sum += w * texel(info, i32(base.x) + dx, i32(base.y) + dy);
+    }
+    return sum;
+}

@@ -1,0 +1,27 @@
+// Closest hits and shadow rays, with surfaces that are only partly there.
+#import traverse
+#import surface
+#import random
+
+// Closest surface along o + t d. Surfaces with alpha let the ray pass with probability 1 - coverage; `key` makes the
+// choice of this ray independent of others. `d` need not have unit length.
+// The loop is the one place that traverses: a second call site would double the compile time (STACK 2e).
+fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, key: vec4<u32>) -> Hit {
+    var t_min = 0.0;
+    var hit: Hit;
+    loop {
+        hit = traverse(o, d, t_min, t_max, any_hit);
+        if (!HAS_ALPHA || hit.triangle == NONE) {
+            break;
+        }
+        if ((triangles[hit.triangle].material & TRIANGLE_ALPHA) == 0u) {
+            break;
+        }
+        let draw = pcg4d(vec4<u32>(key.xyz, key.w ^ (hit.triangle * 0x9e3779b9u)));
+        if (f32(draw.x >> 8u) * (1.0 / 16777216.0) < coverage(surface_at(hit.triangle, hit.u, hit.v))) {
+            break;
+        }
+        t_min = hit.t;
+    }
+    return hit;
+}

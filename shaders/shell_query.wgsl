@@ -1,0 +1,173 @@
+// Chooses the light vertices a shade point connects to.
+//
+// pt:        one emitter point of the pool, uniformly.
+// bdpt:      every vertex of one light subpath, the same for all shade points of a sensor subpath.
+// lcs-paper: K independent traversals of each tree. At every node one of the two children is taken with probability
+//            proportional to its bound B(N, q) (Eq. 5), which is 0 where the child lies outside the light-cone shell
+//            (Eq. 19) and else shrinks with the part of the child that the shell misses (Eqs. 22 to 24). The traversal
+//            ends at a leaf, with P(j | q) the product of the probabilities, or at a dead node.
+// All:       deterministic vertices (punctual lights, the spot of a thin beam), one by one.
+//
+// A candidate that cannot contribute (gate, depth, facing) is dropped here, before it costs a ray.
+#import candidate
+#import lightcone
+#import scatter
+#import gate
+#import camera
+#import random
+
+@group(2) @binding(0) var<storage, read> shade_points: array<PathVertex>;
+@group(2) @binding(1) var<storage, read> list: array<u32>;
+@group(2) @binding(2) var<storage, read> counters: array<u32>;
+@group(2) @binding(3) var<storage, read_write> candidates: array<Candidate>;
+@group(2) @binding(4) var<storage, read_write> marks: array<u32>;
+
+const ESTIMATOR_PT: u32 = 0u;
+const ESTIMATOR_BDPT: u32 = 1u;
+const ESTIMATOR_LCS: u32 = 2u;
+override ESTIMATOR: u32 = 2u;
+// Deterministic vertices evaluated one by one; of more, so many are drawn.
+const DETERMINISTIC_SLOTS: u32 = 8u;
+
+// One thread, one shade point.
+@compute @workgroup_size(WORKGROUP)
+fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
+    let rank = id.x;
+    if (rank >= counters[dispatch.counter]) {
+        return;
+    }
+    let q = shade_points[list[rank]];
+    let sensor = sensor_sample(dispatch.first + q.owner);
+    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
+    let depth = q.flags & VERTEX_DEPTH;
+    let first_slot = rank * frame.slots;
+    var used = query_deterministic(q, index, sensor.sample, depth, first_slot);
+    if (ESTIMATOR == ESTIMATOR_PT) {
+        used = query_emitter(q, index, sensor.sample, depth, first_slot, used);
+    } else if (ESTIMATOR == ESTIMATOR_BDPT) {
+        used = query_light_path(q, index, sensor.sample, first_slot, used);
+    } else {
+        used = query_trees(q, index, sensor.sample, depth, first_slot, used);
+    }
+    for (var i = used; i < frame.slots; i++) {
+        put(first_slot + i, NONE, 0.0);
+    }
+}
+
+fn put(slot: u32, vertex: u32, weight: f32) {
+    candidates[slot] = Candidate(vertex, weight);
+    marks[slot] = select(1u, 0u, vertex == NONE);
+}
+
+// `vertex` if connecting it to q can contribute, else NONE.
+fn checked(q: PathVertex, vertex: u32) -> u32 {
+    let position = light_vertices[vertex].position;
+    let offset = position - q.position;
+    let d2 = dot(offset, offset);
+    let d = sqrt(d2);
+    let w = offset / d;
+    let flags = light_vertices[vertex].flags;
+    let segments = (q.flags & VERTEX_DEPTH) + (flags & VERTEX_DEPTH) + 1u;
+    var open = d2 > 0.0 && segments <= frame.max_depth
+        && in_gate(light_vertices[vertex].tau, medium_towards(q, w) * d, q.tau);
+    if (!HAS_TRANSMISSION) {
+        let emitter_any_side = (flags & VERTEX_EMITTER) != 0u && light_vertices[vertex].material != EMIT_ONE_SIDED;
+        open = open && dot(q.geometric, w) > 0.0
+            && (emitter_any_side || dot(light_vertices[vertex].geometric, w) < 0.0);
+    }
+    return select(NONE, vertex, open);
+}
+
+fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32) -> u32 {
+    let n = frame.deterministic_count;
+    if (n <= DETERMINISTIC_SLOTS) {
+        for (var i = 0u; i < n; i++) {
+            put(slot + i, checked(q, i), 1.0);
+        }
+        return n;
+    }
+    let u = random4(STREAM_QUERY, index, sample, depth, 0u, frame.seed).x;
+    for (var i = 0u; i < DETERMINISTIC_SLOTS; i++) {
+        let x = (f32(i) + u) / f32(DETERMINISTIC_SLOTS) * f32(n);
+        put(slot + i, checked(q, min(u32(x), n - 1u)), f32(n) / f32(DETERMINISTIC_SLOTS));
+    }
+    return DETERMINISTIC_SLOTS;
+}
+
+fn query_emitter(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used: u32) -> u32 {
+    let first = frame.deterministic_count;
+    let n = frame.emitter_vertices;
+    if (n == 0u) {
+        return used;
+    }
+    let u = random4(STREAM_QUERY, index, sample, depth, 1u, frame.seed).x;
+    put(slot + used, checked(q, first + min(u32(u * f32(n)), n - 1u)), f32(n));
+    return used + 1u;
+}
+
+fn query_light_path(q: PathVertex, index: u32, sample: u32, slot: u32, used: u32) -> u32 {
+    let u = random4(STREAM_QUERY, index, sample, 0u, 1u, frame.seed).x;
+    let path = min(u32(u * f32(frame.light_paths)), frame.light_paths - 1u);
+    let first = path_offsets[path];
+    let count = min(path_offsets[path + 1u] - first, frame.slots - used);
+    for (var i = 0u; i < count; i++) {
+        put(slot + used + i, checked(q, first + i), f32(frame.light_paths));
+    }
+    return used + count;
+}
+
+fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used_before: u32) -> u32 {
+    let shell = make_shell(q);
+    var used = used_before;
+    // Both trees through one loop: a second traversal would double the kernel.
+    let trees = select(0u, 1u, frame.tree3_root != NONE) + select(0u, 1u, frame.tree4_root != NONE);
+    let queries = frame.queries * trees;
+    for (var k = 0u; k < queries; k++) {
+        let spatial = frame.tree3_root != NONE && k < frame.queries;
+        let root = select(frame.tree4_root, frame.tree3_root, spatial);
+        var rng = pcg4d(vec4<u32>(index, sample, (STREAM_QUERY << 28u) | (depth << 14u) | (16u + k), frame.seed)).x;
+        let found = descend(root, shell, spatial, &rng);
+        var vertex = found.vertex;
+        if (vertex != NONE) {
+            vertex = checked(q, vertex);
+        }
+        put(slot + used, vertex, found.weight / f32(frame.queries));
+        used += 1u;
+    }
+    return used;
+}
+
+fn make_shell(q: PathVertex) -> Shell {
+    var other = q.eta;
+    if (HAS_TRANSMISSION) {
+        other = medium_towards(q, -q.geometric);
+    }
+    return Shell(q.position, frame.gate_lo - q.tau - frame.slack, frame.gate_hi - q.tau + frame.slack,
+        min(q.eta, other), max(q.eta, other));
+}
+
+// One traversal from `root`: the vertex and 1 / P(j | q), or NONE at a dead node.
+fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> Candidate {
+    var current = root;
+    var weight = 1.0;
+    while ((current & LEAF_BIT) == 0u) {
+        let left = tree_nodes[current].left;
+        let right = tree_nodes[current].right;
+        let bound_left = node_bound(left, shell, spatial);
+        let bound_right = node_bound(right, shell, spatial);
+        let sum = bound_left + bound_right;
+        if (!(sum > 0.0)) {
+            return Candidate(NONE, 0.0);
+        }
+        // Eq. 5.
+        *rng = *rng * 747796405u + 2891336453u;
+        let take_left = f32(hash32(*rng) >> 8u) * (1.0 / 16777216.0) * sum < bound_left;
+        weight *= sum / select(bound_right, bound_left, take_left);
+        current = select(right.child, left.child, take_left);
+    }
+    // A leaf of several vertices: one of them uniformly.
+    let count = ((current >> 27u) & 15u) + 1u;
+    *rng = *rng * 747796405u + 2891336453u;
+    let pick = min(u32(f32(hash32(*rng) >> 8u) * (1.0 / 16777216.0) * f32(count)), count - 1u);
+    return Candidate((current & LEAF_FIRST) + pick, weight * f32(count));
+}

@@ -1,0 +1,160 @@
+//! Compute pipelines and their bindings, by name.
+
+use std::ffi::CString;
+
+use ash::vk;
+
+use super::buffer::Buffer;
+use super::device::Device;
+use super::shader;
+use crate::error::{Error, Result};
+
+/// A compiled entry point.
+pub struct Kernel {
+    device: Device,
+    pub(super) pipeline: vk::Pipeline,
+    pub(super) layout: vk::PipelineLayout,
+    sets: Vec<vk::DescriptorSetLayout>,
+    bindings: Vec<(String, u32, u32)>,
+    pub(super) constants_size: u32,
+    workgroup: u32,
+    name: String,
+}
+
+/// Buffers bound to a kernel. The buffers must outlive every submit that uses this.
+pub struct Bindings {
+    device: Device,
+    pool: vk::DescriptorPool,
+    pub(super) sets: Vec<vk::DescriptorSet>,
+}
+
+impl Kernel {
+    /// Compiles `entry` of `shaders/<file>.wgsl`. Override constants the file does not have are left out.
+    pub fn new(device: &Device, file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Result<Kernel> {
+        let compiled = shader::compile(file, entry, constants)?;
+        let shared = &device.shared;
+        let groups = compiled.bindings.iter().map(|b| b.1 + 1).max().unwrap_or(0);
+        // SAFETY: structures outlive the calls; the module is destroyed after the pipeline was made from it; on an error
+        // `kernel` destroys what exists so far.
+        unsafe {
+            let mut kernel = Kernel {
+                device: device.clone(),
+                pipeline: vk::Pipeline::null(),
+                layout: vk::PipelineLayout::null(),
+                sets: vec![],
+                bindings: compiled.bindings,
+                constants_size: compiled.constants_size,
+                workgroup: compiled.workgroup,
+                name: entry.to_string(),
+            };
+            for group in 0..groups {
+                let of_group: Vec<_> = kernel
+                    .bindings
+                    .iter()
+                    .filter(|b| b.1 == group)
+                    .map(|b| {
+                        vk::DescriptorSetLayoutBinding::default()
+                            .binding(b.2)
+                            .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                            .descriptor_count(1)
+                            .stage_flags(vk::ShaderStageFlags::COMPUTE)
+                    })
+                    .collect();
+                let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&of_group);
+                let set = shared.device.create_descriptor_set_layout(&info, None);
+                kernel.sets.push(set.map_err(|e| shared.error("creating a descriptor layout", e))?);
+            }
+            let range = [vk::PushConstantRange {
+                stage_flags: vk::ShaderStageFlags::COMPUTE,
+                offset: 0,
+                size: kernel.constants_size,
+            }];
+            let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&kernel.sets);
+            if kernel.constants_size > 0 {
+                info = info.push_constant_ranges(&range);
+            }
+            kernel.layout = shared
+                .device
+                .create_pipeline_layout(&info, None)
+                .map_err(|e| shared.error("creating a pipeline layout", e))?;
+            let module = shared
+                .device
+                .create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&compiled.words), None)
+                .map_err(|e| shared.error("loading a kernel", e))?;
+            let entry_name = CString::new(entry).map_err(|_| Error::Shader(format!("entry point {entry:?}")))?;
+            let stage = vk::PipelineShaderStageCreateInfo::default()
+                .stage(vk::ShaderStageFlags::COMPUTE)
+                .module(module)
+                .name(&entry_name);
+            let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(kernel.layout)];
+            let pipelines = shared.device.create_compute_pipelines(shared.cache, &create, None);
+            shared.device.destroy_shader_module(module, None);
+            kernel.pipeline = pipelines.map_err(|(_, e)| shared.error("compiling a kernel", e))?[0];
+            Ok(kernel)
+        }
+    }
+
+    /// Workgroups that give every one of `threads` threads a place.
+    pub fn groups(&self, threads: usize) -> u32 {
+        (threads as u32).div_ceil(self.workgroup)
+    }
+
+    /// Binds every buffer the kernel uses. `buffers` may hold more than that; a name that is missing is an error.
+    pub fn bind(&self, buffers: &[(&str, &Buffer)]) -> Result<Bindings> {
+        let shared = &self.device.shared;
+        let count = self.bindings.len().max(1) as u32;
+        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: count }];
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(self.sets.len().max(1) as u32).pool_sizes(&sizes);
+        // SAFETY: sets are written before they are used; the pool is destroyed with `Bindings`.
+        unsafe {
+            let pool = shared
+                .device
+                .create_descriptor_pool(&info, None)
+                .map_err(|e| shared.error("creating a descriptor pool", e))?;
+            let mut bound = Bindings { device: self.device.clone(), pool, sets: vec![] };
+            if self.sets.is_empty() {
+                return Ok(bound);
+            }
+            let allocate = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&self.sets);
+            bound.sets = shared
+                .device
+                .allocate_descriptor_sets(&allocate)
+                .map_err(|e| shared.error("allocating descriptors", e))?;
+            for (name, group, binding) in &self.bindings {
+                let (_, buffer) = buffers
+                    .iter()
+                    .find(|(n, _)| n == name)
+                    .ok_or_else(|| Error::Shader(format!("kernel {} needs a buffer named {name}", self.name)))?;
+                let range = [vk::DescriptorBufferInfo { buffer: buffer.handle, offset: 0, range: vk::WHOLE_SIZE }];
+                let write = [vk::WriteDescriptorSet::default()
+                    .dst_set(bound.sets[*group as usize])
+                    .dst_binding(*binding)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .buffer_info(&range)];
+                shared.device.update_descriptor_sets(&write, &[]);
+            }
+            Ok(bound)
+        }
+    }
+}
+
+impl Drop for Kernel {
+    fn drop(&mut self) {
+        let d = &self.device.shared.device;
+        // SAFETY: recorders wait for their submits, so no command buffer uses the pipeline any more.
+        unsafe {
+            d.destroy_pipeline(self.pipeline, None);
+            d.destroy_pipeline_layout(self.layout, None);
+            for &set in &self.sets {
+                d.destroy_descriptor_set_layout(set, None);
+            }
+        }
+    }
+}
+
+impl Drop for Bindings {
+    fn drop(&mut self) {
+        // SAFETY: as above.
+        unsafe { self.device.shared.device.destroy_descriptor_pool(self.pool, None) };
+    }
+}

@@ -1,0 +1,129 @@
+//! Host twins of the structs in `shaders/`: same names, same order. WGSL is the source of truth; a test reflects every
+//! kernel and compares names, offsets and sizes, so nothing here has to be kept in step by hand.
+
+use bytemuck::{Pod, Zeroable};
+
+pub const NONE: u32 = u32::MAX;
+
+macro_rules! twins {
+    ($($(#[$doc:meta])* $name:ident { $($field:ident: $type:ty),* $(,)? })*) => {
+        $(
+            $(#[$doc])*
+            #[repr(C)]
+            #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+            pub struct $name { $(pub $field: $type),* }
+        )*
+
+        /// Name, size, and field offsets of every twin, for the layout test.
+        pub fn twins() -> Vec<(&'static str, usize, Vec<(&'static str, usize)>)> {
+            vec![$((stringify!($name), size_of::<$name>(), vec![$((stringify!($field), std::mem::offset_of!($name, $field))),*])),*]
+        }
+    };
+}
+
+twins! {
+    /// `shared/frame.wgsl`
+    Frame {
+        right: [f32; 3], width: u32,
+        up: [f32; 3], height: u32,
+        forward: [f32; 3], seed: u32,
+        extent: [f32; 2], pixel_area: f32, light_count: f32,
+        gate_lo: f32, gate_hi: f32, cull_hi: f32, slack: f32,
+        emitter_lo: [f32; 3], iteration: u32,
+        emitter_hi: [f32; 3], light_paths: u32,
+        max_depth: u32, queries: u32, deterministic_count: u32, emitter_count: u32,
+        tree3_root: u32, tree4_root: u32, keep_s0: f32, keep_t1: f32,
+        keep_s2: f32, crop_x: u32, crop_y: u32, crop_width: u32,
+        crop_height: u32, samples: u32, first_sample: u32, emitter_vertices: u32,
+        slots: u32, pad: [u32; 3],
+    }
+    /// `shared/frame.wgsl`
+    Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32 }
+    /// `shared/scene.wgsl`
+    Triangle { v0: [f32; 3], instance: u32, v1: [f32; 3], corner: u32, v2: [f32; 3], material: u32 }
+    /// `shared/scene.wgsl`
+    VertexAttributes { normal: u32, u: f32, v: f32 }
+    /// `shared/scene.wgsl`
+    InstanceNormals { x: [f32; 3], pad0: f32, y: [f32; 3], pad1: f32, z: [f32; 3], pad2: f32 }
+    /// `shared/scene.wgsl`
+    Material {
+        base_color: [f32; 3], opacity: f32,
+        emission: [f32; 3], emission_density: f32,
+        metallic: f32, alpha: f32, f0: f32, ior: f32,
+        transmission: f32, diffuse_scale: f32, alpha_cutoff: f32, flags: u32,
+        base_texture: u32, emission_texture: u32, pad0: u32, pad1: u32,
+    }
+    /// `shared/scene.wgsl`
+    TextureInfo { first: u32, width: u32, height: u32, sampler: u32 }
+    /// `shared/scene.wgsl`
+    Emitter {
+        kind: u32, triangle: u32, keep: f32, other: u32,
+        position: [f32; 3], select_pdf: f32,
+        direction: [f32; 3], outer: f32,
+        strength: [f32; 3], inner: f32,
+    }
+    /// `shared/path.wgsl`
+    PathState {
+        position: [f32; 3], tau: f32,
+        direction: [f32; 3], eta: f32,
+        throughput: [f32; 3], flags: u32,
+        shift: [f32; 3], select_pdf: f32,
+        d_vcm: f32, d_vc: f32, emitter: u32, pad0: u32,
+    }
+    /// `shared/path.wgsl`
+    PathVertex {
+        position: [f32; 3], tau: f32,
+        throughput: [f32; 3], material: u32,
+        normal: [f32; 3], d_vcm: f32,
+        geometric: [f32; 3], d_vc: f32,
+        to_previous: [f32; 3], flags: u32,
+        base_color: [f32; 3], eta: f32,
+        offset: f32, select_pdf: f32, owner: u32, pad0: u32,
+    }
+    /// `shared/tree.wgsl`
+    TreeChild { lo: [f32; 3], tau_lo: f32, hi: [f32; 3], tau_hi: f32, buckets_low: u32, buckets_high: u32, power_unit: f32, child: u32 }
+    /// `shared/tree.wgsl`
+    TreeNode { left: TreeChild, right: TreeChild }
+    /// `shared/candidate.wgsl`
+    Candidate { vertex: u32, weight: f32 }
+}
+
+/// Constants the host shares with the kernels; checked by the same test.
+pub mod constants {
+    macro_rules! shared {
+        ($($name:ident = $value:expr),* $(,)?) => {
+            $(pub const $name: u32 = $value;)*
+            pub const ALL: &[(&str, u32)] = &[$((stringify!($name), $name)),*];
+        };
+    }
+    shared! {
+        TRIANGLE_SMOOTH = 0x8000_0000,
+        TRIANGLE_ALPHA = 0x4000_0000,
+        TRIANGLE_MIRRORED = 0x2000_0000,
+        TRIANGLE_MATERIAL = 0x00ff_ffff,
+        MATERIAL_DOUBLE_SIDED = 1,
+        MATERIAL_MASK = 2,
+        MATERIAL_BLEND = 4,
+        EMITTER_TRIANGLE = 0,
+        EMITTER_POINT = 1,
+        EMITTER_SPOT = 2,
+        EMITTER_BEAM = 3,
+        ALBEDO_SIZE = 32,
+        PATH_ALIVE = 1,
+        VERTEX_DEPTH = 0xff,
+        VERTEX_EMITTER = 0x100,
+        VERTEX_DETERMINISTIC = 0x200,
+        VERTEX_VALID = 0x800,
+        EMIT_POINT = 2,
+        EMIT_SPOT = 3,
+        LEAF_BIT = 0x8000_0000,
+        LEAF_FIRST = 0x07ff_ffff,
+        BUCKETS = 8,
+        CHUNK = 32,
+        COUNTER_TOTALS = 8,
+        ESTIMATOR_PT = 0,
+        ESTIMATOR_BDPT = 1,
+        ESTIMATOR_LCS = 2,
+        DETERMINISTIC_SLOTS = 8,
+    }
+}

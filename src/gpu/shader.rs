@@ -1,0 +1,218 @@
+//! WGSL to SPIR-V: `#import`, error positions, override constants, and arithmetic the driver may not contract.
+
+use std::collections::HashMap;
+
+use naga::back::spv;
+use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+use crate::error::{Error, Result};
+
+/// Every WGSL file, by its name without path and ending.
+macro_rules! sources {
+    ($($path:literal),* $(,)?) => { &[$(($path, include_str!(concat!("../../shaders/", $path, ".wgsl")))),*] };
+}
+
+/// Kernels first, then modules without an entry point.
+pub const SOURCES: &[(&str, &str)] = sources![
+    "light_start",
+    "light_trace",
+    "light_splat",
+    "sensor_start",
+    "sensor_trace",
+    "compact",
+    "shell_query",
+    "connect",
+    "gather",
+    "resolve",
+    "shared/bsdf",
+    "shared/camera",
+    "shared/candidate",
+    "shared/emitter",
+    "shared/frame",
+    "shared/gate",
+    "shared/lightcone",
+    "shared/math",
+    "shared/path",
+    "shared/random",
+    "shared/scatter",
+    "shared/scene",
+    "shared/surface",
+    "shared/texture",
+    "shared/traverse",
+    "shared/tree",
+    "shared/visibility",
+    "shared/walk",
+];
+
+/// Source of the module `name`, wherever it lies.
+fn source(name: &str) -> Option<(&'static str, &'static str)> {
+    SOURCES.iter().find(|(path, _)| path.rsplit('/').next() == Some(name)).copied()
+}
+
+/// One shader with its imports in place, and where each line came from.
+pub struct Composed {
+    pub text: String,
+    origin: Vec<(&'static str, u32)>,
+}
+
+/// Puts the imports of `text` (file `path`) in front, each module once.
+pub fn compose(path: &'static str, text: &'static str) -> Result<Composed> {
+    let mut composed = Composed { text: String::new(), origin: vec![] };
+    include(path, text, &mut vec![], &mut vec![], &mut composed)?;
+    Ok(composed)
+}
+
+fn include(
+    path: &'static str,
+    text: &'static str,
+    done: &mut Vec<&'static str>,
+    open: &mut Vec<&'static str>,
+    out: &mut Composed,
+) -> Result<()> {
+    if done.contains(&path) {
+        return Ok(());
+    }
+    if open.contains(&path) {
+        return Err(Error::Shader(format!("shaders/{path}.wgsl imports itself through {}", open.join(" -> "))));
+    }
+    open.push(path);
+    for (i, line) in text.lines().enumerate() {
+        let at = i as u32 + 1;
+        if let Some(name) = line.strip_prefix("#import ") {
+            let (path_in, text_in) = source(name.trim()).ok_or_else(|| {
+                Error::Shader(format!("shaders/{path}.wgsl:{at}: no module named {}", name.trim()))
+            })?;
+            include(path_in, text_in, done, open, out)?;
+            continue;
+        }
+        out.text.push_str(line);
+        out.text.push('\n');
+        out.origin.push((path, at));
+    }
+    open.pop();
+    done.push(path);
+    Ok(())
+}
+
+impl Composed {
+    fn locate(&self, line: u32, column: u32) -> String {
+        match self.origin.get(line as usize - 1) {
+            Some((path, at)) => format!("shaders/{path}.wgsl:{at}:{column}"),
+            None => String::from("shaders"),
+        }
+    }
+
+    /// Parses and validates; errors name file, line and column of the original source.
+    pub fn parse(&self) -> Result<(naga::Module, naga::valid::ModuleInfo)> {
+        let mut options = naga::front::wgsl::Options::new();
+        options.capabilities = CAPABILITIES;
+        let module = naga::front::wgsl::Frontend::new_with_options(options).parse(&self.text).map_err(|e| {
+            let at = e.location(&self.text).map(|l| self.locate(l.line_number, l.line_position)).unwrap_or_default();
+            Error::Shader(format!("{at}: {}", e.message()))
+        })?;
+        let info = Validator::new(ValidationFlags::all(), CAPABILITIES).validate(&module).map_err(|e| {
+            let at = e.location(&self.text).map(|l| self.locate(l.line_number, l.line_position)).unwrap_or_default();
+            Error::Shader(format!("{at}: {}", e.emit_to_string(&self.text)))
+        })?;
+        Ok((module, info))
+    }
+}
+
+const CAPABILITIES: Capabilities = Capabilities::IMMEDIATES;
+
+/// A compiled entry point and what it expects to be bound.
+pub struct Compiled {
+    pub words: Vec<u32>,
+    /// Name, group and binding of every buffer the entry point uses.
+    pub bindings: Vec<(String, u32, u32)>,
+    /// Bytes of immediates, 0 without any.
+    pub constants_size: u32,
+    /// Threads a workgroup.
+    pub workgroup: u32,
+}
+
+/// Compiles `entry` of kernel file `file`, its override constants set to `constants` where it has them.
+pub fn compile(file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Result<Compiled> {
+    let (path, text) = source(file).ok_or_else(|| Error::Shader(format!("no kernel file named {file}")))?;
+    let composed = compose(path, text)?;
+    let (module, info) = composed.parse()?;
+    let wanted: HashMap<String, f64> = constants
+        .iter()
+        .filter(|(name, _)| module.overrides.iter().any(|(_, o)| o.name.as_deref() == Some(name)))
+        .map(|(name, value)| (name.to_string(), *value))
+        .collect();
+    let stage = Some((naga::ShaderStage::Compute, entry));
+    let (module, info) =
+        naga::back::pipeline_constants::process_overrides(&module, &info, stage, &wanted.into_iter().collect())
+            .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
+    let index = module
+        .entry_points
+        .iter()
+        .position(|e| e.name == entry)
+        .ok_or_else(|| Error::Shader(format!("shaders/{path}.wgsl has no entry point {entry}")))?;
+    let uses = info.get_entry_point(index);
+    let mut bindings = vec![];
+    let mut constants_size = 0;
+    for (handle, variable) in module.global_variables.iter() {
+        if uses[handle].is_empty() {
+            continue;
+        }
+        let name = variable.name.clone().unwrap_or_default();
+        match (&variable.binding, variable.space) {
+            (Some(b), _) => bindings.push((name, b.group, b.binding)),
+            (None, naga::AddressSpace::Immediate) => constants_size = module.types[variable.ty].inner.size(module.to_ctx()),
+            _ => {}
+        }
+    }
+    let pipeline = spv::PipelineOptions { shader_stage: naga::ShaderStage::Compute, entry_point: entry.to_string() };
+    let words = spv::write_vec(&module, &info, &writer_options(), Some(&pipeline))
+        .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
+    let workgroup = module.entry_points[index].workgroup_size[0];
+    Ok(Compiled { words: forbid_contraction(&words), bindings, constants_size, workgroup })
+}
+
+/// Spelled out because naga's defaults differ between debug and release builds.
+fn writer_options() -> spv::Options<'static> {
+    // Setting this makes every access checked; the images must not change (a test compares them).
+    let checked = std::env::var_os("TAUGATE_BOUNDS_CHECKS").is_some();
+    let policy = if checked { BoundsCheckPolicy::ReadZeroSkipWrite } else { BoundsCheckPolicy::Unchecked };
+    spv::Options {
+        lang_version: (1, 3),
+        flags: spv::WriterFlags::empty(),
+        bounds_check_policies: BoundsCheckPolicies { index: policy, buffer: policy, image_load: policy, binding_array: policy },
+        zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
+        force_loop_bounding: false,
+        emit_int_div_checks: false,
+        use_storage_input_output_16: false,
+        ..Default::default()
+    }
+}
+
+/// Decorates every float operation with NoContraction, which naga does not emit: a fused multiply-add at one of two
+/// triangles that share an edge would open a gap between them.
+fn forbid_contraction(words: &[u32]) -> Vec<u32> {
+    const HEADER: usize = 5;
+    const DECORATE: u32 = 71;
+    const NO_CONTRACTION: u32 = 42;
+    // FAdd, FSub, FMul, FDiv, VectorTimesScalar, VectorTimesMatrix, MatrixTimesVector, Dot.
+    const FLOAT_OPERATIONS: [u32; 8] = [129, 131, 133, 136, 142, 144, 145, 148];
+    let mut types_at = None;
+    let mut results = vec![];
+    let mut i = HEADER;
+    while i < words.len() {
+        let (length, operation) = ((words[i] >> 16) as usize, words[i] & 0xffff);
+        if types_at.is_none() && (19..=39).contains(&operation) {
+            types_at = Some(i);
+        }
+        if FLOAT_OPERATIONS.contains(&operation) {
+            results.push(words[i + 2]);
+        }
+        i += length.max(1);
+    }
+    let at = types_at.unwrap_or(words.len());
+    let mut out = words[..at].to_vec();
+    out.extend(results.into_iter().flat_map(|id| [(3 << 16) | DECORATE, id, NO_CONTRACTION]));
+    out.extend_from_slice(&words[at..]);
+    out
+}
