@@ -51,6 +51,20 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let mut warnings = Vec::new();
     let Experiment { render, .. } = experiment;
     let gate = gate(&experiment.gate, &mut warnings)?;
+    // What only the scene can mend names its file.
+    let unfit = |message: &str| Error::Scene {
+        path: experiment.scene.clone().unwrap_or_else(|| "the scene".into()),
+        message: message.into(),
+    };
+    if scene.cameras.is_empty() {
+        return Err(unfit("has no camera; add one and export it (in Blender: tick Cameras)"));
+    }
+    if emitting_nodes(scene).is_empty() {
+        return Err(unfit(
+            "has nothing that emits light; add a lamp, an emissive material or a beam node and export it (in Blender: \
+             tick Punctual Lights)",
+        ));
+    }
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let settings = Settings {
@@ -147,9 +161,6 @@ fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
 }
 
 fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {
-    if scene.cameras.is_empty() {
-        return Err(settings("the scene has no camera; add one and export it (in Blender: tick Cameras)"));
-    }
     let Some(name) = &table.camera else { return Ok(0) };
     scene.cameras.iter().position(|camera| camera.name == *name).ok_or_else(|| {
         let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
@@ -209,12 +220,6 @@ pub fn emitting_nodes(scene: &Scene) -> Vec<&str> {
 
 fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate) -> Result<Emitters> {
     let candidates = emitting_nodes(scene);
-    if candidates.is_empty() {
-        return Err(settings(
-            "nothing in the scene emits light; add a lamp, an emissive material or a beam node and export it \
-             (in Blender: tick Punctual Lights)",
-        ));
-    }
     let emitters = table.emitters.clone().unwrap_or(Emitters::Scene);
     if let Emitters::Nodes(names) = &emitters {
         if names.is_empty() {

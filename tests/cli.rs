@@ -111,8 +111,8 @@ fn bad_flags_are_refused_with_an_example() {
 #[test]
 fn bad_inputs_are_named() {
     let here = folder();
-    fails(here.path(), &["render", "no.glb", "-o", "a.exr"], 2, "no.glb: no such file");
-    fails(here.path(), &["info", "no.glb"], 2, "no.glb: no such file");
+    fails(here.path(), &["render", "no.glb", "-o", "a.exr"], 2, "no.glb: ");
+    fails(here.path(), &["info", "no.glb"], 2, "no.glb: ");
     fails(here.path(), &["render", "no.toml", "-o", "a.exr"], 2, "no.toml: ");
     fails(here.path(), &["render", "picture.jpg", "-o", "a.exr"], 2, "neither a scene");
     assert!(names(here.path()).is_empty(), "a failed render leaves nothing");
@@ -145,7 +145,10 @@ fn outputs_are_checked_before_anything_is_loaded() {
         ("no/such/folder/a.exr", "does not exist"),
         ("dir.exr", "not a plain file"),
         ("a.png", "must end in .exr"),
+        #[cfg(target_os = "linux")]
         ("/proc/a.exr", "cannot be written"),
+        #[cfg(target_os = "linux")]
+        ("/dev/full", "must end in .exr"),
     ] {
         fails(here.path(), &["render", "a.glb", "-o", output], 2, part);
     }

@@ -98,9 +98,9 @@ fn mistakes_name_the_flag_and_the_remedy() {
 #[test]
 fn a_scene_without_camera_or_light_is_refused() {
     let blind = Scene { cameras: vec![], ..scene() };
-    assert!(message("", &blind).contains("no camera"));
+    assert!(message("scene = 'r.glb'", &blind).contains("r.glb: has no camera"));
     let dark = Scene { lights: vec![], instances: vec![], ..scene() };
-    assert!(message("", &dark).contains("nothing in the scene emits"));
+    assert!(message("scene = 'r.glb'", &dark).contains("r.glb: has nothing that emits"));
 }
 
 #[test]
