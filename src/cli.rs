@@ -22,6 +22,7 @@ pub enum Command {
     Compare(CompareArgs),
     Info(InfoArgs),
     Devices(DevicesArgs),
+    Generate(GenerateArgs),
 }
 
 const RENDER_EXAMPLES: &str = "\
@@ -205,4 +206,16 @@ pub struct DevicesArgs {
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     pub json: bool,
+}
+
+/// Write one of the project's own scenes
+#[derive(Debug, Args)]
+pub struct GenerateArgs {
+    /// cornell-box, gated-sphere, door-ajar or cluttered-room
+    #[arg(value_name = "NAME")]
+    pub name: String,
+
+    /// Scene file to write (.glb)
+    #[arg(short, long, value_name = "FILE.glb", help_heading = "Output")]
+    pub output: PathBuf,
 }

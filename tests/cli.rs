@@ -51,7 +51,7 @@ fn write_exr(path: &Path, width: u32, height: u32, value: f32) {
 fn help_is_what_was_reviewed() {
     let here = folder();
     let mut help = String::new();
-    for command in ["", "render", "compare", "info", "devices"] {
+    for command in ["", "render", "compare", "info", "devices", "generate"] {
         let arguments: Vec<&str> = [command, "--help"].into_iter().filter(|a| !a.is_empty()).collect();
         let output = taugate(here.path(), &arguments);
         assert!(output.status.success());
@@ -195,4 +195,35 @@ fn compare_refuses_what_it_cannot_judge() {
     compare("nan.exr", "a.exr", "nan.exr: pixel 0,0 is NaN in R");
     compare("text.exr", "a.exr", "text.exr: ");
     compare("half.exr", "a.exr", "half.exr: ");
+}
+
+#[test]
+fn a_generated_scene_is_described_and_resolved() {
+    let here = folder();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    run(&["generate", "cornell-box", "-o", "box.glb"]);
+    let info = run(&["info", "box.glb"]);
+    for part in ["triangles", "bounds", "camera", "emitter", "materials"] {
+        assert!(info.contains(part), "{part} is missing in: {info}");
+    }
+    let config = run(&["render", "box.glb", "--depth", "1m..2m", "--resolution", "8x6", "--print-config"]);
+    assert!(config.contains("gate = \"2m..4m\"") && config.contains("resolution = \"8x6\""), "{config}");
+    std::fs::write(here.path().join("e.toml"), &config).unwrap();
+    assert_eq!(run(&["render", "e.toml", "--print-config"]), config, "a printed experiment says the same again");
+
+    fails(here.path(), &["generate", "palace", "-o", "p.glb"], 2, "choose one of cornell-box");
+    fails(here.path(), &["generate", "cornell-box", "-o", "p.obj"], 2, "must end in .glb");
+    let wrong = |flag: &str, value: &str, part: &str| {
+        fails(here.path(), &["render", "box.glb", "-o", "a.exr", flag, value], 2, part);
+    };
+    wrong("--camera", "nobody", "no camera is called 'nobody'; choose one of ");
+    wrong("--emitters", "nothing", "no node 'nothing' emits light; --emitters may name ");
+    wrong("--crop", "0,9999,0,5", "inside the image");
+    wrong("--spp", "0", "--spp is 0");
+    wrong("--gate", "100m+0.0001mm", "--force");
+    assert_eq!(names(here.path()), ["box.glb", "e.toml"]);
 }

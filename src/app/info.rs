@@ -10,7 +10,7 @@ use taugate::scene::{LightKind, Scene};
 use crate::cli::InfoArgs;
 
 pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
-    let scene = super::load_scene(&args.scene)?;
+    let scene = taugate::scene::gltf::load(&args.scene)?;
     super::print(&describe(&scene));
     Ok(ExitCode::SUCCESS)
 }

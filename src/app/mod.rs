@@ -2,16 +2,13 @@
 
 mod compare;
 mod devices;
+mod generate;
 mod info;
 mod progress;
 pub mod render;
 
 use std::io::Write;
-use std::path::Path;
 use std::process::ExitCode;
-
-use taugate::Error;
-use taugate::scene::Scene;
 
 use crate::cli::{Cli, Command};
 
@@ -21,16 +18,7 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Devices(args) => devices::run(&args),
-    }
-}
-
-/// Loads a glTF scene.
-fn load_scene(path: &Path) -> taugate::error::Result<Scene> {
-    let fail = |message: String| Err(Error::Scene { path: path.into(), message });
-    match std::fs::metadata(path) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => fail("no such file; check the name".into()),
-        Err(e) => fail(format!("cannot be read: {e}")),
-        Ok(_) => fail("this build cannot load scenes yet".into()),
+        Command::Generate(args) => generate::run(&args),
     }
 }
 

@@ -41,7 +41,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
 
     // Load the scene and settle what is to be done.
     let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
-    let scene = super::load_scene(&scene_path)?;
+    let scene = taugate::scene::gltf::load(&scene_path)?;
     let resolved = resolve::resolve(&experiment, &scene)?;
     let settings = &resolved.settings;
     let config = resolve::as_experiment(&experiment, settings, &scene);
