@@ -26,4 +26,4 @@ pub enum Error {
     File { path: PathBuf, message: String },
 }
 
-pub type Result<T> = std::result::Result<T, Error>;
+pub type Result<T, E = Error> = std::result::Result<T, E>;

@@ -8,15 +8,21 @@
 
 pub mod bvh;
 pub mod error;
+pub mod experiment;
+pub mod exr_file;
+pub mod files;
 pub mod film;
 pub mod generate;
 pub mod gpu;
 pub mod lightcone;
 pub mod metrics;
 pub mod oracle;
+pub mod png_file;
 pub mod render;
+pub mod resolve;
 pub mod scene;
 pub mod settings;
 pub mod units;
+pub mod values;
 
 pub use error::Error;

@@ -1,6 +1,39 @@
 //! What a render is asked to do, after flags, experiment file and scene have been merged. Nobody validates again after this.
 
+use std::fmt;
+use std::str::FromStr;
+
+use crate::error::{Error, Result};
 use crate::units::Gate;
+
+/// Samples a pixel when neither `spp` nor `time` is given.
+pub const DEFAULT_SPP: u32 = 64;
+/// Path segments at most. Long enough that a white room loses under 1 % of its light.
+pub const DEFAULT_MAX_DEPTH: u32 = 24;
+/// Light subpaths an iteration, M of the paper.
+pub const DEFAULT_LIGHT_PATHS: u32 = 50_000;
+/// Queries a shade point and tree, K of the paper.
+pub const DEFAULT_QUERIES: u32 = 1;
+/// Power buckets a node, B of the paper.
+pub const DEFAULT_BUCKETS: u32 = 8;
+pub const DEFAULT_SEED: u32 = 0;
+pub const DEFAULT_ESTIMATOR: Estimator = Estimator::LcsPaper;
+pub const DEFAULT_STRATEGIES: Strategies = Strategies::All;
+/// Pixels across when neither flags nor the camera say how many.
+pub const DEFAULT_WIDTH: u32 = 512;
+
+/// Pixels along one side at most.
+pub const MAX_SIDE: u32 = 16_384;
+/// Pixels in an image at most: 64 Mi.
+pub const MAX_PIXELS: u64 = 1 << 26;
+pub const MAX_SPP: u32 = 1 << 24;
+pub const MAX_DEPTH: u32 = 1_000;
+pub const MAX_LIGHT_PATHS: u32 = 1 << 24;
+pub const MAX_QUERIES: u32 = 64;
+/// The node layout has room for eight bucket powers.
+pub const MAX_BUCKETS: u32 = 8;
+/// A year, in seconds.
+pub const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 
 /// Which paths are formed and how connections are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -13,6 +46,19 @@ pub enum Estimator {
     LcsPaper,
 }
 
+impl Estimator {
+    pub const ALL: [Estimator; 3] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Estimator::Pt => "pt",
+            Estimator::Bdpt => "bdpt",
+            Estimator::LcsPaper => "lcs-paper",
+        }
+    }
+}
+
 /// Which (s, t) strategies take part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Strategies {
@@ -20,6 +66,18 @@ pub enum Strategies {
     All,
     /// The paper's s >= 1, t >= 2 (Sec. 6.1).
     Paper,
+}
+
+impl Strategies {
+    pub const ALL: [Strategies; 2] = [Strategies::All, Strategies::Paper];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Strategies::All => "all",
+            Strategies::Paper => "paper",
+        }
+    }
 }
 
 /// When a render stops.
@@ -85,4 +143,38 @@ pub struct Settings {
     /// Index into `Scene::cameras`.
     pub camera: usize,
     pub emitters: Emitters,
+}
+
+impl fmt::Display for Estimator {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Estimator {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Estimator> {
+        Estimator::ALL
+            .into_iter()
+            .find(|e| e.name() == text)
+            .ok_or_else(|| Error::Settings(format!("no estimator is called '{text}': choose pt, bdpt or lcs-paper")))
+    }
+}
+
+impl fmt::Display for Strategies {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Strategies {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Strategies> {
+        Strategies::ALL
+            .into_iter()
+            .find(|s| s.name() == text)
+            .ok_or_else(|| Error::Settings(format!("no set of strategies is called '{text}': choose all or paper")))
+    }
 }

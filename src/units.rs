@@ -1,5 +1,10 @@
 //! Travel times and ranges with their units: parsing and printing of gates.
 
+use std::fmt;
+use std::str::FromStr;
+
+use crate::error::{Error, Result};
+
 /// A half-open interval of travel time [lo, hi), in metres of optical path (c = 1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gate {
@@ -11,11 +16,354 @@ pub struct Gate {
 /// Speed of light in vacuum, metres per nanosecond (exact).
 pub const METRES_PER_NS: f64 = 0.299_792_458;
 
+/// Below this many f32 steps a gate is refused: its brightness would be wrong by several per cent.
+pub const REFUSED_ULPS: f64 = 16.0;
+/// Below this many f32 steps a gate is rendered with a warning.
+pub const COARSE_ULPS: f64 = 256.0;
+
+const HOW_TO_WRITE: &str = "write it like 12.5m..12.8m, 41.7ns..42.7ns, 12.65m+-0.15m or 12.5m+0.3m";
+
+/// How a gate compares with the resolution of f32 travel times at its far end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Resolution {
+    Fine,
+    /// Under [`COARSE_ULPS`] steps wide: rounding is visible in the brightness.
+    Coarse {
+        ulps: f64,
+    },
+    /// Under [`REFUSED_ULPS`] steps wide: mostly rounding.
+    TooThin {
+        ulps: f64,
+    },
+}
+
 impl Gate {
     /// Every travel time: the steady state.
     pub const OPEN: Gate = Gate { lo: 0.0, hi: f64::INFINITY };
 
     pub fn is_open(&self) -> bool {
         self.hi == f64::INFINITY && self.lo <= 0.0
+    }
+
+    /// The gate [lo, hi) in metres if some travel time can be inside. A negative `lo` is raised to 0, since no travel
+    /// time is negative; `hi` may be infinite.
+    pub fn new(lo: f64, hi: f64) -> Result<Gate> {
+        if lo.is_nan() || hi.is_nan() {
+            return Err(refuse("a gate cannot contain NaN", HOW_TO_WRITE));
+        }
+        if lo.is_infinite() {
+            return Err(refuse(
+                "a gate must begin at a finite travel time",
+                "only its end may be inf, like 12.5m..inf",
+            ));
+        }
+        if lo == hi {
+            return Err(refuse("the gate is empty: it ends where it begins", "give it a width, like 12.5m..12.8m"));
+        }
+        if hi < lo {
+            return Err(refuse("the gate is reversed: it ends before it begins", "swap the two, like 12.5m..12.8m"));
+        }
+        if hi <= 0.0 {
+            return Err(refuse("the gate ends at or before 0, where no light arrives", "end it later, like 0m..0.3m"));
+        }
+        Ok(Gate { lo: lo.max(0.0), hi })
+    }
+
+    /// A gate in optical path length or time: `A..B`, `CENTER+-HALF` or `A+WIDTH`, each with a unit. In `A..B` one side
+    /// may inherit the unit of the other, and `B` may be `inf`.
+    pub fn parse(text: &str) -> Result<Gate> {
+        let (lo, hi) = interval(text, "gate", HOW_TO_WRITE, &PATH_UNITS, PATH_UNIT_NAMES)?;
+        Gate::new(lo, hi)
+    }
+
+    /// A gate given as one-way range of a sensor beside the emitter: tau = 2 depth. Lengths only.
+    pub fn parse_depth(text: &str) -> Result<Gate> {
+        let example = "write it like 6.25m..6.4m";
+        let (lo, hi) = interval(text, "depth", example, &LENGTH_UNITS, LENGTH_UNIT_NAMES)?;
+        Gate::new(2.0 * lo, 2.0 * hi)
+    }
+
+    /// Compares the width with the distance of neighbouring f32 numbers at `hi`.
+    pub fn resolution(&self) -> Resolution {
+        if self.hi.is_infinite() {
+            return Resolution::Fine;
+        }
+        let hi = self.hi as f32;
+        let ulps = (self.hi - self.lo) / (f64::from(hi.next_up()) - f64::from(hi));
+        if ulps < REFUSED_ULPS || ulps.is_nan() {
+            Resolution::TooThin { ulps }
+        } else if ulps < COARSE_ULPS {
+            Resolution::Coarse { ulps }
+        } else {
+            Resolution::Fine
+        }
+    }
+
+    /// The gate as path, time and depth: `gate 12.5-12.8 m = 41.696-42.696 ns = 6.25-6.4 m depth`.
+    pub fn describe(&self) -> String {
+        if self.is_open() {
+            return "no gate (steady state)".into();
+        }
+        let path = span(self.lo, self.hi);
+        let time = span(self.lo / METRES_PER_NS, self.hi / METRES_PER_NS);
+        let depth = span(self.lo / 2.0, self.hi / 2.0);
+        format!("gate {path} m = {time} ns = {depth} m depth")
+    }
+}
+
+/// What [`Gate::parse`] reads back to the same bits.
+impl fmt::Display for Gate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.hi.is_infinite() {
+            true => write!(f, "{}m..inf", self.lo),
+            false => write!(f, "{}m..{}m", self.lo, self.hi),
+        }
+    }
+}
+
+impl FromStr for Gate {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Gate> {
+        Gate::parse(text)
+    }
+}
+
+/// A gate that was written as one-way range.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Depth(pub Gate);
+
+impl FromStr for Depth {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Depth> {
+        Gate::parse_depth(text).map(Depth)
+    }
+}
+
+impl fmt::Display for Depth {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Gate { lo: self.0.lo / 2.0, hi: self.0.hi / 2.0 }.fmt(f)
+    }
+}
+
+/// A unit's name and its size in metres of optical path.
+type Unit = (&'static str, f64);
+
+const LENGTH_UNITS: [Unit; 7] =
+    [("um", 1e-6), ("µm", 1e-6), ("μm", 1e-6), ("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("km", 1e3)];
+const LENGTH_UNIT_NAMES: &str = "um, mm, cm, m or km";
+const PATH_UNITS: [Unit; 12] = [
+    ("um", 1e-6),
+    ("µm", 1e-6),
+    ("μm", 1e-6),
+    ("mm", 1e-3),
+    ("cm", 1e-2),
+    ("m", 1.0),
+    ("km", 1e3),
+    ("ps", 1e-3 * METRES_PER_NS),
+    ("ns", METRES_PER_NS),
+    ("us", 1e3 * METRES_PER_NS),
+    ("µs", 1e3 * METRES_PER_NS),
+    ("μs", 1e3 * METRES_PER_NS),
+];
+const PATH_UNIT_NAMES: &str = "um, mm, cm, m or km (optical path), ps, ns or us (time)";
+
+/// A number and, where one was written, its unit.
+struct Quantity {
+    value: f64,
+    unit: Option<f64>,
+}
+
+/// Both ends in metres, not yet checked against each other.
+fn interval(text: &str, what: &str, example: &str, units: &[Unit], unit_names: &str) -> Result<(f64, f64)> {
+    let text = text.trim();
+    let quantity = |side: &str| quantity(side, text, example, units, unit_names);
+    let no_unit = || Error::Settings(format!("the {what} '{text}' has no unit: add {unit_names}; {example}"));
+
+    // Longest separators first, so that `+-` is not taken for the `+` of a width.
+    if let Some((a, b)) = text.split_once("..") {
+        let (a, b) = (quantity(a)?, quantity(b)?);
+        let unit_a = a.unit.or(b.unit).ok_or_else(no_unit)?;
+        let unit_b = b.unit.or(a.unit).ok_or_else(no_unit)?;
+        return Ok((a.value * unit_a, b.value * unit_b));
+    }
+    if let Some((centre, half)) = text.split_once("+-").or_else(|| text.split_once('±')) {
+        let (centre, half) = (quantity(centre)?, quantity(half)?);
+        let centre_m = centre.value * centre.unit.or(half.unit).ok_or_else(no_unit)?;
+        let half_m = half.value * half.unit.or(centre.unit).ok_or_else(no_unit)?;
+        return Ok((centre_m - half_m, centre_m + half_m));
+    }
+    if let Some((a, width)) = split_at_width(text) {
+        let (a, width) = (quantity(a)?, quantity(width)?);
+        let a_m = a.value * a.unit.or(width.unit).ok_or_else(no_unit)?;
+        let width_m = width.value * width.unit.or(a.unit).ok_or_else(no_unit)?;
+        return Ok((a_m, a_m + width_m));
+    }
+    Err(Error::Settings(format!("'{text}' is not an interval of travel time; {example}")))
+}
+
+/// Splits at the first `+` that is neither a leading sign nor part of an exponent such as 1e+3.
+fn split_at_width(text: &str) -> Option<(&str, &str)> {
+    let at = text.char_indices().find(|&(i, c)| c == '+' && i > 0 && !text[..i].ends_with(['e', 'E']))?.0;
+    Some((&text[..at], &text[at + 1..]))
+}
+
+fn quantity(side: &str, text: &str, example: &str, units: &[Unit], unit_names: &str) -> Result<Quantity> {
+    let side = side.trim();
+    if side.is_empty() {
+        return Err(Error::Settings(format!("the interval '{text}' lacks an end; {example}, or 12.5m..inf")));
+    }
+    if side.eq_ignore_ascii_case("inf") {
+        // Infinity is the same in every unit but does not lend one to the other side.
+        return Ok(Quantity { value: f64::INFINITY, unit: None });
+    }
+
+    let letters = side.find(|c: char| !matches!(c, '0'..='9' | '.' | '+' | '-' | 'e' | 'E')).unwrap_or(side.len());
+    let (number, unit) = (side[..letters].trim(), side[letters..].trim());
+    let value: f64 = number
+        .parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite())
+        .ok_or_else(|| Error::Settings(format!("'{side}' in '{text}' is not a number with a unit; {example}")))?;
+    if unit.is_empty() {
+        return Ok(Quantity { value, unit: None });
+    }
+    let unit = units.iter().find(|(name, _)| *name == unit).map(|(_, metres)| *metres).ok_or_else(|| {
+        Error::Settings(format!("'{unit}' in '{text}' is not a unit that fits here: use {unit_names}; {example}"))
+    })?;
+    Ok(Quantity { value, unit: Some(unit) })
+}
+
+fn refuse(what: &str, remedy: &str) -> Error {
+    Error::Settings(format!("{what}; {remedy}"))
+}
+
+/// `lo-hi` with as many decimals as show the width to three digits, at least three.
+fn span(lo: f64, hi: f64) -> String {
+    let width = if hi.is_finite() { hi - lo } else { lo };
+    let decimals = (2.0 - width.log10().floor()).clamp(3.0, 12.0) as usize;
+    let show = |v: f64| {
+        let text = format!("{v:.decimals$}");
+        match text.contains('.') {
+            true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
+            false => text,
+        }
+    };
+    format!("{}-{}", show(lo), show(hi))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NS: f64 = METRES_PER_NS;
+
+    #[test]
+    fn good_gates() {
+        let table = [
+            ("12.5m..12.8m", 12.5, 12.8),
+            ("12.5..12.8m", 12.5, 12.8),
+            ("12.5m..12.8", 12.5, 12.8),
+            ("  12.5 m .. 12.8 m ", 12.5, 12.8),
+            ("0..30cm", 0.0, 0.3),
+            ("1500mm..2m", 1.5, 2.0),
+            ("1e3mm..1.5e+0m", 1.0, 1.5),
+            ("0.5km..501m", 500.0, 501.0),
+            ("250um..1mm", 250e-6, 1e-3),
+            ("10ns..11ns", 10.0 * NS, 11.0 * NS),
+            ("10..11ns", 10.0 * NS, 11.0 * NS),
+            ("500ps..1ns", 0.5 * NS, NS),
+            ("1us..1.5us", 1000.0 * NS, 1500.0 * NS),
+            ("1µs..1.5μs", 1000.0 * NS, 1500.0 * NS),
+            ("12.65m+-0.15m", 12.5, 12.8),
+            ("12.65m±15cm", 12.5, 12.8),
+            ("12.65+-0.15m", 12.5, 12.8),
+            ("1e1m+-5e-1m", 9.5, 10.5),
+            ("12.5m+0.3m", 12.5, 12.8),
+            ("12.5m+30cm", 12.5, 12.8),
+            ("1e+1m+1e+0m", 10.0, 11.0),
+            ("0.1m+-0.2m", 0.0, 0.3),
+            ("12.5m..inf", 12.5, f64::INFINITY),
+            ("0m..inf", 0.0, f64::INFINITY),
+        ];
+        for (text, lo, hi) in table {
+            let gate = Gate::parse(text).unwrap_or_else(|e| panic!("{text}: {e}"));
+            assert!((gate.lo - lo).abs() <= 1e-12 * (1.0 + lo), "{text}: {gate:?}");
+            assert!(gate.hi == hi || (gate.hi - hi).abs() <= 1e-12 * hi, "{text}: {gate:?}");
+            assert_eq!(Gate::parse(&gate.to_string()).unwrap(), gate, "{text} does not survive printing");
+        }
+    }
+
+    #[test]
+    fn bad_gates() {
+        let table = [
+            ("12.5..12.8", "no unit"),
+            ("12.5+-0.3", "no unit"),
+            ("12.5+0.3", "no unit"),
+            ("5..inf", "no unit"),
+            ("12.5m", "not an interval"),
+            ("", "not an interval"),
+            ("12.5m..", "lacks an end"),
+            ("..12.5m", "lacks an end"),
+            ("12.5m..12.5m", "empty"),
+            ("12.5m+-0m", "empty"),
+            ("12.5m+0m", "empty"),
+            ("12.8m..12.5m", "reversed"),
+            ("12.5m+-(-1m)", "not a number"),
+            ("12m+-inf", "begin at a finite"),
+            ("inf..12m", "begin at a finite"),
+            ("nanm..12m", "not a number"),
+            ("1m..NaN", "not a number"),
+            ("1e999m..2m", "not a number"),
+            ("-3m..-1m", "at or before 0"),
+            ("-3m..0m", "at or before 0"),
+            ("1furlong..2m", "'furlong'"),
+            ("1s..2s", "'s'"),
+            ("1M..2M", "'M'"),
+            ("1m..2m..3m", "not a unit"),
+            ("1..2..3m", "not a number"),
+            ("one..two", "not a number"),
+        ];
+        for (text, part) in table {
+            let message = Gate::parse(text).expect_err(text).to_string();
+            assert!(message.contains(part), "{text}: {message}");
+            assert!(message.contains("m.."), "{text}: no example in: {message}");
+        }
+    }
+
+    #[test]
+    fn depth_is_half_the_path_and_a_length() {
+        assert_eq!(Gate::parse_depth("6.25m..6.4m").unwrap(), Gate { lo: 12.5, hi: 12.8 });
+        assert_eq!(Gate::parse_depth("20m..25m").unwrap(), Gate { lo: 40.0, hi: 50.0 });
+        let message = Gate::parse_depth("10ns..11ns").unwrap_err().to_string();
+        assert!(message.contains("'ns'") && message.contains("6.25m..6.4m"), "{message}");
+        assert!(Gate::parse_depth("1..2").is_err());
+    }
+
+    #[test]
+    fn the_gate_is_described_in_three_units() {
+        let gate = Gate { lo: 12.5, hi: 12.8 };
+        assert_eq!(gate.describe(), "gate 12.5-12.8 m = 41.696-42.696 ns = 6.25-6.4 m depth");
+        assert_eq!(Gate::OPEN.describe(), "no gate (steady state)");
+        assert_eq!(
+            Gate { lo: 100.0, hi: f64::INFINITY }.describe(),
+            "gate 100-inf m = 333.564-inf ns = 50-inf m depth"
+        );
+        let thin = Gate::parse("1m+0.1mm").unwrap().describe();
+        assert!(thin.starts_with("gate 1-1.0001 m = 3.335641-3.335975 ns"), "{thin}");
+    }
+
+    #[test]
+    fn thin_gates_are_told_apart_by_f32_steps() {
+        // One f32 step in [8, 16) is 2^-20.
+        let step = 1.0 / f64::from(1 << 20);
+        let wide = |n: f64| Gate { lo: 12.5, hi: 12.5 + n * step }.resolution();
+        assert_eq!(wide(256.0), Resolution::Fine);
+        assert_eq!(wide(255.0), Resolution::Coarse { ulps: 255.0 });
+        assert_eq!(wide(16.0), Resolution::Coarse { ulps: 16.0 });
+        assert_eq!(wide(15.0), Resolution::TooThin { ulps: 15.0 });
+        assert_eq!(Gate::OPEN.resolution(), Resolution::Fine);
+        assert!(matches!(Gate { lo: 0.0, hi: 1e300 }.resolution(), Resolution::TooThin { .. }));
     }
 }

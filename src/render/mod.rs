@@ -62,7 +62,7 @@ impl Renderer {
         let light = LightTracer::new(device, &scene, &plan)?;
         stats.scene_bytes = scene.bytes();
         stats.triangles = geometry.triangles.len() as u64;
-        let film = Film::new(settings.crop.width() as usize, settings.crop.height() as usize);
+        let film = Film::new(settings.crop.width(), settings.crop.height());
         let device = device.clone();
         Ok(Renderer { device, plan, scene, emitters, light, sensor: None, film, stats, iteration: 0, first_sample: 0 })
     }

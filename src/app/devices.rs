@@ -1,0 +1,49 @@
+//! `taugate devices`: what can render, and its limits.
+
+use std::process::ExitCode;
+
+use taugate::gpu::{Device, DeviceInfo};
+
+use crate::cli::DevicesArgs;
+
+pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
+    let devices = Device::list()?;
+    if args.json {
+        let json: Vec<_> = devices.iter().enumerate().map(|(index, device)| as_json(index, device)).collect();
+        super::print(&format!("{}\n", serde_json::to_string_pretty(&json)?));
+        return Ok(ExitCode::SUCCESS);
+    }
+    for (index, device) in devices.iter().enumerate() {
+        super::print(&format!(
+            "{index}: {}{}\n   driver {}, Vulkan {}, subgroups of {}\n   memory {}; one allocation {}, one storage buffer \
+             {}\n",
+            device.name,
+            if device.is_cpu { " (software)" } else { "" },
+            device.driver,
+            device.api_version,
+            device.subgroup_size,
+            mebibytes(device.heap_bytes),
+            mebibytes(device.max_allocation),
+            mebibytes(device.max_storage_buffer_range),
+        ));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn as_json(index: usize, device: &DeviceInfo) -> serde_json::Value {
+    serde_json::json!({
+        "index": index,
+        "name": device.name,
+        "driver": device.driver,
+        "api_version": device.api_version,
+        "is_cpu": device.is_cpu,
+        "heap_bytes": device.heap_bytes,
+        "max_allocation": device.max_allocation,
+        "max_storage_buffer_range": device.max_storage_buffer_range,
+        "subgroup_size": device.subgroup_size,
+    })
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{} MiB", bytes >> 20)
+}

@@ -1,0 +1,22 @@
+//! `taugate generate`: the project's own scenes as files.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use taugate::Error;
+use taugate::files::write_atomically;
+use taugate::generate::{Kind, scene};
+
+use crate::cli::GenerateArgs;
+
+pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
+    let GenerateArgs { name, output } = args;
+    let kind = Kind::parse(name).ok_or_else(|| {
+        Error::Settings(format!("no scene is called '{name}'; choose one of {}", Kind::NAMES.join(", ")))
+    })?;
+    if !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
+        return Err(Error::Settings(format!("the output {} must end in .glb", output.display())).into());
+    }
+    write_atomically(output, |writer| writer.write_all(&scene(kind)))?;
+    Ok(ExitCode::SUCCESS)
+}

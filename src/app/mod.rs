@@ -1,0 +1,28 @@
+//! The commands. Only here and in `main` is anything printed: results to stdout, everything else to stderr.
+
+mod compare;
+mod devices;
+mod generate;
+mod info;
+mod progress;
+pub mod render;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use crate::cli::{Cli, Command};
+
+pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
+    match cli.command {
+        Command::Render(args) => render::run(*args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Devices(args) => devices::run(&args),
+        Command::Generate(args) => generate::run(&args),
+    }
+}
+
+/// Prints a result. A reader that closed the pipe, such as `head`, has seen enough.
+fn print(text: &str) {
+    let _ = std::io::stdout().lock().write_all(text.as_bytes());
+}

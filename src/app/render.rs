@@ -1,0 +1,270 @@
+//! `taugate render`: from the command line to the files.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+use taugate::error::Result;
+use taugate::experiment::Experiment;
+use taugate::exr_file::{self, Provenance};
+use taugate::files::{check_writable, write_atomically};
+use taugate::gpu::Device;
+use taugate::render::{Renderer, Stats};
+use taugate::resolve::{self, Outputs};
+use taugate::settings::{Budget, Settings};
+use taugate::{Error, png_file};
+
+use super::progress::{Position, Progress, duration, rays};
+use crate::cli::RenderArgs;
+
+/// Samples a pixel and iteration at most.
+const MOST_SAMPLES: u32 = 8;
+/// Iterations that a budget is divided into at least, so that there are batches for the variance.
+const BATCHES: u32 = 16;
+
+/// Non-finite samples under --strict.
+#[derive(Debug, thiserror::Error)]
+#[error("{dropped} samples were not finite, and --strict was given; no image was written. Without it they count as 0")]
+pub struct NotFinite {
+    dropped: u64,
+}
+
+pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
+    let (quiet, print_config) = (args.quiet, args.print_config);
+    let experiment = read_experiment(args)?;
+    if !print_config {
+        check_outputs(&resolve::outputs(&experiment)?)?;
+    }
+
+    // Load the scene and settle what is to be done.
+    let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
+    let scene = taugate::scene::gltf::load(&scene_path)?;
+    let resolved = resolve::resolve(&experiment, &scene)?;
+    let settings = &resolved.settings;
+    let config = resolve::as_experiment(&experiment, settings, &scene);
+    if print_config {
+        super::print(&config.to_toml());
+        return Ok(ExitCode::SUCCESS);
+    }
+    let outputs = resolve::outputs(&experiment)?;
+
+    // Prepare the device.
+    let mut progress = Progress::new(quiet);
+    for warning in scene.warnings.iter().chain(&resolved.warnings) {
+        progress.line(&format!("warning: {warning}"));
+    }
+    let started = Instant::now();
+    let device = Device::open(experiment.render.device.as_deref())?;
+    let mut renderer = Renderer::new(&device, &scene, settings)?;
+    let prepared = started.elapsed();
+
+    // Render.
+    let stop = stop_on_interrupt()?;
+    let strict = experiment.render.strict.unwrap_or(false);
+    let rendering = Instant::now();
+    let rendered = iterate(&mut renderer, settings, strict, &stop, &mut progress);
+    progress.finish();
+    rendered?;
+    let elapsed = rendering.elapsed();
+    let interrupted = stop.load(Ordering::Relaxed);
+    if interrupted && renderer.film().samples() == 0 {
+        progress.line("interrupted before the first image; nothing was written");
+        return Ok(ExitCode::from(130));
+    }
+
+    // Write.
+    let provenance = Provenance {
+        resolution: settings.resolution,
+        crop: settings.crop,
+        gate: settings.gate,
+        seed: settings.seed,
+        seconds: elapsed.as_secs_f64(),
+        settings: Experiment { output: Default::default(), ..config }.to_toml(),
+    };
+    write(&outputs, &renderer, &provenance, prepared)?;
+    summarise(&renderer, settings, elapsed, &outputs, &progress);
+    Ok(ExitCode::from(if interrupted { 130 } else { 0 }))
+}
+
+/// What was typed, over the experiment file if one was named. Names a scene.
+fn read_experiment(args: RenderArgs) -> Result<Experiment> {
+    let input = args.input.clone();
+    let mut typed = args.into_experiment();
+    let extension = input.extension().unwrap_or_default().to_ascii_lowercase();
+    if extension == "toml" {
+        let experiment = typed.over(Experiment::read(&input)?);
+        if experiment.scene.is_none() {
+            let message = "names no scene; add a first line like scene = \"room.glb\"".into();
+            return Err(Error::File { path: input, message });
+        }
+        return Ok(experiment);
+    }
+    if extension != "glb" && extension != "gltf" {
+        let message = "is neither a scene (.glb, .gltf) nor an experiment (.toml)".into();
+        return Err(Error::File { path: input, message });
+    }
+    typed.scene = Some(input);
+    Ok(typed)
+}
+
+/// An hour of rendering should not end in a folder that cannot be written to.
+fn check_outputs(outputs: &Outputs) -> Result<()> {
+    files(outputs).try_for_each(|path| check_writable(path))
+}
+
+fn files(outputs: &Outputs) -> impl Iterator<Item = &PathBuf> {
+    [Some(&outputs.exr), outputs.png.as_ref(), outputs.stats.as_ref()].into_iter().flatten()
+}
+
+/// The first interrupt ends the render after the running iteration, the second at once.
+fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = stop.clone();
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })?;
+    Ok(stop)
+}
+
+/// Adds iterations until the budget is used or somebody interrupts.
+fn iterate(
+    renderer: &mut Renderer,
+    settings: &Settings,
+    strict: bool,
+    stop: &AtomicBool,
+    progress: &mut Progress,
+) -> anyhow::Result<()> {
+    let started = Instant::now();
+    loop {
+        let samples = next_samples(&settings.budget, renderer.film().samples(), started.elapsed());
+        if samples == 0 || stop.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        renderer.iterate(samples)?;
+        let dropped = renderer.stats().dropped;
+        if strict && dropped > 0 {
+            return Err(NotFinite { dropped }.into());
+        }
+        progress.update(&position(renderer, started.elapsed()), &settings.budget);
+    }
+}
+
+fn position(renderer: &Renderer, elapsed: Duration) -> Position {
+    Position { samples: renderer.film().samples(), elapsed, rays: renderer.stats().rays() }
+}
+
+/// Samples a pixel in the next iteration; 0 when the budget is used. A budget of samples is cut the same way on every
+/// machine; one of time begins with a single sample and learns from what it took.
+fn next_samples(budget: &Budget, done: u64, elapsed: Duration) -> u32 {
+    match *budget {
+        Budget::Spp(spp) => {
+            let left = u64::from(spp).saturating_sub(done).min(u64::from(u32::MAX)) as u32;
+            left.min((spp / BATCHES).clamp(1, MOST_SAMPLES))
+        }
+        Budget::Seconds(_) if done == 0 => 1,
+        Budget::Seconds(seconds) if elapsed.as_secs_f64() >= seconds => 0,
+        Budget::Seconds(seconds) => {
+            let each = elapsed.as_secs_f64() / done as f64;
+            ((seconds / f64::from(BATCHES) / each) as u32).clamp(1, MOST_SAMPLES)
+        }
+    }
+}
+
+/// What --stats writes.
+#[derive(Serialize)]
+struct Report<'a> {
+    version: String,
+    gate: String,
+    samples_per_pixel: u64,
+    iterations: u32,
+    /// Device, upload and kernels.
+    prepare_seconds: f64,
+    render_seconds: f64,
+    rays_per_second: f64,
+    settings: &'a str,
+    renderer: &'a Stats,
+}
+
+fn write(outputs: &Outputs, renderer: &Renderer, provenance: &Provenance, prepared: Duration) -> Result<()> {
+    let film = renderer.film();
+    exr_file::write(&outputs.exr, film, provenance)?;
+    if let Some(path) = &outputs.png {
+        png_file::write(path, film.width(), film.height(), &film.mean())?;
+    }
+    if let Some(path) = &outputs.stats {
+        let report = Report {
+            version: exr_file::version(),
+            gate: provenance.gate.to_string(),
+            samples_per_pixel: film.samples(),
+            iterations: film.iterations(),
+            prepare_seconds: prepared.as_secs_f64(),
+            render_seconds: provenance.seconds,
+            rays_per_second: position(renderer, Duration::from_secs_f64(provenance.seconds)).rays_per_second(),
+            settings: &provenance.settings,
+            renderer: renderer.stats(),
+        };
+        write_atomically(path, |writer| Ok(serde_json::to_writer_pretty(writer, &report)?))?;
+    }
+    Ok(())
+}
+
+/// The one line at the end, and what else must not be missed.
+fn summarise(renderer: &Renderer, settings: &Settings, elapsed: Duration, outputs: &Outputs, progress: &Progress) {
+    let (film, dropped) = (renderer.film(), renderer.stats().dropped);
+    if dropped > 0 {
+        progress.line(&format!("warning: {dropped} samples were not finite and count as 0"));
+    }
+    if film.mean().iter().all(|&v| v == 0.0) {
+        progress
+            .line("warning: the image is black: taugate info shows when light arrives and which emitters there are");
+    }
+    let position = position(renderer, elapsed);
+    let names: Vec<String> = files(outputs).map(|path| path.display().to_string()).collect();
+    progress.line(&format!(
+        "{}: {}x{}, {}, {}, {} samples a pixel in {}, {}",
+        names.join(", "),
+        film.width(),
+        film.height(),
+        settings.gate.describe(),
+        settings.estimator,
+        film.samples(),
+        duration(elapsed.as_secs_f64()),
+        rays(position.rays_per_second()),
+    ));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_budget_is_used_exactly_and_in_batches() {
+        for (spp, iterations) in [(1, 1), (7, 7), (16, 16), (64, 16), (100, 17), (128, 16), (1000, 125)] {
+            let (mut done, mut count) = (0, 0);
+            loop {
+                let next = next_samples(&Budget::Spp(spp), done, Duration::ZERO);
+                if next == 0 {
+                    break;
+                }
+                done += u64::from(next);
+                count += 1;
+            }
+            assert_eq!((done, count), (u64::from(spp), iterations), "{spp} samples");
+        }
+    }
+
+    #[test]
+    fn a_time_budget_renders_once_at_least_and_then_fits() {
+        let budget = Budget::Seconds(16.0);
+        assert_eq!(next_samples(&budget, 0, Duration::from_secs(99)), 1);
+        assert_eq!(next_samples(&budget, 1, Duration::from_millis(250)), 4);
+        assert_eq!(next_samples(&budget, 1, Duration::from_secs(3)), 1);
+        assert_eq!(next_samples(&budget, 1000, Duration::from_secs(1)), 8);
+        assert_eq!(next_samples(&budget, 5, Duration::from_secs(16)), 0);
+    }
+}

@@ -1,0 +1,221 @@
+//! What can be typed: subcommands and flags. What they mean is settled in `taugate::resolve`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+use taugate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, OutputTable, Png, RenderTable};
+use taugate::settings::{Crop, Emitters, Estimator, Strategies};
+use taugate::units::{Depth, Gate};
+use taugate::values::{Resolution, Seconds};
+
+/// Renders what a time-gated sensor sees: only the light whose travel time falls inside a gate.
+#[derive(Debug, Parser)]
+#[command(name = "taugate", version, term_width = 100, disable_help_subcommand = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Render(Box<RenderArgs>),
+    Compare(CompareArgs),
+    Info(InfoArgs),
+    Devices(DevicesArgs),
+    Generate(GenerateArgs),
+}
+
+const RENDER_EXAMPLES: &str = "\
+Examples:
+  taugate render room.glb -o room.exr --png
+  taugate render room.glb -o gated.exr --gate 12.5m..12.8m --spp 256
+  taugate render room.glb -o gated.exr --gate 42.2ns+-0.5ns --emitters beam --time 30s
+  taugate render experiment.toml --seed 7
+
+Exit codes: 0 done, 2 wrong input or file, 3 non-finite samples with --strict, 4 device,
+130 interrupted (the image so far is written)";
+
+/// Render a scene, gated or steady
+#[derive(Debug, Args)]
+#[command(after_help = RENDER_EXAMPLES)]
+pub struct RenderArgs {
+    /// A scene (.glb, .gltf), or an experiment (.toml) whose keys are these flags
+    #[arg(value_name = "SCENE|EXPERIMENT")]
+    pub input: PathBuf,
+
+    /// Camera of the file to look through [default: the first]
+    #[arg(long, value_name = "NAME", help_heading = "Scene")]
+    camera: Option<String>,
+
+    /// What shines: scene for everything that emits, or names of nodes
+    #[arg(long, value_name = "scene|NODE,...", help_heading = "Scene")]
+    emitters: Option<Emitters>,
+
+    /// Image size in pixels [default: what the camera says, else 512 wide]
+    #[arg(long, value_name = "WxH", help_heading = "Scene")]
+    resolution: Option<Resolution>,
+
+    /// Render only the pixels x0 <= x < x1, y0 <= y < y1, with the values they have in the whole image
+    #[arg(long, value_name = "x0,x1,y0,y1", help_heading = "Scene")]
+    crop: Option<Crop>,
+
+    /// Travel times that count, half-open: A..B, CENTER+-HALF or A+WIDTH with um, mm, cm, m, km (optical path) or
+    /// ps, ns, us (time), such as 12.5m..12.8m [default: all, the steady state]
+    #[arg(long, value_name = "A..B", help_heading = "Gate", allow_hyphen_values = true)]
+    gate: Option<Gate>,
+
+    /// The gate as one-way range: half the optical path, lengths only
+    #[arg(long, value_name = "A..B", help_heading = "Gate", conflicts_with = "gate", allow_hyphen_values = true)]
+    depth: Option<Depth>,
+
+    /// Render a gate that is thinner than 16 steps of 32-bit travel times
+    #[arg(long, help_heading = "Gate")]
+    force: bool,
+
+    /// How paths are found: pt (path tracing), bdpt (bidirectional), lcs-paper (light-cone shell queries)
+    /// [default: lcs-paper]
+    #[arg(long, value_name = "NAME", help_heading = "Sampling")]
+    estimator: Option<Estimator>,
+
+    /// Samples a pixel [default: 64]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    spp: Option<u32>,
+
+    /// Render for this long instead, such as 30s, 5min or 2h
+    #[arg(long, value_name = "DURATION", help_heading = "Sampling", conflicts_with = "spp")]
+    time: Option<Seconds>,
+
+    /// Same seed, same image, to the bit [default: 0]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    seed: Option<u32>,
+
+    /// Most segments of a path [default: 24]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    max_depth: Option<u32>,
+
+    /// Light subpaths an iteration [default: 50000]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    light_paths: Option<u32>,
+
+    /// Tree queries a shade point, 1 to 64 [default: 1]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    queries: Option<u32>,
+
+    /// Temporal power buckets a tree node, 1 to 8 [default: 8]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    buckets: Option<u32>,
+
+    /// Ways to join subpaths: all, or those of the paper (no emitter hit by chance, none seen by the sensor directly)
+    /// [default: all]
+    #[arg(long, value_name = "all|paper", help_heading = "Sampling")]
+    strategies: Option<Strategies>,
+
+    /// Also follow subpaths that can no longer meet the gate; same image on average, slower
+    #[arg(long, help_heading = "Sampling")]
+    no_cull: bool,
+
+    /// Image file (.exr): R, G, B, their variance and the settings
+    #[arg(short, long, value_name = "OUT.exr", help_heading = "Output")]
+    output: Option<PathBuf>,
+
+    /// Also write a tone-mapped picture [default name: the output with .png]
+    #[arg(long, value_name = "FILE.png", num_args = 0..=1, help_heading = "Output")]
+    png: Option<Option<PathBuf>>,
+
+    /// Also write numbers about the render: rays, times, dropped samples
+    #[arg(long, value_name = "FILE.json", help_heading = "Output")]
+    stats: Option<PathBuf>,
+
+    /// Print nothing but errors
+    #[arg(short, long, help_heading = "Output")]
+    pub quiet: bool,
+
+    /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind]
+    #[arg(long, value_name = "INDEX|NAME", help_heading = "Diagnostics")]
+    device: Option<String>,
+
+    /// Fail on the first sample that is not finite, instead of dropping and counting it
+    #[arg(long, help_heading = "Diagnostics")]
+    strict: bool,
+
+    /// Print all settings as an experiment file and stop
+    #[arg(long, help_heading = "Diagnostics")]
+    pub print_config: bool,
+}
+
+impl RenderArgs {
+    /// The flags as an experiment; `scene` is left to the caller, who knows what `input` is.
+    pub fn into_experiment(self) -> Experiment {
+        let png = self.png.map(|file| file.map_or(Png::Wanted(true), Png::File));
+        Experiment {
+            camera: CameraTable { camera: self.camera, resolution: self.resolution, crop: self.crop },
+            emitter: EmitterTable { emitters: self.emitters },
+            gate: GateTable { gate: self.gate, depth: self.depth, force: self.force.then_some(true) },
+            render: RenderTable {
+                estimator: self.estimator,
+                strategies: self.strategies,
+                spp: self.spp,
+                time: self.time,
+                seed: self.seed,
+                max_depth: self.max_depth,
+                light_paths: self.light_paths,
+                queries: self.queries,
+                buckets: self.buckets,
+                no_cull: self.no_cull.then_some(true),
+                device: self.device,
+                strict: self.strict.then_some(true),
+            },
+            output: OutputTable { output: self.output, png, stats: self.stats },
+            ..Experiment::default()
+        }
+    }
+}
+
+/// Measure the error of an image against a reference
+#[derive(Debug, Args)]
+#[command(after_help = "Exit codes: 0 compared (and within the threshold), 1 above the threshold, 2 error")]
+pub struct CompareArgs {
+    /// The image to judge
+    #[arg(value_name = "A.exr")]
+    pub image: PathBuf,
+
+    /// The reference, of the same size
+    #[arg(value_name = "REF.exr")]
+    pub reference: PathBuf,
+
+    /// Exit with 1 if relMSE is above this
+    #[arg(long, value_name = "X", help_heading = "Output")]
+    pub max_relmse: Option<f64>,
+
+    /// Print JSON
+    #[arg(long, help_heading = "Output")]
+    pub json: bool,
+}
+
+/// Say what is in a scene: triangles, bounds, cameras, emitters, materials
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// The scene (.glb, .gltf)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+}
+
+/// List Vulkan devices and the limits that matter
+#[derive(Debug, Args)]
+pub struct DevicesArgs {
+    /// Print JSON
+    #[arg(long, help_heading = "Output")]
+    pub json: bool,
+}
+
+/// Write one of the project's own scenes
+#[derive(Debug, Args)]
+pub struct GenerateArgs {
+    /// cornell-box, gated-sphere, door-ajar or cluttered-room
+    #[arg(value_name = "NAME")]
+    pub name: String,
+
+    /// Scene file to write (.glb)
+    #[arg(short, long, value_name = "FILE.glb", help_heading = "Output")]
+    pub output: PathBuf,
+}

@@ -1,0 +1,308 @@
+//! The experiment file: what to render and how, as TOML. Every key has the name of its flag.
+//!
+//! The same structure carries what was typed on the command line, so that flags are laid over the file by
+//! [`Experiment::over`] and the resolved settings of a render are printed as an experiment that renders the same again.
+
+use std::path::{Path, PathBuf};
+
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::error::{Error, Result};
+use crate::settings::{Crop, Emitters, Estimator, Strategies};
+use crate::units::{Depth, Gate};
+use crate::values::{Resolution, Seconds};
+
+/// Experiment files are a page of text; anything larger is some other file.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// What was asked for. `None` means that nothing was said.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Experiment {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<PathBuf>,
+    pub camera: CameraTable,
+    pub emitter: EmitterTable,
+    pub gate: GateTable,
+    pub render: RenderTable,
+    pub output: OutputTable,
+    #[serde(skip_serializing)]
+    pub medium: Medium,
+}
+
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct CameraTable {
+    pub camera: Option<String>,
+    pub resolution: Option<Resolution>,
+    pub crop: Option<Crop>,
+}
+
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct EmitterTable {
+    pub emitters: Option<Emitters>,
+}
+
+/// At most one of the two.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct GateTable {
+    pub gate: Option<Gate>,
+    pub depth: Option<Depth>,
+    pub force: Option<bool>,
+}
+
+/// At most one of `spp` and `time`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct RenderTable {
+    pub estimator: Option<Estimator>,
+    pub strategies: Option<Strategies>,
+    pub spp: Option<u32>,
+    pub time: Option<Seconds>,
+    pub seed: Option<u32>,
+    pub max_depth: Option<u32>,
+    pub light_paths: Option<u32>,
+    pub queries: Option<u32>,
+    pub buckets: Option<u32>,
+    pub no_cull: Option<bool>,
+    pub device: Option<String>,
+    pub strict: Option<bool>,
+}
+
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct OutputTable {
+    pub output: Option<PathBuf>,
+    pub png: Option<Png>,
+    pub stats: Option<PathBuf>,
+}
+
+/// Whether and where the tone-mapped picture goes: `png = true` or `png = "picture.png"`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected true, false or a file name")]
+pub enum Png {
+    /// Beside the output, with the extension .png.
+    Wanted(bool),
+    File(PathBuf),
+}
+
+/// Holds the place of fog and smoke: the table is known, and refused.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Medium;
+
+impl<'de> Deserialize<'de> for Medium {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Medium, D::Error> {
+        serde::de::IgnoredAny::deserialize(deserializer)?;
+        Err(D::Error::custom("media are not rendered yet: remove the table [medium]"))
+    }
+}
+
+impl Experiment {
+    /// Reads an experiment file. Relative paths in it are taken from its own folder.
+    pub fn read(path: &Path) -> Result<Experiment> {
+        let fail = |message: String| Error::File { path: path.into(), message };
+        let length = std::fs::metadata(path).map_err(|e| fail(format!("cannot read the experiment: {e}")))?.len();
+        if length > MAX_BYTES {
+            return Err(fail(format!("{length} bytes are too many for an experiment file; is it something else?")));
+        }
+        let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot read the experiment: {e}")))?;
+        let text = String::from_utf8(bytes).map_err(|_| {
+            fail("this is not text in UTF-8; give an experiment (.toml) or a scene (.glb, .gltf)".into())
+        })?;
+        let mut experiment = Experiment::parse(&text)
+            .map_err(|e| Error::Settings(format!("{}:{}:{}: {}", path.display(), e.line, e.column, e.message)))?;
+
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let OutputTable { output, png, stats } = &mut experiment.output;
+        let png = match png {
+            Some(Png::File(file)) => Some(file),
+            _ => None,
+        };
+        for file in [&mut experiment.scene, output, stats].into_iter().flatten().chain(png) {
+            *file = folder.join(&*file);
+        }
+        Ok(experiment)
+    }
+
+    /// Reads the text of an experiment; paths stay as written.
+    pub fn parse(text: &str) -> Result<Experiment, ParseError> {
+        let experiment: Experiment = toml::from_str(text).map_err(|e| {
+            let (line, column) = position(text, e.span().map_or(0, |span| span.start));
+            ParseError { line, column, message: e.message().replace('\n', ", ") }
+        })?;
+        // The two pairs that exclude each other are reported where the second of them stands.
+        let exclusive = |first: &str, second: &str, message: &str| {
+            let at = [first, second].iter().filter_map(|key| key_offset(text, key)).max();
+            let (line, column) = position(text, at.unwrap_or(0));
+            ParseError { line, column, message: message.into() }
+        };
+        if experiment.gate.gate.is_some() && experiment.gate.depth.is_some() {
+            return Err(exclusive("gate", "depth", "gate and depth say the same thing in two ways: keep one"));
+        }
+        if experiment.render.spp.is_some() && experiment.render.time.is_some() {
+            return Err(exclusive("spp", "time", "spp and time are two ways to end a render: keep one"));
+        }
+        Ok(experiment)
+    }
+
+    /// This where it says something, `below` elsewhere.
+    pub fn over(self, below: Experiment) -> Experiment {
+        // Alternatives go together: a depth typed as a flag replaces the file's gate.
+        let gate_said = self.gate.gate.is_some() || self.gate.depth.is_some();
+        let budget_said = self.render.spp.is_some() || self.render.time.is_some();
+        let (gates, budgets) =
+            (if gate_said { &self.gate } else { &below.gate }, if budget_said { &self.render } else { &below.render });
+        let (gate, depth, spp, time) = (gates.gate, gates.depth, budgets.spp, budgets.time);
+        Experiment {
+            scene: self.scene.or(below.scene),
+            camera: CameraTable {
+                camera: self.camera.camera.or(below.camera.camera),
+                resolution: self.camera.resolution.or(below.camera.resolution),
+                crop: self.camera.crop.or(below.camera.crop),
+            },
+            emitter: EmitterTable { emitters: self.emitter.emitters.or(below.emitter.emitters) },
+            gate: GateTable { gate, depth, force: self.gate.force.or(below.gate.force) },
+            render: RenderTable {
+                estimator: self.render.estimator.or(below.render.estimator),
+                strategies: self.render.strategies.or(below.render.strategies),
+                spp,
+                time,
+                seed: self.render.seed.or(below.render.seed),
+                max_depth: self.render.max_depth.or(below.render.max_depth),
+                light_paths: self.render.light_paths.or(below.render.light_paths),
+                queries: self.render.queries.or(below.render.queries),
+                buckets: self.render.buckets.or(below.render.buckets),
+                no_cull: self.render.no_cull.or(below.render.no_cull),
+                device: self.render.device.or(below.render.device),
+                strict: self.render.strict.or(below.render.strict),
+            },
+            output: OutputTable {
+                output: self.output.output.or(below.output.output),
+                png: self.output.png.or(below.output.png),
+                stats: self.output.stats.or(below.output.stats),
+            },
+            medium: Medium,
+        }
+    }
+
+    /// The experiment as TOML.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("an experiment is plain text, numbers and tables")
+    }
+}
+
+/// What is wrong with an experiment's text, and where (counted from 1, columns in characters).
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}, column {column}: {message}")]
+pub struct ParseError {
+    pub line: usize,
+    pub column: usize,
+    pub message: String,
+}
+
+fn position(text: &str, offset: usize) -> (usize, usize) {
+    let before = text.get(..offset).unwrap_or(text);
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+}
+
+/// Where a line begins with `key =`, for pointing at it.
+fn key_offset(text: &str, key: &str) -> Option<usize> {
+    text.split_inclusive('\n')
+        .scan(0, |at, line| {
+            let start = *at;
+            *at += line.len();
+            Some((start, line))
+        })
+        .find_map(|(start, line)| {
+            let indent = line.len() - line.trim_start().len();
+            line.trim_start().strip_prefix(key)?.trim_start().starts_with('=').then_some(start + indent)
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FULL: &str = r#"
+scene = "room.glb"
+[camera]
+camera = "front"
+resolution = "640x480"
+crop = "0,10,0,20"
+[emitter]
+emitters = ["beam", "lamp, left"]
+[gate]
+depth = "6.25m..6.4m"
+[render]
+estimator = "bdpt"
+strategies = "paper"
+time = "30s"
+max-depth = 7
+no-cull = true
+[output]
+output = "out.exr"
+png = true
+"#;
+
+    #[test]
+    fn a_full_file_is_read_and_survives_printing() {
+        let read = Experiment::parse(FULL).unwrap();
+        assert_eq!(read.gate.depth, Some(Depth(Gate { lo: 12.5, hi: 12.8 })));
+        assert_eq!(read.emitter.emitters, Some(Emitters::Nodes(vec!["beam".into(), "lamp, left".into()])));
+        assert_eq!(read.output.png, Some(Png::Wanted(true)));
+        assert_eq!(Experiment::parse(&read.to_toml()).unwrap(), read);
+    }
+
+    #[test]
+    fn mistakes_are_reported_where_they_stand() {
+        let table = [
+            ("scene = \"a.glb\"\nscne = 1\n", 2, 1, "unknown field `scne`"),
+            ("[render]\nspp = 4\n  sppp = 5\n", 3, 3, "unknown field `sppp`"),
+            ("[render]\nspp = -4\n", 2, 7, "invalid value"),
+            ("[render]\nspp = \"four\"\n", 2, 7, "invalid type"),
+            ("[render]\nestimator = \"magic\"\n", 2, 13, "choose pt, bdpt or lcs-paper"),
+            ("[gate]\ngate = \"1..2\"\n", 2, 8, "no unit"),
+            ("[gate]\ngate = \"1m..2m\"\ndepth = \"1m..2m\"\n", 3, 1, "keep one"),
+            ("[render]\ntime = \"3s\"\nspp = 4\n", 3, 1, "keep one"),
+            ("[camera]\nresolution = \"big\"\n", 2, 14, "640x480"),
+            ("[medium]\nsigma = 1.0\n", 1, 1, "not rendered yet"),
+            ("scene = \"a.glb\n", 1, 15, "invalid basic string"),
+            ("[emitter]\nemitters = 3\n", 2, 12, "list of node names"),
+            ("[output]\npng = 3\n", 2, 7, "true, false or a file name"),
+        ];
+        for (text, line, column, part) in table {
+            let error = Experiment::parse(text).expect_err(text);
+            assert!(error.message.contains(part), "{text}: {error}");
+            assert_eq!((error.line, error.column), (line, column), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn flags_win_and_alternatives_replace_each_other() {
+        let file = Experiment::parse(FULL).unwrap();
+        let mut flags = Experiment::default();
+        flags.gate.gate = Some(Gate { lo: 1.0, hi: 2.0 });
+        flags.render.spp = Some(3);
+        flags.render.seed = Some(9);
+        let merged = flags.over(file);
+        assert_eq!((merged.gate.gate, merged.gate.depth), (Some(Gate { lo: 1.0, hi: 2.0 }), None));
+        assert_eq!((merged.render.spp, merged.render.time), (Some(3), None));
+        assert_eq!((merged.render.seed, merged.render.max_depth), (Some(9), Some(7)));
+        assert_eq!(merged.camera.camera.as_deref(), Some("front"));
+    }
+
+    #[test]
+    fn paths_are_taken_from_the_folder_of_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("e.toml");
+        std::fs::write(&path, "scene = \"s/a.glb\"\n[output]\noutput = \"/abs.exr\"\npng = \"p.png\"\n").unwrap();
+        let read = Experiment::read(&path).unwrap();
+        assert_eq!(read.scene, Some(folder.path().join("s/a.glb")));
+        assert_eq!(read.output.output, Some("/abs.exr".into()));
+        assert_eq!(read.output.png, Some(Png::File(folder.path().join("p.png"))));
+    }
+}

@@ -1,0 +1,177 @@
+//! The film as an EXR file, and EXR files as images to compare with.
+
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::Path;
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
+    MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage, read,
+};
+
+use crate::error::{Error, Result};
+use crate::files::{read_error, write_atomically};
+use crate::film::Film;
+use crate::settings::{Crop, MAX_PIXELS};
+use crate::units::{Gate, METRES_PER_NS};
+
+/// Most samples (pixels times channels) that are decoded: what the largest image of our own has. A header costs a few
+/// bytes and may claim any size, so this is checked before memory is reserved.
+const MAX_SAMPLES: u64 = 6 * MAX_PIXELS;
+
+const SPEED_OF_LIGHT_M_PER_S: f64 = METRES_PER_NS * 1e9;
+
+/// What a film file says about its own making.
+#[derive(Debug, Clone)]
+pub struct Provenance {
+    /// Of the whole image.
+    pub resolution: [u32; 2],
+    /// Where the film lies in it.
+    pub crop: Crop,
+    pub gate: Gate,
+    pub seed: u32,
+    pub seconds: f64,
+    /// The resolved experiment as TOML, which renders the same again.
+    pub settings: String,
+}
+
+/// Name and version of this program, with the commit where the build was told one.
+pub fn version() -> String {
+    let commit = option_env!("TAUGATE_COMMIT").map(|c| format!(" ({c})")).unwrap_or_default();
+    format!("taugate {}{commit}", env!("CARGO_PKG_VERSION"))
+}
+
+/// Writes mean and variance as one single-part EXR of 32-bit scan lines (ZIP): R, G, B and Variance.R, .G, .B. With
+/// fewer than two iterations the variance is 0, and `tof:varianceBatches` tells.
+pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
+    let mut channels = channels_of(&film.mean(), "");
+    channels.extend(channels_of(&film.variance_of_mean(), "Variance."));
+
+    let Provenance { resolution, crop, gate, .. } = provenance;
+    let mut attributes = LayerAttributes {
+        layer_position: Vec2(crop.x0 as i32, crop.y0 as i32),
+        software_name: Some(text(&version())),
+        ..LayerAttributes::default()
+    };
+    attributes.other.extend(
+        [
+            ("renderTimeSeconds", AttributeValue::F32(provenance.seconds as f32)),
+            ("samplesPerPixel", AttributeValue::I32(film.samples().try_into().unwrap_or(i32::MAX))),
+            ("tof:gateMin_m", AttributeValue::F64(gate.lo)),
+            ("tof:gateMax_m", AttributeValue::F64(gate.hi)),
+            ("tof:gateMin_ns", AttributeValue::F64(gate.lo / METRES_PER_NS)),
+            ("tof:gateMax_ns", AttributeValue::F64(gate.hi / METRES_PER_NS)),
+            ("tof:convention", AttributeValue::Text(text("optical_path_length"))),
+            ("tof:c_m_per_s", AttributeValue::F64(SPEED_OF_LIGHT_M_PER_S)),
+            ("tof:seed", AttributeValue::Text(text(&provenance.seed.to_string()))),
+            ("tof:varianceBatches", AttributeValue::I32(film.iterations().try_into().unwrap_or(i32::MAX))),
+            ("tof:version", AttributeValue::Text(text(&version()))),
+            ("tof:settings", AttributeValue::Text(text(&provenance.settings))),
+        ]
+        .map(|(name, value)| (text(name), value)),
+    );
+
+    let layer = Layer::new(
+        (film.width() as usize, film.height() as usize),
+        attributes,
+        Encoding { compression: exr::prelude::Compression::ZIP16, ..Encoding::UNCOMPRESSED },
+        AnyChannels::sort(channels.into_iter().collect()),
+    );
+    let mut image = Image::from_layer(layer);
+    image.attributes.display_window = IntegerBounds::new((0, 0), Vec2(resolution[0] as usize, resolution[1] as usize));
+    write_atomically(path, |writer| image.write().to_buffered(writer).map_err(into_io))
+}
+
+/// Splits interleaved R, G, B into three channels.
+fn channels_of(rgb: &[f32], prefix: &str) -> Vec<AnyChannel<FlatSamples>> {
+    let plane = |c| FlatSamples::F32(rgb.iter().skip(c).step_by(3).copied().collect());
+    ["R", "G", "B"]
+        .iter()
+        .enumerate()
+        .map(|(c, name)| AnyChannel::new(text(&format!("{prefix}{name}")), plane(c)))
+        .collect()
+}
+
+/// EXR texts are bytes; UTF-8 is what readers expect.
+fn text(string: &str) -> Text {
+    Text::from_bytes_unchecked(string.bytes().collect())
+}
+
+fn into_io(error: exr::error::Error) -> io::Error {
+    match error {
+        exr::error::Error::Io(error) => error,
+        other => io::Error::other(other),
+    }
+}
+
+/// An image to compare: R, G, B interleaved, row 0 at the top.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    pub width: u32,
+    pub height: u32,
+    pub rgb: Vec<f32>,
+    /// Variance of `rgb` where the file has it.
+    pub variance: Option<Vec<f32>>,
+}
+
+/// Reads the channels R, G, B, and Variance.R, .G, .B if there, of a single-part EXR of any program.
+pub fn read_picture(path: &Path) -> Result<Picture> {
+    check_header(path)?;
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .map_err(|e| unreadable(path, e))?;
+    let layer = image.layer_data;
+    let (width, height) = (layer.size.width(), layer.size.height());
+
+    let interleave = |prefix: &str| -> Option<Vec<f32>> {
+        let mut rgb = vec![0.0; 3 * width * height];
+        for (c, name) in ["R", "G", "B"].iter().enumerate() {
+            let wanted = format!("{prefix}{name}");
+            let channel = layer.channel_data.list.iter().find(|channel| channel.name.bytes() == wanted.as_bytes())?;
+            for (pixel, value) in rgb.chunks_exact_mut(3).zip(channel.sample_data.values_as_f32()) {
+                pixel[c] = value;
+            }
+        }
+        Some(rgb)
+    };
+    let rgb = interleave("").ok_or_else(|| {
+        let names: Vec<_> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
+        let message = format!("has no channels R, G, B to compare, only {}", names.join(", "));
+        Error::File { path: path.into(), message }
+    })?;
+    Ok(Picture { width: width as u32, height: height as u32, rgb, variance: interleave("Variance.") })
+}
+
+/// Refuses what the decoder would reserve too much memory for, or what is not one flat image.
+fn check_header(path: &Path) -> Result<()> {
+    let fail = |message: String| Err(Error::File { path: path.into(), message });
+    let file = File::open(path).map_err(|e| read_error(path, &e))?;
+    let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(|e| unreadable(path, e))?;
+    let [header] = &meta.headers[..] else {
+        return fail(format!("has {} parts; extract one into a file of its own", meta.headers.len()));
+    };
+    if header.deep {
+        return fail("is a deep image, which cannot be compared; flatten it".into());
+    }
+    let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
+    let channels = header.channels.list.len() as u64;
+    if width.saturating_mul(height).saturating_mul(channels) > MAX_SAMPLES {
+        return fail(format!("claims {width} x {height} pixels of {channels} channels, more than is read; crop it"));
+    }
+    if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
+        return fail("has subsampled channels; write it with R, G, B at full resolution".into());
+    }
+    Ok(())
+}
+
+fn unreadable(path: &Path, error: exr::error::Error) -> Error {
+    match error {
+        exr::error::Error::Io(error) => read_error(path, &error),
+        other => Error::File { path: path.into(), message: format!("is not an EXR file that can be read: {other}") },
+    }
+}

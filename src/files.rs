@@ -1,0 +1,123 @@
+//! Writing files so that a reader never sees half of one.
+
+use std::fs::File;
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// Writes through a temporary file in the same folder that is flushed to disk and renamed at the end. On any error
+/// the temporary file is removed and what stood at `path` before is untouched.
+pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
+    let temporary = temporary_beside(path)?;
+    let fail = |e: io::Error| write_error(path, &e);
+
+    let mut writer = BufWriter::new(temporary.reopen().map_err(fail)?);
+    write(&mut writer).map_err(fail)?;
+    writer.into_inner().map_err(|e| fail(e.into_error()))?.sync_all().map_err(fail)?;
+    temporary.persist(path).map_err(|e| fail(e.error))?;
+
+    // The rename itself reaches the disk with the folder. Not every file system can do that, and the file is whole.
+    let _ = File::open(folder_of(path)).and_then(|folder| folder.sync_all());
+    Ok(())
+}
+
+/// Fails as [`write_atomically`] would before any work is done: missing folder, no permission, not a plain file.
+pub fn check_writable(path: &Path) -> Result<()> {
+    let mut temporary = temporary_beside(path)?;
+    // One byte tells a full disk from one with room.
+    temporary.write_all(&[0]).map_err(|e| write_error(path, &e))
+}
+
+fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
+    if path.file_name().is_none() {
+        return Err(Error::File { path: path.into(), message: "this is not the name of a file".into() });
+    }
+    // A device or a folder would be replaced, not written to.
+    if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
+        let message = "exists and is not a plain file; choose another name".into();
+        return Err(Error::File { path: path.into(), message });
+    }
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".taugate-").suffix(".tmp");
+    #[cfg(unix)]
+    {
+        // The mode of any new file, less the user's umask; temporary files are private otherwise.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder_of(path)).map_err(|e| write_error(path, &e))
+}
+
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder.into(),
+        _ => ".".into(),
+    }
+}
+
+/// What went wrong while writing `path`, with the remedy.
+fn write_error(path: &Path, error: &io::Error) -> Error {
+    let folder = folder_of(path);
+    let folder = folder.display();
+    let message = match error.kind() {
+        ErrorKind::NotFound | ErrorKind::NotADirectory => {
+            format!("cannot be written: the folder {folder} does not exist; create it or choose another name")
+        }
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+            format!("cannot be written: no permission in the folder {folder}; choose a folder of yours")
+        }
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
+            format!("cannot be written: {folder} has no room left; free some or choose another disk")
+        }
+        _ => format!("cannot be written: {error}"),
+    };
+    Error::File { path: path.into(), message }
+}
+
+/// What went wrong while reading `path`, with the remedy.
+pub(crate) fn read_error(path: &Path, error: &io::Error) -> Error {
+    let message = match error.kind() {
+        ErrorKind::NotFound => "no such file; check the name".into(),
+        ErrorKind::PermissionDenied => "no permission to read this file".into(),
+        _ => format!("cannot be read: {error}"),
+    };
+    Error::File { path: path.into(), message }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.exr");
+        write_atomically(&path, |w| w.write_all(b"first")).unwrap();
+        let error = write_atomically(&path, |w| {
+            w.write_all(b"sec")?;
+            Err(ErrorKind::StorageFull.into())
+        });
+        assert!(error.unwrap_err().to_string().contains("no room left"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"first");
+        assert_eq!(names(folder.path()), ["out.exr"]);
+        write_atomically(&path, |w| w.write_all(b"third")).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"third");
+    }
+
+    #[test]
+    fn checking_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        check_writable(&folder.path().join("out.exr")).unwrap();
+        assert!(names(folder.path()).is_empty());
+        let missing = check_writable(&folder.path().join("no/out.exr")).unwrap_err().to_string();
+        assert!(missing.contains("does not exist"), "{missing}");
+        assert!(check_writable(folder.path()).unwrap_err().to_string().contains("not a plain file"));
+        #[cfg(target_os = "linux")]
+        assert!(check_writable(Path::new("/dev/full")).unwrap_err().to_string().contains("not a plain file"));
+    }
+}

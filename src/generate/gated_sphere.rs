@@ -1,0 +1,53 @@
+//! `gated-sphere`: the closed diffuse sphere whose gated radiance is known exactly.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+
+use super::shapes::{icosphere, inside_out};
+use super::stage::{add, camera, diffuse, light, material};
+use crate::scene::{LightKind, Mesh, Scene};
+
+/// Flat facets seen from inside, camera and point light of intensity pi R^2 at the centre. The vertices lie slightly outside `radius`,
+/// so that the centroids of the facets are at `radius` on (area-weighted) average: flat facets cut the corner.
+pub fn build(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
+    let mut scene = Scene::default();
+    let radius = f64::from(radius);
+    let wall = material(&mut scene, diffuse("wall", [albedo; 3]));
+    let unit = mean_centroid_distance(&icosphere(1.0, subdivisions));
+    let sphere = inside_out(icosphere(radius / unit, subdivisions));
+    add(&mut scene, "sphere", wall, sphere);
+    let intensity = [(PI * radius * radius) as f32; 3];
+    light(&mut scene, "light", DVec3::ZERO, DVec3::NEG_Z, LightKind::Point { intensity });
+    camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, PI / 2.0, [64, 64]);
+    scene
+}
+
+/// Mean distance of the facets' centroids from the origin, each weighted by its area.
+fn mean_centroid_distance(mesh: &Mesh) -> f64 {
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|i| Vec3::from_array(mesh.positions[i as usize]).as_dvec3());
+        let area = (b - a).cross(c - a).length() / 2.0;
+        sum += area * ((a + b + c) / 3.0).length();
+        weights += area;
+    }
+    sum / weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn facets_are_at_the_radius_on_average_and_face_inwards() {
+        let scene = build(2.0, 4, 0.5);
+        let mesh = &scene.meshes[0];
+        assert!((mean_centroid_distance(mesh) - 2.0).abs() < 1e-5);
+        assert!(mesh.normals.is_empty());
+        for triangle in &mesh.triangles {
+            let [a, b, c] = triangle.map(|i| Vec3::from_array(mesh.positions[i as usize]));
+            assert!((b - a).cross(c - a).dot(a) < 0.0);
+        }
+    }
+}

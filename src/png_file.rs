@@ -1,0 +1,78 @@
+//! A tone-mapped 8-bit picture of a film, for looking at.
+
+use std::io;
+use std::path::Path;
+
+use crate::error::Result;
+use crate::files::write_atomically;
+
+/// Where the bright end of the picture goes: this percentile of the lit pixels' luminance...
+const PERCENTILE: f64 = 0.995;
+/// ... is mapped to this linear value, before the sRGB curve.
+const BRIGHT: f32 = 0.9;
+
+/// Writes linear R, G, B (interleaved, row 0 at the top) as an sRGB picture with automatic exposure.
+pub fn write(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
+    let bytes = tone_map(rgb);
+    write_atomically(path, |writer| {
+        let mut encoder = png::Encoder::new(writer, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        let mut image = encoder.write_header().map_err(io::Error::from)?;
+        image.write_image_data(&bytes).map_err(io::Error::from)?;
+        image.finish().map_err(io::Error::from)
+    })
+}
+
+/// Exposes and encodes. A black image stays black; values that are not finite become black.
+pub fn tone_map(rgb: &[f32]) -> Vec<u8> {
+    let exposure = exposure(rgb);
+    rgb.iter().map(|&v| (255.0 * srgb(v * exposure) + 0.5) as u8).collect()
+}
+
+/// The factor that brings the 99.5th percentile of the lit pixels' luminance to 0.9; 1 for a black image.
+fn exposure(rgb: &[f32]) -> f32 {
+    let luminance = |p: &[f32]| 0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2];
+    let mut lit: Vec<f32> = rgb.chunks_exact(3).map(luminance).filter(|&y| y > 0.0 && y.is_finite()).collect();
+    if lit.is_empty() {
+        return 1.0;
+    }
+    let at = ((lit.len() - 1) as f64 * PERCENTILE).round() as usize;
+    let (_, &mut bright, _) = lit.select_nth_unstable_by(at, f32::total_cmp);
+    (BRIGHT / bright).min(f32::MAX)
+}
+
+/// The sRGB transfer curve of a linear value, clipped to [0, 1].
+fn srgb(linear: f32) -> f32 {
+    if linear.is_nan() || linear <= 0.0 {
+        0.0
+    } else if linear <= 0.003_130_8 {
+        12.92 * linear
+    } else {
+        (1.055 * linear.min(1.0).powf(1.0 / 2.4) - 0.055).min(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn black_and_odd_values_are_black() {
+        assert_eq!(tone_map(&[0.0; 6]), [0; 6]);
+        assert_eq!(tone_map(&[f32::NAN, -1.0, 0.0]), [0; 3]);
+    }
+
+    #[test]
+    fn the_bright_end_is_where_it_should_be_at_any_scale() {
+        for scale in [1e-30_f32, 1e-3, 1.0, 1e20] {
+            // 199 grey pixels and one a thousand times brighter, which must not darken the rest.
+            let mut image = vec![scale; 3 * 200];
+            image[597..].fill(1000.0 * scale);
+            let bytes = tone_map(&image);
+            assert_eq!(bytes[0], (255.0 * srgb(0.9)).round() as u8, "{scale}");
+            assert_eq!(bytes[599], 255, "{scale}");
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! From what was asked for to what is done: experiment and scene become [`Settings`]. All checks live here.
+
+use std::path::PathBuf;
+
+use crate::error::{Error, Result};
+use crate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, Png, RenderTable};
+use crate::scene::{Camera, LightKind, Scene};
+use crate::settings::*;
+use crate::units::{Gate, Resolution as GateResolution};
+use crate::values::{Resolution, Seconds};
+
+/// Settings of a render and what the user should know about them.
+#[derive(Debug, Clone)]
+pub struct Resolved {
+    pub settings: Settings,
+    /// One sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// The files that a render writes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Outputs {
+    pub exr: PathBuf,
+    pub png: Option<PathBuf>,
+    pub stats: Option<PathBuf>,
+}
+
+/// Names the files that a render writes. Needs no scene, so that a mistake is found at once.
+pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
+    let wanted = &experiment.output;
+    let exr = wanted.output.clone().ok_or_else(|| settings("no output file: add -o OUT.exr"))?;
+    let has = |path: &PathBuf, extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
+    if !has(&exr, "exr") {
+        return Err(settings(format!("the output {} must end in .exr", exr.display())));
+    }
+    let png = match &wanted.png {
+        None | Some(Png::Wanted(false)) => None,
+        Some(Png::Wanted(true)) => Some(exr.with_extension("png")),
+        Some(Png::File(path)) if has(path, "png") => Some(path.clone()),
+        Some(Png::File(path)) => return Err(settings(format!("the picture {} must end in .png", path.display()))),
+    };
+    let stats = wanted.stats.clone();
+    if stats.is_some() && (stats.as_ref() == Some(&exr) || stats == png) {
+        return Err(settings("--stats names a file that another output is written to; choose another name"));
+    }
+    Ok(Outputs { exr, png, stats })
+}
+
+/// Settles everything that was left open: flags and file (already merged) beat the scene, which beats the defaults.
+pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
+    let mut warnings = Vec::new();
+    let Experiment { render, .. } = experiment;
+    let gate = gate(&experiment.gate, &mut warnings)?;
+    // What only the scene can mend names its file.
+    let unfit = |message: &str| Error::Scene {
+        path: experiment.scene.clone().unwrap_or_else(|| "the scene".into()),
+        message: message.into(),
+    };
+    if scene.cameras.is_empty() {
+        return Err(unfit("has no camera; add one and export it (in Blender: tick Cameras)"));
+    }
+    if emitting_nodes(scene).is_empty() {
+        return Err(unfit(
+            "has nothing that emits light; add a lamp, an emissive material or a beam node and export it (in Blender: \
+             tick Punctual Lights)",
+        ));
+    }
+    let camera = camera(&experiment.camera, scene)?;
+    let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
+    let settings = Settings {
+        estimator: render.estimator.unwrap_or(DEFAULT_ESTIMATOR),
+        strategies: render.strategies.unwrap_or(DEFAULT_STRATEGIES),
+        gate,
+        resolution,
+        crop: crop(&experiment.camera, resolution)?,
+        budget: budget(render)?,
+        seed: render.seed.unwrap_or(DEFAULT_SEED),
+        max_depth: within("max-depth", render.max_depth.unwrap_or(DEFAULT_MAX_DEPTH), MAX_DEPTH)?,
+        light_paths: within("light-paths", render.light_paths.unwrap_or(DEFAULT_LIGHT_PATHS), MAX_LIGHT_PATHS)?,
+        queries: within("queries", render.queries.unwrap_or(DEFAULT_QUERIES), MAX_QUERIES)?,
+        buckets: within("buckets", render.buckets.unwrap_or(DEFAULT_BUCKETS), MAX_BUCKETS)?,
+        cull: !render.no_cull.unwrap_or(false),
+        camera,
+        emitters: emitters(&experiment.emitter, scene, &gate)?,
+    };
+    Ok(Resolved { settings, warnings })
+}
+
+/// The experiment that resolves to exactly these settings, with every open choice filled in.
+pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene) -> Experiment {
+    let (spp, time) = match settings.budget {
+        Budget::Spp(spp) => (Some(spp), None),
+        Budget::Seconds(seconds) => (None, Some(Seconds(seconds))),
+    };
+    let mut full = experiment.clone();
+    full.camera = CameraTable {
+        camera: Some(scene.cameras[settings.camera].name.clone()),
+        resolution: Some(Resolution(settings.resolution)),
+        crop: Some(settings.crop),
+    };
+    full.emitter = EmitterTable { emitters: Some(settings.emitters.clone()) };
+    full.gate = GateTable {
+        gate: (!settings.gate.is_open()).then_some(settings.gate),
+        depth: None,
+        force: experiment.gate.force,
+    };
+    full.render = RenderTable {
+        estimator: Some(settings.estimator),
+        strategies: Some(settings.strategies),
+        spp,
+        time,
+        seed: Some(settings.seed),
+        max_depth: Some(settings.max_depth),
+        light_paths: Some(settings.light_paths),
+        queries: Some(settings.queries),
+        buckets: Some(settings.buckets),
+        no_cull: Some(!settings.cull),
+        device: experiment.render.device.clone(),
+        strict: experiment.render.strict,
+    };
+    full
+}
+
+fn settings(message: impl Into<String>) -> Error {
+    Error::Settings(message.into())
+}
+
+fn within(name: &str, value: u32, most: u32) -> Result<u32> {
+    if (1..=most).contains(&value) {
+        return Ok(value);
+    }
+    Err(settings(format!("--{name} is {value}; it must be from 1 to {most}")))
+}
+
+fn budget(render: &RenderTable) -> Result<Budget> {
+    match (render.spp, render.time) {
+        (None, Some(Seconds(seconds))) if seconds > 0.0 && seconds <= MAX_SECONDS => Ok(Budget::Seconds(seconds)),
+        (None, Some(_)) => Err(settings("--time must be over 0 and at most a year")),
+        (spp, _) => within("spp", spp.unwrap_or(DEFAULT_SPP), MAX_SPP).map(Budget::Spp),
+    }
+}
+
+fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
+    let gate = table.gate.or(table.depth.map(|depth| depth.0)).unwrap_or(Gate::OPEN);
+    match gate.resolution() {
+        GateResolution::Fine => {}
+        GateResolution::TooThin { ulps } if !table.force.unwrap_or(false) => {
+            return Err(settings(format!(
+                "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness would be mostly \
+                 rounding; make it wider, or add --force",
+                gate.describe()
+            )));
+        }
+        GateResolution::Coarse { ulps } | GateResolution::TooThin { ulps } => warnings.push(format!(
+            "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be off by {:.1} %",
+            gate.describe(),
+            100.0 / ulps.max(1.0)
+        )),
+    }
+    Ok(gate)
+}
+
+fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {
+    let Some(name) = &table.camera else { return Ok(0) };
+    scene.cameras.iter().position(|camera| camera.name == *name).ok_or_else(|| {
+        let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        settings(format!("no camera is called '{name}'; choose one of {}", list(&names)))
+    })
+}
+
+fn resolution(table: &CameraTable, camera: &Camera) -> Result<[u32; 2]> {
+    let (resolution, source) = match (table.resolution, camera.resolution) {
+        (Some(Resolution(typed)), _) => (typed, "--resolution".to_string()),
+        (None, Some(from_file)) => (from_file, format!("the resolution in camera '{}'", camera.name)),
+        (None, None) => {
+            let height = f64::from(DEFAULT_WIDTH) / camera.aspect.unwrap_or(1.0);
+            let height = height.round().clamp(1.0, f64::from(u32::MAX)) as u32;
+            ([DEFAULT_WIDTH, height], format!("the resolution from the aspect ratio of camera '{}'", camera.name))
+        }
+    };
+    let [width, height] = resolution;
+    let fits = |side: u32| (1..=MAX_SIDE).contains(&side);
+    if !fits(width) || !fits(height) || u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Err(settings(format!(
+            "{source} is {width}x{height}; sides must be from 1 to {MAX_SIDE} and the image at most {} megapixels: \
+             give --resolution WxH",
+            MAX_PIXELS >> 20
+        )));
+    }
+    Ok(resolution)
+}
+
+fn crop(table: &CameraTable, [width, height]: [u32; 2]) -> Result<Crop> {
+    let crop = table.crop.unwrap_or(Crop { x0: 0, x1: width, y0: 0, y1: height });
+    if crop.x1 > width || crop.y1 > height || crop.x0 >= crop.x1 || crop.y0 >= crop.y1 {
+        return Err(settings(format!(
+            "--crop {crop} does not lie inside the image of {width}x{height}; it is x0,x1,y0,y1 with x1 <= {width} \
+             and y1 <= {height}"
+        )));
+    }
+    Ok(crop)
+}
+
+/// The nodes that could emit, each once, in the scene's order: lights, then emissive meshes.
+pub fn emitting_nodes(scene: &Scene) -> Vec<&str> {
+    let emissive = |mesh: u32| {
+        let material = scene.meshes[mesh as usize].material as usize;
+        scene.materials[material].emission.iter().any(|&e| e > 0.0)
+    };
+    let lights = scene.lights.iter().map(|light| light.node.as_str());
+    let meshes = scene.instances.iter().filter(|i| emissive(i.mesh)).map(|i| i.node.as_str());
+    let mut nodes = Vec::new();
+    for node in lights.chain(meshes) {
+        if !nodes.contains(&node) {
+            nodes.push(node);
+        }
+    }
+    nodes
+}
+
+fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate) -> Result<Emitters> {
+    let candidates = emitting_nodes(scene);
+    let emitters = table.emitters.clone().unwrap_or(Emitters::Scene);
+    if let Emitters::Nodes(names) = &emitters {
+        if names.is_empty() {
+            return Err(settings(format!("no emitter is selected; choose from {}", list(&candidates))));
+        }
+        if let Some(unknown) = names.iter().find(|name| !candidates.contains(&name.as_str())) {
+            let candidates = list(&candidates);
+            return Err(settings(format!("no node '{unknown}' emits light; --emitters may name {candidates}")));
+        }
+    }
+
+    // Light from infinitely far away has no travel time.
+    let selected = |node: &str| match &emitters {
+        Emitters::Scene => true,
+        Emitters::Nodes(names) => names.iter().any(|name| name == node),
+    };
+    let distant =
+        |node: &str| scene.lights.iter().any(|l| l.node == node && matches!(l.kind, LightKind::Directional { .. }));
+    if let Some(sun) = candidates.iter().copied().find(|node| !gate.is_open() && selected(node) && distant(node)) {
+        let others: Vec<&str> = candidates.iter().copied().filter(|node| !distant(node)).collect();
+        let remedy = match others[..] {
+            [] => "render without a gate, or add a light that has a place".to_string(),
+            _ => format!("render without a gate, or choose with --emitters from {}", list(&others)),
+        };
+        return Err(settings(format!(
+            "the directional light '{sun}' is infinitely far away, so its light has no travel time to gate; {remedy}"
+        )));
+    }
+    Ok(emitters)
+}
+
+/// Names for a message: the first dozen.
+fn list(names: &[&str]) -> String {
+    let shown: Vec<&str> = names.iter().take(12).copied().collect();
+    match names.len().saturating_sub(shown.len()) {
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests;

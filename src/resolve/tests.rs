@@ -1,0 +1,138 @@
+use glam::{DAffine3, DVec3};
+
+use super::*;
+use crate::scene::{Camera, Instance, Light, Material, Mesh};
+
+/// Two cameras; a sun, a beam and a glowing lamp among nodes that do not emit.
+fn scene() -> Scene {
+    let camera = |name: &str, aspect, resolution| Camera {
+        name: name.into(),
+        transform: DAffine3::IDENTITY,
+        yfov: 1.0,
+        aspect,
+        resolution,
+    };
+    let material = |emission| Material {
+        name: String::new(),
+        base_color: [1.0; 4],
+        base_color_texture: None,
+        metallic: 0.0,
+        roughness: 1.0,
+        emission: [emission; 3],
+        emission_texture: None,
+        specular: 0.0,
+        ior: 1.5,
+        transmission: 0.0,
+        alpha_mode: Default::default(),
+        double_sided: false,
+    };
+    let light = |node: &str, kind| Light { node: node.into(), position: DVec3::ZERO, direction: DVec3::NEG_Z, kind };
+    let instance = |mesh, node: &str| Instance { mesh, transform: DAffine3::IDENTITY, node: node.into() };
+    Scene {
+        meshes: vec![Mesh { material: 0, ..Mesh::default() }, Mesh { material: 1, ..Mesh::default() }],
+        instances: vec![instance(0, "wall"), instance(1, "lamp"), instance(1, "lamp")],
+        materials: vec![material(0.0), material(2.0)],
+        cameras: vec![camera("front", Some(2.0), None), camera("side", None, Some([640, 480]))],
+        lights: vec![
+            light("sun", LightKind::Directional { irradiance: [1.0; 3] }),
+            light("beam", LightKind::Beam { power: [1.0; 3], radius: 0.0 }),
+        ],
+        ..Scene::default()
+    }
+}
+
+fn experiment(toml: &str) -> Experiment {
+    Experiment::parse(toml).unwrap()
+}
+
+fn settings_of(toml: &str) -> Settings {
+    resolve(&experiment(toml), &scene()).unwrap().settings
+}
+
+fn message(toml: &str, scene: &Scene) -> String {
+    resolve(&experiment(toml), scene).expect_err(toml).to_string()
+}
+
+#[test]
+fn defaults_fill_what_nobody_said() {
+    let s = settings_of("");
+    assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::LcsPaper, Strategies::All, Gate::OPEN));
+    assert_eq!((s.budget, s.seed, s.max_depth), (Budget::Spp(64), 0, 24));
+    assert_eq!((s.light_paths, s.queries, s.buckets, s.cull), (50_000, 1, 8, true));
+    assert_eq!((s.camera, s.resolution, s.emitters), (0, [512, 256], Emitters::Scene));
+    assert_eq!(s.crop, Crop { x0: 0, x1: 512, y0: 0, y1: 256 });
+}
+
+#[test]
+fn the_camera_gives_the_resolution_unless_one_is_typed() {
+    assert_eq!(settings_of("camera.camera = 'side'").resolution, [640, 480]);
+    assert_eq!(settings_of("camera = { camera = 'side', resolution = '10x20' }").resolution, [10, 20]);
+}
+
+#[test]
+fn mistakes_name_the_flag_and_the_remedy() {
+    let table = [
+        ("camera.camera = 'back'", "choose one of front, side"),
+        ("camera.resolution = '0x5'", "--resolution is 0x5"),
+        ("camera.resolution = '20000x5'", "--resolution WxH"),
+        ("camera.resolution = '16384x16384'", "megapixels"),
+        ("camera.crop = '0,513,0,10'", "inside the image of 512x256"),
+        ("render.spp = 0", "--spp is 0; it must be from 1"),
+        ("render.max-depth = 0", "--max-depth"),
+        ("render.light-paths = 0", "--light-paths"),
+        ("render.queries = 65", "from 1 to 64"),
+        ("render.buckets = 9", "from 1 to 8"),
+        ("render.time = '9000h'", "at most a year"),
+        ("emitter.emitters = 'wall'", "may name sun, beam, lamp"),
+        ("emitter.emitters = 'beam,nothing'", "no node 'nothing'"),
+        ("gate.gate = '1m..2m'", "directional light 'sun' is infinitely far away"),
+        ("gate.gate = '1m..2m'\nemitter.emitters = 'sun'", "choose with --emitters from beam, lamp"),
+        ("gate.gate = '100m+0.0001mm'\nemitter.emitters = 'beam'", "make it wider, or add --force"),
+    ];
+    for (toml, part) in table {
+        let message = message(toml, &scene());
+        assert!(message.contains(part), "{toml}: {message}");
+    }
+}
+
+#[test]
+fn a_scene_without_camera_or_light_is_refused() {
+    let blind = Scene { cameras: vec![], ..scene() };
+    assert!(message("scene = 'r.glb'", &blind).contains("r.glb: has no camera"));
+    let dark = Scene { lights: vec![], instances: vec![], ..scene() };
+    assert!(message("scene = 'r.glb'", &dark).contains("r.glb: has nothing that emits"));
+}
+
+#[test]
+fn a_thin_gate_warns_or_needs_force() {
+    let warnings = |toml: &str| resolve(&experiment(toml), &scene()).unwrap().warnings.len();
+    assert_eq!(warnings("gate.gate = '100m+1m'\nemitter.emitters = 'beam'"), 0);
+    assert_eq!(warnings("gate.gate = '100m+1mm'\nemitter.emitters = 'beam'"), 1);
+    assert_eq!(warnings("gate = { gate = '100m+0.0001mm', force = true }\nemitter.emitters = 'beam'"), 1);
+}
+
+#[test]
+fn resolved_settings_printed_as_an_experiment_resolve_to_themselves() {
+    let typed = experiment(
+        "emitter.emitters = 'beam'\ngate.depth = '6.25m..6.4m'\nrender = { time = '30s', seed = 7, no-cull = true }",
+    );
+    let first = resolve(&typed, &scene()).unwrap().settings;
+    let printed = as_experiment(&typed, &first, &scene()).to_toml();
+    assert_eq!(settings_of(&printed), first, "{printed}");
+}
+
+#[test]
+fn outputs_are_named_after_the_image() {
+    let ok = |toml: &str| outputs(&experiment(toml)).unwrap();
+    assert_eq!(ok("output = { output = 'a/b.exr', png = true }").png, Some("a/b.png".into()));
+    assert_eq!(ok("output = { output = 'a/b.exr' }").png, None);
+    for (toml, part) in [
+        ("", "-o OUT.exr"),
+        ("output.output = 'a.png'", "must end in .exr"),
+        ("output = { output = 'a.exr', png = 'a.jpg' }", "must end in .png"),
+        ("output = { output = 'a.exr', stats = 'a.exr' }", "another name"),
+    ] {
+        let message = outputs(&experiment(toml)).expect_err(toml).to_string();
+        assert!(message.contains(part), "{toml}: {message}");
+    }
+}

@@ -1,0 +1,188 @@
+//! Values as they are typed on the command line and in experiment files: one grammar for both, through `FromStr`.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::de::{Deserialize, Deserializer, Error as _};
+use serde::{Serialize, Serializer};
+
+use crate::error::{Error, Result};
+use crate::settings::{Crop, Emitters, Estimator, Strategies};
+use crate::units::{Depth, Gate};
+
+/// Width and height in pixels, `640x480`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Resolution(pub [u32; 2]);
+
+impl FromStr for Resolution {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Resolution> {
+        let sides = text.trim().split_once(['x', 'X', '×']);
+        let parsed = sides.and_then(|(w, h)| Some([w.trim().parse().ok()?, h.trim().parse().ok()?]));
+        parsed.map(Resolution).ok_or_else(|| {
+            Error::Settings(format!("'{text}' is not a resolution: write width x height in pixels, like 640x480"))
+        })
+    }
+}
+
+impl fmt::Display for Resolution {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.0[0], self.0[1])
+    }
+}
+
+impl FromStr for Crop {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Crop> {
+        let wrong = |why: &str| {
+            Error::Settings(format!("'{text}' is not a crop{why}: write x0,x1,y0,y1 in pixels, like 100,200,50,150"))
+        };
+        let numbers: Vec<u32> =
+            text.split(',').map(|n| n.trim().parse()).collect::<Result<_, _>>().map_err(|_| wrong(""))?;
+        match numbers[..] {
+            [x0, x1, y0, y1] if x0 < x1 && y0 < y1 => Ok(Crop { x0, y0, x1, y1 }),
+            [_, _, _, _] => Err(wrong(" because nothing is inside")),
+            _ => Err(wrong(" because it does not have four numbers")),
+        }
+    }
+}
+
+impl fmt::Display for Crop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{},{},{},{}", self.x0, self.x1, self.y0, self.y1)
+    }
+}
+
+/// A duration in seconds, `30s`, `500ms`, `5min` or `1.5h`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seconds(pub f64);
+
+impl FromStr for Seconds {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Seconds> {
+        let trimmed = text.trim();
+        let wrong =
+            || Error::Settings(format!("'{text}' is not a duration with a unit: write it like 30s, 5min or 2h"));
+        let units = [("ms", 1e-3), ("min", 60.0), ("s", 1.0), ("h", 3600.0)];
+        let (number, unit) =
+            units.iter().find_map(|(name, size)| Some((trimmed.strip_suffix(name)?, size))).ok_or_else(wrong)?;
+        let value: f64 = number.trim().parse().map_err(|_| wrong())?;
+        Some(value * unit).filter(|s| s.is_finite() && *s > 0.0).map(Seconds).ok_or_else(wrong)
+    }
+}
+
+impl fmt::Display for Seconds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}s", self.0)
+    }
+}
+
+impl FromStr for Emitters {
+    type Err = Error;
+
+    /// `scene`, or node names with commas between them. A name that contains a comma needs the list form of the
+    /// experiment file.
+    fn from_str(text: &str) -> Result<Emitters> {
+        if text.trim() == "scene" {
+            return Ok(Emitters::Scene);
+        }
+        emitter_names(text.split(',').map(|name| name.trim().to_string()).collect())
+    }
+}
+
+fn emitter_names(names: Vec<String>) -> Result<Emitters> {
+    if names.is_empty() || names.iter().any(String::is_empty) {
+        return Err(Error::Settings(
+            "the list of emitters has an empty name: write scene, or node names like beam,lamp".into(),
+        ));
+    }
+    Ok(Emitters::Nodes(names))
+}
+
+/// Serialises through `Display` and deserialises through `FromStr`, so that flag and key share one grammar and one
+/// message.
+macro_rules! serde_as_text {
+    ($($type:ty),+) => {$(
+        impl Serialize for $type {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.collect_str(self)
+            }
+        }
+
+        impl<'de> Deserialize<'de> for $type {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+            }
+        }
+    )+};
+}
+
+serde_as_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Strategies);
+
+impl Serialize for Emitters {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Emitters::Scene => serializer.serialize_str("scene"),
+            Emitters::Nodes(names) => serializer.collect_seq(names),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Emitters {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        #[serde(untagged, expecting = "expected \"scene\", \"name,name\" or a list of node names")]
+        enum Typed {
+            Text(String),
+            List(Vec<String>),
+        }
+        match Typed::deserialize(deserializer)? {
+            Typed::Text(text) => text.parse(),
+            Typed::List(names) => emitter_names(names),
+        }
+        .map_err(D::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resolutions() {
+        assert_eq!("640x480".parse::<Resolution>().unwrap(), Resolution([640, 480]));
+        assert_eq!("640 x 480".parse::<Resolution>().unwrap().to_string(), "640x480");
+        for bad in ["640", "640x", "x480", "-1x5", "640x480x3", "1e3x5", "99999999999x1"] {
+            assert!(bad.parse::<Resolution>().unwrap_err().to_string().contains("640x480"), "{bad}");
+        }
+    }
+
+    #[test]
+    fn crops() {
+        assert_eq!("1,5,2,4".parse::<Crop>().unwrap(), Crop { x0: 1, x1: 5, y0: 2, y1: 4 });
+        for bad in ["1,5,2", "1,1,2,4", "5,1,2,4", "1,5,4,4", "a,b,c,d", "", "-1,5,2,4", "1,2,3,4,5"] {
+            assert!(bad.parse::<Crop>().unwrap_err().to_string().contains("x0,x1,y0,y1"), "{bad}");
+        }
+    }
+
+    #[test]
+    fn durations() {
+        for (text, seconds) in [("30s", 30.0), ("1.5h", 5400.0), ("5min", 300.0), ("500 ms", 0.5)] {
+            assert_eq!(text.parse::<Seconds>().unwrap(), Seconds(seconds), "{text}");
+        }
+        for bad in ["30", "s", "-3s", "0s", "NaNs", "infs", "30m", "1d"] {
+            assert!(bad.parse::<Seconds>().unwrap_err().to_string().contains("30s"), "{bad}");
+        }
+    }
+
+    #[test]
+    fn emitters() {
+        assert_eq!("scene".parse::<Emitters>().unwrap(), Emitters::Scene);
+        assert_eq!("beam, lamp".parse::<Emitters>().unwrap(), Emitters::Nodes(vec!["beam".into(), "lamp".into()]));
+        assert!("beam,,lamp".parse::<Emitters>().is_err());
+        assert!("".parse::<Emitters>().is_err());
+    }
+}

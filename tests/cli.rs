@@ -1,0 +1,229 @@
+//! The program from outside: help, exit codes and messages. Nothing here needs a device.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use taugate::exr_file::{self, Provenance};
+use taugate::film::Film;
+use taugate::settings::Crop;
+use taugate::units::Gate;
+
+fn taugate(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
+}
+
+/// Runs what must fail with `code` and one message on stderr that contains `part`; returns the message.
+fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) -> String {
+    let output = taugate(folder, arguments);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+    assert!(output.stdout.is_empty(), "{arguments:?} prints a result");
+    assert!(message.starts_with("error: ") && message.contains(part), "{arguments:?}: expected {part:?} in: {message}");
+    assert!(!message.contains("panicked") && !message.contains("backtrace"), "{message}");
+    message
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// An image of one colour in two iterations.
+fn write_exr(path: &Path, width: u32, height: u32, value: f32) {
+    let mut film = Film::new(width, height);
+    let image = vec![value; 3 * (width * height) as usize];
+    film.add(&image, 1);
+    film.add(&image, 1);
+    let crop = Crop { x0: 0, x1: width, y0: 0, y1: height };
+    let settings = String::new();
+    let provenance =
+        Provenance { resolution: [width, height], crop, gate: Gate::OPEN, seed: 0, seconds: 1.0, settings };
+    exr_file::write(path, &film, &provenance).unwrap();
+}
+
+#[test]
+fn help_is_what_was_reviewed() {
+    let here = folder();
+    let mut help = String::new();
+    for command in ["", "render", "compare", "info", "devices", "generate"] {
+        let arguments: Vec<&str> = [command, "--help"].into_iter().filter(|a| !a.is_empty()).collect();
+        let output = taugate(here.path(), &arguments);
+        assert!(output.status.success());
+        help += &format!("$ taugate {}\n{}\n", arguments.join(" "), String::from_utf8(output.stdout).unwrap());
+    }
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("docs/help.txt");
+    if std::env::var_os("TAUGATE_ACCEPT").is_some() {
+        std::fs::write(&path, &help).unwrap();
+    }
+    let reviewed = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(
+        help == reviewed,
+        "the help text differs from docs/help.txt; read it, and accept it with\n    TAUGATE_ACCEPT=1 cargo test --test cli\n\n{help}"
+    );
+}
+
+#[test]
+fn version_and_usage() {
+    let here = folder();
+    assert!(taugate(here.path(), &["--version"]).status.success());
+    for arguments in [&[] as &[&str], &["paint"], &["render"], &["render", "a.glb", "--colour"]] {
+        assert_eq!(taugate(here.path(), arguments).status.code(), Some(2), "{arguments:?}");
+    }
+}
+
+#[test]
+fn bad_flags_are_refused_with_an_example() {
+    let here = folder();
+    let table = [
+        ("--gate", "12.5..12.8", "no unit"),
+        ("--gate", "12.8m..12.5m", "reversed"),
+        ("--gate", "12.5m..12.5m", "empty"),
+        ("--gate", "12.5m", "not an interval"),
+        ("--gate", "nanm..3m", "not a number"),
+        ("--gate", "-3m..-1m", "at or before 0"),
+        ("--gate", "inf..12m", "finite"),
+        ("--gate", "1parsec..2parsec", "not a unit"),
+        ("--depth", "1ns..2ns", "not a unit"),
+        ("--depth", "2..3", "no unit"),
+        ("--time", "30", "30s"),
+        ("--estimator", "magic", "lcs-paper"),
+        ("--strategies", "some", "all or paper"),
+        ("--resolution", "512", "640x480"),
+        ("--crop", "1,2,3", "x0,x1,y0,y1"),
+        ("--emitters", "beam,,lamp", "node names"),
+        ("--spp", "-1", "--spp"),
+    ];
+    for (flag, value, part) in table {
+        let argument = format!("{flag}={value}");
+        let message = fails(here.path(), &["render", "a.glb", "-o", "a.exr", &argument], 2, part);
+        assert!(message.contains(flag), "{message}");
+    }
+    fails(here.path(), &["render", "a.glb", "--gate", "1m..2m", "--depth", "1m..2m"], 2, "cannot be used with");
+    fails(here.path(), &["render", "a.glb", "--spp", "1", "--time", "2s"], 2, "cannot be used with");
+}
+
+#[test]
+fn bad_inputs_are_named() {
+    let here = folder();
+    fails(here.path(), &["render", "no.glb", "-o", "a.exr"], 2, "no.glb: ");
+    fails(here.path(), &["info", "no.glb"], 2, "no.glb: ");
+    fails(here.path(), &["render", "no.toml", "-o", "a.exr"], 2, "no.toml: ");
+    fails(here.path(), &["render", "picture.jpg", "-o", "a.exr"], 2, "neither a scene");
+    assert!(names(here.path()).is_empty(), "a failed render leaves nothing");
+}
+
+#[test]
+fn experiment_mistakes_have_line_and_column() {
+    let here = folder();
+    let experiment = |text: &str| std::fs::write(here.path().join("e.toml"), text).unwrap();
+    let fails = |part: &str| fails(here.path(), &["render", "e.toml"], 2, part);
+    experiment("scene = \"a.glb\"\n[render]\nssp = 4\n");
+    fails("e.toml:3:1: unknown field `ssp`");
+    experiment("scene = \"a.glb\"\n[gate]\ngate = \"1..2\"\n");
+    fails("e.toml:3:8: the gate '1..2' has no unit");
+    experiment("scene = \"a.glb\"\n[medium]\n");
+    fails("e.toml:2:1: media are not rendered yet");
+    experiment("[output]\noutput = \"a.exr\"\n");
+    fails("names no scene");
+    experiment("scene = \"a.glb\"\n");
+    fails("-o OUT.exr");
+    std::fs::write(here.path().join("e.toml"), [0xff, 0xfe, 0]).unwrap();
+    fails("not text in UTF-8");
+}
+
+#[test]
+fn outputs_are_checked_before_anything_is_loaded() {
+    let here = folder();
+    std::fs::create_dir(here.path().join("dir.exr")).unwrap();
+    for (output, part) in [
+        ("no/such/folder/a.exr", "does not exist"),
+        ("dir.exr", "not a plain file"),
+        ("a.png", "must end in .exr"),
+        #[cfg(target_os = "linux")]
+        ("/proc/a.exr", "cannot be written"),
+        #[cfg(target_os = "linux")]
+        ("/dev/full", "must end in .exr"),
+    ] {
+        fails(here.path(), &["render", "a.glb", "-o", output], 2, part);
+    }
+    fails(here.path(), &["render", "a.glb", "-o", "a.exr", "--png", "p.jpg"], 2, "must end in .png");
+    fails(here.path(), &["render", "a.glb", "-o", "a.exr", "--stats", "no/s.json"], 2, "does not exist");
+    assert_eq!(names(here.path()), ["dir.exr"]);
+}
+
+#[test]
+fn compare_measures_and_judges() {
+    let here = folder();
+    write_exr(&here.path().join("a.exr"), 5, 4, 1.1);
+    write_exr(&here.path().join("r.exr"), 5, 4, 1.0);
+
+    // (0.1)^2 / (1 + 1e-4) everywhere.
+    let output = taugate(here.path(), &["compare", "a.exr", "r.exr", "--json"]);
+    assert!(output.status.success());
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!((json["relmse"].as_f64().unwrap() - 0.01 / 1.0001).abs() < 1e-7, "{json}");
+    assert!((json["eps"].as_f64().unwrap() - 1e-4).abs() < 1e-12, "{json}");
+    assert!((json["ratio_of_means"].as_f64().unwrap() - 1.1).abs() < 1e-6, "{json}");
+    assert!(json["formula"].as_str().unwrap().contains("eps"), "{json}");
+
+    let text = String::from_utf8(taugate(here.path(), &["compare", "a.exr", "r.exr"]).stdout).unwrap();
+    assert!(text.contains("relMSE") && text.contains("eps = 1.0") && text.contains("ratio of means"), "{text}");
+    let code = |most: &str| taugate(here.path(), &["compare", "a.exr", "r.exr", "--max-relmse", most]).status.code();
+    assert_eq!((code("0.02"), code("0.005"), code("-1"), code("nan")), (Some(0), Some(1), Some(2), Some(2)));
+}
+
+#[test]
+fn compare_refuses_what_it_cannot_judge() {
+    let here = folder();
+    write_exr(&here.path().join("a.exr"), 5, 4, 1.0);
+    write_exr(&here.path().join("small.exr"), 4, 4, 1.0);
+    write_exr(&here.path().join("black.exr"), 5, 4, 0.0);
+    write_exr(&here.path().join("nan.exr"), 5, 4, f32::NAN);
+    std::fs::write(here.path().join("text.exr"), "no image").unwrap();
+    let whole = std::fs::read(here.path().join("a.exr")).unwrap();
+    std::fs::write(here.path().join("half.exr"), &whole[..whole.len() / 2]).unwrap();
+    let compare = |a: &str, b: &str, part: &str| fails(here.path(), &["compare", a, b], 2, part);
+    compare("a.exr", "no.exr", "no.exr: no such file");
+    compare("a.exr", "small.exr", "differ in size: a.exr is 5x4, small.exr is 4x4");
+    compare("a.exr", "black.exr", "black");
+    compare("nan.exr", "a.exr", "nan.exr: pixel 0,0 is NaN in R");
+    compare("text.exr", "a.exr", "text.exr: ");
+    compare("half.exr", "a.exr", "half.exr: ");
+}
+
+#[test]
+fn a_generated_scene_is_described_and_resolved() {
+    let here = folder();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    run(&["generate", "cornell-box", "-o", "box.glb"]);
+    let info = run(&["info", "box.glb"]);
+    for part in ["triangles", "bounds", "camera", "emitter", "materials"] {
+        assert!(info.contains(part), "{part} is missing in: {info}");
+    }
+    let config = run(&["render", "box.glb", "--depth", "1m..2m", "--resolution", "8x6", "--print-config"]);
+    assert!(config.contains("gate = \"2m..4m\"") && config.contains("resolution = \"8x6\""), "{config}");
+    std::fs::write(here.path().join("e.toml"), &config).unwrap();
+    assert_eq!(run(&["render", "e.toml", "--print-config"]), config, "a printed experiment says the same again");
+
+    fails(here.path(), &["generate", "palace", "-o", "p.glb"], 2, "choose one of cornell-box");
+    fails(here.path(), &["generate", "cornell-box", "-o", "p.obj"], 2, "must end in .glb");
+    let wrong = |flag: &str, value: &str, part: &str| {
+        fails(here.path(), &["render", "box.glb", "-o", "a.exr", flag, value], 2, part);
+    };
+    wrong("--camera", "nobody", "no camera is called 'nobody'; choose one of ");
+    wrong("--emitters", "nothing", "no node 'nothing' emits light; --emitters may name ");
+    wrong("--crop", "0,9999,0,5", "inside the image");
+    wrong("--spp", "0", "--spp is 0");
+    wrong("--gate", "100m+0.0001mm", "--force");
+    assert_eq!(names(here.path()), ["box.glb", "e.toml"]);
+}
