@@ -17,6 +17,7 @@ use crate::film::Film;
 use crate::gpu::Device;
 use crate::scene::Scene;
 use crate::settings::Settings;
+use crate::units::Gate;
 
 use albedo::AlbedoTable;
 use device_scene::DeviceScene;
@@ -102,6 +103,13 @@ impl Renderer {
         self.stats.iterations += 1;
         self.stats.add_host("render", start.elapsed().as_secs_f64());
         Ok(())
+    }
+
+    /// Forgets the film and starts anew with another seed and gate; scene, kernels and statistics stay.
+    pub fn restart(&mut self, seed: u32, gate: Gate) {
+        self.plan.set(seed, gate);
+        self.film = Film::new(self.film.width(), self.film.height());
+        (self.iteration, self.first_sample) = (0, 0);
     }
 
     /// Puts the pool on the device; makes buffers and descriptor sets anew where they are too small.

@@ -10,6 +10,7 @@ use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Frame, NONE};
 use crate::scene::Scene;
 use crate::settings::{Estimator, Settings, Strategies};
+use crate::units::Gate;
 
 /// Stands for infinity on the device; sums of it with travel times stay finite.
 const OPEN: f32 = 3e38;
@@ -25,6 +26,7 @@ pub struct Plan {
     /// Light subpaths are traced, not only started; t = 1 takes part.
     pub traces_light: bool,
     pub splats: bool,
+    cull: bool,
     frame: Frame,
 }
 
@@ -43,7 +45,7 @@ impl Plan {
         let traces_light = !pt && settings.max_depth >= 2;
         let features = geometry.features;
         let frame = frame(scene, settings, emitters, all, pt);
-        Ok(Plan {
+        let mut plan = Plan {
             estimator: settings.estimator,
             light_paths: settings.light_paths,
             buckets: settings.buckets,
@@ -52,8 +54,24 @@ impl Plan {
             crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
             traces_light,
             splats: traces_light && all,
+            cull: settings.cull,
             frame,
-        })
+        };
+        plan.set(settings.seed, settings.gate);
+        Ok(plan)
+    }
+
+    /// Sets the seed and the gate, with the bounds that follow from it.
+    pub fn set(&mut self, seed: u32, gate: Gate) {
+        let closed = gate.hi.is_finite();
+        let hi = if closed { gate.hi as f32 } else { OPEN };
+        // A travel time is a sum of a few dozen rounded terms.
+        let slack = if closed { hi * 4e-6 } else { 0.0 };
+        self.frame.seed = seed;
+        self.frame.gate_lo = gate.lo as f32;
+        self.frame.gate_hi = hi;
+        self.frame.slack = slack;
+        self.frame.cull_hi = if self.cull && closed { hi + slack } else { OPEN };
     }
 
     /// Candidate slots a shade point for a pool.
@@ -115,10 +133,6 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, p
     let tangent = (0.5 * camera.yfov).tan();
     let extent = [tangent * f64::from(width) / f64::from(height), tangent];
     let pixel_area = 4.0 * extent[0] * extent[1] / (f64::from(width) * f64::from(height));
-    let closed = settings.gate.hi.is_finite();
-    let hi = if closed { settings.gate.hi as f32 } else { OPEN };
-    // A travel time is a sum of a few dozen rounded terms.
-    let slack = if closed { hi * 4e-6 } else { 0.0 };
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
     Frame {
         right: axis(DVec3::X),
@@ -126,13 +140,8 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, p
         forward: axis(DVec3::NEG_Z),
         width,
         height,
-        seed: settings.seed,
         extent: extent.map(|x| x as f32),
         pixel_area: pixel_area as f32,
-        gate_lo: settings.gate.lo as f32,
-        gate_hi: hi,
-        cull_hi: if settings.cull && closed { hi + slack } else { OPEN },
-        slack,
         emitter_lo: Vec3::to_array(&emitters.lo),
         emitter_hi: Vec3::to_array(&emitters.hi),
         light_paths: settings.light_paths,

@@ -44,6 +44,7 @@ fn read(bytes: &[u8], folder: &Path) -> Checked<Scene> {
     let mut warnings = Warnings::default();
     let doc = Document::open(bytes, folder)?;
     doc.check_extensions(&mut warnings)?;
+    doc.warn_of_media(&mut warnings);
 
     let worlds = node::world_transforms(&doc)?;
     let mut materials = material::load(&doc, &mut warnings)?;
