@@ -1,0 +1,189 @@
+//! Emitters that a path can be joined to: luminous triangles, point and spot lights; and beams, which only shine one way.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::geometry::{Hit, Ray};
+use super::world::{Vertex, World};
+use crate::generate::numbers::Pcg;
+use crate::scene::{Light, LightKind};
+
+/// Direct light from one sampled emitter.
+pub struct Direct {
+    pub position: DVec3,
+    /// Unit vector from the vertex.
+    pub wi: DVec3,
+    pub distance: f64,
+    /// Radiance times cosine over density: to be multiplied with f cos at the vertex and visibility.
+    pub weight: [f64; 3],
+    /// Density per steradian, selection included; `None` for lights that cannot be hit.
+    pub pdf: Option<f64>,
+}
+
+/// Point and spot lights one by one, and all luminous triangles together as one emitter, chosen uniformly.
+pub struct EmitterSet<'a> {
+    world: &'a World<'a>,
+    punctual: Vec<&'a Light>,
+    pub beams: Vec<&'a Light>,
+    /// Luminous triangles and the area up to and including each.
+    luminous: Vec<(u32, f64)>,
+}
+
+impl<'a> EmitterSet<'a> {
+    /// # Panics
+    /// If a directional light is to shine: it has no travel time.
+    pub fn new(world: &'a World<'a>) -> EmitterSet<'a> {
+        let shining = || world.scene.lights.iter().filter(|l| world.shines(&l.node));
+        let is_beam = |l: &&Light| matches!(l.kind, LightKind::Beam { .. });
+        assert!(!shining().any(|l| matches!(l.kind, LightKind::Directional { .. })), "no travel time");
+        let mut luminous = Vec::new();
+        let mut area = 0.0;
+        for (i, triangle) in world.geometry.triangles.iter().enumerate() {
+            let instance = &world.scene.instances[triangle.instance as usize];
+            let material = world.scene.meshes[instance.mesh as usize].material;
+            if world.scene.materials[material as usize].emission != [0.0; 3] && world.shines(&instance.node) {
+                area += triangle.area();
+                luminous.push((i as u32, area));
+            }
+        }
+        let (beams, punctual) = shining().partition(is_beam);
+        EmitterSet { world, punctual, beams, luminous }
+    }
+
+    fn choices(&self) -> usize {
+        self.punctual.len() + usize::from(!self.luminous.is_empty())
+    }
+
+    /// Density per steradian with which [`EmitterSet::sample`] would have drawn the luminous point that `vertex` is, from `distance` away.
+    pub fn pdf(&self, vertex: &Vertex, distance: f64) -> f64 {
+        let Some(&(_, area)) = self.luminous.last() else { return 0.0 };
+        let cos = vertex.normal.dot(vertex.wo).abs();
+        distance * distance / (cos * area * self.choices() as f64)
+    }
+
+    /// One emitter, uniformly chosen, as seen from `from`; visibility is not tested. `None` if it sends nothing there.
+    pub fn sample(&self, from: DVec3, pcg: &mut Pcg) -> Option<Direct> {
+        if self.choices() == 0 {
+            return None;
+        }
+        let chosen = pcg.below(self.choices());
+        let share = self.choices() as f64;
+        if let Some(light) = self.punctual.get(chosen) {
+            let distance = (light.position - from).length();
+            let wi = (light.position - from) / distance;
+            let weight = intensity(light, -wi)?.map(|i| i * share / (distance * distance));
+            return Some(Direct { position: light.position, wi, distance, weight, pdf: None });
+        }
+        let &(_, area) = self.luminous.last()?;
+        let target = pcg.uniform() * area;
+        let (triangle, _) = self.luminous[self.luminous.partition_point(|&(_, sum)| sum <= target)];
+        let (root, v) = (pcg.uniform().sqrt(), pcg.uniform());
+        let hit = Hit { t: 0.0, triangle, u: root * (1.0 - v), v: root * v };
+        let surface = self.world.geometry.surface(&hit);
+        let distance = (surface.position - from).length();
+        let wi = (surface.position - from) / distance;
+        let pdf = distance * distance / (surface.geometric.dot(wi).abs() * area * share);
+        let there = self.world.coverage(&surface);
+        let weight = self.world.emitted(&surface, -wi).map(|e| e * there / pdf);
+        let lit = weight.iter().any(|&w| w > 0.0) && pdf.is_finite();
+        lit.then_some(Direct { position: surface.position, wi, distance, weight, pdf: Some(pdf) })
+    }
+}
+
+/// Radiant intensity of a point or spot light in a direction away from it.
+fn intensity(light: &Light, away: DVec3) -> Option<[f64; 3]> {
+    match light.kind {
+        LightKind::Point { intensity } => Some(intensity.map(f64::from)),
+        LightKind::Spot { intensity, inner, outer } => {
+            let (inner, outer) = (f64::from(inner).cos(), f64::from(outer).cos());
+            let cos = light.direction.dot(away);
+            let fall = ((cos - outer) / (inner - outer).max(1e-12)).clamp(0.0, 1.0).powi(2);
+            (fall > 0.0).then(|| intensity.map(|i| f64::from(i) * fall))
+        }
+        _ => None,
+    }
+}
+
+/// Where a beam, perhaps after mirrors and glass, first meets something rough: an emitter in its own right.
+pub struct Spot<'a> {
+    /// Seen from where the beam comes.
+    pub vertex: Vertex<'a>,
+    /// Power that arrives over the density of the point: to be multiplied with f at the vertex and [`Spot::towards`]' cosine.
+    power: [f64; 3],
+    pub tau: f64,
+    /// Segments from the beam to here.
+    pub segments: u32,
+    /// Index of the medium that the spot shines into.
+    pub eta: f64,
+    /// Density per area of this point, if a sensor path that ends here could find the beam by itself.
+    pub density: Option<f64>,
+}
+
+impl Spot<'_> {
+    /// Radiance times area cosine over density, towards a unit vector `w`: to be divided by the squared distance.
+    pub fn towards(&self, w: DVec3) -> [f64; 3] {
+        let v = &self.vertex;
+        // Light meets the shading normal's cosine where the sampled area has the geometric one.
+        let cosines = v.cos(v.wo) / v.normal.dot(v.wo) * v.normal.dot(w).max(0.0);
+        let f = v.eval(w);
+        [0, 1, 2].map(|k| self.power[k] * f[k] * cosines)
+    }
+}
+
+/// Radius and power of a beam.
+pub fn beam(light: &Light) -> (f64, [f64; 3]) {
+    let LightKind::Beam { power, radius } = light.kind else { panic!("not a beam") };
+    (f64::from(radius), power.map(f64::from))
+}
+
+/// Follows one ray of a beam, through at most `max_depth` segments, as long as it is mirrored or refracted; a spot at every vertex
+/// that also scatters.
+pub fn spots<'a>(world: &'a World<'a>, light: &Light, max_depth: u32, pcg: &mut Pcg) -> Vec<Spot<'a>> {
+    let (radius, mut power) = beam(light);
+    let x = light.direction.any_orthonormal_vector();
+    let (r, angle) = (radius * pcg.uniform().sqrt(), 2.0 * PI * pcg.uniform());
+    let offset = x * (r * angle.cos()) + light.direction.cross(x) * (r * angle.sin());
+    let mut ray = Ray::new(light.position + offset, light.direction);
+    let (mut tau, mut eta) = (0.0, 1.0);
+    let mut found = Vec::new();
+    for segments in 1..=max_depth {
+        let Some(vertex) = world.trace(ray, pcg) else { break };
+        tau += eta * (vertex.position - ray.origin).length();
+        let sample = vertex.sample(pcg);
+        let next = sample.as_ref().filter(|s| s.delta).map(|s| {
+            let index = if !s.refracted {
+                eta
+            } else if vertex.inside {
+                1.0
+            } else {
+                world.ior(&vertex)
+            };
+            (Ray::new(vertex.position, s.wi), s.weight, index)
+        });
+        if !vertex.only_delta() {
+            let direct = segments == 1 && radius > 0.0;
+            let area = PI * radius * radius;
+            let density = direct.then(|| vertex.normal.dot(vertex.wo) / area);
+            found.push(Spot { vertex, power, tau, segments, eta, density });
+        }
+        let Some((onwards, weight, index)) = next else { break };
+        (ray, eta) = (onwards, index);
+        (0..3).for_each(|k| power[k] *= weight[k]);
+    }
+    found
+}
+
+/// Light of a beam with a radius that falls straight onto a vertex: distance to the disk and f cos times irradiance.
+pub fn straight(world: &World, light: &Light, vertex: &Vertex, pcg: &mut Pcg) -> Option<(f64, [f64; 3])> {
+    let (radius, power) = beam(light);
+    let distance = (vertex.position - light.position).dot(light.direction);
+    let foot = vertex.position - light.direction * distance;
+    if distance <= 0.0 || radius == 0.0 || (foot - light.position).length() > radius {
+        return None;
+    }
+    let f = vertex.eval(-light.direction);
+    let irradiance = vertex.cos(-light.direction) / (PI * radius * radius);
+    let value = [0, 1, 2].map(|k| f[k] * power[k] * irradiance);
+    (value != [0.0; 3] && world.visible(vertex.position, foot, pcg)).then_some((distance, value))
+}

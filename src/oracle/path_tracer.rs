@@ -1,0 +1,315 @@
+//! A path tracer with explicit light sampling that sorts radiance by travel time: the second opinion on every image.
+//!
+//! Each sample traces one sensor path. At every vertex one emitter is sampled; luminous surfaces are also found by chance, and the
+//! two are weighted by the balance heuristic. A beam has neither position nor direction to spare, so its first rough hit, the
+//! spot, is found from the beam and joined to every sensor vertex. A beam with a radius may also be met by going back along it from
+//! a vertex that lies in the spot: that is the other half of a balance heuristic, and all there is where the vertex before was
+//! the pinhole, a mirror or glass. A spot that cannot be met that way (radius 0, or a mirror or glass in front of the beam) is
+//! projected into the image. Not found: such a spot seen through a mirror or glass.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::emitter::{self, EmitterSet, Spot};
+use super::geometry::Ray;
+use super::world::{Vertex, World};
+use crate::generate::numbers::Pcg;
+use crate::scene::{Camera, Scene};
+use crate::settings::Emitters;
+
+/// What to render.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Index into `Scene::cameras`.
+    pub camera: usize,
+    /// Width and height in pixels.
+    pub resolution: [u32; 2],
+    pub spp: u32,
+    pub seed: u64,
+    /// Greatest number of path segments, both ends included.
+    pub max_depth: u32,
+    /// Half-open intervals of travel time [lo, hi) in metres; they may overlap.
+    pub bins: Vec<(f64, f64)>,
+    pub emitters: Emitters,
+}
+
+/// Radiance of a pixel in a bin, and the variance of that estimate (not of a sample).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Pixel {
+    pub mean: [f64; 3],
+    pub variance: [f64; 3],
+}
+
+/// One image a bin, row 0 at the top.
+#[derive(Debug, Clone)]
+pub struct Film {
+    pub resolution: [u32; 2],
+    pub bins: Vec<Vec<Pixel>>,
+}
+
+impl Film {
+    /// Mean over pixels and channels of a bin.
+    pub fn average(&self, bin: usize) -> f64 {
+        let pixels = &self.bins[bin];
+        pixels.iter().flat_map(|p| p.mean).sum::<f64>() / (3 * pixels.len()) as f64
+    }
+}
+
+/// Sums of sample values and of their squares.
+#[derive(Clone, Copy, Default)]
+struct Sums([f64; 3], [f64; 3]);
+
+impl Sums {
+    fn add(&mut self, value: DVec3) {
+        for k in 0..3 {
+            self.0[k] += value[k];
+            self.1[k] += value[k] * value[k];
+        }
+    }
+
+    /// Mean over `n` samples and its variance; n = 1 has no variance to speak of and gives 0.
+    fn over(&self, n: f64) -> Pixel {
+        let mean = self.0.map(|s| s / n);
+        let spread = |k: usize| (self.1[k] / n - mean[k] * mean[k]).max(0.0) / (n - 1.0).max(1.0);
+        Pixel { mean, variance: [0, 1, 2].map(spread) }
+    }
+}
+
+/// Contributions of one sample to its own pixel.
+struct Record<'s> {
+    settings: &'s Settings,
+    bins: Vec<DVec3>,
+}
+
+impl Record<'_> {
+    fn add(&mut self, tau: f64, value: DVec3) {
+        for (bin, &(lo, hi)) in self.bins.iter_mut().zip(&self.settings.bins) {
+            if lo <= tau && tau < hi {
+                *bin += value;
+            }
+        }
+    }
+}
+
+/// A spot seen by the pinhole: pixel, travel time and value.
+type Splat = (usize, f64, DVec3);
+
+/// Renders all bins at once. The same settings give the same bits, however many threads there are.
+///
+/// # Panics
+/// If a directional light is to shine: it has no travel time.
+pub fn render(scene: &Scene, settings: &Settings) -> Film {
+    let world = World::new(scene, &settings.emitters);
+    let emitters = EmitterSet::new(&world);
+    let tracer = Tracer { world: &world, emitters: &emitters, settings, lens: Lens::new(scene, settings) };
+    let [width, height] = settings.resolution;
+    let count = (width * height) as usize;
+    let traced: Vec<(Vec<Sums>, Vec<Splat>)> = (0..count).into_par_iter().map(|i| tracer.pixel(i)).collect();
+
+    // Splats fall anywhere in the image: every sample of every pixel had its chance.
+    let mut splatted = vec![vec![Sums::default(); count]; settings.bins.len()];
+    for &(pixel, tau, value) in traced.iter().flat_map(|(_, splats)| splats) {
+        for (bin, &(lo, hi)) in splatted.iter_mut().zip(&settings.bins) {
+            if lo <= tau && tau < hi {
+                bin[pixel].add(value);
+            }
+        }
+    }
+    let own = f64::from(settings.spp);
+    let pixel = |bin: usize, i: usize| {
+        let (a, b) = (traced[i].0[bin].over(own), splatted[bin][i].over(own * count as f64));
+        let sum = |x: [f64; 3], y: [f64; 3]| [0, 1, 2].map(|k| x[k] + y[k]);
+        Pixel { mean: sum(a.mean, b.mean), variance: sum(a.variance, b.variance) }
+    };
+    let bins = (0..settings.bins.len()).map(|bin| (0..count).map(|i| pixel(bin, i)).collect()).collect();
+    Film { resolution: settings.resolution, bins }
+}
+
+/// A pinhole with its image plane at distance 1.
+struct Lens<'a> {
+    camera: &'a Camera,
+    resolution: [f64; 2],
+    /// Half the size of the image plane.
+    half: [f64; 2],
+}
+
+impl<'a> Lens<'a> {
+    fn new(scene: &'a Scene, settings: &Settings) -> Lens<'a> {
+        let camera = &scene.cameras[settings.camera];
+        let resolution = settings.resolution.map(f64::from);
+        let tan = (camera.yfov / 2.0).tan();
+        Lens { camera, resolution, half: [tan * resolution[0] / resolution[1], tan] }
+    }
+
+    fn eye(&self) -> DVec3 {
+        self.camera.transform.translation
+    }
+
+    /// Ray through image coordinates in pixels.
+    fn ray(&self, x: f64, y: f64) -> Ray {
+        let [w, h] = self.resolution;
+        let local = DVec3::new((2.0 * x / w - 1.0) * self.half[0], (1.0 - 2.0 * y / h) * self.half[1], -1.0);
+        Ray::new(self.eye(), self.camera.transform.transform_vector3(local).normalize())
+    }
+
+    /// The pixel in which a point is seen, and pixel means per steradian: 1 / (pixel area cos^3).
+    fn project(&self, point: DVec3) -> Option<(usize, f64)> {
+        let p = self.camera.transform.inverse().transform_point3(point);
+        let [w, h] = self.resolution;
+        let x = (p.x / -p.z / self.half[0] + 1.0) / 2.0 * w;
+        let y = (1.0 - p.y / -p.z / self.half[1]) / 2.0 * h;
+        if p.z >= 0.0 || !(0.0..w).contains(&x) || !(0.0..h).contains(&y) {
+            return None;
+        }
+        let area = 4.0 * self.half[0] * self.half[1] / (w * h);
+        let cos = -p.z / p.length();
+        Some((y as usize * w as usize + x as usize, 1.0 / (area * cos.powi(3))))
+    }
+}
+
+struct Tracer<'a> {
+    world: &'a World<'a>,
+    emitters: &'a EmitterSet<'a>,
+    settings: &'a Settings,
+    lens: Lens<'a>,
+}
+
+impl Tracer<'_> {
+    fn pixel(&self, index: usize) -> (Vec<Sums>, Vec<Splat>) {
+        let width = self.settings.resolution[0] as usize;
+        let (x, y) = ((index % width) as f64, (index / width) as f64);
+        let mut pcg = Pcg::new(scramble(self.settings.seed ^ scramble(index as u64)));
+        let mut sums = vec![Sums::default(); self.settings.bins.len()];
+        let mut splats = Vec::new();
+        for _ in 0..self.settings.spp {
+            let ray = self.lens.ray(x + pcg.uniform(), y + pcg.uniform());
+            let mut record = Record { settings: self.settings, bins: vec![DVec3::ZERO; sums.len()] };
+            let mut spots = Vec::new();
+            for beam in &self.emitters.beams {
+                spots.extend(emitter::spots(self.world, beam, self.settings.max_depth - 1, &mut pcg));
+            }
+            splats.extend(spots.iter().filter_map(|spot| self.splat(spot, &mut pcg)));
+            self.path(ray, &spots, &mut record, &mut pcg);
+            sums.iter_mut().zip(&record.bins).for_each(|(sum, &value)| sum.add(value));
+        }
+        (sums, splats)
+    }
+
+    fn path(&self, mut ray: Ray, spots: &[Spot], record: &mut Record, pcg: &mut Pcg) {
+        let mut throughput = DVec3::ONE;
+        let (mut tau, mut eta) = (0.0, 1.0);
+        // Density per steradian of the last direction; none after the pinhole, a mirror or glass.
+        let mut last: Option<f64> = None;
+        for segments in 1..=self.settings.max_depth {
+            let Some(vertex) = self.world.trace(ray, pcg) else { return };
+            let distance = (vertex.position - ray.origin).length();
+            tau += eta * distance;
+            let emitted = self.world.emitted(&vertex.surface, vertex.wo);
+            if emitted != [0.0; 3] {
+                let weight = last.map_or(1.0, |p| p / (p + self.emitters.pdf(&vertex, distance)));
+                record.add(tau, throughput * DVec3::from(emitted) * weight);
+            }
+            if segments == self.settings.max_depth {
+                return;
+            }
+            if !vertex.only_delta() {
+                let here = Here { vertex: &vertex, throughput, tau, eta, segments, last: last.map(|p| (p, distance)) };
+                self.emitter(&here, record, pcg);
+                self.beams(&here, record, pcg);
+                spots.iter().for_each(|spot| self.connect(&here, spot, record, pcg));
+            }
+            let Some(sample) = vertex.sample(pcg) else { return };
+            throughput *= DVec3::from(sample.weight);
+            if sample.refracted {
+                let beyond = if vertex.inside { 1.0 } else { self.world.ior(&vertex) };
+                // Radiance is compressed with the square of the index.
+                throughput *= (eta / beyond) * (eta / beyond);
+                eta = beyond;
+            }
+            if throughput == DVec3::ZERO {
+                return;
+            }
+            last = (!sample.delta).then_some(sample.pdf);
+            ray = Ray::new(vertex.position, sample.wi);
+        }
+    }
+
+    /// Light of one sampled emitter.
+    fn emitter(&self, here: &Here, record: &mut Record, pcg: &mut Pcg) {
+        let Some(light) = self.emitters.sample(here.vertex.position, pcg) else { return };
+        let f = DVec3::from(here.vertex.eval(light.wi)) * here.vertex.cos(light.wi);
+        if f == DVec3::ZERO || !self.world.visible(here.vertex.position, light.position, pcg) {
+            return;
+        }
+        let weight = light.pdf.map_or(1.0, |p| p / (p + here.vertex.pdf(light.wi)));
+        record.add(here.tau + here.eta * light.distance, here.throughput * f * DVec3::from(light.weight) * weight);
+    }
+
+    /// Light of beams that fall straight onto the vertex.
+    fn beams(&self, here: &Here, record: &mut Record, pcg: &mut Pcg) {
+        for beam in &self.emitters.beams {
+            let Some((distance, value)) = emitter::straight(self.world, beam, here.vertex, pcg) else { continue };
+            // Against a spot joined to the vertex before; both densities per area.
+            let weight = here.last.map_or(1.0, |(pdf, length)| {
+                let radius = emitter::beam(beam).0;
+                let joined = -here.vertex.normal.dot(beam.direction) / (std::f64::consts::PI * radius * radius);
+                let met = pdf * here.vertex.normal.dot(here.vertex.wo) / (length * length);
+                met / (met + joined)
+            });
+            record.add(here.tau + here.eta * distance, here.throughput * DVec3::from(value) * weight);
+        }
+    }
+
+    /// The spot of a beam, joined to the vertex.
+    fn connect(&self, here: &Here, spot: &Spot, record: &mut Record, pcg: &mut Pcg) {
+        let to = spot.vertex.position - here.vertex.position;
+        let distance = to.length();
+        if distance == 0.0 || here.segments + spot.segments + 1 > self.settings.max_depth || here.eta != spot.eta {
+            return;
+        }
+        let wi = to / distance;
+        let f = DVec3::from(here.vertex.eval(wi)) * here.vertex.cos(wi);
+        let value = f * DVec3::from(spot.towards(-wi)) / (distance * distance);
+        if value == DVec3::ZERO || !self.world.visible(here.vertex.position, spot.vertex.position, pcg) {
+            return;
+        }
+        let weight = spot.density.map_or(1.0, |joined| {
+            let met = here.vertex.pdf(wi) * spot.vertex.normal.dot(-wi) / (distance * distance);
+            joined / (joined + met)
+        });
+        record.add(here.tau + here.eta * distance + spot.tau, here.throughput * value * weight);
+    }
+
+    /// A spot that no sensor path can meet, as the pinhole sees it.
+    fn splat(&self, spot: &Spot, pcg: &mut Pcg) -> Option<Splat> {
+        if spot.density.is_some() || spot.segments + 1 > self.settings.max_depth {
+            return None;
+        }
+        let to = self.lens.eye() - spot.vertex.position;
+        let (pixel, per_steradian) = self.lens.project(spot.vertex.position)?;
+        let value = DVec3::from(spot.towards(to.normalize())) / to.length_squared() * per_steradian;
+        let seen = value != DVec3::ZERO && self.world.visible(spot.vertex.position, self.lens.eye(), pcg);
+        seen.then_some((pixel, spot.tau + to.length(), value))
+    }
+}
+
+/// The end of a sensor path so far.
+struct Here<'v> {
+    vertex: &'v Vertex<'v>,
+    throughput: DVec3,
+    /// Travel time from the vertex to the pinhole.
+    tau: f64,
+    /// Index of the medium on the viewer's side.
+    eta: f64,
+    segments: u32,
+    /// Density per steradian and length of the last segment, if it was drawn from a density.
+    last: Option<(f64, f64)>,
+}
+
+/// SplitMix64's finaliser, so that neighbouring pixels and seeds are unrelated.
+fn scramble(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
