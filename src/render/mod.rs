@@ -25,6 +25,7 @@ use emitters::EmitterSet;
 use geometry::Geometry;
 use light::LightTracer;
 use plan::Plan;
+pub use plan::Tuning;
 use pool::{DevicePool, LightPool, SortedPool};
 pub use sensor::MOST_SAMPLES;
 use sensor::{Bound, SensorTracer};
@@ -48,6 +49,11 @@ impl Renderer {
     /// Flattens and uploads the scene, compiles the kernels. Errors: nothing emits, the scene does not fit the device, the
     /// estimator cannot render these emitters.
     pub fn new(device: &Device, scene: &Scene, settings: &Settings) -> Result<Renderer> {
+        Renderer::with_tuning(device, scene, settings, Tuning::default())
+    }
+
+    /// As [`Renderer::new`], with choices that change the speed and never the image.
+    pub fn with_tuning(device: &Device, scene: &Scene, settings: &Settings, tuning: Tuning) -> Result<Renderer> {
         let origin = scene.cameras[settings.camera].transform.translation;
         let mut stats = Stats::default();
         let albedo = AlbedoTable::new();
@@ -58,7 +64,7 @@ impl Renderer {
                 "nothing emits light: select other nodes with --emitters, or add a light to the scene".into(),
             ));
         }
-        let plan = Plan::new(scene, settings, &geometry, &emitters)?;
+        let plan = Plan::new(scene, settings, &geometry, &emitters, tuning)?;
         let scene = stats.timed("upload scene", || DeviceScene::new(device, &geometry, &emitters, &albedo))?;
         let light = LightTracer::new(device, &scene, &plan)?;
         stats.scene_bytes = scene.bytes();

@@ -15,6 +15,23 @@ use crate::units::Gate;
 /// Stands for infinity on the device; sums of it with travel times stay finite.
 const OPEN: f32 = 3e38;
 
+/// Choices of speed. The image does not depend on them; a test holds that.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tuning {
+    /// Threads a workgroup.
+    pub workgroup: u32,
+    /// Sensor paths a tile: fixed, or adapted to the time a submit takes.
+    pub tile: Option<usize>,
+    /// Light paths traced together.
+    pub light_batch: usize,
+}
+
+impl Default for Tuning {
+    fn default() -> Self {
+        Tuning { workgroup: 64, tile: None, light_batch: 1 << 16 }
+    }
+}
+
 /// Everything about a render that does not change from iteration to iteration.
 pub struct Plan {
     pub estimator: Estimator,
@@ -26,12 +43,13 @@ pub struct Plan {
     /// Light subpaths are traced, not only started; t = 1 takes part.
     pub traces_light: bool,
     pub splats: bool,
+    pub tuning: Tuning,
     cull: bool,
     frame: Frame,
 }
 
 impl Plan {
-    pub fn new(scene: &Scene, settings: &Settings, geometry: &Geometry, emitters: &EmitterSet) -> Result<Plan> {
+    pub fn new(scene: &Scene, settings: &Settings, geometry: &Geometry, emitters: &EmitterSet, tuning: Tuning) -> Result<Plan> {
         let lights_only_by_beam = emitters.has_beam && !emitters.has_area && emitters.deterministic.is_empty();
         if settings.estimator == Estimator::Pt && lights_only_by_beam {
             return Err(Error::Settings(
@@ -54,6 +72,7 @@ impl Plan {
             crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
             traces_light,
             splats: traces_light && all,
+            tuning,
             cull: settings.cull,
             frame,
         };
@@ -120,6 +139,7 @@ impl Plan {
             ("HAS_ALPHA", switch(self.features.alpha)),
             ("HAS_GLOSSY", switch(self.features.glossy)),
             ("HAS_TRANSMISSION", switch(self.features.transmission)),
+            ("WORKGROUP", self.tuning.workgroup.into()),
             ("ESTIMATOR", estimator.into()),
             ("BUCKET_COUNT", self.buckets.into()),
         ]

@@ -92,7 +92,7 @@ impl SensorTracer {
         let capacity = wanted.min(by_vertices).min(by_slots).min(all).max(u64::from(MOST_SAMPLES)) as usize;
         let buffers = Buffers::new(device, plan, capacity, slots as usize)?;
         let kernels = Kernels::new(device, plan)?;
-        let tile = capacity.min(1 << 13);
+        let tile = plan.tuning.tile.unwrap_or(1 << 13).min(capacity);
         Ok(SensorTracer { kernels, buffers, recorder: Recorder::new(device)?, slots, capacity, tile })
     }
 
@@ -204,7 +204,9 @@ impl SensorTracer {
         stats.shade_points += total(SHADE);
         stats.candidates += total(SHADE) * u64::from(self.slots);
         stats.live_candidates += total(CANDIDATES);
-        self.adapt(count as usize, longest);
+        if plan.tuning.tile.is_none() {
+            self.adapt(count as usize, longest);
+        }
         Ok(())
     }
 

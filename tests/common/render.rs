@@ -1,0 +1,146 @@
+//! Rendering for tests: settings, batches of independent seeds, pooled cells and their z-tests.
+
+use taugate::gpu::Device;
+use taugate::render::{Renderer, Tuning};
+use taugate::scene::Scene;
+use taugate::settings::{Budget, Crop, Emitters, Estimator, Settings, Strategies};
+use taugate::units::Gate;
+
+/// Significance of every family of tests, corrected for its number of cells (Sidak).
+pub const SIGNIFICANCE: f64 = 1e-3;
+/// Independent seeds behind every variance.
+pub const SEEDS: u32 = 32;
+
+pub fn device() -> Device {
+    Device::open(None).expect("these tests need a Vulkan device: run ./setup.sh")
+}
+
+pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> Settings {
+    Settings {
+        estimator,
+        strategies: Strategies::All,
+        gate: Gate::OPEN,
+        resolution,
+        crop: Crop { x0: 0, y0: 0, x1: resolution[0], y1: resolution[1] },
+        budget: Budget::Spp(1),
+        seed: 1,
+        max_depth: 24,
+        light_paths: 2000,
+        queries: 1,
+        buckets: 8,
+        cull: true,
+        camera: 0,
+        emitters: Emitters::Scene,
+    }
+}
+
+pub fn renderer(scene: &Scene, settings: &Settings) -> Renderer {
+    Renderer::new(&device(), scene, settings).unwrap_or_else(|e| panic!("{e}"))
+}
+
+pub fn tuned(scene: &Scene, settings: &Settings, tuning: Tuning) -> Renderer {
+    Renderer::with_tuning(&device(), scene, settings, tuning).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Luminance-like means (average of the channels) of square cells, one value a seed.
+pub struct Cells {
+    /// `[cell][seed]`
+    pub batches: Vec<Vec<f64>>,
+}
+
+impl Cells {
+    /// `SEEDS` independent images of `iterations` x `samples` samples, pooled over cells of `cell` x `cell` pixels.
+    pub fn measure(renderer: &mut Renderer, gate: Gate, cell: usize, iterations: u32, samples: u32, first_seed: u32) -> Cells {
+        let mut batches: Vec<Vec<f64>> = vec![];
+        for seed in 0..SEEDS {
+            renderer.restart(first_seed + seed, gate);
+            for _ in 0..iterations {
+                renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
+            }
+            let film = renderer.film();
+            let pooled = pool(&film.mean(), film.width() as usize, cell);
+            batches.resize(pooled.len(), vec![]);
+            for (batch, value) in batches.iter_mut().zip(pooled) {
+                batch.push(value);
+            }
+        }
+        Cells { batches }
+    }
+
+    pub fn mean(&self, cell: usize) -> f64 {
+        mean(&self.batches[cell])
+    }
+
+    /// Variance of [`Cells::mean`].
+    pub fn variance(&self, cell: usize) -> f64 {
+        let (b, m) = (&self.batches[cell], self.mean(cell));
+        b.iter().map(|x| (x - m).powi(2)).sum::<f64>() / ((b.len() - 1) * b.len()) as f64
+    }
+
+    /// Mean of all cells and its standard error, from the seeds (cells share a light pool and are correlated).
+    pub fn whole(&self) -> (f64, f64) {
+        let n = self.batches[0].len();
+        let of_seed = |s: usize| self.batches.iter().map(|b| b[s]).sum::<f64>() / self.batches.len() as f64;
+        let all: Vec<f64> = (0..n).map(of_seed).collect();
+        let m = mean(&all);
+        (m, (all.iter().map(|x| (x - m).powi(2)).sum::<f64>() / ((n - 1) * n) as f64).sqrt())
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Means of cells of `cell` x `cell` pixels over all channels; partial cells at the edges count too.
+pub fn pool(rgb: &[f32], width: usize, cell: usize) -> Vec<f64> {
+    let height = rgb.len() / 3 / width;
+    let columns = width.div_ceil(cell);
+    let mut sums = vec![(0.0, 0usize); columns * height.div_ceil(cell)];
+    for (i, p) in rgb.chunks_exact(3).enumerate() {
+        let (sum, n) = &mut sums[i / width / cell * columns + i % width / cell];
+        *sum += p.iter().map(|&x| f64::from(x)).sum::<f64>() / 3.0;
+        *n += 1;
+    }
+    sums.into_iter().map(|(sum, n)| sum / n as f64).collect()
+}
+
+/// |z| above which one of `cells` normal values is significant (Sidak); Student's t for `SEEDS` - 1 degrees of freedom is
+/// accounted for by widening with its kurtosis (Fisher's expansion to first order).
+pub fn threshold(cells: usize) -> f64 {
+    let each = 1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / cells as f64);
+    let z = normal_quantile(1.0 - 0.5 * each);
+    let nu = f64::from(SEEDS - 1);
+    z + (z.powi(3) + z) / (4.0 * nu) + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
+}
+
+/// Inverse of the normal distribution function by bisection on erfc's continued fraction: slow and sure.
+fn normal_quantile(p: f64) -> f64 {
+    let (mut lo, mut hi) = (0.0, 20.0);
+    for _ in 0..200 {
+        let mid = 0.5 * (lo + hi);
+        if upper_tail(mid) > 1.0 - p { lo = mid } else { hi = mid }
+    }
+    lo
+}
+
+/// P(Z > z), z >= 0, by Simpson's rule over 40 standard deviations.
+fn upper_tail(z: f64) -> f64 {
+    let (n, end) = (4000, z + 12.0);
+    let h = (end - z) / f64::from(n);
+    let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
+    let inner: f64 = (1..n).map(|i| density(z + f64::from(i) * h) * if i % 2 == 1 { 4.0 } else { 2.0 }).sum();
+    (density(z) + inner + density(end)) * h / 3.0
+}
+
+/// Cells in which two independent measurements differ significantly, as text; empty if they agree.
+pub fn disagreements(a: &Cells, b: &Cells) -> Vec<String> {
+    assert_eq!(a.batches.len(), b.batches.len());
+    let limit = threshold(a.batches.len());
+    (0..a.batches.len())
+        .filter_map(|i| {
+            let spread = (a.variance(i) + b.variance(i)).sqrt();
+            let z = (a.mean(i) - b.mean(i)) / spread;
+            (z.abs() > limit).then(|| format!("cell {i}: {:.6} against {:.6}, z = {z:.2}", a.mean(i), b.mean(i)))
+        })
+        .collect()
+}
