@@ -41,7 +41,7 @@ fn gated_sphere_with_a_point_light() {
     let scene = build(Kind::parse("gated-sphere").unwrap());
     let mut bins = GATES.to_vec();
     bins.push((1.99, 2.01));
-    let film = render(&scene, &settings([8, 8], 500, 18, &bins));
+    let film = render(&scene, &settings([8, 8], 300, 18, &bins));
     // The direct return needs no luck at all.
     assert!((average(&film, 3).0 / 0.5 - 1.0).abs() < 2e-3);
     let mut worst_of_wrong: f64 = 0.0;
@@ -67,7 +67,7 @@ fn beam_in_a_sphere(radius: f32) {
         camera(&mut scene, DVec3::ZERO, -axis, std::f64::consts::FRAC_PI_2, [SIDE, SIDE]);
     }
     let films: Vec<Film> = (0..6)
-        .map(|side| render(&scene, &Settings { camera: side, ..settings([SIDE, SIDE], 50, 16, &GATES) }))
+        .map(|side| render(&scene, &Settings { camera: side, ..settings([SIDE, SIDE], 30, 16, &GATES) }))
         .collect();
     let scale = 3.0 / (4.0 * std::f64::consts::PI.powi(2));
     let mut worst_of_wrong: f64 = 0.0;

@@ -12,17 +12,8 @@ use taugate::units::Gate;
 
 const ALBEDO: f32 = 0.5;
 /// Gates after the direct return at 2 R, in units of R (DESIGN section 5); the first holds the direct return itself.
-const GATES: [(f64, f64); 9] = [
-    (-0.05, 0.25),
-    (0.25, 0.5),
-    (0.5, 1.0),
-    (1.0, 1.5),
-    (1.5, 2.0),
-    (2.0, 3.0),
-    (3.0, 4.0),
-    (4.0, 6.0),
-    (6.0, 8.0),
-];
+const GATES: [(f64, f64); 9] =
+    [(-0.05, 0.25), (0.25, 0.5), (0.5, 1.0), (1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 6.0), (6.0, 8.0)];
 
 fn sphere(radius: f32, estimator: Estimator) -> Renderer {
     let scene = build(Kind::GatedSphere { radius, subdivisions: 6, albedo: ALBEDO });
@@ -95,7 +86,10 @@ fn bias_is_below_half_a_percent() {
             let gate = Gate { lo: 2.0 + a, hi: 2.0 + b };
             let truth = gated_radiance(1.0, f64::from(ALBEDO), gate.lo, gate.hi);
             let (mean, error) = Cells::measure(&mut renderer, gate, 64, 2, 16, 100).whole();
-            println!("{estimator:?} [{a}, {b}): {mean:.6} +- {error:.6}, closed form {truth:.6}, bias {:+.3} %", 100.0 * (mean / truth - 1.0));
+            println!(
+                "{estimator:?} [{a}, {b}): {mean:.6} +- {error:.6}, closed form {truth:.6}, bias {:+.3} %",
+                100.0 * (mean / truth - 1.0)
+            );
             assert!((mean / truth - 1.0).abs() < 0.005, "{estimator:?}, gate [{a}, {b}): {mean} against {truth}");
         }
     }

@@ -31,6 +31,6 @@ pub fn build() -> Scene {
     let tall = mesh(&mut scene, "tall box", steel, cuboid(-half, half + DVec3::Y * 1.2));
     place(&mut scene, "tall box", tall, turned(corner(-0.34, 0.0, -0.28), 0.32));
 
-    camera(&mut scene, corner(0.0, 1.0, 3.9), corner(0.0, 1.0, 0.0), 0.68, [256, 256]);
+    camera(&mut scene, corner(0.0, 1.0, 3.9), corner(0.0, 1.0, 0.0), 0.655, [256, 256]);
     scene
 }

@@ -23,7 +23,7 @@ pub fn build() -> Scene {
     // The spot on the far room's wall sees the table through the gap.
     let (source, spot) = (DVec3::new(-1.7, 1.7, -4.2), DVec3::new(2.4, 1.75, -3.0));
     light(&mut scene, "beam", source, spot - source, LightKind::Beam { power: [1.0; 3], radius: 0.02 });
-    camera(&mut scene, DVec3::new(0.15, 1.42, 2.75), DVec3::new(-0.12, 0.98, -1.5), 0.72, [320, 180]);
+    camera(&mut scene, DVec3::new(0.15, 1.42, 2.75), DVec3::new(-0.12, 0.92, -1.5), 0.74, [320, 180]);
     scene
 }
 

@@ -49,7 +49,13 @@ pub struct Plan {
 }
 
 impl Plan {
-    pub fn new(scene: &Scene, settings: &Settings, geometry: &Geometry, emitters: &EmitterSet, tuning: Tuning) -> Result<Plan> {
+    pub fn new(
+        scene: &Scene,
+        settings: &Settings,
+        geometry: &Geometry,
+        emitters: &EmitterSet,
+        tuning: Tuning,
+    ) -> Result<Plan> {
         let lights_only_by_beam = emitters.has_beam && !emitters.has_area && emitters.deterministic.is_empty();
         if settings.estimator == Estimator::Pt && lights_only_by_beam {
             return Err(Error::Settings(

@@ -50,7 +50,14 @@ pub struct Cells {
 
 impl Cells {
     /// `SEEDS` independent images of `iterations` x `samples` samples, pooled over cells of `cell` x `cell` pixels.
-    pub fn measure(renderer: &mut Renderer, gate: Gate, cell: usize, iterations: u32, samples: u32, first_seed: u32) -> Cells {
+    pub fn measure(
+        renderer: &mut Renderer,
+        gate: Gate,
+        cell: usize,
+        iterations: u32,
+        samples: u32,
+        first_seed: u32,
+    ) -> Cells {
         let mut batches: Vec<Vec<f64>> = vec![];
         for seed in 0..SEEDS {
             renderer.restart(first_seed + seed, gate);

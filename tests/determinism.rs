@@ -1,0 +1,75 @@
+//! The same seed gives the same bits: rerun, crop, tile, light batch, workgroup size.
+
+#[path = "common/render.rs"]
+mod common;
+
+use common::{renderer, settings, tuned};
+use taugate::generate::{Kind, build};
+use taugate::render::{Renderer, Tuning};
+use taugate::settings::{Crop, Estimator};
+use taugate::units::Gate;
+
+const SIZE: [u32; 2] = [40, 24];
+const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
+const ESTIMATORS: [Estimator; 3] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper];
+
+fn image(mut renderer: Renderer, seed: u32) -> Vec<u32> {
+    renderer.restart(seed, GATE);
+    for samples in [2, 3] {
+        renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
+    }
+    let mean = renderer.film().mean();
+    assert!(mean.iter().any(|&x| x > 0.0), "a black image proves nothing");
+    mean.iter().map(|x| x.to_bits()).collect()
+}
+
+#[test]
+fn rerun_tile_batch_and_workgroup_give_the_same_bits() {
+    let scene = build(Kind::ClutteredRoom { triangles: 5_000 });
+    let usual = Tuning::default();
+    for estimator in ESTIMATORS {
+        let settings = settings(estimator, SIZE);
+        let first = image(renderer(&scene, &settings), 5);
+        assert!(first == image(renderer(&scene, &settings), 5), "{estimator:?}: rerun");
+        assert!(first != image(renderer(&scene, &settings), 6), "{estimator:?}: another seed must differ");
+        for (name, tuning) in [
+            ("tile of 100 paths", Tuning { tile: Some(100), ..usual }),
+            ("light batches of 333", Tuning { light_batch: 333, ..usual }),
+            ("workgroups of 32", Tuning { workgroup: 32, ..usual }),
+            ("workgroups of 256", Tuning { workgroup: 256, tile: Some(1000), ..usual }),
+        ] {
+            assert!(first == image(tuned(&scene, &settings, tuning), 5), "{estimator:?}: {name}");
+        }
+    }
+}
+
+#[test]
+fn a_crop_is_a_part_of_the_whole_image() {
+    let scene = build(Kind::CornellBox);
+    for estimator in ESTIMATORS {
+        let mut settings = settings(estimator, SIZE);
+        let whole = image(renderer(&scene, &settings), 5);
+        settings.crop = Crop { x0: 7, y0: 3, x1: 30, y1: 17 };
+        let part = image(renderer(&scene, &settings), 5);
+        let width = settings.crop.width() as usize;
+        for (i, pixel) in part.chunks_exact(3).enumerate() {
+            let (x, y) = (7 + i % width, 3 + i / width);
+            let at = (y * SIZE[0] as usize + x) * 3;
+            assert_eq!(pixel, &whole[at..at + 3], "{estimator:?}: pixel {x}, {y}");
+        }
+    }
+}
+
+#[test]
+fn a_render_resumed_with_more_samples_is_the_longer_render() {
+    let scene = build(Kind::CornellBox);
+    let settings = settings(Estimator::LcsPaper, SIZE);
+    let mut renderer = renderer(&scene, &settings);
+    renderer.restart(9, GATE);
+    renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
+    let two = renderer.film().mean();
+    renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
+    let four = renderer.film().mean();
+    assert_ne!(two, four);
+    assert_eq!(renderer.film().samples(), 4);
+}
