@@ -1,4 +1,4 @@
-//! The same seed gives the same bits: rerun, crop, tile, light batch, workgroup size.
+//! The same seed gives the same bits: rerun, crop, tile, workgroup size.
 
 #[path = "common/render.rs"]
 mod common;
@@ -24,7 +24,7 @@ fn image(mut renderer: Renderer, seed: u32) -> Vec<u32> {
 }
 
 #[test]
-fn rerun_tile_batch_and_workgroup_give_the_same_bits() {
+fn rerun_tile_and_workgroup_give_the_same_bits() {
     let scene = build(Kind::ClutteredRoom { triangles: 5_000 });
     let usual = Tuning::default();
     for estimator in ESTIMATORS {
@@ -34,7 +34,6 @@ fn rerun_tile_batch_and_workgroup_give_the_same_bits() {
         assert!(first != image(renderer(&scene, &settings), 6), "{estimator:?}: another seed must differ");
         for (name, tuning) in [
             ("tile of 100 paths", Tuning { tile: Some(100), ..usual }),
-            ("light batches of 333", Tuning { light_batch: 333, ..usual }),
             ("workgroups of 32", Tuning { workgroup: 32, ..usual }),
             ("workgroups of 256", Tuning { workgroup: 256, tile: Some(1000), ..usual }),
         ] {

@@ -9,6 +9,10 @@ use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Dispatch, NONE, PathState, PathVertex};
 use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
 
+/// Light paths traced together: few enough for a short submit. The order of vertices and splats, and so the last bits of the
+/// image, depend on it: it is the same everywhere.
+const BATCH: usize = 1 << 16;
+
 /// Kernels and buffers of the light subpaths.
 pub struct LightTracer {
     start: (Kernel, Bindings),
@@ -23,7 +27,7 @@ pub struct LightTracer {
 
 impl LightTracer {
     pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan) -> Result<LightTracer> {
-        let capacity = plan.tuning.light_batch.min(plan.light_paths as usize);
+        let capacity = BATCH.min(plan.light_paths as usize);
         let remedy = "use fewer --light-paths";
         let states = Buffer::new::<PathState>(device, "light path states", capacity, remedy)?;
         let vertices = Buffer::new::<PathVertex>(device, "new light vertices", capacity, remedy)?;
@@ -51,9 +55,8 @@ impl LightTracer {
     /// Traces all light subpaths of an iteration into `pool`; adds what the sensor sees of them (t = 1) to `image`, RGB over
     /// the crop, in the order of the paths.
     pub fn run(&mut self, plan: &Plan, pool: &mut LightPool, image: &mut [f32], stats: &mut Stats) -> Result<()> {
-        let batch = plan.tuning.light_batch;
-        for first in (0..plan.light_paths).step_by(batch) {
-            let count = (plan.light_paths - first).min(batch as u32);
+        for first in (0..plan.light_paths).step_by(BATCH) {
+            let count = (plan.light_paths - first).min(BATCH as u32);
             self.run_batch(plan, first, count, pool, image, stats)?;
         }
         stats.light_paths += u64::from(plan.light_paths);

@@ -22,13 +22,11 @@ pub struct Tuning {
     pub workgroup: u32,
     /// Sensor paths a tile: fixed, or adapted to the time a submit takes.
     pub tile: Option<usize>,
-    /// Light paths traced together.
-    pub light_batch: usize,
 }
 
 impl Default for Tuning {
     fn default() -> Self {
-        Tuning { workgroup: 64, tile: None, light_batch: 1 << 16 }
+        Tuning { workgroup: 64, tile: None }
     }
 }
 
