@@ -1,5 +1,7 @@
 //! `cluttered-room`: shelves, a table and a floor full of instanced shapes in every material, under one area light.
 
+use std::f64::consts::TAU;
+
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::numbers::Pcg;
@@ -156,7 +158,7 @@ fn scatter(ground: &Ground, pcg: &mut Pcg) -> Vec<Item> {
         let at = DVec3::new(pcg.range(ground.min.x, ground.max.x), ground.min.y, pcg.range(ground.min.z, ground.max.z));
         let shape = pcg.below(SHAPES);
         let lean = if shape == 1 || pcg.uniform() < 0.35 { pcg.range(0.3, 1.4) } else { 0.0 };
-        let turn = about(DVec3::Y, pcg.range(0.0, 6.28)) * about(DVec3::X, lean);
+        let turn = about(DVec3::Y, pcg.range(0.0, TAU)) * about(DVec3::X, lean);
         // The table stands in the middle of the floor.
         let under_table = ground.min.y == 0.0 && at.x > -0.9 && at.x < 1.6 && at.z > -1.1 && at.z < 0.6;
         if !under_table && items.iter().all(|o| (o.at - at).length() > o.size + size) {

@@ -1,5 +1,7 @@
 //! Small pictures by formula, for textures.
 
+use std::f64::consts::TAU;
+
 use super::numbers::{Pcg, sin_cos};
 use crate::scene::Image;
 
@@ -7,7 +9,7 @@ use crate::scene::Image;
 pub fn tiles(size: u32, light: [u8; 3], dark: [u8; 3]) -> Image {
     let mut pcg = Pcg::new(11);
     fill(size, size, |x, y| {
-        let field = if (x * 2 / size + y * 2 / size) % 2 == 0 { light } else { dark };
+        let field = if (x * 2 / size + y * 2 / size).is_multiple_of(2) { light } else { dark };
         let half = size / 2;
         let joint = x % half == 0 || y % half == 0;
         let grain = pcg.range(-5.0, 5.0);
@@ -23,7 +25,7 @@ pub fn wood(size: u32, tone: [u8; 3]) -> Image {
         let (u, v) = (f64::from(x) / f64::from(size), f64::from(y) / f64::from(size));
         let board = (x * 4 / size) as usize;
         let (phase, shade) = boards[board];
-        let bend = sin_cos(v * 6.283 + phase).0 * 0.012;
+        let bend = sin_cos(v * TAU + phase).0 * 0.012;
         let ring = sin_cos((u + bend) * 170.0 + phase).0 * 0.5 + sin_cos((u + 2.0 * bend) * 53.0 + phase).0 * 0.5;
         let gap = if x % (size / 4) == 0 { 0.55 } else { 1.0 };
         let grain = pcg.range(0.97, 1.03);

@@ -57,7 +57,7 @@ impl<'a> World<'a> {
             if self.is_there(&surface, pcg) {
                 return Some(self.vertex(surface, -ray.direction));
             }
-            ray.t_min = hit.t + ray.t_min;
+            ray.t_min += hit.t;
         }
     }
 

@@ -99,7 +99,7 @@ fn a_white_furnace_loses_little_and_gains_nothing() {
             let mirrored = DVec3::new(-wo.x, -wo.y, wo.z);
             let mirror = if alpha == 0.0 { prepared.coat(cos) } else { 0.0 };
             let sum = mirror + over_sphere(mirrored, |wi| bsdf.eval(wi, wo)[0] * wi.z.max(0.0));
-            assert!(sum <= 1.0 + 1e-3 && sum >= 0.99, "alpha {alpha}, cos {cos}: {sum}");
+            assert!((0.99..=1.0 + 1e-3).contains(&sum), "alpha {alpha}, cos {cos}: {sum}");
         }
     }
 }
