@@ -142,15 +142,20 @@ pub fn compile(file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Re
         .map(|(name, value)| (name.to_string(), *value))
         .collect();
     let stage = Some((naga::ShaderStage::Compute, entry));
-    let (module, info) =
+    let (module, _) =
         naga::back::pipeline_constants::process_overrides(&module, &info, stage, &wanted.into_iter().collect())
             .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
-    let index = module
-        .entry_points
-        .iter()
-        .position(|e| e.name == entry)
-        .ok_or_else(|| Error::Shader(format!("shaders/{path}.wgsl has no entry point {entry}")))?;
-    let uses = info.get_entry_point(index);
+    // Without what this entry point does not use: drivers compile everything they are given.
+    let mut module = module.into_owned();
+    module.entry_points.retain(|e| e.name == entry);
+    if module.entry_points.is_empty() {
+        return Err(Error::Shader(format!("shaders/{path}.wgsl has no entry point {entry}")));
+    }
+    naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
+    let info = Validator::new(ValidationFlags::all(), CAPABILITIES)
+        .validate(&module)
+        .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
+    let uses = info.get_entry_point(0);
     let mut bindings = vec![];
     let mut constants_size = 0;
     for (handle, variable) in module.global_variables.iter() {
@@ -169,7 +174,7 @@ pub fn compile(file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Re
     let pipeline = spv::PipelineOptions { shader_stage: naga::ShaderStage::Compute, entry_point: entry.to_string() };
     let words = spv::write_vec(&module, &info, &writer_options(), Some(&pipeline))
         .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
-    let workgroup = module.entry_points[index].workgroup_size[0];
+    let workgroup = module.entry_points[0].workgroup_size[0];
     Ok(Compiled { words: forbid_contraction(&words), bindings, constants_size, workgroup })
 }
 
