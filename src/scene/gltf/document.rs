@@ -84,7 +84,8 @@ impl<'a> Document<'a> {
         }
         let extras = self.root.scenes.iter().filter_map(|scene| scene.extras.as_ref());
         if extras.filter_map(|e| serde_json::from_str::<SceneExtras>(e.get()).ok()).any(|e| e.medium.is_some()) {
-            warnings.push("the medium (fog) of the scene is not rendered yet; surfaces are shown as in clear air".into());
+            warnings
+                .push("the medium (fog) of the scene is not rendered yet; surfaces are shown as in clear air".into());
         }
     }
 
