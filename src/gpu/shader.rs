@@ -34,6 +34,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/lightcone",
     "shared/math",
     "shared/path",
+    "shared/query",
     "shared/random",
     "shared/scatter",
     "shared/scene",
