@@ -12,4 +12,5 @@
 //!
 //! The queries themselves run on the device: `shaders/shared/lightcone.wgsl`, `query.wgsl` and `shaders/shell_query.wgsl`.
 
+pub mod gate;
 pub mod tree;

@@ -5,5 +5,7 @@ mod shader_function;
 #[path = "../common/statistics.rs"]
 mod statistics;
 
+mod lightcone;
 mod math;
+mod shell_edge;
 mod values;

@@ -2,6 +2,11 @@
 
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::Frame;
+use taugate::lightcone::gate::rounding_allowance;
+use taugate::units::Gate;
+
+use crate::shader_function::{Contents, contents};
 
 pub fn dvec(v: &[f32]) -> DVec3 {
     DVec3::new(v[0].into(), v[1].into(), v[2].into())
@@ -38,4 +43,19 @@ pub fn directions(seed: u64, n: usize) -> Vec<DVec3> {
 pub fn polar(cosine: f64, azimuth: f64) -> DVec3 {
     let r = (1.0 - cosine * cosine).max(0.0).sqrt();
     DVec3::new(r * azimuth.cos(), r * azimuth.sin(), cosine)
+}
+
+/// A frame with `change` made to an empty one.
+pub fn frame(change: impl FnOnce(&mut Frame)) -> Contents {
+    let mut frame = bytemuck::Zeroable::zeroed();
+    change(&mut frame);
+    contents("frame", &[frame])
+}
+
+/// The frame's account of a gate, as a render makes it; 3e38 stands for infinity.
+pub fn frame_with_gate(gate: Gate) -> Contents {
+    frame(|f| {
+        (f.gate_lo, f.gate_hi) = (gate.lo as f32, (gate.hi as f32).min(3e38));
+        f.slack = rounding_allowance(gate);
+    })
 }
