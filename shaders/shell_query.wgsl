@@ -9,12 +9,9 @@
 // All:       deterministic vertices (punctual lights, the spot of a thin beam), one by one.
 //
 // A candidate that cannot contribute (gate, depth, facing) is dropped here, before it costs a ray.
-#import candidate
-#import lightcone
-#import scatter
+#import query
 #import gate
 #import camera
-#import random
 
 @group(2) @binding(0) var<storage, read> shade_points: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> list: array<u32>;
@@ -135,39 +132,4 @@ fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, us
         used += 1u;
     }
     return used;
-}
-
-fn make_shell(q: PathVertex) -> Shell {
-    var other = q.eta;
-    if (HAS_TRANSMISSION) {
-        other = medium_towards(q, -q.geometric);
-    }
-    return Shell(q.position, frame.gate_lo - q.tau - frame.slack, frame.gate_hi - q.tau + frame.slack,
-        min(q.eta, other), max(q.eta, other));
-}
-
-// One traversal from `root`: the vertex and 1 / P(j | q), or NONE at a dead node.
-fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> Candidate {
-    var current = root;
-    var weight = 1.0;
-    while ((current & LEAF_BIT) == 0u) {
-        let left = tree_nodes[current].left;
-        let right = tree_nodes[current].right;
-        let bound_left = node_bound(left, shell, spatial);
-        let bound_right = node_bound(right, shell, spatial);
-        let sum = bound_left + bound_right;
-        if (!(sum > 0.0)) {
-            return Candidate(NONE, 0.0);
-        }
-        // Eq. 5.
-        *rng = *rng * 747796405u + 2891336453u;
-        let take_left = f32(hash32(*rng) >> 8u) * (1.0 / 16777216.0) * sum < bound_left;
-        weight *= sum / select(bound_right, bound_left, take_left);
-        current = select(right.child, left.child, take_left);
-    }
-    // A leaf of several vertices: one of them uniformly.
-    let count = ((current >> 27u) & 15u) + 1u;
-    *rng = *rng * 747796405u + 2891336453u;
-    let pick = min(u32(f32(hash32(*rng) >> 8u) * (1.0 / 16777216.0) * f32(count)), count - 1u);
-    return Candidate((current & LEAF_FIRST) + pick, weight * f32(count));
 }

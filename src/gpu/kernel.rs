@@ -6,7 +6,7 @@ use ash::vk;
 
 use super::buffer::Buffer;
 use super::device::Device;
-use super::shader;
+use super::shader::{self, Compiled};
 use crate::error::{Error, Result};
 
 /// A compiled entry point.
@@ -31,7 +31,21 @@ pub struct Bindings {
 impl Kernel {
     /// Compiles `entry` of `shaders/<file>.wgsl`. Override constants the file does not have are left out.
     pub fn new(device: &Device, file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Result<Kernel> {
-        let compiled = shader::compile(file, entry, constants)?;
+        Kernel::from_compiled(device, shader::compile(file, entry, constants)?, entry)
+    }
+
+    /// As [`Kernel::new`], from a text that imports modules of `shaders/`; `path` stands for it in messages.
+    pub fn from_source(
+        device: &Device,
+        path: &'static str,
+        text: &str,
+        entry: &str,
+        constants: &[(&str, f64)],
+    ) -> Result<Kernel> {
+        Kernel::from_compiled(device, shader::compile_source(path, text, entry, constants)?, entry)
+    }
+
+    fn from_compiled(device: &Device, compiled: Compiled, entry: &str) -> Result<Kernel> {
         let shared = &device.shared;
         let groups = compiled.bindings.iter().map(|b| b.1 + 1).max().unwrap_or(0);
         // SAFETY: structures outlive the calls; the module is destroyed after the pipeline was made from it; on an error

@@ -34,6 +34,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/lightcone",
     "shared/math",
     "shared/path",
+    "shared/query",
     "shared/random",
     "shared/scatter",
     "shared/scene",
@@ -57,7 +58,7 @@ pub struct Composed {
 }
 
 /// Puts the imports of `text` (file `path`) in front, each module once.
-pub fn compose(path: &'static str, text: &'static str) -> Result<Composed> {
+pub fn compose(path: &'static str, text: &str) -> Result<Composed> {
     let mut composed = Composed { text: String::new(), origin: vec![] };
     include(path, text, &mut vec![], &mut vec![], &mut composed)?;
     Ok(composed)
@@ -65,7 +66,7 @@ pub fn compose(path: &'static str, text: &'static str) -> Result<Composed> {
 
 fn include(
     path: &'static str,
-    text: &'static str,
+    text: &str,
     done: &mut Vec<&'static str>,
     open: &mut Vec<&'static str>,
     out: &mut Composed,
@@ -134,6 +135,11 @@ pub struct Compiled {
 /// Compiles `entry` of kernel file `file`, its override constants set to `constants` where it has them.
 pub fn compile(file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Result<Compiled> {
     let (path, text) = source(file).ok_or_else(|| Error::Shader(format!("no kernel file named {file}")))?;
+    compile_source(path, text, entry, constants)
+}
+
+/// As [`compile`], for a kernel that is not one of the files: `text` may import modules, `path` stands for it in messages.
+pub fn compile_source(path: &'static str, text: &str, entry: &str, constants: &[(&str, f64)]) -> Result<Compiled> {
     let composed = compose(path, text)?;
     let (module, info) = composed.parse()?;
     let wanted: HashMap<String, f64> = constants

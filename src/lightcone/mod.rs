@@ -10,6 +10,7 @@
 //! | Phi_N, Phi_b | power of a node, of one of its buckets | that of phi, scaled to a total of 1 |
 //! | B, K, M | buckets a node, queries a shade point, light subpaths | |
 //!
-//! The queries themselves run on the device: `shaders/shared/lightcone.wgsl` and `shaders/shell_query.wgsl`.
+//! The queries themselves run on the device: `shaders/shared/lightcone.wgsl`, `query.wgsl` and `shaders/shell_query.wgsl`.
 
+pub mod gate;
 pub mod tree;

@@ -116,7 +116,7 @@ fn attributes(scene: &Scene) -> (Vec<u32>, Vec<VertexAttributes>, Vec<u32>) {
 }
 
 /// Unit vector as two 16-bit octahedral coordinates (Cigolle et al. 2014).
-fn octahedral(n: [f32; 3]) -> u32 {
+pub fn octahedral(n: [f32; 3]) -> u32 {
     let sum = n[0].abs() + n[1].abs() + n[2].abs();
     let (mut x, mut y) = (n[0] / sum, n[1] / sum);
     if n[2] < 0.0 {

@@ -1,9 +1,9 @@
 //! Algorithm 1: light subpaths, trees, sensor subpaths with queries and connections, film.
 
-mod albedo;
+pub mod albedo;
 mod device_scene;
 mod emitters;
-mod geometry;
+pub mod geometry;
 mod light;
 mod plan;
 mod pool;

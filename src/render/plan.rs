@@ -8,6 +8,7 @@ use super::pool::PoolLayout;
 use crate::error::{Error, Result};
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Frame, NONE};
+use crate::lightcone::gate::rounding_allowance;
 use crate::scene::Scene;
 use crate::settings::{Estimator, Settings, Strategies};
 use crate::units::Gate;
@@ -88,8 +89,7 @@ impl Plan {
     pub fn set(&mut self, seed: u32, gate: Gate) {
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
-        // A travel time is a sum of a few dozen rounded terms.
-        let slack = if closed { hi * 4e-6 } else { 0.0 };
+        let slack = rounding_allowance(gate);
         self.frame.seed = seed;
         self.frame.gate_lo = gate.lo as f32;
         self.frame.gate_hi = hi;

@@ -1,0 +1,139 @@
+//! Runs functions of `shaders/` on the device: a kernel with holes, one thread an input.
+//!
+//! A spec says what to import, the fields of an input and of a result, and the lines between: `given` is the input,
+//! `result` the output. Fields are laid out as WGSL lays out structs; the host's records must have the same size.
+
+use bytemuck::{AnyBitPattern, NoUninit};
+use taugate::gpu::layout::Dispatch;
+use taugate::gpu::{Buffer, Device, Kernel, Recorder, shader};
+
+/// The holes of the template.
+#[derive(Clone, Copy)]
+pub struct ShaderFunction {
+    pub imports: &'static [&'static str],
+    /// Fields of `Given`, e.g. `w: vec3<f32>, alpha: f32`.
+    pub given: &'static str,
+    /// Fields of `Result`.
+    pub result: &'static str,
+    /// Reads `given`, fills `result`.
+    pub body: &'static str,
+}
+
+impl ShaderFunction {
+    pub fn text(&self) -> String {
+        let imports: String = self.imports.iter().map(|name| format!("#import {name}\n")).collect();
+        let ShaderFunction { given, result, body, .. } = self;
+        format!(
+            "#import frame\n{imports}
+struct Given {{ {given} }}
+struct Result {{ {result} }}
+@group(2) @binding(0) var<storage, read> inputs: array<Given>;
+@group(2) @binding(1) var<storage, read_write> outputs: array<Result>;
+@compute @workgroup_size(WORKGROUP)
+fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
+    if (id.x >= dispatch.count) {{
+        return;
+    }}
+    let given = inputs[id.x];
+    var result: Result;
+    {body}
+    outputs[id.x] = result;
+}}
+"
+        )
+    }
+
+    /// Size in bytes of `Given` and of `Result` on the device.
+    fn sizes(&self) -> [usize; 2] {
+        let (module, _) = self.parse();
+        ["Given", "Result"].map(|wanted| {
+            let named = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(wanted));
+            named.expect("the template declares it").1.inner.size(module.to_ctx()) as usize
+        })
+    }
+
+    fn parse(&self) -> (naga::Module, naga::valid::ModuleInfo) {
+        shader::compose("test", &self.text()).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}\n{}", self.text()))
+    }
+
+    /// Names of the functions that the body itself calls.
+    #[allow(dead_code, reason = "not every test lists functions")]
+    pub fn called(&self) -> Vec<String> {
+        let (module, _) = self.parse();
+        let mut names = vec![];
+        calls(&module, &module.entry_points[0].function.body, &mut names);
+        names
+    }
+
+    /// Compiles the kernel for a device of its own. No device is a failure.
+    pub fn prepare(&self, constants: &[(&str, f64)]) -> Prepared {
+        let device = open();
+        let kernel = Kernel::from_source(&device, "test", &self.text(), "test_main", constants);
+        Prepared { kernel: kernel.unwrap_or_else(|e| panic!("{e}\n{}", self.text())), device, sizes: self.sizes() }
+    }
+
+    /// Results for `inputs`; `buffers` by the names they have in WGSL.
+    #[allow(dead_code, reason = "some tests prepare once and run often")]
+    pub fn run<I: NoUninit, O: AnyBitPattern + NoUninit>(&self, inputs: &[I], buffers: &[Contents]) -> Vec<O> {
+        self.prepare(&[]).run(inputs, buffers)
+    }
+}
+
+/// What a buffer holds, under the name it has in WGSL.
+pub struct Contents {
+    name: &'static str,
+    bytes: Vec<u8>,
+}
+
+/// `data` for the buffer `name`.
+pub fn contents<T: NoUninit>(name: &'static str, data: &[T]) -> Contents {
+    Contents { name, bytes: bytemuck::cast_slice(data).to_vec() }
+}
+
+/// A compiled test kernel.
+pub struct Prepared {
+    device: Device,
+    kernel: Kernel,
+    sizes: [usize; 2],
+}
+
+impl Prepared {
+    pub fn run<I: NoUninit, O: AnyBitPattern + NoUninit>(&self, inputs: &[I], buffers: &[Contents]) -> Vec<O> {
+        assert_eq!(self.sizes, [size_of::<I>(), size_of::<O>()], "bytes of Given and Result, device and host");
+        let upload = |bytes: &[u8]| Buffer::from_slice(&self.device, "test", bytes, "").expect("upload");
+        let owned: Vec<(&str, Buffer)> = buffers.iter().map(|c| (c.name, upload(&c.bytes))).collect();
+        let given = upload(bytemuck::cast_slice(inputs));
+        let outputs = Buffer::new::<O>(&self.device, "results", inputs.len(), "").expect("a buffer for the results");
+        let mut all: Vec<(&str, &Buffer)> = owned.iter().map(|(name, buffer)| (*name, buffer)).collect();
+        all.extend([("inputs", &given), ("outputs", &outputs)]);
+        let bindings = self.kernel.bind(&all).expect("binding");
+        let dispatch = Dispatch { count: inputs.len() as u32, ..bytemuck::Zeroable::zeroed() };
+        let mut recorder = Recorder::new(&self.device).expect("recorder");
+        let groups = self.kernel.groups(inputs.len());
+        recorder.dispatch("test", &self.kernel, &bindings, &dispatch, groups).expect("dispatch");
+        recorder.submit().expect("submit");
+        outputs.to_vec(inputs.len()).expect("reading the results")
+    }
+}
+
+fn open() -> Device {
+    Device::open(None).unwrap_or_else(|e| panic!("these tests need a Vulkan device: {e}"))
+}
+
+fn calls(module: &naga::Module, block: &naga::Block, names: &mut Vec<String>) {
+    use naga::Statement;
+    for statement in block.iter() {
+        match statement {
+            Statement::Call { function, .. } => names.extend(module.functions[*function].name.clone()),
+            Statement::Block(inner) => calls(module, inner, names),
+            Statement::If { accept, reject, .. } => {
+                [accept, reject].map(|b| calls(module, b, names)).into_iter().collect()
+            }
+            Statement::Loop { body, continuing, .. } => {
+                [body, continuing].map(|b| calls(module, b, names)).into_iter().collect()
+            }
+            Statement::Switch { cases, .. } => cases.iter().for_each(|c| calls(module, &c.body, names)),
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Chi-square tests with a stated significance level, corrected for the number of tests.
+
+/// Significance level of a family of statistical tests.
+pub const SIGNIFICANCE: f64 = 1e-3;
+
+/// Level of each of `tests` tests so that the family keeps [`SIGNIFICANCE`] (Sidak).
+pub fn level(tests: usize) -> f64 {
+    1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / tests as f64)
+}
+
+/// p-value of counts against expected counts; cells that expect fewer than 5 are pooled into one. The expected counts add up
+/// to the observed ones. A hit where nothing is expected gives 0.
+pub fn chi_square(observed: &[f64], expected: &[f64]) -> f64 {
+    let (mut statistic, mut cells) = (0.0, 0);
+    let mut pool = [0.0, 0.0];
+    let mut add = |o: f64, e: f64| {
+        statistic += (o - e) * (o - e) / e;
+        cells += 1;
+    };
+    for (&o, &e) in observed.iter().zip(expected) {
+        if e >= 5.0 {
+            add(o, e);
+        } else {
+            pool[0] += o;
+            pool[1] += e;
+        }
+    }
+    if pool[1] >= 5.0 {
+        add(pool[0], pool[1]);
+    } else if pool[0] > 0.0 && pool[0] > pool[1] + 12.0 {
+        // Too few for a cell of their own; so many more than expected have p < 1e-5 (Poisson, mean below 5).
+        return 0.0;
+    }
+    if cells < 2 { 1.0 } else { upper_gamma(0.5 * f64::from(cells - 1), 0.5 * statistic) }
+}
+
+/// Regularised upper incomplete gamma function Q(a, x): series below a + 1, continued fraction above (Numerical Recipes 6.2).
+fn upper_gamma(a: f64, x: f64) -> f64 {
+    if x <= 0.0 {
+        return 1.0;
+    }
+    let scale = (a * x.ln() - x - ln_gamma(a)).exp();
+    if x < a + 1.0 {
+        let (mut term, mut sum, mut n) = (1.0 / a, 1.0 / a, a);
+        while term > sum * 1e-15 {
+            n += 1.0;
+            term *= x / n;
+            sum += term;
+        }
+        return 1.0 - scale * sum;
+    }
+    let mut b = x + 1.0 - a;
+    let (mut c, mut d) = (1e300, 1.0 / b);
+    let mut h = d;
+    for i in 1..10_000 {
+        let an = -f64::from(i) * (f64::from(i) - a);
+        b += 2.0;
+        d = 1.0 / (an * d + b);
+        c = b + an / c;
+        h *= d * c;
+        if (d * c - 1.0).abs() < 1e-14 {
+            break;
+        }
+    }
+    scale * h
+}
+
+/// Stirling's series after shifting the argument above 10.
+fn ln_gamma(x: f64) -> f64 {
+    let (mut shift, mut z) = (0.0, x);
+    while z < 10.0 {
+        shift += z.ln();
+        z += 1.0;
+    }
+    let series = 1.0 / (12.0 * z) - 1.0 / (360.0 * z.powi(3)) + 1.0 / (1260.0 * z.powi(5));
+    (z - 0.5) * z.ln() - z + 0.5 * (2.0 * std::f64::consts::PI).ln() + series - shift
+}
+
+#[test]
+fn chi_square_by_table() {
+    // 95 % and 99.9 % quantiles of the distribution.
+    for (k, x, p) in [(1.0, 3.841, 0.05), (10.0, 18.307, 0.05), (100.0, 124.342, 0.05), (100.0, 149.449, 0.001)] {
+        let got = upper_gamma(k / 2.0, x / 2.0);
+        assert!((got / p - 1.0).abs() < 1e-3, "{k} {x}: {got}");
+    }
+    assert!(chi_square(&[100.0, 100.0], &[100.0, 100.0]) > 0.999);
+    assert_eq!(chi_square(&[150.0, 50.0, 20.0], &[110.0, 110.0, 1e-9]), 0.0);
+}

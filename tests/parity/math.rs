@@ -1,0 +1,137 @@
+//! `shared/math.wgsl`: frames, warps and packed directions.
+
+use glam::DVec3;
+use taugate::generate::numbers::Pcg;
+use taugate::render::geometry::octahedral;
+
+use crate::shader_function::ShaderFunction;
+use crate::values::{directions, dvec};
+
+pub const KERNELS: &[&ShaderFunction] = &[&FRAME, &WARPS, &OCTAHEDRAL, &SMALL];
+
+const FRAME: ShaderFunction = ShaderFunction {
+    imports: &["math"],
+    given: "n: vec3<f32>, pad: f32",
+    result: "t: vec3<f32>, a: f32, b: vec3<f32>, c: f32, n: vec3<f32>, d: f32",
+    body: "let m = frame_around(given.n); result.t = m[0]; result.b = m[1]; result.n = m[2];",
+};
+
+#[test]
+fn frames_are_orthonormal_and_right_handed() {
+    let inputs: Vec<[f32; 4]> =
+        directions(1, 20_000).iter().map(|n| [n.x as f32, n.y as f32, n.z as f32, 0.0]).collect();
+    let frames: Vec<[f32; 12]> = FRAME.run(&inputs, &[]);
+    for (input, f) in inputs.iter().zip(&frames) {
+        let [t, b, n] = [dvec(&f[0..3]), dvec(&f[4..7]), dvec(&f[8..11])];
+        assert_eq!(n, dvec(&input[..3]));
+        // A few f32 roundings; the listing is accurate to 3e-7 all over the sphere.
+        let worst = [t.dot(b), t.dot(n), b.dot(n), t.length() - 1.0, b.length() - 1.0, (t.cross(b) - n).length()];
+        assert!(worst.iter().all(|x| x.abs() < 2e-6), "{n}: {worst:?}");
+    }
+}
+
+const WARPS: ShaderFunction = ShaderFunction {
+    imports: &["math"],
+    given: "u: vec2<f32>",
+    result: "cosine: vec3<f32>, pad0: f32, triangle: vec2<f32>, pad1: vec2<f32>",
+    body: "result.cosine = cosine_hemisphere(given.u); result.triangle = uniform_triangle(given.u);",
+};
+
+#[test]
+fn warps_agree_with_f64() {
+    let mut pcg = Pcg::new(2);
+    let last = 1.0 - 1.0 / 16_777_216.0;
+    let mut inputs = vec![[0.0f32, 0.0], [0.0, last], [last, 0.0], [last, last], [0.5, 0.25]];
+    inputs.extend((0..20_000).map(|_| [pcg.uniform() as f32, pcg.uniform() as f32]));
+    let results: Vec<[f32; 8]> = WARPS.run(&inputs, &[]);
+    for (u, r) in inputs.iter().zip(&results) {
+        let [x, y] = u.map(f64::from);
+        let (radius, angle) = (x.sqrt(), std::f64::consts::TAU * y);
+        let expected = DVec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - x).sqrt());
+        // Vulkan asks 2^-11 of sine and cosine; lavapipe and cards give 1e-6.
+        assert!((dvec(&r[..3]) - expected).length() < 5e-6, "{x} {y}: {:?} {expected}", &r[..3]);
+        let (b, c) = (f64::from(r[4]), f64::from(r[5]));
+        assert!((b - (1.0 - radius)).abs() < 1e-6 && (c - radius * y).abs() < 1e-6);
+        assert!(b >= 0.0 && c >= 0.0 && b + c <= 1.0 + 1e-6);
+    }
+}
+
+const OCTAHEDRAL: ShaderFunction = ShaderFunction {
+    imports: &["math"],
+    given: "packed: u32",
+    result: "n: vec3<f32>, pad: f32",
+    body: "result.n = decode_octahedral(given.packed);",
+};
+
+#[test]
+fn octahedral_normals_come_back() {
+    let normals = directions(3, 20_000);
+    let packed: Vec<u32> = normals.iter().map(|n| octahedral(n.as_vec3().to_array())).collect();
+    let decoded: Vec<[f32; 4]> = OCTAHEDRAL.run(&packed, &[]);
+    for (n, d) in normals.iter().zip(&decoded) {
+        let angle = n.cross(dvec(&d[..3])).length().asin();
+        assert!(n.dot(dvec(&d[..3])) > 0.0 && angle < 1e-4, "{n} came back {angle} rad off");
+    }
+}
+
+const SMALL: ShaderFunction = ShaderFunction {
+    imports: &["math", "path", "random"],
+    given: "v: vec3<f32>, x: f32, key: vec4<u32>",
+    result: "square: f32, greatest: f32, luminance: f32, finite: u32, mis: f32, hash: u32, pad: vec2<u32>,
+        words: vec4<u32>, uniforms: vec4<f32>",
+    body: "result.square = square(given.x); result.greatest = max_component(given.v);
+        result.luminance = luminance(given.v); result.finite = u32(is_finite(given.v)); result.mis = mis(given.x);
+        result.hash = hash32(given.key.x); result.words = pcg4d(given.key);
+        result.uniforms = random4(given.key.x & 3u, given.key.y, given.key.z, 5u, 2u, given.key.w);",
+};
+
+#[test]
+fn small_helpers() {
+    let mut pcg = Pcg::new(4);
+    let specials = [0.0, -0.0, 1.0, f32::MAX, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, f32::MIN_POSITIVE];
+    let mut inputs: Vec<[u32; 8]> = vec![];
+    for i in 0..5000 {
+        let mut component = || if i < 500 { specials[pcg.below(8)] } else { pcg.range(-3.0, 3.0) as f32 };
+        let v = [component(), component(), component(), pcg.range(-3.0, 3.0) as f32];
+        inputs.push([v.map(f32::to_bits), [0; 4].map(|_: u32| pcg.next_u32())].concat().try_into().unwrap());
+    }
+    let results: Vec<[u32; 16]> = SMALL.run(&inputs, &[]);
+    for (g, r) in inputs.iter().zip(&results) {
+        let v = [g[0], g[1], g[2], g[3]].map(f32::from_bits);
+        assert_eq!(r[3] == 1, v[..3].iter().all(|x| x.is_finite()), "{v:?}");
+        if r[3] == 1 {
+            assert_eq!(f32::from_bits(r[1]), v[0].max(v[1]).max(v[2]));
+            let y = 0.2126 * f64::from(v[0]) + 0.7152 * f64::from(v[1]) + 0.0722 * f64::from(v[2]);
+            assert!(
+                (f64::from(f32::from_bits(r[2])) - y).abs()
+                    <= 1e-6 * f64::from(v[0].abs().max(v[1].abs()).max(v[2].abs()))
+            );
+        }
+        assert_eq!([r[0], r[4]].map(f32::from_bits), [v[3] * v[3]; 2]);
+        let key = [g[4], g[5], g[6], g[7]];
+        assert_eq!(r[5], pcg_output(key[0]));
+        assert_eq!(r[8..12], pcg4d(key));
+        let used = pcg4d([key[1], key[2], ((key[0] & 3) << 28) | (5 << 14) | 2, key[3]]);
+        assert_eq!([r[12], r[13], r[14], r[15]].map(f32::from_bits), used.map(|w| (w >> 8) as f32 / 16_777_216.0));
+    }
+}
+
+/// Jarzynski and Olano's listing.
+fn pcg4d(key: [u32; 4]) -> [u32; 4] {
+    let mut v = key.map(|k| k.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+    let mix = |v: &mut [u32; 4]| {
+        for (a, b, c) in [(0, 1, 3), (1, 2, 0), (2, 0, 1), (3, 1, 2)] {
+            v[a] = v[a].wrapping_add(v[b].wrapping_mul(v[c]));
+        }
+    };
+    mix(&mut v);
+    v = v.map(|x| x ^ (x >> 16));
+    mix(&mut v);
+    v
+}
+
+/// O'Neill's RXS-M-XS 32.
+fn pcg_output(state: u32) -> u32 {
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    (word >> 22) ^ word
+}

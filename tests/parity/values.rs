@@ -1,0 +1,61 @@
+//! Random and degenerate inputs, and conversions.
+
+use glam::DVec3;
+use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::Frame;
+use taugate::lightcone::gate::rounding_allowance;
+use taugate::units::Gate;
+
+use crate::shader_function::{Contents, contents};
+
+pub fn dvec(v: &[f32]) -> DVec3 {
+    DVec3::new(v[0].into(), v[1].into(), v[2].into())
+}
+
+pub fn vec3(v: DVec3) -> [f32; 3] {
+    v.as_vec3().to_array()
+}
+
+/// A uniformly distributed unit vector.
+pub fn direction(pcg: &mut Pcg) -> DVec3 {
+    let z = pcg.range(-1.0, 1.0);
+    let angle = pcg.range(0.0, std::f64::consts::TAU);
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    DVec3::new(r * angle.cos(), r * angle.sin(), z)
+}
+
+/// `n` unit vectors, the poles, the axes and near misses of both first; rounded to f32, which moves them by 1e-7.
+pub fn directions(seed: u64, n: usize) -> Vec<DVec3> {
+    let mut pcg = Pcg::new(seed);
+    let mut all = vec![];
+    for axis in DVec3::AXES {
+        all.extend([axis, -axis]);
+        for tiny in [1e-3, 1e-5, 1e-7] {
+            let aside = tiny * DVec3::new(0.6, -0.8, 1.0);
+            all.extend([(axis + aside).normalize(), (aside - axis).normalize()]);
+        }
+    }
+    all.extend((0..n).map(|_| direction(&mut pcg)));
+    all.iter().map(|d| d.as_vec3().as_dvec3()).collect()
+}
+
+/// Unit vector at a cosine and an azimuth.
+pub fn polar(cosine: f64, azimuth: f64) -> DVec3 {
+    let r = (1.0 - cosine * cosine).max(0.0).sqrt();
+    DVec3::new(r * azimuth.cos(), r * azimuth.sin(), cosine)
+}
+
+/// A frame with `change` made to an empty one.
+pub fn frame(change: impl FnOnce(&mut Frame)) -> Contents {
+    let mut frame = bytemuck::Zeroable::zeroed();
+    change(&mut frame);
+    contents("frame", &[frame])
+}
+
+/// The frame's account of a gate, as a render makes it; 3e38 stands for infinity.
+pub fn frame_with_gate(gate: Gate) -> Contents {
+    frame(|f| {
+        (f.gate_lo, f.gate_hi) = (gate.lo as f32, (gate.hi as f32).min(3e38));
+        f.slack = rounding_allowance(gate);
+    })
+}
