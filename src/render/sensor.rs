@@ -1,5 +1,7 @@
 //! Phase 3 of Algorithm 1: sensor subpaths in tiles; at every bounce shade points, queries, connections.
 
+mod observe;
+
 use std::time::Instant;
 
 use super::device_scene::DeviceScene;
@@ -9,7 +11,7 @@ use super::stats::Stats;
 use crate::error::Result;
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Candidate, Dispatch, NONE, PathState, PathVertex};
-use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+use crate::gpu::{Bindings, Buffer, Device, DeviceInfo, Kernel, Need, Recorder};
 
 /// Counters of the lists: living paths (two, in turn), shade points, live candidates.
 const LIVING: [u32; 2] = [0, 1];
@@ -82,18 +84,27 @@ pub struct Bound {
 impl SensorTracer {
     /// Buffers for `slots` candidates a shade point.
     pub fn new(device: &Device, plan: &Plan, slots: u32) -> Result<SensorTracer> {
-        let info = device.info();
-        // Enough to fill the machine, little enough for its limits and caches.
-        let wanted: u64 = if info.is_cpu { 1 << 16 } else { 1 << 20 };
-        let limit = info.max_storage_buffer_range.min(info.max_allocation);
-        let by_vertices = limit / size_of::<PathVertex>() as u64;
-        let by_slots = limit / (16 * u64::from(slots));
-        let all = plan.crop_pixels * u64::from(MOST_SAMPLES);
-        let capacity = wanted.min(by_vertices).min(by_slots).min(all).max(u64::from(MOST_SAMPLES)) as usize;
+        let capacity = SensorTracer::capacity(device.info(), plan, slots);
         let buffers = Buffers::new(device, plan, capacity, slots as usize)?;
         let kernels = Kernels::new(device, plan)?;
         let tile = capacity.min(1 << 13);
         Ok(SensorTracer { kernels, buffers, recorder: Recorder::new(device)?, slots, capacity, tile })
+    }
+
+    /// Paths a tile may hold.
+    fn capacity(info: &DeviceInfo, plan: &Plan, slots: u32) -> usize {
+        // Enough to fill the machine, little enough for its limits and caches.
+        let wanted: u64 = if info.is_cpu { 1 << 16 } else { 1 << 20 };
+        let limit = info.largest_buffer();
+        let by_vertices = limit / size_of::<PathVertex>() as u64;
+        let by_slots = limit / (16 * u64::from(slots));
+        let all = plan.crop_pixels * u64::from(MOST_SAMPLES);
+        wanted.min(by_vertices).min(by_slots).min(all).max(u64::from(MOST_SAMPLES)) as usize
+    }
+
+    /// What the buffers of [`SensorTracer::new`] will need.
+    pub fn needs(info: &DeviceInfo, plan: &Plan, slots: u32) -> [Need; BUFFERS] {
+        needs(plan, SensorTracer::capacity(info, plan, slots), slots as usize)
     }
 
     pub fn slots(&self) -> u32 {
@@ -175,15 +186,8 @@ impl SensorTracer {
         samples: u32,
         stats: &mut Stats,
     ) -> Result<()> {
-        let constants = Dispatch { first, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE };
+        let constants = self.start_tile(bound, first, count)?;
         let mut counters = [0u32; COUNTERS];
-        counters[LIVING[0] as usize] = count;
-        self.buffers.counters.write(0, &counters)?;
-        let mut arguments = [1u32; COUNTERS];
-        arguments[LIVING[0] as usize * 3] = self.kernels.trace.groups(count as usize);
-        self.buffers.arguments.write(0, &arguments)?;
-        let groups = self.kernels.start.groups(count as usize);
-        self.recorder.dispatch("sensor_start", &self.kernels.start, &bound.start, &constants, groups)?;
         let mut longest = 0.0f64;
         for bounce in 0..plan.max_depth {
             self.record_bounce(bound, &Dispatch { bounce, ..constants }, count)?;
@@ -206,6 +210,20 @@ impl SensorTracer {
         stats.live_candidates += total(CANDIDATES);
         self.adapt(count as usize, longest);
         Ok(())
+    }
+
+    /// Records the start of `count` paths from number `first` on; returns what all dispatches of the tile share.
+    fn start_tile(&mut self, bound: &Bound, first: u32, count: u32) -> Result<Dispatch> {
+        let constants = Dispatch { first, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE };
+        let mut counters = [0u32; COUNTERS];
+        counters[LIVING[0] as usize] = count;
+        self.buffers.counters.write(0, &counters)?;
+        let mut arguments = [1u32; COUNTERS];
+        arguments[LIVING[0] as usize * 3] = self.kernels.trace.groups(count as usize);
+        self.buffers.arguments.write(0, &arguments)?;
+        let groups = self.kernels.start.groups(count as usize);
+        self.recorder.dispatch("sensor_start", &self.kernels.start, &bound.start, &constants, groups)?;
+        Ok(constants)
     }
 
     /// One bounce: trace, then everything the new shade points need.
@@ -270,30 +288,59 @@ impl Kernels {
     }
 }
 
+/// Buffers of a tracer.
+const BUFFERS: usize = 17;
+
+/// What the fields of [`Buffers`] need, in their order, for `paths` paths with `slots` candidates a shade point.
+fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
+    let few = "use a smaller --resolution or fewer --queries";
+    let entries = paths * slots.max(1);
+    let film = plan.crop_pixels as usize;
+    let words = |name: &'static str, n: usize| Need::of::<u32>(name, n, few);
+    let quads = |name: &'static str, n: usize| Need::of::<[f32; 4]>(name, n, few);
+    let pixels = |name: &'static str| Need::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
+    [
+        Need::of::<PathState>("sensor path states", paths, few),
+        Need::of::<PathVertex>("shade points", paths, few),
+        quads("path radiance", paths),
+        quads("path tallies", paths),
+        quads("emitter hits", if plan.probe { paths } else { 1 }),
+        words("living paths", paths),
+        words("living paths in turn", paths),
+        words("shade point list", paths),
+        words("candidate list", entries),
+        words("marks", entries),
+        Need::of::<[u32; 2]>("chunk counts", entries.div_ceil(CHUNK as usize), few),
+        Need::of::<Candidate>("candidates", entries, few),
+        quads("contributions", entries),
+        words("counters", COUNTERS),
+        words("dispatch arguments", COUNTERS),
+        pixels("film pixels"),
+        pixels("film tallies"),
+    ]
+}
+
 impl Buffers {
     fn new(device: &Device, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers> {
-        let few = "use a smaller --resolution or fewer --queries";
-        let entries = paths * slots.max(1);
-        let film = plan.crop_pixels as usize;
-        let words = |name: &'static str, n: usize| Buffer::new::<u32>(device, name, n, few);
-        let quads = |name: &'static str, n: usize| Buffer::new::<[f32; 4]>(device, name, n, few);
+        let mut needs = needs(plan, paths, slots).into_iter();
+        let mut next = || Buffer::for_need(device, &needs.next().expect("one need a field"));
         Ok(Buffers {
-            states: Buffer::new::<PathState>(device, "sensor path states", paths, few)?,
-            shade_points: Buffer::new::<PathVertex>(device, "shade points", paths, few)?,
-            radiance: quads("path radiance", paths)?,
-            tallies: quads("path tallies", paths)?,
-            emitted: quads("emitter hits", 1)?,
-            living: [words("living paths", paths)?, words("living paths", paths)?],
-            shade_list: words("shade point list", paths)?,
-            slot_list: words("candidate list", entries)?,
-            marks: words("marks", entries)?,
-            chunk_counts: Buffer::new::<[u32; 2]>(device, "chunk counts", entries.div_ceil(CHUNK as usize), few)?,
-            candidates: Buffer::new::<Candidate>(device, "candidates", entries, few)?,
-            contributions: quads("contributions", entries)?,
-            counters: words("counters", COUNTERS)?,
-            arguments: words("dispatch arguments", COUNTERS)?,
-            film: quads("film", film)?,
-            film_tallies: quads("film tallies", film)?,
+            states: next()?,
+            shade_points: next()?,
+            radiance: next()?,
+            tallies: next()?,
+            emitted: next()?,
+            living: [next()?, next()?],
+            shade_list: next()?,
+            slot_list: next()?,
+            marks: next()?,
+            chunk_counts: next()?,
+            candidates: next()?,
+            contributions: next()?,
+            counters: next()?,
+            arguments: next()?,
+            film: next()?,
+            film_tallies: next()?,
         })
     }
 
