@@ -65,11 +65,11 @@ impl Renderer {
 
     /// As [`Renderer::new`] from what was prepared for the same camera and emitters, which may be dropped afterwards.
     pub fn from_prepared(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Renderer> {
-        let film = Film::new(settings.crop.width(), settings.crop.height());
-        Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, film, prepared)
+        let size = [settings.crop.width(), settings.crop.height()];
+        Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, size, prepared)
     }
 
-    fn from_plan(device: &Device, plan: Plan, film: Film, prepared: &Prepared) -> Result<Renderer> {
+    fn from_plan(device: &Device, plan: Plan, [width, height]: [u32; 2], prepared: &Prepared) -> Result<Renderer> {
         // Before anything is allocated.
         need::check_all(&memory::certain_needs(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
@@ -77,6 +77,7 @@ impl Renderer {
         let light = LightTracer::new(device, &scene, &plan)?;
         stats.scene_bytes = scene.bytes();
         stats.triangles = prepared.triangles() as u64;
+        let film = Film::new(width, height);
         let (device, punctual) = (device.clone(), prepared.emitters.deterministic.clone());
         Ok(Renderer { device, plan, scene, punctual, light, sensor: None, film, stats, iteration: 0, first_sample: 0 })
     }

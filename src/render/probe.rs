@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::Renderer;
 use super::emitters::luminance;
 use super::plan::Plan;
 use super::prepared::Prepared;
-use super::{Film, Renderer};
 use crate::error::Result;
 use crate::gpu::Device;
 use crate::scene::Scene;
@@ -76,7 +76,7 @@ pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Pre
     let settings = small(settings);
     let mut plan = Plan::new(scene, &settings, prepared)?;
     plan.probe = true;
-    let mut renderer = Renderer::from_plan(device, plan, Film::new(1, 1), prepared)?;
+    let mut renderer = Renderer::from_plan(device, plan, [1, 1], prepared)?;
     let mut times = TravelTimes::default();
     for _ in 0..ITERATIONS {
         renderer.observe(SAMPLES, &mut |rgb, tau| times.add(tau, luminance(rgb)))?;

@@ -112,3 +112,103 @@ fn shortest_by_one_surface(geometry: &Geometry, emitters: &[Bounds]) -> f64 {
         _ => geometry.triangles.par_iter().map(by).reduce(|| f64::INFINITY, f64::min),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DVec3};
+
+    use super::*;
+    use crate::experiment::Experiment;
+    use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Scene};
+
+    /// A triangle in the plane x = 2 before a sensor at the origin, as seen from a world in which the sensor is elsewhere.
+    fn scene(emission: f32, transmission: f32, light: Option<DVec3>) -> Scene {
+        let sensor = DVec3::new(100.0, 20.0, 3.0);
+        let base = Material { emission: [emission; 3], transmission, ior: 1.5, ..material() };
+        Scene {
+            meshes: vec![Mesh {
+                positions: vec![[2.0, -1.0, -1.0], [2.0, 1.0, -1.0], [2.0, 0.0, 1.0]],
+                triangles: vec![[0, 1, 2]],
+                ..Mesh::default()
+            }],
+            instances: vec![Instance { mesh: 0, transform: DAffine3::from_translation(sensor), node: "wall".into() }],
+            materials: vec![base],
+            cameras: vec![Camera {
+                name: "camera".into(),
+                transform: DAffine3::from_translation(sensor),
+                yfov: 1.0,
+                aspect: None,
+                resolution: None,
+            }],
+            lights: light
+                .map(|p| Light {
+                    node: "light".into(),
+                    position: sensor + p,
+                    direction: DVec3::NEG_Z,
+                    kind: LightKind::Point { intensity: [1.0; 3] },
+                })
+                .into_iter()
+                .collect(),
+            ..Scene::default()
+        }
+    }
+
+    fn material() -> Material {
+        Material {
+            name: String::new(),
+            base_color: [0.5, 0.5, 0.5, 1.0],
+            base_color_texture: None,
+            metallic: 0.0,
+            roughness: 1.0,
+            emission: [0.0; 3],
+            emission_texture: None,
+            specular: 0.0,
+            ior: 1.5,
+            transmission: 0.0,
+            alpha_mode: Default::default(),
+            double_sided: false,
+        }
+    }
+
+    fn reach(scene: &Scene) -> Reach {
+        let settings = crate::resolve::resolve(&Experiment::default(), scene).unwrap().settings;
+        let settings = Settings { max_depth: 3, ..settings };
+        Reach::new(&Prepared::new(scene, &settings).unwrap(), &settings)
+    }
+
+    fn close(a: f64, b: f64) -> bool {
+        (a - b).abs() < 3e-5 * b
+    }
+
+    #[test]
+    fn a_point_light_is_seen_by_way_of_a_surface() {
+        // 2 m from the sensor to the wall, 1 m from there to the light; the box is 2 m in all three directions.
+        let r = reach(&scene(0.0, 0.0, Some(DVec3::X)));
+        assert!(close(r.least, 3.0) && r.least < 3.0, "{r:?}");
+        assert!(close(r.greatest, 3.0 * 12f64.sqrt()), "{r:?}");
+    }
+
+    #[test]
+    fn an_emissive_surface_is_seen_directly() {
+        let r = reach(&scene(1.0, 0.0, None));
+        assert!(close(r.least, 2.0) && r.least < 2.0, "{r:?}");
+        // The nearer of the two counts.
+        assert_eq!(reach(&scene(1.0, 0.0, Some(DVec3::X))).least, r.least);
+    }
+
+    #[test]
+    fn only_what_light_passes_through_makes_paths_optically_longer() {
+        let opaque = reach(&scene(1.0, 0.0, None)).segment;
+        assert!(close(reach(&scene(1.0, 1.0, None)).segment, 1.5 * opaque));
+    }
+
+    #[test]
+    fn a_gate_is_met_unless_it_lies_wholly_outside() {
+        let r = Reach { least: 2.0, greatest: 9.0, segment: 3.0, max_depth: 3 };
+        for (lo, hi, met) in
+            [(0.0, 2.0, false), (0.0, 2.1, true), (8.9, 20.0, true), (9.0, 20.0, false), (3.0, 4.0, true)]
+        {
+            assert_eq!(r.meets(&Gate { lo, hi }), met, "{lo}..{hi}");
+        }
+    }
+}
