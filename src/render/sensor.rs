@@ -1,5 +1,6 @@
 //! Phase 3 of Algorithm 1: sensor subpaths in tiles; at every bounce shade points, queries, connections.
 
+mod buffers;
 mod observe;
 
 use std::time::Instant;
@@ -10,8 +11,9 @@ use super::pool::DevicePool;
 use super::stats::Stats;
 use crate::error::Result;
 use crate::gpu::layout::constants::*;
-use crate::gpu::layout::{Candidate, Dispatch, NONE, PathState, PathVertex};
+use crate::gpu::layout::{Dispatch, NONE, PathVertex};
 use crate::gpu::{Bindings, Buffer, Device, DeviceInfo, Kernel, Need, Recorder};
+use buffers::{BUFFERS, Buffers, needs};
 
 /// Counters of the lists: living paths (two, in turn), shade points, live candidates.
 const LIVING: [u32; 2] = [0, 1];
@@ -48,25 +50,6 @@ struct Kernels {
     connect: Kernel,
     gather: Kernel,
     resolve: Kernel,
-}
-
-struct Buffers {
-    states: Buffer,
-    shade_points: Buffer,
-    radiance: Buffer,
-    tallies: Buffer,
-    emitted: Buffer,
-    living: [Buffer; 2],
-    shade_list: Buffer,
-    slot_list: Buffer,
-    marks: Buffer,
-    chunk_counts: Buffer,
-    candidates: Buffer,
-    contributions: Buffer,
-    counters: Buffer,
-    arguments: Buffer,
-    film: Buffer,
-    film_tallies: Buffer,
 }
 
 /// Descriptor sets for one pool; `[0]` where bounce numbers are even.
@@ -284,104 +267,6 @@ impl Kernels {
             connect: make("connect", "connect")?,
             gather: make("gather", "gather")?,
             resolve: make("resolve", "resolve")?,
-        })
-    }
-}
-
-/// Buffers of a tracer.
-const BUFFERS: usize = 17;
-
-/// What the fields of [`Buffers`] need, in their order, for `paths` paths with `slots` candidates a shade point.
-fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
-    let few = "use a smaller --resolution or fewer --queries";
-    let entries = paths * slots.max(1);
-    let film = plan.crop_pixels as usize;
-    let words = |name: &'static str, n: usize| Need::of::<u32>(name, n, few);
-    let quads = |name: &'static str, n: usize| Need::of::<[f32; 4]>(name, n, few);
-    let pixels = |name: &'static str| Need::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
-    [
-        Need::of::<PathState>("sensor path states", paths, few),
-        Need::of::<PathVertex>("shade points", paths, few),
-        quads("path radiance", paths),
-        quads("path tallies", paths),
-        quads("emitter hits", if plan.probe { paths } else { 1 }),
-        words("living paths", paths),
-        words("living paths in turn", paths),
-        words("shade point list", paths),
-        words("candidate list", entries),
-        words("marks", entries),
-        Need::of::<[u32; 2]>("chunk counts", entries.div_ceil(CHUNK as usize), few),
-        Need::of::<Candidate>("candidates", entries, few),
-        quads("contributions", entries),
-        words("counters", COUNTERS),
-        words("dispatch arguments", COUNTERS),
-        pixels("film pixels"),
-        pixels("film tallies"),
-    ]
-}
-
-impl Buffers {
-    fn new(device: &Device, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers> {
-        let mut needs = needs(plan, paths, slots).into_iter();
-        let mut next = || Buffer::for_need(device, &needs.next().expect("one need a field"));
-        Ok(Buffers {
-            states: next()?,
-            shade_points: next()?,
-            radiance: next()?,
-            tallies: next()?,
-            emitted: next()?,
-            living: [next()?, next()?],
-            shade_list: next()?,
-            slot_list: next()?,
-            marks: next()?,
-            chunk_counts: next()?,
-            candidates: next()?,
-            contributions: next()?,
-            counters: next()?,
-            arguments: next()?,
-            film: next()?,
-            film_tallies: next()?,
-        })
-    }
-
-    fn bindings(&self) -> Vec<(&str, &Buffer)> {
-        vec![
-            ("states", &self.states),
-            ("shade_points", &self.shade_points),
-            ("radiance", &self.radiance),
-            ("tallies", &self.tallies),
-            ("emitted", &self.emitted),
-            ("shade_list", &self.shade_list),
-            ("slot_list", &self.slot_list),
-            ("marks", &self.marks),
-            ("chunk_counts", &self.chunk_counts),
-            ("candidates", &self.candidates),
-            ("contributions", &self.contributions),
-            ("counters", &self.counters),
-            ("arguments", &self.arguments),
-            ("film", &self.film),
-            ("film_tallies", &self.film_tallies),
-        ]
-    }
-
-    /// Adds the film to `image` and returns its tallies, added up.
-    fn add_film(&self, image: &mut [f32]) -> Result<[u64; 4]> {
-        let pixels = image.len() / 3;
-        self.film.with::<[f32; 4], _>(pixels, |film| {
-            for (to, from) in image.chunks_exact_mut(3).zip(film) {
-                for k in 0..3 {
-                    to[k] += from[k];
-                }
-            }
-        })?;
-        self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
-            let add = |mut sum: [u64; 4], t: &[u32; 4]| {
-                for k in 0..4 {
-                    sum[k] += u64::from(t[k]);
-                }
-                sum
-            };
-            tallies.iter().fold([0; 4], add)
         })
     }
 }
