@@ -6,8 +6,10 @@
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> list: array<u32>;
-// Light arriving at a pixel of the crop; w holds the pixel's bits, NONE for nothing.
+// Light arriving at a pixel of the crop; w holds the pixel's bits, NONE for nothing. For the probe: its travel time.
 @group(2) @binding(2) var<storage, read_write> splats: array<vec4<f32>>;
+
+override PROBE: bool = false;
 
 // One thread, one light vertex that was just reached.
 @compute @workgroup_size(WORKGROUP)
@@ -24,7 +26,8 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let d = length(v.position);
     let w = -v.position / d;
-    if (!in_gate(v.tau, medium_towards(v, w) * d, 0.0)) {
+    let last = medium_towards(v, w) * d;
+    if (!in_gate(v.tau, last, 0.0)) {
         return;
     }
     let c = connect_light_vertex(v, w);
@@ -47,5 +50,5 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     // Eq. 27 over all strategies kept; those with s' < s stand in d_vcm and d_vc.
     let area_density = density * c.cosine / (d * d);
     let w_light = mis(area_density / frame.light_count) * (v.d_vcm + v.d_vc * mis(c.pdf_reverse));
-    splats[slot] = vec4<f32>(value / (1.0 + w_light), bitcast<f32>(pixel));
+    splats[slot] = vec4<f32>(value / (1.0 + w_light), select(bitcast<f32>(pixel), v.tau + last, PROBE));
 }

@@ -68,7 +68,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "A..B", help_heading = "Gate", conflicts_with = "gate", allow_hyphen_values = true)]
     depth: Option<Depth>,
 
-    /// Render a gate that is thinner than 16 steps of 32-bit travel times
+    /// Render a gate that is thinner than 16 steps of 32-bit travel times, or that no light meets
     #[arg(long, help_heading = "Gate")]
     force: bool,
 
@@ -192,12 +192,53 @@ pub struct CompareArgs {
     pub json: bool,
 }
 
-/// Say what is in a scene: triangles, bounds, cameras, emitters, materials
+/// Say what is in a scene, what rendering it takes, and when its light arrives
 #[derive(Debug, Args)]
 pub struct InfoArgs {
     /// The scene (.glb, .gltf)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+
+    /// Camera of the file to look through [default: the first]
+    #[arg(long, value_name = "NAME", help_heading = "Scene")]
+    camera: Option<String>,
+
+    /// What shines: scene for everything that emits, or names of nodes
+    #[arg(long, value_name = "scene|NODE,...", help_heading = "Scene")]
+    emitters: Option<Emitters>,
+
+    /// Image size in pixels [default: what the camera says, else 512 wide]
+    #[arg(long, value_name = "WxH", help_heading = "Scene")]
+    resolution: Option<Resolution>,
+
+    /// Most segments of a path [default: 24]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    max_depth: Option<u32>,
+
+    /// Light subpaths an iteration [default: 50000]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    light_paths: Option<u32>,
+
+    /// Print JSON
+    #[arg(long, help_heading = "Output")]
+    pub json: bool,
+
+    /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind]
+    #[arg(long, value_name = "INDEX|NAME", help_heading = "Diagnostics")]
+    pub device: Option<String>,
+}
+
+impl InfoArgs {
+    /// The flags as an experiment over the scene.
+    pub fn experiment(&self) -> Experiment {
+        Experiment {
+            scene: Some(self.scene.clone()),
+            camera: CameraTable { camera: self.camera.clone(), resolution: self.resolution, crop: None },
+            emitter: EmitterTable { emitters: self.emitters.clone() },
+            render: RenderTable { max_depth: self.max_depth, light_paths: self.light_paths, ..RenderTable::default() },
+            ..Experiment::default()
+        }
+    }
 }
 
 /// List Vulkan devices and the limits that matter

@@ -33,11 +33,6 @@ fn spatial_overlap(d: vec2<f32>, shell: Shell) -> f32 {
     return select(max(overlap / extent, 1e-3), 1.0, extent <= 0.0);
 }
 
-fn bucket_values(low: u32, high: u32, i: u32) -> f32 {
-    let word = select(low, high, i >= 4u);
-    return f32((word >> ((i & 3u) * 8u)) & 0xffu);
-}
-
 // Eqs. 23 and 24: power of the buckets that can hold time-valid vertices. Bucket b of [tau_lo, tau_hi] is valid from the
 // constant-time indices below; a node of one travel time is 0/0 there and all its power sits in the buckets.
 fn bucket_power(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
@@ -61,12 +56,8 @@ fn node_bound(c: TreeChild, shell: Shell, spatial: bool) -> f32 {
     if (is_pruned(c.tau_lo, c.tau_hi, d, shell)) {
         return 0.0;
     }
-    var power: f32;
-    if (spatial) {
-        power = c.power_unit * bucket_values(c.buckets_low, c.buckets_high, 0u) * spatial_overlap(d, shell);
-    } else {
-        power = bucket_power(c, d, shell);
-    }
+    // Emitter points all sit in bucket 0, so one expression serves both trees: on masked SIMD a branch would run both ways.
+    let power = bucket_power(c, d, shell) * select(1.0, spatial_overlap(d, shell), spatial);
     let diagonal = c.hi - c.lo;
     return power / max(max(distances.x * distances.x, 0.25 * dot(diagonal, diagonal)), 1e-20);
 }

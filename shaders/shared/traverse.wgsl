@@ -52,43 +52,31 @@ fn bytes_to_floats(v: u32) -> vec4<f32> {
     return vec4<f32>(vec4<u32>(v & 0xffu, (v >> 8u) & 0xffu, (v >> 16u) & 0xffu, v >> 24u));
 }
 
-// Hit mask of the eight children of the node at `base`: inner children in bits 24-31 by traversal priority, triangles in
-// bits 0-23. `oct4` is the ray's octant in every byte.
-fn intersect_children(base: u32, o: vec3<f32>, inverse: vec3<f32>, oct4: u32, t_min: f32, t_max: f32) -> u32 {
-    let n0 = bvh_nodes[base];
-    let n1 = bvh_nodes[base + 1u];
-    let n2 = bvh_nodes[base + 2u];
-    let n3 = bvh_nodes[base + 3u];
-    let n4 = bvh_nodes[base + 4u];
-    let scale = vec3<f32>(
-        bitcast<f32>(extract_byte(n0.w, 0u) << 23u),
-        bitcast<f32>(extract_byte(n0.w, 1u) << 23u),
-        bitcast<f32>(extract_byte(n0.w, 2u) << 23u),
-    ) * inverse;
-    let origin = (bitcast<vec3<f32>>(n0.xyz) - o) * inverse;
-    var mask = 0u;
-    for (var i = 0u; i < 2u; i++) {
-        let meta4 = select(n1.z, n1.w, i == 1u);
-        let inner4 = (meta4 & (meta4 << 1u)) & 0x10101010u;
-        let inner_mask4 = (inner4 >> 4u) * 0xffu;
-        let bit_index4 = (meta4 ^ (oct4 & inner_mask4)) & 0x1f1f1f1fu;
-        let child_bits4 = (meta4 >> 5u) & 0x07070707u;
-        let x0 = bytes_to_floats(select(n2.x, n2.y, i == 1u)) * scale.x + origin.x;
-        let x1 = bytes_to_floats(select(n2.z, n2.w, i == 1u)) * scale.x + origin.x;
-        let y0 = bytes_to_floats(select(n3.x, n3.y, i == 1u)) * scale.y + origin.y;
-        let y1 = bytes_to_floats(select(n3.z, n3.w, i == 1u)) * scale.y + origin.y;
-        let z0 = bytes_to_floats(select(n4.x, n4.y, i == 1u)) * scale.z + origin.z;
-        let z1 = bytes_to_floats(select(n4.z, n4.w, i == 1u)) * scale.z + origin.z;
-        let near = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), vec4<f32>(t_min)));
-        let far = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), vec4<f32>(t_max)));
-        // The slabs carry a few roundings each; a hair of slack keeps hits on the faces (Ize 2013).
-        let touched = near <= far * 1.000001;
-        mask |= select(0u, (child_bits4 & 0xffu) << (bit_index4 & 0xffu), touched.x);
-        mask |= select(0u, ((child_bits4 >> 8u) & 0xffu) << ((bit_index4 >> 8u) & 0xffu), touched.y);
-        mask |= select(0u, ((child_bits4 >> 16u) & 0xffu) << ((bit_index4 >> 16u) & 0xffu), touched.z);
-        mask |= select(0u, (child_bits4 >> 24u) << (bit_index4 >> 24u), touched.w);
-    }
-    return mask;
+// The slabs carry a few roundings each; a hair of slack keeps hits on the faces of boxes (Ize 2013).
+const SLAB_SLACK: f32 = 1.000001;
+
+// Hit mask of four of the eight children: inner children in bits 24-31 by traversal priority, triangles in bits 0-23.
+// `meta4`, `x`, `y`, `z` are their words (near planes in .x, far planes in .y), `oct4` the ray's octant in every byte.
+fn intersect_four(meta4: u32, x: vec2<u32>, y: vec2<u32>, z: vec2<u32>, scale: vec3<f32>, origin: vec3<f32>, oct4: u32,
+    t_min: f32, t_max: f32) -> u32 {
+    let inner4 = (meta4 & (meta4 << 1u)) & 0x10101010u;
+    let inner_mask4 = (inner4 >> 4u) * 0xffu;
+    let bit_index4 = (meta4 ^ (oct4 & inner_mask4)) & 0x1f1f1f1fu;
+    let child_bits4 = (meta4 >> 5u) & 0x07070707u;
+    let x0 = bytes_to_floats(x.x) * scale.x + origin.x;
+    let x1 = bytes_to_floats(x.y) * scale.x + origin.x;
+    let y0 = bytes_to_floats(y.x) * scale.y + origin.y;
+    let y1 = bytes_to_floats(y.y) * scale.y + origin.y;
+    let z0 = bytes_to_floats(z.x) * scale.z + origin.z;
+    let z1 = bytes_to_floats(z.y) * scale.z + origin.z;
+    let near = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), vec4<f32>(t_min)));
+    let far = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), vec4<f32>(t_max)));
+    let touched = near <= far * SLAB_SLACK;
+    let a = select(0u, (child_bits4 & 0xffu) << (bit_index4 & 0xffu), touched.x);
+    let b = select(0u, ((child_bits4 >> 8u) & 0xffu) << ((bit_index4 >> 8u) & 0xffu), touched.y);
+    let c = select(0u, ((child_bits4 >> 16u) & 0xffu) << ((bit_index4 >> 16u) & 0xffu), touched.z);
+    let d = select(0u, (child_bits4 >> 24u) << (bit_index4 >> 24u), touched.w);
+    return a | b | c | d;
 }
 
 // Closest hit (or any hit) of o + t d with t in (t_min, t_max). `d` need not have unit length.
@@ -114,9 +102,21 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool) -
             let slot = (bit - 24u) ^ oct;
             let rank = countOneBits(nodes.y & ~(0xffffffffu << slot));
             let base = (child_base + rank) * 5u;
-            let mask = intersect_children(base, o, inverse, oct4, t_min, hit.t);
-            nodes = vec2<u32>(bvh_nodes[base + 1u].x, (mask & 0xff000000u) | (bvh_nodes[base].w >> 24u));
-            leaves = vec2<u32>(bvh_nodes[base + 1u].y, mask & 0x00ffffffu);
+            let n0 = bvh_nodes[base];
+            let n1 = bvh_nodes[base + 1u];
+            let n2 = bvh_nodes[base + 2u];
+            let n3 = bvh_nodes[base + 3u];
+            let n4 = bvh_nodes[base + 4u];
+            let scale = vec3<f32>(
+                bitcast<f32>(extract_byte(n0.w, 0u) << 23u),
+                bitcast<f32>(extract_byte(n0.w, 1u) << 23u),
+                bitcast<f32>(extract_byte(n0.w, 2u) << 23u),
+            ) * inverse;
+            let origin = (bitcast<vec3<f32>>(n0.xyz) - o) * inverse;
+            let mask = intersect_four(n1.z, n2.xz, n3.xz, n4.xz, scale, origin, oct4, t_min, hit.t)
+                | intersect_four(n1.w, n2.yw, n3.yw, n4.yw, scale, origin, oct4, t_min, hit.t);
+            nodes = vec2<u32>(n1.x, (mask & 0xff000000u) | (n0.w >> 24u));
+            leaves = vec2<u32>(n1.y, mask & 0x00ffffffu);
         } else {
             leaves = nodes;
             nodes = vec2<u32>(0u, 0u);

@@ -1,61 +1,174 @@
-//! `taugate info`: what is in a scene.
+//! `taugate info`: what is in a scene, what a render of it takes, and when its light arrives.
 
-use std::fmt::Write;
+mod text;
+
 use std::process::ExitCode;
 
-use glam::DVec3;
-use taugate::resolve::emitting_nodes;
+use serde::Serialize;
+use taugate::Error;
+use taugate::gpu::{Device, DeviceInfo, Need};
+use taugate::render::{MemoryPlan, Prepared, Reach, TravelTimes, probe};
+use taugate::resolve::{emitting_nodes, resolve};
 use taugate::scene::{LightKind, Scene};
+use taugate::settings::Settings;
+use taugate::units::METRES_PER_NS;
 
+use super::feasible;
 use crate::cli::InfoArgs;
+
+/// Parts of the light, in per cent, whose travel times are shown.
+const PERCENTILES: [f64; 7] = [1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0];
+/// Buffers that are shown one by one.
+const LARGEST: usize = 8;
+
+/// Everything that is printed; with --json as it stands.
+#[derive(Serialize)]
+struct Report {
+    triangles: usize,
+    instances: usize,
+    meshes: usize,
+    mesh_triangles: usize,
+    /// Corners and diagonal, metres.
+    bounds: Option<([f64; 3], [f64; 3], f64)>,
+    cameras: Vec<Camera>,
+    emitters: Vec<Emitter>,
+    materials: Vec<String>,
+    materials_in_file: usize,
+    textures: usize,
+    images: usize,
+    texels: u64,
+    warnings: Vec<String>,
+    render: Option<Render>,
+    /// Why a part is missing.
+    notes: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Camera {
+    name: String,
+    position: [f64; 3],
+    degrees_high: f64,
+    resolution: Option<[u32; 2]>,
+}
+
+#[derive(Serialize)]
+struct Emitter {
+    node: String,
+    kind: String,
+    /// Luminance-weighted; none for what is not selected or has no place.
+    watts: Option<f64>,
+}
+
+/// What depends on camera, emitters and sizes.
+#[derive(Serialize)]
+struct Render {
+    camera: String,
+    resolution: [u32; 2],
+    max_depth: u32,
+    light_paths: u32,
+    memory: Memory,
+    possible: Reach,
+    light: Option<Light>,
+}
+
+#[derive(Serialize)]
+struct Memory {
+    device: Option<String>,
+    scene_bytes: u64,
+    iteration_bytes: u64,
+    /// The light-vertex pool and its trees, an estimate.
+    pool_bytes: u64,
+    device_bytes: u64,
+    /// The program's own memory at its peak, an estimate.
+    host_bytes: u64,
+    largest_buffer_allowed: Option<u64>,
+    heap_bytes: Option<u64>,
+    largest: Vec<Part>,
+    /// What does not fit and what to change.
+    problem: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Part {
+    name: &'static str,
+    bytes: u64,
+    fits: Option<bool>,
+}
+
+/// Travel times of the light that reaches the sensor, as probed.
+#[derive(Serialize)]
+struct Light {
+    first: Arrival,
+    last: Arrival,
+    percentiles: Vec<Arrival>,
+    suggested_gate: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Arrival {
+    percent: f64,
+    metres: f64,
+    nanoseconds: f64,
+    /// One-way range of a sensor beside the emitter.
+    depth_metres: f64,
+}
 
 pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     let scene = taugate::scene::gltf::load(&args.scene)?;
-    super::print(&describe(&scene));
+    let mut report = contents(&scene);
+    match resolve(&args.experiment(), &scene) {
+        Ok(resolved) => {
+            report.warnings.extend(resolved.warnings);
+            add_render(&mut report, &scene, &resolved.settings, args.device.as_deref())?;
+        }
+        // Only the scene can mend these; what it has is shown all the same.
+        Err(Error::Scene { message, .. }) => report.notes.push(format!("cannot be rendered: {message}")),
+        Err(error) => return Err(error.into()),
+    }
+    super::print(&if args.json {
+        format!("{}\n", serde_json::to_string_pretty(&report)?)
+    } else {
+        text::text(&report)
+    });
     Ok(ExitCode::SUCCESS)
 }
 
-fn describe(scene: &Scene) -> String {
-    let mut text = String::new();
-    let mut line = |name: &str, value: String| writeln!(text, "{name:<11} {value}").expect("a string takes any text");
-
-    let unique: usize = scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
-    let placed: usize = scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len()).sum();
-    line(
-        "triangles",
-        format!("{placed} placed by {} instances of {} meshes ({unique})", scene.instances.len(), scene.meshes.len()),
-    );
-    match bounds(scene) {
-        Some((low, high)) => {
-            let show = |v: DVec3| format!("({:.3}, {:.3}, {:.3})", v.x, v.y, v.z);
-            line("bounds", format!("{} to {} m, diagonal {:.3} m", show(low), show(high), (high - low).length()));
-        }
-        None => line("bounds", "no triangles".into()),
-    }
-    for camera in &scene.cameras {
-        let size = camera.resolution.map(|[w, h]| format!(", {w}x{h} pixels")).unwrap_or_default();
-        let at = camera.transform.translation;
-        let degrees = camera.yfov.to_degrees();
-        line(
-            "camera",
-            format!("{} at ({:.3}, {:.3}, {:.3}), {degrees:.1} degrees high{size}", camera.name, at.x, at.y, at.z),
-        );
-    }
-    for node in emitting_nodes(scene) {
-        let light = scene.lights.iter().find(|light| light.node == node);
-        line("emitter", format!("{node}: {}", light.map_or("emissive mesh".into(), |light| kind(&light.kind))));
-    }
-
+/// What the file holds.
+fn contents(scene: &Scene) -> Report {
     let mut used = vec![false; scene.materials.len()];
     scene.instances.iter().for_each(|i| used[scene.meshes[i.mesh as usize].material as usize] = true);
-    let count = used.iter().filter(|&&u| u).count();
-    let texels: u64 = scene.images.iter().map(|i| u64::from(i.width) * u64::from(i.height)).sum();
-    line("materials", format!("{count} used of {}", scene.materials.len()));
-    line("textures", format!("{} with {texels} texels in {} images", scene.textures.len(), scene.images.len()));
-    for warning in &scene.warnings {
-        line("warning", warning.clone());
+    let materials = scene.materials.iter().zip(used).filter(|(_, used)| *used).map(|(m, _)| m.name.clone());
+    let emitters = emitting_nodes(scene).into_iter().map(|node| {
+        let light = scene.lights.iter().find(|light| light.node == node);
+        Emitter {
+            node: node.into(),
+            kind: light.map_or("emissive mesh".into(), |light| kind(&light.kind)),
+            watts: None,
+        }
+    });
+    let cameras = scene.cameras.iter().map(|camera| Camera {
+        name: camera.name.clone(),
+        position: camera.transform.translation.to_array(),
+        degrees_high: camera.yfov.to_degrees(),
+        resolution: camera.resolution,
+    });
+    Report {
+        triangles: scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len()).sum(),
+        instances: scene.instances.len(),
+        meshes: scene.meshes.len(),
+        mesh_triangles: scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum(),
+        bounds: feasible::bounds(scene).map(|(low, high)| (low.to_array(), high.to_array(), (high - low).length())),
+        cameras: cameras.collect(),
+        emitters: emitters.collect(),
+        materials: materials.collect(),
+        materials_in_file: scene.materials.len(),
+        textures: scene.textures.len(),
+        images: scene.images.len(),
+        texels: scene.images.iter().map(|i| u64::from(i.width) * u64::from(i.height)).sum(),
+        warnings: scene.warnings.clone(),
+        render: None,
+        notes: vec![],
     }
-    text
 }
 
 fn kind(kind: &LightKind) -> String {
@@ -67,11 +180,78 @@ fn kind(kind: &LightKind) -> String {
     }
 }
 
-/// World bounds of all placed triangles.
-fn bounds(scene: &Scene) -> Option<(DVec3, DVec3)> {
-    let corners = scene.instances.iter().flat_map(|instance| {
-        let positions = &scene.meshes[instance.mesh as usize].positions;
-        positions.iter().map(|p| instance.transform.transform_point3(DVec3::new(p[0].into(), p[1].into(), p[2].into())))
+/// What a render with these settings takes and sees. Fails on a wrong flag; a missing device is only noted.
+fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: Option<&str>) -> anyhow::Result<()> {
+    let prepared = match Prepared::new(scene, settings) {
+        Ok(prepared) => prepared,
+        Err(error) => {
+            report.notes.push(format!("cannot be rendered: {error}"));
+            return Ok(());
+        }
+    };
+    for emitter in &mut report.emitters {
+        emitter.watts = prepared.powers().get(&emitter.node).copied();
+    }
+    let opened = Device::open(device);
+    let info = opened.as_ref().ok().map(Device::info);
+    let plan = MemoryPlan::new(scene, settings, &prepared, info)?;
+    let times = opened
+        .as_ref()
+        .map_err(|e| e.to_string())
+        .and_then(|device| probe(device, scene, settings, &prepared).map_err(|e| e.to_string()));
+    let light = match &times {
+        Ok(times) => light(times, scene),
+        Err(_) => None,
+    };
+    match times {
+        Err(error) => report.notes.push(format!("travel times were not measured: {error}")),
+        Ok(_) if light.is_none() => report.notes.push("no light reaches the sensor".into()),
+        Ok(_) => {}
+    }
+    report.render = Some(Render {
+        camera: scene.cameras[settings.camera].name.clone(),
+        resolution: settings.resolution,
+        max_depth: settings.max_depth,
+        light_paths: settings.light_paths,
+        memory: memory(&plan, info),
+        possible: Reach::new(&prepared, settings),
+        light,
     });
-    corners.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
+    Ok(())
+}
+
+fn memory(plan: &MemoryPlan, device: Option<&DeviceInfo>) -> Memory {
+    let sum = |needs: &[Need]| needs.iter().map(|need| need.bytes).sum();
+    let part = |need: &Need| Part {
+        name: need.name,
+        bytes: need.bytes,
+        fits: device.map(|device| need.check(device).is_ok()),
+    };
+    Memory {
+        device: device.map(|device| device.name.clone()),
+        scene_bytes: sum(&plan.scene),
+        iteration_bytes: sum(&plan.iteration),
+        pool_bytes: sum(&plan.pool),
+        device_bytes: plan.device_bytes(),
+        host_bytes: plan.host_bytes,
+        largest_buffer_allowed: device.map(DeviceInfo::largest_buffer),
+        heap_bytes: device.map(|device| device.heap_bytes),
+        largest: plan.largest().iter().take(LARGEST).map(part).collect(),
+        problem: device.and_then(|device| plan.check(device).err()).map(|error| error.to_string()),
+    }
+}
+
+fn light(times: &TravelTimes, scene: &Scene) -> Option<Light> {
+    let (first, last) = times.range()?;
+    let percentiles = PERCENTILES.iter().filter_map(|&p| Some(arrival(p, times.percentile(p)?)));
+    Some(Light {
+        first: arrival(0.0, first),
+        last: arrival(100.0, last),
+        percentiles: percentiles.collect(),
+        suggested_gate: feasible::suggestion(times, scene).map(|gate| gate.to_string()),
+    })
+}
+
+fn arrival(percent: f64, metres: f64) -> Arrival {
+    Arrival { percent, metres, nanoseconds: metres / METRES_PER_NS, depth_metres: metres / 2.0 }
 }

@@ -2,6 +2,7 @@
 
 mod compare;
 mod devices;
+mod feasible;
 mod generate;
 mod info;
 mod progress;

@@ -12,11 +12,12 @@ use taugate::experiment::Experiment;
 use taugate::exr_file::{self, Provenance};
 use taugate::files::{check_writable, write_atomically};
 use taugate::gpu::Device;
-use taugate::render::{Renderer, Stats};
+use taugate::render::{Prepared, Renderer, Stats};
 use taugate::resolve::{self, Outputs};
 use taugate::settings::{Budget, Settings};
 use taugate::{Error, png_file};
 
+use super::feasible;
 use super::progress::{Position, Progress, duration, rays};
 use crate::cli::RenderArgs;
 
@@ -57,8 +58,14 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         progress.line(&format!("warning: {warning}"));
     }
     let started = Instant::now();
-    let device = Device::open(experiment.render.device.as_deref())?;
-    let mut renderer = Renderer::new(&device, &scene, settings)?;
+    let prepared = Prepared::new(&scene, settings)?;
+    let (device, force) = (experiment.render.device.as_deref(), experiment.gate.force.unwrap_or(false));
+    if !settings.gate.is_open() && !force {
+        feasible::check_gate(&scene, settings, &prepared, device)?;
+    }
+    let device = Device::open(device)?;
+    let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
+    drop(prepared);
     let prepared = started.elapsed();
 
     // Render.
@@ -73,6 +80,10 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     if interrupted && renderer.film().samples() == 0 {
         progress.line("interrupted before the first image; nothing was written");
         return Ok(ExitCode::from(130));
+    }
+
+    if !settings.gate.is_open() && !force && !interrupted && is_black(&renderer) {
+        return Err(feasible::nothing_inside(&device, &scene, settings).into());
     }
 
     // Write.
@@ -213,13 +224,17 @@ fn write(outputs: &Outputs, renderer: &Renderer, provenance: &Provenance, prepar
     Ok(())
 }
 
+fn is_black(renderer: &Renderer) -> bool {
+    renderer.stats().inside_gate == 0 && renderer.film().mean().iter().all(|&v| v == 0.0)
+}
+
 /// The one line at the end, and what else must not be missed.
 fn summarise(renderer: &Renderer, settings: &Settings, elapsed: Duration, outputs: &Outputs, progress: &Progress) {
     let (film, dropped) = (renderer.film(), renderer.stats().dropped);
     if dropped > 0 {
         progress.line(&format!("warning: {dropped} samples were not finite and count as 0"));
     }
-    if film.mean().iter().all(|&v| v == 0.0) {
+    if is_black(renderer) {
         progress
             .line("warning: the image is black: taugate info shows when light arrives and which emitters there are");
     }

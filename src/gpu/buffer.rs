@@ -1,9 +1,12 @@
 //! Storage buffers: device memory, written and read by the host through a mapping where there is one, else by copies.
 
+use std::sync::atomic::Ordering;
+
 use ash::vk;
 use bytemuck::{AnyBitPattern, NoUninit};
 
 use super::device::Device;
+use super::need::Need;
 use super::recorder::Recorder;
 use crate::error::{Error, Result};
 
@@ -21,24 +24,24 @@ pub struct Buffer {
 unsafe impl Send for Buffer {}
 
 impl Buffer {
-    /// `count` elements of `T`; at least 16 bytes, so that empty lists can be bound. `name` appears in messages, `remedy`
-    /// says what the user can change when it is too large.
-    pub fn new<T>(device: &Device, name: &'static str, count: usize, remedy: &str) -> Result<Buffer> {
-        let size = (count as u64).saturating_mul(size_of::<T>() as u64).max(16);
-        let info = device.info();
-        if size > info.max_storage_buffer_range || size > info.max_allocation {
-            return Err(Error::Device(format!(
-                "{name} need {} MiB, and {} allows {} MiB a buffer; {remedy}",
-                size >> 20,
-                info.name,
-                info.max_storage_buffer_range.min(info.max_allocation) >> 20,
-            )));
-        }
-        Buffer::allocate(device, name, size, vk::MemoryPropertyFlags::DEVICE_LOCAL)
+    /// `count` elements of `T`, or room for them; see [`Need::of`].
+    pub fn new<T>(device: &Device, name: &'static str, count: usize, remedy: &'static str) -> Result<Buffer> {
+        Buffer::for_need(device, &Need::of::<T>(name, count, remedy))
+    }
+
+    /// The buffer that was planned as `need`.
+    pub fn for_need(device: &Device, need: &Need) -> Result<Buffer> {
+        need.check(device.info())?;
+        Buffer::allocate(device, need.name, need.bytes, vk::MemoryPropertyFlags::DEVICE_LOCAL)
     }
 
     /// A buffer that holds a copy of `data`.
-    pub fn from_slice<T: NoUninit>(device: &Device, name: &'static str, data: &[T], remedy: &str) -> Result<Buffer> {
+    pub fn from_slice<T: NoUninit>(
+        device: &Device,
+        name: &'static str,
+        data: &[T],
+        remedy: &'static str,
+    ) -> Result<Buffer> {
         let mut buffer = Buffer::new::<T>(device, name, data.len(), remedy)?;
         buffer.write(0, data)?;
         Ok(buffer)
@@ -71,6 +74,7 @@ impl Buffer {
                     shared.device.destroy_buffer(handle, None);
                     shared.error("allocating device memory", e)
                 })?;
+            shared.bytes.fetch_add(size, Ordering::Relaxed);
             let mut buffer = Buffer { device: device.clone(), handle, memory, mapping: None, size, name };
             shared.device.bind_buffer_memory(handle, memory, 0).map_err(|e| shared.error("binding memory", e))?;
             if shared.memory.memory_types[kind as usize].property_flags.contains(host) {
@@ -152,6 +156,7 @@ fn find_memory(
 
 impl Drop for Buffer {
     fn drop(&mut self) {
+        self.device.shared.bytes.fetch_sub(self.size, Ordering::Relaxed);
         // SAFETY: recorders wait for their submits, so the device no longer uses the buffer.
         unsafe {
             self.device.shared.device.destroy_buffer(self.handle, None);

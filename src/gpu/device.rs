@@ -2,6 +2,7 @@
 
 use std::ffi::CStr;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use ash::vk;
 
@@ -25,6 +26,28 @@ pub struct DeviceInfo {
     pub max_workgroup_invocations: u32,
 }
 
+impl DeviceInfo {
+    /// Bytes of the largest storage buffer that can be both allocated and bound.
+    pub fn largest_buffer(&self) -> u64 {
+        self.max_storage_buffer_range.min(self.max_allocation)
+    }
+
+    /// Stands in where there is no device: software without limits.
+    pub fn unlimited() -> DeviceInfo {
+        DeviceInfo {
+            name: "no device".into(),
+            driver: String::new(),
+            api_version: String::new(),
+            is_cpu: true,
+            heap_bytes: u64::MAX,
+            max_storage_buffer_range: u64::MAX,
+            max_allocation: u64::MAX,
+            subgroup_size: 0,
+            max_workgroup_invocations: 0,
+        }
+    }
+}
+
 /// An open device with one compute queue. Cheap to clone; the last clone closes it.
 #[derive(Clone)]
 pub struct Device {
@@ -43,6 +66,8 @@ pub(super) struct Shared {
     /// Nanoseconds a timestamp tick; 0 where the queue has no timestamps.
     pub timestamp_ns: f64,
     pub info: DeviceInfo,
+    /// Memory of all buffers that exist.
+    pub bytes: AtomicU64,
     debug: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
 }
 
@@ -83,6 +108,11 @@ impl Device {
 
     pub fn info(&self) -> &DeviceInfo {
         &self.shared.info
+    }
+
+    /// Bytes of all buffers that exist now.
+    pub fn bytes_in_use(&self) -> u64 {
+        self.shared.bytes.load(Ordering::Relaxed)
     }
 }
 
@@ -254,6 +284,7 @@ unsafe fn open_physical(
             cache,
             timestamp_ns: if has_timestamps { properties.limits.timestamp_period.into() } else { 0.0 },
             info,
+            bytes: AtomicU64::new(0),
             debug,
             device,
             instance,

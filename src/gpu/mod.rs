@@ -4,10 +4,12 @@ mod buffer;
 mod device;
 mod kernel;
 pub mod layout;
+pub mod need;
 mod recorder;
 pub mod shader;
 
 pub use buffer::Buffer;
 pub use device::{Device, DeviceInfo};
 pub use kernel::{Bindings, Kernel};
+pub use need::Need;
 pub use recorder::{Recorder, Timing};

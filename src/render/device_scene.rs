@@ -1,43 +1,59 @@
 //! The scene on the device: group 0 of the kernels.
 
-use super::albedo::AlbedoTable;
-use super::emitters::EmitterSet;
-use super::geometry::{Features, Geometry};
+use bytemuck::NoUninit;
+
+use super::prepared::Prepared;
 use crate::error::Result;
 use crate::gpu::layout::Frame;
-use crate::gpu::{Buffer, Device};
+use crate::gpu::{Buffer, Device, Need};
 
 /// Buffers of group 0, by the names they have in WGSL.
 pub struct DeviceScene {
     pub frame: Buffer,
     buffers: Vec<(&'static str, Buffer)>,
-    pub features: Features,
+}
+
+/// An array of the scene: name in WGSL, what its buffer needs, contents.
+type Part<'a> = (&'static str, Need, &'a [u8]);
+
+const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
+const IMAGES: &str = "use smaller textures, or a device with a larger limit (taugate devices)";
+
+fn parts(prepared: &Prepared) -> Vec<Part<'_>> {
+    fn part<'a, T: NoUninit>(wgsl: &'static str, name: &'static str, data: &'a [T], remedy: &'static str) -> Part<'a> {
+        (wgsl, Need::of::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
+    }
+    let Prepared { geometry, emitters, albedo } = prepared;
+    vec![
+        part("bvh_nodes", "BVH nodes", &geometry.bvh.nodes, MESHES),
+        part("triangles", "triangles", &geometry.triangles, MESHES),
+        part("corners", "triangle corners", &geometry.corners, MESHES),
+        part("attributes", "vertex attributes", &geometry.attributes, MESHES),
+        part("instances", "instances", &geometry.instances, MESHES),
+        part("materials", "materials", &geometry.materials, MESHES),
+        part("textures", "textures", &geometry.textures, IMAGES),
+        part("texels", "texels", &geometry.texels, IMAGES),
+        part("emitters", "emitters", &emitters.table, MESHES),
+        part("albedo_table", "albedo table", &albedo.values, MESHES),
+    ]
 }
 
 impl DeviceScene {
+    /// What the buffers of the scene will need.
+    pub fn needs(prepared: &Prepared) -> Vec<Need> {
+        parts(prepared).into_iter().map(|(_, need, _)| need).collect()
+    }
+
     /// Uploads everything; fails with a remedy if a buffer exceeds what the device allows.
-    pub fn new(
-        device: &Device,
-        geometry: &Geometry,
-        emitters: &EmitterSet,
-        albedo: &AlbedoTable,
-    ) -> Result<DeviceScene> {
-        let meshes = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
-        let images = "use smaller textures, or a device with a larger limit (taugate devices)";
-        let buffers = vec![
-            ("bvh_nodes", Buffer::from_slice(device, "BVH nodes", &geometry.bvh.nodes, meshes)?),
-            ("triangles", Buffer::from_slice(device, "triangles", &geometry.triangles, meshes)?),
-            ("corners", Buffer::from_slice(device, "triangle corners", &geometry.corners, meshes)?),
-            ("attributes", Buffer::from_slice(device, "vertex attributes", &geometry.attributes, meshes)?),
-            ("instances", Buffer::from_slice(device, "instances", &geometry.instances, meshes)?),
-            ("materials", Buffer::from_slice(device, "materials", &geometry.materials, meshes)?),
-            ("textures", Buffer::from_slice(device, "textures", &geometry.textures, images)?),
-            ("texels", Buffer::from_slice(device, "texels", &geometry.texels, images)?),
-            ("emitters", Buffer::from_slice(device, "emitters", &emitters.table, meshes)?),
-            ("albedo_table", Buffer::from_slice(device, "albedo table", &albedo.values, meshes)?),
-        ];
+    pub fn new(device: &Device, prepared: &Prepared) -> Result<DeviceScene> {
+        let upload = |(wgsl, need, data): Part| {
+            let mut buffer = Buffer::for_need(device, &need)?;
+            buffer.write(0, data)?;
+            Ok((wgsl, buffer))
+        };
+        let buffers = parts(prepared).into_iter().map(upload).collect::<Result<_>>()?;
         let frame = Buffer::new::<Frame>(device, "frame", 1, "this cannot happen")?;
-        Ok(DeviceScene { frame, buffers, features: geometry.features })
+        Ok(DeviceScene { frame, buffers })
     }
 
     /// Everything a kernel may ask for from group 0.

@@ -1,5 +1,7 @@
 //! Everything that emits, and the probabilities with which light subpaths start there.
 
+use std::collections::BTreeMap;
+
 use glam::{DVec3, Vec3};
 
 use super::geometry::Geometry;
@@ -20,10 +22,12 @@ pub struct EmitterSet {
     /// Surfaces that emit: their points go to the 3D tree.
     pub has_area: bool,
     pub has_beam: bool,
+    /// Node and luminance-weighted power in W of every node that shines.
+    pub powers: BTreeMap<String, f64>,
 }
 
 /// Flux bounds the choice only; any positive weight is unbiased.
-fn luminance(c: [f32; 3]) -> f64 {
+pub(super) fn luminance(c: [f32; 3]) -> f64 {
     0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
 }
 
@@ -37,6 +41,7 @@ impl EmitterSet {
             hi: Vec3::NEG_INFINITY,
             has_area: false,
             has_beam: false,
+            powers: BTreeMap::new(),
         };
         let mut weights = vec![];
         let densities = set.add_triangles(scene, geometry, &mut weights);
@@ -65,6 +70,7 @@ impl EmitterSet {
                 sides * std::f64::consts::PI * luminance(m.emission) * mean_texel(scene, m.emission_texture)
             })
             .collect();
+        let mut by_instance = vec![0.0; geometry.instances.len()];
         for (i, t) in geometry.triangles.iter().enumerate() {
             let flux = exitance[(t.material & TRIANGLE_MATERIAL) as usize];
             let [a, b, c] = [t.v0, t.v1, t.v2].map(|p| Vec3::from(p).as_dvec3());
@@ -72,13 +78,21 @@ impl EmitterSet {
             if flux > 0.0 && area > 0.0 {
                 self.table.push(Emitter { triangle: i as u32, ..entry(EMITTER_TRIANGLE) });
                 weights.push(flux * area);
+                by_instance[t.instance as usize] += flux * area;
                 for p in [t.v0, t.v1, t.v2] {
                     self.enclose(p.into(), 0.0);
                 }
                 self.has_area = true;
             }
         }
+        for (instance, power) in scene.instances.iter().zip(by_instance).filter(|(_, power)| *power > 0.0) {
+            self.add_power(&instance.node, power);
+        }
         exitance
+    }
+
+    fn add_power(&mut self, node: &str, power: f64) {
+        *self.powers.entry(node.to_string()).or_default() += power;
     }
 
     fn add_lights(&mut self, scene: &Scene, selected: &Emitters, origin: DVec3, weights: &mut Vec<f64>) {
@@ -109,6 +123,7 @@ impl EmitterSet {
                 continue;
             }
             self.enclose(position, radius);
+            self.add_power(&light.node, flux);
             if emitter.kind != EMITTER_BEAM {
                 self.deterministic.push(punctual_vertex(&emitter, self.table.len() as u32));
             }

@@ -31,7 +31,7 @@ pub struct Geometry {
     pub textures: Vec<TextureInfo>,
     pub texels: Vec<u32>,
     pub features: Features,
-    /// Greatest refractive index.
+    /// Greatest refractive index that light travels in, >= 1.
     pub greatest_ior: f32,
 }
 
@@ -176,7 +176,9 @@ impl<'a> MaterialSet<'a> {
         self.features.textures |= m.base_color_texture.is_some() || emission_texture.is_some();
         self.features.glossy |= m.metallic > 0.0 || f0 > 0.0 || m.transmission > 0.0;
         self.features.transmission |= m.transmission > 0.0 && m.metallic < 1.0;
-        self.greatest_ior = self.greatest_ior.max(m.ior);
+        if m.transmission > 0.0 && m.metallic < 1.0 {
+            self.greatest_ior = self.greatest_ior.max(m.ior);
+        }
         let (mode, cutoff) = match m.alpha_mode {
             AlphaMode::Opaque => (0, 0.0),
             AlphaMode::Mask(cutoff) => (MATERIAL_MASK, cutoff),

@@ -7,7 +7,7 @@ use super::stats::Stats;
 use crate::error::Result;
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Dispatch, NONE, PathState, PathVertex};
-use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+use crate::gpu::{Bindings, Buffer, Device, Kernel, Need, Recorder};
 
 /// Light paths traced together: few enough for a short submit. The order of vertices and splats, and so the last bits of the
 /// image, depend on it: it is the same everywhere.
@@ -27,12 +27,8 @@ pub struct LightTracer {
 
 impl LightTracer {
     pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan) -> Result<LightTracer> {
-        let capacity = BATCH.min(plan.light_paths as usize);
-        let remedy = "use fewer --light-paths";
-        let states = Buffer::new::<PathState>(device, "light path states", capacity, remedy)?;
-        let vertices = Buffer::new::<PathVertex>(device, "new light vertices", capacity, remedy)?;
-        let list = Buffer::new::<u32>(device, "living light paths", capacity, remedy)?;
-        let splats = Buffer::new::<[f32; 4]>(device, "light splats", capacity, remedy)?;
+        let [states, vertices, list, splats] = LightTracer::needs(plan).map(|need| Buffer::for_need(device, &need));
+        let (states, vertices, list, splats) = (states?, vertices?, list?, splats?);
         let mut buffers = scene.bindings();
         buffers.extend([("states", &states), ("vertices", &vertices), ("list", &list), ("splats", &splats)]);
         let make = |file: &'static str| -> Result<(Kernel, Bindings)> {
@@ -52,12 +48,30 @@ impl LightTracer {
         })
     }
 
-    /// Traces all light subpaths of an iteration into `pool`; adds what the sensor sees of them (t = 1) to `image`, RGB over
-    /// the crop, in the order of the paths.
-    pub fn run(&mut self, plan: &Plan, pool: &mut LightPool, image: &mut [f32], stats: &mut Stats) -> Result<()> {
+    /// What the buffers of [`LightTracer::new`] need, in its order.
+    pub fn needs(plan: &Plan) -> [Need; 4] {
+        let capacity = BATCH.min(plan.light_paths as usize);
+        let remedy = "use fewer --light-paths";
+        [
+            Need::of::<PathState>("light path states", capacity, remedy),
+            Need::of::<PathVertex>("new light vertices", capacity, remedy),
+            Need::of::<u32>("living light paths", capacity, remedy),
+            Need::of::<[f32; 4]>("light splats", capacity, remedy),
+        ]
+    }
+
+    /// Traces all light subpaths of an iteration into `pool`; shows `see` what the sensor sees of them (t = 1), in the order
+    /// of the paths: RGB, and the pixel's bits or, for a probe, the travel time.
+    pub fn run(
+        &mut self,
+        plan: &Plan,
+        pool: &mut LightPool,
+        see: &mut impl FnMut([f32; 3], f32),
+        stats: &mut Stats,
+    ) -> Result<()> {
         for first in (0..plan.light_paths).step_by(BATCH) {
             let count = (plan.light_paths - first).min(BATCH as u32);
-            self.run_batch(plan, first, count, pool, image, stats)?;
+            self.run_batch(plan, first, count, pool, see, stats)?;
         }
         stats.light_paths += u64::from(plan.light_paths);
         Ok(())
@@ -69,7 +83,7 @@ impl LightTracer {
         first: u32,
         count: u32,
         pool: &mut LightPool,
-        image: &mut [f32],
+        see: &mut impl FnMut([f32; 3], f32),
         stats: &mut Stats,
     ) -> Result<()> {
         let constants =
@@ -101,7 +115,7 @@ impl LightTracer {
             let known = pool.deterministic.len();
             self.collect(&living, first, pool)?;
             if plan.splats {
-                self.add_splats(&living, known, pool, image)?;
+                self.show_splats(&living, known, pool, see)?;
             }
             living = self.survivors(&living)?;
             stats.add_host("read light vertices", start.elapsed().as_secs_f64());
@@ -140,25 +154,27 @@ impl LightTracer {
     }
 
     /// Of a deterministic vertex, which all paths repeat, only the first copy counts.
-    fn add_splats(&self, living: &[u32], known: usize, pool: &LightPool, image: &mut [f32]) -> Result<()> {
+    fn show_splats(
+        &self,
+        living: &[u32],
+        known: usize,
+        pool: &LightPool,
+        see: &mut impl FnMut([f32; 3], f32),
+    ) -> Result<()> {
         let n = self.vertices_in_use(living);
         let mut fresh: Vec<u32> = pool.deterministic[known..].iter().map(|v| v.owner).collect();
         let vertices = self.vertices.to_vec::<PathVertex>(if fresh.is_empty() && known == 0 { 0 } else { n })?;
         self.splats.with::<[f32; 4], _>(n, |splats| {
             for &slot in living {
-                let [r, g, b, pixel] = splats[slot as usize];
-                let pixel = pixel.to_bits();
+                let [r, g, b, pixel_or_tau] = splats[slot as usize];
                 if let Some(vertex) = vertices.get(slot as usize)
                     && vertex.flags & VERTEX_DETERMINISTIC != 0
                 {
                     let Some(i) = fresh.iter().position(|&owner| owner == vertex.owner) else { continue };
                     fresh.swap_remove(i);
                 }
-                if pixel != NONE {
-                    let at = pixel as usize * 3;
-                    for (k, value) in [r, g, b].into_iter().enumerate() {
-                        image[at + k] += if value.is_finite() { value } else { 0.0 };
-                    }
+                if pixel_or_tau.to_bits() != NONE {
+                    see([r, g, b].map(|value| if value.is_finite() { value } else { 0.0 }), pixel_or_tau);
                 }
             }
         })

@@ -5,28 +5,35 @@ mod device_scene;
 mod emitters;
 pub mod geometry;
 mod light;
+mod memory;
 mod plan;
 mod pool;
+mod prepared;
+mod probe;
+mod reach;
 mod sensor;
 mod stats;
 
 use std::time::Instant;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::film::Film;
 use crate::gpu::Device;
+use crate::gpu::layout::PathVertex;
+use crate::gpu::need;
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::units::Gate;
 
-use albedo::AlbedoTable;
 use device_scene::DeviceScene;
-use emitters::EmitterSet;
-use geometry::Geometry;
 use light::LightTracer;
+pub use memory::MemoryPlan;
 use plan::Plan;
 pub use plan::Tuning;
-use pool::{DevicePool, LightPool, SortedPool};
+use pool::{DevicePool, LightPool, PoolLayout, SortedPool};
+pub use prepared::Prepared;
+pub use probe::{TravelTimes, probe};
+pub use reach::Reach;
 pub use sensor::MOST_SAMPLES;
 use sensor::{Bound, SensorTracer};
 pub use stats::Stats;
@@ -36,7 +43,8 @@ pub struct Renderer {
     device: Device,
     plan: Plan,
     scene: DeviceScene,
-    emitters: EmitterSet,
+    /// Punctual lights as light vertices.
+    punctual: Vec<PathVertex>,
     light: LightTracer,
     sensor: Option<(SensorTracer, DevicePool, Bound)>,
     film: Film,
@@ -54,24 +62,34 @@ impl Renderer {
 
     /// As [`Renderer::new`], with choices that change the speed and never the image.
     pub fn with_tuning(device: &Device, scene: &Scene, settings: &Settings, tuning: Tuning) -> Result<Renderer> {
-        let origin = scene.cameras[settings.camera].transform.translation;
+        let start = Instant::now();
+        let prepared = Prepared::new(scene, settings)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let size = [settings.crop.width(), settings.crop.height()];
+        let mut plan = Plan::new(scene, settings, &prepared)?;
+        plan.tuning = tuning;
+        let mut renderer = Renderer::from_plan(device, plan, size, &prepared)?;
+        renderer.stats.add_host("build BVH", seconds);
+        Ok(renderer)
+    }
+
+    /// As [`Renderer::new`] from what was prepared for the same camera and emitters, which may be dropped afterwards.
+    pub fn from_prepared(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Renderer> {
+        let size = [settings.crop.width(), settings.crop.height()];
+        Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, size, prepared)
+    }
+
+    fn from_plan(device: &Device, plan: Plan, [width, height]: [u32; 2], prepared: &Prepared) -> Result<Renderer> {
+        // Before anything is allocated.
+        need::check_all(&memory::certain_needs(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
-        let albedo = AlbedoTable::new();
-        let mut geometry = stats.timed("build BVH", || Geometry::new(scene, origin, &settings.emitters, &albedo));
-        let emitters = EmitterSet::new(scene, &settings.emitters, origin, &mut geometry);
-        if emitters.table.is_empty() {
-            return Err(Error::Settings(
-                "nothing emits light: select other nodes with --emitters, or add a light to the scene".into(),
-            ));
-        }
-        let plan = Plan::new(scene, settings, &geometry, &emitters, tuning)?;
-        let scene = stats.timed("upload scene", || DeviceScene::new(device, &geometry, &emitters, &albedo))?;
+        let scene = stats.timed("upload scene", || DeviceScene::new(device, prepared))?;
         let light = LightTracer::new(device, &scene, &plan)?;
         stats.scene_bytes = scene.bytes();
-        stats.triangles = geometry.triangles.len() as u64;
-        let film = Film::new(settings.crop.width(), settings.crop.height());
-        let device = device.clone();
-        Ok(Renderer { device, plan, scene, emitters, light, sensor: None, film, stats, iteration: 0, first_sample: 0 })
+        stats.triangles = prepared.triangles() as u64;
+        let film = Film::new(width, height);
+        let (device, punctual) = (device.clone(), prepared.emitters.deterministic.clone());
+        Ok(Renderer { device, plan, scene, punctual, light, sensor: None, film, stats, iteration: 0, first_sample: 0 })
     }
 
     /// One iteration: a fresh pool of light vertices and `samples` samples of every pixel (1 to
@@ -79,12 +97,39 @@ impl Renderer {
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         let start = Instant::now();
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
+        self.prepare_iteration(samples, &mut |rgb, pixel| {
+            let at = pixel.to_bits() as usize * 3;
+            (0..3).for_each(|k| image[at + k] += rgb[k]);
+        })?;
+        if let Some((sensor, _, bound)) = &mut self.sensor {
+            sensor.run(&self.plan, bound, samples, &mut image, &mut self.stats)?;
+        }
+        let film = &mut self.film;
+        self.stats.timed("add to film", || film.add(&image, samples));
+        self.stats.device_bytes = self.stats.device_bytes.max(self.device.bytes_in_use());
+        self.finish_iteration(samples);
+        self.stats.add_host("render", start.elapsed().as_secs_f64());
+        Ok(())
+    }
 
+    /// As [`Renderer::iterate`] for a plan that probes: instead of forming an image it shows `see` all contributions, their
+    /// light as it adds to the image and their travel times.
+    fn observe(&mut self, samples: u32, see: &mut impl FnMut([f32; 3], f32)) -> Result<()> {
+        self.prepare_iteration(samples, see)?;
+        if let Some((sensor, _, bound)) = &mut self.sensor {
+            let share = 1.0 / samples as f32;
+            sensor.observe(&self.plan, bound, samples, &mut |rgb, tau| see(rgb.map(|x| x * share), tau))?;
+        }
+        self.finish_iteration(samples);
+        Ok(())
+    }
+
+    /// Everything before the sensor subpaths; `see`: as in [`LightTracer::run`].
+    fn prepare_iteration(&mut self, samples: u32, see: &mut impl FnMut([f32; 3], f32)) -> Result<()> {
         // Phase 1: light tracing.
-        let frame = self.plan.frame(self.iteration, self.first_sample, samples, None);
-        self.scene.frame.write(0, &[frame])?;
-        let mut pool = LightPool { deterministic: self.emitters.deterministic.clone(), ..Default::default() };
-        self.light.run(&self.plan, &mut pool, &mut image, &mut self.stats)?;
+        self.write_frame(samples, None)?;
+        let mut pool = LightPool { deterministic: self.punctual.clone(), ..Default::default() };
+        self.light.run(&self.plan, &mut pool, see, &mut self.stats)?;
 
         // Phase 2: hierarchy construction.
         let sorted = self.stats.timed("build trees", || pool.sort(&self.plan));
@@ -96,19 +141,21 @@ impl Renderer {
         let upload = Instant::now();
         self.prepare_sensor(&sorted)?;
         self.stats.add_host("upload trees", upload.elapsed().as_secs_f64());
-        let mut frame = self.plan.frame(self.iteration, self.first_sample, samples, Some(&sorted.layout));
-        if let Some((sensor, _, bound)) = &mut self.sensor {
+        self.write_frame(samples, Some(&sorted.layout))
+    }
+
+    fn write_frame(&mut self, samples: u32, pool: Option<&PoolLayout>) -> Result<()> {
+        let mut frame = self.plan.frame(self.iteration, self.first_sample, samples, pool);
+        if let Some((sensor, ..)) = self.sensor.as_ref().filter(|_| pool.is_some()) {
             frame.slots = sensor.slots();
-            self.scene.frame.write(0, &[frame])?;
-            sensor.run(&self.plan, bound, samples, &mut image, &mut self.stats)?;
         }
-        let film = &mut self.film;
-        self.stats.timed("add to film", || film.add(&image, samples));
+        self.scene.frame.write(0, &[frame])
+    }
+
+    fn finish_iteration(&mut self, samples: u32) {
         self.iteration += 1;
         self.first_sample += samples;
         self.stats.iterations += 1;
-        self.stats.add_host("render", start.elapsed().as_secs_f64());
-        Ok(())
     }
 
     /// Forgets the film and starts anew with another seed and gate; scene, kernels and statistics stay.

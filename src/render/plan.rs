@@ -3,8 +3,9 @@
 use glam::{DVec3, Vec3};
 
 use super::emitters::EmitterSet;
-use super::geometry::{Features, Geometry};
+use super::geometry::Features;
 use super::pool::PoolLayout;
+use super::prepared::Prepared;
 use crate::error::{Error, Result};
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Frame, NONE};
@@ -43,18 +44,15 @@ pub struct Plan {
     pub traces_light: bool,
     pub splats: bool,
     pub tuning: Tuning,
+    /// The kernels report travel times (`Renderer::observe`).
+    pub probe: bool,
     cull: bool,
     frame: Frame,
 }
 
 impl Plan {
-    pub fn new(
-        scene: &Scene,
-        settings: &Settings,
-        geometry: &Geometry,
-        emitters: &EmitterSet,
-        tuning: Tuning,
-    ) -> Result<Plan> {
+    pub fn new(scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Plan> {
+        let emitters = &prepared.emitters;
         let lights_only_by_beam = emitters.has_beam && !emitters.has_area && emitters.deterministic.is_empty();
         if settings.estimator == Estimator::Pt && lights_only_by_beam {
             return Err(Error::Settings(
@@ -66,7 +64,7 @@ impl Plan {
         let all = settings.strategies == Strategies::All;
         let pt = settings.estimator == Estimator::Pt;
         let traces_light = !pt && settings.max_depth >= 2;
-        let features = geometry.features;
+        let features = prepared.geometry.features;
         let frame = frame(scene, settings, emitters, all, pt);
         let mut plan = Plan {
             estimator: settings.estimator,
@@ -77,7 +75,8 @@ impl Plan {
             crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
             traces_light,
             splats: traces_light && all,
-            tuning,
+            tuning: Tuning::default(),
+            probe: false,
             cull: settings.cull,
             frame,
         };
@@ -99,6 +98,7 @@ impl Plan {
 
     /// Candidate slots a shade point for a pool.
     pub fn slots(&self, pool: &PoolLayout) -> u32 {
+        debug_assert!(pool.longest_path <= self.max_depth);
         let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
         let chosen = match self.estimator {
             Estimator::Pt => u32::from(pool.emitter_points > 0),
@@ -108,6 +108,18 @@ impl Plan {
             }
         };
         (deterministic + chosen).max(1)
+    }
+
+    /// Candidate slots a shade point at most, whatever the pool.
+    pub fn most_slots(&self, emitters: &EmitterSet) -> u32 {
+        let thin_beams = if emitters.has_beam && self.traces_light { self.max_depth } else { 0 };
+        self.slots(&PoolLayout {
+            deterministic: emitters.deterministic.len() as u32 + thin_beams,
+            emitter_points: u32::from(emitters.has_area),
+            tree3_root: if emitters.has_area { 0 } else { NONE },
+            tree4_root: if self.traces_light { 0 } else { NONE },
+            longest_path: self.max_depth,
+        })
     }
 
     /// The frame of iteration `iteration`, `samples` a pixel from number `first_sample` on. Without a pool: for the light
@@ -146,6 +158,7 @@ impl Plan {
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("ESTIMATOR", estimator.into()),
             ("BUCKET_COUNT", self.buckets.into()),
+            ("PROBE", switch(self.probe)),
         ]
     }
 }

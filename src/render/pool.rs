@@ -4,7 +4,7 @@ use super::plan::Plan;
 use crate::error::Result;
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{NONE, PathVertex, TreeNode};
-use crate::gpu::{Buffer, Device};
+use crate::gpu::{Buffer, Device, Need};
 use crate::lightcone::tree::{Item, Tree, TreeOptions};
 use crate::settings::Estimator;
 
@@ -151,15 +151,22 @@ fn items(vertices: &[(u32, PathVertex)]) -> Vec<Item> {
 impl DevicePool {
     /// Buffers with room for a pool a little larger than this one: the next iteration's differs by chance.
     pub fn new(device: &Device, pool: &SortedPool) -> Result<DevicePool> {
-        let remedy = "use fewer --light-paths";
-        let room = |n: usize| n + n / 8 + 64;
-        let mut buffers = DevicePool {
-            vertices: Buffer::new::<PathVertex>(device, "light vertices", room(pool.vertices.len()), remedy)?,
-            nodes: Buffer::new::<TreeNode>(device, "tree nodes", room(pool.nodes.len()), remedy)?,
-            offsets: Buffer::new::<u32>(device, "light path offsets", pool.offsets.len(), remedy)?,
-        };
+        let needs = DevicePool::needs(pool.vertices.len(), pool.nodes.len(), pool.offsets.len());
+        let [vertices, nodes, offsets] = needs.map(|need| Buffer::for_need(device, &need));
+        let mut buffers = DevicePool { vertices: vertices?, nodes: nodes?, offsets: offsets? };
         buffers.replace(pool)?;
         Ok(buffers)
+    }
+
+    /// What the buffers for a pool of this size need.
+    pub fn needs(vertices: usize, nodes: usize, offsets: usize) -> [Need; 3] {
+        let remedy = "use fewer --light-paths";
+        let room = |n: usize| n + n / 8 + 64;
+        [
+            Need::of::<PathVertex>("light vertices", room(vertices), remedy),
+            Need::of::<TreeNode>("tree nodes", room(nodes), remedy),
+            Need::of::<u32>("light path offsets", offsets, remedy),
+        ]
     }
 
     /// Writes the next pool over this one if it fits; false if it does not.

@@ -1,5 +1,8 @@
 //! Phase 3 of Algorithm 1: sensor subpaths in tiles; at every bounce shade points, queries, connections.
 
+mod buffers;
+mod observe;
+
 use std::time::Instant;
 
 use super::device_scene::DeviceScene;
@@ -8,8 +11,9 @@ use super::pool::DevicePool;
 use super::stats::Stats;
 use crate::error::Result;
 use crate::gpu::layout::constants::*;
-use crate::gpu::layout::{Candidate, Dispatch, NONE, PathState, PathVertex};
-use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+use crate::gpu::layout::{Dispatch, NONE, PathVertex};
+use crate::gpu::{Bindings, Buffer, Device, DeviceInfo, Kernel, Need, Recorder};
+use buffers::{BUFFERS, Buffers, needs};
 
 /// Counters of the lists: living paths (two, in turn), shade points, live candidates.
 const LIVING: [u32; 2] = [0, 1];
@@ -48,25 +52,6 @@ struct Kernels {
     resolve: Kernel,
 }
 
-struct Buffers {
-    states: Buffer,
-    shade_points: Buffer,
-    radiance: Buffer,
-    tallies: Buffer,
-    emitted: Buffer,
-    living: [Buffer; 2],
-    shade_list: Buffer,
-    slot_list: Buffer,
-    marks: Buffer,
-    chunk_counts: Buffer,
-    candidates: Buffer,
-    contributions: Buffer,
-    counters: Buffer,
-    arguments: Buffer,
-    film: Buffer,
-    film_tallies: Buffer,
-}
-
 /// Descriptor sets for one pool; `[0]` where bounce numbers are even.
 pub struct Bound {
     start: Bindings,
@@ -82,18 +67,27 @@ pub struct Bound {
 impl SensorTracer {
     /// Buffers for `slots` candidates a shade point.
     pub fn new(device: &Device, plan: &Plan, slots: u32) -> Result<SensorTracer> {
-        let info = device.info();
-        // Enough to fill the machine, little enough for its limits and caches.
-        let wanted: u64 = if info.is_cpu { 1 << 16 } else { 1 << 20 };
-        let limit = info.max_storage_buffer_range.min(info.max_allocation);
-        let by_vertices = limit / size_of::<PathVertex>() as u64;
-        let by_slots = limit / (16 * u64::from(slots));
-        let all = plan.crop_pixels * u64::from(MOST_SAMPLES);
-        let capacity = wanted.min(by_vertices).min(by_slots).min(all).max(u64::from(MOST_SAMPLES)) as usize;
+        let capacity = SensorTracer::capacity(device.info(), plan, slots);
         let buffers = Buffers::new(device, plan, capacity, slots as usize)?;
         let kernels = Kernels::new(device, plan)?;
         let tile = plan.tuning.tile.unwrap_or(1 << 13).min(capacity);
         Ok(SensorTracer { kernels, buffers, recorder: Recorder::new(device)?, slots, capacity, tile })
+    }
+
+    /// Paths a tile may hold.
+    fn capacity(info: &DeviceInfo, plan: &Plan, slots: u32) -> usize {
+        // Enough to fill the machine, little enough for its limits and caches.
+        let wanted: u64 = if info.is_cpu { 1 << 16 } else { 1 << 20 };
+        let limit = info.largest_buffer();
+        let by_vertices = limit / size_of::<PathVertex>() as u64;
+        let by_slots = limit / (16 * u64::from(slots));
+        let all = plan.crop_pixels * u64::from(MOST_SAMPLES);
+        wanted.min(by_vertices).min(by_slots).min(all).max(u64::from(MOST_SAMPLES)) as usize
+    }
+
+    /// What the buffers of [`SensorTracer::new`] will need.
+    pub fn needs(info: &DeviceInfo, plan: &Plan, slots: u32) -> [Need; BUFFERS] {
+        needs(plan, SensorTracer::capacity(info, plan, slots), slots as usize)
     }
 
     pub fn slots(&self) -> u32 {
@@ -175,15 +169,8 @@ impl SensorTracer {
         samples: u32,
         stats: &mut Stats,
     ) -> Result<()> {
-        let constants = Dispatch { first, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE };
+        let constants = self.start_tile(bound, first, count)?;
         let mut counters = [0u32; COUNTERS];
-        counters[LIVING[0] as usize] = count;
-        self.buffers.counters.write(0, &counters)?;
-        let mut arguments = [1u32; COUNTERS];
-        arguments[LIVING[0] as usize * 3] = self.kernels.trace.groups(count as usize);
-        self.buffers.arguments.write(0, &arguments)?;
-        let groups = self.kernels.start.groups(count as usize);
-        self.recorder.dispatch("sensor_start", &self.kernels.start, &bound.start, &constants, groups)?;
         let mut longest = 0.0f64;
         for bounce in 0..plan.max_depth {
             self.record_bounce(bound, &Dispatch { bounce, ..constants }, count)?;
@@ -208,6 +195,20 @@ impl SensorTracer {
             self.adapt(count as usize, longest);
         }
         Ok(())
+    }
+
+    /// Records the start of `count` paths from number `first` on; returns what all dispatches of the tile share.
+    fn start_tile(&mut self, bound: &Bound, first: u32, count: u32) -> Result<Dispatch> {
+        let constants = Dispatch { first, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE };
+        let mut counters = [0u32; COUNTERS];
+        counters[LIVING[0] as usize] = count;
+        self.buffers.counters.write(0, &counters)?;
+        let mut arguments = [1u32; COUNTERS];
+        arguments[LIVING[0] as usize * 3] = self.kernels.trace.groups(count as usize);
+        self.buffers.arguments.write(0, &arguments)?;
+        let groups = self.kernels.start.groups(count as usize);
+        self.recorder.dispatch("sensor_start", &self.kernels.start, &bound.start, &constants, groups)?;
+        Ok(constants)
     }
 
     /// One bounce: trace, then everything the new shade points need.
@@ -268,75 +269,6 @@ impl Kernels {
             connect: make("connect", "connect")?,
             gather: make("gather", "gather")?,
             resolve: make("resolve", "resolve")?,
-        })
-    }
-}
-
-impl Buffers {
-    fn new(device: &Device, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers> {
-        let few = "use a smaller --resolution or fewer --queries";
-        let entries = paths * slots.max(1);
-        let film = plan.crop_pixels as usize;
-        let words = |name: &'static str, n: usize| Buffer::new::<u32>(device, name, n, few);
-        let quads = |name: &'static str, n: usize| Buffer::new::<[f32; 4]>(device, name, n, few);
-        Ok(Buffers {
-            states: Buffer::new::<PathState>(device, "sensor path states", paths, few)?,
-            shade_points: Buffer::new::<PathVertex>(device, "shade points", paths, few)?,
-            radiance: quads("path radiance", paths)?,
-            tallies: quads("path tallies", paths)?,
-            emitted: quads("emitter hits", 1)?,
-            living: [words("living paths", paths)?, words("living paths", paths)?],
-            shade_list: words("shade point list", paths)?,
-            slot_list: words("candidate list", entries)?,
-            marks: words("marks", entries)?,
-            chunk_counts: Buffer::new::<[u32; 2]>(device, "chunk counts", entries.div_ceil(CHUNK as usize), few)?,
-            candidates: Buffer::new::<Candidate>(device, "candidates", entries, few)?,
-            contributions: quads("contributions", entries)?,
-            counters: words("counters", COUNTERS)?,
-            arguments: words("dispatch arguments", COUNTERS)?,
-            film: quads("film", film)?,
-            film_tallies: quads("film tallies", film)?,
-        })
-    }
-
-    fn bindings(&self) -> Vec<(&str, &Buffer)> {
-        vec![
-            ("states", &self.states),
-            ("shade_points", &self.shade_points),
-            ("radiance", &self.radiance),
-            ("tallies", &self.tallies),
-            ("emitted", &self.emitted),
-            ("shade_list", &self.shade_list),
-            ("slot_list", &self.slot_list),
-            ("marks", &self.marks),
-            ("chunk_counts", &self.chunk_counts),
-            ("candidates", &self.candidates),
-            ("contributions", &self.contributions),
-            ("counters", &self.counters),
-            ("arguments", &self.arguments),
-            ("film", &self.film),
-            ("film_tallies", &self.film_tallies),
-        ]
-    }
-
-    /// Adds the film to `image` and returns its tallies, added up.
-    fn add_film(&self, image: &mut [f32]) -> Result<[u64; 4]> {
-        let pixels = image.len() / 3;
-        self.film.with::<[f32; 4], _>(pixels, |film| {
-            for (to, from) in image.chunks_exact_mut(3).zip(film) {
-                for k in 0..3 {
-                    to[k] += from[k];
-                }
-            }
-        })?;
-        self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
-            let add = |mut sum: [u64; 4], t: &[u32; 4]| {
-                for k in 0..4 {
-                    sum[k] += u64::from(t[k]);
-                }
-                sum
-            };
-            tallies.iter().fold([0; 4], add)
         })
     }
 }

@@ -34,6 +34,8 @@ pub struct Stats {
     /// Longest single submit.
     pub longest_submit: f64,
     pub scene_bytes: u64,
+    /// All device buffers at once, at most.
+    pub device_bytes: u64,
     pub triangles: u64,
 }
 

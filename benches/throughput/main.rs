@@ -1,0 +1,62 @@
+//! Rays and tree queries a second on the device against the host, interleaved in one run:
+//!
+//!     cargo bench --bench throughput [-- TRIANGLES]
+//!
+//! Rays: primary, one diffuse bounce and a shadow ray at each hit, in the cluttered room; host: obvhs' own traversal of the
+//! same hierarchy. Queries: the 4D tree over light vertices of that room; host: a scalar twin of the shader. Both hosts use
+//! all cores through rayon. Medians of 7 rounds; the spread is that of the ratios.
+
+mod queries;
+mod rays;
+
+use std::time::Instant;
+
+use taugate::gpu::Device;
+
+/// Rounds of every comparison.
+const ROUNDS: usize = 7;
+
+fn main() {
+    // Cargo passes --bench.
+    let triangles = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(200_000);
+    let device = Device::open(None).expect("a Vulkan device");
+    println!("device    {} ({})", device.info().name, device.info().driver);
+    let room = rays::Room::new(triangles);
+    println!("scene     {} triangles", room.triangles.len());
+    rays::compare(&device, &room);
+    for leaf_size in [1, 16] {
+        queries::compare(&device, &room, leaf_size);
+    }
+}
+
+/// Runs both sides alternately and prints millions a second and their ratio.
+fn report(what: &str, count: usize, mut on_device: impl FnMut(), mut on_host: impl FnMut()) {
+    on_device();
+    on_host();
+    let (mut device, mut host) = (vec![], vec![]);
+    for _ in 0..ROUNDS {
+        device.push(seconds(&mut on_device));
+        host.push(seconds(&mut on_host));
+    }
+    let mut ratios: Vec<f64> = device.iter().zip(&host).map(|(d, h)| h / d).collect();
+    ratios.sort_by(f64::total_cmp);
+    println!(
+        "{what:<28} device {:6.2} M/s   host {:6.2} M/s   ratio {:.2} ({:.2} to {:.2})",
+        count as f64 / median(&mut device) / 1e6,
+        count as f64 / median(&mut host) / 1e6,
+        ratios[ROUNDS / 2],
+        ratios[0],
+        ratios[ROUNDS - 1],
+    );
+}
+
+fn seconds(work: &mut impl FnMut()) -> f64 {
+    let start = Instant::now();
+    work();
+    start.elapsed().as_secs_f64()
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}

@@ -1,0 +1,204 @@
+//! Closest hits and shadow rays: the traversal kernel against obvhs.
+
+use glam::{Vec3, Vec3A};
+use obvhs::ray::{Ray, RayHit};
+use rayon::prelude::*;
+use taugate::bvh::{self, Bvh};
+use taugate::generate::numbers::Pcg;
+use taugate::generate::{Kind, build};
+use taugate::gpu::layout::{Dispatch, NONE, Triangle};
+use taugate::gpu::{Buffer, Device, Kernel, Recorder};
+
+const KERNEL: &str = "
+#import traverse
+struct BenchRay { origin: vec3<f32>, t_max: f32, direction: vec3<f32>, pad: f32 }
+@group(2) @binding(0) var<storage, read> rays: array<BenchRay>;
+@group(2) @binding(1) var<storage, read_write> hits: array<vec2<f32>>;
+override ANY: bool = false;
+@compute @workgroup_size(WORKGROUP)
+fn bench_rays(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x >= dispatch.count) {
+        return;
+    }
+    let ray = rays[id.x];
+    let hit = traverse(ray.origin, ray.direction, 0.0, ray.t_max, ANY);
+    hits[id.x] = vec2<f32>(hit.t, bitcast<f32>(hit.triangle));
+}
+";
+
+/// The cluttered room, flattened around its camera.
+pub struct Room {
+    pub bvh: Bvh,
+    pub triangles: Vec<Triangle>,
+    pub light: Vec3,
+    right: Vec3,
+    up: Vec3,
+    forward: Vec3,
+}
+
+/// A ray as the kernel reads it.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct BenchRay {
+    pub origin: [f32; 3],
+    pub t_max: f32,
+    pub direction: [f32; 3],
+    pub pad: f32,
+}
+
+fn ray(origin: Vec3, direction: Vec3, t_max: f32) -> BenchRay {
+    BenchRay { origin: origin.into(), t_max, direction: direction.into(), pad: 0.0 }
+}
+
+impl Room {
+    pub fn new(triangles: u32) -> Room {
+        let scene = build(Kind::ClutteredRoom { triangles });
+        let camera = &scene.cameras[0].transform;
+        let mut corners = vec![];
+        for instance in &scene.instances {
+            let mesh = &scene.meshes[instance.mesh as usize];
+            let place = |i: u32| {
+                let p = mesh.positions[i as usize].map(f64::from);
+                (instance.transform.transform_point3(p.into()) - camera.translation).as_vec3().to_array()
+            };
+            corners.extend(mesh.triangles.iter().map(|t| t.map(place)));
+        }
+        let bvh = bvh::build(&corners);
+        let triangle = |&i: &u32| {
+            let [v0, v1, v2] = corners[i as usize];
+            Triangle { v0, instance: 0, v1, corner: NONE, v2, material: 0 }
+        };
+        let axis = |v: glam::DVec3| camera.transform_vector3(v).as_vec3();
+        Room {
+            triangles: bvh.order.iter().map(triangle).collect(),
+            bvh,
+            light: axis(glam::DVec3::new(0.0, 0.4, -1.5)),
+            right: axis(glam::DVec3::X),
+            up: axis(glam::DVec3::Y),
+            forward: axis(glam::DVec3::NEG_Z),
+        }
+    }
+
+    /// Closest triangle and distance, or None.
+    pub fn closest(&self, r: &BenchRay) -> Option<(usize, f32)> {
+        let mut hit = RayHit::none();
+        self.bvh.host.ray_traverse(host_ray(r), &mut hit, |ray, i| self.intersect(ray, i));
+        (hit.t < r.t_max).then_some((hit.primitive_id as usize, hit.t))
+    }
+
+    fn blocked(&self, r: &BenchRay) -> bool {
+        !self.bvh.host.ray_traverse_miss(host_ray(r), |ray, i| self.intersect(ray, i))
+    }
+
+    /// Moeller and Trumbore's test on the triangles in leaf order.
+    fn intersect(&self, ray: &Ray, i: usize) -> f32 {
+        let t = &self.triangles[i];
+        let v0 = Vec3A::from(t.v0);
+        let (e1, e2) = (Vec3A::from(t.v1) - v0, Vec3A::from(t.v2) - v0);
+        let p = ray.direction.cross(e2);
+        let inverse = 1.0 / e1.dot(p);
+        let s = ray.origin - v0;
+        let u = s.dot(p) * inverse;
+        let q = s.cross(e1);
+        let v = ray.direction.dot(q) * inverse;
+        let d = e2.dot(q) * inverse;
+        if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && d > ray.tmin && d < ray.tmax { d } else { f32::INFINITY }
+    }
+
+    pub fn normal(&self, i: usize, towards: Vec3) -> Vec3 {
+        let t = &self.triangles[i];
+        let n = (Vec3::from(t.v1) - Vec3::from(t.v0)).cross(Vec3::from(t.v2) - Vec3::from(t.v0)).normalize();
+        if n.dot(towards) < 0.0 { -n } else { n }
+    }
+
+    /// Where a ray lands, just off the surface, and the normal there.
+    pub fn land(&self, r: &BenchRay) -> Option<(Vec3, Vec3)> {
+        let (i, t) = self.closest(r)?;
+        let n = self.normal(i, -Vec3::from(r.direction));
+        Some((Vec3::from(r.origin) + Vec3::from(r.direction) * t + n * 1e-4, n))
+    }
+
+    pub fn primary(&self, x: f32, y: f32) -> BenchRay {
+        ray(Vec3::ZERO, (self.forward + 0.7 * x * self.right + 0.4 * y * self.up).normalize(), 1e30)
+    }
+}
+
+fn host_ray(r: &BenchRay) -> Ray {
+    Ray::new(Vec3A::from(r.origin), Vec3A::from(r.direction), 0.0, r.t_max)
+}
+
+/// Cosine-distributed direction around n.
+pub fn cosine(n: Vec3, pcg: &mut Pcg) -> Vec3 {
+    let z = 2.0 * pcg.uniform() - 1.0;
+    let (sin, cos) = (std::f64::consts::TAU * pcg.uniform()).sin_cos();
+    let r = (1.0 - z * z).sqrt();
+    (n + Vec3::new((r * cos) as f32, (r * sin) as f32, z as f32) * 0.999).normalize()
+}
+
+/// Closest rays (primary and bounce) and shadow rays of a picture of `side` x `side` pixels in blocks of 8 x 8.
+fn mixed_rays(room: &Room, side: usize) -> (Vec<BenchRay>, Vec<BenchRay>) {
+    let mut pcg = Pcg::new(11);
+    // As the renderer traces them: bounce by bounce.
+    let (mut closest, mut shadow) = ([vec![], vec![]], [vec![], vec![]]);
+    for i in 0..side * side {
+        let (block, k) = (i / 64, i % 64);
+        let (bx, by) = (block % (side / 8), block / (side / 8));
+        let at = |b: usize, k: usize| ((b * 8 + k) as f32 + 0.5) / side as f32 * 2.0 - 1.0;
+        let mut r = room.primary(at(bx, k % 8), -at(by, k / 8));
+        for bounce in 0..2 {
+            closest[bounce].push(r);
+            let Some((p, n)) = room.land(&r) else { break };
+            shadow[bounce].push(ray(p, room.light - p, 1.0));
+            r = ray(p, cosine(n, &mut pcg), 1e30);
+        }
+    }
+    (closest.concat(), shadow.concat())
+}
+
+pub fn compare(device: &Device, room: &Room) {
+    let (closest, shadow) = mixed_rays(room, 512);
+    let nodes = Buffer::from_slice(device, "nodes", &room.bvh.nodes, "").expect("nodes");
+    let triangles = Buffer::from_slice(device, "triangles", &room.triangles, "").expect("triangles");
+    let side = |rays: &[BenchRay], any: f64| {
+        let kernel = Kernel::from_source(device, "bench", KERNEL, "bench_rays", &[("ANY", any)]).expect("kernel");
+        let rays_buffer = Buffer::from_slice(device, "rays", rays, "").expect("rays");
+        let hits = Buffer::new::<[f32; 2]>(device, "hits", rays.len(), "").expect("hits");
+        let bound = kernel
+            .bind(&[("bvh_nodes", &nodes), ("triangles", &triangles), ("rays", &rays_buffer), ("hits", &hits)])
+            .expect("binding");
+        (kernel, bound, rays_buffer, hits)
+    };
+    let (a, b) = (side(&closest, 0.0), side(&shadow, 1.0));
+    let mut recorder = Recorder::new(device).expect("recorder");
+    let run = |recorder: &mut Recorder| {
+        for ((kernel, bound, ..), n) in [(&a, closest.len()), (&b, shadow.len())] {
+            let d = Dispatch { count: n as u32, ..bytemuck::Zeroable::zeroed() };
+            recorder.dispatch("rays", kernel, bound, &d, kernel.groups(n)).expect("dispatch");
+        }
+        recorder.submit().expect("submit");
+    };
+    run(&mut recorder);
+    let hits = a.3.to_vec::<[f32; 2]>(closest.len()).expect("hits");
+    let differing = closest
+        .par_iter()
+        .zip(&hits)
+        .filter(|(r, h)| {
+            let there = room.closest(r).map(|(_, t)| t);
+            match there {
+                Some(t) => h[1].to_bits() == NONE || (t - h[0]).abs() > 1e-3 * t,
+                None => h[1].to_bits() != NONE,
+            }
+        })
+        .count();
+    println!("rays      {} closest, {} shadow; {differing} hits differ from the host's", closest.len(), shadow.len());
+    super::report(
+        "mixed rays",
+        closest.len() + shadow.len(),
+        || run(&mut recorder),
+        || {
+            let hit: usize = closest.par_iter().with_min_len(256).filter(|r| room.closest(r).is_some()).count();
+            let dark: usize = shadow.par_iter().with_min_len(256).filter(|r| room.blocked(r)).count();
+            assert!(hit + dark > 0);
+        },
+    );
+}

@@ -1,0 +1,119 @@
+//! The report as lines of name and value.
+
+use std::fmt::Write;
+
+use taugate::gpu::need::mebibytes;
+use taugate::units::METRES_PER_NS;
+
+use super::{Arrival, Memory, Render, Report};
+use crate::app::feasible::{SUGGESTED_PART, short};
+
+struct Lines(String);
+
+impl Lines {
+    fn line(&mut self, name: &str, value: impl AsRef<str>) {
+        writeln!(self.0, "{name:<11} {}", value.as_ref()).expect("a string takes any text");
+    }
+}
+
+pub fn text(report: &Report) -> String {
+    let mut lines = Lines(String::new());
+    add_contents(&mut lines, report);
+    if let Some(render) = &report.render {
+        add_memory(&mut lines, render);
+        add_travel_times(&mut lines, render);
+    }
+    for note in &report.notes {
+        lines.line("note", note);
+    }
+    lines.0
+}
+
+fn add_contents(lines: &mut Lines, r: &Report) {
+    lines.line(
+        "triangles",
+        format!("{} placed by {} instances of {} meshes ({})", r.triangles, r.instances, r.meshes, r.mesh_triangles),
+    );
+    let point = |p: &[f64; 3]| format!("({:.3}, {:.3}, {:.3})", p[0], p[1], p[2]);
+    match &r.bounds {
+        Some((low, high, diagonal)) => {
+            lines.line("bounds", format!("{} to {} m, diagonal {diagonal:.3} m", point(low), point(high)));
+        }
+        None => lines.line("bounds", "no triangles"),
+    }
+    for camera in &r.cameras {
+        let size = camera.resolution.map(|[w, h]| format!(", {w}x{h} pixels")).unwrap_or_default();
+        let (at, degrees) = (point(&camera.position), camera.degrees_high);
+        lines.line("camera", format!("{} at {at}, {degrees:.1} degrees high{size}", camera.name));
+    }
+    for emitter in &r.emitters {
+        let watts = emitter.watts.map(|w| format!(", {w:.4} W")).unwrap_or_default();
+        lines.line("emitter", format!("{}: {}{watts}", emitter.node, emitter.kind));
+    }
+    let mut names = r.materials.iter().take(12).cloned().collect::<Vec<_>>().join(", ");
+    if r.materials.len() > 12 {
+        names += &format!(" and {} more", r.materials.len() - 12);
+    }
+    lines.line("materials", format!("{} used of {}: {names}", r.materials.len(), r.materials_in_file));
+    lines.line("textures", format!("{} with {} texels in {} images", r.textures, r.texels, r.images));
+    for warning in &r.warnings {
+        lines.line("warning", warning);
+    }
+}
+
+fn add_memory(lines: &mut Lines, render: &Render) {
+    let m: &Memory = &render.memory;
+    let [width, height] = render.resolution;
+    let device = m.device.as_deref().unwrap_or("no device");
+    lines.line("render", format!("{width}x{height} through {}, on {device}", render.camera));
+    lines.line(
+        "memory",
+        format!(
+            "{} on the device: scene {}, work {}, light vertices about {}; host about {} in all",
+            mebibytes(m.device_bytes),
+            mebibytes(m.scene_bytes),
+            mebibytes(m.iteration_bytes),
+            mebibytes(m.pool_bytes),
+            mebibytes(m.host_bytes)
+        ),
+    );
+    let allowed = m.largest_buffer_allowed.map(|b| format!(" of {} allowed", mebibytes(b))).unwrap_or_default();
+    for part in &m.largest {
+        let verdict = if part.fits == Some(false) { ": too large" } else { "" };
+        lines.line("  buffer", format!("{}: {}{allowed}{verdict}", part.name, mebibytes(part.bytes)));
+    }
+    if let Some(problem) = &m.problem {
+        lines.line("problem", problem);
+    }
+}
+
+fn add_travel_times(lines: &mut Lines, render: &Render) {
+    let p = &render.possible;
+    let ns = |metres: f64| short(metres / METRES_PER_NS);
+    lines.line(
+        "possible",
+        format!(
+            "travel times from {} m = {} ns to {} m = {} ns ({} segments of at most {} m)",
+            short(p.least),
+            ns(p.least),
+            short(p.greatest),
+            ns(p.greatest),
+            p.max_depth,
+            short(p.segment)
+        ),
+    );
+    let Some(light) = &render.light else { return };
+    let arrival = |a: &Arrival| {
+        format!("{:>10} m  {:>10} ns  {:>10} m depth", short(a.metres), short(a.nanoseconds), short(a.depth_metres))
+    };
+    lines.line("light", "has arrived by (travel time, one-way depth)");
+    lines.line("  first", arrival(&light.first));
+    for a in &light.percentiles {
+        lines.line(&format!("  {:.0} %", a.percent), arrival(a));
+    }
+    lines.line("  last seen", arrival(&light.last));
+    if let Some(gate) = &light.suggested_gate {
+        let percent = 100.0 * SUGGESTED_PART;
+        lines.line("try", format!("--gate {gate} ({percent:.0} % of the scene diagonal at the median)"));
+    }
+}

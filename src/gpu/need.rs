@@ -1,0 +1,97 @@
+//! What a storage buffer needs before it exists, and whether a device can give it.
+
+use super::device::DeviceInfo;
+use crate::error::{Error, Result};
+
+/// A buffer to be. `name` appears in messages, `remedy` says what the user can change when it is too large.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Need {
+    pub name: &'static str,
+    pub bytes: u64,
+    pub remedy: &'static str,
+}
+
+impl Need {
+    /// `count` elements of `T`; at least 16 bytes, so that empty lists can be bound.
+    pub fn of<T>(name: &'static str, count: usize, remedy: &'static str) -> Need {
+        let bytes = (count as u64).saturating_mul(size_of::<T>() as u64).max(16);
+        Need { name, bytes, remedy }
+    }
+
+    /// Fails where the device's limits on one buffer or one allocation are lower.
+    pub fn check(&self, device: &DeviceInfo) -> Result<()> {
+        if self.bytes <= device.largest_buffer() {
+            return Ok(());
+        }
+        Err(Error::Device(format!(
+            "the {} need {}, and {} allows {} a buffer; {}",
+            self.name,
+            mebibytes(self.bytes),
+            device.name,
+            mebibytes(device.largest_buffer()),
+            self.remedy
+        )))
+    }
+}
+
+/// Checks every buffer by itself and all of them together against the device's memory. The remedy named for the sum is that
+/// of the largest buffer.
+pub fn check_all(needs: &[Need], device: &DeviceInfo) -> Result<()> {
+    needs.iter().try_for_each(|need| need.check(device))?;
+    let total: u64 = needs.iter().map(|need| need.bytes).sum();
+    match needs.iter().max_by_key(|need| need.bytes) {
+        Some(largest) if total > device.heap_bytes => Err(Error::Device(format!(
+            "this render needs {} on the device, and {} has {}; the largest part are the {} with {}: {}",
+            mebibytes(total),
+            device.name,
+            mebibytes(device.heap_bytes),
+            largest.name,
+            mebibytes(largest.bytes),
+            largest.remedy
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// `12.5 MiB`, without the decimal from 100 up.
+pub fn mebibytes(bytes: u64) -> String {
+    let mebi = bytes as f64 / f64::from(1 << 20);
+    if mebi < 100.0 { format!("{mebi:.1} MiB") } else { format!("{mebi:.0} MiB") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device(range: u64, allocation: u64, heap: u64) -> DeviceInfo {
+        DeviceInfo {
+            max_storage_buffer_range: range,
+            max_allocation: allocation,
+            heap_bytes: heap,
+            ..DeviceInfo::unlimited()
+        }
+    }
+
+    #[test]
+    fn the_lower_limit_counts_and_the_message_says_what_to_change() {
+        let need = Need::of::<[u32; 4]>("candidates", 1 << 20, "use fewer --queries");
+        assert_eq!(need.bytes, 16 << 20);
+        assert!(need.check(&device(16 << 20, 16 << 20, 0)).is_ok());
+        for device in [device(8 << 20, 16 << 20, 0), device(16 << 20, 8 << 20, 0)] {
+            let message = need.check(&device).unwrap_err().to_string();
+            for part in ["candidates", "16.0 MiB", "8.0 MiB", "--queries"] {
+                assert!(message.contains(part), "{message}");
+            }
+        }
+    }
+
+    #[test]
+    fn all_together_must_fit_the_memory() {
+        let needs =
+            [Need::of::<u8>("film", 3 << 20, "lower --resolution"), Need::of::<u8>("marks", 5 << 20, "use less")];
+        assert!(check_all(&needs, &device(8 << 20, 8 << 20, 8 << 20)).is_ok());
+        let message = check_all(&needs, &device(8 << 20, 8 << 20, 7 << 20)).unwrap_err().to_string();
+        assert!(message.contains("marks") && message.contains("use less") && message.contains("8.0 MiB"), "{message}");
+        assert!(check_all(&[], &device(1, 1, 0)).is_ok());
+    }
+}

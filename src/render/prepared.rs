@@ -1,0 +1,43 @@
+//! A scene made ready for rendering on the host: flattened, its hierarchy built, its emitters collected.
+
+use std::collections::BTreeMap;
+
+use super::albedo::AlbedoTable;
+use super::emitters::EmitterSet;
+use super::geometry::Geometry;
+use crate::error::{Error, Result};
+use crate::scene::Scene;
+use crate::settings::Settings;
+
+/// Everything that is uploaded, around the sensor of one camera and for one choice of emitters.
+pub struct Prepared {
+    pub(super) geometry: Geometry,
+    pub(super) emitters: EmitterSet,
+    pub(super) albedo: AlbedoTable,
+}
+
+impl Prepared {
+    /// Fails if nothing emits.
+    pub fn new(scene: &Scene, settings: &Settings) -> Result<Prepared> {
+        let origin = scene.cameras[settings.camera].transform.translation;
+        let albedo = AlbedoTable::new();
+        let mut geometry = Geometry::new(scene, origin, &settings.emitters, &albedo);
+        let emitters = EmitterSet::new(scene, &settings.emitters, origin, &mut geometry);
+        if emitters.table.is_empty() {
+            return Err(Error::Settings(
+                "nothing emits light: select other nodes with --emitters, or add a light to the scene".into(),
+            ));
+        }
+        Ok(Prepared { geometry, emitters, albedo })
+    }
+
+    /// Node and luminance-weighted power in W of everything that shines.
+    pub fn powers(&self) -> &BTreeMap<String, f64> {
+        &self.emitters.powers
+    }
+
+    /// Triangles as they are placed.
+    pub fn triangles(&self) -> usize {
+        self.geometry.triangles.len()
+    }
+}

@@ -1,0 +1,159 @@
+//! The distribution of travel times: how much of the light that reaches the sensor has arrived by when.
+
+use std::collections::BTreeMap;
+
+use super::Renderer;
+use super::emitters::luminance;
+use super::plan::Plan;
+use super::prepared::Prepared;
+use crate::error::Result;
+use crate::gpu::Device;
+use crate::scene::Scene;
+use crate::settings::{Crop, Estimator, Settings, Strategies};
+use crate::units::Gate;
+
+/// Rows of the image that is probed, light subpaths, samples a pixel and iteration, iterations.
+const ROWS: u32 = 64;
+const LIGHT_PATHS: u32 = 20_000;
+const SAMPLES: u32 = 2;
+const ITERATIONS: u32 = 4;
+
+/// Travel times in metres of optical path, each weighted by the luminance that arrives with it. Neighbouring times are
+/// kept together in steps of 2^-16 of their size.
+#[derive(Debug, Clone, Default)]
+pub struct TravelTimes {
+    /// Weight and weight times travel time, by the leading bits of the travel time.
+    bins: BTreeMap<u32, (f64, f64)>,
+    total: f64,
+    range: Option<(f32, f32)>,
+}
+
+impl TravelTimes {
+    /// Adds light; nothing where `weight` is not positive or either is not finite.
+    pub fn add(&mut self, tau: f32, weight: f64) {
+        if !(weight > 0.0 && weight.is_finite() && tau >= 0.0 && tau.is_finite()) {
+            return;
+        }
+        let bin = self.bins.entry(tau.to_bits() >> 7).or_default();
+        bin.0 += weight;
+        bin.1 += weight * f64::from(tau);
+        self.total += weight;
+        self.range = Some(self.range.map_or((tau, tau), |(lo, hi)| (lo.min(tau), hi.max(tau))));
+    }
+
+    /// Least and greatest travel time that was seen; `None` if no light arrived.
+    pub fn range(&self) -> Option<(f64, f64)> {
+        self.range.map(|(lo, hi)| (lo.into(), hi.into()))
+    }
+
+    /// Least travel time by which `percent` of the light, 0 to 100, has arrived; `None` if none has.
+    pub fn percentile(&self, percent: f64) -> Option<f64> {
+        let (lo, hi) = self.range()?;
+        // A sum in another order may miss the total by its rounding.
+        let wanted = self.total * (percent / 100.0).clamp(0.0, 1.0) * (1.0 - 1e-12);
+        let mut sum = 0.0;
+        let reached = self.bins.values().find(|(weight, _)| {
+            sum += weight;
+            sum >= wanted
+        });
+        Some(reached.map_or(hi, |(weight, moment)| (moment / weight).clamp(lo, hi)))
+    }
+
+    /// A gate of `width` metres around the median, as one would type it.
+    pub fn suggestion(&self, width: f64) -> Option<Gate> {
+        let median = self.percentile(50.0)?;
+        let step = 10f64.powf((width / 4.0).log10().floor());
+        let round = |x: f64| {
+            let digits = (-step.log10()).max(0.0).round() as usize;
+            format!("{:.digits$}", (x / step).round() * step).parse::<f64>().unwrap_or(x)
+        };
+        Gate::new(round((median - 0.5 * width).max(0.0)), round(median + 0.5 * width)).ok()
+    }
+}
+
+/// Renders a small steady-state image of what `settings` show, by all strategies, and collects its travel times.
+pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<TravelTimes> {
+    let settings = small(settings);
+    let mut plan = Plan::new(scene, &settings, prepared)?;
+    plan.probe = true;
+    let mut renderer = Renderer::from_plan(device, plan, [1, 1], prepared)?;
+    let mut times = TravelTimes::default();
+    for _ in 0..ITERATIONS {
+        renderer.observe(SAMPLES, &mut |rgb, tau| times.add(tau, luminance(rgb)))?;
+    }
+    Ok(times)
+}
+
+/// The same view in few pixels, without a gate.
+fn small(settings: &Settings) -> Settings {
+    let [width, height] = settings.resolution;
+    let scale = (f64::from(ROWS) / f64::from(height)).min(1.0);
+    let resolution = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+    let begin = |x: u32, most: u32| ((f64::from(x) * scale).floor() as u32).min(most - 1);
+    let end = |x: u32, begin: u32, most: u32| ((f64::from(x) * scale).ceil() as u32).clamp(begin + 1, most);
+    let (x0, y0) = (begin(settings.crop.x0, resolution[0]), begin(settings.crop.y0, resolution[1]));
+    let (x1, y1) = (end(settings.crop.x1, x0, resolution[0]), end(settings.crop.y1, y0, resolution[1]));
+    Settings {
+        estimator: Estimator::Bdpt,
+        strategies: Strategies::All,
+        gate: Gate::OPEN,
+        resolution,
+        crop: Crop { x0, x1, y0, y1 },
+        light_paths: settings.light_paths.min(LIGHT_PATHS),
+        ..settings.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn times(samples: &[(f32, f64)]) -> TravelTimes {
+        let mut times = TravelTimes::default();
+        samples.iter().for_each(|&(tau, weight)| times.add(tau, weight));
+        times
+    }
+
+    #[test]
+    fn percentiles_are_those_counted_by_hand() {
+        // Light 1, 2, 3, 4 at 4, 3, 2, 1 m: by 1 m 40 %, by 2 m 70 %, by 3 m 90 %, by 4 m all.
+        let t = times(&[(4.0, 1.0), (3.0, 2.0), (2.0, 3.0), (1.0, 4.0)]);
+        assert_eq!(t.range(), Some((1.0, 4.0)));
+        for (percent, tau) in [
+            (0.0, 1.0),
+            (1.0, 1.0),
+            (40.0, 1.0),
+            (40.1, 2.0),
+            (70.0, 2.0),
+            (75.0, 3.0),
+            (90.0, 3.0),
+            (91.0, 4.0),
+            (100.0, 4.0),
+        ] {
+            assert_eq!(t.percentile(percent), Some(tau), "{percent} %");
+        }
+    }
+
+    #[test]
+    fn close_times_share_a_step_and_keep_their_mean() {
+        let t = times(&[(1.0, 1.0), (1.0 + f32::EPSILON, 3.0)]);
+        let mean = 1.0 + 0.75 * f64::from(f32::EPSILON);
+        assert!((t.percentile(50.0).unwrap() - mean).abs() < 1e-12);
+        assert_eq!(t.percentile(1.0), t.percentile(99.0));
+    }
+
+    #[test]
+    fn light_that_is_none_does_not_count() {
+        let t = times(&[(f32::NAN, 1.0), (1.0, 0.0), (1.0, f64::NAN), (-1.0, 1.0), (f32::INFINITY, 1.0), (1.0, -1.0)]);
+        assert_eq!((t.range(), t.percentile(50.0), t.suggestion(1.0)), (None, None, None));
+    }
+
+    #[test]
+    fn a_suggestion_is_short_and_about_the_median() {
+        let t = times(&[(12.4567, 1.0)]);
+        assert_eq!(t.suggestion(0.3).unwrap(), Gate { lo: 12.31, hi: 12.61 });
+        assert_eq!(t.suggestion(0.3).unwrap().to_string(), "12.31m..12.61m");
+        assert_eq!(t.suggestion(14.0).unwrap(), Gate { lo: 5.0, hi: 19.0 });
+        assert_eq!(t.suggestion(100.0).unwrap().lo, 0.0);
+    }
+}

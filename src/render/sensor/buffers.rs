@@ -1,0 +1,126 @@
+//! Buffers of the sensor subpaths: what they need, their names in WGSL, and reading the film back.
+
+use super::COUNTERS;
+use crate::error::Result;
+use crate::gpu::layout::constants::*;
+use crate::gpu::layout::{Candidate, PathState, PathVertex};
+use crate::gpu::{Buffer, Device, Need};
+use crate::render::plan::Plan;
+
+/// Buffers of the sensor subpaths of a tile, and the film.
+pub struct Buffers {
+    pub states: Buffer,
+    pub shade_points: Buffer,
+    pub radiance: Buffer,
+    pub tallies: Buffer,
+    pub emitted: Buffer,
+    pub living: [Buffer; 2],
+    pub shade_list: Buffer,
+    pub slot_list: Buffer,
+    pub marks: Buffer,
+    pub chunk_counts: Buffer,
+    pub candidates: Buffer,
+    pub contributions: Buffer,
+    pub counters: Buffer,
+    pub arguments: Buffer,
+    pub film: Buffer,
+    pub film_tallies: Buffer,
+}
+
+/// Buffers of a tracer.
+pub const BUFFERS: usize = 17;
+
+/// What the fields of [`Buffers`] need, in their order, for `paths` paths with `slots` candidates a shade point.
+pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
+    let few = "use a smaller --resolution or fewer --queries";
+    let entries = paths * slots.max(1);
+    let film = plan.crop_pixels as usize;
+    let words = |name: &'static str, n: usize| Need::of::<u32>(name, n, few);
+    let quads = |name: &'static str, n: usize| Need::of::<[f32; 4]>(name, n, few);
+    let pixels = |name: &'static str| Need::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
+    [
+        Need::of::<PathState>("sensor path states", paths, few),
+        Need::of::<PathVertex>("shade points", paths, few),
+        quads("path radiance", paths),
+        quads("path tallies", paths),
+        quads("emitter hits", if plan.probe { paths } else { 1 }),
+        words("living paths", paths),
+        words("living paths in turn", paths),
+        words("shade point list", paths),
+        words("candidate list", entries),
+        words("marks", entries),
+        Need::of::<[u32; 2]>("chunk counts", entries.div_ceil(CHUNK as usize), few),
+        Need::of::<Candidate>("candidates", entries, few),
+        quads("contributions", entries),
+        words("counters", COUNTERS),
+        words("dispatch arguments", COUNTERS),
+        pixels("film pixels"),
+        pixels("film tallies"),
+    ]
+}
+
+impl Buffers {
+    pub fn new(device: &Device, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers> {
+        let mut needs = needs(plan, paths, slots).into_iter();
+        let mut next = || Buffer::for_need(device, &needs.next().expect("one need a field"));
+        Ok(Buffers {
+            states: next()?,
+            shade_points: next()?,
+            radiance: next()?,
+            tallies: next()?,
+            emitted: next()?,
+            living: [next()?, next()?],
+            shade_list: next()?,
+            slot_list: next()?,
+            marks: next()?,
+            chunk_counts: next()?,
+            candidates: next()?,
+            contributions: next()?,
+            counters: next()?,
+            arguments: next()?,
+            film: next()?,
+            film_tallies: next()?,
+        })
+    }
+
+    pub fn bindings(&self) -> Vec<(&str, &Buffer)> {
+        vec![
+            ("states", &self.states),
+            ("shade_points", &self.shade_points),
+            ("radiance", &self.radiance),
+            ("tallies", &self.tallies),
+            ("emitted", &self.emitted),
+            ("shade_list", &self.shade_list),
+            ("slot_list", &self.slot_list),
+            ("marks", &self.marks),
+            ("chunk_counts", &self.chunk_counts),
+            ("candidates", &self.candidates),
+            ("contributions", &self.contributions),
+            ("counters", &self.counters),
+            ("arguments", &self.arguments),
+            ("film", &self.film),
+            ("film_tallies", &self.film_tallies),
+        ]
+    }
+
+    /// Adds the film to `image` and returns its tallies, added up.
+    pub fn add_film(&self, image: &mut [f32]) -> Result<[u64; 4]> {
+        let pixels = image.len() / 3;
+        self.film.with::<[f32; 4], _>(pixels, |film| {
+            for (to, from) in image.chunks_exact_mut(3).zip(film) {
+                for k in 0..3 {
+                    to[k] += from[k];
+                }
+            }
+        })?;
+        self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
+            let add = |mut sum: [u64; 4], t: &[u32; 4]| {
+                for k in 0..4 {
+                    sum[k] += u64::from(t[k]);
+                }
+                sum
+            };
+            tallies.iter().fold([0; 4], add)
+        })
+    }
+}

@@ -1,0 +1,157 @@
+//! `taugate info` and the gates that no light can meet, from outside. Runs on lavapipe.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn taugate(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
+}
+
+/// A folder with one of the project's own scenes in it.
+fn scene(name: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(taugate(folder.path(), &["generate", name, "-o", "scene.glb"]).status.success());
+    folder
+}
+
+fn info(folder: &Path, more: &[&str]) -> Value {
+    let output = taugate(folder, &[&["info", "scene.glb", "--json"], more].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A render that must fail with `code`, naming all of `parts`, and leave nothing.
+fn refused(folder: &Path, more: &[&str], code: i32, parts: &[&str]) {
+    let arguments = [&["render", "scene.glb", "-o", "out.exr", "--png", "--stats", "out.json"], more].concat();
+    let output = taugate(folder, &arguments);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{more:?}: {message}");
+    for part in parts {
+        assert!(message.contains(part), "{more:?}: expected {part:?} in: {message}");
+    }
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 1, "{more:?} leaves something");
+}
+
+#[test]
+fn info_shows_emitters_memory_and_travel_times() {
+    let here = scene("cornell-box");
+    let output = taugate(here.path(), &["info", "scene.glb", "--resolution", "96x96"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let all = [
+        "emissive mesh, ",
+        " W",
+        "materials",
+        "memory",
+        "MiB allowed",
+        "96x96 through",
+        "possible",
+        "  50 %",
+        "m depth",
+    ];
+    for part in all {
+        assert!(text.contains(part), "expected {part:?} in:\n{text}");
+    }
+
+    // The suggested gate is one that renders.
+    let gate = text.split("--gate ").nth(1).and_then(|rest| rest.split_whitespace().next()).expect("a suggestion");
+    let render = ["render", "scene.glb", "-o", "out.exr", "--resolution", "32x32", "--spp", "1", "--gate", gate];
+    let output = taugate(here.path(), &render);
+    assert!(output.status.success(), "{gate}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn travel_times_of_the_gated_sphere_are_the_known_ones() {
+    let here = scene("gated-sphere");
+    let json = info(here.path(), &[]);
+    let light = &json["render"]["light"];
+    let percentile = |p: f64| {
+        let all = light["percentiles"].as_array().unwrap();
+        all.iter().find(|a| a["percent"] == p).unwrap()["metres"].as_f64().unwrap()
+    };
+    // R = 1, albedo 0.5: the direct return, half of the light, comes at 2 R, up to the depth of the flat facets.
+    let first = light["first"]["metres"].as_f64().unwrap();
+    assert!((first - 2.0).abs() < 1e-3, "{first}");
+    assert!(percentile(1.0) >= first && percentile(25.0) < 2.001);
+    // By 3.5 m 64.6 % has arrived, by 4 m 77.0 % (DESIGN, section 5): 75 % at 3.92 m.
+    assert!((percentile(75.0) - 3.92).abs() < 0.06, "{}", percentile(75.0));
+    // The bounds hold what was seen.
+    let bound = |name: &str| json["render"]["possible"][name].as_f64().unwrap();
+    assert!(bound("least") > 1.9 && bound("least") <= first);
+    assert!(bound("greatest") > light["last"]["metres"].as_f64().unwrap());
+    let nanoseconds = light["first"]["nanoseconds"].as_f64().unwrap();
+    assert!((nanoseconds * 0.299792458 - first).abs() < 1e-9);
+}
+
+#[test]
+fn gates_no_light_can_meet_are_refused_with_the_feasible_range() {
+    let here = scene("gated-sphere");
+    let small = ["--resolution", "32x32", "--spp", "1"];
+    let refused = |gate: &str, part: &str| {
+        let parts = ["feasible range", "half by", "try --gate", "--force", part];
+        refused(here.path(), &[&small[..], &["--gate", gate]].concat(), 2, &parts);
+    };
+    refused("0.1m..0.5m", "none arrives before 1.9");
+    refused("500m..501m", "no path of 24 segments (--max-depth)");
+    // Within the bounds, but after the last light there is: known only when it was rendered.
+    refused("80m..80.1m", "no sample fell inside");
+}
+
+#[test]
+fn force_writes_the_black_image() {
+    let here = scene("gated-sphere");
+    let render =
+        ["render", "scene.glb", "-o", "out.exr", "--resolution", "32x32", "--spp", "1", "--gate", "500m..501m"];
+    let output = taugate(here.path(), &[&render[..], &["--force"]].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && message.contains("warning: the image is black"), "{message}");
+    assert!(here.path().join("out.exr").exists());
+}
+
+#[test]
+fn a_render_that_does_not_fit_is_refused_before_it_starts() {
+    let here = scene("cornell-box");
+    // A film of 512 MiB and a pool of 1.8 GiB; a buffer of the software device may have 128 MiB.
+    let on = ["--device", "llvmpipe"];
+    let film = [&on[..], &["--resolution", "8192x4096"]].concat();
+    refused(here.path(), &film, 4, &["film pixels", "512 MiB", "--resolution"]);
+    let pool = [&on[..], &["--resolution", "32x32", "--light-paths", "16777216"]].concat();
+    refused(here.path(), &pool, 4, &["light vertices", "--light-paths"]);
+    let json = info(here.path(), &film);
+    let problem = json["render"]["memory"]["problem"].as_str().unwrap();
+    assert!(problem.contains("--resolution"), "{problem}");
+}
+
+#[test]
+fn without_a_device_info_prints_the_rest_and_says_why() {
+    let here = scene("cornell-box");
+    let output = Command::new(env!("CARGO_BIN_EXE_taugate"))
+        .args(["info", "scene.glb"])
+        .env("VK_DRIVER_FILES", "/nonexistent.json")
+        .env("VK_ICD_FILENAMES", "/nonexistent.json")
+        .current_dir(here.path())
+        .output()
+        .unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success());
+    for part in ["triangles", "memory", "possible", "note", "travel times were not measured: device: no Vulkan"] {
+        assert!(text.contains(part), "expected {part:?} in:\n{text}");
+    }
+}
+
+#[test]
+fn wrong_flags_of_info_are_refused() {
+    let here = scene("cornell-box");
+    for (flag, value, part) in [
+        ("--camera", "nobody", "no camera is called 'nobody'"),
+        ("--emitters", "nothing", "no node 'nothing' emits light"),
+        ("--max-depth", "0", "--max-depth is 0"),
+        ("--resolution", "512", "640x480"),
+    ] {
+        let output = taugate(here.path(), &["info", "scene.glb", flag, value]);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && message.contains(part), "{flag}: {message}");
+    }
+}
