@@ -5,7 +5,10 @@ mod shader_function;
 #[path = "../common/statistics.rs"]
 mod statistics;
 
+mod bsdf;
+mod bsdf_parts;
 mod lightcone;
+mod materials;
 mod math;
 mod shell_edge;
 mod values;
