@@ -218,13 +218,12 @@ fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     r.f = glass * b.base * (abs(l_h * c_h / (wl.z * wc.z)) * eta_c * eta_c * shape);
     let from_sensor = lobe_probabilities(b, abs(wc.z));
     let from_light = lobe_probabilities(b, abs(wl.z));
+    // Seen from below, everything is inverted through the point: w and the normal on its side, which is -h, too.
     let up_c = select(-wc, wc, wc.z > 0.0);
     let up_l = select(-wl, wl, wl.z > 0.0);
-    let h_c = select(vec3<f32>(-h.xy, h.z), h, wc.z > 0.0);
-    let h_l = select(vec3<f32>(-h.xy, h.z), h, wl.z > 0.0);
-    r.pdf_to_light = from_sensor.glass * (1.0 - reflectance) * ggx_visible_pdf(up_c, h_c, b.alpha)
+    r.pdf_to_light = from_sensor.glass * (1.0 - reflectance) * ggx_visible_pdf(up_c, h, b.alpha)
         * eta_l * eta_l * abs(l_h) / denominator;
-    r.pdf_to_sensor = from_light.glass * (1.0 - reflectance) * ggx_visible_pdf(up_l, h_l, b.alpha)
+    r.pdf_to_sensor = from_light.glass * (1.0 - reflectance) * ggx_visible_pdf(up_l, h, b.alpha)
         * eta_c * eta_c * abs(c_h) / denominator;
     return r;
 }
