@@ -1,6 +1,7 @@
 //! `bsdf_eval` against f64: value and both densities, reciprocity; conductors and plastics against the oracle as well.
 
 use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
 use taugate::generate::numbers::Pcg;
 
 use crate::materials::set;
@@ -89,6 +90,17 @@ fn inputs(n: usize) -> Vec<Given> {
 /// their slope, 4 / alpha, and grazing directions divide it by their cosine.
 const TOLERANCE: f64 = 1e-3;
 
+/// Lesser cosine of a refraction to its facet, 1 for reflections. Near total reflection the shader finds it as the root of a
+/// difference that f32 knows to a few 1e-7: what passes, which is nearly nothing, has a relative error of 1e-6 over its square.
+fn facet_cosine(wl: DVec3, wc: DVec3, front: bool, ior: f64) -> f64 {
+    if wl.z * wc.z > 0.0 {
+        return 1.0;
+    }
+    let index = |w: DVec3| if (w.z > 0.0) == front { 1.0 } else { ior };
+    let h = (index(wl) * wl + index(wc) * wc).normalize();
+    h.dot(wl).abs().min(h.dot(wc).abs())
+}
+
 #[test]
 fn values_and_densities_agree_with_f64() {
     let set = set();
@@ -96,13 +108,15 @@ fn values_and_densities_agree_with_f64() {
     let results: Vec<Got> = EVAL.run(&inputs, &set.buffers());
     let (mut reflected, mut refracted, mut oracle) = (0, 0, 0);
     for (g, r) in inputs.iter().zip(&results) {
-        let (wl, wc, front) = (dvec(&g.wl), dvec(&g.wc), g.front == 1);
+        // Of unit length in f64, too: near total reflection both ends of a refraction must agree on the half vector.
+        let (wl, wc, front) = (dvec(&g.wl).normalize(), dvec(&g.wc).normalize(), g.front == 1);
         let base = g.base.map(f64::from);
         let reference = set.at(g.material as usize, base);
         let m = &set.kinds[g.material as usize];
         let f = reference.f(wl, wc, front);
+        let tolerance = TOLERANCE + 1e-6 / facet_cosine(wl, wc, front, m.ior.into()).powi(2);
         let close = |got: f32, expected: f64, floor: f64| {
-            (f64::from(got) - expected).abs() <= TOLERANCE * expected.abs() + floor
+            (f64::from(got) - expected).abs() <= tolerance * expected.abs() + floor
         };
         for k in 0..3 {
             assert!(close(r.f[k], f[k], 1e-7), "{} alpha {}: {g:?} {r:?}\n f {f:?}", m.name, reference.alpha);
@@ -141,14 +155,14 @@ fn values_and_densities_agree_with_f64() {
             continue;
         }
         reflected += usize::from(f[0] > 0.0);
-        // The oracle tabulates the coat's albedo elsewhere: what the diffuse base gets may differ by 1 %.
+        // The oracle tabulates the coat's albedo more finely towards grazing angles, where 32 linear cells are off by 0.003:
+        // the diffuse part may differ by 1 % of what an uncoated base would give.
         if m.transmission == 0.0 {
             let independent = set.prepared[g.material as usize].at(base).eval(wl, wc);
-            let coated = m.metallic < 1.0 && m.specular > 0.0;
+            let coated = if m.specular > 0.0 { f64::from(1.0 - m.metallic) } else { 0.0 };
             for k in 0..3 {
-                let tolerance = if coated { 1e-2 } else { TOLERANCE };
-                let off = (f64::from(r.f[k]) - independent[k]).abs();
-                assert!(off <= tolerance * independent[k] + 1e-7, "{}: {g:?} {r:?}\n oracle {independent:?}", m.name);
+                let floor = 1e-7 + 1e-2 * coated * base[k] / std::f64::consts::PI;
+                assert!(close(r.f[k], independent[k], floor), "{}: {g:?} {r:?}\n oracle {independent:?}", m.name);
             }
             oracle += 1;
         }

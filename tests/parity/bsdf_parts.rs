@@ -87,7 +87,7 @@ const LOBES: ShaderFunction = ShaderFunction {
     given: "base: vec3<f32>, cosine: f32, material: u32, front: u32, pad: vec2<u32>",
     result: "coat: f32, diffuse: f32, gloss: f32, glass: f32, delta: u32, eta: f32",
     body: "let b = make_bsdf(given.material, given.base, given.front == 1u);
-        result.coat = coat_albedo(given.cosine, b.alpha, b.f0);
+        result.coat = coat_albedo(b, given.cosine);
         let lobes = lobe_probabilities(b, given.cosine);
         result.diffuse = lobes.diffuse; result.gloss = lobes.gloss; result.glass = lobes.glass;
         result.delta = u32(is_delta(b)); result.eta = b.eta_below / b.eta_above;",

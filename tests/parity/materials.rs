@@ -104,11 +104,11 @@ impl Reference<'_> {
 
     /// Directional albedo of the coat by the renderer's table.
     pub fn coat_albedo(&self, cosine: f64) -> f64 {
-        f64::from(self.m.specular) * self.set.albedo.at(cosine, self.alpha, self.f0)
+        f64::from(self.m.specular) * self.set.albedo.at(cosine, self.alpha, self.f0, 1.0)
     }
 
     fn mean_albedo(&self) -> f64 {
-        f64::from(self.m.specular) * self.set.albedo.mean(self.alpha, self.f0)
+        f64::from(self.m.specular) * self.set.albedo.mean(self.alpha, self.f0, 1.0)
     }
 
     /// Probabilities of the diffuse, glossy and glass lobes.
