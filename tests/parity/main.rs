@@ -7,6 +7,7 @@ mod statistics;
 
 mod bsdf;
 mod bsdf_parts;
+mod bsdf_sample;
 mod lightcone;
 mod materials;
 mod math;
