@@ -9,7 +9,9 @@ struct Bsdf {
     base: vec3<f32>,
     metallic: f32,
     alpha: f32,
+    // Reflectance of the coat along the normal and at grazing angles.
     f0: f32,
+    f90: f32,
     transmission: f32,
     diffuse_scale: f32,
     // Refractive index on the +z side over that on the -z side, and both.
@@ -53,6 +55,7 @@ fn make_bsdf(material: u32, base: vec3<f32>, front: bool) -> Bsdf {
     b.metallic = m.metallic;
     b.alpha = m.alpha;
     b.f0 = m.f0;
+    b.f90 = m.f90;
     b.transmission = select(0.0, m.transmission, HAS_TRANSMISSION);
     b.diffuse_scale = m.diffuse_scale;
     b.eta_above = select(m.ior, 1.0, front);
@@ -107,17 +110,24 @@ fn ggx_sample_visible(w: vec3<f32>, alpha: f32, u: vec2<f32>) -> vec3<f32> {
     return normalize(vec3<f32>(cap.xy * alpha, cap.z));
 }
 
+// Schlick's term of the coat.
+fn coat_fresnel(b: Bsdf, cosine: f32) -> f32 {
+    let x = clamp(1.0 - cosine, 0.0, 1.0);
+    let x2 = x * x;
+    return b.f0 + (b.f90 - b.f0) * (x2 * x2 * x);
+}
+
 // Directional albedo of the coat's GGX lobe at `cosine`, in [0, 1].
-fn coat_albedo(cosine: f32, alpha: f32, f0: f32) -> f32 {
+fn coat_albedo(b: Bsdf, cosine: f32) -> f32 {
     let size = f32(ALBEDO_SIZE - 1u);
-    let p = vec2<f32>(clamp(cosine, 0.0, 1.0), clamp(sqrt(alpha), 0.0, 1.0)) * size;
+    let p = vec2<f32>(clamp(cosine, 0.0, 1.0), clamp(sqrt(b.alpha), 0.0, 1.0)) * size;
     let i = min(vec2<u32>(p), vec2<u32>(ALBEDO_SIZE - 2u));
     let f = p - vec2<f32>(i);
     let row = i.y * ALBEDO_SIZE + i.x;
     let low = mix(albedo_table[row], albedo_table[row + 1u], f.x);
     let high = mix(albedo_table[row + ALBEDO_SIZE], albedo_table[row + ALBEDO_SIZE + 1u], f.x);
     let ab = mix(low, high, f.y);
-    return clamp(f0 * ab.x + select(0.0, ab.y, f0 > 0.0), 0.0, 1.0);
+    return clamp(b.f0 * ab.x + b.f90 * ab.y, 0.0, 1.0);
 }
 
 fn is_delta(b: Bsdf) -> bool {
@@ -130,7 +140,7 @@ fn lobe_probabilities(b: Bsdf, cosine: f32) -> Lobes {
         return Lobes(1.0, 0.0, 0.0);
     }
     let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
-    let coat = coat_albedo(cosine, b.alpha, b.f0);
+    let coat = coat_albedo(b, cosine);
     let diffuse = plastic * luminance(b.base) * (1.0 - coat);
     let gloss = plastic * coat + b.metallic * luminance(schlick(b.base, cosine));
     let glass = (1.0 - b.metallic) * b.transmission;
@@ -168,7 +178,7 @@ fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     let from_sensor = lobe_probabilities(b, wc.z);
     let from_light = lobe_probabilities(b, wl.z);
     // Diffuse base under the coat: reciprocal, and the coat's albedo is what it does not get.
-    let base = (1.0 - coat_albedo(wl.z, b.alpha, b.f0)) * (1.0 - coat_albedo(wc.z, b.alpha, b.f0)) * b.diffuse_scale;
+    let base = (1.0 - coat_albedo(b, wl.z)) * (1.0 - coat_albedo(b, wc.z)) * b.diffuse_scale;
     r.f = plastic * base * b.base;
     r.pdf_to_light = from_sensor.diffuse * wl.z / PI;
     r.pdf_to_sensor = from_light.diffuse * wc.z / PI;
@@ -180,8 +190,7 @@ fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     let cosine = max(dot(wl, h), 0.0);
     let masking = 1.0 / (1.0 + ggx_lambda(wl, b.alpha) + ggx_lambda(wc, b.alpha));
     let glass_f = fresnel_dielectric(cosine, b.eta_above, b.eta_below);
-    let coat_f = select(vec3<f32>(0.0), schlick(vec3<f32>(b.f0), cosine), b.f0 > 0.0);
-    let fresnel = b.metallic * schlick(b.base, cosine) + plastic * coat_f
+    let fresnel = b.metallic * schlick(b.base, cosine) + plastic * coat_fresnel(b, cosine)
         + (1.0 - b.metallic) * b.transmission * glass_f;
     r.f += fresnel * (d * masking / (4.0 * wl.z * wc.z));
     let to_light = ggx_visible_pdf(wc, h, b.alpha) / max(4.0 * dot(wc, h), 1e-12);
@@ -218,13 +227,12 @@ fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     r.f = glass * b.base * (abs(l_h * c_h / (wl.z * wc.z)) * eta_c * eta_c * shape);
     let from_sensor = lobe_probabilities(b, abs(wc.z));
     let from_light = lobe_probabilities(b, abs(wl.z));
+    // Seen from below, everything is inverted through the point: w and the normal on its side, which is -h, too.
     let up_c = select(-wc, wc, wc.z > 0.0);
     let up_l = select(-wl, wl, wl.z > 0.0);
-    let h_c = select(vec3<f32>(-h.xy, h.z), h, wc.z > 0.0);
-    let h_l = select(vec3<f32>(-h.xy, h.z), h, wl.z > 0.0);
-    r.pdf_to_light = from_sensor.glass * (1.0 - reflectance) * ggx_visible_pdf(up_c, h_c, b.alpha)
+    r.pdf_to_light = from_sensor.glass * (1.0 - reflectance) * ggx_visible_pdf(up_c, h, b.alpha)
         * eta_l * eta_l * abs(l_h) / denominator;
-    r.pdf_to_sensor = from_light.glass * (1.0 - reflectance) * ggx_visible_pdf(up_l, h_l, b.alpha)
+    r.pdf_to_sensor = from_light.glass * (1.0 - reflectance) * ggx_visible_pdf(up_l, h, b.alpha)
         * eta_c * eta_c * abs(c_h) / denominator;
     return r;
 }
@@ -284,8 +292,7 @@ fn delta_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool, lob
     let reflectance = fresnel_dielectric(w.z, b.eta_above, b.eta_below);
     if (direction.z > 0.0) {
         let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
-        let coat_f = select(vec3<f32>(0.0), schlick(vec3<f32>(b.f0), w.z), b.f0 > 0.0);
-        let albedo = b.metallic * schlick(b.base, w.z) + plastic * coat_f + glass * reflectance;
+        let albedo = b.metallic * schlick(b.base, w.z) + plastic * coat_fresnel(b, w.z) + glass * reflectance;
         s.weight = albedo / max(lobes.gloss + lobes.glass * reflectance, 1e-30);
     } else {
         // Radiance is squeezed into the smaller solid angle of the denser side; the flux of particles is not.

@@ -49,7 +49,7 @@ struct Material {
     metallic: f32,
     // GGX alpha; below DELTA_ALPHA the lobe is a delta.
     alpha: f32,
-    // Normal reflectance of the dielectric coat; 0 is pure Lambert.
+    // Reflectance of the dielectric coat along the normal; 0 is pure Lambert.
     f0: f32,
     ior: f32,
     transmission: f32,
@@ -60,8 +60,9 @@ struct Material {
     // Indices into `textures`, or NONE.
     base_texture: u32,
     emission_texture: u32,
+    // Reflectance of the coat at grazing angles: KHR_materials_specular's factor.
+    f90: f32,
     pad0: u32,
-    pad1: u32,
 }
 
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
@@ -113,7 +114,7 @@ const EMITTER_BEAM: u32 = 3u;
 @group(0) @binding(7) var<storage, read> textures: array<TextureInfo>;
 @group(0) @binding(8) var<storage, read> texels: array<u32>;
 @group(0) @binding(9) var<storage, read> emitters: array<Emitter>;
-// Directional albedo of the GGX lobe, ALBEDO_SIZE x ALBEDO_SIZE over (cosine, roughness): f0 * x + y.
+// Directional albedo of the GGX lobe, ALBEDO_SIZE x ALBEDO_SIZE over (cosine, roughness): f0 * x + f90 * y.
 @group(0) @binding(10) var<storage, read> albedo_table: array<vec2<f32>>;
 
 const ALBEDO_SIZE: u32 = 32u;

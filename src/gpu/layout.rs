@@ -51,7 +51,7 @@ twins! {
         emission: [f32; 3], emission_density: f32,
         metallic: f32, alpha: f32, f0: f32, ior: f32,
         transmission: f32, diffuse_scale: f32, alpha_cutoff: f32, flags: u32,
-        base_texture: u32, emission_texture: u32, pad0: u32, pad1: u32,
+        base_texture: u32, emission_texture: u32, f90: f32, pad0: u32,
     }
     /// `shared/scene.wgsl`
     TextureInfo { first: u32, width: u32, height: u32, sampler: u32 }

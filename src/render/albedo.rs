@@ -7,7 +7,7 @@ use crate::gpu::layout::constants::ALBEDO_SIZE;
 /// Below this GGX alpha a lobe is a delta (DELTA_ALPHA in `shared/scene.wgsl`).
 pub const DELTA_ALPHA: f32 = 0.001;
 
-/// `size` x `size` pairs (a, b) over (cosine, roughness) in [0, 1], cosine fastest: albedo = a f0 + b.
+/// `size` x `size` pairs (a, b) over (cosine, roughness) in [0, 1], cosine fastest: albedo = a f0 + b f90.
 pub struct AlbedoTable {
     pub values: Vec<[f32; 2]>,
 }
@@ -26,25 +26,26 @@ impl AlbedoTable {
         AlbedoTable { values }
     }
 
-    /// Albedo at `cosine` for GGX `alpha` and normal reflectance `f0`, by the interpolation of `coat_albedo`.
-    pub fn at(&self, cosine: f64, alpha: f64, f0: f64) -> f64 {
+    /// Albedo at `cosine` for GGX `alpha`, reflectance `f0` along the normal and `f90` at grazing angles, by the interpolation
+    /// of `coat_albedo`.
+    pub fn at(&self, cosine: f64, alpha: f64, f0: f64, f90: f64) -> f64 {
         let last = (SIZE - 1) as f64;
         let (x, y) = (cosine.clamp(0.0, 1.0) * last, alpha.sqrt().clamp(0.0, 1.0) * last);
         let (i, j) = ((x as usize).min(SIZE - 2), (y as usize).min(SIZE - 2));
         let (fx, fy) = (x - i as f64, y - j as f64);
         let value = |i: usize, j: usize| {
             let [a, b] = self.values[j * SIZE + i];
-            f64::from(a) * f0 + f64::from(b)
+            f64::from(a) * f0 + f64::from(b) * f90
         };
         let row = |j: usize| value(i, j) * (1.0 - fx) + value(i + 1, j) * fx;
-        if f0 <= 0.0 { 0.0 } else { (row(j) * (1.0 - fy) + row(j + 1) * fy).clamp(0.0, 1.0) }
+        (row(j) * (1.0 - fy) + row(j + 1) * fy).clamp(0.0, 1.0)
     }
 
     /// Mean albedo over the hemisphere: 2 times the integral of albedo(mu) mu.
-    pub fn mean(&self, alpha: f64, f0: f64) -> f64 {
+    pub fn mean(&self, alpha: f64, f0: f64, f90: f64) -> f64 {
         const STEPS: usize = 256;
         let mu = |k: usize| (k as f64 + 0.5) / STEPS as f64;
-        (0..STEPS).map(|k| 2.0 * self.at(mu(k), alpha, f0) * mu(k)).sum::<f64>() / STEPS as f64
+        (0..STEPS).map(|k| 2.0 * self.at(mu(k), alpha, f0, f90) * mu(k)).sum::<f64>() / STEPS as f64
     }
 }
 
@@ -106,13 +107,13 @@ mod tests {
     fn limits_are_right() {
         let table = AlbedoTable::new();
         // Smooth: Schlick's term itself.
-        assert!((table.at(1.0, 0.0, 0.04) - 0.04).abs() < 1e-6);
-        assert!((table.at(0.5, 0.0, 0.04) - (0.04 + 0.96 / 32.0)).abs() < 1e-3);
+        assert!((table.at(1.0, 0.0, 0.04, 1.0) - 0.04).abs() < 1e-6);
+        assert!((table.at(0.5, 0.0, 0.04, 1.0) - (0.04 + 0.96 / 32.0)).abs() < 1e-3);
         // No coat, no albedo; a perfect one loses only what single scattering loses.
-        assert_eq!(table.at(0.3, 0.2, 0.0), 0.0);
-        assert!(table.at(1.0, 0.04, 1.0) > 0.98);
-        assert!((0.3..0.7).contains(&table.at(1.0, 1.0, 1.0)), "{}", table.at(1.0, 1.0, 1.0));
+        assert_eq!(table.at(0.3, 0.2, 0.0, 0.0), 0.0);
+        assert!(table.at(1.0, 0.04, 1.0, 1.0) > 0.98);
+        assert!((0.3..0.7).contains(&table.at(1.0, 1.0, 1.0, 1.0)), "{}", table.at(1.0, 1.0, 1.0, 1.0));
         // Mean of Schlick's term at normal reflectance f0: f0 + (1 - f0) / 21.
-        assert!((table.mean(0.0, 0.04) - (0.04 + 0.96 / 21.0)).abs() < 1e-3);
+        assert!((table.mean(0.0, 0.04, 1.0) - (0.04 + 0.96 / 21.0)).abs() < 1e-3);
     }
 }

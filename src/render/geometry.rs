@@ -167,6 +167,8 @@ impl<'a> MaterialSet<'a> {
 
     fn convert(&mut self, m: &scene::Material, shines: bool) -> Material {
         let f0 = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2) * m.specular;
+        // No difference of index, no coat.
+        let f90 = if f0 > 0.0 { m.specular } else { 0.0 };
         let mut alpha = m.roughness * m.roughness;
         if alpha < DELTA_ALPHA || (m.transmission > 0.0 && (m.ior - 1.0).abs() < 1e-5) {
             alpha = 0.0;
@@ -194,13 +196,15 @@ impl<'a> MaterialSet<'a> {
             f0,
             ior: m.ior,
             transmission: m.transmission,
-            diffuse_scale: (1.0 / (std::f64::consts::PI * (1.0 - self.albedo.mean(alpha.into(), f0.into())))) as f32,
+            diffuse_scale: (1.0
+                / (std::f64::consts::PI * (1.0 - self.albedo.mean(alpha.into(), f0.into(), f90.into()))))
+                as f32,
             alpha_cutoff: cutoff,
             flags: mode | if m.double_sided { MATERIAL_DOUBLE_SIDED } else { 0 },
             base_texture: m.base_color_texture.unwrap_or(NONE),
             emission_texture: emission_texture.unwrap_or(NONE),
+            f90,
             pad0: 0,
-            pad1: 0,
         }
     }
 }

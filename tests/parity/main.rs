@@ -5,7 +5,11 @@ mod shader_function;
 #[path = "../common/statistics.rs"]
 mod statistics;
 
+mod bsdf;
+mod bsdf_parts;
+mod bsdf_sample;
 mod lightcone;
+mod materials;
 mod math;
 mod shell_edge;
 mod values;

@@ -1,0 +1,195 @@
+//! Materials on the device and what f64 says of them: f and the densities of sampling, each lobe written out.
+
+use std::f64::consts::PI;
+use std::sync::OnceLock;
+
+use glam::{DAffine3, DVec3};
+use taugate::generate::stage;
+use taugate::gpu::layout::Material as DeviceMaterial;
+use taugate::oracle::bsdf::{Prepared, fresnel_dielectric};
+use taugate::oracle::ggx;
+use taugate::render::albedo::AlbedoTable;
+use taugate::render::geometry::Geometry;
+use taugate::scene::{Material, Mesh, Scene};
+use taugate::settings::Emitters;
+
+use crate::shader_function::{Contents, contents};
+
+pub const ALPHAS: [f64; 3] = [0.05, 0.3, 1.0];
+
+/// All the kinds there are; every material is double-sided. `specular` below 1 scales the whole coat.
+pub fn kinds() -> Vec<Material> {
+    let rough = |alpha: f64| alpha.sqrt() as f32;
+    let white = [1.0; 3];
+    let mut all = vec![stage::diffuse("lambert", white)];
+    all.extend(ALPHAS.map(|a| stage::metal("conductor", white, rough(a))));
+    all.extend(ALPHAS.map(|a| stage::plastic("plastic", white, rough(a))));
+    all.extend(ALPHAS.map(|a| Material { roughness: rough(a), ..stage::glass("rough glass") }));
+    all.push(stage::metal("mirror", white, 0.0));
+    all.push(stage::plastic("smooth plastic", white, 0.0));
+    all.push(stage::glass("smooth glass"));
+    all.push(Material { metallic: 0.4, ..stage::plastic("half metal", white, 0.5) });
+    all.push(Material { specular: 0.5, ..stage::plastic("half specular", white, 0.5) });
+    all.push(Material { transmission: 0.5, ior: 1.33, ..stage::plastic("half glass", white, 0.6) });
+    all.push(Material { metallic: 0.3, transmission: 0.6, ior: 1.7, ..stage::plastic("all at once", white, 0.5) });
+    all
+}
+
+/// The materials as the renderer hands them to the device, and its albedo table.
+pub struct Set {
+    pub kinds: Vec<Material>,
+    pub device: Vec<DeviceMaterial>,
+    pub prepared: Vec<Prepared>,
+    pub albedo: AlbedoTable,
+}
+
+pub fn set() -> &'static Set {
+    static SET: OnceLock<Set> = OnceLock::new();
+    SET.get_or_init(|| {
+        let kinds = kinds();
+        let albedo = AlbedoTable::new();
+        let mut scene = Scene { materials: kinds.clone(), ..Scene::default() };
+        for i in 0..kinds.len() as u32 {
+            let triangle = Mesh {
+                positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+                triangles: vec![[0, 1, 2]],
+                ..Mesh::default()
+            };
+            let mesh = stage::mesh(&mut scene, "triangle", i, triangle);
+            stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
+        }
+        let device = Geometry::new(&scene, DVec3::ZERO, &Emitters::Scene, &albedo).materials;
+        let prepared = kinds.iter().map(Prepared::new).collect();
+        Set { kinds, device, prepared, albedo }
+    })
+}
+
+impl Set {
+    pub fn buffers(&self) -> [Contents; 2] {
+        [contents("materials", &self.device), contents("albedo_table", &self.albedo.values)]
+    }
+
+    pub fn named(&self, name: &str, alpha: f64) -> usize {
+        let fits = |m: &Material| m.name == name && (f64::from(m.roughness).powi(2) - alpha).abs() < 1e-3;
+        self.kinds.iter().position(fits).unwrap_or_else(|| panic!("{name} {alpha}"))
+    }
+
+    pub fn at(&self, material: usize, base: [f64; 3]) -> Reference<'_> {
+        let m = &self.kinds[material];
+        let f0 = f64::from((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
+        Reference { set: self, m, base, alpha: f64::from(m.roughness).powi(2), f0, ior: m.ior.into() }
+    }
+}
+
+/// One material at a point, in f64.
+#[derive(Clone, Copy)]
+pub struct Reference<'a> {
+    set: &'a Set,
+    m: &'a Material,
+    base: [f64; 3],
+    pub alpha: f64,
+    f0: f64,
+    ior: f64,
+}
+
+impl Reference<'_> {
+    fn shares(&self) -> [f64; 3] {
+        let (metal, glass) = (f64::from(self.m.metallic), f64::from(self.m.transmission));
+        [metal, (1.0 - metal) * (1.0 - glass), (1.0 - metal) * glass]
+    }
+
+    pub fn is_delta(&self) -> bool {
+        self.alpha < 1e-3
+    }
+
+    /// Directional albedo of the coat by the renderer's table.
+    pub fn coat_albedo(&self, cosine: f64) -> f64 {
+        f64::from(self.m.specular) * self.set.albedo.at(cosine, self.alpha, self.f0, 1.0)
+    }
+
+    fn mean_albedo(&self) -> f64 {
+        f64::from(self.m.specular) * self.set.albedo.mean(self.alpha, self.f0, 1.0)
+    }
+
+    /// Probabilities of the diffuse, glossy and glass lobes.
+    pub fn lobes(&self, cosine: f64) -> [f64; 3] {
+        let luminance = |c: [f64; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+        let [metal, plastic, glass] = self.shares();
+        let coat = self.coat_albedo(cosine);
+        let schlick = self.base.map(|b| b + (1.0 - b) * (1.0 - cosine).powi(5));
+        let lobes = [plastic * luminance(self.base) * (1.0 - coat), plastic * coat + metal * luminance(schlick), glass];
+        let sum: f64 = lobes.iter().sum();
+        if sum > 0.0 { lobes.map(|l| l / sum) } else { [1.0, 0.0, 0.0] }
+    }
+
+    /// f for light from `wl` scattered to `wc`; `front`: index 1 is on the +z side.
+    pub fn f(&self, wl: DVec3, wc: DVec3, front: bool) -> [f64; 3] {
+        let [metal, plastic, glass] = self.shares();
+        let above = if front { 1.0 } else { self.ior };
+        let relative = self.ior / above / above;
+        if wl.z * wc.z < 0.0 {
+            let tinted = glass * self.refraction(wl, wc, front).map_or(0.0, |r| r.f);
+            return self.base.map(|b| b * tinted);
+        }
+        if wl.z <= 0.0 || wc.z <= 0.0 {
+            return [0.0; 3];
+        }
+        let left = (1.0 - self.coat_albedo(wl.z)) * (1.0 - self.coat_albedo(wc.z)) / (PI * (1.0 - self.mean_albedo()));
+        let c = wl.dot((wl + wc).normalize());
+        let grazing = (1.0 - c).max(0.0).powi(5);
+        let coat = f64::from(self.m.specular) * (self.f0 + (1.0 - self.f0) * grazing);
+        let lobe = if self.is_delta() { 0.0 } else { ggx::lobe(self.alpha, wl, wc) };
+        let dielectric = fresnel_dielectric(c, relative);
+        self.base.map(|b| {
+            plastic * left * b + lobe * (metal * (b + (1.0 - b) * grazing) + plastic * coat + glass * dielectric)
+        })
+    }
+
+    /// Density with which `w` finds `other`; a `w` below the surface is turned up, and with it the medium.
+    pub fn pdf(&self, w: DVec3, other: DVec3, front: bool) -> f64 {
+        if w.z < 0.0 {
+            let turn = |d: DVec3| DVec3::new(d.x, -d.y, -d.z);
+            return self.pdf(turn(w), turn(other), !front);
+        }
+        let [diffuse, gloss, glass] = self.lobes(w.z);
+        if other.z < 0.0 {
+            return glass * self.refraction(other, w, front).map_or(0.0, |r| r.pdf_from_c);
+        }
+        let relative = if front { self.ior } else { 1.0 / self.ior };
+        let reflectance = fresnel_dielectric(w.dot((w + other).normalize()), relative);
+        let lobe = if self.is_delta() { 0.0 } else { ggx::pdf(self.alpha, other, w) };
+        diffuse * other.z / PI + (gloss + glass * reflectance) * lobe
+    }
+
+    /// Rough refraction (Walter et al. 2007) in the paper's letters: o is where the light goes, i where it comes from.
+    fn refraction(&self, i: DVec3, o: DVec3, front: bool) -> Option<Refraction> {
+        if self.is_delta() {
+            return None;
+        }
+        let (above, below) = if front { (1.0, self.ior) } else { (self.ior, 1.0) };
+        let index = |w: DVec3| if w.z > 0.0 { above } else { below };
+        let (eta_i, eta_o) = (index(i), index(o));
+        let m = -(eta_i * i + eta_o * o);
+        if m.length() < 1e-7 {
+            return None;
+        }
+        let m = m.normalize() * m.z.signum();
+        let (im, om) = (i.dot(m), o.dot(m));
+        if im * i.z <= 0.0 || om * o.z <= 0.0 {
+            return None;
+        }
+        let passed = 1.0 - fresnel_dielectric(im.abs(), eta_o / eta_i);
+        let d = ggx::distribution(self.alpha, m);
+        let (li, lo) = (ggx::lambda(self.alpha, i), ggx::lambda(self.alpha, o));
+        let squared = (eta_i * im + eta_o * om).powi(2);
+        let f = (im * om / (i.z * o.z)).abs() * eta_o * eta_o * passed * d / ((1.0 + li + lo) * squared);
+        let visible = d * om.abs() / (o.z.abs() * (1.0 + lo));
+        Some(Refraction { f, pdf_from_c: visible * passed * eta_i * eta_i * im.abs() / squared })
+    }
+}
+
+struct Refraction {
+    f: f64,
+    /// Density of i for a path that comes along o.
+    pdf_from_c: f64,
+}

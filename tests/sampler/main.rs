@@ -1,0 +1,220 @@
+//! Level 3: the tree query. The probability of every vertex by an independent walk, against what the device returns, draws
+//! and sums; and that no vertex inside the gate is out of reach.
+
+#[path = "../common/shader_function.rs"]
+mod shader_function;
+#[path = "../common/statistics.rs"]
+mod statistics;
+
+mod reach;
+mod walk;
+
+use bytemuck::{Pod, Zeroable};
+use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::{Material, NONE, PathVertex};
+use taugate::units::Gate;
+
+use shader_function::{Contents, Prepared, ShaderFunction, contents};
+use statistics::{chi_square, level};
+use walk::{Ends, Pool, Query, room, walk};
+
+const BOUNDS: ShaderFunction = ShaderFunction {
+    imports: &["lightcone"],
+    given: "q: vec3<f32>, node: u32, lo: f32, hi: f32, spatial: u32, pad: u32",
+    result: "left: f32, right: f32",
+    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
+        result.left = node_bound(tree_nodes[given.node].left, shell, given.spatial == 1u);
+        result.right = node_bound(tree_nodes[given.node].right, shell, given.spatial == 1u);",
+};
+
+const DRAW: ShaderFunction = ShaderFunction {
+    imports: &["query"],
+    given: "q: vec3<f32>, root: u32, lo: f32, hi: f32, spatial: u32, seed: u32",
+    result: "vertex: u32, weight: f32",
+    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
+        var rng = given.seed;
+        let found = descend(given.root, shell, given.spatial == 1u, &rng);
+        result.vertex = found.vertex; result.weight = found.weight;",
+};
+
+/// Input of both kernels; `number` is the node or the root.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Given {
+    q: [f32; 3],
+    number: u32,
+    lo: f32,
+    hi: f32,
+    spatial: u32,
+    seed: u32,
+}
+
+fn given(query: &Query, number: u32, spatial: bool, seed: u32) -> Given {
+    let [lo, hi] = query.shell();
+    Given { q: query.q, number, lo, hi, spatial: spatial.into(), seed }
+}
+
+/// The device's bounds of both children of every node of a pool.
+fn device_bounds(kernel: &Prepared, pool: &Pool, query: &Query) -> Vec<[f64; 2]> {
+    let inputs: Vec<Given> =
+        (0..pool.nodes.len() as u32).map(|i| given(query, pool.first_node + i, pool.spatial, 0)).collect();
+    if inputs.is_empty() {
+        return vec![];
+    }
+    let bounds: Vec<[f32; 2]> = kernel.run(&inputs, &[contents("tree_nodes", &pool.nodes)]);
+    bounds.iter().map(|b| b.map(f64::from)).collect()
+}
+
+fn ends(kernel: &Prepared, pool: &Pool, query: &Query) -> Ends {
+    let bounds = device_bounds(kernel, pool, query);
+    walk(pool, |node| bounds[(node - pool.first_node) as usize])
+}
+
+/// Vertex (as a number of the pool's item) and 1 / P of `n` traversals; no vertex at dead ends.
+fn draw(kernel: &Prepared, pool: &Pool, query: &Query, n: usize, pcg: &mut Pcg) -> Vec<(Option<usize>, f64)> {
+    let inputs: Vec<Given> = (0..n).map(|_| given(query, pool.root, pool.spatial, pcg.next_u32())).collect();
+    // `descend` reads nodes alone; the modules it comes with name the rest.
+    let no_vertex: [PathVertex; 1] = Zeroable::zeroed();
+    let no_material: [Material; 1] = Zeroable::zeroed();
+    let buffers: [Contents; 3] = [
+        contents("tree_nodes", &pool.nodes),
+        contents("light_vertices", &no_vertex),
+        contents("materials", &no_material),
+    ];
+    let found: Vec<[u32; 2]> = kernel.run(&inputs, &buffers);
+    let item = |vertex: u32| (vertex != NONE).then(|| (vertex - pool.first_vertex) as usize);
+    found.iter().map(|&[vertex, weight]| (item(vertex), f32::from_bits(weight).into())).collect()
+}
+
+/// A gate about the travel time of one of the vertices, as wide as a tenth of all times.
+fn query_of_room(pcg: &mut Pcg, pool: &Pool) -> Query {
+    let q = [pcg.range(-4.0, 4.0) as f32, pcg.range(-2.0, 2.0) as f32, pcg.range(-4.0, 4.0) as f32];
+    let about = pool.items[pcg.below(pool.items.len())].point;
+    let tau = f64::from((0..3).map(|k| (about[k] - q[k]).powi(2)).sum::<f32>().sqrt() + about[3]);
+    let shift = pcg.range(-0.4, 0.4);
+    Query { q, gate: Gate { lo: tau + shift - 0.5, hi: tau + shift + 0.5 } }
+}
+
+fn counts(found: &[(Option<usize>, f64)], items: usize) -> Vec<f64> {
+    let mut counts = vec![0.0; items + 1];
+    found.iter().for_each(|(item, _)| counts[item.unwrap_or(items)] += 1.0);
+    counts
+}
+
+fn p_value(counts: &[f64], ends: &Ends, n: usize) -> f64 {
+    let expected: Vec<f64> = ends.items.iter().chain([&ends.dead]).map(|p| p * n as f64).collect();
+    chi_square(counts, &expected)
+}
+
+#[test]
+fn draws_have_the_probabilities_of_the_walk() {
+    const N: usize = 100_000;
+    let (bounds, draws) = (BOUNDS.prepare(&[]), DRAW.prepare(&[]));
+    let mut pcg = Pcg::new(81);
+    let sizes = [1, 2, 64, 1000];
+    let level = level(sizes.len() * 3 * 2 * 2 * 2);
+    let (mut valid, mut dead) = (0, 0.0);
+    for (n, leaf, spatial) in sizes
+        .iter()
+        .flat_map(|&n| [1, 4, 16].map(|leaf| (n, leaf)))
+        .flat_map(|(n, leaf)| [(n, leaf, true), (n, leaf, false)])
+    {
+        let pool = Pool::new(room(&mut pcg, n, spatial), leaf, spatial, 0, 7);
+        for _ in 0..2 {
+            let query = query_of_room(&mut pcg, &pool);
+            let name = format!("{n} vertices, leaf {leaf}, spatial {spatial}, {query:?}");
+            let ends = ends(&bounds, &pool, &query);
+            let sum: f64 = ends.items.iter().sum();
+            assert!((sum + ends.dead - 1.0).abs() < 1e-5, "{name}: {sum} + {}", ends.dead);
+            let found = draw(&draws, &pool, &query, N, &mut pcg);
+
+            // P returned is P recomputed. A product of ten ratios in f32 is known to about 1e-6.
+            for &(item, weight) in &found {
+                if let Some(j) = item {
+                    assert!((weight * ends.items[j] - 1.0).abs() < 1e-4, "{name}: {weight} {}", ends.items[j]);
+                }
+            }
+            let p = p_value(&counts(&found, n), &ends, N);
+            assert!(p > level, "{name}: p = {p:e}, level {level:e}");
+
+            // 1 / P averages to 1 for every valid vertex, and the estimator to the exhaustive sum.
+            let f = |j: usize| if query.is_valid(&pool.items[j]) { 1.0 + (j % 5) as f64 } else { 0.0 };
+            let exhaustive: f64 = (0..n).map(f).sum();
+            let reached: f64 =
+                (0..n).filter(|&j| ends.items[j] > 0.0).map(|j| ends.items[j] * (f(j) / ends.items[j])).sum();
+            assert!((reached - exhaustive).abs() <= 1e-9 * exhaustive, "{name}: {reached} of {exhaustive}");
+            let mean = found.iter().map(|&(item, weight)| item.map_or(0.0, |j| f(j) * weight)).sum::<f64>() / N as f64;
+            let second: f64 = (0..n).filter(|&j| f(j) > 0.0).map(|j| f(j) * f(j) / ends.items[j]).sum();
+            let error = ((second - exhaustive * exhaustive).max(0.0) / N as f64).sqrt();
+            // Rare vertices make the mean skew; where each is drawn often enough it is normal, and 4.5 sigma are p = 7e-6.
+            let often = (0..n).all(|j| f(j) == 0.0 || ends.items[j] * N as f64 > 25.0);
+            if often {
+                assert!(
+                    (mean - exhaustive).abs() <= 4.5 * error + 1e-5 * exhaustive,
+                    "{name}: {mean} {exhaustive} {error}"
+                );
+            }
+            valid += (0..n).filter(|&j| f(j) > 0.0).count();
+            dead += ends.dead;
+        }
+    }
+    assert!(valid > 500 && dead > 0.01, "{valid} {dead}");
+}
+
+#[test]
+fn one_over_p_averages_to_one() {
+    const N: usize = 400_000;
+    let (bounds, draws) = (BOUNDS.prepare(&[]), DRAW.prepare(&[]));
+    let mut pcg = Pcg::new(82);
+    for spatial in [true, false] {
+        let pool = Pool::new(room(&mut pcg, 64, spatial), 4, spatial, 0, 0);
+        let query = query_of_room(&mut pcg, &pool);
+        let ends = ends(&bounds, &pool, &query);
+        let mut sums = [0.0; 64];
+        for (item, weight) in draw(&draws, &pool, &query, N, &mut pcg) {
+            item.into_iter().for_each(|j| sums[j] += weight / N as f64);
+        }
+        let level = 4.2; // sigma: 64 cells at a level of 1e-3 (Sidak), two-sided.
+        for (j, item) in pool.items.iter().enumerate().filter(|(_, item)| query.is_valid(item)) {
+            let error = ((1.0 / ends.items[j] - 1.0) / N as f64).sqrt();
+            assert!(error < 0.2, "vertex {j} is too rare for this test: {}", ends.items[j]);
+            assert!((sums[j] - 1.0).abs() < level * error, "{item:?}: {} +- {error}", sums[j]);
+        }
+    }
+}
+
+/// The statistics above notice probabilities that are 1 % off, and a gate that is 2 % off.
+#[test]
+fn slightly_wrong_probabilities_are_rejected() {
+    const N: usize = 2_000_000;
+    let (bounds, draws) = (BOUNDS.prepare(&[]), DRAW.prepare(&[]));
+    let mut pcg = Pcg::new(83);
+    for spatial in [true, false] {
+        let pool = Pool::new(room(&mut pcg, 64, spatial), 1, spatial, 0, 0);
+        let query = query_of_room(&mut pcg, &pool);
+        let right = ends(&bounds, &pool, &query);
+        let counts = counts(&draw(&draws, &pool, &query, N, &mut pcg), 64);
+        let level = level(4);
+        let p = p_value(&counts, &right, N);
+        assert!(p > level, "{p:e}");
+
+        // Half of the probability 1 % up, the other half 1 % down.
+        let mut below = 0.0;
+        let wrong: Vec<f64> = right
+            .items
+            .iter()
+            .map(|p| {
+                below += p;
+                p * if below < 0.5 { 1.01 } else { 0.99 }
+            })
+            .collect();
+        let total = wrong.iter().sum::<f64>() + right.dead;
+        let scaled = Ends { items: wrong.iter().map(|p| p / total).collect(), dead: right.dead / total };
+        let p = p_value(&counts, &scaled, N);
+        assert!(p < level, "spatial {spatial}: P off by 1 % passes with p = {p:e}");
+
+        let late = Query { gate: Gate { lo: query.gate.lo * 1.02, hi: query.gate.hi * 1.02 }, ..query };
+        let p = p_value(&counts, &ends(&bounds, &pool, &late), N);
+        assert!(p < level, "spatial {spatial}: a gate off by 2 % passes with p = {p:e}");
+    }
+}
