@@ -41,8 +41,9 @@ pub struct Tree {
 /// Below this many items a subtree is built by one thread.
 const SEQUENTIAL: usize = 4096;
 
-/// Powers are scaled to a total of 1 and kept above this, so that no vertex underflows to probability 0.
-const LEAST_POWER: f32 = 1e-30;
+/// Powers are scaled to a total of 1 and kept above this, so that no vertex underflows to probability 0: divided by the square
+/// of a great distance and times the least overlap, it must still be a normal f32 (devices may flush others to 0).
+const LEAST_POWER: f32 = 1e-20;
 
 impl Tree {
     /// Builds the tree over `items` and reorders them. O(n log n) time, no allocation beyond the nodes.

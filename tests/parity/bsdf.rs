@@ -1,5 +1,7 @@
 //! `bsdf_eval` against f64: value and both densities, reciprocity; conductors and plastics against the oracle as well.
 
+use std::f64::consts::{PI, TAU};
+
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
@@ -57,15 +59,15 @@ struct Got {
 fn inputs(n: usize) -> Vec<Given> {
     let set = set();
     let mut pcg = Pcg::new(41);
-    let mut cosine = move |pcg: &mut Pcg| if pcg.below(6) == 0 { pcg.range(2e-3, 0.03) } else { pcg.range(0.03, 1.0) };
+    let cosine = |pcg: &mut Pcg| if pcg.below(6) == 0 { pcg.range(2e-3, 0.03) } else { pcg.range(0.03, 1.0) };
     (0..n)
         .map(|i| {
             let material = i % set.kinds.len();
             let glass = set.kinds[material].transmission > 0.0;
             let front = pcg.below(2);
-            let azimuth = pcg.range(0.0, 6.28);
+            let azimuth = pcg.range(0.0, TAU);
             let wc = polar(cosine(&mut pcg), azimuth) * if glass && pcg.below(2) == 0 { -1.0 } else { 1.0 };
-            let mut wl = polar(cosine(&mut pcg), pcg.range(0.0, 6.28));
+            let mut wl = polar(cosine(&mut pcg), pcg.range(0.0, TAU));
             let width = 3.0 * f64::from(set.kinds[material].roughness).powi(2) * pcg.range(-1.0, 1.0);
             let across = glass && pcg.below(2) == 0;
             if pcg.below(2) == 0 {
@@ -74,7 +76,7 @@ fn inputs(n: usize) -> Vec<Given> {
                     let ior = f64::from(set.kinds[material].ior);
                     sine = (sine * if (front == 1) == (wc.z > 0.0) { 1.0 / ior } else { ior }).min(0.999);
                 }
-                let turned = wc.y.atan2(wc.x) + std::f64::consts::PI + width;
+                let turned = wc.y.atan2(wc.x) + PI + width;
                 wl = polar(((1.0 - sine * sine).sqrt() + width).clamp(2e-3, 1.0), turned);
             }
             if (wc.z < 0.0) != across {
@@ -161,7 +163,7 @@ fn values_and_densities_agree_with_f64() {
             let independent = set.prepared[g.material as usize].at(base).eval(wl, wc);
             let coated = if m.specular > 0.0 { f64::from(1.0 - m.metallic) } else { 0.0 };
             for k in 0..3 {
-                let floor = 1e-7 + 1e-2 * coated * base[k] / std::f64::consts::PI;
+                let floor = 1e-7 + 1e-2 * coated * base[k] / PI;
                 assert!(close(r.f[k], independent[k], floor), "{}: {g:?} {r:?}\n oracle {independent:?}", m.name);
             }
             oracle += 1;
@@ -208,7 +210,7 @@ fn the_reverse_density_of_a_rough_refraction() {
 fn specular_below_one_dims_the_coat_at_grazing_angles() {
     let set = set();
     let half = set.kinds.iter().position(|m| m.name == "half specular").unwrap();
-    let (wl, wc) = (polar(0.05, 0.0), polar(0.05, std::f64::consts::PI));
+    let (wl, wc) = (polar(0.05, 0.0), polar(0.05, PI));
     let given = Given { wl: vec3(wl), material: half as u32, wc: vec3(wc), front: 1, base: [0.0; 3], pad: 0.0 };
     let r: Vec<Got> = EVAL.run(&[given], &set.buffers());
     let expected = set.prepared[half].at([0.0; 3]).eval(wl, wc)[0];

@@ -8,7 +8,7 @@ use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 use taugate::oracle::lightcone::{self, Bounds, Extent};
 use taugate::units::Gate;
 
-use crate::shader_function::{ShaderFunction, contents};
+use crate::shader_function::ShaderFunction;
 use crate::values::{direction, dvec, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&BOUNDS];

@@ -1,0 +1,125 @@
+//! `shared/camera.wgsl`: film, pixels and the order in which samples run over the crop.
+
+use glam::DVec3;
+use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::{Frame, NONE};
+
+use crate::shader_function::ShaderFunction;
+use crate::values::{dvec, frame, vec3};
+
+pub const KERNELS: &[&ShaderFunction] = &[&FILM, &ORDER];
+
+const FILM: ShaderFunction = ShaderFunction {
+    imports: &["camera"],
+    given: "p: vec2<f32>, scale: f32, pad: f32",
+    result: "d: vec3<f32>, pdf: f32, pixel: u32, behind: u32, pad: vec2<u32>",
+    body: "result.d = film_direction(given.p);
+        result.pdf = pixel_pdf(dot(normalize(result.d), frame.forward));
+        result.pixel = pixel_of(given.scale * result.d); result.behind = pixel_of(-result.d);",
+};
+
+fn camera(f: &mut Frame) {
+    let forward = DVec3::new(0.3, -0.5, 0.8).normalize();
+    let right = forward.cross(DVec3::Y).normalize();
+    (f.forward, f.right, f.up) = (vec3(forward), vec3(right), vec3(right.cross(forward)));
+    (f.width, f.height, f.extent) = (61, 37, [0.9, 0.9 * 37.0 / 61.0]);
+    f.pixel_area = 4.0 * f.extent[0] * f.extent[1] / (61.0 * 37.0);
+    (f.crop_x, f.crop_y, f.crop_width, f.crop_height) = (7, 3, 40, 21);
+}
+
+#[test]
+fn pixels_invert_the_film() {
+    let mut pcg = Pcg::new(111);
+    let inputs: Vec<[f32; 4]> = (0..20_000)
+        .map(|_| [pcg.range(-5.0, 66.0) as f32, pcg.range(-5.0, 42.0) as f32, pcg.range(0.01, 100.0) as f32, 0.0])
+        .collect();
+    let results: Vec<[u32; 8]> = FILM.run(&inputs, &[frame(camera)]);
+    let mut f: Frame = bytemuck::Zeroable::zeroed();
+    camera(&mut f);
+    let (mut on, mut off) = (0, 0);
+    for (g, r) in inputs.iter().zip(&results) {
+        let [px, py] = [f64::from(g[0]), f64::from(g[1])];
+        let (x, y) =
+            ((2.0 * px / 61.0 - 1.0) * f64::from(f.extent[0]), (1.0 - 2.0 * py / 37.0) * f64::from(f.extent[1]));
+        let expected = dvec(&f.forward) + x * dvec(&f.right) + y * dvec(&f.up);
+        let d = dvec(&[r[0], r[1], r[2]].map(f32::from_bits));
+        assert!((d - expected).length() < 1e-6, "{g:?}: {d} {expected}");
+        let cosine = expected.normalize().dot(dvec(&f.forward));
+        let pdf = f64::from(f32::from_bits(r[3]));
+        assert!((pdf * f64::from(f.pixel_area) * cosine.powi(3) - 1.0).abs() < 2e-6);
+        assert_eq!(r[5], NONE, "behind the sensor");
+        // On the line between two pixels either will do.
+        if (px - px.round()).abs() < 1e-3 || (py - py.round()).abs() < 1e-3 {
+            continue;
+        }
+        let (column, row) = (px.floor() as i64 - 7, py.floor() as i64 - 3);
+        let inside = (0..40).contains(&column) && (0..21).contains(&row);
+        assert_eq!(r[4], if inside { (row * 40 + column) as u32 } else { NONE }, "{g:?}");
+        if inside { on += 1 } else { off += 1 }
+    }
+    assert!(on > 3000 && off > 3000);
+}
+
+/// The density of a pixel's directions integrates to 1 over its solid angle, cut into small triangles.
+#[test]
+fn the_density_of_a_pixel_integrates_to_one() {
+    const N: usize = 16;
+    let mut f: Frame = bytemuck::Zeroable::zeroed();
+    camera(&mut f);
+    for (column, row) in [(0.0, 0.0), (30.0, 18.0), (60.0, 36.0)] {
+        let centre = |i: usize| (i as f64 + 0.5) / N as f64;
+        let inputs: Vec<[f32; 4]> =
+            (0..N * N).map(|i| [(column + centre(i % N)) as f32, (row + centre(i / N)) as f32, 1.0, 0.0]).collect();
+        let results: Vec<[u32; 8]> = FILM.run(&inputs, &[frame(camera)]);
+        let corner = |i: usize, j: usize| {
+            let (px, py) = (column + i as f64 / N as f64, row + j as f64 / N as f64);
+            let (x, y) = ((2.0 * px / 61.0 - 1.0) * 0.9, (1.0 - 2.0 * py / 37.0) * f64::from(f.extent[1]));
+            DVec3::new(x, y, 1.0).normalize()
+        };
+        let sum: f64 = (0..N * N)
+            .map(|k| {
+                let (i, j) = (k % N, k / N);
+                let quad = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+                let area = solid_angle(quad[0], quad[1], quad[2]) + solid_angle(quad[0], quad[2], quad[3]);
+                area * f64::from(f32::from_bits(results[k][3]))
+            })
+            .sum();
+        assert!((sum - 1.0).abs() < 1e-4, "{sum}");
+    }
+}
+
+/// Van Oosterom and Strackee 1983.
+fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
+    2.0 * (a.dot(b.cross(c)).abs() / (1.0 + a.dot(b) + b.dot(c) + c.dot(a))).atan()
+}
+
+const ORDER: ShaderFunction = ShaderFunction {
+    imports: &["camera"],
+    given: "index: u32",
+    result: "crop: vec2<u32>, pixel: vec2<u32>, sample: u32, pad: u32",
+    body: "result.crop = crop_pixel(given.index / frame.samples);
+        let s = sensor_sample(given.index); result.pixel = s.pixel; result.sample = s.sample;",
+};
+
+#[test]
+fn every_pixel_of_a_crop_is_sampled_once() {
+    let kernel = ORDER.prepare(&[]);
+    for (width, height) in
+        [(1, 1), (1, 9), (9, 1), (7, 7), (8, 8), (9, 9), (16, 8), (17, 23), (8, 15), (100, 3), (3, 100), (63, 65)]
+    {
+        let samples = 3;
+        let frame = frame(|f| {
+            (f.crop_x, f.crop_y, f.crop_width, f.crop_height) = (5, 11, width, height);
+            (f.samples, f.first_sample) = (samples, 40);
+        });
+        let inputs: Vec<u32> = (0..width * height * samples).collect();
+        let results: Vec<[u32; 6]> = kernel.run(&inputs, &[frame]);
+        let mut seen = vec![[0; 3]; (width * height) as usize];
+        for r in &results {
+            assert!(r[0] < width && r[1] < height, "{width} x {height}: {r:?}");
+            assert_eq!([r[2], r[3]], [r[0] + 5, r[1] + 11]);
+            seen[(r[1] * width + r[0]) as usize][r[4] as usize - 40] += 1;
+        }
+        assert!(seen.iter().all(|s| *s == [1; 3]), "{width} x {height}");
+    }
+}

@@ -1,0 +1,65 @@
+//! No function of `shaders/shared/` is forgotten: reflection lists them, and each is called by the body of a test kernel or
+//! has a reason here not to be.
+
+use std::collections::BTreeSet;
+
+use taugate::gpu::shader;
+
+use crate::shader_function::ShaderFunction;
+
+/// Tested through what calls them, or elsewhere.
+const ELSEWHERE: &[(&str, &str)] = &[
+    ("shading_normal", "surface_at is compared with the oracle on smooth meshes"),
+    ("sample_triangle", "sample_emission on a triangle"),
+    ("sample_punctual", "sample_emission on points and spots"),
+    ("sample_beam", "sample_emission on beams"),
+    ("delta_sample", "bsdf_sample on mirrors and smooth glass"),
+    ("coat_fresnel", "bsdf_eval on plastics"),
+    ("intersect_triangle", "trace against exhaustion"),
+    ("intersect_children", "trace against exhaustion"),
+    ("traverse", "trace is its only caller and is compared with exhaustion"),
+    ("safe_inverse", "trace along the axes"),
+    ("extract_byte", "trace: nodes would be misread"),
+    ("bytes_to_floats", "trace: nodes would be misread"),
+    ("descend", "tests/sampler"),
+];
+
+fn all() -> Vec<&'static ShaderFunction> {
+    [
+        crate::math::KERNELS,
+        crate::bsdf::KERNELS,
+        crate::bsdf_parts::KERNELS,
+        crate::bsdf_sample::KERNELS,
+        crate::camera::KERNELS,
+        crate::emitter::KERNELS,
+        crate::lightcone::KERNELS,
+        crate::scatter::KERNELS,
+        crate::shell_edge::KERNELS,
+        crate::texture::KERNELS,
+        crate::trace::KERNELS,
+    ]
+    .concat()
+}
+
+/// Names of all functions of the shared modules.
+fn declared() -> BTreeSet<String> {
+    let shared = shader::SOURCES.iter().filter(|(path, _)| path.starts_with("shared/"));
+    shared
+        .flat_map(|(path, text)| {
+            let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
+            module.functions.iter().filter_map(|(_, f)| f.name.clone()).collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+#[test]
+fn every_shared_function_is_tested() {
+    let called: BTreeSet<String> = all().iter().flat_map(|kernel| kernel.called()).collect();
+    let declared = declared();
+    let excused: BTreeSet<String> = ELSEWHERE.iter().map(|(name, _)| name.to_string()).collect();
+    let forgotten: Vec<_> = declared.iter().filter(|f| !called.contains(*f) && !excused.contains(*f)).collect();
+    assert!(forgotten.is_empty(), "neither called by a test kernel nor listed with a reason: {forgotten:?}");
+    let stale: Vec<_> = excused.iter().filter(|f| !declared.contains(*f) || called.contains(*f)).collect();
+    assert!(stale.is_empty(), "listed, but gone or tested: {stale:?}");
+    assert!(declared.len() > 60 && called.len() > 40, "{} {}", declared.len(), called.len());
+}

@@ -1,0 +1,318 @@
+//! `shared/scatter.wgsl` and `walk.wgsl`: connections and steps in world space, with shading normals.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::{NONE, PathState, PathVertex};
+
+use crate::materials::set;
+use crate::shader_function::{Contents, ShaderFunction, contents};
+use crate::values::{direction, dvec, vec3};
+
+pub const KERNELS: &[&ShaderFunction] = &[&CONNECT, &STEP, &SUMS];
+
+const FRONT: u32 = 0x400;
+
+const CONNECT: ShaderFunction = ShaderFunction {
+    imports: &["scatter"],
+    given: "v: PathVertex, w: vec3<f32>, pad: f32",
+    result:
+        "q_value: vec3<f32>, q_pdf: f32, l_value: vec3<f32>, l_pdf: f32, local: vec3<f32>, medium: f32, q_reverse: f32,
+        l_reverse: f32, q_cosine: f32, l_cosine: f32",
+    body: "let q = connect_shade_point(given.v, given.w); let l = connect_light_vertex(given.v, given.w);
+        result.q_value = q.value; result.q_pdf = q.pdf; result.q_reverse = q.pdf_reverse; result.q_cosine = q.cosine;
+        result.l_value = l.value; result.l_pdf = l.pdf; result.l_reverse = l.pdf_reverse; result.l_cosine = l.cosine;
+        result.local = to_local(given.v.normal, given.w); result.medium = medium_towards(given.v, given.w);",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Given {
+    v: PathVertex,
+    w: [f32; 3],
+    pad: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Connected {
+    q_value: [f32; 3],
+    q_pdf: f32,
+    l_value: [f32; 3],
+    l_pdf: f32,
+    local: [f32; 3],
+    medium: f32,
+    q_reverse: f32,
+    l_reverse: f32,
+    q_cosine: f32,
+    l_cosine: f32,
+}
+
+fn buffers() -> Vec<Contents> {
+    let mut all: Vec<Contents> = set().buffers().into();
+    all.extend([contents("textures", &[0u32; 4]), contents("texels", &[0u32]), contents("emitters", &[0u32; 16])]);
+    all
+}
+
+/// A vertex with a shading normal up to 0.4 rad off; lobes not narrower than 0.3, where directions in f32 are exact enough.
+fn vertex(pcg: &mut Pcg) -> PathVertex {
+    let set = set();
+    let wide: Vec<u32> = (0..set.kinds.len() as u32).filter(|&i| set.kinds[i as usize].roughness > 0.4).collect();
+    let geometric = direction(pcg);
+    let normal = (geometric + 0.4 * pcg.uniform() * direction(pcg)).normalize();
+    let mut to_previous = direction(pcg);
+    if to_previous.dot(geometric) < 0.0 {
+        to_previous = -to_previous;
+    }
+    let material = wide[pcg.below(wide.len())];
+    let front = pcg.below(2) == 0;
+    PathVertex {
+        normal: vec3(normal),
+        geometric: vec3(geometric),
+        to_previous: vec3(to_previous),
+        base_color: [0; 3].map(|_| pcg.range(0.1, 1.0) as f32),
+        material,
+        flags: if front { FRONT } else { 0 },
+        eta: if front { 1.0 } else { set.kinds[material as usize].ior },
+        select_pdf: [1.0, 0.25][pcg.below(2)],
+        throughput: [1.0; 3],
+        ..Zeroable::zeroed()
+    }
+}
+
+#[test]
+fn connections_agree_with_f64() {
+    let set = set();
+    let mut pcg = Pcg::new(141);
+    let inputs: Vec<Given> =
+        (0..30_000).map(|_| Given { v: vertex(&mut pcg), w: vec3(direction(&mut pcg)), pad: 0.0 }).collect();
+    let results: Vec<Connected> = CONNECT.run(&inputs, &buffers());
+    let mut compared = 0;
+    for (g, r) in inputs.iter().zip(&results) {
+        let v = &g.v;
+        let (normal, geometric) = (dvec(&v.normal).normalize(), dvec(&v.geometric));
+        let (before, w) = (dvec(&v.to_previous).normalize(), dvec(&g.w).normalize());
+        // Isotropic lobes: any frame about the normal will do.
+        let tangent = normal.any_orthonormal_vector();
+        let local = |d: DVec3| DVec3::new(d.dot(tangent), d.dot(normal.cross(tangent)), d.dot(normal));
+        let (known, new) = (local(before), local(w));
+        let device = dvec(&r.local);
+        assert!((device.z - new.z).abs() < 1e-6 && (device.length() - 1.0).abs() < 2e-6, "{g:?} {r:?}");
+        let side = w.dot(geometric);
+        let ior = f64::from(set.kinds[v.material as usize].ior);
+        let front = v.flags & FRONT != 0;
+        let medium = if (side >= 0.0) == front { 1.0 } else { ior };
+        assert!(side.abs() < 1e-6 || (f64::from(r.medium) - medium).abs() < 1e-6, "{g:?} {r:?}");
+        assert!([r.q_cosine, r.l_cosine].iter().all(|c| (f64::from(*c) - side.abs()).abs() < 1e-6));
+        // Close to a horizon the sides themselves are rounding.
+        if [known.z, new.z, side, before.dot(geometric)].iter().any(|c| c.abs() < 0.02) {
+            continue;
+        }
+        let reference = set.at(v.material as usize, v.base_color.map(f64::from));
+        // Light leaks through no surface: both normals must see both directions alike (Veach 1997, Sec. 5.3).
+        let open = known.z > 0.0 && side * new.z > 0.0;
+        let received = before.dot(geometric).abs();
+        let (toward_q, toward_w) = (reference.f(new, known, front), reference.f(known, new, front));
+        let close = |got: f32, expected: f64| (f64::from(got) - expected).abs() <= 5e-3 * expected + 1e-5;
+        for k in 0..3 {
+            let q = if open { toward_q[k] * new.z.abs() } else { 0.0 };
+            let l = if open { toward_w[k] * side.abs() * known.z / received } else { 0.0 };
+            assert!(close(r.q_value[k], q) && close(r.l_value[k], l), "{g:?} {r:?} {q} {l}");
+        }
+        if open && toward_q[0] > 1e-4 {
+            compared += 1;
+            let (along, back) = (reference.pdf(known, new, front), reference.pdf(new, known, front));
+            assert!(close(r.q_pdf, along) && close(r.q_reverse, back), "{g:?} {r:?} {along} {back}");
+            assert!(close(r.l_pdf, along * f64::from(v.select_pdf)) && close(r.l_reverse, back), "{g:?} {r:?}");
+        }
+    }
+    assert!(compared > 8_000, "{compared}");
+}
+
+const STEP: ShaderFunction = ShaderFunction {
+    imports: &["walk"],
+    given: "v: PathVertex, u: vec4<f32>, to_light: u32, survival: f32, d_vcm: f32, d_vc: f32",
+    result: "weight: vec3<f32>, pdf: f32, value: vec3<f32>, connect_pdf: f32, direction: vec3<f32>, valid: u32,
+        state: PathState, departed: u32, connectible: u32, pad: vec2<u32>",
+    body: "let s = scatter(given.v, given.to_light == 1u, given.u);
+        result.weight = s.weight; result.pdf = s.pdf; result.direction = s.direction;
+        result.valid = u32(s.valid && !s.delta);
+        if (s.valid) {
+            var c = connect_light_vertex(given.v, s.direction);
+            if (given.to_light == 1u) { c = connect_shade_point(given.v, s.direction); }
+            result.value = c.value; result.connect_pdf = c.pdf;
+        }
+        var state: PathState; state.throughput = vec3<f32>(2.0); state.d_vcm = given.d_vcm; state.d_vc = given.d_vc;
+        state.flags = PATH_ALIVE | PATH_DETERMINISTIC;
+        result.departed = u32(depart(&state, given.v, given.to_light == 1u, given.u, given.survival));
+        result.state = state; result.connectible = u32(is_connectible(given.v.material));",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Step {
+    v: PathVertex,
+    u: [f32; 4],
+    to_light: u32,
+    survival: f32,
+    d_vcm: f32,
+    d_vc: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Stepped {
+    weight: [f32; 3],
+    pdf: f32,
+    value: [f32; 3],
+    connect_pdf: f32,
+    direction: [f32; 3],
+    valid: u32,
+    state: PathState,
+    departed: u32,
+    connectible: u32,
+    pad: [u32; 2],
+}
+
+/// What a step carries on is what a connection along it would carry, over its density; Russian roulette divides by the
+/// probability of going on.
+#[test]
+fn steps_agree_with_connections() {
+    let mut pcg = Pcg::new(142);
+    let inputs: Vec<Step> = (0..20_000)
+        .map(|i| Step {
+            v: PathVertex { select_pdf: 1.0, ..vertex(&mut pcg) },
+            u: [0; 4].map(|_| (pcg.next_u32() >> 8) as f32 / 16_777_216.0),
+            to_light: i & 1,
+            survival: if i % 3 == 0 { -1.0 } else { pcg.uniform() as f32 },
+            d_vcm: 0.5,
+            d_vc: 0.25,
+        })
+        .collect();
+    let results: Vec<Stepped> = STEP.run(&inputs, &buffers());
+    let (mut compared, mut stopped) = (0, 0);
+    for (g, r) in inputs.iter().zip(&results) {
+        assert_eq!(r.connectible, 1);
+        let known = dvec(&g.v.to_previous).dot(dvec(&g.v.normal));
+        let new = dvec(&r.direction).dot(dvec(&g.v.normal));
+        if r.valid == 0 || known < 0.02 || new.abs() < 0.02 || r.pdf < 1e-3 {
+            continue;
+        }
+        compared += 1;
+        for k in 0..3 {
+            let expected = f64::from(r.value[k]) / f64::from(r.connect_pdf);
+            assert!((f64::from(r.weight[k]) - expected).abs() < 5e-3 * expected + 1e-5, "{g:?} {r:?}");
+        }
+        let greatest = r.weight.iter().copied().fold(0.0, f32::max);
+        let keep = if g.survival < 0.0 { 1.0 } else { greatest.clamp(0.05, 1.0) };
+        assert_eq!(r.departed == 1, greatest > 0.0 && g.survival < keep, "{g:?} {r:?}");
+        if r.departed == 0 {
+            stopped += 1;
+            continue;
+        }
+        assert!((r.state.throughput[1] / (2.0 * r.weight[1] / keep) - 1.0).abs() < 1e-5, "{r:?}");
+        assert_eq!(r.state.flags, 1, "the path is deterministic no longer");
+        assert_eq!(r.state.direction, r.direction);
+        // Georgiev 2012, Eqs. 35 and 36, squared.
+        let d_vcm = 1.0 / f64::from(r.pdf).powi(2);
+        assert!((f64::from(r.state.d_vcm) / d_vcm - 1.0).abs() < 1e-5);
+    }
+    assert!(compared > 10_000 && stopped > 500, "{compared} {stopped}");
+}
+
+#[test]
+fn only_deltas_cannot_be_connected() {
+    let set = set();
+    let inputs: Vec<Step> = (0..set.kinds.len() as u32)
+        .map(|material| Step { v: PathVertex { material, ..Zeroable::zeroed() }, ..Zeroable::zeroed() })
+        .collect();
+    let results: Vec<Stepped> = STEP.run(&inputs, &buffers());
+    for (m, r) in set.kinds.iter().zip(&results) {
+        assert_eq!(r.connectible == 0, m.name == "mirror" || m.name == "smooth glass", "{}", m.name);
+    }
+}
+
+const SUMS: ShaderFunction = ShaderFunction {
+    imports: &["walk"],
+    given: "position: vec3<f32>, eta: f32, normal: vec3<f32>, tau: f32, direction: vec3<f32>, length: f32, d_vcm: f32,
+        d_vc: f32, pdf: f32, pdf_reverse: f32, cosine: f32, select_pdf: f32, delta: u32, pad: u32",
+    result: "left: vec2<f32>, met: vec2<f32>, tau: f32, d_vcm: f32, d_vc: f32, front: u32, normal: vec3<f32>, position: f32",
+    body: "var state: PathState; state.d_vcm = given.d_vcm; state.d_vc = given.d_vc;
+        var s: Scatter; s.pdf = given.pdf; s.pdf_reverse = given.pdf_reverse; s.cosine = given.cosine;
+        s.delta = given.delta == 1u;
+        mis_scatter(&state, s, given.select_pdf);
+        result.left = vec2<f32>(state.d_vcm, state.d_vc);
+        mis_arrive(&state, given.length * given.length, given.cosine);
+        result.met = vec2<f32>(state.d_vcm, state.d_vc);
+        var path: PathState; path.position = given.position; path.direction = given.direction; path.eta = given.eta;
+        path.tau = given.tau; path.d_vcm = given.d_vcm; path.d_vc = given.d_vc;
+        var surface: Surface; surface.position = given.position + given.length * given.direction;
+        surface.normal = given.normal; surface.geometric = given.normal; surface.material = 0u;
+        let v = arrive(&path, surface);
+        result.tau = v.tau; result.d_vcm = path.d_vcm; result.d_vc = v.d_vc;
+        result.front = v.flags; result.normal = v.geometric; result.position = length(path.position - v.position);",
+};
+
+#[test]
+fn arriving_and_leaving_update_time_and_sums() {
+    let mut pcg = Pcg::new(143);
+    let inputs: Vec<[u32; 20]> = (0..5000)
+        .map(|i| {
+            let (p, n, d) = (direction(&mut pcg) * 10.0, direction(&mut pcg), direction(&mut pcg));
+            let mut range = |lo, hi| pcg.range(lo, hi) as f32;
+            let (p, n, d) = (vec3(p), vec3(n), vec3(d));
+            let floats = [
+                p[0],
+                p[1],
+                p[2],
+                range(1.0, 2.0),
+                n[0],
+                n[1],
+                n[2],
+                range(0.0, 20.0),
+                d[0],
+                d[1],
+                d[2],
+                range(0.1, 9.0),
+                range(0.0, 2.0),
+                range(0.0, 2.0),
+                range(0.1, 3.0),
+                range(0.1, 3.0),
+                range(0.05, 1.0),
+                range(0.1, 1.0),
+            ];
+            let mut bits = [0; 20];
+            bits[..18].copy_from_slice(&floats.map(f32::to_bits));
+            bits[18] = i & 1;
+            bits
+        })
+        .collect();
+    assert_eq!(NONE, u32::MAX);
+    let results: Vec<[u32; 12]> = SUMS.run(&inputs, &buffers());
+    for (bits, r) in inputs.iter().zip(&results) {
+        let g = bits.map(|b| f64::from(f32::from_bits(b)));
+        let (delta, got) = (bits[18] == 1, r.map(|b| f64::from(f32::from_bits(b))));
+        let (length, d_vcm, d_vc, cosine) = (g[11], g[12], g[13], g[16]);
+        let density = g[14] * g[17];
+        let left = if delta {
+            [0.0, d_vc * cosine.powi(2)]
+        } else {
+            [density.powi(-2), (cosine / density).powi(2) * (d_vcm + d_vc * g[15].powi(2))]
+        };
+        let met = [left[0] * length.powi(4) / cosine.powi(2), left[1] / cosine.powi(2)];
+        let facing = (0..3).map(|k| g[4 + k] * g[8 + k]).sum::<f64>();
+        let on_arrival = [d_vcm * length.powi(4) / facing.powi(2), d_vc / facing.powi(2)];
+        let close = |got: f64, expected: f64, tolerance: f64| (got - expected).abs() <= tolerance * expected.abs();
+        assert!((0..2).all(|k| close(got[k], left[k], 1e-5) && close(got[2 + k], met[k], 1e-5)), "{g:?} {got:?}");
+        // The path's length is found again from positions of 20 m: to 1e-6 m, of at least 0.1 m; its cosine to 1e-7.
+        let tolerance = 1e-4 + 1e-6 / facing.abs();
+        assert!(
+            close(got[5], on_arrival[0], tolerance + 1e-5 / length) && close(got[6], on_arrival[1], tolerance),
+            "{g:?} {got:?}"
+        );
+        assert!((got[4] - (g[7] + g[3] * length)).abs() < 2e-5, "{g:?} {got:?}");
+        assert_eq!(r[7] & FRONT != 0, facing <= 0.0, "{g:?}");
+        let turned = (0..3).map(|k| got[8 + k] * g[8 + k]).sum::<f64>();
+        assert!(turned <= 1e-7 && got[11] == 0.0);
+    }
+}

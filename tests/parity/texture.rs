@@ -1,0 +1,188 @@
+//! `shared/texture.wgsl` and the parts of `surface.wgsl` that read textures, against the oracle's look-ups.
+
+use glam::{DAffine3, DVec2, DVec3};
+use taugate::generate::numbers::Pcg;
+use taugate::generate::stage;
+use taugate::gpu::layout::{NONE, TextureInfo};
+use taugate::oracle::texture::sample;
+use taugate::render::albedo::AlbedoTable;
+use taugate::render::geometry::Geometry;
+use taugate::scene::{AlphaMode, Image, Material, Mesh, Scene, Texture, Wrap};
+use taugate::settings::Emitters;
+
+use crate::shader_function::{Contents, ShaderFunction, contents};
+
+pub const KERNELS: &[&ShaderFunction] = &[&SAMPLE, &PARTS, &SURFACE];
+
+/// Every wrap mode both ways, nearest and bilinear, on images of awkward sizes; a material for some of them.
+fn scene() -> Scene {
+    let mut pcg = Pcg::new(101);
+    let mut scene = Scene::default();
+    for (width, height) in [(1, 1), (5, 3), (8, 8)] {
+        let rgba = (0..width * height).map(|_| pcg.next_u32().to_le_bytes()).collect();
+        scene.images.push(Image { width, height, rgba });
+        let modes = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp];
+        for wrap in modes.iter().flat_map(|&a| modes.map(|b| [a, b])) {
+            let image = scene.images.len() as u32 - 1;
+            scene.textures.extend([true, false].map(|linear| Texture { image, wrap, linear }));
+        }
+    }
+    for (i, alpha_mode) in [AlphaMode::Opaque, AlphaMode::Blend, AlphaMode::Mask(0.4)].into_iter().enumerate() {
+        let material = Material {
+            base_color: [0.9, 0.5, 0.25, 0.75],
+            base_color_texture: (i != 0).then_some(20),
+            emission: [3.0, 2.0, 1.0],
+            emission_texture: (i != 1).then_some(41),
+            alpha_mode,
+            ..stage::diffuse("textured", [1.0; 3])
+        };
+        scene.materials.push(material);
+        let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let mesh = stage::mesh(
+            &mut scene,
+            "triangle",
+            i as u32,
+            Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() },
+        );
+        stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
+    }
+    scene
+}
+
+fn buffers(scene: &Scene) -> (Geometry, [Contents; 3]) {
+    let geometry = Geometry::new(scene, DVec3::ZERO, &Emitters::Scene, &AlbedoTable::new());
+    let buffers = [
+        contents("materials", &geometry.materials),
+        contents("textures", &geometry.textures),
+        contents("texels", &geometry.texels),
+    ];
+    (geometry, buffers)
+}
+
+const SAMPLE: ShaderFunction = ShaderFunction {
+    imports: &["texture"],
+    given: "uv: vec2<f32>, texture: u32, pad: u32",
+    result: "color: vec4<f32>",
+    body: "result.color = sample_texture(given.texture, given.uv);",
+};
+
+#[test]
+fn textures_agree_with_the_oracle() {
+    let scene = scene();
+    let (_, buffers) = buffers(&scene);
+    let mut pcg = Pcg::new(102);
+    let mut inputs: Vec<[u32; 4]> = vec![[0.3f32.to_bits(), 0.4f32.to_bits(), NONE, 0]];
+    for i in 0..60_000 {
+        let reach = [1.0, 3.0, 50.0][i % 3];
+        let mut coordinate = || (pcg.range(-reach, reach) as f32).to_bits();
+        inputs.push([coordinate(), coordinate(), (i % scene.textures.len()) as u32, 0]);
+    }
+    let results: Vec<[f32; 4]> = SAMPLE.run(&inputs, &buffers);
+    let mut compared = 0;
+    for (g, r) in inputs.iter().zip(&results) {
+        let uv = DVec2::new(f32::from_bits(g[0]).into(), f32::from_bits(g[1]).into());
+        let texture = (g[2] != NONE).then_some(g[2]);
+        let expected = sample(&scene, texture, uv);
+        if let Some(t) = texture.map(|t| &scene.textures[t as usize]) {
+            let image = &scene.images[t.image as usize];
+            let p = uv * DVec2::new(image.width.into(), image.height.into());
+            // The nearest texel of a point between two is either.
+            let between = (p - p.round()).abs().min_element() < 1e-4;
+            if !t.linear && between {
+                continue;
+            }
+        }
+        compared += 1;
+        for k in 0..4 {
+            // A position of at most 400 texels is known to 3e-5 of one; neighbours differ by up to 1.
+            assert!((f64::from(r[k]) - expected[k]).abs() < 1e-4, "{uv} of {:?}: {r:?} {expected:?}", texture);
+        }
+    }
+    assert!(compared > 55_000);
+    assert_eq!(results[0], [1.0; 4]);
+}
+
+const PARTS: ShaderFunction = ShaderFunction {
+    imports: &["texture"],
+    given: "i: i32, size: i32, mode: u32, c: f32, x: i32, y: i32, texture: u32, pad: u32",
+    result: "texel: vec4<f32>, wrapped: i32, linear: f32, pad: vec2<u32>",
+    body: "result.wrapped = wrap_texel(given.i, given.size, given.mode);
+        result.linear = srgb_to_linear(vec3<f32>(given.c)).x;
+        result.texel = texel(textures[given.texture], given.x, given.y);",
+};
+
+#[test]
+fn wrapping_texels_and_srgb() {
+    let scene = scene();
+    let (geometry, buffers) = buffers(&scene);
+    let mut pcg = Pcg::new(103);
+    let inputs: Vec<[u32; 8]> = (0..20_000u32)
+        .map(|k| {
+            let mut signed = |n: usize| (pcg.below(2 * n + 1) as i32 - n as i32) as u32;
+            let (i, x, y) = (signed(100), signed(20), signed(20));
+            let c = if k < 256 { k as f32 / 255.0 } else { pcg.uniform() as f32 };
+            [i, 1 + pcg.below(9) as u32, k % 3, c.to_bits(), x, y, pcg.below(scene.textures.len()) as u32, 0]
+        })
+        .collect();
+    let results: Vec<[u32; 8]> = PARTS.run(&inputs, &buffers);
+    let wrap = |i: i32, size: i32, mode: u32| match mode {
+        2 => i.clamp(0, size - 1),
+        1 if i.rem_euclid(2 * size) >= size => 2 * size - 1 - i.rem_euclid(2 * size),
+        _ => i.rem_euclid(size),
+    };
+    let linear = |s: f64| if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) };
+    for (g, r) in inputs.iter().zip(&results) {
+        assert_eq!(r[4] as i32, wrap(g[0] as i32, g[1] as i32, g[2]), "{g:?}");
+        let expected = linear(f32::from_bits(g[3]).into());
+        // pow is an exponential of a logarithm: 2^-16 is what the specification asks of it here.
+        assert!((f64::from(f32::from_bits(r[5])) - expected).abs() < 1.6e-5, "{g:?}");
+        let info: &TextureInfo = &geometry.textures[g[6] as usize];
+        let x = wrap(g[4] as i32, info.width as i32, info.sampler & 3) as u32;
+        let y = wrap(g[5] as i32, info.height as i32, (info.sampler >> 2) & 3) as u32;
+        let bytes =
+            geometry.texels[(info.first + y * info.width + x) as usize].to_le_bytes().map(|b| f64::from(b) / 255.0);
+        let expected = [linear(bytes[0]), linear(bytes[1]), linear(bytes[2]), bytes[3]];
+        for k in 0..4 {
+            assert!((f64::from(f32::from_bits(r[k])) - expected[k]).abs() < 1.6e-5, "{g:?}");
+        }
+    }
+}
+
+const SURFACE: ShaderFunction = ShaderFunction {
+    imports: &["surface"],
+    given: "uv: vec2<f32>, material: u32, pad: u32",
+    result: "base: vec4<f32>, emission: vec3<f32>, coverage: f32",
+    body: "var s: Surface; s.uv = given.uv; s.material = given.material;
+        result.base = base_color(s); result.emission = emission(s); result.coverage = coverage(s);",
+};
+
+#[test]
+fn factors_multiply_textures_and_alpha_covers() {
+    let scene = scene();
+    let (_, buffers) = buffers(&scene);
+    let mut pcg = Pcg::new(104);
+    let inputs: Vec<[u32; 4]> =
+        (0..3000).map(|i| [(pcg.uniform() as f32).to_bits(), (pcg.uniform() as f32).to_bits(), i % 3, 0]).collect();
+    let results: Vec<[f32; 8]> = SURFACE.run(&inputs, &buffers);
+    for (g, r) in inputs.iter().zip(&results) {
+        let uv = DVec2::new(f32::from_bits(g[0]).into(), f32::from_bits(g[1]).into());
+        let m = &scene.materials[g[2] as usize];
+        let (base, light) = (sample(&scene, m.base_color_texture, uv), sample(&scene, m.emission_texture, uv));
+        let expected: Vec<f64> = (0..4).map(|k| f64::from(m.base_color[k]) * base[k]).collect();
+        let coverage = match m.alpha_mode {
+            AlphaMode::Opaque => 1.0,
+            AlphaMode::Blend => expected[3],
+            AlphaMode::Mask(cutoff) => f64::from(u8::from(expected[3] >= cutoff.into())),
+        };
+        for k in 0..4 {
+            assert!((f64::from(r[k]) - expected[k]).abs() < 1e-4, "{g:?} {r:?} {expected:?}");
+        }
+        for k in 0..3 {
+            assert!((f64::from(r[4 + k]) - f64::from(m.emission[k]) * light[k]).abs() < 3e-4, "{g:?} {r:?}");
+        }
+        if matches!(m.alpha_mode, AlphaMode::Mask(_)) && (expected[3] - 0.4).abs() < 1e-4 {
+            continue;
+        }
+        assert!((f64::from(r[7]) - coverage).abs() < 1e-4, "{g:?} {r:?} {coverage}");
+    }
+}

@@ -1,0 +1,170 @@
+//! Rays through the wide hierarchy, and the surfaces they hit, against the oracle's exhaustive search in f64.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DAffine3, DMat3, DVec3};
+use taugate::generate::numbers::Pcg;
+use taugate::generate::{shapes, stage};
+use taugate::oracle::geometry::{Geometry as Exact, Ray};
+use taugate::render::albedo::AlbedoTable;
+use taugate::render::geometry::Geometry;
+use taugate::scene::{AlphaMode, Material, Mesh, Scene};
+use taugate::settings::Emitters;
+
+use crate::shader_function::{Contents, Prepared, ShaderFunction, contents};
+use crate::values::{direction, directions, dvec, vec3};
+
+pub const KERNELS: &[&ShaderFunction] = &[&TRACE];
+
+const TRACE: ShaderFunction = ShaderFunction {
+    imports: &["visibility"],
+    given: "o: vec3<f32>, t_max: f32, d: vec3<f32>, any: u32",
+    result: "t: f32, hit: u32, offset: f32, material: u32, position: vec3<f32>, pad: f32, geometric: vec3<f32>,
+        left: f32, normal: vec3<f32>, pad2: f32, uv: vec2<f32>, pad3: vec2<f32>",
+    body: "let hit = trace(given.o, given.d, given.t_max, given.any == 1u, vec4<u32>(id.x, 1u, 2u, 3u));
+        result.hit = u32(hit.triangle != NONE);
+        if (hit.triangle != NONE) {
+            let s = surface_at(hit.triangle, hit.u, hit.v);
+            result.t = hit.t; result.offset = s.offset; result.position = s.position; result.geometric = s.geometric;
+            result.normal = s.normal; result.uv = s.uv; result.material = s.material;
+            result.left = dot(leave(s.position, s.geometric, s.offset, -given.d) - s.position, -given.d);
+        }",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Given {
+    o: [f32; 3],
+    t_max: f32,
+    d: [f32; 3],
+    any: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Got {
+    t: f32,
+    hit: u32,
+    offset: f32,
+    material: u32,
+    position: [f32; 3],
+    pad: f32,
+    geometric: [f32; 3],
+    left: f32,
+    normal: [f32; 3],
+    pad2: f32,
+    uv: [f32; 2],
+    pad3: [f32; 2],
+}
+
+/// Smooth and flat shapes strewn about, squeezed, turned and mirrored.
+fn scene() -> Scene {
+    let mut pcg = Pcg::new(131);
+    let mut scene = Scene::default();
+    let material = stage::material(&mut scene, stage::diffuse("white", [1.0; 3]));
+    for i in 0..24 {
+        let shape = match i % 4 {
+            0 => shapes::ball(0.7, 12, 8),
+            1 => shapes::torus(0.8, 0.3, 16, 8),
+            2 => shapes::cuboid(DVec3::splat(-0.6), DVec3::splat(0.6)),
+            _ => shapes::quad(DVec3::NEG_ONE, 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0, 2.0]),
+        };
+        let squeeze = DVec3::new(pcg.range(0.5, 2.0), pcg.range(0.5, 2.0), if i % 3 == 0 { -1.0 } else { 1.0 });
+        let turn = stage::about(direction(&mut pcg), pcg.range(0.0, 3.0)) * DMat3::from_diagonal(squeeze);
+        let place = DAffine3::from_mat3_translation(turn, 5.0 * direction(&mut pcg));
+        let mesh = stage::mesh(&mut scene, "shape", material, shape);
+        stage::place(&mut scene, "node", mesh, place);
+    }
+    scene
+}
+
+fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
+    let g = Geometry::new(scene, origin, &Emitters::Scene, &AlbedoTable::new());
+    // An empty list still needs an element to be bound.
+    let padded = |list: &[u32]| if list.is_empty() { vec![0] } else { list.to_vec() };
+    vec![
+        contents("bvh_nodes", &g.bvh.nodes),
+        contents("triangles", &g.triangles),
+        contents("corners", &padded(&g.corners)),
+        contents("attributes", &g.attributes),
+        contents("instances", &g.instances),
+        contents("materials", &g.materials),
+        contents("textures", &g.textures),
+        contents("texels", &padded(&g.texels)),
+    ]
+}
+
+fn trace(kernel: &Prepared, rays: &[(DVec3, DVec3, f32)], any: bool, buffers: &[Contents]) -> Vec<Got> {
+    let inputs: Vec<Given> =
+        rays.iter().map(|(o, d, t_max)| Given { o: vec3(*o), t_max: *t_max, d: vec3(*d), any: any.into() }).collect();
+    kernel.run(&inputs, buffers)
+}
+
+#[test]
+fn closest_hits_and_surfaces_agree_with_exhaustion() {
+    let (scene, origin) = (scene(), DVec3::new(100.0, -50.0, 20.0));
+    // The sensor may stand anywhere: coordinates on the device are relative to it.
+    let mut moved = scene.clone();
+    moved.instances.iter_mut().for_each(|i| i.transform.translation += origin);
+    let exact = Exact::new(&scene);
+    let buffers = buffers(&moved, origin);
+    let mut pcg = Pcg::new(132);
+    let rays: Vec<(DVec3, DVec3, f32)> = directions(133, 6000)
+        .into_iter()
+        .map(|d| (DVec3::from(vec3(6.0 * direction(&mut pcg)).map(f64::from)), d, 3e38))
+        .collect();
+    let kernel = TRACE.prepare(&[]);
+    let results = trace(&kernel, &rays, false, &buffers);
+    let (mut hits, mut smooth, mut at_edges) = (0, 0, 0);
+    let mut shortened = vec![];
+    for ((o, d, _), r) in rays.iter().zip(&results) {
+        // Exact rays start a hair off their origin; these start in the air.
+        let ray = Ray { t_min: 0.0, ..Ray::new(*o, *d) };
+        let expected = exact.closest_by_exhaustion(&ray);
+        let Some(hit) = expected.filter(|_| r.hit == 1) else {
+            // Silhouettes may be missed on one side only.
+            at_edges += usize::from(expected.is_some() || r.hit == 1);
+            continue;
+        };
+        if (f64::from(r.t) - hit.t).abs() > 1e-4 {
+            at_edges += 1;
+            continue;
+        }
+        hits += 1;
+        let s = exact.surface(&hit);
+        assert!((dvec(&r.position) - s.position).length() < 1e-4, "{r:?} {s:?}");
+        // Thin triangles at the poles of balls know their plane to 1e-4.
+        let geometric = dvec(&r.geometric);
+        assert!((geometric - s.geometric).length() < 2e-4, "{r:?} {s:?}");
+        let side = if s.shading.dot(s.geometric) < 0.0 { -1.0 } else { 1.0 };
+        assert!((dvec(&r.normal) - side * s.shading).length() < 1e-3, "{r:?} {s:?}");
+        smooth += usize::from((s.shading - s.geometric).length() > 0.01);
+        assert!((f64::from(r.uv[0]) - s.uv.x).abs() + (f64::from(r.uv[1]) - s.uv.y).abs() < 1e-3, "{r:?} {s:?}");
+        assert!(r.offset > 0.0 && r.offset < 1e-4 && r.left >= 0.0);
+        shortened.extend([(*o, *d, r.t * 0.999), (*o, *d, r.t * 1.001)]);
+    }
+    assert!(hits > 1000 && smooth > 300 && at_edges <= 6, "{hits} {smooth} {at_edges}");
+    // Shadow rays: a hit before t_max, or none.
+    let shadows = trace(&kernel, &shortened, true, &buffers);
+    assert!(shadows.iter().enumerate().all(|(i, r)| r.hit == i as u32 % 2));
+}
+
+#[test]
+fn alpha_lets_its_share_of_rays_through() {
+    const N: usize = 40_000;
+    let mut scene = Scene::default();
+    let veil =
+        Material { base_color: [1.0, 1.0, 1.0, 0.3], alpha_mode: AlphaMode::Blend, ..stage::diffuse("veil", [1.0; 3]) };
+    let material = stage::material(&mut scene, veil);
+    for z in [1.0, 2.0] {
+        let quad: Mesh = shapes::quad(DVec3::new(-1.0, -1.0, z), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0, 1.0]);
+        stage::add(&mut scene, "veil", material, quad);
+    }
+    let rays = vec![(DVec3::new(0.3, 0.1, 0.0), DVec3::Z, 3e38); N];
+    let results = trace(&TRACE.prepare(&[("HAS_TEXTURES", 0.0)]), &rays, false, &buffers(&scene, DVec3::ZERO));
+    let share = |test: fn(&Got) -> bool| results.iter().filter(|r| test(r)).count() as f64 / N as f64;
+    // 4.5 sigma of a share of 40,000.
+    let error = 4.5 * 0.5 / (N as f64).sqrt();
+    assert!((share(|r| r.hit == 1 && r.t < 1.5) - 0.3).abs() < error);
+    assert!((share(|r| r.hit == 1 && r.t > 1.5) - 0.7 * 0.3).abs() < error);
+    assert!((share(|r| r.hit == 0) - 0.49).abs() < error);
+}
