@@ -80,10 +80,10 @@ fn descend(nodes: &[TreeNode], root: u32, shell: &Shell, rng: &mut u32) -> Optio
         let node = &nodes[current as usize];
         let (left, right) = (node_bound(&node.left, shell), node_bound(&node.right, shell));
         let sum = left + right;
+        let take_left = uniform(rng) * sum < left;
         if sum <= 0.0 {
             return None;
         }
-        let take_left = uniform(rng) * sum < left;
         weight *= sum / if take_left { left } else { right };
         current = if take_left { node.left.child } else { node.right.child };
     }

@@ -52,26 +52,36 @@ fn bytes_to_floats(v: u32) -> vec4<f32> {
     return vec4<f32>(vec4<u32>(v & 0xffu, (v >> 8u) & 0xffu, (v >> 16u) & 0xffu, v >> 24u));
 }
 
-// The slabs carry a few roundings each; a hair of slack keeps hits on the faces of boxes (Ize 2013).
-const SLAB_SLACK: f32 = 1.000001;
+// A plane's parameter is a sum whose terms may cancel: far planes are moved outwards by what rounding can do to the terms, so
+// that flat boxes keep their hits (after Ize 2013). 6 x 2^-24.
+const SLAB_SLACK: f32 = 3.6e-7;
+
+// A node's quantised planes in the ray's parameter: byte times scale plus origin, for near and far planes.
+struct Slabs {
+    near_scale: vec3<f32>,
+    near_origin: vec3<f32>,
+    far_scale: vec3<f32>,
+    far_origin: vec3<f32>,
+    t_min: f32,
+    t_max: f32,
+}
 
 // Hit mask of four of the eight children: inner children in bits 24-31 by traversal priority, triangles in bits 0-23.
-// `meta4`, `x`, `y`, `z` are their words (near planes in .x, far planes in .y), `oct4` the ray's octant in every byte.
-fn intersect_four(meta4: u32, x: vec2<u32>, y: vec2<u32>, z: vec2<u32>, scale: vec3<f32>, origin: vec3<f32>, oct4: u32,
-    t_min: f32, t_max: f32) -> u32 {
+// `near` and `far` hold the bytes of their planes an axis, `oct4` the ray's octant in every byte.
+fn intersect_four(meta4: u32, near: vec3<u32>, far: vec3<u32>, slabs: Slabs, oct4: u32) -> u32 {
     let inner4 = (meta4 & (meta4 << 1u)) & 0x10101010u;
     let inner_mask4 = (inner4 >> 4u) * 0xffu;
     let bit_index4 = (meta4 ^ (oct4 & inner_mask4)) & 0x1f1f1f1fu;
     let child_bits4 = (meta4 >> 5u) & 0x07070707u;
-    let x0 = bytes_to_floats(x.x) * scale.x + origin.x;
-    let x1 = bytes_to_floats(x.y) * scale.x + origin.x;
-    let y0 = bytes_to_floats(y.x) * scale.y + origin.y;
-    let y1 = bytes_to_floats(y.y) * scale.y + origin.y;
-    let z0 = bytes_to_floats(z.x) * scale.z + origin.z;
-    let z1 = bytes_to_floats(z.y) * scale.z + origin.z;
-    let near = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), vec4<f32>(t_min)));
-    let far = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), vec4<f32>(t_max)));
-    let touched = near <= far * SLAB_SLACK;
+    let near_x = bytes_to_floats(near.x) * slabs.near_scale.x + slabs.near_origin.x;
+    let near_y = bytes_to_floats(near.y) * slabs.near_scale.y + slabs.near_origin.y;
+    let near_z = bytes_to_floats(near.z) * slabs.near_scale.z + slabs.near_origin.z;
+    let far_x = bytes_to_floats(far.x) * slabs.far_scale.x + slabs.far_origin.x;
+    let far_y = bytes_to_floats(far.y) * slabs.far_scale.y + slabs.far_origin.y;
+    let far_z = bytes_to_floats(far.z) * slabs.far_scale.z + slabs.far_origin.z;
+    let enter = max(max(near_x, near_y), max(near_z, vec4<f32>(slabs.t_min)));
+    let leave_at = min(min(far_x, far_y), min(far_z, vec4<f32>(slabs.t_max)));
+    let touched = enter <= leave_at;
     let a = select(0u, (child_bits4 & 0xffu) << (bit_index4 & 0xffu), touched.x);
     let b = select(0u, ((child_bits4 >> 8u) & 0xffu) << ((bit_index4 >> 8u) & 0xffu), touched.y);
     let c = select(0u, ((child_bits4 >> 16u) & 0xffu) << ((bit_index4 >> 16u) & 0xffu), touched.z);
@@ -85,7 +95,8 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool) -
     let inverse = safe_inverse(d);
     var stack: array<vec2<u32>, STACK_SIZE>;
     var depth = 0u;
-    let oct = 7u - (select(0u, 4u, d.x < 0.0) | select(0u, 2u, d.y < 0.0) | select(0u, 1u, d.z < 0.0));
+    let backwards = inverse < vec3<f32>(0.0);
+    let oct = 7u - (select(0u, 4u, backwards.x) | select(0u, 2u, backwards.y) | select(0u, 1u, backwards.z));
     let oct4 = oct * 0x01010101u;
     var nodes = vec2<u32>(0u, 0x80000000u);
     var leaves = vec2<u32>(0u, 0u);
@@ -113,18 +124,29 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool) -
                 bitcast<f32>(extract_byte(n0.w, 2u) << 23u),
             ) * inverse;
             let origin = (bitcast<vec3<f32>>(n0.xyz) - o) * inverse;
-            let mask = intersect_four(n1.z, n2.xz, n3.xz, n4.xz, scale, origin, oct4, t_min, hit.t)
-                | intersect_four(n1.w, n2.yw, n3.yw, n4.yw, scale, origin, oct4, t_min, hit.t);
+            let slabs = Slabs(scale, origin, scale + SLAB_SLACK * abs(scale), origin + SLAB_SLACK * abs(origin), t_min, hit.t);
+            // Words of a plane: four low children, four high ones; minima first. The sign of the ray says which are near.
+            let x = select(n2, n2.zwxy, backwards.x);
+            let y = select(n3, n3.zwxy, backwards.y);
+            let z = select(n4, n4.zwxy, backwards.z);
+            let mask = intersect_four(n1.z, vec3<u32>(x.x, y.x, z.x), vec3<u32>(x.z, y.z, z.z), slabs, oct4)
+                | intersect_four(n1.w, vec3<u32>(x.y, y.y, z.y), vec3<u32>(x.w, y.w, z.w), slabs, oct4);
             nodes = vec2<u32>(n1.x, (mask & 0xff000000u) | (n0.w >> 24u));
             leaves = vec2<u32>(n1.y, mask & 0x00ffffffu);
         } else {
             leaves = nodes;
             nodes = vec2<u32>(0u, 0u);
         }
-        while (leaves.y != 0u) {
-            let bit = firstLeadingBit(leaves.y);
-            leaves.y &= ~(1u << bit);
-            intersect_triangle(leaves.x + bit, o, d, t_min, &hit);
+        // Tested at the end: masked SIMD runs a loop's body once more for a condition at its top.
+        loop {
+            if (leaves.y != 0u) {
+                let bit = firstLeadingBit(leaves.y);
+                leaves.y &= ~(1u << bit);
+                intersect_triangle(leaves.x + bit, o, d, t_min, &hit);
+            }
+            continuing {
+                break if leaves.y == 0u;
+            }
         }
         if (any_hit && hit.triangle != NONE) {
             break;
