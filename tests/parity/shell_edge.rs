@@ -120,8 +120,9 @@ fn check(gate: Gate, edge: f64) {
         let results: Vec<Got> = kernel.run(&inputs, &buffers);
         let open = results.iter().filter(|r| r.open == 1).count();
         assert!(open > 4_000 && open < 16_000, "{open} of {} at the edge {edge} of {gate:?}", inputs.len());
-        let dropped: Vec<_> =
-            results.iter().filter(|r| r.open == 1 && !(if spatial { r.bound3 } else { r.bound4 } > 0.0)).collect();
+        let bound = |r: &Got| if spatial { r.bound3 } else { r.bound4 };
+        assert!(results.iter().all(|r| bound(r).is_finite()));
+        let dropped: Vec<_> = results.iter().filter(|r| r.open == 1 && bound(r) <= 0.0).collect();
         assert!(
             dropped.is_empty(),
             "{gate:?}, spatial {spatial}, {buckets} buckets: {} of {open} valid vertices pruned, such as {:?}",
