@@ -24,10 +24,7 @@ fn every_kernel_compiles() {
 }
 
 /// Compares every host twin that a module mentions with its reflection; returns the differences.
-fn compare_layouts(
-    module: &naga::Module,
-    twins: &[(&'static str, usize, Vec<(&'static str, usize)>)],
-) -> (usize, Vec<String>) {
+fn compare_layouts(module: &naga::Module, twins: &[layout::Twin]) -> (usize, Vec<String>) {
     let mut differences = vec![];
     let mut seen = 0;
     for (_, kind) in module.types.iter() {

@@ -5,6 +5,9 @@ use bytemuck::{Pod, Zeroable};
 
 pub const NONE: u32 = u32::MAX;
 
+/// Name, size, and name and offset of every field of a twin.
+pub type Twin = (&'static str, usize, Vec<(&'static str, usize)>);
+
 macro_rules! twins {
     ($($(#[$doc:meta])* $name:ident { $($field:ident: $type:ty),* $(,)? })*) => {
         $(
@@ -15,7 +18,7 @@ macro_rules! twins {
         )*
 
         /// Name, size, and field offsets of every twin, for the layout test.
-        pub fn twins() -> Vec<(&'static str, usize, Vec<(&'static str, usize)>)> {
+        pub fn twins() -> Vec<Twin> {
             vec![$((stringify!($name), size_of::<$name>(), vec![$((stringify!($field), std::mem::offset_of!($name, $field))),*])),*]
         }
     };

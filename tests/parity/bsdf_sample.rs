@@ -147,8 +147,7 @@ fn directions_have_their_density() {
         // A lobe 4 % wider (15 % where it gets a tenth of the samples), or where there is none a density 3 % off, is noticed.
         let lambert = set().kinds[case.material].name == "lambert";
         let wrong = if lambert {
-            let cells =
-                expected(|d| reference.pdf(case.w, d, true) * (1.03 - 0.06 * f64::from(u8::from(d.z > 0.7071))));
+            let cells = expected(|d| reference.pdf(case.w, d, true) * (1.03 - 0.06 * f64::from(u8::from(d.z > 0.7))));
             chi_square(&observed, &cells.iter().map(|p| p * N as f64).collect::<Vec<_>>())
         } else {
             let mut wider = reference;

@@ -1,9 +1,6 @@
 //! Level 4: the estimators agree with each other and with the oracle's path tracer, which is another algorithm in f64.
 
-#[path = "common/render.rs"]
-mod common;
-
-use common::{Cells, disagreements, renderer, settings, threshold};
+use super::cells::{Cells, disagreements, renderer, settings, threshold};
 use taugate::generate::{Kind, build};
 use taugate::oracle::path_tracer::{self, Film};
 use taugate::scene::Scene;

@@ -1,9 +1,6 @@
 //! The same seed gives the same bits: rerun, crop, tile, workgroup size.
 
-#[path = "common/render.rs"]
-mod common;
-
-use common::{renderer, settings, tuned};
+use super::cells::{renderer, settings, tuned};
 use taugate::generate::{Kind, build};
 use taugate::render::{Renderer, Tuning};
 use taugate::settings::{Crop, Estimator};
@@ -35,7 +32,7 @@ fn rerun_tile_and_workgroup_give_the_same_bits() {
         for (name, tuning) in [
             ("tile of 100 paths", Tuning { tile: Some(100), ..usual }),
             ("workgroups of 32", Tuning { workgroup: 32, ..usual }),
-            ("workgroups of 256", Tuning { workgroup: 256, tile: Some(1000), ..usual }),
+            ("workgroups of 256", Tuning { workgroup: 256, tile: Some(1000) }),
         ] {
             assert!(first == image(tuned(&scene, &settings, tuning), 5), "{estimator:?}: {name}");
         }

@@ -1,9 +1,6 @@
 //! Level 5: the gated integrating sphere, whose radiance in any gate is known in closed form (`oracle::sphere`).
 
-#[path = "common/render.rs"]
-mod common;
-
-use common::{Cells, renderer, settings, threshold};
+use super::cells::{Cells, renderer, settings, threshold};
 use taugate::generate::{Kind, build};
 use taugate::oracle::sphere::gated_radiance;
 use taugate::render::Renderer;

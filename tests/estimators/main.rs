@@ -1,0 +1,7 @@
+//! Levels 4 and 5 of the ladder: whole renders against closed forms, against each other, against the oracle, bit for bit.
+
+mod agreement;
+mod cells;
+mod determinism;
+mod shared_scenes;
+mod sphere;

@@ -1,0 +1,49 @@
+//! The benchmark scenes beside the project: estimators agree there too. Skipped with a message where the folder is absent.
+
+use std::path::PathBuf;
+
+use super::cells::{Cells, disagreements, renderer, settings};
+use taugate::scene::gltf;
+use taugate::settings::{Emitters, Estimator};
+use taugate::units::Gate;
+
+/// Path of a benchmark scene if it is there.
+fn scene_path(name: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("TAUGATE_SHARED_SCENES")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/scenes"), PathBuf::from);
+    let path = folder.join(name).join("scene.glb");
+    if !path.exists() {
+        println!("skipped: {name} is not beside the project");
+        return None;
+    }
+    Some(path)
+}
+
+/// `bdpt` and `lcs-paper` on a small image through one gate.
+fn estimators_agree(name: &str, emitters: Emitters, gate: Gate, resolution: [u32; 2]) {
+    let Some(path) = scene_path(name) else { return };
+    let scene = gltf::load(&path).unwrap_or_else(|e| panic!("{e}"));
+    let cells = |estimator| {
+        let mut s = settings(estimator, resolution);
+        s.emitters = emitters.clone();
+        s.max_depth = 12;
+        s.light_paths = 4000;
+        Cells::measure(&mut renderer(&scene, &s), gate, 16, 1, 8, 40)
+    };
+    let (bdpt, lcs) = (cells(Estimator::Bdpt), cells(Estimator::LcsPaper));
+    println!("{name}: bdpt {:?}, lcs-paper {:?}", bdpt.whole(), lcs.whole());
+    assert!(bdpt.whole().0 > 0.0);
+    let wrong = disagreements(&bdpt, &lcs);
+    assert!(wrong.is_empty(), "{name}:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn staircase_with_its_area_light() {
+    estimators_agree("staircase", Emitters::Scene, Gate { lo: 12.7, hi: 13.1 }, [32, 48]);
+}
+
+#[test]
+fn veach_ajar_with_the_beam() {
+    let beam = Emitters::Nodes(vec!["beam".into()]);
+    estimators_agree("veach-ajar", beam, Gate { lo: 14.2, hi: 14.6 }, [48, 32]);
+}

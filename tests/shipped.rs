@@ -1,0 +1,28 @@
+//! The scenes in `scenes/` are what the generator writes, and their experiments can be read.
+
+use std::path::{Path, PathBuf};
+
+use taugate::experiment::Experiment;
+use taugate::generate::{Kind, scene};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
+}
+
+#[test]
+fn shipped_scenes_are_what_the_generator_writes() {
+    for name in ["cornell-box", "door-ajar", "gated-sphere"] {
+        let kind = Kind::parse(name).expect("a kind");
+        let path = folder().join(name).with_extension("glb");
+        let shipped = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        assert!(shipped == scene(kind), "{name}.glb differs: cargo run -- generate {name} -o scenes/{name}.glb");
+    }
+}
+
+#[test]
+fn shipped_experiments_can_be_read() {
+    for name in ["cornell-gated.toml", "door-gated.toml"] {
+        let experiment = Experiment::read(&folder().join(name)).unwrap_or_else(|e| panic!("{e}"));
+        assert!(experiment.scene.is_some_and(|s| s.exists()), "{name} names a scene that is there");
+    }
+}
