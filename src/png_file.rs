@@ -6,8 +6,8 @@ use std::path::Path;
 use crate::error::Result;
 use crate::files::write_atomically;
 
-/// Where the bright end of the picture goes: this percentile of the lit pixels' luminance...
-const PERCENTILE: f64 = 0.995;
+/// Where the bright end of the picture goes: this percentile of the lit pixels' luminance (lamps may burn out)
+const PERCENTILE: f64 = 0.97;
 /// ... is mapped to this linear value, before the sRGB curve.
 const BRIGHT: f32 = 0.9;
 
@@ -31,7 +31,7 @@ pub fn tone_map(rgb: &[f32]) -> Vec<u8> {
     rgb.iter().map(|&v| (255.0 * srgb(v * exposure) + 0.5) as u8).collect()
 }
 
-/// The factor that brings the 99.5th percentile of the lit pixels' luminance to 0.9; 1 for a black image.
+/// The factor that brings the 97th percentile of the lit pixels' luminance to 0.9; 1 for a black image.
 fn exposure(rgb: &[f32]) -> f32 {
     let luminance = |p: &[f32]| 0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2];
     let mut lit: Vec<f32> = rgb.chunks_exact(3).map(luminance).filter(|&y| y > 0.0 && y.is_finite()).collect();

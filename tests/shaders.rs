@@ -91,3 +91,24 @@ fn shared_constants_agree() {
     let missing: Vec<_> = layout::constants::ALL.iter().filter(|(n, _)| !found.contains(*n)).collect();
     assert!(missing.is_empty(), "not in any kernel: {missing:?}");
 }
+
+/// Every device with Vulkan 1.1 must be able to load the kernels: no optional capability slips in through a builtin.
+#[test]
+fn kernels_ask_for_nothing_beyond_shaders() {
+    const OP_CAPABILITY: u32 = (2 << 16) | 17;
+    const SHADER: u32 = 1;
+    for (path, text) in kernels() {
+        let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
+        for entry in &module.entry_points {
+            let words = shader::compile(path, &entry.name, &[]).unwrap_or_else(|e| panic!("{e}")).words;
+            let asked: Vec<u32> = words
+                .windows(2)
+                .skip(5)
+                .take_while(|w| w[0] >> 16 != 3)
+                .filter(|w| w[0] == OP_CAPABILITY)
+                .map(|w| w[1])
+                .collect();
+            assert_eq!(asked, [SHADER], "{path}: {}", entry.name);
+        }
+    }
+}

@@ -40,8 +40,8 @@ fn bucket_power(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
     let first = clamp(floor((shell.lo - d.y - c.tau_lo) * scale), 0.0, 7.0);
     let last = clamp(floor((shell.hi - d.x - c.tau_lo) * scale), -1.0, 7.0);
     let k = vec4<f32>(0.0, 1.0, 2.0, 3.0);
-    let low = vec4<f32>(unpack4xU8(c.buckets_low));
-    let high = vec4<f32>(unpack4xU8(c.buckets_high));
+    let low = bytes_to_floats(c.buckets_low);
+    let high = bytes_to_floats(c.buckets_high);
     let a = select(vec4<f32>(0.0), low, (k >= vec4<f32>(first)) & (k <= vec4<f32>(last)));
     let b = select(vec4<f32>(0.0), high, (k + 4.0 >= vec4<f32>(first)) & (k + 4.0 <= vec4<f32>(last)));
     let sum = a + b;

@@ -55,3 +55,8 @@ fn decode_octahedral(packed: u32) -> vec3<f32> {
     let y = e.y - select(-t, t, e.y >= 0.0);
     return normalize(vec3<f32>(x, y, z));
 }
+
+// The four bytes of a word, lowest first. Not unpack4xU8: that asks the device for 8-bit integers.
+fn bytes_to_floats(v: u32) -> vec4<f32> {
+    return vec4<f32>(vec4<u32>(v & 0xffu, (v >> 8u) & 0xffu, (v >> 16u) & 0xffu, v >> 24u));
+}

@@ -48,10 +48,6 @@ fn extract_byte(x: u32, b: u32) -> u32 {
     return (x >> (b * 8u)) & 0xffu;
 }
 
-fn bytes_to_floats(v: u32) -> vec4<f32> {
-    return vec4<f32>(vec4<u32>(v & 0xffu, (v >> 8u) & 0xffu, (v >> 16u) & 0xffu, v >> 24u));
-}
-
 // A plane's parameter is a sum whose terms may cancel: far planes are moved outwards by what rounding can do to the terms, so
 // that flat boxes keep their hits (after Ize 2013). 6 x 2^-24.
 const SLAB_SLACK: f32 = 3.6e-7;
