@@ -24,8 +24,11 @@ const COUNTERS: usize = 16;
 /// Samples a pixel in one iteration, at most.
 pub const MOST_SAMPLES: u32 = 16;
 
+/// Workgroups a dispatch that every Vulkan device allows.
+const LEAST_GROUP_LIMIT: u32 = 65_535;
+
 /// A submit is kept under this on average, so that the worst stays under 0.1 s.
-const TARGET_SECONDS: f64 = 0.06;
+const TARGET_SECONDS: f64 = 0.045;
 /// Bounces that end a submit; between submits the host sees whether any path lives.
 const SUBMIT_AFTER: [u32; 6] = [1, 2, 4, 8, 16, 32];
 
@@ -81,8 +84,10 @@ impl SensorTracer {
         let limit = info.largest_buffer();
         let by_vertices = limit / size_of::<PathVertex>() as u64;
         let by_slots = limit / (16 * u64::from(slots));
+        // Every slot may be a live candidate: the workgroups of one dispatch are limited too.
+        let by_groups = u64::from(LEAST_GROUP_LIMIT * plan.tuning.workgroup) / u64::from(slots);
         let all = plan.crop_pixels * u64::from(MOST_SAMPLES);
-        wanted.min(by_vertices).min(by_slots).min(all).max(u64::from(MOST_SAMPLES)) as usize
+        wanted.min(by_vertices).min(by_slots).min(by_groups).min(all).max(u64::from(MOST_SAMPLES)) as usize
     }
 
     /// What the buffers of [`SensorTracer::new`] will need.

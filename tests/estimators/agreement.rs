@@ -1,6 +1,7 @@
 //! Level 4: the estimators agree with each other and with the oracle's path tracer, which is another algorithm in f64.
 
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
+use super::zoo::{Light, zoo};
 use taugate::generate::{Kind, build};
 use taugate::oracle::path_tracer::{self, Film};
 use taugate::scene::Scene;
@@ -111,6 +112,52 @@ fn door_ajar_with_its_beam_agrees_with_the_oracle() {
 fn clutter_with_mirror_and_glass_agrees_with_the_oracle() {
     let scene = build(Kind::ClutteredRoom { triangles: 20_000 });
     assert_none(against_oracle("clutter", &scene, &[(8.0, 9.0), (0.0, f64::INFINITY)], [32, 16], 0.0));
+}
+
+#[test]
+fn a_room_with_every_feature_agrees_with_the_oracle() {
+    for (name, light, lo) in
+        [("lamp", Light::Area, 5.0), ("punctual", Light::Punctual, 5.0), ("beam", Light::Beam, 6.5)]
+    {
+        let gates = [(lo, lo + 1.0), (0.0, f64::INFINITY)];
+        assert_none(against_oracle(name, &zoo(light), &gates, [24, 16], 0.0));
+    }
+}
+
+/// The long proof: means of whole images against the oracle, within their errors and these within 0.5 %.
+/// `cargo test --release --test estimators -- --ignored --nocapture whole_images`
+#[test]
+#[ignore = "takes minutes"]
+fn whole_images_agree_with_the_oracle() {
+    for (name, light, lo) in
+        [("lamp", Light::Area, 5.0), ("punctual", Light::Punctual, 5.0), ("beam", Light::Beam, 6.5)]
+    {
+        let scene = zoo(light);
+        let bins = vec![(lo, lo + 1.0), (0.0, f64::INFINITY)];
+        let resolution = [24, 16];
+        let (camera, emitters) = (0, Emitters::Scene);
+        let s =
+            path_tracer::Settings { camera, resolution, spp: 40_000, seed: 3, max_depth: MAX_DEPTH, bins, emitters };
+        let truth = path_tracer::render(&scene, &s);
+        for (bin, &(lo, hi)) in s.bins.iter().enumerate() {
+            let pixels = &truth.bins[bin];
+            let error =
+                pixels.iter().map(|p| p.variance.iter().sum::<f64>() / 3.0).sum::<f64>().sqrt() / pixels.len() as f64;
+            let expected = truth.average(bin);
+            for estimator in [Estimator::Bdpt, Estimator::LcsPaper] {
+                let mut s = settings(estimator, resolution);
+                s.max_depth = MAX_DEPTH;
+                s.light_paths = 20_000;
+                let (mean, spread) = Cells::measure(&mut renderer(&scene, &s), gate(lo, hi), 24, 4, 16, 900).whole();
+                let z = (mean - expected) / spread.hypot(error);
+                println!(
+                    "{name} {estimator:?} [{lo}, {hi}): {mean:.6} +- {spread:.6}, oracle {expected:.6} +- {error:.6}, {:+.2} %, z = {z:.2}",
+                    100.0 * (mean / expected - 1.0)
+                );
+                assert!(z.abs() < threshold(12), "{name} {estimator:?} [{lo}, {hi}): z = {z:.2}");
+            }
+        }
+    }
 }
 
 /// The paper's strategies alone (s >= 1, t >= 2) cover all of these images but emitters seen directly.

@@ -5,3 +5,4 @@ mod cells;
 mod determinism;
 mod shared_scenes;
 mod sphere;
+mod zoo;
