@@ -35,7 +35,8 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     // Flux over area becomes mean radiance over the pixel (box filter): 1 / (d^2 pixel_area cos^3).
     let density = pixel_pdf(cosine);
     let value = v.throughput * c.value * (density / (d * d));
-    if (!(max_component(value) > 0.0)) {
+    // What is not a number goes on: the host counts it.
+    if (max_component(value) <= 0.0) {
         return;
     }
 

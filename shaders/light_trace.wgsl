@@ -40,7 +40,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         v.flags |= VERTEX_DETERMINISTIC;
         v.select_pdf = s.select_pdf;
     }
-    if (is_connectible(v.material)) {
+    if (is_connectible(v)) {
         v.flags |= VERTEX_VALID;
     }
     vertices[slot] = v;

@@ -64,7 +64,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     var mark = 0u;
-    if (is_connectible(q.material)) {
+    if (is_connectible(q)) {
         q.flags |= VERTEX_VALID;
         mark = MARK_SHADE;
     }
@@ -73,7 +73,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     // Next direction. The first bounces are always taken: they carry most of the image.
     let u = random4(STREAM_SENSOR, index, sensor.sample, depth, 0u, frame.seed);
     let roulette = random4(STREAM_SENSOR, index, sensor.sample, depth, 1u, frame.seed);
-    if (depth < frame.max_depth && depart(&s, q, true, u, select(roulette.x, -1.0, depth < 3u))) {
+    if (depart(&s, q, true, u, select(roulette.x, -1.0, depth < 3u))) {
         states[slot] = s;
         mark |= MARK_ALIVE;
     }

@@ -15,6 +15,24 @@ pub struct Bvh {
     pub host: CwBvh,
 }
 
+/// Levels the kernels' stacks have room for (STACK_SIZE in `shared/traverse.wgsl`).
+pub const MOST_LEVELS: usize = 32;
+
+impl Bvh {
+    /// Levels of nodes, 0 for an empty hierarchy.
+    pub fn levels(&self) -> usize {
+        let mut deepest = 0;
+        let mut open = if self.host.nodes.is_empty() { vec![] } else { vec![(0usize, 1usize)] };
+        while let Some((i, level)) = open.pop() {
+            deepest = deepest.max(level);
+            let node = &self.host.nodes[i];
+            let first = node.child_base_idx as usize;
+            open.extend((first..first + node.imask.count_ones() as usize).map(|child| (child, level + 1)));
+        }
+        deepest
+    }
+}
+
 /// Builds the hierarchy. `corners` are finite; none gives a hierarchy that no ray hits.
 pub fn build(corners: &[[[f32; 3]; 3]]) -> Bvh {
     let triangles: Vec<Triangle> = corners

@@ -27,7 +27,8 @@ pub const MAX_SIDE: u32 = 16_384;
 /// Pixels in an image at most: 64 Mi.
 pub const MAX_PIXELS: u64 = 1 << 26;
 pub const MAX_SPP: u32 = 1 << 24;
-pub const MAX_DEPTH: u32 = 1_000;
+/// Vertices count their segments in 8 bits.
+pub const MAX_DEPTH: u32 = 254;
 pub const MAX_LIGHT_PATHS: u32 = 1 << 24;
 pub const MAX_QUERIES: u32 = 64;
 /// The node layout has room for eight bucket powers.

@@ -62,6 +62,9 @@ fn medium_towards(v: PathVertex, w: vec3<f32>) -> f32 {
     if (!HAS_TRANSMISSION || (v.flags & VERTEX_EMITTER) != 0u || dot(v.geometric, w) >= 0.0) {
         return v.eta;
     }
+    if (materials[v.material].transmission <= 0.0) {
+        return v.eta;
+    }
     return select(1.0, materials[v.material].ior, (v.flags & VERTEX_FRONT) != 0u);
 }
 

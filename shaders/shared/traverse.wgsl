@@ -12,6 +12,11 @@ struct Hit {
 
 const STACK_SIZE: u32 = 32u;
 
+// Spelled out: the builtin could be contracted, one way here and another way there.
+fn cross_exact(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+
 // Edge functions in Pluecker form relative to the ray origin: the two triangles at an edge compute the same number with
 // opposite signs (the code is built without contraction), so that no ray passes between them.
 fn intersect_triangle(index: u32, o: vec3<f32>, d: vec3<f32>, t_min: f32, hit: ptr<function, Hit>) {
@@ -21,10 +26,10 @@ fn intersect_triangle(index: u32, o: vec3<f32>, d: vec3<f32>, t_min: f32, hit: p
     let e0 = v2 - v0;
     let e1 = v0 - v1;
     let e2 = v1 - v2;
-    let u = dot(cross(e0, v2 + v0), d);
-    let v = dot(cross(e1, v0 + v1), d);
-    let w = dot(cross(e2, v1 + v2), d);
-    let normal = cross(e1, e0);
+    let u = dot(cross_exact(e0, v2 + v0), d);
+    let v = dot(cross_exact(e1, v0 + v1), d);
+    let w = dot(cross_exact(e2, v1 + v2), d);
+    let normal = cross_exact(e1, e0);
     let t = dot(v0, normal) / dot(d, normal);
     let inside = min(u, min(v, w)) >= 0.0 || max(u, max(v, w)) <= 0.0;
     if (inside && t > t_min && t < (*hit).t) {

@@ -10,7 +10,8 @@ fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, key: vec4<u32>) 
     var t_min = 0.0;
     var hit: Hit;
     loop {
-        hit = traverse(o, d, t_min, t_max, any_hit);
+        // Any hit is not the nearest one: what an alpha surface lets pass must still meet what stands before it.
+        hit = traverse(o, d, t_min, t_max, any_hit && !HAS_ALPHA);
         if (!HAS_ALPHA || hit.triangle == NONE) {
             break;
         }

@@ -9,6 +9,10 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let side = dot(surface.geometric, towards);
     let flip = select(1.0, -1.0, side < 0.0);
     mis_arrive(state, distance2, abs(side));
+    if (HAS_TRANSMISSION && materials[surface.material].transmission > 0.0) {
+        // The side that was hit says what the segment ran through, the same for subpaths from either end.
+        (*state).eta = select(materials[surface.material].ior, 1.0, side >= 0.0);
+    }
     (*state).tau += (*state).eta * sqrt(distance2);
     (*state).position = surface.position;
 
@@ -53,8 +57,9 @@ fn depart(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec
     return true;
 }
 
-// Can the vertex be connected: has the material a lobe that is not a delta?
-fn is_connectible(material: u32) -> bool {
-    let m = materials[material];
-    return m.alpha >= DELTA_ALPHA || (m.metallic < 1.0 && m.transmission < 1.0);
+// Can the vertex be connected: has its side of the material a lobe that is not a delta?
+fn is_connectible(v: PathVertex) -> bool {
+    let m = materials[v.material];
+    let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
+    return !black && (m.alpha >= DELTA_ALPHA || (m.metallic < 1.0 && m.transmission < 1.0));
 }

@@ -60,7 +60,10 @@ impl Buffer {
                 .create_buffer(&vk::BufferCreateInfo::default().size(size).usage(usage), None)
                 .map_err(|e| shared.error("creating a buffer", e))?;
             let needs = shared.device.get_buffer_memory_requirements(handle);
-            let host = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+            // Mapped only where the host reads it at full speed: integrated and software devices, and staging buffers.
+            let host = vk::MemoryPropertyFlags::HOST_VISIBLE
+                | vk::MemoryPropertyFlags::HOST_COHERENT
+                | vk::MemoryPropertyFlags::HOST_CACHED;
             let kind = find_memory(&shared.memory, needs.memory_type_bits, wanted | host)
                 .or_else(|| find_memory(&shared.memory, needs.memory_type_bits, wanted))
                 .ok_or_else(|| Error::Device(format!("{} has no memory for {name}", shared.info.name)))?;
@@ -77,7 +80,8 @@ impl Buffer {
             shared.bytes.fetch_add(size, Ordering::Relaxed);
             let mut buffer = Buffer { device: device.clone(), handle, memory, mapping: None, size, name };
             shared.device.bind_buffer_memory(handle, memory, 0).map_err(|e| shared.error("binding memory", e))?;
-            if shared.memory.memory_types[kind as usize].property_flags.contains(host) {
+            let staging = wanted.contains(vk::MemoryPropertyFlags::HOST_VISIBLE);
+            if staging || shared.memory.memory_types[kind as usize].property_flags.contains(host) {
                 let address = shared
                     .device
                     .map_memory(memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty())
@@ -141,7 +145,8 @@ impl Buffer {
     }
 
     fn staging(&self, bytes: u64) -> Result<Buffer> {
-        Buffer::allocate(&self.device, "staging", bytes.max(16), vk::MemoryPropertyFlags::HOST_VISIBLE)
+        let mapped = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+        Buffer::allocate(&self.device, "staging", bytes.max(16), mapped)
     }
 }
 

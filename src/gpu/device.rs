@@ -75,7 +75,7 @@ pub(super) struct Shared {
 const VALIDATE: &str = "TAUGATE_VALIDATE";
 
 impl Device {
-    /// Devices in the driver's order, with those taugate cannot use left out.
+    /// Devices in the driver's order.
     pub fn list() -> Result<Vec<DeviceInfo>> {
         let (_entry, instance) = open_instance()?;
         // SAFETY: the instance is alive, and is destroyed once, after its last use.

@@ -92,7 +92,7 @@ impl LightTracer {
         self.recorder.dispatch("light_start", &self.start.0, &self.start.1, &constants(count, 0), groups)?;
         self.submit(stats)?;
         let mut living: Vec<u32> = (0..count).collect();
-        self.collect(&living, first, pool)?;
+        self.collect(&living, first, plan.max_depth, pool)?;
         if !plan.traces_light {
             return Ok(());
         }
@@ -113,9 +113,9 @@ impl LightTracer {
             stats.closest_rays += living.len() as u64;
             let start = std::time::Instant::now();
             let known = pool.deterministic.len();
-            self.collect(&living, first, pool)?;
+            self.collect(&living, first, plan.max_depth, pool)?;
             if plan.splats {
-                self.show_splats(&living, known, pool, see)?;
+                stats.dropped += self.show_splats(&living, known, pool, see)?;
             }
             living = self.survivors(&living)?;
             stats.add_host("read light vertices", start.elapsed().as_secs_f64());
@@ -132,12 +132,12 @@ impl LightTracer {
     }
 
     /// Vertices that were just reached, in the order of the paths.
-    fn collect(&self, living: &[u32], first: u32, pool: &mut LightPool) -> Result<()> {
+    fn collect(&self, living: &[u32], first: u32, max_depth: u32, pool: &mut LightPool) -> Result<()> {
         self.vertices.with::<PathVertex, _>(self.vertices_in_use(living), |vertices| {
             for &slot in living {
                 let vertex = &vertices[slot as usize];
                 if vertex.flags & VERTEX_VALID != 0 {
-                    pool.push(first + slot, vertex);
+                    pool.push(first + slot, vertex, max_depth);
                 }
             }
         })
@@ -160,10 +160,13 @@ impl LightTracer {
         known: usize,
         pool: &LightPool,
         see: &mut impl FnMut([f32; 3], f32),
-    ) -> Result<()> {
+    ) -> Result<u64> {
         let n = self.vertices_in_use(living);
+        let mut dropped = 0;
         let mut fresh: Vec<u32> = pool.deterministic[known..].iter().map(|v| v.owner).collect();
-        let vertices = self.vertices.to_vec::<PathVertex>(if fresh.is_empty() && known == 0 { 0 } else { n })?;
+        // Punctual lights are deterministic too, but stand at depth 0 and are never traced.
+        let any = pool.deterministic.iter().any(|v| v.flags & VERTEX_DEPTH != 0);
+        let vertices = self.vertices.to_vec::<PathVertex>(if any { n } else { 0 })?;
         self.splats.with::<[f32; 4], _>(n, |splats| {
             for &slot in living {
                 let [r, g, b, pixel_or_tau] = splats[slot as usize];
@@ -174,9 +177,14 @@ impl LightTracer {
                     fresh.swap_remove(i);
                 }
                 if pixel_or_tau.to_bits() != NONE {
-                    see([r, g, b].map(|value| if value.is_finite() { value } else { 0.0 }), pixel_or_tau);
+                    let finite = [r, g, b].iter().all(|value| value.is_finite());
+                    dropped += u64::from(!finite);
+                    if finite {
+                        see([r, g, b], pixel_or_tau);
+                    }
                 }
             }
-        })
+        })?;
+        Ok(dropped)
     }
 }

@@ -169,18 +169,16 @@ impl Renderer {
     fn prepare_sensor(&mut self, pool: &SortedPool) -> Result<()> {
         let slots = self.plan.slots(&pool.layout);
         let mut tracer = None;
-        if let Some((old, mut device_pool, bound)) = self.sensor.take()
-            && old.slots() >= slots
-        {
-            if device_pool.replace(pool)? {
+        if let Some((old, mut device_pool, bound)) = self.sensor.take() {
+            if old.slots() >= slots && device_pool.replace(pool)? {
                 self.sensor = Some((old, device_pool, bound));
                 return Ok(());
             }
             tracer = Some(old);
         }
         let tracer = match tracer {
-            Some(tracer) => tracer,
-            None => SensorTracer::new(&self.device, &self.plan, slots)?,
+            Some(tracer) if tracer.slots() >= slots => tracer,
+            old => SensorTracer::new(&self.device, &self.plan, slots, old.map(SensorTracer::into_kernels))?,
         };
         let device_pool = DevicePool::new(&self.device, pool)?;
         let bound = tracer.bind(&self.scene, &device_pool)?;

@@ -47,12 +47,14 @@ pub struct SortedPool {
 impl LightPool {
     /// Takes a vertex that was reached by light path `path`. Of a deterministic prefix only the first copy is kept: it
     /// carries the whole power.
-    pub fn push(&mut self, path: u32, vertex: &PathVertex) {
+    pub fn push(&mut self, path: u32, vertex: &PathVertex, max_depth: u32) {
         if vertex.flags & VERTEX_DETERMINISTIC != 0 {
             let same = |v: &PathVertex| v.owner == vertex.owner && (v.flags ^ vertex.flags) & VERTEX_DEPTH == 0;
             if !self.deterministic.iter().any(same) {
                 self.deterministic.push(*vertex);
             }
+        } else if (vertex.flags & VERTEX_DEPTH) + 2 > max_depth {
+            // A connection adds itself and a sensor segment; what is deeper serves t = 1 alone.
         } else if vertex.flags & VERTEX_EMITTER != 0 {
             self.emitter_points.push((path, *vertex));
         } else {

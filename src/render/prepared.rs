@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
+use crate::bvh::MOST_LEVELS;
 use crate::error::{Error, Result};
 use crate::scene::Scene;
 use crate::settings::Settings;
@@ -27,6 +28,13 @@ impl Prepared {
             return Err(Error::Settings(
                 "nothing emits light: select other nodes with --emitters, or add a light to the scene".into(),
             ));
+        }
+        let levels = geometry.bvh.levels();
+        if levels > MOST_LEVELS {
+            return Err(Error::Settings(format!(
+                "the scene's hierarchy is {levels} levels deep and the kernels have room for {MOST_LEVELS}: \
+                 it holds triangles nested over too many orders of magnitude; remove the smallest"
+            )));
         }
         Ok(Prepared { geometry, emitters, albedo })
     }

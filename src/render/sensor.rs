@@ -43,7 +43,8 @@ pub struct SensorTracer {
     tile: usize,
 }
 
-struct Kernels {
+/// Compiled kernels; they do not depend on any buffer.
+pub struct Kernels {
     start: Kernel,
     trace: Kernel,
     count: Kernel,
@@ -68,11 +69,14 @@ pub struct Bound {
 }
 
 impl SensorTracer {
-    /// Buffers for `slots` candidates a shade point.
-    pub fn new(device: &Device, plan: &Plan, slots: u32) -> Result<SensorTracer> {
+    /// Buffers for `slots` candidates a shade point; kernels of a tracer that had fewer, or new ones.
+    pub fn new(device: &Device, plan: &Plan, slots: u32, kernels: Option<Kernels>) -> Result<SensorTracer> {
         let capacity = SensorTracer::capacity(device.info(), plan, slots);
         let buffers = Buffers::new(device, plan, capacity, slots as usize)?;
-        let kernels = Kernels::new(device, plan)?;
+        let kernels = match kernels {
+            Some(kernels) => kernels,
+            None => Kernels::new(device, plan)?,
+        };
         let tile = plan.tuning.tile.unwrap_or(1 << 13).min(capacity);
         Ok(SensorTracer { kernels, buffers, recorder: Recorder::new(device)?, slots, capacity, tile })
     }
@@ -97,6 +101,11 @@ impl SensorTracer {
 
     pub fn slots(&self) -> u32 {
         self.slots
+    }
+
+    /// Frees the buffers and keeps what is slow to make.
+    pub fn into_kernels(self) -> Kernels {
+        self.kernels
     }
 
     /// Descriptor sets over the scene, a pool and the tracer's buffers.

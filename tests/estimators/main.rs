@@ -3,6 +3,7 @@
 mod agreement;
 mod cells;
 mod determinism;
+mod regressions;
 mod shared_scenes;
 mod sphere;
 mod zoo;

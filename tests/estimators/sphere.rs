@@ -70,7 +70,7 @@ fn a_gate_off_by_two_percent_is_rejected() {
     }
 }
 
-/// The long proof: bias below 0.5 % in every gate. `cargo test --release --test sphere -- --ignored`
+/// The long proof: bias below 0.5 % in every gate. `cargo test --release --test estimators -- --ignored --nocapture bias`
 #[test]
 #[ignore = "takes minutes"]
 fn bias_is_below_half_a_percent() {
