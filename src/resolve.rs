@@ -83,6 +83,16 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         camera,
         emitters: emitters(&experiment.emitter, scene, &gate)?,
     };
+    if settings.estimator == Estimator::Pt {
+        let shines = |node: &String| match &settings.emitters {
+            Emitters::Scene => true,
+            Emitters::Nodes(names) => names.contains(node),
+        };
+        let beams = scene.lights.iter().filter(|l| matches!(l.kind, LightKind::Beam { .. }) && shines(&l.node));
+        warnings.extend(
+            beams.map(|l| format!("pt cannot see by the beam '{}': it stays dark; use bdpt or lcs-paper", l.node)),
+        );
+    }
     Ok(Resolved { settings, warnings })
 }
 
