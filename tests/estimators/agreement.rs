@@ -137,7 +137,7 @@ fn whole_images_agree_with_the_oracle() {
         let resolution = [24, 16];
         let (camera, emitters) = (0, Emitters::Scene);
         let s =
-            path_tracer::Settings { camera, resolution, spp: 10_000, seed: 3, max_depth: MAX_DEPTH, bins, emitters };
+            path_tracer::Settings { camera, resolution, spp: 2_500, seed: 3, max_depth: MAX_DEPTH, bins, emitters };
         let truth = path_tracer::render(&scene, &s);
         for (bin, &(lo, hi)) in s.bins.iter().enumerate() {
             let pixels = &truth.bins[bin];
