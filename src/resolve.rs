@@ -39,9 +39,10 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         Some(Png::File(path)) if has(path, "png") => Some(path.clone()),
         Some(Png::File(path)) => return Err(settings(format!("the picture {} must end in .png", path.display()))),
     };
+    // Any other name could be the scene, the experiment or the image, however it is spelled.
     let stats = wanted.stats.clone();
-    if stats.is_some() && (stats.as_ref() == Some(&exr) || stats == png) {
-        return Err(settings("--stats names a file that another output is written to; choose another name"));
+    if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
+        return Err(settings(format!("the numbers of --stats, {}, must end in .json", path.display())));
     }
     Ok(Outputs { exr, png, stats })
 }

@@ -1,0 +1,28 @@
+//! What hostile use has found, one test each, named after what went wrong.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn taugate(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
+}
+
+fn cornell_box(folder: &Path) {
+    assert!(taugate(folder, &["generate", "cornell-box", "-o", "box.glb"]).status.success());
+}
+
+#[test]
+fn stats_do_not_overwrite_the_scene_or_the_image() {
+    let folder = tempfile::tempdir().unwrap();
+    cornell_box(folder.path());
+    let scene = std::fs::read(folder.path().join("box.glb")).unwrap();
+    for stats in ["box.glb", "./out.exr"] {
+        let arguments =
+            ["render", "box.glb", "-o", "out.exr", "--resolution", "4x4", "--spp", "1", "--light-paths", "9"];
+        let output = taugate(folder.path(), &[&arguments[..], &["--stats", stats]].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains("--stats") && message.contains(".json"), "{message}");
+        assert_eq!(std::fs::read(folder.path().join("box.glb")).unwrap(), scene);
+    }
+}
