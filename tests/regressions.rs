@@ -26,3 +26,13 @@ fn stats_do_not_overwrite_the_scene_or_the_image() {
         assert_eq!(std::fs::read(folder.path().join("box.glb")).unwrap(), scene);
     }
 }
+
+/// Writing to a full disk; `/dev/full` is one where it exists, but outputs must be plain files.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_picture_on_a_full_disk_keeps_the_kind_of_the_error() {
+    let noise: Vec<f32> = (0..3 * 256 * 256).map(|i| (i * 7919 % 1009) as f32).collect();
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let error = taugate::png_file::encode(full, 256, 256, &noise).unwrap_err();
+    assert_eq!(error.kind(), std::io::ErrorKind::StorageFull, "{error}");
+}
