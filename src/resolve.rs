@@ -84,6 +84,13 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         camera,
         emitters: emitters(&experiment.emitter, scene, &gate)?,
     };
+    for light in scene.lights.iter().filter(|light| matches!(light.kind, LightKind::Directional { .. })) {
+        if settings.emitters == Emitters::Scene
+            || matches!(&settings.emitters, Emitters::Nodes(n) if n.contains(&light.node))
+        {
+            warnings.push(format!("the directional light '{}' is not rendered yet; its light is missing", light.node));
+        }
+    }
     Ok(Resolved { settings, warnings })
 }
 

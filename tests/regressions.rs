@@ -3,6 +3,10 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use taugate::experiment::Experiment;
+use taugate::resolve::resolve;
+use taugate::scene::{Light, LightKind, gltf};
+
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
 }
@@ -25,6 +29,22 @@ fn stats_do_not_overwrite_the_scene_or_the_image() {
         assert!(message.contains("--stats") && message.contains(".json"), "{message}");
         assert_eq!(std::fs::read(folder.path().join("box.glb")).unwrap(), scene);
     }
+}
+
+#[test]
+fn a_directional_light_is_not_left_out_in_silence() {
+    let folder = tempfile::tempdir().unwrap();
+    cornell_box(folder.path());
+    let mut scene = gltf::load(&folder.path().join("box.glb")).unwrap();
+    assert!(resolve(&Experiment::default(), &scene).unwrap().warnings.is_empty());
+    scene.lights.push(Light {
+        node: "sun".into(),
+        position: glam::DVec3::ZERO,
+        direction: glam::DVec3::NEG_Z,
+        kind: LightKind::Directional { irradiance: [1.0; 3] },
+    });
+    let warnings = resolve(&Experiment::default(), &scene).unwrap().warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("'sun'"), "{warnings:?}");
 }
 
 /// Writing to a full disk; `/dev/full` is one where it exists, but outputs must be plain files.
