@@ -13,16 +13,27 @@ const BRIGHT: f32 = 0.9;
 
 /// Writes linear R, G, B (interleaved, row 0 at the top) as an sRGB picture with automatic exposure.
 pub fn write(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
+    write_atomically(path, |writer| encode(writer, width, height, rgb))
+}
+
+/// What [`write`] puts into the file.
+pub fn encode(writer: impl io::Write, width: u32, height: u32, rgb: &[f32]) -> io::Result<()> {
     let bytes = tone_map(rgb);
-    write_atomically(path, |writer| {
-        let mut encoder = png::Encoder::new(writer, width, height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let mut image = encoder.write_header().map_err(io::Error::from)?;
-        image.write_image_data(&bytes).map_err(io::Error::from)?;
-        image.finish().map_err(io::Error::from)
-    })
+    let mut encoder = png::Encoder::new(writer, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let mut image = encoder.write_header().map_err(into_io)?;
+    image.write_image_data(&bytes).map_err(into_io)?;
+    image.finish().map_err(into_io)
+}
+
+/// The kind of an error of the disk is kept: the message depends on it.
+fn into_io(error: png::EncodingError) -> io::Error {
+    match error {
+        png::EncodingError::IoError(error) => error,
+        other => other.into(),
+    }
 }
 
 /// Exposes and encodes. A black image stays black; values that are not finite become black.

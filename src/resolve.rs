@@ -39,9 +39,10 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         Some(Png::File(path)) if has(path, "png") => Some(path.clone()),
         Some(Png::File(path)) => return Err(settings(format!("the picture {} must end in .png", path.display()))),
     };
+    // Any other name could be the scene, the experiment or the image, however it is spelled.
     let stats = wanted.stats.clone();
-    if stats.is_some() && (stats.as_ref() == Some(&exr) || stats == png) {
-        return Err(settings("--stats names a file that another output is written to; choose another name"));
+    if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
+        return Err(settings(format!("the numbers of --stats, {}, must end in .json", path.display())));
     }
     Ok(Outputs { exr, png, stats })
 }
@@ -83,17 +84,26 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         camera,
         emitters: emitters(&experiment.emitter, scene, &gate)?,
     };
-    if settings.estimator == Estimator::Pt {
-        let shines = |node: &String| match &settings.emitters {
-            Emitters::Scene => true,
-            Emitters::Nodes(names) => names.contains(node),
-        };
-        let beams = scene.lights.iter().filter(|l| matches!(l.kind, LightKind::Beam { .. }) && shines(&l.node));
-        warnings.extend(
-            beams.map(|l| format!("pt cannot see by the beam '{}': it stays dark; use bdpt or lcs-paper", l.node)),
-        );
+    for light in scene.lights.iter().filter(|light| shines(&settings.emitters, &light.node)) {
+        let node = &light.node;
+        match light.kind {
+            LightKind::Directional { .. } => {
+                warnings.push(format!("the directional light '{node}' is not rendered yet; its light is missing"));
+            }
+            LightKind::Beam { .. } if settings.estimator == Estimator::Pt => {
+                warnings.push(format!("pt cannot see by the beam '{node}': it stays dark; use bdpt or lcs-paper"));
+            }
+            _ => {}
+        }
     }
     Ok(Resolved { settings, warnings })
+}
+
+fn shines(emitters: &Emitters, node: &String) -> bool {
+    match emitters {
+        Emitters::Scene => true,
+        Emitters::Nodes(names) => names.contains(node),
+    }
 }
 
 /// The experiment that resolves to exactly these settings, with every open choice filled in.

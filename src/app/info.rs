@@ -176,7 +176,7 @@ fn kind(kind: &LightKind) -> String {
         LightKind::Point { .. } => "point light".into(),
         LightKind::Spot { outer, .. } => format!("spot light, {:.1} degrees wide", 2.0 * outer.to_degrees()),
         LightKind::Beam { radius, .. } => format!("collimated beam, radius {radius} m"),
-        LightKind::Directional { .. } => "directional light (steady renders only)".into(),
+        LightKind::Directional { .. } => "directional light (not rendered yet)".into(),
     }
 }
 

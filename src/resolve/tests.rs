@@ -130,7 +130,7 @@ fn outputs_are_named_after_the_image() {
         ("", "-o OUT.exr"),
         ("output.output = 'a.png'", "must end in .exr"),
         ("output = { output = 'a.exr', png = 'a.jpg' }", "must end in .png"),
-        ("output = { output = 'a.exr', stats = 'a.exr' }", "another name"),
+        ("output = { output = 'a.exr', stats = 'a.exr' }", "must end in .json"),
     ] {
         let message = outputs(&experiment(toml)).expect_err(toml).to_string();
         assert!(message.contains(part), "{toml}: {message}");

@@ -136,8 +136,7 @@ fn whole_images_agree_with_the_oracle() {
         let bins = vec![(lo, lo + 1.0), (0.0, f64::INFINITY)];
         let resolution = [24, 16];
         let (camera, emitters) = (0, Emitters::Scene);
-        let s =
-            path_tracer::Settings { camera, resolution, spp: 2_500, seed: 3, max_depth: MAX_DEPTH, bins, emitters };
+        let s = path_tracer::Settings { camera, resolution, spp: 2_500, seed: 3, max_depth: MAX_DEPTH, bins, emitters };
         let truth = path_tracer::render(&scene, &s);
         for (bin, &(lo, hi)) in s.bins.iter().enumerate() {
             let pixels = &truth.bins[bin];

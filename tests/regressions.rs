@@ -1,0 +1,58 @@
+//! What hostile use has found, one test each, named after what went wrong.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use taugate::experiment::Experiment;
+use taugate::resolve::resolve;
+use taugate::scene::{Light, LightKind, gltf};
+
+fn taugate(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
+}
+
+fn cornell_box(folder: &Path) {
+    assert!(taugate(folder, &["generate", "cornell-box", "-o", "box.glb"]).status.success());
+}
+
+#[test]
+fn stats_do_not_overwrite_the_scene_or_the_image() {
+    let folder = tempfile::tempdir().unwrap();
+    cornell_box(folder.path());
+    let scene = std::fs::read(folder.path().join("box.glb")).unwrap();
+    for stats in ["box.glb", "./out.exr"] {
+        let arguments =
+            ["render", "box.glb", "-o", "out.exr", "--resolution", "4x4", "--spp", "1", "--light-paths", "9"];
+        let output = taugate(folder.path(), &[&arguments[..], &["--stats", stats]].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains("--stats") && message.contains(".json"), "{message}");
+        assert_eq!(std::fs::read(folder.path().join("box.glb")).unwrap(), scene);
+    }
+}
+
+#[test]
+fn a_directional_light_is_not_left_out_in_silence() {
+    let folder = tempfile::tempdir().unwrap();
+    cornell_box(folder.path());
+    let mut scene = gltf::load(&folder.path().join("box.glb")).unwrap();
+    assert!(resolve(&Experiment::default(), &scene).unwrap().warnings.is_empty());
+    scene.lights.push(Light {
+        node: "sun".into(),
+        position: glam::DVec3::ZERO,
+        direction: glam::DVec3::NEG_Z,
+        kind: LightKind::Directional { irradiance: [1.0; 3] },
+    });
+    let warnings = resolve(&Experiment::default(), &scene).unwrap().warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("'sun'"), "{warnings:?}");
+}
+
+/// Writing to a full disk; `/dev/full` is one where it exists, but outputs must be plain files.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_picture_on_a_full_disk_keeps_the_kind_of_the_error() {
+    let noise: Vec<f32> = (0..3 * 256 * 256).map(|i| (i * 7919 % 1009) as f32).collect();
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let error = taugate::png_file::encode(full, 256, 256, &noise).unwrap_err();
+    assert_eq!(error.kind(), std::io::ErrorKind::StorageFull, "{error}");
+}
