@@ -52,7 +52,8 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         if (max_component(light) > 0.0 && in_gate(0.0, 0.0, q.tau)) {
             radiance[slot] += vec4<f32>(light, 0.0);
             tallies[slot].z += 1u;
-            if (PROBE) {
+            // Emitters in view would drown what they light; who looks for a gate looks for the latter.
+            if (PROBE && depth > 1u) {
                 emitted[slot] = vec4<f32>(light, q.tau);
             }
         }

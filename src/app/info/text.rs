@@ -106,7 +106,7 @@ fn add_travel_times(lines: &mut Lines, render: &Render) {
     let arrival = |a: &Arrival| {
         format!("{:>10} m  {:>10} ns  {:>10} m depth", short(a.metres), short(a.nanoseconds), short(a.depth_metres))
     };
-    lines.line("light", "has arrived by (travel time, one-way depth)");
+    lines.line("light", "has arrived by (travel time, one-way depth; emitters in view left out)");
     lines.line("  first", arrival(&light.first));
     for a in &light.percentiles {
         lines.line(&format!("  {:.0} %", a.percent), arrival(a));
