@@ -16,11 +16,12 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("delta_sample", "bsdf_sample on mirrors and smooth glass"),
     ("coat_fresnel", "bsdf_eval on plastics"),
     ("intersect_triangle", "trace against exhaustion"),
-    ("intersect_children", "trace against exhaustion"),
+    ("intersect_four", "trace against exhaustion"),
+    ("cross_exact", "trace against exhaustion"),
+    ("next_uniform", "the frequencies of descend in the sampler's tests"),
     ("traverse", "trace is its only caller and is compared with exhaustion"),
     ("safe_inverse", "trace along the axes"),
     ("extract_byte", "trace: nodes would be misread"),
-    ("bytes_to_floats", "trace: nodes would be misread"),
     ("descend", "tests/sampler"),
 ];
 

@@ -101,7 +101,18 @@ fn connections_agree_with_f64() {
         let side = w.dot(geometric);
         let ior = f64::from(set.kinds[v.material as usize].ior);
         let front = v.flags & FRONT != 0;
-        let medium = if (side >= 0.0) == front { 1.0 } else { ior };
+        // An opaque surface has one medium, that of the segment which arrived.
+        let through = set.kinds[v.material as usize].transmission > 0.0;
+        let medium = match (through, (side >= 0.0) == front) {
+            (false, _) => f64::from(v.eta),
+            (true, outside) => {
+                if outside {
+                    1.0
+                } else {
+                    ior
+                }
+            }
+        };
         assert!(side.abs() < 1e-6 || (f64::from(r.medium) - medium).abs() < 1e-6, "{g:?} {r:?}");
         assert!([r.q_cosine, r.l_cosine].iter().all(|c| (f64::from(*c) - side.abs()).abs() < 1e-6));
         // Close to a horizon the sides themselves are rounding.
@@ -145,7 +156,7 @@ const STEP: ShaderFunction = ShaderFunction {
         var state: PathState; state.throughput = vec3<f32>(2.0); state.d_vcm = given.d_vcm; state.d_vc = given.d_vc;
         state.flags = PATH_ALIVE | PATH_DETERMINISTIC;
         result.departed = u32(depart(&state, given.v, given.to_light == 1u, given.u, given.survival));
-        result.state = state; result.connectible = u32(is_connectible(given.v.material));",
+        result.state = state; result.connectible = u32(is_connectible(given.v));",
 };
 
 #[repr(C)]
