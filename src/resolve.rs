@@ -84,7 +84,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         camera,
         emitters: emitters(&experiment.emitter, scene, &gate)?,
     };
-    for light in scene.lights.iter().filter(|light| shines(&settings.emitters, &light.node)) {
+    for light in scene.lights.iter().filter(|light| settings.emitters.include(&light.node)) {
         let node = &light.node;
         match light.kind {
             LightKind::Directional { .. } => {
@@ -97,13 +97,6 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         }
     }
     Ok(Resolved { settings, warnings })
-}
-
-fn shines(emitters: &Emitters, node: &String) -> bool {
-    match emitters {
-        Emitters::Scene => true,
-        Emitters::Nodes(names) => names.contains(node),
-    }
 }
 
 /// The experiment that resolves to exactly these settings, with every open choice filled in.
@@ -252,10 +245,7 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate) -> Result<Emitters
     }
 
     // Light from infinitely far away has no travel time.
-    let selected = |node: &str| match &emitters {
-        Emitters::Scene => true,
-        Emitters::Nodes(names) => names.iter().any(|name| name == node),
-    };
+    let selected = |node: &str| emitters.include(node);
     let distant =
         |node: &str| scene.lights.iter().any(|l| l.node == node && matches!(l.kind, LightKind::Directional { .. }));
     if let Some(sun) = candidates.iter().copied().find(|node| !gate.is_open() && selected(node) && distant(node)) {

@@ -43,7 +43,7 @@ pub enum Estimator {
     Pt,
     /// Full bidirectional path tracing; paths outside the gate are rejected.
     Bdpt,
-    /// Light-cone shell queries exactly as the paper has them (Secs. 5 and 6).
+    /// Light-cone shell queries as the paper has them (Secs. 5 and 6); `docs/ARCHITECTURE.md` lists what is decided beyond it.
     LcsPaper,
 }
 
@@ -97,6 +97,16 @@ pub enum Emitters {
     Scene,
     /// Only what stands on these nodes, by name.
     Nodes(Vec<String>),
+}
+
+impl Emitters {
+    /// Whether what stands on the node of this name shines.
+    pub fn include(&self, node: &str) -> bool {
+        match self {
+            Emitters::Scene => true,
+            Emitters::Nodes(names) => names.iter().any(|name| name == node),
+        }
+    }
 }
 
 /// Pixel window [x0, x1) x [y0, y1), row 0 at the top, inside the resolution.

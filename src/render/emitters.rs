@@ -97,7 +97,7 @@ impl EmitterSet {
 
     fn add_lights(&mut self, scene: &Scene, selected: &Emitters, origin: DVec3, weights: &mut Vec<f64>) {
         for light in &scene.lights {
-            if matches!(selected, Emitters::Nodes(names) if !names.contains(&light.node)) {
+            if !selected.include(&light.node) {
                 continue;
             }
             let position = (light.position - origin).as_vec3();

@@ -146,10 +146,7 @@ impl<'a> MaterialSet<'a> {
     /// Number of `material` on `node`, with the alpha bit where the surface may let rays pass.
     fn number(&mut self, material: u32, node: &str) -> u32 {
         let source = &self.scene.materials[material as usize];
-        let shines = match self.emitters {
-            Emitters::Scene => true,
-            Emitters::Nodes(names) => names.iter().any(|n| n == node),
-        };
+        let shines = self.emitters.include(node);
         let number = match self.numbers.get(&(material, shines)) {
             Some(&n) => n,
             None => {
