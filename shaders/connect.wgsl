@@ -9,9 +9,9 @@
 #import scatter
 #import camera
 #import gate
+#import shade_point
 #import tree
 
-@group(2) @binding(0) var<storage, read> shade_points: array<PathVertex>;
 // Path of each shade point that was queried, then slots of live candidates.
 @group(2) @binding(1) var<storage, read> shade_list: array<u32>;
 @group(2) @binding(2) var<storage, read> slot_list: array<u32>;
@@ -27,9 +27,9 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let slot = slot_list[id.x];
-    let q = shade_points[shade_list[slot / frame.slots]];
+    let q = load_shade_point(shade_list[slot / frame.slots]);
     let candidate = candidates[slot];
-    let v = light_vertices[candidate.vertex];
+    let v = load_light_vertex(candidate.vertex);
 
     // Unshadowed contribution.
     let offset = v.position - q.position;

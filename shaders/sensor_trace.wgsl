@@ -83,7 +83,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
 
 // Light of the emitter at q towards the sensor, weighted against s >= 1 (Eq. 27).
 fn emitter_hit(s: PathState, surface: Surface, q: PathVertex, depth: u32) -> vec3<f32> {
-    let m = materials[surface.material];
+    let m = load_material(surface.material);
     let two_sided = (m.flags & MATERIAL_DOUBLE_SIDED) != 0u;
     if (m.emission_density <= 0.0 || !(two_sided || (q.flags & VERTEX_FRONT) != 0u)) {
         return vec3<f32>(0.0);

@@ -11,9 +11,9 @@
 // A candidate that cannot contribute (gate, depth, facing) is dropped here, before it costs a ray.
 #import query
 #import gate
+#import shade_point
 #import camera
 
-@group(2) @binding(0) var<storage, read> shade_points: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> list: array<u32>;
 @group(2) @binding(2) var<storage, read> counters: array<u32>;
 @group(2) @binding(3) var<storage, read_write> candidates: array<Candidate>;
@@ -33,7 +33,7 @@ fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
     if (rank >= counters[dispatch.counter]) {
         return;
     }
-    let q = shade_points[list[rank]];
+    let q = load_shade_point(list[rank]);
     let sensor = sensor_sample(dispatch.first + q.owner);
     let index = sensor.pixel.y * frame.width + sensor.pixel.x;
     let depth = q.flags & VERTEX_DEPTH;
@@ -58,19 +58,18 @@ fn put(slot: u32, vertex: u32, weight: f32) {
 
 // `vertex` if connecting it to q can contribute, else NONE.
 fn checked(q: PathVertex, vertex: u32) -> u32 {
-    let position = light_vertices[vertex].position;
-    let offset = position - q.position;
+    let v = load_light_vertex(vertex);
+    let offset = v.position - q.position;
     let d2 = dot(offset, offset);
     let d = sqrt(d2);
     let w = offset / d;
-    let flags = light_vertices[vertex].flags;
-    let segments = (q.flags & VERTEX_DEPTH) + (flags & VERTEX_DEPTH) + 1u;
+    let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
     var open = d2 > 0.0 && segments <= frame.max_depth
-        && in_gate(light_vertices[vertex].tau, medium_towards(q, w) * d, q.tau);
+        && in_gate(v.tau, medium_towards(q, w) * d, q.tau);
     if (!HAS_TRANSMISSION) {
-        let emitter_any_side = (flags & VERTEX_EMITTER) != 0u && light_vertices[vertex].material != EMIT_ONE_SIDED;
+        let emitter_any_side = (v.flags & VERTEX_EMITTER) != 0u && v.material != EMIT_ONE_SIDED;
         open = open && dot(q.geometric, w) > 0.0
-            && (emitter_any_side || dot(light_vertices[vertex].geometric, w) < 0.0);
+            && (emitter_any_side || dot(v.geometric, w) < 0.0);
     }
     return select(NONE, vertex, open);
 }

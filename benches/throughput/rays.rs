@@ -7,7 +7,7 @@ use taugate::bvh::{self, Bvh};
 use taugate::generate::numbers::Pcg;
 use taugate::generate::{Kind, build};
 use taugate::gpu::layout::{Dispatch, NONE, Triangle};
-use taugate::gpu::{Buffer, Device, Kernel, Recorder};
+use taugate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
 
 const KERNEL: &str = "
 #import traverse
@@ -135,70 +135,96 @@ pub fn cosine(n: Vec3, pcg: &mut Pcg) -> Vec3 {
     (n + Vec3::new((r * cos) as f32, (r * sin) as f32, z as f32) * 0.999).normalize()
 }
 
-/// Closest rays (primary and bounce) and shadow rays of a picture of `side` x `side` pixels in blocks of 8 x 8.
-fn mixed_rays(room: &Room, side: usize) -> (Vec<BenchRay>, Vec<BenchRay>) {
+/// Rays of one kind, traced to their closest hit or to any.
+struct Batch {
+    name: &'static str,
+    rays: Vec<BenchRay>,
+    any: bool,
+}
+
+/// Primary rays of a picture of `side` x `side` pixels in blocks of 8 x 8, one diffuse bounce, and a shadow ray at each hit:
+/// in the order in which the renderer traces them.
+fn mixed_rays(room: &Room, side: usize) -> [Batch; 4] {
     let mut pcg = Pcg::new(11);
-    // As the renderer traces them: bounce by bounce.
-    let (mut closest, mut shadow) = ([vec![], vec![]], [vec![], vec![]]);
+    let mut batches = [("primary", false), ("shadow of primary", true), ("bounce", false), ("shadow of bounce", true)]
+        .map(|(name, any)| Batch { name, rays: vec![], any });
     for i in 0..side * side {
         let (block, k) = (i / 64, i % 64);
         let (bx, by) = (block % (side / 8), block / (side / 8));
         let at = |b: usize, k: usize| ((b * 8 + k) as f32 + 0.5) / side as f32 * 2.0 - 1.0;
         let mut r = room.primary(at(bx, k % 8), -at(by, k / 8));
         for bounce in 0..2 {
-            closest[bounce].push(r);
+            batches[2 * bounce].rays.push(r);
             let Some((p, n)) = room.land(&r) else { break };
-            shadow[bounce].push(ray(p, room.light - p, 1.0));
+            batches[2 * bounce + 1].rays.push(ray(p, room.light - p, 1.0));
             r = ray(p, cosine(n, &mut pcg), 1e30);
         }
     }
-    (closest.concat(), shadow.concat())
+    batches
+}
+
+/// A batch on the device.
+struct Uploaded {
+    kernel: Kernel,
+    bound: Bindings,
+    count: usize,
+    hits: Buffer,
+    _rays: Buffer,
+}
+
+impl Uploaded {
+    fn new(device: &Device, nodes: &Buffer, triangles: &Buffer, batch: &Batch) -> Uploaded {
+        let any = f64::from(u8::from(batch.any));
+        let kernel = Kernel::from_source(device, "bench", KERNEL, "bench_rays", &[("ANY", any)]).expect("kernel");
+        let rays = Buffer::from_slice(device, "rays", &batch.rays, "").expect("rays");
+        let hits = Buffer::new::<[f32; 2]>(device, "hits", batch.rays.len(), "").expect("hits");
+        let buffers = [("bvh_nodes", nodes), ("triangles", triangles), ("rays", &rays), ("hits", &hits)];
+        let bound = kernel.bind(&buffers).expect("binding");
+        Uploaded { kernel, bound, count: batch.rays.len(), hits, _rays: rays }
+    }
+
+    fn trace(&self, recorder: &mut Recorder) {
+        let d = Dispatch { count: self.count as u32, ..bytemuck::Zeroable::zeroed() };
+        recorder.dispatch("rays", &self.kernel, &self.bound, &d, self.kernel.groups(self.count)).expect("dispatch");
+    }
+}
+
+/// Hits of closest rays on the device that are not those of the host.
+fn differing(room: &Room, batch: &Batch, uploaded: &Uploaded) -> usize {
+    let hits = uploaded.hits.to_vec::<[f32; 2]>(batch.rays.len()).expect("hits");
+    let differs = |(r, h): &(&BenchRay, &[f32; 2])| match room.closest(r) {
+        Some((_, t)) => h[1].to_bits() == NONE || (t - h[0]).abs() > 1e-3 * t,
+        None => h[1].to_bits() != NONE,
+    };
+    batch.rays.par_iter().zip(&hits).filter(differs).count()
+}
+
+fn on_host(room: &Room, batch: &Batch) {
+    let rays = batch.rays.par_iter().with_min_len(256);
+    let hit = if batch.any {
+        rays.filter(|r| room.blocked(r)).count()
+    } else {
+        rays.filter(|r| room.closest(r).is_some()).count()
+    };
+    assert!(hit > 0);
 }
 
 pub fn compare(device: &Device, room: &Room) {
-    let (closest, shadow) = mixed_rays(room, 512);
+    let batches = mixed_rays(room, 512);
     let nodes = Buffer::from_slice(device, "nodes", &room.bvh.nodes, "").expect("nodes");
     let triangles = Buffer::from_slice(device, "triangles", &room.triangles, "").expect("triangles");
-    let side = |rays: &[BenchRay], any: f64| {
-        let kernel = Kernel::from_source(device, "bench", KERNEL, "bench_rays", &[("ANY", any)]).expect("kernel");
-        let rays_buffer = Buffer::from_slice(device, "rays", rays, "").expect("rays");
-        let hits = Buffer::new::<[f32; 2]>(device, "hits", rays.len(), "").expect("hits");
-        let bound = kernel
-            .bind(&[("bvh_nodes", &nodes), ("triangles", &triangles), ("rays", &rays_buffer), ("hits", &hits)])
-            .expect("binding");
-        (kernel, bound, rays_buffer, hits)
-    };
-    let (a, b) = (side(&closest, 0.0), side(&shadow, 1.0));
+    let uploaded = batches.each_ref().map(|b| Uploaded::new(device, &nodes, &triangles, b));
     let mut recorder = Recorder::new(device).expect("recorder");
-    let run = |recorder: &mut Recorder| {
-        for ((kernel, bound, ..), n) in [(&a, closest.len()), (&b, shadow.len())] {
-            let d = Dispatch { count: n as u32, ..bytemuck::Zeroable::zeroed() };
-            recorder.dispatch("rays", kernel, bound, &d, kernel.groups(n)).expect("dispatch");
-        }
+    let mut run = |which: &[Uploaded]| {
+        which.iter().for_each(|u| u.trace(&mut recorder));
         recorder.submit().expect("submit");
     };
-    run(&mut recorder);
-    let hits = a.3.to_vec::<[f32; 2]>(closest.len()).expect("hits");
-    let differing = closest
-        .par_iter()
-        .zip(&hits)
-        .filter(|(r, h)| {
-            let there = room.closest(r).map(|(_, t)| t);
-            match there {
-                Some(t) => h[1].to_bits() == NONE || (t - h[0]).abs() > 1e-3 * t,
-                None => h[1].to_bits() != NONE,
-            }
-        })
-        .count();
-    println!("rays      {} closest, {} shadow; {differing} hits differ from the host's", closest.len(), shadow.len());
-    super::report(
-        "mixed rays",
-        closest.len() + shadow.len(),
-        || run(&mut recorder),
-        || {
-            let hit: usize = closest.par_iter().with_min_len(256).filter(|r| room.closest(r).is_some()).count();
-            let dark: usize = shadow.par_iter().with_min_len(256).filter(|r| room.blocked(r)).count();
-            assert!(hit + dark > 0);
-        },
-    );
+    run(&uploaded);
+    let wrong: usize = [0, 2].map(|i| differing(room, &batches[i], &uploaded[i])).iter().sum();
+    println!("rays      {} of each kind; {wrong} closest hits differ from the host's", batches[0].rays.len());
+    let total = batches.iter().map(|b| b.rays.len()).sum();
+    super::report("mixed rays", total, || run(&uploaded), || batches.iter().for_each(|b| on_host(room, b)));
+    for (batch, one) in batches.iter().zip(&uploaded) {
+        super::report(batch.name, one.count, || run(std::slice::from_ref(one)), || on_host(room, batch));
+    }
 }

@@ -49,7 +49,7 @@ struct Lobes {
 
 // `front`: the +z side of the frame is the front of the surface, where the refractive index is 1.
 fn make_bsdf(material: u32, base: vec3<f32>, front: bool) -> Bsdf {
-    let m = materials[material];
+    let m = load_material(material);
     var b: Bsdf;
     b.base = base;
     b.metallic = m.metallic;

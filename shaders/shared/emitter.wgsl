@@ -22,7 +22,7 @@ struct Emission {
 fn choose_emitter(u: f32) -> u32 {
     let x = u * f32(frame.emitter_count);
     let i = min(u32(x), frame.emitter_count - 1u);
-    return select(emitters[i].other, i, x - f32(i) < emitters[i].keep);
+    return select(load_emitter(i).other, i, x - f32(i) < load_emitter(i).keep);
 }
 
 // Light leaving a point of an emitter towards the unit direction `w`, times the cosine at the emitter (1 for points),
@@ -65,7 +65,7 @@ fn uniform_cone(axis: vec3<f32>, outer: f32, u: vec2<f32>) -> vec3<f32> {
 // First vertex and direction of a light subpath.
 fn sample_emission(choice: f32, a: vec4<f32>) -> Emission {
     let number = choose_emitter(choice);
-    let e = emitters[number];
+    let e = load_emitter(number);
     var r: Emission;
     r.vertex.owner = number;
     r.vertex.select_pdf = e.select_pdf;
@@ -88,7 +88,7 @@ fn sample_emission(choice: f32, a: vec4<f32>) -> Emission {
 fn sample_triangle(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     let b = uniform_triangle(a.xy);
     let s = surface_at(e.triangle, b.x, b.y);
-    let m = materials[s.material];
+    let m = load_material(s.material);
     var radiance = emission(s);
     if (HAS_ALPHA) {
         radiance *= coverage(s);

@@ -26,15 +26,14 @@ fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> C
     if ((current & LEAF_BIT) == 0u) {
         // Left at the end: masked SIMD would run the body once more for a condition at the top.
         loop {
-            let left = tree_nodes[current].left;
-            let right = tree_nodes[current].right;
-            let bound_left = node_bound(left, shell, spatial);
-            let bound_right = node_bound(right, shell, spatial);
+            let node = load_tree_node(current);
+            let bound_left = node_bound(node.left, shell, spatial);
+            let bound_right = node_bound(node.right, shell, spatial);
             let sum = bound_left + bound_right;
             // Eq. 5.
             let take_left = next_uniform(rng) * sum < bound_left;
             weight *= sum / select(bound_right, bound_left, take_left);
-            current = select(right.child, left.child, take_left);
+            current = select(node.right.child, node.left.child, take_left);
             current = select(NONE, current, sum > 0.0);
             continuing {
                 break if (current & LEAF_BIT) != 0u;

@@ -62,10 +62,10 @@ fn medium_towards(v: PathVertex, w: vec3<f32>) -> f32 {
     if (!HAS_TRANSMISSION || (v.flags & VERTEX_EMITTER) != 0u || dot(v.geometric, w) >= 0.0) {
         return v.eta;
     }
-    if (materials[v.material].transmission <= 0.0) {
+    if (load_material(v.material).transmission <= 0.0) {
         return v.eta;
     }
-    return select(1.0, materials[v.material].ior, (v.flags & VERTEX_FRONT) != 0u);
+    return select(1.0, load_material(v.material).ior, (v.flags & VERTEX_FRONT) != 0u);
 }
 
 struct Scatter {

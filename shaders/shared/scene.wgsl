@@ -105,16 +105,57 @@ const EMITTER_POINT: u32 = 1u;
 const EMITTER_SPOT: u32 = 2u;
 const EMITTER_BEAM: u32 = 3u;
 
-@group(0) @binding(1) var<storage, read> bvh_nodes: array<vec4<u32>>;
-@group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
+// A texture_1d<u32> is a texel buffer here: an array of 16-byte words, read whole (src/gpu/spirv.rs says why).
+// Five texels a node.
+@group(0) @binding(1) var bvh_nodes: texture_1d<u32>;
+@group(0) @binding(2) var triangles: texture_1d<u32>;
 @group(0) @binding(3) var<storage, read> corners: array<u32>;
 @group(0) @binding(4) var<storage, read> attributes: array<VertexAttributes>;
-@group(0) @binding(5) var<storage, read> instances: array<InstanceNormals>;
-@group(0) @binding(6) var<storage, read> materials: array<Material>;
-@group(0) @binding(7) var<storage, read> textures: array<TextureInfo>;
+@group(0) @binding(5) var instances: texture_1d<u32>;
+@group(0) @binding(6) var materials: texture_1d<u32>;
+@group(0) @binding(7) var textures: texture_1d<u32>;
 @group(0) @binding(8) var<storage, read> texels: array<u32>;
-@group(0) @binding(9) var<storage, read> emitters: array<Emitter>;
+@group(0) @binding(9) var emitters: texture_1d<u32>;
 // Directional albedo of the GGX lobe, ALBEDO_SIZE x ALBEDO_SIZE over (cosine, roughness): f0 * x + f90 * y.
 @group(0) @binding(10) var<storage, read> albedo_table: array<vec2<f32>>;
 
 const ALBEDO_SIZE: u32 = 32u;
+
+fn load_triangle(index: u32) -> Triangle {
+    let a = textureLoad(triangles, 3u * index, 0);
+    let b = textureLoad(triangles, 3u * index + 1u, 0);
+    let c = textureLoad(triangles, 3u * index + 2u, 0);
+    return Triangle(bitcast<vec3<f32>>(a.xyz), a.w, bitcast<vec3<f32>>(b.xyz), b.w, bitcast<vec3<f32>>(c.xyz), c.w);
+}
+
+fn load_instance(index: u32) -> InstanceNormals {
+    let x = bitcast<vec4<f32>>(textureLoad(instances, 3u * index, 0));
+    let y = bitcast<vec4<f32>>(textureLoad(instances, 3u * index + 1u, 0));
+    let z = bitcast<vec4<f32>>(textureLoad(instances, 3u * index + 2u, 0));
+    return InstanceNormals(x.xyz, 0.0, y.xyz, 0.0, z.xyz, 0.0);
+}
+
+fn load_material(index: u32) -> Material {
+    let color = bitcast<vec4<f32>>(textureLoad(materials, 5u * index, 0));
+    let light = bitcast<vec4<f32>>(textureLoad(materials, 5u * index + 1u, 0));
+    let lobes = bitcast<vec4<f32>>(textureLoad(materials, 5u * index + 2u, 0));
+    let rest = textureLoad(materials, 5u * index + 3u, 0);
+    let images = textureLoad(materials, 5u * index + 4u, 0);
+    let numbers = bitcast<vec3<f32>>(rest.xyz);
+    return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
+        numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), 0u);
+}
+
+fn load_texture(index: u32) -> TextureInfo {
+    let info = textureLoad(textures, index, 0);
+    return TextureInfo(info.x, info.y, info.z, info.w);
+}
+
+fn load_emitter(index: u32) -> Emitter {
+    let choice = textureLoad(emitters, 4u * index, 0);
+    let place = bitcast<vec4<f32>>(textureLoad(emitters, 4u * index + 1u, 0));
+    let axis = bitcast<vec4<f32>>(textureLoad(emitters, 4u * index + 2u, 0));
+    let power = bitcast<vec4<f32>>(textureLoad(emitters, 4u * index + 3u, 0));
+    return Emitter(choice.x, choice.y, bitcast<f32>(choice.z), choice.w,
+        place.xyz, place.w, axis.xyz, axis.w, power.xyz, power.w);
+}

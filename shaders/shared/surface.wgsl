@@ -22,7 +22,7 @@ const OFFSET_SCALE: f32 = 1.9073486e-6;
 
 // Point of triangle `index` with barycentric weights u, v of corners 1 and 2.
 fn surface_at(index: u32, u: f32, v: f32) -> Surface {
-    let t = triangles[index];
+    let t = load_triangle(index);
     var s: Surface;
     s.position = (1.0 - u - v) * t.v0 + u * t.v1 + v * t.v2;
     let reach = max(max(abs(t.v0), abs(t.v1)), abs(t.v2));
@@ -49,7 +49,7 @@ fn surface_at(index: u32, u: f32, v: f32) -> Surface {
 // Interpolated corner normals in world space, turned to the side of the geometric normal; that one where they cancel.
 fn shading_normal(a: u32, b: u32, c: u32, weights: vec3<f32>, instance: u32, geometric: vec3<f32>) -> vec3<f32> {
     let local = weights.x * decode_octahedral(a) + weights.y * decode_octahedral(b) + weights.z * decode_octahedral(c);
-    let m = instances[instance];
+    let m = load_instance(instance);
     let world = m.x * local.x + m.y * local.y + m.z * local.z;
     let length2 = dot(world, world);
     if (!(length2 > 1e-12)) {
@@ -61,7 +61,7 @@ fn shading_normal(a: u32, b: u32, c: u32, weights: vec3<f32>, instance: u32, geo
 
 // Linear base colour and alpha at the point.
 fn base_color(s: Surface) -> vec4<f32> {
-    let m = materials[s.material];
+    let m = load_material(s.material);
     let factor = vec4<f32>(m.base_color, m.opacity);
     if (!HAS_TEXTURES) {
         return factor;
@@ -71,7 +71,7 @@ fn base_color(s: Surface) -> vec4<f32> {
 
 // Radiance the surface emits towards its front (and back, when double-sided).
 fn emission(s: Surface) -> vec3<f32> {
-    let m = materials[s.material];
+    let m = load_material(s.material);
     if (!HAS_TEXTURES || m.emission_texture == NONE) {
         return m.emission;
     }
@@ -80,7 +80,7 @@ fn emission(s: Surface) -> vec3<f32> {
 
 // Probability that the surface is there at all (alphaMode MASK and BLEND).
 fn coverage(s: Surface) -> f32 {
-    let m = materials[s.material];
+    let m = load_material(s.material);
     if ((m.flags & (MATERIAL_MASK | MATERIAL_BLEND)) == 0u) {
         return 1.0;
     }

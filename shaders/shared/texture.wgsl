@@ -29,7 +29,7 @@ fn sample_texture(index: u32, uv: vec2<f32>) -> vec4<f32> {
     if (index == NONE) {
         return vec4<f32>(1.0);
     }
-    let info = textures[index];
+    let info = load_texture(index);
     // Coordinates are reduced to one period of the mirror mode so that the integer texel index cannot overflow.
     let bounded = select(uv - 2.0 * floor(0.5 * uv), clamp(uv, vec2<f32>(-1.0), vec2<f32>(2.0)),
         vec2<bool>((info.sampler & 3u) == 2u, ((info.sampler >> 2u) & 3u) == 2u));

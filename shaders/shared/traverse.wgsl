@@ -20,9 +20,10 @@ fn cross_exact(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
 // Edge functions in Pluecker form relative to the ray origin: the two triangles at an edge compute the same number with
 // opposite signs (the code is built without contraction), so that no ray passes between them.
 fn intersect_triangle(index: u32, o: vec3<f32>, d: vec3<f32>, t_min: f32, hit: ptr<function, Hit>) {
-    let v0 = triangles[index].v0 - o;
-    let v1 = triangles[index].v1 - o;
-    let v2 = triangles[index].v2 - o;
+    let triangle = load_triangle(index);
+    let v0 = triangle.v0 - o;
+    let v1 = triangle.v1 - o;
+    let v2 = triangle.v2 - o;
     let e0 = v2 - v0;
     let e1 = v0 - v1;
     let e2 = v1 - v2;
@@ -114,11 +115,11 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool) -
             let slot = (bit - 24u) ^ oct;
             let rank = countOneBits(nodes.y & ~(0xffffffffu << slot));
             let base = (child_base + rank) * 5u;
-            let n0 = bvh_nodes[base];
-            let n1 = bvh_nodes[base + 1u];
-            let n2 = bvh_nodes[base + 2u];
-            let n3 = bvh_nodes[base + 3u];
-            let n4 = bvh_nodes[base + 4u];
+            let n0 = textureLoad(bvh_nodes, base, 0);
+            let n1 = textureLoad(bvh_nodes, base + 1u, 0);
+            let n2 = textureLoad(bvh_nodes, base + 2u, 0);
+            let n3 = textureLoad(bvh_nodes, base + 3u, 0);
+            let n4 = textureLoad(bvh_nodes, base + 4u, 0);
             let scale = vec3<f32>(
                 bitcast<f32>(extract_byte(n0.w, 0u) << 23u),
                 bitcast<f32>(extract_byte(n0.w, 1u) << 23u),

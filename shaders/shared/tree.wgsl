@@ -30,8 +30,32 @@ const LEAF_FIRST: u32 = 0x07ffffffu;
 const BUCKETS: u32 = 8u;
 override BUCKET_COUNT: f32 = f32(BUCKETS);
 
-@group(1) @binding(0) var<storage, read> light_vertices: array<PathVertex>;
-// 3D tree over emitter points (v_tau = 0) and 4D tree over scattered vertices, in one array.
-@group(1) @binding(1) var<storage, read> tree_nodes: array<TreeNode>;
+// Texels of PathVertex.
+@group(1) @binding(0) var light_vertices: texture_1d<u32>;
+// 3D tree over emitter points (v_tau = 0) and 4D tree over scattered vertices, in one array: texels of TreeNode.
+@group(1) @binding(1) var tree_nodes: texture_1d<u32>;
 // bdpt: vertices of light path i are light_vertices[path_offsets[i] .. path_offsets[i + 1]].
 @group(1) @binding(2) var<storage, read> path_offsets: array<u32>;
+
+fn load_light_vertex(index: u32) -> PathVertex {
+    return unpack_vertex(
+        textureLoad(light_vertices, 7u * index, 0),
+        textureLoad(light_vertices, 7u * index + 1u, 0),
+        textureLoad(light_vertices, 7u * index + 2u, 0),
+        textureLoad(light_vertices, 7u * index + 3u, 0),
+        textureLoad(light_vertices, 7u * index + 4u, 0),
+        textureLoad(light_vertices, 7u * index + 5u, 0),
+        textureLoad(light_vertices, 7u * index + 6u, 0),
+    );
+}
+
+fn load_tree_child(node: u32, side: u32) -> TreeChild {
+    let lo = bitcast<vec4<f32>>(textureLoad(tree_nodes, 6u * node + 3u * side, 0));
+    let hi = bitcast<vec4<f32>>(textureLoad(tree_nodes, 6u * node + 3u * side + 1u, 0));
+    let rest = textureLoad(tree_nodes, 6u * node + 3u * side + 2u, 0);
+    return TreeChild(lo.xyz, lo.w, hi.xyz, hi.w, rest.x, rest.y, bitcast<f32>(rest.z), rest.w);
+}
+
+fn load_tree_node(index: u32) -> TreeNode {
+    return TreeNode(load_tree_child(index, 0u), load_tree_child(index, 1u));
+}

@@ -15,7 +15,7 @@ fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, key: vec4<u32>) 
         if (!HAS_ALPHA || hit.triangle == NONE) {
             break;
         }
-        if ((triangles[hit.triangle].material & TRIANGLE_ALPHA) == 0u) {
+        if ((load_triangle(hit.triangle).material & TRIANGLE_ALPHA) == 0u) {
             break;
         }
         let draw = pcg4d(vec4<u32>(key.xyz, key.w ^ (hit.triangle * 0x9e3779b9u)));

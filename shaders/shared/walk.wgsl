@@ -9,9 +9,9 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let side = dot(surface.geometric, towards);
     let flip = select(1.0, -1.0, side < 0.0);
     mis_arrive(state, distance2, abs(side));
-    if (HAS_TRANSMISSION && materials[surface.material].transmission > 0.0) {
+    if (HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0) {
         // The side that was hit says what the segment ran through, the same for subpaths from either end.
-        (*state).eta = select(materials[surface.material].ior, 1.0, side >= 0.0);
+        (*state).eta = select(load_material(surface.material).ior, 1.0, side >= 0.0);
     }
     (*state).tau += (*state).eta * sqrt(distance2);
     (*state).position = surface.position;
@@ -51,7 +51,7 @@ fn depart(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec
     (*state).eta = medium_towards(v, s.direction);
     (*state).shift = leave(vec3<f32>(0.0), v.geometric, v.offset, s.direction);
     mis_scatter(state, s, v.select_pdf);
-    if (!(s.delta && materials[v.material].metallic >= 1.0)) {
+    if (!(s.delta && load_material(v.material).metallic >= 1.0)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
     }
     return true;
@@ -59,7 +59,7 @@ fn depart(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec
 
 // Can the vertex be connected: has its side of the material a lobe that is not a delta?
 fn is_connectible(v: PathVertex) -> bool {
-    let m = materials[v.material];
+    let m = load_material(v.material);
     let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
     return !black && (m.alpha >= DELTA_ALPHA || (m.metallic < 1.0 && m.transmission < 1.0));
 }

@@ -16,7 +16,7 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     for (index, device) in devices.iter().enumerate() {
         super::print(&format!(
             "{index}: {}{}\n   driver {}, Vulkan {}, subgroups of {}\n   memory {}; one allocation {}, one storage buffer \
-             {}\n",
+             {}, one texel buffer {}\n",
             device.name,
             if device.is_cpu { " (software)" } else { "" },
             device.driver,
@@ -25,6 +25,7 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
             mebibytes(device.heap_bytes),
             mebibytes(device.max_allocation),
             mebibytes(device.max_storage_buffer_range),
+            mebibytes(device.largest_texel_buffer()),
         ));
     }
     Ok(ExitCode::SUCCESS)
@@ -40,6 +41,7 @@ fn as_json(index: usize, device: &DeviceInfo) -> serde_json::Value {
         "heap_bytes": device.heap_bytes,
         "max_allocation": device.max_allocation,
         "max_storage_buffer_range": device.max_storage_buffer_range,
+        "max_texels": device.max_texels,
         "subgroup_size": device.subgroup_size,
     })
 }

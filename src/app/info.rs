@@ -81,7 +81,6 @@ struct Memory {
     device_bytes: u64,
     /// The program's own memory at its peak, an estimate.
     host_bytes: u64,
-    largest_buffer_allowed: Option<u64>,
     heap_bytes: Option<u64>,
     largest: Vec<Part>,
     /// What does not fit and what to change.
@@ -92,6 +91,8 @@ struct Memory {
 struct Part {
     name: &'static str,
     bytes: u64,
+    /// The device's limit on a buffer of this kind.
+    allowed: Option<u64>,
     fits: Option<bool>,
 }
 
@@ -225,6 +226,7 @@ fn memory(plan: &MemoryPlan, device: Option<&DeviceInfo>) -> Memory {
     let part = |need: &Need| Part {
         name: need.name,
         bytes: need.bytes,
+        allowed: device.map(|device| need.limit(device)),
         fits: device.map(|device| need.check(device).is_ok()),
     };
     Memory {
@@ -234,7 +236,6 @@ fn memory(plan: &MemoryPlan, device: Option<&DeviceInfo>) -> Memory {
         pool_bytes: sum(&plan.pool),
         device_bytes: plan.device_bytes(),
         host_bytes: plan.host_bytes,
-        largest_buffer_allowed: device.map(DeviceInfo::largest_buffer),
         heap_bytes: device.map(|device| device.heap_bytes),
         largest: plan.largest().iter().take(LARGEST).map(part).collect(),
         problem: device.and_then(|device| plan.check(device).err()).map(|error| error.to_string()),

@@ -50,6 +50,7 @@ impl Buffer {
     fn allocate(device: &Device, name: &'static str, size: u64, wanted: vk::MemoryPropertyFlags) -> Result<Buffer> {
         let shared = &device.shared;
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;

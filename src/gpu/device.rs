@@ -20,6 +20,8 @@ pub struct DeviceInfo {
     pub heap_bytes: u64,
     /// Largest storage buffer a kernel can see, bytes.
     pub max_storage_buffer_range: u64,
+    /// Texels of the largest texel buffer a kernel can see.
+    pub max_texels: u64,
     /// Largest single allocation, bytes.
     pub max_allocation: u64,
     pub subgroup_size: u32,
@@ -32,6 +34,11 @@ impl DeviceInfo {
         self.max_storage_buffer_range.min(self.max_allocation)
     }
 
+    /// Bytes of the largest buffer that can be allocated and read as 16-byte texels.
+    pub fn largest_texel_buffer(&self) -> u64 {
+        self.max_texels.saturating_mul(16).min(self.max_allocation)
+    }
+
     /// Stands in where there is no device: software without limits.
     pub fn unlimited() -> DeviceInfo {
         DeviceInfo {
@@ -41,6 +48,7 @@ impl DeviceInfo {
             is_cpu: true,
             heap_bytes: u64::MAX,
             max_storage_buffer_range: u64::MAX,
+            max_texels: u64::MAX,
             max_allocation: u64::MAX,
             subgroup_size: 0,
             max_workgroup_invocations: 0,
@@ -215,6 +223,7 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> DeviceInf
         is_cpu: p.device_type == vk::PhysicalDeviceType::CPU,
         heap_bytes: heap_bytes.unwrap_or(0),
         max_storage_buffer_range: p.limits.max_storage_buffer_range.into(),
+        max_texels: p.limits.max_texel_buffer_elements.into(),
         max_allocation: maintenance.max_memory_allocation_size,
         subgroup_size: subgroup.subgroup_size,
         max_workgroup_invocations: p.limits.max_compute_work_group_invocations,

@@ -6,7 +6,7 @@ use ash::vk;
 
 use super::buffer::Buffer;
 use super::device::Device;
-use super::shader::{self, Compiled};
+use super::shader::{self, Binding, Compiled};
 use crate::error::{Error, Result};
 
 /// A compiled entry point.
@@ -15,7 +15,7 @@ pub struct Kernel {
     pub(super) pipeline: vk::Pipeline,
     pub(super) layout: vk::PipelineLayout,
     sets: Vec<vk::DescriptorSetLayout>,
-    bindings: Vec<(String, u32, u32)>,
+    bindings: Vec<Binding>,
     pub(super) constants_size: u32,
     workgroup: u32,
     name: String,
@@ -25,6 +25,7 @@ pub struct Kernel {
 pub struct Bindings {
     device: Device,
     pool: vk::DescriptorPool,
+    views: Vec<vk::BufferView>,
     pub(super) sets: Vec<vk::DescriptorSet>,
 }
 
@@ -47,7 +48,7 @@ impl Kernel {
 
     fn from_compiled(device: &Device, compiled: Compiled, entry: &str) -> Result<Kernel> {
         let shared = &device.shared;
-        let groups = compiled.bindings.iter().map(|b| b.1 + 1).max().unwrap_or(0);
+        let groups = compiled.bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
         // SAFETY: structures outlive the calls; the module is destroyed after the pipeline was made from it; on an error
         // `kernel` destroys what exists so far.
         unsafe {
@@ -65,11 +66,11 @@ impl Kernel {
                 let of_group: Vec<_> = kernel
                     .bindings
                     .iter()
-                    .filter(|b| b.1 == group)
+                    .filter(|b| b.group == group)
                     .map(|b| {
                         vk::DescriptorSetLayoutBinding::default()
-                            .binding(b.2)
-                            .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                            .binding(b.binding)
+                            .descriptor_type(descriptor_type(b))
                             .descriptor_count(1)
                             .stage_flags(vk::ShaderStageFlags::COMPUTE)
                     })
@@ -117,7 +118,8 @@ impl Kernel {
     pub fn bind(&self, buffers: &[(&str, &Buffer)]) -> Result<Bindings> {
         let shared = &self.device.shared;
         let count = self.bindings.len().max(1) as u32;
-        let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: count }];
+        let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_TEXEL_BUFFER]
+            .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count });
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(self.sets.len().max(1) as u32).pool_sizes(&sizes);
         // SAFETY: sets are written before they are used; the pool is destroyed with `Bindings`.
         unsafe {
@@ -125,7 +127,7 @@ impl Kernel {
                 .device
                 .create_descriptor_pool(&info, None)
                 .map_err(|e| shared.error("creating a descriptor pool", e))?;
-            let mut bound = Bindings { device: self.device.clone(), pool, sets: vec![] };
+            let mut bound = Bindings { device: self.device.clone(), pool, views: vec![], sets: vec![] };
             if self.sets.is_empty() {
                 return Ok(bound);
             }
@@ -134,21 +136,45 @@ impl Kernel {
                 .device
                 .allocate_descriptor_sets(&allocate)
                 .map_err(|e| shared.error("allocating descriptors", e))?;
-            for (name, group, binding) in &self.bindings {
-                let (_, buffer) = buffers
-                    .iter()
-                    .find(|(n, _)| n == name)
-                    .ok_or_else(|| Error::Shader(format!("kernel {} needs a buffer named {name}", self.name)))?;
-                let range = [vk::DescriptorBufferInfo { buffer: buffer.handle, offset: 0, range: vk::WHOLE_SIZE }];
-                let write = [vk::WriteDescriptorSet::default()
-                    .dst_set(bound.sets[*group as usize])
-                    .dst_binding(*binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .buffer_info(&range)];
-                shared.device.update_descriptor_sets(&write, &[]);
+            for binding in &self.bindings {
+                let (_, buffer) = buffers.iter().find(|(name, _)| *name == binding.name).ok_or_else(|| {
+                    Error::Shader(format!("kernel {} needs a buffer named {}", self.name, binding.name))
+                })?;
+                bound.write(binding, buffer)?;
             }
             Ok(bound)
         }
+    }
+}
+
+fn descriptor_type(binding: &Binding) -> vk::DescriptorType {
+    if binding.texels { vk::DescriptorType::UNIFORM_TEXEL_BUFFER } else { vk::DescriptorType::STORAGE_BUFFER }
+}
+
+impl Bindings {
+    fn write(&mut self, binding: &Binding, buffer: &Buffer) -> Result<()> {
+        let shared = &self.device.shared;
+        let write = vk::WriteDescriptorSet::default()
+            .dst_set(self.sets[binding.group as usize])
+            .dst_binding(binding.binding)
+            .descriptor_type(descriptor_type(binding));
+        let range = [vk::DescriptorBufferInfo { buffer: buffer.handle, offset: 0, range: vk::WHOLE_SIZE }];
+        // SAFETY: the sets are not in use yet; the view lives as long as the sets.
+        unsafe {
+            if binding.texels {
+                let info = vk::BufferViewCreateInfo::default()
+                    .buffer(buffer.handle)
+                    .format(vk::Format::R32G32B32A32_UINT)
+                    .range(vk::WHOLE_SIZE);
+                let view = shared.device.create_buffer_view(&info, None);
+                let view = [view.map_err(|e| shared.error("creating a view of a buffer", e))?];
+                self.views.extend(view);
+                shared.device.update_descriptor_sets(&[write.texel_buffer_view(&view)], &[]);
+            } else {
+                shared.device.update_descriptor_sets(&[write.buffer_info(&range)], &[]);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -168,7 +194,13 @@ impl Drop for Kernel {
 
 impl Drop for Bindings {
     fn drop(&mut self) {
+        let d = &self.device.shared.device;
         // SAFETY: as above.
-        unsafe { self.device.shared.device.destroy_descriptor_pool(self.pool, None) };
+        unsafe {
+            d.destroy_descriptor_pool(self.pool, None);
+            for &view in &self.views {
+                d.destroy_buffer_view(view, None);
+            }
+        }
     }
 }

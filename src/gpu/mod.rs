@@ -7,6 +7,7 @@ pub mod layout;
 pub mod need;
 mod recorder;
 pub mod shader;
+mod spirv;
 
 pub use buffer::Buffer;
 pub use device::{Device, DeviceInfo};

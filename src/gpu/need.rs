@@ -1,4 +1,4 @@
-//! What a storage buffer needs before it exists, and whether a device can give it.
+//! What a buffer needs before it exists, and whether a device can give it.
 
 use super::device::DeviceInfo;
 use crate::error::{Error, Result};
@@ -9,18 +9,31 @@ pub struct Need {
     pub name: &'static str,
     pub bytes: u64,
     pub remedy: &'static str,
+    /// Kernels only ever read it, as texels: the limits on texel buffers count, which are wider than those on storage buffers.
+    pub texels: bool,
 }
 
 impl Need {
     /// `count` elements of `T`; at least 16 bytes, so that empty lists can be bound.
     pub fn of<T>(name: &'static str, count: usize, remedy: &'static str) -> Need {
         let bytes = (count as u64).saturating_mul(size_of::<T>() as u64).max(16);
-        Need { name, bytes, remedy }
+        Need { name, bytes, remedy, texels: false }
+    }
+
+    /// As [`Need::of`], for a buffer that kernels see as `texture_1d<u32>` alone. `T` is a multiple of 16 bytes.
+    pub fn of_texels<T>(name: &'static str, count: usize, remedy: &'static str) -> Need {
+        debug_assert_eq!(size_of::<T>() % 16, 0, "{name}");
+        Need { texels: true, ..Need::of::<T>(name, count, remedy) }
+    }
+
+    /// Bytes that `device` allows.
+    pub fn limit(&self, device: &DeviceInfo) -> u64 {
+        if self.texels { device.largest_texel_buffer() } else { device.largest_buffer() }
     }
 
     /// Fails where the device's limits on one buffer or one allocation are lower.
     pub fn check(&self, device: &DeviceInfo) -> Result<()> {
-        if self.bytes <= device.largest_buffer() {
+        if self.bytes <= self.limit(device) {
             return Ok(());
         }
         Err(Error::Device(format!(
@@ -28,7 +41,7 @@ impl Need {
             self.name,
             mebibytes(self.bytes),
             device.name,
-            mebibytes(device.largest_buffer()),
+            mebibytes(self.limit(device)),
             self.remedy
         )))
     }
@@ -83,6 +96,14 @@ mod tests {
                 assert!(message.contains(part), "{message}");
             }
         }
+    }
+
+    #[test]
+    fn texels_have_a_limit_of_their_own() {
+        let need = Need::of_texels::<[u32; 4]>("triangles", 1 << 20, "fewer");
+        let narrow = DeviceInfo { max_texels: 1 << 19, ..device(1, u64::MAX, 0) };
+        assert!(need.check(&narrow).unwrap_err().to_string().contains("allows 8.0 MiB"));
+        assert!(need.check(&DeviceInfo { max_texels: 1 << 20, ..narrow }).is_ok());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! WGSL to SPIR-V: `#import`, error positions, override constants, and arithmetic the driver may not contract.
+//! WGSL to SPIR-V: `#import`, error positions, override constants, bindings.
 
 use std::collections::HashMap;
 
@@ -6,6 +6,7 @@ use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
+use super::spirv;
 use crate::error::{Error, Result};
 
 /// Every WGSL file, by its name without path and ending.
@@ -38,6 +39,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/random",
     "shared/scatter",
     "shared/scene",
+    "shared/shade_point",
     "shared/surface",
     "shared/texture",
     "shared/traverse",
@@ -121,11 +123,21 @@ impl Composed {
 
 const CAPABILITIES: Capabilities = Capabilities::IMMEDIATES;
 
+/// A buffer that an entry point uses.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Binding {
+    pub name: String,
+    pub group: u32,
+    pub binding: u32,
+    /// Read as 16-byte texels (`texture_1d<u32>`), not as a storage buffer.
+    pub texels: bool,
+}
+
 /// A compiled entry point and what it expects to be bound.
 pub struct Compiled {
     pub words: Vec<u32>,
-    /// Name, group and binding of every buffer the entry point uses.
-    pub bindings: Vec<(String, u32, u32)>,
+    /// Every buffer the entry point uses.
+    pub bindings: Vec<Binding>,
     /// Bytes of immediates, 0 without any.
     pub constants_size: u32,
     /// Threads a workgroup.
@@ -170,7 +182,10 @@ pub fn compile_source(path: &'static str, text: &str, entry: &str, constants: &[
         }
         let name = variable.name.clone().unwrap_or_default();
         match (&variable.binding, variable.space) {
-            (Some(b), _) => bindings.push((name, b.group, b.binding)),
+            (Some(b), space) => {
+                let texels = space == naga::AddressSpace::Handle;
+                bindings.push(Binding { name, group: b.group, binding: b.binding, texels });
+            }
             (None, naga::AddressSpace::Immediate) => {
                 constants_size = module.types[variable.ty].inner.size(module.to_ctx())
             }
@@ -181,7 +196,8 @@ pub fn compile_source(path: &'static str, text: &str, entry: &str, constants: &[
     let words = spv::write_vec(&module, &info, &writer_options(), Some(&pipeline))
         .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
     let workgroup = module.entry_points[0].workgroup_size[0];
-    Ok(Compiled { words: forbid_contraction(&words), bindings, constants_size, workgroup })
+    let words = spirv::texel_buffers(&spirv::forbid_contraction(&words));
+    Ok(Compiled { words, bindings, constants_size, workgroup })
 }
 
 /// Spelled out because naga's defaults differ between debug and release builds.
@@ -195,7 +211,8 @@ fn writer_options() -> spv::Options<'static> {
         bounds_check_policies: BoundsCheckPolicies {
             index: policy,
             buffer: policy,
-            image_load: policy,
+            // Texel buffers: the device checks them itself.
+            image_load: BoundsCheckPolicy::Unchecked,
             binding_array: policy,
         },
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
@@ -204,32 +221,4 @@ fn writer_options() -> spv::Options<'static> {
         use_storage_input_output_16: false,
         ..Default::default()
     }
-}
-
-/// Decorates every float operation with NoContraction, which naga does not emit: a fused multiply-add at one of two
-/// triangles that share an edge would open a gap between them.
-fn forbid_contraction(words: &[u32]) -> Vec<u32> {
-    const HEADER: usize = 5;
-    const DECORATE: u32 = 71;
-    const NO_CONTRACTION: u32 = 42;
-    // FAdd, FSub, FMul, FDiv, VectorTimesScalar, VectorTimesMatrix, MatrixTimesVector, Dot.
-    const FLOAT_OPERATIONS: [u32; 8] = [129, 131, 133, 136, 142, 144, 145, 148];
-    let mut types_at = None;
-    let mut results = vec![];
-    let mut i = HEADER;
-    while i < words.len() {
-        let (length, operation) = ((words[i] >> 16) as usize, words[i] & 0xffff);
-        if types_at.is_none() && (19..=39).contains(&operation) {
-            types_at = Some(i);
-        }
-        if FLOAT_OPERATIONS.contains(&operation) {
-            results.push(words[i + 2]);
-        }
-        i += length.max(1);
-    }
-    let at = types_at.unwrap_or(words.len());
-    let mut out = words[..at].to_vec();
-    out.extend(results.into_iter().flat_map(|id| [(3 << 16) | DECORATE, id, NO_CONTRACTION]));
-    out.extend_from_slice(&words[at..]);
-    out
 }

@@ -23,17 +23,25 @@ fn parts(prepared: &Prepared) -> Vec<Part<'_>> {
     fn part<'a, T: NoUninit>(wgsl: &'static str, name: &'static str, data: &'a [T], remedy: &'static str) -> Part<'a> {
         (wgsl, Need::of::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
     }
+    fn texels<'a, T: NoUninit>(
+        wgsl: &'static str,
+        name: &'static str,
+        data: &'a [T],
+        remedy: &'static str,
+    ) -> Part<'a> {
+        (wgsl, Need::of_texels::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
+    }
     let Prepared { geometry, emitters, albedo } = prepared;
     vec![
-        part("bvh_nodes", "BVH nodes", &geometry.bvh.nodes, MESHES),
-        part("triangles", "triangles", &geometry.triangles, MESHES),
+        texels("bvh_nodes", "BVH nodes", &geometry.bvh.nodes, MESHES),
+        texels("triangles", "triangles", &geometry.triangles, MESHES),
         part("corners", "triangle corners", &geometry.corners, MESHES),
         part("attributes", "vertex attributes", &geometry.attributes, MESHES),
-        part("instances", "instances", &geometry.instances, MESHES),
-        part("materials", "materials", &geometry.materials, MESHES),
-        part("textures", "textures", &geometry.textures, IMAGES),
+        texels("instances", "instances", &geometry.instances, MESHES),
+        texels("materials", "materials", &geometry.materials, MESHES),
+        texels("textures", "textures", &geometry.textures, IMAGES),
         part("texels", "texels", &geometry.texels, IMAGES),
-        part("emitters", "emitters", &emitters.table, MESHES),
+        texels("emitters", "emitters", &emitters.table, MESHES),
         part("albedo_table", "albedo table", &albedo.values, MESHES),
     ]
 }

@@ -165,8 +165,8 @@ impl DevicePool {
         let remedy = "use fewer --light-paths";
         let room = |n: usize| n + n / 8 + 64;
         [
-            Need::of::<PathVertex>("light vertices", room(vertices), remedy),
-            Need::of::<TreeNode>("tree nodes", room(nodes), remedy),
+            Need::of_texels::<PathVertex>("light vertices", room(vertices), remedy),
+            Need::of_texels::<TreeNode>("tree nodes", room(nodes), remedy),
             Need::of::<u32>("light path offsets", offsets, remedy),
         ]
     }

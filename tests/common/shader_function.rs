@@ -27,8 +27,8 @@ impl ShaderFunction {
             "#import frame\n{imports}
 struct Given {{ {given} }}
 struct Result {{ {result} }}
-@group(2) @binding(0) var<storage, read> inputs: array<Given>;
-@group(2) @binding(1) var<storage, read_write> outputs: array<Result>;
+@group(2) @binding(8) var<storage, read> inputs: array<Given>;
+@group(2) @binding(9) var<storage, read_write> outputs: array<Result>;
 @compute @workgroup_size(WORKGROUP)
 fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
     if (id.x >= dispatch.count) {{

@@ -23,6 +23,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("safe_inverse", "trace along the axes"),
     ("extract_byte", "trace: nodes would be misread"),
     ("descend", "tests/sampler"),
+    ("unpack_vertex", "load_light_vertex and load_shade_point"),
 ];
 
 fn all() -> Vec<&'static ShaderFunction> {
@@ -36,6 +37,7 @@ fn all() -> Vec<&'static ShaderFunction> {
         crate::lightcone::KERNELS,
         crate::scatter::KERNELS,
         crate::shell_edge::KERNELS,
+        crate::texels::KERNELS,
         crate::texture::KERNELS,
         crate::trace::KERNELS,
     ]

@@ -16,6 +16,7 @@ mod materials;
 mod math;
 mod scatter;
 mod shell_edge;
+mod texels;
 mod texture;
 mod trace;
 mod values;

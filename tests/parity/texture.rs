@@ -108,7 +108,7 @@ const PARTS: ShaderFunction = ShaderFunction {
     result: "texel: vec4<f32>, wrapped: i32, linear: f32, pad: vec2<u32>",
     body: "result.wrapped = wrap_texel(given.i, given.size, given.mode);
         result.linear = srgb_to_linear(vec3<f32>(given.c)).x;
-        result.texel = texel(textures[given.texture], given.x, given.y);",
+        result.texel = texel(load_texture(given.texture), given.x, given.y);",
 };
 
 #[test]

@@ -23,8 +23,8 @@ const BOUNDS: ShaderFunction = ShaderFunction {
     given: "q: vec3<f32>, node: u32, lo: f32, hi: f32, spatial: u32, pad: u32",
     result: "left: f32, right: f32",
     body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
-        result.left = node_bound(tree_nodes[given.node].left, shell, given.spatial == 1u);
-        result.right = node_bound(tree_nodes[given.node].right, shell, given.spatial == 1u);",
+        result.left = node_bound(load_tree_child(given.node, 0u), shell, given.spatial == 1u);
+        result.right = node_bound(load_tree_child(given.node, 1u), shell, given.spatial == 1u);",
 };
 
 const DRAW: ShaderFunction = ShaderFunction {

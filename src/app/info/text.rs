@@ -77,8 +77,8 @@ fn add_memory(lines: &mut Lines, render: &Render) {
             mebibytes(m.host_bytes)
         ),
     );
-    let allowed = m.largest_buffer_allowed.map(|b| format!(" of {} allowed", mebibytes(b))).unwrap_or_default();
     for part in &m.largest {
+        let allowed = part.allowed.map(|b| format!(" of {} allowed", mebibytes(b))).unwrap_or_default();
         let verdict = if part.fits == Some(false) { ": too large" } else { "" };
         lines.line("  buffer", format!("{}: {}{allowed}{verdict}", part.name, mebibytes(part.bytes)));
     }

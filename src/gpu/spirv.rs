@@ -1,0 +1,100 @@
+//! What WGSL and naga cannot say, said in the finished SPIR-V: no contraction, and texel buffers.
+
+/// Words before the first instruction.
+const HEADER: usize = 5;
+
+/// Instructions as (opcode, words); the words begin with the instruction's own first word.
+fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
+    let mut at = HEADER;
+    std::iter::from_fn(move || {
+        let first = *words.get(at)?;
+        let length = ((first >> 16) as usize).max(1);
+        let instruction = &words[at..(at + length).min(words.len())];
+        at += length;
+        Some((first & 0xffff, instruction))
+    })
+}
+
+/// Decorates every float operation with NoContraction, which naga does not emit: a fused multiply-add at one of two
+/// triangles that share an edge would open a gap between them.
+pub fn forbid_contraction(words: &[u32]) -> Vec<u32> {
+    const DECORATE: u32 = 71;
+    const NO_CONTRACTION: u32 = 42;
+    // FAdd, FSub, FMul, FDiv, VectorTimesScalar, VectorTimesMatrix, MatrixTimesVector, Dot.
+    const FLOAT_OPERATIONS: [u32; 8] = [129, 131, 133, 136, 142, 144, 145, 148];
+    const TYPES: std::ops::RangeInclusive<u32> = 19..=39;
+    let float_operations = || instructions(words).filter(|(operation, _)| FLOAT_OPERATIONS.contains(operation));
+    let mut out = words[..HEADER].to_vec();
+    let mut decorated = false;
+    for (operation, instruction) in instructions(words) {
+        // Decorations end where the types begin.
+        if !decorated && TYPES.contains(&operation) {
+            out.extend(float_operations().flat_map(|(_, f)| [(3 << 16) | DECORATE, f[2], NO_CONTRACTION]));
+            decorated = true;
+        }
+        out.extend_from_slice(instruction);
+    }
+    out
+}
+
+/// Turns one-dimensional sampled images into uniform texel buffers, for which WGSL has no type: a `texture_1d<u32>` is an
+/// array of 16-byte texels in an ordinary buffer. lavapipe fetches a texel a lane with one 128-bit load and no branch, where a
+/// storage buffer costs a branch, a bounds check and an insertion for each of its words.
+pub fn texel_buffers(words: &[u32]) -> Vec<u32> {
+    const CAPABILITY: u32 = 17;
+    const SAMPLED_1D: u32 = 43;
+    const SAMPLED_BUFFER: u32 = 46;
+    const TYPE_IMAGE: u32 = 25;
+    const DIM_1D: u32 = 0;
+    const DIM_BUFFER: u32 = 5;
+    const IMAGE_FETCH: u32 = 95;
+    // Instruction, result type, result, image, coordinate; image operands (the level) follow.
+    const FETCH_WITHOUT_LEVEL: usize = 5;
+    let mut out = words[..HEADER].to_vec();
+    for (operation, instruction) in instructions(words) {
+        match operation {
+            CAPABILITY if instruction[1] == SAMPLED_1D => out.extend([instruction[0], SAMPLED_BUFFER]),
+            TYPE_IMAGE if instruction[3] == DIM_1D => {
+                out.extend_from_slice(&instruction[..3]);
+                out.push(DIM_BUFFER);
+                out.extend_from_slice(&instruction[4..]);
+            }
+            // The only images there are.
+            IMAGE_FETCH => {
+                out.push(((FETCH_WITHOUT_LEVEL as u32) << 16) | IMAGE_FETCH);
+                out.extend_from_slice(&instruction[1..FETCH_WITHOUT_LEVEL]);
+            }
+            _ => out.extend_from_slice(instruction),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPENING: [u32; HEADER] = [0x0723_0203, 0x10300, 0, 9, 0];
+
+    fn module(instructions: &[&[u32]]) -> Vec<u32> {
+        let encode = |i: &&[u32]| [&[((i.len() as u32) << 16) | i[0]], &i[1..]].concat();
+        [OPENING.to_vec(), instructions.iter().flat_map(encode).collect()].concat()
+    }
+
+    #[test]
+    fn every_float_operation_is_decorated_before_the_first_type() {
+        let (ty, add, int) = ([22, 1, 32], [129, 1, 7, 5, 6], [128, 2, 8, 3, 4]);
+        let expected = module(&[&[17, 1], &[71, 7, 42], &ty, &add, &int]);
+        assert_eq!(forbid_contraction(&module(&[&[17, 1], &ty, &add, &int])), expected);
+    }
+
+    #[test]
+    fn a_one_dimensional_image_becomes_a_texel_buffer() {
+        let before = module(&[&[17, 43], &[25, 3, 2, 0, 0, 0, 0, 1, 0], &[95, 4, 8, 5, 6, 2, 7]]);
+        let after = module(&[&[17, 46], &[25, 3, 2, 5, 0, 0, 0, 1, 0], &[95, 4, 8, 5, 6]]);
+        assert_eq!(texel_buffers(&before), after);
+        // Other capabilities and operations stay.
+        let other = module(&[&[17, 1], &[129, 1, 7, 5, 6]]);
+        assert_eq!(texel_buffers(&other), other);
+    }
+}

@@ -1,0 +1,85 @@
+//! Structs read from texel buffers: every field is where the host put it.
+
+use bytemuck::{Pod, Zeroable};
+use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::{Emitter, InstanceNormals, Material, PathVertex, TextureInfo, TreeChild, TreeNode, Triangle};
+
+use crate::shader_function::{ShaderFunction, contents};
+
+/// A kernel that loads `given.index`.
+macro_rules! loads {
+    ($name:ident, $module:literal, $type:literal, $call:literal) => {
+        const $name: ShaderFunction = ShaderFunction {
+            imports: &[$module],
+            given: "index: u32",
+            result: concat!("value: ", $type),
+            body: concat!("result.value = ", $call, ";"),
+        };
+    };
+}
+
+loads!(TRIANGLE, "scene", "Triangle", "load_triangle(given.index)");
+loads!(INSTANCE, "scene", "InstanceNormals", "load_instance(given.index)");
+loads!(MATERIAL, "scene", "Material", "load_material(given.index)");
+loads!(TEXTURE, "scene", "TextureInfo", "load_texture(given.index)");
+loads!(EMITTER, "scene", "Emitter", "load_emitter(given.index)");
+loads!(LIGHT_VERTEX, "tree", "PathVertex", "load_light_vertex(given.index)");
+loads!(TREE_NODE, "tree", "TreeNode", "load_tree_node(given.index)");
+loads!(TREE_RIGHT, "tree", "TreeChild", "load_tree_child(given.index, 1u)");
+loads!(SHADE_POINT, "shade_point", "PathVertex", "load_shade_point(given.index)");
+
+pub const KERNELS: &[&ShaderFunction] = &[
+    &TRIANGLE,
+    &INSTANCE,
+    &MATERIAL,
+    &TEXTURE,
+    &EMITTER,
+    &LIGHT_VERTEX,
+    &TREE_NODE,
+    &TREE_RIGHT,
+    &SHADE_POINT,
+];
+
+const COUNT: usize = 37;
+
+/// Records of finite floats, and what `kernel` finds in them.
+fn round_trip<T: Pod>(kernel: &ShaderFunction, buffer: &'static str) -> (Vec<T>, Vec<T>) {
+    let mut pcg = Pcg::new(7);
+    // No infinities and no NaNs, whose bits a device need not keep.
+    let mut word = || (pcg.uniform() * f64::from(u32::MAX)) as u32 & 0xbf7f_ffff;
+    let words: Vec<u32> = (0..COUNT * size_of::<T>() / 4).map(|_| word()).collect();
+    let written: Vec<T> = bytemuck::cast_slice(&words).to_vec();
+    let indices: Vec<u32> = (0..COUNT as u32).rev().collect();
+    let mut read: Vec<T> = kernel.run(&indices, &[contents(buffer, &written)]);
+    read.reverse();
+    (written, read)
+}
+
+#[test]
+fn structs_are_read_back_as_they_were_written() {
+    fn same<T: Pod + PartialEq + std::fmt::Debug>(kernel: &ShaderFunction, buffer: &'static str, clear: fn(&mut T)) {
+        let (mut written, read) = round_trip::<T>(kernel, buffer);
+        written.iter_mut().for_each(clear);
+        assert_eq!(written, read, "{buffer}");
+    }
+    same::<Triangle>(&TRIANGLE, "triangles", |_| ());
+    same::<InstanceNormals>(&INSTANCE, "instances", |i| (i.pad0, i.pad1, i.pad2) = (0.0, 0.0, 0.0));
+    same::<Material>(&MATERIAL, "materials", |m| m.pad0 = 0);
+    same::<TextureInfo>(&TEXTURE, "textures", |_| ());
+    same::<Emitter>(&EMITTER, "emitters", |_| ());
+    same::<PathVertex>(&LIGHT_VERTEX, "light_vertices", |v| v.pad0 = 0);
+    same::<PathVertex>(&SHADE_POINT, "shade_points", |v| v.pad0 = 0);
+    same::<TreeNode>(&TREE_NODE, "tree_nodes", |_| ());
+}
+
+/// A struct of another size, so it does not go through the same helper.
+#[test]
+fn the_second_child_of_a_tree_node() {
+    let node = |k: u32| {
+        let child = |n: f32| TreeChild { tau_lo: n, child: n as u32, ..Zeroable::zeroed() };
+        TreeNode { left: child(k as f32), right: child(k as f32 + 0.5) }
+    };
+    let nodes: Vec<TreeNode> = (0..COUNT as u32).map(node).collect();
+    let read: Vec<TreeChild> = TREE_RIGHT.run(&[3u32, 0, 30], &[contents("tree_nodes", &nodes)]);
+    assert_eq!(read.iter().map(|c| c.tau_lo).collect::<Vec<_>>(), [3.5, 0.5, 30.5]);
+}
