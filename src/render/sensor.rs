@@ -28,7 +28,7 @@ pub const MOST_SAMPLES: u32 = 16;
 const LEAST_GROUP_LIMIT: u32 = 65_535;
 
 /// A submit is kept under this on average, so that the worst stays under 0.1 s.
-const TARGET_SECONDS: f64 = 0.045;
+const TARGET_SECONDS: f64 = 0.035;
 /// Bounces that end a submit; between submits the host sees whether any path lives.
 const SUBMIT_AFTER: [u32; 6] = [1, 2, 4, 8, 16, 32];
 
