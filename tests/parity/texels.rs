@@ -2,7 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::{Emitter, InstanceNormals, Material, PathVertex, TextureInfo, TreeChild, TreeNode, Triangle};
+use taugate::gpu::layout::{
+    Emitter, InstanceNormals, Material, PathVertex, TextureInfo, TreeChild, TreeNode, Triangle,
+};
 
 use crate::shader_function::{ShaderFunction, contents};
 
@@ -28,17 +30,8 @@ loads!(TREE_NODE, "tree", "TreeNode", "load_tree_node(given.index)");
 loads!(TREE_RIGHT, "tree", "TreeChild", "load_tree_child(given.index, 1u)");
 loads!(SHADE_POINT, "shade_point", "PathVertex", "load_shade_point(given.index)");
 
-pub const KERNELS: &[&ShaderFunction] = &[
-    &TRIANGLE,
-    &INSTANCE,
-    &MATERIAL,
-    &TEXTURE,
-    &EMITTER,
-    &LIGHT_VERTEX,
-    &TREE_NODE,
-    &TREE_RIGHT,
-    &SHADE_POINT,
-];
+pub const KERNELS: &[&ShaderFunction] =
+    &[&TRIANGLE, &INSTANCE, &MATERIAL, &TEXTURE, &EMITTER, &LIGHT_VERTEX, &TREE_NODE, &TREE_RIGHT, &SHADE_POINT];
 
 const COUNT: usize = 37;
 
