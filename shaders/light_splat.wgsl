@@ -50,6 +50,6 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     // Eq. 27 over all strategies kept; those with s' < s stand in d_vcm and d_vc.
     let area_density = density * c.cosine / (d * d);
-    let w_light = mis(area_density / frame.light_count) * (v.d_vcm + v.d_vc * mis(c.pdf_reverse));
+    let w_light = mis(frame.gain * area_density / frame.light_count) * (v.d_vcm + v.d_vc * mis(c.pdf_reverse));
     splats[slot] = vec4<f32>(value / (1.0 + w_light), select(bitcast<f32>(pixel), v.tau + last, PROBE));
 }

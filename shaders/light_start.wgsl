@@ -53,7 +53,7 @@ fn start_weights(s: ptr<function, PathState>, e: Emission) {
         (*s).d_vc = frame.keep_s0 * mis(cosine / (e.density * e.pdf_direction));
     } else {
         // A punctual light is connected once at every shade point, not with the probability of being chosen.
-        (*s).d_vcm = mis(1.0 / (e.pdf_direction * e.vertex.select_pdf));
+        (*s).d_vcm = mis(1.0 / (frame.gain * e.pdf_direction * e.vertex.select_pdf));
         (*s).d_vc = 0.0;
     }
 }

@@ -96,5 +96,5 @@ fn emitter_hit(s: PathState, surface: Surface, q: PathVertex, depth: u32) -> vec
     let direct = m.emission_density;
     let emitted_density = direct * cosine / select(PI, 2.0 * PI, two_sided);
     let w_sensor = mis(direct) * s.d_vcm + frame.keep_s2 * mis(emitted_density) * s.d_vc;
-    return light / (1.0 + w_sensor);
+    return light / (1.0 + mis(frame.gain) * w_sensor);
 }

@@ -72,8 +72,8 @@ pub struct RenderArgs {
     #[arg(long, help_heading = "Gate")]
     force: bool,
 
-    /// How paths are found: pt (path tracing), bdpt (bidirectional), lcs-paper (light-cone shell queries)
-    /// [default: lcs-paper]
+    /// How paths are found: pt (path tracing), bdpt (bidirectional), lcs-paper (light-cone shell queries),
+    /// lcs (the same, resampled) [default: lcs-paper]
     #[arg(long, value_name = "NAME", help_heading = "Sampling")]
     estimator: Option<Estimator>,
 
@@ -97,7 +97,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     light_paths: Option<u32>,
 
-    /// Tree queries a shade point, 1 to 64 [default: 1]
+    /// Tree queries a shade point, 1 to 64 [default: 1; lcs: 8]
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     queries: Option<u32>,
 

@@ -68,8 +68,9 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     }
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
+    let estimator = render.estimator.unwrap_or(DEFAULT_ESTIMATOR);
     let settings = Settings {
-        estimator: render.estimator.unwrap_or(DEFAULT_ESTIMATOR),
+        estimator,
         strategies: render.strategies.unwrap_or(DEFAULT_STRATEGIES),
         gate,
         resolution,
@@ -78,7 +79,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         seed: render.seed.unwrap_or(DEFAULT_SEED),
         max_depth: within("max-depth", render.max_depth.unwrap_or(DEFAULT_MAX_DEPTH), MAX_DEPTH)?,
         light_paths: within("light-paths", render.light_paths.unwrap_or(DEFAULT_LIGHT_PATHS), MAX_LIGHT_PATHS)?,
-        queries: within("queries", render.queries.unwrap_or(DEFAULT_QUERIES), MAX_QUERIES)?,
+        queries: within("queries", render.queries.unwrap_or(estimator.default_queries()), MAX_QUERIES)?,
         buckets: within("buckets", render.buckets.unwrap_or(DEFAULT_BUCKETS), MAX_BUCKETS)?,
         cull: !render.no_cull.unwrap_or(false),
         camera,
@@ -91,7 +92,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
                 warnings.push(format!("the directional light '{node}' is not rendered yet; its light is missing"));
             }
             LightKind::Beam { .. } if settings.estimator == Estimator::Pt => {
-                warnings.push(format!("pt cannot see by the beam '{node}': it stays dark; use bdpt or lcs-paper"));
+                warnings.push(format!("pt cannot see by the beam '{node}': it stays dark; use bdpt or lcs"));
             }
             _ => {}
         }

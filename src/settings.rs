@@ -12,8 +12,6 @@ pub const DEFAULT_SPP: u32 = 64;
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
 /// Light subpaths an iteration, M of the paper.
 pub const DEFAULT_LIGHT_PATHS: u32 = 50_000;
-/// Queries a shade point and tree, K of the paper.
-pub const DEFAULT_QUERIES: u32 = 1;
 /// Power buckets a node, B of the paper.
 pub const DEFAULT_BUCKETS: u32 = 8;
 pub const DEFAULT_SEED: u32 = 0;
@@ -45,10 +43,12 @@ pub enum Estimator {
     Bdpt,
     /// Light-cone shell queries as the paper has them (Secs. 5 and 6); `docs/ARCHITECTURE.md` lists what is decided beyond it.
     LcsPaper,
+    /// Light-cone shell queries by importance, K candidates resampled to one shadow ray a tree.
+    Lcs,
 }
 
 impl Estimator {
-    pub const ALL: [Estimator; 3] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper];
+    pub const ALL: [Estimator; 4] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -56,6 +56,24 @@ impl Estimator {
             Estimator::Pt => "pt",
             Estimator::Bdpt => "bdpt",
             Estimator::LcsPaper => "lcs-paper",
+            Estimator::Lcs => "lcs",
+        }
+    }
+
+    /// Tree queries a shade point and tree when nothing says how many: K of the paper, or candidates of a shadow ray.
+    pub fn default_queries(self) -> u32 {
+        match self {
+            Estimator::Lcs => 8,
+            Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => 1,
+        }
+    }
+
+    /// Most light vertices in a leaf of its trees, 0 without trees. Individual vertices reside in the paper's leaves (Sec. 5.2).
+    pub fn leaf_size(self) -> usize {
+        match self {
+            Estimator::Pt | Estimator::Bdpt => 0,
+            Estimator::LcsPaper => 1,
+            Estimator::Lcs => 8,
         }
     }
 }
@@ -166,10 +184,9 @@ impl FromStr for Estimator {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Estimator> {
-        Estimator::ALL
-            .into_iter()
-            .find(|e| e.name() == text)
-            .ok_or_else(|| Error::Settings(format!("no estimator is called '{text}': choose pt, bdpt or lcs-paper")))
+        Estimator::ALL.into_iter().find(|e| e.name() == text).ok_or_else(|| {
+            Error::Settings(format!("no estimator is called '{text}': choose pt, bdpt, lcs-paper or lcs"))
+        })
     }
 }
 

@@ -33,7 +33,8 @@ struct Frame {
     // Roots of the two trees: a node, a leaf reference, or NONE.
     tree3_root: u32,
     tree4_root: u32,
-    // 1 if the strategies take part in the MIS weights, else 0.
+    // 0 if the strategies do not take part in the MIS weights; else their weight relative to connections through a tree:
+    // 1 / gain^2 for s = 0 and t = 1 (whose sample count is `light_count`), 1 for s >= 2.
     keep_s0: f32,
     keep_t1: f32,
     keep_s2: f32,
@@ -48,6 +49,8 @@ struct Frame {
     emitter_vertices: u32,
     // Candidate slots a shade point.
     slots: u32,
+    // Samples that a connection through a tree stands for in the MIS weights; 1 for one that is not chosen by its contribution.
+    gain: f32,
 }
 
 // What changes from dispatch to dispatch.

@@ -33,18 +33,26 @@ fn spatial_overlap(d: vec2<f32>, shell: Shell) -> f32 {
     return select(max(overlap / extent, 1e-3), 1.0, extent <= 0.0);
 }
 
-// Eqs. 23 and 24: power of the buckets that can hold time-valid vertices. Bucket b of [tau_lo, tau_hi] is valid from the
-// constant-time indices below; a node of one travel time is 0/0 there and all its power sits in the buckets.
-fn bucket_power(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
+// Eqs. 23 and 24: first and last of the buckets that can hold time-valid vertices. Bucket b of [tau_lo, tau_hi] is valid from
+// the constant-time indices below; a node of one travel time is 0/0 there and all its power sits in the buckets.
+fn live_buckets(c: TreeChild, d: vec2<f32>, shell: Shell) -> vec2<f32> {
     let scale = BUCKET_COUNT / max(c.tau_hi - c.tau_lo, 1e-30);
     let first = clamp(floor((shell.lo - d.y - c.tau_lo) * scale), 0.0, 7.0);
     let last = clamp(floor((shell.hi - d.x - c.tau_lo) * scale), -1.0, 7.0);
-    let k = vec4<f32>(0.0, 1.0, 2.0, 3.0);
-    let low = bytes_to_floats(c.buckets_low);
-    let high = bytes_to_floats(c.buckets_high);
-    let a = select(vec4<f32>(0.0), low, (k >= vec4<f32>(first)) & (k <= vec4<f32>(last)));
-    let b = select(vec4<f32>(0.0), high, (k + 4.0 >= vec4<f32>(first)) & (k + 4.0 <= vec4<f32>(last)));
-    let sum = a + b;
+    return vec2<f32>(first, last);
+}
+
+// Quantised powers of four buckets from number `base` on; 0 where they are not live.
+fn live_powers(buckets: u32, base: f32, live: vec2<f32>) -> vec4<f32> {
+    let k = vec4<f32>(0.0, 1.0, 2.0, 3.0) + base;
+    let inside = (k >= vec4<f32>(live.x)) & (k <= vec4<f32>(live.y));
+    return select(vec4<f32>(0.0), bytes_to_floats(buckets), inside);
+}
+
+// Power of the buckets that can hold time-valid vertices.
+fn bucket_power(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
+    let live = live_buckets(c, d, shell);
+    let sum = live_powers(c.buckets_low, 0.0, live) + live_powers(c.buckets_high, 4.0, live);
     return c.power_unit * (sum.x + sum.y + sum.z + sum.w);
 }
 

@@ -57,7 +57,7 @@ impl Plan {
         if settings.estimator == Estimator::Pt && lights_only_by_beam {
             return Err(Error::Settings(
                 "--estimator pt cannot see by a collimated beam (no ray finds it, no point on it can be connected); \
-                 use bdpt or lcs-paper"
+                 use bdpt or lcs"
                     .into(),
             ));
         }
@@ -100,12 +100,12 @@ impl Plan {
     pub fn slots(&self, pool: &PoolLayout) -> u32 {
         debug_assert!(pool.longest_path <= self.max_depth);
         let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
+        let trees = u32::from(pool.tree3_root != NONE) + u32::from(pool.tree4_root != NONE);
         let chosen = match self.estimator {
             Estimator::Pt => u32::from(pool.emitter_points > 0),
             Estimator::Bdpt => pool.longest_path,
-            Estimator::LcsPaper => {
-                self.frame.queries * (u32::from(pool.tree3_root != NONE) + u32::from(pool.tree4_root != NONE))
-            }
+            Estimator::LcsPaper => self.frame.queries * trees,
+            Estimator::Lcs => trees,
         };
         (deterministic + chosen).max(1)
     }
@@ -147,7 +147,7 @@ impl Plan {
         let estimator = match self.estimator {
             Estimator::Pt => ESTIMATOR_PT,
             Estimator::Bdpt => ESTIMATOR_BDPT,
-            Estimator::LcsPaper => ESTIMATOR_LCS,
+            Estimator::LcsPaper | Estimator::Lcs => ESTIMATOR_LCS,
         };
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
         vec![
@@ -171,6 +171,8 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, p
     let extent = [tangent * f64::from(width) / f64::from(height), tangent];
     let pixel_area = 4.0 * extent[0] * extent[1] / (f64::from(width) * f64::from(height));
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
+    // One of K candidates, chosen by what it contributes, is worth about K that were not.
+    let gain = if settings.estimator == Estimator::Lcs { settings.queries as f32 } else { 1.0 };
     Frame {
         right: axis(DVec3::X),
         up: axis(DVec3::Y),
@@ -187,8 +189,9 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, p
         emitter_count: emitters.table.len() as u32,
         tree3_root: NONE,
         tree4_root: NONE,
-        keep_s0: switch(all),
-        keep_t1: switch(all && !pt),
+        keep_s0: switch(all) / (gain * gain),
+        keep_t1: switch(all && !pt) / (gain * gain),
+        gain,
         keep_s2: switch(!pt),
         crop_x: settings.crop.x0,
         crop_y: settings.crop.y0,

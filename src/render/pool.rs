@@ -62,12 +62,12 @@ impl LightPool {
         }
     }
 
-    /// Builds the trees (`lcs-paper`) or groups the vertices by path (`bdpt`).
+    /// Builds the trees (`lcs-paper`, `lcs`) or groups the vertices by path (`bdpt`).
     pub fn sort(&self, plan: &Plan) -> SortedPool {
         match plan.estimator {
             Estimator::Bdpt => self.by_path(plan.light_paths),
             Estimator::Pt => self.emitters_only(),
-            Estimator::LcsPaper => self.trees(plan.buckets),
+            Estimator::LcsPaper | Estimator::Lcs => self.trees(plan.estimator.leaf_size(), plan.buckets),
         }
     }
 
@@ -112,13 +112,12 @@ impl LightPool {
     }
 
     /// The 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4).
-    fn trees(&self, buckets: u32) -> SortedPool {
+    fn trees(&self, leaf_size: usize, buckets: u32) -> SortedPool {
         let mut items3 = items(&self.emitter_points);
         let mut items4 = items(&self.scattered);
         let first3 = self.deterministic.len() as u32;
         let first4 = first3 + items3.len() as u32;
-        // Individual vertices reside in leaves (Sec. 5.2).
-        let options = TreeOptions { leaf_size: 1, buckets, first_node: 0, first_vertex: first3 };
+        let options = TreeOptions { leaf_size, buckets, first_node: 0, first_vertex: first3 };
         let tree3 = Tree::build(&mut items3, options);
         let first_node = tree3.nodes.len() as u32;
         let tree4 = Tree::build(&mut items4, TreeOptions { first_node, first_vertex: first4, ..options });

@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Dispatch, NONE, PathVertex};
 use crate::gpu::{Bindings, Buffer, Device, DeviceInfo, Kernel, Need, Recorder};
+use crate::settings::Estimator;
 use buffers::{BUFFERS, Buffers, needs};
 
 /// Counters of the lists: living paths (two, in turn), shade points, live candidates.
@@ -279,7 +280,10 @@ impl Kernels {
             count: make("compact", "compact_count")?,
             scan: make("compact", "compact_scan")?,
             scatter: make("compact", "compact_scatter")?,
-            query: make("shell_query", "shell_query")?,
+            query: match plan.estimator {
+                Estimator::Lcs => make("shell_resample", "shell_resample")?,
+                Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => make("shell_query", "shell_query")?,
+            },
             connect: make("connect", "connect")?,
             gather: make("gather", "gather")?,
             resolve: make("resolve", "resolve")?,

@@ -26,7 +26,7 @@ pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> Settings {
         seed: 1,
         max_depth: 24,
         light_paths: 2000,
-        queries: 1,
+        queries: estimator.default_queries(),
         buckets: 8,
         cull: true,
         camera: 0,

@@ -8,7 +8,7 @@ use taugate::units::Gate;
 
 const SIZE: [u32; 2] = [40, 24];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
-const ESTIMATORS: [Estimator; 3] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper];
+const ESTIMATORS: [Estimator; 4] = Estimator::ALL;
 
 fn image(mut renderer: Renderer, seed: u32) -> Vec<u32> {
     renderer.restart(seed, GATE);

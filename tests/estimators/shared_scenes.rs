@@ -19,7 +19,7 @@ fn scene_path(name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// `bdpt` and `lcs-paper` on a small image through one gate.
+/// `bdpt`, `lcs-paper` and `lcs` on a small image through one gate.
 fn estimators_agree(name: &str, emitters: Emitters, gate: Gate, resolution: [u32; 2]) {
     let Some(path) = scene_path(name) else { return };
     let scene = gltf::load(&path).unwrap_or_else(|e| panic!("{e}"));
@@ -30,11 +30,14 @@ fn estimators_agree(name: &str, emitters: Emitters, gate: Gate, resolution: [u32
         s.light_paths = 4000;
         Cells::measure(&mut renderer(&scene, &s), gate, 16, 1, 8, 40)
     };
-    let (bdpt, lcs) = (cells(Estimator::Bdpt), cells(Estimator::LcsPaper));
-    println!("{name}: bdpt {:?}, lcs-paper {:?}", bdpt.whole(), lcs.whole());
+    let bdpt = cells(Estimator::Bdpt);
     assert!(bdpt.whole().0 > 0.0);
-    let wrong = disagreements(&bdpt, &lcs);
-    assert!(wrong.is_empty(), "{name}:\n{}", wrong.join("\n"));
+    for estimator in [Estimator::LcsPaper, Estimator::Lcs] {
+        let lcs = cells(estimator);
+        println!("{name}: bdpt {:?}, {estimator} {:?}", bdpt.whole(), lcs.whole());
+        let wrong = disagreements(&bdpt, &lcs);
+        assert!(wrong.is_empty(), "{name}, {estimator}:\n{}", wrong.join("\n"));
+    }
 }
 
 #[test]

@@ -55,8 +55,13 @@ fn light_cone_shell_queries_agree_with_the_closed_form() {
 }
 
 #[test]
+fn resampled_queries_agree_with_the_closed_form() {
+    agrees(1.0, Estimator::Lcs, &GATES);
+}
+
+#[test]
 fn a_sphere_of_a_hundred_metres_agrees_with_the_closed_form() {
-    for estimator in [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper] {
+    for estimator in Estimator::ALL {
         agrees(100.0, estimator, &[GATES[0], GATES[3], GATES[6]]);
     }
 }
@@ -64,7 +69,7 @@ fn a_sphere_of_a_hundred_metres_agrees_with_the_closed_form() {
 /// The sibling that must fail: a gate that is off by 2 %.
 #[test]
 fn a_gate_off_by_two_percent_is_rejected() {
-    for estimator in [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper] {
+    for estimator in Estimator::ALL {
         let z = z_scores(1.0, estimator, &[(1.0, 1.5)], 1.02, 16)[0].0;
         assert!(z.abs() > threshold(1), "{estimator:?}: z = {z:.2} against a wrong truth");
     }
@@ -105,4 +110,10 @@ fn bias_of_bidirectional_path_tracing_is_small() {
 #[ignore = "takes minutes"]
 fn bias_of_light_cone_shell_queries_is_small() {
     bias_is_small(Estimator::LcsPaper);
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn bias_of_resampled_queries_is_small() {
+    bias_is_small(Estimator::Lcs);
 }

@@ -11,6 +11,7 @@ mod bsdf_sample;
 mod camera;
 mod emitter;
 mod functions;
+mod importance;
 mod lightcone;
 mod materials;
 mod math;

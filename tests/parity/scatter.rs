@@ -7,7 +7,7 @@ use taugate::gpu::layout::{NONE, PathState, PathVertex};
 
 use crate::materials::set;
 use crate::shader_function::{Contents, ShaderFunction, contents};
-use crate::values::{direction, dvec, vec3};
+use crate::values::{direction, dvec, frame, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&CONNECT, &STEP, &SUMS];
 
@@ -51,6 +51,7 @@ struct Connected {
 fn buffers() -> Vec<Contents> {
     let mut all: Vec<Contents> = set().buffers().into();
     all.extend([contents("textures", &[0u32; 4]), contents("texels", &[0u32]), contents("emitters", &[0u32; 16])]);
+    all.push(frame(|_| ()));
     all
 }
 

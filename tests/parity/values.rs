@@ -47,7 +47,7 @@ pub fn polar(cosine: f64, azimuth: f64) -> DVec3 {
 
 /// A frame with `change` made to an empty one.
 pub fn frame(change: impl FnOnce(&mut Frame)) -> Contents {
-    let mut frame = bytemuck::Zeroable::zeroed();
+    let mut frame = Frame { gain: 1.0, ..bytemuck::Zeroable::zeroed() };
     change(&mut frame);
     contents("frame", &[frame])
 }

@@ -1,0 +1,107 @@
+// Queries of a light tree by importance: to a leaf, to a vertex of it, and K of them to one vertex worth a shadow ray.
+#import importance
+#import query
+#import slots
+#import connection
+
+// What a uniform in [0, 1) resolves.
+const RESOLUTION: f32 = 1.0 / 16777216.0;
+
+// `u`, known to lie in a part of [0, 1) that has been stretched to all of it by dividing by `part`: the digits that the
+// stretching uncovers are drawn.
+fn refill(u: f32, part: f32, rng: ptr<function, u32>) -> f32 {
+    return clamp(u / part + RESOLUTION / part * next_uniform(rng), 0.0, 1.0 - RESOLUTION);
+}
+
+// One traversal from `root` by the uniform `u`: a leaf and 1 / P(leaf | q), or NONE at a dead node. Stratified values of `u`
+// lead to different parts of the tree.
+fn descend_by_importance(root: u32, receiver: Receiver, u: f32, rng: ptr<function, u32>) -> Candidate {
+    var current = root;
+    var weight = 1.0;
+    var rest = u;
+    if ((current & LEAF_BIT) == 0u) {
+        // Left at the end: masked SIMD would run the body once more for a condition at the top.
+        loop {
+            let node = load_tree_node(current);
+            let left = node_importance(node.left, receiver);
+            let right = node_importance(node.right, receiver);
+            let share = left / (left + right);
+            let take_left = rest < share;
+            let part = select(1.0 - share, share, take_left);
+            rest = refill(select(rest - share, rest, take_left), part, rng);
+            weight /= part;
+            current = select(node.right.child, node.left.child, take_left);
+            current = select(NONE, current, left + right > 0.0);
+            continuing {
+                break if (current & LEAF_BIT) != 0u;
+            }
+        }
+    }
+    return Candidate(current, weight);
+}
+
+// What v would contribute to q if both were diffuse and saw each other; 0 if it cannot contribute.
+fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
+    let offset = v.position - q.position;
+    let d2 = dot(offset, offset);
+    let w = offset * inverseSqrt(d2);
+    // Glossy surfaces and those that let light through return more than a cosine's worth at grazing angles.
+    let least = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
+    let cosines = max(abs(dot(q.geometric, w)), least) * max(abs(dot(v.geometric, w)), least);
+    return select(0.0, max(max_component(v.throughput) * cosines / d2, LEAST_IMPORTANCE), can_connect(q, v));
+}
+
+// One vertex of a leaf by `vertex_importance`; `weight` comes in as 1 / P(leaf | q) and goes out as 1 / P(j | q).
+fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Candidate {
+    let count = ((leaf.vertex >> 27u) & 15u) + 1u;
+    let first = leaf.vertex & LEAF_FIRST;
+    var chosen = Candidate(NONE, 0.0);
+    var chosen_importance = 0.0;
+    var sum = 0.0;
+    for (var i = 0u; i < count; i++) {
+        let importance = vertex_importance(q, load_light_vertex(first + i));
+        sum += importance;
+        if (next_uniform(rng) * sum < importance) {
+            chosen.vertex = first + i;
+            chosen_importance = importance;
+        }
+    }
+    if (chosen.vertex != NONE) {
+        chosen.weight = leaf.weight * (sum / chosen_importance);
+    }
+    return chosen;
+}
+
+// K stratified queries of one tree, resampled by the unshadowed contribution (Talbot et al. 2005): one vertex, and the factor
+// that takes the place of 1 / (K P(j | q)).
+fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
+    var chosen = Candidate(NONE, 0.0);
+    var chosen_target = 0.0;
+    var sum = 0.0;
+    let jitter = next_uniform(rng);
+    for (var k = 0u; k < frame.queries; k++) {
+        let leaf = descend_by_importance(root, receiver, (f32(k) + jitter) / f32(frame.queries), rng);
+        if (leaf.vertex == NONE) {
+            continue;
+        }
+        let candidate = choose_in_leaf(q, leaf, rng);
+        if (candidate.vertex == NONE) {
+            continue;
+        }
+        let goal = dot(unshadowed(q, load_light_vertex(candidate.vertex)), vec3<f32>(1.0));
+        let weight = goal * candidate.weight;
+        if (!(weight < 3e38)) {
+            // Not a number, or not finite: taken as it is, so that it is counted.
+            return candidate;
+        }
+        sum += weight;
+        if (next_uniform(rng) * sum < weight) {
+            chosen.vertex = candidate.vertex;
+            chosen_target = goal;
+        }
+    }
+    if (chosen.vertex != NONE) {
+        chosen.weight = sum / (chosen_target * f32(frame.queries));
+    }
+    return chosen;
+}

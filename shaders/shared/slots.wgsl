@@ -1,0 +1,59 @@
+// The candidate slots of a shade point, and the deterministic vertices that come first in them.
+#import candidate
+#import scatter
+#import random
+#import tree
+#import gate
+#import camera
+#import shade_point
+
+@group(2) @binding(1) var<storage, read> list: array<u32>;
+@group(2) @binding(2) var<storage, read> counters: array<u32>;
+@group(2) @binding(3) var<storage, read_write> candidates: array<Candidate>;
+@group(2) @binding(4) var<storage, read_write> marks: array<u32>;
+
+// Deterministic vertices evaluated one by one; of more, so many are drawn.
+const DETERMINISTIC_SLOTS: u32 = 8u;
+
+fn put(slot: u32, vertex: u32, weight: f32) {
+    candidates[slot] = Candidate(vertex, weight);
+    marks[slot] = select(1u, 0u, vertex == NONE);
+}
+
+// Whether connecting v to q can contribute: gate, depth, facing.
+fn can_connect(q: PathVertex, v: PathVertex) -> bool {
+    let offset = v.position - q.position;
+    let d2 = dot(offset, offset);
+    let d = sqrt(d2);
+    let w = offset / d;
+    let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
+    var open = d2 > 0.0 && segments <= frame.max_depth
+        && in_gate(v.tau, medium_towards(q, w) * d, q.tau);
+    if (!HAS_TRANSMISSION) {
+        let emitter_any_side = (v.flags & VERTEX_EMITTER) != 0u && v.material != EMIT_ONE_SIDED;
+        open = open && dot(q.geometric, w) > 0.0
+            && (emitter_any_side || dot(v.geometric, w) < 0.0);
+    }
+    return open;
+}
+
+// `vertex` if connecting it to q can contribute, else NONE.
+fn checked(q: PathVertex, vertex: u32) -> u32 {
+    return select(NONE, vertex, can_connect(q, load_light_vertex(vertex)));
+}
+
+fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32) -> u32 {
+    let n = frame.deterministic_count;
+    if (n <= DETERMINISTIC_SLOTS) {
+        for (var i = 0u; i < n; i++) {
+            put(slot + i, checked(q, i), 1.0);
+        }
+        return n;
+    }
+    let u = random4(STREAM_QUERY, index, sample, depth, 0u, frame.seed).x;
+    for (var i = 0u; i < DETERMINISTIC_SLOTS; i++) {
+        let x = (f32(i) + u) / f32(DETERMINISTIC_SLOTS) * f32(n);
+        put(slot + i, checked(q, min(u32(x), n - 1u)), f32(n) / f32(DETERMINISTIC_SLOTS));
+    }
+    return DETERMINISTIC_SLOTS;
+}

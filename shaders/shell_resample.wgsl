@@ -1,0 +1,33 @@
+// lcs: chooses one vertex of each tree for a shade point, out of K queries by importance, and so pays one shadow ray for K
+// candidates. Deterministic vertices are evaluated one by one. Bindings: shared/slots.wgsl.
+#import resample
+
+// One thread, one shade point.
+@compute @workgroup_size(WORKGROUP)
+fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
+    let rank = id.x;
+    if (rank >= counters[dispatch.counter]) {
+        return;
+    }
+    let q = load_shade_point(list[rank]);
+    let sensor = sensor_sample(dispatch.first + q.owner);
+    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
+    let depth = q.flags & VERTEX_DEPTH;
+    let first_slot = rank * frame.slots;
+    var used = query_deterministic(q, index, sensor.sample, depth, first_slot);
+    let receiver = Receiver(make_shell(q), q.geometric);
+    // Both trees through one loop: a second traversal would double the kernel.
+    for (var tree = 0u; tree < 2u; tree++) {
+        let root = select(frame.tree4_root, frame.tree3_root, tree == 0u);
+        if (root == NONE) {
+            continue;
+        }
+        var rng = pcg4d(vec4<u32>(index, sensor.sample, (STREAM_QUERY << 28u) | (depth << 14u) | (16u + tree), frame.seed)).x;
+        let found = resample(root, q, receiver, &rng);
+        put(first_slot + used, found.vertex, found.weight);
+        used += 1u;
+    }
+    for (var i = used; i < frame.slots; i++) {
+        put(first_slot + i, NONE, 0.0);
+    }
+}

@@ -1,0 +1,280 @@
+//! `shared/importance.wgsl` and the traversal by it (`shared/resample.wgsl`) against f64.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::{Material, NONE, PathVertex, TreeChild};
+use taugate::lightcone::tree::{Item, Tree, TreeOptions};
+
+use crate::shader_function::{ShaderFunction, contents};
+use crate::values::{direction, dvec, vec3};
+
+pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND];
+
+const IMPORTANCE: ShaderFunction = ShaderFunction {
+    imports: &["importance"],
+    given: "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32, x: f32, width: f32, pad: vec2<f32>",
+    result: "power: f32, importance: f32, ramp: f32, pruned: u32",
+    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
+        let d = box_distances(given.q, given.c.lo, given.c.hi);
+        result.power = power_through_gate(given.c, d, shell);
+        result.importance = node_importance(given.c, Receiver(shell, given.normal));
+        result.ramp = ramp(vec4<f32>(given.x), given.width).x;
+        result.pruned = u32(is_pruned(given.c.tau_lo, given.c.tau_hi, d, shell));",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Given {
+    child: TreeChild,
+    q: [f32; 3],
+    lo: f32,
+    normal: [f32; 3],
+    hi: f32,
+    x: f32,
+    width: f32,
+    pad: [f32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Got {
+    power: f32,
+    importance: f32,
+    ramp: f32,
+    pruned: u32,
+}
+
+/// Children of trees over a few vertices, with their vertices, and gates about one of them.
+fn cases(n: usize) -> Vec<(Given, Vec<Item>)> {
+    let mut pcg = Pcg::new(5);
+    let mut cases = vec![];
+    while cases.len() < n {
+        let size = [0.0, 1e-3, 0.3, 3.0][pcg.below(4)];
+        let duration = [0.0, 1e-3, 0.5, 6.0][pcg.below(4)];
+        let centre = direction(&mut pcg) * pcg.range(0.0, 10.0);
+        let mut items: Vec<Item> = (0..2 + pcg.below(20) as u32)
+            .map(|index| {
+                let p = vec3(centre + size * direction(&mut pcg));
+                let tau = (5.0 + duration * pcg.uniform()) as f32;
+                Item { point: [p[0], p[1], p[2], tau], power: 10f64.powf(pcg.range(-4.0, 1.0)) as f32, index }
+            })
+            .collect();
+        let tree = Tree::build(&mut items, options(1));
+        let half = items.len() / 2;
+        let q = direction(&mut pcg) * pcg.range(0.0, 12.0);
+        let about = &items[pcg.below(items.len())].point;
+        let lo = (dvec(&about[..3]) - q).length() + f64::from(about[3]) - pcg.range(-0.2, 0.6);
+        let hi = if pcg.below(6) == 0 { 3e38 } else { lo + [1e-3, 0.1, 2.0][pcg.below(3)] };
+        let (normal, x, width) = (direction(&mut pcg), pcg.range(-1.0, 3.0), pcg.range(1e-6, 2.0));
+        for (child, items) in [(tree.nodes[0].left, &items[..half]), (tree.nodes[0].right, &items[half..])] {
+            let given = Given {
+                child,
+                q: vec3(q),
+                lo: lo as f32,
+                normal: vec3(normal),
+                hi: hi as f32,
+                x: x as f32,
+                width: width as f32,
+                pad: [0.0; 2],
+            };
+            cases.push((given, items.to_vec()));
+        }
+    }
+    cases
+}
+
+fn options(leaf_size: usize) -> TreeOptions {
+    TreeOptions { leaf_size, buckets: 8, first_node: 0, first_vertex: 0 }
+}
+
+/// Probability that uniforms on [0, a] and [0, b] add up to less than x, for a, b > 0.
+fn sum_below(x: f64, a: f64, b: f64) -> f64 {
+    let half_square = |t: f64| 0.5 * t.max(0.0).powi(2);
+    (half_square(x) - half_square(x - a) - half_square(x - b) + half_square(x - a - b)) / (a * b)
+}
+
+/// The model of `power_through_gate` in f64, and what its f32 inputs may be off by.
+fn expected_power(g: &Given) -> (f64, f64) {
+    let (c, q) = (&g.child, dvec(&g.q));
+    let (lo, hi) = (dvec(&c.lo), dvec(&c.hi));
+    let near = (lo - q).max(q - hi).max(DVec3::ZERO).length();
+    let far = (lo - q).abs().max((hi - q).abs()).length();
+    let least = 1e-4 * far + 1e-12;
+    let (spread, bucket) = ((far - near).max(least), (f64::from(c.tau_hi - c.tau_lo) / 8.0).max(least));
+    let bytes = [c.buckets_low.to_le_bytes(), c.buckets_high.to_le_bytes()].concat();
+    let scale = 8.0 / f64::from(c.tau_hi - c.tau_lo).max(1e-30);
+    let index = |t: f64| ((t - f64::from(c.tau_lo)) * scale).floor();
+    let first = index(f64::from(g.lo) - far).clamp(0.0, 7.0) as usize;
+    let last = index(f64::from(g.hi) - near).clamp(-1.0, 7.0);
+    let mut sum = 0.0;
+    for b in (0..8).filter(|&b| b >= first && b as f64 <= last) {
+        let start = f64::from(c.tau_lo) + near + b as f64 * bucket;
+        let below = |x: f32| sum_below((f64::from(x) - start).clamp(0.0, spread + bucket), spread, bucket);
+        sum += f64::from(bytes[b]) * f64::from(c.power_unit) * (below(g.hi) - below(g.lo) + 0.3);
+    }
+    // A time of 20 m is known to 2e-6; the distribution's slope is at most 1 / the longer interval.
+    let shift = 1e-5 / spread.max(bucket).max(1e-9);
+    (sum, shift)
+}
+
+#[test]
+fn power_through_the_gate_is_that_of_two_uniforms() {
+    let cases = cases(20_000);
+    let inputs: Vec<Given> = cases.iter().map(|c| c.0).collect();
+    let results: Vec<Got> = IMPORTANCE.run(&inputs, &[]);
+    let (mut compared, mut live) = (0, 0);
+    for (g, r) in inputs.iter().zip(&results) {
+        let x = f64::from(g.x);
+        let width = f64::from(g.width);
+        let ramp = if x <= 0.0 {
+            0.0
+        } else if x < width {
+            0.5 * x * x / width
+        } else {
+            x - 0.5 * width
+        };
+        assert!((f64::from(r.ramp) - ramp).abs() < 1e-6 * (1.0 + ramp), "{g:?} {r:?} {ramp}");
+        let (expected, shift) = expected_power(g);
+        assert!(r.power.is_finite() && r.power >= 0.0, "{g:?} {r:?}");
+        let total = f64::from(g.child.power_unit) * 8.0 * 255.0;
+        // Whether a bucket at the very edge is live, rounding decides.
+        if (f64::from(r.power) - expected).abs() <= (shift + 1e-3) * total {
+            compared += 1;
+        }
+        live += usize::from(expected > 0.0);
+    }
+    assert!(compared as f64 > 0.98 * inputs.len() as f64, "{compared} of {}", inputs.len());
+    assert!(live > inputs.len() / 3);
+}
+
+/// A node is dropped only when no vertex of it can contribute.
+#[test]
+fn a_node_that_can_contribute_is_important() {
+    let cases = cases(20_000);
+    let inputs: Vec<Given> = cases.iter().map(|c| c.0).collect();
+    let results: Vec<Got> = IMPORTANCE.prepare(&[("HAS_TRANSMISSION", 0.0)]).run(&inputs, &[]);
+    let (mut valid, mut dropped) = (0, 0);
+    for ((g, items), r) in cases.iter().zip(&results) {
+        let q = dvec(&g.q);
+        let contributes = items.iter().any(|i| {
+            let offset = dvec(&i.point[..3]) - q;
+            let tau = offset.length() + f64::from(i.point[3]);
+            // The caller widens the shell by what rounding may do; here vertices at the edge are left out.
+            offset.dot(dvec(&g.normal)) > 0.0 && tau > f64::from(g.lo) + 1e-5 && tau < f64::from(g.hi) - 1e-5
+        });
+        assert!(!contributes || (r.importance > 0.0 && r.pruned == 0), "{g:?} {r:?}");
+        assert!(r.importance.is_finite(), "{g:?} {r:?}");
+        valid += usize::from(contributes);
+        dropped += usize::from(r.importance == 0.0);
+    }
+    assert!(valid > 2000 && dropped > 2000, "{valid} valid, {dropped} dropped");
+}
+
+const COSINE: ShaderFunction = ShaderFunction {
+    imports: &["importance"],
+    given: "normal: vec3<f32>, d_min: f32, center: vec3<f32>, pad0: f32, extent: vec3<f32>, pad1: f32",
+    result: "cosine: f32",
+    body: "result.cosine = box_cosine(given.normal, given.center, given.extent, given.d_min);",
+};
+
+#[test]
+fn the_cosine_of_a_box_bounds_that_of_its_points() {
+    let mut pcg = Pcg::new(6);
+    let inputs: Vec<[f32; 12]> = (0..20_000)
+        .map(|_| {
+            let n = direction(&mut pcg);
+            let center = direction(&mut pcg) * pcg.range(0.0, 5.0);
+            let extent = DVec3::new(pcg.uniform(), pcg.uniform(), pcg.uniform()) * [0.0, 0.1, 2.0][pcg.below(3)];
+            let near = (center.abs() - extent).max(DVec3::ZERO).length();
+            let [n, c, e] = [n, center, extent].map(vec3);
+            [n[0], n[1], n[2], near as f32, c[0], c[1], c[2], 0.0, e[0], e[1], e[2], 0.0]
+        })
+        .collect();
+    let results: Vec<f32> = COSINE.run(&inputs, &[]);
+    let mut behind = 0;
+    for (g, &cosine) in inputs.iter().zip(&results) {
+        let (n, c, e) = (dvec(&g[..3]), dvec(&g[4..7]), dvec(&g[8..11]));
+        let mut greatest: f64 = -1.0;
+        for _ in 0..20 {
+            let corner = DVec3::new(pcg.range(-1.0, 1.0), pcg.range(-1.0, 1.0), pcg.range(-1.0, 1.0));
+            greatest = greatest.max((c + corner * e).normalize_or_zero().dot(n));
+        }
+        assert!(cosine <= 1.0 && f64::from(cosine) >= greatest - 1e-5 || greatest <= 0.0, "{g:?}: {cosine} {greatest}");
+        behind += usize::from(cosine < 0.0);
+    }
+    assert!(behind > 2000, "{behind}");
+}
+
+const DESCEND: ShaderFunction = ShaderFunction {
+    imports: &["resample"],
+    given: "q: vec3<f32>, root: u32, normal: vec3<f32>, lo: f32, hi: f32, u: f32, seed: u32, pad: u32",
+    result: "leaf: u32, weight: f32",
+    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
+        var rng = given.seed;
+        let found = descend_by_importance(given.root, Receiver(shell, given.normal), given.u, &rng);
+        result.leaf = found.vertex; result.weight = found.weight;",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Descent {
+    q: [f32; 3],
+    root: u32,
+    normal: [f32; 3],
+    lo: f32,
+    hi: f32,
+    u: f32,
+    seed: u32,
+    pad: u32,
+}
+
+/// Every leaf comes up as often as 1 / weight says, for uniforms that are stratified: 1 / P averages to 1 at each of them.
+#[test]
+fn leaves_come_up_with_the_probability_they_report() {
+    const N: usize = 200_000;
+    let mut pcg = Pcg::new(12);
+    let kernel = DESCEND.prepare(&[("HAS_TRANSMISSION", 0.0)]);
+    let (mut compared, mut worst): (usize, f64) = (0, 0.0);
+    for vertices in [1u32, 2, 100, 3000] {
+        let mut items: Vec<Item> = (0..vertices)
+            .map(|index| {
+                let p = vec3(direction(&mut pcg) * pcg.range(1.0, 4.0));
+                Item { point: [p[0], p[1], p[2], pcg.range(3.0, 9.0) as f32], power: pcg.range(0.1, 2.0) as f32, index }
+            })
+            .collect();
+        let tree = Tree::build(&mut items, options(8));
+        let (q, normal) = (vec3(direction(&mut pcg)), vec3(direction(&mut pcg)));
+        let inputs: Vec<Descent> = (0..N)
+            .map(|i| {
+                let u = ((i as f64 + pcg.uniform()) / N as f64).min(1.0 - 1e-7) as f32;
+                Descent { q, root: tree.root, normal, lo: 6.0, hi: 8.0, u, seed: pcg.next_u32(), pad: 0 }
+            })
+            .collect();
+        let no_vertex: [PathVertex; 1] = Zeroable::zeroed();
+        let no_material: [Material; 1] = Zeroable::zeroed();
+        let buffers = [
+            contents("tree_nodes", &[tree.nodes.clone(), vec![Zeroable::zeroed()]].concat()),
+            contents("light_vertices", &no_vertex),
+            contents("materials", &no_material),
+        ];
+        let found: Vec<[u32; 2]> = kernel.run(&inputs, &buffers);
+        let mut leaves = std::collections::BTreeMap::<u32, (usize, f64)>::new();
+        for [leaf, weight] in found.into_iter().filter(|f| f[0] != NONE) {
+            let weight = f64::from(f32::from_bits(weight));
+            let entry = leaves.entry(leaf).or_insert((0, weight));
+            entry.0 += 1;
+            assert!((entry.1 / weight - 1.0).abs() < 1e-3, "{leaf:x}: {} and {weight}", entry.1);
+        }
+        for (leaf, (count, weight)) in leaves {
+            let expected = N as f64 / weight;
+            if expected >= 100.0 {
+                let z = (count as f64 - expected) / expected.sqrt();
+                assert!(z.abs() < 5.0, "leaf {leaf:x} of {vertices}: {count} times, {expected:.1} expected");
+                worst = worst.max(z.abs());
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 50, "{compared} leaves, worst {worst}");
+}
