@@ -2,12 +2,10 @@
 //
 // For q = q^(t) and v = v^(s) the contribution is (Eq. 25)
 //     w_{s,t} omega_t phi_j f_j(q) / (K P(j | q)),   f_j = f(q) cos f(v) cos V(q, v) / d^2,
-// inside the gate. w_{s,t} is the power heuristic (Eq. 27) over all strategies that are kept, by Georgiev's partial sums:
-// those that would have traced q from v stand in w_sensor, those that would have traced v from q in w_light.
+// inside the gate. w_{s,t} is the power heuristic (Eq. 27) over all strategies that are kept, see `weights.wgsl`.
 #import candidate
 #import visibility
-#import scatter
-#import camera
+#import weights
 #import gate
 #import shade_point
 #import tree
@@ -17,7 +15,8 @@
 @group(2) @binding(2) var<storage, read> slot_list: array<u32>;
 @group(2) @binding(3) var<storage, read> counters: array<u32>;
 @group(2) @binding(4) var<storage, read> candidates: array<Candidate>;
-// Contribution of a slot to its pixel; w: travel time, negative where no ray was traced.
+// Contribution of a slot to its pixel; w: travel time, negative where no ray was traced. To show strategies: without its
+// MIS weight, which stands in w.
 @group(2) @binding(5) var<storage, read_write> contributions: array<vec4<f32>>;
 
 // One thread, one candidate.
@@ -37,8 +36,9 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let w = offset * inverseSqrt(d2);
     let at_q = connect_shade_point(q, w);
     let at_v = connect_light_vertex(v, -w);
-    let weight = mis_weight(q, v, at_q, at_v, d2);
-    let value = q.throughput * v.throughput * at_q.value * at_v.value * (candidate.weight * weight / d2);
+    let weight = connection_weight(q, v, at_q, at_v, d2);
+    let counted = select(weight, 1.0, OBSERVE == OBSERVE_STRATEGIES);
+    let value = q.throughput * v.throughput * at_q.value * at_v.value * (candidate.weight * counted / d2);
     if (!(max_component(abs(value)) > 0.0)) {
         // Zero, or not a number: `gather` sorts them out.
         contributions[slot] = vec4<f32>(value, -1.0);
@@ -53,14 +53,6 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let lane = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
     let hit = trace(origin, target_point - origin, 1.0, true, vec4<u32>(index, sensor.sample, lane, frame.seed));
     let tau = v.tau + medium_towards(q, w) * sqrt(d2) + q.tau;
-    contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, hit.triangle == NONE), tau);
-}
-
-// Eq. 27 with beta = 2 (Georgiev 2012, Eqs. 38 to 40).
-fn mis_weight(q: PathVertex, v: PathVertex, at_q: Connection, at_v: Connection, d2: f32) -> f32 {
-    let q_to_v = at_q.pdf * at_v.cosine / d2;
-    let v_to_q = at_v.pdf * at_q.cosine / d2;
-    let w_light = mis(q_to_v) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse));
-    let w_sensor = frame.keep_s2 * mis(v_to_q) * (q.d_vcm + q.d_vc * mis(at_q.pdf_reverse));
-    return 1.0 / (1.0 + w_light + w_sensor);
+    let last = select(tau, weight, OBSERVE == OBSERVE_STRATEGIES);
+    contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, hit.triangle == NONE), last);
 }

@@ -122,6 +122,11 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE.png", num_args = 0..=1, help_heading = "Output")]
     png: Option<Option<PathBuf>>,
 
+    /// Also render the image once more and write what each strategy adds to it into this folder: for s vertices from the
+    /// light and t from the sensor s02_t03_weighted.exr (by MIS; these add up to the image) and _unweighted.exr
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    strategy_images: Option<PathBuf>,
+
     /// Also write numbers about the render: rays, times, dropped samples
     #[arg(long, value_name = "FILE.json", help_heading = "Output")]
     stats: Option<PathBuf>,
@@ -165,7 +170,7 @@ impl RenderArgs {
                 device: self.device,
                 strict: self.strict.then_some(true),
             },
-            output: OutputTable { output: self.output, png, stats: self.stats },
+            output: OutputTable { output: self.output, png, stats: self.stats, strategy_images: self.strategy_images },
             ..Experiment::default()
         }
     }

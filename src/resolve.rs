@@ -23,6 +23,8 @@ pub struct Outputs {
     pub exr: PathBuf,
     pub png: Option<PathBuf>,
     pub stats: Option<PathBuf>,
+    /// A folder.
+    pub strategy_images: Option<PathBuf>,
 }
 
 /// Names the files that a render writes. Needs no scene, so that a mistake is found at once.
@@ -44,7 +46,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
         return Err(settings(format!("the numbers of --stats, {}, must end in .json", path.display())));
     }
-    Ok(Outputs { exr, png, stats })
+    Ok(Outputs { exr, png, stats, strategy_images: wanted.strategy_images.clone() })
 }
 
 /// Settles everything that was left open: flags and file (already merged) beat the scene, which beats the defaults.

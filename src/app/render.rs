@@ -12,13 +12,13 @@ use taugate::experiment::Experiment;
 use taugate::exr_file::{self, Provenance};
 use taugate::files::{check_writable, write_atomically};
 use taugate::gpu::Device;
-use taugate::render::{Prepared, Renderer, Stats};
+use taugate::render::{Prepared, Renderer, Stats, StrategyImages};
 use taugate::resolve::{self, Outputs};
 use taugate::settings::{Budget, Settings};
 use taugate::{Error, png_file};
 
-use super::feasible;
 use super::progress::{Position, Progress, duration, rays};
+use super::{feasible, strategies};
 use crate::cli::RenderArgs;
 
 /// Samples a pixel and iteration at most.
@@ -52,6 +52,10 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     }
     let outputs = resolve::outputs(&experiment)?;
 
+    if outputs.strategy_images.is_some() {
+        StrategyImages::check(settings)?;
+    }
+
     // Prepare the device.
     let mut progress = Progress::new(quiet);
     for warning in scene.warnings.iter().chain(&resolved.warnings) {
@@ -74,7 +78,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let rendering = Instant::now();
     let rendered = iterate(&mut renderer, settings, strict, &stop, &mut progress);
     progress.finish();
-    rendered?;
+    let schedule = rendered?;
     let elapsed = rendering.elapsed();
     let interrupted = stop.load(Ordering::Relaxed);
     if interrupted && renderer.film().samples() == 0 {
@@ -97,7 +101,12 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     };
     write(&outputs, &renderer, &provenance, prepared)?;
     summarise(&renderer, settings, elapsed, &outputs, &progress);
-    Ok(ExitCode::from(if interrupted { 130 } else { 0 }))
+    if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
+        drop(renderer);
+        let images = strategies::Job { device: &device, scene: &scene, settings, schedule: &schedule, stop: &stop };
+        images.write(folder, &provenance, &progress)?;
+    }
+    Ok(ExitCode::from(if stop.load(Ordering::Relaxed) { 130 } else { 0 }))
 }
 
 /// What was typed, over the experiment file if one was named. Names a scene.
@@ -123,7 +132,8 @@ fn read_experiment(args: RenderArgs) -> Result<Experiment> {
 
 /// An hour of rendering should not end in a folder that cannot be written to.
 fn check_outputs(outputs: &Outputs) -> Result<()> {
-    files(outputs).try_for_each(|path| check_writable(path))
+    files(outputs).try_for_each(|path| check_writable(path))?;
+    outputs.strategy_images.as_ref().map_or(Ok(()), |folder| strategies::check_folder(folder))
 }
 
 fn files(outputs: &Outputs) -> impl Iterator<Item = &PathBuf> {
@@ -142,21 +152,23 @@ fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-/// Adds iterations until the budget is used or somebody interrupts.
+/// Adds iterations until the budget is used or somebody interrupts; returns the samples of each.
 fn iterate(
     renderer: &mut Renderer,
     settings: &Settings,
     strict: bool,
     stop: &AtomicBool,
     progress: &mut Progress,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<u32>> {
     let started = Instant::now();
+    let mut schedule = vec![];
     loop {
         let samples = next_samples(&settings.budget, renderer.film().samples(), started.elapsed());
         if samples == 0 || stop.load(Ordering::Relaxed) {
-            return Ok(());
+            return Ok(schedule);
         }
         renderer.iterate(samples)?;
+        schedule.push(samples);
         let dropped = renderer.stats().dropped;
         if strict && dropped > 0 {
             return Err(NotFinite { dropped }.into());

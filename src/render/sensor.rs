@@ -14,6 +14,7 @@ use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Dispatch, NONE, PathVertex};
 use crate::gpu::{Bindings, Buffer, Device, DeviceInfo, Kernel, Need, Recorder};
 use buffers::{BUFFERS, Buffers, needs};
+pub use observe::Seen;
 
 /// Counters of the lists: living paths (two, in turn), shade points, live candidates.
 const LIVING: [u32; 2] = [0, 1];

@@ -6,4 +6,5 @@ mod determinism;
 mod regressions;
 mod shared_scenes;
 mod sphere;
+mod strategies;
 mod zoo;

@@ -40,6 +40,7 @@ fn all() -> Vec<&'static ShaderFunction> {
         crate::texels::KERNELS,
         crate::texture::KERNELS,
         crate::trace::KERNELS,
+        crate::weights::KERNELS,
     ]
     .concat()
 }

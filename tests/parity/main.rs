@@ -20,3 +20,4 @@ mod texels;
 mod texture;
 mod trace;
 mod values;
+mod weights;
