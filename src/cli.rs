@@ -127,7 +127,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "DIR", help_heading = "Output")]
     strategy_images: Option<PathBuf>,
 
-    /// Also write numbers about the render: rays, times, dropped samples
+    /// Also write numbers about the render: rays, times, mean and its error, dropped samples, part inside the gate
     #[arg(long, value_name = "FILE.json", help_heading = "Output")]
     stats: Option<PathBuf>,
 

@@ -166,13 +166,21 @@ fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
                 gate.describe()
             )));
         }
-        GateResolution::Coarse { ulps } | GateResolution::TooThin { ulps } => warnings.push(format!(
+        GateResolution::Coarse { .. } | GateResolution::TooThin { .. } => warnings.extend(gate_warning(&gate)),
+    }
+    Ok(gate)
+}
+
+/// What to know of a gate whose width is near the resolution of 32-bit travel times.
+pub fn gate_warning(gate: &Gate) -> Option<String> {
+    match gate.resolution() {
+        GateResolution::Fine => None,
+        GateResolution::Coarse { ulps } | GateResolution::TooThin { ulps } => Some(format!(
             "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be off by {:.1} %",
             gate.describe(),
             100.0 / ulps.max(1.0)
         )),
     }
-    Ok(gate)
 }
 
 fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {

@@ -84,3 +84,47 @@ fn a_folder_of_other_files_is_not_touched() {
     assert!(said.contains("323 strategies") && said.contains("--max-depth"), "{said}");
     assert_eq!(names(here.path()), ["box.glb", "mine"]);
 }
+
+#[test]
+fn the_summary_says_how_well_the_image_is_known() {
+    let here = folder();
+    let said = render(here.path(), &["-o", "a.exr", "--gate", "7m..8m", "--stats", "a.json"], 0);
+    for part in ["mean ", " +- ", "connections inside the gate: ", "samples dropped as not finite: 0"] {
+        assert!(said.contains(part), "{part:?} is missing in: {said}");
+    }
+    let numbers = |file: &str| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(here.path().join(file)).unwrap()).unwrap()
+    };
+    let of = |value: &serde_json::Value, key: &str| value[key].as_f64().unwrap_or_else(|| panic!("{key}: {value}"));
+    let n = numbers("a.json");
+    let share = of(&n, "connections_inside_gate");
+    assert!(share > 0.0 && share < 0.5, "a thin gate lets few connections through: {share}");
+    assert!(of(&n, "inside_gate_per_sample") > 0.0 && n["samples_dropped"] == 0);
+
+    // The standard error is the spread of the means of other seeds, which share nothing.
+    let means: Vec<[f64; 2]> = (1..=12)
+        .map(|seed| {
+            let seed = seed.to_string();
+            render(here.path(), &["-o", "b.exr", "--gate", "7m..8m", "--stats", "b.json", "--seed", &seed], 0);
+            let n = numbers("b.json");
+            [of(&n, "image_mean"), of(&n, "image_mean_standard_error").powi(2)]
+        })
+        .collect();
+    let count = means.len() as f64;
+    let mean = means.iter().map(|m| m[0]).sum::<f64>() / count;
+    let spread = means.iter().map(|m| (m[0] - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let claimed = means.iter().map(|m| m[1]).sum::<f64>() / count;
+    eprintln!("mean {mean:.5}, spread {:.2e}, claimed {:.2e}", spread.sqrt(), claimed.sqrt());
+    // F distribution with 11 and 180 degrees of freedom: 1e-3 to both sides.
+    assert!((0.16..3.0).contains(&(spread / claimed)), "{spread} against {claimed}");
+
+    // A gate near the resolution of travel times is named again at the end, and in the numbers.
+    let said = render(here.path(), &["-o", "c.exr", "--gate", "7m+0.1mm", "--stats", "c.json", "--force"], 0);
+    assert_eq!(said.matches("steps of 32-bit travel times").count(), 2, "{said}");
+    assert!(numbers("c.json")["warnings"][0].as_str().unwrap().contains("32-bit travel times"));
+
+    // One iteration: no error can be known.
+    let one = ["--resolution", "8x8", "--spp", "1", "-o", "d.exr", "--stats", "d.json"];
+    let said = run(here.path(), &[&["render", "box.glb"], &one[..]].concat(), 0).1;
+    assert!(said.contains("unknown error") && numbers("d.json")["image_mean_standard_error"].is_null(), "{said}");
+}

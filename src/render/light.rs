@@ -137,7 +137,9 @@ impl LightTracer {
             self.collect(&living, first, plan.max_depth, pool)?;
             if plan.splats {
                 let show = |splat: Splat| see(Splat { s: bounce + 2, ..splat });
-                stats.dropped += self.show_splats(plan, &living, known, pool, show)?;
+                let [shown, dropped] = self.show_splats(plan, &living, known, pool, show)?;
+                stats.inside_gate += shown;
+                stats.dropped += dropped;
             }
             living = self.survivors(&living)?;
             stats.add_host("read light vertices", start.elapsed().as_secs_f64());
@@ -175,7 +177,8 @@ impl LightTracer {
         living.last().map_or(0, |&slot| slot as usize + 1)
     }
 
-    /// Of a deterministic vertex, which all paths repeat, only the first copy counts.
+    /// Of a deterministic vertex, which all paths repeat, only the first copy counts. Returns how many splats were shown, and
+    /// how many dropped as non-finite.
     fn show_splats(
         &self,
         plan: &Plan,
@@ -183,9 +186,9 @@ impl LightTracer {
         known: usize,
         pool: &LightPool,
         mut see: impl FnMut(Splat),
-    ) -> Result<u64> {
+    ) -> Result<[u64; 2]> {
         let n = self.vertices_in_use(living);
-        let mut dropped = 0;
+        let (mut shown, mut dropped) = (0, 0);
         let mut fresh: Vec<u32> = pool.deterministic[known..].iter().map(|v| v.owner).collect();
         // Punctual lights are deterministic too, but stand at depth 0 and are never traced.
         let any = pool.deterministic.iter().any(|v| v.flags & VERTEX_DEPTH != 0);
@@ -205,12 +208,13 @@ impl LightTracer {
                     let finite = [r, g, b].iter().all(|value| value.is_finite());
                     dropped += u64::from(!finite);
                     if finite {
+                        shown += 1;
                         let weight = weights.get(slot as usize).copied().unwrap_or(1.0);
                         see(Splat { rgb: [r, g, b], pixel_or_tau, weight, s: 0 });
                     }
                 }
             }
         })?;
-        Ok(dropped)
+        Ok([shown, dropped])
     }
 }

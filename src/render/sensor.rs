@@ -172,6 +172,7 @@ impl SensorTracer {
             stats.dropped += tally[0];
             stats.shadow_rays += tally[1];
             stats.inside_gate += tally[2];
+            stats.candidates += tally[3];
         })
     }
 
@@ -204,7 +205,6 @@ impl SensorTracer {
         let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
         stats.closest_rays += u64::from(count) + total(LIVING[0]) + total(LIVING[1]);
         stats.shade_points += total(SHADE);
-        stats.candidates += total(SHADE) * u64::from(self.slots);
         stats.live_candidates += total(CANDIDATES);
         if plan.tuning.tile.is_none() {
             self.adapt(count as usize, longest);

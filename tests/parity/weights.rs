@@ -172,7 +172,7 @@ fn wrong(
         let kept = w.iter().enumerate().filter(|(s, x)| **x >= 0.0 && Some(*s) != without);
         let sum: f64 = kept.map(|(_, &x)| f64::from(x)).sum();
         // Not a number offends too.
-        !((sum - 1.0).abs() <= 1e-4)
+        sum.is_nan() || (sum - 1.0).abs() > 1e-4
     };
     ((0..results.len()).filter(offends).collect(), formed)
 }
