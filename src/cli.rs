@@ -178,7 +178,9 @@ impl RenderArgs {
 
 /// Measure the error of an image against a reference
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 compared (and within the threshold), 1 above the threshold, 2 error")]
+#[command(
+    after_help = "Exit codes: 0 compared (within the threshold, no difference), 1 above the threshold or different, 2 error"
+)]
 pub struct CompareArgs {
     /// The image to judge
     #[arg(value_name = "A.exr")]
@@ -191,6 +193,11 @@ pub struct CompareArgs {
     /// Exit with 1 if relMSE is above this
     #[arg(long, value_name = "X", help_heading = "Output")]
     pub max_relmse: Option<f64>,
+
+    /// Test whether the images differ by more than their noise, write the map of z (.exr: signed z; .png: red brighter,
+    /// blue darker) and exit with 1 if they do; both rendered by taugate, with different seeds
+    #[arg(long, value_name = "OUT.png|OUT.exr", help_heading = "Output")]
+    pub z: Option<PathBuf>,
 
     /// Print JSON
     #[arg(long, help_heading = "Output")]

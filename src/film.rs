@@ -5,6 +5,8 @@
 
 use rayon::prelude::*;
 
+use crate::batches::CellBatches;
+
 /// Accumulated images of width x height pixels with R, G, B interleaved, row 0 at the top.
 #[derive(Debug, Clone)]
 pub struct Film {
@@ -14,6 +16,7 @@ pub struct Film {
     sums: Vec<[f64; 2]>,
     /// The same of the image's mean over all pixels and channels.
     image_sums: [f64; 2],
+    cells: CellBatches,
     samples: u64,
     iterations: u32,
 }
@@ -21,7 +24,15 @@ pub struct Film {
 impl Film {
     pub fn new(width: u32, height: u32) -> Film {
         let channels = 3 * width as usize * height as usize;
-        Film { width, height, sums: vec![[0.0; 2]; channels], image_sums: [0.0; 2], samples: 0, iterations: 0 }
+        Film {
+            width,
+            height,
+            sums: vec![[0.0; 2]; channels],
+            image_sums: [0.0; 2],
+            cells: CellBatches::new(width, height),
+            samples: 0,
+            iterations: 0,
+        }
     }
 
     pub fn width(&self) -> u32 {
@@ -54,6 +65,7 @@ impl Film {
             *square += weight * x * x;
         });
         let mean = rgb.iter().map(|&x| f64::from(x)).sum::<f64>() / rgb.len().max(1) as f64;
+        self.cells.add(rgb, samples);
         self.image_sums[0] += weight * mean;
         self.image_sums[1] += weight * mean * mean;
         self.samples += u64::from(samples);
@@ -64,6 +76,11 @@ impl Film {
     pub fn mean(&self) -> Vec<f32> {
         let scale = if self.samples == 0 { 0.0 } else { 1.0 / self.samples as f64 };
         self.sums.par_iter().map(|[sum, _]| (sum * scale) as f32).collect()
+    }
+
+    /// Means over cells of pixels in independent batches.
+    pub fn cells(&self) -> &CellBatches {
+        &self.cells
     }
 
     /// The mean over all pixels and channels, and its standard error from the means of whole iterations: pixels of one are

@@ -128,3 +128,61 @@ fn the_summary_says_how_well_the_image_is_known() {
     let said = run(here.path(), &[&["render", "box.glb"], &one[..]].concat(), 0).1;
     assert!(said.contains("unknown error") && numbers("d.json")["image_mean_standard_error"].is_null(), "{said}");
 }
+
+#[test]
+fn a_comparison_gives_a_verdict_and_a_map() {
+    let here = folder();
+    let image = |file: &str, seed: &str, more: &[&str]| {
+        render(here.path(), &[&["-o", file, "--seed", seed], more].concat(), 0);
+    };
+    image("a.exr", "1", &["--gate", "6m..8m"]);
+    image("b.exr", "2", &["--gate", "6m..8m"]);
+    image("late.exr", "3", &["--gate", "6.8m..8m"]);
+    let compare = |arguments: &[&str], code: i32| run(here.path(), &[&["compare"], arguments].concat(), code);
+    let (said, _) = compare(&["b.exr", "a.exr", "--z", "same.png"], 0);
+    assert!(
+        said.contains("the two agree: max |z| = ") && said.contains("threshold") && said.contains("y 0.."),
+        "{said}"
+    );
+    let (said, _) = compare(&["late.exr", "a.exr", "--z", "map.exr"], 1);
+    assert!(said.contains("the two differ: max |z| = "), "{said}");
+    let map = read_picture(&here.path().join("map.exr")).unwrap();
+    assert_eq!((map.width, map.height), (20, 16));
+    // The early light is missing: darker, so z is negative.
+    assert!(map.rgb.iter().all(|&z| z <= 4.0) && map.rgb.iter().any(|&z| z < -4.0));
+    let (json, _) = compare(&["late.exr", "a.exr", "--z", "map.png", "--json"], 1);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(json["z"]["agree"] == false && json["z"]["max_z"].as_f64() > json["z"]["threshold"].as_f64());
+    let worst = &json["z"]["worst"][0];
+    assert!(worst["x"][1].as_u64() <= Some(20) && worst["z"].as_f64() < Some(-4.0), "{worst}");
+    for picture in ["same.png", "map.png"] {
+        assert!(std::fs::read(here.path().join(picture)).unwrap().starts_with(b"\x89PNG"));
+    }
+}
+
+#[test]
+fn images_that_do_not_tell_their_noise_are_not_judged() {
+    let here = folder();
+    let judge = |a: &str, b: &str, z: &str, part: &str| {
+        let said = run(here.path(), &["compare", a, b, "--z", z], 2).1;
+        assert!(said.starts_with("error: ") && said.contains(part), "{part:?}: {said}");
+    };
+    render(here.path(), &["-o", "a.exr", "--seed", "1"], 0);
+    render(here.path(), &["-o", "late.exr", "--seed", "1", "--gate", "0m..6.5m"], 0);
+    run(here.path(), &["render", "box.glb", "-o", "few.exr", "--resolution", "20x16", "--spp", "4"], 0);
+    run(here.path(), &["render", "box.glb", "-o", "small.exr", "--resolution", "8x8", "--spp", "4"], 0);
+    let (width, height, rgb) = (20, 16, vec![1.0; 960]);
+    let write = |file: &str, rgb: &[f32]| {
+        taugate::exr_file::write_plain(&here.path().join(file), width, height, rgb).unwrap();
+    };
+    write("plain.exr", &rgb);
+    write("nan.exr", &[&rgb[1..], &[f32::NAN]].concat());
+    judge("late.exr", "a.exr", "z.png", "seed 1");
+    judge("few.exr", "a.exr", "z.png", "4 iterations");
+    judge("small.exr", "a.exr", "z.png", "differ in size");
+    judge("plain.exr", "a.exr", "z.png", "plain.exr: does not tell its noise");
+    judge("nan.exr", "a.exr", "z.png", "nan.exr: pixel 19,15 is NaN");
+    judge("few.exr", "a.exr", "z.jpg", ".png or .exr");
+    judge("few.exr", "a.exr", "a.exr", "would overwrite a.exr");
+    assert_eq!(names(here.path()).iter().filter(|name| name.starts_with('z')).count(), 0);
+}

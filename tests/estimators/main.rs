@@ -7,4 +7,5 @@ mod regressions;
 mod shared_scenes;
 mod sphere;
 mod strategies;
+mod z_map;
 mod zoo;
