@@ -2,7 +2,6 @@
 #import candidate
 #import visibility
 #import connection
-#import camera
 #import gate
 #import shade_point
 #import tree
@@ -12,7 +11,8 @@
 @group(2) @binding(2) var<storage, read> slot_list: array<u32>;
 @group(2) @binding(3) var<storage, read> counters: array<u32>;
 @group(2) @binding(4) var<storage, read> candidates: array<Candidate>;
-// Contribution of a slot to its pixel; w: travel time, negative where no ray was traced.
+// Contribution of a slot to its pixel; w: travel time, negative where no ray was traced. To show strategies: without its
+// MIS weight, which stands in w.
 @group(2) @binding(5) var<storage, read_write> contributions: array<vec4<f32>>;
 
 // One thread, one candidate.
@@ -29,7 +29,9 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let offset = v.position - q.position;
     let d2 = dot(offset, offset);
     let w = offset * inverseSqrt(d2);
-    let value = unshadowed(q, v) * candidate.weight;
+    let open = unshadowed(q, v);
+    let counted = select(open.w, 1.0, OBSERVE == OBSERVE_STRATEGIES);
+    let value = open.xyz * (candidate.weight * counted);
     if (!(max_component(abs(value)) > 0.0)) {
         // Zero, or not a number: `gather` sorts them out.
         contributions[slot] = vec4<f32>(value, -1.0);
@@ -44,5 +46,6 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let lane = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
     let hit = trace(origin, target_point - origin, 1.0, true, vec4<u32>(index, sensor.sample, lane, frame.seed));
     let tau = v.tau + medium_towards(q, w) * sqrt(d2) + q.tau;
-    contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, hit.triangle == NONE), tau);
+    let last = select(tau, open.w, OBSERVE == OBSERVE_STRATEGIES);
+    contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, hit.triangle == NONE), last);
 }

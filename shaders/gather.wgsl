@@ -8,7 +8,7 @@
 @group(2) @binding(2) var<storage, read> candidates: array<Candidate>;
 @group(2) @binding(3) var<storage, read> contributions: array<vec4<f32>>;
 @group(2) @binding(4) var<storage, read_write> radiance: array<vec4<f32>>;
-// A path's counts: samples dropped as non-finite, shadow rays, contributions inside the gate; w is not used.
+// A path's counts: samples dropped as non-finite, shadow rays, contributions inside the gate, connections tried.
 @group(2) @binding(5) var<storage, read_write> tallies: array<vec4<u32>>;
 
 // One thread, one shade point.
@@ -23,6 +23,8 @@ fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
     var tally = vec4<u32>(0u);
     for (var i = 0u; i < frame.slots; i++) {
         let slot = rank * frame.slots + i;
+        // An empty slot has no weight; a connection that was ruled out keeps its own.
+        tally.w += select(0u, 1u, candidates[slot].weight > 0.0);
         if (candidates[slot].vertex == NONE) {
             continue;
         }

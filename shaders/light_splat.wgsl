@@ -1,15 +1,14 @@
 // Strategy t = 1: every light vertex seen from the pinhole. The gate is tested before the ray is traced.
 #import visibility
-#import scatter
-#import camera
+#import weights
 #import gate
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> list: array<u32>;
-// Light arriving at a pixel of the crop; w holds the pixel's bits, NONE for nothing. For the probe: its travel time.
+// Light arriving at a pixel of the crop; w holds the pixel's bits, NONE for nothing. To show times: the travel time.
 @group(2) @binding(2) var<storage, read_write> splats: array<vec4<f32>>;
-
-override PROBE: bool = false;
+// MIS weights of the splats, which then go without; to show strategies only.
+@group(2) @binding(3) var<storage, read_write> splat_weights: array<f32>;
 
 // One thread, one light vertex that was just reached.
 @compute @workgroup_size(WORKGROUP)
@@ -48,8 +47,11 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     if (hit.triangle != NONE) {
         return;
     }
-    // Eq. 27 over all strategies kept; those with s' < s stand in d_vcm and d_vc.
-    let area_density = density * c.cosine / (d * d);
-    let w_light = mis(frame.gain * area_density / frame.light_count) * (v.d_vcm + v.d_vc * mis(c.pdf_reverse));
-    splats[slot] = vec4<f32>(value / (1.0 + w_light), select(bitcast<f32>(pixel), v.tau + last, PROBE));
+    let weight = splat_weight(v, c, density * c.cosine / (d * d));
+    if (OBSERVE == OBSERVE_STRATEGIES) {
+        splats[slot] = vec4<f32>(value, bitcast<f32>(pixel));
+        splat_weights[slot] = weight;
+        return;
+    }
+    splats[slot] = vec4<f32>(value * weight, select(bitcast<f32>(pixel), v.tau + last, OBSERVE == OBSERVE_TIMES));
 }

@@ -1,5 +1,5 @@
 // Starts the light subpaths of an iteration: an emitter, a point on it, a direction.
-#import scatter
+#import weights
 #import random
 
 // One entry a path of the batch.
@@ -36,24 +36,11 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     if (!e.beam) {
         let side = leave(vec3<f32>(0.0), e.vertex.geometric, e.vertex.offset, e.direction);
         s.shift = side;
-        start_weights(&s, e);
+        start_light_sums(&s, e);
     }
     e.vertex.throughput *= per_path;
     e.vertex.select_pdf = 1.0;
     e.vertex.flags = select(0u, e.vertex.flags, e.stored);
     states[slot] = s;
     vertices[slot] = e.vertex;
-}
-
-// Partial MIS sums of the first segment (Georgiev 2012, Eqs. 31 and 32): d_vcm leads to s = 1, d_vc to s = 0.
-fn start_weights(s: ptr<function, PathState>, e: Emission) {
-    if (e.stored) {
-        let cosine = abs(dot(e.vertex.geometric, e.direction));
-        (*s).d_vcm = mis(1.0 / e.pdf_direction);
-        (*s).d_vc = frame.keep_s0 * mis(cosine / (e.density * e.pdf_direction));
-    } else {
-        // A punctual light is connected once at every shade point, not with the probability of being chosen.
-        (*s).d_vcm = mis(1.0 / (frame.gain * e.pdf_direction * e.vertex.select_pdf));
-        (*s).d_vc = 0.0;
-    }
 }

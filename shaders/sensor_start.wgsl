@@ -1,7 +1,6 @@
 // Starts the sensor subpaths of a tile: a point in the pixel, the ray through it.
-#import camera
+#import weights
 #import random
-#import path
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 @group(2) @binding(1) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -29,9 +28,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.throughput = vec3<f32>(1.0);
     s.flags = PATH_ALIVE;
     s.shift = vec3<f32>(0.0);
-    // Partial MIS sums (Georgiev 2012, Eqs. 33 and 34): d_vcm leads to t = 1.
-    s.d_vcm = frame.keep_t1 * mis(frame.light_count / pixel_pdf(inverseSqrt(length2)));
-    s.d_vc = 0.0;
+    start_sensor_sums(&s, inverseSqrt(length2));
     states[slot] = s;
     radiance[slot] = vec4<f32>(0.0);
     tallies[slot] = vec4<u32>(0u);

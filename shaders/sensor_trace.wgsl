@@ -1,7 +1,7 @@
 // One segment of every living sensor subpath: trace, collect light that was hit, leave a shade point, go on.
 #import visibility
 #import walk
-#import camera
+#import weights
 #import gate
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
@@ -12,10 +12,9 @@
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
 @group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
 @group(2) @binding(6) var<storage, read_write> tallies: array<vec4<u32>>;
-// Travel time of the emitter that was hit, with its light in xyz; read back by the probe only.
+// Light of the emitter that was hit, with its travel time in w or, without its MIS weight, that weight: see OBSERVE.
 @group(2) @binding(7) var<storage, read_write> emitted: array<vec4<f32>>;
 
-override PROBE: bool = false;
 const MARK_ALIVE: u32 = 1u;
 const MARK_SHADE: u32 = 2u;
 
@@ -28,7 +27,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = list[id.x];
     var s = states[slot];
     marks[id.x] = 0u;
-    if (PROBE) {
+    if (OBSERVE != 0u) {
         emitted[slot] = vec4<f32>(0.0);
     }
 
@@ -49,12 +48,15 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     // Strategy s = 0: the subpath has found an emitter by itself.
     if (frame.keep_s0 > 0.0) {
         let light = emitter_hit(s, surface, q, depth);
-        if (max_component(light) > 0.0 && in_gate(0.0, 0.0, q.tau)) {
-            radiance[slot] += vec4<f32>(light, 0.0);
+        if (max_component(light.xyz) > 0.0 && in_gate(0.0, 0.0, q.tau)) {
+            radiance[slot] += vec4<f32>(light.xyz * light.w, 0.0);
             tallies[slot].z += 1u;
             // Emitters in view would drown what they light; who looks for a gate looks for the latter.
-            if (PROBE && depth > 1u) {
-                emitted[slot] = vec4<f32>(light, q.tau);
+            if (OBSERVE == OBSERVE_TIMES && depth > 1u) {
+                emitted[slot] = vec4<f32>(light.xyz * light.w, q.tau);
+            }
+            if (OBSERVE == OBSERVE_STRATEGIES) {
+                emitted[slot] = light;
             }
         }
     }
@@ -81,20 +83,13 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     marks[id.x] = mark;
 }
 
-// Light of the emitter at q towards the sensor, weighted against s >= 1 (Eq. 27).
-fn emitter_hit(s: PathState, surface: Surface, q: PathVertex, depth: u32) -> vec3<f32> {
+// Light of the emitter at q towards the sensor; w: its weight against s >= 1 (Eq. 27).
+fn emitter_hit(s: PathState, surface: Surface, q: PathVertex, depth: u32) -> vec4<f32> {
     let m = load_material(surface.material);
     let two_sided = (m.flags & MATERIAL_DOUBLE_SIDED) != 0u;
     if (m.emission_density <= 0.0 || !(two_sided || (q.flags & VERTEX_FRONT) != 0u)) {
-        return vec3<f32>(0.0);
+        return vec4<f32>(0.0);
     }
-    let light = s.throughput * emission(surface);
-    if (depth == 1u) {
-        return light;
-    }
-    let cosine = dot(q.geometric, q.to_previous);
-    let direct = m.emission_density;
-    let emitted_density = direct * cosine / select(PI, 2.0 * PI, two_sided);
-    let w_sensor = mis(direct) * s.d_vcm + frame.keep_s2 * mis(emitted_density) * s.d_vc;
-    return light / (1.0 + mis(frame.gain) * w_sensor);
+    let emitted_density = dot(q.geometric, q.to_previous) / select(PI, 2.0 * PI, two_sided);
+    return vec4<f32>(s.throughput * emission(surface), emitter_weight(q, depth, m.emission_density, emitted_density));
 }

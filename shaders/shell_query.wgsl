@@ -79,7 +79,8 @@ fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, us
         if (vertex != NONE) {
             vertex = checked(q, vertex);
         }
-        put(slot + used, vertex, found.weight / f32(frame.queries));
+        // 1 / P is at least 1, but 0 at a dead node, which was tried too.
+        put(slot + used, vertex, max(found.weight, 1.0) / f32(frame.queries));
         used += 1u;
     }
     return used;

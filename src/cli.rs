@@ -122,7 +122,12 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE.png", num_args = 0..=1, help_heading = "Output")]
     png: Option<Option<PathBuf>>,
 
-    /// Also write numbers about the render: rays, times, dropped samples
+    /// Also render the image once more and write what each strategy adds to it into this folder: for s vertices from the
+    /// light and t from the sensor s02_t03_weighted.exr (by MIS; these add up to the image) and _unweighted.exr
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    strategy_images: Option<PathBuf>,
+
+    /// Also write numbers about the render: rays, times, mean and its error, dropped samples, part inside the gate
     #[arg(long, value_name = "FILE.json", help_heading = "Output")]
     stats: Option<PathBuf>,
 
@@ -165,7 +170,7 @@ impl RenderArgs {
                 device: self.device,
                 strict: self.strict.then_some(true),
             },
-            output: OutputTable { output: self.output, png, stats: self.stats },
+            output: OutputTable { output: self.output, png, stats: self.stats, strategy_images: self.strategy_images },
             ..Experiment::default()
         }
     }
@@ -173,7 +178,9 @@ impl RenderArgs {
 
 /// Measure the error of an image against a reference
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 compared (and within the threshold), 1 above the threshold, 2 error")]
+#[command(
+    after_help = "Exit codes: 0 compared (within the threshold, no difference), 1 above the threshold or different, 2 error"
+)]
 pub struct CompareArgs {
     /// The image to judge
     #[arg(value_name = "A.exr")]
@@ -186,6 +193,11 @@ pub struct CompareArgs {
     /// Exit with 1 if relMSE is above this
     #[arg(long, value_name = "X", help_heading = "Output")]
     pub max_relmse: Option<f64>,
+
+    /// Test whether the images differ by more than their noise, write the map of z (.exr: signed z; .png: red brighter,
+    /// blue darker) and exit with 1 if they do; both rendered by taugate, with different seeds
+    #[arg(long, value_name = "OUT.png|OUT.exr", help_heading = "Output")]
+    pub z: Option<PathBuf>,
 
     /// Print JSON
     #[arg(long, help_heading = "Output")]

@@ -78,6 +78,7 @@ pub struct OutputTable {
     pub output: Option<PathBuf>,
     pub png: Option<Png>,
     pub stats: Option<PathBuf>,
+    pub strategy_images: Option<PathBuf>,
 }
 
 /// Whether and where the tone-mapped picture goes: `png = true` or `png = "picture.png"`.
@@ -116,12 +117,12 @@ impl Experiment {
             .map_err(|e| Error::Settings(format!("{}:{}:{}: {}", path.display(), e.line, e.column, e.message)))?;
 
         let folder = path.parent().unwrap_or(Path::new(""));
-        let OutputTable { output, png, stats } = &mut experiment.output;
+        let OutputTable { output, png, stats, strategy_images } = &mut experiment.output;
         let png = match png {
             Some(Png::File(file)) => Some(file),
             _ => None,
         };
-        for file in [&mut experiment.scene, output, stats].into_iter().flatten().chain(png) {
+        for file in [&mut experiment.scene, output, stats, strategy_images].into_iter().flatten().chain(png) {
             *file = folder.join(&*file);
         }
         Ok(experiment)
@@ -183,6 +184,7 @@ impl Experiment {
                 output: self.output.output.or(below.output.output),
                 png: self.output.png.or(below.output.png),
                 stats: self.output.stats.or(below.output.stats),
+                strategy_images: self.output.strategy_images.or(below.output.strategy_images),
             },
             medium: Medium,
         }

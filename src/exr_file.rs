@@ -65,6 +65,7 @@ pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
             ("tof:c_m_per_s", AttributeValue::F64(SPEED_OF_LIGHT_M_PER_S)),
             ("tof:seed", AttributeValue::Text(text(&provenance.seed.to_string()))),
             ("tof:varianceBatches", AttributeValue::I32(film.iterations().try_into().unwrap_or(i32::MAX))),
+            ("tof:cellBatches", floats(&film.cells().to_floats())),
             ("tof:version", AttributeValue::Text(text(&version()))),
             ("tof:settings", AttributeValue::Text(text(&provenance.settings))),
         ]
@@ -82,6 +83,15 @@ pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
     write_atomically(path, |writer| image.write().to_buffered(writer).map_err(into_io))
 }
 
+/// Writes R, G, B (interleaved, row 0 at the top) and nothing else.
+pub fn write_plain(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
+    let channels = AnyChannels::sort(channels_of(rgb, "").into_iter().collect());
+    let attributes = LayerAttributes { software_name: Some(text(&version())), ..LayerAttributes::default() };
+    let encoding = Encoding { compression: exr::prelude::Compression::ZIP16, ..Encoding::UNCOMPRESSED };
+    let image = Image::from_layer(Layer::new((width as usize, height as usize), attributes, encoding, channels));
+    write_atomically(path, |writer| image.write().to_buffered(writer).map_err(into_io))
+}
+
 /// Splits interleaved R, G, B into three channels.
 fn channels_of(rgb: &[f32], prefix: &str) -> Vec<AnyChannel<FlatSamples>> {
     let plane = |c| FlatSamples::F32(rgb.iter().skip(c).step_by(3).copied().collect());
@@ -90,6 +100,11 @@ fn channels_of(rgb: &[f32], prefix: &str) -> Vec<AnyChannel<FlatSamples>> {
         .enumerate()
         .map(|(c, name)| AnyChannel::new(text(&format!("{prefix}{name}")), plane(c)))
         .collect()
+}
+
+/// An attribute of the standard type `floatvector`.
+fn floats(values: &[f32]) -> AttributeValue {
+    AttributeValue::Custom { kind: text("floatvector"), bytes: values.iter().flat_map(|v| v.to_le_bytes()).collect() }
 }
 
 /// EXR texts are bytes; UTF-8 is what readers expect.
@@ -112,6 +127,9 @@ pub struct Picture {
     pub rgb: Vec<f32>,
     /// Variance of `rgb` where the file has it.
     pub variance: Option<Vec<f32>>,
+    /// `tof:cellBatches`, see [`crate::batches::CellBatches::to_floats`], and `tof:seed` where the file has them.
+    pub cell_batches: Option<Vec<f32>>,
+    pub seed: Option<String>,
 }
 
 /// Reads the channels R, G, B, and Variance.R, .G, .B if there, of a single-part EXR of any program.
@@ -144,7 +162,19 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         let message = format!("has no channels R, G, B to compare, only {}", names.join(", "));
         Error::File { path: path.into(), message }
     })?;
-    Ok(Picture { width: width as u32, height: height as u32, rgb, variance: interleave("Variance.") })
+    let attribute = |name: &str| layer.attributes.other.get(&text(name));
+    let cell_batches = attribute("tof:cellBatches").and_then(|value| match value {
+        AttributeValue::Custom { kind, bytes } if kind.bytes() == b"floatvector" => {
+            Some(bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect())
+        }
+        _ => None,
+    });
+    let seed = attribute("tof:seed").and_then(|value| match value {
+        AttributeValue::Text(seed) => Some(seed.to_string()),
+        _ => None,
+    });
+    let variance = interleave("Variance.");
+    Ok(Picture { width: width as u32, height: height as u32, rgb, variance, cell_batches, seed })
 }
 
 /// Refuses what the decoder would reserve too much memory for, or what is not one flat image.

@@ -5,6 +5,8 @@
 
 use rayon::prelude::*;
 
+use crate::batches::CellBatches;
+
 /// Accumulated images of width x height pixels with R, G, B interleaved, row 0 at the top.
 #[derive(Debug, Clone)]
 pub struct Film {
@@ -12,6 +14,9 @@ pub struct Film {
     height: u32,
     /// Sum of w x and of w x^2 a channel, where iteration i has mean x_i over w_i samples.
     sums: Vec<[f64; 2]>,
+    /// The same of the image's mean over all pixels and channels.
+    image_sums: [f64; 2],
+    cells: CellBatches,
     samples: u64,
     iterations: u32,
 }
@@ -19,7 +24,15 @@ pub struct Film {
 impl Film {
     pub fn new(width: u32, height: u32) -> Film {
         let channels = 3 * width as usize * height as usize;
-        Film { width, height, sums: vec![[0.0; 2]; channels], samples: 0, iterations: 0 }
+        Film {
+            width,
+            height,
+            sums: vec![[0.0; 2]; channels],
+            image_sums: [0.0; 2],
+            cells: CellBatches::new(width, height),
+            samples: 0,
+            iterations: 0,
+        }
     }
 
     pub fn width(&self) -> u32 {
@@ -51,6 +64,10 @@ impl Film {
             *sum += weight * x;
             *square += weight * x * x;
         });
+        let mean = rgb.iter().map(|&x| f64::from(x)).sum::<f64>() / rgb.len().max(1) as f64;
+        self.cells.add(rgb, samples);
+        self.image_sums[0] += weight * mean;
+        self.image_sums[1] += weight * mean * mean;
         self.samples += u64::from(samples);
         self.iterations += 1;
     }
@@ -59,6 +76,22 @@ impl Film {
     pub fn mean(&self) -> Vec<f32> {
         let scale = if self.samples == 0 { 0.0 } else { 1.0 / self.samples as f64 };
         self.sums.par_iter().map(|[sum, _]| (sum * scale) as f32).collect()
+    }
+
+    /// Means over cells of pixels in independent batches.
+    pub fn cells(&self) -> &CellBatches {
+        &self.cells
+    }
+
+    /// The mean over all pixels and channels, and its standard error from the means of whole iterations: pixels of one are
+    /// correlated. No error with fewer than two iterations.
+    pub fn image_mean(&self) -> (f64, Option<f64>) {
+        let weight = self.samples as f64;
+        let [sum, square] = self.image_sums;
+        let mean = if self.samples == 0 { 0.0 } else { sum / weight };
+        let spread = (square - sum * mean).max(0.0);
+        let error = (self.iterations > 1).then(|| (spread / (f64::from(self.iterations - 1) * weight)).sqrt());
+        (mean, error)
     }
 
     /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i), unbiased when an
@@ -109,6 +142,21 @@ mod tests {
         let variance = film.variance_of_mean();
         assert!((variance[0] - 1.68).abs() < 1e-6, "{variance:?}");
         assert!(variance[1] < 1e-16 && variance[2].is_finite(), "{variance:?}");
+    }
+
+    #[test]
+    fn the_error_of_the_image_mean_counts_correlated_pixels() {
+        // Batches of 4, 4 and 2 samples as above, in every pixel alike: the mean is no better known than that of one.
+        let mut film = Film::new(5, 2);
+        assert_eq!(film.image_mean(), (0.0, None));
+        for (x, samples) in [(1.0, 4), (3.0, 4), (6.0, 2)] {
+            film.add(&[x; 30], samples);
+        }
+        let (mean, error) = film.image_mean();
+        assert!((mean - 2.8).abs() < 1e-12 && (error.unwrap() - 1.68f64.sqrt()).abs() < 1e-12, "{mean} {error:?}");
+        // The sibling that must fail: thirty values taken for independent.
+        let naive = (f64::from(film.variance_of_mean()[0]) / 30.0).sqrt();
+        assert!(naive < 0.2 * error.unwrap());
     }
 
     #[test]

@@ -6,6 +6,8 @@
 //! Rendering": light subpaths, two trees over their vertices, sensor subpaths, queries, connections, film.
 //! `docs/ARCHITECTURE.md` is the map, `docs/PAPER.md` says which function implements which equation.
 
+pub mod agreement;
+pub mod batches;
 pub mod bvh;
 pub mod error;
 pub mod experiment;
@@ -22,6 +24,7 @@ pub mod render;
 pub mod resolve;
 pub mod scene;
 pub mod settings;
+pub mod statistics;
 pub mod units;
 pub mod values;
 

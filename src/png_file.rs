@@ -18,13 +18,21 @@ pub fn write(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
 
 /// What [`write`] puts into the file.
 pub fn encode(writer: impl io::Write, width: u32, height: u32, rgb: &[f32]) -> io::Result<()> {
-    let bytes = tone_map(rgb);
+    encode_bytes(writer, width, height, &tone_map(rgb))
+}
+
+/// Writes 8-bit sRGB.
+pub fn write_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, |writer| encode_bytes(writer, width, height, bytes))
+}
+
+fn encode_bytes(writer: impl io::Write, width: u32, height: u32, bytes: &[u8]) -> io::Result<()> {
     let mut encoder = png::Encoder::new(writer, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     let mut image = encoder.write_header().map_err(into_io)?;
-    image.write_image_data(&bytes).map_err(into_io)?;
+    image.write_image_data(bytes).map_err(into_io)?;
     image.finish().map_err(into_io)
 }
 

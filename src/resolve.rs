@@ -23,6 +23,8 @@ pub struct Outputs {
     pub exr: PathBuf,
     pub png: Option<PathBuf>,
     pub stats: Option<PathBuf>,
+    /// A folder.
+    pub strategy_images: Option<PathBuf>,
 }
 
 /// Names the files that a render writes. Needs no scene, so that a mistake is found at once.
@@ -44,7 +46,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
         return Err(settings(format!("the numbers of --stats, {}, must end in .json", path.display())));
     }
-    Ok(Outputs { exr, png, stats })
+    Ok(Outputs { exr, png, stats, strategy_images: wanted.strategy_images.clone() })
 }
 
 /// Settles everything that was left open: flags and file (already merged) beat the scene, which beats the defaults.
@@ -165,13 +167,21 @@ fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
                 gate.describe()
             )));
         }
-        GateResolution::Coarse { ulps } | GateResolution::TooThin { ulps } => warnings.push(format!(
+        GateResolution::Coarse { .. } | GateResolution::TooThin { .. } => warnings.extend(gate_warning(&gate)),
+    }
+    Ok(gate)
+}
+
+/// What to know of a gate whose width is near the resolution of 32-bit travel times.
+pub fn gate_warning(gate: &Gate) -> Option<String> {
+    match gate.resolution() {
+        GateResolution::Fine => None,
+        GateResolution::Coarse { ulps } | GateResolution::TooThin { ulps } => Some(format!(
             "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be off by {:.1} %",
             gate.describe(),
             100.0 / ulps.max(1.0)
         )),
     }
-    Ok(gate)
 }
 
 fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {

@@ -85,6 +85,11 @@ fn sample_emission(choice: f32, a: vec4<f32>) -> Emission {
     return r;
 }
 
+// Sum of a point on a surface that emits: only s = 0 stands before s = 1, the sensor path finds this point. `density` per area.
+fn emitter_point_sum(density: f32) -> f32 {
+    return frame.keep_s0 * mis(1.0 / density);
+}
+
 fn sample_triangle(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     let b = uniform_triangle(a.xy);
     let s = surface_at(e.triangle, b.x, b.y);
@@ -101,8 +106,7 @@ fn sample_triangle(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     (*r).vertex.normal = s.geometric;
     (*r).vertex.material = select(EMIT_ONE_SIDED, EMIT_TWO_SIDED, two_sided);
     (*r).vertex.throughput = radiance / density;
-    // Only s = 0 stands before s = 1: the sensor path finds this point.
-    (*r).vertex.d_vcm = frame.keep_s0 * mis(1.0 / density);
+    (*r).vertex.d_vcm = emitter_point_sum(density);
     let up = select(1.0, -1.0, two_sided && a.z >= 0.5);
     let stretched = select(a.z, select(2.0 * a.z, 2.0 * a.z - 1.0, a.z >= 0.5), two_sided);
     (*r).direction = frame_around(up * s.geometric) * cosine_hemisphere(vec2<f32>(stretched, a.w));

@@ -72,6 +72,10 @@ var<immediate> dispatch: Dispatch;
 
 // Threads a workgroup; the image does not depend on it.
 override WORKGROUP: u32 = 64u;
+// What the host is shown of every contribution beside the image: nothing, its travel time, or its strategy and weight.
+override OBSERVE: u32 = 0u;
+const OBSERVE_TIMES: u32 = 1u;
+const OBSERVE_STRATEGIES: u32 = 2u;
 // Switches that remove code the scene does not need.
 override HAS_TEXTURES: bool = true;
 override HAS_ALPHA: bool = true;

@@ -88,7 +88,8 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         if (candidate.vertex == NONE) {
             continue;
         }
-        let goal = dot(unshadowed(q, load_light_vertex(candidate.vertex)), vec3<f32>(1.0));
+        let open = unshadowed(q, load_light_vertex(candidate.vertex));
+        let goal = (open.x + open.y + open.z) * open.w;
         let weight = goal * candidate.weight;
         if (!(weight < 3e38)) {
             // Not a number, or not finite: taken as it is, so that it is counted.

@@ -106,6 +106,12 @@ fn scatter(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
     return s;
 }
 
+// Deterministic vertices are connected once, others through a tree, whose sample count is the unit of the MIS sums: the factor
+// that makes up for it in a density.
+fn once(v: PathVertex) -> f32 {
+    return select(1.0, frame.gain, (v.flags & VERTEX_DETERMINISTIC) != 0u);
+}
+
 // One step of the partial MIS sums when the subpath goes on from a vertex (Georgiev 2012, Eqs. 35 and 36), before the
 // distance and cosine at the next vertex are known. `select_pdf` < 1 only after deterministic vertices.
 fn mis_scatter(state: ptr<function, PathState>, s: Scatter, select_pdf: f32) {

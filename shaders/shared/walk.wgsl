@@ -50,9 +50,7 @@ fn depart(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec
     (*state).direction = s.direction;
     (*state).eta = medium_towards(v, s.direction);
     (*state).shift = leave(vec3<f32>(0.0), v.geometric, v.offset, s.direction);
-    // A deterministic vertex is connected once, others through a tree.
-    let samples = select(1.0, frame.gain, (v.flags & VERTEX_DETERMINISTIC) != 0u);
-    mis_scatter(state, s, v.select_pdf * samples);
+    mis_scatter(state, s, v.select_pdf * once(v));
     if (!(s.delta && load_material(v.material).metallic >= 1.0)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
     }

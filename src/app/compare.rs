@@ -3,9 +3,11 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use taugate::Error;
-use taugate::exr_file::{Picture, read_picture};
+use taugate::agreement::{Agreement, SIGNIFICANCE, agreement, colours};
+use taugate::batches::CellBatches;
+use taugate::exr_file::{Picture, read_picture, write_plain};
 use taugate::metrics::{self, RELMSE_FORMULA};
+use taugate::{Error, png_file};
 
 use crate::cli::CompareArgs;
 
@@ -33,11 +35,13 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
 
     let result = metrics::compare(&image.rgb, &reference.rgb)?;
     let within = args.max_relmse.is_none_or(|most| result.relmse <= most);
+    let verdict = args.z.as_ref().map(|out| z_map(args, out, &image, &reference)).transpose()?;
     if args.json {
         let mut json = serde_json::to_value(result)?;
         json["formula"] = RELMSE_FORMULA.into();
         json["max_relmse"] = args.max_relmse.into();
         json["within"] = within.into();
+        json["z"] = serde_json::to_value(&verdict)?;
         super::print(&format!("{json:#}\n"));
     } else {
         let mut text = format!(
@@ -48,9 +52,65 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         if let Some(most) = args.max_relmse {
             text += &format!("threshold       {} {most:e}\n", if within { "met:" } else { "exceeded:" });
         }
-        super::print(&text);
+        super::print(&(text + &verdict.as_ref().map(describe).unwrap_or_default()));
     }
-    Ok(ExitCode::from(if within { 0 } else { 1 }))
+    let agree = verdict.is_none_or(|verdict| verdict.agree);
+    Ok(ExitCode::from(if within && agree { 0 } else { 1 }))
+}
+
+/// Judges the images and writes the map.
+fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -> Result<Agreement, Error> {
+    let extension = out.extension().unwrap_or_default().to_ascii_lowercase();
+    if extension != "png" && extension != "exr" {
+        return Err(Error::Settings(format!("the map of --z, {}, must end in .png or .exr", out.display())));
+    }
+    let same =
+        |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
+    if same(out, &args.image) || same(out, &args.reference) {
+        return Err(Error::Settings(format!("--z would overwrite {}; choose another name", out.display())));
+    }
+    if image.seed.is_some() && image.seed == reference.seed && !image.rgb.eq(&reference.rgb) {
+        return Err(Error::Settings(format!(
+            "both images were rendered with seed {}, so their noise is not independent; render one with another --seed",
+            image.seed.as_deref().unwrap_or_default()
+        )));
+    }
+    let batches = |path: &Path, picture: &Picture| {
+        let floats = picture.cell_batches.as_ref().ok_or_else(|| Error::File {
+            path: path.into(),
+            message: "does not tell its noise (no attribute tof:cellBatches; variances of pixels are not enough, since pixels \
+                      share light paths); render it with this version of taugate"
+                .into(),
+        })?;
+        CellBatches::from_floats(picture.width, picture.height, floats)
+            .map_err(|e| Error::File { path: path.into(), message: e.to_string() })
+    };
+    let (a, b) = (batches(&args.image, image)?, batches(&args.reference, reference)?);
+    let verdict = agreement([image.width, image.height], &a, &b)?;
+    if extension == "exr" {
+        write_plain(out, image.width, image.height, &verdict.map)?;
+    } else {
+        png_file::write_bytes(out, image.width, image.height, &colours(&verdict.map, verdict.threshold))?;
+    }
+    Ok(verdict)
+}
+
+fn describe(verdict: &Agreement) -> String {
+    let Agreement { cell, tests, threshold, max_z, judged, .. } = verdict;
+    let mut text = format!(
+        "z               {} max |z| = {max_z:.2}, threshold {threshold:.2} for {tests} means (Sidak, {SIGNIFICANCE:e})\n                \
+         cells of {cell} x {cell} pixels a channel, {:.1} % of the light judged one by one\n",
+        if verdict.agree { "the two agree:" } else { "the two differ:" },
+        100.0 * judged
+    );
+    for c in &verdict.worst {
+        let place = match c.rest {
+            true => "all noisier cells as one".into(),
+            false => format!("x {}..{}, y {}..{}", c.x[0], c.x[1], c.y[0], c.y[1]),
+        };
+        text += &format!("  z = {:6.2}    {place}, {}: {:.6e} against {:.6e}\n", c.z, c.channel, c.mean, c.reference);
+    }
+    text
 }
 
 fn read_finite(path: &Path) -> Result<Picture, Error> {

@@ -7,6 +7,8 @@ mod generate;
 mod info;
 mod progress;
 pub mod render;
+mod report;
+mod strategies;
 
 use std::io::Write;
 use std::process::ExitCode;

@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use taugate::render::Renderer;
 use taugate::settings::Budget;
 
 /// Between plain lines.
@@ -23,6 +24,10 @@ pub struct Position {
 }
 
 impl Position {
+    pub fn of(renderer: &Renderer, elapsed: Duration) -> Position {
+        Position { samples: renderer.film().samples(), elapsed, rays: renderer.stats().rays() }
+    }
+
     pub fn rays_per_second(&self) -> f64 {
         self.rays as f64 / self.elapsed.as_secs_f64().max(1e-9)
     }

@@ -1,24 +1,23 @@
 //! `taugate render`: from the command line to the files.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use serde::Serialize;
+use taugate::Error;
 use taugate::error::Result;
 use taugate::experiment::Experiment;
-use taugate::exr_file::{self, Provenance};
-use taugate::files::{check_writable, write_atomically};
+use taugate::exr_file::Provenance;
+use taugate::files::check_writable;
 use taugate::gpu::Device;
-use taugate::render::{Prepared, Renderer, Stats};
+use taugate::render::{Prepared, Renderer, StrategyImages};
 use taugate::resolve::{self, Outputs};
 use taugate::settings::{Budget, Settings};
-use taugate::{Error, png_file};
 
-use super::feasible;
-use super::progress::{Position, Progress, duration, rays};
+use super::progress::{Position, Progress};
+use super::report::{Report, files, is_black};
+use super::{feasible, strategies};
 use crate::cli::RenderArgs;
 
 /// Samples a pixel and iteration at most.
@@ -52,6 +51,10 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     }
     let outputs = resolve::outputs(&experiment)?;
 
+    if outputs.strategy_images.is_some() {
+        StrategyImages::check(settings)?;
+    }
+
     // Prepare the device.
     let mut progress = Progress::new(quiet);
     for warning in scene.warnings.iter().chain(&resolved.warnings) {
@@ -74,7 +77,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let rendering = Instant::now();
     let rendered = iterate(&mut renderer, settings, strict, &stop, &mut progress);
     progress.finish();
-    rendered?;
+    let schedule = rendered?;
     let elapsed = rendering.elapsed();
     let interrupted = stop.load(Ordering::Relaxed);
     if interrupted && renderer.film().samples() == 0 {
@@ -95,9 +98,16 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         seconds: elapsed.as_secs_f64(),
         settings: Experiment { output: Default::default(), ..config }.to_toml(),
     };
-    write(&outputs, &renderer, &provenance, prepared)?;
-    summarise(&renderer, settings, elapsed, &outputs, &progress);
-    Ok(ExitCode::from(if interrupted { 130 } else { 0 }))
+    let report =
+        Report { renderer: &renderer, settings, provenance: &provenance, prepared, warnings: &resolved.warnings };
+    report.write(&outputs)?;
+    report.summarise(&outputs, &progress);
+    if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
+        drop(renderer);
+        let images = strategies::Job { device: &device, scene: &scene, settings, schedule: &schedule, stop: &stop };
+        images.write(folder, &provenance, &progress)?;
+    }
+    Ok(ExitCode::from(if stop.load(Ordering::Relaxed) { 130 } else { 0 }))
 }
 
 /// What was typed, over the experiment file if one was named. Names a scene.
@@ -123,11 +133,8 @@ fn read_experiment(args: RenderArgs) -> Result<Experiment> {
 
 /// An hour of rendering should not end in a folder that cannot be written to.
 fn check_outputs(outputs: &Outputs) -> Result<()> {
-    files(outputs).try_for_each(|path| check_writable(path))
-}
-
-fn files(outputs: &Outputs) -> impl Iterator<Item = &PathBuf> {
-    [Some(&outputs.exr), outputs.png.as_ref(), outputs.stats.as_ref()].into_iter().flatten()
+    files(outputs).try_for_each(|path| check_writable(path))?;
+    outputs.strategy_images.as_ref().map_or(Ok(()), |folder| strategies::check_folder(folder))
 }
 
 /// The first interrupt ends the render after the running iteration, the second at once.
@@ -142,31 +149,29 @@ fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-/// Adds iterations until the budget is used or somebody interrupts.
+/// Adds iterations until the budget is used or somebody interrupts; returns the samples of each.
 fn iterate(
     renderer: &mut Renderer,
     settings: &Settings,
     strict: bool,
     stop: &AtomicBool,
     progress: &mut Progress,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<u32>> {
     let started = Instant::now();
+    let mut schedule = vec![];
     loop {
         let samples = next_samples(&settings.budget, renderer.film().samples(), started.elapsed());
         if samples == 0 || stop.load(Ordering::Relaxed) {
-            return Ok(());
+            return Ok(schedule);
         }
         renderer.iterate(samples)?;
+        schedule.push(samples);
         let dropped = renderer.stats().dropped;
         if strict && dropped > 0 {
             return Err(NotFinite { dropped }.into());
         }
-        progress.update(&position(renderer, started.elapsed()), &settings.budget);
+        progress.update(&Position::of(renderer, started.elapsed()), &settings.budget);
     }
-}
-
-fn position(renderer: &Renderer, elapsed: Duration) -> Position {
-    Position { samples: renderer.film().samples(), elapsed, rays: renderer.stats().rays() }
 }
 
 /// Samples a pixel in the next iteration; 0 when the budget is used. A budget of samples is cut the same way on every
@@ -184,73 +189,6 @@ fn next_samples(budget: &Budget, done: u64, elapsed: Duration) -> u32 {
             ((seconds / f64::from(BATCHES) / each) as u32).clamp(1, MOST_SAMPLES)
         }
     }
-}
-
-/// What --stats writes.
-#[derive(Serialize)]
-struct Report<'a> {
-    version: String,
-    gate: String,
-    samples_per_pixel: u64,
-    iterations: u32,
-    /// Device, upload and kernels.
-    prepare_seconds: f64,
-    render_seconds: f64,
-    rays_per_second: f64,
-    settings: &'a str,
-    renderer: &'a Stats,
-}
-
-fn write(outputs: &Outputs, renderer: &Renderer, provenance: &Provenance, prepared: Duration) -> Result<()> {
-    let film = renderer.film();
-    exr_file::write(&outputs.exr, film, provenance)?;
-    if let Some(path) = &outputs.png {
-        png_file::write(path, film.width(), film.height(), &film.mean())?;
-    }
-    if let Some(path) = &outputs.stats {
-        let report = Report {
-            version: exr_file::version(),
-            gate: provenance.gate.to_string(),
-            samples_per_pixel: film.samples(),
-            iterations: film.iterations(),
-            prepare_seconds: prepared.as_secs_f64(),
-            render_seconds: provenance.seconds,
-            rays_per_second: position(renderer, Duration::from_secs_f64(provenance.seconds)).rays_per_second(),
-            settings: &provenance.settings,
-            renderer: renderer.stats(),
-        };
-        write_atomically(path, |writer| Ok(serde_json::to_writer_pretty(writer, &report)?))?;
-    }
-    Ok(())
-}
-
-fn is_black(renderer: &Renderer) -> bool {
-    renderer.stats().inside_gate == 0 && renderer.film().mean().iter().all(|&v| v == 0.0)
-}
-
-/// The one line at the end, and what else must not be missed.
-fn summarise(renderer: &Renderer, settings: &Settings, elapsed: Duration, outputs: &Outputs, progress: &Progress) {
-    let (film, dropped) = (renderer.film(), renderer.stats().dropped);
-    if dropped > 0 {
-        progress.line(&format!("warning: {dropped} samples were not finite and count as 0"));
-    }
-    if is_black(renderer) {
-        progress
-            .line("warning: the image is black: taugate info shows when light arrives and which emitters there are");
-    }
-    let position = position(renderer, elapsed);
-    let names: Vec<String> = files(outputs).map(|path| path.display().to_string()).collect();
-    progress.line(&format!(
-        "{}: {}x{}, {}, {}, {} samples a pixel in {}, {}",
-        names.join(", "),
-        film.width(),
-        film.height(),
-        settings.gate.describe(),
-        settings.estimator,
-        film.samples(),
-        duration(elapsed.as_secs_f64()),
-        rays(position.rays_per_second()),
-    ));
 }
 
 #[cfg(test)]

@@ -123,10 +123,13 @@ pub mod constants {
         LEAF_FIRST = 0x07ff_ffff,
         BUCKETS = 8,
         CHUNK = 32,
+        BLOCK = 8,
         COUNTER_TOTALS = 8,
         ESTIMATOR_PT = 0,
         ESTIMATOR_BDPT = 1,
         ESTIMATOR_LCS = 2,
         DETERMINISTIC_SLOTS = 8,
+        OBSERVE_TIMES = 1,
+        OBSERVE_STRATEGIES = 2,
     }
 }

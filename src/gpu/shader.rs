@@ -51,6 +51,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/tree",
     "shared/visibility",
     "shared/walk",
+    "shared/weights",
 ];
 
 /// Source of the module `name`, wherever it lies.

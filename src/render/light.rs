@@ -1,7 +1,7 @@
 //! Phase 1 of Algorithm 1: light subpaths, one bounce a submit, read back into the pool.
 
 use super::device_scene::DeviceScene;
-use super::plan::Plan;
+use super::plan::{Observe, Plan};
 use super::pool::LightPool;
 use super::stats::Stats;
 use crate::error::Result;
@@ -13,6 +13,18 @@ use crate::gpu::{Bindings, Buffer, Device, Kernel, Need, Recorder};
 /// image, depend on it: it is the same everywhere.
 const BATCH: usize = 1 << 16;
 
+/// A light vertex as the sensor sees it (t = 1).
+pub struct Splat {
+    /// As it adds to the mean of its pixel.
+    pub rgb: [f32; 3],
+    /// Bits of the pixel within the crop; for [`Observe::Times`] the travel time.
+    pub pixel_or_tau: f32,
+    /// MIS weight that `rgb` still lacks for [`Observe::Strategies`], else 1.
+    pub weight: f32,
+    /// Vertices of the light subpath.
+    pub s: u32,
+}
+
 /// Kernels and buffers of the light subpaths.
 pub struct LightTracer {
     start: (Kernel, Bindings),
@@ -22,15 +34,18 @@ pub struct LightTracer {
     states: Buffer,
     list: Buffer,
     splats: Buffer,
+    splat_weights: Buffer,
     recorder: Recorder,
 }
 
 impl LightTracer {
     pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan) -> Result<LightTracer> {
-        let [states, vertices, list, splats] = LightTracer::needs(plan).map(|need| Buffer::for_need(device, &need));
-        let (states, vertices, list, splats) = (states?, vertices?, list?, splats?);
+        let [states, vertices, list, splats, splat_weights] =
+            LightTracer::needs(plan).map(|need| Buffer::for_need(device, &need));
+        let (states, vertices, list, splats, splat_weights) = (states?, vertices?, list?, splats?, splat_weights?);
         let mut buffers = scene.bindings();
         buffers.extend([("states", &states), ("vertices", &vertices), ("list", &list), ("splats", &splats)]);
+        buffers.push(("splat_weights", &splat_weights));
         let make = |file: &'static str| -> Result<(Kernel, Bindings)> {
             let kernel = Kernel::new(device, file, file, &plan.constants())?;
             let bindings = kernel.bind(&buffers)?;
@@ -45,11 +60,12 @@ impl LightTracer {
             states,
             list,
             splats,
+            splat_weights,
         })
     }
 
     /// What the buffers of [`LightTracer::new`] need, in its order.
-    pub fn needs(plan: &Plan) -> [Need; 4] {
+    pub fn needs(plan: &Plan) -> [Need; 5] {
         let capacity = BATCH.min(plan.light_paths as usize);
         let remedy = "use fewer --light-paths";
         [
@@ -57,16 +73,21 @@ impl LightTracer {
             Need::of::<PathVertex>("new light vertices", capacity, remedy),
             Need::of::<u32>("living light paths", capacity, remedy),
             Need::of::<[f32; 4]>("light splats", capacity, remedy),
+            Need::of::<f32>(
+                "weights of splats",
+                if plan.observe == Observe::Strategies { capacity } else { 1 },
+                remedy,
+            ),
         ]
     }
 
     /// Traces all light subpaths of an iteration into `pool`; shows `see` what the sensor sees of them (t = 1), in the order
-    /// of the paths: RGB, and the pixel's bits or, for a probe, the travel time.
+    /// of the paths.
     pub fn run(
         &mut self,
         plan: &Plan,
         pool: &mut LightPool,
-        see: &mut impl FnMut([f32; 3], f32),
+        see: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
         for first in (0..plan.light_paths).step_by(BATCH) {
@@ -83,7 +104,7 @@ impl LightTracer {
         first: u32,
         count: u32,
         pool: &mut LightPool,
-        see: &mut impl FnMut([f32; 3], f32),
+        see: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
         let constants =
@@ -115,7 +136,10 @@ impl LightTracer {
             let known = pool.deterministic.len();
             self.collect(&living, first, plan.max_depth, pool)?;
             if plan.splats {
-                stats.dropped += self.show_splats(&living, known, pool, see)?;
+                let show = |splat: Splat| see(Splat { s: bounce + 2, ..splat });
+                let [shown, dropped] = self.show_splats(plan, &living, known, pool, show)?;
+                stats.inside_gate += shown;
+                stats.dropped += dropped;
             }
             living = self.survivors(&living)?;
             stats.add_host("read light vertices", start.elapsed().as_secs_f64());
@@ -153,20 +177,24 @@ impl LightTracer {
         living.last().map_or(0, |&slot| slot as usize + 1)
     }
 
-    /// Of a deterministic vertex, which all paths repeat, only the first copy counts.
+    /// Of a deterministic vertex, which all paths repeat, only the first copy counts. Returns how many splats were shown, and
+    /// how many dropped as non-finite.
     fn show_splats(
         &self,
+        plan: &Plan,
         living: &[u32],
         known: usize,
         pool: &LightPool,
-        see: &mut impl FnMut([f32; 3], f32),
-    ) -> Result<u64> {
+        mut see: impl FnMut(Splat),
+    ) -> Result<[u64; 2]> {
         let n = self.vertices_in_use(living);
-        let mut dropped = 0;
+        let (mut shown, mut dropped) = (0, 0);
         let mut fresh: Vec<u32> = pool.deterministic[known..].iter().map(|v| v.owner).collect();
         // Punctual lights are deterministic too, but stand at depth 0 and are never traced.
         let any = pool.deterministic.iter().any(|v| v.flags & VERTEX_DEPTH != 0);
         let vertices = self.vertices.to_vec::<PathVertex>(if any { n } else { 0 })?;
+        let weighs = plan.observe == Observe::Strategies;
+        let weights = self.splat_weights.to_vec::<f32>(if weighs { n } else { 0 })?;
         self.splats.with::<[f32; 4], _>(n, |splats| {
             for &slot in living {
                 let [r, g, b, pixel_or_tau] = splats[slot as usize];
@@ -180,11 +208,13 @@ impl LightTracer {
                     let finite = [r, g, b].iter().all(|value| value.is_finite());
                     dropped += u64::from(!finite);
                     if finite {
-                        see([r, g, b], pixel_or_tau);
+                        shown += 1;
+                        let weight = weights.get(slot as usize).copied().unwrap_or(1.0);
+                        see(Splat { rgb: [r, g, b], pixel_or_tau, weight, s: 0 });
                     }
                 }
             }
         })?;
-        Ok(dropped)
+        Ok([shown, dropped])
     }
 }

@@ -13,30 +13,46 @@ mod probe;
 mod reach;
 mod sensor;
 mod stats;
+mod strategies;
 
 use std::time::Instant;
 
 use crate::error::Result;
 use crate::film::Film;
 use crate::gpu::Device;
-use crate::gpu::layout::PathVertex;
+use crate::gpu::layout::constants::VERTEX_DEPTH;
+use crate::gpu::layout::{NONE, PathVertex};
 use crate::gpu::need;
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::units::Gate;
 
 use device_scene::DeviceScene;
-use light::LightTracer;
+use light::{LightTracer, Splat};
 pub use memory::MemoryPlan;
-use plan::Plan;
 pub use plan::Tuning;
+use plan::{Observe, Plan};
 use pool::{DevicePool, LightPool, PoolLayout, SortedPool};
 pub use prepared::Prepared;
 pub use probe::{TravelTimes, probe};
 pub use reach::Reach;
 pub use sensor::MOST_SAMPLES;
-use sensor::{Bound, SensorTracer};
+use sensor::{Bound, Seen, SensorTracer};
 pub use stats::Stats;
+pub use strategies::{StrategyImage, StrategyImages, strategies};
+
+/// A contribution to the image.
+struct Observed {
+    /// As it adds to the mean of its pixel; for [`Observe::Strategies`] without its MIS weight.
+    rgb: [f32; 3],
+    /// Row-major within the crop; NONE where it is not known.
+    pixel: u32,
+    /// Vertices of the light and of the sensor subpath, the pinhole included.
+    s: u32,
+    t: u32,
+    /// For [`Observe::Times`] the travel time, for [`Observe::Strategies`] the MIS weight.
+    tau_or_weight: f32,
+}
 
 /// A render in progress. Every iteration adds samples to the film; the same settings give the same bits.
 pub struct Renderer {
@@ -97,9 +113,9 @@ impl Renderer {
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         let start = Instant::now();
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
-        self.prepare_iteration(samples, &mut |rgb, pixel| {
-            let at = pixel.to_bits() as usize * 3;
-            (0..3).for_each(|k| image[at + k] += rgb[k]);
+        self.prepare_iteration(samples, &mut |splat: Splat| {
+            let at = splat.pixel_or_tau.to_bits() as usize * 3;
+            (0..3).for_each(|k| image[at + k] += splat.rgb[k]);
         })?;
         if let Some((sensor, _, bound)) = &mut self.sensor {
             sensor.run(&self.plan, bound, samples, &mut image, &mut self.stats)?;
@@ -112,20 +128,34 @@ impl Renderer {
         Ok(())
     }
 
-    /// As [`Renderer::iterate`] for a plan that probes: instead of forming an image it shows `see` all contributions, their
-    /// light as it adds to the image and their travel times.
-    fn observe(&mut self, samples: u32, see: &mut impl FnMut([f32; 3], f32)) -> Result<()> {
-        self.prepare_iteration(samples, see)?;
+    /// As [`Renderer::iterate`] for a plan that observes: instead of forming an image it shows `see` all contributions, their
+    /// light as it adds to the image and their travel times or weights.
+    fn observe(&mut self, samples: u32, see: &mut impl FnMut(Observed)) -> Result<()> {
+        let times = self.plan.observe == Observe::Times;
+        let pool = self.prepare_iteration(samples, &mut |splat: Splat| {
+            let Splat { rgb, pixel_or_tau, weight, s } = splat;
+            let (pixel, tau_or_weight) = if times { (NONE, pixel_or_tau) } else { (pixel_or_tau.to_bits(), weight) };
+            see(Observed { rgb, pixel, s, t: 1, tau_or_weight });
+        })?;
         if let Some((sensor, _, bound)) = &mut self.sensor {
             let share = 1.0 / samples as f32;
-            sensor.observe(&self.plan, bound, samples, &mut |rgb, tau| see(rgb.map(|x| x * share), tau))?;
+            sensor.observe(&self.plan, bound, samples, &mut |seen: Seen| {
+                let s = seen.vertex.map_or(0, |vertex| (pool.vertices[vertex].flags & VERTEX_DEPTH) + 1);
+                see(Observed {
+                    rgb: seen.rgb.map(|x| x * share),
+                    pixel: self.plan.crop_pixel((seen.sample / u64::from(samples)) as u32),
+                    s,
+                    t: seen.t,
+                    tau_or_weight: seen.tau_or_weight,
+                });
+            })?;
         }
         self.finish_iteration(samples);
         Ok(())
     }
 
-    /// Everything before the sensor subpaths; `see`: as in [`LightTracer::run`].
-    fn prepare_iteration(&mut self, samples: u32, see: &mut impl FnMut([f32; 3], f32)) -> Result<()> {
+    /// Everything before the sensor subpaths, returns the pool; `see`: as in [`LightTracer::run`].
+    fn prepare_iteration(&mut self, samples: u32, see: &mut impl FnMut(Splat)) -> Result<SortedPool> {
         // Phase 1: light tracing.
         self.write_frame(samples, None)?;
         let mut pool = LightPool { deterministic: self.punctual.clone(), ..Default::default() };
@@ -141,7 +171,8 @@ impl Renderer {
         let upload = Instant::now();
         self.prepare_sensor(&sorted)?;
         self.stats.add_host("upload trees", upload.elapsed().as_secs_f64());
-        self.write_frame(samples, Some(&sorted.layout))
+        self.write_frame(samples, Some(&sorted.layout))?;
+        Ok(sorted)
     }
 
     fn write_frame(&mut self, samples: u32, pool: Option<&PoolLayout>) -> Result<()> {

@@ -32,6 +32,16 @@ impl Default for Tuning {
     }
 }
 
+/// What a render shows of every contribution (`Renderer::observe`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Observe {
+    Nothing,
+    /// Travel times.
+    Times,
+    /// Strategies: contributions without their MIS weights, and these.
+    Strategies,
+}
+
 /// Everything about a render that does not change from iteration to iteration.
 pub struct Plan {
     pub estimator: Estimator,
@@ -44,8 +54,8 @@ pub struct Plan {
     pub traces_light: bool,
     pub splats: bool,
     pub tuning: Tuning,
-    /// The kernels report travel times (`Renderer::observe`).
-    pub probe: bool,
+    /// What the kernels report beside the image.
+    pub observe: Observe,
     cull: bool,
     frame: Frame,
 }
@@ -76,7 +86,7 @@ impl Plan {
             traces_light,
             splats: traces_light && all,
             tuning: Tuning::default(),
-            probe: false,
+            observe: Observe::Nothing,
             cull: settings.cull,
             frame,
         };
@@ -142,12 +152,27 @@ impl Plan {
         frame
     }
 
+    /// Row-major pixel at position `i` of the order in which samples run: `crop_pixel` of `camera.wgsl`.
+    pub fn crop_pixel(&self, i: u32) -> u32 {
+        let (width, height) = (self.frame.crop_width, self.frame.crop_height);
+        let (strip, in_strip) = (i / (BLOCK * width), i % (BLOCK * width));
+        let rows = BLOCK.min(height - strip * BLOCK);
+        let (block, in_block) = (in_strip / (BLOCK * rows), in_strip % (BLOCK * rows));
+        let columns = BLOCK.min(width - block * BLOCK);
+        (strip * BLOCK + in_block / columns) * width + block * BLOCK + in_block % columns
+    }
+
     /// Override constants of all kernels.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
         let estimator = match self.estimator {
             Estimator::Pt => ESTIMATOR_PT,
             Estimator::Bdpt => ESTIMATOR_BDPT,
             Estimator::LcsPaper | Estimator::Lcs => ESTIMATOR_LCS,
+        };
+        let observe = match self.observe {
+            Observe::Nothing => 0,
+            Observe::Times => OBSERVE_TIMES,
+            Observe::Strategies => OBSERVE_STRATEGIES,
         };
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
         vec![
@@ -158,7 +183,7 @@ impl Plan {
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("ESTIMATOR", estimator.into()),
             ("BUCKET_COUNT", self.buckets.into()),
-            ("PROBE", switch(self.probe)),
+            ("OBSERVE", observe.into()),
         ]
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::Renderer;
 use super::emitters::luminance;
-use super::plan::Plan;
+use super::plan::{Observe, Plan};
 use super::prepared::Prepared;
 use crate::error::Result;
 use crate::gpu::Device;
@@ -75,11 +75,11 @@ impl TravelTimes {
 pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<TravelTimes> {
     let settings = small(settings);
     let mut plan = Plan::new(scene, &settings, prepared)?;
-    plan.probe = true;
+    plan.observe = Observe::Times;
     let mut renderer = Renderer::from_plan(device, plan, [1, 1], prepared)?;
     let mut times = TravelTimes::default();
     for _ in 0..ITERATIONS {
-        renderer.observe(SAMPLES, &mut |rgb, tau| times.add(tau, luminance(rgb)))?;
+        renderer.observe(SAMPLES, &mut |seen| times.add(seen.tau_or_weight, luminance(seen.rgb)))?;
     }
     Ok(times)
 }

@@ -15,6 +15,7 @@ use crate::gpu::layout::{Dispatch, NONE, PathVertex};
 use crate::gpu::{Bindings, Buffer, Device, DeviceInfo, Kernel, Need, Recorder};
 use crate::settings::Estimator;
 use buffers::{BUFFERS, Buffers, needs};
+pub use observe::Seen;
 
 /// Counters of the lists: living paths (two, in turn), shade points, live candidates.
 const LIVING: [u32; 2] = [0, 1];
@@ -172,6 +173,7 @@ impl SensorTracer {
             stats.dropped += tally[0];
             stats.shadow_rays += tally[1];
             stats.inside_gate += tally[2];
+            stats.candidates += tally[3];
         })
     }
 
@@ -204,7 +206,6 @@ impl SensorTracer {
         let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
         stats.closest_rays += u64::from(count) + total(LIVING[0]) + total(LIVING[1]);
         stats.shade_points += total(SHADE);
-        stats.candidates += total(SHADE) * u64::from(self.slots);
         stats.live_candidates += total(CANDIDATES);
         if plan.tuning.tile.is_none() {
             self.adapt(count as usize, longest);

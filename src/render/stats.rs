@@ -19,7 +19,8 @@ pub struct Stats {
     /// Rays that looked for the closest hit, and rays between two points.
     pub closest_rays: u64,
     pub shadow_rays: u64,
-    /// Shade points, connections considered there, and those that survived gate, facing and depth.
+    /// Shade points, connections tried there, and those that survived gate, facing and depth. A query of a tree that ends
+    /// at a dead node was tried.
     pub shade_points: u64,
     pub candidates: u64,
     pub live_candidates: u64,
@@ -60,6 +61,16 @@ impl Stats {
 
     pub(super) fn add_submit(&mut self, seconds: f64) {
         self.longest_submit = self.longest_submit.max(seconds);
+    }
+
+    /// Part of the connections tried that survived gate, facing and depth, 0 to 1; none if none was tried.
+    pub fn live_share(&self) -> Option<f64> {
+        (self.candidates > 0).then(|| self.live_candidates as f64 / self.candidates as f64)
+    }
+
+    /// Contributions inside the gate a sensor subpath, light vertices in view included.
+    pub fn inside_gate_per_sample(&self) -> f64 {
+        self.inside_gate as f64 / self.samples.max(1) as f64
     }
 
     /// Rays of both kinds.

@@ -6,4 +6,6 @@ mod determinism;
 mod regressions;
 mod shared_scenes;
 mod sphere;
+mod strategies;
+mod z_map;
 mod zoo;

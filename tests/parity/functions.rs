@@ -27,7 +27,6 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("live_powers", "bucket_power and power_through_gate"),
     ("refill", "the frequencies of descend_by_importance"),
     ("unshadowed", "images against closed forms and the oracle: it is all of `connect` but visibility"),
-    ("mis_weight", "as unshadowed; strategies add up in the estimators' tests"),
     ("can_connect", "as unshadowed"),
     ("checked", "as unshadowed"),
     ("put", "as unshadowed"),
@@ -53,6 +52,7 @@ fn all() -> Vec<&'static ShaderFunction> {
         crate::texels::KERNELS,
         crate::texture::KERNELS,
         crate::trace::KERNELS,
+        crate::weights::KERNELS,
     ]
     .concat()
 }

@@ -21,3 +21,4 @@ mod texels;
 mod texture;
 mod trace;
 mod values;
+mod weights;

@@ -48,7 +48,7 @@ struct Connected {
     l_cosine: f32,
 }
 
-fn buffers() -> Vec<Contents> {
+pub fn buffers() -> Vec<Contents> {
     let mut all: Vec<Contents> = set().buffers().into();
     all.extend([contents("textures", &[0u32; 4]), contents("texels", &[0u32]), contents("emitters", &[0u32; 16])]);
     all.push(frame(|_| ()));

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Candidate, PathState, PathVertex};
 use crate::gpu::{Buffer, Device, Need};
-use crate::render::plan::Plan;
+use crate::render::plan::{Observe, Plan};
 
 /// Buffers of the sensor subpaths of a tile, and the film.
 pub struct Buffers {
@@ -43,7 +43,7 @@ pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
         Need::of::<PathVertex>("shade points", paths, few),
         quads("path radiance", paths),
         quads("path tallies", paths),
-        quads("emitter hits", if plan.probe { paths } else { 1 }),
+        quads("emitter hits", if plan.observe == Observe::Nothing { 1 } else { paths }),
         words("living paths", paths),
         words("living paths in turn", paths),
         words("shade point list", paths),

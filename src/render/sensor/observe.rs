@@ -1,18 +1,28 @@
-//! The sensor subpaths as the probe runs them: without a film, every contribution shown with its travel time.
+//! The sensor subpaths as they are observed: without a film, every contribution shown.
 
 use super::*;
+use crate::gpu::layout::Candidate;
+use crate::render::plan::Observe;
+
+/// A contribution of a sensor subpath.
+pub struct Seen {
+    /// For [`Observe::Strategies`] without its MIS weight.
+    pub rgb: [f32; 3],
+    /// For [`Observe::Times`] the travel time, for [`Observe::Strategies`] the MIS weight.
+    pub tau_or_weight: f32,
+    /// Number of the sample, counted over the crop.
+    pub sample: u64,
+    /// Vertices of the sensor subpath, the pinhole included.
+    pub t: u32,
+    /// Light vertex of the pool it was connected to; none for an emitter that was hit.
+    pub vertex: Option<usize>,
+}
 
 impl SensorTracer {
-    /// As [`SensorTracer::run`] for a plan that probes, a bounce a submit: shows `see` the light (RGB) and the travel time of
-    /// every emitter that was hit and every connection that was not blocked.
-    pub fn observe(
-        &mut self,
-        plan: &Plan,
-        bound: &Bound,
-        samples: u32,
-        see: &mut impl FnMut([f32; 3], f32),
-    ) -> Result<()> {
-        assert!(plan.probe && (1..=MOST_SAMPLES).contains(&samples));
+    /// As [`SensorTracer::run`] for a plan that observes, a bounce a submit: shows `see` every emitter that was hit and every
+    /// connection that was not blocked.
+    pub fn observe(&mut self, plan: &Plan, bound: &Bound, samples: u32, see: &mut impl FnMut(Seen)) -> Result<()> {
+        assert!(plan.observe != Observe::Nothing && (1..=MOST_SAMPLES).contains(&samples));
         let all = plan.crop_pixels * u64::from(samples);
         let mut first = 0;
         while first < all {
@@ -22,7 +32,7 @@ impl SensorTracer {
             for bounce in 0..plan.max_depth {
                 self.record_bounce(bound, &Dispatch { bounce, ..constants }, count)?;
                 self.recorder.submit()?;
-                if self.show(bounce, see)? == 0 {
+                if self.show(first, bounce, see)? == 0 {
                     break;
                 }
             }
@@ -31,26 +41,38 @@ impl SensorTracer {
         Ok(())
     }
 
-    /// Shows what the bounce has found; returns how many paths go on.
-    fn show(&self, bounce: u32, see: &mut impl FnMut([f32; 3], f32)) -> Result<u32> {
+    /// Shows what the bounce has found of the tile that begins with sample `first`; returns how many paths go on.
+    fn show(&self, first: u64, bounce: u32, see: &mut impl FnMut(Seen)) -> Result<u32> {
         let b = &self.buffers;
         let mut counters = [0u32; COUNTERS];
         b.counters.read(0, &mut counters)?;
         let length = |list: u32| counters[list as usize] as usize;
         let parity = bounce as usize % 2;
+        let seen = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<usize>| {
+            let sample = first + u64::from(path);
+            Seen { rgb: [r, g, b], tau_or_weight, sample, t: bounce + 2, vertex }
+        };
 
         // Emitters that were hit, by the paths that were traced.
         let traced = b.living[parity].to_vec::<u32>(length(LIVING[parity]))?;
         b.emitted.with::<[f32; 4], _>(self.capacity, |emitted| {
-            traced.iter().map(|&path| emitted[path as usize]).for_each(|[r, g, b, tau]| see([r, g, b], tau));
+            let lit = traced.iter().map(|&path| (emitted[path as usize], path)).filter(|(e, _)| *e != [0.0; 4]);
+            lit.for_each(|(e, path)| see(seen(e, path, None)));
         })?;
 
-        // Connections; a negative travel time marks those for which no ray was traced.
+        // Connections; a negative value marks those for which no ray was traced.
         let slots = b.slot_list.to_vec::<u32>(length(CANDIDATES))?;
+        let shade_list = b.shade_list.to_vec::<u32>(length(SHADE))?;
         let entries = self.capacity * self.slots as usize;
-        b.contributions.with::<[f32; 4], _>(entries, |contributions| {
-            let live = slots.iter().map(|&slot| contributions[slot as usize]).filter(|c| c[3] >= 0.0);
-            live.for_each(|[r, g, b, tau]| see([r, g, b], tau));
+        let live: Vec<(u32, [f32; 4])> = b.contributions.with::<[f32; 4], _>(entries, |contributions| {
+            let all = slots.iter().map(|&slot| (slot, contributions[slot as usize]));
+            all.filter(|(_, c)| c[3] >= 0.0).collect()
+        })?;
+        b.candidates.with::<Candidate, _>(entries, |candidates| {
+            for (slot, c) in live {
+                let vertex = candidates[slot as usize].vertex as usize;
+                see(seen(c, shade_list[(slot / self.slots) as usize], Some(vertex)));
+            }
         })?;
         Ok(counters[LIVING[1 - parity] as usize])
     }

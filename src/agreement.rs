@@ -1,0 +1,193 @@
+//! Do two images show the same, but for their noise? A z-map over cells that are pooled until they are nearly normal.
+
+use serde::Serialize;
+
+use crate::batches::{CELL, CellBatches};
+use crate::error::{Error, Result};
+use crate::statistics::{normal_score, sidak_threshold};
+
+/// Probability that two images of the same are told apart, whatever the number of cells (Sidak).
+pub const SIGNIFICANCE: f64 = 1e-3;
+/// Independent batches that a variance needs.
+pub const LEAST_BATCHES: usize = 8;
+/// A cell is judged where the standard error of its mean is at most this part of it, as with a hundred equal hits.
+const NORMAL: f64 = 0.1;
+/// Cells grow until so much of the light is judged in them.
+const JUDGED: f64 = 0.75;
+/// Relative rounding of means in 32 bits; a deterministic cell has no other error.
+const ROUNDING: f64 = 1e-6;
+/// Cells that are listed.
+const WORST: usize = 5;
+
+/// One tested mean.
+#[derive(Debug, Clone, Serialize)]
+pub struct Cell {
+    /// Pixels [x0, x1) x [y0, y1); the whole image for what is left of it.
+    pub x: [usize; 2],
+    pub y: [usize; 2],
+    pub channel: &'static str,
+    pub mean: f64,
+    pub reference: f64,
+    /// Of image minus reference; Student's t turned into the normal value that is as likely.
+    pub z: f64,
+    /// Everything that is too noisy to be judged cell by cell, as one.
+    pub rest: bool,
+}
+
+/// The verdict.
+#[derive(Debug, Clone, Serialize)]
+pub struct Agreement {
+    /// Pixels along the side of a cell.
+    pub cell: usize,
+    /// Means tested: cells times channels, and the rest.
+    pub tests: usize,
+    /// |z| above which one of them is significant.
+    pub threshold: f64,
+    pub max_z: f64,
+    pub agree: bool,
+    /// Part of the light in cells that are judged one by one, 0 to 1.
+    pub judged: f64,
+    pub worst: Vec<Cell>,
+    /// z of every pixel, R, G, B interleaved.
+    #[serde(skip)]
+    pub map: Vec<f32>,
+}
+
+/// A mean of both images.
+struct Pair {
+    a: (f64, f64),
+    b: (f64, f64),
+}
+
+impl Pair {
+    fn of(a: &CellBatches, b: &CellBatches, cells: &[usize], channel: usize) -> Pair {
+        Pair { a: a.pooled(cells, channel), b: b.pooled(cells, channel) }
+    }
+
+    fn mean(&self) -> f64 {
+        0.5 * (self.a.0 + self.b.0)
+    }
+
+    fn is_normal(&self) -> bool {
+        self.a.1.max(self.b.1).sqrt() <= NORMAL * self.mean()
+    }
+
+    /// Welch's test.
+    fn z(&self, batches: [usize; 2]) -> f64 {
+        let floor = (ROUNDING * self.mean()).powi(2);
+        let variances = [self.a.1 + floor, self.b.1 + floor];
+        let both = variances[0] + variances[1];
+        let freedom = both * both / (0..2).map(|i| variances[i].powi(2) / (batches[i] as f64 - 1.0)).sum::<f64>();
+        normal_score((self.a.0 - self.b.0) / both.sqrt(), freedom)
+    }
+}
+
+/// Compares two images of the same size, rendered with different seeds.
+pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agreement> {
+    if let Some(few) = [a.len(), b.len()].into_iter().find(|&n| n < LEAST_BATCHES) {
+        return Err(Error::Settings(format!(
+            "an image of {few} iterations does not tell its own noise; render both with {LEAST_BATCHES} at least (--spp 16)"
+        )));
+    }
+    let [width, height] = size.map(|side| side as usize);
+    let grid = a.grid();
+    let mut factor = 1;
+    let groups = loop {
+        let groups = grouped(grid, factor);
+        if groups.len() == 1 || judged_part(a, b, &groups) >= JUDGED {
+            break groups;
+        }
+        factor *= 2;
+    };
+
+    let side = factor * CELL;
+    let (columns, batches) = (width.div_ceil(side), [a.len(), b.len()]);
+    let mut tested: Vec<Cell> = vec![];
+    let mut map = vec![0.0f32; 3 * width * height];
+    let (mut light, mut judged) = (0.0, 0.0);
+    for channel in 0..3 {
+        let name = ["R", "G", "B"][channel];
+        let (mut rest, mut rest_groups) = (vec![], vec![]);
+        for (i, cells) in groups.iter().enumerate() {
+            let pair = Pair::of(a, b, cells, channel);
+            let pixels: usize = cells.iter().map(|&c| a.pixels(c)).sum();
+            light += pair.mean() * pixels as f64;
+            if pair.a.0 == 0.0 && pair.b.0 == 0.0 {
+                continue;
+            }
+            if !pair.is_normal() && groups.len() > 1 {
+                rest.extend(cells);
+                rest_groups.push(i);
+                continue;
+            }
+            judged += pair.mean() * pixels as f64;
+            let z = pair.z(batches);
+            let (x, y) = (i % columns * side, i / columns * side);
+            let (x, y) = ([x, width.min(x + side)], [y, height.min(y + side)]);
+            tested.push(Cell { x, y, channel: name, mean: pair.a.0, reference: pair.b.0, z, rest: false });
+            fill(&mut map, width, x, y, channel, z);
+        }
+        if !rest.is_empty() {
+            let pair = Pair::of(a, b, &rest, channel);
+            let z = pair.z(batches);
+            for i in rest_groups {
+                let (x, y) = (i % columns * side, i / columns * side);
+                fill(&mut map, width, [x, width.min(x + side)], [y, height.min(y + side)], channel, z);
+            }
+            let (mean, reference) = (pair.a.0, pair.b.0);
+            tested.push(Cell { x: [0, width], y: [0, height], channel: name, mean, reference, z, rest: true });
+        }
+    }
+    let threshold = sidak_threshold(SIGNIFICANCE, tested.len());
+    let tests = tested.len();
+    tested.sort_by(|a, b| b.z.abs().total_cmp(&a.z.abs()));
+    let max_z = tested.first().map_or(0.0, |cell| cell.z.abs());
+    tested.truncate(WORST);
+    let judged = if light > 0.0 { judged / light } else { 1.0 };
+    Ok(Agreement { cell: side, tests, threshold, max_z, agree: max_z <= threshold, judged, worst: tested, map })
+}
+
+/// Cells of the grid in squares of `factor`, row by row.
+fn grouped([columns, rows]: [usize; 2], factor: usize) -> Vec<Vec<usize>> {
+    let across = columns.div_ceil(factor);
+    let mut groups = vec![vec![]; across * rows.div_ceil(factor)];
+    for cell in 0..columns * rows {
+        groups[cell / columns / factor * across + cell % columns / factor].push(cell);
+    }
+    groups
+}
+
+fn judged_part(a: &CellBatches, b: &CellBatches, groups: &[Vec<usize>]) -> f64 {
+    let (mut light, mut judged) = (0.0, 0.0);
+    for cells in groups {
+        for channel in 0..3 {
+            let pair = Pair::of(a, b, cells, channel);
+            let here = pair.mean() * cells.iter().map(|&c| a.pixels(c)).sum::<usize>() as f64;
+            light += here;
+            judged += if pair.is_normal() { here } else { 0.0 };
+        }
+    }
+    if light > 0.0 { judged / light } else { 1.0 }
+}
+
+fn fill(map: &mut [f32], width: usize, x: [usize; 2], y: [usize; 2], channel: usize, z: f64) {
+    for row in y[0]..y[1] {
+        for column in x[0]..x[1] {
+            map[3 * (row * width + column) + channel] = z as f32;
+        }
+    }
+}
+
+/// The map as colours, 8-bit R, G, B: white where equal, red where the image is brighter than the reference, blue where it is
+/// darker, palest to the threshold, full beyond it. Of the channels the one with the greatest |z| counts.
+pub fn colours(map: &[f32], threshold: f64) -> Vec<u8> {
+    let colour = |z: &[f32]| {
+        let z = z.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
+        let part = (f64::from(z.abs()) / threshold).min(1.0);
+        // Within the threshold colours stay half as strong, so that what is significant stands out.
+        let fade = if f64::from(z.abs()) > threshold { 1.0 } else { 0.5 * part };
+        let pale = |full: f64| (255.0 + fade * (full - 255.0)).round() as u8;
+        if z >= 0.0 { [pale(178.0), pale(24.0), pale(43.0)] } else { [pale(33.0), pale(102.0), pale(172.0)] }
+    };
+    map.chunks_exact(3).flat_map(colour).collect()
+}

@@ -1,0 +1,167 @@
+//! Means over square cells of an image in a few independent batches of iterations: what a comparison needs to tell noise from
+//! error. The variance of a cell is not the sum of its pixels' variances, since the pixels of an iteration share a light pool;
+//! here any union of cells has its own value in every batch, and so a variance that is right.
+
+use crate::error::{Error, Result};
+
+/// Pixels along the side of a cell.
+pub const CELL: usize = 16;
+/// Batches at most; when there are so many, neighbours are merged.
+pub const MOST_BATCHES: usize = 32;
+
+/// Independent batches, each with its samples a pixel and, for every cell and channel, samples times the sum over pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CellBatches {
+    width: usize,
+    height: usize,
+    batches: Vec<(f64, Vec<f64>)>,
+    /// Iterations a batch, and in the last one.
+    each: u32,
+    last: u32,
+}
+
+impl CellBatches {
+    pub fn new(width: u32, height: u32) -> CellBatches {
+        CellBatches { width: width as usize, height: height as usize, batches: vec![], each: 1, last: 1 }
+    }
+
+    /// Cells across and down; those at the right and lower edge may be smaller.
+    pub fn grid(&self) -> [usize; 2] {
+        [self.width.div_ceil(CELL), self.height.div_ceil(CELL)]
+    }
+
+    /// Pixels of a cell, counted in rows.
+    pub fn pixels(&self, cell: usize) -> usize {
+        let columns = self.grid()[0];
+        let side = |at: usize, size: usize| CELL.min(size - at * CELL);
+        side(cell % columns, self.width) * side(cell / columns, self.height)
+    }
+
+    /// Number of batches.
+    pub fn len(&self) -> usize {
+        self.batches.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.batches.is_empty()
+    }
+
+    /// Adds an iteration: its means over `samples` samples a pixel, R, G, B interleaved.
+    pub fn add(&mut self, rgb: &[f32], samples: u32) {
+        let [columns, rows] = self.grid();
+        if self.last >= self.each {
+            if self.batches.len() == MOST_BATCHES {
+                self.merge();
+            }
+            self.batches.push((0.0, vec![0.0; 3 * columns * rows]));
+            self.last = 0;
+        }
+        self.last += 1;
+        let (weight, sums) = self.batches.last_mut().expect("one was just pushed, or is not full");
+        *weight += f64::from(samples);
+        for (y, row) in rgb.chunks_exact(3 * self.width).enumerate() {
+            for (x, cell) in row.chunks(3 * CELL).enumerate() {
+                let at = 3 * (y / CELL * columns + x);
+                for pixel in cell.chunks_exact(3) {
+                    (0..3).for_each(|k| sums[at + k] += f64::from(samples) * f64::from(pixel[k]));
+                }
+            }
+        }
+    }
+
+    fn merge(&mut self) {
+        let pairs = std::mem::take(&mut self.batches);
+        self.batches = pairs
+            .chunks(2)
+            .map(|pair| {
+                let sums = (0..pair[0].1.len()).map(|i| pair.iter().map(|b| b.1[i]).sum()).collect();
+                (pair.iter().map(|b| b.0).sum(), sums)
+            })
+            .collect();
+        self.each *= 2;
+        self.last = self.each;
+    }
+
+    /// Mean over the pixels of `cells` in one channel, and the variance of that mean; needs two batches at least.
+    pub fn pooled(&self, cells: &[usize], channel: usize) -> (f64, f64) {
+        let pixels: f64 = cells.iter().map(|&c| self.pixels(c) as f64).sum();
+        let value = |(_, sums): &(f64, Vec<f64>)| cells.iter().map(|&c| sums[3 * c + channel]).sum::<f64>() / pixels;
+        let weight: f64 = self.batches.iter().map(|b| b.0).sum();
+        let mean = self.batches.iter().map(value).sum::<f64>() / weight;
+        let spread: f64 = self.batches.iter().map(|b| b.0 * (value(b) / b.0 - mean).powi(2)).sum();
+        (mean, spread / ((self.batches.len() as f64 - 1.0) * weight))
+    }
+
+    /// As numbers for a file: side of a cell, number of batches, then each batch's samples and means (cells in rows, R, G, B).
+    pub fn to_floats(&self) -> Vec<f32> {
+        let mut floats = vec![CELL as f32, self.batches.len() as f32];
+        for (weight, sums) in &self.batches {
+            floats.push(*weight as f32);
+            let mean = |(i, sum): (usize, &f64)| (sum / (weight * self.pixels(i / 3) as f64)) as f32;
+            floats.extend(sums.iter().enumerate().map(mean));
+        }
+        floats
+    }
+
+    /// Reads [`CellBatches::to_floats`] of an image of this size. Nothing is taken on trust.
+    pub fn from_floats(width: u32, height: u32, floats: &[f32]) -> Result<CellBatches> {
+        let wrong = |what: &str| Error::Settings(format!("the batches of cells (tof:cellBatches) {what}"));
+        let mut all = CellBatches::new(width, height);
+        let [columns, rows] = all.grid();
+        let size = 1 + 3 * columns * rows;
+        let [cell, count, data @ ..] = floats else { return Err(wrong("are missing")) };
+        if *cell != CELL as f32 || !(0.0..=MOST_BATCHES as f32).contains(count) || data.len() != *count as usize * size
+        {
+            return Err(wrong("do not fit the image: was it cropped or scaled after rendering?"));
+        }
+        if data.iter().any(|x| !x.is_finite()) || data.chunks_exact(size).any(|batch| batch[0] <= 0.0) {
+            return Err(wrong("hold values that are not finite"));
+        }
+        for batch in data.chunks_exact(size) {
+            let weight = f64::from(batch[0]);
+            let sum = |(i, &mean): (usize, &f32)| f64::from(mean) * weight * all.pixels(i / 3) as f64;
+            let sums = batch[1..].iter().enumerate().map(sum).collect();
+            all.batches.push((weight, sums));
+        }
+        Ok(all)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_pool_what_iterations_share() {
+        // 20 x 3 pixels are cells of 16 x 3 and 4 x 3; both rise and fall together.
+        let mut batches = CellBatches::new(20, 3);
+        for (x, samples) in [(1.0, 4), (3.0, 4), (6.0, 2)] {
+            batches.add(&[x; 180], samples);
+        }
+        assert_eq!((batches.grid(), batches.pixels(0), batches.pixels(1)), ([2, 1], 48, 12));
+        for cells in [&[0][..], &[1], &[0, 1]] {
+            let (mean, variance) = batches.pooled(cells, 2);
+            assert!((mean - 2.8).abs() < 1e-12 && (variance - 1.68).abs() < 1e-12, "{mean} {variance}");
+        }
+        let read = CellBatches::from_floats(20, 3, &batches.to_floats()).unwrap();
+        assert!((read.pooled(&[0, 1], 1).1 - 1.68).abs() < 1e-5);
+        assert!(CellBatches::from_floats(21, 40, &batches.to_floats()).is_err());
+        let mut odd = batches.to_floats();
+        odd[5] = f32::NAN;
+        assert!(CellBatches::from_floats(20, 3, &odd).is_err());
+        assert!(CellBatches::from_floats(20, 3, &[]).is_err());
+    }
+
+    #[test]
+    fn many_iterations_are_merged_evenly() {
+        let mut batches = CellBatches::new(2, 1);
+        for i in 0..100 {
+            batches.add(&[i as f32; 6], 1);
+        }
+        // 32 and one more merge to 16 of two, 65 to 16 of four: 100 iterations are 25 batches of four.
+        assert_eq!(batches.len(), 25);
+        assert!((batches.pooled(&[0], 0).0 - 49.5).abs() < 1e-9);
+        let means: Vec<f32> = batches.to_floats()[2..].chunks(4).map(|b| b[1]).collect();
+        assert_eq!((means[0], means[24]), (1.5, 97.5));
+    }
+}

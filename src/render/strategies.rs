@@ -1,0 +1,105 @@
+//! One image a strategy, with and without its MIS weight: what each way to join subpaths adds to the image.
+
+use super::plan::{Observe, Plan};
+use super::prepared::Prepared;
+use super::{Observed, Renderer};
+use crate::error::{Error, Result};
+use crate::film::Film;
+use crate::gpu::Device;
+use crate::scene::Scene;
+use crate::settings::{Estimator, Settings, Strategies};
+
+/// Host bytes a pixel and strategy: two films in f64 with their squares, two images of an iteration.
+const PIXEL_BYTES: u64 = 2 * (48 + 12);
+/// Host bytes for all of them at most.
+const MOST_BYTES: u64 = 2 << 30;
+
+/// What strategy (s, t) makes of the image.
+pub struct StrategyImage {
+    /// Vertices of the light and of the sensor subpath, the emitter's point and the pinhole included.
+    pub s: u32,
+    pub t: u32,
+    /// Contributions times their MIS weights: over all strategies these sum to the image.
+    pub weighted: Film,
+    /// Contributions of weight 1: what this strategy would render alone, of the paths that it can find.
+    pub unweighted: Film,
+}
+
+/// A render of all strategies in progress: the same subpaths and connections as [`Renderer`] with the same settings.
+pub struct StrategyImages {
+    renderer: Renderer,
+    images: Vec<StrategyImage>,
+}
+
+/// The strategies (s, t) that are formed, sorted by the length of the paths, s + t - 1 segments, then by s. Of those a
+/// strategy may still find nothing: no ray hits a point light.
+pub fn strategies(settings: &Settings) -> Vec<(u32, u32)> {
+    let (all, pt) = (settings.strategies == Strategies::All, settings.estimator == Estimator::Pt);
+    let kept = |s: u32, t: u32| (s, t) != (1, 1) && (all || (s >= 1 && t >= 2)) && (!pt || (s <= 1 && t >= 2));
+    let of_length = |k: u32| (0..=k).map(move |s| (s, k + 1 - s));
+    (1..=settings.max_depth).flat_map(of_length).filter(|&(s, t)| kept(s, t)).collect()
+}
+
+impl StrategyImages {
+    /// Fails like [`Renderer::new`].
+    pub fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<StrategyImages> {
+        StrategyImages::check(settings)?;
+        let [width, height] = [settings.crop.width(), settings.crop.height()];
+        let mut plan = Plan::new(scene, settings, prepared)?;
+        plan.observe = Observe::Strategies;
+        let renderer = Renderer::from_plan(device, plan, [1, 1], prepared)?;
+        let film = || Film::new(width, height);
+        let image = |(s, t)| StrategyImage { s, t, weighted: film(), unweighted: film() };
+        Ok(StrategyImages { renderer, images: strategies(settings).into_iter().map(image).collect() })
+    }
+
+    /// Fails if the images of all strategies take more than 2 GiB.
+    pub fn check(settings: &Settings) -> Result<()> {
+        let count = strategies(settings).len() as u64;
+        let bytes = count * PIXEL_BYTES * u64::from(settings.crop.width()) * u64::from(settings.crop.height());
+        if bytes <= MOST_BYTES {
+            return Ok(());
+        }
+        Err(Error::Settings(format!(
+            "--strategy-images: images of {count} strategies take {} MiB, more than {} MiB; give a smaller --max-depth \
+             (now {}), a smaller --resolution or a --crop",
+            bytes >> 20,
+            MOST_BYTES >> 20,
+            settings.max_depth
+        )))
+    }
+
+    /// As [`Renderer::iterate`].
+    pub fn iterate(&mut self, samples: u32) -> Result<()> {
+        let pixels = self.renderer.plan.crop_pixels as usize;
+        let longest = self.renderer.plan.max_depth as usize + 2;
+        let mut index = vec![None; longest * longest];
+        for (i, image) in self.images.iter().enumerate() {
+            index[image.s as usize * longest + image.t as usize] = Some(i);
+        }
+        let mut sums = vec![[vec![0.0f32; 3 * pixels], vec![0.0f32; 3 * pixels]]; self.images.len()];
+        self.renderer.observe(samples, &mut |seen: Observed| {
+            let weight = seen.tau_or_weight;
+            if !(seen.rgb.iter().all(|x| x.is_finite()) && weight.is_finite()) {
+                return;
+            }
+            let i = index[seen.s as usize * longest + seen.t as usize].expect("a strategy that is formed is listed");
+            let [weighted, unweighted] = &mut sums[i];
+            for (k, x) in seen.rgb.into_iter().enumerate() {
+                let at = 3 * seen.pixel as usize + k;
+                unweighted[at] += x;
+                weighted[at] += x * weight;
+            }
+        })?;
+        for (image, [weighted, unweighted]) in self.images.iter_mut().zip(&sums) {
+            image.weighted.add(weighted, samples);
+            image.unweighted.add(unweighted, samples);
+        }
+        Ok(())
+    }
+
+    /// In the order of [`strategies`].
+    pub fn images(&self) -> &[StrategyImage] {
+        &self.images
+    }
+}

@@ -1,0 +1,118 @@
+//! Level 6: an image a strategy. Weighted ones add up to the image; every strategy that finds all of its paths renders the
+//! same light alone.
+
+use super::cells::{device, renderer, settings};
+use super::zoo::{Light, zoo};
+use taugate::generate::{Kind, build};
+use taugate::render::{Prepared, StrategyImage, StrategyImages, strategies};
+use taugate::scene::Scene;
+use taugate::settings::{Estimator, Settings, Strategies};
+use taugate::units::Gate;
+
+const SAMPLES: [u32; 2] = [2, 3];
+
+/// The image and the images of its strategies, with the same seed.
+fn both(scene: &Scene, settings: &Settings) -> (Vec<f32>, StrategyImages) {
+    let mut whole = renderer(scene, settings);
+    let prepared = Prepared::new(scene, settings).unwrap();
+    let mut parts = StrategyImages::new(&device(), scene, settings, &prepared).unwrap();
+    for samples in SAMPLES {
+        whole.iterate(samples).unwrap();
+        parts.iterate(samples).unwrap();
+    }
+    assert_eq!(whole.stats().dropped, 0);
+    (whole.film().mean(), parts)
+}
+
+/// Greatest difference of the image and the sum of `parts`, relative to the image's mean and to the pixel.
+fn difference<'a>(image: &[f32], parts: impl Iterator<Item = &'a StrategyImage>) -> f64 {
+    let mut sum = vec![0.0f64; image.len()];
+    for part in parts {
+        for (to, from) in sum.iter_mut().zip(part.weighted.mean()) {
+            *to += f64::from(from);
+        }
+    }
+    let mean = image.iter().map(|&x| f64::from(x)).sum::<f64>() / image.len() as f64;
+    let relative = |(&x, s): (&f32, &f64)| (f64::from(x) - s).abs() / (f64::from(x).abs() + mean);
+    image.iter().zip(&sum).map(relative).fold(0.0, f64::max)
+}
+
+fn small(estimator: Estimator, strategies: Strategies, gate: Gate) -> Settings {
+    Settings { strategies, gate, max_depth: 6, light_paths: 500, ..settings(estimator, [24, 20]) }
+}
+
+#[test]
+fn weighted_strategies_sum_to_the_image() {
+    let gate = Gate { lo: 4.0, hi: 9.0 };
+    for (name, scene, estimator, kept, gate) in [
+        ("lamp", zoo(Light::Area), Estimator::Bdpt, Strategies::All, gate),
+        ("lamp", zoo(Light::Area), Estimator::LcsPaper, Strategies::All, Gate::OPEN),
+        ("lamp", zoo(Light::Area), Estimator::Pt, Strategies::All, gate),
+        ("lamp", zoo(Light::Area), Estimator::LcsPaper, Strategies::Paper, gate),
+        ("punctual", zoo(Light::Punctual), Estimator::LcsPaper, Strategies::All, gate),
+        ("thin beam", build(Kind::DoorAjar), Estimator::Bdpt, Strategies::All, Gate::OPEN),
+    ] {
+        let (image, parts) = both(&scene, &small(estimator, kept, gate));
+        let all = difference(&image, parts.images().iter());
+        eprintln!("{name} {estimator:?} {kept:?}: {all:.1e}");
+        assert!(all < 2e-5, "{name} {estimator:?} {kept:?}: {all:.1e} off");
+        // The sibling that must fail: any strategy that adds light is missed.
+        let mut lit = 0;
+        for left_out in parts.images() {
+            let light: f64 = left_out.weighted.mean().iter().map(|&x| f64::from(x)).sum();
+            let unweighted: f64 = left_out.unweighted.mean().iter().map(|&x| f64::from(x)).sum();
+            assert!(light <= unweighted * (1.0 + 1e-6), "a weight is above 1");
+            if light > 0.0 {
+                lit += 1;
+                let rest = parts.images().iter().filter(|i| (i.s, i.t) != (left_out.s, left_out.t));
+                let off = difference(&image, rest);
+                assert!(off > 2e-5, "{name} {estimator:?} without ({}, {}): {off:.1e}", left_out.s, left_out.t);
+            }
+        }
+        assert!(lit >= 4, "{name} {estimator:?}: only {lit} strategies find light");
+    }
+}
+
+/// In a diffuse box with a large lamp every strategy finds all paths of its length: unweighted, they agree on average.
+#[test]
+fn strategies_of_one_length_agree_unweighted() {
+    let scene = build(Kind::CornellBox);
+    let mut s = small(Estimator::Bdpt, Strategies::All, Gate::OPEN);
+    s.max_depth = 3;
+    s.light_paths = 2000;
+    let prepared = Prepared::new(&scene, &s).unwrap();
+    let mut parts = StrategyImages::new(&device(), &scene, &s, &prepared).unwrap();
+    for _ in 0..128 {
+        parts.iterate(4).unwrap();
+    }
+    let of = |s: u32, t: u32| {
+        let image = parts.images().iter().find(|i| (i.s, i.t) == (s, t)).unwrap();
+        image.unweighted.image_mean()
+    };
+    for k in [2, 3] {
+        let (reference, error) = of(1, k);
+        let error = error.unwrap();
+        for s in (0..=k).filter(|&s| s != 1) {
+            let (mean, own) = of(s, k + 1 - s);
+            let z = (mean - reference) / own.unwrap().hypot(error);
+            eprintln!("({s}, {}): {mean:.5} against {reference:.5}, z = {z:.2}", k + 1 - s);
+            // 1e-3 for five comparisons, with Student's t for over 100 degrees of freedom.
+            assert!(z.abs() < 4.1, "({s}, {}): {mean} against {reference}, z = {z:.2}", k + 1 - s);
+            // The sibling that must fail: a fifth more light, where the lamp is not left to chance (s = 0).
+            let more = if s == 0 { 1.6 } else { 1.2 };
+            assert!(((more * mean - reference) / (more * own.unwrap()).hypot(error)).abs() > 4.1, "too noisy to tell");
+        }
+    }
+}
+
+#[test]
+fn the_strategies_that_are_listed() {
+    let count = |estimator, kept| strategies(&small(estimator, kept, Gate::OPEN)).len();
+    // Of k segments k + 1, without (1, 1): 2 + ... + 7 - 1; s <= 1 and t >= 2: two a length, one of the shortest.
+    assert_eq!(count(Estimator::Bdpt, Strategies::All), 26);
+    assert_eq!(count(Estimator::Pt, Strategies::All), 11);
+    // s >= 1 and t >= 2 of k segments: k - 1.
+    assert_eq!(count(Estimator::LcsPaper, Strategies::Paper), 15);
+    let huge = Settings { max_depth: 254, ..settings(Estimator::Bdpt, [64, 64]) };
+    assert!(StrategyImages::check(&huge).unwrap_err().to_string().contains("--max-depth"));
+}

@@ -1,0 +1,207 @@
+//! `shared/weights.wgsl`: the MIS weights of all strategies that are kept sum to 1 on every path.
+//!
+//! A path of given vertices is walked from both ends with the kernels' own functions; every way to join the two subpaths is
+//! weighed. No sampling is involved, so the sum holds to rounding, and one strategy too few is noticed.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use taugate::generate::numbers::Pcg;
+
+use crate::materials::set;
+use crate::scatter::buffers;
+use crate::shader_function::ShaderFunction;
+use crate::values::{direction, frame, vec3};
+
+pub const KERNELS: &[&ShaderFunction] = &[&WEIGHTS];
+
+/// Segments of a path at most.
+const LONGEST: usize = 6;
+
+const WEIGHTS: ShaderFunction = ShaderFunction {
+    imports: &["walk", "weights"],
+    given: "place: array<vec4<f32>, 6>, geometric: array<vec4<f32>, 6>, normal: array<vec4<f32>, 6>, segments: u32, kind: u32,
+        density: f32, select_pdf: f32",
+    result: "weights: array<f32, 8>",
+    body: "var path = given; let k = path.segments; let beam = path.kind >= 4u; let area = path.kind <= 1u;
+        var lights: array<PathVertex, 6>; var sensors: array<PathVertex, 6>;
+        for (var i = 0u; i < 8u; i++) { result.weights[i] = -1.0; }
+
+        // From the emitter.
+        var e: Emission; e.vertex.position = path.place[0].xyz; e.vertex.geometric = path.geometric[0].xyz;
+        e.vertex.select_pdf = path.select_pdf; e.vertex.flags = VERTEX_EMITTER | VERTEX_VALID | select(VERTEX_DETERMINISTIC, 0u, area); e.vertex.eta = 1.0;
+        e.vertex.material = path.kind; e.density = path.density; e.stored = area; e.beam = beam;
+        var light: PathState; light.position = path.place[0].xyz; light.eta = 1.0;
+        if (k > 1u) { light.direction = normalize(path.place[1].xyz - path.place[0].xyz); }
+        e.direction = light.direction;
+        if (!beam) { e.pdf_direction = emitter_profile(e.vertex, e.direction).y; start_light_sums(&light, e); }
+        if (area) { e.vertex.d_vcm = emitter_point_sum(e.density); e.vertex.select_pdf = 1.0; }
+        lights[0] = e.vertex;
+        var deterministic = path.kind == 5u;
+        for (var i = 1u; i < k; i++) {
+            var surface: Surface; surface.position = path.place[i].xyz; surface.geometric = path.geometric[i].xyz;
+            surface.normal = path.normal[i].xyz; surface.material = bitcast<u32>(path.normal[i].w);
+            var v = arrive(&light, surface);
+            if (deterministic) { v.select_pdf = path.select_pdf; v.flags |= VERTEX_DETERMINISTIC; }
+            lights[i] = v;
+            if (i + 1u < k) {
+                light.direction = normalize(path.place[i + 1u].xyz - path.place[i].xyz);
+                let c = connect_light_vertex(v, light.direction);
+                var s: Scatter; s.pdf = c.pdf / v.select_pdf; s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
+                s.delta = !is_connectible(v);
+                mis_scatter(&light, s, v.select_pdf * once(v));
+                deterministic = deterministic && s.delta;
+            }
+        }
+
+        // From the pinhole.
+        var sensor: PathState; sensor.eta = 1.0; sensor.direction = normalize(path.place[k - 1u].xyz);
+        start_sensor_sums(&sensor, dot(sensor.direction, frame.forward));
+        for (var n = 0u; n < k; n++) {
+            let j = k - 1u - n;
+            var surface: Surface; surface.position = path.place[j].xyz; surface.geometric = path.geometric[j].xyz;
+            surface.normal = path.normal[j].xyz; surface.material = bitcast<u32>(path.normal[j].w);
+            let q = arrive(&sensor, surface);
+            sensors[j] = q;
+            if (j > 0u) {
+                sensor.direction = normalize(path.place[j - 1u].xyz - path.place[j].xyz);
+                let c = connect_shade_point(q, sensor.direction);
+                var s: Scatter; s.pdf = c.pdf; s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
+                s.delta = !is_connectible(q);
+                mis_scatter(&sensor, s, 1.0);
+            }
+        }
+
+        // All strategies.
+        if (area && frame.keep_s0 > 0.0) {
+            let emitted = emitter_profile(e.vertex, e.direction).y;
+            result.weights[0] = emitter_weight(sensors[0], k, path.density, emitted);
+        }
+        for (var s = 1u; s < k; s++) {
+            let v = lights[s - 1u]; let q = sensors[s];
+            let stands = select(is_connectible(v), !beam, s == 1u) && is_connectible(q);
+            if (stands && (s == 1u || frame.keep_s2 > 0.0)) {
+                let offset = v.position - q.position; let w = normalize(offset);
+                result.weights[s] = connection_weight(q, v, connect_shade_point(q, w), connect_light_vertex(v, -w),
+                    dot(offset, offset));
+            }
+        }
+        if (k > 1u && frame.keep_t1 > 0.0 && is_connectible(lights[k - 1u])) {
+            let v = lights[k - 1u]; let d = length(v.position); let c = connect_light_vertex(v, -v.position / d);
+            let density = pixel_pdf(dot(v.position / d, frame.forward));
+            result.weights[k] = splat_weight(v, c, density * c.cosine / (d * d));
+        }",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Path {
+    place: [[f32; 4]; LONGEST],
+    geometric: [[f32; 4]; LONGEST],
+    normal: [[f32; 4]; LONGEST],
+    segments: u32,
+    kind: u32,
+    density: f32,
+    select_pdf: f32,
+}
+
+/// The emitter is: a surface that shines to one side or both, a point; a beam with or without a radius.
+const KINDS: [u32; 5] = [0, 1, 2, 4, 5];
+
+/// A path whose vertices all see their neighbours from the front, with shading normals a little off and every fourth vertex a
+/// mirror.
+fn path(pcg: &mut Pcg, kind: u32, segments: usize) -> Path {
+    let set = set();
+    let wide: Vec<u32> = (0..set.kinds.len() as u32).filter(|&i| set.kinds[i as usize].roughness > 0.4).collect();
+    let mirror = set.named("mirror", 0.0) as u32;
+    let mut places = vec![DVec3::ZERO];
+    for n in 0..segments {
+        let towards = if n == 0 { (direction(pcg) + 2.0 * DVec3::NEG_Z).normalize() } else { direction(pcg) };
+        places.push(places[n] + pcg.range(0.5, 2.0) * towards);
+    }
+    places.reverse();
+    let mut path = Path { segments: segments as u32, kind, ..Zeroable::zeroed() };
+    path.density = pcg.range(0.2, 2.0) as f32;
+    path.select_pdf = pcg.range(0.2, 1.0) as f32;
+    for i in 0..segments {
+        let ahead = (places[i + 1] - places[i]).normalize();
+        let behind = if i == 0 { ahead } else { (places[i - 1] - places[i]).normalize() };
+        // Between the two directions, and so in front of both.
+        let between = (ahead + behind).normalize();
+        let facing = |n: DVec3| n.dot(ahead) > 0.05 && n.dot(behind) > 0.05;
+        let near = |pcg: &mut Pcg| {
+            let tries = (0..100).map(|_| (between + 0.5 * direction(pcg)).normalize());
+            tries.collect::<Vec<_>>().into_iter().find(|&n| facing(n)).unwrap_or(between)
+        };
+        let (geometric, normal) = (near(pcg), near(pcg));
+        let material = if i > 0 && pcg.below(4) == 0 { mirror } else { wide[pcg.below(wide.len())] };
+        let four = |v: DVec3, w: f32| [vec3(v)[0], vec3(v)[1], vec3(v)[2], w];
+        path.place[i] = four(places[i], 0.0);
+        path.geometric[i] = four(geometric, 0.0);
+        path.normal[i] = four(normal, f32::from_bits(material));
+    }
+    path
+}
+
+/// Kept strategies: s = 0, t = 1, s >= 2.
+const KEPT: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]];
+
+/// `gain`: samples that a connection through a tree stands for.
+fn weights(kept: [f32; 3], gain: f32, paths: &[Path]) -> Vec<[f32; 8]> {
+    // Before the frame of `buffers`, so that it counts.
+    let mut all = vec![frame(|f| {
+        f.forward = [0.0, 0.0, -1.0];
+        (f.pixel_area, f.light_count) = (0.05, 3.0);
+        f.gain = gain;
+        [f.keep_s0, f.keep_t1, f.keep_s2] = [kept[0] / (gain * gain), kept[1] / (gain * gain), kept[2]];
+    })];
+    all.extend(buffers());
+    WEIGHTS.run(paths, &all)
+}
+
+/// Paths whose weights, without those of strategy `without`, do not sum to 1, and how many were formed with it.
+fn wrong(
+    results: &[[f32; 8]],
+    segments: &[usize],
+    without: Option<usize>,
+    length: Option<usize>,
+) -> (Vec<usize>, usize) {
+    let mut formed = 0;
+    let offends = |i: &usize| {
+        let w = &results[*i];
+        if length.is_some_and(|k| segments[*i] != k) || w.iter().all(|&x| x < 0.0) {
+            return false;
+        }
+        formed += usize::from(without.is_none_or(|s| w[s] >= 0.0));
+        let kept = w.iter().enumerate().filter(|(s, x)| **x >= 0.0 && Some(*s) != without);
+        let sum: f64 = kept.map(|(_, &x)| f64::from(x)).sum();
+        // Not a number offends too.
+        sum.is_nan() || (sum - 1.0).abs() > 1e-4
+    };
+    ((0..results.len()).filter(offends).collect(), formed)
+}
+
+#[test]
+fn weights_of_a_path_sum_to_one() {
+    let mut pcg = Pcg::new(151);
+    let segments: Vec<usize> = (0..6000).map(|i| if i % 60 == 0 { 1 } else { 2 + pcg.below(LONGEST - 1) }).collect();
+    let kinds: Vec<u32> = (0..6000).map(|_| KINDS[pcg.below(KINDS.len())]).collect();
+    // Only surfaces are seen by a path of one segment; a beam's first vertex needs a second segment.
+    let kinds: Vec<u32> = kinds.iter().zip(&segments).map(|(&kind, &k)| if k == 1 { kind % 2 } else { kind }).collect();
+    let paths: Vec<Path> = kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k)).collect();
+    for (kept, gain) in KEPT.into_iter().flat_map(|kept| [1.0, 4.0].map(|gain| (kept, gain))) {
+        let results = weights(kept, gain, &paths);
+        let (offenders, formed) = wrong(&results, &segments, None, None);
+        let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
+        assert!(offenders.is_empty(), "{kept:?}: {} of {formed}: {shown:?}", offenders.len());
+        assert!(formed > 1000, "{kept:?}: only {formed} paths");
+        // The siblings that must fail: one strategy less.
+        for k in 1..=LONGEST {
+            for s in 0..=k {
+                let (offenders, formed) = wrong(&results, &segments, Some(s), Some(k));
+                assert!(formed == 0 || !offenders.is_empty(), "{kept:?}: s = {s} of {k} segments is not missed");
+                let all = kept == KEPT[0] && (s, k) != (1, 1);
+                assert!(!all || formed > 50, "s = {s} of {k} segments was formed {formed} times");
+            }
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! What a render shows beside its image: strategies, numbers and comparisons, from outside.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use taugate::exr_file::read_picture;
+
+fn taugate(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
+}
+
+/// Runs what must end with `code`; returns stdout and stderr.
+fn run(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
+    let output = taugate(folder, arguments);
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    let (out, err) = (text(output.stdout), text(output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {out}{err}");
+    (out, err)
+}
+
+/// A folder with a Cornell box.
+fn folder() -> tempfile::TempDir {
+    let here = tempfile::tempdir().unwrap();
+    run(here.path(), &["generate", "cornell-box", "-o", "box.glb"], 0);
+    here
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+const SMALL: [&str; 8] = ["--resolution", "20x16", "--light-paths", "500", "--spp", "16", "--max-depth", "3"];
+
+fn render(folder: &Path, more: &[&str], code: i32) -> String {
+    run(folder, &[&["render", "box.glb"], &SMALL[..], more].concat(), code).1
+}
+
+#[test]
+fn strategy_images_add_up_to_the_image() {
+    let here = folder();
+    for (gate, estimator) in [("6m..8m", "bdpt"), ("0m..inf", "lcs-paper")] {
+        let said = render(
+            here.path(),
+            &["-o", "a.exr", "--estimator", estimator, "--gate", gate, "--strategy-images", "pyramid"],
+            0,
+        );
+        assert!(said.contains("pyramid: 8 strategies"), "{said}");
+        let image = read_picture(&here.path().join("a.exr")).unwrap().rgb;
+        let mut sum = vec![0.0f64; image.len()];
+        let files = names(&here.path().join("pyramid"));
+        assert_eq!(files.len(), 16, "{files:?}");
+        for file in files.iter().filter(|file| file.ends_with("_weighted.exr")) {
+            let part = read_picture(&here.path().join("pyramid").join(file)).unwrap().rgb;
+            sum.iter_mut().zip(part).for_each(|(to, from)| *to += f64::from(from));
+        }
+        let mean = sum.iter().sum::<f64>() / sum.len() as f64;
+        assert!(mean > 0.0);
+        for (x, s) in image.iter().zip(&sum) {
+            assert!((f64::from(*x) - s).abs() < 2e-5 * (s + mean), "{x} {s}");
+        }
+    }
+    // With and without the flag: the same image.
+    let with = std::fs::read(here.path().join("a.exr")).unwrap();
+    render(here.path(), &["-o", "b.exr", "--estimator", "lcs-paper", "--gate", "0m..inf"], 0);
+    let pixels = |file: &str| read_picture(&here.path().join(file)).unwrap().rgb;
+    assert!(!with.is_empty() && pixels("a.exr") == pixels("b.exr"));
+    assert_eq!(names(here.path()), ["a.exr", "b.exr", "box.glb", "pyramid"], "nothing else is left behind");
+}
+
+#[test]
+fn a_folder_of_other_files_is_not_touched() {
+    let here = folder();
+    std::fs::create_dir(here.path().join("mine")).unwrap();
+    std::fs::write(here.path().join("mine/thesis.tex"), "years of work").unwrap();
+    let said = render(here.path(), &["-o", "a.exr", "--strategy-images", "mine"], 2);
+    assert!(said.contains("holds 'thesis.tex'"), "{said}");
+    let said = render(here.path(), &["-o", "a.exr", "--strategy-images", "no/where"], 2);
+    assert!(said.contains("cannot be written"), "{said}");
+    let deep = ["--resolution", "512x512", "--max-depth", "24", "-o", "a.exr", "--strategy-images", "p"];
+    let said = run(here.path(), &[&["render", "box.glb"], &deep[..]].concat(), 2).1;
+    assert!(said.contains("323 strategies") && said.contains("--max-depth"), "{said}");
+    assert_eq!(names(here.path()), ["box.glb", "mine"]);
+}
+
+#[test]
+fn the_summary_says_how_well_the_image_is_known() {
+    let here = folder();
+    let said = render(here.path(), &["-o", "a.exr", "--gate", "7m..8m", "--stats", "a.json"], 0);
+    for part in ["mean ", " +- ", "connections inside the gate: ", "samples dropped as not finite: 0"] {
+        assert!(said.contains(part), "{part:?} is missing in: {said}");
+    }
+    let numbers = |file: &str| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(here.path().join(file)).unwrap()).unwrap()
+    };
+    let of = |value: &serde_json::Value, key: &str| value[key].as_f64().unwrap_or_else(|| panic!("{key}: {value}"));
+    let n = numbers("a.json");
+    let share = of(&n, "connections_inside_gate");
+    assert!(share > 0.0 && share < 0.5, "a thin gate lets few connections through: {share}");
+    assert!(of(&n, "inside_gate_per_sample") > 0.0 && n["samples_dropped"] == 0);
+
+    // The standard error is the spread of the means of other seeds, which share nothing.
+    let means: Vec<[f64; 2]> = (1..=8)
+        .map(|seed| {
+            let seed = seed.to_string();
+            render(here.path(), &["-o", "b.exr", "--gate", "7m..8m", "--stats", "b.json", "--seed", &seed], 0);
+            let n = numbers("b.json");
+            [of(&n, "image_mean"), of(&n, "image_mean_standard_error").powi(2)]
+        })
+        .collect();
+    let count = means.len() as f64;
+    let mean = means.iter().map(|m| m[0]).sum::<f64>() / count;
+    let spread = means.iter().map(|m| (m[0] - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let claimed = means.iter().map(|m| m[1]).sum::<f64>() / count;
+    eprintln!("mean {mean:.5}, spread {:.2e}, claimed {:.2e}", spread.sqrt(), claimed.sqrt());
+    // F distribution with 7 and 120 degrees of freedom: 1e-3 to both sides.
+    assert!((0.08..3.8).contains(&(spread / claimed)), "{spread} against {claimed}");
+
+    // A gate near the resolution of travel times is named again at the end, and in the numbers.
+    let said = render(here.path(), &["-o", "c.exr", "--gate", "7m+0.1mm", "--stats", "c.json", "--force"], 0);
+    assert_eq!(said.matches("steps of 32-bit travel times").count(), 2, "{said}");
+    assert!(numbers("c.json")["warnings"][0].as_str().unwrap().contains("32-bit travel times"));
+
+    // One iteration: no error can be known.
+    let one = ["--resolution", "8x8", "--spp", "1", "-o", "d.exr", "--stats", "d.json"];
+    let said = run(here.path(), &[&["render", "box.glb"], &one[..]].concat(), 0).1;
+    assert!(said.contains("unknown error") && numbers("d.json")["image_mean_standard_error"].is_null(), "{said}");
+}
+
+#[test]
+fn a_comparison_gives_a_verdict_and_a_map() {
+    let here = folder();
+    let image = |file: &str, seed: &str, more: &[&str]| {
+        render(here.path(), &[&["-o", file, "--seed", seed], more].concat(), 0);
+    };
+    image("a.exr", "1", &["--gate", "6m..8m"]);
+    image("b.exr", "2", &["--gate", "6m..8m"]);
+    image("late.exr", "3", &["--gate", "6.8m..8m"]);
+    let compare = |arguments: &[&str], code: i32| run(here.path(), &[&["compare"], arguments].concat(), code);
+    let (said, _) = compare(&["b.exr", "a.exr", "--z", "same.png"], 0);
+    assert!(
+        said.contains("the two agree: max |z| = ") && said.contains("threshold") && said.contains("y 0.."),
+        "{said}"
+    );
+    let (said, _) = compare(&["late.exr", "a.exr", "--z", "map.exr"], 1);
+    assert!(said.contains("the two differ: max |z| = "), "{said}");
+    let map = read_picture(&here.path().join("map.exr")).unwrap();
+    assert_eq!((map.width, map.height), (20, 16));
+    // The early light is missing: darker, so z is negative.
+    assert!(map.rgb.iter().all(|&z| z <= 4.0) && map.rgb.iter().any(|&z| z < -4.0));
+    let (json, _) = compare(&["late.exr", "a.exr", "--z", "map.png", "--json"], 1);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(json["z"]["agree"] == false && json["z"]["max_z"].as_f64() > json["z"]["threshold"].as_f64());
+    let worst = &json["z"]["worst"][0];
+    assert!(worst["x"][1].as_u64() <= Some(20) && worst["z"].as_f64() < Some(-4.0), "{worst}");
+    for picture in ["same.png", "map.png"] {
+        assert!(std::fs::read(here.path().join(picture)).unwrap().starts_with(b"\x89PNG"));
+    }
+}
+
+#[test]
+fn images_that_do_not_tell_their_noise_are_not_judged() {
+    let here = folder();
+    let judge = |a: &str, b: &str, z: &str, part: &str| {
+        let said = run(here.path(), &["compare", a, b, "--z", z], 2).1;
+        assert!(said.starts_with("error: ") && said.contains(part), "{part:?}: {said}");
+    };
+    render(here.path(), &["-o", "a.exr", "--seed", "1"], 0);
+    render(here.path(), &["-o", "late.exr", "--seed", "1", "--gate", "0m..6.5m"], 0);
+    run(here.path(), &["render", "box.glb", "-o", "few.exr", "--resolution", "20x16", "--spp", "4"], 0);
+    run(here.path(), &["render", "box.glb", "-o", "small.exr", "--resolution", "8x8", "--spp", "4"], 0);
+    let (width, height, rgb) = (20, 16, vec![1.0; 960]);
+    let write = |file: &str, rgb: &[f32]| {
+        taugate::exr_file::write_plain(&here.path().join(file), width, height, rgb).unwrap();
+    };
+    write("plain.exr", &rgb);
+    write("nan.exr", &[&rgb[1..], &[f32::NAN]].concat());
+    judge("late.exr", "a.exr", "z.png", "seed 1");
+    judge("few.exr", "a.exr", "z.png", "4 iterations");
+    judge("small.exr", "a.exr", "z.png", "differ in size");
+    judge("plain.exr", "a.exr", "z.png", "plain.exr: does not tell its noise");
+    judge("nan.exr", "a.exr", "z.png", "nan.exr: pixel 19,15 is NaN");
+    judge("few.exr", "a.exr", "z.jpg", ".png or .exr");
+    judge("few.exr", "a.exr", "a.exr", "would overwrite a.exr");
+    assert_eq!(names(here.path()).iter().filter(|name| name.starts_with('z')).count(), 0);
+}
