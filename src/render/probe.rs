@@ -78,8 +78,9 @@ pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Pre
     plan.probe = true;
     let mut renderer = Renderer::from_plan(device, plan, [1, 1], prepared)?;
     let mut times = TravelTimes::default();
+    let unit = prepared.place.unit as f32;
     for _ in 0..ITERATIONS {
-        renderer.observe(SAMPLES, &mut |rgb, tau| times.add(tau, luminance(rgb)))?;
+        renderer.observe(SAMPLES, &mut |rgb, tau| times.add(unit * tau, luminance(rgb)))?;
     }
     Ok(times)
 }
