@@ -10,8 +10,9 @@ use rayon::prelude::*;
 pub struct Film {
     width: u32,
     height: u32,
-    /// Sum of w x and of w x^2 a channel, where iteration i has mean x_i over w_i samples.
-    sums: Vec<[f64; 2]>,
+    /// Mean of x and sum of w (x - mean)^2 a channel, where iteration i has mean x_i over w_i samples: a sum of squares would
+    /// lose the variance of channels that hardly vary.
+    moments: Vec<[f64; 2]>,
     samples: u64,
     iterations: u32,
 }
@@ -19,7 +20,7 @@ pub struct Film {
 impl Film {
     pub fn new(width: u32, height: u32) -> Film {
         let channels = 3 * width as usize * height as usize;
-        Film { width, height, sums: vec![[0.0; 2]; channels], samples: 0, iterations: 0 }
+        Film { width, height, moments: vec![[0.0; 2]; channels], samples: 0, iterations: 0 }
     }
 
     pub fn width(&self) -> u32 {
@@ -43,38 +44,34 @@ impl Film {
     /// Adds one iteration's image of 3 * width * height channels, each the mean over that iteration's `samples` >= 1
     /// samples a pixel. Values must be finite.
     pub fn add(&mut self, rgb: &[f32], samples: u32) {
-        assert_eq!(rgb.len(), self.sums.len(), "the image does not have the film's size");
+        assert_eq!(rgb.len(), self.moments.len(), "the image does not have the film's size");
         assert!(samples > 0, "an iteration has at least one sample");
-        let weight = f64::from(samples);
-        self.sums.par_iter_mut().zip(rgb).with_min_len(1 << 14).for_each(|([sum, square], &x)| {
-            let x = f64::from(x);
-            *sum += weight * x;
-            *square += weight * x * x;
-        });
         self.samples += u64::from(samples);
+        let weight = f64::from(samples);
+        let share = weight / self.samples as f64;
+        // Welford 1962, weighted (West 1979).
+        self.moments.par_iter_mut().zip(rgb).with_min_len(1 << 14).for_each(|([mean, spread], &x)| {
+            let from_old = f64::from(x) - *mean;
+            *mean += share * from_old;
+            *spread += weight * from_old * (f64::from(x) - *mean);
+        });
         self.iterations += 1;
     }
 
     /// The mean over all samples; 0 before the first iteration.
     pub fn mean(&self) -> Vec<f32> {
-        let scale = if self.samples == 0 { 0.0 } else { 1.0 / self.samples as f64 };
-        self.sums.par_iter().map(|[sum, _]| (sum * scale) as f32).collect()
+        self.moments.par_iter().map(|[mean, _]| *mean as f32).collect()
     }
 
     /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i), unbiased when an
     /// iteration's variance is inverse to its samples. Always finite; 0 with fewer than two iterations.
     pub fn variance_of_mean(&self) -> Vec<f32> {
         if self.iterations < 2 {
-            return vec![0.0; self.sums.len()];
+            return vec![0.0; self.moments.len()];
         }
-        let weight = self.samples as f64;
-        let scale = 1.0 / (f64::from(self.iterations - 1) * weight);
-        let variance = |[sum, square]: &[f64; 2]| {
-            // Rounding may push equal batches a little below zero.
-            let spread = (square - sum * sum / weight).max(0.0);
-            (spread * scale).min(f64::from(f32::MAX)) as f32
-        };
-        self.sums.par_iter().map(variance).collect()
+        let scale = 1.0 / (f64::from(self.iterations - 1) * self.samples as f64);
+        let variance = |[_, spread]: &[f64; 2]| (spread * scale).min(f64::from(f32::MAX)) as f32;
+        self.moments.par_iter().map(variance).collect()
     }
 }
 
