@@ -5,10 +5,14 @@
 #[path = "../estimators/cells.rs"]
 #[allow(dead_code, reason = "shared with the estimators' tests")]
 mod cells;
+#[path = "../common/shader_function.rs"]
+#[allow(dead_code, reason = "shared with the parity tests")]
+mod shader_function;
 #[path = "../estimators/zoo.rs"]
 mod zoo;
 
 mod accumulation;
+mod checks;
 mod gates;
 mod partition;
 mod sampling;

@@ -48,24 +48,25 @@ fn a_gate_of_256_steps_has_its_energy() {
     assert!(error < 0.0015 && bias.abs() < 0.005, "{bias} +- {error}");
 }
 
-/// Edges between two f32 numbers are rounded: at worst one step of the width is lost or won.
+/// Single gates differ by up to a step of the squared distance, a quarter of a step of time: the mean over many gates counts.
+/// Edges between two f32 numbers are rounded to one of them.
 #[test]
 #[ignore = "takes a minute"]
 fn energy_of_gates_down_to_16_steps() {
-    for estimator in Estimator::ALL {
-        for (width, gates, iterations) in [(256.0, 2, 4), (64.0, 4, 4), (16.0, 8, 4)] {
+    for estimator in [Estimator::Pt, Estimator::LcsPaper] {
+        for (width, gates, iterations) in [(256.0, 4, 2), (64.0, 16, 1), (16.0, 64, 1)] {
             let (bias, error) = bias(estimator, width, 0.0, gates, 32, iterations);
             assert!(
-                bias.abs() < 0.005_f64.max(threshold(9) * error),
+                bias.abs() < 0.005_f64.max(threshold(6) * error),
                 "{estimator:?}, {width} steps: {bias} +- {error}"
             );
         }
     }
     for phase in [0.25, 0.5, 0.75] {
-        let (bias, _) = bias(Estimator::Pt, 256.0, phase, 2, 32, 4);
+        let (bias, _) = bias(Estimator::Pt, 256.0, phase, 4, 32, 2);
         assert!(bias.abs() < 0.005, "phase {phase}: {bias}");
     }
     // The sibling that must fail: a gate closed at both ends is one step wider, 6 % of 16.
-    let (bias, error) = bias(Estimator::Pt, 17.0, 0.0, 8, 32, 4);
+    let (bias, error) = bias(Estimator::Pt, 17.0, 0.0, 64, 32, 1);
     assert!((bias + 1.0) * 17.0 / 16.0 - 1.0 > threshold(1) * error + 0.005);
 }
