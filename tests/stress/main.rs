@@ -1,6 +1,6 @@
 //! Numerical stress: scale and place, gates down to a few f32 steps, convergence, accumulation, index checks.
 //!
-//! A small part runs always; the rest is ignored: `cargo test --release --test stress -- --ignored --nocapture --test-threads 1`
+//! A small part runs always; the rest is ignored: `cargo test --release --test stress -- --ignored --skip helper --nocapture`
 
 #[path = "../estimators/cells.rs"]
 #[allow(dead_code, reason = "shared with the estimators' tests")]

@@ -18,15 +18,15 @@ fn abutting(n: u32) -> Vec<Gate> {
     (0..n).map(|i| Gate { lo: edge(i), hi: edge(i + 1) }).collect()
 }
 
-fn cornell(estimator: Estimator, light_paths: u32) -> Renderer {
+fn cornell(estimator: Estimator, max_depth: u32, light_paths: u32) -> Renderer {
     let mut s = settings(estimator, [8, 8]);
-    (s.max_depth, s.light_paths) = (6, light_paths);
+    (s.max_depth, s.light_paths) = (max_depth, light_paths);
     renderer(&build(Kind::CornellBox), &s)
 }
 
 /// Greatest difference of a pixel between the sum over gates and the ungated image of the same seed, relative to the mean.
 fn worst(estimator: Estimator, gates: &[Gate]) -> f64 {
-    let mut renderer = cornell(estimator, 100);
+    let mut renderer = cornell(estimator, 6, 100);
     let whole = image(&mut renderer, 7, Gate::OPEN, 1, 2);
     let mut total = vec![0.0; whole.len()];
     for &gate in gates {
@@ -59,8 +59,8 @@ fn a_thousand_gates_add_up_with_the_same_seed() {
 #[test]
 #[ignore = "takes minutes"]
 fn a_thousand_gates_add_up_with_light_cone_shell_queries() {
-    const SEEDS: u32 = 4;
-    let mut renderer = cornell(Estimator::LcsPaper, 2000);
+    const SEEDS: u32 = 8;
+    let mut renderer = cornell(Estimator::LcsPaper, 4, 2000);
     let mut moments = |gate: Gate, first_seed: u32, seeds: u32| {
         let values: Vec<f64> = (0..seeds).map(|i| sum(&image(&mut renderer, first_seed + i, gate, 1, 16))).collect();
         let n = f64::from(seeds);

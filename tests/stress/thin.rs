@@ -25,7 +25,7 @@ fn bias(estimator: Estimator, width: f64, phase: f64, gates: u32, seeds: u32, it
         // Over the rings that lie wholly in view.
         let lo = 2.0 * DISTANCE + STEP * (8.0 + f64::from(i) * 300.0 / f64::from(gates) + phase).floor() + STEP * phase;
         let gate = Gate { lo, hi: lo + width * STEP };
-        let truth: f64 = gated_pixels(DISTANCE, YFOV, 32, gate.lo, gate.hi).iter().sum::<f64>() * 3.0;
+        let truth: f64 = 3072.0 * gated_pixels(DISTANCE, YFOV, 1, gate.lo, gate.hi)[0];
         for (seed, ratio) in ratios.iter_mut().enumerate() {
             let got = sum(&image(&mut renderer, 1 + i * seeds + seed as u32, gate, iterations, 16));
             *ratio += got / truth / f64::from(gates);
