@@ -12,13 +12,30 @@ use crate::batches::CellBatches;
 pub struct Film {
     width: u32,
     height: u32,
-    /// Sum of w x and of w x^2 a channel, where iteration i has mean x_i over w_i samples.
-    sums: Vec<[f64; 2]>,
+    /// Moments of every channel over the iterations.
+    moments: Vec<Moments>,
     /// The same of the image's mean over all pixels and channels.
-    image_sums: [f64; 2],
+    image: Moments,
     cells: CellBatches,
     samples: u64,
     iterations: u32,
+}
+
+/// Mean of x and sum of w (x - mean)^2 over the iterations, where iteration i has mean x_i over w_i samples: a sum of squares
+/// would lose the variance of channels that hardly vary.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Moments {
+    mean: f64,
+    spread: f64,
+}
+
+impl Moments {
+    /// Welford 1962, weighted (West 1979); `share` is `weight` over all weights so far, this one included.
+    fn add(&mut self, x: f64, weight: f64, share: f64) {
+        let from_old = x - self.mean;
+        self.mean += share * from_old;
+        self.spread += weight * from_old * (x - self.mean);
+    }
 }
 
 impl Film {
@@ -27,8 +44,8 @@ impl Film {
         Film {
             width,
             height,
-            sums: vec![[0.0; 2]; channels],
-            image_sums: [0.0; 2],
+            moments: vec![Moments::default(); channels],
+            image: Moments::default(),
             cells: CellBatches::new(width, height),
             samples: 0,
             iterations: 0,
@@ -56,26 +73,22 @@ impl Film {
     /// Adds one iteration's image of 3 * width * height channels, each the mean over that iteration's `samples` >= 1
     /// samples a pixel. Values must be finite.
     pub fn add(&mut self, rgb: &[f32], samples: u32) {
-        assert_eq!(rgb.len(), self.sums.len(), "the image does not have the film's size");
+        assert_eq!(rgb.len(), self.moments.len(), "the image does not have the film's size");
         assert!(samples > 0, "an iteration has at least one sample");
-        let weight = f64::from(samples);
-        self.sums.par_iter_mut().zip(rgb).with_min_len(1 << 14).for_each(|([sum, square], &x)| {
-            let x = f64::from(x);
-            *sum += weight * x;
-            *square += weight * x * x;
-        });
         let mean = rgb.iter().map(|&x| f64::from(x)).sum::<f64>() / rgb.len().max(1) as f64;
         self.cells.add(rgb, samples);
-        self.image_sums[0] += weight * mean;
-        self.image_sums[1] += weight * mean * mean;
         self.samples += u64::from(samples);
+        let weight = f64::from(samples);
+        let share = weight / self.samples as f64;
+        let add = |moments: &mut Moments, x: f64| moments.add(x, weight, share);
+        self.moments.par_iter_mut().zip(rgb).with_min_len(1 << 14).for_each(|(moments, &x)| add(moments, x.into()));
+        add(&mut self.image, mean);
         self.iterations += 1;
     }
 
     /// The mean over all samples; 0 before the first iteration.
     pub fn mean(&self) -> Vec<f32> {
-        let scale = if self.samples == 0 { 0.0 } else { 1.0 / self.samples as f64 };
-        self.sums.par_iter().map(|[sum, _]| (sum * scale) as f32).collect()
+        self.moments.par_iter().map(|m| m.mean as f32).collect()
     }
 
     /// Means over cells of pixels in independent batches.
@@ -86,28 +99,20 @@ impl Film {
     /// The mean over all pixels and channels, and its standard error from the means of whole iterations: pixels of one are
     /// correlated. No error with fewer than two iterations.
     pub fn image_mean(&self) -> (f64, Option<f64>) {
-        let weight = self.samples as f64;
-        let [sum, square] = self.image_sums;
-        let mean = if self.samples == 0 { 0.0 } else { sum / weight };
-        let spread = (square - sum * mean).max(0.0);
-        let error = (self.iterations > 1).then(|| (spread / (f64::from(self.iterations - 1) * weight)).sqrt());
-        (mean, error)
+        let weight = f64::from(self.iterations.max(2) - 1) * self.samples as f64;
+        let error = (self.iterations > 1).then(|| (self.image.spread / weight).sqrt());
+        (self.image.mean, error)
     }
 
     /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i), unbiased when an
     /// iteration's variance is inverse to its samples. Always finite; 0 with fewer than two iterations.
     pub fn variance_of_mean(&self) -> Vec<f32> {
         if self.iterations < 2 {
-            return vec![0.0; self.sums.len()];
+            return vec![0.0; self.moments.len()];
         }
-        let weight = self.samples as f64;
-        let scale = 1.0 / (f64::from(self.iterations - 1) * weight);
-        let variance = |[sum, square]: &[f64; 2]| {
-            // Rounding may push equal batches a little below zero.
-            let spread = (square - sum * sum / weight).max(0.0);
-            (spread * scale).min(f64::from(f32::MAX)) as f32
-        };
-        self.sums.par_iter().map(variance).collect()
+        let scale = 1.0 / (f64::from(self.iterations - 1) * self.samples as f64);
+        let variance = |m: &Moments| (m.spread * scale).min(f64::from(f32::MAX)) as f32;
+        self.moments.par_iter().map(variance).collect()
     }
 }
 

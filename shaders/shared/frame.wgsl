@@ -1,4 +1,5 @@
-// What is constant during one iteration. Positions are metres relative to the sensor: the pinhole is the origin.
+// What is constant during one iteration. Positions are relative to the sensor: the pinhole is the origin. Lengths, travel times
+// among them, count in the unit of `render/place.rs`, a power of two of a metre; areas and fluxes follow it, radiance does not.
 
 struct Frame {
     // Camera axes in world space, unit length; the camera looks along `forward`.
@@ -14,7 +15,7 @@ struct Frame {
     pixel_area: f32,
     // Light subpaths for each sensor sample of a pixel: the sample count of the t = 1 strategies.
     light_count: f32,
-    // The gate [lo, hi) in metres of optical path; hi is 3e38 for an open gate.
+    // The gate [lo, hi) of optical path; hi is 3e38 for an open gate.
     gate_lo: f32,
     gate_hi: f32,
     // Subpaths whose travel time cannot stay below this stop (DESIGN 3.1); 3e38 switches it off.

@@ -24,7 +24,8 @@ const OFFSET_SCALE: f32 = 1.9073486e-6;
 fn surface_at(index: u32, u: f32, v: f32) -> Surface {
     let t = load_triangle(index);
     var s: Surface;
-    s.position = (1.0 - u - v) * t.v0 + u * t.v1 + v * t.v2;
+    // From a corner along the edges: a coordinate that all corners share stays what it is, to the bit.
+    s.position = t.v0 + (u * (t.v1 - t.v0) + v * (t.v2 - t.v0));
     let reach = max(max(abs(t.v0), abs(t.v1)), abs(t.v2));
     s.offset = OFFSET_SCALE * max_component(reach);
     s.material = t.material & TRIANGLE_MATERIAL;

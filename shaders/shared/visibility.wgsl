@@ -4,10 +4,12 @@
 #import random
 
 // Closest surface along o + t d. Surfaces with alpha let the ray pass with probability 1 - coverage; `key` makes the
-// choice of this ray independent of others. `d` need not have unit length.
+// choice of this ray independent of others, and a count the choice at each surface; not their numbers, which follow from the
+// rounding of the hierarchy. `d` need not have unit length.
 // The loop is the one place that traverses: a second call site would double the compile time (STACK 2e).
 fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, key: vec4<u32>) -> Hit {
     var t_min = 0.0;
+    var passed = 0u;
     var hit: Hit;
     loop {
         // Any hit is not the nearest one: what an alpha surface lets pass must still meet what stands before it.
@@ -18,11 +20,12 @@ fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, key: vec4<u32>) 
         if ((load_triangle(hit.triangle).material & TRIANGLE_ALPHA) == 0u) {
             break;
         }
-        let draw = pcg4d(vec4<u32>(key.xyz, key.w ^ (hit.triangle * 0x9e3779b9u)));
+        let draw = pcg4d(vec4<u32>(key.xyz, key.w ^ (passed * 0x9e3779b9u)));
         if (f32(draw.x >> 8u) * (1.0 / 16777216.0) < coverage(surface_at(hit.triangle, hit.u, hit.v))) {
             break;
         }
         t_min = hit.t;
+        passed += 1u;
     }
     return hit;
 }

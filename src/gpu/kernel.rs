@@ -4,6 +4,7 @@ use std::ffi::CString;
 
 use ash::vk;
 
+use super::bounds;
 use super::buffer::Buffer;
 use super::device::Device;
 use super::shader::{self, Binding, Compiled};
@@ -19,6 +20,8 @@ pub struct Kernel {
     pub(super) constants_size: u32,
     workgroup: u32,
     name: String,
+    /// With index checks: the word the kernel writes when one fails, and what its numbers stand for.
+    violation: Option<(Buffer, Vec<String>)>,
 }
 
 /// Buffers bound to a kernel. The buffers must outlive every submit that uses this.
@@ -49,6 +52,10 @@ impl Kernel {
     fn from_compiled(device: &Device, compiled: Compiled, entry: &str) -> Result<Kernel> {
         let shared = &device.shared;
         let groups = compiled.bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
+        let violation = match compiled.places.is_empty() {
+            true => None,
+            false => Some((Buffer::from_slice(device, bounds::VIOLATION, &[0u32; 4], "")?, compiled.places)),
+        };
         // SAFETY: structures outlive the calls; the module is destroyed after the pipeline was made from it; on an error
         // `kernel` destroys what exists so far.
         unsafe {
@@ -61,6 +68,7 @@ impl Kernel {
                 constants_size: compiled.constants_size,
                 workgroup: compiled.workgroup,
                 name: entry.to_string(),
+                violation,
             };
             for group in 0..groups {
                 let of_group: Vec<_> = kernel
@@ -137,7 +145,9 @@ impl Kernel {
                 .allocate_descriptor_sets(&allocate)
                 .map_err(|e| shared.error("allocating descriptors", e))?;
             for binding in &self.bindings {
-                let (_, buffer) = buffers.iter().find(|(name, _)| *name == binding.name).ok_or_else(|| {
+                let own = self.violation.as_ref().map(|(buffer, _)| (bounds::VIOLATION, buffer));
+                let mut all = buffers.iter().copied().chain(own);
+                let (_, buffer) = all.find(|(name, _)| *name == binding.name).ok_or_else(|| {
                     Error::Shader(format!("kernel {} needs a buffer named {}", self.name, binding.name))
                 })?;
                 bound.write(binding, buffer)?;
@@ -178,8 +188,21 @@ impl Bindings {
     }
 }
 
+impl Kernel {
+    /// Ends the process, as a message of the validation layers does, if the kernel found an index out of range.
+    fn report_violation(&self) {
+        let Some((word, places)) = &self.violation else { return };
+        let mut number = [0u32];
+        if word.read(0, &mut number).is_ok() && number[0] > 0 {
+            eprintln!("kernel {}: index out of range at {}", self.name, places[number[0] as usize - 1]);
+            std::process::abort();
+        }
+    }
+}
+
 impl Drop for Kernel {
     fn drop(&mut self) {
+        self.report_violation();
         let d = &self.device.shared.device;
         // SAFETY: recorders wait for their submits, so no command buffer uses the pipeline any more.
         unsafe {

@@ -1,5 +1,6 @@
 //! Vulkan compute: device, buffers, kernels. All the unsafe code is here, and nothing here knows rendering.
 
+mod bounds;
 mod buffer;
 mod device;
 mod kernel;

@@ -6,7 +6,7 @@ use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::spirv;
+use super::{bounds, spirv};
 use crate::error::{Error, Result};
 
 /// Every WGSL file, by its name without path and ending.
@@ -148,6 +148,8 @@ pub struct Compiled {
     pub constants_size: u32,
     /// Threads a workgroup.
     pub workgroup: u32,
+    /// With index checks: what stands where an index may be found out of range, number 1 first.
+    pub places: Vec<String>,
 }
 
 /// Compiles `entry` of kernel file `file`, its override constants set to `constants` where it has them.
@@ -176,9 +178,20 @@ pub fn compile_source(path: &'static str, text: &str, entry: &str, constants: &[
         return Err(Error::Shader(format!("shaders/{path}.wgsl has no entry point {entry}")));
     }
     naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
-    let info = Validator::new(ValidationFlags::all(), CAPABILITIES)
-        .validate(&module)
-        .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
+    let validate = |module: &naga::Module| {
+        let info = Validator::new(ValidationFlags::all(), CAPABILITIES).validate(module);
+        info.map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))
+    };
+    let mut info = validate(&module)?;
+    let mut places = vec![];
+    if bounds::checked() {
+        let locate = |span: naga::Span| {
+            let at = span.location(&composed.text);
+            composed.locate(at.line_number, at.line_position)
+        };
+        places = bounds::instrument(&mut module, &info, locate);
+        info = validate(&module)?;
+    }
     let uses = info.get_entry_point(0);
     let mut bindings = vec![];
     let mut constants_size = 0;
@@ -203,21 +216,19 @@ pub fn compile_source(path: &'static str, text: &str, entry: &str, constants: &[
         .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
     let workgroup = module.entry_points[0].workgroup_size[0];
     let words = spirv::texel_buffers(&spirv::forbid_contraction(&words));
-    Ok(Compiled { words, bindings, constants_size, workgroup })
+    Ok(Compiled { words, bindings, constants_size, workgroup, places })
 }
 
 /// Spelled out because naga's defaults differ between debug and release builds.
 fn writer_options() -> spv::Options<'static> {
-    // Setting this makes every access checked; the images must not change (a test compares them).
-    let checked = std::env::var_os("TAUGATE_BOUNDS_CHECKS").is_some();
-    let policy = if checked { BoundsCheckPolicy::ReadZeroSkipWrite } else { BoundsCheckPolicy::Unchecked };
+    let policy = if bounds::checked() { BoundsCheckPolicy::ReadZeroSkipWrite } else { BoundsCheckPolicy::Unchecked };
     spv::Options {
         lang_version: (1, 3),
         flags: spv::WriterFlags::empty(),
         bounds_check_policies: BoundsCheckPolicies {
             index: policy,
             buffer: policy,
-            // Texel buffers: the device checks them itself.
+            // naga has no check for texel buffers.
             image_load: BoundsCheckPolicy::Unchecked,
             binding_array: policy,
         },

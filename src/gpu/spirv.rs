@@ -48,8 +48,12 @@ pub fn texel_buffers(words: &[u32]) -> Vec<u32> {
     const DIM_1D: u32 = 0;
     const DIM_BUFFER: u32 = 5;
     const IMAGE_FETCH: u32 = 95;
+    const IMAGE_QUERY_SIZE_LOD: u32 = 103;
+    const IMAGE_QUERY_SIZE: u32 = 104;
     // Instruction, result type, result, image, coordinate; image operands (the level) follow.
     const FETCH_WITHOUT_LEVEL: usize = 5;
+    // Instruction, result type, result, image; the level follows.
+    const QUERY_WITHOUT_LEVEL: usize = 4;
     let mut out = words[..HEADER].to_vec();
     for (operation, instruction) in instructions(words) {
         match operation {
@@ -63,6 +67,10 @@ pub fn texel_buffers(words: &[u32]) -> Vec<u32> {
             IMAGE_FETCH => {
                 out.push(((FETCH_WITHOUT_LEVEL as u32) << 16) | IMAGE_FETCH);
                 out.extend_from_slice(&instruction[1..FETCH_WITHOUT_LEVEL]);
+            }
+            IMAGE_QUERY_SIZE_LOD => {
+                out.push(((QUERY_WITHOUT_LEVEL as u32) << 16) | IMAGE_QUERY_SIZE);
+                out.extend_from_slice(&instruction[1..QUERY_WITHOUT_LEVEL]);
             }
             _ => out.extend_from_slice(instruction),
         }
@@ -90,8 +98,8 @@ mod tests {
 
     #[test]
     fn a_one_dimensional_image_becomes_a_texel_buffer() {
-        let before = module(&[&[17, 43], &[25, 3, 2, 0, 0, 0, 0, 1, 0], &[95, 4, 8, 5, 6, 2, 7]]);
-        let after = module(&[&[17, 46], &[25, 3, 2, 5, 0, 0, 0, 1, 0], &[95, 4, 8, 5, 6]]);
+        let before = module(&[&[17, 43], &[25, 3, 2, 0, 0, 0, 0, 1, 0], &[95, 4, 8, 5, 6, 2, 7], &[103, 4, 9, 5, 7]]);
+        let after = module(&[&[17, 46], &[25, 3, 2, 5, 0, 0, 0, 1, 0], &[95, 4, 8, 5, 6], &[104, 4, 9, 5]]);
         assert_eq!(texel_buffers(&before), after);
         // Other capabilities and operations stay.
         let other = module(&[&[17, 1], &[129, 1, 7, 5, 6]]);

@@ -31,7 +31,7 @@ fn parts(prepared: &Prepared) -> Vec<Part<'_>> {
     ) -> Part<'a> {
         (wgsl, Need::of_texels::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
     }
-    let Prepared { geometry, emitters, albedo } = prepared;
+    let Prepared { geometry, emitters, albedo, .. } = prepared;
     vec![
         texels("bvh_nodes", "BVH nodes", &geometry.bvh.nodes, MESHES),
         texels("triangles", "triangles", &geometry.triangles, MESHES),

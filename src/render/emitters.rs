@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::geometry::Geometry;
+use super::place::Place;
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Emitter, PathVertex};
 use crate::scene::{LightKind, Scene};
@@ -16,7 +17,7 @@ pub struct EmitterSet {
     pub table: Vec<Emitter>,
     /// Points and spots as light vertices: connected one by one at every shade point.
     pub deterministic: Vec<PathVertex>,
-    /// Box around all points that emit, relative to the sensor.
+    /// Box around all points that emit, in device coordinates.
     pub lo: Vec3,
     pub hi: Vec3,
     /// Surfaces that emit: their points go to the 3D tree.
@@ -33,7 +34,7 @@ pub(super) fn luminance(c: [f32; 3]) -> f64 {
 
 impl EmitterSet {
     /// Collects the emitters that are selected; sets `emission_density` of the materials. Empty if nothing emits.
-    pub fn new(scene: &Scene, selected: &Emitters, origin: DVec3, geometry: &mut Geometry) -> EmitterSet {
+    pub fn new(scene: &Scene, selected: &Emitters, place: &Place, geometry: &mut Geometry) -> EmitterSet {
         let mut set = EmitterSet {
             table: vec![],
             deterministic: vec![],
@@ -45,7 +46,7 @@ impl EmitterSet {
         };
         let mut weights = vec![];
         let densities = set.add_triangles(scene, geometry, &mut weights);
-        set.add_lights(scene, selected, origin, &mut weights);
+        set.add_lights(scene, selected, place, &mut weights);
         let total: f64 = weights.iter().sum();
         for (entry, weight) in set.table.iter_mut().zip(&weights) {
             entry.select_pdf = (weight / total) as f32;
@@ -57,6 +58,9 @@ impl EmitterSet {
             vertex.select_pdf = set.table[vertex.owner as usize].select_pdf;
         }
         fill_alias_table(&mut set.table, &weights, total);
+        for power in set.powers.values_mut() {
+            *power *= place.unit * place.unit;
+        }
         set
     }
 
@@ -71,11 +75,15 @@ impl EmitterSet {
             })
             .collect();
         let mut by_instance = vec![0.0; geometry.instances.len()];
-        for (i, t) in geometry.triangles.iter().enumerate() {
-            let flux = exitance[(t.material & TRIANGLE_MATERIAL) as usize];
+        let flux_of = |i: usize| exitance[(geometry.triangles[i].material & TRIANGLE_MATERIAL) as usize];
+        let mut shining: Vec<usize> = (0..geometry.triangles.len()).filter(|&i| flux_of(i) > 0.0).collect();
+        // In the order of the scene: that of the hierarchy follows from rounding, and with it the first draw of every light path.
+        shining.sort_unstable_by_key(|&i| geometry.bvh.order[i]);
+        for i in shining {
+            let (t, flux) = (&geometry.triangles[i], flux_of(i));
             let [a, b, c] = [t.v0, t.v1, t.v2].map(|p| Vec3::from(p).as_dvec3());
             let area = 0.5 * (b - a).cross(c - a).length();
-            if flux > 0.0 && area > 0.0 {
+            if area > 0.0 {
                 self.table.push(Emitter { triangle: i as u32, ..entry(EMITTER_TRIANGLE) });
                 weights.push(flux * area);
                 by_instance[t.instance as usize] += flux * area;
@@ -95,27 +103,30 @@ impl EmitterSet {
         *self.powers.entry(node.to_string()).or_default() += power;
     }
 
-    fn add_lights(&mut self, scene: &Scene, selected: &Emitters, origin: DVec3, weights: &mut Vec<f64>) {
+    fn add_lights(&mut self, scene: &Scene, selected: &Emitters, place: &Place, weights: &mut Vec<f64>) {
         for light in &scene.lights {
             if !selected.include(&light.node) {
                 continue;
             }
-            let position = (light.position - origin).as_vec3();
+            let position = place.point(light.position);
             let direction = light.direction.as_vec3();
-            let place = Emitter { position: position.into(), direction: direction.into(), ..entry(EMITTER_POINT) };
+            let stand = Emitter { position: position.into(), direction: direction.into(), ..entry(EMITTER_POINT) };
+            let on_device = |watts: [f32; 3]| watts.map(|x| place.flux(x));
             let (emitter, flux, radius) = match light.kind {
                 LightKind::Point { intensity } => {
-                    (Emitter { strength: intensity, ..place }, 4.0 * std::f64::consts::PI * luminance(intensity), 0.0)
+                    let intensity = on_device(intensity);
+                    (Emitter { strength: intensity, ..stand }, 4.0 * std::f64::consts::PI * luminance(intensity), 0.0)
                 }
                 LightKind::Spot { intensity, inner, outer } => {
-                    let (inner, outer) = (inner.cos(), outer.cos());
+                    let (intensity, inner, outer) = (on_device(intensity), inner.cos(), outer.cos());
                     let flux =
                         2.0 * std::f64::consts::PI * f64::from(1.0 - 0.5 * (inner + outer)) * luminance(intensity);
-                    (Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..place }, flux, 0.0)
+                    (Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..stand }, flux, 0.0)
                 }
                 LightKind::Beam { power, radius } => {
                     self.has_beam = true;
-                    (Emitter { kind: EMITTER_BEAM, strength: power, outer: radius, ..place }, luminance(power), radius)
+                    let (power, radius) = (on_device(power), place.length(radius.into()) as f32);
+                    (Emitter { kind: EMITTER_BEAM, strength: power, outer: radius, ..stand }, luminance(power), radius)
                 }
                 LightKind::Directional { .. } => continue,
             };

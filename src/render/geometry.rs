@@ -1,8 +1,9 @@
-//! The scene flattened for the device: world-space triangles relative to the sensor, attributes, materials, textures.
+//! The scene flattened for the device: triangles in device coordinates, attributes, materials, textures.
 
 use glam::{DMat3, DVec3};
 
 use super::albedo::{AlbedoTable, DELTA_ALPHA};
+use super::place::Place;
 use crate::bvh::{self, Bvh};
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{InstanceNormals, Material, NONE, TextureInfo, Triangle, VertexAttributes};
@@ -36,8 +37,8 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Flattens the scene around `origin`, the sensor's position: coordinates near it keep their digits wherever it stands.
-    pub fn new(scene: &Scene, origin: DVec3, emitters: &Emitters, albedo: &AlbedoTable) -> Geometry {
+    /// Flattens the scene into the coordinates of `place`.
+    pub fn new(scene: &Scene, place: &Place, emitters: &Emitters, albedo: &AlbedoTable) -> Geometry {
         let mut materials = MaterialSet::new(scene, emitters, albedo);
         let (corners, attributes, corner_base) = attributes(scene);
         let mut triangles = vec![];
@@ -52,7 +53,7 @@ impl Geometry {
                 .iter()
                 .map(|p| {
                     let world = instance.transform.transform_point3(DVec3::from(p.map(f64::from)));
-                    (world - origin).as_vec3().to_array()
+                    place.point(world).to_array()
                 })
                 .collect();
             let mut material = materials.number(mesh.material, &instance.node);

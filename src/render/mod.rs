@@ -6,6 +6,7 @@ mod emitters;
 pub mod geometry;
 mod light;
 mod memory;
+pub mod place;
 mod plan;
 mod pool;
 mod prepared;

@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::emitters::EmitterSet;
 use super::geometry::Features;
+use super::place::Place;
 use super::pool::PoolLayout;
 use super::prepared::Prepared;
 use crate::error::{Error, Result};
@@ -57,6 +58,7 @@ pub struct Plan {
     /// What the kernels report beside the image.
     pub observe: Observe,
     cull: bool,
+    place: Place,
     frame: Frame,
 }
 
@@ -88,14 +90,16 @@ impl Plan {
             tuning: Tuning::default(),
             observe: Observe::Nothing,
             cull: settings.cull,
+            place: prepared.place,
             frame,
         };
         plan.set(settings.seed, settings.gate);
         Ok(plan)
     }
 
-    /// Sets the seed and the gate, with the bounds that follow from it.
+    /// Sets the seed and the gate (metres), with the bounds that follow from it.
     pub fn set(&mut self, seed: u32, gate: Gate) {
+        let gate = Gate { lo: self.place.length(gate.lo), hi: self.place.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
         let slack = rounding_allowance(gate);

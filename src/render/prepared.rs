@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
+use super::place::Place;
 use crate::bvh::MOST_LEVELS;
 use crate::error::{Error, Result};
 use crate::scene::Scene;
@@ -15,6 +16,7 @@ pub struct Prepared {
     pub(super) geometry: Geometry,
     pub(super) emitters: EmitterSet,
     pub(super) albedo: AlbedoTable,
+    pub(super) place: Place,
 }
 
 impl Prepared {
@@ -22,8 +24,9 @@ impl Prepared {
     pub fn new(scene: &Scene, settings: &Settings) -> Result<Prepared> {
         let origin = scene.cameras[settings.camera].transform.translation;
         let albedo = AlbedoTable::new();
-        let mut geometry = Geometry::new(scene, origin, &settings.emitters, &albedo);
-        let emitters = EmitterSet::new(scene, &settings.emitters, origin, &mut geometry);
+        let place = Place::new(scene, origin, &settings.emitters);
+        let mut geometry = Geometry::new(scene, &place, &settings.emitters, &albedo);
+        let emitters = EmitterSet::new(scene, &settings.emitters, &place, &mut geometry);
         if emitters.table.is_empty() {
             return Err(Error::Settings(
                 "nothing emits light: select other nodes with --emitters, or add a light to the scene".into(),
@@ -36,7 +39,7 @@ impl Prepared {
                  it holds triangles nested over too many orders of magnitude; remove the smallest"
             )));
         }
-        Ok(Prepared { geometry, emitters, albedo })
+        Ok(Prepared { geometry, emitters, albedo, place })
     }
 
     /// Node and luminance-weighted power in W of everything that shines.

@@ -37,15 +37,15 @@ impl Reach {
     /// Bounds for paths of at most `settings.max_depth` segments. Every refractive index is at least 1, so optical lengths
     /// are at least Euclidean ones.
     pub fn new(prepared: &Prepared, settings: &Settings) -> Reach {
-        let Prepared { geometry, emitters, .. } = prepared;
+        let Prepared { geometry, emitters, place, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
         let least = direct.min(shortest_by_one_surface(geometry, &punctual_emitters(prepared)));
         let all = geometry.triangles.par_iter().map(Bounds::of).reduce(|| Bounds::point(Vec3::ZERO), Bounds::with);
         let all = all.with(Bounds { lo: emitters.lo, hi: emitters.hi });
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
-        let segment = diameter * f64::from(geometry.greatest_ior) * (1.0 + SLACK);
+        let segment = place.unit * diameter * f64::from(geometry.greatest_ior) * (1.0 + SLACK);
         let greatest = f64::from(settings.max_depth) * segment;
-        Reach { least: least * (1.0 - SLACK), greatest, segment, max_depth: settings.max_depth }
+        Reach { least: place.unit * least * (1.0 - SLACK), greatest, segment, max_depth: settings.max_depth }
     }
 
     /// Can any light fall inside the gate, as far as these bounds tell?

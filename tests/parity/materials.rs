@@ -10,6 +10,7 @@ use taugate::oracle::bsdf::{Prepared, fresnel_dielectric};
 use taugate::oracle::ggx;
 use taugate::render::albedo::AlbedoTable;
 use taugate::render::geometry::Geometry;
+use taugate::render::place::Place;
 use taugate::scene::{Material, Mesh, Scene};
 use taugate::settings::Emitters;
 
@@ -58,7 +59,7 @@ pub fn set() -> &'static Set {
             let mesh = stage::mesh(&mut scene, "triangle", i, triangle);
             stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
         }
-        let device = Geometry::new(&scene, DVec3::ZERO, &Emitters::Scene, &albedo).materials;
+        let device = Geometry::new(&scene, &Place::metres(DVec3::ZERO), &Emitters::Scene, &albedo).materials;
         let prepared = kinds.iter().map(Prepared::new).collect();
         Set { kinds, device, prepared, albedo }
     })

@@ -7,6 +7,7 @@ use taugate::gpu::layout::{NONE, TextureInfo};
 use taugate::oracle::texture::sample;
 use taugate::render::albedo::AlbedoTable;
 use taugate::render::geometry::Geometry;
+use taugate::render::place::Place;
 use taugate::scene::{AlphaMode, Image, Material, Mesh, Scene, Texture, Wrap};
 use taugate::settings::Emitters;
 
@@ -50,7 +51,7 @@ fn scene() -> Scene {
 }
 
 fn buffers(scene: &Scene) -> (Geometry, [Contents; 3]) {
-    let geometry = Geometry::new(scene, DVec3::ZERO, &Emitters::Scene, &AlbedoTable::new());
+    let geometry = Geometry::new(scene, &Place::metres(DVec3::ZERO), &Emitters::Scene, &AlbedoTable::new());
     let buffers = [
         contents("materials", &geometry.materials),
         contents("textures", &geometry.textures),

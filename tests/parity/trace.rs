@@ -7,6 +7,7 @@ use taugate::generate::{shapes, stage};
 use taugate::oracle::geometry::{Geometry as Exact, Ray};
 use taugate::render::albedo::AlbedoTable;
 use taugate::render::geometry::Geometry;
+use taugate::render::place::Place;
 use taugate::scene::{AlphaMode, Material, Mesh, Scene};
 use taugate::settings::Emitters;
 
@@ -78,7 +79,7 @@ fn scene() -> Scene {
 }
 
 fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
-    let g = Geometry::new(scene, origin, &Emitters::Scene, &AlbedoTable::new());
+    let g = Geometry::new(scene, &Place::metres(origin), &Emitters::Scene, &AlbedoTable::new());
     // An empty list still needs an element to be bound.
     let padded = |list: &[u32]| if list.is_empty() { vec![0] } else { list.to_vec() };
     vec![

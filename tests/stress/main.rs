@@ -1,0 +1,37 @@
+//! Numerical stress: scale and place, gates down to a few f32 steps, convergence, accumulation, index checks.
+//!
+//! A small part runs always; the rest is ignored: `cargo test --release --test stress -- --ignored --skip helper --nocapture`
+
+#[path = "../estimators/cells.rs"]
+#[allow(dead_code, reason = "shared with the estimators' tests")]
+mod cells;
+#[path = "../common/shader_function.rs"]
+#[allow(dead_code, reason = "shared with the parity tests")]
+mod shader_function;
+#[path = "../estimators/zoo.rs"]
+mod zoo;
+
+mod accumulation;
+mod checks;
+mod gates;
+mod partition;
+mod sampling;
+mod scale;
+mod thin;
+mod wall;
+
+use taugate::render::Renderer;
+use taugate::units::Gate;
+
+/// Mean image of `iterations` x `samples` samples.
+fn image(renderer: &mut Renderer, seed: u32, gate: Gate, iterations: u32, samples: u32) -> Vec<f32> {
+    renderer.restart(seed, gate);
+    for _ in 0..iterations {
+        renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
+    }
+    renderer.film().mean()
+}
+
+fn sum(image: &[f32]) -> f64 {
+    image.iter().map(|&x| f64::from(x)).sum()
+}

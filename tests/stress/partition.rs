@@ -1,0 +1,80 @@
+//! A thousand gates that abut add up to the image without a gate.
+
+use taugate::generate::{Kind, build};
+use taugate::render::Renderer;
+use taugate::settings::Estimator;
+use taugate::units::Gate;
+
+use super::cells::{renderer, settings};
+use super::{image, sum};
+
+/// `n` gates that together cover every travel time; all but the first and the last divide the light of the box.
+fn abutting(n: u32) -> Vec<Gate> {
+    let edge = |i: u32| match i {
+        0 => 0.0,
+        i if i == n => f64::INFINITY,
+        i => 3.0 + 15.0 * f64::from(i) / f64::from(n),
+    };
+    (0..n).map(|i| Gate { lo: edge(i), hi: edge(i + 1) }).collect()
+}
+
+fn cornell(estimator: Estimator, max_depth: u32, light_paths: u32) -> Renderer {
+    let mut s = settings(estimator, [8, 8]);
+    (s.max_depth, s.light_paths) = (max_depth, light_paths);
+    renderer(&build(Kind::CornellBox), &s)
+}
+
+/// Greatest difference of a pixel between the sum over gates and the ungated image of the same seed, relative to the mean.
+fn worst(estimator: Estimator, gates: &[Gate]) -> f64 {
+    let mut renderer = cornell(estimator, 6, 100);
+    let whole = image(&mut renderer, 7, Gate::OPEN, 1, 2);
+    let mut total = vec![0.0; whole.len()];
+    for &gate in gates {
+        for (t, x) in total.iter_mut().zip(image(&mut renderer, 7, gate, 1, 2)) {
+            *t += f64::from(x);
+        }
+    }
+    let mean = sum(&whole) / whole.len() as f64;
+    let worst = total.iter().zip(&whole).map(|(t, &w)| (t - f64::from(w)).abs() / mean).fold(0.0, f64::max);
+    println!("{estimator:?}, {} gates: {worst:.1e} of the mean at worst", gates.len());
+    worst
+}
+
+#[test]
+fn a_hundred_gates_add_up() {
+    assert!(worst(Estimator::Bdpt, &abutting(100)) < 1e-5);
+    // The sibling that must fail: one gate is missing.
+    assert!(worst(Estimator::Bdpt, &abutting(100)[..60]) > 1e-5);
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn a_thousand_gates_add_up_with_the_same_seed() {
+    for estimator in [Estimator::Pt, Estimator::Bdpt] {
+        assert!(worst(estimator, &abutting(1000)) < 1e-5);
+    }
+}
+
+/// Gates are independent of each other and each is rendered with its own seeds, so that variances add up.
+#[test]
+#[ignore = "takes minutes"]
+fn a_thousand_gates_add_up_with_light_cone_shell_queries() {
+    const SEEDS: u32 = 8;
+    let mut renderer = cornell(Estimator::LcsPaper, 4, 2000);
+    let mut moments = |gate: Gate, first_seed: u32, seeds: u32| {
+        let values: Vec<f64> = (0..seeds).map(|i| sum(&image(&mut renderer, first_seed + i, gate, 1, 16))).collect();
+        let n = f64::from(seeds);
+        let mean = values.iter().sum::<f64>() / n;
+        (mean, values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)))
+    };
+    let (whole, mut variance) = moments(Gate::OPEN, 1, 400);
+    let mut total = 0.0;
+    for (i, &gate) in abutting(1000).iter().enumerate() {
+        let (mean, var) = moments(gate, 1000 + SEEDS * i as u32, SEEDS);
+        total += mean;
+        variance += var;
+    }
+    let z = (total - whole) / variance.sqrt();
+    println!("lcs-paper: {total:.4} against {whole:.4} +- {:.4}, z = {z:.2}", variance.sqrt());
+    assert!(variance.sqrt() < 0.1 * whole && z.abs() < 4.0);
+}

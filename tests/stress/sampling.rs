@@ -1,0 +1,178 @@
+//! Convergence over a million samples, and independence of seeds, pixels and iterations.
+
+use taugate::generate::{Kind, build};
+use taugate::render::Renderer;
+use taugate::settings::Estimator;
+use taugate::units::Gate;
+
+use super::cells::{renderer, settings, threshold};
+use super::image;
+use super::wall::{gated_pixels, wall};
+
+/// Slope of log relMSE against log samples, up to 16 x 4^`steps` samples a pixel, over the pixels of a film of `side`^2 that a
+/// ring crosses: each has its closed form, and with `pt` each is independent of the others.
+fn slope(side: u32, steps: u32) -> f64 {
+    const YFOV: f64 = 1.2;
+    let gate = Gate { lo: 4.3, hi: 4.9 };
+    let scene = wall(2.0, YFOV, [side, side]);
+    let mut s = settings(Estimator::Pt, [side, side]);
+    (s.max_depth, s.light_paths) = (2, 1);
+    let mut renderer = renderer(&scene, &s);
+    renderer.restart(11, gate);
+    let truth = gated_pixels(2.0, YFOV, side as usize, gate.lo, gate.hi);
+    let full = gated_pixels(2.0, YFOV, side as usize, 0.0, 100.0);
+    let crossed = |i: &usize| (0.1..0.9).contains(&(truth[*i] / full[*i]));
+    let crossed: Vec<usize> = (0..truth.len()).filter(crossed).collect();
+    assert!(crossed.len() >= 16, "{}", crossed.len());
+    let mut points = vec![];
+    for step in 0..=steps {
+        let samples = 16 * 4u64.pow(step);
+        while renderer.film().samples() < samples {
+            renderer.iterate(16).unwrap_or_else(|e| panic!("{e}"));
+        }
+        let mean = renderer.film().mean();
+        // Rows of the film run downwards, but the ring is symmetric.
+        let errors = crossed.iter().map(|&i| (f64::from(mean[3 * i]) / truth[i] - 1.0).powi(2));
+        let relmse = errors.sum::<f64>() / crossed.len() as f64;
+        println!("{samples} samples: relMSE {relmse:.3e}, times samples {:.3}", relmse * samples as f64);
+        points.push(((samples as f64).ln(), relmse.ln()));
+    }
+    let n = points.len() as f64;
+    let (mx, my) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
+    let slope = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum::<f64>()
+        / points.iter().map(|p| (p.0 - mx).powi(2)).sum::<f64>();
+    println!("{} pixels, slope {slope:.3}", crossed.len());
+    slope
+}
+
+/// With p pixels a point is known to sqrt(2 / p), and the slope over four factors of 4 to about 0.03.
+#[test]
+fn errors_fall_with_the_samples() {
+    assert!((slope(20, 4) + 1.0).abs() < 0.1);
+}
+
+/// 1,048,576 samples of each pixel.
+#[test]
+#[ignore = "takes minutes"]
+fn a_million_samples_still_converge() {
+    assert!((slope(14, 8) + 1.0).abs() < 0.1);
+}
+
+/// z-scores against independence of `images[i]` and `images[i + lag]` (all at once round the ring) for every lag. Images of a
+/// pair may have correlated pixels, pairs may not: the error comes from the pairs.
+fn lag_scores(images: &[Vec<f32>], lags: &[usize]) -> Vec<f64> {
+    let n = images.len();
+    let channels = images[0].len();
+    let mean: Vec<f64> =
+        (0..channels).map(|c| images.iter().map(|x| f64::from(x[c])).sum::<f64>() / n as f64).collect();
+    let deviation: Vec<Vec<f64>> =
+        images.iter().map(|x| x.iter().zip(&mean).map(|(&v, m)| f64::from(v) - m).collect()).collect();
+    // Deviations from the mean of n images have covariance -variance / n even when they are independent.
+    let variance = deviation.iter().flatten().map(|d| d * d).sum::<f64>() / (n - 1) as f64;
+    let score = |lag: &usize| {
+        let product = |i: usize| dot(&deviation[i], &deviation[(i + lag) % n]) + variance / n as f64;
+        z_score(&(0..n).map(product).collect::<Vec<_>>())
+    };
+    lags.iter().map(score).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// Mean over its standard error.
+fn z_score(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    mean / (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt()
+}
+
+const LAGS: [usize; 6] = [1, 2, 3, 4, 16, 64];
+const GATE: Gate = Gate { lo: 8.0, hi: 10.0 };
+
+fn cornell(estimator: Estimator) -> Renderer {
+    let mut s = settings(estimator, [12, 12]);
+    (s.max_depth, s.light_paths) = (5, 64);
+    renderer(&build(Kind::CornellBox), &s)
+}
+
+fn seeds(estimator: Estimator, n: u32) -> Vec<Vec<f32>> {
+    let mut renderer = cornell(estimator);
+    (0..n).map(|seed| image(&mut renderer, seed, GATE, 1, 1)).collect()
+}
+
+/// Single iterations of one seed, from the running mean.
+fn iterations(estimator: Estimator, n: u32) -> Vec<Vec<f32>> {
+    let mut renderer = cornell(estimator);
+    renderer.restart(5, GATE);
+    let mut before = vec![0.0f64; 3 * 144];
+    (1..=n)
+        .map(|i| {
+            renderer.iterate(1).unwrap_or_else(|e| panic!("{e}"));
+            let total: Vec<f64> = renderer.film().mean().iter().map(|&x| f64::from(x) * f64::from(i)).collect();
+            let own = total.iter().zip(&before).map(|(t, b)| (t - b) as f32).collect();
+            before = total;
+            own
+        })
+        .collect()
+}
+
+fn independent(name: &str, scores: &[f64]) {
+    println!("{name}: z = {scores:.2?}");
+    assert!(scores.iter().all(|z| z.abs() < threshold(scores.len())), "{name}: z = {scores:.2?}");
+}
+
+#[test]
+fn neighbouring_seeds_are_independent() {
+    let images = seeds(Estimator::Pt, 256);
+    independent("pt, seeds", &lag_scores(&images, &LAGS));
+    // The sibling that must fail: a tenth of the next seed in every image.
+    let leak = |i: usize| {
+        images[i].iter().zip(&images[(i + 1) % images.len()]).map(|(a, b)| a + 0.1 * b).collect::<Vec<f32>>()
+    };
+    let leaking: Vec<_> = (0..images.len()).map(leak).collect();
+    assert!(lag_scores(&leaking, &[1])[0] > threshold(1));
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn seeds_and_iterations_of_every_estimator_are_independent() {
+    for estimator in Estimator::ALL {
+        independent(&format!("{estimator:?}, seeds"), &lag_scores(&seeds(estimator, 1024), &LAGS));
+        independent(&format!("{estimator:?}, iterations"), &lag_scores(&iterations(estimator, 1024), &LAGS));
+    }
+}
+
+/// With `pt` nothing is shared between pixels.
+#[test]
+#[ignore = "takes a minute"]
+fn pixels_are_independent_and_64_seeds_have_a_64th_of_the_variance() {
+    let images = seeds(Estimator::Pt, 2048);
+    let n = images.len() as f64;
+    let channel = |c: usize| images.iter().map(|x| f64::from(x[c])).collect::<Vec<f64>>();
+    let green: Vec<Vec<f64>> = (0..144).map(|p| channel(3 * p + 1)).collect();
+    let centred: Vec<Vec<f64>> = green
+        .iter()
+        .map(|values| {
+            let mean = values.iter().sum::<f64>() / n;
+            values.iter().map(|v| v - mean).collect()
+        })
+        .collect();
+    let pairs = |step: usize| {
+        let product = |s: usize| (0..144 - step).map(|p| centred[p][s] * centred[p + step][s]).sum::<f64>();
+        z_score(&(0..images.len()).map(product).collect::<Vec<_>>())
+    };
+    independent("pt, pixels", &[pairs(1), pairs(2), pairs(12), pairs(13)]);
+
+    let single: f64 = centred.iter().map(|v| dot(v, v)).sum::<f64>() / (n - 1.0);
+    let groups = |v: &Vec<f64>| {
+        let means: Vec<f64> = v.chunks_exact(64).map(|group| group.iter().sum::<f64>() / 64.0).collect();
+        dot(&means, &means) / (n / 64.0 - 1.0)
+    };
+    let of_means: Vec<f64> = centred.iter().map(groups).collect();
+    let ratio = 64.0 * of_means.iter().sum::<f64>() / single;
+    // Each pixel's variance of 32 means is known to sqrt(2 / 31) of itself.
+    let error = 64.0 * of_means.iter().map(|v| v * v * 2.0 / 31.0).sum::<f64>().sqrt() / single;
+    println!("64 x variance of the mean of 64 seeds / variance of one = {ratio:.3} +- {error:.3}");
+    assert!((ratio - 1.0).abs() < 4.0 * error && error < 0.1);
+}
