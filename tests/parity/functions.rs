@@ -19,6 +19,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("intersect_four", "trace against exhaustion"),
     ("cross_exact", "trace against exhaustion"),
     ("next_uniform", "the frequencies of descend in the sampler's tests"),
+    ("next_fine_uniform", "rare children in the sampler's tests"),
     ("traverse", "trace is its only caller and is compared with exhaustion"),
     ("safe_inverse", "trace along the axes"),
     ("extract_byte", "trace: nodes would be misread"),
