@@ -31,6 +31,7 @@ fn all() -> Vec<&'static ShaderFunction> {
     [
         crate::math::KERNELS,
         crate::bsdf::KERNELS,
+        crate::bsdf_edges::KERNELS,
         crate::bsdf_parts::KERNELS,
         crate::bsdf_sample::KERNELS,
         crate::camera::KERNELS,

@@ -6,8 +6,10 @@ mod shader_function;
 mod statistics;
 
 mod bsdf;
+mod bsdf_edges;
 mod bsdf_parts;
 mod bsdf_sample;
+mod bsdf_slopes;
 mod camera;
 mod emitter;
 mod functions;
