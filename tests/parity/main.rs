@@ -22,3 +22,4 @@ mod texels;
 mod texture;
 mod trace;
 mod values;
+mod watertight;
