@@ -266,7 +266,7 @@ png = true
             ("[render]\nspp = 4\n  sppp = 5\n", 3, 3, "unknown field `sppp`"),
             ("[render]\nspp = -4\n", 2, 7, "invalid value"),
             ("[render]\nspp = \"four\"\n", 2, 7, "invalid type"),
-            ("[render]\nestimator = \"magic\"\n", 2, 13, "choose pt, bdpt or lcs-paper"),
+            ("[render]\nestimator = \"magic\"\n", 2, 13, "choose pt, bdpt, lcs-paper or lcs"),
             ("[gate]\ngate = \"1..2\"\n", 2, 8, "no unit"),
             ("[gate]\ngate = \"1m..2m\"\ndepth = \"1m..2m\"\n", 3, 1, "keep one"),
             ("[render]\ntime = \"3s\"\nspp = 4\n", 3, 1, "keep one"),

@@ -119,13 +119,13 @@ fn coat_fresnel(b: Bsdf, cosine: f32) -> f32 {
 
 // Directional albedo of the coat's GGX lobe at `cosine`, in [0, 1].
 fn coat_albedo(b: Bsdf, cosine: f32) -> f32 {
-    let size = f32(ALBEDO_SIZE - 1u);
-    let p = vec2<f32>(clamp(cosine, 0.0, 1.0), clamp(sqrt(b.alpha), 0.0, 1.0)) * size;
-    let i = min(vec2<u32>(p), vec2<u32>(ALBEDO_SIZE - 2u));
+    let size = vec2<u32>(ALBEDO_COLUMNS, ALBEDO_ROWS);
+    let p = sqrt(clamp(vec2<f32>(cosine, b.alpha), vec2<f32>(0.0), vec2<f32>(1.0))) * vec2<f32>(size - 1u);
+    let i = min(vec2<u32>(p), size - 2u);
     let f = p - vec2<f32>(i);
-    let row = i.y * ALBEDO_SIZE + i.x;
+    let row = i.y * ALBEDO_COLUMNS + i.x;
     let low = mix(albedo_table[row], albedo_table[row + 1u], f.x);
-    let high = mix(albedo_table[row + ALBEDO_SIZE], albedo_table[row + ALBEDO_SIZE + 1u], f.x);
+    let high = mix(albedo_table[row + ALBEDO_COLUMNS], albedo_table[row + ALBEDO_COLUMNS + 1u], f.x);
     let ab = mix(low, high, f.y);
     return clamp(b.f0 * ab.x + b.f90 * ab.y, 0.0, 1.0);
 }
@@ -218,7 +218,9 @@ fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     if (l_h * wl.z <= 0.0 || c_h * wc.z <= 0.0) {
         return r;
     }
-    let reflectance = fresnel_dielectric(abs(l_h), eta_l, eta_c);
+    // From the thinner side, whichever way light runs: the other cosine follows from it without cancellation.
+    let thin = select(c_h, l_h, eta_l < eta_c);
+    let reflectance = fresnel_dielectric(abs(thin), min(eta_l, eta_c), max(eta_l, eta_c));
     let d = ggx_d(h, b.alpha);
     let masking = 1.0 / (1.0 + ggx_lambda(wl, b.alpha) + ggx_lambda(wc, b.alpha));
     let glass = (1.0 - b.metallic) * b.transmission;

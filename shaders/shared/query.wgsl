@@ -19,6 +19,12 @@ fn next_uniform(rng: ptr<function, u32>) -> f32 {
     return f32(hash32(*rng) >> 8u) * (1.0 / 16777216.0);
 }
 
+// A uniform in [0, 1] in steps of 2^-32 near 0.
+fn next_fine_uniform(rng: ptr<function, u32>) -> f32 {
+    *rng = *rng * 747796405u + 2891336453u;
+    return f32(hash32(*rng)) * (1.0 / 4294967296.0);
+}
+
 // One traversal from `root`: the vertex and 1 / P(j | q), or NONE at a dead node.
 fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> Candidate {
     var current = root;
@@ -30,8 +36,10 @@ fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> C
             let bound_left = node_bound(node.left, shell, spatial);
             let bound_right = node_bound(node.right, shell, spatial);
             let sum = bound_left + bound_right;
-            // Eq. 5.
-            let take_left = next_uniform(rng) * sum < bound_left;
+            // Eq. 5, with all 32 bits and the lesser child at the low end, where floats are fine: rare children are drawn as
+            // rarely as P says.
+            let take_lesser = next_fine_uniform(rng) * sum < min(bound_left, bound_right);
+            let take_left = take_lesser == (bound_left < bound_right);
             weight *= sum / select(bound_right, bound_left, take_left);
             current = select(node.right.child, node.left.child, take_left);
             current = select(NONE, current, sum > 0.0);

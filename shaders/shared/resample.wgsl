@@ -10,7 +10,9 @@ const RESOLUTION: f32 = 1.0 / 16777216.0;
 // `u`, known to lie in a part of [0, 1) that has been stretched to all of it by dividing by `part`: the digits that the
 // stretching uncovers are drawn.
 fn refill(u: f32, part: f32, rng: ptr<function, u32>) -> f32 {
-    return clamp(u / part + RESOLUTION / part * next_uniform(rng), 0.0, 1.0 - RESOLUTION);
+    let fresh = next_fine_uniform(rng);
+    // Of a small part hardly any digit is left.
+    return select(clamp((u + RESOLUTION * fresh) / part, 0.0, 1.0 - RESOLUTION), min(fresh, 1.0 - RESOLUTION), part < 1.0 / 256.0);
 }
 
 // One traversal from `root` by the uniform `u`: a leaf and 1 / P(leaf | q), or NONE at a dead node. Stratified values of `u`
@@ -25,10 +27,12 @@ fn descend_by_importance(root: u32, receiver: Receiver, u: f32, rng: ptr<functio
             let node = load_tree_node(current);
             let left = node_importance(node.left, receiver);
             let right = node_importance(node.right, receiver);
-            let share = left / (left + right);
-            let take_left = rest < share;
-            let part = select(1.0 - share, share, take_left);
-            rest = refill(select(rest - share, rest, take_left), part, rng);
+            // The lesser child at the low end, where floats are fine: rare children are drawn as rarely as P says.
+            let lesser = min(left, right) / (left + right);
+            let take_lesser = rest < lesser;
+            let take_left = take_lesser == (left < right);
+            let part = select(1.0 - lesser, lesser, take_lesser);
+            rest = refill(select(rest - lesser, rest, take_lesser), part, rng);
             weight /= part;
             current = select(node.right.child, node.left.child, take_left);
             current = select(NONE, current, left + right > 0.0);
@@ -78,7 +82,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
     var chosen = Candidate(NONE, 0.0);
     var chosen_target = 0.0;
     var sum = 0.0;
-    let jitter = next_uniform(rng);
+    let jitter = min(next_fine_uniform(rng), 1.0 - RESOLUTION);
     for (var k = 0u; k < frame.queries; k++) {
         let leaf = descend_by_importance(root, receiver, (f32(k) + jitter) / f32(frame.queries), rng);
         if (leaf.vertex == NONE) {

@@ -116,10 +116,11 @@ const EMITTER_BEAM: u32 = 3u;
 @group(0) @binding(7) var textures: texture_1d<u32>;
 @group(0) @binding(8) var<storage, read> texels: array<u32>;
 @group(0) @binding(9) var emitters: texture_1d<u32>;
-// Directional albedo of the GGX lobe, ALBEDO_SIZE x ALBEDO_SIZE over (cosine, roughness): f0 * x + f90 * y.
+// Directional albedo of the GGX lobe, ALBEDO_COLUMNS x ALBEDO_ROWS over the roots of (cosine, alpha): f0 * x + f90 * y.
 @group(0) @binding(10) var<storage, read> albedo_table: array<vec2<f32>>;
 
-const ALBEDO_SIZE: u32 = 32u;
+const ALBEDO_COLUMNS: u32 = 64u;
+const ALBEDO_ROWS: u32 = 32u;
 
 fn load_triangle(index: u32) -> Triangle {
     let a = textureLoad(triangles, 3u * index, 0);

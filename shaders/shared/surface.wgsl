@@ -31,7 +31,7 @@ fn surface_at(index: u32, u: f32, v: f32) -> Surface {
     s.material = t.material & TRIANGLE_MATERIAL;
     s.flags = t.material;
     let facing = select(1.0, -1.0, (t.material & TRIANGLE_MIRRORED) != 0u);
-    s.geometric = facing * normalize(cross(t.v1 - t.v0, t.v2 - t.v0));
+    s.geometric = facing * plane_normal(t.v1 - t.v0, t.v2 - t.v0);
     s.normal = s.geometric;
     s.uv = vec2<f32>(0.0);
     if (t.corner != NONE) {
@@ -45,6 +45,17 @@ fn surface_at(index: u32, u: f32, v: f32) -> Surface {
         }
     }
     return s;
+}
+
+// Unit normal of two edges of any size; across the longer one where they span nothing.
+fn plane_normal(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    let size = max(max_component(abs(a)), max_component(abs(b)));
+    let n = cross(a / size, b / size);
+    let length2 = dot(n, n);
+    if (length2 > 1e-30) {
+        return n * inverseSqrt(length2);
+    }
+    return frame_around(normalize(select(b, a, dot(a, a) > dot(b, b)) / size))[0];
 }
 
 // Interpolated corner normals in world space, turned to the side of the geometric normal; that one where they cancel.

@@ -12,33 +12,58 @@ struct Hit {
 
 const STACK_SIZE: u32 = 32u;
 
-// Spelled out: the builtin could be contracted, one way here and another way there.
-fn cross_exact(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+// A ray's own coordinates: the greatest component of its direction comes last, what the others move with it is sheared off.
+struct RayAxes {
+    // Which component of the direction is the greatest.
+    last: u32,
+    shear: vec2<f32>,
+    // Of the greatest component, in which the ray then advances by 1.
+    scale: f32,
 }
 
-// Edge functions in Pluecker form relative to the ray origin: the two triangles at an edge compute the same number with
-// opposite signs (the code is built without contraction), so that no ray passes between them.
-fn intersect_triangle(index: u32, o: vec3<f32>, d: vec3<f32>, t_min: f32, hit: ptr<function, Hit>) {
+fn ray_axes(d: vec3<f32>) -> RayAxes {
+    let size = abs(d);
+    var last = select(1u, 0u, size.x > size.y);
+    last = select(last, 2u, size.z >= max(size.x, size.y));
+    let turned = turn_to_last(d, last);
+    return RayAxes(last, turned.xy / turned.z, 1.0 / turned.z);
+}
+
+// Components in cyclic order, the given one last.
+fn turn_to_last(p: vec3<f32>, last: u32) -> vec3<f32> {
+    return select(select(p, p.zxy, last == 1u), p.yzx, last == 0u);
+}
+
+fn to_ray(p: vec3<f32>, axes: RayAxes) -> vec3<f32> {
+    let turned = turn_to_last(p, axes.last);
+    return vec3<f32>(turned.xy - axes.shear * turned.z, axes.scale * turned.z);
+}
+
+// Twice the area that two corners span with the ray, seen along it. Products round monotonically (the code is built without
+// contraction): the sign is that of the exact number, or the result is 0.
+fn edge_area(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    return a.x * b.y - a.y * b.x;
+}
+
+// Watertight (after Woop et al. 2013): a corner has the same place across the ray in all triangles that share it, and on an
+// edge (area 0) both of its triangles are hit, so that no ray passes between triangles, at corners either. The distance is
+// a mean of the corners' with weights >= 0: slivers, whose plane is rounding, keep it.
+fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, t_min: f32, hit: ptr<function, Hit>) {
     let triangle = load_triangle(index);
-    let v0 = triangle.v0 - o;
-    let v1 = triangle.v1 - o;
-    let v2 = triangle.v2 - o;
-    let e0 = v2 - v0;
-    let e1 = v0 - v1;
-    let e2 = v1 - v2;
-    let u = dot(cross_exact(e0, v2 + v0), d);
-    let v = dot(cross_exact(e1, v0 + v1), d);
-    let w = dot(cross_exact(e2, v1 + v2), d);
-    let normal = cross_exact(e1, e0);
-    let t = dot(v0, normal) / dot(d, normal);
-    let inside = min(u, min(v, w)) >= 0.0 || max(u, max(v, w)) <= 0.0;
+    let a = to_ray(triangle.v0 - o, axes);
+    let b = to_ray(triangle.v1 - o, axes);
+    let c = to_ray(triangle.v2 - o, axes);
+    let u = edge_area(b, c);
+    let v = edge_area(c, a);
+    let w = edge_area(a, b);
+    let sum = u + v + w;
+    let inside = (min(u, min(v, w)) >= 0.0 || max(u, max(v, w)) <= 0.0) && sum != 0.0;
+    let scale = 1.0 / sum;
+    let t = (u * a.z + v * b.z + w * c.z) * scale;
     if (inside && t > t_min && t < (*hit).t) {
-        let sum = u + v + w;
-        let scale = select(1.0 / sum, 0.0, sum == 0.0);
         (*hit).t = t;
-        (*hit).u = u * scale;
-        (*hit).v = v * scale;
+        (*hit).u = v * scale;
+        (*hit).v = w * scale;
         (*hit).triangle = index;
     }
 }
@@ -54,9 +79,10 @@ fn extract_byte(x: u32, b: u32) -> u32 {
     return (x >> (b * 8u)) & 0xffu;
 }
 
-// A plane's parameter is a sum whose terms may cancel: far planes are moved outwards by what rounding can do to the terms, so
-// that flat boxes keep their hits (after Ize 2013). 6 x 2^-24.
-const SLAB_SLACK: f32 = 3.6e-7;
+// A plane's parameter is a sum whose terms may cancel: planes are moved outwards by what rounding can do to the terms, so that
+// flat boxes keep their hits (after Ize 2013), and by as much again for the shear of the corners. Near planes too: on an axis
+// along which the ray hardly moves their error may exceed all there is on the far plane's. 12 x 2^-24.
+const SLAB_SLACK: f32 = 7.2e-7;
 
 // A node's quantised planes in the ray's parameter: byte times scale plus origin, for near and far planes.
 struct Slabs {
@@ -95,6 +121,7 @@ fn intersect_four(meta4: u32, near: vec3<u32>, far: vec3<u32>, slabs: Slabs, oct
 fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool) -> Hit {
     var hit = Hit(t_max, 0.0, 0.0, NONE);
     let inverse = safe_inverse(d);
+    let axes = ray_axes(d);
     var stack: array<vec2<u32>, STACK_SIZE>;
     var depth = 0u;
     let backwards = inverse < vec3<f32>(0.0);
@@ -126,7 +153,10 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool) -
                 bitcast<f32>(extract_byte(n0.w, 2u) << 23u),
             ) * inverse;
             let origin = (bitcast<vec3<f32>>(n0.xyz) - o) * inverse;
-            let slabs = Slabs(scale, origin, scale + SLAB_SLACK * abs(scale), origin + SLAB_SLACK * abs(origin), t_min, hit.t);
+            let wider_scale = SLAB_SLACK * abs(scale);
+            let wider_origin = SLAB_SLACK * abs(origin);
+            let slabs = Slabs(scale - wider_scale, origin - wider_origin, scale + wider_scale, origin + wider_origin, t_min,
+                hit.t);
             // Words of a plane: four low children, four high ones; minima first. The sign of the ray says which are near.
             let x = select(n2, n2.zwxy, backwards.x);
             let y = select(n3, n3.zwxy, backwards.y);
@@ -144,7 +174,7 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool) -
             if (leaves.y != 0u) {
                 let bit = firstLeadingBit(leaves.y);
                 leaves.y &= ~(1u << bit);
-                intersect_triangle(leaves.x + bit, o, d, t_min, &hit);
+                intersect_triangle(leaves.x + bit, o, axes, t_min, &hit);
             }
             continuing {
                 break if leaves.y == 0u;

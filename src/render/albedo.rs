@@ -2,26 +2,28 @@
 
 use std::f64::consts::PI;
 
-use crate::gpu::layout::constants::ALBEDO_SIZE;
+use crate::gpu::layout::constants::{ALBEDO_COLUMNS, ALBEDO_ROWS};
 
 /// Below this GGX alpha a lobe is a delta (DELTA_ALPHA in `shared/scene.wgsl`).
 pub const DELTA_ALPHA: f32 = 0.001;
 
-/// `size` x `size` pairs (a, b) over (cosine, roughness) in [0, 1], cosine fastest: albedo = a f0 + b f90.
+/// `COLUMNS` x `ROWS` pairs (a, b) over (root of the cosine, roughness) in [0, 1], cosine fastest: albedo = a f0 + b f90. The root
+/// puts the columns where the albedo changes: narrow lobes lose light within an angle of about alpha from grazing.
 pub struct AlbedoTable {
     pub values: Vec<[f32; 2]>,
 }
 
-const SIZE: usize = ALBEDO_SIZE as usize;
+const COLUMNS: usize = ALBEDO_COLUMNS as usize;
+const ROWS: usize = ALBEDO_ROWS as usize;
 
 impl AlbedoTable {
     /// Integrates the lobe by stratified sampling of its visible normals (Heitz 2018), in f64.
     pub fn new() -> AlbedoTable {
         use rayon::prelude::*;
-        let last = (SIZE - 1) as f64;
-        let values = (0..SIZE * SIZE)
+        let square = |i: usize, count: usize| (i as f64 / (count - 1) as f64).powi(2);
+        let values = (0..COLUMNS * ROWS)
             .into_par_iter()
-            .map(|i| lobe_albedo((i % SIZE) as f64 / last, ((i / SIZE) as f64 / last).powi(2)))
+            .map(|i| lobe_albedo(square(i % COLUMNS, COLUMNS), square(i / COLUMNS, ROWS)))
             .collect();
         AlbedoTable { values }
     }
@@ -29,12 +31,12 @@ impl AlbedoTable {
     /// Albedo at `cosine` for GGX `alpha`, reflectance `f0` along the normal and `f90` at grazing angles, by the interpolation
     /// of `coat_albedo`.
     pub fn at(&self, cosine: f64, alpha: f64, f0: f64, f90: f64) -> f64 {
-        let last = (SIZE - 1) as f64;
-        let (x, y) = (cosine.clamp(0.0, 1.0) * last, alpha.sqrt().clamp(0.0, 1.0) * last);
-        let (i, j) = ((x as usize).min(SIZE - 2), (y as usize).min(SIZE - 2));
+        let at = |v: f64, count: usize| v.clamp(0.0, 1.0).sqrt() * (count - 1) as f64;
+        let (x, y) = (at(cosine, COLUMNS), at(alpha, ROWS));
+        let (i, j) = ((x as usize).min(COLUMNS - 2), (y as usize).min(ROWS - 2));
         let (fx, fy) = (x - i as f64, y - j as f64);
         let value = |i: usize, j: usize| {
-            let [a, b] = self.values[j * SIZE + i];
+            let [a, b] = self.values[j * COLUMNS + i];
             f64::from(a) * f0 + f64::from(b) * f90
         };
         let row = |j: usize| value(i, j) * (1.0 - fx) + value(i + 1, j) * fx;
@@ -61,7 +63,7 @@ fn lobe_albedo(cosine: f64, alpha: f64) -> [f32; 2] {
         return [(1.0 - schlick(cosine)) as f32, schlick(cosine) as f32];
     }
     const STRATA: usize = 32;
-    let cosine = cosine.max(1e-3);
+    let cosine = cosine.max(1e-6);
     let w = [(1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine];
     let (mut a, mut b) = (0.0, 0.0);
     for k in 0..STRATA * STRATA {

@@ -70,13 +70,13 @@ fn run(kernel: &Prepared, case: Case, uniforms: impl Iterator<Item = [f32; 4]>) 
 }
 
 /// Uniforms of 24 bits, as the kernels draw them.
-fn random(seed: u64, n: usize) -> impl Iterator<Item = [f32; 4]> {
+pub fn random(seed: u64, n: usize) -> impl Iterator<Item = [f32; 4]> {
     let mut pcg = Pcg::new(seed);
     (0..n).map(move |_| [0; 4].map(|_| (pcg.next_u32() >> 8) as f32 / 16_777_216.0))
 }
 
 /// Evenly spread points of the unit cube (Roberts 2018, the R sequence in four dimensions).
-fn even(n: usize) -> impl Iterator<Item = [f32; 4]> {
+pub fn even(n: usize) -> impl Iterator<Item = [f32; 4]> {
     let g: f64 = 1.167_303_978_261_418_7;
     (0..n).map(move |i| {
         [1, 2, 3, 4].map(|k| ((0.5 + i as f64 * g.powi(-k)).fract() as f32).min(1.0 - 1.0 / 16_777_216.0))

@@ -17,8 +17,13 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("coat_fresnel", "bsdf_eval on plastics"),
     ("intersect_triangle", "trace against exhaustion"),
     ("intersect_four", "trace against exhaustion"),
-    ("cross_exact", "trace against exhaustion"),
+    ("to_ray", "trace against exhaustion, and watertight"),
+    ("turn_to_last", "trace against exhaustion, and watertight"),
+    ("ray_axes", "trace against exhaustion, and watertight"),
+    ("edge_area", "trace against exhaustion, and watertight"),
+    ("plane_normal", "surface_at is compared with the oracle; slivers in watertight"),
     ("next_uniform", "the frequencies of descend in the sampler's tests"),
+    ("next_fine_uniform", "rare children in the sampler's tests"),
     ("traverse", "trace is its only caller and is compared with exhaustion"),
     ("safe_inverse", "trace along the axes"),
     ("extract_byte", "trace: nodes would be misread"),
@@ -41,6 +46,7 @@ fn all() -> Vec<&'static ShaderFunction> {
     [
         crate::math::KERNELS,
         crate::bsdf::KERNELS,
+        crate::bsdf_edges::KERNELS,
         crate::bsdf_parts::KERNELS,
         crate::bsdf_sample::KERNELS,
         crate::camera::KERNELS,
@@ -52,6 +58,7 @@ fn all() -> Vec<&'static ShaderFunction> {
         crate::texels::KERNELS,
         crate::texture::KERNELS,
         crate::trace::KERNELS,
+        crate::watertight::KERNELS,
         crate::weights::KERNELS,
     ]
     .concat()

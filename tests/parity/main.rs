@@ -6,8 +6,10 @@ mod shader_function;
 mod statistics;
 
 mod bsdf;
+mod bsdf_edges;
 mod bsdf_parts;
 mod bsdf_sample;
+mod bsdf_slopes;
 mod camera;
 mod emitter;
 mod functions;
@@ -21,4 +23,5 @@ mod texels;
 mod texture;
 mod trace;
 mod values;
+mod watertight;
 mod weights;

@@ -46,8 +46,11 @@ pub struct Set {
 
 pub fn set() -> &'static Set {
     static SET: OnceLock<Set> = OnceLock::new();
-    SET.get_or_init(|| {
-        let kinds = kinds();
+    SET.get_or_init(|| Set::new(kinds()))
+}
+
+impl Set {
+    pub fn new(kinds: Vec<Material>) -> Set {
         let albedo = AlbedoTable::new();
         let mut scene = Scene { materials: kinds.clone(), ..Scene::default() };
         for i in 0..kinds.len() as u32 {
@@ -62,10 +65,8 @@ pub fn set() -> &'static Set {
         let device = Geometry::new(&scene, &Place::metres(DVec3::ZERO), &Emitters::Scene, &albedo).materials;
         let prepared = kinds.iter().map(Prepared::new).collect();
         Set { kinds, device, prepared, albedo }
-    })
-}
+    }
 
-impl Set {
     pub fn buffers(&self) -> [Contents; 2] {
         [contents("materials", &self.device), contents("albedo_table", &self.albedo.values)]
     }
@@ -97,6 +98,11 @@ impl Reference<'_> {
     fn shares(&self) -> [f64; 3] {
         let (metal, glass) = (f64::from(self.m.metallic), f64::from(self.m.transmission));
         [metal, (1.0 - metal) * (1.0 - glass), (1.0 - metal) * glass]
+    }
+
+    /// Refractive index on the side of `w`.
+    pub fn index(&self, w: DVec3, front: bool) -> f64 {
+        if (w.z > 0.0) == front { 1.0 } else { self.ior }
     }
 
     pub fn is_delta(&self) -> bool {

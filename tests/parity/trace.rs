@@ -57,7 +57,13 @@ struct Got {
     pad3: [f32; 2],
 }
 
-/// Smooth and flat shapes strewn about, squeezed, turned and mirrored.
+/// The same surface with normals that point into it.
+fn opposed(mut mesh: Mesh) -> Mesh {
+    mesh.normals.iter_mut().for_each(|n| *n = n.map(|x| -x));
+    mesh
+}
+
+/// Smooth and flat shapes strewn about, squeezed, turned and mirrored, some with opposed normals.
 fn scene() -> Scene {
     let mut pcg = Pcg::new(131);
     let mut scene = Scene::default();
@@ -69,6 +75,7 @@ fn scene() -> Scene {
             2 => shapes::cuboid(DVec3::splat(-0.6), DVec3::splat(0.6)),
             _ => shapes::quad(DVec3::NEG_ONE, 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0, 2.0]),
         };
+        let shape = if i % 5 == 0 { opposed(shape) } else { shape };
         let squeeze = DVec3::new(pcg.range(0.5, 2.0), pcg.range(0.5, 2.0), if i % 3 == 0 { -1.0 } else { 1.0 });
         let turn = stage::about(direction(&mut pcg), pcg.range(0.0, 3.0)) * DMat3::from_diagonal(squeeze);
         let place = DAffine3::from_mat3_translation(turn, 5.0 * direction(&mut pcg));
@@ -78,7 +85,7 @@ fn scene() -> Scene {
     scene
 }
 
-fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
+pub fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
     let g = Geometry::new(scene, &Place::metres(origin), &Emitters::Scene, &AlbedoTable::new());
     // An empty list still needs an element to be bound.
     let padded = |list: &[u32]| if list.is_empty() { vec![0] } else { list.to_vec() };

@@ -7,11 +7,12 @@ mod shader_function;
 mod statistics;
 
 mod reach;
+mod stress;
 mod walk;
 
 use bytemuck::{Pod, Zeroable};
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::{Material, NONE, PathVertex};
+use taugate::gpu::layout::{Material, NONE, PathVertex, TreeNode};
 use taugate::units::Gate;
 
 use shader_function::{Contents, Prepared, ShaderFunction, contents};
@@ -20,18 +21,18 @@ use walk::{Ends, Pool, Query, room, walk};
 
 const BOUNDS: ShaderFunction = ShaderFunction {
     imports: &["lightcone"],
-    given: "q: vec3<f32>, node: u32, lo: f32, hi: f32, spatial: u32, pad: u32",
+    given: "q: vec3<f32>, node: u32, lo: f32, hi: f32, spatial: u32, pad: u32, eta_hi: f32",
     result: "left: f32, right: f32",
-    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
+    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, given.eta_hi);
         result.left = node_bound(load_tree_child(given.node, 0u), shell, given.spatial == 1u);
         result.right = node_bound(load_tree_child(given.node, 1u), shell, given.spatial == 1u);",
 };
 
 const DRAW: ShaderFunction = ShaderFunction {
     imports: &["query"],
-    given: "q: vec3<f32>, root: u32, lo: f32, hi: f32, spatial: u32, seed: u32",
+    given: "q: vec3<f32>, root: u32, lo: f32, hi: f32, spatial: u32, seed: u32, eta_hi: f32",
     result: "vertex: u32, weight: f32",
-    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
+    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, given.eta_hi);
         var rng = given.seed;
         let found = descend(given.root, shell, given.spatial == 1u, &rng);
         result.vertex = found.vertex; result.weight = found.weight;",
@@ -47,11 +48,13 @@ struct Given {
     hi: f32,
     spatial: u32,
     seed: u32,
+    eta_hi: f32,
+    pad: [u32; 3],
 }
 
 fn given(query: &Query, number: u32, spatial: bool, seed: u32) -> Given {
     let [lo, hi] = query.shell();
-    Given { q: query.q, number, lo, hi, spatial: spatial.into(), seed }
+    Given { q: query.q, number, lo, hi, spatial: spatial.into(), seed, eta_hi: query.eta_hi, pad: [0; 3] }
 }
 
 /// The device's bounds of both children of every node of a pool.
@@ -73,17 +76,20 @@ fn ends(kernel: &Prepared, pool: &Pool, query: &Query) -> Ends {
 /// Vertex (as a number of the pool's item) and 1 / P of `n` traversals; no vertex at dead ends.
 fn draw(kernel: &Prepared, pool: &Pool, query: &Query, n: usize, pcg: &mut Pcg) -> Vec<(Option<usize>, f64)> {
     let inputs: Vec<Given> = (0..n).map(|_| given(query, pool.root, pool.spatial, pcg.next_u32())).collect();
-    // `descend` reads nodes alone; the modules it comes with name the rest.
+    let buffers = tree_buffers(&pool.nodes);
+    let found: Vec<[u32; 2]> = kernel.run(&inputs, &buffers);
+    found.iter().map(|&end| item_and_weight(pool, end)).collect()
+}
+
+/// `descend` reads nodes alone; the modules it comes with name the rest.
+fn tree_buffers(nodes: &[TreeNode]) -> [Contents; 3] {
     let no_vertex: [PathVertex; 1] = Zeroable::zeroed();
     let no_material: [Material; 1] = Zeroable::zeroed();
-    let buffers: [Contents; 3] = [
-        contents("tree_nodes", &pool.nodes),
-        contents("light_vertices", &no_vertex),
-        contents("materials", &no_material),
-    ];
-    let found: Vec<[u32; 2]> = kernel.run(&inputs, &buffers);
-    let item = |vertex: u32| (vertex != NONE).then(|| (vertex - pool.first_vertex) as usize);
-    found.iter().map(|&[vertex, weight]| (item(vertex), f32::from_bits(weight).into())).collect()
+    [contents("tree_nodes", nodes), contents("light_vertices", &no_vertex), contents("materials", &no_material)]
+}
+
+fn item_and_weight(pool: &Pool, [vertex, weight]: [u32; 2]) -> (Option<usize>, f64) {
+    ((vertex != NONE).then(|| (vertex - pool.first_vertex) as usize), f32::from_bits(weight).into())
 }
 
 /// A gate about the travel time of one of the vertices, as wide as a tenth of all times.
@@ -92,7 +98,7 @@ fn query_of_room(pcg: &mut Pcg, pool: &Pool) -> Query {
     let about = pool.items[pcg.below(pool.items.len())].point;
     let tau = f64::from((0..3).map(|k| (about[k] - q[k]).powi(2)).sum::<f32>().sqrt() + about[3]);
     let shift = pcg.range(-0.4, 0.4);
-    Query { q, gate: Gate { lo: tau + shift - 0.5, hi: tau + shift + 0.5 } }
+    Query { q, gate: Gate { lo: tau + shift - 0.5, hi: tau + shift + 0.5 }, eta_hi: 1.0 }
 }
 
 fn counts(found: &[(Option<usize>, f64)], items: usize) -> Vec<f64> {

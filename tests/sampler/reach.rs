@@ -29,7 +29,7 @@ fn trees() -> Vec<(Pool, Query)> {
 }
 
 /// Every valid vertex has P > 0, and the ends add up to 1. Returns how many are valid and how many out of reach.
-fn check(pool: &Pool, query: &Query, ends: &Ends) -> [usize; 2] {
+pub fn check(pool: &Pool, query: &Query, ends: &Ends) -> [usize; 2] {
     let mut valid = 0;
     for (item, p) in pool.items.iter().zip(&ends.items).filter(|(item, _)| query.is_valid(item)) {
         valid += 1;
@@ -94,7 +94,7 @@ fn bounds_of_the_weakest_vertices_are_normal_numbers() {
         let items = vec![at(0.0, 1.0, 0), at(1.0, 1.0, 1), at(distance, 1e-38, 2), at(1.3 * distance, 1e-38, 3)];
         let pool = Pool::new(items, 1, true, 0, 0);
         let reach = f64::from(distance);
-        let query = Query { q: [0.0; 3], gate: Gate { lo: reach * 0.99999, hi: reach * 1.00001 } };
+        let query = Query { q: [0.0; 3], gate: Gate { lo: reach * 0.99999, hi: reach * 1.00001 }, eta_hi: 1.0 };
         let bounds = device_bounds(&kernel, &pool, &query);
         assert!(bounds[0][1] >= f64::from(f32::MIN_POSITIVE), "{distance} m: {bounds:?}");
         let ends = walk(&pool, |node| bounds[node as usize]);

@@ -33,6 +33,8 @@ impl Pool {
 pub struct Query {
     pub q: [f32; 3],
     pub gate: Gate,
+    /// Greatest refractive index a connection may travel in; the least is 1.
+    pub eta_hi: f32,
 }
 
 impl Query {
@@ -45,7 +47,9 @@ impl Query {
     pub fn is_valid(&self, item: &Item) -> bool {
         let v = DVec3::new(item.point[0].into(), item.point[1].into(), item.point[2].into());
         let q = DVec3::new(self.q[0].into(), self.q[1].into(), self.q[2].into());
-        lightcone::in_shell(self.gate, v, item.point[3].into(), q, 0.0)
+        // The connection runs through air or through the other medium: its length is stretched by either.
+        let through = |eta: f64| lightcone::in_shell(self.gate, eta * v, item.point[3].into(), eta * q, 0.0);
+        through(1.0) || through(self.eta_hi.into())
     }
 }
 
@@ -159,5 +163,5 @@ pub fn odd_query(pcg: &mut Pcg, items: &[Item], scale: f64) -> Query {
         _ => Gate { lo: near * pcg.range(0.7, 1.0), hi: near * pcg.range(1.0, 1.3) + 1e-6 },
     };
     // The device has the gate in f32.
-    Query { q, gate: Gate { lo: f64::from(gate.lo as f32), hi: f64::from(gate.hi as f32) } }
+    Query { q, gate: Gate { lo: f64::from(gate.lo as f32), hi: f64::from(gate.hi as f32) }, eta_hi: 1.0 }
 }

@@ -1,0 +1,212 @@
+//! Trees under stress: what a traversal returns against an independent walk, on thousands of trees and on one of a million
+//! vertices; input that is degenerate in one way each; and choices too rare for 24 random bits.
+
+use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::TreeNode;
+use taugate::lightcone::tree::Item;
+
+use crate::reach::check;
+use crate::shader_function::{Prepared, ShaderFunction, contents};
+use crate::walk::{Ends, Pool, Query, odd_items, odd_query, room, walk};
+use crate::{BOUNDS, DRAW, Given, given, item_and_weight, query_of_room, tree_buffers};
+
+/// Greatest relative error of 1 / P after twenty levels of f32.
+const TOLERANCE: f64 = 1e-5;
+
+/// Pools that share one array of nodes, walked with the device's bounds, and drawn from.
+struct Forest {
+    trees: Vec<(Pool, Query)>,
+    next_node: u32,
+    next_vertex: u32,
+}
+
+impl Forest {
+    fn new() -> Forest {
+        Forest { trees: vec![], next_node: 0, next_vertex: 0 }
+    }
+
+    fn plant(&mut self, items: Vec<Item>, leaf_size: usize, spatial: bool, query: Query) {
+        let pool = Pool::new(items, leaf_size, spatial, self.next_node, self.next_vertex);
+        self.next_node += pool.nodes.len() as u32;
+        self.next_vertex += pool.items.len() as u32;
+        self.trees.push((pool, query));
+    }
+
+    /// Every vertex inside a gate has P > 0, the ends add up to 1, and `draws` traversals of each tree return the P of the walk.
+    /// Returns the number of valid vertices and of draws that ended at one.
+    fn check(&self, draws: usize, pcg: &mut Pcg) -> [usize; 2] {
+        let nodes: Vec<TreeNode> = self.trees.iter().flat_map(|(pool, _)| pool.nodes.iter().copied()).collect();
+        let inputs: Vec<Given> = self
+            .trees
+            .iter()
+            .flat_map(|(pool, query)| {
+                (0..pool.nodes.len() as u32).map(|i| given(query, pool.first_node + i, pool.spatial, 0))
+            })
+            .collect();
+        let bounds: Vec<[f32; 2]> = BOUNDS.run(&inputs, &[contents("tree_nodes", &nodes)]);
+        let planted = || self.trees.iter().filter(|(pool, _)| !pool.items.is_empty());
+        let seeds: Vec<Given> = planted()
+            .flat_map(|(pool, query)| vec![(pool, query); draws])
+            .map(|(pool, query)| given(query, pool.root, pool.spatial, pcg.next_u32()))
+            .collect();
+        let found: Vec<[u32; 2]> = DRAW.run(&seeds, &tree_buffers(&nodes));
+        let [mut valid, mut drawn] = [0, 0];
+        for ((pool, query), found) in planted().zip(found.chunks_exact(draws)) {
+            let ends = walk(pool, |node| bounds[node as usize].map(f64::from));
+            valid += check(pool, query, &ends)[0];
+            drawn += agreeing(pool, query, &ends, found);
+        }
+        [valid, drawn]
+    }
+}
+
+/// Asserts that P returned is P recomputed; the number of draws that ended at a vertex.
+fn agreeing(pool: &Pool, query: &Query, ends: &Ends, found: &[[u32; 2]]) -> usize {
+    let hits = found.iter().map(|&end| item_and_weight(pool, end));
+    hits.filter_map(|(item, weight)| item.map(|j| (j, weight)))
+        .inspect(|&(j, weight)| {
+            let p = ends.items[j];
+            assert!((weight * p - 1.0).abs() < TOLERANCE, "1 / P of {:?} is {weight}, P {p}: {query:?}", pool.items[j]);
+        })
+        .count()
+}
+
+fn odd_forest(trees: usize, seed: u64) -> Forest {
+    let mut pcg = Pcg::new(seed);
+    let mut forest = Forest::new();
+    for i in 0..trees {
+        let spatial = i % 2 == 0;
+        let (items, scale) = odd_items(&mut pcg, spatial);
+        let query = odd_query(&mut pcg, &items, scale);
+        // A third of the shade points lie on glass.
+        let query = Query { eta_hi: if i % 3 == 0 { 1.5 } else { 1.0 }, ..query };
+        forest.plant(items, [1, 4, 16][pcg.below(3)], spatial, query);
+    }
+    forest
+}
+
+#[test]
+fn hundreds_of_trees_return_the_probabilities_of_the_walk() {
+    let [valid, drawn] = odd_forest(600, 101).check(32, &mut Pcg::new(102));
+    assert!(valid > 1_000 && drawn > 3_000, "{valid} {drawn}");
+}
+
+/// `cargo test --release --test sampler -- --ignored --nocapture ten_thousand`
+#[test]
+#[ignore = "takes a minute"]
+fn ten_thousand_trees_return_the_probabilities_of_the_walk() {
+    let [valid, drawn] = odd_forest(10_000, 103).check(64, &mut Pcg::new(104));
+    println!("{valid} vertices inside their gates, {drawn} draws of a vertex");
+    assert!(valid > 20_000 && drawn > 100_000, "{valid} {drawn}");
+}
+
+/// Inputs that are degenerate in one way each, 3D points and travel times alike.
+fn degenerate(pcg: &mut Pcg, n: usize) -> Vec<(&'static str, Vec<Item>)> {
+    let mut make = |name, item: &mut dyn FnMut(&mut Pcg, i32) -> ([f32; 4], f32)| {
+        let items = (0..n as i32).map(|i| {
+            let (point, power) = item(pcg, i);
+            Item { point, power, index: i as u32 }
+        });
+        (name, items.collect())
+    };
+    let place = |pcg: &mut Pcg| [0, 1, 2, 3].map(|k| pcg.range(if k == 3 { 0.0 } else { -5.0 }, 5.0) as f32);
+    let orders = |i: i32| 10f32.powi(-(i % 31));
+    // Halves pile up: the split by count is far from one by space or by power.
+    let piled = |i: i32| 2f32.powi(-(i % 100));
+    vec![
+        make("one place and time", &mut |_, _| ([1.0, -2.0, 0.5, 3.0], 1.0)),
+        make("one place", &mut |pcg, _| ([1.0, -2.0, 0.5, place(pcg)[3]], 1.0)),
+        make("one time", &mut |pcg, _| {
+            let p = place(pcg);
+            ([p[0], p[1], p[2], 3.0], 1.0)
+        }),
+        make("times one step apart", &mut |pcg, i| {
+            let p = place(pcg);
+            ([p[0], p[1], p[2], 3.0 + (i % 4) as f32 * 2.0 * f32::EPSILON], 1.0)
+        }),
+        make("powers over thirty orders", &mut |pcg, i| (place(pcg), orders(i))),
+        make("denormal powers", &mut |pcg, i| (place(pcg), f32::from_bits(1 + (i % 7) as u32))),
+        make("one power among denormals", &mut |pcg, i| (place(pcg), if i == 0 { 1e30 } else { 1e-44 })),
+        make("piled up", &mut |_, i| ([piled(i), -piled(i), 0.0, 5.0 * piled(i)], 1.0)),
+        make("piled up, power too", &mut |_, i| ([piled(i), piled(i), piled(i), 5.0 - 5.0 * piled(i)], orders(i))),
+        make("a cluster and one far away", &mut |pcg, i| {
+            let p = place(pcg);
+            (if i == 0 { [1e6, 0.0, 0.0, 10.0] } else { p.map(|x| 1e-4 * x) }, 1.0)
+        }),
+    ]
+}
+
+#[test]
+fn degenerate_input_keeps_every_vertex_in_reach() {
+    let mut pcg = Pcg::new(105);
+    let mut forest = Forest::new();
+    for n in [0, 1, 2, 3, 400] {
+        for (_, items) in degenerate(&mut pcg, n) {
+            for (spatial, leaf) in [(true, 1), (false, 1), (false, 16)] {
+                let mut items = items.clone();
+                if spatial {
+                    items.iter_mut().for_each(|i| i.point[3] = 0.0);
+                }
+                for eta_hi in [1.0, 1.5, 3.0] {
+                    let query = Query { eta_hi, ..odd_query(&mut pcg, &items, 5.0) };
+                    forest.plant(items.clone(), leaf, spatial, query);
+                }
+            }
+        }
+    }
+    let [valid, drawn] = forest.check(64, &mut pcg);
+    assert!(valid > 3_000 && drawn > 10_000, "{valid} {drawn}");
+}
+
+#[test]
+fn a_million_vertices() {
+    let mut pcg = Pcg::new(106);
+    for spatial in [true, false] {
+        let items = room(&mut pcg, 1_000_000, spatial);
+        let sample = Pool::new(items[..1000].to_vec(), 1, spatial, 0, 0);
+        let query = query_of_room(&mut pcg, &sample);
+        let mut forest = Forest::new();
+        forest.plant(items, 1, spatial, query);
+        let [valid, drawn] = forest.check(20_000, &mut pcg);
+        assert!(valid > 10_000 && drawn > 5_000, "spatial {spatial}: {valid} {drawn}");
+    }
+}
+
+/// Draws of the left child in `rounds` traversals of each thread.
+const COUNT: ShaderFunction = ShaderFunction {
+    imports: &["query"],
+    given: "root: u32, left: u32, rounds: u32, seed: u32",
+    result: "left: u32",
+    body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1e9, 1.0, 1.0);
+        var rng = given.seed;
+        for (var i = 0u; i < given.rounds; i++) {
+            result.left += u32(descend(given.root, shell, false, &rng).vertex == given.left);
+        }",
+};
+
+/// Of a hundred million traversals, those that end at a vertex of share `share`, first or second in the tree.
+fn rare_draws(kernel: &Prepared, share: f32, first: bool) -> u32 {
+    const THREADS: u32 = 20_000;
+    const ROUNDS: u32 = 5_000;
+    let at = |x: f32, power: f32, index| Item { point: [x, 1.0, 0.0, 0.0], power, index };
+    let powers = if first { [share, 1.0] } else { [1.0, share] };
+    let pool = Pool::new(vec![at(-1.0, powers[0], 0), at(1.0, powers[1], 1)], 1, false, 0, 0);
+    let mut pcg = Pcg::new(107);
+    let wanted = u32::from(!first);
+    let inputs: Vec<[u32; 4]> = (0..THREADS).map(|_| [pool.root, wanted, ROUNDS, pcg.next_u32()]).collect();
+    let counts: Vec<u32> = kernel.run(&inputs, &tree_buffers(&pool.nodes));
+    counts.iter().sum()
+}
+
+/// A uniform of 24 bits took a first child of share 1e-9 with probability 6e-8, and a second one of share 2e-8 never: P was not
+/// the probability with which vertices were drawn. Bounds are Poisson's at 1e-4.
+#[test]
+fn rare_children_are_drawn_as_rarely_as_they_should() {
+    let kernel = COUNT.prepare(&[]);
+    for first in [true, false] {
+        let [never, few] = [1e-9, 3e-7].map(|share| rare_draws(&kernel, share, first));
+        assert!(never <= 3, "first {first}: {never} of 0.1 expected draws");
+        assert!((12..=54).contains(&few), "first {first}: {few} of 30 expected draws");
+        assert!(rare_draws(&kernel, 1e-6, first) > 54, "first {first}: the counts notice a share three times as large");
+    }
+}
