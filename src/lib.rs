@@ -6,6 +6,7 @@
 //! Rendering": light subpaths, two trees over their vertices, sensor subpaths, queries, connections, film.
 //! `docs/ARCHITECTURE.md` is the map, `docs/PAPER.md` says which function implements which equation.
 
+pub mod bench;
 pub mod bvh;
 pub mod error;
 pub mod experiment;

@@ -131,7 +131,7 @@ fn files(outputs: &Outputs) -> impl Iterator<Item = &PathBuf> {
 }
 
 /// The first interrupt ends the render after the running iteration, the second at once.
-fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+pub(super) fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
     ctrlc::set_handler(move || {
