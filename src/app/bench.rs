@@ -10,7 +10,7 @@ use std::time::Instant;
 use taugate::Error;
 use taugate::bench::job::{Entry, Job};
 use taugate::bench::race::Race;
-use taugate::bench::reference::{self, MARGIN};
+use taugate::bench::reference::{self, MARGIN, TRUSTED};
 use taugate::bench::report::{self, Page};
 use taugate::bench::suite::{Part, SceneEntry, Suite};
 use taugate::bench::summary::{self, Line};
@@ -244,11 +244,11 @@ impl Bench {
     fn too_noisy(&self, job: &Job, own: &[f64], rows: &[Row]) -> Option<String> {
         let worst = rows.iter().filter_map(|row| {
             let entry = job.entries.iter().position(|entry| entry.variant == row.variant)?;
-            (own[entry] * MARGIN > row.relmse).then_some((own[entry], row))
+            (!reference::is_good(own[entry], row.relmse)).then_some((own[entry], row))
         });
         let (own, row) = worst.min_by(|(_, a), (_, b)| a.relmse.total_cmp(&b.relmse))?;
         Some(format!(
-            "{}: {} reached a relMSE of {:.2e}, and the reference's own is {own:.2e}, not {MARGIN} times less; make a better one with: {}",
+            "{}: {} reached a relMSE of {:.2e}, and the reference's own is {own:.2e}: it must be {MARGIN} times less and at most {TRUSTED}; make a better one with: {}",
             job.name,
             row.variant,
             row.relmse,

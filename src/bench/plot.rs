@@ -52,16 +52,12 @@ fn draw(
         .x_label_area_size(40)
         .y_label_area_size(70)
         .build_cartesian_2d(times.log_scale(), errors.log_scale())?;
-    let short = |value: &f64| match *value {
-        v if (0.01..1000.0).contains(&v) => format!("{v}"),
-        v => format!("{v:.0e}"),
-    };
     chart
         .configure_mesh()
         .x_desc("seconds of rendering")
         .y_desc("relMSE")
-        .x_label_formatter(&short)
-        .y_label_formatter(&short)
+        .x_label_formatter(&label)
+        .y_label_formatter(&label)
         .light_line_style(WHITE)
         .draw()?;
     for (i, (name, points)) in curves.iter().enumerate() {
@@ -84,4 +80,14 @@ fn draw(
         .draw()?;
     area.present()?;
     Ok(())
+}
+
+/// 0.02, 5 or 1e-5; nothing at ticks between 1, 2 and 5, which would touch.
+fn label(value: &f64) -> String {
+    let text = format!("{value:.0e}");
+    match text.as_bytes().first() {
+        Some(b'1' | b'2' | b'5') if (0.01..1000.0).contains(value) => format!("{}", (value * 1e3).round() / 1e3),
+        Some(b'1' | b'2' | b'5') => text,
+        _ => String::new(),
+    }
 }

@@ -19,6 +19,9 @@ use crate::settings::{Estimator, Settings};
 pub const MARGIN: f64 = 20.0;
 /// Rendering goes on to this part of what is needed: the next race may be lucky, or the machine less busy.
 const AIM: f64 = 0.5;
+/// Above this, a reference's own relMSE says nothing: the error of a dark pixel that is bright by chance is measured against
+/// that very brightness.
+pub const TRUSTED: f64 = 0.02;
 /// Seeds, far from those of races.
 const HALVES: [u32; 2] = [0x4000_0001, 0x4000_0002];
 const JUDGE: u32 = 0x4000_0003;
@@ -35,6 +38,11 @@ pub struct Reference {
     pub own: f64,
 }
 
+/// Whether a result of this relMSE may be compared with a reference of that own relMSE.
+pub fn is_good(own: f64, relmse: f64) -> bool {
+    own <= TRUSTED && own * MARGIN <= relmse
+}
+
 /// How the making of a reference went.
 #[derive(Debug, Clone)]
 pub struct Made {
@@ -44,7 +52,7 @@ pub struct Made {
     pub seconds: f64,
     pub samples: u64,
     pub own: f64,
-    /// What [`Made::own`] should be at most.
+    /// What [`Made::own`] must be at most.
     pub wanted: f64,
     /// The estimator that checked it and what it found. The reference was written if they agree.
     pub judge: Estimator,
@@ -113,11 +121,13 @@ pub fn make(
 ) -> Result<Option<Made>> {
     let Some(pilots) = pilots(device, job, prepared, entries, goal, watch)? else { return Ok(None) };
     let n = pilots.len() as f32;
+    let width = entries[0].settings.crop.width() as usize;
     let average: Vec<f32> =
         (0..pilots[0].mean.len()).map(|i| pilots.iter().map(|p| p.mean[i]).sum::<f32>() / n).collect();
     let cheapest = |truth: &[f32]| pilots.iter().map(|p| p.cost(truth)).fold(f64::INFINITY, f64::min);
-    let chosen = pilots.iter().min_by(|a, b| a.cost(&average).total_cmp(&b.cost(&average))).expect("there is a pilot");
-    let wanted = |truth: &[f32]| best(goal, cheapest(truth)) / MARGIN;
+    let blurred = check::blur(&average, width);
+    let chosen = pilots.iter().min_by(|a, b| a.cost(&blurred).total_cmp(&b.cost(&blurred))).expect("there is a pilot");
+    let wanted = |truth: &[f32]| (best(goal, cheapest(truth)) / MARGIN).min(TRUSTED);
 
     // Two halves in turns.
     let mut halves = vec![];
@@ -146,8 +156,8 @@ pub fn make(
             }
         }
         let done = (seconds / goal.limit).max((asked / own).min(1.0));
-        if !watch(done, &format!("{}: reference by {}, own relMSE {own:.2e} of {asked:.2e}", job.name, chosen.variant))
-        {
+        let reached = if own.is_finite() { format!(", own relMSE {own:.2e} of {asked:.2e}") } else { String::new() };
+        if !watch(done, &format!("{}: reference by {}{reached}", job.name, chosen.variant)) {
             return Ok(None);
         }
     }

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use taugate::bench::job::{Entry, Job};
-use taugate::bench::reference::{self, Goal, MARGIN, Made};
+use taugate::bench::reference::{self, Goal, Made};
 use taugate::bench::table;
 use taugate::error::Result;
 use taugate::gpu::Device;
@@ -88,7 +88,7 @@ fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Opt
 fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<f64>) -> bool {
     let entry = entries.iter().find(|entry| entry.reference == name).expect("the name is one of theirs");
     let found = reference::read(&bench.references, entry).ok().flatten();
-    found.is_some_and(|reference| best.is_none_or(|best| reference.own * MARGIN <= best))
+    found.is_some_and(|reference| reference::is_good(reference.own, best.unwrap_or(f64::INFINITY)))
 }
 
 /// Says how it went; whether all is well.
