@@ -276,9 +276,11 @@ impl Bench {
         let scenes: Vec<(String, Vec<Entry>)> =
             self.present.iter().map(|(at, entries)| (self.scene(*at).name.clone(), entries.clone())).collect();
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+        // An earlier run may have had more repetitions.
+        let rows: Vec<Row> = rows.iter().filter(|row| row.repetition < self.suite.repetitions).cloned().collect();
         let page = Page {
             suite: &self.suite,
-            rows,
+            rows: &rows,
             scenes: &scenes,
             references: &self.references,
             missing: &self.skipped,
@@ -290,7 +292,7 @@ impl Bench {
         let path = report::write(&self.out, &page)?;
         progress.finish();
         for (scene, _) in &scenes {
-            super::print(&text(scene, &summary::lines(rows, scene)));
+            super::print(&text(scene, &summary::lines(&rows, scene)));
         }
         if !args.quiet {
             progress.line(&format!("{}, {}", path.display(), self.results().display()));

@@ -18,7 +18,7 @@ use crate::settings::{Estimator, Settings};
 /// A reference's own relMSE must be this many times below the best result it is compared with.
 pub const MARGIN: f64 = 20.0;
 /// Rendering goes on to this part of what is needed: the next race may be lucky, or the machine less busy.
-const AIM: f64 = 0.5;
+const AIM: f64 = 0.7;
 /// Above this, a reference's own relMSE says nothing: the error of a dark pixel that is bright by chance is measured against
 /// that very brightness.
 pub const TRUSTED: f64 = 0.02;
@@ -127,7 +127,11 @@ pub fn make(
     let cheapest = |truth: &[f32]| pilots.iter().map(|p| p.cost(truth)).fold(f64::INFINITY, f64::min);
     let blurred = check::blur(&average, width);
     let chosen = pilots.iter().min_by(|a, b| a.cost(&blurred).total_cmp(&b.cost(&blurred))).expect("there is a pilot");
-    let wanted = |truth: &[f32]| (best(goal, cheapest(truth)) / MARGIN).min(TRUSTED);
+    // What the reference itself tells counts too: short renders are slower, with few samples an iteration.
+    let wanted = |truth: &[f32], own: f64, seconds: f64| {
+        let best = cheapest(truth).min(own * seconds) / goal.seconds;
+        (best.min(goal.best.unwrap_or(f64::INFINITY)) / MARGIN).min(TRUSTED)
+    };
 
     // Two halves in turns.
     let mut halves = vec![];
@@ -150,7 +154,8 @@ pub fn make(
             next = 1.25 * seconds;
             let film = join(&halves);
             let mean = film.mean();
-            (own, asked) = (relative(&film.variance_of_mean(), &mean), wanted(&mean));
+            own = relative(&film.variance_of_mean(), &mean);
+            asked = wanted(&mean, own, seconds);
             if own <= AIM * asked || over {
                 break;
             }
@@ -175,11 +180,6 @@ pub fn make(
         write(path, &film, entries[0], seconds, &variant)?;
     }
     Ok(Some(Made { variant, seconds, samples, own, wanted: asked, judge, agreement }))
-}
-
-/// The best relMSE that the reference will be compared with.
-fn best(goal: Goal, cost: f64) -> f64 {
-    (cost / goal.seconds).min(goal.best.unwrap_or(f64::INFINITY))
 }
 
 /// One turn of a lane: a sixteenth of what it has rendered so far.
