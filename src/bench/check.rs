@@ -95,23 +95,11 @@ fn pool(rgb: &[f32], width: usize) -> Vec<f64> {
     let height = rgb.len() / 3 / width;
     let mut sums = vec![(0.0, 0u32); SIDE * SIDE];
     for (i, p) in rgb.chunks_exact(3).enumerate() {
-        let (sum, count) = &mut sums[cell(i, width, height)];
+        let (sum, count) = &mut sums[i / width * SIDE / height * SIDE + i % width * SIDE / width];
         *sum += p.iter().map(|&v| f64::from(v)).sum::<f64>() / 3.0;
         *count += 1;
     }
     sums.into_iter().map(|(sum, count)| sum / f64::from(count.max(1))).collect()
-}
-
-/// Every pixel as the mean of its cell and channels: nearly free of noise where an image is not.
-pub fn blur(rgb: &[f32], width: usize) -> Vec<f32> {
-    let height = rgb.len() / 3 / width;
-    let cells = pool(rgb, width);
-    (0..rgb.len()).map(|i| cells[cell(i / 3, width, height)] as f32).collect()
-}
-
-/// The cell of a pixel.
-fn cell(pixel: usize, width: usize, height: usize) -> usize {
-    pixel / width * SIDE / height * SIDE + pixel % width * SIDE / width
 }
 
 #[cfg(test)]

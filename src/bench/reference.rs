@@ -108,6 +108,19 @@ impl Pilot {
     }
 }
 
+/// The pilot with the least cost. Each is measured against the mean of the others: its own noise would hide its error.
+fn fastest(pilots: &[Pilot]) -> &Pilot {
+    let cost = |at: usize| {
+        let others: Vec<&Pilot> = pilots.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, p)| p).collect();
+        let mean = |i: usize| others.iter().map(|p| p.mean[i]).sum::<f32>() / others.len() as f32;
+        pilots[at].cost(&(0..pilots[at].mean.len()).map(mean).collect::<Vec<f32>>())
+    };
+    match pilots.len() {
+        1 => &pilots[0],
+        n => &pilots[(0..n).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).expect("there is a pilot")],
+    }
+}
+
 /// Renders, checks and writes the reference that `entries` share. `watch` hears which part is done and what is going on, and
 /// says whether to continue; `None` if it does not. Nothing is written if the check fails.
 pub fn make(
@@ -120,13 +133,8 @@ pub fn make(
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<Made>> {
     let Some(pilots) = pilots(device, job, prepared, entries, goal, watch)? else { return Ok(None) };
-    let n = pilots.len() as f32;
-    let width = entries[0].settings.crop.width() as usize;
-    let average: Vec<f32> =
-        (0..pilots[0].mean.len()).map(|i| pilots.iter().map(|p| p.mean[i]).sum::<f32>() / n).collect();
     let cheapest = |truth: &[f32]| pilots.iter().map(|p| p.cost(truth)).fold(f64::INFINITY, f64::min);
-    let blurred = check::blur(&average, width);
-    let chosen = pilots.iter().min_by(|a, b| a.cost(&blurred).total_cmp(&b.cost(&blurred))).expect("there is a pilot");
+    let chosen = fastest(&pilots);
     // What the reference itself tells counts too: short renders are slower, with few samples an iteration.
     let wanted = |truth: &[f32], own: f64, seconds: f64| {
         let best = cheapest(truth).min(own * seconds) / goal.seconds;
