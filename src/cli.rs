@@ -20,6 +20,7 @@ pub struct Cli {
 pub enum Command {
     Render(Box<RenderArgs>),
     Compare(CompareArgs),
+    Bench(BenchArgs),
     Info(InfoArgs),
     Devices(DevicesArgs),
     Generate(GenerateArgs),
@@ -202,6 +203,58 @@ pub struct CompareArgs {
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     pub json: bool,
+}
+
+const BENCH_EXAMPLES: &str = "\
+Examples:
+  taugate bench benches/suites/quick.toml --reference   render what to compare with, once
+  taugate bench benches/suites/quick.toml               compare; the page is bench-quick/report.md
+  taugate bench benches/suites/fig6.toml --resume       go on after an interrupt
+
+References are kept in the folder references beside the results, under a hash of scene, gate and
+settings. Exit codes: 0 done, 1 a reference is not good enough or failed its check, 2 wrong input,
+4 device, 130 interrupted (what is finished is kept)";
+
+/// Compare how fast estimators converge on the scenes of a suite
+#[derive(Debug, Args)]
+#[command(after_help = BENCH_EXAMPLES)]
+pub struct BenchArgs {
+    /// The suite: scenes, gates and variants of settings
+    #[arg(value_name = "SUITE.toml")]
+    pub suite: PathBuf,
+
+    /// Image size in pixels, instead of the suite's
+    #[arg(long, value_name = "WxH", help_heading = "Scene")]
+    pub resolution: Option<Resolution>,
+
+    /// Rendering time of each variant, scene and repetition, instead of the suite's; with --reference the longest that a
+    /// reference may take [default: 40 times the suite's]
+    #[arg(long, value_name = "DURATION", help_heading = "Sampling")]
+    pub time: Option<Seconds>,
+
+    /// How often everything is repeated with other seeds, instead of the suite's [default: 3]
+    #[arg(long, value_name = "N", help_heading = "Sampling", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub repetitions: Option<u32>,
+
+    /// Render the references that are missing or not good enough, and check them against another estimator
+    #[arg(long, help_heading = "Sampling", conflicts_with_all = ["resume", "repetitions"])]
+    pub reference: bool,
+
+    /// Folder for results.csv, plots, pictures and report.md [default: bench-SUITE]
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
+    pub out: Option<PathBuf>,
+
+    /// Keep what results.csv has already, and measure what is missing
+    #[arg(long, help_heading = "Output")]
+    pub resume: bool,
+
+    /// Print nothing but errors
+    #[arg(short, long, help_heading = "Output")]
+    pub quiet: bool,
+
+    /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind]
+    #[arg(long, value_name = "INDEX|NAME", help_heading = "Diagnostics")]
+    pub device: Option<String>,
 }
 
 /// Say what is in a scene, what rendering it takes, and when its light arrives

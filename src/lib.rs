@@ -8,6 +8,7 @@
 
 pub mod agreement;
 pub mod batches;
+pub mod bench;
 pub mod bvh;
 pub mod error;
 pub mod experiment;

@@ -1,5 +1,7 @@
 //! Error of an image against a reference.
 
+pub mod flip;
+
 use serde::Serialize;
 
 use crate::error::{Error, Result};

@@ -46,12 +46,16 @@ fn into_io(error: png::EncodingError) -> io::Error {
 
 /// Exposes and encodes. A black image stays black; values that are not finite become black.
 pub fn tone_map(rgb: &[f32]) -> Vec<u8> {
-    let exposure = exposure(rgb);
+    expose(rgb, exposure(rgb))
+}
+
+/// As [`tone_map`] with a given exposure, for images that are to be compared.
+pub fn expose(rgb: &[f32], exposure: f32) -> Vec<u8> {
     rgb.iter().map(|&v| (255.0 * srgb(v * exposure) + 0.5) as u8).collect()
 }
 
 /// The factor that brings the 97th percentile of the lit pixels' luminance to 0.9; 1 for a black image.
-fn exposure(rgb: &[f32]) -> f32 {
+pub fn exposure(rgb: &[f32]) -> f32 {
     let luminance = |p: &[f32]| 0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2];
     let mut lit: Vec<f32> = rgb.chunks_exact(3).map(luminance).filter(|&y| y > 0.0 && y.is_finite()).collect();
     if lit.is_empty() {

@@ -51,7 +51,7 @@ fn write_exr(path: &Path, width: u32, height: u32, value: f32) {
 fn help_is_what_was_reviewed() {
     let here = folder();
     let mut help = String::new();
-    for command in ["", "render", "compare", "info", "devices", "generate"] {
+    for command in ["", "render", "compare", "bench", "info", "devices", "generate"] {
         let arguments: Vec<&str> = [command, "--help"].into_iter().filter(|a| !a.is_empty()).collect();
         let output = taugate(here.path(), &arguments);
         assert!(output.status.success());
@@ -169,11 +169,18 @@ fn compare_measures_and_judges() {
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!((json["relmse"].as_f64().unwrap() - 0.01 / 1.0001).abs() < 1e-7, "{json}");
     assert!((json["eps"].as_f64().unwrap() - 1e-4).abs() < 1e-12, "{json}");
+    assert!((0.0..0.1).contains(&json["flip"].as_f64().unwrap()), "{json}");
     assert!((json["ratio_of_means"].as_f64().unwrap() - 1.1).abs() < 1e-6, "{json}");
     assert!(json["formula"].as_str().unwrap().contains("eps"), "{json}");
 
     let text = String::from_utf8(taugate(here.path(), &["compare", "a.exr", "r.exr"]).stdout).unwrap();
-    assert!(text.contains("relMSE") && text.contains("eps = 1.0") && text.contains("ratio of means"), "{text}");
+    assert!(
+        text.contains("relMSE")
+            && text.contains("FLIP")
+            && text.contains("eps = 1.0")
+            && text.contains("ratio of means"),
+        "{text}"
+    );
     let code = |most: &str| taugate(here.path(), &["compare", "a.exr", "r.exr", "--max-relmse", most]).status.code();
     assert_eq!((code("0.02"), code("0.005"), code("-1"), code("nan")), (Some(0), Some(1), Some(2), Some(2)));
 }

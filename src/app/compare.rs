@@ -1,4 +1,4 @@
-//! `taugate compare`: relMSE, MSE and ratio of means against a reference.
+//! `taugate compare`: relMSE, MSE, FLIP and ratio of means against a reference.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -34,10 +34,12 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     }
 
     let result = metrics::compare(&image.rgb, &reference.rgb)?;
+    let flip = metrics::flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();
     let within = args.max_relmse.is_none_or(|most| result.relmse <= most);
     let verdict = args.z.as_ref().map(|out| z_map(args, out, &image, &reference)).transpose()?;
     if args.json {
         let mut json = serde_json::to_value(result)?;
+        json["flip"] = flip.into();
         json["formula"] = RELMSE_FORMULA.into();
         json["max_relmse"] = args.max_relmse.into();
         json["within"] = within.into();
@@ -46,6 +48,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     } else {
         let mut text = format!(
             "relMSE          {:.6e}\n                {RELMSE_FORMULA}; eps = {:.6e}\nMSE             {:.6e}\n\
+             FLIP            {flip:.6}  (HDR-FLIP, mean; 67 pixels a degree, ACES)\n\
              ratio of means  {:.6}  ({:.6e} / {:.6e})\n",
             result.relmse, result.eps, result.mse, result.ratio_of_means, result.mean, result.reference_mean
         );

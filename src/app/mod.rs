@@ -1,5 +1,6 @@
 //! The commands. Only here and in `main` is anything printed: results to stdout, everything else to stderr.
 
+mod bench;
 mod compare;
 mod devices;
 mod feasible;
@@ -19,6 +20,7 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     match cli.command {
         Command::Render(args) => render::run(*args),
         Command::Compare(args) => compare::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Generate(args) => generate::run(&args),

@@ -69,16 +69,21 @@ impl Progress {
     }
 
     pub fn update(&mut self, position: &Position, budget: &Budget) {
+        self.show(position.done(budget), || position.describe(budget));
+    }
+
+    /// Shows which part is done, 0 to 1, and a sentence about it.
+    pub fn show(&mut self, done: f64, describe: impl Fn() -> String) {
         match self {
             Progress::Quiet => {}
             Progress::Bar(bar) => {
-                bar.set_position((1000.0 * position.done(budget)) as u64);
-                bar.set_message(position.describe(budget));
+                bar.set_position((1000.0 * done) as u64);
+                bar.set_message(describe());
             }
             Progress::Lines { last } => {
                 if last.elapsed() >= PERIOD {
                     *last = Instant::now();
-                    eprintln!("{}", position.describe(budget));
+                    eprintln!("{}", describe());
                 }
             }
         }

@@ -138,7 +138,7 @@ fn check_outputs(outputs: &Outputs) -> Result<()> {
 }
 
 /// The first interrupt ends the render after the running iteration, the second at once.
-fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+pub(super) fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = stop.clone();
     ctrlc::set_handler(move || {

@@ -1,0 +1,366 @@
+//! `taugate bench`: a suite of scenes and variants, rendered in turns and compared with references.
+
+mod references;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use taugate::Error;
+use taugate::bench::job::{Entry, Job};
+use taugate::bench::race::Race;
+use taugate::bench::reference::{self, MARGIN, TRUSTED};
+use taugate::bench::report::{self, Page};
+use taugate::bench::suite::{Part, SceneEntry, Suite};
+use taugate::bench::summary::{self, Line};
+use taugate::bench::table::{self, Row};
+use taugate::error::Result;
+use taugate::exr_file::{self, Picture, Provenance};
+use taugate::gpu::Device;
+use taugate::settings::MAX_SECONDS;
+
+use super::progress::{Progress, duration};
+use super::render::stop_on_interrupt;
+use crate::cli::BenchArgs;
+
+/// A suite with what the flags change in it, and what is there of it.
+struct Bench {
+    suite: Suite,
+    out: PathBuf,
+    references: PathBuf,
+    /// Indices of the scenes that are on this machine, with their settings.
+    present: Vec<(usize, Vec<Entry>)>,
+    /// One sentence for every scene that is not.
+    skipped: Vec<String>,
+    /// What was typed, without --resume and --reference.
+    command: String,
+}
+
+pub fn run(args: &BenchArgs) -> anyhow::Result<ExitCode> {
+    let mut progress = Progress::new(args.quiet);
+    let bench = Bench::new(args, &progress)?;
+    let device = Device::open(args.device.as_deref())?;
+    let stop = stop_on_interrupt()?;
+    let outcome = match args.reference {
+        true => references::make(&bench, args, &device, &stop, &mut progress),
+        false => bench.race(args, &device, &stop, &mut progress),
+    };
+    progress.finish();
+    let code = outcome?;
+    if !bench.skipped.is_empty() {
+        let scenes = if bench.skipped.len() == 1 { "scene" } else { "scenes" };
+        progress.line(&format!("skipped {} {scenes}: {}", bench.skipped.len(), bench.skipped.join("; ")));
+    }
+    Ok(code)
+}
+
+impl Bench {
+    /// Reads the suite and loads every scene once, so that mistakes are found before hours of work.
+    fn new(args: &BenchArgs, progress: &Progress) -> Result<Bench> {
+        let mut suite = Suite::read(&args.suite)?;
+        if let Some(time) = args.time.filter(|_| !args.reference) {
+            suite.seconds = time.0;
+        }
+        if suite.seconds > MAX_SECONDS {
+            return Err(Error::Settings("the time of a suite must be at most a year".into()));
+        }
+        suite.repetitions = args.repetitions.unwrap_or(suite.repetitions);
+        if let Some(resolution) = args.resolution {
+            suite.scenes.iter_mut().for_each(|scene| scene.experiment.camera.resolution = Some(resolution));
+        }
+        let out = args.out.clone().unwrap_or_else(|| format!("bench-{}", suite.name).into());
+        let references = reference::folder(&out);
+        let command = command(args);
+        let mut bench = Bench { suite, out, references, present: vec![], skipped: vec![], command };
+        for (at, scene) in bench.suite.scenes.iter().enumerate() {
+            if !scene.path().is_file() && !scene.folder_exists() {
+                bench.skipped.push(format!("{} is not on this machine ({})", scene.name, scene.path().display()));
+                continue;
+            }
+            if !scene.path().is_file() {
+                let message = format!("there is no scene {}; check the name", scene.path().display());
+                return Err(bench.suite.error_at(scene, Part::Path, &message));
+            }
+            let job = Job::load(&bench.suite, scene)?;
+            job.warnings.iter().for_each(|warning| progress.line(&format!("warning: {}: {warning}", scene.name)));
+            bench.present.push((at, job.entries));
+        }
+        Ok(bench)
+    }
+
+    fn scene(&self, at: usize) -> &SceneEntry {
+        &self.suite.scenes[at]
+    }
+
+    fn results(&self) -> PathBuf {
+        self.out.join("results.csv")
+    }
+
+    /// Results that were too good for their reference: they tell how good the next one must be.
+    fn refused(&self) -> PathBuf {
+        self.out.join("refused.csv")
+    }
+
+    /// The command that renders the references which are missing or too noisy.
+    fn remedy(&self) -> String {
+        format!("{} --reference", self.command)
+    }
+
+    fn race(
+        &self,
+        args: &BenchArgs,
+        device: &Device,
+        stop: &AtomicBool,
+        progress: &mut Progress,
+    ) -> anyhow::Result<ExitCode> {
+        let mut rows = self.kept(args.resume)?;
+        for (at, entries) in &self.present {
+            if let Some(entry) = entries.iter().find(|entry| !self.references.join(&entry.reference).is_file()) {
+                let scene = &self.scene(*at).name;
+                return Err(Error::Settings(format!(
+                    "there is no reference for {scene} ({}) in {}; make it with: {}",
+                    entry.variant,
+                    self.references.display(),
+                    self.remedy()
+                ))
+                .into());
+            }
+        }
+        make_folder(&self.out.join("images"))?;
+
+        let mut course = Course { started: Instant::now(), done: 0.0, all: self.work(&rows), bench: self };
+        let mut code = ExitCode::SUCCESS;
+        for (at, entries) in &self.present {
+            if self.missing(&rows, *at, entries).is_empty() {
+                continue;
+            }
+            if self.race_scene(device, *at, &mut rows, &mut course, stop, progress)? == Verdict::Refused {
+                code = ExitCode::from(1);
+            }
+            if stop.load(Ordering::Relaxed) {
+                code = ExitCode::from(130);
+                break;
+            }
+        }
+        if rows.is_empty() {
+            progress.line("nothing was finished; no report was written");
+            return Ok(code);
+        }
+        self.report(args, device, &rows, progress)?;
+        Ok(code)
+    }
+
+    /// Rows of an earlier run that still hold.
+    fn kept(&self, resume: bool) -> Result<Vec<Row>> {
+        let path = self.results();
+        if !path.exists() {
+            return Ok(vec![]);
+        }
+        if !resume {
+            let message = "has the results of an earlier run; add --resume to go on, or choose another --out".into();
+            return Err(Error::File { path, message });
+        }
+        let mut rows = table::read(&path)?;
+        let known = |row: &Row| {
+            self.present.iter().any(|(at, entries)| {
+                self.scene(*at).name == row.scene
+                    && entries.iter().any(|e| e.variant == row.variant && self.fingerprint(e) == row.fingerprint)
+            })
+        };
+        rows.retain(known);
+        Ok(rows)
+    }
+
+    /// Of scene, settings and time.
+    fn fingerprint(&self, entry: &Entry) -> String {
+        format!("{}-{}s", entry.fingerprint, self.suite.seconds)
+    }
+
+    /// Repetitions that are not complete.
+    fn missing(&self, rows: &[Row], at: usize, entries: &[Entry]) -> Vec<u32> {
+        let scene = &self.scene(at).name;
+        let has = |repetition: u32, entry: &Entry| {
+            rows.iter().any(|r| r.scene == *scene && r.variant == entry.variant && r.repetition == repetition)
+        };
+        (0..self.suite.repetitions).filter(|&r| !entries.iter().all(|entry| has(r, entry))).collect()
+    }
+
+    /// Seconds of rendering that are left to do.
+    fn work(&self, rows: &[Row]) -> f64 {
+        let races = |(at, entries): &(usize, Vec<Entry>)| self.missing(rows, *at, entries).len() * entries.len();
+        self.suite.seconds * self.present.iter().map(races).sum::<usize>() as f64
+    }
+
+    /// All missing repetitions of a scene; finished ones are in the table at once.
+    fn race_scene(
+        &self,
+        device: &Device,
+        at: usize,
+        rows: &mut Vec<Row>,
+        course: &mut Course,
+        stop: &AtomicBool,
+        progress: &mut Progress,
+    ) -> Result<Verdict> {
+        let scene = self.scene(at);
+        let job = Job::load(&self.suite, scene)?;
+        let found: Vec<reference::Reference> = job
+            .entries
+            .iter()
+            .map(|entry| Ok(reference::read(&self.references, entry)?.expect("it was there")))
+            .collect::<Result<_>>()?;
+        let (own, pictures): (Vec<f64>, Vec<Picture>) = found.into_iter().map(|r| (r.own, r.picture)).unzip();
+        let prepared = job.prepare(&self.suite, scene)?;
+        let mut race = Race::new(device, &job, &prepared, pictures)?;
+        drop(prepared);
+        for repetition in self.missing(rows, at, &job.entries) {
+            let mut watch = |seconds: f64| {
+                course.done += seconds;
+                progress.show(course.part(), || course.describe(&scene.name, repetition));
+                !stop.load(Ordering::Relaxed)
+            };
+            let Some(mut new) = race.run(repetition, self.suite.seconds, &mut watch)? else {
+                return Ok(Verdict::Measured);
+            };
+            if let Some(message) = self.too_noisy(&job, &own, &new) {
+                progress.line(&format!("refused: {message}"));
+                table::write(&self.refused(), &new)?;
+                return Ok(Verdict::Refused);
+            }
+            if repetition == 0 {
+                self.keep_images(&job, &race)?;
+            }
+            for row in &mut new {
+                row.fingerprint = format!("{}-{}s", row.fingerprint, self.suite.seconds);
+            }
+            rows.retain(|row| row.scene != scene.name || row.repetition != repetition);
+            rows.extend(new);
+            table::write(&self.results(), rows)?;
+        }
+        Ok(Verdict::Measured)
+    }
+
+    /// A message if a result came too near to the error of its reference.
+    fn too_noisy(&self, job: &Job, own: &[f64], rows: &[Row]) -> Option<String> {
+        let worst = rows.iter().filter_map(|row| {
+            let entry = job.entries.iter().position(|entry| entry.variant == row.variant)?;
+            (!reference::is_good(own[entry], row.relmse)).then_some((own[entry], row))
+        });
+        let (own, row) = worst.min_by(|(_, a), (_, b)| a.relmse.total_cmp(&b.relmse))?;
+        Some(format!(
+            "{}: {} reached a relMSE of {:.2e}, and the reference's own is {own:.2e}: it must be {MARGIN} times less and at most {TRUSTED}; make a better one with: {}",
+            job.name,
+            row.variant,
+            row.relmse,
+            self.remedy()
+        ))
+    }
+
+    fn keep_images(&self, job: &Job, race: &Race) -> Result<()> {
+        for (entry, film, seconds) in race.films() {
+            let settings = &entry.settings;
+            let provenance = Provenance {
+                resolution: settings.resolution,
+                crop: settings.crop,
+                gate: settings.gate,
+                seed: taugate::bench::race::seed(0),
+                seconds,
+                settings: entry.config.clone(),
+            };
+            exr_file::write(&report::image_path(&self.out, &job.name, &entry.variant), film, &provenance)?;
+        }
+        Ok(())
+    }
+
+    fn report(&self, args: &BenchArgs, device: &Device, rows: &[Row], progress: &Progress) -> Result<()> {
+        let scenes: Vec<(String, Vec<Entry>)> =
+            self.present.iter().map(|(at, entries)| (self.scene(*at).name.clone(), entries.clone())).collect();
+        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
+        // An earlier run may have had more repetitions.
+        let rows: Vec<Row> = rows.iter().filter(|row| row.repetition < self.suite.repetitions).cloned().collect();
+        let page = Page {
+            suite: &self.suite,
+            rows: &rows,
+            scenes: &scenes,
+            references: &self.references,
+            missing: &self.skipped,
+            machine: format!("{} and {threads} host threads", device.info().name),
+            command: self.command.clone(),
+            seconds: self.suite.seconds,
+            repetitions: self.suite.repetitions,
+        };
+        let path = report::write(&self.out, &page)?;
+        progress.finish();
+        for (scene, _) in &scenes {
+            super::print(&text(scene, &summary::lines(&rows, scene)));
+        }
+        if !args.quiet {
+            progress.line(&format!("{}, {}", path.display(), self.results().display()));
+        }
+        Ok(())
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Measured,
+    Refused,
+}
+
+/// How far the suite is.
+struct Course<'a> {
+    bench: &'a Bench,
+    started: Instant,
+    /// Seconds of rendering, done and in all.
+    done: f64,
+    all: f64,
+}
+
+impl Course<'_> {
+    fn part(&self) -> f64 {
+        (self.done / self.all).min(1.0)
+    }
+
+    fn describe(&self, scene: &str, repetition: u32) -> String {
+        let left = self.started.elapsed().as_secs_f64() * (1.0 - self.part()) / self.part().max(1e-9);
+        let all = self.bench.suite.repetitions;
+        format!("{scene}, repetition {} of {all}, {} left", repetition + 1, duration(left))
+    }
+}
+
+/// The lines of a scene for the terminal.
+fn text(scene: &str, lines: &[Line]) -> String {
+    let width = lines.iter().map(|line| line.variant.len()).max().unwrap_or(0);
+    let mut text = if lines.is_empty() { String::new() } else { format!("{scene}\n") };
+    for line in lines {
+        let ratio = line
+            .ratio
+            .map_or(String::new(), |r| format!("  lower by {:.2} ({:.2} to {:.2})", r.median, r.least, r.most));
+        text += &format!(
+            "  {:width$}  relMSE {:.3e}  FLIP {:.4}  {:.0} samples in {:.1} s{ratio}\n",
+            line.variant, line.relmse.median, line.flip.median, line.samples, line.seconds
+        );
+    }
+    text
+}
+
+fn command(args: &BenchArgs) -> String {
+    let mut text = format!("taugate bench {}", args.suite.display());
+    if let Some(resolution) = args.resolution {
+        text += &format!(" --resolution {resolution}");
+    }
+    if let Some(time) = args.time.filter(|_| !args.reference) {
+        text += &format!(" --time {time}");
+    }
+    if let Some(out) = &args.out {
+        text += &format!(" --out {}", out.display());
+    }
+    text
+}
+
+fn make_folder(path: &Path) -> Result<()> {
+    std::fs::create_dir_all(path).map_err(|e| Error::File {
+        path: path.into(),
+        message: format!("this folder cannot be made: {e}; choose another --out"),
+    })
+}

@@ -1,0 +1,119 @@
+//! `taugate bench --reference`.
+
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use taugate::bench::job::{Entry, Job};
+use taugate::bench::reference::{self, Goal, Made};
+use taugate::bench::table;
+use taugate::error::Result;
+use taugate::gpu::Device;
+
+use super::{Bench, make_folder};
+use crate::app::progress::{Progress, duration};
+use crate::cli::BenchArgs;
+
+/// A reference may take this many times the suite's time, unless --time says otherwise.
+const LIMIT: f64 = 40.0;
+
+/// Renders every reference of the suite that is missing or not good enough for what is known.
+pub fn make(
+    bench: &Bench,
+    args: &BenchArgs,
+    device: &Device,
+    stop: &AtomicBool,
+    progress: &mut Progress,
+) -> anyhow::Result<ExitCode> {
+    make_folder(&bench.references)?;
+    let mut code = ExitCode::SUCCESS;
+    for (at, entries) in &bench.present {
+        let scene = bench.scene(*at);
+        let names = distinct(entries);
+        let wanted: Vec<(&str, Option<f64>)> = names
+            .into_iter()
+            .map(|name| Ok((name, best(bench, &scene.name, entries, name)?)))
+            .collect::<Result<Vec<_>>>()?
+            .into_iter()
+            .filter(|(name, best)| args.time.is_some() || !is_good(bench, entries, name, *best))
+            .collect();
+        if wanted.is_empty() {
+            progress.line(&format!("{}: the reference is there", scene.name));
+            continue;
+        }
+        let job = Job::load(&bench.suite, scene)?;
+        let prepared = job.prepare(&bench.suite, scene)?;
+        for (name, best) in wanted {
+            let limit = args.time.map_or(LIMIT * bench.suite.seconds, |time| time.0);
+            let goal = Goal { seconds: bench.suite.seconds, limit, best };
+            let sharing: Vec<&Entry> = job.entries.iter().filter(|entry| entry.reference == name).collect();
+            let path = bench.references.join(name);
+            let mut watch = |done: f64, what: &str| {
+                progress.show(done, || what.to_string());
+                !stop.load(Ordering::Relaxed)
+            };
+            match reference::make(device, &job, &prepared, &sharing, goal, &path, &mut watch)? {
+                None => return Ok(ExitCode::from(130)),
+                Some(made) => {
+                    let good = tell(&scene.name, &path.display().to_string(), &made, progress);
+                    code = if good { code } else { ExitCode::from(1) };
+                }
+            }
+        }
+    }
+    Ok(code)
+}
+
+/// Names of the references that entries need, each once.
+fn distinct(entries: &[Entry]) -> Vec<&str> {
+    let mut names: Vec<&str> = vec![];
+    for entry in entries {
+        if !names.contains(&entry.reference.as_str()) {
+            names.push(&entry.reference);
+        }
+    }
+    names
+}
+
+/// The least relMSE that was measured against this reference.
+fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Option<f64>> {
+    let mut rows = vec![];
+    for path in [bench.results(), bench.refused()].iter().filter(|path| path.exists()) {
+        rows.extend(table::read(path)?);
+    }
+    let shares = |variant: &str| entries.iter().any(|entry| entry.variant == variant && entry.reference == name);
+    let errors = rows.iter().filter(|row| row.scene == scene && shares(&row.variant)).map(|row| row.relmse);
+    Ok(errors.min_by(f64::total_cmp))
+}
+
+fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<f64>) -> bool {
+    let entry = entries.iter().find(|entry| entry.reference == name).expect("the name is one of theirs");
+    let found = reference::read(&bench.references, entry).ok().flatten();
+    found.is_some_and(|reference| reference::is_good(reference.own, best.unwrap_or(f64::INFINITY)))
+}
+
+/// Says how it went; whether all is well.
+fn tell(scene: &str, path: &str, made: &Made, progress: &Progress) -> bool {
+    let Made { variant, seconds, samples, own, wanted, judge, agreement } = made;
+    if !agreement.holds() {
+        progress.line(&format!(
+            "{scene}: no reference was written: what {variant} rendered in {} differs from {judge} (|z| = {:.1} in one of {} cells)",
+            duration(*seconds),
+            agreement.worst,
+            agreement.cells
+        ));
+        return false;
+    }
+    progress.line(&format!(
+        "{path}: {scene} by {variant}, {samples} samples a pixel in {}, own relMSE {own:.2e}; agrees with {judge} (|z| at most {:.1} in {} cells)",
+        duration(*seconds),
+        agreement.worst,
+        agreement.cells
+    ));
+    if own > wanted {
+        progress.line(&format!(
+            "warning: {scene}: the time ended before the reference was good enough: its own relMSE should be {wanted:.2e} for \
+             this suite; give it longer with --time"
+        ));
+    }
+    true
+}

@@ -1,0 +1,107 @@
+//! One scene of a suite made ready: loaded, and its settings resolved for every variant.
+
+use super::hash::Hash;
+use super::suite::{Part, SceneEntry, Suite};
+use crate::error::{Error, Result};
+use crate::experiment::Experiment;
+use crate::gpu::Device;
+use crate::render::{Prepared, Reach};
+use crate::resolve;
+use crate::scene::{LightKind, Scene};
+use crate::settings::{Estimator, Settings};
+
+use super::lane::Lane;
+
+/// A scene through a gate, and the ways to render it.
+pub struct Job {
+    pub name: String,
+    pub scene: Scene,
+    pub entries: Vec<Entry>,
+    /// What the user should know about the settings, one sentence each, without repetitions.
+    pub warnings: Vec<String>,
+    /// Of the scene's file.
+    hash: Hash,
+}
+
+/// A variant's settings for one scene.
+#[derive(Clone)]
+pub struct Entry {
+    pub variant: String,
+    pub settings: Settings,
+    /// The experiment that renders the same, as TOML without scene, seed and budget.
+    pub config: String,
+    /// Fingerprint of scene and settings: rows of a table that carry it were measured with them.
+    pub fingerprint: String,
+    /// Name of the file that holds the truth for these settings. Variants of the same strategies and depth share one.
+    pub reference: String,
+    /// Whether the variant finds all the light: `pt` cannot see by a beam.
+    pub sees_all: bool,
+}
+
+impl Job {
+    /// Loads a scene. Errors name the place in the suite where the scene, its camera, emitters or gate are chosen.
+    pub fn load(suite: &Suite, entry: &SceneEntry) -> Result<Job> {
+        let wrong = |error: Error, part| suite.error_at(entry, part, &error.to_string());
+        let scene = crate::scene::gltf::load(entry.path()).map_err(|e| wrong(e, Part::Path))?;
+        let bytes =
+            std::fs::read(entry.path()).map_err(|e| wrong(crate::files::read_error(entry.path(), &e), Part::Path))?;
+        let mut job =
+            Job { name: entry.name.clone(), scene, entries: vec![], warnings: vec![], hash: Hash::new().with(&bytes) };
+        for variant in &suite.variants {
+            let experiment = suite.experiment(entry, variant);
+            let resolved = resolve::resolve(&experiment, &job.scene).map_err(|e| wrong(e, Part::Name))?;
+            job.warnings
+                .extend(resolved.warnings.into_iter().filter(|w| !job.warnings.contains(w)).collect::<Vec<_>>());
+            job.entries.push(job.entry(&variant.name, &experiment, resolved.settings));
+        }
+        Ok(job)
+    }
+
+    fn entry(&self, variant: &str, experiment: &Experiment, settings: Settings) -> Entry {
+        let mut config = resolve::as_experiment(experiment, &settings, &self.scene);
+        config.scene = None;
+        (config.render.seed, config.render.spp, config.render.time) = (None, None, None);
+        let text = config.to_toml();
+
+        // The truth depends on what is looked at and on which paths count, not on how they are found.
+        let mut truth = config.clone();
+        truth.render = crate::experiment::RenderTable {
+            strategies: Some(settings.strategies),
+            max_depth: Some(settings.max_depth),
+            ..Default::default()
+        };
+        let reference = format!("{}-{}.exr", self.name, self.hash.with(truth.to_toml().as_bytes()).digits());
+        let beam = |node: &str| settings.emitters.include(node);
+        let beams = self.scene.lights.iter().any(|l| beam(&l.node) && matches!(l.kind, LightKind::Beam { .. }));
+        Entry {
+            variant: variant.into(),
+            fingerprint: self.hash.with(text.as_bytes()).digits(),
+            config: text,
+            reference,
+            sees_all: !(beams && settings.estimator == Estimator::Pt),
+            settings,
+        }
+    }
+
+    /// The scene's hierarchy, which all entries share. Fails with the gate's place in the suite if no path can meet it.
+    pub fn prepare(&self, suite: &Suite, scene: &SceneEntry) -> Result<Prepared> {
+        let settings = &self.entries[0].settings;
+        let prepared =
+            Prepared::new(&self.scene, settings).map_err(|e| suite.error_at(scene, Part::Name, &e.to_string()))?;
+        let reach = Reach::new(&prepared, settings);
+        if !settings.gate.is_open() && !reach.meets(&settings.gate) {
+            let message = format!(
+                "the {} meets no light: none arrives before {:.4} m; see taugate info {}",
+                settings.gate.describe(),
+                reach.least,
+                scene.path().display()
+            );
+            return Err(suite.error_at(scene, Part::Gate, &message));
+        }
+        Ok(prepared)
+    }
+
+    pub(super) fn lane(&self, device: &Device, settings: &Settings, prepared: &Prepared) -> Result<Lane> {
+        Lane::new(device, &self.scene, settings, prepared)
+    }
+}

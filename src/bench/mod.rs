@@ -1,0 +1,17 @@
+//! Error against time: estimators and variants of their settings on the same scenes, in turns, compared with references.
+//!
+//! A [`suite`] says what to compare, a [`job`] is one of its scenes made ready, a [`race`] renders it once, a [`table`]
+//! holds what was measured, a [`summary`] is what it amounts to and a [`report`] shows it.
+
+mod check;
+mod hash;
+pub mod job;
+mod lane;
+mod plot;
+pub mod race;
+pub mod reference;
+pub mod report;
+mod strip;
+pub mod suite;
+pub mod summary;
+pub mod table;

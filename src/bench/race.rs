@@ -1,0 +1,106 @@
+//! Renders variants in turns, so that whatever else the machine does hurts all alike.
+
+use super::job::{Entry, Job};
+use super::lane::Lane;
+use super::table::Row;
+use crate::error::Result;
+use crate::exr_file::Picture;
+use crate::film::Film;
+use crate::gpu::Device;
+use crate::metrics;
+use crate::render::Prepared;
+
+/// Time points of a race: each is twice the one before, the last is the whole time.
+pub const POINTS: u32 = 7;
+/// Turns that a lane takes within the whole time, unless an iteration is longer.
+const TURNS: f64 = 64.0;
+
+/// Seconds at which the error is measured.
+pub fn points(seconds: f64) -> Vec<f64> {
+    (0..POINTS).rev().map(|k| seconds / f64::from(1u32 << k)).collect()
+}
+
+/// The variants of a scene, compiled.
+pub struct Race<'a> {
+    job: &'a Job,
+    lanes: Vec<Lane>,
+    references: Vec<Picture>,
+}
+
+impl<'a> Race<'a> {
+    /// `references`: one an entry of the job, of the size of its crop.
+    pub fn new(device: &Device, job: &'a Job, prepared: &Prepared, references: Vec<Picture>) -> Result<Race<'a>> {
+        let lane = |entry: &Entry| Lane::new(device, &job.scene, &entry.settings, prepared);
+        Ok(Race { lanes: job.entries.iter().map(lane).collect::<Result<_>>()?, job, references })
+    }
+
+    /// One repetition: every variant renders for `seconds`. After each turn `watch` hears how many seconds were rendered and
+    /// says whether to go on; `None` if it does not.
+    pub fn run(
+        &mut self,
+        repetition: u32,
+        seconds: f64,
+        watch: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Option<Vec<Row>>> {
+        let points = points(seconds);
+        let mut next = vec![0; self.lanes.len()];
+        let mut rows = vec![];
+        self.lanes.iter_mut().for_each(|lane| lane.restart(seed(repetition)));
+        // The one that is behind has the next turn.
+        while let Some(at) = behind(&self.lanes, &next, points.len()) {
+            let lane = &mut self.lanes[at];
+            let begin = lane.clock;
+            lane.run_until((begin + seconds / TURNS).min(points[next[at]]), seconds)?;
+            let spent = lane.clock - begin;
+            let reached = points.iter().filter(|&&point| lane.clock >= point).count();
+            if reached > next[at] {
+                next[at] = reached;
+                rows.push(self.measure(at, repetition, reached as u32 - 1)?);
+            }
+            if !watch(spent) {
+                return Ok(None);
+            }
+        }
+        rows.sort_by_key(|row| self.job.entries.iter().position(|entry| entry.variant == row.variant));
+        Ok(Some(rows))
+    }
+
+    fn measure(&self, at: usize, repetition: u32, point: u32) -> Result<Row> {
+        let (lane, entry, reference) = (&self.lanes[at], &self.job.entries[at], &self.references[at]);
+        let image = lane.renderer.film().mean();
+        let queries = lane.count(|s| s.candidates);
+        let vertices = lane.count(|s| s.emitter_vertices + s.scattered_vertices + s.deterministic_vertices);
+        Ok(Row {
+            scene: self.job.name.clone(),
+            variant: entry.variant.clone(),
+            estimator: entry.settings.estimator.to_string(),
+            repetition,
+            point,
+            seconds: lane.clock,
+            samples: lane.renderer.film().samples(),
+            relmse: metrics::compare(&image, &reference.rgb)?.relmse,
+            flip: metrics::flip::hdr(&image, &reference.rgb, reference.width as usize).mean(),
+            dropped: lane.count(|s| s.dropped),
+            light_vertices: vertices as f64 / lane.count(|s| s.iterations) as f64,
+            queries_per_s: queries as f64 / lane.clock,
+            rays_per_s: lane.count(|s| s.rays()) as f64 / lane.clock,
+            dead_query_share: 1.0 - lane.count(|s| s.live_candidates) as f64 / (queries as f64).max(1.0),
+            fingerprint: entry.fingerprint.clone(),
+        })
+    }
+
+    /// What every variant rendered in the last repetition, with its settings and seconds.
+    pub fn films(&self) -> impl Iterator<Item = (&Entry, &Film, f64)> {
+        self.job.entries.iter().zip(&self.lanes).map(|(entry, lane)| (entry, lane.renderer.film(), lane.clock))
+    }
+}
+
+fn behind(lanes: &[Lane], next: &[usize], points: usize) -> Option<usize> {
+    let open = (0..lanes.len()).filter(|&i| next[i] < points);
+    open.min_by(|&a, &b| lanes[a].clock.total_cmp(&lanes[b].clock))
+}
+
+/// Seeds of repetitions; references have others.
+pub fn seed(repetition: u32) -> u32 {
+    1 + repetition
+}

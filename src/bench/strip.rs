@@ -1,0 +1,68 @@
+//! Crops side by side: the reference and every variant above, their errors below.
+
+use image::{Rgb, RgbImage};
+
+use crate::exr_file::Picture;
+use crate::metrics::flip;
+use crate::png_file;
+
+/// Pixels of a crop at most, and how wide a tile is drawn at least.
+const CROP: [u32; 2] = [160, 120];
+const TILE: u32 = 240;
+/// Pixels of white between tiles.
+const GAP: u32 = 4;
+/// Candidates for the place of the crop, along each side.
+const STEPS: u32 = 8;
+
+/// The upper row shows the reference and `images` (all of one size) at the exposure of the reference, the lower one how FLIP
+/// sees each, black for no error to white. Large images are cropped where the reference has most light and shade.
+pub fn strip(reference: &Picture, images: &[Picture]) -> RgbImage {
+    let size = [reference.width.min(CROP[0]), reference.height.min(CROP[1])];
+    let at = place(reference, size);
+    let zoom = TILE.div_ceil(size[0]).max(1);
+    let tile = [size[0] * zoom, size[1] * zoom];
+    let columns = 1 + images.len() as u32;
+    let (width, height) = (columns * (tile[0] + GAP) - GAP, 2 * tile[1] + GAP);
+    let mut out = RgbImage::from_pixel(width, height, Rgb([255; 3]));
+
+    let exposure = png_file::exposure(&reference.rgb);
+    let mut put = |column: u32, row: u32, bytes: &[u8]| {
+        let (left, top) = (column * (tile[0] + GAP), row * (tile[1] + GAP));
+        for (x, y) in (0..tile[1]).flat_map(|y| (0..tile[0]).map(move |x| (x, y))) {
+            let from = 3 * ((at[1] + y / zoom) * reference.width + at[0] + x / zoom) as usize;
+            out.put_pixel(left + x, top + y, Rgb([bytes[from], bytes[from + 1], bytes[from + 2]]));
+        }
+    };
+    put(0, 0, &png_file::expose(&reference.rgb, exposure));
+    for (i, image) in images.iter().enumerate() {
+        put(1 + i as u32, 0, &png_file::expose(&image.rgb, exposure));
+        let error = flip::hdr(&image.rgb, &reference.rgb, reference.width as usize).map;
+        put(1 + i as u32, 1, &error.iter().flat_map(|&e| heat(e)).collect::<Vec<u8>>());
+    }
+    out
+}
+
+/// Black, violet, orange, white; ever brighter.
+fn heat(error: f32) -> [u8; 3] {
+    const STOPS: [[f32; 3]; 5] =
+        [[0.0, 0.0, 0.0], [60.0, 15.0, 110.0], [180.0, 50.0, 120.0], [250.0, 150.0, 90.0], [255.0, 255.0, 240.0]];
+    let at = error.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
+    let from = (at as usize).min(STOPS.len() - 2);
+    let part = at - from as f32;
+    [0, 1, 2].map(|c| (STOPS[from][c] + part * (STOPS[from + 1][c] - STOPS[from][c])) as u8)
+}
+
+/// Where a window of this size has the greatest contrast between its pixels, relative to their brightness.
+fn place(picture: &Picture, [w, h]: [u32; 2]) -> [u32; 2] {
+    let steps = |all: u32, part: u32| (0..=STEPS).map(move |i| (all - part) * i / STEPS);
+    let candidates = steps(picture.height, h).flat_map(|y| steps(picture.width, w).map(move |x| [x, y]));
+    let value = |x: u32, y: u32| {
+        let p = &picture.rgb[3 * (y * picture.width + x) as usize..][..3];
+        (p[0] + p[1] + p[2]).max(0.0).cbrt()
+    };
+    let contrast = |[x0, y0]: &[u32; 2]| -> f32 {
+        let pairs = (*y0..y0 + h).flat_map(|y| (*x0 + 1..x0 + w).map(move |x| (x, y)));
+        pairs.map(|(x, y)| (value(x, y) - value(x - 1, y)).abs()).sum()
+    };
+    candidates.max_by(|a, b| contrast(a).total_cmp(&contrast(b))).unwrap_or([0, 0])
+}

@@ -1,0 +1,312 @@
+//! A suite: the scenes, gates and variants that are compared, as TOML.
+//!
+//! Every `[[scene]]` is rendered with every `[[variant]]`. A variant's `render` table has the keys of an experiment's, laid over
+//! those of the scene, laid over those of the suite.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::error::{Error, Result};
+use crate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, RenderTable, position};
+use crate::settings::Emitters;
+use crate::units::{Depth, Gate, Resolution as Fineness};
+use crate::values::{Resolution, Seconds};
+
+/// A suite is a few pages of text.
+const MAX_BYTES: u64 = 1 << 20;
+/// Seconds a variant, scene and repetition when the suite does not say.
+pub const DEFAULT_SECONDS: f64 = 30.0;
+pub const DEFAULT_REPETITIONS: u32 = 3;
+const MAX_REPETITIONS: u32 = 1000;
+
+/// What to compare.
+#[derive(Debug, Clone)]
+pub struct Suite {
+    pub path: PathBuf,
+    /// The file's name without its extension.
+    pub name: String,
+    /// What the suite is for, shown in its report; empty if it does not say.
+    pub about: String,
+    /// Rendering time of each variant in each scene and repetition.
+    pub seconds: f64,
+    pub repetitions: u32,
+    pub scenes: Vec<SceneEntry>,
+    pub variants: Vec<Variant>,
+    text: String,
+}
+
+/// One scene through one gate.
+#[derive(Debug, Clone)]
+pub struct SceneEntry {
+    pub name: String,
+    /// Scene, camera, emitters, gate and the settings that all variants share.
+    pub experiment: Experiment,
+    /// Where in the file the scene's path, its gate (or its name) and its name stand.
+    at: [Range<usize>; 3],
+}
+
+/// A way to render.
+#[derive(Debug, Clone)]
+pub struct Variant {
+    pub name: String,
+    render: RenderTable,
+}
+
+/// Which part of a scene a message is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    Path,
+    Gate,
+    Name,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct File {
+    #[serde(default)]
+    about: String,
+    time: Option<Seconds>,
+    repetitions: Option<Spanned<u32>>,
+    render: Option<Spanned<RenderTable>>,
+    #[serde(default)]
+    scene: Vec<SceneTable>,
+    #[serde(default)]
+    variant: Vec<VariantTable>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct SceneTable {
+    name: Spanned<String>,
+    scene: Spanned<PathBuf>,
+    camera: Option<String>,
+    resolution: Option<Resolution>,
+    emitters: Option<Emitters>,
+    gate: Option<Spanned<Gate>>,
+    depth: Option<Spanned<Depth>>,
+    render: Option<Spanned<RenderTable>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct VariantTable {
+    name: Spanned<String>,
+    render: Option<Spanned<RenderTable>>,
+}
+
+/// What is wrong, and where.
+type Mistake = (Range<usize>, String);
+
+impl Suite {
+    /// Reads a suite; scenes are taken from its own folder. Mistakes are reported with line and column.
+    pub fn read(path: &Path) -> Result<Suite> {
+        let fail = |message: String| Error::File { path: path.into(), message };
+        let length = std::fs::metadata(path).map_err(|e| fail(format!("cannot read the suite: {e}")))?.len();
+        if length > MAX_BYTES {
+            return Err(fail(format!("{length} bytes are too many for a suite; is it something else?")));
+        }
+        let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot read the suite: {e}")))?;
+        let text = String::from_utf8(bytes).map_err(|_| fail("this is not text in UTF-8; a suite is TOML".into()))?;
+        Suite::parse(path, text)
+    }
+
+    /// As [`Suite::read`] of a file with this text.
+    pub fn parse(path: &Path, text: String) -> Result<Suite> {
+        let file: File = toml::from_str(&text).map_err(|e| {
+            let span = e.span().unwrap_or(0..0);
+            located(path, &text, &span, e.message())
+        })?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let parts = parts(file, folder).map_err(|(span, message)| located(path, &text, &span, &message))?;
+        let (about, seconds, repetitions, scenes, variants) = parts;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Suite { path: path.into(), name, about, seconds, repetitions, scenes, variants, text })
+    }
+
+    /// The experiment of a scene and variant, without samples or time.
+    pub fn experiment(&self, scene: &SceneEntry, variant: &Variant) -> Experiment {
+        let top = Experiment { render: variant.render.clone(), ..Experiment::default() };
+        top.over(scene.experiment.clone())
+    }
+
+    /// `suite.toml:3:9: message` for a part of a scene.
+    pub fn error_at(&self, scene: &SceneEntry, part: Part, message: &str) -> Error {
+        located(&self.path, &self.text, &scene.at[part as usize], message)
+    }
+}
+
+impl SceneEntry {
+    pub fn path(&self) -> &Path {
+        self.experiment.scene.as_deref().expect("every entry has a path")
+    }
+
+    /// Whether the folder that should hold the scene is there at all: sets of scenes are fetched as a whole, or not.
+    pub fn folder_exists(&self) -> bool {
+        self.path().parent().is_none_or(|folder| folder == Path::new("") || folder.is_dir())
+    }
+}
+
+fn located(path: &Path, text: &str, span: &Range<usize>, message: &str) -> Error {
+    let (line, column) = position(text, span.start);
+    Error::Settings(format!("{}:{line}:{column}: {}", path.display(), message.replace('\n', ", ")))
+}
+
+type Parts = (String, f64, u32, Vec<SceneEntry>, Vec<Variant>);
+
+fn parts(file: File, folder: &Path) -> Result<Parts, Mistake> {
+    let repetitions = match &file.repetitions {
+        Some(typed) if !(1..=MAX_REPETITIONS).contains(typed.get_ref()) => {
+            return Err((typed.span(), format!("repetitions must be from 1 to {MAX_REPETITIONS}")));
+        }
+        Some(typed) => *typed.get_ref(),
+        None => DEFAULT_REPETITIONS,
+    };
+    if file.scene.is_empty() {
+        return Err((
+            0..0,
+            "the suite has no scene: add [[scene]] with name = \"...\" and scene = \"room.glb\"".into(),
+        ));
+    }
+    if file.variant.is_empty() {
+        let example =
+            "the suite has no variant: add [[variant]] with name = \"bdpt\" and render = { estimator = \"bdpt\" }";
+        return Err((0..0, example.into()));
+    }
+
+    let shared = render(file.render)?;
+    let mut names = BTreeSet::new();
+    let mut scenes = vec![];
+    for table in file.scene {
+        unique(&mut names, &table.name)?;
+        scenes.push(scene(table, folder, &shared)?);
+    }
+    names.clear();
+    let mut variants = vec![];
+    for table in file.variant {
+        unique(&mut names, &table.name)?;
+        variants.push(Variant { name: table.name.into_inner(), render: render(table.render)? });
+    }
+    let seconds = file.time.map_or(DEFAULT_SECONDS, |time| time.0);
+    Ok((file.about, seconds, repetitions, scenes, variants))
+}
+
+fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<SceneEntry, Mistake> {
+    if let (Some(_), Some(depth)) = (&table.gate, &table.depth) {
+        return Err((depth.span(), "gate and depth say the same thing in two ways: keep one".into()));
+    }
+    let gate_at = table.gate.as_ref().map(Spanned::span).or(table.depth.as_ref().map(Spanned::span));
+    let gate = table.gate.map(Spanned::into_inner).or(table.depth.map(|depth| depth.into_inner().0));
+    if let (Some(gate), Some(at)) = (gate, &gate_at)
+        && let Fineness::TooThin { ulps } = gate.resolution()
+    {
+        let what = gate.describe();
+        let message = format!("the {what} is only {ulps:.1} steps of 32-bit travel times wide; make it wider");
+        return Err((at.clone(), message));
+    }
+    let at = [table.scene.span(), gate_at.unwrap_or(table.name.span()), table.name.span()];
+    let own = Experiment {
+        scene: Some(folder.join(table.scene.into_inner())),
+        camera: CameraTable { camera: table.camera, resolution: table.resolution, crop: None },
+        emitter: EmitterTable { emitters: table.emitters },
+        gate: GateTable { gate, ..GateTable::default() },
+        render: render(table.render)?,
+        ..Experiment::default()
+    };
+    let below = Experiment { render: shared.clone(), ..Experiment::default() };
+    Ok(SceneEntry { name: table.name.into_inner(), experiment: own.over(below), at })
+}
+
+/// A table of settings; what the bench itself decides cannot be set there.
+fn render(table: Option<Spanned<RenderTable>>) -> Result<RenderTable, Mistake> {
+    let Some(table) = table else { return Ok(RenderTable::default()) };
+    let RenderTable { spp, time, seed, device, strict, .. } = table.get_ref();
+    let taken = [
+        ("spp", spp.is_some()),
+        ("time", time.is_some()),
+        ("seed", seed.is_some()),
+        ("device", device.is_some()),
+        ("strict", strict.is_some()),
+    ];
+    match taken.iter().find(|(_, there)| *there) {
+        Some((key, _)) => Err((table.span(), format!("'{key}' is for the bench to choose: remove it from this table"))),
+        None => Ok(table.into_inner()),
+    }
+}
+
+/// Names become parts of file names and columns of a table.
+fn unique(seen: &mut BTreeSet<String>, name: &Spanned<String>) -> Result<(), Mistake> {
+    let text = name.get_ref();
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_.+ ".contains(c);
+    if text.is_empty() || text.starts_with('.') || !text.chars().all(plain) {
+        let message = format!("'{text}' cannot be a name: use letters, digits, spaces and - _ . +");
+        return Err((name.span(), message));
+    }
+    match seen.insert(text.clone()) {
+        true => Ok(()),
+        false => Err((name.span(), format!("there are two of the name '{text}': give each its own"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = r#"
+about = "a test"
+time = "2s"
+[render]
+max-depth = 9
+[[scene]]
+name = "box"
+scene = "scenes/box.glb"
+gate = "8m..8.5m"
+resolution = "16x16"
+render = { light-paths = 100 }
+[[variant]]
+name = "bdpt"
+render = { estimator = "bdpt" }
+[[variant]]
+name = "two queries"
+render = { queries = 2, light-paths = 200 }
+"#;
+
+    #[test]
+    fn settings_are_laid_over_each_other() {
+        let suite = Suite::parse(Path::new("a/s.toml"), GOOD.into()).unwrap();
+        assert_eq!((suite.name.as_str(), suite.seconds, suite.repetitions), ("s", 2.0, DEFAULT_REPETITIONS));
+        let of = |v: usize| suite.experiment(&suite.scenes[0], &suite.variants[v]);
+        assert_eq!(of(0).scene, Some("a/scenes/box.glb".into()));
+        assert_eq!((of(0).render.light_paths, of(0).render.max_depth), (Some(100), Some(9)));
+        assert_eq!((of(1).render.light_paths, of(1).render.queries), (Some(200), Some(2)));
+        assert_eq!(of(1).gate.gate, Some(Gate { lo: 8.0, hi: 8.5 }));
+    }
+
+    #[test]
+    fn mistakes_are_reported_where_they_stand() {
+        let table = [
+            ("max-depth = 9", "max-dept = 9", "5:1: unknown field `max-dept`"),
+            ("gate = ", "gat = ", "9:1: unknown field `gat`"),
+            ("8m..8.5m", "8.5m..8m", "9:8: the gate is reversed"),
+            ("8m..8.5m", "8m+0.001um", "9:8: the gate"),
+            ("estimator = \"bdpt\"", "estimator = \"magic\"", "14:24: no estimator is called 'magic'"),
+            ("queries = 2", "spp = 2", "17:10: 'spp' is for the bench to choose"),
+            ("two queries", "bdpt", "16:8: there are two of the name 'bdpt'"),
+            ("two queries", "a/b", "16:8: 'a/b' cannot be a name"),
+            ("about = \"a test\"", "repetitions = 0", "2:15: repetitions must be"),
+            ("[[variant]]\nname = \"bdpt\"", "[[varian]]\nname = \"bdpt\"", "12:3: unknown field `varian`"),
+        ];
+        for (from, to, part) in table {
+            let text = GOOD.replacen(from, to, 1);
+            assert_ne!(text, GOOD, "{from}");
+            let error = Suite::parse(Path::new("s.toml"), text).unwrap_err().to_string();
+            assert!(error.contains(&format!("s.toml:{part}")), "expected {part}: {error}");
+        }
+        for (text, part) in [("", "no scene"), (GOOD.split("[[variant").next().unwrap(), "no variant")] {
+            assert!(Suite::parse(Path::new("s.toml"), text.into()).unwrap_err().to_string().contains(part));
+        }
+    }
+}

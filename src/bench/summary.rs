@@ -1,0 +1,171 @@
+//! What the rows amount to: medians over repetitions, ratios within them, slopes of convergence.
+
+use super::table::Row;
+use crate::settings::Estimator;
+
+/// The median of some values and how far they spread.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread {
+    pub median: f64,
+    pub least: f64,
+    pub most: f64,
+}
+
+impl Spread {
+    /// `None` without values. The median of an even number is the geometric mean of the middle two, since errors and their
+    /// ratios are compared by factors.
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Spread> {
+        let mut all: Vec<f64> = values.into_iter().collect();
+        all.sort_by(f64::total_cmp);
+        let n = all.len();
+        let (low, high) = (*all.get(n.checked_sub(1)? / 2)?, all[n / 2]);
+        let median = if low == high { low } else { (low * high).sqrt() };
+        Some(Spread { median, least: all[0], most: all[n - 1] })
+    }
+}
+
+/// A variant in a scene, at the end of its time.
+#[derive(Debug, Clone)]
+pub struct Line {
+    pub variant: String,
+    pub seconds: f64,
+    pub samples: f64,
+    pub relmse: Spread,
+    pub flip: Spread,
+    /// How many times lower relMSE is than that of the better of bdpt and pt in the same repetition.
+    pub ratio: Option<Spread>,
+    /// Exponent of relMSE against time; -1 for independent samples. `None` with fewer than two points.
+    pub slope: Option<f64>,
+    pub light_vertices: f64,
+    pub queries_per_s: f64,
+    pub rays_per_s: f64,
+    pub dead_query_share: f64,
+    pub dropped: u64,
+}
+
+/// A point of a convergence curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    pub seconds: f64,
+    pub relmse: Spread,
+}
+
+/// The scene's variants in the order of the rows.
+pub fn lines(rows: &[Row], scene: &str) -> Vec<Line> {
+    let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
+    let mut names: Vec<&str> = vec![];
+    for row in &rows {
+        if !names.contains(&row.variant.as_str()) {
+            names.push(&row.variant);
+        }
+    }
+    let ends: Vec<&Row> = rows.iter().copied().filter(|row| is_last(row, &rows)).collect();
+    names.into_iter().filter_map(|name| line(name, &rows, &ends)).collect()
+}
+
+fn is_last(row: &Row, rows: &[&Row]) -> bool {
+    let same = |other: &&&Row| other.variant == row.variant && other.repetition == row.repetition;
+    rows.iter().filter(same).all(|other| other.point <= row.point)
+}
+
+fn line(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<Line> {
+    let mine: Vec<&Row> = ends.iter().copied().filter(|row| row.variant == variant).collect();
+    let median = |of: &dyn Fn(&Row) -> f64| Spread::of(mine.iter().map(|row| of(row))).map(|spread| spread.median);
+    let baseline = |repetition: u32| {
+        let is_baseline =
+            |row: &&&Row| [Estimator::Bdpt.name(), Estimator::Pt.name()].contains(&row.estimator.as_str());
+        let errors = ends.iter().filter(is_baseline).filter(|row| row.repetition == repetition).map(|row| row.relmse);
+        errors.min_by(f64::total_cmp)
+    };
+    Some(Line {
+        variant: variant.into(),
+        seconds: median(&|row| row.seconds)?,
+        samples: median(&|row| row.samples as f64)?,
+        relmse: Spread::of(mine.iter().map(|row| row.relmse))?,
+        flip: Spread::of(mine.iter().map(|row| row.flip))?,
+        ratio: Spread::of(mine.iter().filter_map(|row| Some(baseline(row.repetition)? / row.relmse))),
+        slope: slope(&curve(rows, variant)),
+        light_vertices: median(&|row| row.light_vertices)?,
+        queries_per_s: median(&|row| row.queries_per_s)?,
+        rays_per_s: median(&|row| row.rays_per_s)?,
+        dead_query_share: median(&|row| row.dead_query_share)?,
+        dropped: mine.iter().map(|row| row.dropped).sum(),
+    })
+}
+
+/// Median error at every time point of one variant, in order of time.
+pub fn curve(rows: &[&Row], variant: &str) -> Vec<Point> {
+    let mine = || rows.iter().filter(|row| row.variant == variant);
+    let last = mine().map(|row| row.point).max().unwrap_or(0);
+    (0..=last)
+        .filter_map(|point| {
+            let here = || mine().filter(|row| row.point == point);
+            let seconds = Spread::of(here().map(|row| row.seconds))?.median;
+            Some(Point { seconds, relmse: Spread::of(here().map(|row| row.relmse))? })
+        })
+        .collect()
+}
+
+/// Least squares through the logarithms; the first points, of a few samples, are left out where there are others.
+fn slope(curve: &[Point]) -> Option<f64> {
+    let used = &curve[curve.len().saturating_sub(5)..];
+    let logs: Vec<(f64, f64)> = used.iter().map(|p| (p.seconds.ln(), p.relmse.median.ln())).collect();
+    let n = logs.len() as f64;
+    let (x, y) = logs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+    let (xy, xx) = logs.iter().fold((0.0, 0.0), |(a, b), (u, v)| (a + (u - x) * (v - y), b + (u - x).powi(2)));
+    (logs.len() >= 2 && xx > 0.0 && xy.is_finite()).then(|| xy / xx)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(variant: &str, estimator: &str, repetition: u32, point: u32, relmse: f64) -> Row {
+        Row {
+            scene: "s".into(),
+            variant: variant.into(),
+            estimator: estimator.into(),
+            repetition,
+            point,
+            seconds: f64::from(1u32 << point),
+            samples: 4,
+            relmse,
+            flip: 0.1,
+            dropped: 1,
+            light_vertices: 10.0,
+            queries_per_s: 1e6,
+            rays_per_s: 1e6,
+            dead_query_share: 0.5,
+            fingerprint: "f".into(),
+        }
+    }
+
+    #[test]
+    fn spreads() {
+        assert_eq!(Spread::of([]), None);
+        assert_eq!(Spread::of([3.0, 1.0, 2.0]), Some(Spread { median: 2.0, least: 1.0, most: 3.0 }));
+        assert_eq!(Spread::of([4.0, 1.0]).unwrap().median, 2.0);
+        assert_eq!(Spread::of([0.0]).unwrap().median, 0.0);
+    }
+
+    #[test]
+    fn ratios_are_of_the_same_repetition_and_slopes_of_the_medians() {
+        let mut rows = vec![];
+        for (repetition, noise) in [(0, 1.0), (1, 4.0), (2, 2.0)] {
+            for point in 0..4 {
+                let error = noise / f64::from(1u32 << point);
+                rows.push(row("plain", "bdpt", repetition, point, error));
+                rows.push(row("path", "pt", repetition, point, 3.0 * error));
+                rows.push(row("ours", "lcs-paper", repetition, point, 0.1 * error));
+            }
+        }
+        let lines = lines(&rows, "s");
+        assert_eq!(lines.iter().map(|l| l.variant.as_str()).collect::<Vec<_>>(), ["plain", "path", "ours"]);
+        let ratio = lines[2].ratio.unwrap();
+        assert!((ratio.median - 10.0).abs() < 1e-12 && (ratio.most - ratio.least).abs() < 1e-12, "{ratio:?}");
+        assert_eq!(lines[0].ratio.unwrap().median, 1.0);
+        assert!((lines[2].slope.unwrap() + 1.0).abs() < 1e-12);
+        assert_eq!((lines[0].relmse.median, lines[0].relmse.most, lines[0].dropped), (0.25, 0.5, 3));
+        assert!(super::lines(&rows, "elsewhere").is_empty());
+    }
+}

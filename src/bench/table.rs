@@ -1,0 +1,112 @@
+//! What was measured, one row a scene, variant, repetition and time point, as CSV.
+
+use std::io::Write;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::files::{read_error, write_atomically};
+
+/// The columns in their order. `seconds`: of rendering, tree building included. `light_vertices`: kept, an iteration.
+/// `queries_per_s`: connections that shade points asked for. `dead_query_share`: of these, how many found nothing inside gate,
+/// depth and facing.
+pub const COLUMNS: [&str; 15] = [
+    "scene",
+    "variant",
+    "estimator",
+    "repetition",
+    "point",
+    "seconds",
+    "samples",
+    "relmse",
+    "flip",
+    "dropped",
+    "light_vertices",
+    "queries_per_s",
+    "rays_per_s",
+    "dead_query_share",
+    "fingerprint",
+];
+
+/// One measurement.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    pub scene: String,
+    pub variant: String,
+    pub estimator: String,
+    /// From 0.
+    pub repetition: u32,
+    /// Which of the [`super::race::points`] of time was reached, from 0.
+    pub point: u32,
+    pub seconds: f64,
+    /// Samples a pixel.
+    pub samples: u64,
+    pub relmse: f64,
+    pub flip: f64,
+    pub dropped: u64,
+    pub light_vertices: f64,
+    pub queries_per_s: f64,
+    pub rays_per_s: f64,
+    pub dead_query_share: f64,
+    /// Of scene and settings.
+    pub fingerprint: String,
+}
+
+impl Row {
+    fn to_line(&self) -> String {
+        let Row { scene, variant, estimator, repetition, point, seconds, samples, relmse, flip, dropped, .. } = self;
+        let Row { light_vertices, queries_per_s, rays_per_s, dead_query_share, fingerprint, .. } = self;
+        format!(
+            "{scene},{variant},{estimator},{repetition},{point},{seconds:.4},{samples},{relmse:e},{flip:.6},{dropped},\
+             {light_vertices:.1},{queries_per_s:.0},{rays_per_s:.0},{dead_query_share:.4},{fingerprint}\n"
+        )
+    }
+
+    fn from_line(line: &str) -> Option<Row> {
+        let fields: Vec<&str> = line.split(',').collect();
+        let [scene, variant, estimator, repetition, point, seconds, samples, relmse, flip, dropped, rest @ ..] =
+            &fields[..]
+        else {
+            return None;
+        };
+        let [light_vertices, queries_per_s, rays_per_s, dead_query_share, fingerprint] = rest else { return None };
+        Some(Row {
+            scene: scene.to_string(),
+            variant: variant.to_string(),
+            estimator: estimator.to_string(),
+            repetition: repetition.parse().ok()?,
+            point: point.parse().ok()?,
+            seconds: seconds.parse().ok()?,
+            samples: samples.parse().ok()?,
+            relmse: relmse.parse().ok()?,
+            flip: flip.parse().ok()?,
+            dropped: dropped.parse().ok()?,
+            light_vertices: light_vertices.parse().ok()?,
+            queries_per_s: queries_per_s.parse().ok()?,
+            rays_per_s: rays_per_s.parse().ok()?,
+            dead_query_share: dead_query_share.parse().ok()?,
+            fingerprint: fingerprint.to_string(),
+        })
+    }
+}
+
+/// Writes all rows, whole or not at all.
+pub fn write(path: &Path, rows: &[Row]) -> Result<()> {
+    write_atomically(path, |out| {
+        writeln!(out, "{}", COLUMNS.join(","))?;
+        rows.iter().try_for_each(|row| out.write_all(row.to_line().as_bytes()))
+    })
+}
+
+/// Reads what [`write`] wrote. Errors name the line.
+pub fn read(path: &Path) -> Result<Vec<Row>> {
+    let text = std::fs::read_to_string(path).map_err(|e| read_error(path, &e))?;
+    let mut lines = text.lines().enumerate();
+    let wrong = |line: usize, what: &str| Error::File {
+        path: path.into(),
+        message: format!("line {}: {what}; choose another --out, or move the file away", line + 1),
+    };
+    if lines.next().map(|(_, header)| header) != Some(COLUMNS.join(",").as_str()) {
+        return Err(wrong(0, "these are not the columns of a bench"));
+    }
+    lines.map(|(at, line)| Row::from_line(line).ok_or_else(|| wrong(at, "this is not a row of a bench"))).collect()
+}

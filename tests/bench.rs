@@ -1,0 +1,179 @@
+//! `taugate bench` from outside: a tiny suite from reference to report, resumed, and what it refuses.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use taugate::bench::suite::Suite;
+use taugate::bench::table::{self, COLUMNS};
+
+fn taugate(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
+}
+
+fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) {
+    let output = taugate(folder, arguments);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
+    assert!(message.contains(part) && !message.contains("panicked"), "{arguments:?}: expected {part:?} in: {message}");
+}
+
+fn succeeds(folder: &Path, arguments: &[&str]) -> (String, String) {
+    let output = taugate(folder, arguments);
+    let [out, messages] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    assert!(output.status.success(), "{arguments:?}: {messages}");
+    (out, messages)
+}
+
+/// A folder with the Cornell box and a suite of one scene that is there and one that is not.
+fn folder(time: &str, gate: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let box_file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box.glb");
+    std::fs::copy(box_file, folder.path().join("box.glb")).unwrap();
+    let suite = format!(
+        r#"about = "A test."
+time = "{time}"
+repetitions = 2
+[render]
+light-paths = 300
+max-depth = 5
+[[scene]]
+name = "the box"
+scene = "box.glb"
+gate = "{gate}"
+resolution = "12x12"
+[[scene]]
+name = "gone"
+scene = "no/such/scene.glb"
+[[variant]]
+name = "bdpt"
+render = {{ estimator = "bdpt" }}
+[[variant]]
+name = "lcs"
+render = {{ estimator = "lcs-paper", queries = 2 }}
+"#
+    );
+    std::fs::write(folder.path().join("s.toml"), suite).unwrap();
+    folder
+}
+
+fn bench<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&["bench", "s.toml", "--out", "out"], more].concat()
+}
+
+fn edit(folder: &Path, from: &str, to: &str) {
+    let text = std::fs::read_to_string(folder.join("s.toml")).unwrap();
+    assert!(text.contains(from), "{from}");
+    std::fs::write(folder.join("s.toml"), text.replacen(from, to, 1)).unwrap();
+}
+
+#[test]
+fn a_suite_from_reference_to_report_and_on() {
+    let here = folder("60ms", "7.5m..8.5m");
+    fails(here.path(), &bench(&[]), 2, "make it with: taugate bench s.toml --out out --reference");
+    assert!(!here.path().join("out").exists(), "nothing is written without a reference");
+
+    // A reference for a suite of twice the time leaves room for a machine that is faster while it compares.
+    edit(here.path(), "60ms", "120ms");
+    let (_, messages) = succeeds(here.path(), &bench(&["--reference", "--time", "20s"]));
+    edit(here.path(), "120ms", "60ms");
+    assert!(messages.contains("agrees with") && messages.contains("skipped 1 scene: gone"), "{messages}");
+    let references: Vec<_> = std::fs::read_dir(here.path().join("references")).unwrap().collect();
+    assert_eq!(references.len(), 1, "both variants share a reference");
+
+    let (text, messages) = succeeds(here.path(), &bench(&["--repetitions", "1"]));
+    assert!(
+        text.contains("the box") && text.contains("lower by") && messages.contains("skipped 1"),
+        "{text}{messages}"
+    );
+    let results = here.path().join("out/results.csv");
+    let csv = std::fs::read_to_string(&results).unwrap();
+    assert_eq!(csv.lines().next().unwrap(), COLUMNS.join(","));
+    let first = table::read(&results).unwrap();
+    for variant in ["bdpt", "lcs"] {
+        let mine: Vec<_> = first.iter().filter(|row| row.variant == variant).collect();
+        assert!(mine.windows(2).all(|w| w[0].seconds < w[1].seconds && w[0].point < w[1].point), "{mine:?}");
+        let last = mine.last().unwrap();
+        assert!(last.seconds >= 0.06 && last.relmse > 0.0 && last.flip > 0.0 && last.flip < 1.0, "{last:?}");
+        assert!(last.light_vertices > 0.0 && last.queries_per_s > 0.0 && last.rays_per_s > 0.0, "{last:?}");
+        assert!((0.0..1.0).contains(&last.dead_query_share) && last.samples > 0 && last.dropped == 0, "{last:?}");
+    }
+    for name in ["report.md", "the-box.svg", "the-box.png", "images/the-box-bdpt.exr", "images/the-box-lcs.exr"] {
+        assert!(here.path().join("out").join(name).exists(), "{name}");
+    }
+    let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();
+    for part in ["A test.", "(the-box.svg)", "(the-box.png)", "| lcs |", "gone is not on this machine"] {
+        assert!(page.contains(part), "{part} is missing in: {page}");
+    }
+
+    // The second repetition is added to the first, which stays as it was.
+    fails(here.path(), &bench(&[]), 2, "add --resume");
+    succeeds(here.path(), &bench(&["--resume"]));
+    let both = table::read(&results).unwrap();
+    assert_eq!(both[..first.len()], first[..]);
+    assert!(both[first.len()..].iter().all(|row| row.repetition == 1) && both.len() > first.len());
+    // All is there: nothing is rendered, whatever was measured stays.
+    succeeds(here.path(), &bench(&["--resume"]));
+    assert_eq!(table::read(&results).unwrap(), both);
+
+    // Other settings are other results.
+    edit(here.path(), "queries = 2", "queries = 3");
+    succeeds(here.path(), &bench(&["--resume", "--repetitions", "1"]));
+    let changed = table::read(&results).unwrap();
+    let of = |variant: &str| changed.iter().find(|row| row.variant == variant).unwrap().fingerprint.clone();
+    assert_ne!(of("lcs"), first.iter().find(|row| row.variant == "lcs").unwrap().fingerprint);
+
+    // Another gate needs another reference.
+    edit(here.path(), "7.5m..8.5m", "7.5m..8.4m");
+    fails(here.path(), &bench(&["--resume"]), 2, "there is no reference for the box");
+}
+
+#[test]
+fn a_reference_that_is_too_noisy_is_refused() {
+    let here = folder("200ms", "7.5m..8.5m");
+    succeeds(here.path(), &["bench", "s.toml", "--reference", "--time", "10ms", "-q"]);
+    let output = taugate(here.path(), &["bench", "s.toml"]);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("refused: the box") && message.contains("--reference"), "{message}");
+    assert!(!here.path().join("bench-s/results.csv").exists());
+}
+
+#[test]
+fn mistakes_name_their_place() {
+    let here = folder("1s", "8m..8.5m");
+    let cases = [
+        ("box.glb", "bax.glb", "s.toml:9:9: there is no scene bax.glb"),
+        ("\"bdpt\" }", "\"magic\" }", "s.toml:17:24: no estimator is called 'magic'"),
+        ("8m..8.5m", "8.5m..8m", "s.toml:10:8: the gate is reversed"),
+        (
+            "resolution = \"12x12\"",
+            "resolution = \"12x12\"\nemitters = [\"sun\"]",
+            "s.toml:8:8: no node 'sun' emits light",
+        ),
+        ("resolution = \"12x12\"", "resolutoin = \"12x12\"", "s.toml:11:1: unknown field `resolutoin`"),
+    ];
+    let good = std::fs::read_to_string(here.path().join("s.toml")).unwrap();
+    for (from, to, part) in cases {
+        edit(here.path(), from, to);
+        fails(here.path(), &["bench", "s.toml"], 2, part);
+        std::fs::write(here.path().join("s.toml"), &good).unwrap();
+    }
+    edit(here.path(), "8m..8.5m", "0.1m..0.2m");
+    fails(here.path(), &["bench", "s.toml", "--reference"], 2, "s.toml:10:8: the gate 0.1-0.2 m");
+    fails(here.path(), &["bench", "none.toml"], 2, "none.toml: cannot read the suite");
+    fails(here.path(), &["bench", "s.toml", "--reference", "--resume"], 2, "cannot be used with");
+}
+
+#[test]
+fn shipped_suites_are_sound() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/suites");
+    let mut count = 0;
+    for file in std::fs::read_dir(folder).unwrap() {
+        let suite = Suite::read(&file.unwrap().path()).unwrap_or_else(|e| panic!("{e}"));
+        for scene in &suite.scenes {
+            assert!(scene.path().is_file() || !scene.folder_exists(), "{}: {}", suite.name, scene.path().display());
+        }
+        count += 1;
+    }
+    assert!(count >= 5);
+}
