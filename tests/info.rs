@@ -113,12 +113,19 @@ fn force_writes_the_black_image() {
 #[test]
 fn a_render_that_does_not_fit_is_refused_before_it_starts() {
     let here = scene("cornell-box");
-    // A film of 512 MiB and a pool of 1.8 GiB; a buffer of the software device may have 128 MiB.
+    // A film of 512 MiB; a storage buffer of the software device may have 128 MiB.
     let on = ["--device", "llvmpipe"];
     let film = [&on[..], &["--resolution", "8192x4096"]].concat();
     refused(here.path(), &film, 4, &["film pixels", "512 MiB", "--resolution"]);
     let pool = [&on[..], &["--resolution", "32x32", "--light-paths", "16777216"]].concat();
-    refused(here.path(), &pool, 4, &["light vertices", "--light-paths"]);
+    // How many vertices the paths leave is not known before they are traced; 7 GiB are likely, a texel buffer may have 2 GiB.
+    let json = info(here.path(), &pool);
+    let largest = &json["render"]["memory"]["largest"][0];
+    assert_eq!(
+        (largest["name"].as_str(), largest["fits"].as_bool()),
+        (Some("light vertices"), Some(false)),
+        "{largest}"
+    );
     let json = info(here.path(), &film);
     let problem = json["render"]["memory"]["problem"].as_str().unwrap();
     assert!(problem.contains("--resolution"), "{problem}");

@@ -88,12 +88,16 @@ fn small_errors_are_found() {
 fn the_variances_of_pixels_are_not_enough() {
     let scene = build(Kind::CornellBox);
     let mut r = made(&scene, Estimator::LcsPaper);
-    let cells = batches(&mut r, GATE, 5, 32, 2);
-    let all: Vec<usize> = (0..cells.grid().iter().product()).collect();
-    let shared = cells.pooled(&all, 1).1;
-    let pixels = r.film().variance_of_mean();
-    let n = (SIZE[0] * SIZE[1]) as f64;
-    let added: f64 = pixels.iter().skip(1).step_by(3).map(|&v| f64::from(v)).sum::<f64>() / (n * n);
-    eprintln!("standard error of the mean {:.2e}; from pixels {:.2e}", shared.sqrt(), added.sqrt());
-    assert!(shared > 2.0 * added, "{shared} {added}");
+    // 32 batches know a variance to a quarter: eight seeds, to a tenth.
+    let (mut shared, mut added) = (0.0, 0.0);
+    for seed in 5..13 {
+        let cells = batches(&mut r, GATE, seed, 32, 2);
+        let all: Vec<usize> = (0..cells.grid().iter().product()).collect();
+        shared += cells.pooled(&all, 1).1;
+        let pixels = r.film().variance_of_mean();
+        let n = (SIZE[0] * SIZE[1]) as f64;
+        added += pixels.iter().skip(1).step_by(3).map(|&v| f64::from(v)).sum::<f64>() / (n * n);
+    }
+    eprintln!("variance of the mean {shared:.2e}; from pixels {added:.2e}; ratio {:.2}", shared / added);
+    assert!(shared > 1.2 * added, "{shared} {added}");
 }
