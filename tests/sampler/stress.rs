@@ -102,7 +102,8 @@ fn ten_thousand_trees_return_the_probabilities_of_the_walk() {
 
 /// Inputs that are degenerate in one way each, 3D points and travel times alike.
 fn degenerate(pcg: &mut Pcg, n: usize) -> Vec<(&'static str, Vec<Item>)> {
-    let mut make = |name, item: &mut dyn FnMut(&mut Pcg, i32) -> ([f32; 4], f32)| {
+    type MakeItem<'a> = &'a mut dyn FnMut(&mut Pcg, i32) -> ([f32; 4], f32);
+    let mut make = |name, item: MakeItem| {
         let items = (0..n as i32).map(|i| {
             let (point, power) = item(pcg, i);
             Item { point, power, index: i as u32 }
