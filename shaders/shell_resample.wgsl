@@ -24,7 +24,8 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         var rng = pcg4d(vec4<u32>(index, sensor.sample, (STREAM_QUERY << 28u) | (depth << 14u) | (16u + tree), frame.seed)).x;
         let found = resample(root, q, receiver, &rng);
-        put(first_slot + used, found.vertex, found.weight);
+        // A query that finds nothing was tried too.
+        put(first_slot + used, found.vertex, select(found.weight, 1.0, found.vertex == NONE));
         used += 1u;
     }
     for (var i = used; i < frame.slots; i++) {
