@@ -95,8 +95,8 @@ fn beta_fraction(a: f64, b: f64, x: f64) -> f64 {
     h
 }
 
-/// Stirling's series after shifting the argument above 10.
-fn ln_gamma(x: f64) -> f64 {
+/// Logarithm of the gamma function for x > 0, to about 1e-10: Stirling's series after shifting the argument above 10.
+pub fn ln_gamma(x: f64) -> f64 {
     let (mut shift, mut z) = (0.0, x);
     while z < 10.0 {
         shift += z.ln();

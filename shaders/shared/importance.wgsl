@@ -1,9 +1,9 @@
 // Importance of a light-tree node to a shade point: an estimate of what its vertices contribute through the gate, not a bound.
-// It is 0 only where no vertex can contribute; elsewhere any positive value is unbiased, and tight beats conservative.
+// It is 0 only where no vertex can contribute; elsewhere any positive value is unbiased, and tight beats conservative (DESIGN 3.3).
 #import lightcone
 
 // Weight of a live bucket beyond its estimate. Errors of the uniform model multiply from level to level: with 0.01 rare vertices
-// shone a thousand times too bright (docs/PERFORMANCE.md).
+// shone far too bright (docs/PERFORMANCE.md, lcs).
 const LIVE_SHARE: f32 = 0.3;
 // The same for the cosine.
 const LEAST_COSINE: f32 = 0.1;

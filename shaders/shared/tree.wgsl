@@ -38,15 +38,7 @@ override BUCKET_COUNT: f32 = f32(BUCKETS);
 @group(1) @binding(2) var<storage, read> path_offsets: array<u32>;
 
 fn load_light_vertex(index: u32) -> PathVertex {
-    return unpack_vertex(
-        textureLoad(light_vertices, 7u * index, 0),
-        textureLoad(light_vertices, 7u * index + 1u, 0),
-        textureLoad(light_vertices, 7u * index + 2u, 0),
-        textureLoad(light_vertices, 7u * index + 3u, 0),
-        textureLoad(light_vertices, 7u * index + 4u, 0),
-        textureLoad(light_vertices, 7u * index + 5u, 0),
-        textureLoad(light_vertices, 7u * index + 6u, 0),
-    );
+    return load_vertex(light_vertices, index);
 }
 
 fn load_tree_child(node: u32, side: u32) -> TreeChild {

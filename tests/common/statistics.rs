@@ -1,5 +1,7 @@
 //! Chi-square tests with a stated significance level, corrected for the number of tests.
 
+use taugate::statistics::ln_gamma;
+
 /// Significance level of a family of statistical tests.
 pub const SIGNIFICANCE: f64 = 1e-3;
 
@@ -63,17 +65,6 @@ fn upper_gamma(a: f64, x: f64) -> f64 {
         }
     }
     scale * h
-}
-
-/// Stirling's series after shifting the argument above 10.
-fn ln_gamma(x: f64) -> f64 {
-    let (mut shift, mut z) = (0.0, x);
-    while z < 10.0 {
-        shift += z.ln();
-        z += 1.0;
-    }
-    let series = 1.0 / (12.0 * z) - 1.0 / (360.0 * z.powi(3)) + 1.0 / (1260.0 * z.powi(5));
-    (z - 0.5) * z.ln() - z + 0.5 * (2.0 * std::f64::consts::PI).ln() + series - shift
 }
 
 #[test]

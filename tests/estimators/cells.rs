@@ -4,6 +4,7 @@ use taugate::gpu::Device;
 use taugate::render::{Renderer, Tuning};
 use taugate::scene::Scene;
 use taugate::settings::{Budget, Crop, Emitters, Estimator, Settings, Strategies};
+use taugate::statistics::sidak_threshold;
 use taugate::units::Gate;
 
 /// Significance of every family of tests, corrected for its number of cells (Sidak).
@@ -114,29 +115,9 @@ pub fn pool(rgb: &[f32], width: usize, cell: usize) -> Vec<f64> {
 /// |z| above which one of `cells` normal values is significant (Sidak); Student's t for `SEEDS` - 1 degrees of freedom is
 /// accounted for by widening with its kurtosis (Fisher's expansion to first order).
 pub fn threshold(cells: usize) -> f64 {
-    let each = 1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / cells as f64);
-    let z = normal_quantile(1.0 - 0.5 * each);
+    let z = sidak_threshold(SIGNIFICANCE, cells);
     let nu = f64::from(SEEDS - 1);
     z + (z.powi(3) + z) / (4.0 * nu) + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
-}
-
-/// Inverse of the normal distribution function by bisection on erfc's continued fraction: slow and sure.
-fn normal_quantile(p: f64) -> f64 {
-    let (mut lo, mut hi) = (0.0, 20.0);
-    for _ in 0..200 {
-        let mid = 0.5 * (lo + hi);
-        if upper_tail(mid) > 1.0 - p { lo = mid } else { hi = mid }
-    }
-    lo
-}
-
-/// P(Z > z), z >= 0, by Simpson's rule over 40 standard deviations.
-fn upper_tail(z: f64) -> f64 {
-    let (n, end) = (4000, z + 12.0);
-    let h = (end - z) / f64::from(n);
-    let density = |x: f64| (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
-    let inner: f64 = (1..n).map(|i| density(z + f64::from(i) * h) * if i % 2 == 1 { 4.0 } else { 2.0 }).sum();
-    (density(z) + inner + density(end)) * h / 3.0
 }
 
 /// Cells in which two independent measurements differ significantly, as text; empty if they agree.

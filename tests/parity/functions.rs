@@ -39,7 +39,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("vertex_importance", "images by lcs against closed forms and the oracle: a wrong probability is a bias"),
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),
-    ("unpack_vertex", "load_light_vertex and load_shade_point"),
+    ("load_vertex", "load_light_vertex and load_shade_point"),
 ];
 
 fn all() -> Vec<&'static ShaderFunction> {
