@@ -15,6 +15,7 @@ use taugate::render::{Prepared, Renderer, StrategyImages};
 use taugate::resolve::{self, Outputs};
 use taugate::settings::{Budget, Settings};
 
+use super::preparation::Preparation;
 use super::progress::{Position, Progress};
 use super::report::{Report, files, is_black};
 use super::{feasible, strategies};
@@ -41,7 +42,8 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
 
     // Load the scene and settle what is to be done.
     let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
-    let scene = taugate::scene::gltf::load(&scene_path)?;
+    let mut preparation = Preparation::new();
+    let scene = preparation.timed("load scene", || taugate::scene::gltf::load(&scene_path))?;
     let resolved = resolve::resolve(&experiment, &scene)?;
     let settings = &resolved.settings;
     let config = resolve::as_experiment(&experiment, settings, &scene);
@@ -60,16 +62,15 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     for warning in scene.warnings.iter().chain(&resolved.warnings) {
         progress.line(&format!("warning: {warning}"));
     }
-    let started = Instant::now();
-    let prepared = Prepared::new(&scene, settings)?;
+    let prepared = preparation.timed("build BVH and tables", || Prepared::new(&scene, settings))?;
     let (device, force) = (experiment.render.device.as_deref(), experiment.gate.force.unwrap_or(false));
     if !settings.gate.is_open() && !force {
-        feasible::check_gate(&scene, settings, &prepared, device)?;
+        preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device))?;
     }
-    let device = Device::open(device)?;
+    let device = preparation.timed("open device", || Device::open(device))?;
     let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
     drop(prepared);
-    let prepared = started.elapsed();
+    preparation.finish();
 
     // Render.
     let stop = stop_on_interrupt()?;
@@ -98,8 +99,8 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         seconds: elapsed.as_secs_f64(),
         settings: Experiment { output: Default::default(), ..config }.to_toml(),
     };
-    let report =
-        Report { renderer: &renderer, settings, provenance: &provenance, prepared, warnings: &resolved.warnings };
+    let warnings = &resolved.warnings;
+    let report = Report { renderer: &renderer, settings, provenance: &provenance, preparation: &preparation, warnings };
     report.write(&outputs)?;
     report.summarise(&outputs, &progress);
     if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {

@@ -8,10 +8,11 @@ use taugate::error::Result;
 use taugate::exr_file::{self, Provenance};
 use taugate::files::write_atomically;
 use taugate::png_file;
-use taugate::render::{Renderer, Stats};
+use taugate::render::{Renderer, Stage, Stats};
 use taugate::resolve::{Outputs, gate_warning};
 use taugate::settings::Settings;
 
+use super::preparation::Preparation;
 use super::progress::{Position, Progress, duration, rays};
 
 /// A render that has ended.
@@ -19,8 +20,7 @@ pub struct Report<'a> {
     pub renderer: &'a Renderer,
     pub settings: &'a Settings,
     pub provenance: &'a Provenance,
-    /// Device, upload and kernels.
-    pub prepared: Duration,
+    pub preparation: &'a Preparation,
     /// What was said before it began.
     pub warnings: &'a [String],
 }
@@ -32,8 +32,12 @@ struct Numbers<'a> {
     gate: String,
     samples_per_pixel: u64,
     iterations: u32,
+    /// From the scene's file to the first iteration, and where they went.
     prepare_seconds: f64,
+    prepare_stages: Vec<Stage>,
+    /// All iterations, and where their time went; the last stage is what the others do not explain.
     render_seconds: f64,
+    stages: Vec<Stage>,
     rays_per_second: f64,
     /// Over all pixels and channels; its standard error comes from whole iterations and is null with fewer than two.
     image_mean: f64,
@@ -87,8 +91,10 @@ impl Report<'_> {
             gate: self.provenance.gate.to_string(),
             samples_per_pixel: film.samples(),
             iterations: film.iterations(),
-            prepare_seconds: self.prepared.as_secs_f64(),
+            prepare_seconds: self.preparation.seconds(),
+            prepare_stages: self.preparation.stages(stats),
             render_seconds: self.seconds(),
+            stages: stats.stages(self.seconds()),
             rays_per_second: self.position().rays_per_second(),
             image_mean,
             image_mean_standard_error,

@@ -71,6 +71,7 @@ impl Recorder {
         }
         self.labels.clear();
         self.recording = true;
+        self.stamp("", vk::PipelineStageFlags::TOP_OF_PIPE);
         Ok(())
     }
 
@@ -87,10 +88,10 @@ impl Recorder {
             return Ok(());
         }
         self.begin()?;
-        self.bind(label, kernel, bindings, constants);
+        self.bind(kernel, bindings, constants);
         // SAFETY: pipeline, sets and immediates are bound.
         unsafe { self.device.shared.device.cmd_dispatch(self.commands, groups, 1, 1) };
-        self.finish_dispatch();
+        self.finish_dispatch(label);
         Ok(())
     }
 
@@ -104,19 +105,18 @@ impl Recorder {
         (arguments, word): (&Buffer, u64),
     ) -> Result<()> {
         self.begin()?;
-        self.bind(label, kernel, bindings, constants);
+        self.bind(kernel, bindings, constants);
         // SAFETY: as above; the arguments lie inside the buffer, which has the indirect usage.
         unsafe { self.device.shared.device.cmd_dispatch_indirect(self.commands, arguments.handle, word * 4) };
-        self.finish_dispatch();
+        self.finish_dispatch(label);
         Ok(())
     }
 
-    fn bind<P: NoUninit>(&mut self, label: &'static str, kernel: &Kernel, bindings: &Bindings, constants: &P) {
+    fn bind<P: NoUninit>(&mut self, kernel: &Kernel, bindings: &Bindings, constants: &P) {
         let d = self.device.shared.device.clone();
         let bytes: &[u8] = bytemuck::bytes_of(constants);
         // SAFETY: recording has begun; all handles belong to this device.
         unsafe {
-            self.stamp(label, vk::PipelineStageFlags::TOP_OF_PIPE);
             d.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline);
             if !bindings.sets.is_empty() {
                 let (point, layout) = (vk::PipelineBindPoint::COMPUTE, kernel.layout);
@@ -129,7 +129,8 @@ impl Recorder {
         }
     }
 
-    fn finish_dispatch(&mut self) {
+    fn finish_dispatch(&mut self, label: &'static str) {
+        self.stamp(label, vk::PipelineStageFlags::COMPUTE_SHADER);
         let d = self.device.shared.device.clone();
         let write = vk::AccessFlags::SHADER_WRITE;
         let read =
@@ -137,7 +138,6 @@ impl Recorder {
         let barrier = [vk::MemoryBarrier::default().src_access_mask(write).dst_access_mask(read)];
         // SAFETY: recording has begun.
         unsafe {
-            self.stamp("", vk::PipelineStageFlags::COMPUTE_SHADER);
             d.cmd_pipeline_barrier(
                 self.commands,
                 vk::PipelineStageFlags::COMPUTE_SHADER,
@@ -150,12 +150,11 @@ impl Recorder {
         }
     }
 
-    /// # Safety
-    /// Recording must have begun.
-    unsafe fn stamp(&mut self, label: &'static str, stage: vk::PipelineStageFlags) {
+    /// The time from the stamp before to the moment when everything recorded so far has passed `stage` belongs to `label`.
+    fn stamp(&mut self, label: &'static str, stage: vk::PipelineStageFlags) {
         let n = self.labels.len() as u32;
         if n < MAX_QUERIES && self.device.shared.timestamp_ns > 0.0 {
-            // SAFETY: the query was reset at the beginning of the recording.
+            // SAFETY: recording has begun, and the query was reset at its beginning.
             unsafe { self.device.shared.device.cmd_write_timestamp(self.commands, stage, self.queries, n) };
             self.labels.push(label);
         }
@@ -219,9 +218,8 @@ impl Recorder {
         unsafe { shared.device.get_query_pool_results(self.queries, 0, &mut ticks, flags) }
             .map_err(|e| shared.error("reading timestamps", e))?;
         let mut timing: Timing = vec![];
-        for (i, pair) in ticks.chunks_exact(2).enumerate() {
+        for (pair, &label) in ticks.windows(2).zip(&self.labels[1..]) {
             let seconds = pair[1].saturating_sub(pair[0]) as f64 * shared.timestamp_ns * 1e-9;
-            let label = self.labels[2 * i];
             match timing.iter_mut().find(|(l, _)| *l == label) {
                 Some((_, sum)) => *sum += seconds,
                 None => timing.push((label, seconds)),

@@ -3,7 +3,7 @@
 use super::device_scene::DeviceScene;
 use super::plan::{Observe, Plan};
 use super::pool::LightPool;
-use super::stats::Stats;
+use super::stats::{Stats, stage};
 use crate::error::Result;
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Dispatch, NONE, PathState, PathVertex};
@@ -111,18 +111,18 @@ impl LightTracer {
             |count: u32, bounce: u32| Dispatch { first, count, bounce, counter: NONE, list_a: NONE, list_b: NONE };
         let groups = self.start.0.groups(count as usize);
         self.recorder.dispatch("light_start", &self.start.0, &self.start.1, &constants(count, 0), groups)?;
-        self.submit(stats)?;
+        stats.submit(&mut self.recorder)?;
         let mut living: Vec<u32> = (0..count).collect();
-        self.collect(&living, first, plan.max_depth, pool)?;
+        stats.timed(stage::READ_LIGHT, || self.collect(&living, first, plan.max_depth, pool))?;
         if !plan.traces_light {
             return Ok(());
         }
-        living = self.survivors(&living)?;
+        living = stats.timed(stage::READ_LIGHT, || self.survivors(&living))?;
         for bounce in 0..plan.max_depth - 1 {
             if living.is_empty() {
                 break;
             }
-            self.list.write(0, &living)?;
+            stats.timed(stage::UPLOAD, || self.list.write(0, &living))?;
             let constants = constants(living.len() as u32, bounce);
             let groups = self.trace.0.groups(living.len());
             self.recorder.dispatch("light_trace", &self.trace.0, &self.trace.1, &constants, groups)?;
@@ -130,28 +130,19 @@ impl LightTracer {
                 let groups = self.splat.0.groups(living.len());
                 self.recorder.dispatch("light_splat", &self.splat.0, &self.splat.1, &constants, groups)?;
             }
-            self.submit(stats)?;
+            stats.submit(&mut self.recorder)?;
             stats.closest_rays += living.len() as u64;
-            let start = std::time::Instant::now();
             let known = pool.deterministic.len();
-            self.collect(&living, first, plan.max_depth, pool)?;
+            stats.timed(stage::READ_LIGHT, || self.collect(&living, first, plan.max_depth, pool))?;
             if plan.splats {
                 let show = |splat: Splat| see(Splat { s: bounce + 2, ..splat });
-                let [shown, dropped] = self.show_splats(plan, &living, known, pool, show)?;
+                let splats = || self.show_splats(plan, &living, known, pool, show);
+                let [shown, dropped] = stats.timed(stage::READ_LIGHT, splats)?;
                 stats.inside_gate += shown;
                 stats.dropped += dropped;
             }
-            living = self.survivors(&living)?;
-            stats.add_host("read light vertices", start.elapsed().as_secs_f64());
+            living = stats.timed(stage::READ_LIGHT, || self.survivors(&living))?;
         }
-        Ok(())
-    }
-
-    fn submit(&mut self, stats: &mut Stats) -> Result<()> {
-        let start = std::time::Instant::now();
-        let timing = self.recorder.submit()?;
-        stats.add_submit(start.elapsed().as_secs_f64());
-        stats.add_timing(&timing);
         Ok(())
     }
 

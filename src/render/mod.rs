@@ -39,7 +39,8 @@ pub use probe::{TravelTimes, probe};
 pub use reach::Reach;
 pub use sensor::MOST_SAMPLES;
 use sensor::{Bound, Seen, SensorTracer};
-pub use stats::Stats;
+use stats::stage;
+pub use stats::{Stage, Stats};
 pub use strategies::{StrategyImage, StrategyImages, strategies};
 
 /// A contribution to the image.
@@ -86,7 +87,7 @@ impl Renderer {
         let mut plan = Plan::new(scene, settings, &prepared)?;
         plan.tuning = tuning;
         let mut renderer = Renderer::from_plan(device, plan, size, &prepared)?;
-        renderer.stats.add_host("build BVH", seconds);
+        renderer.stats.add_prepared("build BVH", seconds);
         Ok(renderer)
     }
 
@@ -100,8 +101,8 @@ impl Renderer {
         // Before anything is allocated.
         need::check_all(&memory::certain_needs(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
-        let scene = stats.timed("upload scene", || DeviceScene::new(device, prepared))?;
-        let light = LightTracer::new(device, &scene, &plan)?;
+        let scene = stats.prepared("upload scene", || DeviceScene::new(device, prepared))?;
+        let light = stats.prepared(stage::COMPILE, || LightTracer::new(device, &scene, &plan))?;
         stats.scene_bytes = scene.bytes();
         stats.triangles = prepared.triangles() as u64;
         let film = Film::new(width, height);
@@ -112,7 +113,6 @@ impl Renderer {
     /// One iteration: a fresh pool of light vertices and `samples` samples of every pixel (1 to
     /// [`MOST_SAMPLES`]), added to the film.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
-        let start = Instant::now();
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
         self.prepare_iteration(samples, &mut |splat: Splat| {
             let at = splat.pixel_or_tau.to_bits() as usize * 3;
@@ -122,10 +122,9 @@ impl Renderer {
             sensor.run(&self.plan, bound, samples, &mut image, &mut self.stats)?;
         }
         let film = &mut self.film;
-        self.stats.timed("add to film", || film.add(&image, samples));
+        self.stats.timed(stage::ADD_TO_FILM, || film.add(&image, samples));
         self.stats.device_bytes = self.stats.device_bytes.max(self.device.bytes_in_use());
         self.finish_iteration(samples);
-        self.stats.add_host("render", start.elapsed().as_secs_f64());
         Ok(())
     }
 
@@ -163,15 +162,13 @@ impl Renderer {
         self.light.run(&self.plan, &mut pool, see, &mut self.stats)?;
 
         // Phase 2: hierarchy construction.
-        let sorted = self.stats.timed("build trees", || pool.sort(&self.plan));
+        let sorted = self.stats.timed(stage::BUILD_TREES, || pool.sort(&self.plan));
         self.stats.deterministic_vertices += pool.deterministic.len() as u64;
         self.stats.emitter_vertices += pool.emitter_points.len() as u64;
         self.stats.scattered_vertices += pool.scattered.len() as u64;
 
         // Phase 3: sensor tracing and connection.
-        let upload = Instant::now();
         self.prepare_sensor(&sorted)?;
-        self.stats.add_host("upload trees", upload.elapsed().as_secs_f64());
         self.write_frame(samples, Some(&sorted.layout))?;
         Ok(sorted)
     }
@@ -202,18 +199,23 @@ impl Renderer {
         let slots = self.plan.slots(&pool.layout);
         let mut tracer = None;
         if let Some((old, mut device_pool, bound)) = self.sensor.take() {
-            if old.slots() >= slots && device_pool.replace(pool)? {
+            let fits = old.slots() >= slots && self.stats.timed(stage::UPLOAD, || device_pool.replace(pool))?;
+            if fits {
                 self.sensor = Some((old, device_pool, bound));
                 return Ok(());
             }
             tracer = Some(old);
         }
+        let stats = &mut self.stats;
         let tracer = match tracer {
             Some(tracer) if tracer.slots() >= slots => tracer,
-            old => SensorTracer::new(&self.device, &self.plan, slots, old.map(SensorTracer::into_kernels))?,
+            old => {
+                let kernels = stats.timed(stage::ALLOCATE, || old.map(SensorTracer::into_kernels));
+                SensorTracer::new(&self.device, &self.plan, slots, kernels, stats)?
+            }
         };
-        let device_pool = DevicePool::new(&self.device, pool)?;
-        let bound = tracer.bind(&self.scene, &device_pool)?;
+        let device_pool = stats.timed(stage::UPLOAD, || DevicePool::new(&self.device, pool))?;
+        let bound = stats.timed(stage::ALLOCATE, || tracer.bind(&self.scene, &device_pool))?;
         self.sensor = Some((tracer, device_pool, bound));
         Ok(())
     }

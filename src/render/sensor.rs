@@ -3,12 +3,10 @@
 mod buffers;
 mod observe;
 
-use std::time::Instant;
-
 use super::device_scene::DeviceScene;
 use super::plan::Plan;
 use super::pool::DevicePool;
-use super::stats::Stats;
+use super::stats::{Stats, stage};
 use crate::error::Result;
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Dispatch, NONE, PathVertex};
@@ -72,12 +70,18 @@ pub struct Bound {
 
 impl SensorTracer {
     /// Buffers for `slots` candidates a shade point; kernels of a tracer that had fewer, or new ones.
-    pub fn new(device: &Device, plan: &Plan, slots: u32, kernels: Option<Kernels>) -> Result<SensorTracer> {
+    pub fn new(
+        device: &Device,
+        plan: &Plan,
+        slots: u32,
+        kernels: Option<Kernels>,
+        stats: &mut Stats,
+    ) -> Result<SensorTracer> {
         let capacity = SensorTracer::capacity(device.info(), plan, slots);
-        let buffers = Buffers::new(device, plan, capacity, slots as usize)?;
+        let buffers = stats.timed(stage::ALLOCATE, || Buffers::new(device, plan, capacity, slots as usize))?;
         let kernels = match kernels {
             Some(kernels) => kernels,
-            None => Kernels::new(device, plan)?,
+            None => stats.timed(stage::COMPILE, || Kernels::new(device, plan))?,
         };
         let tile = plan.tuning.tile.unwrap_or(1 << 13).min(capacity);
         Ok(SensorTracer { kernels, buffers, recorder: Recorder::new(device)?, slots, capacity, tile })
@@ -169,7 +173,7 @@ impl SensorTracer {
             first += u64::from(count);
         }
         stats.samples += all;
-        stats.timed("read film", || self.buffers.add_film(image)).map(|tally| {
+        stats.timed(stage::READ_FILM, || self.buffers.add_film(image)).map(|tally| {
             stats.dropped += tally[0];
             stats.shadow_rays += tally[1];
             stats.inside_gate += tally[2];
@@ -186,14 +190,14 @@ impl SensorTracer {
         samples: u32,
         stats: &mut Stats,
     ) -> Result<()> {
-        let constants = self.start_tile(bound, first, count)?;
+        let constants = stats.timed(stage::RECORD, || self.start_tile(bound, first, count))?;
         let mut counters = [0u32; COUNTERS];
         let mut longest = 0.0f64;
         for bounce in 0..plan.max_depth {
-            self.record_bounce(bound, &Dispatch { bounce, ..constants }, count)?;
+            stats.timed(stage::RECORD, || self.record_bounce(bound, &Dispatch { bounce, ..constants }, count))?;
             if SUBMIT_AFTER.contains(&(bounce + 1)) || (bounce + 1) % 32 == 0 {
-                longest = longest.max(self.submit(stats)?);
-                self.buffers.counters.read(0, &mut counters)?;
+                longest = longest.max(stats.submit(&mut self.recorder)?);
+                stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
                 if counters[LIVING[(bounce as usize + 1) % 2] as usize] == 0 {
                     break;
                 }
@@ -201,8 +205,8 @@ impl SensorTracer {
         }
         let groups = self.kernels.resolve.groups((count / samples) as usize);
         self.recorder.dispatch("resolve", &self.kernels.resolve, &bound.resolve, &constants, groups)?;
-        longest = longest.max(self.submit(stats)?);
-        self.buffers.counters.read(0, &mut counters)?;
+        longest = longest.max(stats.submit(&mut self.recorder)?);
+        stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
         let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
         stats.closest_rays += u64::from(count) + total(LIVING[0]) + total(LIVING[1]);
         stats.shade_points += total(SHADE);
@@ -250,16 +254,6 @@ impl SensorTracer {
         r.dispatch("compact", &k.scatter, scatter_set, &lists, slots)?;
         r.dispatch_indirect("connect", &k.connect, &bound.connect, &at(CANDIDATES), arguments(CANDIDATES))?;
         r.dispatch_indirect("gather", &k.gather, &bound.gather, &at(SHADE), arguments(SHADE))
-    }
-
-    fn submit(&mut self, stats: &mut Stats) -> Result<f64> {
-        let start = Instant::now();
-        let timing = self.recorder.submit()?;
-        let seconds = start.elapsed().as_secs_f64();
-        stats.add_host("device", seconds);
-        stats.add_submit(seconds);
-        stats.add_timing(&timing);
-        Ok(seconds)
     }
 
     /// Changes the tile so that the longest submit comes near the target; the image does not depend on it.

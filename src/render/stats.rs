@@ -3,7 +3,42 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use crate::gpu::Timing;
+use crate::error::Result;
+use crate::gpu::Recorder;
+
+/// Host stages of an iteration, as [`Stats::stages`] names them. They do not overlap.
+pub(super) mod stage {
+    pub const COMPILE: &str = "compile kernels";
+    pub const ALLOCATE: &str = "allocate buffers";
+    pub const RECORD: &str = "record commands";
+    pub const READ_LIGHT: &str = "read light vertices";
+    pub const BUILD_TREES: &str = "build trees";
+    pub const UPLOAD: &str = "upload";
+    pub const READ_COUNTERS: &str = "read counters";
+    pub const READ_FILM: &str = "read film";
+    pub const ADD_TO_FILM: &str = "add to film";
+}
+
+/// A part of a render's wall time.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Stage {
+    pub name: String,
+    pub seconds: f64,
+    /// Of the wall time.
+    pub share: f64,
+}
+
+impl Stage {
+    /// `parts` of `wall` seconds that do not overlap, the longest first, and what they leave as `unexplained`.
+    pub fn list(parts: impl IntoIterator<Item = (String, f64)>, wall: f64) -> Vec<Stage> {
+        let stage = |(name, seconds)| Stage { name, seconds, share: seconds / wall.max(1e-9) };
+        let mut all: Vec<Stage> = parts.into_iter().map(stage).collect();
+        all.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
+        let explained: f64 = all.iter().map(|stage| stage.seconds).sum();
+        all.push(stage(("unexplained".into(), wall - explained)));
+        all
+    }
+}
 
 /// Counts and seconds, added up over all iterations.
 #[derive(Debug, Clone, Default, serde::Serialize)]
@@ -28,10 +63,14 @@ pub struct Stats {
     pub inside_gate: u64,
     /// Contributions that were not finite and were dropped.
     pub dropped: u64,
-    /// Seconds on the device, by kernel.
+    /// Seconds on the device, by kernel: timestamps. Empty where the device has none.
     pub device_seconds: BTreeMap<String, f64>,
-    /// Seconds on the host, by phase; `render` is the wall time of all iterations.
+    /// Seconds on the host during iterations, by stage, submits apart.
     pub host_seconds: BTreeMap<String, f64>,
+    /// Wall time of all submits, the wait for the device included.
+    pub submit_seconds: f64,
+    /// Seconds before the first iteration, by stage.
+    pub prepare_seconds: BTreeMap<String, f64>,
     /// Longest single submit.
     pub longest_submit: f64,
     pub scene_bytes: u64,
@@ -41,26 +80,48 @@ pub struct Stats {
 }
 
 impl Stats {
-    pub(super) fn add_timing(&mut self, timing: &Timing) {
+    /// Submits what was recorded and waits for it; returns the wall time.
+    pub(super) fn submit(&mut self, recorder: &mut Recorder) -> Result<f64> {
+        let start = Instant::now();
+        let timing = recorder.submit()?;
+        let seconds = start.elapsed().as_secs_f64();
         for (label, seconds) in timing {
-            *self.device_seconds.entry(label.to_string()).or_default() += seconds;
+            add(&mut self.device_seconds, label, seconds);
         }
+        self.submit_seconds += seconds;
+        self.longest_submit = self.longest_submit.max(seconds);
+        Ok(seconds)
     }
 
-    /// Runs `work` and adds its wall time to `phase`.
-    pub(super) fn timed<T>(&mut self, phase: &str, work: impl FnOnce() -> T) -> T {
+    /// Runs `work` and adds its wall time to a stage of [`stage`].
+    pub(super) fn timed<T>(&mut self, stage: &str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
-        self.add_host(phase, start.elapsed().as_secs_f64());
+        add(&mut self.host_seconds, stage, start.elapsed().as_secs_f64());
         result
     }
 
-    pub(super) fn add_host(&mut self, phase: &str, seconds: f64) {
-        *self.host_seconds.entry(phase.to_string()).or_default() += seconds;
+    /// As [`Stats::timed`] for work before the first iteration.
+    pub(super) fn prepared<T>(&mut self, stage: &str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = work();
+        self.add_prepared(stage, start.elapsed().as_secs_f64());
+        result
     }
 
-    pub(super) fn add_submit(&mut self, seconds: f64) {
-        self.longest_submit = self.longest_submit.max(seconds);
+    pub(super) fn add_prepared(&mut self, stage: &str, seconds: f64) {
+        add(&mut self.prepare_seconds, stage, seconds);
+    }
+
+    /// Where `wall` seconds of iterations went, the longest first: kernels by their timestamps, what submits took beyond
+    /// those, host work. None of them overlap. The last is what none of them explains, `unexplained`: it is negative if the
+    /// clocks of host and device disagree.
+    pub fn stages(&self, wall: f64) -> Vec<Stage> {
+        let kernels: f64 = self.device_seconds.values().sum();
+        let host = self.host_seconds.iter().map(|(name, &seconds)| (name.clone(), seconds));
+        let device = self.device_seconds.iter().map(|(name, &seconds)| (format!("kernel {name}"), seconds));
+        let waits = ("submits and waits".to_string(), self.submit_seconds - kernels);
+        Stage::list(host.chain(device).chain([waits]), wall)
     }
 
     /// Part of the connections tried that survived gate, facing and depth, 0 to 1; none if none was tried.
@@ -76,5 +137,12 @@ impl Stats {
     /// Rays of both kinds.
     pub fn rays(&self) -> u64 {
         self.closest_rays + self.shadow_rays
+    }
+}
+
+fn add(to: &mut BTreeMap<String, f64>, name: &str, seconds: f64) {
+    match to.get_mut(name) {
+        Some(sum) => *sum += seconds,
+        None => drop(to.insert(name.into(), seconds)),
     }
 }

@@ -1,0 +1,60 @@
+//! `--stats`: the stages of a render explain its wall time.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Wall time that nobody owns: a thread that another program keeps waiting, between two clocks. Tiny renders have little else.
+const SLACK_SECONDS: f64 = 0.02;
+
+/// Whether stages, the unexplained left out, add up to `wall` within 5 % below and clock error above.
+fn explain(stages: &[(String, f64)], wall: f64) -> bool {
+    let sum: f64 = stages.iter().filter(|(name, _)| name != "unexplained").map(|(_, seconds)| seconds).sum();
+    sum >= 0.95 * wall - SLACK_SECONDS && sum <= 1.001 * wall
+}
+
+fn stages(of: &Value) -> Vec<(String, f64)> {
+    let stage = |s: &Value| (s["name"].as_str().unwrap().to_string(), s["seconds"].as_f64().unwrap());
+    of.as_array().unwrap().iter().map(stage).collect()
+}
+
+fn render(folder: &Path, estimator: &str) -> Value {
+    let arguments =
+        ["-o", "o.exr", "--resolution", "96x64", "--spp", "8", "--light-paths", "4000", "--stats", "s.json"];
+    let output = Command::new(env!("CARGO_BIN_EXE_taugate"))
+        .arg("render")
+        .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box.glb"))
+        .args(arguments)
+        .args(["--gate", "6m..9m", "--estimator", estimator])
+        .current_dir(folder)
+        .output()
+        .expect("taugate starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&std::fs::read(folder.join("s.json")).unwrap()).unwrap()
+}
+
+#[test]
+fn stages_explain_the_wall_time() {
+    let folder = tempfile::tempdir().unwrap();
+    for estimator in ["lcs-paper", "lcs", "bdpt", "pt"] {
+        let stats = render(folder.path(), estimator);
+        for (wall, list) in [("render_seconds", "stages"), ("prepare_seconds", "prepare_stages")] {
+            let (wall, stages) = (stats[wall].as_f64().unwrap(), stages(&stats[list]));
+            assert!(explain(&stages, wall), "{estimator}: {wall} s: {stages:?}");
+            assert_eq!(stages.last().unwrap().0, "unexplained");
+            let all: f64 = stages.iter().map(|(_, seconds)| seconds).sum();
+            assert!((all - wall).abs() < 1e-9, "with the remainder they add up: {all} {wall}");
+            let longest = &stages[0].0;
+            // The siblings that must fail: without the longest stage, and with it twice.
+            let without: Vec<_> = stages.iter().filter(|(name, _)| name != longest).cloned().collect();
+            let twice: Vec<_> = stages.iter().chain(&stages[..1]).cloned().collect();
+            assert!(!explain(&without, wall) && !explain(&twice, wall), "{longest}: {stages:?}");
+        }
+        let names: Vec<String> = stages(&stats["stages"]).into_iter().map(|(name, _)| name).collect();
+        let expected = ["kernel sensor_trace", "kernel connect", "submits and waits", "compile kernels", "build trees"];
+        for name in expected.into_iter().chain(["upload", "read light vertices", "read film", "add to film"]) {
+            assert!(names.iter().any(|n| n == name), "{estimator}: {name} is missing in {names:?}");
+        }
+    }
+}
