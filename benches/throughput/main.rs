@@ -1,11 +1,20 @@
-//! Rays and tree queries a second on the device against the host, interleaved in one run:
+//! The kernels against scalar Rust twins, interleaved in one run:
 //!
 //!     cargo bench --bench throughput [-- TRIANGLES]
 //!
-//! Rays: primary, one diffuse bounce and a shadow ray at each hit, in the cluttered room; host: obvhs' own traversal of the
-//! same hierarchy. Queries: the 4D tree over light vertices of that room; host: a scalar twin of the shader. Both hosts use
-//! all cores through rayon. Medians of 7 rounds; the spread is that of the ratios.
+//! Rays (the traversal of light_trace, sensor_trace and connect): primary, one diffuse bounce and a shadow ray at each hit, in the
+//! cluttered room; host: obvhs' own traversal of the same hierarchy. Queries (shell_query) and queries by importance
+//! (shell_resample): the 4D tree over light vertices of that room; host: scalar twins of the shaders. Compaction; host: one loop.
+//! Hosts use all cores through rayon, but for the compaction. Medians of 7 rounds; the spread is that of the ratios. Last, what
+//! the whole kernels do in a render, shading included, for which there is no twin.
 
+#[path = "../common/flatten.rs"]
+mod flatten;
+
+mod compaction;
+mod importance;
+mod kernels;
+mod points;
 mod queries;
 mod rays;
 
@@ -24,9 +33,13 @@ fn main() {
     let room = rays::Room::new(triangles);
     println!("scene     {} triangles", room.triangles.len());
     rays::compare(&device, &room);
+    let (light, shade) = (points::light_vertices(&room), points::shade_points(&room));
     for leaf_size in [1, 16] {
-        queries::compare(&device, &room, leaf_size);
+        queries::compare(&device, &light, &shade, leaf_size);
     }
+    importance::compare(&device, &light, &shade);
+    compaction::compare(&device);
+    kernels::report(&device);
 }
 
 /// Runs both sides alternately and prints millions a second and their ratio.

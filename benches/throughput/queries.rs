@@ -2,18 +2,15 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
-use taugate::generate::numbers::Pcg;
 use taugate::gpu::layout::constants::{LEAF_BIT, LEAF_FIRST};
 use taugate::gpu::layout::{Dispatch, Frame, NONE, PathVertex, TreeChild, TreeNode};
 use taugate::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 
-use super::rays::{BenchRay, Room, cosine};
+use super::points::{GATE, Point, VERTICES, hash32, uniform};
 
-/// Queries a shade point, light vertices, width of the gate in metres.
+/// Queries a shade point.
 const QUERIES: u32 = 4;
-const VERTICES: usize = 200_000;
-const GATE: [f32; 2] = [9.0, 9.15];
 
 const KERNEL: &str = "
 #import query
@@ -64,16 +61,6 @@ fn node_bound(c: &TreeChild, shell: &Shell) -> f32 {
     c.power_unit * sum as f32 / (near * near).max(0.25 * diagonal.dot(diagonal)).max(1e-20)
 }
 
-fn hash32(state: u32) -> u32 {
-    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-    (word >> 22) ^ word
-}
-
-fn uniform(rng: &mut u32) -> f32 {
-    *rng = rng.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    (hash32(*rng) >> 8) as f32 / 16_777_216.0
-}
-
 fn descend(nodes: &[TreeNode], root: u32, shell: &Shell, rng: &mut u32) -> Option<(u32, f32)> {
     let (mut current, mut weight) = (root, 1.0);
     while current & LEAF_BIT == 0 {
@@ -92,49 +79,12 @@ fn descend(nodes: &[TreeNode], root: u32, shell: &Shell, rng: &mut u32) -> Optio
     Some(((current & LEAF_FIRST) + pick, weight * count as f32))
 }
 
-/// Light vertices of diffuse paths from the light.
-fn light_vertices(room: &Room) -> Vec<Item> {
-    let mut pcg = Pcg::new(5);
-    let mut items = vec![];
-    while items.len() < VERTICES {
-        let direction = cosine(-Vec3::Y, &mut pcg);
-        let mut r = BenchRay { origin: room.light.into(), t_max: 1e30, direction: direction.into(), pad: 0.0 };
-        let (mut tau, mut power) = (0.0, 1.0f32);
-        for _ in 0..8 {
-            let Some((p, n)) = room.land(&r) else { break };
-            tau += (p - Vec3::from(r.origin)).length();
-            power *= 0.7;
-            items.push(Item { point: [p.x, p.y, p.z, tau], power, index: items.len() as u32 });
-            r = BenchRay { origin: p.into(), t_max: 1e30, direction: cosine(n, &mut pcg).into(), pad: 0.0 };
-        }
-    }
-    items.truncate(VERTICES);
-    items
-}
-
-/// First and second hits of a picture, with their distance from the sensor.
-fn shade_points(room: &Room) -> Vec<[f32; 4]> {
-    let (mut pcg, mut points) = (Pcg::new(3), vec![]);
-    for i in 0..256 * 256 {
-        let (x, y) = ((i % 256) as f32 / 128.0 - 1.0, 1.0 - (i / 256) as f32 / 128.0);
-        let mut r = room.primary(x, y);
-        let mut tau = 0.0;
-        for _ in 0..2 {
-            let Some((p, n)) = room.land(&r) else { break };
-            tau += (p - Vec3::from(r.origin)).length();
-            points.push([p.x, p.y, p.z, tau]);
-            r = BenchRay { origin: p.into(), t_max: 1e30, direction: cosine(n, &mut pcg).into(), pad: 0.0 };
-        }
-    }
-    points
-}
-
-pub fn compare(device: &Device, room: &Room, leaf_size: usize) {
-    let mut items = light_vertices(room);
+pub fn compare(device: &Device, light: &[Point], shade: &[Point], leaf_size: usize) {
+    let mut items: Vec<Item> = light.iter().zip(0..).map(|(point, index)| point.item(index)).collect();
     let build = std::time::Instant::now();
     let tree = Tree::build(&mut items, TreeOptions { leaf_size, buckets: 8, first_node: 0, first_vertex: 0 });
     let built = build.elapsed();
-    let points = shade_points(room);
+    let points: Vec<[f32; 4]> = shade.iter().map(|s| [s.p.x, s.p.y, s.p.z, s.tau]).collect();
     let frame = Frame {
         gate_lo: GATE[0],
         gate_hi: GATE[1],

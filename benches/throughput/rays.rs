@@ -5,9 +5,10 @@ use obvhs::ray::{Ray, RayHit};
 use rayon::prelude::*;
 use taugate::bvh::{self, Bvh};
 use taugate::generate::numbers::Pcg;
-use taugate::generate::{Kind, build};
 use taugate::gpu::layout::{Dispatch, NONE, Triangle};
 use taugate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+
+use super::flatten;
 
 const KERNEL: &str = "
 #import traverse
@@ -52,17 +53,7 @@ fn ray(origin: Vec3, direction: Vec3, t_max: f32) -> BenchRay {
 
 impl Room {
     pub fn new(triangles: u32) -> Room {
-        let scene = build(Kind::ClutteredRoom { triangles });
-        let camera = &scene.cameras[0].transform;
-        let mut corners = vec![];
-        for instance in &scene.instances {
-            let mesh = &scene.meshes[instance.mesh as usize];
-            let place = |i: u32| {
-                let p = mesh.positions[i as usize].map(f64::from);
-                (instance.transform.transform_point3(p.into()) - camera.translation).as_vec3().to_array()
-            };
-            corners.extend(mesh.triangles.iter().map(|t| t.map(place)));
-        }
+        let (corners, camera) = flatten::cluttered_room(triangles);
         let bvh = bvh::build(&corners);
         let triangle = |&i: &u32| {
             let [v0, v1, v2] = corners[i as usize];

@@ -132,6 +132,7 @@ impl LightTracer {
             }
             stats.submit(&mut self.recorder)?;
             stats.closest_rays += living.len() as u64;
+            stats.light_rays += living.len() as u64;
             let known = pool.deterministic.len();
             stats.timed(stage::READ_LIGHT, || self.collect(&living, first, plan.max_depth, pool))?;
             if plan.splats {

@@ -51,8 +51,9 @@ pub struct Stats {
     pub emitter_vertices: u64,
     pub scattered_vertices: u64,
     pub deterministic_vertices: u64,
-    /// Rays that looked for the closest hit, and rays between two points.
+    /// Rays that looked for the closest hit, those of light subpaths among them, and rays between two points.
     pub closest_rays: u64,
+    pub light_rays: u64,
     pub shadow_rays: u64,
     /// Shade points, connections tried there, and those that survived gate, facing and depth. A query of a tree that ends
     /// at a dead node was tried.

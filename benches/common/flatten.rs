@@ -1,0 +1,20 @@
+//! The cluttered room as loose triangles.
+
+use glam::DAffine3;
+use taugate::generate::{Kind, build};
+
+/// Corners of all triangles, around the camera, and where it stands.
+pub fn cluttered_room(triangles: u32) -> (Vec<[[f32; 3]; 3]>, DAffine3) {
+    let scene = build(Kind::ClutteredRoom { triangles });
+    let camera = scene.cameras[0].transform;
+    let mut corners = vec![];
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let place = |i: u32| {
+            let p = mesh.positions[i as usize].map(f64::from);
+            (instance.transform.transform_point3(p.into()) - camera.translation).as_vec3().to_array()
+        };
+        corners.extend(mesh.triangles.iter().map(|t| t.map(place)));
+    }
+    (corners, camera)
+}

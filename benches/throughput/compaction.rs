@@ -1,0 +1,68 @@
+//! Compaction of a list of slots: counts, prefix sums and scatter on the device against one loop on the host.
+
+use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::constants::CHUNK;
+use taugate::gpu::layout::{Dispatch, Frame, NONE};
+use taugate::gpu::{Buffer, Device, Kernel, Recorder};
+
+/// Slots, and those of a hundred that are live.
+const SLOTS: usize = 1 << 20;
+const LIVE: usize = 30;
+/// Words of `counters` and `arguments`.
+const COUNTERS: usize = 16;
+/// The counter of the slots, and that of the live ones.
+const FROM: u32 = 2;
+const TO: u32 = 3;
+
+pub fn compare(device: &Device) {
+    let mut pcg = Pcg::new(9);
+    let marks: Vec<u32> = (0..SLOTS).map(|_| u32::from(pcg.below(100) < LIVE)).collect();
+    let mut counters = [0u32; COUNTERS];
+    counters[FROM as usize] = SLOTS as u32;
+    let frame = Frame { slots: 1, ..bytemuck::Zeroable::zeroed() };
+    let upload = |name, words: &[u32]| Buffer::from_slice(device, name, words, "").expect("upload");
+    let room = |name, words: usize| Buffer::new::<u32>(device, name, words, "").expect("room");
+    let buffers = [
+        ("frame", upload("frame", bytemuck::cast_slice(&[frame]))),
+        ("marks", upload("marks", &marks)),
+        ("counters", upload("counters", &counters)),
+        ("source", room("source", 1)),
+        ("chunk_counts", room("chunk counts", 2 * SLOTS.div_ceil(CHUNK as usize))),
+        ("list_a", room("live slots", SLOTS)),
+        ("list_b", room("other list", 1)),
+        ("arguments", room("arguments", COUNTERS)),
+    ];
+    let named: Vec<(&str, &Buffer)> = buffers.iter().map(|(name, buffer)| (*name, buffer)).collect();
+    let steps = ["compact_count", "compact_scan", "compact_scatter"].map(|entry| {
+        let kernel = Kernel::new(device, "compact", entry, &[]).expect("kernel");
+        let bound = kernel.bind(&named).expect("binding");
+        (kernel, bound)
+    });
+    let mut recorder = Recorder::new(device).expect("recorder");
+    let mut on_device = || {
+        let lists = Dispatch { counter: FROM, list_a: TO, list_b: NONE, ..bytemuck::Zeroable::zeroed() };
+        for (i, (kernel, bound)) in steps.iter().enumerate() {
+            let groups = if i == 1 { 1 } else { kernel.groups(SLOTS.div_ceil(CHUNK as usize)) };
+            recorder.dispatch("compact", kernel, bound, &lists, groups).expect("dispatch");
+        }
+        recorder.submit().expect("submit");
+    };
+    let mut list = vec![0u32; SLOTS];
+    let mut on_host = || {
+        let mut n = 0;
+        for (i, mark) in marks.iter().enumerate() {
+            list[n] = i as u32;
+            n += *mark as usize;
+        }
+        n
+    };
+    on_device();
+    let live = on_host();
+    let there = buffers[5].1.to_vec::<u32>(live).expect("live slots");
+    assert_eq!(buffers[2].1.to_vec::<u32>(COUNTERS).expect("counters")[TO as usize] as usize, live);
+    let expected: Vec<u32> = (0..SLOTS as u32).filter(|&i| marks[i as usize] == 1).collect();
+    assert!(there == expected, "the device's list differs");
+    super::report("compaction, one host thread", SLOTS, on_device, || {
+        std::hint::black_box(on_host());
+    });
+}

@@ -1,0 +1,228 @@
+//! Queries by importance, as `lcs` makes them: stratified traversals to leaves of eight, and a vertex of each. What
+//! shell_resample does besides, the BSDFs and MIS weight of one candidate a query, is left out on both sides.
+
+use glam::Vec3;
+use rayon::prelude::*;
+use taugate::gpu::layout::constants::{LEAF_BIT, LEAF_FIRST};
+use taugate::gpu::layout::{Dispatch, Frame, Material, NONE, PathVertex, TreeChild, TreeNode};
+use taugate::gpu::{Buffer, Device, Kernel, Recorder};
+use taugate::lightcone::tree::{Item, Tree, TreeOptions};
+
+use super::points::{GATE, Point, hash32, next_bits, uniform};
+
+/// Queries a shade point, and vertices a leaf.
+const QUERIES: u32 = 8;
+const LEAF_SIZE: usize = 8;
+const MAX_DEPTH: u32 = 24;
+
+/// Constants of `shared/importance.wgsl` and `shared/resample.wgsl`.
+const LIVE_SHARE: f32 = 0.3;
+const LEAST_COSINE: f32 = 0.1;
+const LEAST_IMPORTANCE: f32 = 1e-36;
+const RESOLUTION: f32 = 1.0 / 16_777_216.0;
+
+const KERNEL: &str = "
+#import resample
+@group(2) @binding(7) var<storage, read_write> found: array<u32>;
+@compute @workgroup_size(WORKGROUP)
+fn bench_importance(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x >= dispatch.count) {
+        return;
+    }
+    let q = load_shade_point(id.x);
+    let receiver = Receiver(make_shell(q), q.geometric);
+    var rng = hash32(id.x);
+    let jitter = min(next_fine_uniform(&rng), 1.0 - RESOLUTION);
+    var alive = 0u;
+    for (var k = 0u; k < frame.queries; k++) {
+        let u = (f32(k) + jitter) / f32(frame.queries);
+        let leaf = descend_by_importance(frame.tree4_root, receiver, u, &rng);
+        if (leaf.vertex != NONE) {
+            alive += select(0u, 1u, choose_in_leaf(q, leaf, &rng).vertex != NONE);
+        }
+    }
+    found[id.x] = alive;
+}
+";
+
+/// A shade point with its gate less its travel time.
+struct Receiver {
+    q: Vec3,
+    n: Vec3,
+    lo: f32,
+    hi: f32,
+}
+
+fn ramp(x: f32, width: f32) -> f32 {
+    let inside = x.clamp(0.0, width);
+    inside * inside * (0.5 / width) + (x.max(0.0) - inside)
+}
+
+fn power_through_gate(c: &TreeChild, near: f32, far: f32, r: &Receiver) -> f32 {
+    let least = 1e-4 * far + 1e-12;
+    let spread = (far - near).max(least);
+    let bucket = ((c.tau_hi - c.tau_lo) / 8.0).max(least);
+    let start = c.tau_lo + near;
+    let whole = spread + 8.0 * bucket;
+    let (lo, hi) = ((r.lo - start).clamp(0.0, whole), (r.hi - start).clamp(0.0, whole));
+    let edge = |k: usize| ramp(hi - k as f32 * bucket, spread) - ramp(lo - k as f32 * bucket, spread);
+    let scale = 8.0 / (c.tau_hi - c.tau_lo).max(1e-30);
+    let first = ((r.lo - far - c.tau_lo) * scale).floor().clamp(0.0, 7.0) as usize;
+    let last = ((r.hi - near - c.tau_lo) * scale).floor().clamp(-1.0, 7.0) as i32;
+    let bytes = (u64::from(c.buckets_low) | u64::from(c.buckets_high) << 32).to_le_bytes();
+    let (mut sum, mut before) = (0.0, edge(0));
+    for (b, &value) in bytes.iter().enumerate() {
+        let after = edge(b + 1);
+        let share = ((before - after) / bucket).max(0.0) + LIVE_SHARE;
+        sum += if b >= first && b as i32 <= last { f32::from(value) * share } else { 0.0 };
+        before = after;
+    }
+    c.power_unit * sum
+}
+
+fn node_importance(c: &TreeChild, r: &Receiver) -> f32 {
+    let (lo, hi) = (Vec3::from(c.lo), Vec3::from(c.hi));
+    let near = (lo - r.q).max(r.q - hi).max(Vec3::ZERO).length();
+    let far = (lo - r.q).abs().max((hi - r.q).abs()).length();
+    if c.tau_hi + far < r.lo || c.tau_lo + near > r.hi {
+        return 0.0;
+    }
+    let (half, centre) = (0.5 * (hi - lo), 0.5 * (hi + lo) - r.q);
+    let rounding = 1e-6 * (centre.abs().element_sum() + half.element_sum());
+    let height = r.n.dot(centre) + r.n.abs().dot(half) + rounding;
+    if height < 0.0 {
+        return 0.0;
+    }
+    let cosine = (height / near.max(1e-20)).clamp(0.0, 1.0);
+    let power = power_through_gate(c, near, far, r) * cosine.max(LEAST_COSINE);
+    (power / centre.length_squared().max(half.length_squared()).max(1e-20)).max(LEAST_IMPORTANCE)
+}
+
+fn refill(u: f32, part: f32, rng: &mut u32) -> f32 {
+    let fresh = next_bits(rng) as f32 / 4_294_967_296.0;
+    let most = 1.0 - RESOLUTION;
+    if part < 1.0 / 256.0 { fresh.min(most) } else { ((u + RESOLUTION * fresh) / part).clamp(0.0, most) }
+}
+
+fn descend(nodes: &[TreeNode], root: u32, r: &Receiver, u: f32, rng: &mut u32) -> Option<(u32, f32)> {
+    let (mut current, mut weight, mut rest) = (root, 1.0, u);
+    while current & LEAF_BIT == 0 {
+        let node = &nodes[current as usize];
+        let (left, right) = (node_importance(&node.left, r), node_importance(&node.right, r));
+        if left + right <= 0.0 {
+            return None;
+        }
+        let lesser = left.min(right) / (left + right);
+        let take_lesser = rest < lesser;
+        let part = if take_lesser { lesser } else { 1.0 - lesser };
+        rest = refill(if take_lesser { rest } else { rest - lesser }, part, rng);
+        weight /= part;
+        current = if take_lesser == (left < right) { node.left.child } else { node.right.child };
+    }
+    Some((current, weight))
+}
+
+fn vertex_importance(r: &Receiver, depth: u32, v: &PathVertex) -> f32 {
+    let offset = Vec3::from(v.position) - r.q;
+    let d2 = offset.length_squared();
+    let (d, n) = (d2.sqrt(), Vec3::from(v.geometric));
+    let w = offset / d;
+    let tau = v.tau + d;
+    let open = d2 > 0.0 && depth + (v.flags & 0xff) < MAX_DEPTH && tau >= r.lo && tau < r.hi;
+    if !open || r.n.dot(w) <= 0.0 || n.dot(w) >= 0.0 {
+        return 0.0;
+    }
+    let cosines = r.n.dot(w).max(1e-4) * (-n.dot(w)).max(1e-4);
+    (Vec3::from(v.throughput).max_element() * cosines / d2).max(LEAST_IMPORTANCE)
+}
+
+fn choose(vertices: &[PathVertex], leaf: u32, weight: f32, r: &Receiver, depth: u32, rng: &mut u32) -> Option<f32> {
+    let (count, first) = (((leaf >> 27) & 15) + 1, leaf & LEAF_FIRST);
+    let (mut chosen, mut sum) = (None, 0.0);
+    for vertex in &vertices[first as usize..(first + count) as usize] {
+        let importance = vertex_importance(r, depth, vertex);
+        sum += importance;
+        if uniform(rng) * sum < importance {
+            chosen = Some(importance);
+        }
+    }
+    chosen.map(|importance| weight * sum / importance)
+}
+
+fn vertex(point: &Point) -> PathVertex {
+    PathVertex {
+        position: point.p.into(),
+        tau: point.tau,
+        throughput: [point.power; 3],
+        normal: point.n.into(),
+        geometric: point.n.into(),
+        flags: point.depth,
+        eta: 1.0,
+        ..bytemuck::Zeroable::zeroed()
+    }
+}
+
+/// Queries that find a vertex: a check of the twin, and the work it is timed by.
+fn on_host(tree: &Tree, vertices: &[PathVertex], shade: &[Point]) -> u64 {
+    let query = |(i, s): (usize, &Point)| {
+        let r = Receiver { q: s.p, n: s.n, lo: GATE[0] - s.tau, hi: GATE[1] - s.tau };
+        let mut rng = hash32(i as u32);
+        let jitter = (next_bits(&mut rng) as f32 / 4_294_967_296.0).min(1.0 - RESOLUTION);
+        let mut alive = 0;
+        for k in 0..QUERIES {
+            let u = (k as f32 + jitter) / QUERIES as f32;
+            if let Some((leaf, weight)) = descend(&tree.nodes, tree.root, &r, u, &mut rng) {
+                alive += u64::from(choose(vertices, leaf, weight, &r, s.depth, &mut rng).is_some());
+            }
+        }
+        alive
+    };
+    shade.par_iter().enumerate().with_min_len(256).map(query).sum()
+}
+
+pub fn compare(device: &Device, light: &[Point], shade: &[Point]) {
+    let mut items: Vec<Item> = light.iter().zip(0..).map(|(point, index)| point.item(index)).collect();
+    let options = TreeOptions { leaf_size: LEAF_SIZE, buckets: 8, first_node: 0, first_vertex: 0 };
+    let tree = Tree::build(&mut items, options);
+    let vertices: Vec<PathVertex> = items.iter().map(|item| vertex(&light[item.index as usize])).collect();
+    let frame = Frame {
+        gate_lo: GATE[0],
+        gate_hi: GATE[1],
+        queries: QUERIES,
+        max_depth: MAX_DEPTH,
+        tree4_root: tree.root,
+        tree3_root: NONE,
+        ..bytemuck::Zeroable::zeroed()
+    };
+    let plain = ["HAS_TEXTURES", "HAS_ALPHA", "HAS_GLOSSY", "HAS_TRANSMISSION"].map(|name| (name, 0.0));
+    let kernel = Kernel::from_source(device, "bench", KERNEL, "bench_importance", &plain).expect("kernel");
+    let upload = |name, bytes: &[u8]| Buffer::from_slice(device, name, bytes, "").expect("upload");
+    let points: Vec<PathVertex> = shade.iter().map(vertex).collect();
+    let buffers = [
+        ("frame", upload("frame", bytemuck::bytes_of(&frame))),
+        ("tree_nodes", upload("nodes", bytemuck::cast_slice(&tree.nodes))),
+        ("light_vertices", upload("vertices", bytemuck::cast_slice(&vertices))),
+        ("shade_points", upload("points", bytemuck::cast_slice(&points))),
+        ("materials", Buffer::new::<Material>(device, "materials", 1, "").expect("materials")),
+        ("found", Buffer::new::<u32>(device, "found", shade.len(), "").expect("found")),
+    ];
+    let named: Vec<(&str, &Buffer)> = buffers.iter().map(|(name, buffer)| (*name, buffer)).collect();
+    let bound = kernel.bind(&named).expect("binding");
+    let mut recorder = Recorder::new(device).expect("recorder");
+    let mut on_device = || {
+        let d = Dispatch { count: shade.len() as u32, ..bytemuck::Zeroable::zeroed() };
+        recorder.dispatch("importance", &kernel, &bound, &d, kernel.groups(shade.len())).expect("dispatch");
+        recorder.submit().expect("submit");
+    };
+    on_device();
+    let there: u64 = buffers[5].1.to_vec::<u32>(shade.len()).expect("found").iter().map(|&n| u64::from(n)).sum();
+    let all = shade.len() * QUERIES as usize;
+    println!(
+        "lcs       leaf {LEAF_SIZE}; found {:.2} % on the device, {:.2} % on the host",
+        100.0 * there as f64 / all as f64,
+        100.0 * on_host(&tree, &vertices, shade) as f64 / all as f64,
+    );
+    super::report("queries by importance", all, on_device, || {
+        on_host(&tree, &vertices, shade);
+    });
+}

@@ -1,0 +1,43 @@
+//! Whole kernels in a render of the cluttered room: millions of their items a second by device timestamps.
+
+use taugate::experiment::Experiment;
+use taugate::generate::{Kind, build};
+use taugate::gpu::Device;
+use taugate::render::{Renderer, Stats};
+use taugate::resolve::resolve;
+use taugate::settings::Estimator;
+use taugate::units::Gate;
+use taugate::values::Resolution;
+
+/// What a kernel works through, as [`Stats`] count it.
+type Items = (&'static str, &'static str, fn(&Stats) -> u64);
+
+const ITEMS: [Items; 5] = [
+    ("light_trace", "rays", |s| s.light_rays),
+    ("sensor_trace", "rays", |s| s.closest_rays - s.light_rays),
+    ("shell_query", "candidates", |s| s.candidates),
+    ("connect", "candidates", |s| s.live_candidates),
+    ("gather", "shade points", |s| s.shade_points),
+];
+
+pub fn report(device: &Device) {
+    let scene = build(Kind::ClutteredRoom { triangles: 20_000 });
+    for estimator in Estimator::ALL {
+        let mut experiment = Experiment::default();
+        experiment.camera.resolution = Some(Resolution([256, 256]));
+        experiment.gate.gate = Some(Gate { lo: 8.6, hi: 8.85 });
+        experiment.render.estimator = Some(estimator);
+        let settings = resolve(&experiment, &scene).expect("settings").settings;
+        let mut renderer = Renderer::new(device, &scene, &settings).expect("renderer");
+        for _ in 0..4 {
+            renderer.iterate(1).expect("iteration");
+        }
+        let stats = renderer.stats();
+        let rate = |(kernel, what, count): &Items| {
+            let seconds = stats.device_seconds.get(*kernel).copied().unwrap_or(0.0);
+            (seconds > 0.0).then(|| format!("{kernel} {:.2} M {what}/s", count(stats) as f64 / seconds / 1e6))
+        };
+        let rates: Vec<String> = ITEMS.iter().filter_map(rate).collect();
+        println!("{:<10}{}", estimator.name(), rates.join(", "));
+    }
+}
