@@ -48,9 +48,9 @@ pub struct RenderArgs {
     #[arg(long, value_name = "NAME", help_heading = "Scene")]
     camera: Option<String>,
 
-    /// What shines: scene for everything that emits, or names of nodes
+    /// What shines: scene for everything that emits, or names of nodes; may be repeated
     #[arg(long, value_name = "scene|NODE,...", help_heading = "Scene")]
-    emitters: Option<Emitters>,
+    emitters: Vec<Emitters>,
 
     /// Image size in pixels [default: what the camera says, else 512 wide]
     #[arg(long, value_name = "WxH", help_heading = "Scene")]
@@ -155,7 +155,7 @@ impl RenderArgs {
         let png = self.png.map(|file| file.map_or(Png::Wanted(true), Png::File));
         Experiment {
             camera: CameraTable { camera: self.camera, resolution: self.resolution, crop: self.crop },
-            emitter: EmitterTable { emitters: self.emitters },
+            emitter: EmitterTable { emitters: together(self.emitters) },
             gate: GateTable { gate: self.gate, depth: self.depth, force: self.force.then_some(true) },
             render: RenderTable {
                 estimator: self.estimator,
@@ -175,6 +175,14 @@ impl RenderArgs {
             ..Experiment::default()
         }
     }
+}
+
+/// What a flag that was repeated names in all; none if it was not given.
+fn together(emitters: Vec<Emitters>) -> Option<Emitters> {
+    emitters.into_iter().reduce(|all, more| match (all, more) {
+        (Emitters::Nodes(all), Emitters::Nodes(more)) => Emitters::Nodes([all, more].concat()),
+        _ => Emitters::Scene,
+    })
 }
 
 /// Measure the error of an image against a reference
@@ -268,9 +276,9 @@ pub struct InfoArgs {
     #[arg(long, value_name = "NAME", help_heading = "Scene")]
     camera: Option<String>,
 
-    /// What shines: scene for everything that emits, or names of nodes
+    /// What shines: scene for everything that emits, or names of nodes; may be repeated
     #[arg(long, value_name = "scene|NODE,...", help_heading = "Scene")]
-    emitters: Option<Emitters>,
+    emitters: Vec<Emitters>,
 
     /// Image size in pixels [default: what the camera says, else 512 wide]
     #[arg(long, value_name = "WxH", help_heading = "Scene")]
@@ -299,7 +307,7 @@ impl InfoArgs {
         Experiment {
             scene: Some(self.scene.clone()),
             camera: CameraTable { camera: self.camera.clone(), resolution: self.resolution, crop: None },
-            emitter: EmitterTable { emitters: self.emitters.clone() },
+            emitter: EmitterTable { emitters: together(self.emitters.clone()) },
             render: RenderTable { max_depth: self.max_depth, light_paths: self.light_paths, ..RenderTable::default() },
             ..Experiment::default()
         }

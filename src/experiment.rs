@@ -9,6 +9,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{Error, Result};
+use crate::files::{check_readable, read_error};
 use crate::settings::{Crop, Emitters, Estimator, Strategies};
 use crate::units::{Depth, Gate};
 use crate::values::{Resolution, Seconds};
@@ -105,11 +106,11 @@ impl Experiment {
     /// Reads an experiment file. Relative paths in it are taken from its own folder.
     pub fn read(path: &Path) -> Result<Experiment> {
         let fail = |message: String| Error::File { path: path.into(), message };
-        let length = std::fs::metadata(path).map_err(|e| fail(format!("cannot read the experiment: {e}")))?.len();
+        let length = check_readable(path)?;
         if length > MAX_BYTES {
             return Err(fail(format!("{length} bytes are too many for an experiment file; is it something else?")));
         }
-        let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot read the experiment: {e}")))?;
+        let bytes = std::fs::read(path).map_err(|e| read_error(path, &e))?;
         let text = String::from_utf8(bytes).map_err(|_| {
             fail("this is not text in UTF-8; give an experiment (.toml) or a scene (.glb, .gltf)".into())
         })?;

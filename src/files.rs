@@ -75,6 +75,15 @@ fn write_error(path: &Path, error: &io::Error) -> Error {
     Error::File { path: path.into(), message }
 }
 
+/// Bytes of a plain file that can be opened; else an error with the remedy.
+pub fn check_readable(path: &Path) -> Result<u64> {
+    let metadata = File::open(path).and_then(|file| file.metadata()).map_err(|e| read_error(path, &e))?;
+    if !metadata.is_file() {
+        return Err(Error::File { path: path.into(), message: "is not a plain file; check the name".into() });
+    }
+    Ok(metadata.len())
+}
+
 /// What went wrong while reading `path`, with the remedy.
 pub(crate) fn read_error(path: &Path, error: &io::Error) -> Error {
     let message = match error.kind() {

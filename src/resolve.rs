@@ -245,15 +245,16 @@ pub fn emitting_nodes(scene: &Scene) -> Vec<&str> {
 fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate) -> Result<Emitters> {
     let candidates = emitting_nodes(scene);
     let emitters = table.emitters.clone().unwrap_or(Emitters::Scene);
-    if let Emitters::Nodes(names) = &emitters {
-        if names.is_empty() {
+    let emitters = match emitters {
+        Emitters::Scene => Emitters::Scene,
+        Emitters::Nodes(names) if names.is_empty() => {
             return Err(settings(format!("no emitter is selected; choose from {}", list(&candidates))));
         }
-        if let Some(unknown) = names.iter().find(|name| !candidates.contains(&name.as_str())) {
+        Emitters::Nodes(names) => Emitters::Nodes(whole_names(&names, &candidates).map_err(|unknown| {
             let candidates = list(&candidates);
-            return Err(settings(format!("no node '{unknown}' emits light; --emitters may name {candidates}")));
-        }
-    }
+            settings(format!("no node '{unknown}' emits light; --emitters may name {candidates}"))
+        })?),
+    };
 
     // Light from infinitely far away has no travel time.
     let selected = |node: &str| emitters.include(node);
@@ -270,6 +271,35 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate) -> Result<Emitters
         )));
     }
     Ok(emitters)
+}
+
+/// The candidates that `typed` names one after the other. A name with commas in it may be typed in parts, as a list with commas
+/// leaves it; whole names go first. Fails with the first part that is in none.
+fn whole_names(typed: &[String], candidates: &[&str]) -> Result<Vec<String>, String> {
+    let spells = |name: &str, parts: &[String]| match parts {
+        [whole] if whole == name => true,
+        _ => name.split(',').map(str::trim).eq(parts.iter().map(String::as_str)),
+    };
+    // For every position, from the last: where the name that begins there ends, if all that follows can be named.
+    let mut ends = vec![None; typed.len() + 1];
+    ends[typed.len()] = Some((typed.len(), ""));
+    for from in (0..typed.len()).rev() {
+        ends[from] = (from + 1..=typed.len()).filter(|&to| ends[to].is_some()).find_map(|to| {
+            let name = candidates.iter().find(|name| spells(name, &typed[from..to]))?;
+            Some((to, *name))
+        });
+    }
+    let (mut at, mut names) = (0, vec![]);
+    while at < typed.len() {
+        let Some((end, name)) = ends[at] else {
+            let unknown =
+                typed.iter().find(|part| !candidates.iter().any(|name| name.split(',').any(|p| p.trim() == *part)));
+            return Err(unknown.unwrap_or(&typed[at]).clone());
+        };
+        names.push(name.to_string());
+        at = end;
+    }
+    Ok(names)
 }
 
 /// Names for a message: the first dozen.

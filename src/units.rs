@@ -115,8 +115,8 @@ impl Gate {
 impl fmt::Display for Gate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.hi.is_infinite() {
-            true => write!(f, "{}m..inf", self.lo),
-            false => write!(f, "{}m..{}m", self.lo, self.hi),
+            true => write!(f, "{}m..inf", number(self.lo)),
+            false => write!(f, "{}m..{}m", number(self.lo), number(self.hi)),
         }
     }
 }
@@ -239,11 +239,26 @@ fn refuse(what: &str, remedy: &str) -> Error {
     Error::Settings(format!("{what}; {remedy}"))
 }
 
+/// The shortest decimal number that is read back to the same bits; with an exponent where it would be long.
+pub(crate) fn number(x: f64) -> String {
+    if is_long(x) { format!("{x:e}") } else { format!("{x}") }
+}
+
+/// Whether digits before or behind the point would have to be counted.
+fn is_long(x: f64) -> bool {
+    x != 0.0 && x.is_finite() && !(1e-6..1e9).contains(&x.abs())
+}
+
 /// `lo-hi` with as many decimals as show the width to three digits, at least three.
 fn span(lo: f64, hi: f64) -> String {
     let width = if hi.is_finite() { hi - lo } else { lo };
     let decimals = (2.0 - width.log10().floor()).clamp(3.0, 12.0) as usize;
     let show = |v: f64| {
+        if is_long(v) {
+            let text = format!("{v:.6e}");
+            let (digits, exponent) = text.split_once('e').expect("this format has an exponent");
+            return format!("{}e{exponent}", digits.trim_end_matches('0').trim_end_matches('.'));
+        }
         let text = format!("{v:.decimals$}");
         match text.contains('.') {
             true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
@@ -286,6 +301,8 @@ mod tests {
             ("0.1m+-0.2m", 0.0, 0.3),
             ("12.5m..inf", 12.5, f64::INFINITY),
             ("0m..inf", 0.0, f64::INFINITY),
+            ("0m..1e12km", 0.0, 1e15),
+            ("1e-9um..1um", 1e-15, 1e-6),
         ];
         for (text, lo, hi) in table {
             let gate = Gate::parse(text).unwrap_or_else(|e| panic!("{text}: {e}"));
@@ -350,6 +367,8 @@ mod tests {
             Gate { lo: 100.0, hi: f64::INFINITY }.describe(),
             "gate 100-inf m = 333.564-inf ns = 50-inf m depth"
         );
+        assert_eq!(Gate { lo: 0.0, hi: 1e300 }.describe(), "gate 0-1e300 m = 0-3.335641e300 ns = 0-5e299 m depth");
+        assert_eq!(Gate::parse("2e-9m..1e300m").unwrap().to_string(), "2e-9m..1e300m");
         let thin = Gate::parse("1m+0.1mm").unwrap().describe();
         assert!(thin.starts_with("gate 1-1.0001 m = 3.335641-3.335975 ns"), "{thin}");
     }

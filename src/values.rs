@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::settings::{Crop, Emitters, Estimator, Strategies};
-use crate::units::{Depth, Gate};
+use crate::units::{Depth, Gate, number};
 
 /// Width and height in pixels, `640x480`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,15 +76,15 @@ impl FromStr for Seconds {
 
 impl fmt::Display for Seconds {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}s", self.0)
+        write!(f, "{}s", number(self.0))
     }
 }
 
 impl FromStr for Emitters {
     type Err = Error;
 
-    /// `scene`, or node names with commas between them. A name that contains a comma needs the list form of the
-    /// experiment file.
+    /// `scene`, or node names with commas between them. Those of a name that contains commas itself are put together again
+    /// where the scene is known, see [`crate::resolve::resolve`].
     fn from_str(text: &str) -> Result<Emitters> {
         if text.trim() == "scene" {
             return Ok(Emitters::Scene);

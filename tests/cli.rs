@@ -113,7 +113,8 @@ fn bad_inputs_are_named() {
     let here = folder();
     fails(here.path(), &["render", "no.glb", "-o", "a.exr"], 2, "no.glb: ");
     fails(here.path(), &["info", "no.glb"], 2, "no.glb: ");
-    fails(here.path(), &["render", "no.toml", "-o", "a.exr"], 2, "no.toml: ");
+    fails(here.path(), &["render", "no.toml", "-o", "a.exr"], 2, "no.toml: no such file; check the name");
+    fails(here.path(), &["bench", "no.toml"], 2, "no.toml: no such file; check the name");
     fails(here.path(), &["render", "picture.jpg", "-o", "a.exr"], 2, "neither a scene");
     assert!(names(here.path()).is_empty(), "a failed render leaves nothing");
 }
@@ -232,5 +233,11 @@ fn a_generated_scene_is_described_and_resolved() {
     wrong("--crop", "0,9999,0,5", "inside the image");
     wrong("--spp", "0", "--spp is 0");
     wrong("--gate", "100m+0.0001mm", "--force");
+    wrong("--gate", "0m..1e300m", "gate 0-1e300 m = 0-3.335641e300 ns");
+    let config = run(&["render", "box.glb", "--gate", "1m..1e300m", "--force", "--print-config"]);
+    assert!(config.contains("gate = \"1m..1e300m\""), "{config}");
+    let twice = |a: &str, b: &str| run(&["render", "box.glb", "--print-config", "--emitters", a, "--emitters", b]);
+    assert!(twice("light", "light").contains("emitters = [\"light\", \"light\"]"));
+    assert!(twice("light", "scene").contains("emitters = \"scene\""));
     assert_eq!(names(here.path()), ["box.glb", "e.toml"]);
 }

@@ -4,6 +4,11 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use taugate::experiment::Experiment;
+use taugate::generate::{Kind, build};
+use taugate::gpu::DeviceInfo;
+use taugate::render::{MemoryPlan, Prepared};
+use taugate::resolve::resolve;
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -129,6 +134,27 @@ fn a_render_that_does_not_fit_is_refused_before_it_starts() {
     let json = info(here.path(), &film);
     let problem = json["render"]["memory"]["problem"].as_str().unwrap();
     assert!(problem.contains("--resolution"), "{problem}");
+}
+
+/// What the light vertices will need is estimated before they are traced, and said if it is too much.
+#[test]
+fn a_pool_that_is_likely_too_large_is_warned_about() {
+    let scene = build(Kind::CornellBox);
+    let mut experiment = Experiment::default();
+    experiment.render.light_paths = Some(1 << 20);
+    let settings = resolve(&experiment, &scene).unwrap().settings;
+    let prepared = Prepared::new(&scene, &settings).unwrap();
+    let warning = |max_texels: u64| {
+        let device = DeviceInfo { max_texels, ..DeviceInfo::unlimited() };
+        let plan = MemoryPlan::new(&scene, &settings, &prepared, Some(&device)).unwrap();
+        (plan.warning(&device), plan.check(&device).is_ok())
+    };
+    // A vertex is seven texels; every path leaves one for certain, four are the estimate, and there is room for an eighth more.
+    assert_eq!(warning(40 << 20), (None, true));
+    let (said, fits) = warning(20 << 20);
+    let said = said.expect("a warning");
+    assert!(fits && said.contains("light vertices need 504 MiB") && said.contains("--light-paths"), "{said}");
+    assert_eq!(warning(7 << 20), (None, false), "what is certain is refused instead");
 }
 
 #[test]

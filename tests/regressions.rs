@@ -1,8 +1,13 @@
 //! What hostile use has found, one test each, named after what went wrong.
 
+#[path = "common/glb.rs"]
+mod glb;
+
 use std::path::Path;
 use std::process::{Command, Output};
 
+use glb::complete;
+use serde_json::json;
 use taugate::experiment::Experiment;
 use taugate::resolve::resolve;
 use taugate::scene::{Light, LightKind, gltf};
@@ -45,6 +50,20 @@ fn a_directional_light_is_not_left_out_in_silence() {
     });
     let warnings = resolve(&Experiment::default(), &scene).unwrap().warnings;
     assert!(warnings.len() == 1 && warnings[0].contains("'sun'"), "{warnings:?}");
+}
+
+#[test]
+fn a_scene_whose_lights_have_no_power_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut glb = complete();
+    glb.json["materials"][0]["emissiveFactor"] = json!([0.0, 0.0, 0.0]);
+    glb.json["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = json!(0.0);
+    glb.json["nodes"][4]["extras"]["emitter"]["power"] = json!(0.0);
+    std::fs::write(folder.path().join("dark.glb"), glb.build()).unwrap();
+    let output = taugate(folder.path(), &["render", "dark.glb", "-o", "out.exr"]);
+    let message = String::from_utf8(output.stderr).unwrap();
+    let expected = "error: dark.glb: nothing emits light (a light of power 0";
+    assert!(output.status.code() == Some(2) && message.contains(expected), "{message}");
 }
 
 /// Writing to a full disk; `/dev/full` is one where it exists, but outputs must be plain files.

@@ -17,11 +17,12 @@ use taugate::bench::summary::{self, Line};
 use taugate::bench::table::{self, Row};
 use taugate::error::Result;
 use taugate::exr_file::{self, Picture, Provenance};
+use taugate::files::check_readable;
 use taugate::gpu::Device;
 use taugate::settings::MAX_SECONDS;
 
+use super::interrupts::{INTERRUPTED, Interrupts};
 use super::progress::{Progress, duration};
-use super::render::stop_on_interrupt;
 use crate::cli::BenchArgs;
 
 /// A suite with what the flags change in it, and what is there of it.
@@ -41,7 +42,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::new(args.quiet);
     let bench = Bench::new(args, &progress)?;
     let device = Device::open(args.device.as_deref())?;
-    let stop = stop_on_interrupt()?;
+    let stop = Interrupts::new()?.stop;
     let outcome = match args.reference {
         true => references::make(&bench, args, &device, &stop, &mut progress),
         false => bench.race(args, &device, &stop, &mut progress),
@@ -58,6 +59,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<ExitCode> {
 impl Bench {
     /// Reads the suite and loads every scene once, so that mistakes are found before hours of work.
     fn new(args: &BenchArgs, progress: &Progress) -> Result<Bench> {
+        check_readable(&args.suite)?;
         let mut suite = Suite::read(&args.suite)?;
         if let Some(time) = args.time.filter(|_| !args.reference) {
             suite.seconds = time.0;
@@ -139,7 +141,7 @@ impl Bench {
                 code = ExitCode::from(1);
             }
             if stop.load(Ordering::Relaxed) {
-                code = ExitCode::from(130);
+                code = ExitCode::from(INTERRUPTED);
                 break;
             }
         }

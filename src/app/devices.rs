@@ -15,10 +15,11 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     }
     for (index, device) in devices.iter().enumerate() {
         super::print(&format!(
-            "{index}: {}{}\n   driver {}, Vulkan {}, subgroups of {}\n   memory {}; one allocation {}, one storage buffer \
+            "{index}: {}{}{}\n   driver {}, Vulkan {}, subgroups of {}\n   memory {}; one allocation {}, one storage buffer \
              {}, one texel buffer {}\n",
             device.name,
             if device.is_cpu { " (software)" } else { "" },
+            device.unusable.map(|why| format!(", cannot be used: {why}")).unwrap_or_default(),
             device.driver,
             device.api_version,
             device.subgroup_size,
@@ -43,6 +44,7 @@ fn as_json(index: usize, device: &DeviceInfo) -> serde_json::Value {
         "max_storage_buffer_range": device.max_storage_buffer_range,
         "max_texels": device.max_texels,
         "subgroup_size": device.subgroup_size,
+        "unusable": device.unusable,
     })
 }
 

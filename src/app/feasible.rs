@@ -77,8 +77,11 @@ fn travel(tau: f64) -> String {
     format!("{} m ({} ns)", short(tau), short(tau / METRES_PER_NS))
 }
 
-/// About five digits.
+/// About five digits; with an exponent where the number is astronomical.
 pub fn short(x: f64) -> String {
+    if x.abs() >= 1e9 {
+        return format!("{x:.4e}");
+    }
     let decimals = match x.abs() {
         a if a >= 1000.0 => 1,
         a if a >= 10.0 => 3,

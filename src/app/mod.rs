@@ -6,6 +6,7 @@ mod devices;
 mod feasible;
 mod generate;
 mod info;
+mod interrupts;
 mod preparation;
 mod progress;
 pub mod render;

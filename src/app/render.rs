@@ -1,7 +1,7 @@
 //! `taugate render`: from the command line to the files.
 
+use std::path::Path;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -11,10 +11,11 @@ use taugate::experiment::Experiment;
 use taugate::exr_file::Provenance;
 use taugate::files::check_writable;
 use taugate::gpu::Device;
-use taugate::render::{Prepared, Renderer, StrategyImages};
+use taugate::render::{MemoryPlan, Prepared, Renderer, StrategyImages};
 use taugate::resolve::{self, Outputs};
 use taugate::settings::{Budget, Settings};
 
+use super::interrupts::{INTERRUPTED, Interrupts};
 use super::preparation::Preparation;
 use super::progress::{Position, Progress};
 use super::report::{Report, files, is_black};
@@ -36,9 +37,12 @@ pub struct NotFinite {
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
     let experiment = read_experiment(args)?;
+    let interrupts = Interrupts::new()?;
     if !print_config {
         check_outputs(&resolve::outputs(&experiment)?)?;
     }
+    // So far there is nothing to keep.
+    interrupts.exit_at_once(true);
 
     // Load the scene and settle what is to be done.
     let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
@@ -62,28 +66,35 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     for warning in scene.warnings.iter().chain(&resolved.warnings) {
         progress.line(&format!("warning: {warning}"));
     }
-    let prepared = preparation.timed("build BVH and tables", || Prepared::new(&scene, settings))?;
+    let prepared = preparation.timed("build BVH and tables", || Prepared::new(&scene, settings));
+    let prepared = prepared.map_err(|error| of_file(error, &scene_path))?;
     let (device, force) = (experiment.render.device.as_deref(), experiment.gate.force.unwrap_or(false));
     if !settings.gate.is_open() && !force {
         preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device))?;
     }
     let device = preparation.timed("open device", || Device::open(device))?;
+    let plan = MemoryPlan::new(&scene, settings, &prepared, Some(device.info()))?;
+    plan.check(device.info())?;
+    if let Some(warning) = plan.warning(device.info()) {
+        progress.line(&format!("warning: {warning}"));
+    }
     let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
     drop(prepared);
     preparation.finish();
 
     // Render.
-    let stop = stop_on_interrupt()?;
+    interrupts.exit_at_once(false);
+    let stop = &*interrupts.stop;
     let strict = experiment.render.strict.unwrap_or(false);
     let rendering = Instant::now();
-    let rendered = iterate(&mut renderer, settings, strict, &stop, &mut progress);
+    let rendered = iterate(&mut renderer, settings, strict, stop, &mut progress);
     progress.finish();
     let schedule = rendered?;
     let elapsed = rendering.elapsed();
     let interrupted = stop.load(Ordering::Relaxed);
     if interrupted && renderer.film().samples() == 0 {
         progress.line("interrupted before the first image; nothing was written");
-        return Ok(ExitCode::from(130));
+        return Ok(ExitCode::from(INTERRUPTED));
     }
 
     if !settings.gate.is_open() && !force && !interrupted && is_black(&renderer) {
@@ -105,10 +116,18 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     report.summarise(&outputs, &progress);
     if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
         drop(renderer);
-        let images = strategies::Job { device: &device, scene: &scene, settings, schedule: &schedule, stop: &stop };
+        let images = strategies::Job { device: &device, scene: &scene, settings, schedule: &schedule, stop };
         images.write(folder, &provenance, &progress)?;
     }
-    Ok(ExitCode::from(if stop.load(Ordering::Relaxed) { 130 } else { 0 }))
+    Ok(ExitCode::from(if stop.load(Ordering::Relaxed) { INTERRUPTED } else { 0 }))
+}
+
+/// A mistake in the settings that the scene may be to blame for names its file.
+fn of_file(error: Error, scene: &Path) -> Error {
+    match error {
+        Error::Settings(message) => Error::Scene { path: scene.into(), message },
+        other => other,
+    }
 }
 
 /// What was typed, over the experiment file if one was named. Names a scene.
@@ -136,18 +155,6 @@ fn read_experiment(args: RenderArgs) -> Result<Experiment> {
 fn check_outputs(outputs: &Outputs) -> Result<()> {
     files(outputs).try_for_each(|path| check_writable(path))?;
     outputs.strategy_images.as_ref().map_or(Ok(()), |folder| strategies::check_folder(folder))
-}
-
-/// The first interrupt ends the render after the running iteration, the second at once.
-pub(super) fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    })?;
-    Ok(stop)
 }
 
 /// Adds iterations until the budget is used or somebody interrupts; returns the samples of each.

@@ -26,6 +26,8 @@ pub struct DeviceInfo {
     pub max_allocation: u64,
     pub subgroup_size: u32,
     pub max_workgroup_invocations: u32,
+    /// Why taugate cannot render on it; none where it can.
+    pub unusable: Option<&'static str>,
 }
 
 impl DeviceInfo {
@@ -52,6 +54,7 @@ impl DeviceInfo {
             max_allocation: u64::MAX,
             subgroup_size: 0,
             max_workgroup_invocations: 0,
+            unusable: None,
         }
     }
 }
@@ -200,7 +203,16 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> DeviceInf
         instance.get_physical_device_properties2(physical, &mut properties);
         instance.get_physical_device_memory_properties(physical)
     };
+    // SAFETY: as above.
+    let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
     let p = properties.properties;
+    let unusable = match p.api_version {
+        version if version < vk::API_VERSION_1_1 => Some("its driver is older than Vulkan 1.1; update the driver"),
+        _ if !families.iter().any(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)) => {
+            Some("it has no compute queue")
+        }
+        _ => None,
+    };
     let heap_bytes = memory
         .memory_heaps_as_slice()
         .iter()
@@ -227,6 +239,7 @@ fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> DeviceInf
         max_allocation: maintenance.max_memory_allocation_size,
         subgroup_size: subgroup.subgroup_size,
         max_workgroup_invocations: p.limits.max_compute_work_group_invocations,
+        unusable,
     }
 }
 
@@ -235,14 +248,29 @@ fn choose(infos: &[DeviceInfo], selector: Option<&str>) -> Result<usize> {
         return Err(Error::Device("no Vulkan device on this machine; run ./setup.sh for the software one".into()));
     }
     let Some(selector) = selector else {
-        return Ok(infos.iter().position(|d| !d.is_cpu).unwrap_or(0));
+        let usable = |cpu: bool| infos.iter().position(|d| d.unusable.is_none() && d.is_cpu == cpu);
+        return usable(false).or_else(|| usable(true)).ok_or_else(|| {
+            let reasons: Vec<String> =
+                infos.iter().map(|d| format!("{}: {}", d.name, d.unusable.unwrap_or_default())).collect();
+            Error::Device(format!(
+                "no device can be used ({}); run ./setup.sh for the software one",
+                reasons.join(", ")
+            ))
+        });
     };
     let by_number = selector.parse::<usize>().ok().filter(|&i| i < infos.len());
     let by_name = || infos.iter().position(|d| d.name.to_lowercase().contains(&selector.to_lowercase()));
-    by_number.or_else(by_name).ok_or_else(|| {
+    let index = by_number.or_else(by_name).ok_or_else(|| {
         let names: Vec<String> = infos.iter().enumerate().map(|(i, d)| format!("{i}: {}", d.name)).collect();
         Error::Device(format!("no device matches --device {selector}; there are {}", names.join(", ")))
-    })
+    })?;
+    match infos[index].unusable {
+        Some(reason) => {
+            let name = &infos[index].name;
+            Err(Error::Device(format!("{name} cannot be used: {reason}; choose another with --device")))
+        }
+        None => Ok(index),
+    }
 }
 
 /// # Safety
@@ -315,5 +343,30 @@ impl Drop for Shared {
             }
             self.instance.destroy_instance(None);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device(name: &str, is_cpu: bool, unusable: Option<&'static str>) -> DeviceInfo {
+        DeviceInfo { name: name.into(), is_cpu, unusable, ..DeviceInfo::unlimited() }
+    }
+
+    #[test]
+    fn devices_that_cannot_be_used_are_passed_over_and_refused_by_name() {
+        let old = Some("it is old");
+        let infos = [device("old card", false, old), device("software", true, None), device("card", false, None)];
+        assert_eq!(choose(&infos, None).unwrap(), 2);
+        assert_eq!(choose(&infos[..2], None).unwrap(), 1);
+        assert_eq!(choose(&infos, Some("1")).unwrap(), 1);
+        for selector in ["0", "OLD"] {
+            let message = choose(&infos, Some(selector)).unwrap_err().to_string();
+            assert!(message.contains("old card cannot be used: it is old; choose another"), "{message}");
+        }
+        let message = choose(&infos[..1], None).unwrap_err().to_string();
+        assert!(message.contains("no device can be used (old card: it is old)"), "{message}");
+        assert!(choose(&infos, Some("9")).unwrap_err().to_string().contains("1: software"));
     }
 }

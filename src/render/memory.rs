@@ -70,6 +70,15 @@ impl MemoryPlan {
         all
     }
 
+    /// A sentence if the render will likely not fit, though only the light vertices of an iteration will tell: what is
+    /// estimated of them exceeds the device. None where it fits, or where [`MemoryPlan::check`] fails already.
+    pub fn warning(&self, device: &DeviceInfo) -> Option<String> {
+        self.check(device).ok()?;
+        let all = [&self.scene[..], &self.iteration, &self.pool].concat();
+        let error = crate::gpu::need::check_all(&all, device).err()?;
+        Some(format!("the render may stop when its light vertices are known: an estimate says that {error}"))
+    }
+
     /// Fails, with the flag to change, where the render certainly does not fit.
     pub fn check(&self, device: &DeviceInfo) -> Result<()> {
         crate::gpu::need::check_all(&self.certain, device)

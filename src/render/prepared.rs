@@ -29,7 +29,9 @@ impl Prepared {
         let emitters = EmitterSet::new(scene, &settings.emitters, &place, &mut geometry);
         if emitters.table.is_empty() {
             return Err(Error::Settings(
-                "nothing emits light: select other nodes with --emitters, or add a light to the scene".into(),
+                "nothing emits light (a light of power 0 or a surface of no area does not): select other nodes with \
+                 --emitters, or give the scene a light with power"
+                    .into(),
             ));
         }
         let levels = geometry.bvh.levels();

@@ -104,6 +104,28 @@ fn a_scene_without_camera_or_light_is_refused() {
 }
 
 #[test]
+fn names_with_commas_may_be_typed_in_parts() {
+    let mut scene = scene();
+    let node = |name: &str| Instance { mesh: 1, transform: DAffine3::IDENTITY, node: name.into() };
+    scene.instances.extend([node("lamp, left"), node("left"), node("a,b,c"), node("b")]);
+    let chosen = |toml: &str| match resolve(&experiment(toml), &scene).unwrap().settings.emitters {
+        Emitters::Nodes(names) => names,
+        Emitters::Scene => panic!("{toml}"),
+    };
+    assert_eq!(chosen("emitter.emitters = 'a,b,c'"), ["a,b,c"]);
+    assert_eq!(chosen("emitter.emitters = 'a , b,c,beam'"), ["a,b,c", "beam"]);
+    assert_eq!(chosen("emitter.emitters = ['lamp, left', 'b']"), ["lamp, left", "b"]);
+    // Whole names go first.
+    assert_eq!(chosen("emitter.emitters = 'lamp, left'"), ["lamp", "left"]);
+    scene.instances.retain(|instance| instance.node != "left");
+    let message = |toml: &str| message(toml, &scene);
+    let chosen = |toml: &str| resolve(&experiment(toml), &scene).unwrap().settings.emitters;
+    assert_eq!(chosen("emitter.emitters = 'lamp, left'"), Emitters::Nodes(vec!["lamp, left".into()]));
+    assert!(message("emitter.emitters = 'a,b,d'").contains("no node 'd'"));
+    assert!(message("emitter.emitters = 'left,lamp'").contains("no node 'left'"));
+}
+
+#[test]
 fn a_thin_gate_warns_or_needs_force() {
     let warnings = |toml: &str| resolve(&experiment(toml), &scene()).unwrap().warnings.len();
     assert_eq!(warnings("gate.gate = '100m+1m'\nemitter.emitters = 'beam'"), 0);

@@ -10,6 +10,7 @@ use taugate::error::Result;
 use taugate::gpu::Device;
 
 use super::{Bench, make_folder};
+use crate::app::interrupts::INTERRUPTED;
 use crate::app::progress::{Progress, duration};
 use crate::cli::BenchArgs;
 
@@ -52,7 +53,7 @@ pub fn make(
                 !stop.load(Ordering::Relaxed)
             };
             match reference::make(device, &job, &prepared, &sharing, goal, &path, &mut watch)? {
-                None => return Ok(ExitCode::from(130)),
+                None => return Ok(ExitCode::from(INTERRUPTED)),
                 Some(made) => {
                     let good = tell(&scene.name, &path.display().to_string(), &made, progress);
                     code = if good { code } else { ExitCode::from(1) };

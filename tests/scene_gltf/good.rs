@@ -1,0 +1,245 @@
+//! What good files become.
+
+use std::path::PathBuf;
+
+use base64::Engine;
+use glam::DVec3;
+use taugate::scene::gltf::load;
+use taugate::scene::{AlphaMode, Instance, LightKind, Wrap};
+
+use super::*;
+
+#[test]
+fn a_complete_file_is_read() {
+    let scene = read(&complete());
+    check_promises(&scene);
+    assert_eq!(scene.warnings, Vec::<String>::new());
+
+    let mesh = &scene.meshes[0];
+    assert_eq!(mesh.name, "Tri[0]");
+    assert_eq!(mesh.triangles, [[0, 1, 2]]);
+    assert_eq!(mesh.normals[1], [0.0, 0.0, 1.0]);
+    assert_eq!(mesh.uvs[2], [0.0, 1.0]);
+    assert_eq!((scene.instances[0].node.as_str(), scene.instances[0].transform.translation), ("tri", DVec3::Z * 10.0));
+
+    let material = &scene.materials[0];
+    assert_eq!((material.base_color, material.metallic, material.roughness), ([0.5, 0.25, 1.0, 1.0], 0.0, 0.75));
+    assert_eq!((material.emission, material.specular, material.ior), ([4.0, 2.0, 0.0], 0.5, 1.25));
+    assert_eq!((material.transmission, material.alpha_mode), (0.125, AlphaMode::Mask(0.25)));
+    assert!(material.double_sided);
+    assert_eq!((material.base_color_texture, material.emission_texture), (Some(0), None));
+    assert_eq!((scene.textures[0].wrap, scene.textures[0].linear), ([Wrap::Clamp, Wrap::Mirror], false));
+    let image = &scene.images[0];
+    assert_eq!(
+        (image.width, image.height, image.rgba[1], image.rgba[3]),
+        (2, 2, [0, 255, 0, 255], [255, 255, 255, 128])
+    );
+
+    let camera = &scene.cameras[0];
+    assert_eq!((camera.name.as_str(), camera.yfov, camera.aspect), ("eye", 0.5, Some(2.0)));
+    assert_eq!(camera.resolution, Some([64, 32]));
+    assert!(camera.transform.abs_diff_eq(glam::DAffine3::from_translation(DVec3::Z * 10.0), 1e-12));
+
+    let [lamp, laser] = &scene.lights[..] else { panic!() };
+    assert_eq!((lamp.node.as_str(), lamp.direction), ("lamp", DVec3::NEG_Z));
+    assert_eq!(lamp.kind, LightKind::Spot { intensity: [8.0, 4.0, 2.0], inner: 0.25, outer: 0.5 });
+    assert!(laser.direction.abs_diff_eq(DVec3::Z, 1e-12));
+    assert_eq!(laser.kind, LightKind::Beam { power: [1.0, 2.0, 3.0], radius: 0.5 });
+}
+
+#[test]
+fn nested_nodes_compose_and_share_their_mesh() {
+    let mut glb = single(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], json!({}));
+    glb.json["nodes"] = json!([
+        { "translation": [1.0, 0.0, 0.0], "scale": [2.0, 2.0, 2.0], "children": [1, 2] },
+        { "mesh": 0, "translation": [0.0, 3.0, 0.0] },
+        { "mesh": 0, "name": "mirror", "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 4, 1] },
+        { "mesh": 0, "scale": [1.0, 0.0, 1.0] },
+    ]);
+    let scene = read(&glb);
+    check_promises(&scene);
+    assert_eq!(scene.meshes.len(), 1);
+    let [plain, mirror] = &scene.instances[..] else { panic!("{:?}", scene.instances) };
+    assert_eq!(plain.node, "node 1");
+    assert_eq!(plain.transform.transform_point3(DVec3::ONE), DVec3::new(3.0, 8.0, 2.0));
+    assert_eq!(mirror.transform.transform_point3(DVec3::ONE), DVec3::new(-1.0, 2.0, 10.0));
+    assert!(scene.warnings[0].contains("`node 3` is scaled to nothing"), "{:?}", scene.warnings);
+}
+
+#[test]
+fn strips_and_fans_keep_their_winding() {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+    let strip = read(&single(&corners, json!({ "mode": 5 })));
+    assert_eq!(strip.meshes[0].triangles, [[0, 1, 2], [1, 3, 2]]);
+    let around = [corners[0], corners[1], corners[3], corners[2]];
+    let mut fan = single(&around, json!({ "mode": 6 }));
+    let indices = fan.indices(&[0, 1, 2, 3]);
+    fan.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+    assert_eq!(read(&fan).meshes[0].triangles, [[1, 2, 0], [2, 3, 0]]);
+}
+
+#[test]
+fn triangles_of_zero_area_and_unused_vertices_are_dropped() {
+    let corners = [[9.0; 3], [0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let mut glb = single(&corners, json!({}));
+    let indices = glb.indices(&[1, 1, 2, 1, 2, 3, 1, 2, 4]);
+    glb.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+    let scene = read(&glb);
+    assert_eq!(scene.meshes[0].triangles, [[0, 1, 2]]);
+    assert_eq!(scene.meshes[0].positions, [corners[1], corners[2], corners[4]]);
+    assert_eq!(scene.warnings, ["2 triangles of zero area are left out"]);
+}
+
+#[test]
+fn normals_of_zero_length_make_the_mesh_flat() {
+    let mut glb = complete();
+    glb.bin[44..56].fill(0);
+    let scene = read(&glb);
+    assert!(scene.meshes[0].normals.is_empty());
+    assert!(scene.warnings[0].contains("Tri[0]"), "{:?}", scene.warnings);
+}
+
+#[test]
+fn sparse_accessors_patch_zeros_or_a_view() {
+    let mut glb = complete();
+    let at = glb.view(&[2]);
+    let values = glb.view(&[5.0f32, 6.0, 7.0].map(f32::to_le_bytes).concat());
+    let indices = json!({ "bufferView": at, "componentType": 5121 });
+    glb.json["accessors"][0]["sparse"] = json!({ "count": 1, "indices": indices, "values": { "bufferView": values } });
+    assert_eq!(read(&glb).meshes[0].positions, [[0.0; 3], [1.0, 0.0, 0.0], [5.0, 6.0, 7.0]]);
+    glb.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    assert!(refusal(&glb.build()).contains("only 1 of zero area"));
+}
+
+#[test]
+fn interleaved_vertices_and_normalized_coordinates_are_read() {
+    let mut glb = single(&[[0.0; 3], [0.0; 3], [1.0, 0.0, 0.0], [0.0; 3], [0.0, 1.0, 0.0], [0.0; 3]], json!({}));
+    glb.json["bufferViews"][0]["byteStride"] = json!(24);
+    glb.json["accessors"][0]["count"] = json!(3);
+    let uv = glb.accessor(&[0, 0, 255, 0, 0, 255], 5121, "VEC2", 3);
+    glb.json["accessors"][uv]["normalized"] = json!(true);
+    glb.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = json!(uv);
+    let mesh = &read(&glb).meshes[0];
+    assert_eq!(mesh.positions[2], [0.0, 1.0, 0.0]);
+    assert_eq!(mesh.uvs, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]);
+}
+
+#[test]
+fn texture_transforms_are_baked_into_the_coordinates() {
+    let mut glb = complete();
+    let quarter = std::f32::consts::FRAC_PI_2;
+    let transform = json!({ "offset": [10.0, 20.0], "rotation": quarter, "scale": [2.0, 3.0] });
+    let info = &mut glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
+    info["extensions"] = json!({ "KHR_texture_transform": transform });
+    let uvs = read(&glb).meshes[0].uvs.clone();
+    // Scaled, then turned counter-clockwise on a v axis that points down, then moved.
+    for (uv, want) in uvs.iter().zip([[10.0, 20.0], [10.0, 18.0], [13.0, 20.0]]) {
+        assert!((uv[0] - want[0]).abs() < 1e-5 && (uv[1] - want[1]).abs() < 1e-5, "{uvs:?}");
+    }
+    glb.json["materials"][0]["emissiveTexture"] = json!({ "index": 0 });
+    let scene = read(&glb);
+    assert_eq!(scene.meshes[0].uvs[1], [1.0, 0.0]);
+    assert!(scene.warnings[0].contains("texture transforms"), "{:?}", scene.warnings);
+}
+
+#[test]
+fn what_is_not_read_is_warned_about_once() {
+    let mut glb = complete();
+    glb.json["extensionsUsed"] = json!(["KHR_materials_clearcoat"]);
+    glb.json["materials"][0]["normalTexture"] = json!({ "index": 0 });
+    let copy = glb.json["materials"][0].clone();
+    glb.push("materials", copy);
+    glb.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(2);
+    let primitive = json!({ "attributes": { "POSITION": 0 }, "mode": 1 });
+    glb.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
+    glb.json["cameras"][0] = json!({
+        "type": "orthographic", "orthographic": { "xmag": 1.0, "ymag": 1.0, "zfar": 1.0, "znear": 0.0 },
+    });
+    let scene = read(&glb);
+    assert!(scene.cameras.is_empty());
+    let words = ["clearcoat", "normal textures", "vertex colours", "points or lines", "orthographic"];
+    assert_eq!(scene.warnings.len(), words.len(), "{:?}", scene.warnings);
+    for (warning, word) in scene.warnings.iter().zip(words) {
+        assert!(warning.contains(word), "{warning}");
+    }
+}
+
+#[test]
+fn a_primitive_without_material_gets_the_default() {
+    let scene = read(&single(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], json!({})));
+    assert_eq!(scene.materials.len(), 1);
+    assert_eq!((scene.materials[0].metallic, scene.materials[0].ior), (1.0, 1.5));
+}
+
+#[test]
+fn buffers_come_from_data_uris_and_files() {
+    let data = base64::engine::general_purpose::STANDARD.encode(complete().bin);
+    let scene = load_slice(&text(&format!("data:application/octet-stream;base64,{data}")), Path::new("a.gltf"));
+    check_promises(&scene.unwrap());
+
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("data")).unwrap();
+    std::fs::write(folder.path().join("data/a b.bin"), complete().bin).unwrap();
+    let path = folder.path().join("scene.gltf");
+    std::fs::write(&path, text("data/a%20b.bin")).unwrap();
+    check_promises(&load(&path).unwrap());
+
+    std::fs::write(&path, text("absent.bin")).unwrap();
+    let message = load(&path).unwrap_err().to_string();
+    assert!(message.contains("buffer 0") && message.contains("absent.bin"), "{message}");
+    let message = load(&folder.path().join("absent.glb")).unwrap_err().to_string();
+    assert!(message.contains("absent.glb") && message.contains("cannot be read"), "{message}");
+    assert!(load(folder.path()).unwrap_err().to_string().contains("not a regular file"));
+}
+
+#[test]
+fn deep_pngs_and_jpegs_beside_the_scene_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let deep = image::DynamicImage::ImageLuma16(image::ImageBuffer::from_pixel(2, 1, image::Luma([0x8000])));
+    deep.save(folder.path().join("deep.png")).unwrap();
+    let grey = image::DynamicImage::ImageRgb8(image::ImageBuffer::from_pixel(8, 8, image::Rgb([128; 3])));
+    grey.save(folder.path().join("grey.jpg")).unwrap();
+    let path = folder.path().join("scene.glb");
+    let mut glb = complete();
+    for (file, deep) in [("deep.png", true), ("grey.jpg", false)] {
+        glb.json["images"][0] = json!({ "uri": file });
+        std::fs::write(&path, glb.build()).unwrap();
+        let scene = load(&path).unwrap();
+        assert!(scene.images[0].rgba.iter().all(|texel| *texel == [128, 128, 128, 255]), "{:?}", scene.images);
+        assert_eq!(scene.warnings.iter().any(|warning| warning.contains("16 bits")), deep);
+    }
+}
+
+/// Shared scenes beside the repository, if any; `TAUGATE_SHARED_SCENES` names another folder.
+#[test]
+fn shared_scenes_are_read() {
+    let folder = std::env::var_os("TAUGATE_SHARED_SCENES")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/scenes"), PathBuf::from);
+    if !folder.is_dir() {
+        println!("skipped: there are no shared scenes");
+        return;
+    }
+    // Name, cameras, lights and beams.
+    let known = [
+        ("bedroom", 1, 1),
+        ("city", 2, 1),
+        ("cornell-spot", 1, 0),
+        ("dining-room", 1, 1),
+        ("staircase", 1, 0),
+        ("tunnel", 1, 1),
+        ("veach-ajar", 1, 1),
+    ];
+    for (name, cameras, lights) in known {
+        let start = std::time::Instant::now();
+        let scene = load(&folder.join(name).join("scene.glb")).unwrap();
+        println!("{name}: {:?}, {:?}", start.elapsed(), scene.warnings);
+        check_promises(&scene);
+        let facts = std::fs::read(folder.join(name).join("scene.json")).unwrap();
+        let facts: Value = serde_json::from_slice(&facts).unwrap();
+        let of = |instance: &Instance| scene.meshes[instance.mesh as usize].triangles.len() as u64;
+        let triangles: u64 = scene.instances.iter().map(of).sum();
+        let degenerate = facts["degenerate_triangles"].as_u64().unwrap();
+        assert_eq!(triangles, facts["triangles"].as_u64().unwrap() - degenerate, "{name}");
+        assert_eq!((scene.cameras.len(), scene.lights.len()), (cameras, lights), "{name}");
+    }
+}

@@ -1,0 +1,244 @@
+//! Bad files are refused by name, with a remedy, and never panic.
+
+use base64::Engine;
+use taugate::scene::gltf::load;
+
+use super::*;
+
+/// A change to the complete scene and the words its refusal must contain.
+type Case = (&'static str, fn(&mut Glb), &'static [&'static str]);
+
+const HUGE: u64 = u64::MAX - 8;
+
+#[rustfmt::skip]
+const HOSTILE: &[Case] = &[
+    ("accessor beyond its view", |g| g.json["accessors"][0]["count"] = json!(4), &["accessor 0", "POSITION of Tri[0]", "beyond"]),
+    ("view beyond its buffer", |g| g.json["bufferViews"][0]["byteLength"] = json!(100_000), &["bufferView 0", "beyond"]),
+    ("stride below element", |g| g.json["bufferViews"][0]["byteStride"] = json!(4), &["accessor 0", "byteStride"]),
+    ("stride zero", |g| g.json["bufferViews"][0]["byteStride"] = json!(0), &["accessor 0", "byteStride"]),
+    ("stride near 2^64", |g| g.json["bufferViews"][0]["byteStride"] = json!(HUGE), &["accessor 0", "beyond"]),
+    ("count zero", |g| g.json["accessors"][0]["count"] = json!(0), &["accessor 0", "no elements"]),
+    ("count near 2^64", |g| g.json["accessors"][0]["count"] = json!(HUGE), &["accessor 0", "elements"]),
+    ("accessor offset near 2^64", |g| g.json["accessors"][0]["byteOffset"] = json!(HUGE), &["accessor 0", "beyond"]),
+    ("view offset near 2^64", |g| g.json["bufferViews"][0]["byteOffset"] = json!(HUGE), &["bufferView 0", "beyond"]),
+    ("view length near 2^64", |g| g.json["bufferViews"][0]["byteLength"] = json!(HUGE), &["bufferView 0", "beyond"]),
+    ("buffer length near 2^64", |g| g.json["buffers"][0]["byteLength"] = json!(HUGE), &["buffer 0", "1 GiB"]),
+    ("buffer longer than its data", |g| g.json["buffers"][0]["byteLength"] = json!(100_000), &["buffer 0", "shorter"]),
+    ("buffer without data", |g| { g.push("buffers", json!({ "byteLength": 4 })); }, &["buffer 1", "no data"]),
+    ("view of an absent buffer", |g| g.json["bufferViews"][0]["buffer"] = json!(7), &["bufferView 0", "buffer 7"]),
+    ("sparse count zero", |g| sparse(g, 0, 0), &["accessor 0", "sparse count"]),
+    ("sparse count above count", |g| sparse(g, 4, 0), &["accessor 0", "sparse count"]),
+    ("sparse index out of range", |g| sparse(g, 1, 3), &["accessor 0", "sparse index 3"]),
+    ("positions as u8", |g| g.json["accessors"][0]["componentType"] = json!(5121), &["accessor 0", "component type"]),
+    ("positions as vec2", |g| g.json["accessors"][0]["type"] = json!("VEC2"), &["accessor 0", "VEC3"]),
+    ("component type unknown", |g| g.json["accessors"][0]["componentType"] = json!(1), &["accessor 0", "component type"]),
+    ("indices as floats", |g| g.json["accessors"][1]["componentType"] = json!(5126), &["accessor 1", "indices of Tri[0]"]),
+    ("index out of range", |g| g.bin[36] = 3, &["accessor 1", "index 3"]),
+    ("two corners", |g| g.json["accessors"][1]["count"] = json!(2), &["Tri[0]", "2 corners"]),
+    ("uv integers not normalized", |g| g.json["accessors"][3]["componentType"] = json!(5123), &["accessor 3", "normalized"]),
+    ("fewer normals", |g| g.json["accessors"][2]["count"] = json!(2), &["accessor 2", "NORMAL of Tri[0]"]),
+    ("position not a number", |g| g.bin[0..4].copy_from_slice(&f32::NAN.to_le_bytes()), &["POSITION of Tri[0]", "not finite"]),
+    ("position infinite", |g| g.bin[0..4].copy_from_slice(&f32::INFINITY.to_le_bytes()), &["POSITION of Tri[0]", "not finite"]),
+    ("normal not a number", |g| g.bin[44..48].copy_from_slice(&f32::NAN.to_le_bytes()), &["NORMAL of Tri[0]", "not finite"]),
+    ("uv not a number", |g| g.bin[80..84].copy_from_slice(&f32::NAN.to_le_bytes()), &["TEXCOORD_0 of Tri[0]", "not finite"]),
+    ("no positions", |g| g.json["meshes"][0]["primitives"][0]["attributes"] = json!({}), &["Tri[0]", "POSITION"]),
+    ("absent accessor", |g| g.json["meshes"][0]["primitives"][0]["indices"] = json!(99), &["Tri[0]", "accessor 99"]),
+    ("absent material", |g| g.json["meshes"][0]["primitives"][0]["material"] = json!(9), &["Tri[0]", "material 9"]),
+    ("absent mesh", |g| g.json["nodes"][1]["mesh"] = json!(9), &["`tri`", "mesh 9"]),
+    ("unknown mode", |g| g.json["meshes"][0]["primitives"][0]["mode"] = json!(9), &["Tri[0]", "mode"]),
+    ("points only", |g| g.json["meshes"][0]["primitives"][0]["mode"] = json!(0), &["no triangles", "points"]),
+    ("all of zero area", |g| g.bin[36..42].fill(0), &["no triangles", "zero area"]),
+    ("no mesh at all", |g| { g.json["nodes"][1].as_object_mut().unwrap().remove("mesh"); }, &["no triangles"]),
+    ("image view out of range", |g| g.json["images"][0]["bufferView"] = json!(99), &["image `Wood`", "bufferView 99"]),
+    ("image without data", |g| { g.json["images"][0].as_object_mut().unwrap().remove("bufferView"); }, &["image `Wood`", "no data"]),
+    ("image of garbage", |g| g.json["images"][0]["bufferView"] = json!(0), &["image `Wood`", "decoded"]),
+    ("image uri outside", |g| g.json["images"][0] = json!({ "name": "Wood", "uri": "../a.png" }), &["image `Wood`", "leaves"]),
+    ("absent texture", |g| g.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["index"] = json!(5), &["`Paint`", "texture 5"]),
+    ("absent image", |g| g.json["textures"][0]["source"] = json!(5), &["texture 0", "image"]),
+    ("absent sampler", |g| g.json["textures"][0]["sampler"] = json!(5), &["texture 0", "sampler 5"]),
+    ("unknown wrap mode", |g| g.json["samplers"][0]["wrapS"] = json!(5), &["texture 0", "wrap"]),
+    ("roughness infinite", |g| g.json["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"] = json!(1e39), &["`Paint`", "roughnessFactor"]),
+    ("negative emission", |g| g.json["materials"][0]["emissiveFactor"][0] = json!(-1.0), &["`Paint`", "emission"]),
+    ("ior zero", |g| g.json["materials"][0]["extensions"]["KHR_materials_ior"]["ior"] = json!(0.0), &["`Paint`", "ior"]),
+    ("ior below one", |g| g.json["materials"][0]["extensions"]["KHR_materials_ior"]["ior"] = json!(0.9), &["`Paint`", "ior"]),
+    ("unknown alpha mode", |g| g.json["materials"][0]["alphaMode"] = json!("X"), &["`Paint`", "alphaMode"]),
+    ("node cycle", |g| g.json["nodes"][3]["children"] = json!([0]), &["`root`", "ancestor"]),
+    ("node cycle without scene", |g| { g.json.as_object_mut().unwrap().remove("scene"); g.json["scenes"] = json!([]); g.json["nodes"][3]["children"] = json!([0]); }, &["`root`", "ancestor"]),
+    ("node with two parents", |g| g.json["nodes"][3]["children"] = json!([1]), &["`tri`", "two parents"]),
+    ("absent child", |g| g.json["nodes"][3]["children"] = json!([77]), &["node 77"]),
+    ("absent scene", |g| g.json["scene"] = json!(3), &["scene 3"]),
+    ("absent root", |g| g.json["scenes"][0]["nodes"] = json!([9]), &["node 9"]),
+    ("translation infinite", |g| g.json["nodes"][1]["translation"] = json!([1e39, 0, 0]), &["`tri`", "not finite"]),
+    ("rotation zero", |g| g.json["nodes"][1]["rotation"] = json!([0, 0, 0, 0]), &["`tri`", "rotation"]),
+    ("matrix with perspective", |g| g.json["nodes"][1]["matrix"] = json!([1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]), &["`tri`", "affine"]),
+    ("scale out of all measure", |g| g.json["nodes"][1]["scale"] = json!([1e30, 1e30, 1e30]), &["`tri`", "farther"]),
+    ("absent camera", |g| g.json["nodes"][2]["camera"] = json!(4), &["`eye`", "camera 4"]),
+    ("yfov zero", |g| g.json["cameras"][0]["perspective"]["yfov"] = json!(0.0), &["`eye`", "yfov"]),
+    ("yfov above pi", |g| g.json["cameras"][0]["perspective"]["yfov"] = json!(3.2), &["`eye`", "yfov"]),
+    ("aspect negative", |g| g.json["cameras"][0]["perspective"]["aspectRatio"] = json!(-1.0), &["`eye`", "aspectRatio"]),
+    ("flat camera", |g| g.json["nodes"][2]["scale"] = json!([1, 0, 1]), &["`eye`", "scale"]),
+    ("absent light", |g| g.json["nodes"][3]["extensions"]["KHR_lights_punctual"]["light"] = json!(4), &["`lamp`", "light 4"]),
+    ("negative light", |g| light(g)["intensity"] = json!(-1.0), &["`lamp`", "intensity"]),
+    ("infinite light", |g| light(g)["intensity"] = json!(1e39), &["`lamp`", "intensity"]),
+    ("spot without cone", |g| { light(g).as_object_mut().unwrap().remove("spot"); }, &["`lamp`", "cone"]),
+    ("spot inside out", |g| light(g)["spot"]["innerConeAngle"] = json!(0.6), &["`lamp`", "innerConeAngle"]),
+    ("unknown light", |g| light(g)["type"] = json!("area"), &["`lamp`", "type"]),
+    ("emitter is a string", |g| g.json["nodes"][4]["extras"]["emitter"] = json!("beam"), &["`laser`", "extras.emitter"]),
+    ("emitter of unknown type", |g| g.json["nodes"][4]["extras"]["emitter"]["type"] = json!("x"), &["`laser`", "type"]),
+    ("emitter of negative radius", |g| g.json["nodes"][4]["extras"]["emitter"]["radius"] = json!(-1), &["`laser`", "radius"]),
+    ("emitter without power", |g| { g.json["nodes"][4]["extras"]["emitter"].as_object_mut().unwrap().remove("power"); }, &["`laser`", "power"]),
+    ("emitter of two powers", |g| g.json["nodes"][4]["extras"]["emitter"]["power"] = json!([1, 2]), &["`laser`", "power"]),
+    ("glTF 1", |g| g.json["asset"]["version"] = json!("1.0"), &["version 1.0"]),
+    ("no asset", |g| { g.json.as_object_mut().unwrap().remove("asset"); }, &["not valid glTF", "asset"]),
+    ("Draco", |g| g.json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]), &["without Draco"]),
+    ("meshopt", |g| g.json["extensionsRequired"] = json!(["EXT_meshopt_compression"]), &["without meshopt"]),
+    ("quantization", |g| g.json["extensionsRequired"] = json!(["KHR_mesh_quantization"]), &["without quantization"]),
+    ("unknown extension", |g| g.json["extensionsRequired"] = json!(["X_y"]), &["X_y"]),
+    ("bad percent escape", |g| g.json["buffers"][0]["uri"] = json!("a%FFb"), &["buffer 0", "% escape"]),
+    ("bad base64", |g| g.json["buffers"][0]["uri"] = json!("data:;base64,*"), &["buffer 0", "base64"]),
+    ("data URI without base64", |g| g.json["buffers"][0]["uri"] = json!("data:,abc"), &["buffer 0", "base64"]),
+];
+
+fn light(glb: &mut Glb) -> &mut Value {
+    &mut glb.json["extensions"]["KHR_lights_punctual"]["lights"][0]
+}
+
+/// Replaces `count` positions, all of them at index `at`.
+fn sparse(glb: &mut Glb, count: usize, at: u8) {
+    let indices = glb.view(&[at; 4]);
+    let values = glb.view(&[0; 48]);
+    glb.json["accessors"][0]["sparse"] = json!({
+        "count": count,
+        "indices": { "bufferView": indices, "componentType": 5121 },
+        "values": { "bufferView": values },
+    });
+}
+
+#[test]
+fn hostile_files_are_refused_by_name() {
+    for (name, change, words) in HOSTILE {
+        let mut glb = complete();
+        change(&mut glb);
+        let message = refusal(&glb.build());
+        for word in *words {
+            assert!(message.contains(word), "{name}: `{word}` is not in: {message}");
+        }
+        assert!(!message.contains("reader failed"), "{name}: panicked");
+        assert!(message.contains("; ") && !message.ends_with('.'), "{name}: no remedy in: {message}");
+    }
+}
+
+#[test]
+fn instances_that_multiply_beyond_the_limit_are_refused() {
+    let mut glb = single(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], json!({}));
+    let indices = glb.indices(&[0, 1, 2].repeat(1000));
+    glb.json["meshes"][0]["primitives"] =
+        json!(vec![json!({ "attributes": { "POSITION": 0 }, "indices": indices }); 100]);
+    glb.json["nodes"] = json!(vec![json!({ "mesh": 0 }); 700]);
+    assert!(refusal(&glb.build()).contains("64 million triangles"));
+}
+
+#[test]
+fn zeros_without_a_view_are_counted_before_they_are_made() {
+    let mut glb = complete();
+    for count in [1_000_000_000_000u64, 100_000_000] {
+        glb.json["accessors"][0] = json!({ "componentType": 5126, "type": "VEC3", "count": count });
+        assert!(refusal(&glb.build()).contains("accessor 0"));
+    }
+}
+
+#[test]
+fn deep_chains_are_walked_without_recursion() {
+    let mut glb = single(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], json!({}));
+    let mut nodes: Vec<Value> = (1..200_000).map(|child| json!({ "children": [child] })).collect();
+    nodes.push(json!({ "mesh": 0 }));
+    glb.json["nodes"] = json!(nodes);
+    assert_eq!(read(&glb).instances[0].node, "node 199999");
+
+    let nested = format!("{}{}", "[".repeat(100_000), "]".repeat(100_000));
+    let chain = serde_json::to_string(&complete().json).unwrap();
+    let data = base64::engine::general_purpose::STANDARD.encode(complete().bin);
+    let chain = chain.replacen("\"buffers\":[{", &format!("\"buffers\":[{{\"uri\":\"data:;base64,{data}\","), 1);
+    let plain = chain.replacen("\"name\":\"tri\"", &format!("\"name\":\"tri\",\"extras\":{{\"a\":{nested}}}"), 1);
+    check_promises(&load_slice(plain.as_bytes(), Path::new("a.gltf")).unwrap());
+    let emitter =
+        chain.replacen("\"name\":\"tri\"", &format!("\"name\":\"tri\",\"extras\":{{\"emitter\":{nested}}}"), 1);
+    assert!(refusal(emitter.as_bytes()).contains("`tri`"));
+}
+
+/// Neither a panic nor a scene that breaks a promise.
+fn survive(bytes: &[u8], what: impl Fn() -> String) {
+    match load_slice(bytes, Path::new("test.glb")) {
+        Ok(scene) => check_promises(&scene),
+        Err(error) => assert!(!error.to_string().contains("reader failed"), "{}", what()),
+    }
+}
+
+#[test]
+fn truncation_at_every_length_is_survived() {
+    let bytes = complete().build();
+    for length in 0..bytes.len() {
+        assert!(refusal(&bytes[..length]).len() > 10);
+        // The same with the header telling the truth, so that the cut reaches the chunks.
+        let mut cut = bytes[..length].to_vec();
+        if length >= 12 {
+            cut[8..12].copy_from_slice(&(length as u32).to_le_bytes());
+        }
+        survive(&cut, || format!("cut at {length}"));
+    }
+}
+
+#[test]
+fn random_bytes_are_survived() {
+    let bytes = complete().build();
+    let mut state = 0x9e37_79b9_7f4a_7c15u64;
+    let mut random = |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    for round in 0..2000 {
+        let mut flipped = bytes.clone();
+        for _ in 0..1 + random(3) {
+            let at = random(flipped.len());
+            // Digits for digits keep the JSON whole and reach further in.
+            flipped[at] = if flipped[at].is_ascii_digit() { b'0' + random(10) as u8 } else { random(256) as u8 };
+        }
+        survive(&flipped, || format!("round {round}"));
+    }
+}
+
+#[test]
+fn files_outside_the_folder_of_the_scene_are_refused() {
+    let outside = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir_in(outside.path()).unwrap();
+    let secret = outside.path().join("secret.bin");
+    std::fs::write(&secret, complete().bin).unwrap();
+    let path = folder.path().join("scene.gltf");
+    let absolute = secret.to_str().unwrap();
+    let file_uri = format!("file://{absolute}");
+    let uris = [
+        absolute,
+        file_uri.as_str(),
+        "../secret.bin",
+        "%2e%2e/secret.bin",
+        "x/../../secret.bin",
+        "a%FFb",
+        "a%00",
+        "C:/secret.bin",
+        "\\\\host\\secret.bin",
+        "http://host/secret.bin",
+        "",
+    ];
+    for uri in uris {
+        std::fs::write(&path, text(uri)).unwrap();
+        let message = load(&path).unwrap_err().to_string();
+        assert!(message.contains("buffer 0 refers to"), "{uri}: {message}");
+    }
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(&secret, folder.path().join("link.bin")).unwrap();
+        std::fs::write(&path, text("link.bin")).unwrap();
+        let message = load(&path).unwrap_err().to_string();
+        assert!(message.contains("outside the folder"), "{message}");
+    }
+}
