@@ -123,6 +123,10 @@ impl Experiment {
             Some(Png::File(file)) => Some(file),
             _ => None,
         };
+        // An empty name is none.
+        for file in [&mut experiment.scene, &mut *output, &mut *stats, &mut *strategy_images] {
+            file.take_if(|name| name.as_os_str().is_empty());
+        }
         for file in [&mut experiment.scene, output, stats, strategy_images].into_iter().flatten().chain(png) {
             *file = folder.join(&*file);
         }

@@ -10,7 +10,7 @@ use exr::prelude::{
 };
 
 use crate::error::{Error, Result};
-use crate::files::{read_error, write_atomically};
+use crate::files::{check_readable, read_error, write_atomically};
 use crate::film::Film;
 use crate::settings::{Crop, MAX_PIXELS};
 use crate::units::{Gate, METRES_PER_NS};
@@ -180,6 +180,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
 /// Refuses what the decoder would reserve too much memory for, or what is not one flat image.
 fn check_header(path: &Path) -> Result<()> {
     let fail = |message: String| Err(Error::File { path: path.into(), message });
+    check_readable(path)?;
     let file = File::open(path).map_err(|e| read_error(path, &e))?;
     let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(|e| unreadable(path, e))?;
     let [header] = &meta.headers[..] else {

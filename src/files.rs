@@ -56,6 +56,15 @@ fn folder_of(path: &Path) -> PathBuf {
     }
 }
 
+/// Whether writing `file` would write to `other`, or into it where that is a folder, however the two are spelled.
+pub fn lies_in(file: &Path, other: &Path) -> bool {
+    let real = |path: &Path| {
+        let folder = std::fs::canonicalize(folder_of(path)).ok()?;
+        Some(std::fs::canonicalize(path).unwrap_or_else(|_| folder.join(path.file_name().unwrap_or_default())))
+    };
+    real(file).zip(real(other)).is_some_and(|(file, other)| file.starts_with(other))
+}
+
 /// What went wrong while writing `path`, with the remedy.
 fn write_error(path: &Path, error: &io::Error) -> Error {
     let folder = folder_of(path);
@@ -77,10 +86,12 @@ fn write_error(path: &Path, error: &io::Error) -> Error {
 
 /// Bytes of a plain file that can be opened; else an error with the remedy.
 pub fn check_readable(path: &Path) -> Result<u64> {
-    let metadata = File::open(path).and_then(|file| file.metadata()).map_err(|e| read_error(path, &e))?;
+    // A pipe would keep whoever opens it waiting.
+    let metadata = std::fs::metadata(path).map_err(|e| read_error(path, &e))?;
     if !metadata.is_file() {
         return Err(Error::File { path: path.into(), message: "is not a plain file; check the name".into() });
     }
+    File::open(path).map_err(|e| read_error(path, &e))?;
     Ok(metadata.len())
 }
 
@@ -89,7 +100,7 @@ pub(crate) fn read_error(path: &Path, error: &io::Error) -> Error {
     let message = match error.kind() {
         ErrorKind::NotFound => "no such file; check the name".into(),
         ErrorKind::PermissionDenied => "no permission to read this file".into(),
-        _ => format!("cannot be read: {error}"),
+        _ => format!("cannot be read: {error}; check the name"),
     };
     Error::File { path: path.into(), message }
 }

@@ -16,6 +16,9 @@ pub struct Gate {
 /// Speed of light in vacuum, metres per nanosecond (exact).
 pub const METRES_PER_NS: f64 = 0.299_792_458;
 
+/// Travel times in metres that gates may begin and end at: f32 reaches a little farther.
+const FARTHEST: f64 = 1e30;
+
 /// Below this many f32 steps a gate is refused: its brightness would be wrong by several per cent.
 pub const REFUSED_ULPS: f64 = 16.0;
 /// Below this many f32 steps a gate is rendered with a warning.
@@ -62,6 +65,12 @@ impl Gate {
         }
         if hi < lo {
             return Err(refuse("the gate is reversed: it ends before it begins", "swap the two, like 12.5m..12.8m"));
+        }
+        if lo > FARTHEST || (hi > FARTHEST && hi.is_finite()) {
+            return Err(refuse(
+                "the gate is farther away than any light counts (1e30 m)",
+                "end it with inf, like 12.5m..inf",
+            ));
         }
         if hi <= 0.0 {
             return Err(refuse("the gate ends at or before 0, where no light arrives", "end it later, like 0m..0.3m"));
@@ -333,6 +342,8 @@ mod tests {
             ("nanm..12m", "not a number"),
             ("1m..NaN", "not a number"),
             ("1e999m..2m", "not a number"),
+            ("0m..1e300m", "farther away"),
+            ("1e31m..inf", "farther away"),
             ("-3m..-1m", "at or before 0"),
             ("-3m..0m", "at or before 0"),
             ("1furlong..2m", "'furlong'"),
@@ -368,7 +379,7 @@ mod tests {
             "gate 100-inf m = 333.564-inf ns = 50-inf m depth"
         );
         assert_eq!(Gate { lo: 0.0, hi: 1e300 }.describe(), "gate 0-1e300 m = 0-3.335641e300 ns = 0-5e299 m depth");
-        assert_eq!(Gate::parse("2e-9m..1e300m").unwrap().to_string(), "2e-9m..1e300m");
+        assert_eq!(Gate::parse("2e-9m..1e27km").unwrap().to_string(), "2e-9m..1e30m");
         let thin = Gate::parse("1m+0.1mm").unwrap().describe();
         assert!(thin.starts_with("gate 1-1.0001 m = 3.335641-3.335975 ns"), "{thin}");
     }

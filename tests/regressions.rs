@@ -66,6 +66,28 @@ fn a_scene_whose_lights_have_no_power_is_named() {
     assert!(output.status.code() == Some(2) && message.contains(expected), "{message}");
 }
 
+/// Whoever opens a pipe waits for somebody to write to it.
+#[cfg(unix)]
+#[test]
+fn pipes_are_refused_rather_than_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    for kind in ["glb", "toml", "exr"] {
+        let pipe = folder.path().join(format!("pipe.{kind}"));
+        assert!(Command::new("mkfifo").arg(pipe).status().unwrap().success());
+    }
+    for arguments in [
+        &["render", "pipe.glb", "-o", "out.exr"][..],
+        &["info", "pipe.glb"],
+        &["render", "pipe.toml"],
+        &["bench", "pipe.toml"],
+        &["compare", "pipe.exr", "pipe.exr"],
+    ] {
+        let output = taugate(folder.path(), arguments);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && message.contains("file; "), "{arguments:?}: {message}");
+    }
+}
+
 /// Writing to a full disk; `/dev/full` is one where it exists, but outputs must be plain files.
 #[cfg(target_os = "linux")]
 #[test]

@@ -70,6 +70,20 @@ fn strategy_images_add_up_to_the_image() {
     assert_eq!(names(here.path()), ["a.exr", "b.exr", "box.glb", "pyramid"], "nothing else is left behind");
 }
 
+/// The folder is put in place of what has its name: the image was lost in it.
+#[test]
+fn strategy_images_do_not_replace_the_image() {
+    let here = folder();
+    std::fs::create_dir(here.path().join("p")).unwrap();
+    for (image, folder) in
+        [("a.exr", "a.exr"), ("p/a.exr", "p"), ("p/s01_t02_weighted.exr", "./p"), ("p/a.exr", "p/../p")]
+    {
+        let said = render(here.path(), &["-o", image, "--strategy-images", folder], 2);
+        assert!(said.contains("replaced as a whole") && said.contains(image), "{said}");
+    }
+    assert_eq!((names(here.path()), names(&here.path().join("p")).len()), (vec!["box.glb".into(), "p".into()], 0));
+}
+
 #[test]
 fn a_folder_of_other_files_is_not_touched() {
     let here = folder();

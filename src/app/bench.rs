@@ -21,7 +21,7 @@ use taugate::files::check_readable;
 use taugate::gpu::Device;
 use taugate::settings::MAX_SECONDS;
 
-use super::interrupts::{INTERRUPTED, Interrupts};
+use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::progress::{Progress, duration};
 use crate::cli::BenchArgs;
 
@@ -42,10 +42,12 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::new(args.quiet);
     let bench = Bench::new(args, &progress)?;
     let device = Device::open(args.device.as_deref())?;
-    let stop = Interrupts::new()?.stop;
+    let interrupts = Interrupts::new()?;
+    interrupts.end_the_process_at(Interrupt::Second);
+    let stop = &*interrupts.stop;
     let outcome = match args.reference {
-        true => references::make(&bench, args, &device, &stop, &mut progress),
-        false => bench.race(args, &device, &stop, &mut progress),
+        true => references::make(&bench, args, &device, stop, &mut progress),
+        false => bench.race(args, &device, stop, &mut progress),
     };
     progress.finish();
     let code = outcome?;

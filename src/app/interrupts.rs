@@ -1,36 +1,53 @@
 //! Ctrl-C.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 /// Exit code of what was interrupted.
 pub const INTERRUPTED: u8 = 130;
 
-/// What an interrupt does: the first asks the work to stop where it can keep what it has, the second ends the process.
+/// The interrupt that ends the process.
+#[derive(Clone, Copy)]
+pub enum Interrupt {
+    /// While there is nothing to keep.
+    First = 1,
+    /// While work goes on that can stop and keep what it has.
+    Second = 2,
+    /// While files are written: half of one must not be left.
+    None = u32::MAX as isize,
+}
+
+/// What was asked by interrupts, and which of them ends the process.
 pub struct Interrupts {
-    /// Somebody interrupted.
+    /// Somebody interrupted: work stops where it can keep what it has.
     pub stop: Arc<AtomicBool>,
-    at_once: Arc<AtomicBool>,
+    count: Arc<AtomicU32>,
+    last: Arc<AtomicU32>,
 }
 
 impl Interrupts {
-    /// Once a process.
+    /// Once a process. Until something else is said no interrupt ends it.
     pub fn new() -> anyhow::Result<Interrupts> {
-        let interrupts = Interrupts { stop: Arc::default(), at_once: Arc::default() };
-        let (stop, at_once) = (interrupts.stop.clone(), interrupts.at_once.clone());
+        let last = Arc::new(AtomicU32::new(Interrupt::None as u32));
+        let interrupts = Interrupts { stop: Arc::default(), count: Arc::default(), last };
+        let (stop, count, last) = (interrupts.stop.clone(), interrupts.count.clone(), interrupts.last.clone());
         ctrlc::set_handler(move || {
-            if stop.swap(true, Ordering::SeqCst) || at_once.load(Ordering::SeqCst) {
-                std::process::exit(INTERRUPTED.into());
-            }
+            stop.store(true, Ordering::SeqCst);
+            let count = count.fetch_add(1, Ordering::SeqCst) + 1;
+            exit_if(count >= last.load(Ordering::SeqCst));
         })?;
         Ok(interrupts)
     }
 
-    /// Whether already the first interrupt ends the process: while nothing is kept and no file is open for writing.
-    pub fn exit_at_once(&self, yes: bool) {
-        self.at_once.store(yes, Ordering::SeqCst);
-        if yes && self.stop.load(Ordering::SeqCst) {
-            std::process::exit(INTERRUPTED.into());
-        }
+    /// From now on `interrupt` ends the process, at once if it has come already.
+    pub fn end_the_process_at(&self, interrupt: Interrupt) {
+        self.last.store(interrupt as u32, Ordering::SeqCst);
+        exit_if(self.count.load(Ordering::SeqCst) >= interrupt as u32);
+    }
+}
+
+fn exit_if(enough: bool) {
+    if enough {
+        std::process::exit(INTERRUPTED.into());
     }
 }

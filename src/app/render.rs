@@ -9,13 +9,13 @@ use taugate::Error;
 use taugate::error::Result;
 use taugate::experiment::Experiment;
 use taugate::exr_file::Provenance;
-use taugate::files::check_writable;
+use taugate::files::{check_writable, lies_in};
 use taugate::gpu::Device;
 use taugate::render::{MemoryPlan, Prepared, Renderer, StrategyImages};
 use taugate::resolve::{self, Outputs};
 use taugate::settings::{Budget, Settings};
 
-use super::interrupts::{INTERRUPTED, Interrupts};
+use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::preparation::Preparation;
 use super::progress::{Position, Progress};
 use super::report::{Report, files, is_black};
@@ -42,7 +42,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         check_outputs(&resolve::outputs(&experiment)?)?;
     }
     // So far there is nothing to keep.
-    interrupts.exit_at_once(true);
+    interrupts.end_the_process_at(Interrupt::First);
 
     // Load the scene and settle what is to be done.
     let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
@@ -83,7 +83,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     preparation.finish();
 
     // Render.
-    interrupts.exit_at_once(false);
+    interrupts.end_the_process_at(Interrupt::Second);
     let stop = &*interrupts.stop;
     let strict = experiment.render.strict.unwrap_or(false);
     let rendering = Instant::now();
@@ -112,11 +112,13 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     };
     let warnings = &resolved.warnings;
     let report = Report { renderer: &renderer, settings, provenance: &provenance, preparation: &preparation, warnings };
+    interrupts.end_the_process_at(Interrupt::None);
     report.write(&outputs)?;
     report.summarise(&outputs, &progress);
     if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
         drop(renderer);
-        let images = strategies::Job { device: &device, scene: &scene, settings, schedule: &schedule, stop };
+        let images =
+            strategies::Job { device: &device, scene: &scene, settings, schedule: &schedule, interrupts: &interrupts };
         images.write(folder, &provenance, &progress)?;
     }
     Ok(ExitCode::from(if stop.load(Ordering::Relaxed) { INTERRUPTED } else { 0 }))
@@ -154,7 +156,15 @@ fn read_experiment(args: RenderArgs) -> Result<Experiment> {
 /// An hour of rendering should not end in a folder that cannot be written to.
 fn check_outputs(outputs: &Outputs) -> Result<()> {
     files(outputs).try_for_each(|path| check_writable(path))?;
-    outputs.strategy_images.as_ref().map_or(Ok(()), |folder| strategies::check_folder(folder))
+    let Some(folder) = &outputs.strategy_images else { return Ok(()) };
+    strategies::check_folder(folder)?;
+    match files(outputs).find(|file| lies_in(file, folder)) {
+        Some(file) => Err(Error::Settings(format!(
+            "the folder of --strategy-images is replaced as a whole, and {} would be in it; choose another folder",
+            file.display()
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Adds iterations until the budget is used or somebody interrupts; returns the samples of each.

@@ -3,7 +3,7 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use taugate::Error;
 use taugate::error::Result;
@@ -13,6 +13,7 @@ use taugate::render::{Prepared, StrategyImages};
 use taugate::scene::Scene;
 use taugate::settings::Settings;
 
+use super::interrupts::{Interrupt, Interrupts};
 use super::progress::Progress;
 
 /// The render whose strategies are shown.
@@ -22,7 +23,7 @@ pub struct Job<'a> {
     pub settings: &'a Settings,
     /// Samples a pixel of each iteration.
     pub schedule: &'a [u32],
-    pub stop: &'a AtomicBool,
+    pub interrupts: &'a Interrupts,
 }
 
 /// Fails unless the folder can be made anew: it does not exist and its parent can be written to, or holds strategy images
@@ -77,14 +78,16 @@ impl Job<'_> {
     pub fn write(&self, folder: &Path, provenance: &Provenance, progress: &Progress) -> Result<()> {
         let prepared = Prepared::new(self.scene, self.settings)?;
         let mut images = StrategyImages::new(self.device, self.scene, self.settings, &prepared)?;
+        self.interrupts.end_the_process_at(Interrupt::Second);
         for &samples in self.schedule {
-            if self.stop.load(Ordering::Relaxed) {
+            if self.interrupts.stop.load(Ordering::Relaxed) {
                 progress.line("interrupted: no strategy images were written");
                 return Ok(());
             }
             images.iterate(samples)?;
         }
 
+        self.interrupts.end_the_process_at(Interrupt::None);
         let fresh = temporary_beside(folder)?;
         for image in images.images() {
             for (film, weighting) in [(&image.weighted, "weighted"), (&image.unweighted, "unweighted")] {
