@@ -10,11 +10,22 @@ pub const INTERRUPTED: u8 = 130;
 #[derive(Clone, Copy)]
 pub enum Interrupt {
     /// While there is nothing to keep.
-    First = 1,
+    First,
     /// While work goes on that can stop and keep what it has.
-    Second = 2,
+    Second,
     /// While files are written: half of one must not be left.
-    None = u32::MAX as isize,
+    None,
+}
+
+impl Interrupt {
+    /// Counted from 1.
+    fn number(self) -> u32 {
+        match self {
+            Interrupt::First => 1,
+            Interrupt::Second => 2,
+            Interrupt::None => u32::MAX,
+        }
+    }
 }
 
 /// What was asked by interrupts, and which of them ends the process.
@@ -28,7 +39,7 @@ pub struct Interrupts {
 impl Interrupts {
     /// Once a process. Until something else is said no interrupt ends it.
     pub fn new() -> anyhow::Result<Interrupts> {
-        let last = Arc::new(AtomicU32::new(Interrupt::None as u32));
+        let last = Arc::new(AtomicU32::new(Interrupt::None.number()));
         let interrupts = Interrupts { stop: Arc::default(), count: Arc::default(), last };
         let (stop, count, last) = (interrupts.stop.clone(), interrupts.count.clone(), interrupts.last.clone());
         ctrlc::set_handler(move || {
@@ -41,8 +52,8 @@ impl Interrupts {
 
     /// From now on `interrupt` ends the process, at once if it has come already.
     pub fn end_the_process_at(&self, interrupt: Interrupt) {
-        self.last.store(interrupt as u32, Ordering::SeqCst);
-        exit_if(self.count.load(Ordering::SeqCst) >= interrupt as u32);
+        self.last.store(interrupt.number(), Ordering::SeqCst);
+        exit_if(self.count.load(Ordering::SeqCst) >= interrupt.number());
     }
 }
 

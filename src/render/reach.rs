@@ -119,6 +119,7 @@ mod tests {
 
     use super::*;
     use crate::experiment::Experiment;
+    use crate::generate::stage::diffuse;
     use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Scene};
 
     /// A triangle in the plane x = 2 before a sensor at the origin, as seen from a world in which the sensor is elsewhere.
@@ -154,20 +155,7 @@ mod tests {
     }
 
     fn material() -> Material {
-        Material {
-            name: String::new(),
-            base_color: [0.5, 0.5, 0.5, 1.0],
-            base_color_texture: None,
-            metallic: 0.0,
-            roughness: 1.0,
-            emission: [0.0; 3],
-            emission_texture: None,
-            specular: 0.0,
-            ior: 1.5,
-            transmission: 0.0,
-            alpha_mode: Default::default(),
-            double_sided: false,
-        }
+        Material { double_sided: false, ..diffuse("", [0.5; 3]) }
     }
 
     fn reach(scene: &Scene) -> Reach {

@@ -1,6 +1,7 @@
 use glam::{DAffine3, DVec3};
 
 use super::*;
+use crate::generate::stage::diffuse;
 use crate::scene::{Camera, Instance, Light, Material, Mesh};
 
 /// Two cameras; a sun, a beam and a glowing lamp among nodes that do not emit.
@@ -12,20 +13,7 @@ fn scene() -> Scene {
         aspect,
         resolution,
     };
-    let material = |emission| Material {
-        name: String::new(),
-        base_color: [1.0; 4],
-        base_color_texture: None,
-        metallic: 0.0,
-        roughness: 1.0,
-        emission: [emission; 3],
-        emission_texture: None,
-        specular: 0.0,
-        ior: 1.5,
-        transmission: 0.0,
-        alpha_mode: Default::default(),
-        double_sided: false,
-    };
+    let material = |emission| Material { emission: [emission; 3], ..diffuse("", [1.0; 3]) };
     let light = |node: &str, kind| Light { node: node.into(), position: DVec3::ZERO, direction: DVec3::NEG_Z, kind };
     let instance = |mesh, node: &str| Instance { mesh, transform: DAffine3::IDENTITY, node: node.into() };
     Scene {

@@ -8,7 +8,7 @@ use glam::DVec3;
 use taugate::generate::stage;
 use taugate::scene::Material;
 
-use crate::bsdf_sample::{even, random};
+use crate::bsdf_sample::{Given, even, random};
 use crate::materials::Set;
 use crate::shader_function::{Prepared, ShaderFunction};
 use crate::values::{dvec, vec3};
@@ -55,17 +55,6 @@ const EDGE: ShaderFunction = ShaderFunction {
         result.eval_pdf = select(v.pdf_to_sensor, v.pdf_to_light, given.to_light == 1u);
         result.eval_reverse = select(v.pdf_to_light, v.pdf_to_sensor, given.to_light == 1u);",
 };
-
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Given {
-    u: [f32; 4],
-    w: [f32; 3],
-    material: u32,
-    to_light: u32,
-    front: u32,
-    pad: [u32; 2],
-}
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

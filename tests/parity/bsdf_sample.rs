@@ -22,15 +22,16 @@ const SAMPLE: ShaderFunction = ShaderFunction {
         result.valid = u32(s.valid); result.delta = u32(s.delta);",
 };
 
+/// A direction that is asked for, and the surface it is asked of; shared with `bsdf_edges`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Given {
-    u: [f32; 4],
-    w: [f32; 3],
-    material: u32,
-    to_light: u32,
-    front: u32,
-    pad: [u32; 2],
+pub struct Given {
+    pub u: [f32; 4],
+    pub w: [f32; 3],
+    pub material: u32,
+    pub to_light: u32,
+    pub front: u32,
+    pub pad: [u32; 2],
 }
 
 #[repr(C)]
