@@ -160,7 +160,7 @@ fn mistakes_name_their_place() {
     }
     edit(here.path(), "8m..8.5m", "0.1m..0.2m");
     fails(here.path(), &["bench", "s.toml", "--reference"], 2, "s.toml:10:8: the gate 0.1-0.2 m");
-    fails(here.path(), &["bench", "none.toml"], 2, "none.toml: cannot read the suite");
+    fails(here.path(), &["bench", "none.toml"], 2, "none.toml: no such file; check the name");
     fails(here.path(), &["bench", "s.toml", "--reference", "--resume"], 2, "cannot be used with");
 }
 
