@@ -106,6 +106,14 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     buckets: Option<u32>,
 
+    /// Light vertices in a leaf of a tree at most, 1 to 16 [default: lcs-paper: 1; lcs: 8]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    leaf_size: Option<u32>,
+
+    /// One tree over points on emitters and scattered light together, instead of one each; same image on average
+    #[arg(long, help_heading = "Sampling")]
+    single_tree: bool,
+
     /// Ways to join subpaths: all, or those of the paper (no emitter hit by chance, none seen by the sensor directly)
     /// [default: all]
     #[arg(long, value_name = "all|paper", help_heading = "Sampling")]
@@ -167,6 +175,8 @@ impl RenderArgs {
                 light_paths: self.light_paths,
                 queries: self.queries,
                 buckets: self.buckets,
+                leaf_size: self.leaf_size,
+                single_tree: self.single_tree.then_some(true),
                 no_cull: self.no_cull.then_some(true),
                 device: self.device,
                 strict: self.strict.then_some(true),

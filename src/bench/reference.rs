@@ -241,9 +241,10 @@ fn pilots(
     Ok(Some(pilots))
 }
 
-/// An entry's settings with another estimator.
+/// An entry's settings with another estimator as it is by default.
 fn with(entry: &Entry, estimator: Estimator) -> Settings {
-    Settings { estimator, ..entry.settings.clone() }
+    let (queries, leaf_size) = (estimator.default_queries(), estimator.leaf_size());
+    Settings { estimator, queries, leaf_size, single_tree: false, ..entry.settings.clone() }
 }
 
 /// Cells of an independent render with another estimator.
