@@ -331,6 +331,14 @@ pub struct GenerateArgs {
     #[arg(value_name = "NAME")]
     pub name: String,
 
+    /// Roughness of cornell-box's metal, 0 to 1 [default: 0.45]
+    #[arg(long, value_name = "R", help_heading = "Scene")]
+    pub roughness: Option<f32>,
+
+    /// At least so many triangles, in cornell-box (by dividing its faces) or cluttered-room
+    #[arg(long, value_name = "N", help_heading = "Scene")]
+    pub triangles: Option<u32>,
+
     /// Scene file to write (.glb)
     #[arg(short, long, value_name = "FILE.glb", help_heading = "Output")]
     pub output: PathBuf,
