@@ -3,8 +3,10 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use taugate::bench::job::Job;
 use taugate::bench::suite::Suite;
 use taugate::bench::table::{self, COLUMNS};
+use taugate::generate::{Kind, scene};
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -139,6 +141,64 @@ fn a_reference_that_is_too_noisy_is_refused() {
 }
 
 #[test]
+fn a_suite_of_costs_needs_no_reference_and_fits_its_sweeps() {
+    let here = tempfile::tempdir().unwrap();
+    let mut suite =
+        String::from("time = \"60ms\"\nrepetitions = 1\nerrors = false\n[render]\nlight-paths = 300\nmax-depth = 5\n");
+    for (name, triangles) in [("few", 36), ("more", 100), ("many", 2000)] {
+        suite += &format!(
+            "[[scene]]\nname = \"{name}\"\ngenerate = {{ name = \"cornell-box\", triangles = {triangles} }}\n\
+             sweep = \"triangles\"\ngate = \"8m..8.5m\"\nresolution = \"8x8\"\n"
+        );
+    }
+    suite += "[[variant]]\nname = \"lcs\"\nrender = { estimator = \"lcs\" }\n";
+    std::fs::write(here.path().join("s.toml"), suite).unwrap();
+    fails(here.path(), &bench(&["--reference"]), 2, "measures costs alone");
+    let (text, _) = succeeds(here.path(), &bench(&[]));
+    assert!(text.contains("us a sample") && text.contains("| triangles | lcs | 3 | 36 | 2178 |"), "{text}");
+    let rows = table::read(&here.path().join("out/results.csv")).unwrap();
+    for row in &rows {
+        assert!(row.relmse.is_nan() && row.us_per_sample > 0.0 && row.pixels == 64, "{row:?}");
+        assert!((row.gate_m - 0.5).abs() < 1e-9 && [36, 138, 2178].contains(&row.triangles), "{row:?}");
+        let cost = 1e6 * row.seconds / (row.samples * row.pixels) as f64;
+        assert!((row.us_per_sample / cost - 1.0).abs() < 0.01, "{row:?}");
+    }
+    let growth = std::fs::read_to_string(here.path().join("out/growth.csv")).unwrap();
+    assert!(growth.lines().nth(1).unwrap().starts_with("triangles,lcs,3,36,2178,"), "{growth}");
+    let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();
+    assert!(page.contains("## Growth") && !page.contains("relMSE"), "{page}");
+    succeeds(here.path(), &bench(&["--resume"]));
+    assert_eq!(table::read(&here.path().join("out/results.csv")).unwrap().len(), rows.len());
+}
+
+/// A reference belongs to the scene as it is, wherever its bytes are kept.
+#[test]
+fn references_follow_the_files_that_a_scene_names() {
+    let here = tempfile::tempdir().unwrap();
+    let glb = scene(Kind::CornellBox);
+    let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
+    let (json, mut binary) = (&glb[20..20 + word(12)], glb[28 + word(12)..].to_vec());
+    let mut document: serde_json::Value = serde_json::from_slice(json).unwrap();
+    document["buffers"][0]["uri"] = "box.bin".into();
+    document["images"] = serde_json::json!([{ "uri": "paint.png" }]);
+    std::fs::write(here.path().join("box.gltf"), document.to_string()).unwrap();
+    std::fs::write(here.path().join("box.bin"), &binary).unwrap();
+    std::fs::write(here.path().join("paint.png"), "one").unwrap();
+    let text = "[[scene]]\nname = \"a\"\nscene = \"box.gltf\"\n[[variant]]\nname = \"b\"\n";
+    let suite = Suite::parse(&here.path().join("s.toml"), text.into()).unwrap();
+    let reference = || Job::load(&suite, &suite.scenes[0]).unwrap().entries[0].reference.clone();
+
+    let first = reference();
+    assert_eq!(reference(), first);
+    binary[0] ^= 1;
+    std::fs::write(here.path().join("box.bin"), &binary).unwrap();
+    let second = reference();
+    assert_ne!(second, first);
+    std::fs::write(here.path().join("paint.png"), "two").unwrap();
+    assert_ne!(reference(), second);
+}
+
+#[test]
 fn mistakes_name_their_place() {
     let here = folder("1s", "8m..8.5m");
     let cases = [
@@ -171,7 +231,7 @@ fn shipped_suites_are_sound() {
     for file in std::fs::read_dir(folder).unwrap() {
         let suite = Suite::read(&file.unwrap().path()).unwrap_or_else(|e| panic!("{e}"));
         for scene in &suite.scenes {
-            assert!(scene.path().is_file() || !scene.folder_exists(), "{}: {}", suite.name, scene.path().display());
+            assert!(scene.exists() || !scene.folder_exists(), "{}: {}", suite.name, scene.path().display());
         }
         count += 1;
     }

@@ -4,10 +4,11 @@ use super::hash::Hash;
 use super::suite::{Part, SceneEntry, Suite};
 use crate::error::{Error, Result};
 use crate::experiment::Experiment;
+use crate::generate;
 use crate::gpu::Device;
 use crate::render::{Prepared, Reach};
 use crate::resolve;
-use crate::scene::{LightKind, Scene};
+use crate::scene::{LightKind, Scene, gltf};
 use crate::settings::{Estimator, Settings};
 
 use super::lane::Lane;
@@ -19,7 +20,7 @@ pub struct Job {
     pub entries: Vec<Entry>,
     /// What the user should know about the settings, one sentence each, without repetitions.
     pub warnings: Vec<String>,
-    /// Of the scene's file.
+    /// Of the scene's file and of all that it names.
     hash: Hash,
 }
 
@@ -42,11 +43,13 @@ impl Job {
     /// Loads a scene. Errors name the place in the suite where the scene, its camera, emitters or gate are chosen.
     pub fn load(suite: &Suite, entry: &SceneEntry) -> Result<Job> {
         let wrong = |error: Error, part| suite.error_at(entry, part, &error.to_string());
-        let scene = crate::scene::gltf::load(entry.path()).map_err(|e| wrong(e, Part::Path))?;
-        let bytes =
-            std::fs::read(entry.path()).map_err(|e| wrong(crate::files::read_error(entry.path(), &e), Part::Path))?;
-        let mut job =
-            Job { name: entry.name.clone(), scene, entries: vec![], warnings: vec![], hash: Hash::new().with(&bytes) };
+        let files = match entry.made {
+            Some(kind) => vec![generate::scene(kind)],
+            None => gltf::files(entry.path()).map_err(|e| wrong(e, Part::Path))?,
+        };
+        let scene = gltf::load_slice(&files[0], entry.path()).map_err(|e| wrong(e, Part::Path))?;
+        let hash = files.iter().fold(Hash::new(), |hash, bytes| hash.with(bytes));
+        let mut job = Job { name: entry.name.clone(), scene, entries: vec![], warnings: vec![], hash };
         for variant in &suite.variants {
             let experiment = suite.experiment(entry, variant);
             let resolved = resolve::resolve(&experiment, &job.scene).map_err(|e| wrong(e, Part::Name))?;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use taugate::bench::job::{Entry, Job};
 use taugate::bench::reference::{self, Goal, Made};
 use taugate::bench::table;
-use taugate::error::Result;
+use taugate::error::{Error, Result};
 use taugate::gpu::Device;
 
 use super::{Bench, make_folder};
@@ -24,6 +24,10 @@ pub fn make(
     stop: &AtomicBool,
     progress: &mut Progress,
 ) -> anyhow::Result<ExitCode> {
+    if !bench.suite.errors {
+        let message = "this suite measures costs alone and needs no references: leave out --reference";
+        return Err(Error::Settings(message.into()).into());
+    }
     make_folder(&bench.references)?;
     let mut code = ExitCode::SUCCESS;
     for (at, entries) in &bench.present {
