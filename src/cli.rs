@@ -237,8 +237,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "WxH", help_heading = "Scene")]
     pub resolution: Option<Resolution>,
 
-    /// Rendering time of each variant, scene and repetition, instead of the suite's; with --reference the longest that a
-    /// reference may take [default: 40 times the suite's]
+    /// Rendering time of each variant, scene and repetition, instead of the suite's; references are made for it too
     #[arg(long, value_name = "DURATION", help_heading = "Sampling")]
     pub time: Option<Seconds>,
 
@@ -249,6 +248,11 @@ pub struct BenchArgs {
     /// Render the references that are missing or not good enough, and check them against another estimator
     #[arg(long, help_heading = "Sampling", conflicts_with_all = ["resume", "repetitions"])]
     pub reference: bool,
+
+    /// With --reference, the longest that one may take; those that are there are extended, good or not [default: 40 times
+    /// the suite's time, and only those that are not good enough]
+    #[arg(long, value_name = "DURATION", help_heading = "Sampling", requires = "reference")]
+    pub reference_time: Option<Seconds>,
 
     /// Folder for results.csv, plots, pictures and report.md [default: bench-SUITE]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]

@@ -6,6 +6,7 @@ use std::process::{Command, Output};
 use taugate::bench::job::Job;
 use taugate::bench::suite::Suite;
 use taugate::bench::table::{self, COLUMNS};
+use taugate::exr_file::{Picture, read_picture};
 use taugate::generate::{Kind, scene};
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
@@ -76,7 +77,7 @@ fn a_suite_from_reference_to_report_and_on() {
 
     // A reference for a suite of twice the time leaves room for a machine that is faster while it compares.
     edit(here.path(), "60ms", "120ms");
-    let (_, messages) = succeeds(here.path(), &bench(&["--reference", "--time", "20s"]));
+    let (_, messages) = succeeds(here.path(), &bench(&["--reference", "--reference-time", "20s"]));
     edit(here.path(), "120ms", "60ms");
     assert!(messages.contains("agrees with") && messages.contains("skipped 1 scene: gone"), "{messages}");
     let references: Vec<_> = std::fs::read_dir(here.path().join("references")).unwrap().collect();
@@ -132,12 +133,22 @@ fn a_suite_from_reference_to_report_and_on() {
 #[test]
 fn a_reference_that_is_too_noisy_is_refused() {
     let here = folder("200ms", "7.5m..8.5m");
-    succeeds(here.path(), &["bench", "s.toml", "--reference", "--time", "10ms", "-q"]);
+    succeeds(here.path(), &["bench", "s.toml", "--reference", "--reference-time", "10ms", "-q"]);
     let output = taugate(here.path(), &["bench", "s.toml"]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(message.contains("refused: the box") && message.contains("--reference"), "{message}");
     assert!(!here.path().join("bench-s/results.csv").exists());
+
+    // What was rendered is not lost.
+    let file = || std::fs::read_dir(here.path().join("references")).unwrap().next().unwrap().unwrap().path();
+    let own = |picture: &Picture| picture.variance.as_ref().unwrap().iter().map(|&v| f64::from(v)).sum::<f64>();
+    let first = read_picture(&file()).unwrap();
+    let (_, messages) = succeeds(here.path(), &["bench", "s.toml", "--reference", "--reference-time", "2s"]);
+    let second = read_picture(&file()).unwrap();
+    assert!(messages.contains(" before, own relMSE"), "{messages}");
+    assert!(own(&second) < own(&first) && second.seed != first.seed, "{} {}", own(&first), own(&second));
+    assert!(second.seconds.unwrap() > first.seconds.unwrap() + 0.1, "{:?} {:?}", first.seconds, second.seconds);
 }
 
 #[test]
@@ -196,6 +207,29 @@ fn references_follow_the_files_that_a_scene_names() {
     assert_ne!(second, first);
     std::fs::write(here.path().join("paint.png"), "two").unwrap();
     assert_ne!(reference(), second);
+}
+
+#[test]
+fn path_tracing_is_left_out_where_a_beam_is() {
+    let here = tempfile::tempdir().unwrap();
+    let door = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/door-ajar.glb");
+    let suite = |variants: &[&str]| {
+        let mut text = format!(
+            "time = \"30ms\"\nrepetitions = 1\nerrors = false\nrender.light-paths = 100\n[[scene]]\nname = \"door\"\n\
+             scene = {door:?}\nresolution = \"8x8\"\n"
+        );
+        for name in variants {
+            text += &format!("[[variant]]\nname = \"{name}\"\nrender = {{ estimator = \"{name}\" }}\n");
+        }
+        std::fs::write(here.path().join("s.toml"), text).unwrap();
+    };
+    suite(&["pt", "bdpt"]);
+    let (out, messages) = succeeds(here.path(), &bench(&[]));
+    assert!(messages.contains("door: pt is left out") && out.contains("bdpt"), "{out}{messages}");
+    let rows = table::read(&here.path().join("out/results.csv")).unwrap();
+    assert!(!rows.is_empty() && rows.iter().all(|row| row.variant == "bdpt"), "{rows:?}");
+    suite(&["pt"]);
+    fails(here.path(), &["bench", "s.toml"], 2, "no variant finds the light of its beam");
 }
 
 #[test]

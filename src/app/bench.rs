@@ -60,7 +60,7 @@ impl Bench {
     /// Reads the suite and loads every scene once, so that mistakes are found before hours of work.
     fn new(args: &BenchArgs, progress: &Progress) -> Result<Bench> {
         let mut suite = Suite::read(&args.suite)?;
-        if let Some(time) = args.time.filter(|_| !args.reference) {
+        if let Some(time) = args.time {
             suite.seconds = time.0;
         }
         if suite.seconds > MAX_SECONDS {
@@ -362,7 +362,7 @@ fn command(args: &BenchArgs) -> String {
     if let Some(resolution) = args.resolution {
         text += &format!(" --resolution {resolution}");
     }
-    if let Some(time) = args.time.filter(|_| !args.reference) {
+    if let Some(time) = args.time {
         text += &format!(" --time {time}");
     }
     if let Some(out) = &args.out {

@@ -17,6 +17,7 @@ use super::lane::Lane;
 pub struct Job {
     pub name: String,
     pub scene: Scene,
+    /// Of the variants that find all of the scene's light.
     pub entries: Vec<Entry>,
     /// What the user should know about the settings, one sentence each, without repetitions.
     pub warnings: Vec<String>,
@@ -35,8 +36,6 @@ pub struct Entry {
     pub fingerprint: String,
     /// Name of the file that holds the truth for these settings. Variants of the same strategies and depth share one.
     pub reference: String,
-    /// Whether the variant finds all the light: `pt` cannot see by a beam.
-    pub sees_all: bool,
 }
 
 impl Job {
@@ -55,9 +54,27 @@ impl Job {
             let resolved = resolve::resolve(&experiment, &job.scene).map_err(|e| wrong(e, Part::Name))?;
             job.warnings
                 .extend(resolved.warnings.into_iter().filter(|w| !job.warnings.contains(w)).collect::<Vec<_>>());
-            job.entries.push(job.entry(&variant.name, &experiment, resolved.settings));
+            if job.sees_all(&resolved.settings) {
+                job.entries.push(job.entry(&variant.name, &experiment, resolved.settings));
+            } else {
+                job.warnings.push(format!("{} is left out: it would miss the light of a beam", variant.name));
+            }
+        }
+        if job.entries.is_empty() {
+            return Err(suite.error_at(
+                entry,
+                Part::Name,
+                "no variant finds the light of its beam; add one of bdpt or lcs",
+            ));
         }
         Ok(job)
+    }
+
+    /// Whether settings find all the light: `pt` cannot see by a beam.
+    fn sees_all(&self, settings: &Settings) -> bool {
+        let beam = |node: &str| settings.emitters.include(node);
+        let beams = self.scene.lights.iter().any(|l| beam(&l.node) && matches!(l.kind, LightKind::Beam { .. }));
+        !(beams && settings.estimator == Estimator::Pt)
     }
 
     fn entry(&self, variant: &str, experiment: &Experiment, settings: Settings) -> Entry {
@@ -74,14 +91,11 @@ impl Job {
             ..Default::default()
         };
         let reference = format!("{}-{}.exr", self.name, self.hash.with(truth.to_toml().as_bytes()).digits());
-        let beam = |node: &str| settings.emitters.include(node);
-        let beams = self.scene.lights.iter().any(|l| beam(&l.node) && matches!(l.kind, LightKind::Beam { .. }));
         Entry {
             variant: variant.into(),
             fingerprint: self.hash.with(text.as_bytes()).digits(),
             config: text,
             reference,
-            sees_all: !(beams && settings.estimator == Estimator::Pt),
             settings,
         }
     }

@@ -4,7 +4,6 @@
 //! holds what was measured, a [`summary`] is what it amounts to, [`growth`] how costs
 //! follow the size of things, and a [`report`] shows it.
 
-mod check;
 pub mod growth;
 mod hash;
 pub mod job;
