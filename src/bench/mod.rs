@@ -8,6 +8,7 @@ pub mod growth;
 mod hash;
 pub mod job;
 mod lane;
+mod pilot;
 mod plot;
 pub mod race;
 pub mod reference;

@@ -3,12 +3,14 @@
 //! A reference is the mean of two independent halves with seeds of their own. Half their difference is a sample of its error,
 //! so (a - b)^2 / 4 is an unbiased estimate of its squared error in every pixel; the file carries it as its variance layer.
 //!
-//! What was rendered is never lost: a reference that is not good enough for a later race is extended by halves with other seeds.
+//! The settings that render it need not be of the suite: whatever has the least error per second in a short pilot does. What was
+//! rendered is never lost: a reference that is not good enough for a later race is extended by halves with other seeds.
 
 use std::path::{Path, PathBuf};
 
 use super::job::{Entry, Job};
 use super::lane::Lane;
+use super::pilot::{fastest, frugal, pilots, with};
 use crate::agreement::{Agreement, agreement};
 use crate::batches::{CellBatches, MOST_BATCHES};
 use crate::error::Result;
@@ -16,7 +18,7 @@ use crate::exr_file::{self, Picture, Provenance, read_picture};
 use crate::film::Film;
 use crate::gpu::Device;
 use crate::render::Prepared;
-use crate::settings::{Estimator, Settings};
+use crate::settings::Estimator;
 
 /// A reference's own relMSE must be this many times below the best result it is compared with.
 pub const MARGIN: f64 = 20.0;
@@ -31,12 +33,9 @@ pub const TRUSTED: f64 = 0.02;
 /// Seeds, far from those of races; an extension adds [`EXTENSION`] to all of them.
 const HALVES: [u32; 2] = [0x4000_0001, 0x4000_0002];
 const JUDGE: u32 = 0x4000_0003;
-const PILOTS: u32 = 0x4000_0100;
 const EXTENSION: u32 = 0x1000;
 /// Iterations of a half, and of the judge, at least: fewer do not tell their own noise.
 const LEAST_ITERATIONS: u32 = MOST_BATCHES as u32 / 2;
-/// A pilot takes this part of a variant's time in the suite, within bounds in seconds.
-const PILOT: (f64, f64, f64) = (0.25, 0.2, 15.0);
 /// The judge renders for this part of the reference's time.
 const JUDGED: f64 = 0.25;
 
@@ -93,7 +92,7 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
 }
 
 /// Mean of squared errors over r^2 + eps, as relMSE has it; infinite for a black reference.
-fn relative(squared: &[f32], reference: &[f32]) -> f64 {
+pub fn relative(squared: &[f32], reference: &[f32]) -> f64 {
     let n = reference.len() as f64;
     let mean = reference.iter().map(|&r| f64::from(r)).sum::<f64>() / n;
     if mean <= 0.0 {
@@ -101,35 +100,6 @@ fn relative(squared: &[f32], reference: &[f32]) -> f64 {
     }
     let eps = (0.01 * mean).powi(2);
     squared.iter().zip(reference).map(|(&s, &r)| f64::from(s) / (f64::from(r).powi(2) + eps)).sum::<f64>() / n
-}
-
-/// A short render that tells how fast settings converge.
-struct Pilot {
-    variant: String,
-    settings: Settings,
-    variance: Vec<f32>,
-    mean: Vec<f32>,
-    seconds: f64,
-}
-
-impl Pilot {
-    /// relMSE times seconds: what stays the same as a render goes on.
-    fn cost(&self, truth: &[f32]) -> f64 {
-        self.seconds * relative(&self.variance, truth)
-    }
-}
-
-/// The pilot with the least cost. Each is measured against the mean of the others: its own noise would hide its error.
-fn fastest(pilots: &[Pilot]) -> &Pilot {
-    let cost = |at: usize| {
-        let others: Vec<&Pilot> = pilots.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, p)| p).collect();
-        let mean = |i: usize| others.iter().map(|p| p.mean[i]).sum::<f32>() / others.len() as f32;
-        pilots[at].cost(&(0..pilots[at].mean.len()).map(mean).collect::<Vec<f32>>())
-    };
-    match pilots.len() {
-        1 => &pilots[0],
-        n => &pilots[(0..n).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).expect("there is a pilot")],
-    }
 }
 
 /// Renders, checks and writes the reference that `entries` share. `watch` hears which part is done and what is going on, and
@@ -144,11 +114,13 @@ pub fn make(
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<Made>> {
     let Some(pilots) = pilots(device, job, prepared, entries, goal, watch)? else { return Ok(None) };
-    let cheapest = |truth: &[f32]| pilots.iter().map(|p| p.cost(truth)).fold(f64::INFINITY, f64::min);
+    let measured = || pilots.iter().filter(|pilot| pilot.measured);
+    let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(f64::INFINITY, f64::min);
     let chosen = fastest(&pilots);
-    // What the reference itself tells counts too: short renders are slower, with few samples an iteration.
+    // Short renders are slower, with few samples an iteration: what the long one gained the others may gain too.
     let wanted = |truth: &[f32], own: f64, seconds: f64| {
-        let best = cheapest(truth).min(own * seconds) / goal.seconds;
+        let gained = (own * seconds / chosen.cost(truth)).min(1.0);
+        let best = cheapest(truth) * gained / goal.seconds;
         (best.min(goal.best.unwrap_or(f64::INFINITY)) / MARGIN).min(TRUSTED)
     };
 
@@ -266,45 +238,6 @@ fn join(halves: &[Lane], earlier: Option<&Earlier>) -> Film {
     film
 }
 
-/// Renders every variant, and plain `bdpt`, for a short while each, in turns.
-fn pilots(
-    device: &Device,
-    job: &Job,
-    prepared: &Prepared,
-    entries: &[&Entry],
-    goal: Goal,
-    watch: &mut dyn FnMut(f64, &str) -> bool,
-) -> Result<Option<Vec<Pilot>>> {
-    let (part, least, most) = PILOT;
-    let seconds = (part * goal.seconds).clamp(least, most);
-    let mut candidates: Vec<(String, Settings)> =
-        entries.iter().map(|e| (e.variant.clone(), e.settings.clone())).collect();
-    if candidates.iter().all(|(_, settings)| settings.estimator != Estimator::Bdpt) {
-        candidates.push(("bdpt".into(), with(entries[0], Estimator::Bdpt)));
-    }
-    let mut pilots = vec![];
-    for (i, (variant, settings)) in candidates.into_iter().enumerate() {
-        let mut lane = job.lane(device, &settings, prepared)?;
-        lane.restart(PILOTS + i as u32);
-        while lane.clock < seconds || lane.renderer.film().iterations() < 4 {
-            lane.run_until(lane.clock + seconds / 8.0, seconds)?;
-            if !watch(0.0, &format!("{}: trying {variant}", job.name)) {
-                return Ok(None);
-            }
-        }
-        let film = lane.renderer.film();
-        let (variance, mean) = (film.variance_of_mean(), film.mean());
-        pilots.push(Pilot { variant, settings, variance, mean, seconds: lane.clock });
-    }
-    Ok(Some(pilots))
-}
-
-/// An entry's settings with another estimator as it is by default.
-fn with(entry: &Entry, estimator: Estimator) -> Settings {
-    let (queries, leaf_size) = (estimator.default_queries(), estimator.leaf_size());
-    Settings { estimator, queries, leaf_size, single_tree: false, ..entry.settings.clone() }
-}
-
 /// Cells of an independent render with another estimator.
 fn judged(
     device: &Device,
@@ -315,7 +248,7 @@ fn judged(
     seconds: f64,
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<CellBatches>> {
-    let mut lane = job.lane(device, &with(entry, estimator), prepared)?;
+    let mut lane = job.lane(device, &frugal(with(entry, estimator)), prepared)?;
     lane.restart(seed);
     while lane.clock < seconds || lane.renderer.film().iterations() < 2 * LEAST_ITERATIONS {
         turn(&mut lane, seconds)?;
