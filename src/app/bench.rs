@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use taugate::Error;
-use taugate::bench::growth;
+use taugate::bench::growth::{self, Sweep};
 use taugate::bench::job::{Entry, Job};
 use taugate::bench::race::Race;
 use taugate::bench::reference::{self, MARGIN, TRUSTED};
@@ -68,7 +68,9 @@ impl Bench {
         }
         suite.repetitions = args.repetitions.unwrap_or(suite.repetitions);
         if let Some(resolution) = args.resolution {
-            suite.scenes.iter_mut().for_each(|scene| scene.experiment.camera.resolution = Some(resolution));
+            // A sweep over pixels has its own.
+            let others = suite.scenes.iter_mut().filter(|scene| scene.sweep != Some(Sweep::Pixels));
+            others.for_each(|scene| scene.experiment.camera.resolution = Some(resolution));
         }
         let out = args.out.clone().unwrap_or_else(|| format!("bench-{}", suite.name).into());
         let references = reference::folder(&out);
