@@ -191,3 +191,56 @@ pub fn colours(map: &[f32], threshold: f64) -> Vec<u8> {
     };
     map.chunks_exact(3).flat_map(colour).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::Film;
+
+    const SIZE: [u32; 2] = [80, 48];
+
+    /// Two halves of 20 iterations of noise around 1, the upper three fifths of the pixels at `bright`.
+    fn halves(seed: u64, bright: f32) -> CellBatches {
+        let mut state = seed;
+        let mut half = || {
+            let mut film = Film::new(SIZE[0], SIZE[1]);
+            for i in 0..20 {
+                let pixels = (SIZE[0] * SIZE[1]) as usize;
+                let mut image = vec![0.0f32; 3 * pixels];
+                for (at, v) in image.iter_mut().enumerate() {
+                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    let uniform = (state >> 40) as f32 / (1u64 << 24) as f32;
+                    *v = 2.0 * uniform * if 5 * at < 9 * pixels { bright } else { 1.0 };
+                }
+                film.add(&image, 1 + i % 3);
+            }
+            film
+        };
+        let first = half();
+        first.cells().clone().joined(half().cells())
+    }
+
+    #[test]
+    fn equals_agree_and_others_do_not() {
+        let same = agreement(SIZE, &halves(1, 1.0), &halves(2, 1.0)).unwrap();
+        assert!(same.agree && same.tests == 45 && same.max_z > 0.5, "{same:?}");
+        let other = agreement(SIZE, &halves(1, 1.0), &halves(2, 1.05)).unwrap();
+        assert!(!other.agree, "{other:?}");
+    }
+
+    #[test]
+    fn light_that_one_misses_is_found() {
+        let dark = agreement(SIZE, &halves(1, 0.0), &halves(2, 1.0)).unwrap();
+        assert!(!dark.agree, "{dark:?}");
+        let black = || {
+            CellBatches::from_floats(
+                1,
+                1,
+                &[16.0, 8.0].into_iter().chain([1.0, 0.0, 0.0, 0.0].into_iter().cycle().take(32)).collect::<Vec<f32>>(),
+            )
+            .unwrap()
+        };
+        let nothing = agreement([1, 1], &black(), &black()).unwrap();
+        assert!(nothing.agree && nothing.max_z == 0.0, "{nothing:?}");
+    }
+}

@@ -82,6 +82,13 @@ impl CellBatches {
         self.last = self.each;
     }
 
+    /// The batches of two independent renders of the same image together.
+    pub fn joined(mut self, other: &CellBatches) -> CellBatches {
+        assert_eq!(self.grid(), other.grid(), "images of different sizes have different cells");
+        self.batches.extend(other.batches.iter().cloned());
+        self
+    }
+
     /// Mean over the pixels of `cells` in one channel, and the variance of that mean; needs two batches at least.
     pub fn pooled(&self, cells: &[usize], channel: usize) -> (f64, f64) {
         let pixels: f64 = cells.iter().map(|&c| self.pixels(c) as f64).sum();
@@ -150,6 +157,26 @@ mod tests {
         odd[5] = f32::NAN;
         assert!(CellBatches::from_floats(20, 3, &odd).is_err());
         assert!(CellBatches::from_floats(20, 3, &[]).is_err());
+    }
+
+    #[test]
+    fn joined_renders_are_one() {
+        let (mut a, mut b, mut all) = (CellBatches::new(20, 3), CellBatches::new(20, 3), CellBatches::new(20, 3));
+        for (i, (x, samples)) in [(1.0, 4), (3.0, 4), (6.0, 2), (2.0, 5)].into_iter().enumerate() {
+            let image: Vec<f32> = (0..180).map(|k| x + k as f32).collect();
+            if i % 2 == 0 {
+                a.add(&image, samples)
+            } else {
+                b.add(&image, samples)
+            }
+            all.add(&image, samples);
+        }
+        let joined = a.joined(&b);
+        assert_eq!(joined.len(), 4);
+        for cells in [&[0][..], &[0, 1]] {
+            let ((mean, variance), (m, v)) = (joined.pooled(cells, 1), all.pooled(cells, 1));
+            assert!((mean - m).abs() < 1e-9 && (variance - v).abs() < 1e-9);
+        }
     }
 
     #[test]

@@ -106,6 +106,14 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     buckets: Option<u32>,
 
+    /// Light vertices in a leaf of a tree at most, 1 to 16 [default: lcs-paper: 1; lcs: 8]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    leaf_size: Option<u32>,
+
+    /// One tree over points on emitters and scattered light together, instead of one each; same image on average
+    #[arg(long, help_heading = "Sampling")]
+    single_tree: bool,
+
     /// Ways to join subpaths: all, or those of the paper (no emitter hit by chance, none seen by the sensor directly)
     /// [default: all]
     #[arg(long, value_name = "all|paper", help_heading = "Sampling")]
@@ -167,6 +175,8 @@ impl RenderArgs {
                 light_paths: self.light_paths,
                 queries: self.queries,
                 buckets: self.buckets,
+                leaf_size: self.leaf_size,
+                single_tree: self.single_tree.then_some(true),
                 no_cull: self.no_cull.then_some(true),
                 device: self.device,
                 strict: self.strict.then_some(true),
@@ -235,8 +245,7 @@ pub struct BenchArgs {
     #[arg(long, value_name = "WxH", help_heading = "Scene")]
     pub resolution: Option<Resolution>,
 
-    /// Rendering time of each variant, scene and repetition, instead of the suite's; with --reference the longest that a
-    /// reference may take [default: 40 times the suite's]
+    /// Rendering time of each variant, scene and repetition, instead of the suite's; references are made for it too
     #[arg(long, value_name = "DURATION", help_heading = "Sampling")]
     pub time: Option<Seconds>,
 
@@ -247,6 +256,11 @@ pub struct BenchArgs {
     /// Render the references that are missing or not good enough, and check them against another estimator
     #[arg(long, help_heading = "Sampling", conflicts_with_all = ["resume", "repetitions"])]
     pub reference: bool,
+
+    /// With --reference, the longest that one may take; those that are there are extended, good or not [default: 40 times
+    /// the suite's time, and only those that are not good enough]
+    #[arg(long, value_name = "DURATION", help_heading = "Sampling", requires = "reference")]
+    pub reference_time: Option<Seconds>,
 
     /// Folder for results.csv, plots, pictures and report.md [default: bench-SUITE]
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
@@ -328,6 +342,14 @@ pub struct GenerateArgs {
     /// cornell-box, gated-sphere, door-ajar or cluttered-room
     #[arg(value_name = "NAME")]
     pub name: String,
+
+    /// Roughness of cornell-box's metal, 0 to 1 [default: 0.45]
+    #[arg(long, value_name = "R", help_heading = "Scene")]
+    pub roughness: Option<f32>,
+
+    /// At least so many triangles, in cornell-box (by dividing its faces) or cluttered-room
+    #[arg(long, value_name = "N", help_heading = "Scene")]
+    pub triangles: Option<u32>,
 
     /// Scene file to write (.glb)
     #[arg(short, long, value_name = "FILE.glb", help_heading = "Output")]

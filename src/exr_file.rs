@@ -130,6 +130,8 @@ pub struct Picture {
     /// `tof:cellBatches`, see [`crate::batches::CellBatches::to_floats`], and `tof:seed` where the file has them.
     pub cell_batches: Option<Vec<f32>>,
     pub seed: Option<String>,
+    /// Seconds of rendering (`renderTimeSeconds`) where the file has them.
+    pub seconds: Option<f64>,
 }
 
 /// Reads the channels R, G, B, and Variance.R, .G, .B if there, of a single-part EXR of any program.
@@ -173,8 +175,12 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         AttributeValue::Text(seed) => Some(seed.to_string()),
         _ => None,
     });
+    let seconds = attribute("renderTimeSeconds").and_then(|value| match value {
+        AttributeValue::F32(seconds) => Some(f64::from(*seconds)),
+        _ => None,
+    });
     let variance = interleave("Variance.");
-    Ok(Picture { width: width as u32, height: height as u32, rgb, variance, cell_batches, seed })
+    Ok(Picture { width: width as u32, height: height as u32, rgb, variance, cell_batches, seed, seconds })
 }
 
 /// Refuses what the decoder would reserve too much memory for, or what is not one flat image.

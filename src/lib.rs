@@ -24,6 +24,7 @@ pub mod png_file;
 pub mod render;
 pub mod resolve;
 pub mod scene;
+pub mod schedule;
 pub mod settings;
 pub mod statistics;
 pub mod units;

@@ -83,6 +83,8 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         light_paths: within("light-paths", render.light_paths.unwrap_or(DEFAULT_LIGHT_PATHS), MAX_LIGHT_PATHS)?,
         queries: within("queries", render.queries.unwrap_or(estimator.default_queries()), MAX_QUERIES)?,
         buckets: within("buckets", render.buckets.unwrap_or(DEFAULT_BUCKETS), MAX_BUCKETS)?,
+        leaf_size: leaf_size(render, estimator)?,
+        single_tree: render.single_tree.unwrap_or(false),
         cull: !render.no_cull.unwrap_or(false),
         camera,
         emitters: emitters(&experiment.emitter, scene, &gate)?,
@@ -130,6 +132,8 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         light_paths: Some(settings.light_paths),
         queries: Some(settings.queries),
         buckets: Some(settings.buckets),
+        leaf_size: (settings.leaf_size > 0).then_some(settings.leaf_size),
+        single_tree: Some(settings.single_tree),
         no_cull: Some(!settings.cull),
         device: experiment.render.device.clone(),
         strict: experiment.render.strict,
@@ -146,6 +150,12 @@ fn within(name: &str, value: u32, most: u32) -> Result<u32> {
         return Ok(value);
     }
     Err(settings(format!("--{name} is {value}; it must be from 1 to {most}")))
+}
+
+/// Estimators without trees have no leaves, whatever was asked for.
+fn leaf_size(render: &RenderTable, estimator: Estimator) -> Result<u32> {
+    let size = within("leaf-size", render.leaf_size.unwrap_or(estimator.leaf_size().max(1)), MAX_LEAF_SIZE)?;
+    Ok(if estimator.leaf_size() > 0 { size } else { 0 })
 }
 
 fn budget(render: &RenderTable) -> Result<Budget> {

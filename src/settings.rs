@@ -31,6 +31,8 @@ pub const MAX_LIGHT_PATHS: u32 = 1 << 24;
 pub const MAX_QUERIES: u32 = 64;
 /// The node layout has room for eight bucket powers.
 pub const MAX_BUCKETS: u32 = 8;
+/// A reference to a leaf has four bits for its size.
+pub const MAX_LEAF_SIZE: u32 = 16;
 /// A year, in seconds.
 pub const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 
@@ -68,8 +70,9 @@ impl Estimator {
         }
     }
 
-    /// Most light vertices in a leaf of its trees, 0 without trees. Individual vertices reside in the paper's leaves (Sec. 5.2).
-    pub fn leaf_size(self) -> usize {
+    /// Most light vertices in a leaf of its trees when nothing says how many, 0 without trees. Individual vertices reside in the
+    /// paper's leaves (Sec. 5.2).
+    pub fn leaf_size(self) -> u32 {
         match self {
             Estimator::Pt | Estimator::Bdpt => 0,
             Estimator::LcsPaper => 1,
@@ -167,6 +170,10 @@ pub struct Settings {
     pub queries: u32,
     /// Temporal power buckets a node, B of the paper, 1 to 8.
     pub buckets: u32,
+    /// Most light vertices in a leaf, 1 to 16; 0 for estimators without trees.
+    pub leaf_size: u32,
+    /// One tree over emitter points and scattered vertices instead of the two of Sec. 5.4; the same image on average.
+    pub single_tree: bool,
     /// Stop subpaths that can no longer meet the gate (exact; DESIGN 3.1).
     pub cull: bool,
     /// Index into `Scene::cameras`.

@@ -3,8 +3,11 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use taugate::bench::job::Job;
 use taugate::bench::suite::Suite;
 use taugate::bench::table::{self, COLUMNS};
+use taugate::exr_file::{Picture, read_picture};
+use taugate::generate::{Kind, scene};
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -74,7 +77,7 @@ fn a_suite_from_reference_to_report_and_on() {
 
     // A reference for a suite of twice the time leaves room for a machine that is faster while it compares.
     edit(here.path(), "60ms", "120ms");
-    let (_, messages) = succeeds(here.path(), &bench(&["--reference", "--time", "20s"]));
+    let (_, messages) = succeeds(here.path(), &bench(&["--reference", "--reference-time", "20s"]));
     edit(here.path(), "120ms", "60ms");
     assert!(messages.contains("agrees with") && messages.contains("skipped 1 scene: gone"), "{messages}");
     let references: Vec<_> = std::fs::read_dir(here.path().join("references")).unwrap().collect();
@@ -130,12 +133,103 @@ fn a_suite_from_reference_to_report_and_on() {
 #[test]
 fn a_reference_that_is_too_noisy_is_refused() {
     let here = folder("200ms", "7.5m..8.5m");
-    succeeds(here.path(), &["bench", "s.toml", "--reference", "--time", "10ms", "-q"]);
+    succeeds(here.path(), &["bench", "s.toml", "--reference", "--reference-time", "10ms", "-q"]);
     let output = taugate(here.path(), &["bench", "s.toml"]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(message.contains("refused: the box") && message.contains("--reference"), "{message}");
     assert!(!here.path().join("bench-s/results.csv").exists());
+
+    // What was rendered is not lost.
+    let file = || std::fs::read_dir(here.path().join("references")).unwrap().next().unwrap().unwrap().path();
+    let own = |picture: &Picture| picture.variance.as_ref().unwrap().iter().map(|&v| f64::from(v)).sum::<f64>();
+    let first = read_picture(&file()).unwrap();
+    let (_, messages) = succeeds(here.path(), &["bench", "s.toml", "--reference", "--reference-time", "2s"]);
+    let second = read_picture(&file()).unwrap();
+    assert!(messages.contains(" before, own relMSE"), "{messages}");
+    assert!(own(&second) < own(&first) && second.seed != first.seed, "{} {}", own(&first), own(&second));
+    assert!(second.seconds.unwrap() > first.seconds.unwrap() + 0.1, "{:?} {:?}", first.seconds, second.seconds);
+}
+
+#[test]
+fn a_suite_of_costs_needs_no_reference_and_fits_its_sweeps() {
+    let here = tempfile::tempdir().unwrap();
+    let mut suite =
+        String::from("time = \"60ms\"\nrepetitions = 1\nerrors = false\n[render]\nlight-paths = 300\nmax-depth = 5\n");
+    for (name, triangles) in [("few", 36), ("more", 100), ("many", 2000)] {
+        suite += &format!(
+            "[[scene]]\nname = \"{name}\"\ngenerate = {{ name = \"cornell-box\", triangles = {triangles} }}\n\
+             sweep = \"triangles\"\ngate = \"8m..8.5m\"\nresolution = \"8x8\"\n"
+        );
+    }
+    suite += "[[variant]]\nname = \"lcs\"\nrender = { estimator = \"lcs\" }\n";
+    std::fs::write(here.path().join("s.toml"), suite).unwrap();
+    fails(here.path(), &bench(&["--reference"]), 2, "measures costs alone");
+    let (text, _) = succeeds(here.path(), &bench(&[]));
+    assert!(text.contains("us a sample") && text.contains("| triangles | lcs | 3 | 36 | 2178 |"), "{text}");
+    let rows = table::read(&here.path().join("out/results.csv")).unwrap();
+    for row in &rows {
+        assert!(row.relmse.is_nan() && row.us_per_sample > 0.0 && row.pixels == 64, "{row:?}");
+        assert!((row.gate_m - 0.5).abs() < 1e-9 && [36, 138, 2178].contains(&row.triangles), "{row:?}");
+        let cost = 1e6 * row.seconds / (row.samples * row.pixels) as f64;
+        assert!((row.us_per_sample / cost - 1.0).abs() < 0.01, "{row:?}");
+    }
+    let growth = std::fs::read_to_string(here.path().join("out/growth.csv")).unwrap();
+    assert!(growth.lines().nth(1).unwrap().starts_with("triangles,lcs,3,36,2178,"), "{growth}");
+    let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();
+    assert!(page.contains("## Growth") && !page.contains("relMSE"), "{page}");
+    succeeds(here.path(), &bench(&["--resume"]));
+    assert_eq!(table::read(&here.path().join("out/results.csv")).unwrap().len(), rows.len());
+}
+
+/// A reference belongs to the scene as it is, wherever its bytes are kept.
+#[test]
+fn references_follow_the_files_that_a_scene_names() {
+    let here = tempfile::tempdir().unwrap();
+    let glb = scene(Kind::CornellBox);
+    let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
+    let (json, mut binary) = (&glb[20..20 + word(12)], glb[28 + word(12)..].to_vec());
+    let mut document: serde_json::Value = serde_json::from_slice(json).unwrap();
+    document["buffers"][0]["uri"] = "box.bin".into();
+    document["images"] = serde_json::json!([{ "uri": "paint.png" }]);
+    std::fs::write(here.path().join("box.gltf"), document.to_string()).unwrap();
+    std::fs::write(here.path().join("box.bin"), &binary).unwrap();
+    std::fs::write(here.path().join("paint.png"), "one").unwrap();
+    let text = "[[scene]]\nname = \"a\"\nscene = \"box.gltf\"\n[[variant]]\nname = \"b\"\n";
+    let suite = Suite::parse(&here.path().join("s.toml"), text.into()).unwrap();
+    let reference = || Job::load(&suite, &suite.scenes[0]).unwrap().entries[0].reference.clone();
+
+    let first = reference();
+    assert_eq!(reference(), first);
+    binary[0] ^= 1;
+    std::fs::write(here.path().join("box.bin"), &binary).unwrap();
+    let second = reference();
+    assert_ne!(second, first);
+    std::fs::write(here.path().join("paint.png"), "two").unwrap();
+    assert_ne!(reference(), second);
+}
+
+#[test]
+fn path_tracing_is_left_out_where_a_beam_is() {
+    let here = tempfile::tempdir().unwrap();
+    let door = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/door-ajar.glb");
+    let suite = |variants: &[&str]| {
+        let mut text = format!(
+            "time = \"30ms\"\nrepetitions = 1\nerrors = false\nrender.light-paths = 100\n[[scene]]\nname = \"door\"\n\
+             scene = {door:?}\nresolution = \"8x8\"\n"
+        );
+        for name in variants {
+            text += &format!("[[variant]]\nname = \"{name}\"\nrender = {{ estimator = \"{name}\" }}\n");
+        }
+        std::fs::write(here.path().join("s.toml"), text).unwrap();
+    };
+    suite(&["pt", "bdpt"]);
+    let (out, messages) = succeeds(here.path(), &bench(&[]));
+    assert!(messages.contains("door: pt is left out") && out.contains("bdpt"), "{out}{messages}");
+    let rows = table::read(&here.path().join("out/results.csv")).unwrap();
+    assert!(!rows.is_empty() && rows.iter().all(|row| row.variant == "bdpt"), "{rows:?}");
+    suite(&["pt"]);
+    fails(here.path(), &["bench", "s.toml"], 2, "no variant finds the light of its beam");
 }
 
 #[test]
@@ -171,7 +265,7 @@ fn shipped_suites_are_sound() {
     for file in std::fs::read_dir(folder).unwrap() {
         let suite = Suite::read(&file.unwrap().path()).unwrap_or_else(|e| panic!("{e}"));
         for scene in &suite.scenes {
-            assert!(scene.path().is_file() || !scene.folder_exists(), "{}: {}", suite.name, scene.path().display());
+            assert!(scene.exists() || !scene.folder_exists(), "{}: {}", suite.name, scene.path().display());
         }
         count += 1;
     }

@@ -229,6 +229,10 @@ fn a_generated_scene_is_described_and_resolved() {
 
     fails(here.path(), &["generate", "palace", "-o", "p.glb"], 2, "choose one of cornell-box");
     fails(here.path(), &["generate", "cornell-box", "-o", "p.obj"], 2, "must end in .glb");
+    run(&["generate", "cornell-box", "--roughness", "0.05", "--triangles", "100", "-o", "fine.glb"]);
+    std::fs::remove_file(here.path().join("fine.glb")).unwrap();
+    fails(here.path(), &["generate", "cornell-box", "--roughness", "2", "-o", "p.glb"], 2, "from 0 to 1");
+    fails(here.path(), &["generate", "door-ajar", "--triangles", "9", "-o", "p.glb"], 2, "no number of triangles");
     let wrong = |flag: &str, value: &str, part: &str| {
         fails(here.path(), &["render", "box.glb", "-o", "a.exr", flag, value], 2, part);
     };

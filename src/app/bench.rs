@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use taugate::Error;
+use taugate::bench::growth::{self, Sweep};
 use taugate::bench::job::{Entry, Job};
 use taugate::bench::race::Race;
 use taugate::bench::reference::{self, MARGIN, TRUSTED};
@@ -63,7 +64,7 @@ impl Bench {
     fn new(args: &BenchArgs, progress: &Progress) -> Result<Bench> {
         check_readable(&args.suite)?;
         let mut suite = Suite::read(&args.suite)?;
-        if let Some(time) = args.time.filter(|_| !args.reference) {
+        if let Some(time) = args.time {
             suite.seconds = time.0;
         }
         if suite.seconds > MAX_SECONDS {
@@ -71,18 +72,20 @@ impl Bench {
         }
         suite.repetitions = args.repetitions.unwrap_or(suite.repetitions);
         if let Some(resolution) = args.resolution {
-            suite.scenes.iter_mut().for_each(|scene| scene.experiment.camera.resolution = Some(resolution));
+            // A sweep over pixels has its own.
+            let others = suite.scenes.iter_mut().filter(|scene| scene.sweep != Some(Sweep::Pixels));
+            others.for_each(|scene| scene.experiment.camera.resolution = Some(resolution));
         }
         let out = args.out.clone().unwrap_or_else(|| format!("bench-{}", suite.name).into());
         let references = reference::folder(&out);
         let command = command(args);
         let mut bench = Bench { suite, out, references, present: vec![], skipped: vec![], command };
         for (at, scene) in bench.suite.scenes.iter().enumerate() {
-            if !scene.path().is_file() && !scene.folder_exists() {
+            if !scene.exists() && !scene.folder_exists() {
                 bench.skipped.push(format!("{} is not on this machine ({})", scene.name, scene.path().display()));
                 continue;
             }
-            if !scene.path().is_file() {
+            if !scene.exists() {
                 let message = format!("there is no scene {}; check the name", scene.path().display());
                 return Err(bench.suite.error_at(scene, Part::Path, &message));
             }
@@ -119,7 +122,7 @@ impl Bench {
         progress: &mut Progress,
     ) -> anyhow::Result<ExitCode> {
         let mut rows = self.kept(args.resume)?;
-        for (at, entries) in &self.present {
+        for (at, entries) in self.present.iter().filter(|_| self.suite.errors) {
             if let Some(entry) = entries.iter().find(|entry| !self.references.join(&entry.reference).is_file()) {
                 let scene = &self.scene(*at).name;
                 return Err(Error::Settings(format!(
@@ -208,12 +211,15 @@ impl Bench {
     ) -> Result<Verdict> {
         let scene = self.scene(at);
         let job = Job::load(&self.suite, scene)?;
-        let found: Vec<reference::Reference> = job
-            .entries
-            .iter()
-            .map(|entry| Ok(reference::read(&self.references, entry)?.expect("it was there")))
-            .collect::<Result<_>>()?;
-        let (own, pictures): (Vec<f64>, Vec<Picture>) = found.into_iter().map(|r| (r.own, r.picture)).unzip();
+        let found = |entry: &Entry| match self.suite.errors {
+            true => {
+                let found = reference::read(&self.references, entry)?.expect("it was there");
+                Ok((found.own, Some(found.picture)))
+            }
+            false => Ok((0.0, None)),
+        };
+        let found = job.entries.iter().map(found).collect::<Result<Vec<(f64, Option<Picture>)>>>()?;
+        let (own, pictures): (Vec<f64>, Vec<Option<Picture>>) = found.into_iter().unzip();
         let prepared = job.prepare(&self.suite, scene)?;
         let mut race = Race::new(device, &job, &prepared, pictures)?;
         drop(prepared);
@@ -226,12 +232,12 @@ impl Bench {
             let Some(mut new) = race.run(repetition, self.suite.seconds, &mut watch)? else {
                 return Ok(Verdict::Measured);
             };
-            if let Some(message) = self.too_noisy(&job, &own, &new) {
+            if let Some(message) = self.too_noisy(&job, &own, &new).filter(|_| self.suite.errors) {
                 progress.line(&format!("refused: {message}"));
                 table::write(&self.refused(), &new)?;
                 return Ok(Verdict::Refused);
             }
-            if repetition == 0 {
+            if repetition == 0 && self.suite.errors {
                 self.keep_images(&job, &race)?;
             }
             for row in &mut new {
@@ -298,6 +304,7 @@ impl Bench {
         for (scene, _) in &scenes {
             super::print(&text(scene, &summary::lines(&rows, scene)));
         }
+        super::print(&growth::section(&growth::growth(&self.suite, &rows)));
         if !args.quiet {
             progress.line(&format!("{}, {}", path.display(), self.results().display()));
         }
@@ -337,6 +344,14 @@ fn text(scene: &str, lines: &[Line]) -> String {
     let width = lines.iter().map(|line| line.variant.len()).max().unwrap_or(0);
     let mut text = if lines.is_empty() { String::new() } else { format!("{scene}\n") };
     for line in lines {
+        if line.relmse.median.is_nan() {
+            let cost = line.us_per_sample;
+            text += &format!(
+                "  {:width$}  {:.3} us a sample of a pixel ({:.3} to {:.3})  {:.0} samples in {:.1} s\n",
+                line.variant, cost.median, cost.least, cost.most, line.samples, line.seconds
+            );
+            continue;
+        }
         let ratio = line
             .ratio
             .map_or(String::new(), |r| format!("  lower by {:.2} ({:.2} to {:.2})", r.median, r.least, r.most));
@@ -353,7 +368,7 @@ fn command(args: &BenchArgs) -> String {
     if let Some(resolution) = args.resolution {
         text += &format!(" --resolution {resolution}");
     }
-    if let Some(time) = args.time.filter(|_| !args.reference) {
+    if let Some(time) = args.time {
         text += &format!(" --time {time}");
     }
     if let Some(out) = &args.out {

@@ -10,10 +10,11 @@ use taugate::generate::{Kind, scene};
 use crate::cli::GenerateArgs;
 
 pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
-    let GenerateArgs { name, output } = args;
+    let GenerateArgs { name, output, roughness, triangles } = args;
     let kind = Kind::parse(name).ok_or_else(|| {
         Error::Settings(format!("no scene is called '{name}'; choose one of {}", Kind::NAMES.join(", ")))
     })?;
+    let kind = kind.with(*roughness, *triangles).map_err(Error::Settings)?;
     if !output.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
         return Err(Error::Settings(format!("the output {} must end in .glb", output.display())).into());
     }

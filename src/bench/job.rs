@@ -4,10 +4,11 @@ use super::hash::Hash;
 use super::suite::{Part, SceneEntry, Suite};
 use crate::error::{Error, Result};
 use crate::experiment::Experiment;
+use crate::generate;
 use crate::gpu::Device;
 use crate::render::{Prepared, Reach};
 use crate::resolve;
-use crate::scene::{LightKind, Scene};
+use crate::scene::{LightKind, Scene, gltf};
 use crate::settings::{Estimator, Settings};
 
 use super::lane::Lane;
@@ -16,10 +17,11 @@ use super::lane::Lane;
 pub struct Job {
     pub name: String,
     pub scene: Scene,
+    /// Of the variants that find all of the scene's light.
     pub entries: Vec<Entry>,
     /// What the user should know about the settings, one sentence each, without repetitions.
     pub warnings: Vec<String>,
-    /// Of the scene's file.
+    /// Of the scene's file and of all that it names.
     hash: Hash,
 }
 
@@ -34,27 +36,45 @@ pub struct Entry {
     pub fingerprint: String,
     /// Name of the file that holds the truth for these settings. Variants of the same strategies and depth share one.
     pub reference: String,
-    /// Whether the variant finds all the light: `pt` cannot see by a beam.
-    pub sees_all: bool,
 }
 
 impl Job {
     /// Loads a scene. Errors name the place in the suite where the scene, its camera, emitters or gate are chosen.
     pub fn load(suite: &Suite, entry: &SceneEntry) -> Result<Job> {
         let wrong = |error: Error, part| suite.error_at(entry, part, &error.to_string());
-        let scene = crate::scene::gltf::load(entry.path()).map_err(|e| wrong(e, Part::Path))?;
-        let bytes =
-            std::fs::read(entry.path()).map_err(|e| wrong(crate::files::read_error(entry.path(), &e), Part::Path))?;
-        let mut job =
-            Job { name: entry.name.clone(), scene, entries: vec![], warnings: vec![], hash: Hash::new().with(&bytes) };
+        let files = match entry.made {
+            Some(kind) => vec![generate::scene(kind)],
+            None => gltf::files(entry.path()).map_err(|e| wrong(e, Part::Path))?,
+        };
+        let scene = gltf::load_slice(&files[0], entry.path()).map_err(|e| wrong(e, Part::Path))?;
+        let hash = files.iter().fold(Hash::new(), |hash, bytes| hash.with(bytes));
+        let mut job = Job { name: entry.name.clone(), scene, entries: vec![], warnings: vec![], hash };
         for variant in &suite.variants {
             let experiment = suite.experiment(entry, variant);
             let resolved = resolve::resolve(&experiment, &job.scene).map_err(|e| wrong(e, Part::Name))?;
             job.warnings
                 .extend(resolved.warnings.into_iter().filter(|w| !job.warnings.contains(w)).collect::<Vec<_>>());
-            job.entries.push(job.entry(&variant.name, &experiment, resolved.settings));
+            if job.sees_all(&resolved.settings) {
+                job.entries.push(job.entry(&variant.name, &experiment, resolved.settings));
+            } else {
+                job.warnings.push(format!("{} is left out: it would miss the light of a beam", variant.name));
+            }
+        }
+        if job.entries.is_empty() {
+            return Err(suite.error_at(
+                entry,
+                Part::Name,
+                "no variant finds the light of its beam; add one of bdpt or lcs",
+            ));
         }
         Ok(job)
+    }
+
+    /// Whether settings find all the light: `pt` cannot see by a beam.
+    fn sees_all(&self, settings: &Settings) -> bool {
+        let beam = |node: &str| settings.emitters.include(node);
+        let beams = self.scene.lights.iter().any(|l| beam(&l.node) && matches!(l.kind, LightKind::Beam { .. }));
+        !(beams && settings.estimator == Estimator::Pt)
     }
 
     fn entry(&self, variant: &str, experiment: &Experiment, settings: Settings) -> Entry {
@@ -71,14 +91,11 @@ impl Job {
             ..Default::default()
         };
         let reference = format!("{}-{}.exr", self.name, self.hash.with(truth.to_toml().as_bytes()).digits());
-        let beam = |node: &str| settings.emitters.include(node);
-        let beams = self.scene.lights.iter().any(|l| beam(&l.node) && matches!(l.kind, LightKind::Beam { .. }));
         Entry {
             variant: variant.into(),
             fingerprint: self.hash.with(text.as_bytes()).digits(),
             config: text,
             reference,
-            sees_all: !(beams && settings.estimator == Estimator::Pt),
             settings,
         }
     }

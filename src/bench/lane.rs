@@ -6,12 +6,8 @@ use crate::error::Result;
 use crate::gpu::Device;
 use crate::render::{Prepared, Renderer, Stats};
 use crate::scene::Scene;
+use crate::schedule::{BATCHES, samples_within};
 use crate::settings::Settings;
-
-/// Samples a pixel and iteration at most, and the part of the whole time that an iteration should take at most: as
-/// `taugate render --time` has them.
-const MOST_SAMPLES: u32 = 8;
-const BATCHES: f64 = 16.0;
 
 /// One renderer's progress since its last restart.
 pub struct Lane {
@@ -53,15 +49,13 @@ impl Lane {
         }
     }
 
-    /// Begins with one sample; later an iteration takes up to half of the time so far, and a sixteenth of the whole.
+    /// As `taugate render --time` has them, but at most half of the time so far: the first time points come early.
     fn next_samples(&self, whole: f64) -> u32 {
         let done = self.renderer.film().samples();
         if done == 0 {
             return 1;
         }
-        let each = self.clock / done as f64;
-        let part = (whole / BATCHES).min(0.5 * self.clock);
-        ((part / each) as u32).clamp(1, MOST_SAMPLES)
+        samples_within((whole / f64::from(BATCHES)).min(0.5 * self.clock), done, self.clock)
     }
 
     /// A count of the statistics since the restart.

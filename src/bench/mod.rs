@@ -1,12 +1,14 @@
 //! Error against time: estimators and variants of their settings on the same scenes, in turns, compared with references.
 //!
 //! A [`suite`] says what to compare, a [`job`] is one of its scenes made ready, a [`race`] renders it once, a [`table`]
-//! holds what was measured, a [`summary`] is what it amounts to and a [`report`] shows it.
+//! holds what was measured, a [`summary`] is what it amounts to, [`growth`] how costs
+//! follow the size of things, and a [`report`] shows it.
 
-mod check;
+pub mod growth;
 mod hash;
 pub mod job;
 mod lane;
+mod pilot;
 mod plot;
 pub mod race;
 pub mod reference;

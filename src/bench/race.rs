@@ -24,12 +24,17 @@ pub fn points(seconds: f64) -> Vec<f64> {
 pub struct Race<'a> {
     job: &'a Job,
     lanes: Vec<Lane>,
-    references: Vec<Picture>,
+    references: Vec<Option<Picture>>,
 }
 
 impl<'a> Race<'a> {
-    /// `references`: one an entry of the job, of the size of its crop.
-    pub fn new(device: &Device, job: &'a Job, prepared: &Prepared, references: Vec<Picture>) -> Result<Race<'a>> {
+    /// `references`: one an entry of the job, of the size of its crop; `None` where only costs are measured.
+    pub fn new(
+        device: &Device,
+        job: &'a Job,
+        prepared: &Prepared,
+        references: Vec<Option<Picture>>,
+    ) -> Result<Race<'a>> {
         let lane = |entry: &Entry| Lane::new(device, &job.scene, &entry.settings, prepared);
         Ok(Race { lanes: job.entries.iter().map(lane).collect::<Result<_>>()?, job, references })
     }
@@ -66,8 +71,14 @@ impl<'a> Race<'a> {
     }
 
     fn measure(&self, at: usize, repetition: u32, point: u32) -> Result<Row> {
-        let (lane, entry, reference) = (&self.lanes[at], &self.job.entries[at], &self.references[at]);
-        let image = lane.renderer.film().mean();
+        let (lane, entry) = (&self.lanes[at], &self.job.entries[at]);
+        let (relmse, flip) = self.references[at].as_ref().map_or(Ok((f64::NAN, f64::NAN)), |reference| {
+            let image = lane.renderer.film().mean();
+            let flip = metrics::flip::hdr(&image, &reference.rgb, reference.width as usize).mean();
+            metrics::compare(&image, &reference.rgb).map(|errors| (errors.relmse, flip))
+        })?;
+        let crop = entry.settings.crop;
+        let (pixels, samples) = (u64::from(crop.width()) * u64::from(crop.height()), lane.renderer.film().samples());
         let queries = lane.count(|s| s.candidates);
         let vertices = lane.count(|s| s.emitter_vertices + s.scattered_vertices + s.deterministic_vertices);
         Ok(Row {
@@ -77,14 +88,18 @@ impl<'a> Race<'a> {
             repetition,
             point,
             seconds: lane.clock,
-            samples: lane.renderer.film().samples(),
-            relmse: metrics::compare(&image, &reference.rgb)?.relmse,
-            flip: metrics::flip::hdr(&image, &reference.rgb, reference.width as usize).mean(),
+            samples,
+            relmse,
+            flip,
             dropped: lane.count(|s| s.dropped),
             light_vertices: vertices as f64 / lane.count(|s| s.iterations) as f64,
             queries_per_s: queries as f64 / lane.clock,
             rays_per_s: lane.count(|s| s.rays()) as f64 / lane.clock,
             dead_query_share: 1.0 - lane.count(|s| s.live_candidates) as f64 / (queries as f64).max(1.0),
+            triangles: lane.renderer.stats().triangles,
+            pixels,
+            gate_m: entry.settings.gate.hi - entry.settings.gate.lo,
+            us_per_sample: 1e6 * lane.clock / (samples * pixels) as f64,
             fingerprint: entry.fingerprint.clone(),
         })
     }

@@ -2,32 +2,40 @@
 //!
 //! A reference is the mean of two independent halves with seeds of their own. Half their difference is a sample of its error,
 //! so (a - b)^2 / 4 is an unbiased estimate of its squared error in every pixel; the file carries it as its variance layer.
+//!
+//! The settings that render it need not be of the suite: whatever has the least error per second in a short pilot does. What was
+//! rendered is never lost: a reference that is not good enough for a later race is extended by halves with other seeds.
 
 use std::path::{Path, PathBuf};
 
-use super::check::{self, Agreement, Cells};
 use super::job::{Entry, Job};
 use super::lane::Lane;
+use super::pilot::{fastest, frugal, pilots, with};
+use crate::agreement::{Agreement, agreement};
+use crate::batches::{CellBatches, MOST_BATCHES};
 use crate::error::Result;
 use crate::exr_file::{self, Picture, Provenance, read_picture};
 use crate::film::Film;
 use crate::gpu::Device;
 use crate::render::Prepared;
-use crate::settings::{Estimator, Settings};
+use crate::settings::Estimator;
 
 /// A reference's own relMSE must be this many times below the best result it is compared with.
 pub const MARGIN: f64 = 20.0;
-/// Rendering goes on to this part of what is needed: the next race may be lucky, or the machine less busy.
-const AIM: f64 = 0.7;
+/// Rendering goes on to this part of what is needed: the next race may be lucky, or the machine less busy. More would be dear, and
+/// a reference can be extended.
+const AIM: f64 = 0.8;
+/// The error is looked at again when this much more was rendered.
+const LOOK: f64 = 1.05;
 /// Above this, a reference's own relMSE says nothing: the error of a dark pixel that is bright by chance is measured against
 /// that very brightness.
 pub const TRUSTED: f64 = 0.02;
-/// Seeds, far from those of races.
+/// Seeds, far from those of races; an extension adds [`EXTENSION`] to all of them.
 const HALVES: [u32; 2] = [0x4000_0001, 0x4000_0002];
 const JUDGE: u32 = 0x4000_0003;
-const PILOTS: u32 = 0x4000_0100;
-/// A pilot takes this part of a variant's time in the suite, within bounds in seconds.
-const PILOT: (f64, f64, f64) = (0.25, 0.2, 15.0);
+const EXTENSION: u32 = 0x1000;
+/// Iterations of a half, and of the judge, at least: fewer do not tell their own noise.
+const LEAST_ITERATIONS: u32 = MOST_BATCHES as u32 / 2;
 /// The judge renders for this part of the reference's time.
 const JUDGED: f64 = 0.25;
 
@@ -48,8 +56,10 @@ pub fn is_good(own: f64, relmse: f64) -> bool {
 pub struct Made {
     /// Whose settings rendered it.
     pub variant: String,
-    /// Seconds of rendering, both halves.
+    /// Seconds of rendering, both halves, and those of an earlier reference that was extended.
     pub seconds: f64,
+    pub before: f64,
+    /// Samples a pixel; of an earlier reference what would have taken as long.
     pub samples: u64,
     pub own: f64,
     /// What [`Made::own`] must be at most.
@@ -82,7 +92,7 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
 }
 
 /// Mean of squared errors over r^2 + eps, as relMSE has it; infinite for a black reference.
-fn relative(squared: &[f32], reference: &[f32]) -> f64 {
+pub fn relative(squared: &[f32], reference: &[f32]) -> f64 {
     let n = reference.len() as f64;
     let mean = reference.iter().map(|&r| f64::from(r)).sum::<f64>() / n;
     if mean <= 0.0 {
@@ -90,35 +100,6 @@ fn relative(squared: &[f32], reference: &[f32]) -> f64 {
     }
     let eps = (0.01 * mean).powi(2);
     squared.iter().zip(reference).map(|(&s, &r)| f64::from(s) / (f64::from(r).powi(2) + eps)).sum::<f64>() / n
-}
-
-/// A short render that tells how fast settings converge.
-struct Pilot {
-    variant: String,
-    settings: Settings,
-    variance: Vec<f32>,
-    mean: Vec<f32>,
-    seconds: f64,
-}
-
-impl Pilot {
-    /// relMSE times seconds: what stays the same as a render goes on.
-    fn cost(&self, truth: &[f32]) -> f64 {
-        self.seconds * relative(&self.variance, truth)
-    }
-}
-
-/// The pilot with the least cost. Each is measured against the mean of the others: its own noise would hide its error.
-fn fastest(pilots: &[Pilot]) -> &Pilot {
-    let cost = |at: usize| {
-        let others: Vec<&Pilot> = pilots.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, p)| p).collect();
-        let mean = |i: usize| others.iter().map(|p| p.mean[i]).sum::<f32>() / others.len() as f32;
-        pilots[at].cost(&(0..pilots[at].mean.len()).map(mean).collect::<Vec<f32>>())
-    };
-    match pilots.len() {
-        1 => &pilots[0],
-        n => &pilots[(0..n).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).expect("there is a pilot")],
-    }
 }
 
 /// Renders, checks and writes the reference that `entries` share. `watch` hears which part is done and what is going on, and
@@ -133,37 +114,42 @@ pub fn make(
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<Made>> {
     let Some(pilots) = pilots(device, job, prepared, entries, goal, watch)? else { return Ok(None) };
-    let cheapest = |truth: &[f32]| pilots.iter().map(|p| p.cost(truth)).fold(f64::INFINITY, f64::min);
+    let measured = || pilots.iter().filter(|pilot| pilot.measured);
+    let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(f64::INFINITY, f64::min);
     let chosen = fastest(&pilots);
-    // What the reference itself tells counts too: short renders are slower, with few samples an iteration.
+    // Short renders are slower, with few samples an iteration: what the long one gained the others may gain too.
     let wanted = |truth: &[f32], own: f64, seconds: f64| {
-        let best = cheapest(truth).min(own * seconds) / goal.seconds;
+        let gained = (own * seconds / chosen.cost(truth)).min(1.0);
+        let best = cheapest(truth) * gained / goal.seconds;
         (best.min(goal.best.unwrap_or(f64::INFINITY)) / MARGIN).min(TRUSTED)
     };
 
     // Two halves in turns.
+    let earlier = Earlier::read(path)?;
+    let extension = earlier.as_ref().map_or(0, |earlier| earlier.extensions + 1).wrapping_mul(EXTENSION);
+    let before = earlier.as_ref().map_or(0.0, |earlier| earlier.seconds);
     let mut halves = vec![];
     for seed in HALVES {
         let mut lane = job.lane(device, &chosen.settings, prepared)?;
-        lane.restart(seed);
-        halves.push((lane, Cells::new()));
+        lane.restart(seed + extension);
+        halves.push(lane);
     }
     let mut next = 2.0 * chosen.seconds;
     let (mut own, mut asked) = (f64::INFINITY, 0.0);
-    let spent = |halves: &[(Lane, Cells)]| halves.iter().map(|(lane, _)| lane.clock).sum::<f64>();
+    let spent = |halves: &[Lane]| halves.iter().map(|lane| lane.clock).sum::<f64>();
     loop {
-        for (lane, cells) in &mut halves {
-            turn(lane, cells, goal.limit)?;
+        for lane in &mut halves {
+            turn(lane, goal.limit)?;
         }
         let seconds = spent(&halves);
-        let enough = halves.iter().all(|(_, cells)| 2 * cells.batches() >= check::LEAST_BATCHES);
+        let enough = halves.iter().all(|lane| lane.renderer.film().iterations() >= LEAST_ITERATIONS);
         let over = seconds >= goal.limit;
         if enough && (seconds >= next || over) {
-            next = 1.25 * seconds;
-            let film = join(&halves);
+            next = LOOK * seconds;
+            let film = join(&halves, earlier.as_ref());
             let mean = film.mean();
             own = relative(&film.variance_of_mean(), &mean);
-            asked = wanted(&mean, own, seconds);
+            asked = wanted(&mean, own, before + seconds);
             if own <= AIM * asked || over {
                 break;
             }
@@ -174,76 +160,82 @@ pub fn make(
             return Ok(None);
         }
     }
-    let (seconds, film) = (spent(&halves), join(&halves));
+    let (seconds, film) = (spent(&halves), join(&halves, earlier.as_ref()));
     let (variant, samples) = (chosen.variant.clone(), film.samples());
-    let cells = halves.into_iter().map(|(_, cells)| cells).reduce(Cells::and).expect("there are two halves");
+    let cells = halves[0].renderer.film().cells().clone().joined(halves[1].renderer.film().cells());
 
-    // Another estimator is the judge.
+    // Another estimator is the judge of what is new.
     let judge = if chosen.settings.estimator == Estimator::Bdpt { Estimator::LcsPaper } else { Estimator::Bdpt };
-    let Some(judged) = judged(device, job, prepared, entries[0], judge, JUDGED * seconds, watch)? else {
+    let seed = JUDGE + extension;
+    let Some(judged) = judged(device, job, prepared, entries[0], (judge, seed), JUDGED * seconds, watch)? else {
         return Ok(None);
     };
-    let agreement = check::compare(&cells, &judged);
-    if agreement.holds() {
-        write(path, &film, entries[0], seconds, &variant)?;
+    let agreement = agreement([film.width(), film.height()], &cells, &judged)?;
+    if agreement.agree {
+        write(path, &film, entries[0], before + seconds, &variant, HALVES[0] + extension)?;
     }
-    Ok(Some(Made { variant, seconds, samples, own, wanted: asked, judge, agreement }))
+    Ok(Some(Made { variant, seconds, before, samples, own, wanted: asked, judge, agreement }))
 }
 
 /// One turn of a lane: a sixteenth of what it has rendered so far.
-fn turn(lane: &mut Lane, cells: &mut Cells, whole: f64) -> Result<()> {
-    lane.run_until(lane.clock + (lane.clock / 16.0).clamp(0.01, 2.0), whole)?;
-    cells.note(lane.renderer.film());
-    Ok(())
+fn turn(lane: &mut Lane, whole: f64) -> Result<()> {
+    lane.run_until(lane.clock + (lane.clock / 16.0).clamp(0.01, 2.0), whole)
 }
 
-/// Both halves as one film with two batches.
-fn join(halves: &[(Lane, Cells)]) -> Film {
-    let first = halves[0].0.renderer.film();
+/// A reference that was not good enough.
+struct Earlier {
+    /// Its mean more and less by its standard error: two batches with its mean and its variance.
+    halves: [Vec<f32>; 2],
+    seconds: f64,
+    /// How often it was extended.
+    extensions: u32,
+}
+
+impl Earlier {
+    /// `None` if there is none, or it does not say what it takes to go on.
+    fn read(path: &Path) -> Result<Option<Earlier>> {
+        if !path.exists() {
+            return Ok(None);
+        }
+        let Picture { rgb, variance, seconds, seed, .. } = read_picture(path)?;
+        let extensions = seed.and_then(|seed| Some(seed.parse::<u32>().ok()?.checked_sub(HALVES[0])? / EXTENSION));
+        let (Some(variance), Some(seconds), Some(extensions)) = (variance, seconds, extensions) else {
+            return Ok(None);
+        };
+        Ok(Some(Earlier::of(&rgb, &variance, seconds, extensions)))
+    }
+
+    fn of(mean: &[f32], variance: &[f32], seconds: f64, extensions: u32) -> Earlier {
+        let half = |sign: f32| mean.iter().zip(variance).map(|(&mean, &v)| mean + sign * v.sqrt()).collect();
+        Earlier { halves: [half(1.0), half(-1.0)], seconds, extensions }
+    }
+
+    /// Adds it to a film of `seconds`. It counts by its time: weights that followed the errors would favour halves that miss rare
+    /// bright samples.
+    fn add_to(&self, film: &mut Film, seconds: f64) {
+        let rate = film.samples() as f64 / seconds;
+        for half in &self.halves {
+            film.add(half, count(0.5 * self.seconds * rate));
+        }
+    }
+}
+
+fn count(samples: f64) -> u32 {
+    samples.round().clamp(1.0, f64::from(u32::MAX)) as u32
+}
+
+/// Both halves as one film with two batches, or four with those of an earlier reference.
+fn join(halves: &[Lane], earlier: Option<&Earlier>) -> Film {
+    let first = halves[0].renderer.film();
     let mut film = Film::new(first.width(), first.height());
-    for (lane, _) in halves {
+    for lane in halves {
         let half = lane.renderer.film();
-        film.add(&half.mean(), u32::try_from(half.samples()).unwrap_or(u32::MAX));
+        film.add(&half.mean(), count(half.samples() as f64));
+    }
+    if let Some(earlier) = earlier {
+        earlier.add_to(&mut film, halves.iter().map(|lane| lane.clock).sum());
     }
     film
-}
-
-/// Renders every variant that sees all the light, and plain `bdpt`, for a short while each, in turns.
-fn pilots(
-    device: &Device,
-    job: &Job,
-    prepared: &Prepared,
-    entries: &[&Entry],
-    goal: Goal,
-    watch: &mut dyn FnMut(f64, &str) -> bool,
-) -> Result<Option<Vec<Pilot>>> {
-    let (part, least, most) = PILOT;
-    let seconds = (part * goal.seconds).clamp(least, most);
-    let mut candidates: Vec<(String, Settings)> =
-        entries.iter().filter(|e| e.sees_all).map(|e| (e.variant.clone(), e.settings.clone())).collect();
-    if candidates.iter().all(|(_, settings)| settings.estimator != Estimator::Bdpt) {
-        candidates.push(("bdpt".into(), with(entries[0], Estimator::Bdpt)));
-    }
-    let mut pilots = vec![];
-    for (i, (variant, settings)) in candidates.into_iter().enumerate() {
-        let mut lane = job.lane(device, &settings, prepared)?;
-        lane.restart(PILOTS + i as u32);
-        while lane.clock < seconds || lane.renderer.film().iterations() < 4 {
-            lane.run_until(lane.clock + seconds / 8.0, seconds)?;
-            if !watch(0.0, &format!("{}: trying {variant}", job.name)) {
-                return Ok(None);
-            }
-        }
-        let film = lane.renderer.film();
-        let (variance, mean) = (film.variance_of_mean(), film.mean());
-        pilots.push(Pilot { variant, settings, variance, mean, seconds: lane.clock });
-    }
-    Ok(Some(pilots))
-}
-
-/// An entry's settings with another estimator.
-fn with(entry: &Entry, estimator: Estimator) -> Settings {
-    Settings { estimator, ..entry.settings.clone() }
 }
 
 /// Cells of an independent render with another estimator.
@@ -252,23 +244,22 @@ fn judged(
     job: &Job,
     prepared: &Prepared,
     entry: &Entry,
-    estimator: Estimator,
+    (estimator, seed): (Estimator, u32),
     seconds: f64,
     watch: &mut dyn FnMut(f64, &str) -> bool,
-) -> Result<Option<Cells>> {
-    let mut lane = job.lane(device, &with(entry, estimator), prepared)?;
-    lane.restart(JUDGE);
-    let mut cells = Cells::new();
-    while lane.clock < seconds || cells.batches() < check::LEAST_BATCHES {
-        turn(&mut lane, &mut cells, seconds)?;
+) -> Result<Option<CellBatches>> {
+    let mut lane = job.lane(device, &frugal(with(entry, estimator)), prepared)?;
+    lane.restart(seed);
+    while lane.clock < seconds || lane.renderer.film().iterations() < 2 * LEAST_ITERATIONS {
+        turn(&mut lane, seconds)?;
         if !watch(1.0, &format!("{}: checking the reference with {estimator}", job.name)) {
             return Ok(None);
         }
     }
-    Ok(Some(cells))
+    Ok(Some(lane.renderer.film().cells().clone()))
 }
 
-fn write(path: &Path, film: &Film, entry: &Entry, seconds: f64, variant: &str) -> Result<()> {
+fn write(path: &Path, film: &Film, entry: &Entry, seconds: f64, variant: &str, seed: u32) -> Result<()> {
     let settings = &entry.settings;
     let note =
         format!("# A reference: two independent halves, rendered with the settings of the variant '{variant}'.\n");
@@ -276,7 +267,7 @@ fn write(path: &Path, film: &Film, entry: &Entry, seconds: f64, variant: &str) -
         resolution: settings.resolution,
         crop: settings.crop,
         gate: settings.gate,
-        seed: HALVES[0],
+        seed,
         seconds,
         settings: note + &entry.config,
     };
@@ -288,5 +279,30 @@ pub fn folder(out: &Path) -> PathBuf {
     match out.parent() {
         Some(parent) if parent != Path::new("") => parent.join("references"),
         _ => "references".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two batches of a mean and a variance are as good as the two that these came from.
+    #[test]
+    fn an_extended_reference_is_what_four_halves_make() {
+        let halves: [&[f32]; 4] = [&[1.0, 5.0, 0.0], &[3.0, 4.0, 0.0], &[2.5, 0.0, 1.0], &[0.5, 8.0, 3.0]];
+        let film = |batches: &[(&[f32], u32)]| {
+            let mut film = Film::new(1, 1);
+            batches.iter().for_each(|(image, samples)| film.add(image, *samples));
+            film
+        };
+        // Ten samples in 2 s, then 20 in 4 s.
+        let old = film(&[(halves[0], 5), (halves[1], 5)]);
+        let mut extended = film(&[(halves[2], 10), (halves[3], 10)]);
+        Earlier::of(&old.mean(), &old.variance_of_mean(), 2.0, 0).add_to(&mut extended, 4.0);
+        let all = film(&[(halves[0], 5), (halves[1], 5), (halves[2], 10), (halves[3], 10)]);
+        assert_eq!((extended.samples(), extended.iterations()), (30, 4));
+        for (a, b) in [(extended.mean(), all.mean()), (extended.variance_of_mean(), all.variance_of_mean())] {
+            assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?} {b:?}");
+        }
     }
 }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
+use super::growth;
 use super::job::Entry;
 use super::plot;
 use super::reference::{self, Reference};
@@ -60,11 +61,18 @@ pub fn write(out: &Path, page: &Page) -> Result<PathBuf> {
             write_atomically(&out.join(&name), |file| std::io::Write::write_all(file, svg.as_bytes()))?;
             let _ = writeln!(text, "![relMSE against time]({name})\n");
         }
+        if !page.suite.errors {
+            text += &costs(&lines);
+            continue;
+        }
         text += &crops(out, page, scene, entries)?;
         text += &table(&lines);
-        if let Some(reference) = reference::read(page.references, &entries[0])? {
-            let _ = writeln!(text, "\nThe reference's own relMSE is {:.2e}, estimated from its halves.", reference.own);
-        }
+        text += &truth(page, entries, &lines)?;
+    }
+    let growths = growth::growth(page.suite, page.rows);
+    if !growths.is_empty() {
+        growth::write(&out.join("growth.csv"), &growths)?;
+        text += &growth::section(&growths);
     }
     let path = out.join("report.md");
     write_atomically(&path, |file| std::io::Write::write_all(file, text.as_bytes()))?;
@@ -82,11 +90,18 @@ fn header(page: &Page) -> String {
         "`{command}`, {}, on {machine}.\n\n\
          Every variant rendered for {seconds} s in each of {repetitions} repetitions, in turns with the others; time is the wall time of \
          iterations, tree building included, loading, BVH and kernel compilation excluded. Numbers are medians over the \
-         repetitions with the least and greatest in brackets. relMSE: {RELMSE_FORMULA}. FLIP: mean of HDR-FLIP. \"Lower by\": \
-         how many times lower relMSE is than that of the better of bdpt and pt in the same repetition. Slope: of relMSE against \
-         time, in logarithms; -1 where errors are independent noise. Dead: queries that found nothing inside gate, depth and facing.",
+         repetitions with the least and greatest in brackets.",
         version()
     );
+    if suite.errors {
+        let _ = writeln!(
+            text,
+            "relMSE: {RELMSE_FORMULA}. FLIP: mean of HDR-FLIP. \"Lower by\": how many times lower relMSE is than that of the better \
+             of bdpt and pt in the same repetition. Slope: of relMSE against time, in logarithms; -1 where errors are \
+             independent noise."
+        );
+    }
+    let _ = writeln!(text, "Dead: queries that found nothing inside gate, depth and facing.");
     for sentence in page.missing {
         let _ = writeln!(text, "\n{sentence}.");
     }
@@ -129,6 +144,30 @@ fn crops(out: &Path, page: &Page, scene: &str, entries: &[Entry]) -> Result<Stri
     ))
 }
 
+/// How good the references are, one sentence each.
+fn truth(page: &Page, entries: &[Entry], lines: &[Line]) -> Result<String> {
+    let mut text = String::new();
+    for (at, entry) in entries.iter().enumerate() {
+        if entries[..at].iter().any(|earlier| earlier.reference == entry.reference) {
+            continue;
+        }
+        let Some(Reference { own, picture }) = reference::read(page.references, entry)? else { continue };
+        let shares = |line: &&Line| entries.iter().any(|e| e.variant == line.variant && e.reference == entry.reference);
+        let (names, errors): (Vec<&str>, Vec<f64>) =
+            lines.iter().filter(shares).map(|line| (line.variant.as_str(), line.relmse.least)).unzip();
+        let whose = if names.len() == lines.len() { String::new() } else { format!(" of {}", names.join(", ")) };
+        let taken = picture.seconds.map_or(String::new(), |seconds| format!(" after {seconds:.0} s of rendering"));
+        let best = errors.into_iter().fold(f64::INFINITY, f64::min);
+        let _ = writeln!(
+            text,
+            "\nThe reference{whose} has a relMSE of its own of {own:.2e}{taken}, estimated from independent halves: {:.0} times below the \
+             best result. It is part of every relMSE above.",
+            best / own
+        );
+    }
+    Ok(text)
+}
+
 /// The table of a scene as Markdown.
 fn table(lines: &[Line]) -> String {
     let mut text = String::from(
@@ -146,6 +185,30 @@ fn table(lines: &[Line]) -> String {
             line.samples,
             spread(&line.relmse, &|x| format!("{x:.3e}")),
             spread(&line.flip, &|x| format!("{x:.4}")),
+            line.light_vertices,
+            line.queries_per_s / 1e6,
+            line.rays_per_s / 1e6,
+            100.0 * line.dead_query_share,
+            line.dropped,
+        );
+    }
+    text
+}
+
+/// The table of a scene where only costs were measured.
+fn costs(lines: &[Line]) -> String {
+    let mut text = String::from(
+        "| variant | seconds | samples | us a sample of a pixel | light vertices | queries/s | rays/s | dead | dropped |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
+    );
+    for line in lines {
+        let _ = writeln!(
+            text,
+            "| {} | {:.1} | {:.0} | {} | {:.0} | {:.2} M | {:.2} M | {:.1} % | {} |",
+            line.variant,
+            line.seconds,
+            line.samples,
+            spread(&line.us_per_sample, &|x| format!("{x:.3}")),
             line.light_vertices,
             line.queries_per_s / 1e6,
             line.rays_per_s / 1e6,

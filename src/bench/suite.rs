@@ -1,7 +1,9 @@
 //! A suite: the scenes, gates and variants that are compared, as TOML.
 //!
 //! Every `[[scene]]` is rendered with every `[[variant]]`. A variant's `render` table has the keys of an experiment's, laid over
-//! those of the scene, laid over those of the suite.
+//! those of the scene, laid over those of the suite. A scene is a file, or one that the project makes itself (`generate`).
+//! Scenes of one `sweep` differ in one quantity, and the growth of a sample's cost with it is fitted ([`super::growth`]). With
+//! `errors = false` only costs are measured, and no references are needed.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -10,8 +12,10 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::growth::Sweep;
 use crate::error::{Error, Result};
 use crate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, RenderTable, position};
+use crate::generate::Kind;
 use crate::settings::Emitters;
 use crate::units::{Depth, Gate, Resolution as Fineness};
 use crate::values::{Resolution, Seconds};
@@ -34,6 +38,8 @@ pub struct Suite {
     /// Rendering time of each variant in each scene and repetition.
     pub seconds: f64,
     pub repetitions: u32,
+    /// Whether images are compared with references, or only their cost is measured.
+    pub errors: bool,
     pub scenes: Vec<SceneEntry>,
     pub variants: Vec<Variant>,
     text: String,
@@ -43,6 +49,10 @@ pub struct Suite {
 #[derive(Debug, Clone)]
 pub struct SceneEntry {
     pub name: String,
+    /// What the scenes of its sweep differ in.
+    pub sweep: Option<Sweep>,
+    /// For scenes that are not a file.
+    pub made: Option<Kind>,
     /// Scene, camera, emitters, gate and the settings that all variants share.
     pub experiment: Experiment,
     /// Where in the file the scene's path, its gate (or its name) and its name stand.
@@ -71,6 +81,7 @@ struct File {
     about: String,
     time: Option<Seconds>,
     repetitions: Option<Spanned<u32>>,
+    errors: Option<bool>,
     render: Option<Spanned<RenderTable>>,
     #[serde(default)]
     scene: Vec<SceneTable>,
@@ -82,13 +93,24 @@ struct File {
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct SceneTable {
     name: Spanned<String>,
-    scene: Spanned<PathBuf>,
+    scene: Option<Spanned<PathBuf>>,
+    generate: Option<Spanned<GenerateTable>>,
+    sweep: Option<Sweep>,
     camera: Option<String>,
     resolution: Option<Resolution>,
     emitters: Option<Emitters>,
     gate: Option<Spanned<Gate>>,
     depth: Option<Spanned<Depth>>,
     render: Option<Spanned<RenderTable>>,
+}
+
+/// As `taugate generate NAME` has them.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct GenerateTable {
+    name: String,
+    roughness: Option<f32>,
+    triangles: Option<u32>,
 }
 
 #[derive(Deserialize)]
@@ -122,9 +144,9 @@ impl Suite {
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let parts = parts(file, folder).map_err(|(span, message)| located(path, &text, &span, &message))?;
-        let (about, seconds, repetitions, scenes, variants) = parts;
+        let (about, seconds, repetitions, errors, scenes, variants) = parts;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Suite { path: path.into(), name, about, seconds, repetitions, scenes, variants, text })
+        Ok(Suite { path: path.into(), name, about, seconds, repetitions, errors, scenes, variants, text })
     }
 
     /// The experiment of a scene and variant, without samples or time.
@@ -140,8 +162,14 @@ impl Suite {
 }
 
 impl SceneEntry {
+    /// The scene's file, or the name of what is made.
     pub fn path(&self) -> &Path {
         self.experiment.scene.as_deref().expect("every entry has a path")
+    }
+
+    /// Whether the scene can be had: it is made, or its file is there.
+    pub fn exists(&self) -> bool {
+        self.made.is_some() || self.path().is_file()
     }
 
     /// Whether the folder that should hold the scene is there at all: sets of scenes are fetched as a whole, or not.
@@ -155,7 +183,7 @@ fn located(path: &Path, text: &str, span: &Range<usize>, message: &str) -> Error
     Error::Settings(format!("{}:{line}:{column}: {}", path.display(), message.replace('\n', ", ")))
 }
 
-type Parts = (String, f64, u32, Vec<SceneEntry>, Vec<Variant>);
+type Parts = (String, f64, u32, bool, Vec<SceneEntry>, Vec<Variant>);
 
 fn parts(file: File, folder: &Path) -> Result<Parts, Mistake> {
     let repetitions = match &file.repetitions {
@@ -191,7 +219,7 @@ fn parts(file: File, folder: &Path) -> Result<Parts, Mistake> {
         variants.push(Variant { name: table.name.into_inner(), render: render(table.render)? });
     }
     let seconds = file.time.map_or(DEFAULT_SECONDS, |time| time.0);
-    Ok((file.about, seconds, repetitions, scenes, variants))
+    Ok((file.about, seconds, repetitions, file.errors.unwrap_or(true), scenes, variants))
 }
 
 fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<SceneEntry, Mistake> {
@@ -207,9 +235,21 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
         let message = format!("the {what} is only {ulps:.1} steps of 32-bit travel times wide; make it wider");
         return Err((at.clone(), message));
     }
-    let at = [table.scene.span(), gate_at.unwrap_or(table.name.span()), table.name.span()];
+    let (path, path_at, made) = match (table.scene, table.generate) {
+        (Some(file), None) => (folder.join(file.get_ref()), file.span(), None),
+        (None, Some(wanted)) => {
+            let at = wanted.span();
+            let (path, kind) = make(wanted.into_inner()).map_err(|message| (at.clone(), message))?;
+            (path, at, Some(kind))
+        }
+        _ => {
+            let message = "a scene needs either scene = \"room.glb\" or generate = { name = \"cornell-box\" }";
+            return Err((table.name.span(), message.into()));
+        }
+    };
+    let at = [path_at, gate_at.unwrap_or(table.name.span()), table.name.span()];
     let own = Experiment {
-        scene: Some(folder.join(table.scene.into_inner())),
+        scene: Some(path),
         camera: CameraTable { camera: table.camera, resolution: table.resolution, crop: None },
         emitter: EmitterTable { emitters: table.emitters },
         gate: GateTable { gate, ..GateTable::default() },
@@ -217,7 +257,17 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
         ..Experiment::default()
     };
     let below = Experiment { render: shared.clone(), ..Experiment::default() };
-    Ok(SceneEntry { name: table.name.into_inner(), experiment: own.over(below), at })
+    let (name, sweep) = (table.name.into_inner(), table.sweep);
+    Ok(SceneEntry { name, sweep, made, experiment: own.over(below), at })
+}
+
+/// What is to be made, and a path that stands for it in messages.
+fn make(table: GenerateTable) -> Result<(PathBuf, Kind), String> {
+    let GenerateTable { name, roughness, triangles } = table;
+    let Some(kind) = Kind::parse(&name) else {
+        return Err(format!("no scene is called '{name}'; choose one of {}", Kind::NAMES.join(", ")));
+    };
+    Ok((format!("{name}.glb").into(), kind.with(roughness, triangles)?))
 }
 
 /// A table of settings; what the bench itself decides cannot be set there.
@@ -296,6 +346,14 @@ render = { queries = 2, light-paths = 200 }
             ("queries = 2", "spp = 2", "17:10: 'spp' is for the bench to choose"),
             ("two queries", "bdpt", "16:8: there are two of the name 'bdpt'"),
             ("two queries", "a/b", "16:8: 'a/b' cannot be a name"),
+            ("scene = \"scenes/box.glb\"\n", "", "7:8: a scene needs either scene"),
+            ("scene = \"scenes/box.glb\"", "generate = { name = \"palace\" }", "8:12: no scene is called 'palace'"),
+            (
+                "scene = \"scenes/box.glb\"",
+                "generate = { name = \"door-ajar\", triangles = 5 }",
+                "8:12: door-ajar has no number of triangles",
+            ),
+            ("gate = \"8m", "sweep = \"moons\"\ngate = \"8m", "9:9: unknown variant `moons`"),
             ("about = \"a test\"", "repetitions = 0", "2:15: repetitions must be"),
             ("[[variant]]\nname = \"bdpt\"", "[[varian]]\nname = \"bdpt\"", "12:3: unknown field `varian`"),
         ];

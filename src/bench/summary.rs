@@ -1,5 +1,6 @@
 //! What the rows amount to: medians over repetitions, ratios within them, slopes of convergence.
 
+use super::growth::law;
 use super::table::Row;
 use crate::settings::Estimator;
 
@@ -41,6 +42,8 @@ pub struct Line {
     pub rays_per_s: f64,
     pub dead_query_share: f64,
     pub dropped: u64,
+    /// Microseconds a sample of a pixel.
+    pub us_per_sample: Spread,
 }
 
 /// A point of a convergence curve.
@@ -61,6 +64,12 @@ pub fn lines(rows: &[Row], scene: &str) -> Vec<Line> {
     }
     let ends: Vec<&Row> = rows.iter().copied().filter(|row| is_last(row, &rows)).collect();
     names.into_iter().filter_map(|name| line(name, &rows, &ends)).collect()
+}
+
+/// The rows at the end of a variant's time in a scene, one a repetition.
+pub fn ends<'a>(rows: &'a [Row], scene: &str, variant: &str) -> Vec<&'a Row> {
+    let mine: Vec<&Row> = rows.iter().filter(|row| row.scene == scene && row.variant == variant).collect();
+    mine.iter().copied().filter(|row| is_last(row, &mine)).collect()
 }
 
 fn is_last(row: &Row, rows: &[&Row]) -> bool {
@@ -90,6 +99,7 @@ fn line(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<Line> {
         rays_per_s: median(&|row| row.rays_per_s)?,
         dead_query_share: median(&|row| row.dead_query_share)?,
         dropped: mine.iter().map(|row| row.dropped).sum(),
+        us_per_sample: Spread::of(mine.iter().map(|row| row.us_per_sample))?,
     })
 }
 
@@ -106,21 +116,17 @@ pub fn curve(rows: &[&Row], variant: &str) -> Vec<Point> {
         .collect()
 }
 
-/// Least squares through the logarithms; the first points, of a few samples, are left out where there are others.
+/// The first points, of a few samples, are left out where there are others.
 fn slope(curve: &[Point]) -> Option<f64> {
     let used = &curve[curve.len().saturating_sub(5)..];
-    let logs: Vec<(f64, f64)> = used.iter().map(|p| (p.seconds.ln(), p.relmse.median.ln())).collect();
-    let n = logs.len() as f64;
-    let (x, y) = logs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
-    let (xy, xx) = logs.iter().fold((0.0, 0.0), |(a, b), (u, v)| (a + (u - x) * (v - y), b + (u - x).powi(2)));
-    (logs.len() >= 2 && xx > 0.0 && xy.is_finite()).then(|| xy / xx)
+    law(used.iter().map(|p| (p.seconds, p.relmse.median))).map(|law| law.exponent)
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn row(variant: &str, estimator: &str, repetition: u32, point: u32, relmse: f64) -> Row {
+    pub(in crate::bench) fn row(variant: &str, estimator: &str, repetition: u32, point: u32, relmse: f64) -> Row {
         Row {
             scene: "s".into(),
             variant: variant.into(),
@@ -136,6 +142,10 @@ mod tests {
             queries_per_s: 1e6,
             rays_per_s: 1e6,
             dead_query_share: 0.5,
+            triangles: 36,
+            pixels: 100,
+            gate_m: 0.5,
+            us_per_sample: 1.0,
             fingerprint: "f".into(),
         }
     }

@@ -8,8 +8,9 @@ use crate::files::{read_error, write_atomically};
 
 /// The columns in their order. `seconds`: of rendering, tree building included. `light_vertices`: kept, an iteration.
 /// `queries_per_s`: connections that shade points asked for. `dead_query_share`: of these, how many found nothing inside gate,
-/// depth and facing.
-pub const COLUMNS: [&str; 15] = [
+/// depth and facing. `gate_m`: width of the gate, `inf` without one. `us_per_sample`: microseconds a sample of a pixel. relMSE and
+/// FLIP are NaN where only costs are measured.
+pub const COLUMNS: [&str; 19] = [
     "scene",
     "variant",
     "estimator",
@@ -24,6 +25,10 @@ pub const COLUMNS: [&str; 15] = [
     "queries_per_s",
     "rays_per_s",
     "dead_query_share",
+    "triangles",
+    "pixels",
+    "gate_m",
+    "us_per_sample",
     "fingerprint",
 ];
 
@@ -47,6 +52,11 @@ pub struct Row {
     pub queries_per_s: f64,
     pub rays_per_s: f64,
     pub dead_query_share: f64,
+    /// Of the scene, instances counted.
+    pub triangles: u64,
+    pub pixels: u64,
+    pub gate_m: f64,
+    pub us_per_sample: f64,
     /// Of scene and settings.
     pub fingerprint: String,
 }
@@ -55,9 +65,11 @@ impl Row {
     fn to_line(&self) -> String {
         let Row { scene, variant, estimator, repetition, point, seconds, samples, relmse, flip, dropped, .. } = self;
         let Row { light_vertices, queries_per_s, rays_per_s, dead_query_share, fingerprint, .. } = self;
+        let Row { triangles, pixels, gate_m, us_per_sample, .. } = self;
         format!(
             "{scene},{variant},{estimator},{repetition},{point},{seconds:.4},{samples},{relmse:e},{flip:.6},{dropped},\
-             {light_vertices:.1},{queries_per_s:.0},{rays_per_s:.0},{dead_query_share:.4},{fingerprint}\n"
+             {light_vertices:.1},{queries_per_s:.0},{rays_per_s:.0},{dead_query_share:.4},\
+             {triangles},{pixels},{gate_m},{us_per_sample:.4},{fingerprint}\n"
         )
     }
 
@@ -68,7 +80,8 @@ impl Row {
         else {
             return None;
         };
-        let [light_vertices, queries_per_s, rays_per_s, dead_query_share, fingerprint] = rest else { return None };
+        let [light_vertices, queries_per_s, rays_per_s, dead_query_share, rest @ ..] = rest else { return None };
+        let [triangles, pixels, gate_m, us_per_sample, fingerprint] = rest else { return None };
         Some(Row {
             scene: scene.to_string(),
             variant: variant.to_string(),
@@ -84,6 +97,10 @@ impl Row {
             queries_per_s: queries_per_s.parse().ok()?,
             rays_per_s: rays_per_s.parse().ok()?,
             dead_query_share: dead_query_share.parse().ok()?,
+            triangles: triangles.parse().ok()?,
+            pixels: pixels.parse().ok()?,
+            gate_m: gate_m.parse().ok()?,
+            us_per_sample: us_per_sample.parse().ok()?,
             fingerprint: fingerprint.to_string(),
         })
     }

@@ -2,28 +2,38 @@
 
 use glam::DVec3;
 
-use super::shapes::{cuboid, quad};
+use super::shapes::{cuboid, divided, quad};
 use super::stage::{add, camera, diffuse, emitter, material, mesh, metal, place, turned};
 use crate::scene::Scene;
 
-pub fn build() -> Scene {
+/// Of the metal box.
+pub const ROUGHNESS: f32 = 0.45;
+/// Triangles that are divided, and those of the light.
+const DIVIDED: u32 = 34;
+const LIGHT: u32 = 2;
+
+/// At least `triangles` triangles. The light is not divided: emitters of a triangle each would cost something of their own.
+pub fn build(roughness: f32, triangles: u32) -> Scene {
+    let times = (0..16).find(|&times| DIVIDED * 4u32.pow(times) + LIGHT >= triangles).unwrap_or(0);
+    let quad = |corner, u, v| divided(quad(corner, u, v, [1.0, 1.0]), times);
+    let cuboid = |min, max| divided(cuboid(min, max), times);
     let mut scene = Scene::default();
     let white = material(&mut scene, diffuse("white", [0.73, 0.73, 0.73]));
     let red = material(&mut scene, diffuse("red", [0.63, 0.06, 0.05]));
     let green = material(&mut scene, diffuse("green", [0.14, 0.45, 0.09]));
-    let steel = material(&mut scene, metal("steel", [0.77, 0.78, 0.80], 0.45));
+    let steel = material(&mut scene, metal("steel", [0.77, 0.78, 0.80], roughness));
     let light = material(&mut scene, emitter("light", [17.0, 12.0, 4.0]));
 
     let corner = DVec3::new;
     let (x, y, z) = (DVec3::X * 2.0, DVec3::Y * 2.0, DVec3::Z * 2.0);
-    add(&mut scene, "floor", white, quad(corner(-1.0, 0.0, -1.0), z, x, [1.0, 1.0]));
-    add(&mut scene, "ceiling", white, quad(corner(-1.0, 2.0, -1.0), x, z, [1.0, 1.0]));
-    add(&mut scene, "back", white, quad(corner(-1.0, 0.0, -1.0), x, y, [1.0, 1.0]));
-    add(&mut scene, "left", red, quad(corner(-1.0, 0.0, 1.0), -z, y, [1.0, 1.0]));
-    add(&mut scene, "right", green, quad(corner(1.0, 0.0, -1.0), z, y, [1.0, 1.0]));
+    add(&mut scene, "floor", white, quad(corner(-1.0, 0.0, -1.0), z, x));
+    add(&mut scene, "ceiling", white, quad(corner(-1.0, 2.0, -1.0), x, z));
+    add(&mut scene, "back", white, quad(corner(-1.0, 0.0, -1.0), x, y));
+    add(&mut scene, "left", red, quad(corner(-1.0, 0.0, 1.0), -z, y));
+    add(&mut scene, "right", green, quad(corner(1.0, 0.0, -1.0), z, y));
     // A centimetre below the ceiling, front downwards.
     let (across, along) = (DVec3::X * 0.5, DVec3::Z * 0.4);
-    add(&mut scene, "light", light, quad(corner(-0.25, 1.99, -0.2), across, along, [1.0, 1.0]));
+    add(&mut scene, "light", light, super::shapes::quad(corner(-0.25, 1.99, -0.2), across, along, [1.0, 1.0]));
 
     let half = DVec3::new(0.3, 0.0, 0.3);
     let short = mesh(&mut scene, "short box", white, cuboid(-half, half + DVec3::Y * 0.6));

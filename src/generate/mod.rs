@@ -15,11 +15,21 @@ pub mod stage;
 
 use crate::scene::Scene;
 
+/// Triangles that may be asked for.
+const MOST_TRIANGLES: u32 = 10_000_000;
+
 /// Which scene to make, with what may vary.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// Box of 2 m with a ceiling light, a diffuse box and a rough metal box.
     CornellBox,
+    /// The same with another metal, and every face but the light's divided: the light travels the same ways.
+    CornellBoxOf {
+        /// Of the metal box, 0 to 1; the square root of the width alpha of GGX.
+        roughness: f32,
+        /// Least number of triangles: 34 times a power of four, and two of the light.
+        triangles: u32,
+    },
     /// Closed diffuse sphere around a point light and a pinhole: the exact test of [`crate::oracle::sphere`].
     GatedSphere {
         /// Metres, > 0: the mean distance of the facets from the centre.
@@ -54,10 +64,36 @@ impl Kind {
         })
     }
 
+    /// With another roughness or number of triangles, where they are given; an error names what the scene does not have or a
+    /// number that is out of range.
+    pub fn with(self, roughness: Option<f32>, triangles: Option<u32>) -> Result<Kind, String> {
+        if let Some(roughness) = roughness.filter(|r| !(0.0..=1.0).contains(r)) {
+            return Err(format!("the roughness is {roughness}; it must be from 0 to 1"));
+        }
+        if let Some(triangles) = triangles.filter(|&n| n > MOST_TRIANGLES) {
+            return Err(format!("{triangles} triangles are too many; ask for {MOST_TRIANGLES} at most"));
+        }
+        Ok(match (self, roughness, triangles) {
+            (kind, None, None) => kind,
+            (Kind::CornellBox, roughness, triangles) => Kind::CornellBoxOf {
+                roughness: roughness.unwrap_or(cornell::ROUGHNESS),
+                triangles: triangles.unwrap_or(0),
+            },
+            (Kind::ClutteredRoom { .. }, None, Some(triangles)) => Kind::ClutteredRoom { triangles },
+            (kind, Some(_), _) => return Err(format!("{} has no roughness to choose; cornell-box has", kind.name())),
+            (kind, ..) => {
+                let name = kind.name();
+                return Err(format!(
+                    "{name} has no number of triangles to choose; cornell-box and cluttered-room have"
+                ));
+            }
+        })
+    }
+
     /// One of [`Kind::NAMES`].
     pub fn name(self) -> &'static str {
         match self {
-            Kind::CornellBox => Kind::NAMES[0],
+            Kind::CornellBox | Kind::CornellBoxOf { .. } => Kind::NAMES[0],
             Kind::GatedSphere { .. } => Kind::NAMES[1],
             Kind::DoorAjar => Kind::NAMES[2],
             Kind::ClutteredRoom { .. } => Kind::NAMES[3],
@@ -73,7 +109,8 @@ pub fn scene(kind: Kind) -> Vec<u8> {
 /// The scene as plain data, as a loader would give it.
 pub fn build(kind: Kind) -> Scene {
     match kind {
-        Kind::CornellBox => cornell::build(),
+        Kind::CornellBox => cornell::build(cornell::ROUGHNESS, 0),
+        Kind::CornellBoxOf { roughness, triangles } => cornell::build(roughness, triangles),
         Kind::GatedSphere { radius, subdivisions, albedo } => gated_sphere::build(radius, subdivisions, albedo),
         Kind::DoorAjar => door::build(),
         Kind::ClutteredRoom { triangles } => clutter::build(triangles),

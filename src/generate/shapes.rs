@@ -32,6 +32,30 @@ pub fn cuboid(min: DVec3, max: DVec3) -> Mesh {
     mesh
 }
 
+/// Every triangle split into four, `times` times; what lay in a plane stays there. Meshes with texture
+/// coordinates and without normals.
+pub fn divided(mut mesh: Mesh, times: u32) -> Mesh {
+    for _ in 0..times {
+        let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
+        let mut middle = |a: u32, b: u32| {
+            *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+                let between = |p: &[f32], q: &[f32]| p.iter().zip(q).map(|(x, y)| 0.5 * (x + y)).collect::<Vec<f32>>();
+                let p = between(&mesh.positions[a as usize], &mesh.positions[b as usize]);
+                let uv = between(&mesh.uvs[a as usize], &mesh.uvs[b as usize]);
+                mesh.positions.push([p[0], p[1], p[2]]);
+                mesh.uvs.push([uv[0], uv[1]]);
+                mesh.positions.len() as u32 - 1
+            })
+        };
+        let quarters = |[a, b, c]: [u32; 3]| {
+            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+            [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+        };
+        mesh.triangles = mesh.triangles.iter().copied().flat_map(quarters).collect();
+    }
+    mesh
+}
+
 /// Icosahedron split `subdivisions` times, vertices on the sphere of `radius`: 20 * 4^n facets, flat.
 pub fn icosphere(radius: f64, subdivisions: u32) -> Mesh {
     let golden = (1.0 + 5f64.sqrt()) / 2.0;

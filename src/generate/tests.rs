@@ -41,9 +41,47 @@ fn the_same_bytes_every_time() {
 }
 
 #[test]
+fn a_divided_box_is_the_same_box() {
+    let (plain, divided) = (build(Kind::CornellBox), build(Kind::CornellBox.with(Some(0.2), Some(600)).unwrap()));
+    assert!(plain.materials.iter().zip(&divided.materials).all(|(a, b)| a.metallic == 0.0 || b.roughness == 0.2));
+    let area = |mesh: &crate::scene::Mesh| -> f64 {
+        let corner = |i: u32| glam::Vec3::from(mesh.positions[i as usize]).as_dvec3();
+        let area = |t: &[u32; 3]| (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).length() / 2.0;
+        mesh.triangles.iter().map(area).sum()
+    };
+    for (a, b) in plain.meshes.iter().zip(&divided.meshes) {
+        assert!((area(a) - area(b)).abs() < 1e-6 * area(a), "{}", a.name);
+        let facing = |m: &crate::scene::Mesh| {
+            let corner = |i: u32| glam::Vec3::from(m.positions[i as usize]);
+            m.triangles
+                .iter()
+                .map(|t| (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])))
+                .sum::<glam::Vec3>()
+        };
+        assert!((facing(a) - facing(b)).length() < 1e-5, "{}", a.name);
+    }
+    assert_eq!(scene(Kind::CornellBox), scene(Kind::CornellBox.with(Some(0.45), Some(36)).unwrap()));
+}
+
+#[test]
+fn what_a_scene_does_not_have_cannot_be_chosen() {
+    let wrong = |kind: Kind, roughness, triangles| kind.with(roughness, triangles).unwrap_err();
+    assert!(wrong(Kind::DoorAjar, Some(0.5), None).contains("door-ajar has no roughness"));
+    assert!(wrong(Kind::DoorAjar, None, Some(5)).contains("door-ajar has no number"));
+    assert!(wrong(Kind::CornellBox, Some(1.5), None).contains("from 0 to 1"));
+    assert!(wrong(Kind::CornellBox, Some(f32::NAN), None).contains("from 0 to 1"));
+    assert!(wrong(Kind::CornellBox, None, Some(u32::MAX)).contains("too many"));
+    assert_eq!(Kind::DoorAjar.with(None, None), Ok(Kind::DoorAjar));
+}
+
+#[test]
 fn triangle_counts() {
     assert_eq!(triangle_count(&build(Kind::CornellBox)), 6 * 2 + 2 * 12);
     assert_eq!(triangle_count(&build(Kind::parse("gated-sphere").unwrap())), 81_920);
+    for (asked, got) in [(0, 36), (36, 36), (37, 138), (2_000, 2_178), (30_000, 34_818)] {
+        let scene = build(Kind::CornellBox.with(None, Some(asked)).unwrap());
+        assert_eq!(triangle_count(&scene), got, "{asked} asked for");
+    }
     let door = triangle_count(&build(Kind::DoorAjar));
     assert!((5_000..=20_000).contains(&door), "{door}");
     for least in [20_000, 200_000] {

@@ -103,7 +103,7 @@ fn iteration_needs(info: &DeviceInfo, plan: &Plan, prepared: &Prepared) -> Vec<N
 }
 
 fn pool_needs(plan: &Plan, vertices: u32) -> Vec<Need> {
-    let leaf_size = plan.estimator.leaf_size() as u32;
+    let leaf_size = plan.leaf_size;
     // Halving leaves them at least half full.
     let nodes = if leaf_size > 0 { vertices * 2 / (leaf_size + 1) } else { 0 };
     let offsets = if plan.estimator == Estimator::Bdpt { plan.light_paths as usize + 1 } else { 0 };

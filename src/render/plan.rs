@@ -48,6 +48,9 @@ pub struct Plan {
     pub estimator: Estimator,
     pub light_paths: u32,
     pub buckets: u32,
+    /// 0 without trees.
+    pub leaf_size: u32,
+    pub single_tree: bool,
     pub max_depth: u32,
     pub features: Features,
     pub crop_pixels: u64,
@@ -82,6 +85,8 @@ impl Plan {
             estimator: settings.estimator,
             light_paths: settings.light_paths,
             buckets: settings.buckets,
+            leaf_size: settings.leaf_size,
+            single_tree: settings.single_tree,
             max_depth: settings.max_depth,
             features,
             crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
@@ -127,11 +132,15 @@ impl Plan {
     /// Candidate slots a shade point at most, whatever the pool.
     pub fn most_slots(&self, emitters: &EmitterSet) -> u32 {
         let thin_beams = if emitters.has_beam && self.traces_light { self.max_depth } else { 0 };
+        let (spatial, all) = match self.single_tree {
+            true => (false, emitters.has_area || self.traces_light),
+            false => (emitters.has_area, self.traces_light),
+        };
         self.slots(&PoolLayout {
             deterministic: emitters.deterministic.len() as u32 + thin_beams,
             emitter_points: u32::from(emitters.has_area),
-            tree3_root: if emitters.has_area { 0 } else { NONE },
-            tree4_root: if self.traces_light { 0 } else { NONE },
+            tree3_root: if spatial { 0 } else { NONE },
+            tree4_root: if all { 0 } else { NONE },
             longest_path: self.max_depth,
         })
     }

@@ -67,7 +67,7 @@ impl LightPool {
         match plan.estimator {
             Estimator::Bdpt => self.by_path(plan.light_paths),
             Estimator::Pt => self.emitters_only(),
-            Estimator::LcsPaper | Estimator::Lcs => self.trees(plan.estimator.leaf_size(), plan.buckets),
+            Estimator::LcsPaper | Estimator::Lcs => self.trees(plan),
         }
     }
 
@@ -111,19 +111,25 @@ impl LightPool {
         SortedPool { vertices, nodes: vec![], offsets, layout: PoolLayout { longest_path, ..self.layout() } }
     }
 
-    /// The 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4).
-    fn trees(&self, leaf_size: usize, buckets: u32) -> SortedPool {
-        let mut items3 = items(&self.emitter_points);
-        let mut items4 = items(&self.scattered);
+    /// The 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4); for a single tree, the 4D tree over
+    /// all of them, which makes the same promise: a query's weight is 1 / P for the vertex it returns, whatever its kind.
+    fn trees(&self, plan: &Plan) -> SortedPool {
+        let vertices = |of: &[(u32, PathVertex)]| of.iter().map(|(_, v)| *v).collect::<Vec<_>>();
+        let (mut spatial, mut all) = (vertices(&self.emitter_points), vertices(&self.scattered));
+        if plan.single_tree {
+            all.append(&mut spatial);
+        }
+        let (mut items3, mut items4) = (items(&spatial), items(&all));
         let first3 = self.deterministic.len() as u32;
         let first4 = first3 + items3.len() as u32;
+        let (leaf_size, buckets) = (plan.leaf_size as usize, plan.buckets);
         let options = TreeOptions { leaf_size, buckets, first_node: 0, first_vertex: first3 };
         let tree3 = Tree::build(&mut items3, options);
         let first_node = tree3.nodes.len() as u32;
         let tree4 = Tree::build(&mut items4, TreeOptions { first_node, first_vertex: first4, ..options });
         let mut vertices = self.deterministic.clone();
-        vertices.extend(items3.iter().map(|i| self.emitter_points[i.index as usize].1));
-        vertices.extend(items4.iter().map(|i| self.scattered[i.index as usize].1));
+        vertices.extend(items3.iter().map(|i| spatial[i.index as usize]));
+        vertices.extend(items4.iter().map(|i| all[i.index as usize]));
         let layout = PoolLayout {
             emitter_points: items3.len() as u32,
             tree3_root: tree3.root,
@@ -135,13 +141,13 @@ impl LightPool {
 }
 
 /// Vertices that can contribute, as the tree sees them.
-fn items(vertices: &[(u32, PathVertex)]) -> Vec<Item> {
+fn items(vertices: &[PathVertex]) -> Vec<Item> {
     let power = |v: &PathVertex| v.throughput.iter().fold(0.0f32, |a, &x| a.max(x));
     vertices
         .iter()
         .enumerate()
-        .filter(|(_, (_, v))| power(v) > 0.0 && power(v).is_finite())
-        .map(|(i, (_, v))| Item {
+        .filter(|(_, v)| power(v) > 0.0 && power(v).is_finite())
+        .map(|(i, v)| Item {
             point: [v.position[0], v.position[1], v.position[2], v.tau],
             power: power(v),
             index: i as u32,

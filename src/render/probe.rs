@@ -96,6 +96,7 @@ fn small(settings: &Settings) -> Settings {
     let (x1, y1) = (end(settings.crop.x1, x0, resolution[0]), end(settings.crop.y1, y0, resolution[1]));
     Settings {
         estimator: Estimator::Bdpt,
+        leaf_size: Estimator::Bdpt.leaf_size(),
         strategies: Strategies::All,
         gate: Gate::OPEN,
         resolution,

@@ -47,6 +47,7 @@ fn defaults_fill_what_nobody_said() {
     assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::LcsPaper, Strategies::All, Gate::OPEN));
     assert_eq!((s.budget, s.seed, s.max_depth), (Budget::Spp(64), 0, 24));
     assert_eq!((s.light_paths, s.queries, s.buckets, s.cull), (50_000, 1, 8, true));
+    assert_eq!((s.leaf_size, s.single_tree), (1, false));
     assert_eq!((s.camera, s.resolution, s.emitters), (0, [512, 256], Emitters::Scene));
     assert_eq!(s.crop, Crop { x0: 0, x1: 512, y0: 0, y1: 256 });
 }
@@ -70,6 +71,8 @@ fn mistakes_name_the_flag_and_the_remedy() {
         ("render.light-paths = 0", "--light-paths"),
         ("render.queries = 65", "from 1 to 64"),
         ("render.buckets = 9", "from 1 to 8"),
+        ("render.leaf-size = 17", "--leaf-size is 17; it must be from 1 to 16"),
+        ("render.leaf-size = 0", "from 1 to 16"),
         ("render.time = '9000h'", "at most a year"),
         ("emitter.emitters = 'wall'", "may name sun, beam, lamp"),
         ("emitter.emitters = 'beam,nothing'", "no node 'nothing'"),
@@ -129,6 +132,21 @@ fn resolved_settings_printed_as_an_experiment_resolve_to_themselves() {
     let first = resolve(&typed, &scene()).unwrap().settings;
     let printed = as_experiment(&typed, &first, &scene()).to_toml();
     assert_eq!(settings_of(&printed), first, "{printed}");
+}
+
+#[test]
+fn leaves_follow_the_estimator() {
+    let size = |toml: &str| settings_of(toml).leaf_size;
+    assert_eq!(size("render.estimator = 'lcs'"), 8);
+    assert_eq!(size("render = { estimator = 'lcs', leaf-size = 4 }"), 4);
+    assert_eq!(size("render = { estimator = 'bdpt', leaf-size = 4 }"), 0);
+    let typed =
+        experiment("emitter.emitters = 'beam'\nrender = { estimator = 'lcs', leaf-size = 16, single-tree = true }");
+    for experiment in [typed, experiment("render.estimator = 'bdpt'")] {
+        let first = resolve(&experiment, &scene()).unwrap().settings;
+        let printed = as_experiment(&experiment, &first, &scene()).to_toml();
+        assert_eq!(settings_of(&printed), first, "{printed}");
+    }
 }
 
 #[test]

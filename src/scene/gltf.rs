@@ -30,9 +30,23 @@ pub fn load(path: &Path) -> Result<Scene> {
     load_slice(&bytes, path)
 }
 
+/// What a scene is read from: its file, then the buffers and images that it names beside itself, in its order. What is missing
+/// there is empty: [`load`] tells.
+pub fn files(path: &Path) -> Result<Vec<Vec<u8>>> {
+    let wrong = |message: String| Error::Scene { path: path.into(), message };
+    let bytes = resolve::read_file(path).map_err(wrong)?;
+    let mut all = catch_unwind(AssertUnwindSafe(|| resolve::external(&bytes, folder_of(path)))).unwrap_or_default();
+    all.insert(0, bytes);
+    Ok(all)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 /// The scene in the bytes of a `.glb` or `.gltf` file; `path` is for messages and for relative URIs.
 pub fn load_slice(bytes: &[u8], path: &Path) -> Result<Scene> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     // The last net: a panic here is a defect of this reader or of a decoder, but the file is the user's to change.
     catch_unwind(AssertUnwindSafe(|| read(bytes, folder)))
         .unwrap_or_else(|_| Err("the glTF reader failed on this file; re-export it, and report the file".into()))

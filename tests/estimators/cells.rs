@@ -29,6 +29,8 @@ pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> Settings {
         light_paths: 2000,
         queries: estimator.default_queries(),
         buckets: 8,
+        leaf_size: estimator.leaf_size(),
+        single_tree: false,
         cull: true,
         camera: 0,
         emitters: Emitters::Scene,

@@ -7,5 +7,6 @@ mod regressions;
 mod shared_scenes;
 mod sphere;
 mod strategies;
+mod trees;
 mod z_map;
 mod zoo;

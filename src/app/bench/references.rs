@@ -3,10 +3,11 @@
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use taugate::agreement::Agreement;
 use taugate::bench::job::{Entry, Job};
 use taugate::bench::reference::{self, Goal, Made};
 use taugate::bench::table;
-use taugate::error::Result;
+use taugate::error::{Error, Result};
 use taugate::gpu::Device;
 
 use super::{Bench, make_folder};
@@ -14,10 +15,10 @@ use crate::app::interrupts::INTERRUPTED;
 use crate::app::progress::{Progress, duration};
 use crate::cli::BenchArgs;
 
-/// A reference may take this many times the suite's time, unless --time says otherwise.
+/// A reference may take this many times the suite's time, unless --reference-time says otherwise.
 const LIMIT: f64 = 40.0;
 
-/// Renders every reference of the suite that is missing or not good enough for what is known.
+/// Renders every reference of the suite that is missing, and extends those that are not good enough for what is known.
 pub fn make(
     bench: &Bench,
     args: &BenchArgs,
@@ -25,6 +26,10 @@ pub fn make(
     stop: &AtomicBool,
     progress: &mut Progress,
 ) -> anyhow::Result<ExitCode> {
+    if !bench.suite.errors {
+        let message = "this suite measures costs alone and needs no references: leave out --reference";
+        return Err(Error::Settings(message.into()).into());
+    }
     make_folder(&bench.references)?;
     let mut code = ExitCode::SUCCESS;
     for (at, entries) in &bench.present {
@@ -35,7 +40,7 @@ pub fn make(
             .map(|name| Ok((name, best(bench, &scene.name, entries, name)?)))
             .collect::<Result<Vec<_>>>()?
             .into_iter()
-            .filter(|(name, best)| args.time.is_some() || !is_good(bench, entries, name, *best))
+            .filter(|(name, best)| args.reference_time.is_some() || !is_good(bench, entries, name, *best))
             .collect();
         if wanted.is_empty() {
             progress.line(&format!("{}: the reference is there", scene.name));
@@ -44,7 +49,7 @@ pub fn make(
         let job = Job::load(&bench.suite, scene)?;
         let prepared = job.prepare(&bench.suite, scene)?;
         for (name, best) in wanted {
-            let limit = args.time.map_or(LIMIT * bench.suite.seconds, |time| time.0);
+            let limit = args.reference_time.map_or(LIMIT * bench.suite.seconds, |time| time.0);
             let goal = Goal { seconds: bench.suite.seconds, limit, best };
             let sharing: Vec<&Entry> = job.entries.iter().filter(|entry| entry.reference == name).collect();
             let path = bench.references.join(name);
@@ -94,26 +99,26 @@ fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<f64>) -> b
 
 /// Says how it went; whether all is well.
 fn tell(scene: &str, path: &str, made: &Made, progress: &Progress) -> bool {
-    let Made { variant, seconds, samples, own, wanted, judge, agreement } = made;
-    if !agreement.holds() {
+    let Made { variant, seconds, before, samples, own, wanted, judge, agreement } = made;
+    let taken = match *before > 0.0 {
+        true => format!("{} after {} before", duration(*seconds), duration(*before)),
+        false => duration(*seconds),
+    };
+    let Agreement { max_z, threshold, tests, .. } = agreement;
+    if !agreement.agree {
         progress.line(&format!(
-            "{scene}: no reference was written: what {variant} rendered in {} differs from {judge} (|z| = {:.1} in one of {} cells)",
-            duration(*seconds),
-            agreement.worst,
-            agreement.cells
+            "{scene}: no reference was written: what {variant} rendered in {taken} differs from {judge} (|z| = {max_z:.1} in one of \
+             {tests} means of cells, where {threshold:.1} is significant)"
         ));
         return false;
     }
     progress.line(&format!(
-        "{path}: {scene} by {variant}, {samples} samples a pixel in {}, own relMSE {own:.2e}; agrees with {judge} (|z| at most {:.1} in {} cells)",
-        duration(*seconds),
-        agreement.worst,
-        agreement.cells
+        "{path}: {scene} by {variant}, {samples} samples a pixel in {taken}, own relMSE {own:.2e}; agrees with {judge} (|z| at most {max_z:.1} of {threshold:.1} in {tests} means of cells)"
     ));
     if own > wanted {
         progress.line(&format!(
             "warning: {scene}: the time ended before the reference was good enough: its own relMSE should be {wanted:.2e} for \
-             this suite; give it longer with --time"
+             this suite; --reference again goes on from here, with --reference-time for longer"
         ));
     }
     true

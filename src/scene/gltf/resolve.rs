@@ -89,6 +89,22 @@ pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folder: &Path) -> Checked
     Ok(buffers)
 }
 
+/// The files that the buffers and images of a scene name; empty where one cannot be read, or the scene cannot.
+pub fn external(bytes: &[u8], folder: &Path) -> Vec<Vec<u8>> {
+    let root =
+        split_container(bytes).ok().and_then(|(json, _)| ::gltf::json::deserialize::from_slice::<Root>(json).ok());
+    let Some(root) = root else { return vec![] };
+    let buffers = root.buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
+    let images = root.images.iter().filter_map(|image| image.uri.as_deref());
+    let names = buffers.chain(images).filter(|uri| !is_data(uri));
+    names.map(|uri| uri_bytes(uri, folder, "the scene").unwrap_or_default()).collect()
+}
+
+/// Whether a URI holds its bytes itself.
+fn is_data(uri: &str) -> bool {
+    uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"))
+}
+
 fn cut(bytes: Cow<'_, [u8]>, length: usize) -> Option<Cow<'_, [u8]>> {
     match bytes {
         Cow::Borrowed(bytes) => bytes.get(..length).map(Cow::Borrowed),
@@ -102,7 +118,7 @@ fn cut(bytes: Cow<'_, [u8]>, length: usize) -> Option<Cow<'_, [u8]>> {
 
 /// What a `data:` URI holds or the file a relative URI names; `what` says in messages who refers to it.
 pub fn uri_bytes(uri: &str, folder: &Path, what: &str) -> Checked<Vec<u8>> {
-    if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
+    if is_data(uri) {
         let (head, data) =
             uri.split_once(',').ok_or_else(|| format!("the data URI of {what} has no comma; re-export"))?;
         if !head.to_ascii_lowercase().ends_with(";base64") {

@@ -1,0 +1,281 @@
+#!/usr/bin/env python3
+"""Error at equal time against mitransient, a transient renderer that shares no code with this one. Prints a Markdown page.
+
+    pip install mitransient mitsuba numpy      # and a recent LLVM (Debian: libllvm19)
+    cargo build --release
+    python3 benches/peers.py [--time 20] [--size 96] [--repetitions 3] > peers.md
+
+Scenes: the Cornell box, and staircase where the shared scenes are there, both with their area lights. Materials differ between
+the programs, so both get the same simplified scene: every surface diffuse with its base colour (textures: half of it), flat
+normals, no transparency. All programs use every core of the machine, in turns, for the same wall time; loading, hierarchies and
+compilation are excluded (mitransient: after a first pass that is forgotten). Travel times run from the light to the pinhole on both
+sides; Mitsuba starts its rays on the near plane, which is moved to 1e-4.
+
+The reference is the mean of two renders with other seeds, one by each program, of --reference times the time each. A quarter of
+their squared difference estimates its squared error; the page says what its own relMSE is, and warns where results are not at
+least 20 times above it. Without mitransient the script says so and exits with 0.
+"""
+import argparse
+import json
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+
+for library in ("/usr/lib/x86_64-linux-gnu/libLLVM-19.so", "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1"):
+    if "DRJIT_LIBLLVM_PATH" not in os.environ and os.path.exists(library):
+        os.environ["DRJIT_LIBLLVM_PATH"] = library
+try:
+    import mitsuba as mi
+    import numpy as np
+    mi.set_variant("llvm_ad_rgb")
+    import mitransient
+except ImportError as error:
+    print(f"skipped: {error}; pip install mitransient mitsuba numpy")
+    sys.exit(0)
+
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
+SHARED = os.environ.get("TAUGATE_SHARED_SCENES", os.path.join(ROOT, "../shared/scenes"))
+# Name, file, gate in metres.
+SCENES = [
+    ("cornell", os.path.join(ROOT, "scenes/cornell-box.glb"), (8.0, 8.1)),
+    ("staircase", os.path.join(SHARED, "staircase/scene.glb"), (12.917, 13.0599)),
+]
+ESTIMATORS = ("pt", "bdpt", "lcs-paper", "lcs")
+PEER = "mitransient"
+MAX_DEPTH = 24
+MARGIN = 20.0
+COMPONENTS = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+
+
+def read_glb(path):
+    with open(path, "rb") as file:
+        data = file.read()
+    length = struct.unpack_from("<I", data, 12)[0]
+    return json.loads(data[20:20 + length]), data[28 + length:]
+
+
+def write_glb(path, document, binary):
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    with open(path, "wb") as file:
+        file.write(b"glTF" + struct.pack("<II", 2, 28 + len(text) + len(binary)))
+        file.write(struct.pack("<I", len(text)) + b"JSON" + text)
+        file.write(struct.pack("<I", len(binary)) + b"BIN\0" + binary)
+
+
+def simplified(document):
+    """Every surface diffuse and flat, seen from both sides unless it emits."""
+    for material in document["materials"]:
+        old = material.get("pbrMetallicRoughness", {})
+        textured = 0.5 if "baseColorTexture" in old else 1.0
+        colour = [textured * c for c in old.get("baseColorFactor", [1.0] * 4)[:3]]
+        emissive = any(material.get("emissiveFactor", [0.0]))
+        strength = material.get("extensions", {}).get("KHR_materials_emissive_strength")
+        extensions = {"KHR_materials_specular": {"specularFactor": 0.0}}
+        if strength:
+            extensions["KHR_materials_emissive_strength"] = strength
+        kept = {key: material[key] for key in ("name", "emissiveFactor") if key in material}
+        material.clear()
+        material.update(kept, doubleSided=not emissive, extensions=extensions,
+                        pbrMetallicRoughness={"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0})
+    for mesh in document["meshes"]:
+        for primitive in mesh["primitives"]:
+            primitive["attributes"] = {"POSITION": primitive["attributes"]["POSITION"]}
+    for unused in ("images", "textures", "samplers"):
+        document.pop(unused, None)
+    document["extensionsUsed"] = ["KHR_materials_specular", "KHR_materials_emissive_strength"]
+    return document
+
+
+def accessor(document, binary, index):
+    a = document["accessors"][index]
+    view = document["bufferViews"][a["bufferView"]]
+    width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[a["type"]]
+    if "byteStride" in view:
+        sys.exit("peers.py reads tightly packed accessors only")
+    start = view.get("byteOffset", 0) + a.get("byteOffset", 0)
+    values = np.frombuffer(binary, COMPONENTS[a["componentType"]], a["count"] * width, start)
+    return values.reshape(-1, width)
+
+
+def node_matrix(node):
+    if node.get("children"):
+        sys.exit("peers.py reads scenes without a hierarchy of nodes only")
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=float).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", [0.0, 0.0, 0.0, 1.0])
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                               [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                               [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+    matrix[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]))
+    matrix[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
+    return matrix
+
+
+def mitsuba_scene(document, binary, size, gate):
+    camera = next(node for node in document["nodes"] if "camera" in node)
+    view = node_matrix(camera)
+    eye, ahead, up = view[:3, 3], -view[:3, 2], view[:3, 1]
+    fov = np.degrees(document["cameras"][camera["camera"]]["perspective"]["yfov"])
+    film = {"type": "transient_hdr_film", "width": size[0], "height": size[1], "temporal_bins": 1, "start_opl": gate[0],
+            "bin_width_opl": gate[1] - gate[0], "rfilter": {"type": "box"}}
+    to_world = mi.ScalarTransform4f().look_at(origin=eye.tolist(), target=(eye + ahead).tolist(), up=up.tolist())
+    sensor = {"type": "perspective", "fov": float(fov), "fov_axis": "y", "near_clip": 1e-4, "far_clip": 1000.0,
+              "to_world": to_world, "film": film, "sampler": {"type": "independent"}}
+    integrator = {"type": "transient_path", "max_depth": MAX_DEPTH, "rr_depth": 5, "camera_unwarp": False,
+                  "temporal_filter": "box"}
+    scene = {"type": "scene", "integrator": integrator, "sensor": sensor}
+    for number, node in enumerate(n for n in document["nodes"] if "mesh" in n):
+        matrix = node_matrix(node)
+        for part, primitive in enumerate(document["meshes"][node["mesh"]]["primitives"]):
+            corners = accessor(document, binary, primitive["attributes"]["POSITION"]).astype(float)
+            corners = corners @ matrix[:3, :3].T + matrix[:3, 3]
+            faces = accessor(document, binary, primitive["indices"]).ravel().astype("<u4")
+            name = f"mesh_{number}_{part}"
+            scene[name] = mitsuba_mesh(name, corners, faces, document["materials"][primitive["material"]])
+    return mi.load_dict(scene)
+
+
+def mitsuba_mesh(name, corners, faces, material):
+    colour = material["pbrMetallicRoughness"]["baseColorFactor"][:3]
+    diffuse = {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}
+    properties = mi.Properties()
+    emission = np.array(material.get("emissiveFactor", [0.0] * 3))
+    if emission.any():
+        strength = material["extensions"].get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        radiance = {"type": "rgb", "value": (strength * emission).tolist()}
+        properties["bsdf"] = mi.load_dict(diffuse)
+        properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
+    else:
+        properties["bsdf"] = mi.load_dict({"type": "twosided", "bsdf": diffuse})
+    mesh = mi.Mesh(name, len(corners), len(faces) // 3, has_vertex_normals=False, props=properties)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = corners.astype(np.float32).ravel()
+    parameters["faces"] = faces
+    parameters.update()
+    return mesh
+
+
+class Peer:
+    """mitransient, rendering in passes of a sixteenth of the time."""
+
+    def __init__(self, scene):
+        self.scene, self.pass_spp, self.seconds_a_sample = scene, 1, None
+        self.render_pass(1)
+
+    def render_pass(self, seed):
+        _, frames = mi.render(self.scene, spp=self.pass_spp, seed=seed)
+        return np.array(frames, dtype=np.float64)[:, :, 0, :3]
+
+    def tune(self, seconds):
+        """A pass of each size is compiled and timed before it counts."""
+        while True:
+            self.render_pass(2)
+            start = time.perf_counter()
+            self.render_pass(3)
+            spent = time.perf_counter() - start
+            if spent >= seconds / 32 or self.pass_spp >= 1024:
+                return
+            self.pass_spp *= 2
+
+    def render(self, seconds, seed):
+        self.tune(seconds)
+        total, passes, start = 0.0, 0, time.perf_counter()
+        while time.perf_counter() - start < seconds:
+            total = total + self.render_pass(1000 * seed + passes)
+            passes += 1
+        return total / passes, time.perf_counter() - start, passes * self.pass_spp
+
+
+def ours(binary, scene, estimator, size, gate, seconds, seed, folder):
+    out, stats = os.path.join(folder, "out.exr"), os.path.join(folder, "out.json")
+    subprocess.run([binary, "render", scene, "-o", out, "--gate", f"{gate[0]!r}m..{gate[1]!r}m", "--estimator", estimator,
+                    "--resolution", f"{size[0]}x{size[1]}", "--time", f"{seconds}s", "--seed", str(seed), "--max-depth",
+                    str(MAX_DEPTH), "--stats", stats, "--quiet"], check=True, stdout=subprocess.DEVNULL)
+    with open(stats) as file:
+        numbers = json.load(file)
+    return np.array(mi.Bitmap(out), dtype=np.float64)[..., :3], numbers
+
+
+def relmse(image, reference):
+    eps = (0.01 * reference.mean()) ** 2
+    return float(((image - reference) ** 2 / (reference ** 2 + eps)).mean())
+
+
+def spread(values):
+    return f"{np.median(values):.3g} ({min(values):.3g} to {max(values):.3g})"
+
+
+def compare(arguments, name, path, gate, folder):
+    document, binary = read_glb(path)
+    document = simplified(document)
+    aspect = document["cameras"][0]["perspective"].get("aspectRatio", 1.0)
+    size = (max(1, round(arguments.size * min(1.0, aspect))), max(1, round(arguments.size / max(1.0, aspect))))
+    scene = os.path.join(folder, f"{name}.glb")
+    write_glb(scene, document, binary)
+    peer = Peer(mitsuba_scene(document, binary, size, gate))
+
+    long = arguments.reference * arguments.time
+    half_a, _ = ours(arguments.binary, scene, arguments.judge, size, gate, long, 901, folder)
+    half_b, _, _ = peer.render(long, 902)
+    reference = 0.5 * (half_a + half_b)
+    own = relmse(half_a, reference)
+
+    errors, samples, spent = {}, {}, {}
+    for repetition in range(arguments.repetitions):
+        for estimator in (*ESTIMATORS, PEER):
+            if estimator == PEER:
+                image, seconds, spp = peer.render(arguments.time, 1 + repetition)
+            else:
+                image, numbers = ours(arguments.binary, scene, estimator, size, gate, arguments.time, 1 + repetition, folder)
+                seconds, spp = numbers["render_seconds"], numbers["samples_per_pixel"]
+            errors.setdefault(estimator, []).append(relmse(image, reference))
+            samples.setdefault(estimator, []).append(spp)
+            spent.setdefault(estimator, []).append(seconds)
+
+    print(f"\n## {name}\n\n{size[0]} x {size[1]} pixels, gate {gate[0]} m to {gate[1]} m. Reference: {long:g} s by {arguments.judge} and "
+          f"{long:g} s by {PEER}, ratio of their means {half_a.mean() / half_b.mean():.4f}, own relMSE {own:.2e}.\n")
+    print("| renderer | seconds | samples a pixel | relMSE | times lower than mitransient's |\n|---|---|---|---|---|")
+    for estimator in (*ESTIMATORS, PEER):
+        ratios = [theirs / mine for theirs, mine in zip(errors[PEER], errors[estimator])]
+        print(f"| {estimator} | {np.median(spent[estimator]):.1f} | {np.median(samples[estimator]):.0f} | "
+              f"{spread(errors[estimator])} | {spread(ratios)} |")
+    best = min(min(e) for e in errors.values())
+    if own * MARGIN > best:
+        print(f"\nThe reference's own relMSE is only {best / own:.1f} times below the best result ({MARGIN:.0f} would be enough): ratios "
+              "above are too near 1; give more --reference.")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--binary", default=os.path.join(ROOT, "target/release/taugate"))
+    parser.add_argument("--time", type=float, default=20.0, help="seconds of each renderer and repetition")
+    parser.add_argument("--size", type=int, default=96, help="pixels of the longer side")
+    parser.add_argument("--repetitions", type=int, default=3)
+    parser.add_argument("--reference", type=float, default=20.0, help="time of each half of the reference, in units of --time")
+    parser.add_argument("--judge", default="bdpt", help="estimator of taugate's half of the reference")
+    parser.add_argument("--scene", action="append", help="cornell or staircase; all that are there unless given")
+    arguments = parser.parse_args()
+    version = subprocess.run([arguments.binary, "--version"], check=True, capture_output=True, text=True).stdout.strip()
+    print(f"# peers\n\n{version}, mitransient {mitransient.__version__}, mitsuba {mi.__version__} (llvm_ad_rgb, transient_path, "
+          f"max_depth {MAX_DEPTH}, rr_depth 5, box filters), {os.cpu_count()} cores. Each renders for {arguments.time:g} s, "
+          f"{arguments.repetitions} repetitions in turns; medians with the least and greatest in brackets. All surfaces diffuse. "
+          "relMSE: mean of (x - r)^2 / (r^2 + eps), eps = (1 % of the mean of r)^2.")
+    wanted = arguments.scene or [name for name, _, _ in SCENES]
+    unknown = [name for name in wanted if name not in [known for known, _, _ in SCENES]]
+    if unknown:
+        sys.exit(f"no scene is called {unknown[0]}; choose cornell or staircase")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, path, gate in (scene for scene in SCENES if scene[0] in wanted):
+            if os.path.exists(path):
+                compare(arguments, name, path, gate, folder)
+            else:
+                print(f"\nskipped {name}: {path} is not on this machine")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,254 @@
+//! How the cost of a sample grows with the size of things: the exponent of a power law, fitted through logarithms.
+
+use std::io::Write;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::suite::Suite;
+use super::summary::{self, Spread};
+use super::table::Row;
+use crate::error::Result;
+use crate::files::write_atomically;
+
+/// What the scenes of a sweep differ in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sweep {
+    /// Instances counted.
+    Triangles,
+    /// Kept, an iteration.
+    LightVertices,
+    /// Metres.
+    GateWidth,
+    Pixels,
+}
+
+impl Sweep {
+    const ALL: [Sweep; 4] = [Sweep::Triangles, Sweep::LightVertices, Sweep::GateWidth, Sweep::Pixels];
+
+    /// As it is shown.
+    pub fn name(self) -> &'static str {
+        match self {
+            Sweep::Triangles => "triangles",
+            Sweep::LightVertices => "light vertices",
+            Sweep::GateWidth => "gate width",
+            Sweep::Pixels => "pixels",
+        }
+    }
+
+    fn of(self, row: &Row) -> f64 {
+        match self {
+            Sweep::Triangles => row.triangles as f64,
+            Sweep::LightVertices => row.light_vertices,
+            Sweep::GateWidth => row.gate_m,
+            Sweep::Pixels => row.pixels as f64,
+        }
+    }
+}
+
+/// A power law y = c x^exponent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Law {
+    pub exponent: f64,
+    /// Standard error of the exponent from the residuals; `None` through two points.
+    pub error: Option<f64>,
+}
+
+/// Least squares through the logarithms; points that are not positive and finite do not count. `None` with fewer than two
+/// different x.
+pub fn law(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Law> {
+    let usable = |v: f64| v > 0.0 && v.is_finite();
+    let logs: Vec<(f64, f64)> =
+        points.into_iter().filter(|&(x, y)| usable(x) && usable(y)).map(|(x, y)| (x.ln(), y.ln())).collect();
+    let n = logs.len() as f64;
+    let (x, y) = logs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+    let (xy, xx) = logs.iter().fold((0.0, 0.0), |(a, b), (u, v)| (a + (u - x) * (v - y), b + (u - x).powi(2)));
+    // Equal x differ by rounding.
+    if xx < 1e-12 {
+        return None;
+    }
+    let exponent = xy / xx;
+    let residuals: f64 = logs.iter().map(|(u, v)| (v - y - exponent * (u - x)).powi(2)).sum();
+    let error = (logs.len() > 2).then(|| (residuals / (n - 2.0) / xx).sqrt());
+    Some(Law { exponent, error })
+}
+
+/// A step of a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    pub scene: String,
+    /// What the sweep varies, the median over the repetitions.
+    pub x: f64,
+    /// Microseconds a sample of a pixel at the end of the time.
+    pub cost: Spread,
+}
+
+/// The cost of a variant over a sweep.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Growth {
+    pub sweep: Sweep,
+    pub variant: String,
+    /// In the order of x.
+    pub steps: Vec<Step>,
+    pub law: Option<Law>,
+}
+
+/// Every sweep of the suite for every variant that was measured.
+pub fn growth(suite: &Suite, rows: &[Row]) -> Vec<Growth> {
+    let mut all = vec![];
+    for sweep in Sweep::ALL {
+        let scenes: Vec<&str> =
+            suite.scenes.iter().filter(|s| s.sweep == Some(sweep)).map(|s| s.name.as_str()).collect();
+        for variant in &suite.variants {
+            let step = |scene: &&str| step(rows, scene, &variant.name, sweep);
+            let mut steps: Vec<Step> = scenes.iter().filter_map(step).collect();
+            steps.sort_by(|a, b| a.x.total_cmp(&b.x));
+            if !steps.is_empty() {
+                let law = law(steps.iter().map(|step| (step.x, step.cost.median)));
+                all.push(Growth { sweep, variant: variant.name.clone(), steps, law });
+            }
+        }
+    }
+    all
+}
+
+fn step(rows: &[Row], scene: &str, variant: &str, sweep: Sweep) -> Option<Step> {
+    let ends = summary::ends(rows, scene, variant);
+    let x = Spread::of(ends.iter().map(|row| sweep.of(row)))?.median;
+    Some(Step { scene: scene.into(), x, cost: Spread::of(ends.iter().map(|row| row.us_per_sample))? })
+}
+
+/// One line a sweep and variant: the range of x and of the cost, and the exponent.
+pub fn write(path: &Path, growths: &[Growth]) -> Result<()> {
+    write_atomically(path, |out| {
+        writeln!(
+            out,
+            "sweep,variant,steps,least,most,us_per_sample_at_least,us_per_sample_at_most,exponent,standard_error"
+        )?;
+        for Growth { sweep, variant, steps, law } in growths {
+            let ((first, last), number) = (ends(steps), |x: Option<f64>| x.map_or("NaN".into(), |x| format!("{x:.4}")));
+            let (exponent, error) = (number(law.map(|law| law.exponent)), number(law.and_then(|law| law.error)));
+            writeln!(
+                out,
+                "{},{variant},{},{},{},{:.4},{:.4},{exponent},{error}",
+                sweep.name(),
+                steps.len(),
+                short(first.x),
+                short(last.x),
+                first.cost.median,
+                last.cost.median
+            )?;
+        }
+        Ok(())
+    })
+}
+
+/// Without the digits that rounding left.
+fn short(x: f64) -> f64 {
+    (x * 1e6).round() / 1e6
+}
+
+/// The steps of least and greatest x.
+fn ends(steps: &[Step]) -> (&Step, &Step) {
+    (steps.first().expect("a growth has a step"), steps.last().expect("a growth has a step"))
+}
+
+/// The section of the page; empty without sweeps.
+pub fn section(growths: &[Growth]) -> String {
+    if growths.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from(
+        "\n## Growth\n\nMicroseconds a sample of a pixel (everything counted: light paths, trees, sensor paths) as a power of what a \
+         sweep varies, by least squares through the logarithms; the exponent with its standard error. 0: the cost does not \
+         depend on it; 1: in proportion.\n\n\
+         | sweep | variant | steps | from | to | us a sample, from | to | exponent |\n|---|---|---|---|---|---|---|---|\n",
+    );
+    for Growth { sweep, variant, steps, law } in growths {
+        let (first, last) = ends(steps);
+        let exponent = law.map_or("-".into(), |law| {
+            let error = law.error.map_or(String::new(), |error| format!(" +- {error:.3}"));
+            format!("{:.3}{error}", law.exponent)
+        });
+        text += &format!(
+            "| {} | {variant} | {} | {} | {} | {:.3} | {:.3} | {exponent} |\n",
+            sweep.name(),
+            steps.len(),
+            short(first.x),
+            short(last.x),
+            first.cost.median,
+            last.cost.median
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::summary::tests::row;
+
+    #[test]
+    fn laws_by_hand() {
+        let exact = law([(1.0, 3.0), (10.0, 30.0), (100.0, 300.0)]).unwrap();
+        assert!((exact.exponent - 1.0).abs() < 1e-12 && exact.error.unwrap() < 1e-7);
+        // Through ln y = 0, 1, 0, 1 at ln x = 0, 1, 2, 3: slope 1 / 5, residuals 0.8, standard error sqrt(0.8 / 2 / 5).
+        let e = std::f64::consts::E;
+        let bent = law([(1.0, 1.0), (e, e), (e * e, 1.0), (e.powi(3), e)]).unwrap();
+        assert!((bent.exponent - 0.2).abs() < 1e-12, "{bent:?}");
+        assert!((bent.error.unwrap() - 0.08f64.sqrt()).abs() < 1e-12, "{bent:?}");
+        assert_eq!(law([(2.0, 1.0), (2.0, 5.0)]), None);
+        assert_eq!(law([(0.3, 1.0), (0.1 + 0.2, 5.0), (0.3, 2.0)]), None);
+        assert_eq!(law([(1.0, 2.0)]), None);
+        assert_eq!(law([]), None);
+        let two = law([(1.0, 1.0), (f64::INFINITY, 1.0), (2.0, 4.0), (3.0, f64::NAN)]).unwrap();
+        assert_eq!((two.exponent.round(), two.error), (2.0, None));
+    }
+
+    #[test]
+    fn sweeps_are_fitted_a_variant() {
+        let text = r#"
+errors = false
+[[scene]]
+name = "large"
+generate = { name = "cornell-box", triangles = 500 }
+sweep = "triangles"
+[[scene]]
+name = "small"
+generate = { name = "cornell-box" }
+sweep = "triangles"
+[[scene]]
+name = "aside"
+generate = { name = "cornell-box" }
+[[variant]]
+name = "a"
+[[variant]]
+name = "never rendered"
+"#;
+        let suite = Suite::parse(Path::new("s.toml"), text.into()).unwrap();
+        let measured = |scene: &str, triangles: u64, repetition: u32, cost: f64| Row {
+            scene: scene.into(),
+            triangles,
+            us_per_sample: cost,
+            ..row("a", "lcs", repetition, 3, f64::NAN)
+        };
+        let early = Row { point: 0, us_per_sample: 99.0, ..measured("small", 100, 0, 99.0) };
+        let rows =
+            [early, measured("small", 100, 0, 2.0), measured("large", 1600, 0, 4.0), measured("aside", 7, 0, 1.0)];
+        let found = growth(&suite, &rows);
+        assert_eq!(found.len(), 1);
+        let steps: Vec<(&str, f64, f64)> =
+            found[0].steps.iter().map(|s| (s.scene.as_str(), s.x, s.cost.median)).collect();
+        assert_eq!(steps, [("small", 100.0, 2.0), ("large", 1600.0, 4.0)]);
+        assert!((found[0].law.unwrap().exponent - 0.25).abs() < 1e-12);
+        let page = section(&found);
+        assert!(page.contains("| triangles | a | 2 | 100 | 1600 | 2.000 | 4.000 | 0.250 |"), "{page}");
+        assert_eq!(section(&[]), "");
+
+        let folder = tempfile::tempdir().unwrap();
+        write(&folder.path().join("g.csv"), &found).unwrap();
+        let csv = std::fs::read_to_string(folder.path().join("g.csv")).unwrap();
+        assert_eq!(csv.lines().nth(1), Some("triangles,a,2,100,1600,2.0000,4.0000,0.2500,NaN"));
+    }
+}

@@ -1,0 +1,98 @@
+//! How the trees are built (one or two, size of the leaves) never changes the image on average.
+
+use super::cells::{Cells, disagreements, renderer, settings, threshold};
+use taugate::generate::{Kind, build};
+use taugate::oracle::sphere::gated_radiance;
+use taugate::scene::Scene;
+use taugate::settings::{Estimator, Settings};
+use taugate::units::Gate;
+
+const ALBEDO: f64 = 0.5;
+
+/// The gated sphere with a wall that shines with radiance 1 instead of its point light: points on the emitter and scattered
+/// vertices lie side by side, so one tree over both mixes them in every node.
+fn glowing_sphere() -> Scene {
+    let mut scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: ALBEDO as f32 });
+    scene.lights.clear();
+    for wall in &mut scene.materials {
+        (wall.emission, wall.double_sided) = ([1.0; 3], false);
+    }
+    scene
+}
+
+/// Radiance at the centre in [1 + a, 1 + b): sum over n >= 0 of rho^n F_n, where the point light's is rho^n F_(n - 1) from n = 1
+/// on, one radius later.
+fn truth(a: f64, b: f64) -> f64 {
+    gated_radiance(1.0, ALBEDO, 2.0 + a, 2.0 + b) / ALBEDO
+}
+
+/// z of the mean image in the gate [1 + a, 1 + b), whose truth is that of a gate `stretch` times as late.
+fn z(scene: &Scene, settings: &Settings, [a, b]: [f64; 2], stretch: f64) -> f64 {
+    let gate = Gate { lo: 1.0 + a, hi: 1.0 + b };
+    let (mean, error) = Cells::measure(&mut renderer(scene, settings), gate, 12, 1, 8, 300).whole();
+    let expected = truth(gate.lo * stretch - 1.0, gate.hi * stretch - 1.0);
+    eprintln!("{} [{a}, {b}): {mean:.6} +- {error:.6}, closed form {expected:.6}", settings.estimator);
+    (mean - expected) / error
+}
+
+fn single(estimator: Estimator, resolution: [u32; 2]) -> Settings {
+    Settings { single_tree: true, ..settings(estimator, resolution) }
+}
+
+const TREES: [Estimator; 2] = [Estimator::LcsPaper, Estimator::Lcs];
+/// Before the first scattered light arrives, while both kinds of vertices contribute, and long after.
+const GATES: [[f64; 2]; 3] = [[0.5, 1.0], [1.5, 1.7], [3.0, 4.0]];
+
+#[test]
+fn a_single_tree_agrees_with_the_closed_form() {
+    let scene = glowing_sphere();
+    for estimator in TREES {
+        for gate in GATES {
+            let z = z(&scene, &single(estimator, [12, 12]), gate, 1.0);
+            assert!(z.abs() < threshold(2 * GATES.len()), "{estimator} {gate:?}: z = {z:.2}");
+        }
+    }
+}
+
+/// The sibling that must fail: a gate that is off by 2 %.
+#[test]
+fn a_single_tree_and_a_gate_off_by_two_percent_are_rejected() {
+    let scene = glowing_sphere();
+    for estimator in TREES {
+        let z = z(&scene, &single(estimator, [12, 12]), GATES[1], 1.02);
+        assert!(z.abs() > threshold(1), "{estimator}: z = {z:.2} against a wrong truth");
+    }
+}
+
+#[test]
+fn leaves_of_any_size_agree_with_the_closed_form() {
+    let scene = glowing_sphere();
+    let sizes = [(Estimator::LcsPaper, 16), (Estimator::Lcs, 1), (Estimator::Lcs, 16)];
+    for (estimator, leaf_size) in sizes {
+        let z = z(&scene, &Settings { leaf_size, ..settings(estimator, [12, 12]) }, GATES[1], 1.0);
+        assert!(z.abs() < threshold(sizes.len()), "{estimator}, leaves of {leaf_size}: z = {z:.2}");
+    }
+}
+
+#[test]
+fn a_single_tree_agrees_with_two() {
+    let scene = build(Kind::CornellBox);
+    let measure = |settings: Settings, lo: f64| {
+        let s = Settings { max_depth: 10, ..settings };
+        Cells::measure(
+            &mut renderer(&scene, &s),
+            Gate { lo, hi: lo + 0.3 },
+            8,
+            1,
+            8,
+            if s.single_tree { 40 } else { 80 },
+        )
+    };
+    for estimator in TREES {
+        let two = measure(settings(estimator, [24, 24]), 8.0);
+        let wrong = disagreements(&two, &measure(single(estimator, [24, 24]), 8.0));
+        assert!(wrong.is_empty(), "{estimator}:\n{}", wrong.join("\n"));
+        let shifted = measure(single(estimator, [24, 24]), 8.3);
+        assert!(!disagreements(&two, &shifted).is_empty(), "{estimator}: another gate looks the same");
+    }
+}
