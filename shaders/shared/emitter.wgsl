@@ -71,6 +71,7 @@ fn sample_emission(choice: f32, a: vec4<f32>) -> Emission {
     r.vertex.select_pdf = e.select_pdf;
     r.vertex.eta = 1.0;
     r.vertex.flags = VERTEX_EMITTER | VERTEX_VALID;
+    r.vertex.triangle = NONE;
     switch (e.kind) {
         case EMITTER_TRIANGLE: {
             sample_triangle(e, a, &r);
@@ -102,6 +103,7 @@ fn sample_triangle(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     let density = m.emission_density;
     (*r).vertex.position = s.position;
     (*r).vertex.offset = s.offset;
+    (*r).vertex.triangle = s.triangle;
     (*r).vertex.geometric = s.geometric;
     (*r).vertex.normal = s.geometric;
     (*r).vertex.material = select(EMIT_ONE_SIDED, EMIT_TWO_SIDED, two_sided);

@@ -22,7 +22,8 @@ struct PathState {
     d_vc: f32,
     // Light subpaths: number of the emitter.
     emitter: u32,
-    pad0: u32,
+    // The triangle that the ray leaves, NONE if it leaves none.
+    triangle: u32,
 }
 
 const PATH_ALIVE: u32 = 1u;
@@ -58,7 +59,8 @@ struct PathVertex {
     select_pdf: f32,
     // Light: number of the emitter. Sensor: number of the path in the tile.
     owner: u32,
-    pad0: u32,
+    // The triangle it lies on, NONE for points in space.
+    triangle: u32,
 }
 
 const VERTEX_DEPTH: u32 = 0xffu;
@@ -86,7 +88,7 @@ fn load_vertex(texels: texture_1d<u32>, index: u32) -> PathVertex {
     let rest = textureLoad(texels, 7u * index + 6u, 0);
     return PathVertex(place.xyz, place.w, bitcast<vec3<f32>>(carried.xyz), carried.w, normal.xyz, normal.w,
         geometric.xyz, geometric.w, bitcast<vec3<f32>>(previous.xyz), previous.w, color.xyz, color.w,
-        bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, 0u);
+        bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, rest.w);
 }
 
 // Power heuristic (Eq. 27, beta = 2).

@@ -15,6 +15,7 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     }
     (*state).tau += (*state).eta * sqrt(distance2);
     (*state).position = surface.position;
+    (*state).triangle = surface.triangle;
 
     var v: PathVertex;
     v.position = surface.position;
@@ -30,6 +31,7 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     v.base_color = base_color(surface).xyz;
     v.eta = (*state).eta;
     v.offset = surface.offset;
+    v.triangle = surface.triangle;
     v.select_pdf = 1.0;
     return v;
 }
