@@ -23,7 +23,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     // Nearest surface along the ray.
     let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(path, frame.iteration, lane, frame.seed);
-    let hit = trace(s.position + s.shift, s.direction, 3e38, false, vec2<u32>(s.triangle, NONE), key);
+    let hit = trace(s.position + s.shift, s.direction, 3e38, false, s.triangle, key);
     if (hit.triangle == NONE) {
         return;
     }

@@ -36,7 +36,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let index = sensor.pixel.y * frame.width + sensor.pixel.x;
     let lane = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(index, sensor.sample, lane, frame.seed);
-    let hit = trace(s.position + s.shift, s.direction, 3e38, false, vec2<u32>(s.triangle, NONE), key);
+    let hit = trace(s.position + s.shift, s.direction, 3e38, false, s.triangle, key);
     if (hit.triangle == NONE) {
         return;
     }

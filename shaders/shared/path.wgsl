@@ -59,8 +59,7 @@ struct PathVertex {
     select_pdf: f32,
     // Light: number of the emitter. Sensor: number of the path in the tile.
     owner: u32,
-    // The triangle it lies on, NONE for points in space.
-    triangle: u32,
+    pad0: u32,
 }
 
 const VERTEX_DEPTH: u32 = 0xffu;
@@ -88,7 +87,7 @@ fn load_vertex(texels: texture_1d<u32>, index: u32) -> PathVertex {
     let rest = textureLoad(texels, 7u * index + 6u, 0);
     return PathVertex(place.xyz, place.w, bitcast<vec3<f32>>(carried.xyz), carried.w, normal.xyz, normal.w,
         geometric.xyz, geometric.w, bitcast<vec3<f32>>(previous.xyz), previous.w, color.xyz, color.w,
-        bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, rest.w);
+        bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, 0u);
 }
 
 // Power heuristic (Eq. 27, beta = 2).

@@ -31,7 +31,6 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     v.base_color = base_color(surface).xyz;
     v.eta = (*state).eta;
     v.offset = surface.offset;
-    v.triangle = surface.triangle;
     v.select_pdf = 1.0;
     return v;
 }

@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::geometry::Geometry;
 use super::place::Place;
 use crate::gpu::layout::constants::*;
-use crate::gpu::layout::{Emitter, NONE, PathVertex};
+use crate::gpu::layout::{Emitter, PathVertex};
 use crate::scene::{LightKind, Scene};
 use crate::settings::Emitters;
 
@@ -167,7 +167,6 @@ fn punctual_vertex(e: &Emitter, owner: u32) -> PathVertex {
         flags: VERTEX_EMITTER | VERTEX_DETERMINISTIC | VERTEX_VALID,
         eta: 1.0,
         owner,
-        triangle: NONE,
         ..bytemuck::Zeroable::zeroed()
     }
 }

@@ -353,3 +353,18 @@ fn a_wrong_contribution_is_noticed() {
     let wrong = (0..points.len()).filter(|&i| fault(&points[i], &lights[i], 1.0, got[i], &mut compared).is_some());
     assert!(wrong.count() > points.len() / 8);
 }
+
+/// Open: in a corner a millionth of the scene large around the pinhole, squared densities overflow, and meet the sum 0 that a mirror
+/// leaves (`weights.wgsl: connection_weight`). The square of the density times the root of the sum would not.
+#[test]
+#[should_panic(expected = "not finite")]
+fn open_squared_densities_overflow_in_a_tiny_corner_near_the_pinhole() {
+    let mut pcg = Pcg::new(192);
+    let corner = DVec3::new(3e-6, -2e-6, 1e-6);
+    let q = vertex(corner, DVec3::Z, [0.0, 0.0], &mut pcg);
+    let v = vertex(corner + 1e-11 * DVec3::Z, DVec3::NEG_Z, [0.0, 0.0], &mut pcg);
+    assert!(apart(&q, &v));
+    let bench = Bench::new(stage::diffuse("grey", [BASE; 3]), false);
+    let got = bench.connect(frame(), &[q], &[v], &[Candidate { vertex: 0, weight: 1.0 }]);
+    assert!(got[0].iter().all(|x| x.is_finite()), "not finite: {:?} for {}", got[0], exact(&q, &v).0);
+}

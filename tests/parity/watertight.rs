@@ -23,7 +23,7 @@ const BOUNCE: ShaderFunction = ShaderFunction {
         result.first = NONE;
         result.second = NONE;
         for (var i = 0u; i < 2u; i++) {
-            let hit = trace(o, d, 3e38, false, vec2<u32>(result.first, NONE), vec4<u32>(id.x, i, 2u, 3u));
+            let hit = trace(o, d, 3e38, false, result.first, vec4<u32>(id.x, i, 2u, 3u));
             result.second = hit.triangle;
             if (hit.triangle == NONE) { break; }
             if (i == 0u) {
