@@ -60,7 +60,7 @@ fn excess((scene, per_metre): &(Scene, f64), gate: Gate, estimator: Estimator, l
         (Estimator::Pt, false) => (16, 1, 4),
         (Estimator::Pt, true) => (32, 10_000, 8),
         (_, false) => (8, 50, 1),
-        (_, true) => (16, 1000, 4),
+        (_, true) => (16, 4000, 4),
     };
     let mut s = settings(estimator, [side; 2]);
     (s.max_depth, s.light_paths) = (254, light_paths);
