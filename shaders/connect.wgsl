@@ -44,7 +44,8 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let origin = leave(q.position, q.geometric, q.offset, w);
     let target_point = leave(v.position, v.geometric, v.offset, -w);
     let lane = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
-    let hit = trace(origin, target_point - origin, 1.0, true, vec4<u32>(index, sensor.sample, lane, frame.seed));
+    let key = vec4<u32>(index, sensor.sample, lane, frame.seed);
+    let hit = trace(origin, target_point - origin, 1.0, true, NONE, key);
     let tau = v.tau + medium_towards(q, w) * sqrt(d2) + q.tau;
     let last = select(tau, open.w, OBSERVE == OBSERVE_STRATEGIES);
     contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, hit.triangle == NONE), last);

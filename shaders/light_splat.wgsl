@@ -43,7 +43,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let origin = leave(v.position, v.geometric, v.offset, w);
     let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u) | 1u;
     let key = vec4<u32>(dispatch.first + slot, frame.iteration, lane, frame.seed);
-    let hit = trace(origin, -origin, 1.0, true, key);
+    let hit = trace(origin, -origin, 1.0, true, NONE, key);
     if (hit.triangle != NONE) {
         return;
     }

@@ -26,6 +26,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.eta = 1.0;
     s.select_pdf = e.vertex.select_pdf;
     s.emitter = e.vertex.owner;
+    s.triangle = e.triangle;
     s.throughput = e.throughput * per_path;
     s.flags = select(0u, PATH_ALIVE, max_component(s.throughput) > 0.0);
     if (e.deterministic) {

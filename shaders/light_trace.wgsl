@@ -22,7 +22,8 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // Nearest surface along the ray.
     let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
-    let hit = trace(s.position + s.shift, s.direction, 3e38, false, vec4<u32>(path, frame.iteration, lane, frame.seed));
+    let key = vec4<u32>(path, frame.iteration, lane, frame.seed);
+    let hit = trace(s.position + s.shift, s.direction, 3e38, false, s.triangle, key);
     if (hit.triangle == NONE) {
         return;
     }

@@ -28,6 +28,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.throughput = vec3<f32>(1.0);
     s.flags = PATH_ALIVE;
     s.shift = vec3<f32>(0.0);
+    s.triangle = NONE;
     start_sensor_sums(&s, inverseSqrt(length2));
     states[slot] = s;
     radiance[slot] = vec4<f32>(0.0);

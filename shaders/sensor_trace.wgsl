@@ -35,7 +35,8 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let sensor = sensor_sample(dispatch.first + slot);
     let index = sensor.pixel.y * frame.width + sensor.pixel.x;
     let lane = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
-    let hit = trace(s.position + s.shift, s.direction, 3e38, false, vec4<u32>(index, sensor.sample, lane, frame.seed));
+    let key = vec4<u32>(index, sensor.sample, lane, frame.seed);
+    let hit = trace(s.position + s.shift, s.direction, 3e38, false, s.triangle, key);
     if (hit.triangle == NONE) {
         return;
     }

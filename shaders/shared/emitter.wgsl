@@ -12,6 +12,8 @@ struct Emission {
     throughput: vec3<f32>,
     // Density per area of the point, selection included; surfaces only.
     density: f32,
+    // The triangle that emits, NONE for points and beams.
+    triangle: u32,
     beam: bool,
     // The emitter point can be connected and goes to the 3D tree.
     stored: bool,
@@ -71,6 +73,7 @@ fn sample_emission(choice: f32, a: vec4<f32>) -> Emission {
     r.vertex.select_pdf = e.select_pdf;
     r.vertex.eta = 1.0;
     r.vertex.flags = VERTEX_EMITTER | VERTEX_VALID;
+    r.triangle = NONE;
     switch (e.kind) {
         case EMITTER_TRIANGLE: {
             sample_triangle(e, a, &r);
@@ -102,6 +105,7 @@ fn sample_triangle(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     let density = m.emission_density;
     (*r).vertex.position = s.position;
     (*r).vertex.offset = s.offset;
+    (*r).triangle = s.triangle;
     (*r).vertex.geometric = s.geometric;
     (*r).vertex.normal = s.geometric;
     (*r).vertex.material = select(EMIT_ONE_SIDED, EMIT_TWO_SIDED, two_sided);

@@ -22,7 +22,8 @@ struct PathState {
     d_vc: f32,
     // Light subpaths: number of the emitter.
     emitter: u32,
-    pad0: u32,
+    // The triangle that the ray leaves, NONE if it leaves none.
+    triangle: u32,
 }
 
 const PATH_ALIVE: u32 = 1u;

@@ -20,6 +20,10 @@ fn put(slot: u32, vertex: u32, weight: f32) {
     marks[slot] = select(1u, 0u, vertex == NONE);
 }
 
+// 2^-22: two points nearer than this part of their greatest coordinate are one point, as far as floats tell. Between them
+// densities per area have squares beyond all floats.
+const SAME_PLACE: f32 = 2.3841858e-7;
+
 // Whether connecting v to q can contribute: gate, depth, facing.
 fn can_connect(q: PathVertex, v: PathVertex) -> bool {
     let offset = v.position - q.position;
@@ -27,7 +31,7 @@ fn can_connect(q: PathVertex, v: PathVertex) -> bool {
     let d = sqrt(d2);
     let w = offset / d;
     let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
-    var open = d2 > 0.0 && segments <= frame.max_depth
+    var open = d > SAME_PLACE * max_component(abs(q.position)) && segments <= frame.max_depth
         && in_gate(v.tau, medium_towards(q, w) * d, q.tau);
     if (!HAS_TRANSMISSION) {
         let emitter_any_side = (v.flags & VERTEX_EMITTER) != 0u && v.material != EMIT_ONE_SIDED;

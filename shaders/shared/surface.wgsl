@@ -15,6 +15,8 @@ struct Surface {
     // TRIANGLE_ bits.
     flags: u32,
     uv: vec2<f32>,
+    // Its number.
+    triangle: u32,
 }
 
 // 2^-19: the plane of a triangle is known to about 6 x 2^-24 of its farthest corner (DESIGN 5, leak and self-hit tests).
@@ -24,6 +26,7 @@ const OFFSET_SCALE: f32 = 1.9073486e-6;
 fn surface_at(index: u32, u: f32, v: f32) -> Surface {
     let t = load_triangle(index);
     var s: Surface;
+    s.triangle = index;
     // From a corner along the edges: a coordinate that all corners share stays what it is, to the bit.
     s.position = t.v0 + (u * (t.v1 - t.v0) + v * (t.v2 - t.v0));
     let reach = max(max(abs(t.v0), abs(t.v1)), abs(t.v2));

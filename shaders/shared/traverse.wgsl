@@ -48,7 +48,7 @@ fn edge_area(a: vec3<f32>, b: vec3<f32>) -> f32 {
 // Watertight (after Woop et al. 2013): a corner has the same place across the ray in all triangles that share it, and on an
 // edge (area 0) both of its triangles are hit, so that no ray passes between triangles, at corners either. The distance is
 // a mean of the corners' with weights >= 0: slivers, whose plane is rounding, keep it.
-fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, t_min: f32, hit: ptr<function, Hit>) {
+fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, t_min: f32, left: u32, hit: ptr<function, Hit>) {
     let triangle = load_triangle(index);
     let a = to_ray(triangle.v0 - o, axes);
     let b = to_ray(triangle.v1 - o, axes);
@@ -60,7 +60,7 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, t_min: f32, hit: 
     let inside = (min(u, min(v, w)) >= 0.0 || max(u, max(v, w)) <= 0.0) && sum != 0.0;
     let scale = 1.0 / sum;
     let t = (u * a.z + v * b.z + w * c.z) * scale;
-    if (inside && t > t_min && t < (*hit).t) {
+    if (inside && t > t_min && t < (*hit).t && index != left) {
         (*hit).t = t;
         (*hit).u = v * scale;
         (*hit).v = w * scale;
@@ -117,8 +117,8 @@ fn intersect_four(meta4: u32, near: vec3<u32>, far: vec3<u32>, slabs: Slabs, oct
     return a | b | c | d;
 }
 
-// Closest hit (or any hit) of o + t d with t in (t_min, t_max). `d` need not have unit length.
-fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool) -> Hit {
+// Closest hit (or any hit) of o + t d with t in (t_min, t_max). `d` need not have unit length. `left`: see `trace`.
+fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool, left: u32) -> Hit {
     var hit = Hit(t_max, 0.0, 0.0, NONE);
     let inverse = safe_inverse(d);
     let axes = ray_axes(d);
@@ -174,7 +174,7 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool) -
             if (leaves.y != 0u) {
                 let bit = firstLeadingBit(leaves.y);
                 leaves.y &= ~(1u << bit);
-                intersect_triangle(leaves.x + bit, o, axes, t_min, &hit);
+                intersect_triangle(leaves.x + bit, o, axes, t_min, left, &hit);
             }
             continuing {
                 break if leaves.y == 0u;

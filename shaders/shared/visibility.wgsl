@@ -5,15 +5,17 @@
 
 // Closest surface along o + t d. Surfaces with alpha let the ray pass with probability 1 - coverage; `key` makes the
 // choice of this ray independent of others, and a count the choice at each surface; not their numbers, which follow from the
-// rounding of the hierarchy. `d` need not have unit length.
+// rounding of the hierarchy. `d` need not have unit length. `left` is the triangle that the ray leaves for good, NONE for
+// none: a plane is not hit from itself, whatever rounding makes of the distance of a needle that is seen along its face. Shadow
+// rays must meet the triangles of their ends: between the two sides of a wall, rounding may find a way along it.
 // The loop is the one place that traverses: a second call site would double the compile time (STACK 2e).
-fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, key: vec4<u32>) -> Hit {
+fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, left: u32, key: vec4<u32>) -> Hit {
     var t_min = 0.0;
     var passed = 0u;
     var hit: Hit;
     loop {
         // Any hit is not the nearest one: what an alpha surface lets pass must still meet what stands before it.
-        hit = traverse(o, d, t_min, t_max, any_hit && !HAS_ALPHA);
+        hit = traverse(o, d, t_min, t_max, any_hit && !HAS_ALPHA, left);
         if (!HAS_ALPHA || hit.triangle == NONE) {
             break;
         }

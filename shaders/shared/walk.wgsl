@@ -15,6 +15,7 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     }
     (*state).tau += (*state).eta * sqrt(distance2);
     (*state).position = surface.position;
+    (*state).triangle = surface.triangle;
 
     var v: PathVertex;
     v.position = surface.position;

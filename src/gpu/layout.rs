@@ -71,7 +71,7 @@ twins! {
         direction: [f32; 3], eta: f32,
         throughput: [f32; 3], flags: u32,
         shift: [f32; 3], select_pdf: f32,
-        d_vcm: f32, d_vc: f32, emitter: u32, pad0: u32,
+        d_vcm: f32, d_vc: f32, emitter: u32, triangle: u32,
     }
     /// `shared/path.wgsl`
     PathVertex {

@@ -96,7 +96,7 @@ pub fn complete() -> Glb {
     let paint = json!({
         "name": "Paint", "doubleSided": true, "alphaMode": "MASK", "alphaCutoff": 0.25,
         "pbrMetallicRoughness": {
-            "baseColorFactor": [0.5, 0.25, 2.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.75,
+            "baseColorFactor": [0.5, 0.25, 1.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.75,
             "baseColorTexture": { "index": 0 },
         },
         "emissiveFactor": [1.0, 0.5, 0.0],

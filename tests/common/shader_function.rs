@@ -90,6 +90,17 @@ pub fn contents<T: NoUninit>(name: &'static str, data: &[T]) -> Contents {
     Contents { name, bytes: bytemuck::cast_slice(data).to_vec() }
 }
 
+#[allow(dead_code, reason = "for tests that run whole kernels")]
+impl Contents {
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
 /// A compiled test kernel.
 pub struct Prepared {
     device: Device,

@@ -30,8 +30,27 @@ fn oracle_cells(film: &Film, bin: usize) -> Vec<(f64, f64)> {
     sums.into_iter().map(|(m, v, n)| (m / n as f64, v / (n * n) as f64)).collect()
 }
 
-/// Compares an estimator with the oracle over several gates; `shift` moves the oracle's bins (0 is the truth).
+/// Compares all estimators with the oracle over several gates; `shift` moves the oracle's bins by parts of their width (0 is the
+/// truth).
 fn against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [u32; 2], shift: f64) -> Vec<String> {
+    let mut estimators = vec![Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
+    let only_beams = scene.lights.iter().all(|l| matches!(l.kind, taugate::scene::LightKind::Beam { .. }));
+    if scene.lights.is_empty() || !only_beams {
+        estimators.push(Estimator::Pt);
+    }
+    these_against_oracle(name, &estimators, scene, gates, resolution, shift, 800)
+}
+
+/// As [`against_oracle`] for chosen estimators, with `spp` samples a pixel of the oracle.
+pub fn these_against_oracle(
+    name: &str,
+    estimators: &[Estimator],
+    scene: &Scene,
+    gates: &[(f64, f64)],
+    resolution: [u32; 2],
+    shift: f64,
+    spp: u32,
+) -> Vec<String> {
     let move_by = |lo: f64, hi: f64| if hi.is_finite() { shift * (hi - lo) } else { 0.0 };
     let bins = gates.iter().map(|&(lo, hi)| (lo + move_by(lo, hi), hi + move_by(lo, hi))).collect();
     let truth = path_tracer::render(
@@ -39,20 +58,15 @@ fn against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [
         &path_tracer::Settings {
             camera: 0,
             resolution,
-            spp: 800,
+            spp,
             seed: 7,
             max_depth: MAX_DEPTH,
             bins,
             emitters: Emitters::Scene,
         },
     );
-    let mut estimators = vec![Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
-    let only_beams = scene.lights.iter().all(|l| matches!(l.kind, taugate::scene::LightKind::Beam { .. }));
-    if scene.lights.is_empty() || !only_beams {
-        estimators.push(Estimator::Pt);
-    }
     let mut wrong = vec![];
-    for estimator in estimators {
+    for &estimator in estimators {
         let mut s = settings(estimator, resolution);
         s.max_depth = MAX_DEPTH;
         let mut renderer = renderer(scene, &s);
@@ -84,7 +98,7 @@ fn against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [
     wrong
 }
 
-fn assert_none(wrong: Vec<String>) {
+pub fn assert_none(wrong: Vec<String>) {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

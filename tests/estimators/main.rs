@@ -1,8 +1,10 @@
 //! Levels 4 and 5 of the ladder: whole renders against closed forms, against each other, against the oracle, bit for bit.
 
 mod agreement;
+mod caustics;
 mod cells;
 mod determinism;
+mod furnace;
 mod regressions;
 mod shared_scenes;
 mod sphere;

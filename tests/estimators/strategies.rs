@@ -10,6 +10,9 @@ use taugate::settings::{Estimator, Settings, Strategies};
 use taugate::units::Gate;
 
 const SAMPLES: [u32; 2] = [2, 3];
+/// Part of the light that the sum of all strategies may be off by, and that any strategy holds more of. In `lcs`, s = 0 has
+/// little weight beside connections that were chosen by what they contribute.
+const NOTICED: f64 = 2e-6;
 
 /// The image and the images of its strategies, with the same seed.
 fn both(scene: &Scene, settings: &Settings) -> (Vec<f32>, StrategyImages) {
@@ -49,13 +52,16 @@ fn weighted_strategies_sum_to_the_image() {
         ("lamp", zoo(Light::Area), Estimator::LcsPaper, Strategies::All, Gate::OPEN),
         ("lamp", zoo(Light::Area), Estimator::Pt, Strategies::All, gate),
         ("lamp", zoo(Light::Area), Estimator::LcsPaper, Strategies::Paper, gate),
+        ("lamp", zoo(Light::Area), Estimator::Lcs, Strategies::All, gate),
+        ("lamp", zoo(Light::Area), Estimator::Lcs, Strategies::Paper, Gate::OPEN),
         ("punctual", zoo(Light::Punctual), Estimator::LcsPaper, Strategies::All, gate),
+        ("punctual", zoo(Light::Punctual), Estimator::Lcs, Strategies::All, gate),
         ("thin beam", build(Kind::DoorAjar), Estimator::Bdpt, Strategies::All, Gate::OPEN),
     ] {
         let (image, parts) = both(&scene, &small(estimator, kept, gate));
         let all = difference(&image, parts.images().iter());
         eprintln!("{name} {estimator:?} {kept:?}: {all:.1e}");
-        assert!(all < 2e-5, "{name} {estimator:?} {kept:?}: {all:.1e} off");
+        assert!(all < NOTICED, "{name} {estimator:?} {kept:?}: {all:.1e} off");
         // The sibling that must fail: any strategy that adds light is missed.
         let mut lit = 0;
         for left_out in parts.images() {
@@ -66,7 +72,7 @@ fn weighted_strategies_sum_to_the_image() {
                 lit += 1;
                 let rest = parts.images().iter().filter(|i| (i.s, i.t) != (left_out.s, left_out.t));
                 let off = difference(&image, rest);
-                assert!(off > 2e-5, "{name} {estimator:?} without ({}, {}): {off:.1e}", left_out.s, left_out.t);
+                assert!(off > NOTICED, "{name} {estimator:?} without ({}, {}): {off:.1e}", left_out.s, left_out.t);
             }
         }
         assert!(lit >= 4, "{name} {estimator:?}: only {lit} strategies find light");
@@ -113,6 +119,7 @@ fn the_strategies_that_are_listed() {
     assert_eq!(count(Estimator::Pt, Strategies::All), 11);
     // s >= 1 and t >= 2 of k segments: k - 1.
     assert_eq!(count(Estimator::LcsPaper, Strategies::Paper), 15);
+    assert_eq!(count(Estimator::Lcs, Strategies::Paper), 15);
     let huge = Settings { max_depth: 254, ..settings(Estimator::Bdpt, [64, 64]) };
     assert!(StrategyImages::check(&huge).unwrap_err().to_string().contains("--max-depth"));
 }

@@ -17,6 +17,7 @@ mod importance;
 mod lightcone;
 mod materials;
 mod math;
+mod pairs;
 mod scatter;
 mod shell_edge;
 mod texels;

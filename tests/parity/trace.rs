@@ -21,7 +21,7 @@ const TRACE: ShaderFunction = ShaderFunction {
     given: "o: vec3<f32>, t_max: f32, d: vec3<f32>, any: u32",
     result: "t: f32, hit: u32, offset: f32, material: u32, position: vec3<f32>, pad: f32, geometric: vec3<f32>,
         left: f32, normal: vec3<f32>, pad2: f32, uv: vec2<f32>, pad3: vec2<f32>",
-    body: "let hit = trace(given.o, given.d, given.t_max, given.any == 1u, vec4<u32>(id.x, 1u, 2u, 3u));
+    body: "let hit = trace(given.o, given.d, given.t_max, given.any == 1u, NONE, vec4<u32>(id.x, 1u, 2u, 3u));
         result.hit = u32(hit.triangle != NONE);
         if (hit.triangle != NONE) {
             let s = surface_at(hit.triangle, hit.u, hit.v);

@@ -165,6 +165,42 @@ fn what_is_not_read_is_warned_about_once() {
 }
 
 #[test]
+fn factors_out_of_range_are_moved_to_its_edge_with_a_warning() {
+    let mut glb = complete();
+    glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.5, 2.0, 0.0, 1.0]);
+    assert_eq!(read(&glb).materials[0].base_color, [0.5, 1.0, 0.0, 1.0]);
+    glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.5, 1.0, 0.0, 1.0]);
+    assert_eq!(read(&glb).warnings, Vec::<String>::new());
+    for (pointer, value, word) in [
+        (
+            "/pbrMetallicRoughness/baseColorFactor",
+            json!([0.5, 1.25, 0.5, 1.0]),
+            "baseColorFactor of material `Paint` (1.25)",
+        ),
+        ("/pbrMetallicRoughness/metallicFactor", json!(-0.5), "metallicFactor of material `Paint` (-0.5)"),
+        ("/pbrMetallicRoughness/roughnessFactor", json!(3), "roughnessFactor of material `Paint` (3)"),
+        ("/extensions/KHR_materials_specular/specularFactor", json!(1.5), "specularFactor of material `Paint` (1.5)"),
+        (
+            "/extensions/KHR_materials_transmission/transmissionFactor",
+            json!(2),
+            "transmissionFactor of material `Paint` (2)",
+        ),
+    ] {
+        let mut wrong = glb.clone();
+        *wrong.json["materials"][0].pointer_mut(pointer).unwrap() = value;
+        let scene = read(&wrong);
+        check_promises(&scene);
+        assert!(scene.warnings.len() == 1 && scene.warnings[0].ends_with(word), "{pointer}: {:?}", scene.warnings);
+    }
+    // Many of them: one sentence.
+    for _ in 0..20 {
+        glb.push("materials", json!({ "name": "Neon", "pbrMetallicRoughness": { "baseColorFactor": [2, 0, 0, 1] } }));
+    }
+    let warnings = read(&glb).warnings;
+    assert!(warnings.len() == 1 && warnings[0].ends_with("material `Neon` (2), and 12 more"), "{warnings:?}");
+}
+
+#[test]
 fn a_primitive_without_material_gets_the_default() {
     let scene = read(&single(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], json!({})));
     assert_eq!(scene.materials.len(), 1);

@@ -13,6 +13,7 @@ mod zoo;
 
 mod accumulation;
 mod checks;
+mod coplanar;
 mod gates;
 mod partition;
 mod sampling;

@@ -25,6 +25,8 @@ pub struct Materials {
     /// From glTF texture to `textures`, from glTF image to `images`.
     texture_of: HashMap<usize, u32>,
     image_of: HashMap<usize, u32>,
+    /// Factors outside [0, 1], which were moved to its edge: property, material and value.
+    limited: Vec<String>,
     /// Index of the glTF default material once a primitive needs it.
     default: Option<u32>,
 }
@@ -60,8 +62,12 @@ pub fn load(doc: &Document, warnings: &mut Warnings) -> Checked<Materials> {
         let material = out.material(doc, index, material, warnings)?;
         out.materials.push(material);
     }
+    out.warn_of_limits(warnings);
     Ok(out)
 }
+
+/// Factors out of range that a warning lists.
+const LISTED: usize = 8;
 
 /// What glTF says of a primitive without a material.
 fn default_material() -> Material {
@@ -90,15 +96,30 @@ impl Materials {
         warnings: &mut Warnings,
     ) -> Checked<Material> {
         let name = label(source.name.as_deref(), "material", index);
-        let unit = |value: f32, what: &str| -> Checked<f32> {
-            Ok(finite(value, &format!("{what} of material `{name}`"))?.clamp(0.0, 1.0))
+        let ext = source.extensions.clone().unwrap_or_default();
+        let limited = &mut self.limited;
+        let mut unit = |value: f32, what: &str| -> Checked<f32> {
+            let what = format!("{what} of material `{name}`");
+            let inside = finite(value, &format!("the {what}"))?.clamp(0.0, 1.0);
+            // -0 is 0: only what changes the image is told.
+            if inside != value {
+                limited.push(format!("{what} ({value})"));
+            }
+            Ok(inside)
         };
         let pbr = &source.pbr_metallic_roughness;
         let mut base_color = pbr.base_color_factor.0;
         for value in &mut base_color {
-            *value = unit(*value, "the baseColorFactor")?;
+            *value = unit(*value, "baseColorFactor")?;
         }
-        let ext = source.extensions.clone().unwrap_or_default();
+        let specular = ext.specular.unwrap_or_default();
+        let transmission = ext.transmission.unwrap_or_default();
+        let [metallic, roughness, reflected, transmitted] = [
+            unit(pbr.metallic_factor.0, "metallicFactor")?,
+            unit(pbr.roughness_factor.0, "roughnessFactor")?,
+            unit(specular.specular_factor.0, "specularFactor")?,
+            unit(transmission.transmission_factor.0, "transmissionFactor")?,
+        ];
         let strength = ext.emissive_strength.unwrap_or_default().emissive_strength.0;
         let emission = source.emissive_factor.0.map(|factor| factor * strength);
         if !emission.iter().chain([&strength]).all(|value| value.is_finite() && *value >= 0.0) {
@@ -112,8 +133,6 @@ impl Materials {
                 "the ior of material `{name}` is {ior}, but must be at least 1; set it to e.g. 1.5 and re-export"
             ));
         }
-        let specular = ext.specular.unwrap_or_default();
-        let transmission = ext.transmission.unwrap_or_default();
         let alpha_mode = match source.alpha_mode {
             Valid(JsonAlphaMode::Opaque) => AlphaMode::Opaque,
             Valid(JsonAlphaMode::Blend) => AlphaMode::Blend,
@@ -140,17 +159,29 @@ impl Materials {
         Ok(Material {
             base_color,
             base_color_texture,
-            metallic: unit(pbr.metallic_factor.0, "the metallicFactor")?,
-            roughness: unit(pbr.roughness_factor.0, "the roughnessFactor")?,
+            metallic,
+            roughness,
             emission,
             emission_texture,
-            specular: unit(specular.specular_factor.0, "the specularFactor")?,
+            specular: reflected,
             ior,
-            transmission: unit(transmission.transmission_factor.0, "the transmissionFactor")?,
+            transmission: transmitted,
             alpha_mode,
             double_sided: source.double_sided,
             name,
         })
+    }
+
+    fn warn_of_limits(&self, warnings: &mut Warnings) {
+        if self.limited.is_empty() {
+            return;
+        }
+        let listed = self.limited[..self.limited.len().min(LISTED)].join(", ");
+        let rest = match self.limited.len().saturating_sub(LISTED) {
+            0 => String::new(),
+            n => format!(", and {n} more"),
+        };
+        warnings.push(format!("factors outside [0, 1] are moved to its edge: {listed}{rest}"));
     }
 
     /// The base colour and emission textures of a material; notes the transform they share.

@@ -1,0 +1,73 @@
+//! Caustics: light that a ball of glass gathers and a mirror throws onto a diffuse floor, through gates. No connection reaches
+//! it: it is found by t = 1 (a light vertex on the floor, seen from the pinhole) and s = 0 (the lamp, met through the glass).
+
+use super::agreement::{assert_none, these_against_oracle};
+use super::cells::{Cells, disagreements, renderer, settings};
+use glam::DVec3;
+use taugate::generate::shapes::{icosphere, quad};
+use taugate::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, metal, place};
+use taugate::scene::Scene;
+use taugate::settings::{Estimator, Strategies};
+use taugate::units::Gate;
+
+const RADIUS: f64 = 0.4;
+const SIZE: [u32; 2] = [24, 16];
+/// Around the time at which the light behind the ball arrives at the pinhole: 2.75 m from the floor, 2 m of the way from the
+/// lamp, and half of the ball's diameter more.
+const CAUSTIC: (f64, f64) = (5.0, 5.3);
+
+/// The ball stands between a small lamp and the floor; the mirror stands upright beside it.
+fn scene() -> Scene {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, diffuse("grey", [0.6, 0.5, 0.4]));
+    let clear = material(&mut scene, glass("ball"));
+    let silver = material(&mut scene, metal("mirror", [0.95; 3], 0.0));
+    let shine = material(&mut scene, emitter("lamp", [40.0; 3]));
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    add(&mut scene, "floor", grey, quad(DVec3::new(-2.0, 0.0, -1.5), z * 3.0, x * 4.0, [1.0; 2]));
+    add(&mut scene, "wall", grey, quad(DVec3::new(-2.0, 0.0, -1.5), x * 4.0, y * 2.5, [1.0; 2]));
+    let ball = mesh(&mut scene, "ball", clear, icosphere(RADIUS, 3));
+    place(&mut scene, "ball", ball, glam::DAffine3::from_translation(DVec3::new(-0.6, 0.6, 0.0)));
+    add(&mut scene, "mirror", silver, quad(DVec3::new(1.2, 0.1, -0.6), z * 1.2, y * 0.9, [1.0; 2]));
+    add(&mut scene, "lamp", shine, quad(DVec3::new(-0.75, 2.0, -0.15), x * 0.3, z * 0.3, [1.0; 2]));
+    camera(&mut scene, DVec3::new(0.0, 1.2, 2.4), DVec3::new(0.0, 0.2, 0.0), 0.9, SIZE);
+    scene
+}
+
+fn cells(estimator: Estimator, strategies: Strategies, first_seed: u32) -> Cells {
+    let mut s = settings(estimator, SIZE);
+    (s.max_depth, s.strategies, s.light_paths) = (8, strategies, 4000);
+    Cells::measure(&mut renderer(&scene(), &s), Gate { lo: CAUSTIC.0, hi: CAUSTIC.1 }, 8, 1, 8, first_seed)
+}
+
+#[test]
+fn caustics_agree_with_bdpt() {
+    let truth = cells(Estimator::Bdpt, Strategies::All, 1);
+    for estimator in [Estimator::LcsPaper, Estimator::Lcs] {
+        let got = cells(estimator, Strategies::All, 200);
+        eprintln!("{estimator}: {:?}, bdpt {:?}", got.whole(), truth.whole());
+        assert_none(disagreements(&truth, &got));
+    }
+    // The sibling that must fail: without s = 0 and t = 1 there are no caustics.
+    assert!(!disagreements(&truth, &cells(Estimator::LcsPaper, Strategies::Paper, 400)).is_empty());
+}
+
+/// The oracle meets the lamp through the glass by chance: with 3,200 samples a pixel over a hundred times a cell. `pt` does so
+/// no better, and has fewer samples.
+fn against_oracle(estimators: &[Estimator], gates: &[(f64, f64)], shift: f64, spp: u32) -> Vec<String> {
+    these_against_oracle("caustics", estimators, &scene(), gates, SIZE, shift, spp)
+}
+
+#[test]
+fn caustics_agree_with_the_oracle() {
+    let estimators = [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
+    assert_none(against_oracle(&estimators, &[CAUSTIC, (0.0, f64::INFINITY)], 0.0, 3200));
+}
+
+/// The sibling that must fail: were glass no slower than air, the light behind the ball would come earlier by half of the way
+/// in it.
+#[test]
+fn caustics_without_their_delay_are_rejected() {
+    let early = -0.5 * 2.0 * RADIUS / (CAUSTIC.1 - CAUSTIC.0);
+    assert!(!against_oracle(&[Estimator::Lcs], &[CAUSTIC], early, 800).is_empty());
+}

@@ -1,0 +1,122 @@
+//! The furnace: a closed room that absorbs nothing. A flash of the energy Q fills its volume V evenly after some bounces, and from
+//! then on the radiance that arrives anywhere within a gate of width w is Q w / (4 pi V), whatever the shape of the room.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use taugate::generate::shapes::{cuboid, inside_out};
+use taugate::generate::stage::{add, camera, diffuse, material, metal};
+use taugate::generate::{Kind, build};
+use taugate::oracle::sphere::gated_radiance;
+use taugate::scene::{Material, Mesh, Scene};
+use taugate::settings::Estimator;
+use taugate::units::Gate;
+
+use super::cells::{Cells, renderer, settings, threshold};
+
+/// By how much the energy may be off.
+const LOSS: f64 = 0.005;
+
+fn volume(mesh: &Mesh) -> f64 {
+    let at = |i: u32| Vec3::from(mesh.positions[i as usize]).as_dvec3();
+    mesh.triangles.iter().map(|&[a, b, c]| at(a).dot(at(b).cross(at(c))) / 6.0).sum::<f64>().abs()
+}
+
+/// Four white walls, one that is a mirror, and one that shines.
+fn room() -> (Scene, f64) {
+    let mut scene = Scene::default();
+    let white = material(&mut scene, diffuse("white", [1.0; 3]));
+    let silver = material(&mut scene, metal("mirror", [1.0; 3], 0.0));
+    let lamp = material(&mut scene, Material { emission: [2.0; 3], double_sided: false, ..diffuse("lamp", [1.0; 3]) });
+    let size = DVec3::new(1.5, 1.2, 1.0);
+    let walls = inside_out(cuboid(DVec3::ZERO, size));
+    let part =
+        |triangles: std::ops::Range<usize>| Mesh { triangles: walls.triangles[triangles].to_vec(), ..walls.clone() };
+    // Faces of a cuboid come in the order -z, +z, -x, +x, -y, +y.
+    add(&mut scene, "walls", white, part(4..12));
+    add(&mut scene, "mirror", silver, part(0..2));
+    add(&mut scene, "lamp", lamp, part(2..4));
+    camera(&mut scene, DVec3::new(1.1, 0.5, 0.6), DVec3::new(0.0, 0.6, 0.4), 1.2, [8, 8]);
+    let energy = PI * 2.0 * size.x * size.y;
+    (scene, energy / (4.0 * PI * size.element_product()))
+}
+
+/// The sphere of the closed form, its point light of intensity pi in the centre, and radiance a metre of gate.
+fn sphere(albedo: f32) -> (Scene, f64) {
+    let scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 5, albedo });
+    let truth = 4.0 * PI * PI / (4.0 * PI * volume(&scene.meshes[0]));
+    (scene, truth)
+}
+
+/// The sphere's chords are 4/3 m long on average, the room's 4 V / S = 0.78 m: over 100 reflections.
+const SPHERE_GATE: Gate = Gate { lo: 140.0, hi: 142.0 };
+const ROOM_GATE: Gate = Gate { lo: 84.0, hi: 94.0 };
+
+/// Mean over the image relative to the truth, minus 1, and its standard error.
+fn excess((scene, per_metre): &(Scene, f64), gate: Gate, estimator: Estimator, long: bool) -> (f64, f64) {
+    let start = std::time::Instant::now();
+    // Pixels a side, light paths and samples for a noise well below what is allowed.
+    let (side, light_paths, samples) = match (estimator, long) {
+        (Estimator::Pt, false) => (16, 1, 4),
+        (Estimator::Pt, true) => (32, 10_000, 8),
+        (_, false) => (8, 50, 1),
+        (_, true) => (16, 4000, 4),
+    };
+    let mut s = settings(estimator, [side; 2]);
+    (s.max_depth, s.light_paths) = (254, light_paths);
+    let mut renderer = renderer(scene, &s);
+    let (mean, error) = Cells::measure(&mut renderer, gate, 32, 1, samples, 70).whole();
+    let truth = per_metre * (gate.hi - gate.lo);
+    eprintln!(
+        "{estimator}: {:+.3} % +- {:.3} % in {:?}",
+        100.0 * (mean / truth - 1.0),
+        100.0 * error / truth,
+        start.elapsed()
+    );
+    assert_eq!(renderer.stats().dropped, 0);
+    (mean / truth - 1.0, error / truth)
+}
+
+fn keeps_its_energy(scene: &(Scene, f64), gate: Gate, estimator: Estimator, long: bool) {
+    let (off, error) = excess(scene, gate, estimator, long);
+    assert!(error < 0.5 * LOSS, "{estimator}: too noisy to tell, {error}");
+    assert!(off.abs() < LOSS && off.abs() < threshold(4) * error, "{estimator}: {off:+.4} +- {error:.4}");
+}
+
+#[test]
+fn the_closed_form_says_the_same() {
+    let truth = gated_radiance(1.0, 1.0, SPHERE_GATE.lo, SPHERE_GATE.hi);
+    assert!((truth / (0.75 * 2.0) - 1.0).abs() < 1e-9, "{truth}");
+    assert!((sphere(1.0).1 / 0.75 - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn a_hundred_reflections_lose_nothing() {
+    for estimator in [Estimator::Pt, Estimator::Lcs] {
+        keeps_its_energy(&sphere(1.0), SPHERE_GATE, estimator, false);
+    }
+}
+
+/// `cargo test --release --test estimators -- --ignored --nocapture loses_nothing`
+#[test]
+#[ignore = "takes minutes"]
+fn a_sphere_loses_nothing_with_any_estimator() {
+    for estimator in Estimator::ALL {
+        keeps_its_energy(&sphere(1.0), SPHERE_GATE, estimator, true);
+    }
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn a_room_with_a_lamp_and_a_mirror_loses_nothing() {
+    for estimator in Estimator::ALL {
+        keeps_its_energy(&room(), ROOM_GATE, estimator, true);
+    }
+}
+
+/// The sibling that must fail: walls that keep a thousandth of the light, a tenth after a hundred reflections.
+#[test]
+fn walls_that_keep_a_thousandth_are_noticed() {
+    let (off, error) = excess(&sphere(0.999), SPHERE_GATE, Estimator::Lcs, false);
+    assert!(off < -LOSS - threshold(1) * error);
+}

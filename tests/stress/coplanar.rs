@@ -1,0 +1,140 @@
+//! Surfaces in one place: every wall twice, walls that change places within rounding, a wall that two rooms share, a lamp in the
+//! plane of the ceiling. Nothing leaks, nothing is dark that was lit, nothing is infinite.
+
+use glam::{DAffine3, DVec3};
+use taugate::generate::shapes::{cuboid, inside_out, quad};
+use taugate::generate::stage::{about, add, camera, diffuse, emitter, material};
+use taugate::generate::{Kind, build};
+use taugate::scene::{Instance, Mesh, Scene};
+use taugate::settings::Estimator;
+use taugate::units::Gate;
+
+use super::cells::{Cells, disagreements, renderer, settings};
+use super::{image, sum};
+
+const GATE: Gate = Gate { lo: 6.0, hi: 9.0 };
+
+/// Everything turned about the origin, so that no plane lies along an axis and each triangle knows its own to rounding only.
+fn turned(mut scene: Scene) -> Scene {
+    let turn = DAffine3::from_mat3(about(DVec3::new(0.48, 0.6, 0.64), 0.7));
+    scene.instances.iter_mut().for_each(|i| i.transform = turn * i.transform);
+    scene.cameras.iter_mut().for_each(|c| c.transform = turn * c.transform);
+    scene
+}
+
+/// The same surface cut along the other diagonal of its quads, and turned over.
+fn recut(mesh: &Mesh) -> Mesh {
+    let pairs = mesh.triangles.chunks_exact(2);
+    let triangles = pairs.flat_map(|p| [[p[0][0], p[1][2], p[0][1]], [p[0][1], p[1][2], p[1][1]]]).collect();
+    Mesh { triangles, ..mesh.clone() }
+}
+
+/// Every surface but the lamp once more, moved by `shift` along its first normal.
+fn doubled(mut scene: Scene, change: impl Fn(&Mesh) -> Mesh, shift: f64) -> Scene {
+    for i in 0..scene.instances.len() {
+        let Instance { mesh, transform, node } = scene.instances[i].clone();
+        if node == "light" {
+            continue;
+        }
+        let other = change(&scene.meshes[mesh as usize]);
+        let at = |k: usize| DVec3::from(other.positions[other.triangles[0][k] as usize].map(f64::from));
+        let normal = (at(1) - at(0)).cross(at(2) - at(0)).normalize();
+        scene.meshes.push(other);
+        let transform = transform * DAffine3::from_translation(shift * normal);
+        scene.instances.push(Instance {
+            mesh: scene.meshes.len() as u32 - 1,
+            transform,
+            node: format!("{node} again"),
+        });
+    }
+    scene
+}
+
+fn render(scene: &Scene, estimator: Estimator, gate: Gate) -> Vec<f32> {
+    let mut s = settings(estimator, [24, 24]);
+    (s.max_depth, s.light_paths) = (6, 500);
+    let mut renderer = renderer(scene, &s);
+    let out = image(&mut renderer, 3, gate, 2, 4);
+    assert_eq!(renderer.stats().dropped, 0, "{estimator}: contributions that are not finite");
+    assert!(out.iter().all(|x| x.is_finite() && *x >= 0.0));
+    out
+}
+
+/// Part of the light of `a` that is elsewhere in `b`.
+fn difference(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| f64::from((x - y).abs())).sum::<f64>() / sum(a)
+}
+
+#[test]
+fn every_wall_twice_is_the_same_image() {
+    let same: fn(&Mesh) -> Mesh = Mesh::clone;
+    let changes = [
+        ("the same", same, 0.0),
+        ("cut and turned over", recut, 0.0),
+        ("1e-8 before", same, 1e-8),
+        ("1e-7 behind", same, -1e-7),
+        ("1e-6 behind, turned over", recut, -1e-6),
+        ("1e-5 before", same, 1e-5),
+    ];
+    // lcs chooses among candidates by what they contribute: where two are alike, by the last bit of a position.
+    for (estimator, changes, moves) in [(Estimator::Bdpt, &changes[..], 2e-4), (Estimator::Lcs, &changes[..2], 2e-2)] {
+        let usual = render(&turned(build(Kind::CornellBox)), estimator, GATE);
+        for &(name, change, shift) in changes {
+            let twice = render(&turned(doubled(build(Kind::CornellBox), change, shift)), estimator, GATE);
+            let (moved, gain) = (difference(&usual, &twice), sum(&twice) / sum(&usual) - 1.0);
+            println!("{estimator}, {name}: {moved:.1e} moved, {gain:+.1e} in all");
+            assert!(moved < moves && gain.abs() < 2e-3, "{estimator}, {name}: {moved:e} moved, {gain:e} in all");
+        }
+    }
+    // The sibling that must fail: walls that stand apart.
+    let apart = render(&turned(doubled(build(Kind::CornellBox), same, 1e-3)), Estimator::Bdpt, GATE);
+    assert!(difference(&render(&turned(build(Kind::CornellBox)), Estimator::Bdpt, GATE), &apart) > 2e-4);
+}
+
+/// Two rooms back to back, so that their walls at x = 1 are in one place; a lamp in one, the pinhole in the other. `door`: the walls
+/// between them are missing.
+fn two_rooms(door: bool) -> Scene {
+    let mut scene = Scene::default();
+    let white = material(&mut scene, diffuse("white", [0.9; 3]));
+    let lamp = material(&mut scene, emitter("lamp", [100.0; 3]));
+    // Faces of a cuboid come in the order -z, +z, -x, +x, -y, +y.
+    for (name, x, shared) in [("near", 0.0, 3), ("far", 1.0, 2)] {
+        let mut room = inside_out(cuboid(DVec3::X * x, DVec3::new(x + 1.0, 1.0, 1.0)));
+        if door {
+            room.triangles.drain(2 * shared..2 * shared + 2);
+        }
+        add(&mut scene, name, white, room);
+    }
+    add(&mut scene, "lamp", lamp, quad(DVec3::new(1.2, 0.9, 0.3), DVec3::X * 0.4, DVec3::Z * 0.4, [1.0; 2]));
+    camera(&mut scene, DVec3::splat(0.5), DVec3::new(1.0, 0.5, 0.4), 1.8, [24, 24]);
+    turned(scene)
+}
+
+#[test]
+fn a_wall_that_two_rooms_share_does_not_leak() {
+    for estimator in Estimator::ALL {
+        assert_eq!(sum(&render(&two_rooms(false), estimator, Gate::OPEN)), 0.0, "{estimator}");
+    }
+    // The sibling that must fail.
+    assert!(sum(&render(&two_rooms(true), Estimator::Lcs, Gate::OPEN)) > 0.0);
+}
+
+/// Where the lamp is exactly in the plane of the ceiling either is hit, as rounding has it. What the lamp lights stays lit.
+#[test]
+fn a_lamp_in_the_plane_of_the_ceiling_shines() {
+    let lit = |height: f64, estimator| {
+        let mut scene = build(Kind::CornellBox);
+        let lamp = scene.instances.iter_mut().find(|i| i.node == "light").expect("the lamp of the box");
+        lamp.transform = DAffine3::from_translation(DVec3::Y * (height - 1.99));
+        let mut s = settings(estimator, [24, 24]);
+        (s.max_depth, s.light_paths) = (6, 2000);
+        Cells::measure(&mut renderer(&turned(scene), &s), GATE, 8, 1, 8, 3)
+    };
+    let below = lit(1.9999, Estimator::Bdpt).whole();
+    let bdpt = lit(2.0, Estimator::Bdpt);
+    let lcs = lit(2.0, Estimator::Lcs);
+    println!("a tenth of a millimetre below {below:?}, in the plane {:?}, lcs {:?}", bdpt.whole(), lcs.whole());
+    // The lamp is black and the ceiling is not: where it is hit more light is left.
+    assert!((bdpt.whole().0 / below.0 - 1.0).abs() < 0.03);
+    assert!(disagreements(&bdpt, &lcs).is_empty());
+}
