@@ -33,7 +33,9 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let cosine = dot(-w, frame.forward);
     // Flux over area becomes mean radiance over the pixel (box filter): 1 / (d^2 pixel_area cos^3).
     let density = pixel_pdf(cosine);
-    let value = v.throughput * c.value * (density / (d * d));
+    // The one copy of a deterministic vertex that counts has all of its power.
+    let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);
+    let value = v.throughput * c.value * (share * density / (d * d));
     // What is not a number goes on: the host counts it.
     if (max_component(value) <= 0.0) {
         return;

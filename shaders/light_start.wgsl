@@ -28,7 +28,8 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.emitter = e.vertex.owner;
     s.triangle = e.triangle;
     s.throughput = e.throughput * per_path;
-    s.flags = select(0u, PATH_ALIVE, max_component(s.throughput) > 0.0);
+    let random = select(0u, 1u, e.stored);
+    s.flags = (random << PATH_RANDOM_SHIFT) | select(0u, PATH_ALIVE, max_component(s.throughput) > 0.0);
     if (e.deterministic) {
         // All paths of this emitter are the same one: it carries the whole power once.
         s.throughput = e.throughput * e.vertex.select_pdf;
@@ -41,7 +42,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     e.vertex.throughput *= per_path;
     e.vertex.select_pdf = 1.0;
-    e.vertex.flags = select(0u, e.vertex.flags, e.stored);
+    e.vertex.flags = select(0u, e.vertex.flags | (random << VERTEX_RANDOM_SHIFT), e.stored);
     states[slot] = s;
     vertices[slot] = e.vertex;
 }

@@ -37,10 +37,13 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let depth = dispatch.bounce + 1u;
     v.flags |= depth;
     v.owner = s.emitter;
+    var random = min((s.flags >> PATH_RANDOM_SHIFT) + 1u, 3u);
     if ((s.flags & PATH_DETERMINISTIC) != 0u) {
         v.flags |= VERTEX_DETERMINISTIC;
         v.select_pdf = s.select_pdf;
+        random = 0u;
     }
+    v.flags |= random << VERTEX_RANDOM_SHIFT;
     if (is_connectible(v)) {
         v.flags |= VERTEX_VALID;
     }
@@ -60,9 +63,10 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (!depart(&s, v, false, u, select(roulette.x, -1.0, was_deterministic))) {
         return;
     }
-    if ((s.flags & PATH_DETERMINISTIC) != 0u) {
+    let is_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
+    if (is_deterministic) {
         s.throughput *= s.select_pdf * f32(frame.light_paths);
     }
-    s.flags |= PATH_ALIVE;
+    s.flags = PATH_ALIVE | select(0u, PATH_DETERMINISTIC, is_deterministic) | (random << PATH_RANDOM_SHIFT);
     states[slot] = s;
 }

@@ -74,7 +74,7 @@ pub struct RenderArgs {
     force: bool,
 
     /// How paths are found: pt (path tracing), bdpt (bidirectional), lcs-paper (light-cone shell queries),
-    /// lcs (the same, resampled) [default: lcs-paper]
+    /// lcs (the same by importance, resampled) [default: lcs; bdpt without a gate]
     #[arg(long, value_name = "NAME", help_heading = "Sampling")]
     estimator: Option<Estimator>,
 
@@ -94,11 +94,16 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     max_depth: Option<u32>,
 
-    /// Light subpaths an iteration [default: 50000]
+    /// Light subpaths an iteration whose vertices are kept [default: one a pixel, 4096 to 50000]
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     light_paths: Option<u32>,
 
-    /// Tree queries a shade point, 1 to 64 [default: 1; lcs: 8]
+    /// Further light subpaths an iteration that only the sensor sees; for caustics [default: 0; lcs: three a pixel where
+    /// mirrors, glass or gloss focus light]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    splat_paths: Option<u32>,
+
+    /// Tree queries a shade point, 1 to 64; lcs: at the first of a path, a quarter at each next [default: 1; lcs: 16]
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     queries: Option<u32>,
 
@@ -173,6 +178,7 @@ impl RenderArgs {
                 seed: self.seed,
                 max_depth: self.max_depth,
                 light_paths: self.light_paths,
+                splat_paths: self.splat_paths,
                 queries: self.queries,
                 buckets: self.buckets,
                 leaf_size: self.leaf_size,
@@ -241,6 +247,10 @@ pub struct BenchArgs {
     #[arg(value_name = "SUITE.toml")]
     pub suite: PathBuf,
 
+    /// Only these scenes of the suite
+    #[arg(long, value_name = "NAME,...", help_heading = "Scene", value_delimiter = ',')]
+    pub scenes: Vec<String>,
+
     /// Image size in pixels, instead of the suite's
     #[arg(long, value_name = "WxH", help_heading = "Scene")]
     pub resolution: Option<Resolution>,
@@ -302,7 +312,7 @@ pub struct InfoArgs {
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     max_depth: Option<u32>,
 
-    /// Light subpaths an iteration [default: 50000]
+    /// Light subpaths an iteration whose vertices are kept [default: one a pixel, 4096 to 50000]
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     light_paths: Option<u32>,
 

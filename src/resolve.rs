@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 use crate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, Png, RenderTable};
-use crate::scene::{Camera, LightKind, Scene};
+use crate::scene::{Camera, LightKind, Material, Scene};
 use crate::settings::*;
 use crate::units::{Gate, Resolution as GateResolution};
 use crate::values::{Resolution, Seconds};
@@ -70,7 +70,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     }
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
-    let estimator = render.estimator.unwrap_or(DEFAULT_ESTIMATOR);
+    let estimator = render.estimator.unwrap_or(default_estimator(gate));
     let settings = Settings {
         estimator,
         strategies: render.strategies.unwrap_or(DEFAULT_STRATEGIES),
@@ -80,7 +80,8 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         budget: budget(render)?,
         seed: render.seed.unwrap_or(DEFAULT_SEED),
         max_depth: within("max-depth", render.max_depth.unwrap_or(DEFAULT_MAX_DEPTH), MAX_DEPTH)?,
-        light_paths: within("light-paths", render.light_paths.unwrap_or(DEFAULT_LIGHT_PATHS), MAX_LIGHT_PATHS)?,
+        light_paths: within("light-paths", render.light_paths.unwrap_or(light_paths(resolution)), MAX_LIGHT_PATHS)?,
+        splat_paths: splat_paths(render, estimator, resolution, scene)?,
         queries: within("queries", render.queries.unwrap_or(estimator.default_queries()), MAX_QUERIES)?,
         buckets: within("buckets", render.buckets.unwrap_or(DEFAULT_BUCKETS), MAX_BUCKETS)?,
         leaf_size: leaf_size(render, estimator)?,
@@ -130,6 +131,7 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         seed: Some(settings.seed),
         max_depth: Some(settings.max_depth),
         light_paths: Some(settings.light_paths),
+        splat_paths: Some(settings.splat_paths),
         queries: Some(settings.queries),
         buckets: Some(settings.buckets),
         leaf_size: (settings.leaf_size > 0).then_some(settings.leaf_size),
@@ -150,6 +152,32 @@ fn within(name: &str, value: u32, most: u32) -> Result<u32> {
         return Ok(value);
     }
     Err(settings(format!("--{name} is {value}; it must be from 1 to {most}")))
+}
+
+/// Without a gate there is nothing that queries could choose better by: they only cost time (docs/PERFORMANCE.md, lcs).
+fn default_estimator(gate: Gate) -> Estimator {
+    if gate.is_open() { Estimator::Bdpt } else { Estimator::Lcs }
+}
+
+/// Enough that the trees know the light, and no more than sensor paths can pay for.
+fn light_paths([width, height]: [u32; 2]) -> u32 {
+    (width * height).clamp(LEAST_LIGHT_PATHS, DEFAULT_LIGHT_PATHS)
+}
+
+/// By default only `lcs` traces more light subpaths than it stores, and only where light that a mirror, glass or gloss focused
+/// reaches the sensor's surfaces: no query finds that.
+fn splat_paths(render: &RenderTable, estimator: Estimator, [width, height]: [u32; 2], scene: &Scene) -> Result<u32> {
+    let focuses = |m: &Material| m.transmission > 0.0 || (m.roughness < 0.5 && (m.metallic > 0.0 || m.specular > 0.0));
+    let default = if estimator == Estimator::Lcs && scene.materials.iter().any(focuses) {
+        (SPLAT_PATHS_A_PIXEL * width * height).min(MAX_LIGHT_PATHS)
+    } else {
+        0
+    };
+    let paths = render.splat_paths.unwrap_or(default);
+    if paths > MAX_LIGHT_PATHS {
+        return Err(settings(format!("--splat-paths is {paths}; it must be at most {MAX_LIGHT_PATHS}")));
+    }
+    Ok(paths)
 }
 
 /// Estimators without trees have no leaves, whatever was asked for.

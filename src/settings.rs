@@ -10,12 +10,15 @@ use crate::units::Gate;
 pub const DEFAULT_SPP: u32 = 64;
 /// Path segments at most. Long enough that a white room loses under 1 % of its light.
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
-/// Light subpaths an iteration, M of the paper.
+/// Light subpaths an iteration, M of the paper: one a pixel, but no more than this.
 pub const DEFAULT_LIGHT_PATHS: u32 = 50_000;
+/// And no fewer than this.
+pub const LEAST_LIGHT_PATHS: u32 = 4096;
+/// Light subpaths a pixel and iteration that `lcs` traces for t = 1 alone, where surfaces focus light.
+pub const SPLAT_PATHS_A_PIXEL: u32 = 3;
 /// Power buckets a node, B of the paper.
 pub const DEFAULT_BUCKETS: u32 = 8;
 pub const DEFAULT_SEED: u32 = 0;
-pub const DEFAULT_ESTIMATOR: Estimator = Estimator::LcsPaper;
 pub const DEFAULT_STRATEGIES: Strategies = Strategies::All;
 /// Pixels across when neither flags nor the camera say how many.
 pub const DEFAULT_WIDTH: u32 = 512;
@@ -65,7 +68,7 @@ impl Estimator {
     /// Tree queries a shade point and tree when nothing says how many: K of the paper, or candidates of a shadow ray.
     pub fn default_queries(self) -> u32 {
         match self {
-            Estimator::Lcs => 8,
+            Estimator::Lcs => 16,
             Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => 1,
         }
     }
@@ -164,8 +167,10 @@ pub struct Settings {
     pub seed: u32,
     /// Greatest number of path segments, >= 1.
     pub max_depth: u32,
-    /// Light subpaths an iteration, M of the paper, >= 1.
+    /// Light subpaths an iteration whose vertices are stored, M of the paper, >= 1.
     pub light_paths: u32,
+    /// Further light subpaths an iteration that only the sensor sees (t = 1).
+    pub splat_paths: u32,
     /// Tree queries a shade point and tree, K of the paper, >= 1.
     pub queries: u32,
     /// Temporal power buckets a node, B of the paper, 1 to 8.

@@ -75,10 +75,10 @@ fn a_suite_from_reference_to_report_and_on() {
     fails(here.path(), &bench(&[]), 2, "make it with: taugate bench s.toml --out out --reference");
     assert!(!here.path().join("out").exists(), "nothing is written without a reference");
 
-    // A reference for a suite of twice the time leaves room for a machine that is faster while it compares.
-    edit(here.path(), "60ms", "120ms");
+    // A reference for a suite of four times the time leaves room for a machine that is faster while it compares.
+    edit(here.path(), "60ms", "240ms");
     let (_, messages) = succeeds(here.path(), &bench(&["--reference", "--reference-time", "20s"]));
-    edit(here.path(), "120ms", "60ms");
+    edit(here.path(), "240ms", "60ms");
     assert!(messages.contains("agrees with") && messages.contains("skipped 1 scene: gone"), "{messages}");
     let references: Vec<_> = std::fs::read_dir(here.path().join("references")).unwrap().collect();
     assert_eq!(references.len(), 1, "both variants share a reference");
@@ -254,6 +254,7 @@ fn mistakes_name_their_place() {
     }
     edit(here.path(), "8m..8.5m", "0.1m..0.2m");
     fails(here.path(), &["bench", "s.toml", "--reference"], 2, "s.toml:10:8: the gate 0.1-0.2 m");
+    fails(here.path(), &["bench", "s.toml", "--scenes", "attic"], 2, "the suite has no scene 'attic': choose from");
     fails(here.path(), &["bench", "none.toml"], 2, "none.toml: no such file; check the name");
     fails(here.path(), &["bench", "s.toml", "--reference", "--resume"], 2, "cannot be used with");
 }

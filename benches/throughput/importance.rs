@@ -18,6 +18,7 @@ const MAX_DEPTH: u32 = 24;
 /// Constants of `shared/importance.wgsl` and `shared/resample.wgsl`.
 const LIVE_SHARE: f32 = 0.3;
 const LEAST_COSINE: f32 = 0.1;
+const BY_POWER: f32 = 1.0 / 16.0;
 const LEAST_IMPORTANCE: f32 = 1e-36;
 const RESOLUTION: f32 = 1.0 / 16_777_216.0;
 
@@ -98,6 +99,12 @@ fn node_importance(c: &TreeChild, r: &Receiver) -> f32 {
     (power / centre.length_squared().max(half.length_squared()).max(1e-20)).max(LEAST_IMPORTANCE)
 }
 
+fn total_power(c: &TreeChild) -> f32 {
+    let bytes = [c.buckets_low.to_le_bytes(), c.buckets_high.to_le_bytes()];
+    let sum: u32 = bytes.iter().flatten().map(|&byte| u32::from(byte)).sum();
+    (c.power_unit * sum as f32).max(1e-36)
+}
+
 fn refill(u: f32, part: f32, rng: &mut u32) -> f32 {
     let fresh = next_bits(rng) as f32 / 4_294_967_296.0;
     let most = 1.0 - RESOLUTION;
@@ -105,21 +112,29 @@ fn refill(u: f32, part: f32, rng: &mut u32) -> f32 {
 }
 
 fn descend(nodes: &[TreeNode], root: u32, r: &Receiver, u: f32, rng: &mut u32) -> Option<(u32, f32)> {
-    let (mut current, mut weight, mut rest) = (root, 1.0, u);
+    let by_power = u < BY_POWER;
+    let (from, part) = if by_power { (u, BY_POWER) } else { (u - BY_POWER, 1.0 - BY_POWER) };
+    let (mut current, mut rest, mut p) = (root, refill(from, part, rng), [1.0f32; 2]);
     while current & LEAF_BIT == 0 {
         let node = &nodes[current as usize];
         let (left, right) = (node_importance(&node.left, r), node_importance(&node.right, r));
         if left + right <= 0.0 {
             return None;
         }
+        let power = |c: &TreeChild, live: bool| if live { total_power(c) } else { 0.0 };
+        let ways = [[power(&node.left, left > 0.0), power(&node.right, right > 0.0)], [left, right]];
+        let [left, right] = ways[usize::from(!by_power)];
         let lesser = left.min(right) / (left + right);
         let take_lesser = rest < lesser;
         let part = if take_lesser { lesser } else { 1.0 - lesser };
         rest = refill(if take_lesser { rest } else { rest - lesser }, part, rng);
-        weight /= part;
-        current = if take_lesser == (left < right) { node.left.child } else { node.right.child };
+        let take_left = take_lesser == (left < right);
+        for (p, [left, right]) in p.iter_mut().zip(ways) {
+            *p *= if take_left { left } else { right } / (left + right);
+        }
+        current = if take_left { node.left.child } else { node.right.child };
     }
-    Some((current, weight))
+    Some((current, 1.0 / (BY_POWER * p[0] + (1.0 - BY_POWER) * p[1])))
 }
 
 fn vertex_importance(r: &Receiver, depth: u32, v: &PathVertex) -> f32 {

@@ -13,7 +13,7 @@ struct Frame {
     extent: vec2<f32>,
     // Area of a pixel on that plane.
     pixel_area: f32,
-    // Light subpaths for each sensor sample of a pixel: the sample count of the t = 1 strategies.
+    // Light subpaths, stored or not, for each sensor sample of a pixel: the sample count of the t = 1 strategies.
     light_count: f32,
     // The gate [lo, hi) of optical path; hi is 3e38 for an open gate.
     gate_lo: f32,
@@ -34,8 +34,8 @@ struct Frame {
     // Roots of the two trees: a node, a leaf reference, or NONE.
     tree3_root: u32,
     tree4_root: u32,
-    // 0 if the strategies do not take part in the MIS weights; else their weight relative to connections through a tree:
-    // 1 / gain^2 for s = 0 and t = 1 (whose sample count is `light_count`), 1 for s >= 2.
+    // 0 if the strategies do not take part in the MIS weights; else 1 / gain^2 for s = 0 and t = 1, which no query
+    // serves, and 1 for s >= 2.
     keep_s0: f32,
     keep_t1: f32,
     keep_s2: f32,
@@ -50,8 +50,10 @@ struct Frame {
     emitter_vertices: u32,
     // Candidate slots a shade point.
     slots: u32,
-    // Samples that a connection through a tree stands for in the MIS weights; 1 for one that is not chosen by its contribution.
+    // Samples that a vertex chosen by a query stands for in the MIS weights (`weights.wgsl`).
     gain: f32,
+    // Of all light subpaths, the share whose vertices are stored: their throughput is that of the stored ones alone.
+    splat_share: f32,
 }
 
 // What changes from dispatch to dispatch.

@@ -56,6 +56,12 @@ fn bucket_power(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
     return c.power_unit * (sum.x + sum.y + sum.z + sum.w);
 }
 
+// Power of all buckets, > 0.
+fn total_power(c: TreeChild) -> f32 {
+    let sum = bytes_to_floats(c.buckets_low) + bytes_to_floats(c.buckets_high);
+    return max(c.power_unit * (sum.x + sum.y + sum.z + sum.w), 1e-36);
+}
+
 // B(N, q) of the paper: effective power over the squared least distance, which is never taken below the box's half diagonal:
 // 1 / d_min^2 is infinite inside the box and far too large just outside. This makes the baseline better than its formula.
 fn node_bound(c: TreeChild, shell: Shell, spatial: bool) -> f32 {

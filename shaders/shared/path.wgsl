@@ -29,6 +29,8 @@ struct PathState {
 const PATH_ALIVE: u32 = 1u;
 // Nothing random has happened yet: a beam of zero radius, and mirrors behind it.
 const PATH_DETERMINISTIC: u32 = 2u;
+// Light: number of its vertices that are not deterministic, at most 3, from this bit on.
+const PATH_RANDOM_SHIFT: u32 = 4u;
 
 // A vertex that can be connected: a light vertex v or a shade point q.
 struct PathVertex {
@@ -68,6 +70,8 @@ const VERTEX_EMITTER: u32 = 0x100u;
 const VERTEX_DETERMINISTIC: u32 = 0x200u;
 // The side of `to_previous` is the front of the surface.
 const VERTEX_FRONT: u32 = 0x400u;
+// Light: as PATH_RANDOM_SHIFT, with this vertex.
+const VERTEX_RANDOM_SHIFT: u32 = 12u;
 // The slot holds a vertex.
 const VERTEX_VALID: u32 = 0x800u;
 
@@ -90,7 +94,13 @@ fn load_vertex(texels: texture_1d<u32>, index: u32) -> PathVertex {
         bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, 0u);
 }
 
-// Power heuristic (Eq. 27, beta = 2).
+// Vertices of the light subpath up to v that are not deterministic, at most 3.
+fn random_vertices(v: PathVertex) -> u32 {
+    return (v.flags >> VERTEX_RANDOM_SHIFT) & 3u;
+}
+
+// Power heuristic (Eq. 27, beta = 2). Finite, so that a weight that is 0 makes 0 of it.
 fn mis(x: f32) -> f32 {
-    return x * x;
+    let bounded = min(x, 1e15);
+    return bounded * bounded;
 }

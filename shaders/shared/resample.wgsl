@@ -15,33 +15,40 @@ fn refill(u: f32, part: f32, rng: ptr<function, u32>) -> f32 {
     return select(clamp((u + RESOLUTION * fresh) / part, 0.0, 1.0 - RESOLUTION), min(fresh, 1.0 - RESOLUTION), part < 1.0 / 256.0);
 }
 
-// One traversal from `root` by the uniform `u`: a leaf and 1 / P(leaf | q), or NONE at a dead node. Stratified values of `u`
-// lead to different parts of the tree.
+// Part of the traversals that go by power alone wherever a node is not pruned. Errors of the importance multiply from level to
+// level; a vertex that it all but misses is found with this part of its share of the power, so that none shines far too bright.
+const BY_POWER: f32 = 1.0 / 16.0;
+
+// One traversal from `root` by the uniform `u`: a leaf and 1 / P(leaf | q), or NONE at a dead node; P is that of both ways to
+// choose children together. Stratified values of `u` lead to different parts of the tree.
 fn descend_by_importance(root: u32, receiver: Receiver, u: f32, rng: ptr<function, u32>) -> Candidate {
     var current = root;
-    var weight = 1.0;
-    var rest = u;
+    let by_power = u < BY_POWER;
+    var rest = refill(select(u - BY_POWER, u, by_power), select(1.0 - BY_POWER, BY_POWER, by_power), rng);
+    // Probabilities of the way so far by power and by importance.
+    var p = vec2<f32>(1.0);
     if ((current & LEAF_BIT) == 0u) {
         // Left at the end: masked SIMD would run the body once more for a condition at the top.
         loop {
             let node = load_tree_node(current);
-            let left = node_importance(node.left, receiver);
-            let right = node_importance(node.right, receiver);
+            let importance = vec2<f32>(node_importance(node.left, receiver), node_importance(node.right, receiver));
+            let power = select(vec2<f32>(0.0), vec2<f32>(total_power(node.left), total_power(node.right)), importance > vec2<f32>(0.0));
+            let goal = select(importance, power, by_power);
             // The lesser child at the low end, where floats are fine: rare children are drawn as rarely as P says.
-            let lesser = min(left, right) / (left + right);
+            let lesser = min(goal.x, goal.y) / (goal.x + goal.y);
             let take_lesser = rest < lesser;
-            let take_left = take_lesser == (left < right);
-            let part = select(1.0 - lesser, lesser, take_lesser);
-            rest = refill(select(rest - lesser, rest, take_lesser), part, rng);
-            weight /= part;
+            let take_left = take_lesser == (goal.x < goal.y);
+            rest = refill(select(rest - lesser, rest, take_lesser), select(1.0 - lesser, lesser, take_lesser), rng);
+            p *= select(vec2<f32>(power.y, importance.y), vec2<f32>(power.x, importance.x), take_left)
+                / vec2<f32>(power.x + power.y, importance.x + importance.y);
             current = select(node.right.child, node.left.child, take_left);
-            current = select(NONE, current, left + right > 0.0);
+            current = select(NONE, current, importance.x + importance.y > 0.0);
             continuing {
                 break if (current & LEAF_BIT) != 0u;
             }
         }
     }
-    return Candidate(current, weight);
+    return Candidate(current, 1.0 / (BY_POWER * p.x + (1.0 - BY_POWER) * p.y));
 }
 
 // What v would contribute to q if both were diffuse and saw each other; 0 if it cannot contribute.
@@ -76,15 +83,22 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     return chosen;
 }
 
+// Candidates at a shade point `depth` segments from the sensor: K at the first, a quarter at each next one, which carries less
+// of the image.
+fn candidates_at(depth: u32) -> u32 {
+    return max(frame.queries >> min(2u * (depth - 1u), 16u), 1u);
+}
+
 // K stratified queries of one tree, resampled by the unshadowed contribution (Talbot et al. 2005): one vertex, and the factor
 // that takes the place of 1 / (K P(j | q)).
 fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
+    let queries = candidates_at(q.flags & VERTEX_DEPTH);
     var chosen = Candidate(NONE, 0.0);
     var chosen_target = 0.0;
     var sum = 0.0;
     let jitter = min(next_fine_uniform(rng), 1.0 - RESOLUTION);
-    for (var k = 0u; k < frame.queries; k++) {
-        let leaf = descend_by_importance(root, receiver, (f32(k) + jitter) / f32(frame.queries), rng);
+    for (var k = 0u; k < queries; k++) {
+        let leaf = descend_by_importance(root, receiver, (f32(k) + jitter) / f32(queries), rng);
         if (leaf.vertex == NONE) {
             continue;
         }
@@ -106,7 +120,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         }
     }
     if (chosen.vertex != NONE) {
-        chosen.weight = sum / (chosen_target * f32(frame.queries));
+        chosen.weight = sum / (chosen_target * f32(queries));
     }
     return chosen;
 }

@@ -106,28 +106,31 @@ fn scatter(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
     return s;
 }
 
-// Deterministic vertices are connected once, others through a tree, whose sample count is the unit of the MIS sums: the factor
-// that makes up for it in a density.
-fn once(v: PathVertex) -> f32 {
-    return select(1.0, frame.gain, (v.flags & VERTEX_DETERMINISTIC) != 0u);
+// Partial MIS sums stay finite: a strategy that lags behind by so much takes no part.
+const LARGEST_SUM: f32 = 1e30;
+
+// n(r + 1) / n(r) of `weights.wgsl` for a light subpath that goes on from v.
+fn gain_after(v: PathVertex) -> f32 {
+    return select(1.0, frame.gain, random_vertices(v) < 2u);
 }
 
 // One step of the partial MIS sums when the subpath goes on from a vertex (Georgiev 2012, Eqs. 35 and 36), before the
-// distance and cosine at the next vertex are known. `select_pdf` < 1 only after deterministic vertices.
-fn mis_scatter(state: ptr<function, PathState>, s: Scatter, select_pdf: f32) {
+// distance and cosine at the next vertex are known. `samples`: for how many the next vertex of a light subpath stands, times the
+// probability of its emitter after deterministic vertices; else 1.
+fn mis_scatter(state: ptr<function, PathState>, s: Scatter, samples: f32) {
     if (s.delta) {
         (*state).d_vcm = 0.0;
-        (*state).d_vc = (*state).d_vc * mis(s.cosine);
+        (*state).d_vc = (*state).d_vc * mis(s.cosine / samples);
         return;
     }
-    let density = s.pdf * select_pdf;
-    (*state).d_vc = mis(s.cosine / density) * ((*state).d_vcm + (*state).d_vc * mis(s.pdf_reverse));
-    (*state).d_vcm = mis(1.0 / density);
+    let density = s.pdf * samples;
+    (*state).d_vc = min(mis(s.cosine / density) * ((*state).d_vcm + (*state).d_vc * mis(s.pdf_reverse)), LARGEST_SUM);
+    (*state).d_vcm = min(mis(1.0 / density), LARGEST_SUM);
 }
 
 // The same sums on arrival: densities per solid angle become densities per area.
 fn mis_arrive(state: ptr<function, PathState>, distance2: f32, cosine: f32) {
     let c = mis(max(cosine, 1e-12));
-    (*state).d_vcm = (*state).d_vcm * mis(distance2) / c;
-    (*state).d_vc = (*state).d_vc / c;
+    (*state).d_vcm = min((*state).d_vcm * mis(distance2) / c, LARGEST_SUM);
+    (*state).d_vc = min((*state).d_vc / c, LARGEST_SUM);
 }

@@ -51,7 +51,7 @@ fn depart(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec
     (*state).direction = s.direction;
     (*state).eta = medium_towards(v, s.direction);
     (*state).shift = leave(vec3<f32>(0.0), v.geometric, v.offset, s.direction);
-    mis_scatter(state, s, v.select_pdf * once(v));
+    mis_scatter(state, s, select(gain_after(v) * v.select_pdf, 1.0, to_light));
     if (!(s.delta && load_material(v.material).metallic >= 1.0)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
     }

@@ -1,5 +1,11 @@
 // MIS weights: the power heuristic (Eq. 27, beta = 2) over exactly the strategies that are kept, by Georgiev's partial sums
 // ("Implementing Vertex Connection and Merging", 2012, Eqs. 31 to 40). Weights of all kept strategies of a path sum to 1.
+//
+// A query chooses among all light subpaths by what they contribute, a sensor subpath takes the vertex it happens to reach. So the
+// first two vertices of a connected light subpath that are not deterministic count as `gain` samples each: n(r) = gain^min(r, 2)
+// for r of them. (Of more, no: subpaths of many segments are so rare that one pool of them must not carry the image.) t = 1 is
+// served by no query: with r it counts as `light_count` n(r - 1) / gain, so light_count / gain beside the connection to the vertex
+// before it, or as light_count if that one is deterministic: nothing chooses it. gain = 1 is the plain power heuristic.
 #import scatter
 #import camera
 
@@ -7,8 +13,8 @@
 fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
     if (e.stored) {
         let cosine = abs(dot(e.vertex.geometric, e.direction));
-        (*s).d_vcm = mis(1.0 / e.pdf_direction);
-        (*s).d_vc = frame.keep_s0 * mis(cosine / (e.density * e.pdf_direction));
+        (*s).d_vcm = mis(1.0 / (frame.gain * e.pdf_direction));
+        (*s).d_vc = frame.keep_s0 * mis(cosine / (frame.gain * e.density * e.pdf_direction));
     } else {
         // A punctual light is connected once at every shade point, not with the probability of being chosen.
         (*s).d_vcm = mis(1.0 / (frame.gain * e.pdf_direction * e.vertex.select_pdf));
@@ -22,14 +28,24 @@ fn start_sensor_sums(s: ptr<function, PathState>, cosine: f32) {
     (*s).d_vc = 0.0;
 }
 
+// n(r + 1) / n(r) and n(r + 2) / n(r) of strategies that trace one vertex more from a light subpath with r random vertices, or more
+// than one, for q `depth` segments from the sensor. The last of them is t = 1, which the sums hold with light_count / gain.
+fn gains_beyond(r: u32, depth: u32) -> vec2<f32> {
+    let g = frame.gain;
+    let next = select(1.0, g, (depth == 1u && r == 0u) || (depth > 1u && r < 2u));
+    let more = select(1.0, g, r < 2u) * select(1.0, g, r == 0u && depth > 2u);
+    return vec2<f32>(next, more);
+}
+
 // Weight of connecting q and v at the squared distance d2 (Eqs. 38 to 40). Strategies that would have traced q from v stand
 // in w_sensor, those that would have traced v from q in w_light.
 fn connection_weight(q: PathVertex, v: PathVertex, at_q: Connection, at_v: Connection, d2: f32) -> f32 {
     let q_to_v = at_q.pdf * at_v.cosine / d2;
     let v_to_q = at_v.pdf * at_q.cosine / d2;
+    let beyond = gains_beyond(random_vertices(v), q.flags & VERTEX_DEPTH);
     let w_light = mis(q_to_v) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse));
-    let w_sensor = frame.keep_s2 * mis(v_to_q) * (q.d_vcm + q.d_vc * mis(at_q.pdf_reverse));
-    return 1.0 / (1.0 + mis(once(v)) * (w_light + w_sensor));
+    let w_sensor = frame.keep_s2 * (mis(beyond.x * v_to_q) * q.d_vcm + mis(beyond.y * v_to_q) * (q.d_vc * mis(at_q.pdf_reverse)));
+    return 1.0 / (1.0 + w_light + w_sensor);
 }
 
 // Weight of s = 0 at a subpath's end on an emitter, `depth` segments from the sensor. `direct`: density per area with which
@@ -39,10 +55,14 @@ fn emitter_weight(q: PathVertex, depth: u32, direct: f32, emitted: f32) -> f32 {
         // s = 1, t = 1 is not formed.
         return 1.0;
     }
-    return 1.0 / (1.0 + mis(frame.gain * direct) * (q.d_vcm + frame.keep_s2 * mis(emitted) * q.d_vc));
+    let beyond = gains_beyond(0u, depth);
+    let further = frame.keep_s2 * mis(beyond.y * direct) * (mis(emitted) * q.d_vc);
+    return 1.0 / (1.0 + mis(beyond.x * direct) * q.d_vcm + further);
 }
 
 // Weight of t = 1 at v; `area_density`: with which the sensor's own sample of the pixel reaches v, per area.
 fn splat_weight(v: PathVertex, at_v: Connection, area_density: f32) -> f32 {
-    return 1.0 / (1.0 + mis(frame.gain * area_density / frame.light_count) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse)));
+    // n(r) over the sample count of t = 1.
+    let count = frame.gain * select(1.0, frame.gain, random_vertices(v) == 2u) / frame.light_count;
+    return 1.0 / (1.0 + mis(count * area_density) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse)));
 }

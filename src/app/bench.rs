@@ -64,6 +64,7 @@ impl Bench {
     fn new(args: &BenchArgs, progress: &Progress) -> Result<Bench> {
         check_readable(&args.suite)?;
         let mut suite = Suite::read(&args.suite)?;
+        choose(&mut suite, &args.scenes)?;
         if let Some(time) = args.time {
             suite.seconds = time.0;
         }
@@ -365,6 +366,9 @@ fn text(scene: &str, lines: &[Line]) -> String {
 
 fn command(args: &BenchArgs) -> String {
     let mut text = format!("taugate bench {}", args.suite.display());
+    if !args.scenes.is_empty() {
+        text += &format!(" --scenes '{}'", args.scenes.join(","));
+    }
     if let Some(resolution) = args.resolution {
         text += &format!(" --resolution {resolution}");
     }
@@ -375,6 +379,17 @@ fn command(args: &BenchArgs) -> String {
         text += &format!(" --out {}", out.display());
     }
     text
+}
+
+/// Leaves the named scenes in the suite; all of them if nothing is named.
+fn choose(suite: &mut Suite, names: &[String]) -> Result<()> {
+    let known = |name: &String| suite.scenes.iter().any(|scene| scene.name == *name);
+    if let Some(name) = names.iter().find(|name| !known(name)) {
+        let all: Vec<&str> = suite.scenes.iter().map(|scene| scene.name.as_str()).collect();
+        return Err(Error::Settings(format!("the suite has no scene '{name}': choose from {}", all.join(", "))));
+    }
+    suite.scenes.retain(|scene| names.is_empty() || names.contains(&scene.name));
+    Ok(())
 }
 
 fn make_folder(path: &Path) -> Result<()> {

@@ -91,7 +91,7 @@ pub fn pilots(
 /// An entry's settings with another estimator as it is by default.
 pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
     let (queries, leaf_size) = (estimator.default_queries(), estimator.leaf_size());
-    Settings { estimator, queries, leaf_size, single_tree: false, ..entry.settings.clone() }
+    Settings { estimator, queries, leaf_size, single_tree: false, splat_paths: 0, ..entry.settings.clone() }
 }
 
 /// With one light path a pixel at most.

@@ -66,7 +66,7 @@ impl LightTracer {
 
     /// What the buffers of [`LightTracer::new`] need, in its order.
     pub fn needs(plan: &Plan) -> [Need; 5] {
-        let capacity = BATCH.min(plan.light_paths as usize);
+        let capacity = BATCH.min(plan.traced_paths() as usize);
         let remedy = "use fewer --light-paths";
         [
             Need::of::<PathState>("light path states", capacity, remedy),
@@ -90,11 +90,11 @@ impl LightTracer {
         see: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
-        for first in (0..plan.light_paths).step_by(BATCH) {
-            let count = (plan.light_paths - first).min(BATCH as u32);
+        for first in (0..plan.traced_paths()).step_by(BATCH) {
+            let count = (plan.traced_paths() - first).min(BATCH as u32);
             self.run_batch(plan, first, count, pool, see, stats)?;
         }
-        stats.light_paths += u64::from(plan.light_paths);
+        stats.light_paths += u64::from(plan.traced_paths());
         Ok(())
     }
 
@@ -113,7 +113,7 @@ impl LightTracer {
         self.recorder.dispatch("light_start", &self.start.0, &self.start.1, &constants(count, 0), groups)?;
         stats.submit(&mut self.recorder)?;
         let mut living: Vec<u32> = (0..count).collect();
-        stats.timed(stage::READ_LIGHT, || self.collect(&living, first, plan.max_depth, pool))?;
+        stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, first, pool))?;
         if !plan.traces_light {
             return Ok(());
         }
@@ -134,7 +134,7 @@ impl LightTracer {
             stats.closest_rays += living.len() as u64;
             stats.light_rays += living.len() as u64;
             let known = pool.deterministic.len();
-            stats.timed(stage::READ_LIGHT, || self.collect(&living, first, plan.max_depth, pool))?;
+            stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, first, pool))?;
             if plan.splats {
                 let show = |splat: Splat| see(Splat { s: bounce + 2, ..splat });
                 let splats = || self.show_splats(plan, &living, known, pool, show);
@@ -147,13 +147,13 @@ impl LightTracer {
         Ok(())
     }
 
-    /// Vertices that were just reached, in the order of the paths.
-    fn collect(&self, living: &[u32], first: u32, max_depth: u32, pool: &mut LightPool) -> Result<()> {
+    /// Vertices that were just reached by paths that are stored, in the order of the paths.
+    fn collect(&self, plan: &Plan, living: &[u32], first: u32, pool: &mut LightPool) -> Result<()> {
         self.vertices.with::<PathVertex, _>(self.vertices_in_use(living), |vertices| {
-            for &slot in living {
+            for &slot in living.iter().take_while(|&&slot| first + slot < plan.light_paths) {
                 let vertex = &vertices[slot as usize];
                 if vertex.flags & VERTEX_VALID != 0 {
-                    pool.push(first + slot, vertex, max_depth);
+                    pool.push(first + slot, vertex, plan.max_depth);
                 }
             }
         })

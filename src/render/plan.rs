@@ -47,6 +47,7 @@ pub enum Observe {
 pub struct Plan {
     pub estimator: Estimator,
     pub light_paths: u32,
+    splat_paths: u32,
     pub buckets: u32,
     /// 0 without trees.
     pub leaf_size: u32,
@@ -84,6 +85,7 @@ impl Plan {
         let mut plan = Plan {
             estimator: settings.estimator,
             light_paths: settings.light_paths,
+            splat_paths: settings.splat_paths,
             buckets: settings.buckets,
             leaf_size: settings.leaf_size,
             single_tree: settings.single_tree,
@@ -152,7 +154,8 @@ impl Plan {
             iteration,
             first_sample,
             samples,
-            light_count: self.light_paths as f32 / samples as f32,
+            light_count: self.traced_paths() as f32 / samples as f32,
+            splat_share: self.light_paths as f32 / self.traced_paths() as f32,
             ..self.frame
         };
         if let Some(pool) = pool {
@@ -163,6 +166,11 @@ impl Plan {
             frame.slots = self.slots(pool);
         }
         frame
+    }
+
+    /// Light subpaths an iteration: the stored ones, which come first, and those that the sensor alone sees (t = 1).
+    pub fn traced_paths(&self) -> u32 {
+        self.light_paths + if self.splats { self.splat_paths } else { 0 }
     }
 
     /// Row-major pixel at position `i` of the order in which samples run: `crop_pixel` of `camera.wgsl`.
@@ -209,8 +217,9 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, p
     let extent = [tangent * f64::from(width) / f64::from(height), tangent];
     let pixel_area = 4.0 * extent[0] * extent[1] / (f64::from(width) * f64::from(height));
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
-    // One of K candidates, chosen by what it contributes, is worth about K that were not.
-    let gain = if settings.estimator == Estimator::Lcs { settings.queries as f32 } else { 1.0 };
+    // A vertex that queries choose by what it contributes is worth many that subpaths happen to reach; 4 K was measured best
+    // (docs/PERFORMANCE.md, lcs).
+    let gain = if settings.estimator == Estimator::Lcs { 4.0 * settings.queries as f32 } else { 1.0 };
     Frame {
         right: axis(DVec3::X),
         up: axis(DVec3::Y),

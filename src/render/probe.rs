@@ -102,6 +102,7 @@ fn small(settings: &Settings) -> Settings {
         resolution,
         crop: Crop { x0, x1, y0, y1 },
         light_paths: settings.light_paths.min(LIGHT_PATHS),
+        splat_paths: 0,
         ..settings.clone()
     }
 }

@@ -43,12 +43,16 @@ fn message(toml: &str, scene: &Scene) -> String {
 
 #[test]
 fn defaults_fill_what_nobody_said() {
+    // Without a gate there is nothing that queries could choose better by.
     let s = settings_of("");
-    assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::LcsPaper, Strategies::All, Gate::OPEN));
+    assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::Bdpt, Strategies::All, Gate::OPEN));
+    assert_eq!((s.queries, s.leaf_size), (1, 0));
+    let s = settings_of("gate.gate = '1m..2m'\nemitter.emitters = 'beam'");
+    assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::Lcs, Strategies::All, Gate { lo: 1.0, hi: 2.0 }));
     assert_eq!((s.budget, s.seed, s.max_depth), (Budget::Spp(64), 0, 24));
-    assert_eq!((s.light_paths, s.queries, s.buckets, s.cull), (50_000, 1, 8, true));
-    assert_eq!((s.leaf_size, s.single_tree), (1, false));
-    assert_eq!((s.camera, s.resolution, s.emitters), (0, [512, 256], Emitters::Scene));
+    assert_eq!((s.light_paths, s.splat_paths, s.queries, s.buckets, s.cull), (50_000, 0, 16, 8, true));
+    assert_eq!((s.leaf_size, s.single_tree), (8, false));
+    assert_eq!((s.camera, s.resolution, s.emitters), (0, [512, 256], Emitters::Nodes(vec!["beam".into()])));
     assert_eq!(s.crop, Crop { x0: 0, x1: 512, y0: 0, y1: 256 });
 }
 
@@ -69,6 +73,7 @@ fn mistakes_name_the_flag_and_the_remedy() {
         ("render.spp = 0", "--spp is 0; it must be from 1"),
         ("render.max-depth = 0", "--max-depth"),
         ("render.light-paths = 0", "--light-paths"),
+        ("render.splat-paths = 16777217", "--splat-paths is 16777217; it must be at most 16777216"),
         ("render.queries = 65", "from 1 to 64"),
         ("render.buckets = 9", "from 1 to 8"),
         ("render.leaf-size = 17", "--leaf-size is 17; it must be from 1 to 16"),

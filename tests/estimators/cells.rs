@@ -27,6 +27,7 @@ pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> Settings {
         seed: 1,
         max_depth: 24,
         light_paths: 2000,
+        splat_paths: 500,
         queries: estimator.default_queries(),
         buckets: 8,
         leaf_size: estimator.leaf_size(),

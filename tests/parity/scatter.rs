@@ -307,7 +307,7 @@ fn arriving_and_leaving_update_time_and_sums() {
         let (length, d_vcm, d_vc, cosine) = (g[11], g[12], g[13], g[16]);
         let density = g[14] * g[17];
         let left = if delta {
-            [0.0, d_vc * cosine.powi(2)]
+            [0.0, d_vc * (cosine / g[17]).powi(2)]
         } else {
             [density.powi(-2), (cosine / density).powi(2) * (d_vcm + d_vc * g[15].powi(2))]
         };

@@ -35,20 +35,21 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
         e.direction = light.direction;
         if (!beam) { e.pdf_direction = emitter_profile(e.vertex, e.direction).y; start_light_sums(&light, e); }
         if (area) { e.vertex.d_vcm = emitter_point_sum(e.density); e.vertex.select_pdf = 1.0; }
-        lights[0] = e.vertex;
-        var deterministic = path.kind == 5u;
+        e.vertex.flags |= u32(area) << VERTEX_RANDOM_SHIFT; lights[0] = e.vertex;
+        var deterministic = path.kind == 5u; var random = u32(area);
         for (var i = 1u; i < k; i++) {
             var surface: Surface; surface.position = path.place[i].xyz; surface.geometric = path.geometric[i].xyz;
             surface.normal = path.normal[i].xyz; surface.material = bitcast<u32>(path.normal[i].w);
             var v = arrive(&light, surface);
             if (deterministic) { v.select_pdf = path.select_pdf; v.flags |= VERTEX_DETERMINISTIC; }
+            random = select(min(random + 1u, 3u), 0u, deterministic); v.flags |= random << VERTEX_RANDOM_SHIFT;
             lights[i] = v;
             if (i + 1u < k) {
                 light.direction = normalize(path.place[i + 1u].xyz - path.place[i].xyz);
                 let c = connect_light_vertex(v, light.direction);
                 var s: Scatter; s.pdf = c.pdf / v.select_pdf; s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
                 s.delta = !is_connectible(v);
-                mis_scatter(&light, s, v.select_pdf * once(v));
+                mis_scatter(&light, s, gain_after(v) * v.select_pdf);
                 deterministic = deterministic && s.delta;
             }
         }
@@ -60,7 +61,8 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             let j = k - 1u - n;
             var surface: Surface; surface.position = path.place[j].xyz; surface.geometric = path.geometric[j].xyz;
             surface.normal = path.normal[j].xyz; surface.material = bitcast<u32>(path.normal[j].w);
-            let q = arrive(&sensor, surface);
+            var q = arrive(&sensor, surface);
+            q.flags |= n + 1u;
             sensors[j] = q;
             if (j > 0u) {
                 sensor.direction = normalize(path.place[j - 1u].xyz - path.place[j].xyz);
@@ -145,14 +147,14 @@ fn path(pcg: &mut Pcg, kind: u32, segments: usize) -> Path {
 /// Kept strategies: s = 0, t = 1, s >= 2.
 const KEPT: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]];
 
-/// `gain`: samples that a connection through a tree stands for.
+/// `gain`: samples that a vertex of a light subpath stands for.
 fn weights(kept: [f32; 3], gain: f32, paths: &[Path]) -> Vec<[f32; 8]> {
     // Before the frame of `buffers`, so that it counts.
     let mut all = vec![frame(|f| {
         f.forward = [0.0, 0.0, -1.0];
         (f.pixel_area, f.light_count) = (0.05, 3.0);
         f.gain = gain;
-        [f.keep_s0, f.keep_t1, f.keep_s2] = [kept[0] / (gain * gain), kept[1] / (gain * gain), kept[2]];
+        [f.keep_s0, f.keep_t1, f.keep_s2] = [kept[0] / gain.powi(2), kept[1] / gain.powi(2), kept[2]];
     })];
     all.extend(buffers());
     WEIGHTS.run(paths, &all)
@@ -192,7 +194,7 @@ fn weights_of_a_path_sum_to_one() {
         let results = weights(kept, gain, &paths);
         let (offenders, formed) = wrong(&results, &segments, None, None);
         let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
-        assert!(offenders.is_empty(), "{kept:?}: {} of {formed}: {shown:?}", offenders.len());
+        assert!(offenders.is_empty(), "{kept:?}, gain {gain}: {} of {formed}: {shown:?}", offenders.len());
         assert!(formed > 1000, "{kept:?}: only {formed} paths");
         // The siblings that must fail: one strategy less.
         for k in 1..=LONGEST {
