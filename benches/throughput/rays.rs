@@ -22,7 +22,7 @@ fn bench_rays(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let ray = rays[id.x];
-    let hit = traverse(ray.origin, ray.direction, 0.0, ray.t_max, ANY);
+    let hit = traverse(ray.origin, ray.direction, 0.0, ray.t_max, ANY, NONE);
     hits[id.x] = vec2<f32>(hit.t, bitcast<f32>(hit.triangle));
 }
 ";
