@@ -24,19 +24,10 @@ import sys
 import tempfile
 import time
 
-for library in ("/usr/lib/x86_64-linux-gnu/libLLVM-19.so", "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1"):
-    if "DRJIT_LIBLLVM_PATH" not in os.environ and os.path.exists(library):
-        os.environ["DRJIT_LIBLLVM_PATH"] = library
-try:
-    import mitsuba as mi
-    import numpy as np
-    mi.set_variant("llvm_ad_rgb")
-    import mitransient
-except ImportError as error:
-    print(f"skipped: {error}; pip install mitransient mitsuba numpy")
-    sys.exit(0)
-
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
+sys.path.insert(0, os.path.join(ROOT, "tests"))
+from mitransient_or_skip import mi, mitransient, np
+
 SHARED = os.environ.get("TAUGATE_SHARED_SCENES", os.path.join(ROOT, "../shared/scenes"))
 # Name, file, gate in metres.
 SCENES = [

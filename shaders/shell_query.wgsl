@@ -24,22 +24,16 @@ fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
     if (rank >= counters[dispatch.counter]) {
         return;
     }
-    let q = load_shade_point(list[rank]);
-    let sensor = sensor_sample(dispatch.first + q.owner);
-    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
-    let depth = q.flags & VERTEX_DEPTH;
-    let first_slot = rank * frame.slots;
-    var used = query_deterministic(q, index, sensor.sample, depth, first_slot);
+    let asked = begin_slots(rank);
+    var used = asked.used;
     if (ESTIMATOR == ESTIMATOR_PT) {
-        used = query_emitter(q, index, sensor.sample, depth, first_slot, used);
+        used = query_emitter(asked.q, asked.index, asked.sample, asked.depth, asked.first, used);
     } else if (ESTIMATOR == ESTIMATOR_BDPT) {
-        used = query_light_path(q, index, sensor.sample, first_slot, used);
+        used = query_light_path(asked.q, asked.index, asked.sample, asked.first, used);
     } else {
-        used = query_trees(q, index, sensor.sample, depth, first_slot, used);
+        used = query_trees(asked.q, asked.index, asked.sample, asked.depth, asked.first, used);
     }
-    for (var i = used; i < frame.slots; i++) {
-        put(first_slot + i, NONE, 0.0);
-    }
+    clear_slots(asked.first, used);
 }
 
 fn query_emitter(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used: u32) -> u32 {

@@ -9,12 +9,9 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     if (rank >= counters[dispatch.counter]) {
         return;
     }
-    let q = load_shade_point(list[rank]);
-    let sensor = sensor_sample(dispatch.first + q.owner);
-    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
-    let depth = q.flags & VERTEX_DEPTH;
-    let first_slot = rank * frame.slots;
-    var used = query_deterministic(q, index, sensor.sample, depth, first_slot);
+    let asked = begin_slots(rank);
+    let q = asked.q;
+    var used = asked.used;
     let receiver = Receiver(make_shell(q), q.geometric);
     // Both trees through one loop: a second traversal would double the kernel.
     for (var tree = 0u; tree < 2u; tree++) {
@@ -22,13 +19,11 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
         if (root == NONE) {
             continue;
         }
-        var rng = pcg4d(vec4<u32>(index, sensor.sample, (STREAM_QUERY << 28u) | (depth << 14u) | (16u + tree), frame.seed)).x;
+        var rng = pcg4d(vec4<u32>(asked.index, asked.sample, (STREAM_QUERY << 28u) | (asked.depth << 14u) | (16u + tree), frame.seed)).x;
         let found = resample(root, q, receiver, &rng);
         // A query that finds nothing was tried too.
-        put(first_slot + used, found.vertex, select(found.weight, 1.0, found.vertex == NONE));
+        put(asked.first + used, found.vertex, select(found.weight, 1.0, found.vertex == NONE));
         used += 1u;
     }
-    for (var i = used; i < frame.slots; i++) {
-        put(first_slot + i, NONE, 0.0);
-    }
+    clear_slots(asked.first, used);
 }

@@ -161,7 +161,7 @@ fn default_estimator(gate: Gate) -> Estimator {
 
 /// Enough that the trees know the light, and no more than sensor paths can pay for.
 fn light_paths([width, height]: [u32; 2]) -> u32 {
-    (width * height).clamp(LEAST_LIGHT_PATHS, DEFAULT_LIGHT_PATHS)
+    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, MOST_LIGHT_PATHS_BY_DEFAULT)
 }
 
 /// By default only `lcs` traces more light subpaths than it stores, and only where light that a mirror, glass or gloss focused

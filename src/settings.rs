@@ -10,10 +10,10 @@ use crate::units::Gate;
 pub const DEFAULT_SPP: u32 = 64;
 /// Path segments at most. Long enough that a white room loses under 1 % of its light.
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
-/// Light subpaths an iteration, M of the paper: one a pixel, but no more than this.
-pub const DEFAULT_LIGHT_PATHS: u32 = 50_000;
-/// And no fewer than this.
-pub const LEAST_LIGHT_PATHS: u32 = 4096;
+/// Light subpaths an iteration whose vertices are stored, M of the paper, when nothing says how many: one a pixel, at most this.
+pub const MOST_LIGHT_PATHS_BY_DEFAULT: u32 = 50_000;
+/// And at least this.
+pub const LEAST_LIGHT_PATHS_BY_DEFAULT: u32 = 4096;
 /// Light subpaths a pixel and iteration that `lcs` traces for t = 1 alone, where surfaces focus light.
 pub const SPLAT_PATHS_A_PIXEL: u32 = 3;
 /// Power buckets a node, B of the paper.

@@ -18,17 +18,7 @@ import subprocess
 import sys
 import tempfile
 
-for library in ("/usr/lib/x86_64-linux-gnu/libLLVM-19.so", "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1"):
-    if "DRJIT_LIBLLVM_PATH" not in os.environ and os.path.exists(library):
-        os.environ["DRJIT_LIBLLVM_PATH"] = library
-try:
-    import mitsuba as mi
-    import numpy as np
-    mi.set_variant("llvm_ad_rgb")
-    import mitransient
-except ImportError as error:
-    print(f"skipped: {error}; pip install mitransient mitsuba numpy")
-    sys.exit(0)
+from mitransient_or_skip import mi, mitransient, np
 
 SIZE, CELL, SEEDS = 24, 8, 32
 FIRST, LAST, GATES = 5.0, 9.0, 16

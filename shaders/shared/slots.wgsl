@@ -61,3 +61,32 @@ fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot:
     }
     return DETERMINISTIC_SLOTS;
 }
+
+// A shade point that is being asked, and its slots.
+struct Asked {
+    q: PathVertex,
+    // Pixel, number of the sample in it, and segments from the sensor: what random numbers depend on.
+    index: u32,
+    sample: u32,
+    depth: u32,
+    // The first slot, and how many are used.
+    first: u32,
+    used: u32,
+}
+
+// The shade point of a rank in the list, with its deterministic vertices in its first slots.
+fn begin_slots(rank: u32) -> Asked {
+    let q = load_shade_point(list[rank]);
+    let sensor = sensor_sample(dispatch.first + q.owner);
+    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
+    let depth = q.flags & VERTEX_DEPTH;
+    let first = rank * frame.slots;
+    return Asked(q, index, sensor.sample, depth, first, query_deterministic(q, index, sensor.sample, depth, first));
+}
+
+// Empties the slots that were not used.
+fn clear_slots(first: u32, used: u32) {
+    for (var i = used; i < frame.slots; i++) {
+        put(first + i, NONE, 0.0);
+    }
+}

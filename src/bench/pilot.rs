@@ -88,7 +88,7 @@ pub fn pilots(
     Ok(Some(pilots))
 }
 
-/// An entry's settings with another estimator as it is by default.
+/// An entry's settings with another estimator as it is by default, but without light subpaths for t = 1 alone.
 pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
     let (queries, leaf_size) = (estimator.default_queries(), estimator.leaf_size());
     Settings { estimator, queries, leaf_size, single_tree: false, splat_paths: 0, ..entry.settings.clone() }

@@ -217,8 +217,8 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, p
     let extent = [tangent * f64::from(width) / f64::from(height), tangent];
     let pixel_area = 4.0 * extent[0] * extent[1] / (f64::from(width) * f64::from(height));
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
-    // A vertex that queries choose by what it contributes is worth many that subpaths happen to reach; 4 K was measured best
-    // (docs/PERFORMANCE.md, lcs).
+    // A vertex that queries choose by what it contributes is worth many that subpaths happen to reach. 4 K is a compromise of four
+    // scenes (docs/PERFORMANCE.md, lcs).
     let gain = if settings.estimator == Estimator::Lcs { 4.0 * settings.queries as f32 } else { 1.0 };
     Frame {
         right: axis(DVec3::X),

@@ -36,6 +36,8 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("checked", "as unshadowed"),
     ("put", "as unshadowed"),
     ("query_deterministic", "as unshadowed: images by points, spots and beams"),
+    ("begin_slots", "as unshadowed"),
+    ("clear_slots", "as unshadowed"),
     ("vertex_importance", "images by lcs against closed forms and the oracle: a wrong probability is a bias"),
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),
