@@ -5,7 +5,7 @@
 // One thread, one shade point.
 @compute @workgroup_size(WORKGROUP)
 fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
-    let rank = id.x;
+    let rank = dispatch.rank + id.x;
     if (rank >= counters[dispatch.counter]) {
         return;
     }

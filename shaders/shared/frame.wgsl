@@ -68,6 +68,8 @@ struct Dispatch {
     // Compaction: counters of the lists it makes; `list_b` NONE for one list of the entries' own numbers.
     list_a: u32,
     list_b: u32,
+    // First entry of the list that the dispatch works on.
+    rank: u32,
 }
 
 @group(0) @binding(0) var<storage, read> frame: Frame;

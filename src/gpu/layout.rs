@@ -41,7 +41,7 @@ twins! {
         slots: u32, gain: f32, splat_share: f32, pad: u32,
     }
     /// `shared/frame.wgsl`
-    Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32 }
+    Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32 }
     /// `shared/scene.wgsl`
     Triangle { v0: [f32; 3], instance: u32, v1: [f32; 3], corner: u32, v2: [f32; 3], material: u32 }
     /// `shared/scene.wgsl`

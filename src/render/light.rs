@@ -107,8 +107,15 @@ impl LightTracer {
         see: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
-        let constants =
-            |count: u32, bounce: u32| Dispatch { first, count, bounce, counter: NONE, list_a: NONE, list_b: NONE };
+        let constants = |count: u32, bounce: u32| Dispatch {
+            first,
+            count,
+            bounce,
+            counter: NONE,
+            list_a: NONE,
+            list_b: NONE,
+            rank: 0,
+        };
         let groups = self.start.0.groups(count as usize);
         self.recorder.dispatch("light_start", &self.start.0, &self.start.1, &constants(count, 0), groups)?;
         stats.submit(&mut self.recorder)?;

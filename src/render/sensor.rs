@@ -29,6 +29,10 @@ const LEAST_GROUP_LIMIT: u32 = 65_535;
 
 /// A submit is kept under this on average, so that the worst stays under 0.1 s.
 const TARGET_SECONDS: f64 = 0.035;
+/// Paths a tile at least.
+const LEAST_TILE: usize = 1024;
+/// Shade points a submit that queries them at least, and in steps of which: whole workgroups.
+const LEAST_PART: usize = 256;
 /// Bounces that end a submit; between submits the host sees whether any path lives.
 const SUBMIT_AFTER: [u32; 6] = [1, 2, 4, 8, 16, 32];
 
@@ -41,6 +45,8 @@ pub struct SensorTracer {
     /// Paths a tile may hold, and how many it holds at present.
     capacity: usize,
     tile: usize,
+    /// Shade points at the first bounce that are queried in one submit.
+    part: usize,
 }
 
 /// Compiled kernels; they do not depend on any buffer.
@@ -84,7 +90,7 @@ impl SensorTracer {
             None => stats.timed(stage::COMPILE, || Kernels::new(device, plan))?,
         };
         let tile = plan.tuning.tile.unwrap_or(1 << 13).min(capacity);
-        Ok(SensorTracer { kernels, buffers, recorder: Recorder::new(device)?, slots, capacity, tile })
+        Ok(SensorTracer { kernels, buffers, recorder: Recorder::new(device)?, slots, capacity, tile, part: LEAST_PART })
     }
 
     /// Paths a tile may hold.
@@ -194,7 +200,10 @@ impl SensorTracer {
         let mut counters = [0u32; COUNTERS];
         let mut longest = 0.0f64;
         for bounce in 0..plan.max_depth {
-            stats.timed(stage::RECORD, || self.record_bounce(bound, &Dispatch { bounce, ..constants }, count))?;
+            let constants = Dispatch { bounce, ..constants };
+            stats.timed(stage::RECORD, || self.record_trace(bound, &constants, count))?;
+            longest = longest.max(self.query(plan, bound, &constants, count, stats)?);
+            stats.timed(stage::RECORD, || self.record_connections(bound, &constants, count))?;
             if SUBMIT_AFTER.contains(&(bounce + 1)) || (bounce + 1) % 32 == 0 {
                 longest = longest.max(stats.submit(&mut self.recorder)?);
                 stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
@@ -219,7 +228,7 @@ impl SensorTracer {
 
     /// Records the start of `count` paths from number `first` on; returns what all dispatches of the tile share.
     fn start_tile(&mut self, bound: &Bound, first: u32, count: u32) -> Result<Dispatch> {
-        let constants = Dispatch { first, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE };
+        let constants = Dispatch { first, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE, rank: 0 };
         let mut counters = [0u32; COUNTERS];
         counters[LIVING[0] as usize] = count;
         self.buffers.counters.write(0, &counters)?;
@@ -231,38 +240,92 @@ impl SensorTracer {
         Ok(constants)
     }
 
-    /// One bounce: trace, then everything the new shade points need.
-    fn record_bounce(&mut self, bound: &Bound, constants: &Dispatch, count: u32) -> Result<()> {
+    /// Traces the living paths of a bounce and lists those that go on and the new shade points.
+    fn record_trace(&mut self, bound: &Bound, constants: &Dispatch, count: u32) -> Result<()> {
         let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
         let parity = constants.bounce as usize % 2;
         let (living, next) = (LIVING[parity], LIVING[1 - parity]);
-        let at = |counter: u32| Dispatch { counter, ..*constants };
-        let arguments = |list: u32| (&b.arguments, 3 * u64::from(list));
-        r.dispatch_indirect("sensor_trace", &k.trace, &bound.trace[parity], &at(living), arguments(living))?;
-        let lists = Dispatch { list_a: next, list_b: SHADE, ..at(living) };
-        let chunks = |entries: usize| k.count.groups(entries.div_ceil(CHUNK as usize));
+        let lists = Dispatch { counter: living, list_a: next, list_b: SHADE, ..*constants };
+        r.dispatch_indirect("sensor_trace", &k.trace, &bound.trace[parity], &lists, arguments(b, living))?;
+        let chunks = k.count.groups((count as usize).div_ceil(CHUNK as usize));
         let [count_set, scan_set, scatter_set] = &bound.compact_paths[parity];
-        r.dispatch("compact", &k.count, count_set, &lists, chunks(count as usize))?;
+        r.dispatch("compact", &k.count, count_set, &lists, chunks)?;
         r.dispatch("compact", &k.scan, scan_set, &lists, 1)?;
-        r.dispatch("compact", &k.scatter, scatter_set, &lists, chunks(count as usize))?;
-        r.dispatch_indirect("shell_query", &k.query, &bound.query, &at(SHADE), arguments(SHADE))?;
+        r.dispatch("compact", &k.scatter, scatter_set, &lists, chunks)
+    }
+
+    /// Queries all new shade points.
+    fn record_query(&mut self, bound: &Bound, constants: &Dispatch) -> Result<()> {
+        let at_shade = Dispatch { counter: SHADE, ..*constants };
+        let arguments = arguments(&self.buffers, SHADE);
+        self.recorder.dispatch_indirect("shell_query", &self.kernels.query, &bound.query, &at_shade, arguments)
+    }
+
+    /// Queries the new shade points of a bounce: recorded with all else if they are few, else in submits of their own, so that
+    /// none is long though tiles are great. Returns the longest submit of anything but a query, in seconds.
+    fn query(
+        &mut self,
+        plan: &Plan,
+        bound: &Bound,
+        constants: &Dispatch,
+        count: u32,
+        stats: &mut Stats,
+    ) -> Result<f64> {
+        let cheaper = plan.query_parts(constants.bounce) as usize;
+        if count as usize <= self.part * cheaper {
+            stats.timed(stage::RECORD, || self.record_query(bound, constants))?;
+            return Ok(0.0);
+        }
+        let seconds_before = stats.submit(&mut self.recorder)?;
+        let mut counters = [0u32; COUNTERS];
+        stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
+        let (mut done, all) = (0, counters[SHADE as usize] as usize);
+        while done < all {
+            let part = self.part * cheaper;
+            let constants = Dispatch { counter: SHADE, rank: done as u32, ..*constants };
+            let groups = self.kernels.query.groups(part.min(all - done));
+            self.recorder.dispatch("shell_query", &self.kernels.query, &bound.query, &constants, groups)?;
+            let factor = change(stats.submit(&mut self.recorder)?);
+            done += part;
+            if factor < 1.0 || done <= all {
+                let most = self.capacity.max(LEAST_PART);
+                self.part = ((self.part as f64 * factor) as usize).clamp(LEAST_PART, most) / LEAST_PART * LEAST_PART;
+            }
+        }
+        Ok(seconds_before)
+    }
+
+    /// Connects the shade points to what was found for them and adds it to their paths.
+    fn record_connections(&mut self, bound: &Bound, constants: &Dispatch, count: u32) -> Result<()> {
+        let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
+        let at = |counter: u32| Dispatch { counter, ..*constants };
         let lists = Dispatch { list_a: CANDIDATES, list_b: NONE, ..at(SHADE) };
-        let slots = chunks(count as usize * self.slots as usize);
+        let slots = k.count.groups((count as usize * self.slots as usize).div_ceil(CHUNK as usize));
         let [count_set, scan_set, scatter_set] = &bound.compact_candidates;
         r.dispatch("compact", &k.count, count_set, &lists, slots)?;
         r.dispatch("compact", &k.scan, scan_set, &lists, 1)?;
         r.dispatch("compact", &k.scatter, scatter_set, &lists, slots)?;
-        r.dispatch_indirect("connect", &k.connect, &bound.connect, &at(CANDIDATES), arguments(CANDIDATES))?;
-        r.dispatch_indirect("gather", &k.gather, &bound.gather, &at(SHADE), arguments(SHADE))
+        r.dispatch_indirect("connect", &k.connect, &bound.connect, &at(CANDIDATES), arguments(b, CANDIDATES))?;
+        r.dispatch_indirect("gather", &k.gather, &bound.gather, &at(SHADE), arguments(b, SHADE))
     }
 
     /// Changes the tile so that the longest submit comes near the target; the image does not depend on it.
     fn adapt(&mut self, count: usize, longest: f64) {
-        let factor = (TARGET_SECONDS / longest.max(1e-6)).clamp(0.5, 2.0);
+        let factor = change(longest);
         if factor < 1.0 || count >= self.tile {
-            self.tile = ((count as f64 * factor) as usize).clamp(1024.min(self.capacity), self.capacity);
+            self.tile = ((count as f64 * factor) as usize).clamp(LEAST_TILE.min(self.capacity), self.capacity);
         }
     }
+}
+
+/// By how much to change what one submit does, after one that took `seconds`.
+fn change(seconds: f64) -> f64 {
+    (TARGET_SECONDS / seconds.max(1e-6)).clamp(0.5, 2.0)
+}
+
+/// Where the size of a dispatch over a list stands.
+fn arguments(buffers: &Buffers, list: u32) -> (&Buffer, u64) {
+    (&buffers.arguments, 3 * u64::from(list))
 }
 
 impl Kernels {

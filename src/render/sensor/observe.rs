@@ -30,7 +30,10 @@ impl SensorTracer {
             let count = (whole_pixels as u64).min(all - first) as u32;
             let constants = self.start_tile(bound, first as u32, count)?;
             for bounce in 0..plan.max_depth {
-                self.record_bounce(bound, &Dispatch { bounce, ..constants }, count)?;
+                let constants = Dispatch { bounce, ..constants };
+                self.record_trace(bound, &constants, count)?;
+                self.record_query(bound, &constants)?;
+                self.record_connections(bound, &constants, count)?;
                 self.recorder.submit()?;
                 if self.show(first, bounce, see)? == 0 {
                     break;
