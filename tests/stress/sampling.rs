@@ -178,7 +178,7 @@ fn pixels_are_independent_and_64_seeds_have_a_64th_of_the_variance() {
 }
 
 /// Samples of an iteration are stratified together, those of two are not: the spread between iterations tells the error. (Sequences
-/// that run on through the iterations read 1.2.)
+/// that run on through the iterations read 4.)
 #[test]
 fn the_variance_between_iterations_is_that_between_seeds() {
     const SEEDS: u32 = 128;
