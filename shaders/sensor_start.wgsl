@@ -1,6 +1,6 @@
 // Starts the sensor subpaths of a tile: a point in the pixel, the ray through it.
 #import weights
-#import random
+#import sobol
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 @group(2) @binding(1) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -15,8 +15,10 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let sensor = sensor_sample(dispatch.first + slot);
-    let u = random4(STREAM_SENSOR, sensor.pixel.y * frame.width + sensor.pixel.x, sensor.sample, 0u, 0u, frame.seed);
-    let d = film_direction(vec2<f32>(sensor.pixel) + u.xy);
+    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
+    let number = sensor.sample - frame.first_sample;
+    let u = stratified2(index, frame.iteration, number, PAIR_PIXEL, frame.seed);
+    let d = film_direction(vec2<f32>(sensor.pixel) + u);
     let length2 = dot(d, d);
     let direction = d * inverseSqrt(length2);
 

@@ -3,6 +3,7 @@
 #import walk
 #import weights
 #import gate
+#import sobol
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 @group(2) @binding(1) var<storage, read_write> shade_points: array<PathVertex>;
@@ -75,7 +76,12 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     shade_points[slot] = q;
 
     // Next direction. The first bounces are always taken: they carry most of the image.
-    let u = random4(STREAM_SENSOR, index, sensor.sample, depth, 0u, frame.seed);
+    var u = random4(STREAM_SENSOR, index, sensor.sample, depth, 0u, frame.seed);
+    if (depth == 1u) {
+        let number = sensor.sample - frame.first_sample;
+        u = vec4<f32>(stratified2(index, frame.iteration, number, PAIR_DIRECTION, frame.seed),
+            stratified2(index, frame.iteration, number, PAIR_LOBE, frame.seed));
+    }
     let roulette = random4(STREAM_SENSOR, index, sensor.sample, depth, 1u, frame.seed);
     if (depart(&s, q, true, u, select(roulette.x, -1.0, depth < 3u))) {
         states[slot] = s;

@@ -104,15 +104,25 @@ fn gates_no_light_can_meet_are_refused_with_the_feasible_range() {
     refused("80m..80.1m", "no sample fell inside");
 }
 
+/// Before the first light that there can be, and after the last, nothing is traced unless culling is switched off.
 #[test]
 fn force_writes_the_black_image() {
     let here = scene("gated-sphere");
-    let render =
-        ["render", "scene.glb", "-o", "out.exr", "--resolution", "32x32", "--spp", "1", "--gate", "500m..501m"];
-    let output = taugate(here.path(), &[&render[..], &["--force"]].concat());
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && message.contains("warning: the image is black"), "{message}");
-    assert!(here.path().join("out.exr").exists());
+    let files = ["render", "scene.glb", "-o", "out.exr", "--stats", "s.json"];
+    let small = ["--resolution", "32x32", "--spp", "1", "--force", "--gate"];
+    for (gate, more, traced) in
+        [("500m..501m", None, false), ("1m..1.5m", None, false), ("1m..1.5m", Some("--no-cull"), true)]
+    {
+        let arguments: Vec<&str> = files.into_iter().chain(small).chain([gate]).chain(more).collect();
+        let output = taugate(here.path(), &arguments);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success() && message.contains("warning: the image is black"), "{message}");
+        assert!(here.path().join("out.exr").exists());
+        let stats: Value = serde_json::from_slice(&std::fs::read(here.path().join("s.json")).unwrap()).unwrap();
+        let rays = stats["renderer"]["closest_rays"].as_u64().unwrap();
+        assert_eq!(rays > 0, traced, "{gate} {more:?}: {rays} rays");
+        assert_eq!(stats["renderer"]["samples"], 1024);
+    }
 }
 
 #[test]

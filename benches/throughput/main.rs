@@ -1,6 +1,7 @@
 //! The kernels against scalar Rust twins, interleaved in one run:
 //!
 //!     cargo bench --bench throughput [-- TRIANGLES]
+//!     cargo bench --bench throughput -- --rays FILE      # rays alone; FILE: what was traced, for benches/embree.py
 //!
 //! Rays (the traversal of light_trace, sensor_trace and connect): primary, one diffuse bounce and a shadow ray at each hit, in the
 //! cluttered room; host: obvhs' own traversal of the same hierarchy. Queries (shell_query) and queries by importance
@@ -18,6 +19,7 @@ mod points;
 mod queries;
 mod rays;
 
+use std::path::Path;
 use std::time::Instant;
 
 use taugate::gpu::Device;
@@ -32,7 +34,12 @@ fn main() {
     println!("device    {} ({})", device.info().name, device.info().driver);
     let room = rays::Room::new(triangles);
     println!("scene     {} triangles", room.triangles.len());
-    rays::compare(&device, &room);
+    let arguments: Vec<String> = std::env::args().collect();
+    let file = arguments.iter().position(|a| a == "--rays").map(|at| arguments.get(at + 1).expect("--rays FILE"));
+    rays::compare(&device, &room, file.map(Path::new));
+    if file.is_some() {
+        return;
+    }
     let (light, shade) = (points::light_vertices(&room), points::shade_points(&room));
     for leaf_size in [1, 16] {
         queries::compare(&device, &light, &shade, leaf_size);

@@ -1,5 +1,7 @@
 //! Closest hits and shadow rays: the traversal kernel against obvhs.
 
+use std::path::Path;
+
 use glam::{Vec3, Vec3A};
 use obvhs::ray::{Ray, RayHit};
 use rayon::prelude::*;
@@ -200,8 +202,24 @@ fn on_host(room: &Room, batch: &Batch) {
     assert!(hit > 0);
 }
 
-pub fn compare(device: &Device, room: &Room) {
+/// The triangles' corners, then the batches, as 32-bit words behind their number each: what another tracer needs to trace the same.
+fn write(file: &Path, room: &Room, batches: &[Batch]) {
+    let corners: Vec<[[f32; 3]; 3]> = room.triangles.iter().map(|t| [t.v0, t.v1, t.v2]).collect();
+    let mut bytes = (corners.len() as u32).to_ne_bytes().to_vec();
+    bytes.extend(bytemuck::cast_slice::<_, u8>(&corners));
+    for batch in batches {
+        bytes.extend((batch.rays.len() as u32).to_ne_bytes());
+        bytes.extend(bytemuck::cast_slice::<_, u8>(&batch.rays));
+    }
+    std::fs::write(file, bytes).expect("the file of rays can be written");
+}
+
+/// `file`: where to write what is traced.
+pub fn compare(device: &Device, room: &Room, file: Option<&Path>) {
     let batches = mixed_rays(room, 512);
+    if let Some(file) = file {
+        write(file, room, &batches);
+    }
     let nodes = Buffer::from_slice(device, "nodes", &room.bvh.nodes, "").expect("nodes");
     let triangles = Buffer::from_slice(device, "triangles", &room.triangles, "").expect("triangles");
     let uploaded = batches.each_ref().map(|b| Uploaded::new(device, &nodes, &triangles, b));

@@ -5,6 +5,7 @@ const STREAM_SENSOR: u32 = 0u;
 const STREAM_LIGHT: u32 = 1u;
 const STREAM_QUERY: u32 = 2u;
 const STREAM_ALPHA: u32 = 3u;
+const STREAM_STRATA: u32 = 4u;
 
 // Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", pcg4d.
 fn pcg4d(key: vec4<u32>) -> vec4<u32> {

@@ -45,6 +45,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/scene",
     "shared/shade_point",
     "shared/slots",
+    "shared/sobol",
     "shared/surface",
     "shared/texture",
     "shared/traverse",

@@ -111,9 +111,15 @@ impl Renderer {
     }
 
     /// One iteration: a fresh pool of light vertices and `samples` samples of every pixel (1 to
-    /// [`MOST_SAMPLES`]), added to the film.
+    /// [`MOST_SAMPLES`]), added to the film. Where no light can meet the gate, the samples are black without being traced.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
+        if self.plan.dark {
+            self.film.add(&image, samples);
+            self.stats.samples += self.plan.crop_pixels * u64::from(samples);
+            self.stats.iterations += 1;
+            return Ok(());
+        }
         self.prepare_iteration(samples, &mut |splat: Splat| {
             let at = splat.pixel_or_tau.to_bits() as usize * 3;
             (0..3).for_each(|k| image[at + k] += splat.rgb[k]);

@@ -7,6 +7,7 @@ use super::geometry::Features;
 use super::place::Place;
 use super::pool::PoolLayout;
 use super::prepared::Prepared;
+use super::reach::Reach;
 use crate::error::{Error, Result};
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Frame, NONE};
@@ -62,6 +63,9 @@ pub struct Plan {
     /// What the kernels report beside the image.
     pub observe: Observe,
     cull: bool,
+    reach: Reach,
+    /// Bounds alone show that no light meets the gate: with culling there is nothing to trace.
+    pub dark: bool,
     place: Place,
     frame: Frame,
 }
@@ -97,6 +101,8 @@ impl Plan {
             tuning: Tuning::default(),
             observe: Observe::Nothing,
             cull: settings.cull,
+            reach: Reach::new(prepared, settings),
+            dark: false,
             place: prepared.place,
             frame,
         };
@@ -106,6 +112,7 @@ impl Plan {
 
     /// Sets the seed and the gate (metres), with the bounds that follow from it.
     pub fn set(&mut self, seed: u32, gate: Gate) {
+        self.dark = self.cull && !gate.is_open() && !self.reach.meets(&gate);
         let gate = Gate { lo: self.place.length(gate.lo), hi: self.place.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };

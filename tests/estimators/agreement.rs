@@ -70,8 +70,11 @@ pub fn these_against_oracle(
         let mut s = settings(estimator, resolution);
         s.max_depth = MAX_DEPTH;
         let mut renderer = renderer(scene, &s);
+        // Few paths of pt meet a gate by chance: of 4 samples a cell has a hundred in the last gate of the Cornell box, whose
+        // weights differ so much that their mean is not yet normal.
+        let samples = if estimator == Estimator::Pt { 16 } else { 4 };
         for (bin, &(lo, hi)) in gates.iter().enumerate() {
-            let cells = Cells::measure(&mut renderer, gate(lo, hi), CELL, 1, 4, 500);
+            let cells = Cells::measure(&mut renderer, gate(lo, hi), CELL, 1, samples, 500);
             let expected = oracle_cells(&truth, bin);
             let limit = threshold(expected.len() * gates.len());
             let total: f64 = expected.iter().map(|e| e.0).sum();

@@ -57,7 +57,7 @@ fn excess((scene, per_metre): &(Scene, f64), gate: Gate, estimator: Estimator, l
     let start = std::time::Instant::now();
     // Pixels a side, light paths and samples for a noise well below what is allowed.
     let (side, light_paths, samples) = match (estimator, long) {
-        (Estimator::Pt, false) => (16, 1, 4),
+        (Estimator::Pt, false) => (16, 1, 8),
         (Estimator::Pt, true) => (32, 10_000, 8),
         (_, false) => (8, 50, 1),
         (_, true) => (16, 4000, 4),

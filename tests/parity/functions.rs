@@ -61,6 +61,7 @@ fn all() -> Vec<&'static ShaderFunction> {
         crate::lightcone::KERNELS,
         crate::scatter::KERNELS,
         crate::shell_edge::KERNELS,
+        crate::sobol::KERNELS,
         crate::texels::KERNELS,
         crate::texture::KERNELS,
         crate::trace::KERNELS,

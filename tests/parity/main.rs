@@ -20,6 +20,7 @@ mod math;
 mod pairs;
 mod scatter;
 mod shell_edge;
+mod sobol;
 mod texels;
 mod texture;
 mod trace;

@@ -176,3 +176,31 @@ fn pixels_are_independent_and_64_seeds_have_a_64th_of_the_variance() {
     println!("64 x variance of the mean of 64 seeds / variance of one = {ratio:.3} +- {error:.3}");
     assert!((ratio - 1.0).abs() < 4.0 * error && error < 0.1);
 }
+
+/// Samples of an iteration are stratified together, those of two are not: the spread between iterations tells the error. (Sequences
+/// that run on through the iterations read 4.)
+#[test]
+fn the_variance_between_iterations_is_that_between_seeds() {
+    const SEEDS: u32 = 128;
+    let mut renderer = cornell(Estimator::Pt);
+    let films: Vec<(Vec<f32>, Vec<f32>)> = (0..SEEDS)
+        .map(|seed| {
+            renderer.restart(seed, Gate::OPEN);
+            (0..8).for_each(|_| renderer.iterate(8).unwrap_or_else(|e| panic!("{e}")));
+            (renderer.film().mean(), renderer.film().variance_of_mean())
+        })
+        .collect();
+    let n = f64::from(SEEDS);
+    // Of a pixel: the variance it reports on average, and that of its mean. With `pt` pixels are independent.
+    let channel = |c: usize| {
+        let mean = films.iter().map(|f| f64::from(f.0[c])).sum::<f64>() / n;
+        let reported = films.iter().map(|f| f64::from(f.1[c])).sum::<f64>() / n;
+        [reported, films.iter().map(|f| (f64::from(f.0[c]) - mean).powi(2)).sum::<f64>() / (n - 1.0)]
+    };
+    let pixels: Vec<[f64; 2]> = (0..144).map(|p| [0, 1].map(|k| (0..3).map(|c| channel(3 * p + c)[k]).sum())).collect();
+    let sum = |k: usize| pixels.iter().map(|p| p[k]).sum::<f64>();
+    let ratio = sum(0) / sum(1);
+    let error = pixels.iter().map(|p| (p[0] - ratio * p[1]).powi(2)).sum::<f64>().sqrt() / sum(1);
+    println!("reported variance / variance between seeds = {ratio:.3} +- {error:.3}");
+    assert!((ratio - 1.0).abs() < 4.0 * error && error < 0.04);
+}
