@@ -15,7 +15,7 @@ use crate::settings::Settings;
 pub struct Prepared {
     pub(super) geometry: Geometry,
     pub(super) emitters: EmitterSet,
-    pub(super) albedo: AlbedoTable,
+    pub(super) albedo: &'static AlbedoTable,
     pub(super) place: Place,
 }
 
@@ -23,9 +23,9 @@ impl Prepared {
     /// Fails if nothing emits.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<Prepared> {
         let origin = scene.cameras[settings.camera].transform.translation;
-        let albedo = AlbedoTable::new();
+        let albedo = AlbedoTable::shared();
         let place = Place::new(scene, origin, &settings.emitters);
-        let mut geometry = Geometry::new(scene, &place, &settings.emitters, &albedo);
+        let mut geometry = Geometry::new(scene, &place, &settings.emitters, albedo);
         let emitters = EmitterSet::new(scene, &settings.emitters, &place, &mut geometry);
         if emitters.table.is_empty() {
             return Err(Error::Settings(
