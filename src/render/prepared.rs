@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::albedo::AlbedoTable;
+use super::coplanar;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
 use super::place::Place;
@@ -47,6 +48,11 @@ impl Prepared {
     /// Node and luminance-weighted power in W of everything that shines.
     pub fn powers(&self) -> &BTreeMap<String, f64> {
         &self.emitters.powers
+    }
+
+    /// What will look wrong though the file is right, one sentence each with the remedy: lamps in the plane of another surface.
+    pub fn warnings(&self, scene: &Scene) -> Vec<String> {
+        coplanar::warnings(scene, &self.geometry, &self.place)
     }
 
     /// Triangles as they are placed.
