@@ -52,8 +52,8 @@ fn facets_and_lobe_send_the_same_light_to_the_same_sides() {
                 let off = (sums[k] - expected[k]).abs();
                 let place = format!("alpha {alpha}, cos {cos}, front {front}, {k}: {} and {}", sums[k], expected[k]);
                 assert!(off < 4.5 * error + 2e-3 * expected[k], "{place} +- {error}");
-                // The sibling that must fail: 3 % more.
-                assert!((sums[k] - 1.03 * expected[k]).abs() > 4.5 * error + 2e-3 * expected[k], "{place}: too noisy");
+                // The sibling that must fail: a tenth more.
+                assert!((sums[k] - 1.1 * expected[k]).abs() > 4.5 * error + 2e-3 * expected[k], "{place}: too noisy");
             }
         }
     }
