@@ -27,7 +27,8 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (hit.triangle == NONE) {
         return;
     }
-    let surface = surface_at(hit.triangle, hit.u, hit.v);
+    let met = meet_again(hit, s.position, s.direction);
+    let surface = surface_at(met.triangle, met.u, met.v);
     var v = arrive(&s, surface);
 
     // Exact culling (DESIGN 3.1): whatever follows, the light still has to reach the sensor at the origin.

@@ -41,7 +41,8 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (hit.triangle == NONE) {
         return;
     }
-    let surface = surface_at(hit.triangle, hit.u, hit.v);
+    let met = meet_again(hit, s.position, s.direction);
+    let surface = surface_at(met.triangle, met.u, met.v);
     var q = arrive(&s, surface);
     q.owner = slot;
     let depth = dispatch.bounce + 1u;

@@ -67,6 +67,30 @@ fn info_shows_emitters_memory_and_travel_times() {
     assert!(output.status.success(), "{gate}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
+/// A lamp in the plane of the ceiling is speckled: both commands say so, and what to do.
+#[test]
+fn a_lamp_in_the_plane_of_another_surface_is_named() {
+    let mut scene = build(Kind::CornellBox);
+    let lamp = scene.instances.iter_mut().find(|i| i.node == "light").expect("the lamp of the box");
+    lamp.transform.translation.y += 0.01;
+    let here = tempfile::tempdir().unwrap();
+    std::fs::write(here.path().join("scene.glb"), taugate::generate::glb::write(&scene)).unwrap();
+    let warnings = |json: &Value| json["warnings"].as_array().unwrap().clone();
+    let found = warnings(&info(here.path(), &[]));
+    assert_eq!(found.len(), 1, "{found:?}");
+    let render = ["render", "scene.glb", "-o", "out.exr", "--resolution", "8x8", "--spp", "1", "--stats", "out.json"];
+    let output = taugate(here.path(), &render);
+    let said = String::from_utf8(output.stderr).unwrap();
+    for text in [&found[0].to_string(), &said] {
+        assert!(text.contains("'light' lies in the plane of 'ceiling'") && text.contains("in front"), "{text}");
+    }
+    let json = std::fs::read_to_string(here.path().join("out.json")).unwrap();
+    assert_eq!(warnings(&serde_json::from_str(&json).unwrap()), found);
+    // As it is shipped, the lamp hangs a centimetre below.
+    let shipped = self::scene("cornell-box");
+    assert!(warnings(&info(shipped.path(), &[])).is_empty());
+}
+
 #[test]
 fn travel_times_of_the_gated_sphere_are_the_known_ones() {
     let here = scene("gated-sphere");

@@ -68,6 +68,17 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, t_min: f32, left:
     }
 }
 
+// The hit of a ray that started beside `p`, off the surface it left, as the ray from `p` itself makes it: directions are drawn at
+// `p`, and hits of rays moved aside are not as dense as they say, by the offset over the distance, which far from the origin
+// is far from nothing. Where the ray from `p` passes the triangle, within an offset of its edge, the hit stays as it is.
+fn meet_again(hit: Hit, p: vec3<f32>, d: vec3<f32>) -> Hit {
+    var again = hit;
+    again.t = 3e38;
+    intersect_triangle(hit.triangle, p, ray_axes(d), 0.0, NONE, &again);
+    again.t = select(hit.t, again.t, again.t < 3e38);
+    return again;
+}
+
 // Reciprocal that keeps zero components finite.
 fn safe_inverse(d: vec3<f32>) -> vec3<f32> {
     let tiny = vec3<f32>(1e-20);

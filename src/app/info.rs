@@ -193,6 +193,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: O
     for emitter in &mut report.emitters {
         emitter.watts = prepared.powers().get(&emitter.node).copied();
     }
+    report.warnings.extend(prepared.warnings(scene));
     let opened = Device::open(device);
     let info = opened.as_ref().ok().map(Device::info);
     let plan = MemoryPlan::new(scene, settings, &prepared, info)?;

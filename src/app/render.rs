@@ -64,6 +64,10 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     }
     let prepared = preparation.timed("build BVH and tables", || Prepared::new(&scene, settings));
     let prepared = prepared.map_err(|error| of_file(error, &scene_path))?;
+    let of_surfaces = preparation.timed("check lamps", || prepared.warnings(&scene));
+    for warning in &of_surfaces {
+        progress.line(&format!("warning: {warning}"));
+    }
     let (device, force) = (experiment.render.device.as_deref(), experiment.gate.force.unwrap_or(false));
     if !settings.gate.is_open() && !force {
         preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device))?;
@@ -106,8 +110,14 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         seconds: elapsed.as_secs_f64(),
         settings: Experiment { output: Default::default(), ..config }.to_toml(),
     };
-    let warnings = &resolved.warnings;
-    let report = Report { renderer: &renderer, settings, provenance: &provenance, preparation: &preparation, warnings };
+    let warnings = [&resolved.warnings[..], &of_surfaces].concat();
+    let report = Report {
+        renderer: &renderer,
+        settings,
+        provenance: &provenance,
+        preparation: &preparation,
+        warnings: &warnings,
+    };
     interrupts.end_the_process_at(Interrupt::None);
     report.write(&outputs)?;
     report.summarise(&outputs, &progress);

@@ -1,4 +1,4 @@
-//! Scattering at a surface: Lambert, plastic, GGX metal, mirror, smooth glass, and the mixtures glTF can ask for.
+//! Scattering at a surface: Lambert, plastic, GGX metal, mirror, glass smooth and rough, and the mixtures glTF can ask for.
 //!
 //! Local frame: z is the shading normal on the viewer's side; directions point away from the surface. With m metallic and t transmission,
 //!
@@ -7,7 +7,8 @@
 //! Conductor: GGX with Schlick's Fresnel factor from the base colour. Plastic: GGX with F0 = ((n - 1) / (n + 1))^2 over a
 //! diffuse base that gets what the lobe leaves, (1 - E(i)) (1 - E(o)) / (1 - E_avg), which is reciprocal and conserves energy;
 //! both Fresnel terms are scaled by `specular`. GGX lobes with alpha below [`MIRROR_ALPHA`] are perfect mirrors.
-//! Dielectric: smooth whatever the roughness, unpolarised Fresnel; each crossing is tinted with the base colour.
+//! Dielectric: facets of smooth glass, GGX as the rest, unpolarised Fresnel; each crossing is tinted with the base colour. It is only
+//! sampled and never evaluated: what it sends where follows from facets, Snell and Fresnel alone, without Walter's Jacobian.
 
 use std::f64::consts::{PI, TAU};
 
@@ -49,9 +50,9 @@ pub struct Sample {
     /// f cos / p, p being the density (or probability) with which `wi` was drawn. Refraction: for power, without the
     /// square of the relative index that radiance gains.
     pub weight: [f64; 3],
-    /// Per steradian; 0 for mirrors and glass, which have none.
+    /// Per steradian; 0 for mirrors and glass, where it is not known.
     pub pdf: f64,
-    /// Mirror or glass: no other strategy can make this direction.
+    /// Mirror or glass, smooth or rough: no other strategy makes this direction by this lobe.
     pub delta: bool,
     /// Goes through the surface.
     pub refracted: bool,
@@ -204,7 +205,7 @@ impl Bsdf<'_> {
         let m = self.material;
         let [lobe, diffuse, dielectric] = self.choices(wo);
         if u[0] < dielectric {
-            return self.sample_glass(wo, inside, u[1], dielectric);
+            return self.sample_glass(wo, inside, u, dielectric);
         }
         let wi = if u[0] < dielectric + lobe {
             if m.is_mirror() {
@@ -228,20 +229,33 @@ impl Bsdf<'_> {
         Some(Sample { wi, weight, pdf, delta: false, refracted: false })
     }
 
-    /// Mirrors or refracts with the probability of Fresnel's equations.
-    fn sample_glass(&self, wo: DVec3, inside: bool, u: f64, chosen: f64) -> Option<Sample> {
+    /// Mirrors at a visible facet or refracts there, with the probability of Fresnel's equations. Of what a facet sends on, other
+    /// facets let through G2 / G1; what it mirrors into the surface, or refracts back out of it, is lost.
+    fn sample_glass(&self, wo: DVec3, inside: bool, u: [f64; 3], chosen: f64) -> Option<Sample> {
         let m = self.material;
-        // Of the whole, glass has this share, chosen with that probability.
-        let share = (1.0 - m.metallic) * m.transmission / chosen;
+        // The numbers that chose glass are uniform below `chosen`: once more uniform, they choose a facet's part.
+        let (choice, share) = (u[0] / chosen, (1.0 - m.metallic) * m.transmission / chosen);
+        let facet = if m.is_mirror() { DVec3::Z } else { ggx::sample_normal(m.alpha, wo, u[1], u[2]) };
         let relative = if inside { 1.0 / m.ior } else { m.ior };
-        let fresnel = fresnel_dielectric(wo.z, relative);
-        let delta = |wi, weight, refracted| Some(Sample { wi, weight, pdf: 0.0, delta: true, refracted });
-        if u < fresnel {
-            return delta(DVec3::new(-wo.x, -wo.y, wo.z), [share; 3], false);
+        let cos = wo.dot(facet);
+        let refracted = choice >= fresnel_dielectric(cos, relative);
+        let wi = if refracted {
+            let along = (wo - cos * facet) / relative;
+            -along - (1.0 - along.length_squared()).max(0.0).sqrt() * facet
+        } else {
+            2.0 * cos * facet - wo
+        };
+        if wi.z == 0.0 || (wi.z < 0.0) != refracted {
+            return None;
         }
-        let (x, y) = (-wo.x / relative, -wo.y / relative);
-        let wi = DVec3::new(x, y, -(1.0 - x * x - y * y).max(0.0).sqrt());
-        delta(wi, self.base.map(|b| b * share), true)
+        let passed = if m.is_mirror() {
+            1.0
+        } else {
+            let own = 1.0 + ggx::lambda(m.alpha, wo);
+            own / (own + ggx::lambda(m.alpha, wi))
+        };
+        let weight = self.base.map(|b| share * passed * if refracted { b } else { 1.0 });
+        Some(Sample { wi, weight, pdf: 0.0, delta: true, refracted })
     }
 }
 

@@ -1,4 +1,4 @@
-//! The scene as f64 triangles in world space, a median-split tree over them, and rays.
+//! The scene as f64 triangles in world space, a tree of boxes over them, and rays.
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
@@ -21,6 +21,12 @@ pub struct Triangle {
 impl Triangle {
     pub fn area(&self) -> f64 {
         self.edge1.cross(self.edge2).length() / 2.0
+    }
+
+    /// Lowest and highest coordinates.
+    fn bounds(&self) -> (DVec3, DVec3) {
+        let (b, c) = (self.corner + self.edge1, self.corner + self.edge2);
+        (self.corner.min(b).min(c), self.corner.max(b).max(c))
     }
 
     /// The point with barycentric weights (1 - u - v, u, v).
@@ -100,6 +106,11 @@ struct Node {
     count: u32,
 }
 
+/// Levels from which nodes are halved, so that the tree is never much deeper.
+const DEEP: usize = 32;
+/// Nodes that wait at most: one a level.
+const MOST_OPEN: usize = 64;
+
 /// All triangles of all instances.
 pub struct Geometry<'a> {
     pub scene: &'a Scene,
@@ -134,41 +145,64 @@ impl<'a> Geometry<'a> {
         let mut geometry = Geometry { scene, order: (0..triangles.len() as u32).collect(), triangles, nodes: vec![] };
         let centres: Vec<DVec3> = geometry.triangles.iter().map(|t| t.point(1.0 / 3.0, 1.0 / 3.0)).collect();
         geometry.nodes.push(Node { min: DVec3::ZERO, max: DVec3::ZERO, first: 0, count: 0 });
-        geometry.split(0, 0, geometry.order.len(), &centres);
+        geometry.split(0, 0, geometry.order.len(), &centres, 0);
         geometry
     }
 
-    /// Fills node `node` for `order[start..end]`: halves at the median of the centres' widest axis, leaves of up to 4.
-    fn split(&mut self, node: usize, start: usize, end: usize, centres: &[DVec3]) {
+    /// Fills node `node` for `order[start..end]`, `depth` levels down: leaves of up to 2, else where rays cost least.
+    fn split(&mut self, node: usize, start: usize, end: usize, centres: &[DVec3], depth: usize) {
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (mut low, mut high) = (min, max);
         for &i in &self.order[start..end] {
-            let t = &self.triangles[i as usize];
-            for p in [t.corner, t.corner + t.edge1, t.corner + t.edge2] {
-                min = min.min(p);
-                max = max.max(p);
-            }
-            low = low.min(centres[i as usize]);
-            high = high.max(centres[i as usize]);
+            let (low, high) = self.triangles[i as usize].bounds();
+            (min, max) = (min.min(low), max.max(high));
         }
         // Corners are rounded; a box must not lose an edge to that.
         let slack = (max.abs().max(min.abs()) + 1.0) * 1e-12;
         (min, max) = (min - slack, max + slack);
-        if end - start <= 4 {
+        if end - start <= 2 {
             self.nodes[node] = Node { min, max, first: start as u32, count: (end - start) as u32 };
             return;
         }
-        let axis = (high - low).max_position();
-        let half = (end - start) / 2;
-        self.order[start..end]
-            .select_nth_unstable_by(half, |&a, &b| centres[a as usize][axis].total_cmp(&centres[b as usize][axis]));
+        let (axis, place) = self.cheapest_split(start, end, centres);
+        self.sort(start, end, axis, centres);
+        let middle = if depth < DEEP { start + place } else { (start + end) / 2 };
         let first = self.nodes.len();
         for _ in 0..2 {
             self.nodes.push(Node { min, max, first: 0, count: 0 });
         }
         self.nodes[node] = Node { min, max, first: first as u32, count: 0 };
-        self.split(first, start, start + half, centres);
-        self.split(first + 1, start + half, end, centres);
+        self.split(first, start, middle, centres, depth + 1);
+        self.split(first + 1, middle, end, centres, depth + 1);
+    }
+
+    fn sort(&mut self, start: usize, end: usize, axis: usize, centres: &[DVec3]) {
+        self.order[start..end]
+            .sort_unstable_by(|&a, &b| centres[a as usize][axis].total_cmp(&centres[b as usize][axis]).then(a.cmp(&b)));
+    }
+
+    /// Axis to sort by and how many come first, so that the areas of the two boxes, each times its triangles, add up to least.
+    fn cheapest_split(&mut self, start: usize, end: usize, centres: &[DVec3]) -> (usize, usize) {
+        let n = end - start;
+        let mut best = (f64::INFINITY, 0, n / 2);
+        for axis in 0..3 {
+            self.sort(start, end, axis, centres);
+            let boxes: Vec<_> = self.order[start..end].iter().map(|&i| self.triangles[i as usize].bounds()).collect();
+            let grow = |sum: &mut (DVec3, DVec3), b: &(DVec3, DVec3)| {
+                *sum = (sum.0.min(b.0), sum.1.max(b.1));
+                let d = sum.1 - sum.0;
+                Some(d.x * d.y + d.y * d.z + d.z * d.x)
+            };
+            let nothing = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+            let upto: Vec<f64> = boxes.iter().scan(nothing, grow).collect();
+            let from: Vec<f64> = boxes.iter().rev().scan(nothing, grow).collect();
+            for k in 1..n {
+                let cost = upto[k - 1] * k as f64 + from[n - k - 1] * (n - k) as f64;
+                if cost < best.0 {
+                    best = (cost, axis, k);
+                }
+            }
+        }
+        (best.1, best.2)
     }
 
     /// The nearest hit.
@@ -198,12 +232,16 @@ impl<'a> Geometry<'a> {
         let inverse = ray.direction.recip();
         let mut ray = *ray;
         let mut best = None;
-        let mut stack = vec![0u32];
-        while let Some(node) = stack.pop() {
-            let node = &self.nodes[node as usize];
-            if entry(node, &ray, inverse).is_none() {
+        // Nodes yet to be looked at and where the ray enters them, the nearest last.
+        let mut open = [(0u32, f64::NEG_INFINITY); MOST_OPEN];
+        let mut count = 1;
+        while count > 0 {
+            count -= 1;
+            let (node, near) = open[count];
+            if near > ray.t_max {
                 continue;
             }
+            let node = &self.nodes[node as usize];
             if node.count > 0 {
                 for &i in &self.order[node.first as usize..(node.first + node.count) as usize] {
                     if let Some(hit) = self.hit(i, &ray) {
@@ -216,10 +254,16 @@ impl<'a> Geometry<'a> {
                 }
                 continue;
             }
-            // The nearer child is looked at first.
-            let near = |i: u32| entry(&self.nodes[i as usize], &ray, inverse).unwrap_or(f64::INFINITY);
-            let (a, b) = (node.first, node.first + 1);
-            stack.extend(if near(a) < near(b) { [b, a] } else { [a, b] });
+            let mut children = [node.first, node.first + 1].map(|i| (i, entry(&self.nodes[i as usize], &ray, inverse)));
+            if children[0].1 < children[1].1 {
+                children.swap(0, 1);
+            }
+            for (child, near) in children {
+                if let Some(near) = near {
+                    open[count] = (child, near);
+                    count += 1;
+                }
+            }
         }
         best
     }

@@ -5,7 +5,7 @@
 //! spot, is found from the beam and joined to every sensor vertex. A beam with a radius may also be met by going back along it from
 //! a vertex that lies in the spot: that is the other half of a balance heuristic, and all there is where the vertex before was
 //! the pinhole, a mirror or glass. A spot that cannot be met that way (radius 0, or a mirror or glass in front of the beam) is
-//! projected into the image. Not found: such a spot seen through a mirror or glass.
+//! projected into the image. Not found: such a spot, or a point light, seen through a mirror or glass, smooth or rough.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -15,17 +15,26 @@ pub struct AlbedoTable {
 
 const COLUMNS: usize = ALBEDO_COLUMNS as usize;
 const ROWS: usize = ALBEDO_ROWS as usize;
+/// Of heights and of azimuths, half of which are the mirror images of the others.
+const STRATA: usize = 32;
 
 impl AlbedoTable {
     /// Integrates the lobe by stratified sampling of its visible normals (Heitz 2018), in f64.
     pub fn new() -> AlbedoTable {
         use rayon::prelude::*;
+        let azimuths: Vec<f64> = (0..STRATA / 2).map(|k| (2.0 * PI * (k as f64 + 0.5) / STRATA as f64).cos()).collect();
         let square = |i: usize, count: usize| (i as f64 / (count - 1) as f64).powi(2);
         let values = (0..COLUMNS * ROWS)
             .into_par_iter()
-            .map(|i| lobe_albedo(square(i % COLUMNS, COLUMNS), square(i / COLUMNS, ROWS)))
+            .map(|i| lobe_albedo(square(i % COLUMNS, COLUMNS), square(i / COLUMNS, ROWS), &azimuths))
             .collect();
         AlbedoTable { values }
+    }
+
+    /// The table, integrated once a process.
+    pub fn shared() -> &'static AlbedoTable {
+        static TABLE: std::sync::OnceLock<AlbedoTable> = std::sync::OnceLock::new();
+        TABLE.get_or_init(AlbedoTable::new)
     }
 
     /// Albedo at `cosine` for GGX `alpha`, reflectance `f0` along the normal and `f90` at grazing angles, by the interpolation
@@ -57,28 +66,39 @@ impl Default for AlbedoTable {
     }
 }
 
-fn lobe_albedo(cosine: f64, alpha: f64) -> [f32; 2] {
+fn lobe_albedo(cosine: f64, alpha: f64, azimuths: &[f64]) -> [f32; 2] {
     let schlick = |c: f64| (1.0 - c).clamp(0.0, 1.0).powi(5);
     if alpha < f64::from(DELTA_ALPHA) {
         return [(1.0 - schlick(cosine)) as f32, schlick(cosine) as f32];
     }
-    const STRATA: usize = 32;
     let cosine = cosine.max(1e-6);
-    let w = [(1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine];
+    let w = [(1.0 - cosine * cosine).max(0.0).sqrt(), cosine];
+    // A visible normal is a point of a spherical cap about the stretched w, moved by it (Dupuy and Benyoub 2023). The cap is the
+    // same on both sides of the plane of incidence.
+    let length = (w[0] * alpha).hypot(w[1]);
+    let stretched = [w[0] * alpha / length, w[1] / length];
+    let own = 1.0 + lambda(w[1], alpha);
     let (mut a, mut b) = (0.0, 0.0);
-    for k in 0..STRATA * STRATA {
-        let u = [(k % STRATA) as f64 + 0.5, (k / STRATA) as f64 + 0.5].map(|x| x / STRATA as f64);
-        let h = visible_normal(w, alpha, u);
-        let w_h = w[0] * h[0] + w[1] * h[1] + w[2] * h[2];
-        let out_z = 2.0 * w_h * h[2] - w[2];
-        if out_z <= 0.0 {
-            continue;
+    for k in 0..STRATA {
+        let u = (k as f64 + 0.5) / STRATA as f64;
+        let z = (1.0 - u) * (1.0 + stretched[1]) - stretched[1];
+        let r2 = (1.0 - z * z).clamp(0.0, 1.0);
+        let r = r2.sqrt();
+        for cos in azimuths {
+            let (x, y2, z) = (r * cos + stretched[0], r2 * (1.0 - cos * cos), z + stretched[1]);
+            let scale = 1.0 / ((x * x + y2) * alpha * alpha + z * z).sqrt();
+            let h = [x * alpha * scale, z * scale];
+            let w_h = w[0] * h[0] + w[1] * h[1];
+            let out_z = 2.0 * w_h * h[1] - w[1];
+            if out_z > 0.0 {
+                let ratio = own / (own + lambda(out_z, alpha));
+                let grazing = schlick(w_h);
+                a += ratio * (1.0 - grazing);
+                b += ratio * grazing;
+            }
         }
-        let ratio = (1.0 + lambda(w[2], alpha)) / (1.0 + lambda(w[2], alpha) + lambda(out_z, alpha));
-        a += ratio * (1.0 - schlick(w_h));
-        b += ratio * schlick(w_h);
     }
-    let n = (STRATA * STRATA) as f64;
+    let n = (STRATA * azimuths.len()) as f64;
     [(a / n) as f32, (b / n) as f32]
 }
 
@@ -86,19 +106,6 @@ fn lobe_albedo(cosine: f64, alpha: f64) -> [f32; 2] {
 fn lambda(cosine: f64, alpha: f64) -> f64 {
     let tan2 = (1.0 - cosine * cosine).max(0.0) / (cosine * cosine);
     0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
-}
-
-/// Dupuy and Benyoub 2023.
-fn visible_normal(w: [f64; 3], alpha: f64, u: [f64; 2]) -> [f64; 3] {
-    let normalise = |v: [f64; 3]| {
-        let l = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-        v.map(|x| x / l)
-    };
-    let s = normalise([w[0] * alpha, w[1] * alpha, w[2]]);
-    let z = (1.0 - u[1]) * (1.0 + s[2]) - s[2];
-    let r = (1.0 - z * z).clamp(0.0, 1.0).sqrt();
-    let (sin, cos) = (2.0 * PI * u[0]).sin_cos();
-    normalise([(r * cos + s[0]) * alpha, (r * sin + s[1]) * alpha, z + s[2]])
 }
 
 #[cfg(test)]

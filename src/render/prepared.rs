@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::albedo::AlbedoTable;
+use super::coplanar;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
 use super::place::Place;
@@ -15,7 +16,7 @@ use crate::settings::Settings;
 pub struct Prepared {
     pub(super) geometry: Geometry,
     pub(super) emitters: EmitterSet,
-    pub(super) albedo: AlbedoTable,
+    pub(super) albedo: &'static AlbedoTable,
     pub(super) place: Place,
 }
 
@@ -23,9 +24,9 @@ impl Prepared {
     /// Fails if nothing emits.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<Prepared> {
         let origin = scene.cameras[settings.camera].transform.translation;
-        let albedo = AlbedoTable::new();
+        let albedo = AlbedoTable::shared();
         let place = Place::new(scene, origin, &settings.emitters);
-        let mut geometry = Geometry::new(scene, &place, &settings.emitters, &albedo);
+        let mut geometry = Geometry::new(scene, &place, &settings.emitters, albedo);
         let emitters = EmitterSet::new(scene, &settings.emitters, &place, &mut geometry);
         if emitters.table.is_empty() {
             return Err(Error::Settings(
@@ -47,6 +48,11 @@ impl Prepared {
     /// Node and luminance-weighted power in W of everything that shines.
     pub fn powers(&self) -> &BTreeMap<String, f64> {
         &self.emitters.powers
+    }
+
+    /// What will look wrong though the file is right, one sentence each with the remedy: lamps in the plane of another surface.
+    pub fn warnings(&self, scene: &Scene) -> Vec<String> {
+        coplanar::warnings(scene, &self.geometry, &self.place)
     }
 
     /// Triangles as they are placed.

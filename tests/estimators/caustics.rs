@@ -1,11 +1,14 @@
 //! Caustics: light that a ball of glass gathers and a mirror throws onto a diffuse floor, through gates. No connection reaches
 //! it: it is found by t = 1 (a light vertex on the floor, seen from the pinhole) and s = 0 (the lamp, met through the glass).
 
-use super::agreement::{assert_none, these_against_oracle};
+use std::sync::OnceLock;
+
+use super::agreement::{against, assert_none, bin, oracle};
 use super::cells::{Cells, disagreements, renderer, settings};
 use glam::DVec3;
 use taugate::generate::shapes::{icosphere, quad};
 use taugate::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, metal, place};
+use taugate::oracle::path_tracer::Film;
 use taugate::scene::Scene;
 use taugate::settings::{Estimator, Strategies};
 use taugate::units::Gate;
@@ -52,22 +55,28 @@ fn caustics_agree_with_bdpt() {
     assert!(!disagreements(&truth, &cells(Estimator::LcsPaper, Strategies::Paper, 400)).is_empty());
 }
 
-/// The oracle meets the lamp through the glass by chance: with 3,200 samples a pixel over a hundred times a cell. `pt` does so
-/// no better, and has fewer samples.
-fn against_oracle(estimators: &[Estimator], gates: &[(f64, f64)], shift: f64, spp: u32) -> Vec<String> {
-    these_against_oracle("caustics", estimators, &scene(), gates, SIZE, shift, spp)
+const GATES: [(f64, f64); 2] = [CAUSTIC, (0.0, f64::INFINITY)];
+
+/// The oracle's images, the last through a gate that the caustic would meet were glass no slower than air, by half of the way in
+/// the ball. It meets the lamp through the glass by chance: with 3,200 samples a pixel over a hundred times a cell.
+fn truth() -> &'static Film {
+    static TRUTH: OnceLock<Film> = OnceLock::new();
+    TRUTH.get_or_init(|| {
+        let early = (CAUSTIC.0 - RADIUS, CAUSTIC.1 - RADIUS);
+        oracle(&scene(), &[GATES[0], GATES[1], early], SIZE, 3200)
+    })
 }
 
+/// `pt` meets the lamp no better, and has fewer samples.
 #[test]
 fn caustics_agree_with_the_oracle() {
     let estimators = [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
-    assert_none(against_oracle(&estimators, &[CAUSTIC, (0.0, f64::INFINITY)], 0.0, 3200));
+    assert_none(against("caustics", &estimators, &scene(), &GATES, truth()));
 }
 
-/// The sibling that must fail: were glass no slower than air, the light behind the ball would come earlier by half of the way
-/// in it.
+/// The sibling that must fail.
 #[test]
 fn caustics_without_their_delay_are_rejected() {
-    let early = -0.5 * 2.0 * RADIUS / (CAUSTIC.1 - CAUSTIC.0);
-    assert!(!against_oracle(&[Estimator::Lcs], &[CAUSTIC], early, 800).is_empty());
+    let early = bin(truth(), GATES.len());
+    assert!(!against("caustics, early", &[Estimator::Lcs], &scene(), &GATES[..1], &early).is_empty());
 }

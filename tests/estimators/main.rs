@@ -6,6 +6,7 @@ mod cells;
 mod determinism;
 mod furnace;
 mod regressions;
+mod rough_glass;
 mod shared_scenes;
 mod sphere;
 mod strategies;

@@ -19,6 +19,7 @@ mod partition;
 mod sampling;
 mod scale;
 mod thin;
+mod thin_trees;
 mod wall;
 
 use taugate::render::Renderer;

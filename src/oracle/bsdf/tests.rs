@@ -114,7 +114,7 @@ fn glass_by_hand() {
     let prepared = Prepared::new(&crate::generate::stage::glass(""));
     let bsdf = prepared.at([1.0; 3]);
     assert!(bsdf.only_delta());
-    let through = bsdf.sample(direction(0.5, 0.0), false, [0.5, 0.9, 0.5]).unwrap();
+    let through = bsdf.sample(direction(0.5, 0.0), false, [0.9, 0.5, 0.5]).unwrap();
     assert!(through.refracted && through.weight == [1.0; 3] && (through.wi.length() - 1.0).abs() < 1e-12);
     // Snell: sin 60 degrees / 1.5.
     assert!((through.wi.x + 0.75f64.sqrt() / 1.5).abs() < 1e-12);

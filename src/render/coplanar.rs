@@ -1,0 +1,187 @@
+//! Lamps that lie in the plane of another surface: where the two overlap a ray meets either, as rounding has it.
+
+use std::collections::BTreeSet;
+
+use glam::{DVec2, DVec3, Vec3};
+use obvhs::cwbvh::node::CwBvhNode;
+use rayon::prelude::*;
+
+use super::geometry::Geometry;
+use super::place::Place;
+use crate::gpu::layout::Triangle;
+use crate::gpu::layout::constants::TRIANGLE_MATERIAL;
+use crate::scene::Scene;
+
+/// Distance that rounding does not tell from none, relative to the coordinates.
+const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
+/// Overlap that is none, likewise: triangles that share an edge.
+const TOUCHING: f64 = 64.0 * ROUNDING;
+/// What moves a lamp off a surface for sure, relative to the scene.
+const APART: f64 = 1e-4;
+
+/// One sentence, with the remedy, for every pair of a lamp's node and another one that does not shine, in the same plane and
+/// overlapping; sorted. Edges and corners in common are no overlap.
+pub fn warnings(scene: &Scene, geometry: &Geometry, place: &Place) -> Vec<String> {
+    let shines = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
+    let pairs: BTreeSet<(u32, u32)> = geometry
+        .triangles
+        .par_iter()
+        .filter(|t| shines(t))
+        .flat_map_iter(|lamp| {
+            let mut found = BTreeSet::new();
+            near(geometry, &Flat::new(lamp), |other| {
+                if !shines(other) && overlap(&Flat::new(lamp), &Flat::new(other)) {
+                    found.insert((lamp.instance, other.instance));
+                }
+            });
+            found
+        })
+        .collect();
+    let node = |instance: u32| scene.instances[instance as usize].node.as_str();
+    let named: BTreeSet<(&str, &str)> = pairs.into_iter().map(|(lamp, other)| (node(lamp), node(other))).collect();
+    let distance = APART * place.unit;
+    let sentence = |(lamp, other): (&str, &str)| {
+        format!(
+            "the lamp '{lamp}' lies in the plane of '{other}': a ray meets one or the other, so the lamp is speckled where it \
+             is seen; move it {distance:.0e} m or more in front of '{other}'"
+        )
+    };
+    named.into_iter().map(sentence).collect()
+}
+
+/// A triangle with its plane.
+struct Flat {
+    corners: [DVec3; 3],
+    /// Of unit length; 0 for a triangle of no area.
+    normal: DVec3,
+    /// Greatest coordinate.
+    size: f64,
+}
+
+impl Flat {
+    fn new(t: &Triangle) -> Flat {
+        let corners = [t.v0, t.v1, t.v2].map(|p| Vec3::from(p).as_dvec3());
+        let [a, b, c] = corners;
+        let size = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        Flat { corners, normal: (b - a).cross(c - a).normalize_or_zero(), size }
+    }
+
+    /// Whether all corners of `other` lie in this plane, within `rounding`.
+    fn holds(&self, other: &Flat, rounding: f64) -> bool {
+        self.normal != DVec3::ZERO
+            && other.corners.iter().all(|&p| (p - self.corners[0]).dot(self.normal).abs() <= rounding)
+    }
+}
+
+/// In one plane, and with more in common than an edge. A small triangle does not know its plane far away, so either may.
+fn overlap(a: &Flat, b: &Flat) -> bool {
+    let size = a.size.max(b.size);
+    let plane = if b.holds(a, ROUNDING * size) {
+        b.normal
+    } else if a.holds(b, ROUNDING * size) {
+        a.normal
+    } else {
+        return false;
+    };
+    let x = plane.any_orthonormal_vector();
+    let y = plane.cross(x);
+    let flat = |t: &Flat| t.corners.map(|p| DVec2::new(x.dot(p - a.corners[0]), y.dot(p - a.corners[0])));
+    let (a, b) = (flat(a), flat(b));
+    // Convex shapes are apart if they are along the normal of one of their edges.
+    let apart_along = |normal: DVec2| {
+        let span = |t: &[DVec2; 3]| {
+            let d = t.map(|p| p.dot(normal));
+            (d[0].min(d[1]).min(d[2]), d[0].max(d[1]).max(d[2]))
+        };
+        let ((a0, a1), (b0, b1)) = (span(&a), span(&b));
+        a1.min(b1) - a0.max(b0) <= TOUCHING * size
+    };
+    let edges = [a, b].into_iter().flat_map(|t| [t[1] - t[0], t[2] - t[1], t[0] - t[2]]);
+    !edges.map(|e| e.perp().normalize_or_zero()).any(apart_along)
+}
+
+/// Calls `visit` with every triangle whose box meets the plane of `lamp` within its box.
+fn near<'g>(geometry: &'g Geometry, lamp: &Flat, mut visit: impl FnMut(&'g Triangle)) {
+    let slack = 4.0 * ROUNDING * lamp.size;
+    let low = lamp.corners.into_iter().reduce(DVec3::min).expect("three corners") - slack;
+    let high = lamp.corners.into_iter().reduce(DVec3::max).expect("three corners") + slack;
+    let meets = |node: &CwBvhNode, child: usize| {
+        let bounds = node.child_aabb(child);
+        let (min, max) = (low.max(bounds.min.as_dvec3()), high.min(bounds.max.as_dvec3()));
+        let half = 0.5 * (max - min);
+        let distance = (0.5 * (min + max) - lamp.corners[0]).dot(lamp.normal).abs();
+        min.cmple(max).all() && distance <= half.dot(lamp.normal.abs()) + slack
+    };
+    let nodes = &geometry.bvh.host.nodes;
+    let mut open: Vec<usize> = if nodes.is_empty() { vec![] } else { vec![0] };
+    while let Some(i) = open.pop() {
+        let node = &nodes[i];
+        for child in (0..8).filter(|&c| !node.is_child_empty(c)).filter(|&c| meets(node, c)) {
+            if node.is_leaf(child) {
+                let (first, count) = node.child_primitives(child);
+                geometry.triangles[first as usize..(first + count) as usize].iter().for_each(&mut visit);
+            } else {
+                open.push(node.child_node_index(child) as usize);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::stage::about;
+    use crate::generate::{Kind, build};
+    use crate::render::albedo::AlbedoTable;
+    use crate::settings::Emitters;
+    use glam::DAffine3;
+
+    /// The box of the given unit length with its lamp at `height`, moved by `aside`, all of it turned.
+    fn said(height: f64, aside: f64, scale: f64, emitters: &Emitters) -> Vec<String> {
+        let mut scene = build(Kind::CornellBox);
+        let turn = DAffine3::from_mat3(scale * about(DVec3::new(0.48, 0.6, 0.64), 0.7));
+        for i in &mut scene.instances {
+            if i.node == "light" {
+                i.transform = DAffine3::from_translation(DVec3::new(aside, height - 1.99, 0.0));
+            }
+            i.transform = turn * i.transform;
+        }
+        let origin = turn.transform_point3(scene.cameras[0].transform.translation);
+        let place = Place::new(&scene, origin, emitters);
+        let geometry = Geometry::new(&scene, &place, emitters, AlbedoTable::shared());
+        warnings(&scene, &geometry, &place)
+    }
+
+    #[test]
+    fn a_lamp_in_the_plane_of_the_ceiling_is_named() {
+        for scale in [1e-3, 1.0, 1e4] {
+            let found = said(2.0, 0.0, scale, &Emitters::Scene);
+            assert_eq!(found.len(), 1, "{scale}: {found:?}");
+            assert!(found[0].contains("'light'") && found[0].contains("'ceiling'") && found[0].contains("in front"));
+            // What it asks for is enough, and so is what the box has.
+            for height in [2.0 - 1e-4, 2.0 + 1e-4, 1.99] {
+                assert_eq!(said(height, 0.0, scale, &Emitters::Scene), Vec::<String>::new(), "{scale} {height}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_lamp_beside_the_ceiling_or_switched_off_is_not() {
+        assert_eq!(said(2.0, 5.0, 1.0, &Emitters::Scene), Vec::<String>::new());
+        assert_eq!(said(2.0, 0.0, 1.0, &Emitters::Nodes(vec!["another".into()])), Vec::<String>::new());
+    }
+
+    #[test]
+    fn triangles_in_a_plane() {
+        let flat =
+            |c: [[f32; 3]; 3]| Flat::new(&Triangle { v0: c[0], v1: c[1], v2: c[2], ..bytemuck::Zeroable::zeroed() });
+        let a = flat([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]);
+        let other_half = flat([[1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]]);
+        let inside = flat([[0.1, 0.1, 1.0], [0.2, 0.1, 1.0], [0.1, 0.2, 1.0]]);
+        let across = flat([[0.2, 0.2, 0.0], [0.2, 0.3, 2.0], [0.3, 0.2, 2.0]]);
+        let line = flat([[0.1, 0.1, 1.0], [0.2, 0.2, 1.0], [0.3, 0.3, 1.0]]);
+        assert!(overlap(&a, &a) && overlap(&a, &inside) && overlap(&inside, &a));
+        assert!(!overlap(&a, &other_half) && !overlap(&a, &across) && !overlap(&inside, &other_half));
+        assert!(!overlap(&a, &line));
+    }
+}

@@ -1,0 +1,63 @@
+//! Rough glass in whole images: a ball and a pane whose facets bend light, before a lit room and before a lamp. The oracle goes
+//! through facets one by one and never evaluates the lobe; the estimators evaluate it in every connection.
+
+use super::agreement::{against, assert_none, oracle};
+use super::cells::{Cells, disagreements, renderer, settings};
+use glam::DVec3;
+use taugate::generate::shapes::{cuboid, icosphere, quad};
+use taugate::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, place};
+use taugate::scene::{Material, Scene};
+use taugate::settings::Estimator;
+use taugate::units::Gate;
+
+const SIZE: [u32; 2] = [24, 16];
+/// The lamp behind the pane and what is seen through the glass first; then light that has been scattered before or since.
+pub const GATES: [(f64, f64); 2] = [(3.8, 4.6), (4.6, 5.6)];
+const ESTIMATORS: [Estimator; 3] = [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
+
+/// alpha of the glass is 0.25 (the ball) and 0.5 (the pane), times `rougher`.
+pub fn scene(rougher: f32) -> Scene {
+    let mut scene = Scene::default();
+    let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+    let grey = material(&mut scene, diffuse("grey", [0.6, 0.5, 0.4]));
+    let shine = material(&mut scene, emitter("lamp", [6.0; 3]));
+    let mut frosted = |name: &str, alpha: f32, tint: f32| {
+        let base_color = [tint, 1.0, tint, 1.0];
+        material(&mut scene, Material { roughness: (rougher * alpha).sqrt(), base_color, ..glass(name) })
+    };
+    let (ball, pane) = (frosted("ball", 0.25, 1.0), frosted("pane", 0.5, 0.8));
+    add(&mut scene, "floor", grey, quad(DVec3::new(-2.0, 0.0, -1.5), z * 3.0, x * 4.0, [1.0; 2]));
+    add(&mut scene, "wall", grey, quad(DVec3::new(-2.0, 0.0, -1.5), x * 4.0, y * 2.5, [1.0; 2]));
+    let round = mesh(&mut scene, "ball", ball, icosphere(0.45, 3));
+    place(&mut scene, "ball", round, glam::DAffine3::from_translation(DVec3::new(-0.6, 0.5, 0.0)));
+    add(&mut scene, "pane", pane, cuboid(DVec3::new(0.2, 0.1, -0.4), DVec3::new(1.2, 1.1, -0.3)));
+    add(&mut scene, "lamp", shine, quad(DVec3::new(-0.9, 2.0, -0.6), x * 1.0, z * 1.0, [1.0; 2]));
+    add(&mut scene, "second lamp", shine, quad(DVec3::new(0.4, 0.3, -1.4), x * 0.5, y * 0.5, [1.0; 2]));
+    camera(&mut scene, DVec3::new(0.0, 1.0, 2.4), DVec3::new(0.0, 0.4, 0.0), 0.9, SIZE);
+    scene
+}
+
+#[test]
+fn rough_glass_agrees_with_the_oracle() {
+    let gates = [GATES[0], GATES[1], (0.0, f64::INFINITY)];
+    let truth = oracle(&scene(1.0), &gates, SIZE, 800);
+    assert_none(against("rough glass", &ESTIMATORS, &scene(1.0), &gates, &truth));
+    // The sibling that must fail: glass that is a quarter rougher.
+    assert!(!against("rougher glass", &[Estimator::Lcs], &scene(1.25), &gates[..1], &truth).is_empty());
+}
+
+#[test]
+fn estimators_agree_on_rough_glass() {
+    let cells = |estimator, rougher, seed| {
+        let mut s = settings(estimator, SIZE);
+        s.max_depth = 8;
+        let (lo, hi) = GATES[0];
+        Cells::measure(&mut renderer(&scene(rougher), &s), Gate { lo, hi }, 8, 1, 8, seed)
+    };
+    let truth = cells(Estimator::Bdpt, 1.0, 1);
+    for estimator in [Estimator::LcsPaper, Estimator::Lcs] {
+        assert_none(disagreements(&truth, &cells(estimator, 1.0, 200)));
+    }
+    // The sibling that must fail.
+    assert!(!disagreements(&truth, &cells(Estimator::Lcs, 1.25, 400)).is_empty());
+}
