@@ -95,7 +95,7 @@ fn header(page: &Page) -> String {
         let _ = writeln!(
             text,
             "relMSE: {RELMSE_FORMULA}. Trimmed: the same without the {:.0} % of the pixels that are worst in each image, which a few rare \
-             bright samples (in the image or in its reference) rule; it says nothing of those. Where the error of the reference is not \
+             bright samples (in the image or in its reference) rule; it says nothing of those, and little above 1, which is that of black. Where the error of the reference is not \
              {MARGIN} times below all that was measured of a variant, the figure is left out: \"reference too poor\". FLIP: mean of \
              HDR-FLIP. \"Lower by\": how many times lower relMSE is than that of the better of bdpt and pt in the same repetition. \
              Slope: of relMSE against time (of the trimmed one where that is all there is), in logarithms; -1 where errors are \
