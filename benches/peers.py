@@ -6,23 +6,27 @@
     python3 benches/peers.py [--time 20] [--size 96] [--repetitions 3] > peers.md
 
 Scenes: the Cornell box, and staircase where the shared scenes are there, both with their area lights. Materials differ between
-the programs, so both get the same simplified scene: every surface diffuse with its base colour (textures: half of it), flat
-normals, no transparency. All programs use every core of the machine, in turns, for the same wall time; loading, hierarchies and
+the programs, so both get the same simplified scene, written to a temporary folder: every surface diffuse with its base colour
+(textures: their mean), flat normals, no transparency. All programs use every core of the machine, in turns, for the same wall time; loading, hierarchies and
 compilation are excluded (mitransient: after a first pass that is forgotten). Travel times run from the light to the pinhole on both
 sides; Mitsuba starts its rays on the near plane, which is moved to 1e-4.
 
 The reference is the mean of two renders with other seeds, one by each program, of --reference times the time each. A quarter of
 their squared difference estimates its squared error; the page says what its own relMSE is, and warns where results are not at
-least 20 times above it. Without mitransient the script says so and exits with 0.
+least 20 times above it. Both must show the same: means of cells of 16 x 16 pixels in independent batches, by Welch's test with
+Sidak's threshold at 1e-3; where they differ the page says so and the script ends with 1. Without mitransient it says so and exits
+with 0.
 """
 import argparse
 import json
+import math
 import os
 import struct
 import subprocess
 import sys
 import tempfile
 import time
+from statistics import NormalDist
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
 sys.path.insert(0, os.path.join(ROOT, "tests"))
@@ -38,6 +42,10 @@ ESTIMATORS = ("pt", "bdpt", "lcs-paper", "lcs")
 PEER = "mitransient"
 MAX_DEPTH = 24
 MARGIN = 20.0
+CELL = 16
+# Independent renders behind taugate's half of the reference.
+BATCHES = 16
+SIGNIFICANCE = 1e-3
 COMPONENTS = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
 
@@ -57,12 +65,27 @@ def write_glb(path, document, binary):
         file.write(struct.pack("<I", len(binary)) + b"BIN\0" + binary)
 
 
-def simplified(document):
+def mean_colour(document, binary, texture, folder):
+    """Mean of a texture's linear R, G, B."""
+    image = document["images"][document["textures"][texture]["source"]]
+    if "bufferView" not in image:
+        sys.exit("peers.py reads textures inside the scene's own file only")
+    view = document["bufferViews"][image["bufferView"]]
+    start = view.get("byteOffset", 0)
+    path = os.path.join(folder, "texture" + {"image/png": ".png", "image/jpeg": ".jpg"}[image["mimeType"]])
+    with open(path, "wb") as file:
+        file.write(binary[start:start + view["byteLength"]])
+    linear = mi.Bitmap(path).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
+    return np.array(linear, dtype=np.float64).mean(axis=(0, 1))
+
+
+def simplified(document, binary, folder):
     """Every surface diffuse and flat, seen from both sides unless it emits."""
     for material in document["materials"]:
         old = material.get("pbrMetallicRoughness", {})
-        textured = 0.5 if "baseColorTexture" in old else 1.0
-        colour = [textured * c for c in old.get("baseColorFactor", [1.0] * 4)[:3]]
+        textured = old.get("baseColorTexture")
+        texture = [1.0] * 3 if textured is None else mean_colour(document, binary, textured["index"], folder)
+        colour = [float(t * c) for t, c in zip(texture, old.get("baseColorFactor", [1.0] * 4)[:3])]
         emissive = any(material.get("emissiveFactor", [0.0]))
         strength = material.get("extensions", {}).get("KHR_materials_emissive_strength")
         extensions = {"KHR_materials_specular": {"specularFactor": 0.0}}
@@ -174,12 +197,14 @@ class Peer:
             self.pass_spp *= 2
 
     def render(self, seconds, seed):
+        """The image, what it took, its samples a pixel, and the means over cells of every pass."""
         self.tune(seconds)
-        total, passes, start = 0.0, 0, time.perf_counter()
+        total, batches, start = 0.0, [], time.perf_counter()
         while time.perf_counter() - start < seconds:
-            total = total + self.render_pass(1000 * seed + passes)
-            passes += 1
-        return total / passes, time.perf_counter() - start, passes * self.pass_spp
+            image = self.render_pass(1000 * seed + len(batches))
+            total = total + image
+            batches.append(cells(image))
+        return total / len(batches), time.perf_counter() - start, len(batches) * self.pass_spp, np.array(batches)
 
 
 def ours(binary, scene, estimator, size, gate, seconds, seed, folder):
@@ -197,13 +222,44 @@ def relmse(image, reference):
     return float(((image - reference) ** 2 / (reference ** 2 + eps)).mean())
 
 
+def cells(image):
+    """Means over cells of CELL x CELL pixels; those at the edges may be smaller."""
+    rows, columns = range(0, image.shape[0], CELL), range(0, image.shape[1], CELL)
+    return np.array([image[y:y + CELL, x:x + CELL].mean(axis=(0, 1)) for y in rows for x in columns])
+
+
+def agreement(a, b):
+    """Greatest |z| between two renders' means over cells, the threshold, the number of means, and the ratio of the whole means with
+    its error. `a` and `b` are batches of cells of channels. Cells known to less than 10 % are taken together."""
+    means, errors = [x.mean(axis=0) for x in (a, b)], [x.std(axis=0, ddof=1) / math.sqrt(len(x)) for x in (a, b)]
+    noisy = (np.maximum(*errors) > 0.05 * (means[0] + means[1])).any(axis=1)
+    groups = [[cell] for cell in np.flatnonzero(~noisy)] + ([np.flatnonzero(noisy)] if noisy.any() else [])
+    worst, freedom = 0.0, math.inf
+    for group in groups:
+        x, y = a[:, group].mean(axis=1), b[:, group].mean(axis=1)
+        parts = [x.var(axis=0, ddof=1) / len(x), y.var(axis=0, ddof=1) / len(y)]
+        both = parts[0] + parts[1]
+        lit = both > 0.0
+        worst = max(worst, float((np.abs(x.mean(axis=0) - y.mean(axis=0))[lit] / np.sqrt(both[lit])).max(initial=0.0)))
+        degrees = both[lit] ** 2 / (parts[0][lit] ** 2 / (len(x) - 1) + parts[1][lit] ** 2 / (len(y) - 1))
+        freedom = min(freedom, float(degrees.min(initial=math.inf)))
+    tests = 3 * len(groups)
+    z = NormalDist().inv_cdf(0.5 + 0.5 * (1.0 - SIGNIFICANCE) ** (1.0 / tests))
+    # Student's t (Fisher's expansion).
+    threshold = z + (z ** 3 + z) / (4 * freedom) + (5 * z ** 5 + 16 * z ** 3 + 3 * z) / (96 * freedom ** 2)
+    whole = [x.mean(axis=(1, 2)) for x in (a, b)]
+    relative = [x.std(ddof=1) / math.sqrt(len(x)) / x.mean() for x in whole]
+    ratio = whole[0].mean() / whole[1].mean()
+    return worst, threshold, tests, ratio, ratio * math.hypot(*relative)
+
+
 def spread(values):
     return f"{np.median(values):.3g} ({min(values):.3g} to {max(values):.3g})"
 
 
 def compare(arguments, name, path, gate, folder):
     document, binary = read_glb(path)
-    document = simplified(document)
+    document = simplified(document, binary, folder)
     aspect = document["cameras"][0]["perspective"].get("aspectRatio", 1.0)
     size = (max(1, round(arguments.size * min(1.0, aspect))), max(1, round(arguments.size / max(1.0, aspect))))
     scene = os.path.join(folder, f"{name}.glb")
@@ -211,8 +267,11 @@ def compare(arguments, name, path, gate, folder):
     peer = Peer(mitsuba_scene(document, binary, size, gate))
 
     long = arguments.reference * arguments.time
-    half_a, _ = ours(arguments.binary, scene, arguments.judge, size, gate, long, 901, folder)
-    half_b, _, _ = peer.render(long, 902)
+    renders = [ours(arguments.binary, scene, arguments.judge, size, gate, long / BATCHES, 901 + i, folder)[0]
+               for i in range(BATCHES)]
+    half_a = np.mean(renders, axis=0)
+    half_b, _, _, passes = peer.render(long, 902)
+    worst, threshold, tests, ratio, error = agreement(np.array([cells(image) for image in renders]), passes)
     reference = 0.5 * (half_a + half_b)
     own = relmse(half_a, reference)
 
@@ -220,7 +279,7 @@ def compare(arguments, name, path, gate, folder):
     for repetition in range(arguments.repetitions):
         for estimator in (*ESTIMATORS, PEER):
             if estimator == PEER:
-                image, seconds, spp = peer.render(arguments.time, 1 + repetition)
+                image, seconds, spp, _ = peer.render(arguments.time, 1 + repetition)
             else:
                 image, numbers = ours(arguments.binary, scene, estimator, size, gate, arguments.time, 1 + repetition, folder)
                 seconds, spp = numbers["render_seconds"], numbers["samples_per_pixel"]
@@ -229,7 +288,8 @@ def compare(arguments, name, path, gate, folder):
             spent.setdefault(estimator, []).append(seconds)
 
     print(f"\n## {name}\n\n{size[0]} x {size[1]} pixels, gate {gate[0]} m to {gate[1]} m. Reference: {long:g} s by {arguments.judge} and "
-          f"{long:g} s by {PEER}, ratio of their means {half_a.mean() / half_b.mean():.4f}, own relMSE {own:.2e}.\n")
+          f"{long:g} s by {PEER}, ratio of their means {ratio:.4f} +- {error:.4f}, own relMSE {own:.2e}. Means of cells: |z| at most "
+          f"{worst:.2f} in {tests}, where {threshold:.2f} is significant.\n")
     print("| renderer | seconds | samples a pixel | relMSE | times lower than mitransient's |\n|---|---|---|---|---|")
     for estimator in (*ESTIMATORS, PEER):
         ratios = [theirs / mine for theirs, mine in zip(errors[PEER], errors[estimator])]
@@ -239,6 +299,9 @@ def compare(arguments, name, path, gate, folder):
     if own * MARGIN > best:
         print(f"\nThe reference's own relMSE is only {best / own:.1f} times below the best result ({MARGIN:.0f} would be enough): ratios "
               "above are too near 1; give more --reference.")
+    if worst > threshold:
+        print("\nThe programs do not show the same image: nothing above can be compared.")
+    return worst <= threshold
 
 
 def main():
@@ -260,12 +323,14 @@ def main():
     unknown = [name for name in wanted if name not in [known for known, _, _ in SCENES]]
     if unknown:
         sys.exit(f"no scene is called {unknown[0]}; choose cornell or staircase")
+    agree = True
     with tempfile.TemporaryDirectory() as folder:
         for name, path, gate in (scene for scene in SCENES if scene[0] in wanted):
             if os.path.exists(path):
-                compare(arguments, name, path, gate, folder)
+                agree = compare(arguments, name, path, gate, folder) and agree
             else:
                 print(f"\nskipped {name}: {path} is not on this machine")
+    sys.exit(0 if agree else 1)
 
 
 if __name__ == "__main__":

@@ -82,10 +82,13 @@ impl CellBatches {
         self.last = self.each;
     }
 
-    /// The batches of two independent renders of the same image together.
+    /// The batches of two independent renders of the same image together, neighbours merged where they are too many.
     pub fn joined(mut self, other: &CellBatches) -> CellBatches {
         assert_eq!(self.grid(), other.grid(), "images of different sizes have different cells");
         self.batches.extend(other.batches.iter().cloned());
+        while self.batches.len() > MOST_BATCHES {
+            self.merge();
+        }
         self
     }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use taugate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, OutputTable, Png, RenderTable};
-use taugate::settings::{Crop, Emitters, Estimator, Strategies};
+use taugate::settings::{Crop, Emitters, Estimator, Importance, Strategies};
 use taugate::units::{Depth, Gate};
 use taugate::values::{Resolution, Seconds};
 
@@ -119,6 +119,11 @@ pub struct RenderArgs {
     #[arg(long, help_heading = "Sampling")]
     single_tree: bool,
 
+    /// What lcs judges nodes of a tree by beside power: all, none, or some of centre,cosine,overlap (distance of the centre,
+    /// greatest cosine, part of a bucket inside the gate); same image on average [default: all]
+    #[arg(long, value_name = "NAME,...", help_heading = "Sampling")]
+    importance: Option<Importance>,
+
     /// Ways to join subpaths: all, or those of the paper (no emitter hit by chance, none seen by the sensor directly)
     /// [default: all]
     #[arg(long, value_name = "all|paper", help_heading = "Sampling")]
@@ -183,6 +188,7 @@ impl RenderArgs {
                 buckets: self.buckets,
                 leaf_size: self.leaf_size,
                 single_tree: self.single_tree.then_some(true),
+                importance: self.importance,
                 no_cull: self.no_cull.then_some(true),
                 device: self.device,
                 strict: self.strict.then_some(true),

@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
-use crate::settings::{Crop, Emitters, Estimator, Strategies};
+use crate::settings::{Crop, Emitters, Estimator, Importance, Strategies};
 use crate::units::{Depth, Gate};
 use crate::values::{Resolution, Seconds};
 
@@ -71,6 +71,7 @@ pub struct RenderTable {
     pub buckets: Option<u32>,
     pub leaf_size: Option<u32>,
     pub single_tree: Option<bool>,
+    pub importance: Option<Importance>,
     pub no_cull: Option<bool>,
     pub device: Option<String>,
     pub strict: Option<bool>,
@@ -187,6 +188,7 @@ impl Experiment {
                 buckets: self.render.buckets.or(below.render.buckets),
                 leaf_size: self.render.leaf_size.or(below.render.leaf_size),
                 single_tree: self.render.single_tree.or(below.render.single_tree),
+                importance: self.render.importance.or(below.render.importance),
                 no_cull: self.render.no_cull.or(below.render.no_cull),
                 device: self.render.device.or(below.render.device),
                 strict: self.render.strict.or(below.render.strict),

@@ -12,6 +12,7 @@ use exr::prelude::{
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error, write_atomically};
 use crate::film::Film;
+use crate::fingerprint;
 use crate::settings::{Crop, MAX_PIXELS};
 use crate::units::{Gate, METRES_PER_NS};
 
@@ -67,6 +68,7 @@ pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
             ("tof:varianceBatches", AttributeValue::I32(film.iterations().try_into().unwrap_or(i32::MAX))),
             ("tof:cellBatches", floats(&film.cells().to_floats())),
             ("tof:version", AttributeValue::Text(text(&version()))),
+            ("tof:renderer", AttributeValue::Text(text(&fingerprint::renderer()))),
             ("tof:settings", AttributeValue::Text(text(&provenance.settings))),
         ]
         .map(|(name, value)| (text(name), value)),
@@ -130,6 +132,8 @@ pub struct Picture {
     /// `tof:cellBatches`, see [`crate::batches::CellBatches::to_floats`], and `tof:seed` where the file has them.
     pub cell_batches: Option<Vec<f32>>,
     pub seed: Option<String>,
+    /// `tof:renderer`, the [`fingerprint::renderer`] that made it, where the file has it.
+    pub renderer: Option<String>,
     /// Seconds of rendering (`renderTimeSeconds`) where the file has them.
     pub seconds: Option<f64>,
 }
@@ -171,16 +175,17 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         }
         _ => None,
     });
-    let seed = attribute("tof:seed").and_then(|value| match value {
-        AttributeValue::Text(seed) => Some(seed.to_string()),
+    let words = |name: &str| match attribute(name) {
+        Some(AttributeValue::Text(words)) => Some(words.to_string()),
         _ => None,
-    });
+    };
+    let (seed, renderer) = (words("tof:seed"), words("tof:renderer"));
     let seconds = attribute("renderTimeSeconds").and_then(|value| match value {
         AttributeValue::F32(seconds) => Some(f64::from(*seconds)),
         _ => None,
     });
     let variance = interleave("Variance.");
-    Ok(Picture { width: width as u32, height: height as u32, rgb, variance, cell_batches, seed, seconds })
+    Ok(Picture { width: width as u32, height: height as u32, rgb, variance, cell_batches, seed, renderer, seconds })
 }
 
 /// Refuses what the decoder would reserve too much memory for, or what is not one flat image.

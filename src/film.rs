@@ -96,6 +96,12 @@ impl Film {
         &self.cells
     }
 
+    /// Sets these: a film that joins renders has coarser batches than they had.
+    pub fn set_cells(&mut self, cells: CellBatches) {
+        assert_eq!(cells.grid(), self.cells.grid(), "the cells are of an image of another size");
+        self.cells = cells;
+    }
+
     /// The mean over all pixels and channels, and its standard error from the means of whole iterations: pixels of one are
     /// correlated. No error with fewer than two iterations.
     pub fn image_mean(&self) -> (f64, Option<f64>) {

@@ -15,6 +15,7 @@ pub mod experiment;
 pub mod exr_file;
 pub mod files;
 pub mod film;
+pub mod fingerprint;
 pub mod generate;
 pub mod gpu;
 pub mod lightcone;

@@ -10,10 +10,52 @@ use crate::error::{Error, Result};
 pub const RELMSE_FORMULA: &str =
     "mean over pixels and channels of (x - r)^2 / (r^2 + eps), eps = (1 % of the mean of r)^2";
 
+/// Part of the pixels that trimmed means leave out: those with the greatest errors. Published comparisons leave out a thousandth
+/// of a million pixels; suites have ten thousand.
+pub const TRIMMED: f64 = 0.01;
+
+/// A mean over all pixels and channels, and one over all but the worst pixels, which rare bright samples ("fireflies") rule.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Means {
+    pub all: f64,
+    pub trimmed: f64,
+}
+
+impl Means {
+    pub const NAN: Means = Means { all: f64::NAN, trimmed: f64::NAN };
+    pub const INFINITE: Means = Means { all: f64::INFINITY, trimmed: f64::INFINITY };
+
+    /// Of errors >= 0, R, G, B interleaved. A hundred pixels or fewer are not trimmed.
+    pub fn of(errors: &[f64]) -> Means {
+        let mut pixels: Vec<f64> = errors.chunks(3).map(|pixel| pixel.iter().sum()).collect();
+        let all = pixels.iter().sum::<f64>() / errors.len() as f64;
+        let left_out = (TRIMMED * pixels.len() as f64) as usize;
+        if left_out == 0 {
+            return Means { all, trimmed: all };
+        }
+        let kept = pixels.len() - left_out;
+        pixels.select_nth_unstable_by(kept, f64::total_cmp);
+        let trimmed = pixels[..kept].iter().sum::<f64>() / (errors.len() - 3 * left_out) as f64;
+        Means { all, trimmed }
+    }
+
+    /// Both times a number.
+    pub fn scaled(self, by: f64) -> Means {
+        Means { all: by * self.all, trimmed: by * self.trimmed }
+    }
+
+    /// The lesser of either.
+    pub fn least(self, other: Means) -> Means {
+        Means { all: self.all.min(other.all), trimmed: self.trimmed.min(other.trimmed) }
+    }
+}
+
 /// An image's error against a reference r, over all pixels and channels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Comparison {
     pub relmse: f64,
+    /// The same without the worst pixels ([`TRIMMED`]).
+    pub trimmed_relmse: f64,
     /// (0.01 mean of r)^2, relative to the reference because gated images are dark.
     pub eps: f64,
     pub mse: f64,
@@ -37,15 +79,16 @@ pub fn compare(image: &[f32], reference: &[f32]) -> Result<Comparison> {
     }
 
     let eps = (0.01 * reference_mean).powi(2);
-    let (mut relative, mut absolute) = (0.0, 0.0);
+    let (mut relative, mut absolute) = (Vec::with_capacity(reference.len()), 0.0);
     for (&x, &r) in image.iter().zip(reference) {
         let (x, r) = (f64::from(x), f64::from(r));
         let square = (x - r) * (x - r);
-        relative += square / (r * r + eps);
+        relative.push(square / (r * r + eps));
         absolute += square;
     }
+    let Means { all: relmse, trimmed: trimmed_relmse } = Means::of(&relative);
     let ratio_of_means = mean / reference_mean;
-    Ok(Comparison { relmse: relative / n, eps, mse: absolute / n, mean, reference_mean, ratio_of_means })
+    Ok(Comparison { relmse, trimmed_relmse, eps, mse: absolute / n, mean, reference_mean, ratio_of_means })
 }
 
 /// Pixel index and channel (0 to 2) of the first value that is NaN or infinite.
@@ -65,6 +108,20 @@ mod tests {
         assert!((c.relmse - 0.5 / 1.0004).abs() < 1e-15);
         assert!((c.mse - 0.5).abs() < 1e-15);
         assert!((c.ratio_of_means - 1.25).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_worst_pixels_are_left_out() {
+        // 250 pixels of error 3 (1 a channel), of which 2 are left out: the firefly, and one of the others.
+        let mut errors = vec![1.0; 750];
+        errors[301] = 1e9;
+        let means = Means::of(&errors);
+        assert!((means.all - (749.0 + 1e9) / 750.0).abs() < 1e-3, "{means:?}");
+        assert_eq!(means.trimmed, 1.0);
+        // Three fireflies are more than are left out.
+        (errors[0], errors[749]) = (100.0, 1e9);
+        assert!((Means::of(&errors).trimmed - (743.0 + 100.0) / 744.0).abs() < 1e-12, "{:?}", Means::of(&errors));
+        assert_eq!(Means::of(&[1.0, 2.0, 9.0]), Means { all: 4.0, trimmed: 4.0 });
     }
 
     #[test]

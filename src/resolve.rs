@@ -86,6 +86,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         buckets: within("buckets", render.buckets.unwrap_or(DEFAULT_BUCKETS), MAX_BUCKETS)?,
         leaf_size: leaf_size(render, estimator)?,
         single_tree: render.single_tree.unwrap_or(false),
+        importance: importance(render, estimator, &mut warnings),
         cull: !render.no_cull.unwrap_or(false),
         camera,
         emitters: emitters(&experiment.emitter, scene, &gate)?,
@@ -136,6 +137,7 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         buckets: Some(settings.buckets),
         leaf_size: (settings.leaf_size > 0).then_some(settings.leaf_size),
         single_tree: Some(settings.single_tree),
+        importance: (settings.estimator == Estimator::Lcs).then_some(settings.importance),
         no_cull: Some(!settings.cull),
         device: experiment.render.device.clone(),
         strict: experiment.render.strict,
@@ -164,16 +166,19 @@ fn light_paths([width, height]: [u32; 2]) -> u32 {
     (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, MOST_LIGHT_PATHS_BY_DEFAULT)
 }
 
-/// By default only `lcs` traces more light subpaths than it stores, and only where light that a mirror, glass or gloss focused
-/// reaches the sensor's surfaces: no query finds that.
-fn splat_paths(render: &RenderTable, estimator: Estimator, [width, height]: [u32; 2], scene: &Scene) -> Result<u32> {
+/// Light subpaths for t = 1 alone when nothing says how many: only `lcs` traces more than it stores, and only where light that a
+/// mirror, glass or gloss focused reaches the sensor's surfaces: no query finds that.
+pub fn default_splat_paths(estimator: Estimator, [width, height]: [u32; 2], scene: &Scene) -> u32 {
     let focuses = |m: &Material| m.transmission > 0.0 || (m.roughness < 0.5 && (m.metallic > 0.0 || m.specular > 0.0));
-    let default = if estimator == Estimator::Lcs && scene.materials.iter().any(focuses) {
+    if estimator == Estimator::Lcs && scene.materials.iter().any(focuses) {
         (SPLAT_PATHS_A_PIXEL * width * height).min(MAX_LIGHT_PATHS)
     } else {
         0
-    };
-    let paths = render.splat_paths.unwrap_or(default);
+    }
+}
+
+fn splat_paths(render: &RenderTable, estimator: Estimator, resolution: [u32; 2], scene: &Scene) -> Result<u32> {
+    let paths = render.splat_paths.unwrap_or_else(|| default_splat_paths(estimator, resolution, scene));
     if paths > MAX_LIGHT_PATHS {
         return Err(settings(format!("--splat-paths is {paths}; it must be at most {MAX_LIGHT_PATHS}")));
     }
@@ -184,6 +189,18 @@ fn splat_paths(render: &RenderTable, estimator: Estimator, [width, height]: [u32
 fn leaf_size(render: &RenderTable, estimator: Estimator) -> Result<u32> {
     let size = within("leaf-size", render.leaf_size.unwrap_or(estimator.leaf_size().max(1)), MAX_LEAF_SIZE)?;
     Ok(if estimator.leaf_size() > 0 { size } else { 0 })
+}
+
+/// Only `lcs` chooses by importance; others say that they do not.
+fn importance(render: &RenderTable, estimator: Estimator, warnings: &mut Vec<String>) -> Importance {
+    match render.importance {
+        Some(importance) if estimator == Estimator::Lcs => importance,
+        Some(_) => {
+            warnings.push(format!("--importance is for lcs; {estimator} does not choose by it and renders as without"));
+            Importance::ALL
+        }
+        None => Importance::ALL,
+    }
 }
 
 fn budget(render: &RenderTable) -> Result<Budget> {

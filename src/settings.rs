@@ -105,6 +105,26 @@ impl Strategies {
     }
 }
 
+/// What the importance of a tree node goes by beside its power (`lcs` alone). The image is the same on average in every position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Importance {
+    /// The distance of the node's centre; else that of its nearest point. Neither below half its diagonal.
+    pub centre: bool,
+    /// The greatest cosine at the shade point; else none. Nodes behind the shade point are culled in any case.
+    pub cosine: bool,
+    /// How much of every bucket meets the gate; else buckets count fully that can meet it.
+    pub overlap: bool,
+}
+
+impl Importance {
+    pub const ALL: Importance = Importance { centre: true, cosine: true, overlap: true };
+    pub const NONE: Importance = Importance { centre: false, cosine: false, overlap: false };
+
+    fn parts(self) -> [(&'static str, bool); 3] {
+        [("centre", self.centre), ("cosine", self.cosine), ("overlap", self.overlap)]
+    }
+}
+
 /// When a render stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Budget {
@@ -179,6 +199,8 @@ pub struct Settings {
     pub leaf_size: u32,
     /// One tree over emitter points and scattered vertices instead of the two of Sec. 5.4; the same image on average.
     pub single_tree: bool,
+    /// [`Importance::ALL`] for estimators that do not choose by it.
+    pub importance: Importance,
     /// Stop subpaths that can no longer meet the gate (exact; DESIGN 3.1).
     pub cull: bool,
     /// Index into `Scene::cameras`.
@@ -199,6 +221,45 @@ impl FromStr for Estimator {
         Estimator::ALL.into_iter().find(|e| e.name() == text).ok_or_else(|| {
             Error::Settings(format!("no estimator is called '{text}': choose pt, bdpt, lcs-paper or lcs"))
         })
+    }
+}
+
+impl fmt::Display for Importance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Importance::ALL => f.write_str("all"),
+            Importance::NONE => f.write_str("none"),
+            some => {
+                let names: Vec<&str> = some.parts().iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
+                f.write_str(&names.join(","))
+            }
+        }
+    }
+}
+
+impl FromStr for Importance {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Importance> {
+        match text.trim() {
+            "all" => return Ok(Importance::ALL),
+            "none" => return Ok(Importance::NONE),
+            _ => {}
+        }
+        let mut importance = Importance::NONE;
+        for name in text.split(',').map(str::trim) {
+            match name {
+                "centre" => importance.centre = true,
+                "cosine" => importance.cosine = true,
+                "overlap" => importance.overlap = true,
+                _ => {
+                    return Err(Error::Settings(format!(
+                        "no part of the importance is called '{name}': give all, none, or some of centre,cosine,overlap"
+                    )));
+                }
+            }
+        }
+        Ok(importance)
     }
 }
 

@@ -6,8 +6,11 @@ use std::process::{Command, Output};
 use taugate::bench::job::Job;
 use taugate::bench::suite::Suite;
 use taugate::bench::table::{self, COLUMNS};
-use taugate::exr_file::{Picture, read_picture};
+use taugate::exr_file::{self, Picture, Provenance, read_picture};
+use taugate::film::Film;
 use taugate::generate::{Kind, scene};
+use taugate::settings::Crop;
+use taugate::units::Gate;
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -83,6 +86,7 @@ fn a_suite_from_reference_to_report_and_on() {
     let references: Vec<_> = std::fs::read_dir(here.path().join("references")).unwrap().collect();
     assert_eq!(references.len(), 1, "both variants share a reference");
 
+    edit(here.path(), "scene = \"box.glb\"", "scene = \"box.glb\"\npaper = \"2.5 times lower\"");
     let (text, messages) = succeeds(here.path(), &bench(&["--repetitions", "1"]));
     assert!(
         text.contains("the box") && text.contains("lower by") && messages.contains("skipped 1"),
@@ -96,7 +100,9 @@ fn a_suite_from_reference_to_report_and_on() {
         let mine: Vec<_> = first.iter().filter(|row| row.variant == variant).collect();
         assert!(mine.windows(2).all(|w| w[0].seconds < w[1].seconds && w[0].point < w[1].point), "{mine:?}");
         let last = mine.last().unwrap();
-        assert!(last.seconds >= 0.06 && last.relmse > 0.0 && last.flip > 0.0 && last.flip < 1.0, "{last:?}");
+        assert!(last.seconds >= 0.06 && last.relmse.all > 0.0 && last.flip > 0.0 && last.flip < 1.0, "{last:?}");
+        let honest = last.own.all > 0.0 && last.own.trimmed <= last.own.all;
+        assert!(honest && last.relmse.trimmed > 0.0 && last.relmse.trimmed <= last.relmse.all, "{last:?}");
         assert!(last.light_vertices > 0.0 && last.queries_per_s > 0.0 && last.rays_per_s > 0.0, "{last:?}");
         assert!((0.0..1.0).contains(&last.dead_query_share) && last.samples > 0 && last.dropped == 0, "{last:?}");
     }
@@ -104,7 +110,15 @@ fn a_suite_from_reference_to_report_and_on() {
         assert!(here.path().join("out").join(name).exists(), "{name}");
     }
     let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();
-    for part in ["A test.", "(the-box.svg)", "(the-box.png)", "| lcs |", "gone is not on this machine"] {
+    assert!(page.lines().any(|l| l.starts_with("| the box | lcs | ") && l.ends_with("| 2.5 times lower |")), "{page}");
+    for part in [
+        "A test.",
+        "(the-box.svg)",
+        "(the-box.png)",
+        "| lcs |",
+        "gone is not on this machine",
+        "The paper reports: 2.5 times lower.",
+    ] {
         assert!(page.contains(part), "{part} is missing in: {page}");
     }
 
@@ -141,7 +155,7 @@ fn a_reference_that_is_too_noisy_is_refused() {
     assert!(!here.path().join("bench-s/results.csv").exists());
 
     // What was rendered is not lost.
-    let file = || std::fs::read_dir(here.path().join("references")).unwrap().next().unwrap().unwrap().path();
+    let file = || reference(here.path());
     let own = |picture: &Picture| picture.variance.as_ref().unwrap().iter().map(|&v| f64::from(v)).sum::<f64>();
     let first = read_picture(&file()).unwrap();
     let (_, messages) = succeeds(here.path(), &["bench", "s.toml", "--reference", "--reference-time", "2s"]);
@@ -149,6 +163,87 @@ fn a_reference_that_is_too_noisy_is_refused() {
     assert!(messages.contains(" before, own relMSE"), "{messages}");
     assert!(own(&second) < own(&first) && second.seed != first.seed, "{} {}", own(&first), own(&second));
     assert!(second.seconds.unwrap() > first.seconds.unwrap() + 0.1, "{:?} {:?}", first.seconds, second.seconds);
+}
+
+/// The only file in the folder of references.
+fn reference(folder: &Path) -> std::path::PathBuf {
+    std::fs::read_dir(folder.join("references")).unwrap().next().unwrap().unwrap().path()
+}
+
+/// Writes a reference again: its image times `scale` in `batches` batches of `noise` times its standard error, and
+/// `change` to each of them.
+fn rewrite(path: &Path, [scale, noise]: [f32; 2], batches: u32, change: impl Fn(u32, &mut [f32])) {
+    let Picture { width, height, rgb, variance, seed, .. } = read_picture(path).unwrap();
+    let mut film = Film::new(width, height);
+    for batch in 0..batches {
+        let sign = if batch % 2 == 0 { 1.0 } else { -1.0 };
+        let noise = |v: f32| noise * sign * (v * (batches as f32 - 1.0)).sqrt();
+        let mut image: Vec<f32> =
+            rgb.iter().zip(variance.as_ref().unwrap()).map(|(x, &v)| scale * x + noise(v)).collect();
+        change(batch, &mut image);
+        film.add(&image, 10);
+    }
+    let (crop, gate) = (Crop { x0: 0, x1: width, y0: 0, y1: height }, Gate { lo: 7.5, hi: 8.5 });
+    let (seed, settings) = (seed.unwrap().parse().unwrap(), String::new());
+    let provenance = Provenance { resolution: [width, height], crop, gate, seed, seconds: 2.0, settings };
+    exr_file::write(path, &film, &provenance).unwrap();
+}
+
+/// As if other shaders had rendered it.
+fn disown(path: &Path) {
+    let (mut bytes, mine) = (std::fs::read(path).unwrap(), taugate::fingerprint::renderer());
+    let at = bytes.windows(mine.len()).position(|w| w == mine.as_bytes()).expect("the file says what rendered it");
+    bytes[at..at + mine.len()].fill(b'0');
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn a_reference_by_another_version_is_checked_before_it_counts() {
+    let here = folder("60ms", "7.5m..8.5m");
+    let make = &bench(&["--reference", "--reference-time", "1s"]);
+    succeeds(here.path(), make);
+    let file = reference(here.path());
+    let first = read_picture(&file).unwrap();
+    disown(&file);
+    fails(here.path(), &bench(&[]), 2, "is by another version of the renderer: its shaders or its number differ");
+    let (_, messages) = succeeds(here.path(), make);
+    assert!(messages.contains("agrees with this one's") && messages.contains(" before, own relMSE"), "{messages}");
+    let second = read_picture(&file).unwrap();
+    assert!(second.seconds.unwrap() > first.seconds.unwrap() + 0.5, "{:?} {:?}", first.seconds, second.seconds);
+
+    // The sibling that must fail: twice as bright.
+    rewrite(&file, [2.0, 1.0], 16, |_, _| {});
+    disown(&file);
+    let (_, messages) = succeeds(here.path(), make);
+    assert!(messages.contains("differs from this one's") && messages.contains("begun anew"), "{messages}");
+    assert!(!messages.contains(" before, own relMSE"), "{messages}");
+    // One that does not tell its noise is not trusted either.
+    rewrite(&file, [1.0, 1.0], 2, |_, _| {});
+    disown(&file);
+    let (_, messages) = succeeds(here.path(), make);
+    assert!(messages.contains("cannot be checked: it was begun anew"), "{messages}");
+}
+
+/// One bright pixel in one half of the reference: nothing is known of relMSE over all pixels, all of that without the worst.
+#[test]
+fn each_figure_is_refused_for_itself() {
+    let here = folder("60ms", "7.5m..8.5m");
+    succeeds(here.path(), &bench(&["--reference", "--reference-time", "500ms"]));
+    let pixel = |by: f32| move |batch: u32, image: &mut [f32]| image[100] += by * if batch == 0 { 1.0 } else { -1.0 };
+    rewrite(&reference(here.path()), [1.0, 0.1], 2, pixel(5.0));
+    let (text, messages) = succeeds(here.path(), &bench(&["--repetitions", "1"]));
+    assert!(messages.contains("note: the box") && messages.contains("the trimmed one stands"), "{messages}");
+    assert!(text.contains("relMSE -  trimmed ") && text.contains("lower by"), "{text}");
+    let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();
+    assert!(page.contains("| reference too poor | - |") && page.contains("![trimmed relMSE against time]"), "{page}");
+
+    // The sibling that must fail: as much noise in many pixels.
+    rewrite(&reference(here.path()), [1.0, 0.1], 2, |batch, image| {
+        (0..48).for_each(|i| pixel(5.0)(batch, &mut image[3 * i..]))
+    });
+    let output = taugate(here.path(), &bench(&["--resume"]));
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("refused: the box"));
 }
 
 #[test]
@@ -169,7 +264,7 @@ fn a_suite_of_costs_needs_no_reference_and_fits_its_sweeps() {
     assert!(text.contains("us a sample") && text.contains("| triangles | lcs | 3 | 36 | 2178 |"), "{text}");
     let rows = table::read(&here.path().join("out/results.csv")).unwrap();
     for row in &rows {
-        assert!(row.relmse.is_nan() && row.us_per_sample > 0.0 && row.pixels == 64, "{row:?}");
+        assert!(row.relmse.all.is_nan() && row.us_per_sample > 0.0 && row.pixels == 64, "{row:?}");
         assert!((row.gate_m - 0.5).abs() < 1e-9 && [36, 138, 2178].contains(&row.triangles), "{row:?}");
         let cost = 1e6 * row.seconds / (row.samples * row.pixels) as f64;
         // Seconds are written to a tenth of a millisecond.

@@ -249,3 +249,21 @@ fn a_generated_scene_is_described_and_resolved() {
     assert!(twice("light", "scene").contains("emitters = \"scene\""));
     assert_eq!(names(here.path()), ["box.glb", "e.toml"]);
 }
+
+/// Whatever it is called, a file that the scene reads is not written to.
+#[test]
+fn what_the_scene_reads_is_not_overwritten() {
+    let here = folder();
+    let scene = r#"{"asset": {"version": "2.0"}, "images": [{"uri": "wood%20floor.png"}]}"#;
+    std::fs::write(here.path().join("room.gltf"), scene).unwrap();
+    std::fs::write(here.path().join("wood floor.png"), "a texture").unwrap();
+    for picture in [&["--png", "wood floor.png"][..], &["--png", "./wood floor.png"]] {
+        let arguments = [&["render", "room.gltf", "-o", "out.exr"], picture].concat();
+        fails(here.path(), &arguments, 2, "is a file that the scene room.gltf reads; choose another name");
+    }
+    fails(here.path(), &["render", "room.gltf", "-o", "wood floor.exr", "--png"], 2, "that the scene room.gltf reads");
+    assert_eq!(std::fs::read(here.path().join("wood floor.png")).unwrap(), b"a texture");
+    // Another name gets as far as the scene itself.
+    fails(here.path(), &["render", "room.gltf", "-o", "out.exr", "--png"], 2, "room.gltf: ");
+    assert_eq!(names(here.path()), ["room.gltf", "wood floor.png"]);
+}

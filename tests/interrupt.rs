@@ -1,4 +1,4 @@
-//! Ctrl-C at any moment of a render: a whole image or none, and nothing half-written.
+//! Ctrl-C, or SIGTERM, at any moment of a render: a whole image or none, and nothing half-written.
 
 #![cfg(unix)]
 
@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use taugate::exr_file::read_picture;
 
-const SIGINT: i32 = 2;
+/// Ctrl-C, and what batch systems and shutdowns send.
+const SIGNALS: [(&str, i32); 2] = [("-INT", 2), ("-TERM", 15)];
 
 fn start(folder: &Path, budget: &str) -> Child {
     let arguments =
@@ -24,8 +25,8 @@ fn start(folder: &Path, budget: &str) -> Child {
         .expect("taugate starts")
 }
 
-fn interrupt(child: &mut Child) -> ExitStatus {
-    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill starts");
+fn interrupt(child: &mut Child, signal: &str) -> ExitStatus {
+    let kill = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill starts");
     assert!(kill.success());
     child.wait().expect("it ends")
 }
@@ -37,6 +38,32 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
+/// Interrupts a render of `room.glb` after `delay` ms, and checks what it left; whether that was an image.
+fn leaves_an_image(here: &Path, delay: u64, (name, number): (&str, i32)) -> bool {
+    let mut child = start(here, "1h");
+    std::thread::sleep(Duration::from_millis(delay));
+    let asked = Instant::now();
+    let status = interrupt(&mut child, name);
+    // Before the program has said what to do with it, the signal itself ends the process.
+    let ended = status.code() == Some(130) || status.signal() == Some(number);
+    assert!(ended, "{name} after {delay} ms: {status:?}");
+    assert!(asked.elapsed() < Duration::from_secs(30), "{name} after {delay} ms: it took {:?}", asked.elapsed());
+    match names(here).iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["room.glb"] => false,
+        ["out.exr", "out.json", "out.png", "room.glb"] => {
+            let picture = read_picture(&here.join("out.exr")).unwrap();
+            assert_eq!((picture.width, picture.height), (64, 64));
+            let numbers = std::fs::read(here.join("out.json")).unwrap();
+            assert!(serde_json::from_slice::<serde_json::Value>(&numbers).unwrap()["iterations"].as_u64() > Some(0));
+            for file in ["out.exr", "out.json", "out.png"] {
+                std::fs::remove_file(here.join(file)).unwrap();
+            }
+            true
+        }
+        _ => panic!("{name} after {delay} ms: {:?}", names(here)),
+    }
+}
+
 #[test]
 fn an_interrupt_leaves_a_whole_image_or_none() {
     let folder = tempfile::tempdir().unwrap();
@@ -44,31 +71,13 @@ fn an_interrupt_leaves_a_whole_image_or_none() {
     // Large enough that loading it takes a while.
     let generate = ["generate", "cluttered-room", "-o", "room.glb"];
     assert!(Command::new(env!("CARGO_BIN_EXE_taugate")).args(generate).current_dir(here).status().unwrap().success());
-    let mut without_image = 0;
-    for delay in [0, 10, 30, 60, 120, 250, 500, 1000, 4000] {
-        let mut child = start(here, "1h");
-        std::thread::sleep(Duration::from_millis(delay));
-        let asked = Instant::now();
-        let status = interrupt(&mut child);
-        // Before the program has said what to do with it, the signal itself ends the process.
-        let ended = status.code() == Some(130) || status.signal() == Some(SIGINT);
-        assert!(ended, "after {delay} ms: {status:?}");
-        assert!(asked.elapsed() < Duration::from_secs(30), "after {delay} ms it took {:?}", asked.elapsed());
-        match names(here).iter().map(String::as_str).collect::<Vec<_>>()[..] {
-            ["room.glb"] => without_image += 1,
-            ["out.exr", "out.json", "out.png", "room.glb"] => {
-                let picture = read_picture(&here.join("out.exr")).unwrap();
-                assert_eq!((picture.width, picture.height), (64, 64));
-                let numbers = std::fs::read(here.join("out.json")).unwrap();
-                assert!(
-                    serde_json::from_slice::<serde_json::Value>(&numbers).unwrap()["iterations"].as_u64() > Some(0)
-                );
-                for file in ["out.exr", "out.json", "out.png"] {
-                    std::fs::remove_file(here.join(file)).unwrap();
-                }
-            }
-            _ => panic!("after {delay} ms: {:?}", names(here)),
-        }
+    let images = [0, 10, 30, 60, 120, 250, 500, 1000, 4000].map(|delay| leaves_an_image(here, delay, SIGNALS[0]));
+    let without = images.iter().filter(|image| !**image).count();
+    assert!(without >= 3, "the scene is loaded too fast for this test: {without}");
+    // However busy the machine is, an image comes in the end, and either signal leaves it.
+    for signal in SIGNALS {
+        leaves_an_image(here, 0, signal);
+        let came = [1000, 4000, 16_000, 60_000].iter().any(|&delay| leaves_an_image(here, delay, signal));
+        assert!(came, "{signal:?} left no image");
     }
-    assert!(without_image >= 3, "the scene is loaded too fast for this test: {without_image}");
 }

@@ -10,6 +10,11 @@ const LEAST_COSINE: f32 = 0.1;
 // Keeps products of small factors from becoming 0.
 const LEAST_IMPORTANCE: f32 = 1e-36;
 
+// Ideas that a render may do without (`--importance`): any of them is unbiased on and off.
+override BY_CENTRE: bool = true;
+override BY_COSINE: bool = true;
+override BY_OVERLAP: bool = true;
+
 // A shade point as the importance sees it.
 struct Receiver {
     shell: Shell,
@@ -26,6 +31,10 @@ fn ramp(x: vec4<f32>, width: f32) -> vec4<f32> {
 // Power of the node times the probability that its light meets the gate: each bucket's travel time and the distance taken as
 // independent and uniform over their intervals, whose sum has a piecewise quadratic distribution function.
 fn power_through_gate(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
+    if (!BY_OVERLAP) {
+        // Live buckets count fully.
+        return bucket_power(c, d, shell);
+    }
     // Intervals of no width become short ones.
     let least = 1e-4 * d.y + 1e-12;
     let spread = max(d.y - d.x, least);
@@ -58,8 +67,19 @@ fn box_cosine(n: vec3<f32>, center: vec3<f32>, half_extent: vec3<f32>, d_min: f3
     return clamp((height + rounding) / max(d_min, 1e-20), 0.0, 1.0);
 }
 
-// Importance of the node: power through the gate over the squared distance of the box's centre, which is never taken below
-// the box's half diagonal, times the greatest cosine at the receiver.
+// What a node's greatest cosine at the receiver makes of its power.
+fn cosine_factor(cosine: f32) -> f32 {
+    return select(1.0, max(cosine, LEAST_COSINE), BY_COSINE);
+}
+
+// The squared distance a node's power is divided by: of its box's centre, or of the nearest point as `node_bound` has it, and
+// never below the box's half diagonal.
+fn node_distance2(center: vec3<f32>, half_extent: vec3<f32>, d_min: f32) -> f32 {
+    return max(select(d_min * d_min, dot(center, center), BY_CENTRE), dot(half_extent, half_extent));
+}
+
+// Importance of the node: power through the gate over its squared distance, times the greatest cosine at the receiver. 0
+// behind the receiver whatever is switched off: culling is not importance.
 fn node_importance(c: TreeChild, r: Receiver) -> f32 {
     let distances = box_distances(r.shell.q, c.lo, c.hi);
     let d = vec2<f32>(distances.x * r.shell.eta_lo, distances.y * r.shell.eta_hi);
@@ -73,7 +93,6 @@ fn node_importance(c: TreeChild, r: Receiver) -> f32 {
     if (is_pruned(c.tau_lo, c.tau_hi, d, r.shell) || cosine < 0.0) {
         return 0.0;
     }
-    let distance2 = max(dot(center, center), dot(half_extent, half_extent));
-    let power = power_through_gate(c, d, r.shell) * max(cosine, LEAST_COSINE);
-    return max(power / max(distance2, 1e-20), LEAST_IMPORTANCE);
+    let power = power_through_gate(c, d, r.shell) * cosine_factor(cosine);
+    return max(power / max(node_distance2(center, half_extent, distances.x), 1e-20), LEAST_IMPORTANCE);
 }

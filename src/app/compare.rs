@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use taugate::agreement::{Agreement, SIGNIFICANCE, agreement, colours};
 use taugate::batches::CellBatches;
 use taugate::exr_file::{Picture, read_picture, write_plain};
-use taugate::metrics::{self, RELMSE_FORMULA};
+use taugate::metrics::{self, RELMSE_FORMULA, TRIMMED};
 use taugate::{Error, png_file};
 
 use crate::cli::CompareArgs;
@@ -47,10 +47,17 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         super::print(&format!("{json:#}\n"));
     } else {
         let mut text = format!(
-            "relMSE          {:.6e}\n                {RELMSE_FORMULA}; eps = {:.6e}\nMSE             {:.6e}\n\
+            "relMSE          {:.6e}\n                {RELMSE_FORMULA}; eps = {:.6e}\n  trimmed       {:.6e}  (without the worst {:.0} % of the pixels)\nMSE             {:.6e}\n\
              FLIP            {flip:.6}  (HDR-FLIP, mean; 67 pixels a degree, ACES)\n\
              ratio of means  {:.6}  ({:.6e} / {:.6e})\n",
-            result.relmse, result.eps, result.mse, result.ratio_of_means, result.mean, result.reference_mean
+            result.relmse,
+            result.eps,
+            result.trimmed_relmse,
+            100.0 * TRIMMED,
+            result.mse,
+            result.ratio_of_means,
+            result.mean,
+            result.reference_mean
         );
         if let Some(most) = args.max_relmse {
             text += &format!("threshold       {} {most:e}\n", if within { "met:" } else { "exceeded:" });

@@ -1,4 +1,4 @@
-//! Ctrl-C.
+//! Ctrl-C, and what a queue or a system that shuts down sends (SIGTERM).
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -42,11 +42,14 @@ impl Interrupts {
         let last = Arc::new(AtomicU32::new(Interrupt::None.number()));
         let interrupts = Interrupts { stop: Arc::default(), count: Arc::default(), last };
         let (stop, count, last) = (interrupts.stop.clone(), interrupts.count.clone(), interrupts.last.clone());
-        ctrlc::set_handler(move || {
+        let interrupt = move || {
             stop.store(true, Ordering::SeqCst);
             let count = count.fetch_add(1, Ordering::SeqCst) + 1;
             exit_if(count >= last.load(Ordering::SeqCst));
-        })?;
+        };
+        #[cfg(unix)]
+        on_termination(interrupt.clone())?;
+        ctrlc::set_handler(interrupt)?;
         Ok(interrupts)
     }
 
@@ -55,6 +58,14 @@ impl Interrupts {
         self.last.store(interrupt.number(), Ordering::SeqCst);
         exit_if(self.count.load(Ordering::SeqCst) >= interrupt.number());
     }
+}
+
+/// `ctrlc` could do this too, but would take SIGHUP with it, and so end what nohup keeps alive.
+#[cfg(unix)]
+fn on_termination(mut interrupt: impl FnMut() + Send + 'static) -> anyhow::Result<()> {
+    let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGTERM])?;
+    std::thread::spawn(move || signals.forever().for_each(|_| interrupt()));
+    Ok(())
 }
 
 fn exit_if(enough: bool) {

@@ -13,6 +13,7 @@ use taugate::files::{check_writable, lies_in};
 use taugate::gpu::Device;
 use taugate::render::{MemoryPlan, Prepared, Renderer, StrategyImages};
 use taugate::resolve::{self, Outputs};
+use taugate::scene::gltf;
 use taugate::schedule::next_samples;
 use taugate::settings::Settings;
 
@@ -34,16 +35,18 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
     let experiment = read_experiment(args)?;
     let interrupts = Interrupts::new()?;
+    let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
     if !print_config {
-        check_outputs(&resolve::outputs(&experiment)?)?;
+        let outputs = resolve::outputs(&experiment)?;
+        check_outputs(&outputs)?;
+        check_inputs(&outputs, &scene_path)?;
     }
     // So far there is nothing to keep.
     interrupts.end_the_process_at(Interrupt::First);
 
     // Load the scene and settle what is to be done.
-    let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
     let mut preparation = Preparation::new();
-    let scene = preparation.timed("load scene", || taugate::scene::gltf::load(&scene_path))?;
+    let scene = preparation.timed("load scene", || gltf::load(&scene_path))?;
     let resolved = resolve::resolve(&experiment, &scene)?;
     let settings = &resolved.settings;
     let config = resolve::as_experiment(&experiment, settings, &scene);
@@ -169,6 +172,22 @@ fn check_outputs(outputs: &Outputs) -> Result<()> {
             "the folder of --strategy-images is replaced as a whole, and {} would be in it; choose another folder",
             file.display()
         ))),
+        None => Ok(()),
+    }
+}
+
+/// A picture may have the name of a texture.
+fn check_inputs(outputs: &Outputs, scene: &Path) -> Result<()> {
+    let existing: Vec<_> = files(outputs).filter(|path| path.exists()).collect();
+    if existing.is_empty() {
+        return Ok(());
+    }
+    let inputs = gltf::paths(scene);
+    match existing.into_iter().find(|output| inputs.iter().any(|input| lies_in(output, input))) {
+        Some(output) => {
+            let message = format!("is a file that the scene {} reads; choose another name", scene.display());
+            Err(Error::File { path: output.clone(), message })
+        }
         None => Ok(()),
     }
 }

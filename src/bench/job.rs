@@ -1,9 +1,9 @@
 //! One scene of a suite made ready: loaded, and its settings resolved for every variant.
 
-use super::hash::Hash;
 use super::suite::{Part, SceneEntry, Suite};
 use crate::error::{Error, Result};
 use crate::experiment::Experiment;
+use crate::fingerprint::{self, Hash};
 use crate::generate;
 use crate::gpu::Device;
 use crate::render::{Prepared, Reach};
@@ -32,7 +32,7 @@ pub struct Entry {
     pub settings: Settings,
     /// The experiment that renders the same, as TOML without scene, seed and budget.
     pub config: String,
-    /// Fingerprint of scene and settings: rows of a table that carry it were measured with them.
+    /// Fingerprint of scene, settings and renderer: rows of a table that carry it were measured with them.
     pub fingerprint: String,
     /// Name of the file that holds the truth for these settings. Variants of the same strategies and depth share one.
     pub reference: String,
@@ -93,7 +93,7 @@ impl Job {
         let reference = format!("{}-{}.exr", self.name, self.hash.with(truth.to_toml().as_bytes()).digits());
         Entry {
             variant: variant.into(),
-            fingerprint: self.hash.with(text.as_bytes()).digits(),
+            fingerprint: self.hash.with(text.as_bytes()).with(fingerprint::renderer().as_bytes()).digits(),
             config: text,
             reference,
             settings,

@@ -5,7 +5,6 @@
 //! follow the size of things, and a [`report`] shows it.
 
 pub mod growth;
-mod hash;
 pub mod job;
 mod lane;
 mod pilot;

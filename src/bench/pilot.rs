@@ -4,8 +4,11 @@ use super::job::{Entry, Job};
 use super::reference::{Goal, relative};
 use crate::error::Result;
 use crate::gpu::Device;
+use crate::metrics::Means;
 use crate::render::Prepared;
-use crate::settings::{Estimator, Settings};
+use crate::resolve::default_splat_paths;
+use crate::scene::Scene;
+use crate::settings::{DEFAULT_BUCKETS, Estimator, Importance, Settings};
 
 /// Seeds, far from those of races and references.
 const SEEDS: u32 = 0x4000_0100;
@@ -27,17 +30,19 @@ pub struct Pilot {
 
 impl Pilot {
     /// relMSE times seconds: what stays the same as a render goes on.
-    pub fn cost(&self, truth: &[f32]) -> f64 {
-        self.seconds * relative(&self.variance, truth)
+    pub fn cost(&self, truth: &[f32]) -> Means {
+        relative(&self.variance, truth).scaled(self.seconds)
     }
 }
 
-/// The pilot with the least cost. Each is measured against the mean of the others: its own noise would hide its error.
+/// The pilot with the least cost, by all pixels and by most of them alike: rare bright samples count, but whether a short render
+/// has met one is luck. Each is measured against the mean of the others: its own noise would hide its error.
 pub fn fastest(pilots: &[Pilot]) -> &Pilot {
     let cost = |at: usize| {
         let others: Vec<&Pilot> = pilots.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, p)| p).collect();
         let mean = |i: usize| others.iter().map(|p| p.mean[i]).sum::<f32>() / others.len() as f32;
-        pilots[at].cost(&(0..pilots[at].mean.len()).map(mean).collect::<Vec<f32>>())
+        let cost = pilots[at].cost(&(0..pilots[at].mean.len()).map(mean).collect::<Vec<f32>>());
+        cost.all * cost.trimmed
     };
     match pilots.len() {
         1 => &pilots[0],
@@ -60,7 +65,7 @@ pub fn pilots(
     let mut candidates: Vec<(String, Settings)> =
         entries.iter().map(|e| (e.variant.clone(), e.settings.clone())).collect();
     for estimator in [Estimator::Bdpt, Estimator::Lcs] {
-        let plain = with(entries[0], estimator);
+        let plain = with(&job.scene, entries[0], estimator);
         let frugal = frugal(plain.clone());
         let also =
             [(estimator.to_string(), plain), (format!("{estimator} with {} light paths", frugal.light_paths), frugal)];
@@ -88,10 +93,20 @@ pub fn pilots(
     Ok(Some(pilots))
 }
 
-/// An entry's settings with another estimator as it is by default, but without light subpaths for t = 1 alone.
-pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
-    let (queries, leaf_size) = (estimator.default_queries(), estimator.leaf_size());
-    Settings { estimator, queries, leaf_size, single_tree: false, splat_paths: 0, ..entry.settings.clone() }
+/// An entry's settings with another estimator as it is by default: what is looked at and which paths count stay the entry's, and
+/// so does the number of light paths.
+pub fn with(scene: &Scene, entry: &Entry, estimator: Estimator) -> Settings {
+    Settings {
+        estimator,
+        queries: estimator.default_queries(),
+        leaf_size: estimator.leaf_size(),
+        splat_paths: default_splat_paths(estimator, entry.settings.resolution, scene),
+        buckets: DEFAULT_BUCKETS,
+        single_tree: false,
+        importance: Importance::ALL,
+        cull: true,
+        ..entry.settings.clone()
+    }
 }
 
 /// With one light path a pixel at most.

@@ -20,8 +20,8 @@ pub const COLOURS: [RGBColor; 8] = [
     RGBColor(140, 140, 140),
 ];
 
-/// relMSE against seconds, both logarithmic, with bars from least to most; `None` if there is nothing to draw.
-pub fn convergence(title: &str, curves: &[(String, Vec<Point>)]) -> Result<Option<String>> {
+/// relMSE (or what `figure` calls it) against seconds, both logarithmic, with bars from least to most; `None` if there is nothing to draw.
+pub fn convergence(title: &str, figure: &str, curves: &[(String, Vec<Point>)]) -> Result<Option<String>> {
     let points = || curves.iter().flat_map(|(_, points)| points).filter(|p| p.relmse.least > 0.0);
     let span = |of: &dyn Fn(&Point) -> [f64; 2]| {
         let all: Vec<f64> = points().flat_map(of).collect();
@@ -33,13 +33,14 @@ pub fn convergence(title: &str, curves: &[(String, Vec<Point>)]) -> Result<Optio
     }
     let (times, errors) = (span(&|p| [p.seconds; 2]), span(&|p| [p.relmse.least, p.relmse.most]));
     let mut svg = String::new();
-    draw(&mut svg, title, curves, times, errors).map_err(|e| Error::Settings(format!("the plot of {title}: {e}")))?;
+    draw(&mut svg, [title, figure], curves, times, errors)
+        .map_err(|e| Error::Settings(format!("the plot of {title}: {e}")))?;
     Ok(Some(svg))
 }
 
 fn draw(
     svg: &mut String,
-    title: &str,
+    [title, figure]: [&str; 2],
     curves: &[(String, Vec<Point>)],
     times: std::ops::Range<f64>,
     errors: std::ops::Range<f64>,
@@ -55,7 +56,7 @@ fn draw(
     chart
         .configure_mesh()
         .x_desc("seconds of rendering")
-        .y_desc("relMSE")
+        .y_desc(figure)
         .x_label_formatter(&label)
         .y_label_formatter(&label)
         .light_line_style(WHITE)

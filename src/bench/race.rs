@@ -2,12 +2,12 @@
 
 use super::job::{Entry, Job};
 use super::lane::Lane;
+use super::reference::Reference;
 use super::table::Row;
 use crate::error::Result;
-use crate::exr_file::Picture;
 use crate::film::Film;
 use crate::gpu::Device;
-use crate::metrics;
+use crate::metrics::{self, Means};
 use crate::render::Prepared;
 
 /// Time points of a race: each is twice the one before, the last is the whole time.
@@ -24,7 +24,7 @@ pub fn points(seconds: f64) -> Vec<f64> {
 pub struct Race<'a> {
     job: &'a Job,
     lanes: Vec<Lane>,
-    references: Vec<Option<Picture>>,
+    references: Vec<Option<Reference>>,
 }
 
 impl<'a> Race<'a> {
@@ -33,7 +33,7 @@ impl<'a> Race<'a> {
         device: &Device,
         job: &'a Job,
         prepared: &Prepared,
-        references: Vec<Option<Picture>>,
+        references: Vec<Option<Reference>>,
     ) -> Result<Race<'a>> {
         let lane = |entry: &Entry| Lane::new(device, &job.scene, &entry.settings, prepared);
         Ok(Race { lanes: job.entries.iter().map(lane).collect::<Result<_>>()?, job, references })
@@ -72,11 +72,15 @@ impl<'a> Race<'a> {
 
     fn measure(&self, at: usize, repetition: u32, point: u32) -> Result<Row> {
         let (lane, entry) = (&self.lanes[at], &self.job.entries[at]);
-        let (relmse, flip) = self.references[at].as_ref().map_or(Ok((f64::NAN, f64::NAN)), |reference| {
-            let image = lane.renderer.film().mean();
-            let flip = metrics::flip::hdr(&image, &reference.rgb, reference.width as usize).mean();
-            metrics::compare(&image, &reference.rgb).map(|errors| (errors.relmse, flip))
-        })?;
+        let (relmse, own, flip) = match &self.references[at] {
+            None => (Means::NAN, Means::NAN, f64::NAN),
+            Some(Reference { picture, own, .. }) => {
+                let image = lane.renderer.film().mean();
+                let errors = metrics::compare(&image, &picture.rgb)?;
+                let relmse = Means { all: errors.relmse, trimmed: errors.trimmed_relmse };
+                (relmse, *own, metrics::flip::hdr(&image, &picture.rgb, picture.width as usize).mean())
+            }
+        };
         let crop = entry.settings.crop;
         let (pixels, samples) = (u64::from(crop.width()) * u64::from(crop.height()), lane.renderer.film().samples());
         let queries = lane.count(|s| s.candidates);
@@ -90,6 +94,7 @@ impl<'a> Race<'a> {
             seconds: lane.clock,
             samples,
             relmse,
+            own,
             flip,
             dropped: lane.count(|s| s.dropped),
             light_vertices: vertices as f64 / lane.count(|s| s.iterations) as f64,

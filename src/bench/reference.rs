@@ -4,19 +4,22 @@
 //! so (a - b)^2 / 4 is an unbiased estimate of its squared error in every pixel; the file carries it as its variance layer.
 //!
 //! The settings that render it need not be of the suite: whatever has the least error per second in a short pilot does. What was
-//! rendered is never lost: a reference that is not good enough for a later race is extended by halves with other seeds.
+//! rendered is never lost: a reference that is not good enough for a later race is extended by halves with other seeds. So is one
+//! that another version of the renderer made, after it was compared with what this one renders.
 
 use std::path::{Path, PathBuf};
 
 use super::job::{Entry, Job};
 use super::lane::Lane;
 use super::pilot::{fastest, frugal, pilots, with};
-use crate::agreement::{Agreement, agreement};
+use crate::agreement::{Agreement, LEAST_BATCHES, agreement};
 use crate::batches::{CellBatches, MOST_BATCHES};
 use crate::error::Result;
 use crate::exr_file::{self, Picture, Provenance, read_picture};
 use crate::film::Film;
+use crate::fingerprint;
 use crate::gpu::Device;
+use crate::metrics::Means;
 use crate::render::Prepared;
 use crate::settings::Estimator;
 
@@ -38,15 +41,20 @@ const EXTENSION: u32 = 0x1000;
 const LEAST_ITERATIONS: u32 = MOST_BATCHES as u32 / 2;
 /// The judge renders for this part of the reference's time.
 const JUDGED: f64 = 0.25;
+/// A reference by another version of the renderer is compared with a render of this part of its time: what it differs by without
+/// being noticed is less than the noise of that.
+const CHECKED: f64 = 0.1;
 
 /// A reference from the folder of references.
 pub struct Reference {
     pub picture: Picture,
     /// Its own relMSE, estimated from its halves.
-    pub own: f64,
+    pub own: Means,
+    /// Whether this version of the renderer made it: see [`fingerprint::renderer`].
+    pub current: bool,
 }
 
-/// Whether a result of this relMSE may be compared with a reference of that own relMSE.
+/// Whether a result of this relMSE may be compared with a reference of that own relMSE; asked of each of [`Means`] for itself.
 pub fn is_good(own: f64, relmse: f64) -> bool {
     own <= TRUSTED && own * MARGIN <= relmse
 }
@@ -59,14 +67,29 @@ pub struct Made {
     /// Seconds of rendering, both halves, and those of an earlier reference that was extended.
     pub seconds: f64,
     pub before: f64,
+    /// What became of a reference by another version of the renderer.
+    pub other: Other,
     /// Samples a pixel; of an earlier reference what would have taken as long.
     pub samples: u64,
-    pub own: f64,
+    pub own: Means,
     /// What [`Made::own`] must be at most.
-    pub wanted: f64,
+    pub wanted: Means,
     /// The estimator that checked it and what it found. The reference was written if they agree.
     pub judge: Estimator,
     pub agreement: Agreement,
+}
+
+/// What became of a reference by another version of the renderer.
+#[derive(Debug, Clone)]
+pub enum Other {
+    /// There was none.
+    None,
+    /// It shows what this version renders, and counts.
+    Joined(Agreement),
+    /// It does not, and was left out.
+    Dropped(Agreement),
+    /// It does not tell its own noise, and was left out.
+    Unknown,
 }
 
 /// What a reference is to be good enough for.
@@ -77,7 +100,7 @@ pub struct Goal {
     /// Rendering stops after so many seconds in any case.
     pub limit: f64,
     /// The best relMSE that was measured so far, if any was.
-    pub best: Option<f64>,
+    pub best: Option<Means>,
 }
 
 /// Reads the reference of an entry; `None` if there is none.
@@ -87,19 +110,20 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
         return Ok(None);
     }
     let picture = read_picture(&path)?;
-    let own = picture.variance.as_ref().map_or(f64::INFINITY, |variance| relative(variance, &picture.rgb));
-    Ok(Some(Reference { picture, own }))
+    let own = picture.variance.as_ref().map_or(Means::INFINITE, |variance| relative(variance, &picture.rgb));
+    let current = picture.renderer.as_deref() == Some(&fingerprint::renderer());
+    Ok(Some(Reference { picture, own, current }))
 }
 
-/// Mean of squared errors over r^2 + eps, as relMSE has it; infinite for a black reference.
-pub fn relative(squared: &[f32], reference: &[f32]) -> f64 {
-    let n = reference.len() as f64;
-    let mean = reference.iter().map(|&r| f64::from(r)).sum::<f64>() / n;
+/// Means of squared errors over r^2 + eps, as relMSE has it; infinite for a black reference.
+pub fn relative(squared: &[f32], reference: &[f32]) -> Means {
+    let mean = reference.iter().map(|&r| f64::from(r)).sum::<f64>() / reference.len() as f64;
     if mean <= 0.0 {
-        return f64::INFINITY;
+        return Means::INFINITE;
     }
     let eps = (0.01 * mean).powi(2);
-    squared.iter().zip(reference).map(|(&s, &r)| f64::from(s) / (f64::from(r).powi(2) + eps)).sum::<f64>() / n
+    let error = |(&s, &r): (&f32, &f32)| f64::from(s) / (f64::from(r).powi(2) + eps);
+    Means::of(&squared.iter().zip(reference).map(error).collect::<Vec<f64>>())
 }
 
 /// Renders, checks and writes the reference that `entries` share. `watch` hears which part is done and what is going on, and
@@ -115,19 +139,26 @@ pub fn make(
 ) -> Result<Option<Made>> {
     let Some(pilots) = pilots(device, job, prepared, entries, goal, watch)? else { return Ok(None) };
     let measured = || pilots.iter().filter(|pilot| pilot.measured);
-    let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(f64::INFINITY, f64::min);
+    let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(Means::INFINITE, Means::least);
     let chosen = fastest(&pilots);
     // Short renders are slower, with few samples an iteration: what the long one gained the others may gain too.
-    let wanted = |truth: &[f32], own: f64, seconds: f64| {
-        let gained = (own * seconds / chosen.cost(truth)).min(1.0);
-        let best = cheapest(truth) * gained / goal.seconds;
-        (best.min(goal.best.unwrap_or(f64::INFINITY)) / MARGIN).min(TRUSTED)
+    let wanted = |truth: &[f32], own: Means, seconds: f64| {
+        let (cheapest, chosen, known) = (cheapest(truth), chosen.cost(truth), goal.best.unwrap_or(Means::INFINITE));
+        let of = |of: fn(Means) -> f64| {
+            let gained = (of(own) * seconds / of(chosen)).min(1.0);
+            ((of(cheapest) * gained / goal.seconds).min(of(known)) / MARGIN).min(TRUSTED)
+        };
+        Means { all: of(|means| means.all), trimmed: of(|means| means.trimmed) }
     };
 
     // Two halves in turns.
-    let earlier = Earlier::read(path)?;
+    let mut earlier = Earlier::read(path)?;
     let extension = earlier.as_ref().map_or(0, |earlier| earlier.extensions + 1).wrapping_mul(EXTENSION);
-    let before = earlier.as_ref().map_or(0.0, |earlier| earlier.seconds);
+    let mut other = Other::None;
+    if earlier.as_ref().is_some_and(|earlier| !earlier.current && earlier.cells.len() < LEAST_BATCHES) {
+        (earlier, other) = (None, Other::Unknown);
+    }
+    let mut doubtful = earlier.as_ref().is_some_and(|earlier| !earlier.current);
     let mut halves = vec![];
     for seed in HALVES {
         let mut lane = job.lane(device, &chosen.settings, prepared)?;
@@ -135,7 +166,9 @@ pub fn make(
         halves.push(lane);
     }
     let mut next = 2.0 * chosen.seconds;
-    let (mut own, mut asked) = (f64::INFINITY, 0.0);
+    let (mut own, mut asked) = (Means::INFINITE, Means::INFINITE);
+    let size = [halves[0].renderer.film().width(), halves[0].renderer.film().height()];
+    let before = |earlier: &Option<Earlier>| earlier.as_ref().map_or(0.0, |earlier| earlier.seconds);
     let spent = |halves: &[Lane]| halves.iter().map(|lane| lane.clock).sum::<f64>();
     loop {
         for lane in &mut halves {
@@ -144,25 +177,40 @@ pub fn make(
         let seconds = spent(&halves);
         let enough = halves.iter().all(|lane| lane.renderer.film().iterations() >= LEAST_ITERATIONS);
         let over = seconds >= goal.limit;
-        if enough && (seconds >= next || over) {
+        let checked = if doubtful { CHECKED * earlier.as_ref().map_or(0.0, |earlier| earlier.seconds) } else { 0.0 };
+        if enough && (seconds >= next.max(checked) || over) {
             next = LOOK * seconds;
+            if let Some(another) = earlier.take_if(|_| doubtful) {
+                let agreement = agreement(size, &another.cells, &cells_of(&halves))?;
+                (earlier, other) = match agreement.agree {
+                    true => (Some(another), Other::Joined(agreement)),
+                    false => (None, Other::Dropped(agreement)),
+                };
+                doubtful = false;
+            }
             let film = join(&halves, earlier.as_ref());
             let mean = film.mean();
             own = relative(&film.variance_of_mean(), &mean);
-            asked = wanted(&mean, own, before + seconds);
-            if own <= AIM * asked || over {
+            asked = wanted(&mean, own, before(&earlier) + seconds);
+            if (own.all <= AIM * asked.all && own.trimmed <= AIM * asked.trimmed) || over {
                 break;
             }
         }
-        let done = (seconds / goal.limit).max((asked / own).min(1.0));
-        let reached = if own.is_finite() { format!(", own relMSE {own:.2e} of {asked:.2e}") } else { String::new() };
+        let done = (seconds / goal.limit).max((asked.all / own.all).min(asked.trimmed / own.trimmed).min(1.0));
+        let reached = match own.all.is_finite() {
+            true => format!(
+                ", own relMSE {:.2e} of {:.2e}, trimmed {:.2e} of {:.2e}",
+                own.all, asked.all, own.trimmed, asked.trimmed
+            ),
+            false => String::new(),
+        };
         if !watch(done, &format!("{}: reference by {}{reached}", job.name, chosen.variant)) {
             return Ok(None);
         }
     }
-    let (seconds, film) = (spent(&halves), join(&halves, earlier.as_ref()));
-    let (variant, samples) = (chosen.variant.clone(), film.samples());
-    let cells = halves[0].renderer.film().cells().clone().joined(halves[1].renderer.film().cells());
+    let (seconds, mut film) = (spent(&halves), join(&halves, earlier.as_ref()));
+    let (variant, samples, before) = (chosen.variant.clone(), film.samples(), before(&earlier));
+    let cells = cells_of(&halves);
 
     // Another estimator is the judge of what is new.
     let judge = if chosen.settings.estimator == Estimator::Bdpt { Estimator::LcsPaper } else { Estimator::Bdpt };
@@ -170,11 +218,13 @@ pub fn make(
     let Some(judged) = judged(device, job, prepared, entries[0], (judge, seed), JUDGED * seconds, watch)? else {
         return Ok(None);
     };
-    let agreement = agreement([film.width(), film.height()], &cells, &judged)?;
+    let agreement = agreement(size, &cells, &judged)?;
+    // Batches of one render, the longer: those of two estimators do not tell their noise together.
+    film.set_cells(earlier.filter(|earlier| earlier.seconds > seconds).map_or(cells, |earlier| earlier.cells));
     if agreement.agree {
         write(path, &film, entries[0], before + seconds, &variant, HALVES[0] + extension)?;
     }
-    Ok(Some(Made { variant, seconds, before, samples, own, wanted: asked, judge, agreement }))
+    Ok(Some(Made { variant, seconds, before, other, samples, own, wanted: asked, judge, agreement }))
 }
 
 /// One turn of a lane: a sixteenth of what it has rendered so far.
@@ -189,6 +239,10 @@ struct Earlier {
     seconds: f64,
     /// How often it was extended.
     extensions: u32,
+    /// Few batches where the file does not have more.
+    cells: CellBatches,
+    /// Whether this version of the renderer made it.
+    current: bool,
 }
 
 impl Earlier {
@@ -197,17 +251,15 @@ impl Earlier {
         if !path.exists() {
             return Ok(None);
         }
-        let Picture { rgb, variance, seconds, seed, .. } = read_picture(path)?;
+        let Picture { width, height, rgb, variance, seconds, seed, cell_batches, renderer } = read_picture(path)?;
         let extensions = seed.and_then(|seed| Some(seed.parse::<u32>().ok()?.checked_sub(HALVES[0])? / EXTENSION));
         let (Some(variance), Some(seconds), Some(extensions)) = (variance, seconds, extensions) else {
             return Ok(None);
         };
-        Ok(Some(Earlier::of(&rgb, &variance, seconds, extensions)))
-    }
-
-    fn of(mean: &[f32], variance: &[f32], seconds: f64, extensions: u32) -> Earlier {
-        let half = |sign: f32| mean.iter().zip(variance).map(|(&mean, &v)| mean + sign * v.sqrt()).collect();
-        Earlier { halves: [half(1.0), half(-1.0)], seconds, extensions }
+        let cells = CellBatches::from_floats(width, height, &cell_batches.unwrap_or_default());
+        let cells = cells.unwrap_or_else(|_| CellBatches::new(width, height));
+        let current = renderer == Some(fingerprint::renderer());
+        Ok(Some(Earlier { halves: two_batches(&rgb, &variance), seconds, extensions, cells, current }))
     }
 
     /// Adds it to a film of `seconds`. It counts by its time: weights that followed the errors would favour halves that miss rare
@@ -218,6 +270,15 @@ impl Earlier {
             film.add(half, count(0.5 * self.seconds * rate));
         }
     }
+}
+
+/// Two batches of this mean and this variance of it.
+fn two_batches(mean: &[f32], variance: &[f32]) -> [Vec<f32>; 2] {
+    [1.0, -1.0].map(|sign| mean.iter().zip(variance).map(|(&mean, &v)| mean + sign * v.sqrt()).collect())
+}
+
+fn cells_of(lanes: &[Lane]) -> CellBatches {
+    lanes[0].renderer.film().cells().clone().joined(lanes[1].renderer.film().cells())
 }
 
 fn count(samples: f64) -> u32 {
@@ -248,7 +309,7 @@ fn judged(
     seconds: f64,
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<CellBatches>> {
-    let mut lane = job.lane(device, &frugal(with(entry, estimator)), prepared)?;
+    let mut lane = job.lane(device, &frugal(with(&job.scene, entry, estimator)), prepared)?;
     lane.restart(seed);
     while lane.clock < seconds || lane.renderer.film().iterations() < 2 * LEAST_ITERATIONS {
         turn(&mut lane, seconds)?;
@@ -298,7 +359,9 @@ mod tests {
         // Ten samples in 2 s, then 20 in 4 s.
         let old = film(&[(halves[0], 5), (halves[1], 5)]);
         let mut extended = film(&[(halves[2], 10), (halves[3], 10)]);
-        Earlier::of(&old.mean(), &old.variance_of_mean(), 2.0, 0).add_to(&mut extended, 4.0);
+        let both = two_batches(&old.mean(), &old.variance_of_mean());
+        let cells = CellBatches::new(1, 1);
+        Earlier { halves: both, seconds: 2.0, extensions: 0, cells, current: true }.add_to(&mut extended, 4.0);
         let all = film(&[(halves[0], 5), (halves[1], 5), (halves[2], 10), (halves[3], 10)]);
         assert_eq!((extended.samples(), extended.iterations()), (30, 4));
         for (a, b) in [(extended.mean(), all.mean()), (extended.variance_of_mean(), all.variance_of_mean())] {

@@ -7,15 +7,16 @@ use std::path::{Path, PathBuf};
 use super::growth;
 use super::job::Entry;
 use super::plot;
-use super::reference::{self, Reference};
+use super::reference::{self, MARGIN, Reference};
 use super::strip::strip;
 use super::suite::Suite;
-use super::summary::{self, Line, Spread};
+use super::summary::{self, Figure, Line, Spread};
 use super::table::Row;
 use crate::error::{Error, Result};
 use crate::exr_file::{Picture, read_picture, version};
 use crate::files::write_atomically;
-use crate::metrics::RELMSE_FORMULA;
+use crate::metrics::{Means, RELMSE_FORMULA, TRIMMED};
+use crate::settings::Estimator;
 
 /// What a page is made of.
 pub struct Page<'a> {
@@ -46,7 +47,7 @@ fn plain(name: &str) -> String {
 
 /// Writes `report.md` and its pictures into `out`; returns the page's path.
 pub fn write(out: &Path, page: &Page) -> Result<PathBuf> {
-    let mut text = header(page);
+    let mut text = header(page) + &against_the_paper(page);
     for (scene, entries) in page.scenes {
         let lines = summary::lines(page.rows, scene);
         if lines.is_empty() {
@@ -54,13 +55,10 @@ pub fn write(out: &Path, page: &Page) -> Result<PathBuf> {
         }
         let _ = writeln!(text, "\n## {scene}\n");
         let _ = writeln!(text, "{}\n", what(&entries[0]));
-        let rows: Vec<&Row> = page.rows.iter().filter(|row| row.scene == *scene).collect();
-        let curves: Vec<_> = lines.iter().map(|l| (l.variant.clone(), summary::curve(&rows, &l.variant))).collect();
-        if let Some(svg) = plot::convergence(scene, &curves)? {
-            let name = format!("{}.svg", plain(scene));
-            write_atomically(&out.join(&name), |file| std::io::Write::write_all(file, svg.as_bytes()))?;
-            let _ = writeln!(text, "![relMSE against time]({name})\n");
+        if let Some(paper) = reported(page, scene) {
+            let _ = writeln!(text, "The paper reports: {paper}.\n");
         }
+        text += &convergence(out, page, scene, &lines)?;
         if !page.suite.errors {
             text += &costs(&lines);
             continue;
@@ -96,9 +94,13 @@ fn header(page: &Page) -> String {
     if suite.errors {
         let _ = writeln!(
             text,
-            "relMSE: {RELMSE_FORMULA}. FLIP: mean of HDR-FLIP. \"Lower by\": how many times lower relMSE is than that of the better \
-             of bdpt and pt in the same repetition. Slope: of relMSE against time, in logarithms; -1 where errors are \
-             independent noise."
+            "relMSE: {RELMSE_FORMULA}. Trimmed: the same without the {:.0} % of the pixels that are worst in each image, which a few rare \
+             bright samples (in the image or in its reference) rule; it says nothing of those, and little above 1, which is that of black. Where the error of the reference is not \
+             {MARGIN} times below all that was measured of a variant, the figure is left out: \"reference too poor\". FLIP: mean of \
+             HDR-FLIP. \"Lower by\": how many times lower relMSE is than that of the better of bdpt and pt in the same repetition. \
+             Slope: of relMSE against time (of the trimmed one where that is all there is), in logarithms; -1 where errors are \
+             independent noise.",
+            100.0 * TRIMMED
         );
     }
     let _ = writeln!(text, "Dead: queries that found nothing inside gate, depth and facing.");
@@ -111,6 +113,50 @@ fn header(page: &Page) -> String {
 fn what(entry: &Entry) -> String {
     let [width, height] = entry.settings.resolution;
     format!("{width} x {height} pixels, {}.", entry.settings.gate.describe())
+}
+
+/// What the paper says of a scene.
+fn reported<'a>(page: &Page<'a>, scene: &str) -> Option<&'a str> {
+    let entry = page.suite.scenes.iter().find(|entry| entry.name == *scene)?;
+    Some(entry.paper.as_str()).filter(|paper| !paper.is_empty())
+}
+
+/// Ratios beside what the paper reports, for the scenes of which it does; nothing without any.
+fn against_the_paper(page: &Page) -> String {
+    let mut text = String::new();
+    for (scene, _) in page.scenes {
+        let Some(paper) = reported(page, scene) else { continue };
+        let is_baseline = |line: &&Line| {
+            let named = |row: &&Row| row.scene == *scene && row.variant == line.variant;
+            let estimator = page.rows.iter().find(named).map(|row| row.estimator.parse());
+            matches!(estimator, Some(Ok(Estimator::Pt | Estimator::Bdpt)))
+        };
+        for line in summary::lines(page.rows, scene).iter().filter(|line| !is_baseline(line)) {
+            let [all, trimmed] = [&line.all, &line.trimmed].map(ratio);
+            let _ = writeln!(text, "| {scene} | {} | {all} | {trimmed} | {paper} |", line.variant);
+        }
+    }
+    if text.is_empty() {
+        return text;
+    }
+    String::from(
+        "\n## Against the paper\n\nThe paper's figures are for its own machine, gates and references, over all pixels; \"-\" where a \
+         reference is too poor.\n\n| scene | variant | relMSE lower by | trimmed lower by | the paper reports |\n|---|---|---|---|---|\n",
+    ) + &text
+}
+
+/// The plot, of relMSE over all pixels if the reference is good enough for it; else of the trimmed one, where it is for that.
+fn convergence(out: &Path, page: &Page, scene: &str, lines: &[Line]) -> Result<String> {
+    let rows: Vec<&Row> = page.rows.iter().filter(|row| row.scene == *scene).collect();
+    let over_all = lines.iter().all(|line| line.all.honest);
+    let shown = lines.iter().filter(|line| over_all || line.trimmed.honest);
+    let part = if over_all { summary::all } else { summary::trimmed };
+    let curves: Vec<_> = shown.map(|l| (l.variant.clone(), summary::curve(&rows, &l.variant, part))).collect();
+    let figure = if over_all { "relMSE" } else { "trimmed relMSE" };
+    let Some(svg) = plot::convergence(scene, figure, &curves)? else { return Ok(String::new()) };
+    let name = format!("{}.svg", plain(scene));
+    write_atomically(&out.join(&name), |file| std::io::Write::write_all(file, svg.as_bytes()))?;
+    Ok(format!("![{figure} against time]({name})\n\n"))
 }
 
 /// The strip of crops and what is in it; nothing where images are missing.
@@ -151,18 +197,22 @@ fn truth(page: &Page, entries: &[Entry], lines: &[Line]) -> Result<String> {
         if entries[..at].iter().any(|earlier| earlier.reference == entry.reference) {
             continue;
         }
-        let Some(Reference { own, picture }) = reference::read(page.references, entry)? else { continue };
+        let Some(Reference { own, picture, .. }) = reference::read(page.references, entry)? else { continue };
         let shares = |line: &&Line| entries.iter().any(|e| e.variant == line.variant && e.reference == entry.reference);
-        let (names, errors): (Vec<&str>, Vec<f64>) =
-            lines.iter().filter(shares).map(|line| (line.variant.as_str(), line.relmse.least)).unzip();
+        let least = |line: &Line| Means { all: line.all.relmse.least, trimmed: line.trimmed.relmse.least };
+        let (names, errors): (Vec<&str>, Vec<Means>) =
+            lines.iter().filter(shares).map(|line| (line.variant.as_str(), least(line))).unzip();
         let whose = if names.len() == lines.len() { String::new() } else { format!(" of {}", names.join(", ")) };
         let taken = picture.seconds.map_or(String::new(), |seconds| format!(" after {seconds:.0} s of rendering"));
-        let best = errors.into_iter().fold(f64::INFINITY, f64::min);
+        let best = errors.into_iter().fold(Means::INFINITE, Means::least);
         let _ = writeln!(
             text,
-            "\nThe reference{whose} has a relMSE of its own of {own:.2e}{taken}, estimated from independent halves: {:.0} times below the \
-             best result. It is part of every relMSE above.",
-            best / own
+            "\nThe reference{whose} has a relMSE of its own of {:.2e}{taken}, estimated from independent halves: {:.0} times below the \
+             best result; trimmed {:.2e}, {:.0} times. It is part of every relMSE above.",
+            own.all,
+            best.all / own.all,
+            own.trimmed,
+            best.trimmed / own.trimmed
         );
     }
     Ok(text)
@@ -171,19 +221,18 @@ fn truth(page: &Page, entries: &[Entry], lines: &[Line]) -> Result<String> {
 /// The table of a scene as Markdown.
 fn table(lines: &[Line]) -> String {
     let mut text = String::from(
-        "| variant | seconds | samples | relMSE | FLIP | lower by | slope | light vertices | queries/s | rays/s | dead | dropped |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|---|\n",
+        "| variant | seconds | samples | relMSE | lower by | trimmed relMSE | lower by | FLIP | slope | light vertices | queries/s | rays/s | dead | dropped |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for line in lines {
-        let ratio = line.ratio.map_or("-".into(), |ratio| spread(&ratio, &|x| format!("{x:.2}")));
+        let [(error, factor), (trimmed, trimmed_factor)] = [&line.all, &line.trimmed].map(|f| (relmse(f), ratio(f)));
         let slope = line.slope.map_or("-".into(), |slope| format!("{slope:.2}"));
         let _ = writeln!(
             text,
-            "| {} | {:.1} | {:.0} | {} | {} | {ratio} | {slope} | {:.0} | {:.2} M | {:.2} M | {:.1} % | {} |",
+            "| {} | {:.1} | {:.0} | {error} | {factor} | {trimmed} | {trimmed_factor} | {} | {slope} | {:.0} | {:.2} M | {:.2} M | {:.1} % | {} |",
             line.variant,
             line.seconds,
             line.samples,
-            spread(&line.relmse, &|x| format!("{x:.3e}")),
             spread(&line.flip, &|x| format!("{x:.4}")),
             line.light_vertices,
             line.queries_per_s / 1e6,
@@ -193,6 +242,17 @@ fn table(lines: &[Line]) -> String {
         );
     }
     text
+}
+
+fn relmse(figure: &Figure) -> String {
+    match figure.honest {
+        true => spread(&figure.relmse, &|x| format!("{x:.3e}")),
+        false => "reference too poor".into(),
+    }
+}
+
+fn ratio(figure: &Figure) -> String {
+    figure.ratio.map_or("-".into(), |ratio| spread(&ratio, &|x| format!("{x:.2}")))
 }
 
 /// The table of a scene where only costs were measured.

@@ -3,7 +3,7 @@
 //! Every `[[scene]]` is rendered with every `[[variant]]`. A variant's `render` table has the keys of an experiment's, laid over
 //! those of the scene, laid over those of the suite. A scene is a file, or one that the project makes itself (`generate`).
 //! Scenes of one `sweep` differ in one quantity, and the growth of a sample's cost with it is fitted ([`super::growth`]). With
-//! `errors = false` only costs are measured, and no references are needed.
+//! `errors = false` only costs are measured, and no references are needed. What a scene says under `paper` stands beside its results.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -51,6 +51,8 @@ pub struct SceneEntry {
     pub name: String,
     /// What the scenes of its sweep differ in.
     pub sweep: Option<Sweep>,
+    /// What the paper reports of it; empty if nothing is said.
+    pub paper: String,
     /// For scenes that are not a file.
     pub made: Option<Kind>,
     /// Scene, camera, emitters, gate and the settings that all variants share.
@@ -96,6 +98,8 @@ struct SceneTable {
     scene: Option<Spanned<PathBuf>>,
     generate: Option<Spanned<GenerateTable>>,
     sweep: Option<Sweep>,
+    #[serde(default)]
+    paper: String,
     camera: Option<String>,
     resolution: Option<Resolution>,
     emitters: Option<Emitters>,
@@ -257,8 +261,8 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
         ..Experiment::default()
     };
     let below = Experiment { render: shared.clone(), ..Experiment::default() };
-    let (name, sweep) = (table.name.into_inner(), table.sweep);
-    Ok(SceneEntry { name, sweep, made, experiment: own.over(below), at })
+    let (name, sweep, paper) = (table.name.into_inner(), table.sweep, table.paper);
+    Ok(SceneEntry { name, sweep, paper, made, experiment: own.over(below), at })
 }
 
 /// What is to be made, and a path that stands for it in messages.

@@ -1,7 +1,9 @@
 //! What the rows amount to: medians over repetitions, ratios within them, slopes of convergence.
 
 use super::growth::law;
+use super::reference::is_good;
 use super::table::Row;
+use crate::metrics::Means;
 use crate::settings::Estimator;
 
 /// The median of some values and how far they spread.
@@ -31,10 +33,10 @@ pub struct Line {
     pub variant: String,
     pub seconds: f64,
     pub samples: f64,
-    pub relmse: Spread,
+    /// relMSE over all pixels, and without the worst of them.
+    pub all: Figure,
+    pub trimmed: Figure,
     pub flip: Spread,
-    /// How many times lower relMSE is than that of the better of bdpt and pt in the same repetition.
-    pub ratio: Option<Spread>,
     /// Exponent of relMSE against time; -1 for independent samples. `None` with fewer than two points.
     pub slope: Option<f64>,
     pub light_vertices: f64,
@@ -44,6 +46,48 @@ pub struct Line {
     pub dropped: u64,
     /// Microseconds a sample of a pixel.
     pub us_per_sample: Spread,
+}
+
+/// An error of a variant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Figure {
+    pub relmse: Spread,
+    /// How many times lower it is than that of the better of bdpt and pt in the same repetition.
+    pub ratio: Option<Spread>,
+    /// Whether the reference is good enough for all that was measured of the variant; if not, the numbers are the reference's as much
+    /// as the variant's.
+    pub honest: bool,
+}
+
+impl Figure {
+    /// `None` if nothing was measured; without a ratio where this or a baseline is not honest.
+    fn of(rows: &[&Row], ends: &[&Row], variant: &str, part: fn(Means) -> f64) -> Option<Figure> {
+        let is_baseline = |row: &&&Row| [Estimator::Bdpt, Estimator::Pt].iter().any(|e| e.name() == row.estimator);
+        let baseline = |repetition: u32| {
+            let errors = ends.iter().filter(is_baseline).filter(|row| row.repetition == repetition);
+            errors.map(|row| part(row.relmse)).min_by(f64::total_cmp)
+        };
+        let mine = || ends.iter().filter(|row| row.variant == variant);
+        let good = |row: &&&Row| is_good(part(row.own), part(row.relmse));
+        let honest = rows.iter().filter(|row| row.variant == variant).all(|row| good(&row));
+        let comparable = honest && rows.iter().filter(is_baseline).all(|row| good(&row));
+        let ratios = mine().filter_map(|row| Some(baseline(row.repetition)? / part(row.relmse)));
+        Some(Figure {
+            relmse: Spread::of(mine().map(|row| part(row.relmse)))?,
+            ratio: Spread::of(ratios).filter(|_| comparable),
+            honest,
+        })
+    }
+}
+
+/// relMSE over all pixels.
+pub fn all(means: Means) -> f64 {
+    means.all
+}
+
+/// relMSE without the worst pixels.
+pub fn trimmed(means: Means) -> f64 {
+    means.trimmed
 }
 
 /// A point of a convergence curve.
@@ -80,20 +124,16 @@ fn is_last(row: &Row, rows: &[&Row]) -> bool {
 fn line(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<Line> {
     let mine: Vec<&Row> = ends.iter().copied().filter(|row| row.variant == variant).collect();
     let median = |of: &dyn Fn(&Row) -> f64| Spread::of(mine.iter().map(|row| of(row))).map(|spread| spread.median);
-    let baseline = |repetition: u32| {
-        let is_baseline =
-            |row: &&&Row| [Estimator::Bdpt.name(), Estimator::Pt.name()].contains(&row.estimator.as_str());
-        let errors = ends.iter().filter(is_baseline).filter(|row| row.repetition == repetition).map(|row| row.relmse);
-        errors.min_by(f64::total_cmp)
-    };
+    let [all_pixels, most_pixels] = [all, trimmed].map(|part| Figure::of(rows, ends, variant, part));
+    let (all_pixels, most_pixels) = (all_pixels?, most_pixels?);
     Some(Line {
         variant: variant.into(),
         seconds: median(&|row| row.seconds)?,
         samples: median(&|row| row.samples as f64)?,
-        relmse: Spread::of(mine.iter().map(|row| row.relmse))?,
+        all: all_pixels,
+        trimmed: most_pixels,
         flip: Spread::of(mine.iter().map(|row| row.flip))?,
-        ratio: Spread::of(mine.iter().filter_map(|row| Some(baseline(row.repetition)? / row.relmse))),
-        slope: slope(&curve(rows, variant)),
+        slope: slope(&curve(rows, variant, if all_pixels.honest { all } else { trimmed })),
         light_vertices: median(&|row| row.light_vertices)?,
         queries_per_s: median(&|row| row.queries_per_s)?,
         rays_per_s: median(&|row| row.rays_per_s)?,
@@ -104,14 +144,14 @@ fn line(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<Line> {
 }
 
 /// Median error at every time point of one variant, in order of time.
-pub fn curve(rows: &[&Row], variant: &str) -> Vec<Point> {
+pub fn curve(rows: &[&Row], variant: &str, part: fn(Means) -> f64) -> Vec<Point> {
     let mine = || rows.iter().filter(|row| row.variant == variant);
     let last = mine().map(|row| row.point).max().unwrap_or(0);
     (0..=last)
         .filter_map(|point| {
             let here = || mine().filter(|row| row.point == point);
             let seconds = Spread::of(here().map(|row| row.seconds))?.median;
-            Some(Point { seconds, relmse: Spread::of(here().map(|row| row.relmse))? })
+            Some(Point { seconds, relmse: Spread::of(here().map(|row| part(row.relmse)))? })
         })
         .collect()
 }
@@ -135,7 +175,8 @@ pub(super) mod tests {
             point,
             seconds: f64::from(1u32 << point),
             samples: 4,
-            relmse,
+            relmse: Means { all: relmse, trimmed: 0.5 * relmse },
+            own: Means { all: 1e-3, trimmed: 1e-6 },
             flip: 0.1,
             dropped: 1,
             light_vertices: 10.0,
@@ -171,11 +212,19 @@ pub(super) mod tests {
         }
         let lines = lines(&rows, "s");
         assert_eq!(lines.iter().map(|l| l.variant.as_str()).collect::<Vec<_>>(), ["plain", "path", "ours"]);
-        let ratio = lines[2].ratio.unwrap();
+        let ratio = lines[2].trimmed.ratio.unwrap();
         assert!((ratio.median - 10.0).abs() < 1e-12 && (ratio.most - ratio.least).abs() < 1e-12, "{ratio:?}");
-        assert_eq!(lines[0].ratio.unwrap().median, 1.0);
+        assert_eq!(lines[0].all.ratio.unwrap().median, 1.0);
         assert!((lines[2].slope.unwrap() + 1.0).abs() < 1e-12);
-        assert_eq!((lines[0].relmse.median, lines[0].relmse.most, lines[0].dropped), (0.25, 0.5, 3));
+        assert_eq!((lines[0].all.relmse.median, lines[0].all.relmse.most, lines[0].dropped), (0.25, 0.5, 3));
+        assert_eq!(lines[0].trimmed.relmse.median, 0.125);
+        // The best errors, 0.0125 of all pixels, are less than 20 times that of the reference, 0.001.
+        let honest: Vec<_> = lines.iter().map(|l| (l.all.honest, l.all.ratio.is_some(), l.trimmed.honest)).collect();
+        assert_eq!(honest, [(true, true, true), (true, true, true), (false, false, true)]);
+        // Against a baseline that cannot be told from its reference nothing is said.
+        let poor = rows.iter().cloned().map(|row| Row { own: Means { all: 0.019, trimmed: 0.0 }, ..row });
+        let poor = super::lines(&poor.collect::<Vec<_>>(), "s");
+        assert!(poor.iter().all(|l| l.all.ratio.is_none() && l.trimmed.ratio.is_some()), "{poor:?}");
         assert!(super::lines(&rows, "elsewhere").is_empty());
     }
 }

@@ -5,12 +5,14 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::files::{read_error, write_atomically};
+use crate::metrics::Means;
 
 /// The columns in their order. `seconds`: of rendering, tree building included. `light_vertices`: kept, an iteration.
 /// `queries_per_s`: connections that shade points asked for. `dead_query_share`: of these, how many found nothing inside gate,
-/// depth and facing. `gate_m`: width of the gate, `inf` without one. `us_per_sample`: microseconds a sample of a pixel. relMSE and
-/// FLIP are NaN where only costs are measured.
-pub const COLUMNS: [&str; 19] = [
+/// depth and facing. `gate_m`: width of the gate, `inf` without one. `us_per_sample`: microseconds a sample of a pixel.
+/// `trimmed_relmse`: without the worst pixels ([`crate::metrics::TRIMMED`]); `reference_...`: of the reference itself, estimated from
+/// its halves. relMSE and FLIP are NaN where only costs are measured.
+pub const COLUMNS: [&str; 22] = [
     "scene",
     "variant",
     "estimator",
@@ -19,6 +21,9 @@ pub const COLUMNS: [&str; 19] = [
     "seconds",
     "samples",
     "relmse",
+    "trimmed_relmse",
+    "reference_relmse",
+    "reference_trimmed_relmse",
     "flip",
     "dropped",
     "light_vertices",
@@ -45,7 +50,9 @@ pub struct Row {
     pub seconds: f64,
     /// Samples a pixel.
     pub samples: u64,
-    pub relmse: f64,
+    pub relmse: Means,
+    /// Of the reference.
+    pub own: Means,
     pub flip: f64,
     pub dropped: u64,
     pub light_vertices: f64,
@@ -63,11 +70,12 @@ pub struct Row {
 
 impl Row {
     fn to_line(&self) -> String {
-        let Row { scene, variant, estimator, repetition, point, seconds, samples, relmse, flip, dropped, .. } = self;
+        let Row { scene, variant, estimator, repetition, point, seconds, samples, flip, dropped, .. } = self;
+        let [Means { all, trimmed }, Means { all: own, trimmed: own_trimmed }] = [self.relmse, self.own];
         let Row { light_vertices, queries_per_s, rays_per_s, dead_query_share, fingerprint, .. } = self;
         let Row { triangles, pixels, gate_m, us_per_sample, .. } = self;
         format!(
-            "{scene},{variant},{estimator},{repetition},{point},{seconds:.4},{samples},{relmse:e},{flip:.6},{dropped},\
+            "{scene},{variant},{estimator},{repetition},{point},{seconds:.4},{samples},{all:e},{trimmed:e},{own:e},{own_trimmed:e},{flip:.6},{dropped},\
              {light_vertices:.1},{queries_per_s:.0},{rays_per_s:.0},{dead_query_share:.4},\
              {triangles},{pixels},{gate_m},{us_per_sample:.4},{fingerprint}\n"
         )
@@ -75,11 +83,11 @@ impl Row {
 
     fn from_line(line: &str) -> Option<Row> {
         let fields: Vec<&str> = line.split(',').collect();
-        let [scene, variant, estimator, repetition, point, seconds, samples, relmse, flip, dropped, rest @ ..] =
-            &fields[..]
-        else {
+        let [scene, variant, estimator, repetition, point, seconds, samples, rest @ ..] = &fields[..] else {
             return None;
         };
+        let [all, trimmed, own, own_trimmed, flip, dropped, rest @ ..] = rest else { return None };
+        let means = |all: &str, trimmed: &str| Some(Means { all: all.parse().ok()?, trimmed: trimmed.parse().ok()? });
         let [light_vertices, queries_per_s, rays_per_s, dead_query_share, rest @ ..] = rest else { return None };
         let [triangles, pixels, gate_m, us_per_sample, fingerprint] = rest else { return None };
         Some(Row {
@@ -90,7 +98,8 @@ impl Row {
             point: point.parse().ok()?,
             seconds: seconds.parse().ok()?,
             samples: samples.parse().ok()?,
-            relmse: relmse.parse().ok()?,
+            relmse: means(all, trimmed)?,
+            own: means(own, own_trimmed)?,
             flip: flip.parse().ok()?,
             dropped: dropped.parse().ok()?,
             light_vertices: light_vertices.parse().ok()?,

@@ -13,7 +13,7 @@ use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Frame, NONE};
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::Scene;
-use crate::settings::{Estimator, Settings, Strategies};
+use crate::settings::{Estimator, Importance, Settings, Strategies};
 use crate::units::Gate;
 
 /// Stands for infinity on the device; sums of it with travel times stay finite.
@@ -53,6 +53,7 @@ pub struct Plan {
     /// 0 without trees.
     pub leaf_size: u32,
     pub single_tree: bool,
+    importance: Importance,
     pub max_depth: u32,
     pub features: Features,
     pub crop_pixels: u64,
@@ -93,6 +94,7 @@ impl Plan {
             buckets: settings.buckets,
             leaf_size: settings.leaf_size,
             single_tree: settings.single_tree,
+            importance: settings.importance,
             max_depth: settings.max_depth,
             features,
             crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
@@ -219,6 +221,9 @@ impl Plan {
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("ESTIMATOR", estimator.into()),
             ("BUCKET_COUNT", self.buckets.into()),
+            ("BY_CENTRE", switch(self.importance.centre)),
+            ("BY_COSINE", switch(self.importance.cosine)),
+            ("BY_OVERLAP", switch(self.importance.overlap)),
             ("OBSERVE", observe.into()),
         ]
     }

@@ -155,6 +155,26 @@ fn leaves_follow_the_estimator() {
 }
 
 #[test]
+fn importance_is_for_lcs() {
+    let of = |toml: &str| {
+        let resolved = resolve(&experiment(&format!("emitter.emitters = 'beam'\n{toml}")), &scene()).unwrap();
+        let printed = as_experiment(&Experiment::default(), &resolved.settings, &scene()).render.importance;
+        (resolved.settings.importance, printed, resolved.warnings.len())
+    };
+    let some = Importance { cosine: false, ..Importance::ALL };
+    assert_eq!(of("render.estimator = 'lcs'"), (Importance::ALL, Some(Importance::ALL), 0));
+    assert_eq!(of("render = { estimator = 'lcs', importance = 'overlap, centre' }"), (some, Some(some), 0));
+    assert_eq!(of("render = { estimator = 'lcs-paper', importance = 'none' }"), (Importance::ALL, None, 1));
+    for importance in [Importance::ALL, Importance::NONE, some] {
+        assert_eq!(importance.to_string().parse::<Importance>().unwrap(), importance);
+    }
+    assert_eq!(some.to_string(), "centre,overlap");
+    for bad in ["", "center", "all,cosine", "cosine,"] {
+        assert!(bad.parse::<Importance>().unwrap_err().to_string().contains("centre,cosine,overlap"), "{bad}");
+    }
+}
+
+#[test]
 fn outputs_are_named_after_the_image() {
     let ok = |toml: &str| outputs(&experiment(toml)).unwrap();
     assert_eq!(ok("output = { output = 'a/b.exr', png = true }").png, Some("a/b.png".into()));

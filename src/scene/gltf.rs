@@ -15,7 +15,7 @@ mod node;
 mod resolve;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Instance, Scene};
 use crate::error::{Error, Result};
@@ -38,6 +38,14 @@ pub fn files(path: &Path) -> Result<Vec<Vec<u8>>> {
     let mut all = catch_unwind(AssertUnwindSafe(|| resolve::external(&bytes, folder_of(path)))).unwrap_or_default();
     all.insert(0, bytes);
     Ok(all)
+}
+
+/// Paths of the scene's file and of the buffers and images that it names; no more than its own where it cannot be read.
+pub fn paths(path: &Path) -> Vec<PathBuf> {
+    let named = || Some(resolve::external_paths(&resolve::read_file(path).ok()?, folder_of(path)));
+    let mut all = catch_unwind(AssertUnwindSafe(named)).ok().flatten().unwrap_or_default();
+    all.insert(0, path.into());
+    all
 }
 
 fn folder_of(path: &Path) -> &Path {

@@ -1,10 +1,10 @@
-//! How the trees are built (one or two, size of the leaves) never changes the image on average.
+//! How the trees are built (one or two, size of the leaves) and what queries choose by never changes the image on average.
 
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
 use taugate::generate::{Kind, build};
 use taugate::oracle::sphere::gated_radiance;
 use taugate::scene::Scene;
-use taugate::settings::{Estimator, Settings};
+use taugate::settings::{Estimator, Importance, Settings};
 use taugate::units::Gate;
 
 const ALBEDO: f64 = 0.5;
@@ -95,4 +95,41 @@ fn a_single_tree_agrees_with_two() {
         let shifted = measure(single(estimator, [24, 24]), 8.3);
         assert!(!disagreements(&two, &shifted).is_empty(), "{estimator}: another gate looks the same");
     }
+}
+
+/// All positions of the switches but the one that everything else is tested in.
+fn positions() -> Vec<Importance> {
+    let bit = |n: u32, k: u32| n >> k & 1 == 1;
+    (0..7).map(|n| Importance { centre: bit(n, 0), cosine: bit(n, 1), overlap: bit(n, 2) }).collect()
+}
+
+fn by(importance: Importance, resolution: [u32; 2]) -> Settings {
+    Settings { importance, ..settings(Estimator::Lcs, resolution) }
+}
+
+#[test]
+fn any_importance_agrees_with_the_closed_form() {
+    let scene = glowing_sphere();
+    for importance in positions() {
+        let z = z(&scene, &by(importance, [12, 12]), GATES[1], 1.0);
+        assert!(z.abs() < threshold(positions().len()), "{importance}: z = {z:.2}");
+    }
+    let late = z(&scene, &by(Importance::NONE, [12, 12]), GATES[1], 1.02);
+    assert!(late.abs() > threshold(1), "a gate off by 2 % passes with z = {late:.2}");
+}
+
+#[test]
+fn any_importance_agrees_with_all_of_it() {
+    let scene = build(Kind::CornellBox);
+    let measure = |importance: Importance, lo: f64, seed: u32| {
+        let s = Settings { max_depth: 10, ..by(importance, [24, 24]) };
+        Cells::measure(&mut renderer(&scene, &s), Gate { lo, hi: lo + 0.3 }, 8, 1, 8, seed)
+    };
+    let all = measure(Importance::ALL, 8.0, 40);
+    // None, and each one alone.
+    for importance in [0, 1, 2, 4].map(|n| positions()[n]) {
+        let wrong = disagreements(&all, &measure(importance, 8.0, 80));
+        assert!(wrong.is_empty(), "{importance}:\n{}", wrong.join("\n"));
+    }
+    assert!(!disagreements(&all, &measure(Importance::NONE, 8.3, 80)).is_empty(), "another gate looks the same");
 }

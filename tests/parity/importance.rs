@@ -9,7 +9,7 @@ use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 use crate::shader_function::{ShaderFunction, contents};
 use crate::values::{direction, dvec, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND];
+pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND, &SWITCHED];
 
 const IMPORTANCE: ShaderFunction = ShaderFunction {
     imports: &["importance"],
@@ -205,6 +205,69 @@ fn the_cosine_of_a_box_bounds_that_of_its_points() {
         behind += usize::from(cosine < 0.0);
     }
     assert!(behind > 2000, "{behind}");
+}
+
+const SWITCHED: ShaderFunction = ShaderFunction {
+    imports: &["importance"],
+    given: "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32, x: f32, width: f32, pad: vec2<f32>",
+    result: "importance: f32, power: f32, bucket_power: f32, distance2: f32, factor: f32, cosine: f32",
+    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
+        let d = box_distances(given.q, given.c.lo, given.c.hi);
+        let extent = 0.5 * (given.c.hi - given.c.lo);
+        let center = 0.5 * (given.c.hi + given.c.lo) - given.q;
+        result.importance = node_importance(given.c, Receiver(shell, given.normal));
+        result.power = power_through_gate(given.c, d, shell);
+        result.bucket_power = bucket_power(given.c, d, shell);
+        result.distance2 = node_distance2(center, extent, d.x);
+        result.cosine = box_cosine(given.normal, center, extent, d.x);
+        result.factor = cosine_factor(result.cosine);",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Switched {
+    importance: f32,
+    power: f32,
+    bucket_power: f32,
+    distance2: f32,
+    factor: f32,
+    cosine: f32,
+}
+
+/// Every idea can be switched off by itself: what stands in its place is as documented, and never 0 where a vertex may count.
+#[test]
+fn what_is_switched_off_takes_no_part() {
+    let inputs: Vec<Given> = cases(2_000).into_iter().map(|c| c.0).collect();
+    for position in 0..8 {
+        let [centre, cosine, overlap] = [0, 1, 2].map(|k| position >> k & 1 == 1);
+        let switch = |on: bool| f64::from(u8::from(on));
+        let kernel = SWITCHED.prepare(&[
+            ("HAS_TRANSMISSION", 0.0),
+            ("BY_CENTRE", switch(centre)),
+            ("BY_COSINE", switch(cosine)),
+            ("BY_OVERLAP", switch(overlap)),
+        ]);
+        let results: Vec<Switched> = kernel.run(&inputs, &[]);
+        let (mut differ, mut behind) = (0, 0);
+        for (g, r) in inputs.iter().zip(&results) {
+            let (lo, hi, q) = (dvec(&g.child.lo), dvec(&g.child.hi), dvec(&g.q));
+            let near = if centre { 0.5 * (lo + hi) - q } else { (lo - q).max(q - hi).max(DVec3::ZERO) };
+            let distance2 = near.length_squared().max(0.25 * (hi - lo).length_squared());
+            assert!((f64::from(r.distance2) / distance2 - 1.0).abs() < 1e-4, "{position} {g:?} {r:?} {distance2}");
+            let factor = if cosine { f64::from(r.cosine).max(0.1) } else { 1.0 };
+            assert!((f64::from(r.factor) - factor).abs() < 1e-6, "{position} {g:?} {r:?}");
+            assert!(overlap || r.power == r.bucket_power, "{position} {g:?} {r:?}");
+            differ += usize::from(r.power != r.bucket_power);
+            if r.cosine < 0.0 {
+                assert_eq!(r.importance, 0.0, "{position} {g:?} {r:?}");
+                behind += 1;
+            } else if r.importance > 0.0 {
+                let expected = (f64::from(r.power) * factor / distance2).max(1e-36);
+                assert!((f64::from(r.importance) / expected - 1.0).abs() < 1e-3, "{position} {g:?} {r:?} {expected}");
+            }
+        }
+        assert!(behind > 200 && (differ > 200) == overlap, "{position}: {behind} behind, {differ} differ");
+    }
 }
 
 const DESCEND: ShaderFunction = ShaderFunction {

@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use taugate::agreement::Agreement;
 use taugate::bench::job::{Entry, Job};
-use taugate::bench::reference::{self, Goal, Made};
+use taugate::bench::reference::{self, Goal, Made, Other};
 use taugate::bench::table;
 use taugate::error::{Error, Result};
 use taugate::gpu::Device;
+use taugate::metrics::Means;
 
 use super::{Bench, make_folder};
 use crate::app::interrupts::INTERRUPTED;
@@ -35,7 +36,7 @@ pub fn make(
     for (at, entries) in &bench.present {
         let scene = bench.scene(*at);
         let names = distinct(entries);
-        let wanted: Vec<(&str, Option<f64>)> = names
+        let wanted: Vec<(&str, Option<Means>)> = names
             .into_iter()
             .map(|name| Ok((name, best(bench, &scene.name, entries, name)?)))
             .collect::<Result<Vec<_>>>()?
@@ -81,29 +82,43 @@ fn distinct(entries: &[Entry]) -> Vec<&str> {
 }
 
 /// The least relMSE that was measured against this reference.
-fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Option<f64>> {
+fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Option<Means>> {
     let mut rows = vec![];
     for path in [bench.results(), bench.refused()].iter().filter(|path| path.exists()) {
         rows.extend(table::read(path)?);
     }
     let shares = |variant: &str| entries.iter().any(|entry| entry.variant == variant && entry.reference == name);
     let errors = rows.iter().filter(|row| row.scene == scene && shares(&row.variant)).map(|row| row.relmse);
-    Ok(errors.min_by(f64::total_cmp))
+    Ok(errors.reduce(Means::least))
 }
 
-fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<f64>) -> bool {
+fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<Means>) -> bool {
     let entry = entries.iter().find(|entry| entry.reference == name).expect("the name is one of theirs");
     let found = reference::read(&bench.references, entry).ok().flatten();
-    found.is_some_and(|reference| reference::is_good(reference.own, best.unwrap_or(f64::INFINITY)))
+    let (best, good) = (best.unwrap_or(Means::INFINITE), reference::is_good);
+    found.is_some_and(|r| r.current && good(r.own.all, best.all) && good(r.own.trimmed, best.trimmed))
 }
 
 /// Says how it went; whether all is well.
 fn tell(scene: &str, path: &str, made: &Made, progress: &Progress) -> bool {
-    let Made { variant, seconds, before, samples, own, wanted, judge, agreement } = made;
+    let Made { variant, seconds, before, other, samples, own, wanted, judge, agreement } = made;
     let taken = match *before > 0.0 {
         true => format!("{} after {} before", duration(*seconds), duration(*before)),
         false => duration(*seconds),
     };
+    let differs = "what another version of the renderer made";
+    match other {
+        Other::None => {}
+        Other::Joined(agreement) => progress.line(&format!(
+            "{scene}: {differs} agrees with this one's (|z| at most {:.1} of {:.1}) and counts",
+            agreement.max_z, agreement.threshold
+        )),
+        Other::Dropped(agreement) => progress.line(&format!(
+            "{scene}: {differs} differs from this one's (|z| = {:.1}, where {:.1} is significant): it was begun anew",
+            agreement.max_z, agreement.threshold
+        )),
+        Other::Unknown => progress.line(&format!("{scene}: {differs} cannot be checked: it was begun anew")),
+    }
     let Agreement { max_z, threshold, tests, .. } = agreement;
     if !agreement.agree {
         progress.line(&format!(
@@ -113,12 +128,14 @@ fn tell(scene: &str, path: &str, made: &Made, progress: &Progress) -> bool {
         return false;
     }
     progress.line(&format!(
-        "{path}: {scene} by {variant}, {samples} samples a pixel in {taken}, own relMSE {own:.2e}; agrees with {judge} (|z| at most {max_z:.1} of {threshold:.1} in {tests} means of cells)"
+        "{path}: {scene} by {variant}, {samples} samples a pixel in {taken}, own relMSE {:.2e}, trimmed {:.2e}; agrees with {judge} (|z| at most {max_z:.1} of {threshold:.1} in {tests} means of cells)",
+        own.all, own.trimmed
     ));
-    if own > wanted {
+    if own.all > wanted.all || own.trimmed > wanted.trimmed {
         progress.line(&format!(
-            "warning: {scene}: the time ended before the reference was good enough: its own relMSE should be {wanted:.2e} for \
-             this suite; --reference again goes on from here, with --reference-time for longer"
+            "warning: {scene}: the time ended before the reference was good enough: its own relMSE should be {:.2e}, trimmed {:.2e} for \
+             this suite; --reference again goes on from here, with --reference-time for longer",
+            wanted.all, wanted.trimmed
         ));
     }
     true

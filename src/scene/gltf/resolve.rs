@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ::gltf::json::Root;
 use base64::Engine;
@@ -91,13 +91,21 @@ pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folder: &Path) -> Checked
 
 /// The files that the buffers and images of a scene name; empty where one cannot be read, or the scene cannot.
 pub fn external(bytes: &[u8], folder: &Path) -> Vec<Vec<u8>> {
+    external_uris(bytes).iter().map(|uri| uri_bytes(uri, folder, "the scene").unwrap_or_default()).collect()
+}
+
+/// Where these files are, of those that may be read.
+pub fn external_paths(bytes: &[u8], folder: &Path) -> Vec<PathBuf> {
+    external_uris(bytes).iter().filter_map(|uri| Some(folder.join(relative_name(uri).ok()?))).collect()
+}
+
+fn external_uris(bytes: &[u8]) -> Vec<String> {
     let root =
         split_container(bytes).ok().and_then(|(json, _)| ::gltf::json::deserialize::from_slice::<Root>(json).ok());
     let Some(root) = root else { return vec![] };
-    let buffers = root.buffers.iter().filter_map(|buffer| buffer.uri.as_deref());
-    let images = root.images.iter().filter_map(|image| image.uri.as_deref());
-    let names = buffers.chain(images).filter(|uri| !is_data(uri));
-    names.map(|uri| uri_bytes(uri, folder, "the scene").unwrap_or_default()).collect()
+    let buffers = root.buffers.into_iter().filter_map(|buffer| buffer.uri);
+    let images = root.images.into_iter().filter_map(|image| image.uri);
+    buffers.chain(images).filter(|uri| !is_data(uri)).collect()
 }
 
 /// Whether a URI holds its bytes itself.

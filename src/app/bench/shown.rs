@@ -1,0 +1,82 @@
+//! What `taugate bench` shows on the terminal: how far it is, and what came out.
+
+use std::time::Instant;
+
+use taugate::bench::summary::{Figure, Line};
+
+use crate::app::progress::duration;
+use crate::cli::BenchArgs;
+
+/// How far the suite is.
+pub struct Course {
+    pub repetitions: u32,
+    pub started: Instant,
+    /// Seconds of rendering, done and in all.
+    pub done: f64,
+    pub all: f64,
+}
+
+impl Course {
+    pub fn part(&self) -> f64 {
+        (self.done / self.all).min(1.0)
+    }
+
+    pub fn describe(&self, scene: &str, repetition: u32) -> String {
+        let left = self.started.elapsed().as_secs_f64() * (1.0 - self.part()) / self.part().max(1e-9);
+        let all = self.repetitions;
+        format!("{scene}, repetition {} of {all}, {} left", repetition + 1, duration(left))
+    }
+}
+
+/// The lines of a scene for the terminal.
+pub fn text(scene: &str, lines: &[Line]) -> String {
+    let width = lines.iter().map(|line| line.variant.len()).max().unwrap_or(0);
+    let mut text = if lines.is_empty() { String::new() } else { format!("{scene}\n") };
+    for line in lines {
+        if line.all.relmse.median.is_nan() {
+            let cost = line.us_per_sample;
+            text += &format!(
+                "  {:width$}  {:.3} us a sample of a pixel ({:.3} to {:.3})  {:.0} samples in {:.1} s\n",
+                line.variant, cost.median, cost.least, cost.most, line.samples, line.seconds
+            );
+            continue;
+        }
+        text += &format!(
+            "  {:width$}  {}  {}  FLIP {:.4}  {:.0} samples in {:.1} s\n",
+            line.variant,
+            error("relMSE", &line.all),
+            error("trimmed", &line.trimmed),
+            line.flip.median,
+            line.samples,
+            line.seconds
+        );
+    }
+    text
+}
+
+fn error(name: &str, figure: &Figure) -> String {
+    let ratio =
+        figure.ratio.map_or(String::new(), |r| format!(" lower by {:.2} ({:.2} to {:.2})", r.median, r.least, r.most));
+    match figure.honest {
+        true => format!("{name} {:.3e}{ratio}", figure.relmse.median),
+        false => format!("{name} -"),
+    }
+}
+
+/// What was typed, without --resume and --reference.
+pub fn command(args: &BenchArgs) -> String {
+    let mut text = format!("taugate bench {}", args.suite.display());
+    if !args.scenes.is_empty() {
+        text += &format!(" --scenes '{}'", args.scenes.join(","));
+    }
+    if let Some(resolution) = args.resolution {
+        text += &format!(" --resolution {resolution}");
+    }
+    if let Some(time) = args.time {
+        text += &format!(" --time {time}");
+    }
+    if let Some(out) = &args.out {
+        text += &format!(" --out {}", out.display());
+    }
+    text
+}
