@@ -198,11 +198,13 @@ const ESTIMATORS: [Estimator; 3] = [Estimator::Bdpt, Estimator::LcsPaper, Estima
 #[test]
 fn gates_of_256_steps_have_their_energy_through_the_trees() {
     for far in [Far::Lamp, Far::Scattered] {
-        let truth = far.truth(1 << 18, 1.0, 2e-3);
-        let wider = far.truth(1 << 18, 1.1, 2e-3);
+        let truth = far.truth(1 << 20, 1.0, 1e-3);
+        let wider = far.truth(1 << 20, 1.1, 1e-3);
         for estimator in ESTIMATORS {
             let (off, error) = bias(far, estimator, &truth, 4000, 1);
-            assert!(error < 0.02 && off.abs() < threshold(6) * error, "{far:?} {estimator}: {off} +- {error}");
+            // 0.5 % is asked; lcs is precise enough to see the lattice's error and travel times rounded to the nearest step.
+            let allowed = 0.005_f64.max(threshold(6) * error);
+            assert!(error < 0.02 && off.abs() < allowed, "{far:?} {estimator}: {off} +- {error}");
             // The sibling that must fail: were a tenth of the gate missing.
             let ratio = truth.iter().zip(&wider).map(|(t, w)| t / w).sum::<f64>() / 3.0;
             let missed = (1.0 + off) * ratio - 1.0;
