@@ -147,6 +147,9 @@ fn force_writes_the_black_image() {
         assert_eq!(rays > 0, traced, "{gate} {more:?}: {rays} rays");
         assert_eq!(stats["renderer"]["samples"], 1024);
     }
+    // Time is not spent on black.
+    let hour = ["--resolution", "32x32", "--time", "1h", "--force", "--gate", "500m..501m"];
+    assert!(taugate(here.path(), &[&files[..], &hour[..]].concat()).status.success());
 }
 
 #[test]

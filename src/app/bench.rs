@@ -125,7 +125,7 @@ impl Bench {
         stop: &AtomicBool,
         progress: &mut Progress,
     ) -> anyhow::Result<ExitCode> {
-        let mut rows = self.kept(args.resume)?;
+        let mut rows = self.kept(args.resume, progress)?;
         self.check_references()?;
         make_folder(&self.out.join("images"))?;
 
@@ -178,7 +178,7 @@ impl Bench {
     }
 
     /// Rows of an earlier run that still hold.
-    fn kept(&self, resume: bool) -> Result<Vec<Row>> {
+    fn kept(&self, resume: bool, progress: &Progress) -> Result<Vec<Row>> {
         let path = self.results();
         if !path.exists() {
             return Ok(vec![]);
@@ -194,7 +194,19 @@ impl Bench {
                     && entries.iter().any(|e| e.variant == row.variant && self.fingerprint(e) == row.fingerprint)
             })
         };
+        let all = rows.len();
         rows.retain(known);
+        if rows.len() < all {
+            let old = path.with_file_name("results.old.csv");
+            std::fs::copy(&path, &old).map_err(|e| Error::File { path: old.clone(), message: e.to_string() })?;
+            progress.line(&format!(
+                "note: {} of {all} rows of {} are by another version of the renderer, or of other settings or times, and do not count; \
+                 {} keeps them",
+                all - rows.len(),
+                path.display(),
+                old.display()
+            ));
+        }
         Ok(rows)
     }
 

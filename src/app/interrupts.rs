@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+#[cfg(unix)]
+use std::time::{Duration, Instant};
 
 /// Exit code of what was interrupted.
 pub const INTERRUPTED: u8 = 130;
@@ -60,11 +62,23 @@ impl Interrupts {
     }
 }
 
+/// Signals of one request: `timeout` of the GNU coreutils sends SIGTERM to its child and again to the whole group.
+#[cfg(unix)]
+const ONE_REQUEST: Duration = Duration::from_secs(1);
+
 /// `ctrlc` could do this too, but would take SIGHUP with it, and so end what nohup keeps alive.
 #[cfg(unix)]
 fn on_termination(mut interrupt: impl FnMut() + Send + 'static) -> anyhow::Result<()> {
     let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGTERM])?;
-    std::thread::spawn(move || signals.forever().for_each(|_| interrupt()));
+    std::thread::spawn(move || {
+        let mut last: Option<Instant> = None;
+        for _ in signals.forever() {
+            if last.is_none_or(|last| last.elapsed() > ONE_REQUEST) {
+                last = Some(Instant::now());
+                interrupt();
+            }
+        }
+    });
     Ok(())
 }
 

@@ -15,7 +15,7 @@ use taugate::render::{MemoryPlan, Prepared, Renderer, StrategyImages};
 use taugate::resolve::{self, Outputs};
 use taugate::scene::gltf;
 use taugate::schedule::next_samples;
-use taugate::settings::Settings;
+use taugate::settings::{Budget, Settings};
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::preparation::Preparation;
@@ -204,7 +204,9 @@ fn iterate(
     let mut schedule = vec![];
     loop {
         let samples = next_samples(&settings.budget, renderer.film().samples(), started.elapsed());
-        if samples == 0 || stop.load(Ordering::Relaxed) {
+        // What is black for sure needs no more than a variance.
+        let black = renderer.is_dark() && matches!(settings.budget, Budget::Seconds(_)) && schedule.len() == 2;
+        if samples == 0 || black || stop.load(Ordering::Relaxed) {
             return Ok(schedule);
         }
         renderer.iterate(samples)?;

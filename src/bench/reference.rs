@@ -5,7 +5,8 @@
 //!
 //! The settings that render it need not be of the suite: whatever has the least error per second in a short pilot does. What was
 //! rendered is never lost: a reference that is not good enough for a later race is extended by halves with other seeds. So is one
-//! that another version of the renderer made, after it was compared with what this one renders.
+//! that another version of the renderer made, if it agrees with what this one renders; else it stays beside the new one, as
+//! `NAME.other.exr`.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +15,7 @@ use super::lane::Lane;
 use super::pilot::{fastest, frugal, pilots, with};
 use crate::agreement::{Agreement, LEAST_BATCHES, agreement};
 use crate::batches::{CellBatches, MOST_BATCHES};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::exr_file::{self, Picture, Provenance, read_picture};
 use crate::film::Film;
 use crate::fingerprint;
@@ -166,7 +167,7 @@ pub fn make(
         halves.push(lane);
     }
     let mut next = 2.0 * chosen.seconds;
-    let (mut own, mut asked) = (Means::INFINITE, Means::INFINITE);
+    let (mut own, mut asked) = (Means::INFINITE, Means { all: 0.0, trimmed: 0.0 });
     let size = [halves[0].renderer.film().width(), halves[0].renderer.film().height()];
     let before = |earlier: &Option<Earlier>| earlier.as_ref().map_or(0.0, |earlier| earlier.seconds);
     let spent = |halves: &[Lane]| halves.iter().map(|lane| lane.clock).sum::<f64>();
@@ -176,8 +177,8 @@ pub fn make(
         }
         let seconds = spent(&halves);
         let enough = halves.iter().all(|lane| lane.renderer.film().iterations() >= LEAST_ITERATIONS);
-        let over = seconds >= goal.limit;
         let checked = if doubtful { CHECKED * earlier.as_ref().map_or(0.0, |earlier| earlier.seconds) } else { 0.0 };
+        let over = seconds >= goal.limit.max(checked);
         if enough && (seconds >= next.max(checked) || over) {
             next = LOOK * seconds;
             if let Some(another) = earlier.take_if(|_| doubtful) {
@@ -222,6 +223,10 @@ pub fn make(
     // Batches of one render, the longer: those of two estimators do not tell their noise together.
     film.set_cells(earlier.filter(|earlier| earlier.seconds > seconds).map_or(cells, |earlier| earlier.cells));
     if agreement.agree {
+        if matches!(other, Other::Dropped(_) | Other::Unknown) {
+            let aside = path.with_extension("other.exr");
+            std::fs::rename(path, &aside).map_err(|e| Error::File { path: aside.clone(), message: e.to_string() })?;
+        }
         write(path, &film, entries[0], before + seconds, &variant, HALVES[0] + extension)?;
     }
     Ok(Some(Made { variant, seconds, before, other, samples, own, wanted: asked, judge, agreement }))

@@ -64,7 +64,7 @@ pub struct Row {
     pub pixels: u64,
     pub gate_m: f64,
     pub us_per_sample: f64,
-    /// Of scene and settings.
+    /// Of scene, settings, time and renderer.
     pub fingerprint: String,
 }
 

@@ -16,22 +16,26 @@ use crate::scene::Scene;
 const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 /// Overlap that is none, likewise: triangles that share an edge.
 const TOUCHING: f64 = 64.0 * ROUNDING;
+/// Sentences at most.
+const MOST: usize = 10;
 /// What moves a lamp off a surface for sure, relative to the scene.
 const APART: f64 = 1e-4;
 
-/// One sentence, with the remedy, for every pair of a lamp's node and another one that does not shine, in the same plane and
-/// overlapping; sorted. Edges and corners in common are no overlap.
+/// One sentence, with the remedy, for every pair of a lamp's node and one of a surface that does not shine, in the same plane and
+/// overlapping; sorted, and of more than [`MOST`] the rest as a number. Edges and corners in common are no overlap.
 pub fn warnings(scene: &Scene, geometry: &Geometry, place: &Place) -> Vec<String> {
     let shines = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
     let pairs: BTreeSet<(u32, u32)> = geometry
         .triangles
         .par_iter()
         .filter(|t| shines(t))
-        .flat_map_iter(|lamp| {
+        .map(|t| (t.instance, Flat::new(t)))
+        .filter(|(_, lamp)| lamp.normal != DVec3::ZERO)
+        .flat_map_iter(|(node, lamp)| {
             let mut found = BTreeSet::new();
-            near(geometry, &Flat::new(lamp), |other| {
-                if !shines(other) && overlap(&Flat::new(lamp), &Flat::new(other)) {
-                    found.insert((lamp.instance, other.instance));
+            near(geometry, &lamp, |other| {
+                if !shines(other) && overlap(&lamp, &Flat::new(other)) {
+                    found.insert((node, other.instance));
                 }
             });
             found
@@ -40,13 +44,18 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, place: &Place) -> Vec<String
     let node = |instance: u32| scene.instances[instance as usize].node.as_str();
     let named: BTreeSet<(&str, &str)> = pairs.into_iter().map(|(lamp, other)| (node(lamp), node(other))).collect();
     let distance = APART * place.unit;
-    let sentence = |(lamp, other): (&str, &str)| {
+    let sentence = |(lamp, other): &(&str, &str)| {
+        let surface = if lamp == other { "another of its own surfaces".to_string() } else { format!("'{other}'") };
         format!(
-            "the lamp '{lamp}' lies in the plane of '{other}': a ray meets one or the other, so the lamp is speckled where it \
-             is seen; move it {distance:.0e} m or more in front of '{other}'"
+            "the lamp '{lamp}' lies in the plane of {surface}: a ray meets one or the other, so the lamp is speckled where it \
+             is seen; move it {distance:.0e} m or more in front of it"
         )
     };
-    named.into_iter().map(sentence).collect()
+    let mut all: Vec<String> = named.iter().take(MOST).map(sentence).collect();
+    if named.len() > MOST {
+        all.push(format!("and {} lamps more lie in the plane of another surface", named.len() - MOST));
+    }
+    all
 }
 
 /// A triangle with its plane.
@@ -163,6 +172,25 @@ mod tests {
                 assert_eq!(said(height, 0.0, scale, &Emitters::Scene), Vec::<String>::new(), "{scale} {height}");
             }
         }
+    }
+
+    #[test]
+    fn of_many_lamps_ten_are_named() {
+        let mut scene = build(Kind::CornellBox);
+        let lamp = scene.instances.iter().position(|i| i.node == "light").expect("the box has a lamp");
+        for k in 0..14 {
+            let mut another = scene.instances[lamp].clone();
+            another.node = format!("lamp {k:02}");
+            another.transform = DAffine3::from_translation(DVec3::new(0.02 * f64::from(k), 2.0 - 1.99, 0.0));
+            scene.instances.push(another);
+        }
+        let place = Place::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
+        let geometry = Geometry::new(&scene, &place, &Emitters::Scene, AlbedoTable::shared());
+        let found = warnings(&scene, &geometry, &place);
+        assert_eq!(
+            (found.len(), found.last().unwrap().as_str()),
+            (11, "and 4 lamps more lie in the plane of another surface")
+        );
     }
 
     #[test]

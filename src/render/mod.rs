@@ -227,6 +227,11 @@ impl Renderer {
         Ok(())
     }
 
+    /// Whether bounds say that no light can meet the gate: every sample is black, and none is traced.
+    pub fn is_dark(&self) -> bool {
+        self.plan.dark
+    }
+
     /// Mean and variance so far, over the crop.
     pub fn film(&self) -> &Film {
         &self.film

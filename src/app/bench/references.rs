@@ -114,10 +114,10 @@ fn tell(scene: &str, path: &str, made: &Made, progress: &Progress) -> bool {
             agreement.max_z, agreement.threshold
         )),
         Other::Dropped(agreement) => progress.line(&format!(
-            "{scene}: {differs} differs from this one's (|z| = {:.1}, where {:.1} is significant): it was begun anew",
+            "{scene}: {differs} differs from this one's (|z| = {:.1}, where {:.1} is significant): it was begun anew, and the old one kept beside it",
             agreement.max_z, agreement.threshold
         )),
-        Other::Unknown => progress.line(&format!("{scene}: {differs} cannot be checked: it was begun anew")),
+        Other::Unknown => progress.line(&format!("{scene}: {differs} cannot be checked: it was begun anew, and the old one kept beside it")),
     }
     let Agreement { max_z, threshold, tests, .. } = agreement;
     if !agreement.agree {
