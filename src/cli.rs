@@ -74,7 +74,8 @@ pub struct RenderArgs {
     force: bool,
 
     /// How paths are found: pt (path tracing), bdpt (bidirectional), lcs-paper (light-cone shell queries),
-    /// lcs (the same by importance, resampled) [default: lcs; bdpt without a gate]
+    /// lcs (the same by importance, resampled) [default: lcs; bdpt without a gate or
+    /// through one wider than 0.4 of the scene's diagonal]
     #[arg(long, value_name = "NAME", help_heading = "Sampling")]
     estimator: Option<Estimator>,
 

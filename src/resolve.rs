@@ -70,7 +70,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     }
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
-    let estimator = render.estimator.unwrap_or(default_estimator(gate));
+    let estimator = render.estimator.unwrap_or(default_estimator(gate, scene));
     let settings = Settings {
         estimator,
         strategies: render.strategies.unwrap_or(DEFAULT_STRATEGIES),
@@ -156,9 +156,13 @@ fn within(name: &str, value: u32, most: u32) -> Result<u32> {
     Err(settings(format!("--{name} is {value}; it must be from 1 to {most}")))
 }
 
-/// Without a gate there is nothing that queries could choose better by: they only cost time (docs/PERFORMANCE.md, lcs).
-fn default_estimator(gate: Gate) -> Estimator {
-    if gate.is_open() { Estimator::Bdpt } else { Estimator::Lcs }
+/// Part of the scene's diagonal from which on a gate is wide.
+const WIDE_GATE: f64 = 0.4;
+
+/// Without a gate, or with a wide one, there is little that queries could choose better by: they only cost time (docs/PERFORMANCE.md,
+/// Error at equal time).
+fn default_estimator(gate: Gate, scene: &Scene) -> Estimator {
+    if gate.hi - gate.lo > WIDE_GATE * scene.diagonal() { Estimator::Bdpt } else { Estimator::Lcs }
 }
 
 /// Enough that the trees know the light, and no more than sensor paths can pay for.

@@ -17,6 +17,9 @@ const PILOT: (f64, f64, f64) = (0.25, 0.2, 15.0);
 /// Of settings that are chosen for a reference alone.
 const LEAST_LIGHT_PATHS: u32 = 256;
 
+/// Pixels across a block of the image that pilots are measured against.
+const BLOCK: usize = 8;
+
 /// A short render that tells how fast settings converge.
 pub struct Pilot {
     pub variant: String,
@@ -36,18 +39,32 @@ impl Pilot {
 }
 
 /// The pilot with the least cost, by all pixels and by most of them alike: rare bright samples count, but whether a short render
-/// has met one is luck. Each is measured against the mean of the others: its own noise would hide its error.
+/// has met one is luck. All are measured against one and the same image, the mean of all of them over blocks of pixels: in a
+/// single pixel the best pilot would be measured against the noise of the others, the worst against the best.
 pub fn fastest(pilots: &[Pilot]) -> &Pilot {
-    let cost = |at: usize| {
-        let others: Vec<&Pilot> = pilots.iter().enumerate().filter(|(i, _)| *i != at).map(|(_, p)| p).collect();
-        let mean = |i: usize| others.iter().map(|p| p.mean[i]).sum::<f32>() / others.len() as f32;
-        let cost = pilots[at].cost(&(0..pilots[at].mean.len()).map(mean).collect::<Vec<f32>>());
+    let n = pilots.len() as f32;
+    let mean: Vec<f32> = (0..pilots[0].mean.len()).map(|i| pilots.iter().map(|p| p.mean[i]).sum::<f32>() / n).collect();
+    let truth = over_blocks(&mean, pilots[0].settings.crop.width() as usize);
+    let cost = |pilot: &Pilot| {
+        let cost = pilot.cost(&truth);
         cost.all * cost.trimmed
     };
-    match pilots.len() {
-        1 => &pilots[0],
-        n => &pilots[(0..n).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).expect("there is a pilot")],
+    pilots.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).expect("there is a pilot")
+}
+
+/// An RGB image of `width` pixels across, each block of [`BLOCK`] x [`BLOCK`] pixels (less at the edges) its mean.
+fn over_blocks(image: &[f32], width: usize) -> Vec<f32> {
+    let height = image.len() / (3 * width);
+    let mut out = vec![0.0; image.len()];
+    for (y0, x0) in (0..height).step_by(BLOCK).flat_map(|y| (0..width).step_by(BLOCK).map(move |x| (y, x))) {
+        let (y1, x1) = ((y0 + BLOCK).min(height), (x0 + BLOCK).min(width));
+        let pixels = || (y0..y1).flat_map(|y| (x0..x1).map(move |x| 3 * (y * width + x)));
+        for channel in 0..3 {
+            let mean = pixels().map(|at| image[at + channel]).sum::<f32>() / ((y1 - y0) * (x1 - x0)) as f32;
+            pixels().for_each(|at| out[at + channel] = mean);
+        }
     }
+    out
 }
 
 /// Renders every variant for a short while each, and what may be faster: `bdpt` and `lcs` by default, and with one light path a
@@ -113,4 +130,20 @@ pub fn with(scene: &Scene, entry: &Entry, estimator: Estimator) -> Settings {
 pub fn frugal(settings: Settings) -> Settings {
     let pixels = settings.crop.width() * settings.crop.height();
     Settings { light_paths: settings.light_paths.min(pixels.max(LEAST_LIGHT_PATHS)), ..settings }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_have_their_means_and_edges_are_blocks_too() {
+        // 10 x 9 pixels: blocks of 8 x 8, 2 x 8, 8 x 1 and 2 x 1.
+        let image: Vec<f32> = (0..90).flat_map(|i| [i as f32, 1.0, if i == 89 { 4.0 } else { 0.0 }]).collect();
+        let blocks = over_blocks(&image, 10);
+        assert_eq!(&blocks[..3], &[38.5, 1.0, 0.0]);
+        assert_eq!(&blocks[3 * 8..3 * 8 + 3], &[43.5, 1.0, 0.0]);
+        assert_eq!(&blocks[3 * 80..3 * 80 + 3], &[83.5, 1.0, 0.0]);
+        assert_eq!(&blocks[3 * 89..], &[88.5, 1.0, 2.0]);
+    }
 }

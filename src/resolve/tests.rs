@@ -16,8 +16,10 @@ fn scene() -> Scene {
     let material = |emission| Material { emission: [emission; 3], ..diffuse("", [1.0; 3]) };
     let light = |node: &str, kind| Light { node: node.into(), position: DVec3::ZERO, direction: DVec3::NEG_Z, kind };
     let instance = |mesh, node: &str| Instance { mesh, transform: DAffine3::IDENTITY, node: node.into() };
+    // The diagonal is 2 sqrt(3) m.
+    let mesh = |material| Mesh { material, positions: vec![[-1.0; 3], [1.0; 3]], ..Mesh::default() };
     Scene {
-        meshes: vec![Mesh { material: 0, ..Mesh::default() }, Mesh { material: 1, ..Mesh::default() }],
+        meshes: vec![mesh(0), mesh(1)],
         instances: vec![instance(0, "wall"), instance(1, "lamp"), instance(1, "lamp")],
         materials: vec![material(0.0), material(2.0)],
         cameras: vec![camera("front", Some(2.0), None), camera("side", None, Some([640, 480]))],
@@ -54,6 +56,13 @@ fn defaults_fill_what_nobody_said() {
     assert_eq!((s.leaf_size, s.single_tree), (8, false));
     assert_eq!((s.camera, s.resolution, s.emitters), (0, [512, 256], Emitters::Nodes(vec!["beam".into()])));
     assert_eq!(s.crop, Crop { x0: 0, x1: 512, y0: 0, y1: 256 });
+}
+
+#[test]
+fn wide_gates_are_for_bdpt() {
+    let estimator = |gate: &str| settings_of(&format!("gate.gate = '{gate}'\nemitter.emitters = 'beam'")).estimator;
+    assert_eq!(estimator("1m..2.38m"), Estimator::Lcs);
+    assert_eq!(estimator("1m..2.39m"), Estimator::Bdpt);
 }
 
 #[test]

@@ -5,7 +5,7 @@
 
 pub mod gltf;
 
-use glam::{DAffine3, DVec3};
+use glam::{BVec3, DAffine3, DVec3, Vec3};
 
 /// A loaded scene. Lengths are metres; transforms are kept in f64 until the renderer moves the origin to the sensor.
 #[derive(Debug, Clone, Default)]
@@ -24,6 +24,28 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What the file asks for and taugate does not do, one sentence each, in the file's order.
     pub warnings: Vec<String>,
+}
+
+impl Scene {
+    /// Metres from one corner to the other of the box around all instances, their meshes taken as their own boxes; 0 without any.
+    pub fn diagonal(&self) -> f64 {
+        let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
+        let corners = self.instances.iter().flat_map(|instance| {
+            let [lo, hi] = boxes[instance.mesh as usize];
+            let corner = move |k: usize| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo);
+            (0..8).map(move |k| instance.transform.transform_point3(corner(k)))
+        });
+        let whole = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(p), hi.max(p)]);
+        (whole[1] - whole[0]).max(DVec3::ZERO).length()
+    }
+}
+
+impl Mesh {
+    /// Least and greatest coordinates of its positions, of which there is one at least.
+    fn bounds(&self) -> [DVec3; 2] {
+        let points = self.positions.iter().map(|&p| Vec3::from(p).as_dvec3());
+        points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(p), hi.max(p)])
+    }
 }
 
 /// Triangles of one glTF primitive.
@@ -153,4 +175,24 @@ pub enum LightKind {
     Beam { power: [f32; 3], radius: f32 },
     /// Infinitely far away: has no travel time. Kept so that a gated render can refuse it by name.
     Directional { irradiance: [f32; 3] },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_diagonal_is_of_the_placed_meshes() {
+        assert_eq!(Scene::default().diagonal(), 0.0);
+        let mesh = Mesh { positions: vec![[0.0; 3], [1.0, 2.0, 0.0]], ..Mesh::default() };
+        let at = |x: f64| Instance {
+            mesh: 0,
+            transform: DAffine3::from_translation(DVec3::new(x, 0.0, 0.0))
+                * DAffine3::from_rotation_z(std::f64::consts::FRAC_PI_2),
+            node: String::new(),
+        };
+        // Turned the box is 2 by 1; two of them stand 3 apart.
+        let scene = Scene { meshes: vec![mesh], instances: vec![at(0.0), at(3.0)], ..Scene::default() };
+        assert!((scene.diagonal() - 26f64.sqrt()).abs() < 1e-12);
+    }
 }

@@ -70,7 +70,7 @@ fn index_checks_change_no_bit() {
 #[ignore = "takes a minute"]
 fn index_checks_change_no_bit_of_any_estimator() {
     let plain = images("checks::helper_all_images", false);
-    assert_eq!(plain.len(), 8);
+    assert_eq!(plain.len(), 11);
     assert_eq!(plain, images("checks::helper_all_images", true));
 }
 
