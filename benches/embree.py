@@ -18,22 +18,15 @@ import sys
 import tempfile
 import time
 
-for library in ("/usr/lib/x86_64-linux-gnu/libLLVM-19.so", "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1"):
-    if "DRJIT_LIBLLVM_PATH" not in os.environ and os.path.exists(library):
-        os.environ["DRJIT_LIBLLVM_PATH"] = library
-try:
-    import drjit as dr
-    import mitsuba as mi
-    import numpy as np
-    mi.set_variant("llvm_ad_rgb")
-except ImportError as error:
-    print(f"skipped: {error}; pip install mitsuba numpy")
-    sys.exit(0)
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
+sys.path.insert(0, os.path.join(ROOT, "tests"))
+from mitsuba_or_skip import modules
+
+mi, dr, np = modules("drjit", "numpy")
 if not mi.MI_ENABLE_EMBREE:
     print("skipped: this Mitsuba was built without Embree")
     sys.exit(0)
 
-ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
 # As the bench names them, in the order of its file; whether any hit will do, and whether neighbours run alike.
 KINDS = [("primary", False, True), ("shadow of primary", True, True), ("bounce", False, False), ("shadow of bounce", True, False)]
 

@@ -70,7 +70,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     }
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
-    let estimator = render.estimator.unwrap_or(default_estimator(gate, scene));
+    let estimator = render.estimator.unwrap_or_else(|| default_estimator(gate, scene));
     let settings = Settings {
         estimator,
         strategies: render.strategies.unwrap_or(DEFAULT_STRATEGIES),

@@ -140,8 +140,8 @@ impl Plan {
         (deterministic + chosen).max(1)
     }
 
-    /// How many times the cost of a shade point's queries at `bounce` those at the first are: `candidates_at` of `resample.wgsl`.
-    pub fn query_parts(&self, bounce: u32) -> u32 {
+    /// How many shade points at `bounce` cost as much to query as one at the first: `candidates_at` of `resample.wgsl`.
+    pub fn queried_for_one(&self, bounce: u32) -> u32 {
         match self.estimator {
             Estimator::Lcs => self.frame.queries / (self.frame.queries >> (2 * bounce).min(16)).max(1),
             Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => 1,

@@ -271,8 +271,8 @@ impl SensorTracer {
         count: u32,
         stats: &mut Stats,
     ) -> Result<f64> {
-        let cheaper = plan.query_parts(constants.bounce) as usize;
-        if count as usize <= self.part * cheaper {
+        let for_one = plan.queried_for_one(constants.bounce) as usize;
+        if count as usize <= self.part * for_one {
             stats.timed(stage::RECORD, || self.record_query(bound, constants))?;
             return Ok(0.0);
         }
@@ -281,7 +281,7 @@ impl SensorTracer {
         stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
         let (mut done, all) = (0, counters[SHADE as usize] as usize);
         while done < all {
-            let part = self.part * cheaper;
+            let part = self.part * for_one;
             let constants = Dispatch { counter: SHADE, rank: done as u32, ..*constants };
             let groups = self.kernels.query.groups(part.min(all - done));
             self.recorder.dispatch("shell_query", &self.kernels.query, &bound.query, &constants, groups)?;

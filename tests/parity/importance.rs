@@ -11,9 +11,13 @@ use crate::values::{direction, dvec, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND, &SWITCHED];
 
+/// [`Given`] in WGSL.
+const GIVEN: &str =
+    "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32, x: f32, width: f32, pad: vec2<f32>";
+
 const IMPORTANCE: ShaderFunction = ShaderFunction {
     imports: &["importance"],
-    given: "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32, x: f32, width: f32, pad: vec2<f32>",
+    given: GIVEN,
     result: "power: f32, importance: f32, ramp: f32, pruned: u32",
     body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
         let d = box_distances(given.q, given.c.lo, given.c.hi);
@@ -209,7 +213,7 @@ fn the_cosine_of_a_box_bounds_that_of_its_points() {
 
 const SWITCHED: ShaderFunction = ShaderFunction {
     imports: &["importance"],
-    given: "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32, x: f32, width: f32, pad: vec2<f32>",
+    given: GIVEN,
     result: "importance: f32, power: f32, bucket_power: f32, distance2: f32, factor: f32, cosine: f32",
     body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
         let d = box_distances(given.q, given.c.lo, given.c.hi);

@@ -213,15 +213,13 @@ fn gates_of_256_steps_have_their_energy_through_the_trees() {
     }
 }
 
-/// Bias below 0.5 % in gates of 256 steps. `cargo test --release --test stress -- --ignored --nocapture through_the_trees`
-#[test]
-#[ignore = "takes minutes"]
-fn the_bias_of_256_steps_is_small_through_the_trees() {
+/// Asserts what both long tests do: a bias, measured with its error against the truth of all gates, of at most 0.5 %.
+fn assert_small(measure: impl Fn(Far, Estimator, &[f64; 3]) -> (f64, f64)) {
     let mut wrong = vec![];
     for far in [Far::Lamp, Far::Scattered] {
         let truth = far.truth(1 << 22, 1.0, 5e-4);
         for estimator in ESTIMATORS {
-            let (off, error) = bias(far, estimator, &truth, 20_000, 8);
+            let (off, error) = measure(far, estimator, &truth);
             if off.abs() > 0.005_f64.max(threshold(6) * error) {
                 wrong.push(format!("{far:?} {estimator}: {off} +- {error}"));
             }
@@ -230,30 +228,30 @@ fn the_bias_of_256_steps_is_small_through_the_trees() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// Bias below 0.5 % in gates of 256 steps. `cargo test --release --test stress -- --ignored --nocapture through_the_trees`
+#[test]
+#[ignore = "takes minutes"]
+fn the_bias_of_256_steps_is_small_through_the_trees() {
+    assert_small(|far, estimator, truth| bias(far, estimator, truth, 20_000, 8));
+}
+
 /// The same of the trees' own strategy alone, with weight 1: a point of the lamp, or one that it lights, joined to the wall.
 #[test]
 #[ignore = "takes minutes"]
 fn the_trees_alone_have_the_energy_through_the_trees() {
-    let mut wrong = vec![];
-    for far in [Far::Lamp, Far::Scattered] {
-        let truth = far.truth(1 << 22, 1.0, 5e-4);
-        for estimator in ESTIMATORS {
-            let (gate, truth) = (far.gates()[1], truth[1]);
-            let s = Settings { gate, ..far_settings(far, estimator, 20_000) };
-            let scene = far.scene();
-            let prepared = Prepared::new(&scene, &s).expect("a lamp");
-            let mut parts = StrategyImages::new(&device(), &scene, &s, &prepared).expect("small images");
-            for _ in 0..512 {
-                parts.iterate(16).expect("an iteration");
-            }
-            let own = parts.images().iter().find(|i| (i.s, i.t) == (far.depth() - 1, 2)).expect("it is formed");
-            let (mean, error) = own.unweighted.image_mean();
-            let (off, error) = (mean / truth - 1.0, error.expect("512 iterations") / truth);
-            println!("{far:?} {estimator} ({}, 2): {:+.3} % +- {:.3} %", own.s, 100.0 * off, 100.0 * error);
-            if off.abs() > 0.005_f64.max(threshold(6) * error) {
-                wrong.push(format!("{far:?} {estimator}: {off} +- {error}"));
-            }
+    assert_small(|far, estimator, truth| {
+        let (gate, truth) = (far.gates()[1], truth[1]);
+        let s = Settings { gate, ..far_settings(far, estimator, 20_000) };
+        let scene = far.scene();
+        let prepared = Prepared::new(&scene, &s).expect("a lamp");
+        let mut parts = StrategyImages::new(&device(), &scene, &s, &prepared).expect("small images");
+        for _ in 0..512 {
+            parts.iterate(16).expect("an iteration");
         }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+        let own = parts.images().iter().find(|i| (i.s, i.t) == (far.depth() - 1, 2)).expect("it is formed");
+        let (mean, error) = own.unweighted.image_mean();
+        let (off, error) = (mean / truth - 1.0, error.expect("512 iterations") / truth);
+        println!("{far:?} {estimator} ({}, 2): {:+.3} % +- {:.3} %", own.s, 100.0 * off, 100.0 * error);
+        (off, error)
+    });
 }
