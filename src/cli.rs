@@ -104,7 +104,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     splat_paths: Option<u32>,
 
-    /// Tree queries a shade point, 1 to 64; lcs: at the first of a path, a quarter at each next [default: 1; lcs: 16]
+    /// Tree queries a shade point, 1 to 64 [default: 1; lcs: 16]
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     queries: Option<u32>,
 
@@ -112,7 +112,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     buckets: Option<u32>,
 
-    /// Light vertices in a leaf of a tree at most, 1 to 16 [default: lcs-paper: 1; lcs: 8]
+    /// Light vertices in a leaf of a tree at most, 1 to 16 [default: lcs-paper: 1; lcs: 16]
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     leaf_size: Option<u32>,
 

@@ -79,7 +79,7 @@ impl Estimator {
         match self {
             Estimator::Pt | Estimator::Bdpt => 0,
             Estimator::LcsPaper => 1,
-            Estimator::Lcs => 8,
+            Estimator::Lcs => 16,
         }
     }
 }

@@ -12,7 +12,7 @@ use super::points::{GATE, Point, hash32, next_bits, uniform};
 
 /// Queries a shade point, and vertices a leaf.
 const QUERIES: u32 = 8;
-const LEAF_SIZE: usize = 8;
+const LEAF_SIZE: usize = 16;
 const MAX_DEPTH: u32 = 24;
 
 /// Constants of `shared/importance.wgsl` and `shared/resample.wgsl`.

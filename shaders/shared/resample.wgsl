@@ -83,22 +83,15 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     return chosen;
 }
 
-// Candidates at a shade point `depth` segments from the sensor: K at the first, a quarter at each next one, which carries less
-// of the image.
-fn candidates_at(depth: u32) -> u32 {
-    return max(frame.queries >> min(2u * (depth - 1u), 16u), 1u);
-}
-
 // K stratified queries of one tree, resampled by the unshadowed contribution (Talbot et al. 2005): one vertex, and the factor
 // that takes the place of 1 / (K P(j | q)).
 fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
-    let queries = candidates_at(q.flags & VERTEX_DEPTH);
     var chosen = Candidate(NONE, 0.0);
     var chosen_target = 0.0;
     var sum = 0.0;
     let jitter = min(next_fine_uniform(rng), 1.0 - RESOLUTION);
-    for (var k = 0u; k < queries; k++) {
-        let leaf = descend_by_importance(root, receiver, (f32(k) + jitter) / f32(queries), rng);
+    for (var k = 0u; k < frame.queries; k++) {
+        let leaf = descend_by_importance(root, receiver, (f32(k) + jitter) / f32(frame.queries), rng);
         if (leaf.vertex == NONE) {
             continue;
         }
@@ -120,7 +113,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         }
     }
     if (chosen.vertex != NONE) {
-        chosen.weight = sum / (chosen_target * f32(queries));
+        chosen.weight = sum / (chosen_target * f32(frame.queries));
     }
     return chosen;
 }

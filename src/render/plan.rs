@@ -140,14 +140,6 @@ impl Plan {
         (deterministic + chosen).max(1)
     }
 
-    /// How many shade points at `bounce` cost as much to query as one at the first: `candidates_at` of `resample.wgsl`.
-    pub fn queried_for_one(&self, bounce: u32) -> u32 {
-        match self.estimator {
-            Estimator::Lcs => self.frame.queries / (self.frame.queries >> (2 * bounce).min(16)).max(1),
-            Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => 1,
-        }
-    }
-
     /// Candidate slots a shade point at most, whatever the pool.
     pub fn most_slots(&self, emitters: &EmitterSet) -> u32 {
         let thin_beams = if emitters.has_beam && self.traces_light { self.max_depth } else { 0 };

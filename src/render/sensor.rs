@@ -45,7 +45,7 @@ pub struct SensorTracer {
     /// Paths a tile may hold, and how many it holds at present.
     capacity: usize,
     tile: usize,
-    /// Shade points at the first bounce that are queried in one submit.
+    /// Shade points that are queried in one submit.
     part: usize,
 }
 
@@ -202,7 +202,7 @@ impl SensorTracer {
         for bounce in 0..plan.max_depth {
             let constants = Dispatch { bounce, ..constants };
             stats.timed(stage::RECORD, || self.record_trace(bound, &constants, count))?;
-            longest = longest.max(self.query(plan, bound, &constants, count, stats)?);
+            longest = longest.max(self.query(bound, &constants, count, stats)?);
             stats.timed(stage::RECORD, || self.record_connections(bound, &constants, count))?;
             if SUBMIT_AFTER.contains(&(bounce + 1)) || (bounce + 1) % 32 == 0 {
                 longest = longest.max(stats.submit(&mut self.recorder)?);
@@ -263,16 +263,8 @@ impl SensorTracer {
 
     /// Queries the new shade points of a bounce: recorded with all else if they are few, else in submits of their own, so that
     /// none is long though tiles are great. Returns the longest submit of anything but a query, in seconds.
-    fn query(
-        &mut self,
-        plan: &Plan,
-        bound: &Bound,
-        constants: &Dispatch,
-        count: u32,
-        stats: &mut Stats,
-    ) -> Result<f64> {
-        let for_one = plan.queried_for_one(constants.bounce) as usize;
-        if count as usize <= self.part * for_one {
+    fn query(&mut self, bound: &Bound, constants: &Dispatch, count: u32, stats: &mut Stats) -> Result<f64> {
+        if count as usize <= self.part {
             stats.timed(stage::RECORD, || self.record_query(bound, constants))?;
             return Ok(0.0);
         }
@@ -281,7 +273,7 @@ impl SensorTracer {
         stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
         let (mut done, all) = (0, counters[SHADE as usize] as usize);
         while done < all {
-            let part = self.part * for_one;
+            let part = self.part;
             let constants = Dispatch { counter: SHADE, rank: done as u32, ..*constants };
             let groups = self.kernels.query.groups(part.min(all - done));
             self.recorder.dispatch("shell_query", &self.kernels.query, &bound.query, &constants, groups)?;

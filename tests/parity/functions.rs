@@ -42,7 +42,6 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),
     ("total_power", "leaves that come up with the probability they report"),
-    ("candidates_at", "as vertex_importance"),
     ("random_vertices", "weights of a path sum to 1"),
     ("gains_beyond", "weights of a path sum to 1"),
     ("load_vertex", "load_light_vertex and load_shade_point"),
