@@ -116,6 +116,10 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     leaf_size: Option<u32>,
 
+    /// lcs: subtrees that the queries of a shade point start among, 1 (the whole tree) to 32; same image on average [default: 32]
+    #[arg(long, value_name = "N", help_heading = "Sampling")]
+    frontier: Option<u32>,
+
     /// One tree over points on emitters and scattered light together, instead of one each; same image on average
     #[arg(long, help_heading = "Sampling")]
     single_tree: bool,
@@ -188,6 +192,7 @@ impl RenderArgs {
                 queries: self.queries,
                 buckets: self.buckets,
                 leaf_size: self.leaf_size,
+                frontier: self.frontier,
                 single_tree: self.single_tree.then_some(true),
                 importance: self.importance,
                 no_cull: self.no_cull.then_some(true),

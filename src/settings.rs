@@ -36,6 +36,8 @@ pub const MAX_QUERIES: u32 = 64;
 pub const MAX_BUCKETS: u32 = 8;
 /// A reference to a leaf has four bits for its size.
 pub const MAX_LEAF_SIZE: u32 = 16;
+/// `MOST_SUBTREES` of `shared/frontier.wgsl`.
+pub const MAX_FRONTIER: u32 = 32;
 /// A year, in seconds.
 pub const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 
@@ -197,6 +199,8 @@ pub struct Settings {
     pub buckets: u32,
     /// Most light vertices in a leaf, 1 to 16; 0 for estimators without trees.
     pub leaf_size: u32,
+    /// Subtrees that the queries of a shade point start among (`lcs`), 1 (the root) to 32.
+    pub frontier: u32,
     /// One tree over emitter points and scattered vertices instead of the two of Sec. 5.4; the same image on average.
     pub single_tree: bool,
     /// [`Importance::ALL`] for estimators that do not choose by it.

@@ -1,5 +1,7 @@
-//! Queries by importance, as `lcs` makes them: stratified traversals to leaves of eight, and a vertex of each. What
+//! Queries by importance, as `lcs` makes them: stratified traversals from a frontier to leaves of 16, and a vertex of each. What
 //! shell_resample does besides, the BSDFs and MIS weight of one candidate a query, is left out on both sides.
+
+use std::collections::VecDeque;
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -11,16 +13,19 @@ use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 use super::points::{GATE, Point, hash32, next_bits, uniform};
 
 /// Queries a shade point, and vertices a leaf.
-const QUERIES: u32 = 8;
+const QUERIES: u32 = 16;
 const LEAF_SIZE: usize = 16;
 const MAX_DEPTH: u32 = 24;
 
-/// Constants of `shared/importance.wgsl` and `shared/resample.wgsl`.
+/// Constants of `shared/importance.wgsl` and `shared/frontier.wgsl`.
 const LIVE_SHARE: f32 = 0.3;
 const LEAST_COSINE: f32 = 0.1;
 const BY_POWER: f32 = 1.0 / 16.0;
 const LEAST_IMPORTANCE: f32 = 1e-36;
 const RESOLUTION: f32 = 1.0 / 16_777_216.0;
+const FRONTIER: usize = 32;
+const LOOKS: usize = 64;
+const LEAST_SHARE: f32 = 1.0 / 1024.0;
 
 const KERNEL: &str = "
 #import resample
@@ -35,9 +40,15 @@ fn bench_importance(@builtin(global_invocation_id) id: vec3<u32>) {
     var rng = hash32(id.x);
     let jitter = min(next_fine_uniform(&rng), 1.0 - RESOLUTION);
     var alive = 0u;
+    var frontier: Frontier;
+    grow_frontier(&frontier, frame.tree4_root, receiver);
+    if (frontier.count == 0u) {
+        found[id.x] = 0u;
+        return;
+    }
     for (var k = 0u; k < frame.queries; k++) {
         let u = (f32(k) + jitter) / f32(frame.queries);
-        let leaf = descend_by_importance(frame.tree4_root, receiver, u, &rng);
+        let leaf = descend_by_importance(enter_frontier(&frontier, u, &rng), receiver, &rng);
         if (leaf.vertex != NONE) {
             alive += select(0u, 1u, choose_in_leaf(q, leaf, &rng).vertex != NONE);
         }
@@ -111,10 +122,53 @@ fn refill(u: f32, part: f32, rng: &mut u32) -> f32 {
     if part < 1.0 / 256.0 { fresh.min(most) } else { ((u + RESOLUTION * fresh) / part).clamp(0.0, most) }
 }
 
-fn descend(nodes: &[TreeNode], root: u32, r: &Receiver, u: f32, rng: &mut u32) -> Option<(u32, f32)> {
+/// Subtrees with the sums of power and importance up to each.
+fn grow_frontier(nodes: &[TreeNode], root: u32, r: &Receiver) -> Vec<(u32, [f32; 2])> {
+    let mut frontier = VecDeque::from([(root, [1.0f32; 2])]);
+    let mut closed = 0;
+    for _ in 0..LOOKS {
+        if closed >= frontier.len() || frontier.len() >= FRONTIER {
+            break;
+        }
+        let (current, goal) = frontier.pop_front().expect("it is not empty");
+        if current & LEAF_BIT != 0 {
+            frontier.push_back((current, goal));
+            closed += 1;
+            continue;
+        }
+        closed = 0;
+        for child in [&nodes[current as usize].left, &nodes[current as usize].right] {
+            let importance = node_importance(child, r);
+            if importance > 0.0 {
+                frontier.push_back((child.child, [total_power(child), importance]));
+            }
+        }
+    }
+    let power: f32 = frontier.iter().map(|(_, goal)| goal[0]).sum();
+    let mut sums = [0.0f32; 2];
+    let summed = |(node, goal): (u32, [f32; 2])| {
+        sums = [sums[0] + goal[0] + LEAST_SHARE * power, sums[1] + goal[1]];
+        (node, sums)
+    };
+    frontier.into_iter().map(summed).collect()
+}
+
+fn descend(
+    nodes: &[TreeNode],
+    frontier: &[(u32, [f32; 2])],
+    r: &Receiver,
+    u: f32,
+    rng: &mut u32,
+) -> Option<(u32, f32)> {
     let by_power = u < BY_POWER;
     let (from, part) = if by_power { (u, BY_POWER) } else { (u - BY_POWER, 1.0 - BY_POWER) };
-    let (mut current, mut rest, mut p) = (root, refill(from, part, rng), [1.0f32; 2]);
+    let (rest, way) = (refill(from, part, rng), usize::from(!by_power));
+    let all = frontier.last()?.1;
+    let at = frontier.partition_point(|(_, sums)| sums[way] <= rest * all[way]).min(frontier.len() - 1);
+    let before = if at > 0 { frontier[at - 1].1 } else { [0.0; 2] };
+    let mut p = [0, 1].map(|i| frontier[at].1[i] / all[i] - before[i] / all[i]);
+    let mut rest = refill((rest - before[way] / all[way]).max(0.0), p[way], rng);
+    let mut current = frontier[at].0;
     while current & LEAF_BIT == 0 {
         let node = &nodes[current as usize];
         let (left, right) = (node_importance(&node.left, r), node_importance(&node.right, r));
@@ -123,7 +177,7 @@ fn descend(nodes: &[TreeNode], root: u32, r: &Receiver, u: f32, rng: &mut u32) -
         }
         let power = |c: &TreeChild, live: bool| if live { total_power(c) } else { 0.0 };
         let ways = [[power(&node.left, left > 0.0), power(&node.right, right > 0.0)], [left, right]];
-        let [left, right] = ways[usize::from(!by_power)];
+        let [left, right] = ways[way];
         let lesser = left.min(right) / (left + right);
         let take_lesser = rest < lesser;
         let part = if take_lesser { lesser } else { 1.0 - lesser };
@@ -184,9 +238,10 @@ fn on_host(tree: &Tree, vertices: &[PathVertex], shade: &[Point]) -> u64 {
         let mut rng = hash32(i as u32);
         let jitter = (next_bits(&mut rng) as f32 / 4_294_967_296.0).min(1.0 - RESOLUTION);
         let mut alive = 0;
+        let frontier = grow_frontier(&tree.nodes, tree.root, &r);
         for k in 0..QUERIES {
             let u = (k as f32 + jitter) / QUERIES as f32;
-            if let Some((leaf, weight)) = descend(&tree.nodes, tree.root, &r, u, &mut rng) {
+            if let Some((leaf, weight)) = descend(&tree.nodes, &frontier, &r, u, &mut rng) {
                 alive += u64::from(choose(vertices, leaf, weight, &r, s.depth, &mut rng).is_some());
             }
         }

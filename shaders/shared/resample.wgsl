@@ -1,39 +1,20 @@
 // Queries of a light tree by importance: to a leaf, to a vertex of it, and K of them to one vertex worth a shadow ray.
-#import importance
-#import query
+#import frontier
 #import slots
 #import connection
 
-// What a uniform in [0, 1) resolves.
-const RESOLUTION: f32 = 1.0 / 16777216.0;
-
-// `u`, known to lie in a part of [0, 1) that has been stretched to all of it by dividing by `part`: the digits that the
-// stretching uncovers are drawn.
-fn refill(u: f32, part: f32, rng: ptr<function, u32>) -> f32 {
-    let fresh = next_fine_uniform(rng);
-    // Of a small part hardly any digit is left.
-    return select(clamp((u + RESOLUTION * fresh) / part, 0.0, 1.0 - RESOLUTION), min(fresh, 1.0 - RESOLUTION), part < 1.0 / 256.0);
-}
-
-// Part of the traversals that go by power alone wherever a node is not pruned. Errors of the importance multiply from level to
-// level; a vertex that it all but misses is found with this part of its share of the power, so that none shines far too bright.
-const BY_POWER: f32 = 1.0 / 16.0;
-
-// One traversal from `root` by the uniform `u`: a leaf and 1 / P(leaf | q), or NONE at a dead node; P is that of both ways to
-// choose children together. Stratified values of `u` lead to different parts of the tree.
-fn descend_by_importance(root: u32, receiver: Receiver, u: f32, rng: ptr<function, u32>) -> Candidate {
-    var current = root;
-    let by_power = u < BY_POWER;
-    var rest = refill(select(u - BY_POWER, u, by_power), select(1.0 - BY_POWER, BY_POWER, by_power), rng);
-    // Probabilities of the way so far by power and by importance.
-    var p = vec2<f32>(1.0);
+// A query from where it starts: a leaf and 1 / P(leaf | q), or NONE at a dead node; P is that of both ways to choose children together.
+fn descend_by_importance(start: Way, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
+    var current = start.node;
+    var rest = start.rest;
+    var p = start.p;
     if ((current & LEAF_BIT) == 0u) {
         // Left at the end: masked SIMD would run the body once more for a condition at the top.
         loop {
             let node = load_tree_node(current);
             let importance = vec2<f32>(node_importance(node.left, receiver), node_importance(node.right, receiver));
             let power = select(vec2<f32>(0.0), vec2<f32>(total_power(node.left), total_power(node.right)), importance > vec2<f32>(0.0));
-            let goal = select(importance, power, by_power);
+            let goal = select(importance, power, start.by_power);
             // The lesser child at the low end, where floats are fine: rare children are drawn as rarely as P says.
             let lesser = min(goal.x, goal.y) / (goal.x + goal.y);
             let take_lesser = rest < lesser;
@@ -89,9 +70,15 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
     var chosen = Candidate(NONE, 0.0);
     var chosen_target = 0.0;
     var sum = 0.0;
+    var frontier: Frontier;
+    grow_frontier(&frontier, root, receiver);
+    if (frontier.count == 0u) {
+        return chosen;
+    }
     let jitter = min(next_fine_uniform(rng), 1.0 - RESOLUTION);
     for (var k = 0u; k < frame.queries; k++) {
-        let leaf = descend_by_importance(root, receiver, (f32(k) + jitter) / f32(frame.queries), rng);
+        let start = enter_frontier(&frontier, (f32(k) + jitter) / f32(frame.queries), rng);
+        let leaf = descend_by_importance(start, receiver, rng);
         if (leaf.vertex == NONE) {
             continue;
         }

@@ -8,7 +8,7 @@ use crate::metrics::Means;
 use crate::render::Prepared;
 use crate::resolve::default_splat_paths;
 use crate::scene::Scene;
-use crate::settings::{DEFAULT_BUCKETS, Estimator, Importance, Settings};
+use crate::settings::{DEFAULT_BUCKETS, Estimator, Importance, MAX_FRONTIER, Settings};
 
 /// Seeds, far from those of races and references.
 const SEEDS: u32 = 0x4000_0100;
@@ -119,6 +119,7 @@ pub fn with(scene: &Scene, entry: &Entry, estimator: Estimator) -> Settings {
         leaf_size: estimator.leaf_size(),
         splat_paths: default_splat_paths(estimator, entry.settings.resolution, scene),
         buckets: DEFAULT_BUCKETS,
+        frontier: MAX_FRONTIER,
         single_tree: false,
         importance: Importance::ALL,
         cull: true,

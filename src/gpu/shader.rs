@@ -33,6 +33,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/connection",
     "shared/emitter",
     "shared/frame",
+    "shared/frontier",
     "shared/gate",
     "shared/importance",
     "shared/lightcone",

@@ -53,6 +53,7 @@ pub struct Plan {
     /// 0 without trees.
     pub leaf_size: u32,
     pub single_tree: bool,
+    frontier: u32,
     importance: Importance,
     pub max_depth: u32,
     pub features: Features,
@@ -94,6 +95,7 @@ impl Plan {
             buckets: settings.buckets,
             leaf_size: settings.leaf_size,
             single_tree: settings.single_tree,
+            frontier: settings.frontier,
             importance: settings.importance,
             max_depth: settings.max_depth,
             features,
@@ -213,6 +215,7 @@ impl Plan {
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("ESTIMATOR", estimator.into()),
             ("BUCKET_COUNT", self.buckets.into()),
+            ("FRONTIER", self.frontier.into()),
             ("BY_CENTRE", switch(self.importance.centre)),
             ("BY_COSINE", switch(self.importance.cosine)),
             ("BY_OVERLAP", switch(self.importance.overlap)),

@@ -53,7 +53,7 @@ fn defaults_fill_what_nobody_said() {
     assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::Lcs, Strategies::All, Gate { lo: 1.0, hi: 2.0 }));
     assert_eq!((s.budget, s.seed, s.max_depth), (Budget::Spp(64), 0, 24));
     assert_eq!((s.light_paths, s.splat_paths, s.queries, s.buckets, s.cull), (50_000, 0, 16, 8, true));
-    assert_eq!((s.leaf_size, s.single_tree), (8, false));
+    assert_eq!((s.leaf_size, s.frontier, s.single_tree), (16, 32, false));
     assert_eq!((s.camera, s.resolution, s.emitters), (0, [512, 256], Emitters::Nodes(vec!["beam".into()])));
     assert_eq!(s.crop, Crop { x0: 0, x1: 512, y0: 0, y1: 256 });
 }
@@ -87,6 +87,7 @@ fn mistakes_name_the_flag_and_the_remedy() {
         ("render.buckets = 9", "from 1 to 8"),
         ("render.leaf-size = 17", "--leaf-size is 17; it must be from 1 to 16"),
         ("render.leaf-size = 0", "from 1 to 16"),
+        ("render.frontier = 33", "--frontier is 33; it must be from 1 to 32"),
         ("render.time = '9000h'", "at most a year"),
         ("emitter.emitters = 'wall'", "may name sun, beam, lamp"),
         ("emitter.emitters = 'beam,nothing'", "no node 'nothing'"),
@@ -151,11 +152,11 @@ fn resolved_settings_printed_as_an_experiment_resolve_to_themselves() {
 #[test]
 fn leaves_follow_the_estimator() {
     let size = |toml: &str| settings_of(toml).leaf_size;
-    assert_eq!(size("render.estimator = 'lcs'"), 8);
+    assert_eq!(size("render.estimator = 'lcs'"), 16);
     assert_eq!(size("render = { estimator = 'lcs', leaf-size = 4 }"), 4);
     assert_eq!(size("render = { estimator = 'bdpt', leaf-size = 4 }"), 0);
     let typed =
-        experiment("emitter.emitters = 'beam'\nrender = { estimator = 'lcs', leaf-size = 16, single-tree = true }");
+        experiment("emitter.emitters = 'beam'\nrender = { estimator = 'lcs', leaf-size = 8, single-tree = true }");
     for experiment in [typed, experiment("render.estimator = 'bdpt'")] {
         let first = resolve(&experiment, &scene()).unwrap().settings;
         let printed = as_experiment(&experiment, &first, &scene()).to_toml();

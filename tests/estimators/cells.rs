@@ -3,7 +3,7 @@
 use taugate::gpu::Device;
 use taugate::render::{Renderer, Tuning};
 use taugate::scene::Scene;
-use taugate::settings::{Budget, Crop, Emitters, Estimator, Importance, Settings, Strategies};
+use taugate::settings::{Budget, Crop, Emitters, Estimator, Importance, MAX_FRONTIER, Settings, Strategies};
 use taugate::statistics::sidak_threshold;
 use taugate::units::Gate;
 
@@ -31,6 +31,7 @@ pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> Settings {
         queries: estimator.default_queries(),
         buckets: 8,
         leaf_size: estimator.leaf_size(),
+        frontier: MAX_FRONTIER,
         single_tree: false,
         importance: Importance::ALL,
         cull: true,

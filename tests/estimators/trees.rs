@@ -65,12 +65,16 @@ fn a_single_tree_and_a_gate_off_by_two_percent_are_rejected() {
 }
 
 #[test]
-fn leaves_of_any_size_agree_with_the_closed_form() {
+fn leaves_and_frontiers_of_any_size_agree_with_the_closed_form() {
     let scene = glowing_sphere();
-    let sizes = [(Estimator::LcsPaper, 16), (Estimator::Lcs, 1), (Estimator::Lcs, 16)];
-    for (estimator, leaf_size) in sizes {
-        let z = z(&scene, &Settings { leaf_size, ..settings(estimator, [12, 12]) }, GATES[1], 1.0);
-        assert!(z.abs() < threshold(sizes.len()), "{estimator}, leaves of {leaf_size}: z = {z:.2}");
+    let sizes =
+        [(Estimator::LcsPaper, 16, 32), (Estimator::Lcs, 1, 32), (Estimator::Lcs, 8, 5), (Estimator::Lcs, 16, 1)];
+    for (estimator, leaf_size, frontier) in sizes {
+        let z = z(&scene, &Settings { leaf_size, frontier, ..settings(estimator, [12, 12]) }, GATES[1], 1.0);
+        assert!(
+            z.abs() < threshold(sizes.len()),
+            "{estimator}, leaves of {leaf_size}, frontiers of {frontier}: z = {z:.2}"
+        );
     }
 }
 

@@ -31,6 +31,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("live_buckets", "bucket_power and power_through_gate"),
     ("live_powers", "bucket_power and power_through_gate"),
     ("refill", "the frequencies of descend_by_importance"),
+    ("join_frontier", "as refill"),
     ("unshadowed", "images against closed forms and the oracle: it is all of `connect` but visibility"),
     ("can_connect", "as unshadowed"),
     ("checked", "as unshadowed"),

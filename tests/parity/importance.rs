@@ -280,8 +280,14 @@ const DESCEND: ShaderFunction = ShaderFunction {
     result: "leaf: u32, weight: f32",
     body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
         var rng = given.seed;
-        let found = descend_by_importance(given.root, Receiver(shell, given.normal), given.u, &rng);
-        result.leaf = found.vertex; result.weight = found.weight;",
+        let receiver = Receiver(shell, given.normal);
+        var frontier: Frontier;
+        grow_frontier(&frontier, given.root, receiver);
+        result.leaf = NONE;
+        if (frontier.count > 0u) {
+            let found = descend_by_importance(enter_frontier(&frontier, given.u, &rng), receiver, &rng);
+            result.leaf = found.vertex; result.weight = found.weight;
+        }",
 };
 
 #[repr(C)]
@@ -302,9 +308,9 @@ struct Descent {
 fn leaves_come_up_with_the_probability_they_report() {
     const N: usize = 200_000;
     let mut pcg = Pcg::new(12);
-    let kernel = DESCEND.prepare(&[("HAS_TRANSMISSION", 0.0)]);
     let (mut compared, mut worst): (usize, f64) = (0, 0.0);
-    for vertices in [1u32, 2, 100, 3000] {
+    for (vertices, frontier) in [1u32, 2, 100, 3000].into_iter().flat_map(|n| [(n, 32.0), (n, 5.0), (n, 1.0)]) {
+        let kernel = DESCEND.prepare(&[("HAS_TRANSMISSION", 0.0), ("FRONTIER", frontier)]);
         let mut items: Vec<Item> = (0..vertices)
             .map(|index| {
                 let p = vec3(direction(&mut pcg) * pcg.range(1.0, 4.0));
