@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use taugate::agreement::Agreement;
 use taugate::bench::job::{Entry, Job};
 use taugate::bench::reference::{self, Goal, Made, Other};
-use taugate::bench::table;
+use taugate::bench::table::{self, Row};
 use taugate::error::{Error, Result};
 use taugate::gpu::Device;
 use taugate::metrics::Means;
@@ -81,14 +81,15 @@ fn distinct(entries: &[Entry]) -> Vec<&str> {
     names
 }
 
-/// The least relMSE that was measured against this reference.
+/// The least relMSE that was measured against this reference by this version of the renderer, at any time.
 fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Option<Means>> {
     let mut rows = vec![];
     for path in [bench.results(), bench.refused()].iter().filter(|path| path.exists()) {
         rows.extend(table::read(path)?);
     }
-    let shares = |variant: &str| entries.iter().any(|entry| entry.variant == variant && entry.reference == name);
-    let errors = rows.iter().filter(|row| row.scene == scene && shares(&row.variant)).map(|row| row.relmse);
+    let of = |row: &Row, e: &Entry| e.variant == row.variant && row.fingerprint.starts_with(&e.fingerprint);
+    let counts = |row: &&Row| row.scene == scene && entries.iter().any(|e| e.reference == name && of(row, e));
+    let errors = rows.iter().filter(counts).map(|row| row.relmse);
     Ok(errors.reduce(Means::least))
 }
 
