@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
+use crate::gpu::layout::constants::MOST_SUBTREES;
 use crate::units::Gate;
 
 /// Samples a pixel when neither `spp` nor `time` is given.
@@ -36,8 +37,8 @@ pub const MAX_QUERIES: u32 = 64;
 pub const MAX_BUCKETS: u32 = 8;
 /// A reference to a leaf has four bits for its size.
 pub const MAX_LEAF_SIZE: u32 = 16;
-/// `MOST_SUBTREES` of `shared/frontier.wgsl`.
-pub const MAX_FRONTIER: u32 = 32;
+/// A frontier has room for so many subtrees.
+pub const MAX_FRONTIER: u32 = MOST_SUBTREES;
 /// A year, in seconds.
 pub const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 

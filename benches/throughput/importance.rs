@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use glam::Vec3;
 use rayon::prelude::*;
-use taugate::gpu::layout::constants::{LEAF_BIT, LEAF_FIRST};
+use taugate::gpu::layout::constants::{LEAF_BIT, LEAF_FIRST, MOST_SUBTREES};
 use taugate::gpu::layout::{Dispatch, Frame, Material, NONE, PathVertex, TreeChild, TreeNode};
 use taugate::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::lightcone::tree::{Item, Tree, TreeOptions};
@@ -23,7 +23,6 @@ const LEAST_COSINE: f32 = 0.1;
 const BY_POWER: f32 = 1.0 / 16.0;
 const LEAST_IMPORTANCE: f32 = 1e-36;
 const RESOLUTION: f32 = 1.0 / 16_777_216.0;
-const FRONTIER: usize = 32;
 const LOOKS: usize = 64;
 const LEAST_SHARE: f32 = 1.0 / 1024.0;
 
@@ -127,7 +126,7 @@ fn grow_frontier(nodes: &[TreeNode], root: u32, r: &Receiver) -> Vec<(u32, [f32;
     let mut frontier = VecDeque::from([(root, [1.0f32; 2])]);
     let mut closed = 0;
     for _ in 0..LOOKS {
-        if closed >= frontier.len() || frontier.len() >= FRONTIER {
+        if closed >= frontier.len() || frontier.len() >= MOST_SUBTREES as usize {
             break;
         }
         let (current, goal) = frontier.pop_front().expect("it is not empty");

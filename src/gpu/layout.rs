@@ -130,6 +130,7 @@ pub mod constants {
         ESTIMATOR_BDPT = 1,
         ESTIMATOR_LCS = 2,
         DETERMINISTIC_SLOTS = 8,
+        MOST_SUBTREES = 32,
         OBSERVE_TIMES = 1,
         OBSERVE_STRATEGIES = 2,
     }
