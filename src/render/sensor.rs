@@ -33,8 +33,6 @@ const TARGET_SECONDS: f64 = 0.035;
 const LEAST_TILE: usize = 1024;
 /// Shade points a submit that queries them at least, and in steps of which: whole workgroups.
 const LEAST_PART: usize = 256;
-/// Bounces that end a submit; between submits the host sees whether any path lives.
-const SUBMIT_AFTER: [u32; 6] = [1, 2, 4, 8, 16, 32];
 
 /// Kernels and buffers of the sensor subpaths.
 pub struct SensorTracer {
@@ -197,33 +195,55 @@ impl SensorTracer {
         stats: &mut Stats,
     ) -> Result<()> {
         let constants = stats.timed(stage::RECORD, || self.start_tile(bound, first, count))?;
-        let mut counters = [0u32; COUNTERS];
+        let mut living = count;
         let mut longest = 0.0f64;
         for bounce in 0..plan.max_depth {
-            let constants = Dispatch { bounce, ..constants };
-            stats.timed(stage::RECORD, || self.record_trace(bound, &constants, count))?;
-            longest = longest.max(self.query(bound, &constants, count, stats)?);
-            stats.timed(stage::RECORD, || self.record_connections(bound, &constants, count))?;
-            if SUBMIT_AFTER.contains(&(bounce + 1)) || (bounce + 1) % 32 == 0 {
-                longest = longest.max(stats.submit(&mut self.recorder)?);
-                stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
-                if counters[LIVING[(bounce as usize + 1) % 2] as usize] == 0 {
-                    break;
-                }
+            let seconds;
+            (living, seconds) = self.run_bounce(bound, &Dispatch { bounce, ..constants }, living, stats)?;
+            longest = longest.max(seconds);
+            if living == 0 {
+                break;
             }
         }
         let groups = self.kernels.resolve.groups((count / samples) as usize);
         self.recorder.dispatch("resolve", &self.kernels.resolve, &bound.resolve, &constants, groups)?;
         longest = longest.max(stats.submit(&mut self.recorder)?);
-        stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
+        let counters = self.read_counters(stats)?;
         let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
         stats.closest_rays += u64::from(count) + total(LIVING[0]) + total(LIVING[1]);
         stats.shade_points += total(SHADE);
         stats.live_candidates += total(CANDIDATES);
         if plan.tuning.tile.is_none() {
-            self.adapt(count as usize, longest);
+            self.adapt(count as usize, samples as usize, longest);
         }
         Ok(())
+    }
+
+    /// Traces the `living` paths of a bounce and queries the shade points they leave; what connects them is recorded only. Returns
+    /// how many paths go on, and the seconds of the submit that traced them.
+    fn run_bounce(
+        &mut self,
+        bound: &Bound,
+        constants: &Dispatch,
+        living: u32,
+        stats: &mut Stats,
+    ) -> Result<(u32, f64)> {
+        stats.timed(stage::RECORD, || self.record_trace(bound, constants, living))?;
+        let seconds = stats.submit(&mut self.recorder)?;
+        // A dispatch costs what tracing hundreds of paths does, even over an empty list: the host looks what there is to do.
+        let counters = self.read_counters(stats)?;
+        let shade_points = counters[SHADE as usize];
+        if shade_points > 0 {
+            self.query(bound, constants, shade_points, stats)?;
+            stats.timed(stage::RECORD, || self.record_connections(bound, constants, shade_points))?;
+        }
+        Ok((counters[LIVING[1 - constants.bounce as usize % 2] as usize], seconds))
+    }
+
+    fn read_counters(&self, stats: &mut Stats) -> Result<[u32; COUNTERS]> {
+        let mut counters = [0u32; COUNTERS];
+        stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
+        Ok(counters)
     }
 
     /// Records the start of `count` paths from number `first` on; returns what all dispatches of the tile share.
@@ -254,29 +274,18 @@ impl SensorTracer {
         r.dispatch("compact", &k.scatter, scatter_set, &lists, chunks)
     }
 
-    /// Queries all new shade points.
-    fn record_query(&mut self, bound: &Bound, constants: &Dispatch) -> Result<()> {
-        let at_shade = Dispatch { counter: SHADE, ..*constants };
-        let arguments = arguments(&self.buffers, SHADE);
-        self.recorder.dispatch_indirect("shell_query", &self.kernels.query, &bound.query, &at_shade, arguments)
-    }
-
-    /// Queries the new shade points of a bounce: recorded with all else if they are few, else in submits of their own, so that
-    /// none is long though tiles are great. Returns the longest submit of anything but a query, in seconds.
-    fn query(&mut self, bound: &Bound, constants: &Dispatch, count: u32, stats: &mut Stats) -> Result<f64> {
-        if count as usize <= self.part {
-            stats.timed(stage::RECORD, || self.record_query(bound, constants))?;
-            return Ok(0.0);
-        }
-        let seconds_before = stats.submit(&mut self.recorder)?;
-        let mut counters = [0u32; COUNTERS];
-        stats.timed(stage::READ_COUNTERS, || self.buffers.counters.read(0, &mut counters))?;
-        let (mut done, all) = (0, counters[SHADE as usize] as usize);
+    /// Queries the `all` > 0 new shade points of a bounce: recorded with what follows if they are few, else in submits of their
+    /// own, so that none is long though tiles are great.
+    fn query(&mut self, bound: &Bound, constants: &Dispatch, all: u32, stats: &mut Stats) -> Result<()> {
+        let (mut done, all) = (0, all as usize);
         while done < all {
             let part = self.part;
             let constants = Dispatch { counter: SHADE, rank: done as u32, ..*constants };
             let groups = self.kernels.query.groups(part.min(all - done));
             self.recorder.dispatch("shell_query", &self.kernels.query, &bound.query, &constants, groups)?;
+            if all <= LEAST_PART {
+                return Ok(());
+            }
             let factor = change(stats.submit(&mut self.recorder)?);
             done += part;
             if factor < 1.0 || done <= all {
@@ -284,7 +293,7 @@ impl SensorTracer {
                 self.part = ((self.part as f64 * factor) as usize).clamp(LEAST_PART, most) / LEAST_PART * LEAST_PART;
             }
         }
-        Ok(seconds_before)
+        Ok(())
     }
 
     /// Connects the shade points to what was found for them and adds it to their paths.
@@ -302,9 +311,11 @@ impl SensorTracer {
     }
 
     /// Changes the tile so that the longest submit comes near the target; the image does not depend on it.
-    fn adapt(&mut self, count: usize, longest: f64) {
+    fn adapt(&mut self, count: usize, samples: usize, longest: f64) {
         let factor = change(longest);
-        if factor < 1.0 || count >= self.tile {
+        // A tile is whole pixels: the last ones of a full tile may be missing.
+        let full = count + samples > self.tile;
+        if factor < 1.0 || full {
             self.tile = ((count as f64 * factor) as usize).clamp(LEAST_TILE.min(self.capacity), self.capacity);
         }
     }

@@ -29,13 +29,13 @@ impl SensorTracer {
             let whole_pixels = (self.tile / samples as usize).max(1) * samples as usize;
             let count = (whole_pixels as u64).min(all - first) as u32;
             let constants = self.start_tile(bound, first as u32, count)?;
+            let mut living = count;
             for bounce in 0..plan.max_depth {
                 let constants = Dispatch { bounce, ..constants };
-                self.record_trace(bound, &constants, count)?;
-                self.record_query(bound, &constants)?;
-                self.record_connections(bound, &constants, count)?;
+                (living, _) = self.run_bounce(bound, &constants, living, &mut Stats::default())?;
                 self.recorder.submit()?;
-                if self.show(first, bounce, see)? == 0 {
+                self.show(first, bounce, see)?;
+                if living == 0 {
                     break;
                 }
             }
@@ -44,8 +44,8 @@ impl SensorTracer {
         Ok(())
     }
 
-    /// Shows what the bounce has found of the tile that begins with sample `first`; returns how many paths go on.
-    fn show(&self, first: u64, bounce: u32, see: &mut impl FnMut(Seen)) -> Result<u32> {
+    /// Shows what the bounce has found of the tile that begins with sample `first`.
+    fn show(&self, first: u64, bounce: u32, see: &mut impl FnMut(Seen)) -> Result<()> {
         let b = &self.buffers;
         let mut counters = [0u32; COUNTERS];
         b.counters.read(0, &mut counters)?;
@@ -63,6 +63,9 @@ impl SensorTracer {
             lit.for_each(|(e, path)| see(seen(e, path, None)));
         })?;
 
+        if length(SHADE) == 0 {
+            return Ok(());
+        }
         // Connections; a negative value marks those for which no ray was traced.
         let slots = b.slot_list.to_vec::<u32>(length(CANDIDATES))?;
         let shade_list = b.shade_list.to_vec::<u32>(length(SHADE))?;
@@ -77,6 +80,6 @@ impl SensorTracer {
                 see(seen(c, shade_list[(slot / self.slots) as usize], Some(vertex)));
             }
         })?;
-        Ok(counters[LIVING[1 - parity] as usize])
+        Ok(())
     }
 }
