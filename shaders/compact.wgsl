@@ -2,8 +2,8 @@
 #import frame
 #import math
 
-// Bit 0: the entry goes to list_a, bit 1: to list_b.
-@group(2) @binding(0) var<storage, read> marks: array<u32>;
+// Texels of four entries. Bit 0: the entry goes to list_a, bit 1: to list_b.
+@group(2) @binding(0) var marks: texture_1d<u32>;
 // What an entry stands for.
 @group(2) @binding(1) var<storage, read> source: array<u32>;
 @group(2) @binding(2) var<storage, read_write> chunk_counts: array<vec2<u32>>;
@@ -25,6 +25,19 @@ fn entry_count() -> u32 {
     return counters[dispatch.counter] * select(1u, frame.slots, dispatch.list_b == NONE);
 }
 
+// The entries from `first` < n on, a bit each, that go to list_a (x) and to list_b (y); none from n on.
+fn chunk_members(first: u32, n: u32) -> vec2<u32> {
+    var members = vec2<u32>(0u);
+    for (var i = 0u; i < CHUNK; i += 4u) {
+        let four = textureLoad(marks, (first + i) / 4u, 0);
+        let place = vec4<u32>(0u, 1u, 2u, 3u) + i;
+        let a = (four & vec4<u32>(1u)) << place;
+        let b = ((four >> vec4<u32>(1u)) & vec4<u32>(1u)) << place;
+        members |= vec2<u32>(a.x | a.y | a.z | a.w, b.x | b.y | b.z | b.w);
+    }
+    return members & vec2<u32>(0xffffffffu >> (CHUNK - min(CHUNK, n - first)));
+}
+
 // One thread, one chunk.
 @compute @workgroup_size(WORKGROUP)
 fn compact_count(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -33,41 +46,73 @@ fn compact_count(@builtin(global_invocation_id) id: vec3<u32>) {
     if (first >= n) {
         return;
     }
-    var count = vec2<u32>(0u);
-    for (var i = first; i < min(first + CHUNK, n); i++) {
-        let m = marks[i];
-        count += vec2<u32>(m & 1u, (m >> 1u) & 1u);
-    }
-    chunk_counts[id.x] = count;
+    chunk_counts[id.x] = countOneBits(chunk_members(first, n));
 }
 
 var<workgroup> partial: array<vec2<u32>, SCAN_THREADS>;
 
-// One workgroup: counts become first positions, totals become list lengths and dispatch sizes.
-@compute @workgroup_size(SCAN_THREADS)
-fn compact_scan(@builtin(local_invocation_index) thread: u32) {
+// What the threads of a workgroup before this one have together, and what all of them have.
+struct Sums {
+    before: vec2<u32>,
+    all: vec2<u32>,
+}
+
+fn sums_over_threads(thread: u32, own: vec2<u32>) -> Sums {
+    partial[thread] = own;
+    workgroupBarrier();
+    var sums: Sums;
+    for (var i = 0u; i < SCAN_THREADS; i++) {
+        sums.before += select(vec2<u32>(0u), partial[i], i < thread);
+        sums.all += partial[i];
+    }
+    return sums;
+}
+
+// The chunks [x, y) of a list that are a thread's share.
+fn share_of_chunks(thread: u32) -> vec2<u32> {
     let chunks = (entry_count() + CHUNK - 1u) / CHUNK;
     let share = (chunks + SCAN_THREADS - 1u) / SCAN_THREADS;
     let lo = min(thread * share, chunks);
-    let hi = min(lo + share, chunks);
+    return vec2<u32>(lo, min(lo + share, chunks));
+}
+
+// One workgroup: counts become first positions, totals become list lengths and dispatch sizes.
+@compute @workgroup_size(SCAN_THREADS)
+fn compact_scan(@builtin(local_invocation_index) thread: u32) {
+    let share = share_of_chunks(thread);
     var sum = vec2<u32>(0u);
-    for (var i = lo; i < hi; i++) {
+    for (var i = share.x; i < share.y; i++) {
         sum += chunk_counts[i];
     }
-    partial[thread] = sum;
-    workgroupBarrier();
-    var position = vec2<u32>(0u);
-    var total = vec2<u32>(0u);
-    for (var i = 0u; i < SCAN_THREADS; i++) {
-        position += select(vec2<u32>(0u), partial[i], i < thread);
-        total += partial[i];
-    }
-    for (var i = lo; i < hi; i++) {
+    let sums = sums_over_threads(thread, sum);
+    var position = sums.before;
+    for (var i = share.x; i < share.y; i++) {
         let count = chunk_counts[i];
         chunk_counts[i] = position;
         position += count;
     }
-    workgroupBarrier();
+    set_lengths(thread, sums.all);
+}
+
+// One workgroup: the three steps at once, for lists so short that a dispatch costs more than they do.
+@compute @workgroup_size(SCAN_THREADS)
+fn compact_short(@builtin(local_invocation_index) thread: u32) {
+    let n = entry_count();
+    let share = share_of_chunks(thread);
+    var sum = vec2<u32>(0u);
+    for (var i = share.x; i < share.y; i++) {
+        sum += countOneBits(chunk_members(i * CHUNK, n));
+    }
+    let sums = sums_over_threads(thread, sum);
+    var position = sums.before;
+    for (var i = share.x; i < share.y; i++) {
+        position = scatter_chunk(i * CHUNK, n, position);
+    }
+    set_lengths(thread, sums.all);
+}
+
+// After a barrier behind which no thread reads lengths.
+fn set_lengths(thread: u32, total: vec2<u32>) {
     if (thread == 0u) {
         set_length(dispatch.list_a, total.x);
         if (dispatch.list_b != NONE) {
@@ -89,23 +134,32 @@ fn set_length(list: u32, length: u32) {
 fn compact_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = entry_count();
     let first = id.x * CHUNK;
-    if (first >= n) {
-        return;
+    if (first < n) {
+        scatter_chunk(first, n, chunk_counts[id.x]);
     }
-    var position = chunk_counts[id.x];
-    for (var i = first; i < min(first + CHUNK, n); i++) {
-        let m = marks[i];
-        var payload = i;
-        if (dispatch.list_b != NONE) {
-            payload = source[i];
-        }
-        if ((m & 1u) != 0u) {
-            list_a[position.x] = payload;
-            position.x += 1u;
-        }
-        if (dispatch.list_b != NONE && (m & 2u) != 0u) {
-            list_b[position.y] = payload;
-            position.y += 1u;
+}
+
+// Writes the members of a chunk to their lists from `position` on; returns where the next ones go.
+fn scatter_chunk(first: u32, n: u32, position: vec2<u32>) -> vec2<u32> {
+    let members = chunk_members(first, n);
+    var to = position;
+    for (var rest = members.x; rest != 0u; rest &= rest - 1u) {
+        list_a[to.x] = payload(first + firstTrailingBit(rest));
+        to.x += 1u;
+    }
+    if (dispatch.list_b != NONE) {
+        for (var rest = members.y; rest != 0u; rest &= rest - 1u) {
+            list_b[to.y] = payload(first + firstTrailingBit(rest));
+            to.y += 1u;
         }
     }
+    return to;
+}
+
+// What stands for an entry in the lists: paths their number, candidate slots their own.
+fn payload(entry: u32) -> u32 {
+    if (dispatch.list_b == NONE) {
+        return entry;
+    }
+    return source[entry];
 }

@@ -31,6 +31,8 @@ const LEAST_GROUP_LIMIT: u32 = 65_535;
 const TARGET_SECONDS: f64 = 0.035;
 /// Paths a tile at least.
 const LEAST_TILE: usize = 1024;
+/// Entries of a list that one workgroup compacts faster than three dispatches do.
+const SHORT_LIST: usize = 1 << 13;
 /// Shade points a submit that queries them at least, and in steps of which: whole workgroups.
 const LEAST_PART: usize = 256;
 
@@ -54,6 +56,7 @@ pub struct Kernels {
     count: Kernel,
     scan: Kernel,
     scatter: Kernel,
+    short: Kernel,
     query: Kernel,
     connect: Kernel,
     gather: Kernel,
@@ -64,9 +67,9 @@ pub struct Kernels {
 pub struct Bound {
     start: Bindings,
     trace: [Bindings; 2],
-    compact_paths: [[Bindings; 3]; 2],
+    compact_paths: [[Bindings; 4]; 2],
     query: Bindings,
-    compact_candidates: [Bindings; 3],
+    compact_candidates: [Bindings; 4],
     connect: Bindings,
     gather: Bindings,
     resolve: Bindings,
@@ -143,8 +146,8 @@ impl SensorTracer {
             all.push(("list", &b.shade_list));
             all
         };
-        let compact = |buffers: &[(&str, &Buffer)]| -> Result<[Bindings; 3]> {
-            Ok([k.count.bind(buffers)?, k.scan.bind(buffers)?, k.scatter.bind(buffers)?])
+        let compact = |buffers: &[(&str, &Buffer)]| -> Result<[Bindings; 4]> {
+            Ok([k.count.bind(buffers)?, k.scan.bind(buffers)?, k.scatter.bind(buffers)?, k.short.bind(buffers)?])
         };
         Ok(Bound {
             start: k.start.bind(&living(0))?,
@@ -267,11 +270,7 @@ impl SensorTracer {
         let (living, next) = (LIVING[parity], LIVING[1 - parity]);
         let lists = Dispatch { counter: living, list_a: next, list_b: SHADE, ..*constants };
         r.dispatch_indirect("sensor_trace", &k.trace, &bound.trace[parity], &lists, arguments(b, living))?;
-        let chunks = k.count.groups((count as usize).div_ceil(CHUNK as usize));
-        let [count_set, scan_set, scatter_set] = &bound.compact_paths[parity];
-        r.dispatch("compact", &k.count, count_set, &lists, chunks)?;
-        r.dispatch("compact", &k.scan, scan_set, &lists, 1)?;
-        r.dispatch("compact", &k.scatter, scatter_set, &lists, chunks)
+        self.record_compaction(&bound.compact_paths[parity], &lists, count as usize)
     }
 
     /// Queries the `all` > 0 new shade points of a bounce: recorded with what follows if they are few, else in submits of their
@@ -296,16 +295,25 @@ impl SensorTracer {
         Ok(())
     }
 
+    /// Compacts a list of `entries` entries at most.
+    fn record_compaction(&mut self, sets: &[Bindings; 4], lists: &Dispatch, entries: usize) -> Result<()> {
+        let (k, r) = (&self.kernels, &mut self.recorder);
+        let [count, scan, scatter, short] = sets;
+        if entries <= SHORT_LIST {
+            return r.dispatch("compact", &k.short, short, lists, 1);
+        }
+        let chunks = k.count.groups(entries.div_ceil(CHUNK as usize));
+        r.dispatch("compact", &k.count, count, lists, chunks)?;
+        r.dispatch("compact", &k.scan, scan, lists, 1)?;
+        r.dispatch("compact", &k.scatter, scatter, lists, chunks)
+    }
+
     /// Connects the shade points to what was found for them and adds it to their paths.
     fn record_connections(&mut self, bound: &Bound, constants: &Dispatch, count: u32) -> Result<()> {
-        let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
         let at = |counter: u32| Dispatch { counter, ..*constants };
         let lists = Dispatch { list_a: CANDIDATES, list_b: NONE, ..at(SHADE) };
-        let slots = k.count.groups((count as usize * self.slots as usize).div_ceil(CHUNK as usize));
-        let [count_set, scan_set, scatter_set] = &bound.compact_candidates;
-        r.dispatch("compact", &k.count, count_set, &lists, slots)?;
-        r.dispatch("compact", &k.scan, scan_set, &lists, 1)?;
-        r.dispatch("compact", &k.scatter, scatter_set, &lists, slots)?;
+        self.record_compaction(&bound.compact_candidates, &lists, count as usize * self.slots as usize)?;
+        let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
         r.dispatch_indirect("connect", &k.connect, &bound.connect, &at(CANDIDATES), arguments(b, CANDIDATES))?;
         r.dispatch_indirect("gather", &k.gather, &bound.gather, &at(SHADE), arguments(b, SHADE))
     }
@@ -341,6 +349,7 @@ impl Kernels {
             count: make("compact", "compact_count")?,
             scan: make("compact", "compact_scan")?,
             scatter: make("compact", "compact_scatter")?,
+            short: make("compact", "compact_short")?,
             query: match plan.estimator {
                 Estimator::Lcs => make("shell_resample", "shell_resample")?,
                 Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => make("shell_query", "shell_query")?,

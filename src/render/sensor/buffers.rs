@@ -48,7 +48,7 @@ pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
         words("living paths in turn", paths),
         words("shade point list", paths),
         words("candidate list", entries),
-        words("marks", entries),
+        quads("marks", entries.next_multiple_of(CHUNK as usize) / 4),
         Need::of::<[u32; 2]>("chunk counts", entries.div_ceil(CHUNK as usize), few),
         Need::of::<Candidate>("candidates", entries, few),
         quads("contributions", entries),
