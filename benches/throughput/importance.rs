@@ -64,29 +64,17 @@ struct Receiver {
     hi: f32,
 }
 
-fn ramp(x: f32, width: f32) -> f32 {
-    let inside = x.clamp(0.0, width);
-    inside * inside * (0.5 / width) + (x.max(0.0) - inside)
-}
-
 fn power_through_gate(c: &TreeChild, near: f32, far: f32, r: &Receiver) -> f32 {
     let least = 1e-4 * far + 1e-12;
     let spread = (far - near).max(least);
     let bucket = ((c.tau_hi - c.tau_lo) / 8.0).max(least);
-    let start = c.tau_lo + near;
-    let whole = spread + 8.0 * bucket;
-    let (lo, hi) = ((r.lo - start).clamp(0.0, whole), (r.hi - start).clamp(0.0, whole));
-    let edge = |k: usize| ramp(hi - k as f32 * bucket, spread) - ramp(lo - k as f32 * bucket, spread);
-    let scale = 8.0 / (c.tau_hi - c.tau_lo).max(1e-30);
-    let first = ((r.lo - far - c.tau_lo) * scale).floor().clamp(0.0, 7.0) as usize;
-    let last = ((r.hi - near - c.tau_lo) * scale).floor().clamp(-1.0, 7.0) as i32;
+    let (length, density) = (spread + bucket, 1.0 / spread.max(bucket));
     let bytes = (u64::from(c.buckets_low) | u64::from(c.buckets_high) << 32).to_le_bytes();
-    let (mut sum, mut before) = (0.0, edge(0));
+    let mut sum = 0.0;
     for (b, &value) in bytes.iter().enumerate() {
-        let after = edge(b + 1);
-        let share = ((before - after) / bucket).max(0.0) + LIVE_SHARE;
-        sum += if b >= first && b as i32 <= last { f32::from(value) * share } else { 0.0 };
-        before = after;
+        let start = c.tau_lo + near + b as f32 * bucket;
+        let overlap = r.hi.min(start + length) - r.lo.max(start);
+        sum += if overlap >= 0.0 { f32::from(value) * ((overlap * density).min(1.0) + LIVE_SHARE) } else { 0.0 };
     }
     c.power_unit * sum
 }

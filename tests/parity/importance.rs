@@ -12,18 +12,16 @@ use crate::values::{direction, dvec, vec3};
 pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND, &SWITCHED];
 
 /// [`Given`] in WGSL.
-const GIVEN: &str =
-    "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32, x: f32, width: f32, pad: vec2<f32>";
+const GIVEN: &str = "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32";
 
 const IMPORTANCE: ShaderFunction = ShaderFunction {
     imports: &["importance"],
     given: GIVEN,
-    result: "power: f32, importance: f32, ramp: f32, pruned: u32",
+    result: "power: f32, importance: f32, pruned: u32, pad: u32",
     body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
         let d = box_distances(given.q, given.c.lo, given.c.hi);
         result.power = power_through_gate(given.c, d, shell);
         result.importance = node_importance(given.c, Receiver(shell, given.normal));
-        result.ramp = ramp(vec4<f32>(given.x), given.width).x;
         result.pruned = u32(is_pruned(given.c.tau_lo, given.c.tau_hi, d, shell));",
 };
 
@@ -35,9 +33,6 @@ struct Given {
     lo: f32,
     normal: [f32; 3],
     hi: f32,
-    x: f32,
-    width: f32,
-    pad: [f32; 2],
 }
 
 #[repr(C)]
@@ -45,8 +40,8 @@ struct Given {
 struct Got {
     power: f32,
     importance: f32,
-    ramp: f32,
     pruned: u32,
+    pad: u32,
 }
 
 /// Children of trees over a few vertices, with their vertices, and gates about one of them.
@@ -70,18 +65,9 @@ fn cases(n: usize) -> Vec<(Given, Vec<Item>)> {
         let about = &items[pcg.below(items.len())].point;
         let lo = (dvec(&about[..3]) - q).length() + f64::from(about[3]) - pcg.range(-0.2, 0.6);
         let hi = if pcg.below(6) == 0 { 3e38 } else { lo + [1e-3, 0.1, 2.0][pcg.below(3)] };
-        let (normal, x, width) = (direction(&mut pcg), pcg.range(-1.0, 3.0), pcg.range(1e-6, 2.0));
+        let normal = direction(&mut pcg);
         for (child, items) in [(tree.nodes[0].left, &items[..half]), (tree.nodes[0].right, &items[half..])] {
-            let given = Given {
-                child,
-                q: vec3(q),
-                lo: lo as f32,
-                normal: vec3(normal),
-                hi: hi as f32,
-                x: x as f32,
-                width: width as f32,
-                pad: [0.0; 2],
-            };
+            let given = Given { child, q: vec3(q), lo: lo as f32, normal: vec3(normal), hi: hi as f32 };
             cases.push((given, items.to_vec()));
         }
     }
@@ -90,12 +76,6 @@ fn cases(n: usize) -> Vec<(Given, Vec<Item>)> {
 
 fn options(leaf_size: usize) -> TreeOptions {
     TreeOptions { leaf_size, buckets: 8, first_node: 0, first_vertex: 0 }
-}
-
-/// Probability that uniforms on [0, a] and [0, b] add up to less than x, for a, b > 0.
-fn sum_below(x: f64, a: f64, b: f64) -> f64 {
-    let half_square = |t: f64| 0.5 * t.max(0.0).powi(2);
-    (half_square(x) - half_square(x - a) - half_square(x - b) + half_square(x - a - b)) / (a * b)
 }
 
 /// The model of `power_through_gate` in f64, and what its f32 inputs may be off by.
@@ -107,15 +87,13 @@ fn expected_power(g: &Given) -> (f64, f64) {
     let least = 1e-4 * far + 1e-12;
     let (spread, bucket) = ((far - near).max(least), (f64::from(c.tau_hi - c.tau_lo) / 8.0).max(least));
     let bytes = [c.buckets_low.to_le_bytes(), c.buckets_high.to_le_bytes()].concat();
-    let scale = 8.0 / f64::from(c.tau_hi - c.tau_lo).max(1e-30);
-    let index = |t: f64| ((t - f64::from(c.tau_lo)) * scale).floor();
-    let first = index(f64::from(g.lo) - far).clamp(0.0, 7.0) as usize;
-    let last = index(f64::from(g.hi) - near).clamp(-1.0, 7.0);
     let mut sum = 0.0;
-    for b in (0..8).filter(|&b| b >= first && b as f64 <= last) {
+    for (b, &byte) in bytes.iter().enumerate() {
         let start = f64::from(c.tau_lo) + near + b as f64 * bucket;
-        let below = |x: f32| sum_below((f64::from(x) - start).clamp(0.0, spread + bucket), spread, bucket);
-        sum += f64::from(bytes[b]) * f64::from(c.power_unit) * (below(g.hi) - below(g.lo) + 0.3);
+        let overlap = f64::from(g.hi).min(start + spread + bucket) - f64::from(g.lo).max(start);
+        if overlap >= 0.0 {
+            sum += f64::from(byte) * f64::from(c.power_unit) * ((overlap / spread.max(bucket)).min(1.0) + 0.3);
+        }
     }
     // A time of 20 m is known to 2e-6; the distribution's slope is at most 1 / the longer interval.
     let shift = 1e-5 / spread.max(bucket).max(1e-9);
@@ -123,22 +101,12 @@ fn expected_power(g: &Given) -> (f64, f64) {
 }
 
 #[test]
-fn power_through_the_gate_is_that_of_two_uniforms() {
+fn power_through_the_gate_is_that_of_overlapping_intervals() {
     let cases = cases(20_000);
     let inputs: Vec<Given> = cases.iter().map(|c| c.0).collect();
     let results: Vec<Got> = IMPORTANCE.run(&inputs, &[]);
     let (mut compared, mut live) = (0, 0);
     for (g, r) in inputs.iter().zip(&results) {
-        let x = f64::from(g.x);
-        let width = f64::from(g.width);
-        let ramp = if x <= 0.0 {
-            0.0
-        } else if x < width {
-            0.5 * x * x / width
-        } else {
-            x - 0.5 * width
-        };
-        assert!((f64::from(r.ramp) - ramp).abs() < 1e-6 * (1.0 + ramp), "{g:?} {r:?} {ramp}");
         let (expected, shift) = expected_power(g);
         assert!(r.power.is_finite() && r.power >= 0.0, "{g:?} {r:?}");
         let total = f64::from(g.child.power_unit) * 8.0 * 255.0;
