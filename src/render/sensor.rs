@@ -217,7 +217,7 @@ impl SensorTracer {
         stats.shade_points += total(SHADE);
         stats.live_candidates += total(CANDIDATES);
         if plan.tuning.tile.is_none() {
-            self.adapt(count as usize, samples as usize, longest);
+            self.tile = next_tile(self.tile, count as usize, samples as usize, longest, self.capacity);
         }
         Ok(())
     }
@@ -317,16 +317,18 @@ impl SensorTracer {
         r.dispatch_indirect("connect", &k.connect, &bound.connect, &at(CANDIDATES), arguments(b, CANDIDATES))?;
         r.dispatch_indirect("gather", &k.gather, &bound.gather, &at(SHADE), arguments(b, SHADE))
     }
+}
 
-    /// Changes the tile so that the longest submit comes near the target; the image does not depend on it.
-    fn adapt(&mut self, count: usize, samples: usize, longest: f64) {
-        let factor = change(longest);
-        // A tile is whole pixels: the last ones of a full tile may be missing.
-        let full = count + samples > self.tile;
-        if factor < 1.0 || full {
-            self.tile = ((count as f64 * factor) as usize).clamp(LEAST_TILE.min(self.capacity), self.capacity);
-        }
+/// The next tile, given that `count` paths of one of at most `tile`, `samples` a pixel, took `longest` seconds in a submit: so that
+/// this comes near the target. The image does not depend on it.
+fn next_tile(tile: usize, count: usize, samples: usize, longest: f64, capacity: usize) -> usize {
+    let factor = change(longest);
+    // A tile is whole pixels: a full one may lack the samples of a part of a pixel.
+    let full = count + samples > tile;
+    if factor >= 1.0 && !full {
+        return tile;
     }
+    ((count as f64 * factor) as usize).clamp(LEAST_TILE.min(capacity), capacity)
 }
 
 /// By how much to change what one submit does, after one that took `seconds`.
@@ -358,5 +360,23 @@ impl Kernels {
             gather: make("gather", "gather")?,
             resolve: make("resolve", "resolve")?,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_follow_the_time_that_their_submits_take() {
+        let fast = TARGET_SECONDS / 8.0;
+        // 8,190 paths are all that fit into 8,192 with three samples a pixel.
+        assert_eq!(next_tile(8192, 8190, 3, fast, 1 << 16), 2 * 8190);
+        assert_eq!(next_tile(8192, 8192, 1, fast, 1 << 16), 2 * 8192);
+        assert_eq!(next_tile(1 << 16, 1 << 16, 8, fast, 1 << 16), 1 << 16);
+        // The rest of an image says nothing about a full tile, unless it took too long.
+        assert_eq!(next_tile(8192, 2250, 3, fast, 1 << 16), 8192);
+        assert_eq!(next_tile(8192, 8190, 3, 2.0 * TARGET_SECONDS, 1 << 16), 4095);
+        assert_eq!(next_tile(1024, 1024, 1, 2.0 * TARGET_SECONDS, 1 << 16), LEAST_TILE);
     }
 }
