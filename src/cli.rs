@@ -74,8 +74,9 @@ pub struct RenderArgs {
     force: bool,
 
     /// How paths are found: pt (path tracing), bdpt (bidirectional), lcs-paper (light-cone shell queries),
-    /// lcs (the same by importance, resampled) [default: lcs; bdpt without a gate or
-    /// through one wider than 0.4 of the scene's diagonal]
+    /// lcs (the same by importance, resampled) [default: lcs; bdpt through a gate wider
+    /// than 0.4 of the scene's diagonal; without one pt, or bdpt where there are mirrors,
+    /// glass, gloss or a beam]
     #[arg(long, value_name = "NAME", help_heading = "Sampling")]
     estimator: Option<Estimator>,
 

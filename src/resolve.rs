@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 use crate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, Png, RenderTable};
-use crate::scene::{Camera, LightKind, Material, Scene};
+use crate::scene::{Camera, Light, LightKind, Material, Scene};
 use crate::settings::*;
 use crate::units::{Gate, Resolution as GateResolution};
 use crate::values::{Resolution, Seconds};
@@ -70,7 +70,8 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     }
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
-    let estimator = render.estimator.unwrap_or_else(|| default_estimator(gate, scene));
+    let emitters = emitters(&experiment.emitter, scene, &gate)?;
+    let estimator = render.estimator.unwrap_or_else(|| default_estimator(gate, scene, &emitters));
     let settings = Settings {
         estimator,
         strategies: render.strategies.unwrap_or(DEFAULT_STRATEGIES),
@@ -90,7 +91,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         importance: importance(render, estimator, &mut warnings),
         cull: !render.no_cull.unwrap_or(false),
         camera,
-        emitters: emitters(&experiment.emitter, scene, &gate)?,
+        emitters,
     };
     for light in scene.lights.iter().filter(|light| settings.emitters.include(&light.node)) {
         let node = &light.node;
@@ -161,10 +162,24 @@ fn within(name: &str, value: u32, most: u32) -> Result<u32> {
 /// Part of the scene's diagonal from which on a gate is wide.
 const WIDE_GATE: f64 = 0.4;
 
-/// Without a gate, or with a wide one, there is little that queries could choose better by: they only cost time (docs/PERFORMANCE.md,
-/// Error at equal time).
-fn default_estimator(gate: Gate, scene: &Scene) -> Estimator {
-    if gate.hi - gate.lo > WIDE_GATE * scene.diagonal() { Estimator::Bdpt } else { Estimator::Lcs }
+/// Without a gate, or with a wide one, there is little that queries could choose better by: they only cost time. Without one `pt` is
+/// the fastest where it sees all light well: nothing focuses light and nothing shines as a beam (docs/PERFORMANCE.md, Error at
+/// equal time).
+fn default_estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
+    let is_beam = |light: &Light| matches!(light.kind, LightKind::Beam { .. }) && emitters.include(&light.node);
+    if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
+        Estimator::Lcs
+    } else if gate == Gate::OPEN && !focuses_light(scene) && !scene.lights.iter().any(is_beam) {
+        Estimator::Pt
+    } else {
+        Estimator::Bdpt
+    }
+}
+
+/// Whether a mirror, glass or gloss can gather light.
+fn focuses_light(scene: &Scene) -> bool {
+    let focuses = |m: &Material| m.transmission > 0.0 || (m.roughness < 0.5 && (m.metallic > 0.0 || m.specular > 0.0));
+    scene.materials.iter().any(focuses)
 }
 
 /// Enough that the trees know the light, and no more than sensor paths can pay for.
@@ -175,8 +190,7 @@ fn light_paths([width, height]: [u32; 2]) -> u32 {
 /// Light subpaths for t = 1 alone when nothing says how many: only `lcs` traces more than it stores, and only where light that a
 /// mirror, glass or gloss focused reaches the sensor's surfaces: no query finds that.
 pub fn default_splat_paths(estimator: Estimator, [width, height]: [u32; 2], scene: &Scene) -> u32 {
-    let focuses = |m: &Material| m.transmission > 0.0 || (m.roughness < 0.5 && (m.metallic > 0.0 || m.specular > 0.0));
-    if estimator == Estimator::Lcs && scene.materials.iter().any(focuses) {
+    if estimator == Estimator::Lcs && focuses_light(scene) {
         (SPLAT_PATHS_A_PIXEL * width * height).min(MAX_LIGHT_PATHS)
     } else {
         0

@@ -66,6 +66,17 @@ fn wide_gates_are_for_bdpt() {
 }
 
 #[test]
+fn without_a_gate_pt_is_for_what_it_sees_well() {
+    let estimator = |toml: &str, scene: &Scene| resolve(&experiment(toml), scene).unwrap().settings.estimator;
+    assert_eq!(estimator("emitter.emitters = 'lamp'", &scene()), Estimator::Pt);
+    assert_eq!(estimator("emitter.emitters = 'lamp'\ngate.gate = '1m..9m'", &scene()), Estimator::Bdpt);
+    assert_eq!(estimator("emitter.emitters = 'beam'", &scene()), Estimator::Bdpt);
+    let mut glossy = scene();
+    glossy.materials[0] = Material { metallic: 1.0, roughness: 0.2, ..glossy.materials[0].clone() };
+    assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), Estimator::Bdpt);
+}
+
+#[test]
 fn the_camera_gives_the_resolution_unless_one_is_typed() {
     assert_eq!(settings_of("camera.camera = 'side'").resolution, [640, 480]);
     assert_eq!(settings_of("camera = { camera = 'side', resolution = '10x20' }").resolution, [10, 20]);
