@@ -76,7 +76,7 @@ pub struct RenderArgs {
     /// How paths are found: pt (path tracing), bdpt (bidirectional), lcs-paper (light-cone shell queries),
     /// lcs (the same by importance, resampled) [default: lcs; bdpt through a gate wider
     /// than 0.4 of the scene's diagonal; without one pt, or bdpt where there are mirrors,
-    /// glass, gloss or a beam]
+    /// glass, sharp gloss or a beam]
     #[arg(long, value_name = "NAME", help_heading = "Sampling")]
     estimator: Option<Estimator>,
 

@@ -71,9 +71,11 @@ fn without_a_gate_pt_is_for_what_it_sees_well() {
     assert_eq!(estimator("emitter.emitters = 'lamp'", &scene()), Estimator::Pt);
     assert_eq!(estimator("emitter.emitters = 'lamp'\ngate.gate = '1m..9m'", &scene()), Estimator::Bdpt);
     assert_eq!(estimator("emitter.emitters = 'beam'", &scene()), Estimator::Bdpt);
-    let mut glossy = scene();
-    glossy.materials[0] = Material { metallic: 1.0, roughness: 0.2, ..glossy.materials[0].clone() };
-    assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), Estimator::Bdpt);
+    for (roughness, expected) in [(0.2, Estimator::Bdpt), (0.4, Estimator::Pt)] {
+        let mut glossy = scene();
+        glossy.materials[0] = Material { metallic: 1.0, roughness, ..glossy.materials[0].clone() };
+        assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), expected);
+    }
 }
 
 #[test]
