@@ -93,7 +93,18 @@ fn a_folder_of_other_files_is_not_touched() {
     assert!(said.contains("holds 'thesis.tex'"), "{said}");
     let said = render(here.path(), &["-o", "a.exr", "--strategy-images", "no/where"], 2);
     assert!(said.contains("cannot be written"), "{said}");
-    let deep = ["--resolution", "512x512", "--max-depth", "24", "-o", "a.exr", "--strategy-images", "p"];
+    let deep = [
+        "--estimator",
+        "bdpt",
+        "--resolution",
+        "512x512",
+        "--max-depth",
+        "24",
+        "-o",
+        "a.exr",
+        "--strategy-images",
+        "p",
+    ];
     let said = run(here.path(), &[&["render", "box.glb"], &deep[..]].concat(), 2).1;
     assert!(said.contains("323 strategies") && said.contains("--max-depth"), "{said}");
     assert_eq!(names(here.path()), ["box.glb", "mine"]);
