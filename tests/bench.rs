@@ -78,10 +78,10 @@ fn a_suite_from_reference_to_report_and_on() {
     fails(here.path(), &bench(&[]), 2, "make it with: taugate bench s.toml --out out --reference");
     assert!(!here.path().join("out").exists(), "nothing is written without a reference");
 
-    // A reference for a suite of four times the time leaves room for a machine that is faster while it compares.
-    edit(here.path(), "60ms", "240ms");
-    let (_, messages) = succeeds(here.path(), &bench(&["--reference", "--reference-time", "20s"]));
-    edit(here.path(), "240ms", "60ms");
+    // A reference for a suite of ten times the time leaves room for a machine that is faster while it compares.
+    edit(here.path(), "60ms", "600ms");
+    let (_, messages) = succeeds(here.path(), &bench(&["--reference", "--reference-time", "40s"]));
+    edit(here.path(), "600ms", "60ms");
     assert!(messages.contains("agrees with") && messages.contains("skipped 1 scene: gone"), "{messages}");
     let references: Vec<_> = std::fs::read_dir(here.path().join("references")).unwrap().collect();
     assert_eq!(references.len(), 1, "both variants share a reference");
