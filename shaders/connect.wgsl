@@ -5,6 +5,7 @@
 #import gate
 #import shade_point
 #import tree
+#import samples
 
 // Path of each shade point that was queried, then slots of live candidates.
 @group(2) @binding(1) var<storage, read> shade_list: array<u32>;
@@ -39,12 +40,11 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     // Visibility between the points as the surfaces' rounding leaves them.
-    let sensor = sensor_sample(dispatch.first + q.owner);
-    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
+    let sensor = sensor_sample(q.owner);
     let origin = leave(q.position, q.geometric, q.offset, w);
     let target_point = leave(v.position, v.geometric, v.offset, -w);
     let lane = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
-    let key = vec4<u32>(index, sensor.sample, lane, frame.seed);
+    let key = vec4<u32>(sensor.index, sensor.sample, lane, frame.seed);
     let hit = trace(origin, target_point - origin, 1.0, true, NONE, key);
     let tau = v.tau + medium_towards(q, w) * sqrt(d2) + q.tau;
     let last = select(tau, open.w, OBSERVE == OBSERVE_STRATEGIES);

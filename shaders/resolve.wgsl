@@ -1,29 +1,40 @@
 // Means over the samples of a pixel.
-#import camera
+#import math
+#import samples
 
 @group(2) @binding(0) var<storage, read> radiance: array<vec4<f32>>;
 @group(2) @binding(1) var<storage, read> tallies: array<vec4<u32>>;
-// Row-major over the crop.
+// Row-major over the crop; w: the sum of the samples' squared luminances.
 @group(2) @binding(2) var<storage, read_write> film: array<vec4<f32>>;
 @group(2) @binding(3) var<storage, read_write> film_tallies: array<vec4<u32>>;
 
-// One thread, one pixel of the tile.
+// One thread, one sample of the tile; the first of a pixel adds up those that follow.
 @compute @workgroup_size(WORKGROUP)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x >= dispatch.count / frame.samples) {
+    if (id.x >= dispatch.count || tile_samples[id.x].y != 0u) {
         return;
     }
     var sum = vec3<f32>(0.0);
+    var squares = 0.0;
     var tally = vec4<u32>(0u);
-    for (var i = 0u; i < frame.samples; i++) {
-        let path = id.x * frame.samples + i;
+    var path = id.x;
+    loop {
         let r = radiance[path].xyz;
         let finite = is_finite(r);
-        sum += select(vec3<f32>(0.0), r, finite);
+        let counted = select(vec3<f32>(0.0), r, finite);
+        sum += counted;
+        squares += square(luminance(counted));
         tally += tallies[path] + vec4<u32>(select(1u, 0u, finite), 0u, 0u, 0u);
+        path++;
+        if (path >= dispatch.count) {
+            break;
+        }
+        if (tile_samples[path].y == 0u) {
+            break;
+        }
     }
-    let p = crop_pixel(dispatch.first / frame.samples + id.x);
+    let p = sensor_sample(id.x).pixel - vec2<u32>(frame.crop_x, frame.crop_y);
     let index = p.y * frame.crop_width + p.x;
-    film[index] = vec4<f32>(sum / f32(frame.samples), 0.0);
+    film[index] = vec4<f32>(sum / f32(path - id.x), squares);
     film_tallies[index] = tally;
 }

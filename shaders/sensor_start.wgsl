@@ -1,6 +1,7 @@
 // Starts the sensor subpaths of a tile: a point in the pixel, the ray through it.
 #import weights
 #import sobol
+#import samples
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 @group(2) @binding(1) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -14,10 +15,8 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     if (slot >= dispatch.count) {
         return;
     }
-    let sensor = sensor_sample(dispatch.first + slot);
-    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
-    let number = sensor.sample - frame.first_sample;
-    let u = stratified2(index, frame.iteration, number, PAIR_PIXEL, frame.seed);
+    let sensor = sensor_sample(slot);
+    let u = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_PIXEL, frame.seed);
     let d = film_direction(vec2<f32>(sensor.pixel) + u);
     let length2 = dot(d, d);
     let direction = d * inverseSqrt(length2);

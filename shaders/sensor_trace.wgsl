@@ -4,6 +4,7 @@
 #import weights
 #import gate
 #import sobol
+#import samples
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 @group(2) @binding(1) var<storage, read_write> shade_points: array<PathVertex>;
@@ -33,10 +34,9 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     // Nearest surface along the ray.
-    let sensor = sensor_sample(dispatch.first + slot);
-    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
+    let sensor = sensor_sample(slot);
     let lane = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
-    let key = vec4<u32>(index, sensor.sample, lane, frame.seed);
+    let key = vec4<u32>(sensor.index, sensor.sample, lane, frame.seed);
     let hit = trace(s.position + s.shift, s.direction, 3e38, false, s.triangle, key);
     if (hit.triangle == NONE) {
         return;
@@ -77,13 +77,12 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     shade_points[slot] = q;
 
     // Next direction. The first bounces are always taken: they carry most of the image.
-    var u = random4(STREAM_SENSOR, index, sensor.sample, depth, 0u, frame.seed);
+    var u = random4(STREAM_SENSOR, sensor.index, sensor.sample, depth, 0u, frame.seed);
     if (depth == 1u) {
-        let number = sensor.sample - frame.first_sample;
-        u = vec4<f32>(stratified2(index, frame.iteration, number, PAIR_DIRECTION, frame.seed),
-            stratified2(index, frame.iteration, number, PAIR_LOBE, frame.seed));
+        u = vec4<f32>(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_DIRECTION, frame.seed),
+            stratified2(sensor.index, frame.iteration, sensor.number, PAIR_LOBE, frame.seed));
     }
-    let roulette = random4(STREAM_SENSOR, index, sensor.sample, depth, 1u, frame.seed);
+    let roulette = random4(STREAM_SENSOR, sensor.index, sensor.sample, depth, 1u, frame.seed);
     if (depart(&s, q, true, u, select(roulette.x, -1.0, depth < 3u))) {
         states[slot] = s;
         mark |= MARK_ALIVE;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use taugate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, OutputTable, Png, RenderTable};
-use taugate::settings::{Crop, Emitters, Estimator, Importance, Strategies};
+use taugate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
 use taugate::units::{Depth, Gate};
 use taugate::values::{Resolution, Seconds};
 
@@ -56,7 +56,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "WxH", help_heading = "Scene")]
     resolution: Option<Resolution>,
 
-    /// Render only the pixels x0 <= x < x1, y0 <= y < y1, with the values they have in the whole image
+    /// Render only the pixels x0 <= x < x1, y0 <= y < y1, with the values they have in the whole image (by --sampling
+    /// adaptive but for noise)
     #[arg(long, value_name = "x0,x1,y0,y1", help_heading = "Scene")]
     crop: Option<Crop>,
 
@@ -130,6 +131,11 @@ pub struct RenderArgs {
     #[arg(long, value_name = "NAME,...", help_heading = "Sampling")]
     importance: Option<Importance>,
 
+    /// How samples are spread over the image: uniform, or adaptive: more where earlier ones found more error
+    /// [default: uniform; lcs: adaptive]
+    #[arg(long, value_name = "NAME", help_heading = "Sampling")]
+    sampling: Option<Sampling>,
+
     /// Ways to join subpaths: all, or those of the paper (no emitter hit by chance, none seen by the sensor directly)
     /// [default: all]
     #[arg(long, value_name = "all|paper", help_heading = "Sampling")]
@@ -196,6 +202,7 @@ impl RenderArgs {
                 frontier: self.frontier,
                 single_tree: self.single_tree.then_some(true),
                 importance: self.importance,
+                sampling: self.sampling,
                 no_cull: self.no_cull.then_some(true),
                 device: self.device,
                 strict: self.strict.then_some(true),

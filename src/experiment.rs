@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
-use crate::settings::{Crop, Emitters, Estimator, Importance, Strategies};
+use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
 use crate::units::{Depth, Gate};
 use crate::values::{Resolution, Seconds};
 
@@ -73,6 +73,7 @@ pub struct RenderTable {
     pub frontier: Option<u32>,
     pub single_tree: Option<bool>,
     pub importance: Option<Importance>,
+    pub sampling: Option<Sampling>,
     pub no_cull: Option<bool>,
     pub device: Option<String>,
     pub strict: Option<bool>,
@@ -191,6 +192,7 @@ impl Experiment {
                 frontier: self.render.frontier.or(below.render.frontier),
                 single_tree: self.render.single_tree.or(below.render.single_tree),
                 importance: self.render.importance.or(below.render.importance),
+                sampling: self.render.sampling.or(below.render.sampling),
                 no_cull: self.render.no_cull.or(below.render.no_cull),
                 device: self.render.device.or(below.render.device),
                 strict: self.render.strict.or(below.render.strict),

@@ -1,10 +1,12 @@
 //! From what was asked for to what is done: experiment and scene become [`Settings`]. All checks live here.
 
+pub mod defaults;
+
 use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 use crate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, Png, RenderTable};
-use crate::scene::{Camera, Light, LightKind, Material, Scene};
+use crate::scene::{Camera, LightKind, Scene};
 use crate::settings::*;
 use crate::units::{Gate, Resolution as GateResolution};
 use crate::values::{Resolution, Seconds};
@@ -71,7 +73,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, &gate)?;
-    let estimator = render.estimator.unwrap_or_else(|| default_estimator(gate, scene, &emitters));
+    let estimator = render.estimator.unwrap_or_else(|| defaults::estimator(gate, scene, &emitters));
     let settings = Settings {
         estimator,
         strategies: render.strategies.unwrap_or(DEFAULT_STRATEGIES),
@@ -81,7 +83,11 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         budget: budget(render)?,
         seed: render.seed.unwrap_or(DEFAULT_SEED),
         max_depth: within("max-depth", render.max_depth.unwrap_or(DEFAULT_MAX_DEPTH), MAX_DEPTH)?,
-        light_paths: within("light-paths", render.light_paths.unwrap_or(light_paths(resolution)), MAX_LIGHT_PATHS)?,
+        light_paths: within(
+            "light-paths",
+            render.light_paths.unwrap_or(defaults::light_paths(resolution)),
+            MAX_LIGHT_PATHS,
+        )?,
         splat_paths: splat_paths(render, estimator, resolution, scene)?,
         queries: within("queries", render.queries.unwrap_or(estimator.default_queries()), MAX_QUERIES)?,
         buckets: within("buckets", render.buckets.unwrap_or(DEFAULT_BUCKETS), MAX_BUCKETS)?,
@@ -89,6 +95,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         frontier: within("frontier", render.frontier.unwrap_or(MAX_FRONTIER), MAX_FRONTIER)?,
         single_tree: render.single_tree.unwrap_or(false),
         importance: importance(render, estimator, &mut warnings),
+        sampling: render.sampling.unwrap_or(defaults::sampling(estimator, &experiment.output)),
         cull: !render.no_cull.unwrap_or(false),
         camera,
         emitters,
@@ -141,6 +148,7 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         frontier: Some(settings.frontier),
         single_tree: Some(settings.single_tree),
         importance: (settings.estimator == Estimator::Lcs).then_some(settings.importance),
+        sampling: Some(settings.sampling),
         no_cull: Some(!settings.cull),
         device: experiment.render.device.clone(),
         strict: experiment.render.strict,
@@ -159,52 +167,8 @@ fn within(name: &str, value: u32, most: u32) -> Result<u32> {
     Err(settings(format!("--{name} is {value}; it must be from 1 to {most}")))
 }
 
-/// Part of the scene's diagonal from which on a gate is wide.
-const WIDE_GATE: f64 = 0.4;
-
-/// Without a gate, or with a wide one, there is little that queries could choose better by: they only cost time. Without one `pt` is
-/// the fastest where it sees all light well: nothing focuses light and nothing shines as a beam (docs/PERFORMANCE.md, Error at
-/// equal time).
-fn default_estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
-    let is_beam = |light: &Light| matches!(light.kind, LightKind::Beam { .. }) && emitters.include(&light.node);
-    if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
-        Estimator::Lcs
-    } else if gate == Gate::OPEN && !focuses_light(scene, SHARP) && !scene.lights.iter().any(is_beam) {
-        Estimator::Pt
-    } else {
-        Estimator::Bdpt
-    }
-}
-
-/// Roughness below which gloss gathers light so sharply that `pt` seldom finds it.
-const SHARP: f32 = 0.3;
-/// Roughness below which light that gloss has gathered is worth light subpaths of its own.
-const GLOSSY: f32 = 0.5;
-
-/// Whether glass, or a mirror or gloss below a roughness, can gather light.
-fn focuses_light(scene: &Scene, roughness: f32) -> bool {
-    let focuses =
-        |m: &Material| m.transmission > 0.0 || (m.roughness < roughness && (m.metallic > 0.0 || m.specular > 0.0));
-    scene.materials.iter().any(focuses)
-}
-
-/// Enough that the trees know the light, and no more than sensor paths can pay for.
-fn light_paths([width, height]: [u32; 2]) -> u32 {
-    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, MOST_LIGHT_PATHS_BY_DEFAULT)
-}
-
-/// Light subpaths for t = 1 alone when nothing says how many: only `lcs` traces more than it stores, and only where light that a
-/// mirror, glass or gloss focused reaches the sensor's surfaces: no query finds that.
-pub fn default_splat_paths(estimator: Estimator, [width, height]: [u32; 2], scene: &Scene) -> u32 {
-    if estimator == Estimator::Lcs && focuses_light(scene, GLOSSY) {
-        (SPLAT_PATHS_A_PIXEL * width * height).min(MAX_LIGHT_PATHS)
-    } else {
-        0
-    }
-}
-
 fn splat_paths(render: &RenderTable, estimator: Estimator, resolution: [u32; 2], scene: &Scene) -> Result<u32> {
-    let paths = render.splat_paths.unwrap_or_else(|| default_splat_paths(estimator, resolution, scene));
+    let paths = render.splat_paths.unwrap_or_else(|| defaults::splat_paths(estimator, resolution, scene));
     if paths > MAX_LIGHT_PATHS {
         return Err(settings(format!("--splat-paths is {paths}; it must be at most {MAX_LIGHT_PATHS}")));
     }

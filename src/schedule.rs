@@ -6,8 +6,12 @@ use crate::settings::Budget;
 
 /// Samples a pixel and iteration at most.
 pub const MOST_SAMPLES: u32 = 8;
-/// Iterations that a budget is divided into at least.
-pub const BATCHES: u32 = 16;
+/// Iterations that a budget is divided into at least, if one has more than [`WORTH_THE_LIGHT`] samples a pixel.
+const BATCHES: u32 = 16;
+/// And at least if one has not.
+const FEWEST_BATCHES: u32 = 8;
+/// With so many samples a pixel, the light paths of an iteration are the smaller part of its time.
+const WORTH_THE_LIGHT: u32 = 4;
 
 /// Samples a pixel in the next iteration; 0 when the budget is used. A budget of samples is cut the same way on every
 /// machine; one of time begins with a single sample and learns from what it took.
@@ -15,18 +19,24 @@ pub fn next_samples(budget: &Budget, done: u64, elapsed: Duration) -> u32 {
     match *budget {
         Budget::Spp(spp) => {
             let left = u64::from(spp).saturating_sub(done).min(u64::from(u32::MAX)) as u32;
-            left.min((spp / BATCHES).clamp(1, MOST_SAMPLES))
+            let least = (spp / FEWEST_BATCHES).clamp(1, WORTH_THE_LIGHT);
+            left.min((spp / BATCHES).clamp(least, MOST_SAMPLES))
         }
-        Budget::Seconds(_) if done == 0 => 1,
-        Budget::Seconds(seconds) if elapsed.as_secs_f64() >= seconds => 0,
-        Budget::Seconds(seconds) => samples_within(seconds / f64::from(BATCHES), done, elapsed.as_secs_f64()),
+        Budget::Seconds(seconds) if done > 0 && elapsed.as_secs_f64() >= seconds => 0,
+        Budget::Seconds(seconds) => samples_within(seconds, done, elapsed.as_secs_f64()),
     }
 }
 
-/// Samples a pixel that take about `part` seconds if each takes what the `done` > 0 samples of `elapsed` seconds took: 1 at least.
-pub fn samples_within(part: f64, done: u64, elapsed: f64) -> u32 {
+/// Samples a pixel in the next iteration of a render of `seconds` that took `elapsed` of them for `done` samples: 1 at least. No
+/// more than were done before, since the first samples say little of what one takes, and no more than fit.
+pub fn samples_within(seconds: f64, done: u64, elapsed: f64) -> u32 {
+    if done == 0 {
+        return 1;
+    }
     let each = elapsed / done as f64;
-    ((part / each) as u32).clamp(1, MOST_SAMPLES)
+    let wanted = (seconds / f64::from(BATCHES) / each).clamp(WORTH_THE_LIGHT.into(), MOST_SAMPLES.into());
+    let fitting = ((seconds - elapsed) / each).round();
+    wanted.min(done as f64).min(fitting).max(1.0) as u32
 }
 
 #[cfg(test)]
@@ -35,7 +45,8 @@ mod tests {
 
     #[test]
     fn a_sample_budget_is_used_exactly_and_in_batches() {
-        for (spp, iterations) in [(1, 1), (7, 7), (16, 16), (64, 16), (100, 17), (128, 16), (1000, 125)] {
+        let cases = [(1, 1), (7, 7), (16, 8), (20, 10), (32, 8), (64, 16), (100, 17), (128, 16), (1000, 125)];
+        for (spp, iterations) in cases {
             let (mut done, mut count) = (0, 0);
             loop {
                 let next = next_samples(&Budget::Spp(spp), done, Duration::ZERO);
@@ -52,10 +63,14 @@ mod tests {
     #[test]
     fn a_time_budget_renders_once_at_least_and_then_fits() {
         let budget = Budget::Seconds(16.0);
-        assert_eq!(next_samples(&budget, 0, Duration::from_secs(99)), 1);
-        assert_eq!(next_samples(&budget, 1, Duration::from_millis(250)), 4);
-        assert_eq!(next_samples(&budget, 1, Duration::from_secs(3)), 1);
-        assert_eq!(next_samples(&budget, 1000, Duration::from_secs(1)), 8);
-        assert_eq!(next_samples(&budget, 5, Duration::from_secs(16)), 0);
+        let next = |done, seconds| next_samples(&budget, done, Duration::from_secs_f64(seconds));
+        assert_eq!(next(0, 99.0), 1);
+        // A second each: four at a time are worth their light, but not before four are known.
+        assert_eq!([next(1, 1.0), next(2, 2.0), next(3, 3.0), next(4, 4.0), next(8, 8.0)], [1, 2, 3, 4, 4]);
+        // A sixteenth of the time, and eight at most.
+        assert_eq!([next(20, 3.0), next(1000, 1.0)], [6, 8]);
+        // What is left of the time.
+        assert_eq!([next(14, 14.0), next(15, 15.0), next(16, 15.9)], [2, 1, 1]);
+        assert_eq!([next(1, 16.0), next(5, 17.0)], [0, 0]);
     }
 }

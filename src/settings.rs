@@ -76,6 +76,14 @@ impl Estimator {
         }
     }
 
+    /// How samples are spread when nothing says it.
+    pub fn default_sampling(self) -> Sampling {
+        match self {
+            Estimator::Lcs => Sampling::Adaptive,
+            Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => Sampling::Uniform,
+        }
+    }
+
     /// Most light vertices in a leaf of its trees when nothing says how many, 0 without trees. Individual vertices reside in the
     /// paper's leaves (Sec. 5.2).
     pub fn leaf_size(self) -> u32 {
@@ -104,6 +112,27 @@ impl Strategies {
         match self {
             Strategies::All => "all",
             Strategies::Paper => "paper",
+        }
+    }
+}
+
+/// How samples are spread over the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Sampling {
+    /// As many in every pixel.
+    Uniform,
+    /// More where earlier iterations found more error, the same on average.
+    Adaptive,
+}
+
+impl Sampling {
+    pub const ALL: [Sampling; 2] = [Sampling::Uniform, Sampling::Adaptive];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Sampling::Uniform => "uniform",
+            Sampling::Adaptive => "adaptive",
         }
     }
 }
@@ -206,6 +235,7 @@ pub struct Settings {
     pub single_tree: bool,
     /// [`Importance::ALL`] for estimators that do not choose by it.
     pub importance: Importance,
+    pub sampling: Sampling,
     /// Stop subpaths that can no longer meet the gate (exact; DESIGN 3.1).
     pub cull: bool,
     /// Index into `Scene::cameras`.
@@ -265,6 +295,22 @@ impl FromStr for Importance {
             }
         }
         Ok(importance)
+    }
+}
+
+impl fmt::Display for Sampling {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Sampling {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Sampling> {
+        Sampling::ALL.into_iter().find(|s| s.name() == text).ok_or_else(|| {
+            Error::Settings(format!("no way to spread samples is called '{text}': choose uniform or adaptive"))
+        })
     }
 }
 

@@ -7,7 +7,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
-use crate::settings::{Crop, Emitters, Estimator, Importance, Strategies};
+use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
 use crate::units::{Depth, Gate, number};
 
 /// Width and height in pixels, `640x480`.
@@ -120,7 +120,7 @@ macro_rules! serde_as_text {
     )+};
 }
 
-serde_as_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Importance, Strategies);
+serde_as_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies);
 
 impl Serialize for Emitters {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

@@ -29,30 +29,3 @@ fn pixel_of(d: vec3<f32>) -> u32 {
     }
     return (u32(y) - frame.crop_y) * frame.crop_width + u32(x) - frame.crop_x;
 }
-
-struct SensorSample {
-    // Pixel of the whole film.
-    pixel: vec2<u32>,
-    // Number of the sample of that pixel over the whole render.
-    sample: u32,
-}
-
-const BLOCK: u32 = 8u;
-
-// Sample number `index` of the iteration: samples of a pixel are neighbours, pixels run in blocks of 8 x 8.
-fn sensor_sample(index: u32) -> SensorSample {
-    let p = crop_pixel(index / frame.samples);
-    return SensorSample(p + vec2<u32>(frame.crop_x, frame.crop_y), frame.first_sample + index % frame.samples);
-}
-
-// Pixel within the crop at position `i` of the block order: rows of blocks, blocks from left to right, rows in a block.
-fn crop_pixel(i: u32) -> vec2<u32> {
-    let strip = BLOCK * frame.crop_width;
-    let block_y = i / strip;
-    let rows = min(BLOCK, frame.crop_height - block_y * BLOCK);
-    let in_strip = i % strip;
-    let block_x = in_strip / (BLOCK * rows);
-    let columns = min(BLOCK, frame.crop_width - block_x * BLOCK);
-    let in_block = in_strip % (BLOCK * rows);
-    return vec2<u32>(block_x * BLOCK + in_block % columns, block_y * BLOCK + in_block / columns);
-}

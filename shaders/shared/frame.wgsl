@@ -43,8 +43,7 @@ struct Frame {
     crop_y: u32,
     crop_width: u32,
     crop_height: u32,
-    // Sensor samples a pixel in this iteration and the number of the first one.
-    samples: u32,
+    // Number of a pixel's first sample in this iteration, over the whole render.
     first_sample: u32,
     // Emitter points in the pool; they follow the deterministic vertices.
     emitter_vertices: u32,
@@ -58,7 +57,7 @@ struct Frame {
 
 // What changes from dispatch to dispatch.
 struct Dispatch {
-    // First path of the batch or tile, counted over the light paths or the crop's samples.
+    // First path of the batch, counted over the light paths.
     first: u32,
     // Threads that have work, where the host knows it.
     count: u32,

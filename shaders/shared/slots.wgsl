@@ -4,7 +4,7 @@
 #import random
 #import tree
 #import gate
-#import camera
+#import samples
 #import shade_point
 
 @group(2) @binding(1) var<storage, read> list: array<u32>;
@@ -77,11 +77,10 @@ struct Asked {
 // The shade point of a rank in the list, with its deterministic vertices in its first slots.
 fn begin_slots(rank: u32) -> Asked {
     let q = load_shade_point(list[rank]);
-    let sensor = sensor_sample(dispatch.first + q.owner);
-    let index = sensor.pixel.y * frame.width + sensor.pixel.x;
+    let sensor = sensor_sample(q.owner);
     let depth = q.flags & VERTEX_DEPTH;
     let first = rank * frame.slots;
-    return Asked(q, index, sensor.sample, depth, first, query_deterministic(q, index, sensor.sample, depth, first));
+    return Asked(q, sensor.index, sensor.sample, depth, first, query_deterministic(q, sensor.index, sensor.sample, depth, first));
 }
 
 // Empties the slots that were not used.

@@ -31,6 +31,9 @@ struct Numbers<'a> {
     version: String,
     gate: String,
     samples_per_pixel: u64,
+    /// Of the pixels: fewer and more than that by --sampling adaptive.
+    least_samples_in_a_pixel: u64,
+    most_samples_in_a_pixel: u64,
     iterations: u32,
     /// From the scene's file to the first iteration, and where they went.
     prepare_seconds: f64,
@@ -86,10 +89,13 @@ impl Report<'_> {
     fn numbers(&self) -> Numbers<'_> {
         let (film, stats) = (self.renderer.film(), self.renderer.stats());
         let (image_mean, image_mean_standard_error) = film.image_mean();
+        let [least_samples_in_a_pixel, most_samples_in_a_pixel] = self.renderer.samples_in_pixels();
         Numbers {
             version: exr_file::version(),
             gate: self.provenance.gate.to_string(),
             samples_per_pixel: film.samples(),
+            least_samples_in_a_pixel,
+            most_samples_in_a_pixel,
             iterations: film.iterations(),
             prepare_seconds: self.preparation.seconds(),
             prepare_stages: self.preparation.stages(stats),
@@ -121,9 +127,13 @@ impl Report<'_> {
                 "warning: the image is black: taugate info shows when light arrives and which emitters there are",
             );
         }
+        let spread = match self.renderer.samples_in_pixels() {
+            [least, most] if least < most => format!(" ({least} to {most})"),
+            _ => String::new(),
+        };
         let names: Vec<String> = files(outputs).map(|path| path.display().to_string()).collect();
         progress.line(&format!(
-            "{}: {}x{}, {}, {}, {} samples a pixel in {}, {}",
+            "{}: {}x{}, {}, {}, {} samples a pixel{spread} in {}, {}",
             names.join(", "),
             film.width(),
             film.height(),

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::gpu::Device;
 use crate::render::{Prepared, Renderer, Stats};
 use crate::scene::Scene;
-use crate::schedule::{BATCHES, samples_within};
+use crate::schedule::samples_within;
 use crate::settings::Settings;
 
 /// One renderer's progress since its last restart.
@@ -39,7 +39,7 @@ impl Lane {
     /// Renders until the clock shows `end` or more, at least one iteration; `whole` is the time that the lane will have in all.
     pub fn run_until(&mut self, end: f64, whole: f64) -> Result<()> {
         loop {
-            let samples = self.next_samples(whole);
+            let samples = samples_within(whole, self.renderer.film().samples(), self.clock);
             let start = Instant::now();
             self.renderer.iterate(samples)?;
             self.clock += start.elapsed().as_secs_f64();
@@ -47,15 +47,6 @@ impl Lane {
                 return Ok(());
             }
         }
-    }
-
-    /// As `taugate render --time` has them, but at most half of the time so far: the first time points come early.
-    fn next_samples(&self, whole: f64) -> u32 {
-        let done = self.renderer.film().samples();
-        if done == 0 {
-            return 1;
-        }
-        samples_within((whole / f64::from(BATCHES)).min(0.5 * self.clock), done, self.clock)
     }
 
     /// A count of the statistics since the restart.

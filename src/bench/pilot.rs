@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::gpu::Device;
 use crate::metrics::Means;
 use crate::render::Prepared;
-use crate::resolve::default_splat_paths;
+use crate::resolve::defaults;
 use crate::scene::Scene;
 use crate::settings::{DEFAULT_BUCKETS, Estimator, Importance, MAX_FRONTIER, Settings};
 
@@ -117,11 +117,12 @@ pub fn with(scene: &Scene, entry: &Entry, estimator: Estimator) -> Settings {
         estimator,
         queries: estimator.default_queries(),
         leaf_size: estimator.leaf_size(),
-        splat_paths: default_splat_paths(estimator, entry.settings.resolution, scene),
+        splat_paths: defaults::splat_paths(estimator, entry.settings.resolution, scene),
         buckets: DEFAULT_BUCKETS,
         frontier: MAX_FRONTIER,
         single_tree: false,
         importance: Importance::ALL,
+        sampling: estimator.default_sampling(),
         cull: true,
         ..entry.settings.clone()
     }

@@ -42,6 +42,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/query",
     "shared/random",
     "shared/resample",
+    "shared/samples",
     "shared/scatter",
     "shared/scene",
     "shared/shade_point",

@@ -17,6 +17,8 @@ const VERTICES_A_PATH: u32 = 4;
 const BUILD_BYTES: u64 = 320;
 /// Host bytes a pixel: mean and variance in f64, the image of an iteration.
 const PIXEL_BYTES: u64 = 64;
+/// And what is known of it, with its samples, where these are not spread evenly.
+const ADAPTIVE_PIXEL_BYTES: u64 = 41;
 /// The program itself, the driver and its compiler.
 const PROGRAM_BYTES: u64 = 120 << 20;
 
@@ -52,7 +54,7 @@ impl MemoryPlan {
         let flat = sum(&scene_needs) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
         // The hierarchy is built before anything is uploaded.
         let on_host = if info.is_cpu { buffers } else { 0 };
-        let pixels = PIXEL_BYTES * plan.crop_pixels;
+        let pixels = (PIXEL_BYTES + if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 }) * plan.crop_pixels;
         let host_bytes = PROGRAM_BYTES + scene_bytes(scene) + (BUILD_BYTES * triangles).max(flat + on_host + pixels);
         let certain = certain_needs(info, &plan, prepared);
         Ok(MemoryPlan { scene: scene_needs, iteration, pool, host_bytes, certain })

@@ -13,6 +13,7 @@ mod pool;
 mod prepared;
 mod probe;
 mod reach;
+mod samples;
 mod sensor;
 mod stats;
 mod strategies;
@@ -38,7 +39,8 @@ use pool::{DevicePool, LightPool, PoolLayout, SortedPool};
 pub use prepared::Prepared;
 pub use probe::{TravelTimes, probe};
 pub use reach::Reach;
-pub use sensor::MOST_SAMPLES;
+pub use samples::MOST_SAMPLES;
+use samples::{Allocation, SampleCounts};
 use sensor::{Bound, Seen, SensorTracer};
 use stats::stage;
 pub use stats::{Stage, Stats};
@@ -66,6 +68,8 @@ pub struct Renderer {
     punctual: Vec<PathVertex>,
     light: LightTracer,
     sensor: Option<(SensorTracer, DevicePool, Bound)>,
+    /// None if samples are spread evenly.
+    allocation: Option<Allocation>,
     film: Film,
     stats: Stats,
     iteration: u32,
@@ -108,12 +112,27 @@ impl Renderer {
         stats.triangles = prepared.triangles() as u64;
         let film = Film::new(width, height);
         let (device, punctual) = (device.clone(), prepared.emitters.deterministic.clone());
-        Ok(Renderer { device, plan, scene, punctual, light, sensor: None, film, stats, iteration: 0, first_sample: 0 })
+        let allocation = plan.adaptive.then(|| Allocation::new(width, plan.crop_pixels));
+        let sensor = None;
+        Ok(Renderer {
+            device,
+            plan,
+            scene,
+            punctual,
+            light,
+            sensor,
+            allocation,
+            film,
+            stats,
+            iteration: 0,
+            first_sample: 0,
+        })
     }
 
-    /// One iteration: a fresh pool of light vertices and `samples` samples of every pixel (1 to
-    /// [`MOST_SAMPLES`]), added to the film. Where no light can meet the gate, the samples are black without being traced.
+    /// One iteration: a fresh pool of light vertices and `samples` samples a pixel (1 to [`MOST_SAMPLES`]), in
+    /// every pixel or on average, added to the film. Where no light can meet the gate, the samples are black without being traced.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
+        assert!((1..=MOST_SAMPLES).contains(&samples));
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
         if self.plan.dark {
             self.film.add(&image, samples);
@@ -125,13 +144,23 @@ impl Renderer {
             let at = splat.pixel_or_tau.to_bits() as usize * 3;
             (0..3).for_each(|k| image[at + k] += splat.rgb[k]);
         })?;
+        let counts = match &self.allocation {
+            Some(allocation) => self.stats.timed(stage::ALLOT, || allocation.counts(samples)),
+            None => SampleCounts::Even(samples),
+        };
         if let Some((sensor, _, bound)) = &mut self.sensor {
-            sensor.run(&self.plan, bound, samples, &mut image, &mut self.stats)?;
+            let allocation = &mut self.allocation;
+            let learn = |film: &[[f32; 4]], image: &[f32]| {
+                if let Some(allocation) = allocation {
+                    allocation.add(film, image, &counts, samples);
+                }
+            };
+            sensor.run(&self.plan, bound, &counts, &mut image, learn, &mut self.stats)?;
         }
         let film = &mut self.film;
         self.stats.timed(stage::ADD_TO_FILM, || film.add(&image, samples));
         self.stats.device_bytes = self.stats.device_bytes.max(self.device.bytes_in_use());
-        self.finish_iteration(samples);
+        self.finish_iteration(counts.greatest());
         Ok(())
     }
 
@@ -146,11 +175,11 @@ impl Renderer {
         })?;
         if let Some((sensor, _, bound)) = &mut self.sensor {
             let share = 1.0 / samples as f32;
-            sensor.observe(&self.plan, bound, samples, &mut |seen: Seen| {
+            sensor.observe(&self.plan, bound, &SampleCounts::Even(samples), &mut |seen: Seen| {
                 let s = seen.vertex.map_or(0, |vertex| (pool.vertices[vertex].flags & VERTEX_DEPTH) + 1);
                 see(Observed {
                     rgb: seen.rgb.map(|x| x * share),
-                    pixel: self.plan.crop_pixel((seen.sample / u64::from(samples)) as u32),
+                    pixel: seen.pixel,
                     s,
                     t: seen.t,
                     tau_or_weight: seen.tau_or_weight,
@@ -188,9 +217,10 @@ impl Renderer {
         self.scene.frame.write(0, &[frame])
     }
 
-    fn finish_iteration(&mut self, samples: u32) {
+    /// `most`: the most samples that a pixel had.
+    fn finish_iteration(&mut self, most: u32) {
         self.iteration += 1;
-        self.first_sample += samples;
+        self.first_sample += most;
         self.stats.iterations += 1;
     }
 
@@ -198,6 +228,9 @@ impl Renderer {
     pub fn restart(&mut self, seed: u32, gate: Gate) {
         self.plan.set(seed, gate);
         self.film = Film::new(self.film.width(), self.film.height());
+        if let Some(allocation) = &mut self.allocation {
+            allocation.restart();
+        }
         (self.iteration, self.first_sample) = (0, 0);
     }
 
@@ -235,6 +268,14 @@ impl Renderer {
     /// Mean and variance so far, over the crop.
     pub fn film(&self) -> &Film {
         &self.film
+    }
+
+    /// Least and most samples that a pixel of the crop has had; both [`Film::samples`] where they are spread evenly.
+    pub fn samples_in_pixels(&self) -> [u64; 2] {
+        match &self.allocation {
+            Some(allocation) if !self.plan.dark => allocation.range(),
+            _ => [self.film.samples(); 2],
+        }
     }
 
     pub fn stats(&self) -> &Stats {

@@ -13,7 +13,7 @@ use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Frame, NONE};
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::Scene;
-use crate::settings::{Estimator, Importance, Settings, Strategies};
+use crate::settings::{Crop, Estimator, Importance, Sampling, Settings, Strategies};
 use crate::units::Gate;
 
 /// Stands for infinity on the device; sums of it with travel times stay finite.
@@ -56,7 +56,9 @@ pub struct Plan {
     frontier: u32,
     importance: Importance,
     pub max_depth: u32,
+    pub adaptive: bool,
     pub features: Features,
+    pub crop: Crop,
     pub crop_pixels: u64,
     /// Light subpaths are traced, not only started; t = 1 takes part.
     pub traces_light: bool,
@@ -98,7 +100,9 @@ impl Plan {
             frontier: settings.frontier,
             importance: settings.importance,
             max_depth: settings.max_depth,
+            adaptive: settings.sampling == Sampling::Adaptive,
             features,
+            crop: settings.crop,
             crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
             traces_light,
             splats: traces_light && all,
@@ -158,13 +162,12 @@ impl Plan {
         })
     }
 
-    /// The frame of iteration `iteration`, `samples` a pixel from number `first_sample` on. Without a pool: for the light
-    /// subpaths themselves.
+    /// The frame of iteration `iteration`, `samples` a pixel on average from number `first_sample` on. Without a pool: for
+    /// the light subpaths themselves.
     pub fn frame(&self, iteration: u32, first_sample: u32, samples: u32, pool: Option<&PoolLayout>) -> Frame {
         let mut frame = Frame {
             iteration,
             first_sample,
-            samples,
             light_count: self.traced_paths() as f32 / samples as f32,
             splat_share: self.light_paths as f32 / self.traced_paths() as f32,
             ..self.frame
@@ -182,16 +185,6 @@ impl Plan {
     /// Light subpaths an iteration: the stored ones, which come first, and those that the sensor alone sees (t = 1).
     pub fn traced_paths(&self) -> u32 {
         self.light_paths + if self.splats { self.splat_paths } else { 0 }
-    }
-
-    /// Row-major pixel at position `i` of the order in which samples run: `crop_pixel` of `camera.wgsl`.
-    pub fn crop_pixel(&self, i: u32) -> u32 {
-        let (width, height) = (self.frame.crop_width, self.frame.crop_height);
-        let (strip, in_strip) = (i / (BLOCK * width), i % (BLOCK * width));
-        let rows = BLOCK.min(height - strip * BLOCK);
-        let (block, in_block) = (in_strip / (BLOCK * rows), in_strip % (BLOCK * rows));
-        let columns = BLOCK.min(width - block * BLOCK);
-        (strip * BLOCK + in_block / columns) * width + block * BLOCK + in_block % columns
     }
 
     /// Override constants of all kernels.
@@ -259,7 +252,6 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, p
         crop_y: settings.crop.y0,
         crop_width: settings.crop.width(),
         crop_height: settings.crop.height(),
-        samples: 1,
         ..bytemuck::Zeroable::zeroed()
     }
 }

@@ -9,7 +9,7 @@ use super::prepared::Prepared;
 use crate::error::Result;
 use crate::gpu::Device;
 use crate::scene::Scene;
-use crate::settings::{Crop, Estimator, Settings, Strategies};
+use crate::settings::{Crop, Estimator, Sampling, Settings, Strategies};
 use crate::units::Gate;
 
 /// Rows of the image that is probed, light subpaths, samples a pixel and iteration, iterations.
@@ -103,6 +103,7 @@ fn small(settings: &Settings) -> Settings {
         crop: Crop { x0, x1, y0, y1 },
         light_paths: settings.light_paths.min(LIGHT_PATHS),
         splat_paths: 0,
+        sampling: Sampling::Uniform,
         ..settings.clone()
     }
 }

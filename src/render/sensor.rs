@@ -2,10 +2,12 @@
 
 mod buffers;
 mod observe;
+mod tiles;
 
 use super::device_scene::DeviceScene;
 use super::plan::Plan;
 use super::pool::DevicePool;
+use super::samples::{MOST_IN_PIXEL, MOST_SAMPLES, SampleCounts};
 use super::stats::{Stats, stage};
 use crate::error::Result;
 use crate::gpu::layout::constants::*;
@@ -14,15 +16,13 @@ use crate::gpu::{Bindings, Buffer, Device, DeviceInfo, Kernel, Need, Recorder};
 use crate::settings::Estimator;
 use buffers::{BUFFERS, Buffers, needs};
 pub use observe::Seen;
+use tiles::{TileSample, Tiles};
 
 /// Counters of the lists: living paths (two, in turn), shade points, live candidates.
 const LIVING: [u32; 2] = [0, 1];
 const SHADE: u32 = 2;
 const CANDIDATES: u32 = 3;
 const COUNTERS: usize = 16;
-
-/// Samples a pixel in one iteration, at most.
-pub const MOST_SAMPLES: u32 = 16;
 
 /// Workgroups a dispatch that every Vulkan device allows.
 const LEAST_GROUP_LIMIT: u32 = 65_535;
@@ -104,7 +104,7 @@ impl SensorTracer {
         // Every slot may be a live candidate: the workgroups of one dispatch are limited too.
         let by_groups = u64::from(LEAST_GROUP_LIMIT * plan.tuning.workgroup) / u64::from(slots);
         let all = plan.crop_pixels * u64::from(MOST_SAMPLES);
-        wanted.min(by_vertices).min(by_slots).min(by_groups).min(all).max(u64::from(MOST_SAMPLES)) as usize
+        wanted.min(by_vertices).min(by_slots).min(by_groups).min(all).max(u64::from(MOST_IN_PIXEL)) as usize
     }
 
     /// What the buffers of [`SensorTracer::new`] will need.
@@ -161,26 +161,23 @@ impl SensorTracer {
         })
     }
 
-    /// Renders `samples` samples of every pixel of the crop and adds their means to `image` (RGB).
+    /// Renders the samples that every pixel of the crop is given by `counts` and adds their means to `image` (RGB); `see`: as in
+    /// [`Buffers::add_film`].
     pub fn run(
         &mut self,
         plan: &Plan,
         bound: &Bound,
-        samples: u32,
+        counts: &SampleCounts,
         image: &mut [f32],
+        see: impl FnOnce(&[[f32; 4]], &[f32]),
         stats: &mut Stats,
     ) -> Result<()> {
-        assert!((1..=MOST_SAMPLES).contains(&samples));
-        let all = plan.crop_pixels * u64::from(samples);
-        let mut first = 0;
-        while first < all {
-            let whole_pixels = (self.tile / samples as usize).max(1) * samples as usize;
-            let count = (whole_pixels as u64).min(all - first) as u32;
-            self.run_tile(plan, bound, first as u32, count, samples, stats)?;
-            first += u64::from(count);
+        let mut tiles = Tiles::new(plan.crop, counts);
+        while let Some((tile, is_last)) = tiles.next(self.tile) {
+            self.run_tile(plan, bound, tile, is_last, stats)?;
+            stats.samples += tile.len() as u64;
         }
-        stats.samples += all;
-        stats.timed(stage::READ_FILM, || self.buffers.add_film(image)).map(|tally| {
+        stats.timed(stage::READ_FILM, || self.buffers.add_film(image, see)).map(|tally| {
             stats.dropped += tally[0];
             stats.shadow_rays += tally[1];
             stats.inside_gate += tally[2];
@@ -192,13 +189,12 @@ impl SensorTracer {
         &mut self,
         plan: &Plan,
         bound: &Bound,
-        first: u32,
-        count: u32,
-        samples: u32,
+        samples: &[TileSample],
+        is_last: bool,
         stats: &mut Stats,
     ) -> Result<()> {
-        let constants = stats.timed(stage::RECORD, || self.start_tile(bound, first, count))?;
-        let mut living = count;
+        let constants = stats.timed(stage::RECORD, || self.start_tile(bound, samples))?;
+        let mut living = samples.len() as u32;
         let mut longest = 0.0f64;
         for bounce in 0..plan.max_depth {
             let seconds;
@@ -208,16 +204,16 @@ impl SensorTracer {
                 break;
             }
         }
-        let groups = self.kernels.resolve.groups((count / samples) as usize);
+        let groups = self.kernels.resolve.groups(samples.len());
         self.recorder.dispatch("resolve", &self.kernels.resolve, &bound.resolve, &constants, groups)?;
         longest = longest.max(stats.submit(&mut self.recorder)?);
         let counters = self.read_counters(stats)?;
         let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
-        stats.closest_rays += u64::from(count) + total(LIVING[0]) + total(LIVING[1]);
+        stats.closest_rays += samples.len() as u64 + total(LIVING[0]) + total(LIVING[1]);
         stats.shade_points += total(SHADE);
         stats.live_candidates += total(CANDIDATES);
         if plan.tuning.tile.is_none() {
-            self.tile = next_tile(self.tile, count as usize, samples as usize, longest, self.capacity);
+            self.tile = next_tile(self.tile, samples.len(), is_last, longest, self.capacity);
         }
         Ok(())
     }
@@ -249,9 +245,12 @@ impl SensorTracer {
         Ok(counters)
     }
 
-    /// Records the start of `count` paths from number `first` on; returns what all dispatches of the tile share.
-    fn start_tile(&mut self, bound: &Bound, first: u32, count: u32) -> Result<Dispatch> {
-        let constants = Dispatch { first, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE, rank: 0 };
+    /// Records the start of a path for every sample; returns what all dispatches of the tile share.
+    fn start_tile(&mut self, bound: &Bound, samples: &[TileSample]) -> Result<Dispatch> {
+        let count = samples.len() as u32;
+        let constants =
+            Dispatch { first: 0, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE, rank: 0 };
+        self.buffers.tile_samples.write(0, samples)?;
         let mut counters = [0u32; COUNTERS];
         counters[LIVING[0] as usize] = count;
         self.buffers.counters.write(0, &counters)?;
@@ -319,13 +318,12 @@ impl SensorTracer {
     }
 }
 
-/// The next tile, given that `count` paths of one of at most `tile`, `samples` a pixel, took `longest` seconds in a submit: so that
-/// this comes near the target. The image does not depend on it.
-fn next_tile(tile: usize, count: usize, samples: usize, longest: f64, capacity: usize) -> usize {
+/// The next tile, given that `count` paths of one of at most `tile`, the last of an image or not, took `longest` seconds in a
+/// submit: so that this comes near the target. The image does not depend on it.
+fn next_tile(tile: usize, count: usize, is_last: bool, longest: f64, capacity: usize) -> usize {
     let factor = change(longest);
-    // A tile is whole pixels: a full one may lack the samples of a part of a pixel.
-    let full = count + samples > tile;
-    if factor >= 1.0 && !full {
+    // The last may hold less than fits.
+    if factor >= 1.0 && is_last {
         return tile;
     }
     ((count as f64 * factor) as usize).clamp(LEAST_TILE.min(capacity), capacity)
@@ -371,12 +369,12 @@ mod tests {
     fn tiles_follow_the_time_that_their_submits_take() {
         let fast = TARGET_SECONDS / 8.0;
         // 8,190 paths are all that fit into 8,192 with three samples a pixel.
-        assert_eq!(next_tile(8192, 8190, 3, fast, 1 << 16), 2 * 8190);
-        assert_eq!(next_tile(8192, 8192, 1, fast, 1 << 16), 2 * 8192);
-        assert_eq!(next_tile(1 << 16, 1 << 16, 8, fast, 1 << 16), 1 << 16);
+        assert_eq!(next_tile(8192, 8190, false, fast, 1 << 16), 2 * 8190);
+        assert_eq!(next_tile(8192, 8192, false, fast, 1 << 16), 2 * 8192);
+        assert_eq!(next_tile(1 << 16, 1 << 16, false, fast, 1 << 16), 1 << 16);
         // The rest of an image says nothing about a full tile, unless it took too long.
-        assert_eq!(next_tile(8192, 2250, 3, fast, 1 << 16), 8192);
-        assert_eq!(next_tile(8192, 8190, 3, 2.0 * TARGET_SECONDS, 1 << 16), 4095);
-        assert_eq!(next_tile(1024, 1024, 1, 2.0 * TARGET_SECONDS, 1 << 16), LEAST_TILE);
+        assert_eq!(next_tile(8192, 2250, true, fast, 1 << 16), 8192);
+        assert_eq!(next_tile(8192, 8190, true, 2.0 * TARGET_SECONDS, 1 << 16), 4095);
+        assert_eq!(next_tile(1024, 1024, false, 2.0 * TARGET_SECONDS, 1 << 16), LEAST_TILE);
     }
 }

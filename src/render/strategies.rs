@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::film::Film;
 use crate::gpu::Device;
 use crate::scene::Scene;
-use crate::settings::{Estimator, Settings, Strategies};
+use crate::settings::{Estimator, Sampling, Settings, Strategies};
 
 /// Host bytes a pixel and strategy: two films in f64 with their squares, two images of an iteration.
 const PIXEL_BYTES: u64 = 2 * (48 + 12);
@@ -53,8 +53,14 @@ impl StrategyImages {
         Ok(StrategyImages { renderer, images: strategies(settings).into_iter().map(image).collect() })
     }
 
-    /// Fails if the images of all strategies take more than 2 GiB.
+    /// Fails if the images of all strategies take more than 2 GiB, or samples are not spread evenly: what others are spread by
+    /// is not known here.
     pub fn check(settings: &Settings) -> Result<()> {
+        if settings.sampling == Sampling::Adaptive {
+            return Err(Error::Settings(
+                "--strategy-images needs as many samples in every pixel: give --sampling uniform".into(),
+            ));
+        }
         let count = strategies(settings).len() as u64;
         let bytes = count * PIXEL_BYTES * u64::from(settings.crop.width()) * u64::from(settings.crop.height());
         if bytes <= MOST_BYTES {

@@ -3,7 +3,7 @@
 use taugate::gpu::Device;
 use taugate::render::{Renderer, Tuning};
 use taugate::scene::Scene;
-use taugate::settings::{Budget, Crop, Emitters, Estimator, Importance, MAX_FRONTIER, Settings, Strategies};
+use taugate::settings::{Budget, Crop, Emitters, Estimator, Importance, MAX_FRONTIER, Sampling, Settings, Strategies};
 use taugate::statistics::sidak_threshold;
 use taugate::units::Gate;
 
@@ -34,6 +34,7 @@ pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> Settings {
         frontier: MAX_FRONTIER,
         single_tree: false,
         importance: Importance::ALL,
+        sampling: Sampling::Uniform,
         cull: true,
         camera: 0,
         emitters: Emitters::Scene,

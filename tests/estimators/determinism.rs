@@ -3,7 +3,7 @@
 use super::cells::{renderer, settings, tuned};
 use taugate::generate::{Kind, build};
 use taugate::render::{Renderer, Tuning};
-use taugate::settings::{Crop, Estimator};
+use taugate::settings::{Crop, Estimator, Sampling, Settings};
 use taugate::units::Gate;
 
 const SIZE: [u32; 2] = [40, 24];
@@ -24,17 +24,19 @@ fn image(mut renderer: Renderer, seed: u32) -> Vec<u32> {
 fn rerun_tile_and_workgroup_give_the_same_bits() {
     let scene = build(Kind::ClutteredRoom { triangles: 5_000 });
     let usual = Tuning::default();
-    for estimator in ESTIMATORS {
-        let settings = settings(estimator, SIZE);
+    let adaptive = ESTIMATORS.map(|estimator| (estimator, Sampling::Adaptive));
+    for (estimator, sampling) in ESTIMATORS.map(|estimator| (estimator, Sampling::Uniform)).into_iter().chain(adaptive)
+    {
+        let settings = Settings { sampling, ..settings(estimator, SIZE) };
         let first = image(renderer(&scene, &settings), 5);
-        assert!(first == image(renderer(&scene, &settings), 5), "{estimator:?}: rerun");
-        assert!(first != image(renderer(&scene, &settings), 6), "{estimator:?}: another seed must differ");
+        assert!(first == image(renderer(&scene, &settings), 5), "{estimator:?}, {sampling}: rerun");
+        assert!(first != image(renderer(&scene, &settings), 6), "{estimator:?}, {sampling}: another seed must differ");
         for (name, tuning) in [
             ("tile of 100 paths", Tuning { tile: Some(100), ..usual }),
             ("workgroups of 32", Tuning { workgroup: 32, ..usual }),
             ("workgroups of 256", Tuning { workgroup: 256, tile: Some(1000) }),
         ] {
-            assert!(first == image(tuned(&scene, &settings, tuning), 5), "{estimator:?}: {name}");
+            assert!(first == image(tuned(&scene, &settings, tuning), 5), "{estimator:?}, {sampling}: {name}");
         }
     }
 }

@@ -7,6 +7,7 @@ mod determinism;
 mod furnace;
 mod regressions;
 mod rough_glass;
+mod sampling;
 mod shared_scenes;
 mod sphere;
 mod strategies;

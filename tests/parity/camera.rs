@@ -1,4 +1,4 @@
-//! `shared/camera.wgsl`: film, pixels and the order in which samples run over the crop.
+//! `shared/camera.wgsl`: the film and its pixels.
 
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
@@ -7,7 +7,7 @@ use taugate::gpu::layout::{Frame, NONE};
 use crate::shader_function::ShaderFunction;
 use crate::values::{dvec, frame, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&FILM, &ORDER];
+pub const KERNELS: &[&ShaderFunction] = &[&FILM];
 
 const FILM: ShaderFunction = ShaderFunction {
     imports: &["camera"],
@@ -91,35 +91,4 @@ fn the_density_of_a_pixel_integrates_to_one() {
 /// Van Oosterom and Strackee 1983.
 fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     2.0 * (a.dot(b.cross(c)).abs() / (1.0 + a.dot(b) + b.dot(c) + c.dot(a))).atan()
-}
-
-const ORDER: ShaderFunction = ShaderFunction {
-    imports: &["camera"],
-    given: "index: u32",
-    result: "crop: vec2<u32>, pixel: vec2<u32>, sample: u32, pad: u32",
-    body: "result.crop = crop_pixel(given.index / frame.samples);
-        let s = sensor_sample(given.index); result.pixel = s.pixel; result.sample = s.sample;",
-};
-
-#[test]
-fn every_pixel_of_a_crop_is_sampled_once() {
-    let kernel = ORDER.prepare(&[]);
-    for (width, height) in
-        [(1, 1), (1, 9), (9, 1), (7, 7), (8, 8), (9, 9), (16, 8), (17, 23), (8, 15), (100, 3), (3, 100), (63, 65)]
-    {
-        let samples = 3;
-        let frame = frame(|f| {
-            (f.crop_x, f.crop_y, f.crop_width, f.crop_height) = (5, 11, width, height);
-            (f.samples, f.first_sample) = (samples, 40);
-        });
-        let inputs: Vec<u32> = (0..width * height * samples).collect();
-        let results: Vec<[u32; 6]> = kernel.run(&inputs, &[frame]);
-        let mut seen = vec![[0; 3]; (width * height) as usize];
-        for r in &results {
-            assert!(r[0] < width && r[1] < height, "{width} x {height}: {r:?}");
-            assert_eq!([r[2], r[3]], [r[0] + 5, r[1] + 11]);
-            seen[(r[1] * width + r[0]) as usize][r[4] as usize - 40] += 1;
-        }
-        assert!(seen.iter().all(|s| *s == [1; 3]), "{width} x {height}");
-    }
 }

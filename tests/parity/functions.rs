@@ -44,6 +44,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),
     ("total_power", "leaves that come up with the probability they report"),
+    ("sensor_sample", "crops that are parts of whole images, in determinism; tiles list their samples in a unit test"),
     ("random_vertices", "weights of a path sum to 1"),
     ("gains_beyond", "weights of a path sum to 1"),
     ("load_vertex", "load_light_vertex and load_shade_point"),

@@ -167,6 +167,7 @@ impl Bench {
             contents("frame", &[frame]),
             contents("light_vertices", lights),
             contents("shade_points", points),
+            contents("tile_samples", &one_each(points.len())),
             contents("shade_list", &every),
             contents("slot_list", &live),
             contents("counters", &[live.len() as u32]),
@@ -205,6 +206,7 @@ impl Bench {
             contents("tree_nodes", &[tree3.nodes, tree4.nodes].concat()),
             contents("path_offsets", &[0u32; 4]),
             contents("shade_points", points),
+            contents("tile_samples", &one_each(points.len())),
             contents("list", &every),
             contents("counters", &[points.len() as u32]),
             contents("candidates", &vec![Candidate::zeroed(); slots]),
@@ -213,6 +215,12 @@ impl Bench {
         let out = self.run(kernel, points.len(), &extra, &["candidates"]);
         bytemuck::pod_collect_to_vec(&out[0])
     }
+}
+
+/// Samples of as many pixels, one each, in blocks of 8 x 8.
+fn one_each(pixels: usize) -> Vec<[u32; 2]> {
+    let film_pixel = |i: u32| (i % 64 / 8) << 16 | (i / 64 * 8 + i % 8);
+    (0..pixels as u32).map(|i| [film_pixel(i), 0]).collect()
 }
 
 fn items(vertices: &[PathVertex]) -> Vec<Item> {
@@ -233,7 +241,6 @@ fn frame() -> Frame {
         keep_s2: 1.0,
         gain: 1.0,
         slots: 1,
-        samples: 1,
         width: 4000,
         crop_width: 4000,
         crop_height: 8,

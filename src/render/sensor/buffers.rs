@@ -1,6 +1,6 @@
 //! Buffers of the sensor subpaths: what they need, their names in WGSL, and reading the film back.
 
-use super::COUNTERS;
+use super::{COUNTERS, TileSample};
 use crate::error::Result;
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{Candidate, PathState, PathVertex};
@@ -9,6 +9,7 @@ use crate::render::plan::{Observe, Plan};
 
 /// Buffers of the sensor subpaths of a tile, and the film.
 pub struct Buffers {
+    pub tile_samples: Buffer,
     pub states: Buffer,
     pub shade_points: Buffer,
     pub radiance: Buffer,
@@ -28,7 +29,7 @@ pub struct Buffers {
 }
 
 /// Buffers of a tracer.
-pub const BUFFERS: usize = 17;
+pub const BUFFERS: usize = 18;
 
 /// What the fields of [`Buffers`] need, in their order, for `paths` paths with `slots` candidates a shade point.
 pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
@@ -39,6 +40,7 @@ pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
     let quads = |name: &'static str, n: usize| Need::of::<[f32; 4]>(name, n, few);
     let pixels = |name: &'static str| Need::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
     [
+        Need::of::<TileSample>("samples of a tile", paths, few),
         Need::of::<PathState>("sensor path states", paths, few),
         Need::of::<PathVertex>("shade points", paths, few),
         quads("path radiance", paths),
@@ -64,6 +66,7 @@ impl Buffers {
         let mut needs = needs(plan, paths, slots).into_iter();
         let mut next = || Buffer::for_need(device, &needs.next().expect("one need a field"));
         Ok(Buffers {
+            tile_samples: next()?,
             states: next()?,
             shade_points: next()?,
             radiance: next()?,
@@ -85,6 +88,7 @@ impl Buffers {
 
     pub fn bindings(&self) -> Vec<(&str, &Buffer)> {
         vec![
+            ("tile_samples", &self.tile_samples),
             ("states", &self.states),
             ("shade_points", &self.shade_points),
             ("radiance", &self.radiance),
@@ -103,8 +107,8 @@ impl Buffers {
         ]
     }
 
-    /// Adds the film to `image` and returns its tallies, added up.
-    pub fn add_film(&self, image: &mut [f32]) -> Result<[u64; 4]> {
+    /// Adds the film to `image`, shows `see` what was added and the sum, and returns its tallies, added up.
+    pub fn add_film(&self, image: &mut [f32], see: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<[u64; 4]> {
         let pixels = image.len() / 3;
         self.film.with::<[f32; 4], _>(pixels, |film| {
             for (to, from) in image.chunks_exact_mut(3).zip(film) {
@@ -112,6 +116,7 @@ impl Buffers {
                     to[k] += from[k];
                 }
             }
+            see(film, image);
         })?;
         self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
             let add = |mut sum: [u64; 4], t: &[u32; 4]| {

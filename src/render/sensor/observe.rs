@@ -10,8 +10,8 @@ pub struct Seen {
     pub rgb: [f32; 3],
     /// For [`Observe::Times`] the travel time, for [`Observe::Strategies`] the MIS weight.
     pub tau_or_weight: f32,
-    /// Number of the sample, counted over the crop.
-    pub sample: u64,
+    /// Row-major in the crop.
+    pub pixel: u32,
     /// Vertices of the sensor subpath, the pinhole included.
     pub t: u32,
     /// Light vertex of the pool it was connected to; none for an emitter that was hit.
@@ -21,39 +21,41 @@ pub struct Seen {
 impl SensorTracer {
     /// As [`SensorTracer::run`] for a plan that observes, a bounce a submit: shows `see` every emitter that was hit and every
     /// connection that was not blocked.
-    pub fn observe(&mut self, plan: &Plan, bound: &Bound, samples: u32, see: &mut impl FnMut(Seen)) -> Result<()> {
-        assert!(plan.observe != Observe::Nothing && (1..=MOST_SAMPLES).contains(&samples));
-        let all = plan.crop_pixels * u64::from(samples);
-        let mut first = 0;
-        while first < all {
-            let whole_pixels = (self.tile / samples as usize).max(1) * samples as usize;
-            let count = (whole_pixels as u64).min(all - first) as u32;
-            let constants = self.start_tile(bound, first as u32, count)?;
-            let mut living = count;
+    pub fn observe(
+        &mut self,
+        plan: &Plan,
+        bound: &Bound,
+        counts: &SampleCounts,
+        see: &mut impl FnMut(Seen),
+    ) -> Result<()> {
+        assert!(plan.observe != Observe::Nothing);
+        let mut tiles = Tiles::new(plan.crop, counts);
+        while let Some((tile, _)) = tiles.next(self.tile) {
+            let constants = self.start_tile(bound, tile)?;
+            let mut living = constants.count;
             for bounce in 0..plan.max_depth {
                 let constants = Dispatch { bounce, ..constants };
                 (living, _) = self.run_bounce(bound, &constants, living, &mut Stats::default())?;
                 self.recorder.submit()?;
-                self.show(first, bounce, see)?;
+                self.show(plan, tile, bounce, see)?;
                 if living == 0 {
                     break;
                 }
             }
-            first += u64::from(count);
         }
         Ok(())
     }
 
-    /// Shows what the bounce has found of the tile that begins with sample `first`.
-    fn show(&self, first: u64, bounce: u32, see: &mut impl FnMut(Seen)) -> Result<()> {
+    /// Shows what the bounce has found of a tile.
+    fn show(&self, plan: &Plan, tile: &[TileSample], bounce: u32, see: &mut impl FnMut(Seen)) -> Result<()> {
         let b = &self.buffers;
         let mut counters = [0u32; COUNTERS];
         b.counters.read(0, &mut counters)?;
         let length = |list: u32| counters[list as usize] as usize;
         let parity = bounce as usize % 2;
         let seen = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<usize>| {
-            let sample = first + u64::from(path);
-            Seen { rgb: [r, g, b], tau_or_weight, sample, t: bounce + 2, vertex }
+            let pixel = tiles::crop_pixel(plan.crop, tile[path as usize][0]);
+            Seen { rgb: [r, g, b], tau_or_weight, pixel, t: bounce + 2, vertex }
         };
 
         // Emitters that were hit, by the paths that were traced.

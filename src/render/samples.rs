@@ -1,0 +1,252 @@
+//! How many samples each pixel gets in an iteration: as many everywhere, or more where earlier iterations found more error.
+
+use rayon::prelude::*;
+
+use super::emitters::luminance;
+
+/// Samples a pixel in one iteration at most, on average over the pixels.
+pub const MOST_SAMPLES: u32 = 16;
+/// No pixel has more than so many times the average.
+const MOST_SHARE: u32 = 4;
+/// And none less than this part of it, whatever was found: where no light was seen there may be some.
+const LEAST_SHARE: f64 = 0.25;
+/// Samples in one pixel and iteration at most.
+pub const MOST_IN_PIXEL: u32 = MOST_SAMPLES * MOST_SHARE;
+/// Part of the image's mean below which an error counts as that part of it does: that of relMSE.
+const DARK: f64 = 0.01;
+/// Part of the greatest error that every pixel is taken to have at least.
+const LEAST_ERROR: f64 = 1e-6;
+/// Halvings of the interval that holds the factor of all shares: its error is far below a sample.
+const HALVINGS: u32 = 60;
+
+/// Samples of the pixels of the crop in one iteration.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SampleCounts {
+    /// As many in every pixel.
+    Even(u32),
+    /// Row-major, 1 to [`MOST_IN_PIXEL`] each.
+    Each(Vec<u8>),
+}
+
+impl SampleCounts {
+    /// Of a pixel of the crop, row-major.
+    pub fn of(&self, pixel: u32) -> u32 {
+        match self {
+            SampleCounts::Even(samples) => *samples,
+            SampleCounts::Each(counts) => counts[pixel as usize].into(),
+        }
+    }
+
+    /// The greatest of all.
+    pub fn greatest(&self) -> u32 {
+        match self {
+            SampleCounts::Even(samples) => *samples,
+            SampleCounts::Each(counts) => counts.iter().copied().max().unwrap_or(0).into(),
+        }
+    }
+}
+
+/// What a pixel's samples were so far.
+#[derive(Debug, Clone, Copy, Default)]
+struct Found {
+    samples: f64,
+    /// Luminances of the samples and their squares, added up.
+    sum: f64,
+    squares: f64,
+    /// The pixel's luminance, that of t = 1 included, times the samples a pixel of its iteration.
+    light: f64,
+}
+
+impl std::ops::AddAssign for Found {
+    fn add_assign(&mut self, other: Found) {
+        self.samples += other.samples;
+        self.sum += other.sum;
+        self.squares += other.squares;
+        self.light += other.light;
+    }
+}
+
+/// Gives samples to the pixels by the error that earlier iterations found in them. What an iteration renders stays unbiased:
+/// its counts are known before it begins, every pixel has a sample, and iterations are weighed by their average, never by the
+/// counts of a pixel.
+pub struct Allocation {
+    width: usize,
+    found: Vec<Found>,
+    /// Samples a pixel so far, on average.
+    samples: f64,
+    iterations: u32,
+}
+
+impl Allocation {
+    /// For a crop of `width` pixels across.
+    pub fn new(width: u32, pixels: u64) -> Allocation {
+        Allocation {
+            width: width as usize,
+            found: vec![Found::default(); pixels as usize],
+            samples: 0.0,
+            iterations: 0,
+        }
+    }
+
+    pub fn restart(&mut self) {
+        self.found.fill(Found::default());
+        (self.samples, self.iterations) = (0.0, 0);
+    }
+
+    /// Adds an iteration of `samples` samples a pixel, given to the pixels by `counts`. `film`: means of the sensor's samples,
+    /// w the sum of their squared luminances; `image`: RGB of the same with all other light.
+    pub fn add(&mut self, film: &[[f32; 4]], image: &[f32], counts: &SampleCounts, samples: u32) {
+        let samples = f64::from(samples);
+        let pixels = self.found.iter_mut().zip(film).zip(image.chunks_exact(3));
+        for (i, ((found, &[r, g, b, squares]), all)) in pixels.enumerate() {
+            let count = f64::from(counts.of(i as u32));
+            *found += Found {
+                samples: count,
+                sum: count * luminance([r, g, b]),
+                squares: squares.into(),
+                light: samples * luminance([all[0], all[1], all[2]]),
+            };
+        }
+        self.samples += samples;
+        self.iterations += 1;
+    }
+
+    /// Least and most samples that a pixel has had.
+    pub fn range(&self) -> [u64; 2] {
+        let samples = || self.found.iter().map(|found| found.samples as u64);
+        [samples().min().unwrap_or(0), samples().max().unwrap_or(0)]
+    }
+
+    /// Counts for an iteration of `samples` samples a pixel, the same sum over the pixels to one or two: in proportion to
+    /// the root of the variance of a sample over the squared light of the pixel, both of 3 x 3 pixels together, within
+    /// bounds. That makes the mean of relative errors least. As many everywhere until each pixel has two samples.
+    pub fn counts(&self, samples: u32) -> SampleCounts {
+        if samples == 1 || self.samples < 2.0 {
+            return SampleCounts::Even(samples);
+        }
+        let mut errors = self.relative_errors();
+        let greatest = errors.iter().copied().fold(0.0, f64::max);
+        if greatest == 0.0 {
+            return SampleCounts::Even(samples);
+        }
+        // What those cannot take that may have no more is for all others alike.
+        errors.iter_mut().for_each(|error| *error = error.max(LEAST_ERROR * greatest));
+        let wanted = f64::from(samples);
+        let (least, most) = ((LEAST_SHARE * wanted).max(1.0), f64::from(MOST_SHARE * samples));
+        let share = |error: f64, factor: f64| (least + factor * error).min(most);
+        let average = |factor: f64| errors.iter().map(|&e| share(e, factor)).sum::<f64>() / errors.len() as f64;
+        let mut factors = [0.0, most / (LEAST_ERROR * greatest)];
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (factors[0] + factors[1]);
+            factors[usize::from(average(middle) > wanted)] = middle;
+        }
+        self.whole(errors.iter().map(|&e| share(e, factors[0])))
+    }
+
+    /// Root of the variance of a pixel's sample over the squared light, of 3 x 3 pixels together.
+    fn relative_errors(&self) -> Vec<f64> {
+        let (width, height) = (self.width, self.found.len() / self.width);
+        let light = self.found.iter().map(|f| f.light).sum::<f64>() / self.found.len() as f64;
+        let dark = (DARK * light / self.samples).powi(2);
+        let error = |i: usize| {
+            let (x, y) = (i % width, i / width);
+            let (mut spread, mut freedom, mut light, mut pixels) = (0.0, 0.0, 0.0, 0.0);
+            for row in y.saturating_sub(1)..(y + 2).min(height) {
+                for found in &self.found[row * width..][x.saturating_sub(1)..(x + 2).min(width)] {
+                    spread += (found.squares - found.sum * found.sum / found.samples).max(0.0);
+                    freedom += found.samples - 1.0;
+                    light += found.light;
+                    pixels += 1.0;
+                }
+            }
+            let mean = light / (pixels * self.samples);
+            let relative = spread / freedom / (mean * mean + dark);
+            if relative.is_finite() { relative.sqrt() } else { 0.0 }
+        };
+        (0..self.found.len()).into_par_iter().with_min_len(1 << 12).map(error).collect()
+    }
+
+    /// Whole numbers that differ from `shares` by less than one, their sums in every part of the image too: what is cut off a
+    /// pixel is given to the next. Where it begins changes from iteration to iteration, so that none is always cut.
+    fn whole(&self, shares: impl Iterator<Item = f64>) -> SampleCounts {
+        let golden = 0.618_033_988_749_895;
+        let mut carried = (golden * f64::from(self.iterations)).fract() - 0.5;
+        let round = |share: f64| {
+            let count = (share + carried).round().max(1.0);
+            carried += share - count;
+            count as u8
+        };
+        SampleCounts::Each(shares.map(round).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 20 x 10 pixels after an iteration of four samples each: the sum of squares of each pixel's luminance, whose mean is 1.
+    fn after(squares: impl Fn(usize) -> f32) -> Allocation {
+        let mut allocation = Allocation::new(20, 200);
+        let film: Vec<[f32; 4]> = (0..200).map(|i| [1.0, 1.0, 1.0, squares(i)]).collect();
+        allocation.add(&film, &[1.0; 600], &SampleCounts::Even(4), 4);
+        allocation
+    }
+
+    fn counts(allocation: &Allocation, samples: u32) -> Vec<u32> {
+        let counts = allocation.counts(samples);
+        (0..200).map(|pixel| counts.of(pixel)).collect()
+    }
+
+    #[test]
+    fn samples_are_even_until_errors_are_known() {
+        let fresh = Allocation::new(20, 200);
+        assert_eq!(fresh.counts(4), SampleCounts::Even(4));
+        assert_eq!(after(|_| 4.0).counts(4), SampleCounts::Even(4), "no sample differs from another");
+        assert_eq!(after(|_| 9.0).counts(1), SampleCounts::Even(1));
+        assert!(counts(&after(|_| 9.0), 4).iter().all(|&n| n == 4), "as much error everywhere");
+    }
+
+    #[test]
+    fn samples_go_where_the_error_is() {
+        // The left half has a variance of (40 - 4) / 3, the right one of (13 - 4) / 3: a root twice as great.
+        let allocation = after(|i| if i % 20 < 10 { 40.0 } else { 13.0 });
+        let found = counts(&allocation, 8);
+        let sum = |columns: std::ops::Range<usize>| -> u32 {
+            (0..200).filter(|i| columns.contains(&(i % 20))).map(|i| found[i]).sum()
+        };
+        assert!(sum(0..20).abs_diff(8 * 200) <= 1, "{}", sum(0..20));
+        // Nine columns each away from the border: 2 + 2 f and 2 + f have the mean 8, so f = 4.
+        assert!(sum(0..9).abs_diff(10 * 90) <= 2 && sum(11..20).abs_diff(6 * 90) <= 2, "{} {}", sum(0..9), sum(11..20));
+    }
+
+    #[test]
+    fn no_pixel_has_none_and_none_has_all() {
+        for samples in [2, 3, 4, 16] {
+            let found = counts(&after(|i| if i == 105 { 1e9 } else { 4.0 }), samples);
+            let [least, most] = [found.iter().min().unwrap(), found.iter().max().unwrap()];
+            assert!(*least >= (samples / 4).max(1) && *most == 4 * samples, "{samples}: {least} to {most}");
+            assert!(*most <= MOST_IN_PIXEL);
+            // Nine pixels have that much, all others share the rest alike.
+            let rest = f64::from(200 * samples - 9 * most) / 191.0;
+            assert!(found.iter().all(|&n| n == *most || (f64::from(n) - rest).abs() < 1.0));
+            assert!(found.iter().sum::<u32>().abs_diff(200 * samples) <= 1);
+        }
+    }
+
+    #[test]
+    fn what_is_cut_off_changes_place() {
+        let mut allocation = after(|i| 5.0 + i as f32);
+        let first = counts(&allocation, 2);
+        allocation.iterations += 1;
+        let second = counts(&allocation, 2);
+        assert_ne!(first, second);
+        assert!(first.iter().zip(&second).all(|(a, b)| a.abs_diff(*b) <= 1));
+    }
+
+    #[test]
+    fn a_restart_forgets() {
+        let mut allocation = after(|i| i as f32);
+        allocation.restart();
+        assert_eq!(allocation.counts(4), SampleCounts::Even(4));
+    }
+}

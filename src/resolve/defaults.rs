@@ -1,0 +1,55 @@
+//! What is done when nothing says it.
+
+use crate::experiment::OutputTable;
+use crate::scene::{Light, LightKind, Material, Scene};
+use crate::settings::*;
+use crate::units::Gate;
+
+/// Part of the scene's diagonal from which on a gate is wide.
+const WIDE_GATE: f64 = 0.4;
+
+/// Without a gate, or with a wide one, there is little that queries could choose better by: they only cost time. Without one `pt` is
+/// the fastest where it sees all light well: nothing focuses light and nothing shines as a beam (docs/PERFORMANCE.md, Error at
+/// equal time).
+pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
+    let is_beam = |light: &Light| matches!(light.kind, LightKind::Beam { .. }) && emitters.include(&light.node);
+    if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
+        Estimator::Lcs
+    } else if gate == Gate::OPEN && !focuses_light(scene, SHARP) && !scene.lights.iter().any(is_beam) {
+        Estimator::Pt
+    } else {
+        Estimator::Bdpt
+    }
+}
+
+/// Roughness below which gloss gathers light so sharply that `pt` seldom finds it.
+const SHARP: f32 = 0.3;
+/// Roughness below which light that gloss has gathered is worth light subpaths of its own.
+const GLOSSY: f32 = 0.5;
+
+/// Whether glass, or a mirror or gloss below a roughness, can gather light.
+fn focuses_light(scene: &Scene, roughness: f32) -> bool {
+    let focuses =
+        |m: &Material| m.transmission > 0.0 || (m.roughness < roughness && (m.metallic > 0.0 || m.specular > 0.0));
+    scene.materials.iter().any(focuses)
+}
+
+/// Enough that the trees know the light, and no more than sensor paths can pay for.
+pub(super) fn light_paths([width, height]: [u32; 2]) -> u32 {
+    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, MOST_LIGHT_PATHS_BY_DEFAULT)
+}
+
+/// Light subpaths for t = 1 alone when nothing says how many: only `lcs` traces more than it stores, and only where light that a
+/// mirror, glass or gloss focused reaches the sensor's surfaces: no query finds that.
+pub fn splat_paths(estimator: Estimator, [width, height]: [u32; 2], scene: &Scene) -> u32 {
+    if estimator == Estimator::Lcs && focuses_light(scene, GLOSSY) {
+        (SPLAT_PATHS_A_PIXEL * width * height).min(MAX_LIGHT_PATHS)
+    } else {
+        0
+    }
+}
+
+/// Images of strategies are rendered with as many samples in every pixel.
+pub(super) fn sampling(estimator: Estimator, output: &OutputTable) -> Sampling {
+    if output.strategy_images.is_some() { Sampling::Uniform } else { estimator.default_sampling() }
+}

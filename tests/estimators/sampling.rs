@@ -1,0 +1,86 @@
+//! Samples that follow the error of earlier iterations never change the image on average, and its variance is known.
+
+use super::cells::{Cells, SEEDS, device, disagreements, renderer, settings, threshold};
+use taugate::generate::{Kind, build};
+use taugate::oracle::sphere::gated_radiance;
+use taugate::render::{Prepared, StrategyImages};
+use taugate::settings::{Estimator, Sampling, Settings};
+use taugate::units::Gate;
+
+/// Through this gate the generated Cornell box is dark in some parts, bright in others, and seen in its mirror.
+const GATE: Gate = Gate { lo: 8.0, hi: 8.3 };
+
+fn spread(estimator: Estimator, sampling: Sampling) -> Settings {
+    Settings { sampling, max_depth: 10, ..settings(estimator, [24, 24]) }
+}
+
+#[test]
+fn adaptive_samples_agree_with_uniform_ones() {
+    let scene = build(Kind::CornellBox);
+    for estimator in [Estimator::Bdpt, Estimator::Lcs] {
+        let uniform = Cells::measure(&mut renderer(&scene, &spread(estimator, Sampling::Uniform)), GATE, 8, 3, 4, 500);
+        let mut adaptive = renderer(&scene, &spread(estimator, Sampling::Adaptive));
+        let wrong = disagreements(&uniform, &Cells::measure(&mut adaptive, GATE, 8, 3, 4, 600));
+        assert!(wrong.is_empty(), "{estimator}:\n{}", wrong.join("\n"));
+        let later = Gate { lo: 8.3, hi: 8.6 };
+        let shifted = Cells::measure(&mut adaptive, later, 8, 3, 4, 600);
+        assert!(!disagreements(&uniform, &shifted).is_empty(), "{estimator}: another gate looks the same");
+    }
+}
+
+#[test]
+fn adaptive_samples_agree_with_the_closed_form() {
+    let scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: 0.5 });
+    let settings = Settings { sampling: Sampling::Adaptive, ..settings(Estimator::Lcs, [12, 12]) };
+    let mut renderer = renderer(&scene, &settings);
+    for (lo, hi) in [(2.5, 3.0), (4.0, 5.0)] {
+        let (mean, error) = Cells::measure(&mut renderer, Gate { lo, hi }, 12, 4, 4, 700).whole();
+        let [z, off] = [1.0, 1.02].map(|stretch| (mean - gated_radiance(1.0, 0.5, lo * stretch, hi * stretch)) / error);
+        assert!(z.abs() < threshold(2), "[{lo}, {hi}): z = {z:.2}");
+        assert!(off.abs() > threshold(1), "[{lo}, {hi}): a gate off by 2 % passes with z = {off:.2}");
+    }
+}
+
+/// The error that a render states of its image's mean is what seeds differ by.
+#[test]
+fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
+    let scene = build(Kind::CornellBox);
+    let mut renderer = renderer(&scene, &spread(Estimator::Lcs, Sampling::Adaptive));
+    let (mut means, mut stated) = (vec![], 0.0);
+    for seed in 0..SEEDS {
+        renderer.restart(800 + seed, GATE);
+        (0..8).for_each(|_| renderer.iterate(4).unwrap_or_else(|e| panic!("{e}")));
+        let (mean, error) = renderer.film().image_mean();
+        means.push(mean);
+        stated += error.expect("eight iterations").powi(2) / f64::from(SEEDS);
+    }
+    let mean = means.iter().sum::<f64>() / means.len() as f64;
+    let found = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (means.len() - 1) as f64;
+    // A variance of 32 values is off by 60 % at four standard deviations, and so is that of the stated ones by a fourth of it.
+    let ratio = stated / found;
+    assert!((0.45..2.2).contains(&ratio), "stated over found: {ratio:.2}");
+}
+
+#[test]
+fn adaptive_renders_take_the_samples_they_say() {
+    let scene = build(Kind::CornellBox);
+    let mut renderer = renderer(&scene, &spread(Estimator::Lcs, Sampling::Adaptive));
+    renderer.restart(1, GATE);
+    for samples in [1, 1, 2, 4, 16] {
+        renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
+    }
+    assert_eq!(renderer.film().samples(), 24);
+    let traced = renderer.stats().samples;
+    assert!(traced.abs_diff(24 * 24 * 24) <= 5, "{traced} samples");
+    let [least, most] = renderer.samples_in_pixels();
+    assert!((8..16).contains(&least) && (41..=96).contains(&most), "{least} to {most}");
+}
+
+#[test]
+fn images_of_strategies_are_refused() {
+    let scene = build(Kind::CornellBox);
+    let settings = spread(Estimator::Lcs, Sampling::Adaptive);
+    let prepared = Prepared::new(&scene, &settings).unwrap();
+    let error = StrategyImages::new(&device(), &scene, &settings, &prepared).err().expect("refused").to_string();
+    assert!(error.contains("--sampling uniform"), "{error}");
+}
