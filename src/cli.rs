@@ -132,7 +132,7 @@ pub struct RenderArgs {
     importance: Option<Importance>,
 
     /// How samples are spread over the image: uniform, or adaptive: more where earlier ones found more error
-    /// [default: uniform; lcs: adaptive]
+    /// [default: adaptive; lcs-paper: uniform]
     #[arg(long, value_name = "NAME", help_heading = "Sampling")]
     sampling: Option<Sampling>,
 

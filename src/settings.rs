@@ -76,11 +76,11 @@ impl Estimator {
         }
     }
 
-    /// How samples are spread when nothing says it.
+    /// How samples are spread when nothing says it; the paper spreads them evenly.
     pub fn default_sampling(self) -> Sampling {
         match self {
-            Estimator::Lcs => Sampling::Adaptive,
-            Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => Sampling::Uniform,
+            Estimator::LcsPaper => Sampling::Uniform,
+            Estimator::Pt | Estimator::Bdpt | Estimator::Lcs => Sampling::Adaptive,
         }
     }
 
