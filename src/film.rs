@@ -1,7 +1,8 @@
 //! The film: per-pixel mean and variance over iterations, in f64.
 //!
-//! Pixels of one iteration share a light-vertex pool and are correlated, but whole iterations are independent. So the
-//! variance comes from iterations as batches, never from the samples of a pixel.
+//! Pixels of one iteration share a light-vertex pool and are correlated, but whole iterations are uncorrelated
+//! (where samples follow the error, later ones depend on earlier ones by their counts alone). So the variance comes from iterations
+//! as batches, never from the samples of a pixel.
 
 use rayon::prelude::*;
 
