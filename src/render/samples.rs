@@ -16,8 +16,8 @@ pub const MOST_IN_PIXEL: u32 = MOST_SAMPLES * MOST_SHARE;
 const DARK: f64 = 0.01;
 /// Part of the greatest error that every pixel is taken to have at least.
 const LEAST_ERROR: f64 = 1e-6;
-/// Halvings of the interval that holds the factor of all shares: its error is far below a sample.
-const HALVINGS: u32 = 60;
+/// Passes over all pixels that look for the factor of their shares; it is found when no more of them have their most.
+const MOST_PASSES: u32 = 64;
 
 /// Samples of the pixels of the crop in one iteration.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,14 +133,8 @@ impl Allocation {
         errors.iter_mut().for_each(|error| *error = error.max(LEAST_ERROR * greatest));
         let wanted = f64::from(samples);
         let (least, most) = ((LEAST_SHARE * wanted).max(1.0), f64::from(MOST_SHARE * samples));
-        let share = |error: f64, factor: f64| (least + factor * error).min(most);
-        let average = |factor: f64| errors.iter().map(|&e| share(e, factor)).sum::<f64>() / errors.len() as f64;
-        let mut factors = [0.0, most / (LEAST_ERROR * greatest)];
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (factors[0] + factors[1]);
-            factors[usize::from(average(middle) > wanted)] = middle;
-        }
-        self.whole(errors.iter().map(|&e| share(e, factors[0])))
+        let factor = factor(&errors, wanted - least, most - least);
+        self.whole(errors.iter().map(|&error| (least + factor * error).min(most)))
     }
 
     /// Root of the variance of a pixel's sample over the squared light, of 3 x 3 pixels together.
@@ -178,6 +172,28 @@ impl Allocation {
         };
         SampleCounts::Each(shares.map(round).collect())
     }
+}
+
+/// The factor f for which min(f error, most) has the average `wanted` < `most`; errors are positive. What pixels cannot take that
+/// have their most goes to the others in the next pass, so f only grows.
+fn factor(errors: &[f64], wanted: f64, most: f64) -> f64 {
+    let mut factor = 0.0;
+    for _ in 0..MOST_PASSES {
+        let (mut left, mut free) = (wanted * errors.len() as f64, 0.0);
+        for &error in errors {
+            if factor * error >= most {
+                left -= most;
+            } else {
+                free += error;
+            }
+        }
+        let next = left / free;
+        if next.is_nan() || next <= factor * (1.0 + 1e-9) {
+            break;
+        }
+        factor = next;
+    }
+    factor
 }
 
 #[cfg(test)]
