@@ -111,8 +111,10 @@ impl Film {
         (self.image.mean, error)
     }
 
-    /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i), unbiased when an
-    /// iteration's variance is inverse to its samples. Always finite; 0 with fewer than two iterations.
+    /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i), unbiased for iterations of
+    /// as many samples, and for others when an iteration's variance is inverse to its samples. Adaptive samples lower that of a pixel as
+    /// they learn: the short iterations at the beginning of a `--time` then count too much in pixels that have many samples, too little in
+    /// those that have few (by up to a half of it in renders of 16 samples, less in longer ones). Always finite; 0 with fewer than two iterations.
     pub fn variance_of_mean(&self) -> Vec<f32> {
         if self.iterations < 2 {
             return vec![0.0; self.moments.len()];

@@ -28,14 +28,16 @@ pub fn next_samples(budget: &Budget, done: u64, elapsed: Duration) -> u32 {
 }
 
 /// Samples a pixel in the next iteration of a render of `seconds` that took `elapsed` of them for `done` samples: 1 at least. No
-/// more than were done before, since the first samples say little of what one takes, and no more than fit.
+/// more than were done before, since the first samples say little of what one takes, and no more than fit, if any do.
 pub fn samples_within(seconds: f64, done: u64, elapsed: f64) -> u32 {
     if done == 0 {
         return 1;
     }
     let each = elapsed / done as f64;
-    let wanted = (seconds / f64::from(BATCHES) / each).clamp(WORTH_THE_LIGHT.into(), MOST_SAMPLES.into());
-    let fitting = ((seconds - elapsed) / each).round();
+    let in_all = seconds / each;
+    let least = (in_all / f64::from(FEWEST_BATCHES)).clamp(1.0, WORTH_THE_LIGHT.into());
+    let wanted = (in_all / f64::from(BATCHES)).clamp(least, MOST_SAMPLES.into());
+    let fitting = if elapsed < seconds { ((seconds - elapsed) / each).round() } else { wanted };
     wanted.min(done as f64).min(fitting).max(1.0) as u32
 }
 
@@ -65,12 +67,15 @@ mod tests {
         let budget = Budget::Seconds(16.0);
         let next = |done, seconds| next_samples(&budget, done, Duration::from_secs_f64(seconds));
         assert_eq!(next(0, 99.0), 1);
-        // A second each: four at a time are worth their light, but not before four are known.
-        assert_eq!([next(1, 1.0), next(2, 2.0), next(3, 3.0), next(4, 4.0), next(8, 8.0)], [1, 2, 3, 4, 4]);
+        // Half a second each: four at a time are worth their light, but not before four are known. A second each: two, so
+        // that there are eight iterations.
+        assert_eq!([next(1, 0.5), next(2, 1.0), next(3, 1.5), next(4, 2.0), next(8, 4.0)], [1, 2, 3, 4, 4]);
+        assert_eq!([next(1, 1.0), next(4, 4.0)], [1, 2]);
         // A sixteenth of the time, and eight at most.
         assert_eq!([next(20, 3.0), next(1000, 1.0)], [6, 8]);
         // What is left of the time.
         assert_eq!([next(14, 14.0), next(15, 15.0), next(16, 15.9)], [2, 1, 1]);
         assert_eq!([next(1, 16.0), next(5, 17.0)], [0, 0]);
+        assert_eq!(samples_within(16.0, 100, 20.0), 5, "whoever goes on past the end goes on as before");
     }
 }

@@ -8,7 +8,7 @@ use super::emitters::luminance;
 pub const MOST_SAMPLES: u32 = 16;
 /// No pixel has more than so many times the average.
 const MOST_SHARE: u32 = 4;
-/// And none less than this part of it, whatever was found: where no light was seen there may be some.
+/// And none less than this part of it, nor than one, whatever was found: where no light was seen there may be some.
 const LEAST_SHARE: f64 = 0.25;
 /// Samples in one pixel and iteration at most.
 pub const MOST_IN_PIXEL: u32 = MOST_SAMPLES * MOST_SHARE;
@@ -125,19 +125,20 @@ impl Allocation {
             return SampleCounts::Even(samples);
         }
         let mut errors = self.relative_errors();
-        let greatest = errors.iter().copied().fold(0.0, f64::max);
+        let greatest = errors.iter().copied().filter(|error| error.is_finite()).fold(0.0, f64::max);
         if greatest == 0.0 {
             return SampleCounts::Even(samples);
         }
         // What those cannot take that may have no more is for all others alike.
-        errors.iter_mut().for_each(|error| *error = error.max(LEAST_ERROR * greatest));
+        errors.iter_mut().for_each(|error| *error = error.clamp(LEAST_ERROR * greatest, greatest));
         let wanted = f64::from(samples);
         let (least, most) = ((LEAST_SHARE * wanted).max(1.0), f64::from(MOST_SHARE * samples));
         let factor = factor(&errors, wanted - least, most - least);
         self.whole(errors.iter().map(|&error| (least + factor * error).min(most)))
     }
 
-    /// Root of the variance of a pixel's sample over the squared light, of 3 x 3 pixels together.
+    /// Root of the variance of a pixel's sample over the squared light, of 3 x 3 pixels together; infinite where squares are
+    /// beyond all floats.
     fn relative_errors(&self) -> Vec<f64> {
         let (width, height) = (self.width, self.found.len() / self.width);
         let light = self.found.iter().map(|f| f.light).sum::<f64>() / self.found.len() as f64;
@@ -155,7 +156,7 @@ impl Allocation {
             }
             let mean = light / (pixels * self.samples);
             let relative = spread / freedom / (mean * mean + dark);
-            if relative.is_finite() { relative.sqrt() } else { 0.0 }
+            if relative.is_nan() { 0.0 } else { relative.sqrt() }
         };
         (0..self.found.len()).into_par_iter().with_min_len(1 << 12).map(error).collect()
     }
@@ -247,6 +248,12 @@ mod tests {
             assert!(found.iter().all(|&n| n == *most || (f64::from(n) - rest).abs() < 1.0));
             assert!(found.iter().sum::<u32>().abs_diff(200 * samples) <= 1);
         }
+    }
+
+    #[test]
+    fn squares_beyond_all_floats_are_the_greatest_error() {
+        let found = counts(&after(|i| if i == 105 { f32::INFINITY } else { 5.0 + (i % 7) as f32 }), 4);
+        assert!(found[105] > 4 && found.iter().sum::<u32>().abs_diff(800) <= 1, "{}", found[105]);
     }
 
     #[test]

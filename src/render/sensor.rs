@@ -173,7 +173,7 @@ impl SensorTracer {
         stats: &mut Stats,
     ) -> Result<()> {
         let mut tiles = Tiles::new(plan.crop, counts);
-        while let Some((tile, is_last)) = tiles.next(self.tile) {
+        while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(self.tile)) {
             self.run_tile(plan, bound, tile, is_last, stats)?;
             stats.samples += tile.len() as u64;
         }
