@@ -12,7 +12,7 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     let asked = begin_slots(rank);
     let q = asked.q;
     var used = asked.used;
-    let receiver = Receiver(make_shell(q), q.geometric);
+    let receiver = Receiver(make_shell(q), q.geometric, transmits(q));
     // Both trees through one loop: a second traversal would double the kernel.
     for (var tree = 0u; tree < 2u; tree++) {
         let root = select(frame.tree4_root, frame.tree3_root, tree == 0u);

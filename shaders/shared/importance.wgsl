@@ -20,6 +20,8 @@ struct Receiver {
     shell: Shell,
     // Geometric normal on the side it was reached from.
     normal: vec3<f32>,
+    // Light may come through the surface.
+    transmits: bool,
 }
 
 // Share of the power of four buckets whose optical lengths lie in intervals of `length` from `start` on that meets the gate, 0 to 1,
@@ -78,11 +80,7 @@ fn node_importance(c: TreeChild, r: Receiver) -> f32 {
     let d = vec2<f32>(distances.x * r.shell.eta_lo, distances.y * r.shell.eta_hi);
     let half_extent = 0.5 * (c.hi - c.lo);
     let center = 0.5 * (c.hi + c.lo) - r.shell.q;
-    var cosine = box_cosine(r.normal, center, half_extent, distances.x);
-    if (HAS_TRANSMISSION) {
-        // Light may come through the surface.
-        cosine = 1.0;
-    }
+    let cosine = select(box_cosine(r.normal, center, half_extent, distances.x), 1.0, r.transmits);
     if (is_pruned(c.tau_lo, c.tau_hi, d, r.shell) || cosine < 0.0) {
         return 0.0;
     }

@@ -1,4 +1,5 @@
 // What a subpath carries from bounce to bounce, and what a vertex keeps for its connections.
+#import frame
 
 // A subpath on its way: the ray to trace next. d_vcm and d_vc are Georgiev's partial MIS sums ("Implementing Vertex
 // Connection and Merging", 2012, Sec. 4) with every term squared (power heuristic, beta = 2).
@@ -72,6 +73,8 @@ const VERTEX_DETERMINISTIC: u32 = 0x200u;
 const VERTEX_FRONT: u32 = 0x400u;
 // Light: as PATH_RANDOM_SHIFT, with this vertex.
 const VERTEX_RANDOM_SHIFT: u32 = 12u;
+// Light passes through the surface: it scatters to both sides.
+const VERTEX_TRANSMITS: u32 = 0x4000u;
 // The slot holds a vertex.
 const VERTEX_VALID: u32 = 0x800u;
 
@@ -92,6 +95,11 @@ fn load_vertex(texels: texture_1d<u32>, index: u32) -> PathVertex {
     return PathVertex(place.xyz, place.w, bitcast<vec3<f32>>(carried.xyz), carried.w, normal.xyz, normal.w,
         geometric.xyz, geometric.w, bitcast<vec3<f32>>(previous.xyz), previous.w, color.xyz, color.w,
         bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, 0u);
+}
+
+// Whether light passes through the surface at v.
+fn transmits(v: PathVertex) -> bool {
+    return HAS_TRANSMISSION && (v.flags & VERTEX_TRANSMITS) != 0u;
 }
 
 // Vertices of the light subpath up to v that are not deterministic, at most 3.

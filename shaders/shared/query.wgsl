@@ -5,10 +5,7 @@
 #import random
 
 fn make_shell(q: PathVertex) -> Shell {
-    var other = q.eta;
-    if (HAS_TRANSMISSION) {
-        other = medium_towards(q, -q.geometric);
-    }
+    let other = medium_towards(q, -q.geometric);
     return Shell(q.position, frame.gate_lo - q.tau - frame.slack, frame.gate_hi - q.tau + frame.slack,
         min(q.eta, other), max(q.eta, other));
 }

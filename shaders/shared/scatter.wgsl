@@ -59,10 +59,7 @@ fn to_local(normal: vec3<f32>, w: vec3<f32>) -> vec3<f32> {
 
 // Refractive index of the medium that a segment leaving the vertex along `w` travels in.
 fn medium_towards(v: PathVertex, w: vec3<f32>) -> f32 {
-    if (!HAS_TRANSMISSION || (v.flags & VERTEX_EMITTER) != 0u || dot(v.geometric, w) >= 0.0) {
-        return v.eta;
-    }
-    if (load_material(v.material).transmission <= 0.0) {
+    if (!transmits(v) || dot(v.geometric, w) >= 0.0) {
         return v.eta;
     }
     return select(1.0, load_material(v.material).ior, (v.flags & VERTEX_FRONT) != 0u);

@@ -31,14 +31,11 @@ fn can_connect(q: PathVertex, v: PathVertex) -> bool {
     let d = sqrt(d2);
     let w = offset / d;
     let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
-    var open = d > SAME_PLACE * max_component(abs(q.position)) && segments <= frame.max_depth
-        && in_gate(v.tau, medium_towards(q, w) * d, q.tau);
-    if (!HAS_TRANSMISSION) {
-        let emitter_any_side = (v.flags & VERTEX_EMITTER) != 0u && v.material != EMIT_ONE_SIDED;
-        open = open && dot(q.geometric, w) > 0.0
-            && (emitter_any_side || dot(v.geometric, w) < 0.0);
-    }
-    return open;
+    let emitter_any_side = (v.flags & VERTEX_EMITTER) != 0u && v.material != EMIT_ONE_SIDED;
+    return d > SAME_PLACE * max_component(abs(q.position)) && segments <= frame.max_depth
+        && in_gate(v.tau, medium_towards(q, w) * d, q.tau)
+        && (transmits(q) || dot(q.geometric, w) > 0.0)
+        && (transmits(v) || emitter_any_side || dot(v.geometric, w) < 0.0);
 }
 
 // `vertex` if connecting it to q can contribute, else NONE.

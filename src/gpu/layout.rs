@@ -118,6 +118,7 @@ pub mod constants {
         VERTEX_EMITTER = 0x100,
         VERTEX_DETERMINISTIC = 0x200,
         VERTEX_VALID = 0x800,
+        VERTEX_TRANSMITS = 0x4000,
         EMIT_POINT = 2,
         EMIT_SPOT = 3,
         LEAF_BIT = 0x8000_0000,

@@ -40,6 +40,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("query_deterministic", "as unshadowed: images by points, spots and beams"),
     ("begin_slots", "as unshadowed"),
     ("clear_slots", "as unshadowed"),
+    ("transmits", "media of connections in scatter, by medium_towards"),
     ("vertex_importance", "images by lcs against closed forms and the oracle: a wrong probability is a bias"),
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),

@@ -21,7 +21,7 @@ const IMPORTANCE: ShaderFunction = ShaderFunction {
     body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
         let d = box_distances(given.q, given.c.lo, given.c.hi);
         result.power = power_through_gate(given.c, d, shell);
-        result.importance = node_importance(given.c, Receiver(shell, given.normal));
+        result.importance = node_importance(given.c, Receiver(shell, given.normal, false));
         result.pruned = u32(is_pruned(given.c.tau_lo, given.c.tau_hi, d, shell));",
 };
 
@@ -187,7 +187,7 @@ const SWITCHED: ShaderFunction = ShaderFunction {
         let d = box_distances(given.q, given.c.lo, given.c.hi);
         let extent = 0.5 * (given.c.hi - given.c.lo);
         let center = 0.5 * (given.c.hi + given.c.lo) - given.q;
-        result.importance = node_importance(given.c, Receiver(shell, given.normal));
+        result.importance = node_importance(given.c, Receiver(shell, given.normal, false));
         result.power = power_through_gate(given.c, d, shell);
         result.bucket_power = bucket_power(given.c, d, shell);
         result.distance2 = node_distance2(center, extent, d.x);
@@ -248,7 +248,7 @@ const DESCEND: ShaderFunction = ShaderFunction {
     result: "leaf: u32, weight: f32",
     body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
         var rng = given.seed;
-        let receiver = Receiver(shell, given.normal);
+        let receiver = Receiver(shell, given.normal, false);
         var frontier: Frontier;
         grow_frontier(&frontier, given.root, receiver);
         result.leaf = NONE;

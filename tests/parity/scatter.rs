@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
+use taugate::gpu::layout::constants::VERTEX_TRANSMITS;
 use taugate::gpu::layout::{NONE, PathState, PathVertex};
 
 use crate::materials::set;
@@ -67,13 +68,14 @@ fn vertex(pcg: &mut Pcg) -> PathVertex {
     }
     let material = wide[pcg.below(wide.len())];
     let front = pcg.below(2) == 0;
+    let transmits = set.kinds[material as usize].transmission > 0.0;
     PathVertex {
         normal: vec3(normal),
         geometric: vec3(geometric),
         to_previous: vec3(to_previous),
         base_color: [0; 3].map(|_| pcg.range(0.1, 1.0) as f32),
         material,
-        flags: if front { FRONT } else { 0 },
+        flags: if front { FRONT } else { 0 } | if transmits { VERTEX_TRANSMITS } else { 0 },
         eta: if front { 1.0 } else { set.kinds[material as usize].ior },
         select_pdf: [1.0, 0.25][pcg.below(2)],
         throughput: [1.0; 3],
