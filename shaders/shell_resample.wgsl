@@ -1,6 +1,7 @@
 // lcs: chooses one vertex of each tree for a shade point, out of K queries by importance, and so pays one shadow ray for K
 // candidates. Deterministic vertices are evaluated one by one. Bindings: shared/slots.wgsl.
 #import resample
+#import receiver
 
 // One thread, one shade point.
 @compute @workgroup_size(WORKGROUP)
@@ -12,7 +13,7 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     let asked = begin_slots(rank);
     let q = asked.q;
     var used = asked.used;
-    let receiver = Receiver(make_shell(q), q.geometric, transmits(q));
+    let receiver = make_receiver(q);
     // Both trees through one loop: a second traversal would double the kernel.
     for (var tree = 0u; tree < 2u; tree++) {
         let root = select(frame.tree4_root, frame.tree3_root, tree == 0u);

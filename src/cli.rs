@@ -97,12 +97,11 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     max_depth: Option<u32>,
 
-    /// Light subpaths an iteration whose vertices are kept [default: one a pixel, 4096 to 50000]
+    /// Light subpaths an iteration whose vertices are kept [default: one a pixel, 4096 to 50000; lcs: to 8192]
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     light_paths: Option<u32>,
 
-    /// Further light subpaths an iteration that only the sensor sees; for caustics [default: 0; lcs: three a pixel where
-    /// mirrors, glass or gloss focus light]
+    /// Further light subpaths an iteration that only the sensor sees; for caustics [default: 0]
     #[arg(long, value_name = "N", help_heading = "Sampling")]
     splat_paths: Option<u32>,
 
@@ -126,8 +125,8 @@ pub struct RenderArgs {
     #[arg(long, help_heading = "Sampling")]
     single_tree: bool,
 
-    /// What lcs judges nodes of a tree by beside power: all, none, or some of centre,cosine,overlap (distance of the centre,
-    /// greatest cosine, part of a bucket inside the gate); same image on average [default: all]
+    /// What lcs judges nodes of a tree by beside power: all, none, or some of centre,cosine,overlap,gloss (distance of the
+    /// centre, greatest cosine, part of a bucket inside the gate, lobe of gloss); same image on average [default: all]
     #[arg(long, value_name = "NAME,...", help_heading = "Sampling")]
     importance: Option<Importance>,
 

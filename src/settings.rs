@@ -146,14 +146,16 @@ pub struct Importance {
     pub cosine: bool,
     /// How much of every bucket meets the gate; else buckets count fully that can meet it.
     pub overlap: bool,
+    /// The lobe of gloss at the shade point; else it reflects as a diffuse surface.
+    pub gloss: bool,
 }
 
 impl Importance {
-    pub const ALL: Importance = Importance { centre: true, cosine: true, overlap: true };
-    pub const NONE: Importance = Importance { centre: false, cosine: false, overlap: false };
+    pub const ALL: Importance = Importance { centre: true, cosine: true, overlap: true, gloss: true };
+    pub const NONE: Importance = Importance { centre: false, cosine: false, overlap: false, gloss: false };
 
-    fn parts(self) -> [(&'static str, bool); 3] {
-        [("centre", self.centre), ("cosine", self.cosine), ("overlap", self.overlap)]
+    fn parts(self) -> [(&'static str, bool); 4] {
+        [("centre", self.centre), ("cosine", self.cosine), ("overlap", self.overlap), ("gloss", self.gloss)]
     }
 }
 
@@ -287,9 +289,10 @@ impl FromStr for Importance {
                 "centre" => importance.centre = true,
                 "cosine" => importance.cosine = true,
                 "overlap" => importance.overlap = true,
+                "gloss" => importance.gloss = true,
                 _ => {
                     return Err(Error::Settings(format!(
-                        "no part of the importance is called '{name}': give all, none, or some of centre,cosine,overlap"
+                        "no part of the importance is called '{name}': give all, none, or some of centre,cosine,overlap,gloss"
                     )));
                 }
             }

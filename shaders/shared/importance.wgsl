@@ -14,6 +14,7 @@ const LEAST_IMPORTANCE: f32 = 1e-36;
 override BY_CENTRE: bool = true;
 override BY_COSINE: bool = true;
 override BY_OVERLAP: bool = true;
+override BY_GLOSS: bool = true;
 
 // A shade point as the importance sees it.
 struct Receiver {
@@ -22,6 +23,11 @@ struct Receiver {
     normal: vec3<f32>,
     // Light may come through the surface.
     transmits: bool,
+    // Unit direction that the way to the sensor is mirrored into, and the squared width (radians) of the gloss around it.
+    mirrored: vec3<f32>,
+    spread: f32,
+    // Part of what it reflects that is gloss, 0 to 1.
+    gloss: f32,
 }
 
 // Share of the power of four buckets whose optical lengths lie in intervals of `length` from `start` on that meets the gate, 0 to 1,
@@ -67,13 +73,22 @@ fn cosine_factor(cosine: f32) -> f32 {
     return select(1.0, max(cosine, LEAST_COSINE), BY_COSINE);
 }
 
+// pi times the lobe of gloss, its cosine included, towards a node at `center` from the receiver: 1 / (w (1 + e^2 / w)^2) for a squared width
+// w and a chord e to the mirrored direction, the tails of GGX; over the sphere its integral is pi / (1 + w / 4). A node widens it by
+// its squared angular radius `radius2`.
+fn gloss_factor(r: Receiver, center: vec3<f32>, radius2: f32) -> f32 {
+    let chord2 = max(2.0 - 2.0 * dot(center, r.mirrored) * inverseSqrt(max(dot(center, center), 1e-20)), 0.0);
+    let width = r.spread + radius2;
+    return width / square(width + chord2);
+}
+
 // The squared distance a node's power is divided by: of its box's centre, or of the nearest point as `node_bound` has it, and
 // never below the box's half diagonal.
 fn node_distance2(center: vec3<f32>, half_extent: vec3<f32>, d_min: f32) -> f32 {
     return max(select(d_min * d_min, dot(center, center), BY_CENTRE), dot(half_extent, half_extent));
 }
 
-// Importance of the node: power through the gate over its squared distance, times the greatest cosine at the receiver. 0
+// Importance of the node: power through the gate over its squared distance, times what the receiver makes of it. 0
 // behind the receiver whatever is switched off: culling is not importance.
 fn node_importance(c: TreeChild, r: Receiver) -> f32 {
     let distances = box_distances(r.shell.q, c.lo, c.hi);
@@ -84,6 +99,10 @@ fn node_importance(c: TreeChild, r: Receiver) -> f32 {
     if (is_pruned(c.tau_lo, c.tau_hi, d, r.shell) || cosine < 0.0) {
         return 0.0;
     }
-    let power = power_through_gate(c, d, r.shell) * cosine_factor(cosine);
-    return max(power / max(node_distance2(center, half_extent, distances.x), 1e-20), LEAST_IMPORTANCE);
+    let distance2 = max(node_distance2(center, half_extent, distances.x), 1e-20);
+    var factor = cosine_factor(cosine);
+    if (HAS_GLOSSY && BY_GLOSS) {
+        factor = mix(factor, gloss_factor(r, center, dot(half_extent, half_extent) / distance2), r.gloss);
+    }
+    return max(power_through_gate(c, d, r.shell) * factor / distance2, LEAST_IMPORTANCE);
 }

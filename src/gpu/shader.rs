@@ -41,6 +41,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/path",
     "shared/query",
     "shared/random",
+    "shared/receiver",
     "shared/resample",
     "shared/samples",
     "shared/scatter",

@@ -212,6 +212,7 @@ impl Plan {
             ("BY_CENTRE", switch(self.importance.centre)),
             ("BY_COSINE", switch(self.importance.cosine)),
             ("BY_OVERLAP", switch(self.importance.overlap)),
+            ("BY_GLOSS", switch(self.importance.gloss)),
             ("OBSERVE", observe.into()),
         ]
     }

@@ -186,14 +186,14 @@ fn importance_is_for_lcs() {
     };
     let some = Importance { cosine: false, ..Importance::ALL };
     assert_eq!(of("render.estimator = 'lcs'"), (Importance::ALL, Some(Importance::ALL), 0));
-    assert_eq!(of("render = { estimator = 'lcs', importance = 'overlap, centre' }"), (some, Some(some), 0));
+    assert_eq!(of("render = { estimator = 'lcs', importance = 'overlap, gloss, centre' }"), (some, Some(some), 0));
     assert_eq!(of("render = { estimator = 'lcs-paper', importance = 'none' }"), (Importance::ALL, None, 1));
     for importance in [Importance::ALL, Importance::NONE, some] {
         assert_eq!(importance.to_string().parse::<Importance>().unwrap(), importance);
     }
-    assert_eq!(some.to_string(), "centre,overlap");
+    assert_eq!(some.to_string(), "centre,overlap,gloss");
     for bad in ["", "center", "all,cosine", "cosine,"] {
-        assert!(bad.parse::<Importance>().unwrap_err().to_string().contains("centre,cosine,overlap"), "{bad}");
+        assert!(bad.parse::<Importance>().unwrap_err().to_string().contains("centre,cosine,overlap,gloss"), "{bad}");
     }
 }
 

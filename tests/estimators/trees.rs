@@ -101,10 +101,10 @@ fn a_single_tree_agrees_with_two() {
     }
 }
 
-/// All positions of the switches but the one that everything else is tested in.
+/// All positions of the switches but the one that everything else is tested in; of gloss, which the sphere is without, off.
 fn positions() -> Vec<Importance> {
     let bit = |n: u32, k: u32| n >> k & 1 == 1;
-    (0..7).map(|n| Importance { centre: bit(n, 0), cosine: bit(n, 1), overlap: bit(n, 2) }).collect()
+    (0..7).map(|n| Importance { centre: bit(n, 0), cosine: bit(n, 1), overlap: bit(n, 2), gloss: false }).collect()
 }
 
 fn by(importance: Importance, resolution: [u32; 2]) -> Settings {
@@ -131,7 +131,8 @@ fn any_importance_agrees_with_all_of_it() {
     };
     let all = measure(Importance::ALL, 8.0, 40);
     // None, and each one alone.
-    for importance in [0, 1, 2, 4].map(|n| positions()[n]) {
+    let gloss = Importance { gloss: true, ..Importance::NONE };
+    for importance in [positions()[0], positions()[1], positions()[2], positions()[4], gloss] {
         let wrong = disagreements(&all, &measure(importance, 8.0, 80));
         assert!(wrong.is_empty(), "{importance}:\n{}", wrong.join("\n"));
     }

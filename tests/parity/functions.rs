@@ -41,6 +41,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("begin_slots", "as unshadowed"),
     ("clear_slots", "as unshadowed"),
     ("transmits", "media of connections in scatter, by medium_towards"),
+    ("make_receiver", "as vertex_importance; its lobe by gloss_factor"),
     ("vertex_importance", "images by lcs against closed forms and the oracle: a wrong probability is a bias"),
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),

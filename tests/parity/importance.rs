@@ -9,7 +9,7 @@ use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 use crate::shader_function::{ShaderFunction, contents};
 use crate::values::{direction, dvec, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND, &SWITCHED];
+pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND, &SWITCHED, &GLOSS];
 
 /// [`Given`] in WGSL.
 const GIVEN: &str = "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32";
@@ -21,7 +21,7 @@ const IMPORTANCE: ShaderFunction = ShaderFunction {
     body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
         let d = box_distances(given.q, given.c.lo, given.c.hi);
         result.power = power_through_gate(given.c, d, shell);
-        result.importance = node_importance(given.c, Receiver(shell, given.normal, false));
+        result.importance = node_importance(given.c, Receiver(shell, given.normal, false, given.normal, 1.0, 0.0));
         result.pruned = u32(is_pruned(given.c.tau_lo, given.c.tau_hi, d, shell));",
 };
 
@@ -187,7 +187,7 @@ const SWITCHED: ShaderFunction = ShaderFunction {
         let d = box_distances(given.q, given.c.lo, given.c.hi);
         let extent = 0.5 * (given.c.hi - given.c.lo);
         let center = 0.5 * (given.c.hi + given.c.lo) - given.q;
-        result.importance = node_importance(given.c, Receiver(shell, given.normal, false));
+        result.importance = node_importance(given.c, Receiver(shell, given.normal, false, given.normal, 1.0, 0.0));
         result.power = power_through_gate(given.c, d, shell);
         result.bucket_power = bucket_power(given.c, d, shell);
         result.distance2 = node_distance2(center, extent, d.x);
@@ -242,13 +242,53 @@ fn what_is_switched_off_takes_no_part() {
     }
 }
 
+const GLOSS: ShaderFunction = ShaderFunction {
+    imports: &["importance"],
+    given: "center: vec3<f32>, radius2: f32, mirrored: vec3<f32>, spread: f32",
+    result: "factor: f32",
+    body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1.0, 1.0, 1.0);
+        let receiver = Receiver(shell, given.mirrored, false, given.mirrored, given.spread, 0.5);
+        result.factor = gloss_factor(receiver, given.center, given.radius2);",
+};
+
+/// Against its formula, and pi / (1 + w / 4) over the sphere: nodes in all directions get no more than the lobe reflects.
+#[test]
+fn gloss_has_the_lobe_of_its_width() {
+    let mut pcg = Pcg::new(11);
+    for (spread, radius2) in [(0.01, 0.0), (0.2, 0.05), (1.0, 0.3), (4.0, 1.0)] {
+        let width: f64 = spread + radius2;
+        let axis = direction(&mut pcg);
+        let given = |w: DVec3, distance: f64| {
+            let [c, m] = [w * distance, axis].map(vec3);
+            [c[0], c[1], c[2], radius2 as f32, m[0], m[1], m[2], spread as f32]
+        };
+        // Rings of equal area about the axis.
+        let rings = 20_000;
+        let tangent = axis.any_orthonormal_vector();
+        let towards = |i: usize| {
+            let cosine = 1.0 - 2.0 * (i as f64 + 0.5) / f64::from(rings);
+            axis * cosine + tangent * (1.0 - cosine * cosine).sqrt()
+        };
+        let inputs: Vec<[f32; 8]> = (0..rings as usize).map(|i| given(towards(i), pcg.range(0.01, 100.0))).collect();
+        let results: Vec<f32> = GLOSS.run(&inputs, &[]);
+        for (i, &factor) in results.iter().enumerate() {
+            let chord2 = (towards(i) - axis).length_squared();
+            let expected = width / (width + chord2).powi(2);
+            assert!((f64::from(factor) / expected - 1.0).abs() < 1e-3, "{spread} {radius2} {i}: {factor} {expected}");
+        }
+        let pi = std::f64::consts::PI;
+        let integral = results.iter().map(|&f| f64::from(f)).sum::<f64>() * 4.0 * pi / f64::from(rings);
+        assert!((integral * (1.0 + width / 4.0) / pi - 1.0).abs() < 1e-3, "{spread} {radius2}: {integral}");
+    }
+}
+
 const DESCEND: ShaderFunction = ShaderFunction {
     imports: &["resample"],
     given: "q: vec3<f32>, root: u32, normal: vec3<f32>, lo: f32, hi: f32, u: f32, seed: u32, pad: u32",
     result: "leaf: u32, weight: f32",
     body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
         var rng = given.seed;
-        let receiver = Receiver(shell, given.normal, false);
+        let receiver = Receiver(shell, given.normal, false, given.normal, 1.0, 0.0);
         var frontier: Frontier;
         grow_frontier(&frontier, given.root, receiver);
         result.leaf = NONE;

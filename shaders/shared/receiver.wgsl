@@ -1,0 +1,22 @@
+// A shade point as the importance of tree nodes sees it.
+#import importance
+#import query
+
+// Part of a node's importance that does not go by the lobe of gloss, at least: the lobe is an estimate.
+const LEAST_DIFFUSE: f32 = 0.1;
+// Squared width of a lobe at least: the light of narrower ones is what subpaths find, by their weights.
+const LEAST_SPREAD: f32 = 0.01;
+
+fn make_receiver(q: PathVertex) -> Receiver {
+    var r = Receiver(make_shell(q), q.geometric, transmits(q), q.normal, 1.0, 0.0);
+    if (HAS_GLOSSY && BY_GLOSS) {
+        let b = make_bsdf(q.material, q.base_color, (q.flags & VERTEX_FRONT) != 0u);
+        let cosine = dot(q.normal, q.to_previous);
+        let lobes = lobe_probabilities(b, cosine);
+        r.mirrored = 2.0 * cosine * q.normal - q.to_previous;
+        // A mirrored direction turns by twice the angle of the normal.
+        r.spread = max(4.0 * b.alpha * b.alpha, LEAST_SPREAD);
+        r.gloss = select(min(lobes.gloss / max(lobes.gloss + lobes.diffuse, 1e-6), 1.0 - LEAST_DIFFUSE), 0.0, is_delta(b));
+    }
+    return r;
+}
