@@ -85,10 +85,10 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         max_depth: within("max-depth", render.max_depth.unwrap_or(DEFAULT_MAX_DEPTH), MAX_DEPTH)?,
         light_paths: within(
             "light-paths",
-            render.light_paths.unwrap_or(defaults::light_paths(resolution)),
+            render.light_paths.unwrap_or(defaults::light_paths(estimator, resolution)),
             MAX_LIGHT_PATHS,
         )?,
-        splat_paths: splat_paths(render, estimator, resolution, scene)?,
+        splat_paths: splat_paths(render)?,
         queries: within("queries", render.queries.unwrap_or(estimator.default_queries()), MAX_QUERIES)?,
         buckets: within("buckets", render.buckets.unwrap_or(DEFAULT_BUCKETS), MAX_BUCKETS)?,
         leaf_size: leaf_size(render, estimator)?,
@@ -167,8 +167,8 @@ fn within(name: &str, value: u32, most: u32) -> Result<u32> {
     Err(settings(format!("--{name} is {value}; it must be from 1 to {most}")))
 }
 
-fn splat_paths(render: &RenderTable, estimator: Estimator, resolution: [u32; 2], scene: &Scene) -> Result<u32> {
-    let paths = render.splat_paths.unwrap_or_else(|| defaults::splat_paths(estimator, resolution, scene));
+fn splat_paths(render: &RenderTable) -> Result<u32> {
+    let paths = render.splat_paths.unwrap_or(0);
     if paths > MAX_LIGHT_PATHS {
         return Err(settings(format!("--splat-paths is {paths}; it must be at most {MAX_LIGHT_PATHS}")));
     }

@@ -7,7 +7,6 @@ use crate::gpu::Device;
 use crate::metrics::Means;
 use crate::render::Prepared;
 use crate::resolve::defaults;
-use crate::scene::Scene;
 use crate::settings::{DEFAULT_BUCKETS, Estimator, Importance, MAX_FRONTIER, Settings};
 
 /// Seeds, far from those of races and references.
@@ -82,7 +81,7 @@ pub fn pilots(
     let mut candidates: Vec<(String, Settings)> =
         entries.iter().map(|e| (e.variant.clone(), e.settings.clone())).collect();
     for estimator in [Estimator::Bdpt, Estimator::Lcs] {
-        let plain = with(&job.scene, entries[0], estimator);
+        let plain = with(entries[0], estimator);
         let frugal = frugal(plain.clone());
         let also =
             [(estimator.to_string(), plain), (format!("{estimator} with {} light paths", frugal.light_paths), frugal)];
@@ -110,14 +109,15 @@ pub fn pilots(
     Ok(Some(pilots))
 }
 
-/// An entry's settings with another estimator as it is by default: what is looked at and which paths count stay the entry's, and
-/// so does the number of light paths.
-pub fn with(scene: &Scene, entry: &Entry, estimator: Estimator) -> Settings {
+/// An entry's settings with another estimator as it is by default: what is looked at and which paths count stay the entry's. Of
+/// light paths it has no more than either.
+pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
     Settings {
         estimator,
         queries: estimator.default_queries(),
         leaf_size: estimator.leaf_size(),
-        splat_paths: defaults::splat_paths(estimator, entry.settings.resolution, scene),
+        light_paths: entry.settings.light_paths.min(defaults::light_paths(estimator, entry.settings.resolution)),
+        splat_paths: 0,
         buckets: DEFAULT_BUCKETS,
         frontier: MAX_FRONTIER,
         single_tree: false,

@@ -321,7 +321,7 @@ fn judged(
     seconds: f64,
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<CellBatches>> {
-    let mut lane = job.lane(device, &frugal(with(&job.scene, entry, estimator)), prepared)?;
+    let mut lane = job.lane(device, &frugal(with(entry, estimator)), prepared)?;
     lane.restart(seed);
     while lane.clock < seconds || lane.renderer.film().iterations() < 2 * LEAST_ITERATIONS {
         turn(&mut lane, seconds)?;

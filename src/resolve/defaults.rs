@@ -15,7 +15,7 @@ pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estim
     let is_beam = |light: &Light| matches!(light.kind, LightKind::Beam { .. }) && emitters.include(&light.node);
     if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
         Estimator::Lcs
-    } else if gate == Gate::OPEN && !focuses_light(scene, SHARP) && !scene.lights.iter().any(is_beam) {
+    } else if gate == Gate::OPEN && !focuses_light(scene) && !scene.lights.iter().any(is_beam) {
         Estimator::Pt
     } else {
         Estimator::Bdpt
@@ -24,29 +24,20 @@ pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estim
 
 /// Roughness below which gloss gathers light so sharply that `pt` seldom finds it.
 const SHARP: f32 = 0.3;
-/// Roughness below which light that gloss has gathered is worth light subpaths of its own.
-const GLOSSY: f32 = 0.5;
-
-/// Whether glass, or a mirror or gloss below a roughness, can gather light.
-fn focuses_light(scene: &Scene, roughness: f32) -> bool {
+/// Whether glass, or a sharp mirror or gloss, can gather light.
+fn focuses_light(scene: &Scene) -> bool {
     let focuses =
-        |m: &Material| m.transmission > 0.0 || (m.roughness < roughness && (m.metallic > 0.0 || m.specular > 0.0));
+        |m: &Material| m.transmission > 0.0 || (m.roughness < SHARP && (m.metallic > 0.0 || m.specular > 0.0));
     scene.materials.iter().any(focuses)
 }
 
 /// Enough that the trees know the light, and no more than sensor paths can pay for.
-pub(super) fn light_paths([width, height]: [u32; 2]) -> u32 {
-    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, MOST_LIGHT_PATHS_BY_DEFAULT)
-}
-
-/// Light subpaths for t = 1 alone when nothing says how many: only `lcs` traces more than it stores, and only where light that a
-/// mirror, glass or gloss focused reaches the sensor's surfaces: no query finds that.
-pub fn splat_paths(estimator: Estimator, [width, height]: [u32; 2], scene: &Scene) -> u32 {
-    if estimator == Estimator::Lcs && focuses_light(scene, GLOSSY) {
-        (SPLAT_PATHS_A_PIXEL * width * height).min(MAX_LIGHT_PATHS)
-    } else {
-        0
-    }
+pub fn light_paths(estimator: Estimator, [width, height]: [u32; 2]) -> u32 {
+    let most = match estimator {
+        Estimator::Lcs => MOST_LIGHT_PATHS_OF_LCS,
+        Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => MOST_LIGHT_PATHS_BY_DEFAULT,
+    };
+    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, most)
 }
 
 /// Images of strategies are rendered with as many samples in every pixel.

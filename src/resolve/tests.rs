@@ -52,7 +52,7 @@ fn defaults_fill_what_nobody_said() {
     let s = settings_of("gate.gate = '1m..2m'\nemitter.emitters = 'beam'");
     assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::Lcs, Strategies::All, Gate { lo: 1.0, hi: 2.0 }));
     assert_eq!((s.budget, s.seed, s.max_depth), (Budget::Spp(64), 0, 24));
-    assert_eq!((s.light_paths, s.splat_paths, s.queries, s.buckets, s.cull), (50_000, 0, 16, 8, true));
+    assert_eq!((s.light_paths, s.splat_paths, s.queries, s.buckets, s.cull), (8192, 0, 16, 8, true));
     assert_eq!((s.leaf_size, s.frontier, s.single_tree), (16, 32, false));
     assert_eq!((s.camera, s.resolution, s.emitters), (0, [512, 256], Emitters::Nodes(vec!["beam".into()])));
     assert_eq!(s.crop, Crop { x0: 0, x1: 512, y0: 0, y1: 256 });
