@@ -3,7 +3,7 @@
 use crate::gpu::shader::SOURCES;
 
 /// To be raised when the host changes what an image is: emission, gates, materials, the weights' frame.
-const REVISION: u32 = 1;
+const REVISION: u32 = 2;
 
 /// FNV-1a of 64 bits: enough to tell settings apart that nobody chose to collide.
 #[derive(Clone, Copy)]

@@ -13,7 +13,8 @@ struct Frame {
     extent: vec2<f32>,
     // Area of a pixel on that plane.
     pixel_area: f32,
-    // Light subpaths, stored or not, for each sensor sample of a pixel on average: the sample count of the t = 1 strategies.
+    // Light subpaths, stored or not, for each sensor sample of a pixel on average, or a part of that: the sample count of the t = 1
+    // strategies in the MIS weights.
     light_count: f32,
     // The gate [lo, hi) of optical path; hi is 3e38 for an open gate.
     gate_lo: f32,
