@@ -13,7 +13,7 @@ pub const DEFAULT_SPP: u32 = 64;
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
 /// Light subpaths an iteration whose vertices are stored, M of the paper, when nothing says how many: one a pixel, at most this.
 pub const MOST_LIGHT_PATHS_BY_DEFAULT: u32 = 50_000;
-/// And at most this for `lcs`: queries choose the better the fewer vertices there are (docs/PERFORMANCE.md, Light paths).
+/// And at most this for `lcs`: queries choose the better the fewer vertices there are (docs/PERFORMANCE.md, Light where it matters).
 pub const MOST_LIGHT_PATHS_OF_LCS: u32 = 8192;
 /// And at least this.
 pub const LEAST_LIGHT_PATHS_BY_DEFAULT: u32 = 4096;

@@ -35,7 +35,7 @@ fn bench_importance(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let q = load_shade_point(id.x);
-    let receiver = Receiver(make_shell(q), q.geometric);
+    let receiver = Receiver(make_shell(q), q.geometric, false, q.normal, 1.0, 0.0);
     var rng = hash32(id.x);
     let jitter = min(next_fine_uniform(&rng), 1.0 - RESOLUTION);
     var alive = 0u;

@@ -73,10 +73,10 @@ const VERTEX_DETERMINISTIC: u32 = 0x200u;
 const VERTEX_FRONT: u32 = 0x400u;
 // Light: as PATH_RANDOM_SHIFT, with this vertex.
 const VERTEX_RANDOM_SHIFT: u32 = 12u;
-// Light passes through the surface: it scatters to both sides.
-const VERTEX_TRANSMITS: u32 = 0x4000u;
 // The slot holds a vertex.
 const VERTEX_VALID: u32 = 0x800u;
+// The material lets light through: there is something on either side.
+const VERTEX_TRANSMITS: u32 = 0x4000u;
 
 const EMIT_ONE_SIDED: u32 = 0u;
 const EMIT_TWO_SIDED: u32 = 1u;

@@ -2,11 +2,12 @@
 #import importance
 #import query
 
-// Part of a node's importance that does not go by the lobe of gloss, at least: the lobe is an estimate.
+// Part of what reflects that counts as diffuse, at least: the lobe is an estimate.
 const LEAST_DIFFUSE: f32 = 0.1;
 // Squared width of a lobe at least: the light of narrower ones is what subpaths find, by their weights.
 const LEAST_SPREAD: f32 = 0.01;
 
+// Its shell, its normal, and the lobe of its gloss; light that glass lets through counts as what it scatters diffusely.
 fn make_receiver(q: PathVertex) -> Receiver {
     var r = Receiver(make_shell(q), q.geometric, transmits(q), q.normal, 1.0, 0.0);
     if (HAS_GLOSSY && BY_GLOSS) {
@@ -16,7 +17,7 @@ fn make_receiver(q: PathVertex) -> Receiver {
         r.mirrored = 2.0 * cosine * q.normal - q.to_previous;
         // A mirrored direction turns by twice the angle of the normal.
         r.spread = max(4.0 * b.alpha * b.alpha, LEAST_SPREAD);
-        r.gloss = select(min(lobes.gloss / max(lobes.gloss + lobes.diffuse, 1e-6), 1.0 - LEAST_DIFFUSE), 0.0, is_delta(b));
+        r.gloss = select(min(lobes.gloss, 1.0 - LEAST_DIFFUSE), 0.0, is_delta(b));
     }
     return r;
 }

@@ -8,9 +8,9 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let towards = -(*state).direction;
     let side = dot(surface.geometric, towards);
     let flip = select(1.0, -1.0, side < 0.0);
-    let transmits = HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0;
+    let passes = HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0;
     mis_arrive(state, distance2, abs(side));
-    if (transmits) {
+    if (passes) {
         // The side that was hit says what the segment ran through, the same for subpaths from either end.
         (*state).eta = select(load_material(surface.material).ior, 1.0, side >= 0.0);
     }
@@ -28,7 +28,7 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     v.geometric = surface.geometric * flip;
     v.d_vc = (*state).d_vc;
     v.to_previous = towards;
-    v.flags = select(0u, VERTEX_FRONT, side >= 0.0) | select(0u, VERTEX_TRANSMITS, transmits);
+    v.flags = select(0u, VERTEX_FRONT, side >= 0.0) | select(0u, VERTEX_TRANSMITS, passes);
     v.base_color = base_color(surface).xyz;
     v.eta = (*state).eta;
     v.offset = surface.offset;

@@ -109,14 +109,16 @@ pub fn pilots(
     Ok(Some(pilots))
 }
 
-/// An entry's settings with another estimator as it is by default: what is looked at and which paths count stay the entry's. Of
-/// light paths it has no more than either.
+/// An entry's settings with another estimator as it is by default: what is looked at and which paths count stay the entry's, and
+/// so does a number of light paths that is not the default.
 pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
+    let by_default = |estimator| defaults::light_paths(estimator, entry.settings.resolution);
+    let asked = Some(entry.settings.light_paths).filter(|&paths| paths != by_default(entry.settings.estimator));
     Settings {
         estimator,
         queries: estimator.default_queries(),
         leaf_size: estimator.leaf_size(),
-        light_paths: entry.settings.light_paths.min(defaults::light_paths(estimator, entry.settings.resolution)),
+        light_paths: asked.unwrap_or(by_default(estimator)),
         splat_paths: 0,
         buckets: DEFAULT_BUCKETS,
         frontier: MAX_FRONTIER,

@@ -24,6 +24,7 @@ pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estim
 
 /// Roughness below which gloss gathers light so sharply that `pt` seldom finds it.
 const SHARP: f32 = 0.3;
+
 /// Whether glass, or a sharp mirror or gloss, can gather light.
 fn focuses_light(scene: &Scene) -> bool {
     let focuses =

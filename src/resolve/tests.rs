@@ -54,6 +54,14 @@ fn defaults_fill_what_nobody_said() {
     assert_eq!((s.budget, s.seed, s.max_depth), (Budget::Spp(64), 0, 24));
     assert_eq!((s.light_paths, s.splat_paths, s.queries, s.buckets, s.cull), (8192, 0, 16, 8, true));
     assert_eq!((s.leaf_size, s.frontier, s.single_tree), (16, 32, false));
+    let paths = |estimator: &str, resolution: &str| {
+        let rest = "gate.gate = '1m..2m'\nemitter.emitters = 'beam'";
+        settings_of(&format!("render.estimator = '{estimator}'\ncamera.resolution = '{resolution}'\n{rest}"))
+            .light_paths
+    };
+    assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| paths(e, "512x256")), [8192, 50_000, 50_000]);
+    assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| paths(e, "96x64")), [6144; 3]);
+    assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| paths(e, "32x32")), [4096; 3]);
     assert_eq!((s.camera, s.resolution, s.emitters), (0, [512, 256], Emitters::Nodes(vec!["beam".into()])));
     assert_eq!(s.crop, Crop { x0: 0, x1: 512, y0: 0, y1: 256 });
 }

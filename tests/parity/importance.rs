@@ -9,7 +9,7 @@ use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 use crate::shader_function::{ShaderFunction, contents};
 use crate::values::{direction, dvec, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND, &SWITCHED, &GLOSS];
+pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND, &SWITCHED];
 
 /// [`Given`] in WGSL.
 const GIVEN: &str = "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32";
@@ -187,7 +187,7 @@ const SWITCHED: ShaderFunction = ShaderFunction {
         let d = box_distances(given.q, given.c.lo, given.c.hi);
         let extent = 0.5 * (given.c.hi - given.c.lo);
         let center = 0.5 * (given.c.hi + given.c.lo) - given.q;
-        result.importance = node_importance(given.c, Receiver(shell, given.normal, false, given.normal, 1.0, 0.0));
+        result.importance = node_importance(given.c, Receiver(shell, given.normal, false, given.normal, 0.2, 0.6));
         result.power = power_through_gate(given.c, d, shell);
         result.bucket_power = bucket_power(given.c, d, shell);
         result.distance2 = node_distance2(center, extent, d.x);
@@ -210,14 +210,15 @@ struct Switched {
 #[test]
 fn what_is_switched_off_takes_no_part() {
     let inputs: Vec<Given> = cases(2_000).into_iter().map(|c| c.0).collect();
-    for position in 0..8 {
-        let [centre, cosine, overlap] = [0, 1, 2].map(|k| position >> k & 1 == 1);
+    for position in 0..16 {
+        let [centre, cosine, overlap, gloss] = [0, 1, 2, 3].map(|k| position >> k & 1 == 1);
         let switch = |on: bool| f64::from(u8::from(on));
         let kernel = SWITCHED.prepare(&[
             ("HAS_TRANSMISSION", 0.0),
             ("BY_CENTRE", switch(centre)),
             ("BY_COSINE", switch(cosine)),
             ("BY_OVERLAP", switch(overlap)),
+            ("BY_GLOSS", switch(gloss)),
         ]);
         let results: Vec<Switched> = kernel.run(&inputs, &[]);
         let (mut differ, mut behind) = (0, 0);
@@ -234,51 +235,15 @@ fn what_is_switched_off_takes_no_part() {
                 assert_eq!(r.importance, 0.0, "{position} {g:?} {r:?}");
                 behind += 1;
             } else if r.importance > 0.0 {
+                let center = 0.5 * (lo + hi) - q;
+                let chord2 = (center.normalize() - dvec(&g.normal)).length_squared();
+                let width = 0.2 + 0.25 * (hi - lo).length_squared() / distance2;
+                let factor = if gloss { 0.4 * factor + 0.6 * width / (width + chord2).powi(2) } else { factor };
                 let expected = (f64::from(r.power) * factor / distance2).max(1e-36);
                 assert!((f64::from(r.importance) / expected - 1.0).abs() < 1e-3, "{position} {g:?} {r:?} {expected}");
             }
         }
         assert!(behind > 200 && (differ > 200) == overlap, "{position}: {behind} behind, {differ} differ");
-    }
-}
-
-const GLOSS: ShaderFunction = ShaderFunction {
-    imports: &["importance"],
-    given: "center: vec3<f32>, radius2: f32, mirrored: vec3<f32>, spread: f32",
-    result: "factor: f32",
-    body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1.0, 1.0, 1.0);
-        let receiver = Receiver(shell, given.mirrored, false, given.mirrored, given.spread, 0.5);
-        result.factor = gloss_factor(receiver, given.center, given.radius2);",
-};
-
-/// Against its formula, and pi / (1 + w / 4) over the sphere: nodes in all directions get no more than the lobe reflects.
-#[test]
-fn gloss_has_the_lobe_of_its_width() {
-    let mut pcg = Pcg::new(11);
-    for (spread, radius2) in [(0.01, 0.0), (0.2, 0.05), (1.0, 0.3), (4.0, 1.0)] {
-        let width: f64 = spread + radius2;
-        let axis = direction(&mut pcg);
-        let given = |w: DVec3, distance: f64| {
-            let [c, m] = [w * distance, axis].map(vec3);
-            [c[0], c[1], c[2], radius2 as f32, m[0], m[1], m[2], spread as f32]
-        };
-        // Rings of equal area about the axis.
-        let rings = 20_000;
-        let tangent = axis.any_orthonormal_vector();
-        let towards = |i: usize| {
-            let cosine = 1.0 - 2.0 * (i as f64 + 0.5) / f64::from(rings);
-            axis * cosine + tangent * (1.0 - cosine * cosine).sqrt()
-        };
-        let inputs: Vec<[f32; 8]> = (0..rings as usize).map(|i| given(towards(i), pcg.range(0.01, 100.0))).collect();
-        let results: Vec<f32> = GLOSS.run(&inputs, &[]);
-        for (i, &factor) in results.iter().enumerate() {
-            let chord2 = (towards(i) - axis).length_squared();
-            let expected = width / (width + chord2).powi(2);
-            assert!((f64::from(factor) / expected - 1.0).abs() < 1e-3, "{spread} {radius2} {i}: {factor} {expected}");
-        }
-        let pi = std::f64::consts::PI;
-        let integral = results.iter().map(|&f| f64::from(f)).sum::<f64>() * 4.0 * pi / f64::from(rings);
-        assert!((integral * (1.0 + width / 4.0) / pi - 1.0).abs() < 1e-3, "{spread} {radius2}: {integral}");
     }
 }
 

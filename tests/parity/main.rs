@@ -18,6 +18,7 @@ mod lightcone;
 mod materials;
 mod math;
 mod pairs;
+mod receiver;
 mod rough_glass;
 mod scatter;
 mod shell_edge;

@@ -329,9 +329,12 @@ fn near_pairs_of_any_material_stay_finite() {
         Material { roughness: 0.1, ..stage::glass("rough glass") },
     ] {
         let name = material.name.clone();
+        let transmits = material.transmission > 0.0;
+        let of_it = |v: &PathVertex| PathVertex { flags: v.flags | if transmits { VERTEX_TRANSMITS } else { 0 }, ..*v };
+        let points: Vec<PathVertex> = points.iter().map(of_it).collect();
         let bench = Bench::new(material, true);
         for kernel in ["shell_query", "shell_resample"] {
-            let (mut frame, mut lights) = (frame(), lights.clone());
+            let (mut frame, mut lights) = (frame(), lights.iter().map(of_it).collect());
             let chosen = bench.query(kernel, &mut frame, &points, &mut lights);
             let got = bench.connect(frame, &points, &lights, &chosen);
             let wrong: Vec<String> = (chosen.iter().zip(&got).enumerate())
@@ -344,6 +347,12 @@ fn near_pairs_of_any_material_stay_finite() {
                 })
                 .collect();
             assert_few(&format!("{name}, {kernel}"), &wrong);
+            let crosses = |(slot, (c, g)): (usize, (&Candidate, &[f32; 4]))| {
+                let q = &points[slot / frame.slots as usize];
+                let through = |v: &PathVertex| (dvec(&v.position) - dvec(&q.position)).dot(dvec(&q.geometric)) < 0.0;
+                c.vertex != NONE && g[..3].iter().any(|&x| x > 0.0) && through(&lights[c.vertex as usize])
+            };
+            assert_eq!(chosen.iter().zip(&got).enumerate().any(crosses), transmits, "{name}, {kernel}");
         }
     }
 }

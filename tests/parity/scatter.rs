@@ -57,7 +57,7 @@ pub fn buffers() -> Vec<Contents> {
 }
 
 /// A vertex with a shading normal up to 0.4 rad off; lobes not narrower than 0.3, where directions in f32 are exact enough.
-fn vertex(pcg: &mut Pcg) -> PathVertex {
+pub fn vertex(pcg: &mut Pcg) -> PathVertex {
     let set = set();
     let wide: Vec<u32> = (0..set.kinds.len() as u32).filter(|&i| set.kinds[i as usize].roughness > 0.4).collect();
     let geometric = direction(pcg);
@@ -249,7 +249,7 @@ fn only_deltas_cannot_be_connected() {
 const SUMS: ShaderFunction = ShaderFunction {
     imports: &["walk"],
     given: "position: vec3<f32>, eta: f32, normal: vec3<f32>, tau: f32, direction: vec3<f32>, length: f32, d_vcm: f32,
-        d_vc: f32, pdf: f32, pdf_reverse: f32, cosine: f32, select_pdf: f32, delta: u32, pad: u32",
+        d_vc: f32, pdf: f32, pdf_reverse: f32, cosine: f32, select_pdf: f32, delta: u32, material: u32",
     result: "left: vec2<f32>, met: vec2<f32>, tau: f32, d_vcm: f32, d_vc: f32, front: u32, normal: vec3<f32>, position: f32",
     body: "var state: PathState; state.d_vcm = given.d_vcm; state.d_vc = given.d_vc;
         var s: Scatter; s.pdf = given.pdf; s.pdf_reverse = given.pdf_reverse; s.cosine = given.cosine;
@@ -261,7 +261,7 @@ const SUMS: ShaderFunction = ShaderFunction {
         var path: PathState; path.position = given.position; path.direction = given.direction; path.eta = given.eta;
         path.tau = given.tau; path.d_vcm = given.d_vcm; path.d_vc = given.d_vc;
         var surface: Surface; surface.position = given.position + given.length * given.direction;
-        surface.normal = given.normal; surface.geometric = given.normal; surface.material = 0u;
+        surface.normal = given.normal; surface.geometric = given.normal; surface.material = given.material;
         let v = arrive(&path, surface);
         result.tau = v.tau; result.d_vcm = path.d_vcm; result.d_vc = v.d_vc;
         result.front = v.flags; result.normal = v.geometric; result.position = length(path.position - v.position);",
@@ -298,6 +298,7 @@ fn arriving_and_leaving_update_time_and_sums() {
             let mut bits = [0; 20];
             bits[..18].copy_from_slice(&floats.map(f32::to_bits));
             bits[18] = i & 1;
+            bits[19] = i % set().kinds.len() as u32;
             bits
         })
         .collect();
@@ -324,7 +325,16 @@ fn arriving_and_leaving_update_time_and_sums() {
             close(got[5], on_arrival[0], tolerance + 1e-5 / length) && close(got[6], on_arrival[1], tolerance),
             "{g:?} {got:?}"
         );
-        assert!((got[4] - (g[7] + g[3] * length)).abs() < 2e-5, "{g:?} {got:?}");
+        let material = &set().kinds[bits[19] as usize];
+        let transmits = material.transmission > 0.0;
+        assert_eq!(r[7] & VERTEX_TRANSMITS != 0, transmits, "{g:?}");
+        // What lets light through says by its side what the segment ran in.
+        let eta = match (transmits, facing <= 0.0) {
+            (false, _) => g[3],
+            (true, true) => 1.0,
+            (true, false) => material.ior.into(),
+        };
+        assert!((got[4] - (g[7] + eta * length)).abs() < 2e-5, "{g:?} {got:?}");
         assert_eq!(r[7] & FRONT != 0, facing <= 0.0, "{g:?}");
         let turned = (0..3).map(|k| got[8 + k] * g[8 + k]).sum::<f64>();
         assert!(turned <= 1e-7 && got[11] == 0.0);
