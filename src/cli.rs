@@ -122,8 +122,10 @@ pub struct RenderArgs {
     frontier: Option<u32>,
 
     /// One tree over points on emitters and scattered light together, instead of one each; same image on average
-    #[arg(long, help_heading = "Sampling")]
-    single_tree: bool,
+    /// [default: false; lcs: true]
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    #[arg(help_heading = "Sampling")]
+    single_tree: Option<bool>,
 
     /// What lcs judges nodes of a tree by beside power: all, none, or some of centre,cosine,overlap,gloss (distance of the
     /// centre, greatest cosine, part of a bucket inside the gate, lobe of gloss); same image on average [default: all]
@@ -199,7 +201,7 @@ impl RenderArgs {
                 buckets: self.buckets,
                 leaf_size: self.leaf_size,
                 frontier: self.frontier,
-                single_tree: self.single_tree.then_some(true),
+                single_tree: self.single_tree,
                 importance: self.importance,
                 sampling: self.sampling,
                 no_cull: self.no_cull.then_some(true),

@@ -93,7 +93,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         buckets: within("buckets", render.buckets.unwrap_or(DEFAULT_BUCKETS), MAX_BUCKETS)?,
         leaf_size: leaf_size(render, estimator)?,
         frontier: within("frontier", render.frontier.unwrap_or(MAX_FRONTIER), MAX_FRONTIER)?,
-        single_tree: render.single_tree.unwrap_or(false),
+        single_tree: render.single_tree.unwrap_or(estimator.default_single_tree()),
         importance: importance(render, estimator, &mut warnings),
         sampling: render.sampling.unwrap_or(defaults::sampling(estimator, &experiment.output)),
         cull: !render.no_cull.unwrap_or(false),

@@ -76,6 +76,12 @@ impl Estimator {
         }
     }
 
+    /// Whether there is one tree over all light vertices when nothing says it: half as many queries, which choose among points on
+    /// emitters as among the others (docs/PERFORMANCE.md, Error at equal time).
+    pub fn default_single_tree(self) -> bool {
+        self == Estimator::Lcs
+    }
+
     /// How samples are spread when nothing says it; the paper spreads them evenly.
     pub fn default_sampling(self) -> Sampling {
         match self {

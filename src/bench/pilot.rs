@@ -122,7 +122,7 @@ pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
         splat_paths: 0,
         buckets: DEFAULT_BUCKETS,
         frontier: MAX_FRONTIER,
-        single_tree: false,
+        single_tree: estimator.default_single_tree(),
         importance: Importance::ALL,
         sampling: estimator.default_sampling(),
         cull: true,

@@ -53,7 +53,7 @@ fn defaults_fill_what_nobody_said() {
     assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::Lcs, Strategies::All, Gate { lo: 1.0, hi: 2.0 }));
     assert_eq!((s.budget, s.seed, s.max_depth), (Budget::Spp(64), 0, 24));
     assert_eq!((s.light_paths, s.splat_paths, s.queries, s.buckets, s.cull), (8192, 0, 16, 8, true));
-    assert_eq!((s.leaf_size, s.frontier, s.single_tree), (16, 32, false));
+    assert_eq!((s.leaf_size, s.frontier, s.single_tree), (16, 32, true));
     let paths = |estimator: &str, resolution: &str| {
         let rest = "gate.gate = '1m..2m'\nemitter.emitters = 'beam'";
         settings_of(&format!("render.estimator = '{estimator}'\ncamera.resolution = '{resolution}'\n{rest}"))
@@ -177,7 +177,7 @@ fn leaves_follow_the_estimator() {
     assert_eq!(size("render = { estimator = 'lcs', leaf-size = 4 }"), 4);
     assert_eq!(size("render = { estimator = 'bdpt', leaf-size = 4 }"), 0);
     let typed =
-        experiment("emitter.emitters = 'beam'\nrender = { estimator = 'lcs', leaf-size = 8, single-tree = true }");
+        experiment("emitter.emitters = 'beam'\nrender = { estimator = 'lcs', leaf-size = 8, single-tree = false }");
     for experiment in [typed, experiment("render.estimator = 'bdpt'")] {
         let first = resolve(&experiment, &scene()).unwrap().settings;
         let printed = as_experiment(&experiment, &first, &scene()).to_toml();
