@@ -122,8 +122,11 @@ fn the_summary_says_how_well_the_image_is_known() {
     };
     let of = |value: &serde_json::Value, key: &str| value[key].as_f64().unwrap_or_else(|| panic!("{key}: {value}"));
     let n = numbers("a.json");
-    let share = of(&n, "connections_inside_gate");
-    assert!(share > 0.0 && share < 0.5, "a thin gate lets few connections through: {share}");
+    // Queries choose what meets the gate; what does not choose seldom does.
+    render(here.path(), &["-o", "b.exr", "--gate", "7m..8m", "--estimator", "bdpt", "--stats", "b.json"], 0);
+    let [queried, met] = [&n, &numbers("b.json")].map(|n| of(n, "connections_inside_gate"));
+    assert!(met > 0.0 && met < 0.5, "a thin gate lets few connections through: {met}");
+    assert!(queried > met && queried <= 1.0, "queries do not choose by the gate: {queried}, {met}");
     assert!(of(&n, "inside_gate_per_sample") > 0.0 && n["samples_dropped"] == 0);
 
     // The standard error is the spread of the means of other seeds, which share nothing.
