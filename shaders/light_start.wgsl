@@ -1,4 +1,5 @@
-// Starts the light subpaths of an iteration: an emitter, a point on it, a direction.
+// Starts the light subpaths of an iteration: an emitter, a point on it, a direction. And, apart from those, one for each thin beam,
+// whose first vertices are the same in every subpath: they are kept once, however few subpaths draw the beam.
 #import weights
 #import random
 
@@ -16,7 +17,9 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     let path = dispatch.first + slot;
     let choice = random4(STREAM_LIGHT, path, frame.iteration, 0u, 0u, frame.seed);
     let place = random4(STREAM_LIGHT, path, frame.iteration, 0u, 1u, frame.seed);
-    var e = sample_emission(choice.x, place);
+    let told = dispatch.emitter != NONE;
+    let emitter = select(choose_emitter(choice.xy), dispatch.emitter + slot, told);
+    var e = sample_emission(emitter, place);
     let per_path = 1.0 / f32(frame.light_paths);
 
     var s: PathState;
@@ -29,9 +32,10 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.triangle = e.triangle;
     s.throughput = e.throughput * per_path;
     let random = select(0u, 1u, e.stored);
-    s.flags = (random << PATH_RANDOM_SHIFT) | select(0u, PATH_ALIVE, max_component(s.throughput) > 0.0);
+    let lives = max_component(s.throughput) > 0.0 && (e.deterministic || !told);
+    s.flags = (random << PATH_RANDOM_SHIFT) | select(0u, PATH_ALIVE, lives);
     if (e.deterministic) {
-        // All paths of this emitter are the same one: it carries the whole power once.
+        // The vertices that all paths of this emitter share carry the whole power once.
         s.throughput = e.throughput * e.vertex.select_pdf;
         s.flags |= PATH_DETERMINISTIC;
     }

@@ -39,13 +39,16 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     v.flags |= depth;
     v.owner = s.emitter;
     var random = min((s.flags >> PATH_RANDOM_SHIFT) + 1u, 3u);
-    if ((s.flags & PATH_DETERMINISTIC) != 0u) {
+    let was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
+    if (was_deterministic) {
         v.flags |= VERTEX_DETERMINISTIC;
         v.select_pdf = s.select_pdf;
         random = 0u;
     }
     v.flags |= random << VERTEX_RANDOM_SHIFT;
-    if (is_connectible(v)) {
+    // What is deterministic is kept once, from the subpath that was told its emitter.
+    let told = dispatch.emitter != NONE;
+    if (is_connectible(v) && was_deterministic == told) {
         v.flags |= VERTEX_VALID;
     }
     vertices[slot] = v;
@@ -54,17 +57,19 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (depth + 1u >= frame.max_depth) {
         return;
     }
-    if ((s.flags & PATH_DETERMINISTIC) != 0u) {
+    if (was_deterministic) {
         // From here on the paths differ: each carries its share.
         s.throughput *= 1.0 / (s.select_pdf * f32(frame.light_paths));
     }
     let u = random4(STREAM_LIGHT, path, frame.iteration, depth, 0u, frame.seed);
     let roulette = random4(STREAM_LIGHT, path, frame.iteration, depth, 1u, frame.seed);
-    let was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
     if (!depart(&s, v, false, u, select(roulette.x, -1.0, was_deterministic))) {
         return;
     }
     let is_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
+    if (told && !is_deterministic) {
+        return;
+    }
     if (is_deterministic) {
         s.throughput *= s.select_pdf * f32(frame.light_paths);
     }

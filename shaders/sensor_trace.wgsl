@@ -71,7 +71,6 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var mark = 0u;
     if (is_connectible(q)) {
-        q.flags |= VERTEX_VALID;
         mark = MARK_SHADE;
     }
     shade_points[slot] = q;

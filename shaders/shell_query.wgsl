@@ -14,7 +14,7 @@
 
 const ESTIMATOR_PT: u32 = 0u;
 const ESTIMATOR_BDPT: u32 = 1u;
-const ESTIMATOR_LCS: u32 = 2u;
+const ESTIMATOR_LCS_PAPER: u32 = 2u;
 override ESTIMATOR: u32 = 2u;
 
 // One thread, one shade point.
@@ -38,7 +38,7 @@ fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
 
 fn query_emitter(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used: u32) -> u32 {
     let first = frame.deterministic_count;
-    let n = frame.emitter_vertices;
+    let n = frame.emitter_points;
     if (n == 0u) {
         return used;
     }

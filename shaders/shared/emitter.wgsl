@@ -20,11 +20,11 @@ struct Emission {
     deterministic: bool,
 }
 
-// Alias method (Vose 1991).
-fn choose_emitter(u: f32) -> u32 {
-    let x = u * f32(frame.emitter_count);
-    let i = min(u32(x), frame.emitter_count - 1u);
-    return select(load_emitter(i).other, i, x - f32(i) < load_emitter(i).keep);
+// Alias method (Vose 1991): u.x picks an entry, u.y tosses its coin. One number for both would leave a coin few sides where there are
+// many entries.
+fn choose_emitter(u: vec2<f32>) -> u32 {
+    let i = min(u32(u.x * f32(frame.emitter_count)), frame.emitter_count - 1u);
+    return select(load_emitter(i).other, i, u.y < load_emitter(i).keep);
 }
 
 // Light leaving a point of an emitter towards the unit direction `w`, times the cosine at the emitter (1 for points),
@@ -42,31 +42,35 @@ fn emitter_profile(v: PathVertex, w: vec3<f32>) -> vec2<f32> {
             return vec2<f32>(1.0, 1.0 / (4.0 * PI));
         }
         default: {
-            let along = dot(v.to_previous, w);
+            let off = cap_height(v.to_previous, w);
             let outer = v.base_color.x;
-            return vec2<f32>(spot_falloff(along, outer, v.base_color.y),
-                select(0.0, 1.0 / (2.0 * PI * (1.0 - outer)), along > outer));
+            return vec2<f32>(spot_falloff(off, outer, v.base_color.y), select(0.0, 1.0 / (2.0 * PI * outer), off < outer));
         }
     }
 }
 
-// KHR_lights_punctual: 1 inside the inner cone, 0 outside the outer one; arguments are cosines.
-fn spot_falloff(cosine: f32, outer: f32, inner: f32) -> f32 {
-    let x = clamp((cosine - outer) / max(inner - outer, 1e-4), 0.0, 1.0);
+// 1 - cosine of the angle between unit vectors, with all its digits where that is small. Cones are given by it: of a cosine near 1
+// floats hold next to nothing.
+fn cap_height(a: vec3<f32>, b: vec3<f32>) -> f32 {
+    return 0.5 * dot(a - b, a - b);
+}
+
+// KHR_lights_punctual: 1 inside the inner cone, 0 outside the outer one; arguments are 1 - cosine.
+fn spot_falloff(off: f32, outer: f32, inner: f32) -> f32 {
+    let x = clamp((outer - off) / max(outer - inner, 1e-20), 0.0, 1.0);
     return x * x;
 }
 
-// Uniform direction within the cone of cosine `outer` around `axis`.
+// Uniform direction within the cone around `axis` whose half angle has 1 - cosine = `outer`, 0 to 2.
 fn uniform_cone(axis: vec3<f32>, outer: f32, u: vec2<f32>) -> vec3<f32> {
-    let z = mix(1.0, outer, u.x);
-    let r = sqrt(max(0.0, 1.0 - z * z));
+    let off = outer * u.x;
+    let r = sqrt(max(0.0, off * (2.0 - off)));
     let phi = 2.0 * PI * u.y;
-    return frame_around(axis) * vec3<f32>(r * cos(phi), r * sin(phi), z);
+    return frame_around(axis) * vec3<f32>(r * cos(phi), r * sin(phi), 1.0 - off);
 }
 
-// First vertex and direction of a light subpath.
-fn sample_emission(choice: f32, a: vec4<f32>) -> Emission {
-    let number = choose_emitter(choice);
+// First vertex and direction of a light subpath from emitter `number`.
+fn sample_emission(number: u32, a: vec4<f32>) -> Emission {
     let e = load_emitter(number);
     var r: Emission;
     r.vertex.owner = number;
@@ -123,11 +127,11 @@ fn sample_triangle(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
 
 fn sample_punctual(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     let spot = e.kind == EMITTER_SPOT;
-    let outer = select(-1.0, e.outer, spot);
+    let outer = select(2.0, e.outer, spot);
     (*r).vertex.position = e.position;
     (*r).direction = uniform_cone(e.direction, outer, a.xy);
-    (*r).pdf_direction = 1.0 / (2.0 * PI * (1.0 - outer));
-    let falloff = select(1.0, spot_falloff(dot(e.direction, (*r).direction), e.outer, e.inner), spot);
+    (*r).pdf_direction = 1.0 / (2.0 * PI * outer);
+    let falloff = select(1.0, spot_falloff(outer * a.x, e.outer, e.inner), spot);
     (*r).throughput = e.strength * (falloff / ((*r).pdf_direction * e.select_pdf));
 }
 

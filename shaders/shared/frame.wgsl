@@ -47,7 +47,7 @@ struct Frame {
     // Number of a pixel's first sample in this iteration, over the whole render.
     first_sample: u32,
     // Emitter points in the pool; they follow the deterministic vertices.
-    emitter_vertices: u32,
+    emitter_points: u32,
     // Candidate slots a shade point.
     slots: u32,
     // Samples that a vertex chosen by a query stands for in the MIS weights (`weights.wgsl`).
@@ -70,6 +70,9 @@ struct Dispatch {
     list_b: u32,
     // First entry of the list that the dispatch works on.
     rank: u32,
+    // Light subpaths: NONE where each draws its emitter; else only the deterministic vertices of emitters that are told, of which
+    // this is the first path's.
+    emitter: u32,
 }
 
 @group(0) @binding(0) var<storage, read> frame: Frame;

@@ -6,7 +6,7 @@
 struct PathState {
     // The last vertex, exactly: travel times are measured from here, never along the shifted ray.
     position: vec3<f32>,
-    // Travel time at the last vertex, metres of optical path.
+    // Travel time at the last vertex, as optical path.
     tau: f32,
     direction: vec3<f32>,
     // Refractive index of the medium the ray travels in.
@@ -52,7 +52,7 @@ struct PathVertex {
     to_previous: vec3<f32>,
     // VERTEX_ bits, and the number of segments behind the vertex in the low byte.
     flags: u32,
-    // Base colour at the point. Spots: cosines of the outer and inner half angles.
+    // Base colour at the point. Spots: 1 - cosine of the outer and inner half angles.
     base_color: vec3<f32>,
     // Refractive index of the medium on the side of `to_previous`.
     eta: f32,

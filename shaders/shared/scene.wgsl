@@ -2,7 +2,7 @@
 #import frame
 #import math
 
-// Three corners relative to the sensor, in metres, in BVH order.
+// Three corners relative to the sensor, in BVH order; lengths in the unit of `frame.wgsl`.
 struct Triangle {
     v0: vec3<f32>,
     // Index into `instances`.
@@ -84,7 +84,7 @@ struct Emitter {
     kind: u32,
     // Triangles: index into `triangles`.
     triangle: u32,
-    // Alias table: keep this entry with probability `keep`, else take `alias`.
+    // Alias table: keep this entry with probability `keep`, else take `other`.
     keep: f32,
     other: u32,
     // Punctual lights and beams.
@@ -92,11 +92,11 @@ struct Emitter {
     // Probability with which a light subpath starts here.
     select_pdf: f32,
     direction: vec3<f32>,
-    // Spots: cosine of the outer half angle. Beams: radius in metres.
+    // Spots: 1 - cosine of the outer half angle. Beams: radius.
     outer: f32,
-    // Intensity W / sr (point, spot) or power W (beam). Triangles: unused.
+    // Intensity (point, spot) or power (beam), fluxes in the unit of `frame.wgsl`. Triangles: unused.
     strength: vec3<f32>,
-    // Spots: cosine of the inner half angle.
+    // Spots: 1 - cosine of the inner half angle.
     inner: f32,
 }
 

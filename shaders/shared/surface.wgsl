@@ -3,7 +3,7 @@
 
 struct Surface {
     position: vec3<f32>,
-    // Metres by which a ray leaving the surface starts off it, along the geometric normal: several times the rounding
+    // Length by which a ray leaving the surface starts off it, along the geometric normal: several times the rounding
     // error of the plane of this triangle.
     offset: f32,
     // Unit geometric normal, on the front side.

@@ -37,11 +37,11 @@ twins! {
         max_depth: u32, queries: u32, deterministic_count: u32, emitter_count: u32,
         tree3_root: u32, tree4_root: u32, keep_s0: f32, keep_t1: f32,
         keep_s2: f32, crop_x: u32, crop_y: u32, crop_width: u32,
-        crop_height: u32, first_sample: u32, emitter_vertices: u32, slots: u32,
+        crop_height: u32, first_sample: u32, emitter_points: u32, slots: u32,
         gain: f32, splat_share: f32, pad: [u32; 2],
     }
     /// `shared/frame.wgsl`
-    Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32 }
+    Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }
     /// `shared/scene.wgsl`
     Triangle { v0: [f32; 3], instance: u32, v1: [f32; 3], corner: u32, v2: [f32; 3], material: u32 }
     /// `shared/scene.wgsl`
@@ -128,7 +128,7 @@ pub mod constants {
         COUNTER_TOTALS = 8,
         ESTIMATOR_PT = 0,
         ESTIMATOR_BDPT = 1,
-        ESTIMATOR_LCS = 2,
+        ESTIMATOR_LCS_PAPER = 2,
         DETERMINISTIC_SLOTS = 8,
         MOST_SUBTREES = 32,
         OBSERVE_TIMES = 1,

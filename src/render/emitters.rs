@@ -23,6 +23,8 @@ pub struct EmitterSet {
     /// Surfaces that emit: their points go to the 3D tree.
     pub has_area: bool,
     pub has_beam: bool,
+    /// Beams of zero radius: the last of the table.
+    pub thin_beams: u32,
     /// Node and luminance-weighted power in W of every node that shines.
     pub powers: BTreeMap<String, f64>,
 }
@@ -42,6 +44,7 @@ impl EmitterSet {
             hi: Vec3::NEG_INFINITY,
             has_area: false,
             has_beam: false,
+            thin_beams: 0,
             powers: BTreeMap::new(),
         };
         let mut weights = vec![];
@@ -64,7 +67,7 @@ impl EmitterSet {
         set
     }
 
-    /// Emissive triangles, weighted by flux. Returns the flux a square metre of each material.
+    /// Emissive triangles, weighted by flux. Returns the flux an area of each material.
     fn add_triangles(&mut self, scene: &Scene, geometry: &Geometry, weights: &mut Vec<f64>) -> Vec<f64> {
         let exitance: Vec<f64> = geometry
             .materials
@@ -104,7 +107,9 @@ impl EmitterSet {
     }
 
     fn add_lights(&mut self, scene: &Scene, selected: &Emitters, place: &Place, weights: &mut Vec<f64>) {
-        for light in &scene.lights {
+        let is_thin = |kind: &LightKind| matches!(kind, LightKind::Beam { radius, .. } if *radius == 0.0);
+        let (thin, others): (Vec<_>, Vec<_>) = scene.lights.iter().partition(|light| is_thin(&light.kind));
+        for light in others.into_iter().chain(thin) {
             if !selected.include(&light.node) {
                 continue;
             }
@@ -118,9 +123,9 @@ impl EmitterSet {
                     (Emitter { strength: intensity, ..stand }, 4.0 * std::f64::consts::PI * luminance(intensity), 0.0)
                 }
                 LightKind::Spot { intensity, inner, outer } => {
-                    let (intensity, inner, outer) = (on_device(intensity), inner.cos(), outer.cos());
-                    let flux =
-                        2.0 * std::f64::consts::PI * f64::from(1.0 - 0.5 * (inner + outer)) * luminance(intensity);
+                    let (intensity, inner, outer) = (on_device(intensity), cap_height(inner), cap_height(outer));
+                    let flux = std::f64::consts::PI * (inner + outer) * luminance(intensity);
+                    let [inner, outer] = [inner, outer].map(|height| height as f32);
                     (Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..stand }, flux, 0.0)
                 }
                 LightKind::Beam { power, radius } => {
@@ -135,6 +140,7 @@ impl EmitterSet {
             }
             self.enclose(position, radius);
             self.add_power(&light.node, flux);
+            self.thin_beams += u32::from(is_thin(&light.kind));
             if emitter.kind != EMITTER_BEAM {
                 self.deterministic.push(punctual_vertex(&emitter, self.table.len() as u32));
             }
@@ -147,6 +153,11 @@ impl EmitterSet {
         self.lo = self.lo.min(p - radius);
         self.hi = self.hi.max(p + radius);
     }
+}
+
+/// 1 - cosine of an angle in radians; what is left of a small one.
+fn cap_height(angle: f32) -> f64 {
+    2.0 * (0.5 * f64::from(angle)).sin().powi(2)
 }
 
 fn entry(kind: u32) -> Emitter {

@@ -25,6 +25,14 @@ pub struct Splat {
     pub s: u32,
 }
 
+/// Light paths that are traced together.
+struct Batch {
+    first: u32,
+    count: u32,
+    /// NONE where each path draws its emitter; else that of the first path, and only its deterministic vertices count.
+    emitter: u32,
+}
+
 /// Kernels and buffers of the light subpaths.
 pub struct LightTracer {
     start: (Kernel, Bindings),
@@ -66,7 +74,7 @@ impl LightTracer {
 
     /// What the buffers of [`LightTracer::new`] need, in its order.
     pub fn needs(plan: &Plan) -> [Need; 5] {
-        let capacity = BATCH.min(plan.traced_paths() as usize);
+        let capacity = BATCH.min(plan.traced_paths().max(plan.thin_beams.len() as u32) as usize);
         let remedy = "use fewer --light-paths";
         [
             Need::of::<PathState>("light path states", capacity, remedy),
@@ -90,9 +98,14 @@ impl LightTracer {
         see: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
+        let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };
+        for emitter in thin.clone().step_by(BATCH) {
+            let batch = Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), emitter };
+            self.run_batch(plan, &batch, pool, see, stats)?;
+        }
         for first in (0..plan.traced_paths()).step_by(BATCH) {
             let count = (plan.traced_paths() - first).min(BATCH as u32);
-            self.run_batch(plan, first, count, pool, see, stats)?;
+            self.run_batch(plan, &Batch { first, count, emitter: NONE }, pool, see, stats)?;
         }
         stats.light_paths += u64::from(plan.traced_paths());
         Ok(())
@@ -101,26 +114,19 @@ impl LightTracer {
     fn run_batch(
         &mut self,
         plan: &Plan,
-        first: u32,
-        count: u32,
+        batch: &Batch,
         pool: &mut LightPool,
         see: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
-        let constants = |count: u32, bounce: u32| Dispatch {
-            first,
-            count,
-            bounce,
-            counter: NONE,
-            list_a: NONE,
-            list_b: NONE,
-            rank: 0,
-        };
+        let &Batch { first, count, emitter } = batch;
+        let lists = Dispatch { counter: NONE, list_a: NONE, list_b: NONE, ..bytemuck::Zeroable::zeroed() };
+        let constants = |count: u32, bounce: u32| Dispatch { first, count, bounce, emitter, ..lists };
         let groups = self.start.0.groups(count as usize);
         self.recorder.dispatch("light_start", &self.start.0, &self.start.1, &constants(count, 0), groups)?;
         stats.submit(&mut self.recorder)?;
         let mut living: Vec<u32> = (0..count).collect();
-        stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, first, pool))?;
+        stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;
         if !plan.traces_light {
             return Ok(());
         }
@@ -140,11 +146,10 @@ impl LightTracer {
             stats.submit(&mut self.recorder)?;
             stats.closest_rays += living.len() as u64;
             stats.light_rays += living.len() as u64;
-            let known = pool.deterministic.len();
-            stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, first, pool))?;
+            stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;
             if plan.splats {
                 let show = |splat: Splat| see(Splat { s: bounce + 2, ..splat });
-                let splats = || self.show_splats(plan, &living, known, pool, show);
+                let splats = || self.show_splats(plan, &living, show);
                 let [shown, dropped] = stats.timed(stage::READ_LIGHT, splats)?;
                 stats.inside_gate += shown;
                 stats.dropped += dropped;
@@ -155,9 +160,11 @@ impl LightTracer {
     }
 
     /// Vertices that were just reached by paths that are stored, in the order of the paths.
-    fn collect(&self, plan: &Plan, living: &[u32], first: u32, pool: &mut LightPool) -> Result<()> {
+    fn collect(&self, plan: &Plan, living: &[u32], batch: &Batch, pool: &mut LightPool) -> Result<()> {
+        let first = batch.first;
+        let is_stored = |slot: u32| batch.emitter != NONE || first + slot < plan.light_paths;
         self.vertices.with::<PathVertex, _>(self.vertices_in_use(living), |vertices| {
-            for &slot in living.iter().take_while(|&&slot| first + slot < plan.light_paths) {
+            for &slot in living.iter().take_while(|&&slot| is_stored(slot)) {
                 let vertex = &vertices[slot as usize];
                 if vertex.flags & VERTEX_VALID != 0 {
                     pool.push(first + slot, vertex, plan.max_depth);
@@ -176,33 +183,15 @@ impl LightTracer {
         living.last().map_or(0, |&slot| slot as usize + 1)
     }
 
-    /// Of a deterministic vertex, which all paths repeat, only the first copy counts. Returns how many splats were shown, and
-    /// how many dropped as non-finite.
-    fn show_splats(
-        &self,
-        plan: &Plan,
-        living: &[u32],
-        known: usize,
-        pool: &LightPool,
-        mut see: impl FnMut(Splat),
-    ) -> Result<[u64; 2]> {
+    /// Returns how many splats were shown, and how many dropped as non-finite.
+    fn show_splats(&self, plan: &Plan, living: &[u32], mut see: impl FnMut(Splat)) -> Result<[u64; 2]> {
         let n = self.vertices_in_use(living);
         let (mut shown, mut dropped) = (0, 0);
-        let mut fresh: Vec<u32> = pool.deterministic[known..].iter().map(|v| v.owner).collect();
-        // Punctual lights are deterministic too, but stand at depth 0 and are never traced.
-        let any = pool.deterministic.iter().any(|v| v.flags & VERTEX_DEPTH != 0);
-        let vertices = self.vertices.to_vec::<PathVertex>(if any { n } else { 0 })?;
         let weighs = plan.observe == Observe::Strategies;
         let weights = self.splat_weights.to_vec::<f32>(if weighs { n } else { 0 })?;
         self.splats.with::<[f32; 4], _>(n, |splats| {
             for &slot in living {
                 let [r, g, b, pixel_or_tau] = splats[slot as usize];
-                if let Some(vertex) = vertices.get(slot as usize)
-                    && vertex.flags & VERTEX_DETERMINISTIC != 0
-                {
-                    let Some(i) = fresh.iter().position(|&owner| owner == vertex.owner) else { continue };
-                    fresh.swap_remove(i);
-                }
                 if pixel_or_tau.to_bits() != NONE {
                     let finite = [r, g, b].iter().all(|value| value.is_finite());
                     dropped += u64::from(!finite);

@@ -198,7 +198,7 @@ impl Renderer {
         self.light.run(&self.plan, &mut pool, see, &mut self.stats)?;
 
         // Phase 2: hierarchy construction.
-        let sorted = self.stats.timed(stage::BUILD_TREES, || pool.sort(&self.plan));
+        let sorted = self.stats.timed(stage::BUILD_TREES, || pool.sort(&self.plan))?;
         self.stats.deterministic_vertices += pool.deterministic.len() as u64;
         self.stats.emitter_vertices += pool.emitter_points.len() as u64;
         self.stats.scattered_vertices += pool.scattered.len() as u64;

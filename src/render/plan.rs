@@ -1,5 +1,7 @@
 //! What the kernels are told: the frame of an iteration and the switches that are fixed for a render.
 
+use std::ops::Range;
+
 use glam::{DVec3, Vec3};
 
 use super::emitters::EmitterSet;
@@ -63,6 +65,8 @@ pub struct Plan {
     /// Light subpaths are traced, not only started; t = 1 takes part.
     pub traces_light: bool,
     pub splats: bool,
+    /// Numbers of the emitters whose subpaths all begin alike: beams of zero radius.
+    pub thin_beams: Range<u32>,
     pub tuning: Tuning,
     /// What the kernels report beside the image.
     pub observe: Observe,
@@ -90,6 +94,7 @@ impl Plan {
         let traces_light = !pt && settings.max_depth >= 2;
         let features = prepared.geometry.features;
         let frame = frame(scene, settings, emitters, all, pt);
+        let emitter_count = frame.emitter_count;
         let mut plan = Plan {
             estimator: settings.estimator,
             light_paths: settings.light_paths,
@@ -106,6 +111,7 @@ impl Plan {
             crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
             traces_light,
             splats: traces_light && all,
+            thin_beams: emitter_count - emitters.thin_beams..emitter_count,
             tuning: Tuning::default(),
             observe: Observe::Nothing,
             cull: settings.cull,
@@ -148,13 +154,14 @@ impl Plan {
 
     /// Candidate slots a shade point at most, whatever the pool.
     pub fn most_slots(&self, emitters: &EmitterSet) -> u32 {
-        let thin_beams = if emitters.has_beam && self.traces_light { self.max_depth } else { 0 };
+        let on_prefixes =
+            if self.traces_light { (self.thin_beams.len() as u32).saturating_mul(self.max_depth) } else { 0 };
         let (spatial, all) = match self.single_tree {
             true => (false, emitters.has_area || self.traces_light),
             false => (emitters.has_area, self.traces_light),
         };
         self.slots(&PoolLayout {
-            deterministic: emitters.deterministic.len() as u32 + thin_beams,
+            deterministic: (emitters.deterministic.len() as u32).saturating_add(on_prefixes),
             emitter_points: u32::from(emitters.has_area),
             tree3_root: if spatial { 0 } else { NONE },
             tree4_root: if all { 0 } else { NONE },
@@ -174,7 +181,7 @@ impl Plan {
         };
         if let Some(pool) = pool {
             frame.deterministic_count = pool.deterministic;
-            frame.emitter_vertices = pool.emitter_points;
+            frame.emitter_points = pool.emitter_points;
             frame.tree3_root = pool.tree3_root;
             frame.tree4_root = pool.tree4_root;
             frame.slots = self.slots(pool);
@@ -189,10 +196,11 @@ impl Plan {
 
     /// Override constants of all kernels.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
+        // lcs has a kernel of its own, which does not ask.
         let estimator = match self.estimator {
             Estimator::Pt => ESTIMATOR_PT,
             Estimator::Bdpt => ESTIMATOR_BDPT,
-            Estimator::LcsPaper | Estimator::Lcs => ESTIMATOR_LCS,
+            Estimator::LcsPaper | Estimator::Lcs => ESTIMATOR_LCS_PAPER,
         };
         let observe = match self.observe {
             Observe::Nothing => 0,

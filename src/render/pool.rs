@@ -1,7 +1,7 @@
 //! The light-vertex pool of an iteration on the host: vertices as they come back from the device, sorted for the estimator.
 
 use super::plan::Plan;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::layout::constants::*;
 use crate::gpu::layout::{NONE, PathVertex, TreeNode};
 use crate::gpu::{Buffer, Device, Need};
@@ -17,6 +17,9 @@ pub struct LightPool {
     pub emitter_points: Vec<(u32, PathVertex)>,
     pub scattered: Vec<(u32, PathVertex)>,
 }
+
+/// Vertices of a pool at most: the number of a leaf's first one is less than [`LEAF_FIRST`].
+const MOST_VERTICES: usize = LEAF_FIRST as usize;
 
 /// The pool on the device: group 1 of the kernels.
 pub struct DevicePool {
@@ -45,14 +48,10 @@ pub struct SortedPool {
 }
 
 impl LightPool {
-    /// Takes a vertex that was reached by light path `path`. Of a deterministic prefix only the first copy is kept: it
-    /// carries the whole power.
+    /// Takes a vertex that was reached by light path `path`, whatever that is for a deterministic one.
     pub fn push(&mut self, path: u32, vertex: &PathVertex, max_depth: u32) {
         if vertex.flags & VERTEX_DETERMINISTIC != 0 {
-            let same = |v: &PathVertex| v.owner == vertex.owner && (v.flags ^ vertex.flags) & VERTEX_DEPTH == 0;
-            if !self.deterministic.iter().any(same) {
-                self.deterministic.push(*vertex);
-            }
+            self.deterministic.push(*vertex);
         } else if (vertex.flags & VERTEX_DEPTH) + 2 > max_depth {
             // A connection adds itself and a sensor segment; what is deeper serves t = 1 alone.
         } else if vertex.flags & VERTEX_EMITTER != 0 {
@@ -62,13 +61,20 @@ impl LightPool {
         }
     }
 
-    /// Builds the trees (`lcs-paper`, `lcs`) or groups the vertices by path (`bdpt`).
-    pub fn sort(&self, plan: &Plan) -> SortedPool {
-        match plan.estimator {
+    /// Builds the trees (`lcs-paper`, `lcs`) or groups the vertices by path (`bdpt`). Errors: more vertices than references to
+    /// leaves have digits for.
+    pub fn sort(&self, plan: &Plan) -> Result<SortedPool> {
+        let count = self.deterministic.len() + self.emitter_points.len() + self.scattered.len();
+        if count > MOST_VERTICES {
+            return Err(Error::Settings(format!(
+                "an iteration has {count} light vertices and there is room for {MOST_VERTICES}: use fewer --light-paths"
+            )));
+        }
+        Ok(match plan.estimator {
             Estimator::Bdpt => self.by_path(plan.light_paths),
             Estimator::Pt => self.emitters_only(),
             Estimator::LcsPaper | Estimator::Lcs => self.trees(plan),
-        }
+        })
     }
 
     fn layout(&self) -> PoolLayout {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::geometry::Geometry;
 use super::prepared::Prepared;
 use crate::gpu::layout::Triangle;
-use crate::gpu::layout::constants::EMITTER_TRIANGLE;
+use crate::gpu::layout::constants::{EMITTER_BEAM, EMITTER_TRIANGLE};
 use crate::settings::Settings;
 use crate::units::Gate;
 
@@ -52,6 +52,17 @@ impl Reach {
     pub fn meets(&self, gate: &Gate) -> bool {
         gate.hi > self.least && gate.lo < self.greatest
     }
+
+    /// For a gate that it does not meet: which bound says so, with lengths (metres) as `write` has them.
+    pub fn why_not(&self, gate: &Gate, write: impl Fn(f64) -> String) -> String {
+        match gate.hi <= self.least {
+            true if self.least.is_infinite() => "no surface brings light to the sensor".into(),
+            true => format!("none arrives before {}", write(self.least)),
+            false => {
+                format!("no path of {} segments (--max-depth) is longer than {}", self.max_depth, write(self.greatest))
+            }
+        }
+    }
 }
 
 impl Bounds {
@@ -88,8 +99,7 @@ fn punctual_emitters(prepared: &Prepared) -> Vec<Bounds> {
     let punctual = prepared.emitters.table.iter().filter(|e| e.kind != EMITTER_TRIANGLE);
     let boxes: Vec<Bounds> = punctual
         .map(|e| {
-            // `outer` is the radius of a beam and the cosine of a spot: too large a box is still a bound.
-            let (p, radius) = (Vec3::from(e.position), e.outer.max(0.0));
+            let (p, radius) = (Vec3::from(e.position), if e.kind == EMITTER_BEAM { e.outer } else { 0.0 });
             Bounds { lo: p - radius, hi: p + radius }
         })
         .collect();

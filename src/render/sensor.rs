@@ -248,8 +248,8 @@ impl SensorTracer {
     /// Records the start of a path for every sample; returns what all dispatches of the tile share.
     fn start_tile(&mut self, bound: &Bound, samples: &[TileSample]) -> Result<Dispatch> {
         let count = samples.len() as u32;
-        let constants =
-            Dispatch { first: 0, count, bounce: 0, counter: LIVING[0], list_a: NONE, list_b: NONE, rank: 0 };
+        let none = Dispatch { list_a: NONE, list_b: NONE, emitter: NONE, ..bytemuck::Zeroable::zeroed() };
+        let constants = Dispatch { count, counter: LIVING[0], ..none };
         self.buffers.tile_samples.write(0, samples)?;
         let mut counters = [0u32; COUNTERS];
         counters[LIVING[0] as usize] = count;

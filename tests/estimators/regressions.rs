@@ -1,10 +1,10 @@
 //! One test a bug, named after it.
 
 use glam::DVec3;
-use taugate::generate::shapes::{append, quad};
-use taugate::generate::stage::{add, camera, diffuse, emitter, material};
-use taugate::scene::{AlphaMode, Material, Mesh, Scene};
-use taugate::settings::Estimator;
+use taugate::generate::shapes::{append, cuboid, quad};
+use taugate::generate::stage::{add, camera, diffuse, emitter, light, material};
+use taugate::scene::{AlphaMode, LightKind, Material, Mesh, Scene};
+use taugate::settings::{Emitters, Estimator};
 
 use super::cells::{renderer, settings};
 
@@ -35,4 +35,35 @@ fn a_veil_behind_a_wall_does_not_open_the_wall() {
     let mut renderer = renderer(&scene, &s);
     renderer.iterate(16).unwrap_or_else(|e| panic!("{e}"));
     assert!(renderer.film().mean().iter().all(|&x| x == 0.0), "light came through the wall");
+}
+
+/// The spot of a beam of no radius was kept only in iterations in which one of the light paths had drawn the beam, with its share of all power.
+#[test]
+fn a_thin_beam_keeps_its_light_beside_a_far_stronger_lamp() {
+    let mut scene = Scene::default();
+    let white = material(&mut scene, diffuse("white", [0.8; 3]));
+    add(&mut scene, "floor", white, quad(DVec3::new(-2.0, 0.0, -2.0), DVec3::Z * 4.0, DVec3::X * 4.0, [1.0, 1.0]));
+    add(&mut scene, "wall", white, quad(DVec3::new(-2.0, 0.0, -2.0), DVec3::X * 4.0, DVec3::Y * 4.0, [1.0, 1.0]));
+    // None of the lamp's light leaves the box around it.
+    add(&mut scene, "box", white, cuboid(DVec3::splat(9.0), DVec3::splat(11.0)));
+    let lamp = LightKind::Point { intensity: [1e5; 3] };
+    light(&mut scene, "lamp", DVec3::splat(10.0), DVec3::NEG_Y, lamp);
+    let beam = LightKind::Beam { power: [1.0; 3], radius: 0.0 };
+    light(&mut scene, "beam", DVec3::new(0.5, 3.0, 0.0), DVec3::NEG_Y, beam);
+    camera(&mut scene, DVec3::new(0.0, 1.5, 3.0), DVec3::new(0.0, 0.5, 0.0), 0.9, [16, 16]);
+    for estimator in [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs] {
+        let mean = |emitters: Emitters| {
+            let mut s = settings(estimator, [16, 16]);
+            // Light, spot, another surface, pinhole.
+            (s.max_depth, s.light_paths, s.emitters) = (3, 64, emitters);
+            let mut renderer = renderer(&scene, &s);
+            (0..8).for_each(|_| renderer.iterate(8).unwrap_or_else(|e| panic!("{e}")));
+            renderer.film().mean().iter().map(|&x| f64::from(x)).sum::<f64>()
+        };
+        let (both, alone) = (mean(Emitters::Scene), mean(Emitters::Nodes(vec!["beam".into()])));
+        assert!(
+            alone > 0.0 && (both / alone - 1.0).abs() < 0.02,
+            "{estimator:?}: {both} beside the lamp, {alone} alone"
+        );
+    }
 }

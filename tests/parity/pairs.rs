@@ -129,7 +129,7 @@ impl Bench {
                 ("HAS_ALPHA", 0.0),
                 ("HAS_GLOSSY", glossy),
                 ("HAS_TRANSMISSION", glossy),
-                ("ESTIMATOR", ESTIMATOR_LCS.into()),
+                ("ESTIMATOR", ESTIMATOR_LCS_PAPER.into()),
             ],
         }
     }
