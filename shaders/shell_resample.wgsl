@@ -1,5 +1,5 @@
 // lcs: chooses one vertex of each tree for a shade point, out of K queries by importance, and so pays one shadow ray for K
-// candidates. Deterministic vertices are evaluated one by one. Bindings: shared/slots.wgsl.
+// candidates. Deterministic vertices need no choice. Bindings: shared/slots.wgsl.
 #import resample
 #import receiver
 

@@ -10,7 +10,7 @@ use taugate::gpu::layout::{Dispatch, Frame, Material, NONE, PathVertex, TreeChil
 use taugate::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 
-use super::points::{GATE, Point, hash32, next_bits, uniform};
+use super::points::{GATE, Point, hash32, next_bits};
 
 /// Queries a shade point, and vertices a leaf.
 const QUERIES: u32 = 16;
@@ -67,12 +67,13 @@ struct Receiver {
 fn power_through_gate(c: &TreeChild, near: f32, far: f32, r: &Receiver) -> f32 {
     let least = 1e-4 * far + 1e-12;
     let spread = (far - near).max(least);
-    let bucket = ((c.tau_hi - c.tau_lo) / 8.0).max(least);
+    let bucket_width = (c.tau_hi - c.tau_lo) / 8.0;
+    let bucket = bucket_width.max(least);
     let (length, density) = (spread + bucket, 1.0 / spread.max(bucket));
     let bytes = (u64::from(c.buckets_low) | u64::from(c.buckets_high) << 32).to_le_bytes();
     let mut sum = 0.0;
     for (b, &value) in bytes.iter().enumerate() {
-        let start = c.tau_lo + near + b as f32 * bucket;
+        let start = c.tau_lo + near + b as f32 * bucket_width;
         let overlap = r.hi.min(start + length) - r.lo.max(start);
         sum += if overlap >= 0.0 { f32::from(value) * ((overlap * density).min(1.0) + LIVE_SHARE) } else { 0.0 };
     }
@@ -87,8 +88,8 @@ fn node_importance(c: &TreeChild, r: &Receiver) -> f32 {
         return 0.0;
     }
     let (half, centre) = (0.5 * (hi - lo), 0.5 * (hi + lo) - r.q);
-    let rounding = 1e-6 * (centre.abs().element_sum() + half.element_sum());
-    let height = r.n.dot(centre) + r.n.abs().dot(half) + rounding;
+    let corner = Vec3::select(r.n.cmpgt(Vec3::ZERO), hi, lo) - r.q;
+    let height = r.n.dot(corner) + 1e-6 * corner.abs().element_sum();
     if height < 0.0 {
         return 0.0;
     }
@@ -103,10 +104,17 @@ fn total_power(c: &TreeChild) -> f32 {
     (c.power_unit * sum as f32).max(1e-36)
 }
 
-fn refill(u: f32, part: f32, rng: &mut u32) -> f32 {
-    let fresh = next_bits(rng) as f32 / 4_294_967_296.0;
-    let most = 1.0 - RESOLUTION;
-    if part < 1.0 / 256.0 { fresh.min(most) } else { ((u + RESOLUTION * fresh) / part).clamp(0.0, most) }
+fn fine_uniform(rng: &mut u32) -> f32 {
+    (next_bits(rng) as f32 / 4_294_967_296.0).min(1.0 - RESOLUTION)
+}
+
+fn refill(u: f32, start: f32, part: f32, rng: &mut u32) -> f32 {
+    let fresh = fine_uniform(rng);
+    let last_digit = f32::from_bits(u.to_bits() & 0x7f80_0000) * f32::EPSILON;
+    if part < 1.0 / 256.0 {
+        return fresh;
+    }
+    (((u - start).max(0.0) + last_digit * fresh) / part).clamp(0.0, 1.0 - RESOLUTION)
 }
 
 /// Subtrees with the sums of power and importance up to each.
@@ -148,13 +156,13 @@ fn descend(
     rng: &mut u32,
 ) -> Option<(u32, f32)> {
     let by_power = u < BY_POWER;
-    let (from, part) = if by_power { (u, BY_POWER) } else { (u - BY_POWER, 1.0 - BY_POWER) };
-    let (rest, way) = (refill(from, part, rng), usize::from(!by_power));
+    let (from, part) = if by_power { (0.0, BY_POWER) } else { (BY_POWER, 1.0 - BY_POWER) };
+    let (rest, way) = (refill(u, from, part, rng), usize::from(!by_power));
     let all = frontier.last()?.1;
     let at = frontier.partition_point(|(_, sums)| sums[way] <= rest * all[way]).min(frontier.len() - 1);
     let before = if at > 0 { frontier[at - 1].1 } else { [0.0; 2] };
     let mut p = [0, 1].map(|i| frontier[at].1[i] / all[i] - before[i] / all[i]);
-    let mut rest = refill((rest - before[way] / all[way]).max(0.0), p[way], rng);
+    let mut rest = refill(rest, before[way] / all[way], p[way], rng);
     let mut current = frontier[at].0;
     while current & LEAF_BIT == 0 {
         let node = &nodes[current as usize];
@@ -167,8 +175,8 @@ fn descend(
         let [left, right] = ways[way];
         let lesser = left.min(right) / (left + right);
         let take_lesser = rest < lesser;
-        let part = if take_lesser { lesser } else { 1.0 - lesser };
-        rest = refill(if take_lesser { rest } else { rest - lesser }, part, rng);
+        let (from, part) = if take_lesser { (0.0, lesser) } else { (lesser, 1.0 - lesser) };
+        rest = refill(rest, from, part, rng);
         let take_left = take_lesser == (left < right);
         for (p, [left, right]) in p.iter_mut().zip(ways) {
             *p *= if take_left { left } else { right } / (left + right);
@@ -198,7 +206,7 @@ fn choose(vertices: &[PathVertex], leaf: u32, weight: f32, r: &Receiver, depth: 
     for vertex in &vertices[first as usize..(first + count) as usize] {
         let importance = vertex_importance(r, depth, vertex);
         sum += importance;
-        if uniform(rng) * sum < importance {
+        if fine_uniform(rng) * sum < importance {
             chosen = Some(importance);
         }
     }
@@ -223,7 +231,7 @@ fn on_host(tree: &Tree, vertices: &[PathVertex], shade: &[Point]) -> u64 {
     let query = |(i, s): (usize, &Point)| {
         let r = Receiver { q: s.p, n: s.n, lo: GATE[0] - s.tau, hi: GATE[1] - s.tau };
         let mut rng = hash32(i as u32);
-        let jitter = (next_bits(&mut rng) as f32 / 4_294_967_296.0).min(1.0 - RESOLUTION);
+        let jitter = fine_uniform(&mut rng);
         let mut alive = 0;
         let frontier = grow_frontier(&tree.nodes, tree.root, &r);
         for k in 0..QUERIES {

@@ -9,7 +9,7 @@ override FRONTIER: u32 = 32u;
 const MOST_SUBTREES: u32 = 32u;
 // Looks at a subtree to open it at most: as many again as fill the frontier, since many prove to be dead.
 const LOOKS: u32 = 64u;
-// Part of the frontier's power that every subtree has at least: choices by power find each of them whatever digits floats lack.
+// A subtree counts for so much of the frontier's power beyond its own: choices by power find each of them whatever digits floats lack.
 const LEAST_SHARE: f32 = 1.0 / 1024.0;
 
 // What a uniform in [0, 1) resolves.
@@ -39,12 +39,14 @@ struct Way {
     p: vec2<f32>,
 }
 
-// `u`, known to lie in a part of [0, 1) that has been stretched to all of it by dividing by `part`: the digits that the
-// stretching uncovers are drawn.
-fn refill(u: f32, part: f32, rng: ptr<function, u32>) -> f32 {
+// `u` in [start, start + part), stretched to [0, 1). The digits that the stretching uncovers, those below the last of `u`, are drawn.
+fn refill(u: f32, start: f32, part: f32, rng: ptr<function, u32>) -> f32 {
     let fresh = next_fine_uniform(rng);
+    // From u to the next float: 2^-23 of the power of two below it.
+    let last_digit = bitcast<f32>(bitcast<u32>(u) & 0x7f800000u) * 1.1920929e-7;
+    let stretched = clamp((max(u - start, 0.0) + last_digit * fresh) / part, 0.0, 1.0 - RESOLUTION);
     // Of a small part hardly any digit is left.
-    return select(clamp((u + RESOLUTION * fresh) / part, 0.0, 1.0 - RESOLUTION), min(fresh, 1.0 - RESOLUTION), part < 1.0 / 256.0);
+    return select(stretched, min(fresh, 1.0 - RESOLUTION), part < 1.0 / 256.0);
 }
 
 fn join_frontier(f: ptr<function, Frontier>, node: u32, goal: vec2<f32>) {
@@ -97,7 +99,7 @@ fn grow_frontier(f: ptr<function, Frontier>, root: u32, receiver: Receiver) {
 // The subtree of a frontier that is not empty at the uniform `u`. Stratified values of `u` lead to different parts of the tree.
 fn enter_frontier(f: ptr<function, Frontier>, u: f32, rng: ptr<function, u32>) -> Way {
     let by_power = u < BY_POWER;
-    let rest = refill(select(u - BY_POWER, u, by_power), select(1.0 - BY_POWER, BY_POWER, by_power), rng);
+    let rest = refill(u, select(BY_POWER, 0.0, by_power), select(1.0 - BY_POWER, BY_POWER, by_power), rng);
     let all = (*f).goals[((*f).first + (*f).count - 1u) % MOST_SUBTREES];
     // The first subtree whose sum is above what is asked for.
     let asked = rest * select(all.y, all.x, by_power);
@@ -114,5 +116,5 @@ fn enter_frontier(f: ptr<function, Frontier>, u: f32, rng: ptr<function, u32>) -
     let before = select((*f).goals[((*f).first + max(lo, 1u) - 1u) % MOST_SUBTREES], vec2<f32>(0.0), lo == 0u) / all;
     let p = (*f).goals[at] / all - before;
     let start = select(before.y, before.x, by_power);
-    return Way((*f).nodes[at], by_power, refill(max(rest - start, 0.0), select(p.y, p.x, by_power), rng), p);
+    return Way((*f).nodes[at], by_power, refill(rest, start, select(p.y, p.x, by_power), rng), p);
 }

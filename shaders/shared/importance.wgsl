@@ -45,23 +45,26 @@ fn power_through_gate(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
         // Live buckets count fully.
         return bucket_power(c, d, shell);
     }
-    // Intervals of no width become short ones.
+    let bucket_width = (c.tau_hi - c.tau_lo) / BUCKET_COUNT;
+    // Intervals of no width become short ones; they begin where they began.
     let least = 1e-4 * d.y + 1e-12;
     let spread = max(d.y - d.x, least);
-    let bucket = max((c.tau_hi - c.tau_lo) / BUCKET_COUNT, least);
-    let start = c.tau_lo + d.x + vec4<f32>(0.0, 1.0, 2.0, 3.0) * bucket;
+    let bucket = max(bucket_width, least);
+    let start = c.tau_lo + d.x + vec4<f32>(0.0, 1.0, 2.0, 3.0) * bucket_width;
     let length = spread + bucket;
     let density = 1.0 / max(spread, bucket);
     return c.power_unit * (dot(bytes_to_floats(c.buckets_low), shares_through_gate(start, length, density, shell))
-        + dot(bytes_to_floats(c.buckets_high), shares_through_gate(start + 4.0 * bucket, length, density, shell)));
+        + dot(bytes_to_floats(c.buckets_high), shares_through_gate(start + 4.0 * bucket_width, length, density, shell)));
 }
 
-// Greatest cosine at a surface point q with unit normal n towards a box, given by its centre relative to q, its half extents
-// and its least distance to q; negative where the whole box lies behind the surface.
-fn box_cosine(n: vec3<f32>, center: vec3<f32>, half_extent: vec3<f32>, d_min: f32) -> f32 {
-    let height = dot(n, center) + dot(abs(n), half_extent);
+// Greatest cosine at a surface point q with unit normal n towards the box [lo, hi], d_min from q at least; negative where the whole
+// box lies behind the surface.
+fn box_cosine(n: vec3<f32>, lo: vec3<f32>, hi: vec3<f32>, q: vec3<f32>, d_min: f32) -> f32 {
+    // The corner that is furthest in front. No offset of a vertex can round to more than that of the corner.
+    let corner = select(lo, hi, n > vec3<f32>(0.0)) - q;
+    let height = dot(n, corner);
     // What rounding may do to the height: a vertex in front must never be lost.
-    let rounding = 1e-6 * (dot(abs(center), vec3<f32>(1.0)) + dot(half_extent, vec3<f32>(1.0)));
+    let rounding = 1e-6 * dot(abs(corner), vec3<f32>(1.0));
     if (height + rounding < 0.0) {
         return -1.0;
     }
@@ -95,7 +98,7 @@ fn node_importance(c: TreeChild, r: Receiver) -> f32 {
     let d = vec2<f32>(distances.x * r.shell.eta_lo, distances.y * r.shell.eta_hi);
     let half_extent = 0.5 * (c.hi - c.lo);
     let center = 0.5 * (c.hi + c.lo) - r.shell.q;
-    let cosine = select(box_cosine(r.normal, center, half_extent, distances.x), 1.0, r.transmits);
+    let cosine = select(box_cosine(r.normal, c.lo, c.hi, r.shell.q, distances.x), 1.0, r.transmits);
     if (is_pruned(c.tau_lo, c.tau_hi, d, r.shell) || cosine < 0.0) {
         return 0.0;
     }

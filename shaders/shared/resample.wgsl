@@ -19,7 +19,7 @@ fn descend_by_importance(start: Way, receiver: Receiver, rng: ptr<function, u32>
             let lesser = min(goal.x, goal.y) / (goal.x + goal.y);
             let take_lesser = rest < lesser;
             let take_left = take_lesser == (goal.x < goal.y);
-            rest = refill(select(rest - lesser, rest, take_lesser), select(1.0 - lesser, lesser, take_lesser), rng);
+            rest = refill(rest, select(lesser, 0.0, take_lesser), select(1.0 - lesser, lesser, take_lesser), rng);
             p *= select(vec2<f32>(power.y, importance.y), vec2<f32>(power.x, importance.x), take_left)
                 / vec2<f32>(power.x + power.y, importance.x + importance.y);
             current = select(node.right.child, node.left.child, take_left);
@@ -53,7 +53,8 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     for (var i = 0u; i < count; i++) {
         let importance = vertex_importance(q, load_light_vertex(first + i));
         sum += importance;
-        if (next_uniform(rng) * sum < importance) {
+        // Below 1, so that the first that counts is taken; fine, so that a rare one is taken as rarely as its weight says.
+        if (min(next_fine_uniform(rng), 1.0 - RESOLUTION) * sum < importance) {
             chosen.vertex = first + i;
             chosen_importance = importance;
         }

@@ -38,7 +38,7 @@ pub struct Tree {
     pub root: u32,
 }
 
-/// Below this many items a subtree is built by one thread.
+/// Halves of at most this many items are built by one thread.
 const SEQUENTIAL: usize = 4096;
 
 /// Powers are scaled to a total of 1 and kept above this, so that no vertex underflows to probability 0: divided by the square
@@ -46,7 +46,7 @@ const SEQUENTIAL: usize = 4096;
 const LEAST_POWER: f32 = 1e-20;
 
 impl Tree {
-    /// Builds the tree over `items` and reorders them. O(n log n) time, no allocation beyond the nodes.
+    /// Builds the tree over `items`, reorders them and scales their powers to a total of 1. O(n log n) time, no allocation beyond the nodes.
     pub fn build(items: &mut [Item], options: TreeOptions) -> Tree {
         if items.is_empty() {
             return Tree { nodes: vec![], root: NONE };
@@ -119,7 +119,7 @@ fn run_both<A, B>(a: impl FnOnce() -> A, b: impl FnOnce() -> B) -> (A, B) {
     (a(), b())
 }
 
-/// Buckets a metre of travel time; 0 extent puts everything into bucket 0.
+/// Buckets a unit of travel time; 0 extent puts everything into bucket 0.
 pub fn bucket_scale(tau_lo: f32, tau_hi: f32, buckets: u32) -> f32 {
     buckets as f32 / (tau_hi - tau_lo).max(1e-30)
 }

@@ -32,7 +32,7 @@ pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> Settings {
         buckets: 8,
         leaf_size: estimator.leaf_size(),
         frontier: MAX_FRONTIER,
-        single_tree: false,
+        single_tree: estimator.default_single_tree(),
         importance: Importance::ALL,
         sampling: Sampling::Uniform,
         cull: true,
