@@ -2,7 +2,7 @@
 
 #![cfg(unix)]
 
-use std::os::unix::process::ExitStatusExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -10,12 +10,26 @@ use std::time::{Duration, Instant};
 use taugate::exr_file::read_picture;
 
 /// Ctrl-C, and what batch systems and shutdowns send.
-const SIGNALS: [(&str, i32); 2] = [("-INT", 2), ("-TERM", 15)];
+const SIGNALS: [(&str, libc::c_int); 2] = [("-INT", libc::SIGINT), ("-TERM", libc::SIGTERM)];
+
+/// The command ends by signals until it says otherwise, even where whoever runs the tests ignores them, as a script does for a job
+/// in its background: what is ignored is inherited.
+fn with_default_signals(command: &mut Command) -> &mut Command {
+    let reset = || {
+        for (_, number) in SIGNALS {
+            // SAFETY: may be called between fork and exec, and the default has no handler that could be wrong.
+            unsafe { libc::signal(number, libc::SIG_DFL) };
+        }
+        Ok(())
+    };
+    // SAFETY: `reset` allocates nothing and takes no lock.
+    unsafe { command.pre_exec(reset) }
+}
 
 fn start(folder: &Path, budget: &str) -> Child {
     let arguments =
         ["room.glb", "-o", "out.exr", "--png", "--stats", "out.json", "--resolution", "64x64", "--gate", "8m..9m"];
-    Command::new(env!("CARGO_BIN_EXE_taugate"))
+    with_default_signals(&mut Command::new(env!("CARGO_BIN_EXE_taugate")))
         .arg("render")
         .args(arguments)
         .args(["--time", budget])
