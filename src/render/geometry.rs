@@ -207,9 +207,15 @@ impl<'a> MaterialSet<'a> {
     }
 }
 
-/// Can the alpha of the material be below 1?
+/// Can the surface let light through by its alpha?
 fn is_partial(m: &scene::Material) -> bool {
-    m.alpha_mode != AlphaMode::Opaque && (m.base_color[3] < 1.0 || m.base_color_texture.is_some())
+    let opaque = match m.alpha_mode {
+        AlphaMode::Opaque => f32::NEG_INFINITY,
+        AlphaMode::Mask(cutoff) => cutoff,
+        AlphaMode::Blend => 1.0,
+    };
+    let varies = m.alpha_mode != AlphaMode::Opaque && m.base_color_texture.is_some();
+    varies || m.base_color[3] < opaque
 }
 
 fn textures(scene: &Scene, needed: bool) -> (Vec<TextureInfo>, Vec<u32>) {
