@@ -32,15 +32,36 @@ pub fn check_folder(folder: &Path) -> Result<()> {
     let fail = |message: String| Err(Error::File { path: folder.into(), message });
     match fs::read_dir(folder) {
         Ok(entries) => {
-            let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-            if let Some(other) = names.into_iter().find(|name| !is_ours(name)) {
-                return fail(format!("holds '{other}', which is no strategy image; choose another folder"));
+            for entry in entries {
+                let Ok(entry) = entry else { return fail("cannot be read; choose another folder".into()) };
+                let name = entry.file_name();
+                let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+                if !is_file || !name.to_str().is_some_and(is_ours) {
+                    let other = name.to_string_lossy();
+                    return fail(format!("holds '{other}', which is no strategy image; choose another folder"));
+                }
             }
         }
-        Err(e) if e.kind() == io::ErrorKind::NotFound => {}
+        Err(e) if e.kind() == io::ErrorKind::NotFound && !folder.is_symlink() => {}
         Err(_) => return fail("exists and is not a folder that can be read; choose another name".into()),
     }
-    temporary_beside(folder).map(drop)
+    temporary_beside(&real_place(folder)?).map(drop)
+}
+
+/// Where the folder lies or will lie, from the root on: its name holds when the current directory is moved with it.
+fn real_place(folder: &Path) -> Result<PathBuf> {
+    let fail = |e: io::Error| {
+        let message = format!("cannot be written: {e}; choose a place that exists and is yours");
+        Error::File { path: folder.into(), message }
+    };
+    if folder.exists() {
+        return fs::canonicalize(folder).map_err(fail);
+    }
+    let Some(name) = folder.file_name() else {
+        return Err(Error::File { path: folder.into(), message: "is not the name of a folder; choose one".into() });
+    };
+    let parent = folder.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+    Ok(fs::canonicalize(parent).map_err(fail)?.join(name))
 }
 
 /// `s02_t03_weighted.exr`
@@ -54,11 +75,9 @@ fn is_ours(file: &str) -> bool {
     matches!(parts[..], [s, t, "weighted.exr" | "unweighted.exr"] if number(s, 's') && number(t, 't'))
 }
 
+/// A folder with another name beside `folder`, which is a [`real_place`].
 fn temporary_beside(folder: &Path) -> Result<tempfile::TempDir> {
-    let parent = match folder.parent() {
-        Some(parent) if parent != Path::new("") => parent.to_path_buf(),
-        _ => PathBuf::from("."),
-    };
+    let parent = folder.parent().unwrap_or(folder);
     let mut builder = tempfile::Builder::new();
     builder.prefix(".taugate-").suffix(".tmp");
     #[cfg(unix)]
@@ -88,13 +107,14 @@ impl Job<'_> {
         }
 
         self.interrupts.end_the_process_at(Interrupt::None);
-        let fresh = temporary_beside(folder)?;
+        let place = real_place(folder)?;
+        let fresh = temporary_beside(&place)?;
         for image in images.images() {
             for (film, weighting) in [(&image.weighted, "weighted"), (&image.unweighted, "unweighted")] {
                 exr_file::write(&fresh.path().join(name(image.s, image.t, weighting)), film, provenance)?;
             }
         }
-        put_in_place(fresh, folder).map_err(|e| {
+        put_in_place(fresh, &place).map_err(|e| {
             let message = format!("cannot be replaced: {e}; choose another folder");
             Error::File { path: folder.into(), message }
         })?;
@@ -143,10 +163,26 @@ mod tests {
         assert_eq!(names(&folder), ["s00_t02_unweighted.exr"]);
         assert_eq!(names(here.path()), ["pyramid"], "nothing is left behind");
 
-        fs::write(folder.join("thesis.tex"), "years of work").unwrap();
+        let thesis = folder.join("thesis.tex");
+        fs::write(&thesis, "years of work").unwrap();
         let message = check_folder(&folder).unwrap_err().to_string();
         assert!(message.contains("thesis.tex"), "{message}");
-        assert!(check_folder(&folder.join("thesis.tex")).is_err());
+        assert!(check_folder(&thesis).is_err());
+        fs::remove_file(&thesis).unwrap();
+        fs::create_dir(folder.join(name(2, 3, "weighted"))).unwrap();
+        assert!(check_folder(&folder).is_err(), "a folder by the name of an image");
+        fs::remove_dir(folder.join(name(2, 3, "weighted"))).unwrap();
+        #[cfg(target_os = "linux")]
+        {
+            use std::os::unix::ffi::OsStrExt;
+            let thesis = folder.join(std::ffi::OsStr::from_bytes(b"th\xe9sis.tex"));
+            fs::write(&thesis, "years of work").unwrap();
+            assert!(check_folder(&folder).is_err(), "a name that is not UTF-8");
+            fs::remove_file(&thesis).unwrap();
+            std::os::unix::fs::symlink("nowhere", here.path().join("link")).unwrap();
+            assert!(check_folder(&here.path().join("link")).is_err());
+        }
+        check_folder(&folder).unwrap();
         assert!(check_folder(&here.path().join("no/where")).is_err());
     }
 }
