@@ -257,7 +257,7 @@ Examples:
   taugate bench benches/suites/fig6.toml --resume       go on after an interrupt
 
 References are kept in the folder references beside the results, under a hash of scene, gate and
-settings. Exit codes: 0 done, 1 a reference is not good enough or failed its check, 2 wrong input,
+settings. Exit codes: 0 done, 1 a race was refused or a reference failed its check, 2 wrong input,
 4 device, 130 interrupted (what is finished is kept)";
 
 /// Compare how fast estimators converge on the scenes of a suite

@@ -123,17 +123,13 @@ impl Experiment {
         let mut experiment = Experiment::parse(&text)
             .map_err(|e| Error::Settings(format!("{}:{}:{}: {}", path.display(), e.line, e.column, e.message)))?;
 
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let OutputTable { output, png, stats, strategy_images } = &mut experiment.output;
-        let png = match png {
-            Some(Png::File(file)) => Some(file),
-            _ => None,
-        };
         // An empty name is none.
-        for file in [&mut experiment.scene, &mut *output, &mut *stats, &mut *strategy_images] {
+        let OutputTable { output, stats, strategy_images, .. } = &mut experiment.output;
+        for file in [&mut experiment.scene, output, stats, strategy_images] {
             file.take_if(|name| name.as_os_str().is_empty());
         }
-        for file in [&mut experiment.scene, output, stats, strategy_images].into_iter().flatten().chain(png) {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        for file in experiment.paths() {
             *file = folder.join(&*file);
         }
         Ok(experiment)
@@ -207,7 +203,37 @@ impl Experiment {
         }
     }
 
+    /// Every path in it.
+    fn paths(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+        let OutputTable { output, png, stats, strategy_images } = &mut self.output;
+        let png = match png {
+            Some(Png::File(file)) => Some(file),
+            _ => None,
+        };
+        [&mut self.scene, output, stats, strategy_images].into_iter().flatten().chain(png)
+    }
+
+    /// Fails where a path cannot be written down as text, which images and printed experiments do.
+    pub fn check_paths(&self) -> Result<()> {
+        match self.clone().paths().find(|path| path.to_str().is_none()) {
+            Some(path) => Err(Error::File { path: path.clone(), message: "this name is not UTF-8; rename it".into() }),
+            None => Ok(()),
+        }
+    }
+
+    /// The same with paths from the root on. Fails where there is no current folder.
+    pub fn with_absolute_paths(mut self) -> Result<Experiment> {
+        for path in self.paths() {
+            *path = std::path::absolute(&*path).map_err(|e| read_error(path, &e))?;
+        }
+        self.check_paths()?;
+        Ok(self)
+    }
+
     /// The experiment as TOML.
+    ///
+    /// # Panics
+    /// If a path is not UTF-8: [`Experiment::check_paths`] tells.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("an experiment is plain text, numbers and tables")
     }

@@ -33,10 +33,18 @@ fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
     if path.file_name().is_none() {
         return Err(Error::File { path: path.into(), message: "this is not the name of a file".into() });
     }
-    // A device or a folder would be replaced, not written to.
-    if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
-        let message = "exists and is not a plain file; choose another name".into();
-        return Err(Error::File { path: path.into(), message });
+    // `Path` forgets a last slash, the system does not.
+    if path.as_os_str().to_string_lossy().ends_with(std::path::is_separator) {
+        return Err(Error::File { path: path.into(), message: "this is the name of a folder; name a file".into() });
+    }
+    match std::fs::metadata(path) {
+        // A device or a folder would be replaced, not written to.
+        Ok(metadata) if !metadata.is_file() => {
+            let message = "exists and is not a plain file; choose another name".into();
+            return Err(Error::File { path: path.into(), message });
+        }
+        Err(e) if e.kind() == ErrorKind::InvalidFilename => return Err(write_error(path, &e)),
+        _ => {}
     }
     let mut builder = tempfile::Builder::new();
     builder.prefix(".taugate-").suffix(".tmp");
@@ -79,6 +87,7 @@ fn write_error(path: &Path, error: &io::Error) -> Error {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
             format!("cannot be written: {folder} has no room left; free some or choose another disk")
         }
+        ErrorKind::InvalidFilename => "cannot be written: the name is too long or not allowed; choose another".into(),
         _ => format!("cannot be written: {error}"),
     };
     Error::File { path: path.into(), message }
@@ -137,6 +146,9 @@ mod tests {
         let missing = check_writable(&folder.path().join("no/out.exr")).unwrap_err().to_string();
         assert!(missing.contains("does not exist"), "{missing}");
         assert!(check_writable(folder.path()).unwrap_err().to_string().contains("not a plain file"));
+        assert!(check_writable(&folder.path().join("out.exr/")).unwrap_err().to_string().contains("name a file"));
+        let long = check_writable(&folder.path().join("x".repeat(300))).unwrap_err().to_string();
+        assert!(long.contains("choose another"), "{long}");
         #[cfg(target_os = "linux")]
         assert!(check_writable(Path::new("/dev/full")).unwrap_err().to_string().contains("not a plain file"));
     }

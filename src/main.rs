@@ -16,7 +16,7 @@ fn main() -> ExitCode {
     match app::run(cli) {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            app::say(&format!("error: {error:#}"));
             ExitCode::from(exit_code(&error))
         }
     }

@@ -94,12 +94,13 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         leaf_size: leaf_size(render, estimator)?,
         frontier: within("frontier", render.frontier.unwrap_or(MAX_FRONTIER), MAX_FRONTIER)?,
         single_tree: render.single_tree.unwrap_or(estimator.default_single_tree()),
-        importance: importance(render, estimator, &mut warnings),
+        importance: render.importance.filter(|_| estimator == Estimator::Lcs).unwrap_or(Importance::ALL),
         sampling: render.sampling.unwrap_or(defaults::sampling(estimator, &experiment.output)),
         cull: !render.no_cull.unwrap_or(false),
         camera,
         emitters,
     };
+    warnings.extend(without_effect(render, estimator));
     for light in scene.lights.iter().filter(|light| settings.emitters.include(&light.node)) {
         let node = &light.node;
         match light.kind {
@@ -121,6 +122,8 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         Budget::Spp(spp) => (Some(spp), None),
         Budget::Seconds(seconds) => (None, Some(Seconds(seconds))),
     };
+    let of_trees = |value: u32| (settings.estimator.leaf_size() > 0).then_some(value);
+    let is_lcs = settings.estimator == Estimator::Lcs;
     let mut full = experiment.clone();
     full.camera = CameraTable {
         camera: Some(scene.cameras[settings.camera].name.clone()),
@@ -141,13 +144,13 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         seed: Some(settings.seed),
         max_depth: Some(settings.max_depth),
         light_paths: Some(settings.light_paths),
-        splat_paths: Some(settings.splat_paths),
-        queries: Some(settings.queries),
-        buckets: Some(settings.buckets),
-        leaf_size: (settings.leaf_size > 0).then_some(settings.leaf_size),
-        frontier: Some(settings.frontier),
-        single_tree: Some(settings.single_tree),
-        importance: (settings.estimator == Estimator::Lcs).then_some(settings.importance),
+        splat_paths: (settings.estimator != Estimator::Pt).then_some(settings.splat_paths),
+        queries: of_trees(settings.queries),
+        buckets: of_trees(settings.buckets),
+        leaf_size: of_trees(settings.leaf_size),
+        frontier: is_lcs.then_some(settings.frontier),
+        single_tree: of_trees(0).map(|_| settings.single_tree),
+        importance: is_lcs.then_some(settings.importance),
         sampling: Some(settings.sampling),
         no_cull: Some(!settings.cull),
         device: experiment.render.device.clone(),
@@ -181,16 +184,21 @@ fn leaf_size(render: &RenderTable, estimator: Estimator) -> Result<u32> {
     Ok(if estimator.leaf_size() > 0 { size } else { 0 })
 }
 
-/// Only `lcs` chooses by importance; others say that they do not.
-fn importance(render: &RenderTable, estimator: Estimator, warnings: &mut Vec<String>) -> Importance {
-    match render.importance {
-        Some(importance) if estimator == Estimator::Lcs => importance,
-        Some(_) => {
-            warnings.push(format!("--importance is for lcs; {estimator} does not choose by it and renders as without"));
-            Importance::ALL
-        }
-        None => Importance::ALL,
-    }
+/// What was typed that the estimator does not ask for.
+fn without_effect(render: &RenderTable, estimator: Estimator) -> Vec<String> {
+    let has_trees = estimator.leaf_size() > 0;
+    let is_lcs = estimator == Estimator::Lcs;
+    let flags = [
+        ("importance", render.importance.is_some(), is_lcs, "lcs"),
+        ("frontier", render.frontier.is_some(), is_lcs, "lcs"),
+        ("queries", render.queries.is_some(), has_trees, "lcs and lcs-paper"),
+        ("buckets", render.buckets.is_some(), has_trees, "lcs and lcs-paper"),
+        ("leaf-size", render.leaf_size.is_some(), has_trees, "lcs and lcs-paper"),
+        ("single-tree", render.single_tree.is_some(), has_trees, "lcs and lcs-paper"),
+        ("splat-paths", render.splat_paths.is_some_and(|n| n > 0), estimator != Estimator::Pt, "all but pt"),
+    ];
+    let idle = flags.iter().filter(|(_, typed, used, _)| *typed && !used);
+    idle.map(|(flag, _, _, of)| format!("--{flag} is for {of}; {estimator} renders as without it")).collect()
 }
 
 fn budget(render: &RenderTable) -> Result<Budget> {

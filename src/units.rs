@@ -190,6 +190,10 @@ fn interval(text: &str, what: &str, example: &str, units: &[Unit], unit_names: &
     let quantity = |side: &str| quantity(side, text, example, units, unit_names);
     let no_unit = || Error::Settings(format!("the {what} '{text}' has no unit: add {unit_names}; {example}"));
 
+    if text.contains("...") {
+        let message = format!("the {what} '{text}' has three dots in a row: write two between its ends; {example}");
+        return Err(Error::Settings(message));
+    }
     // Longest separators first, so that `+-` is not taken for the `+` of a width.
     if let Some((a, b)) = text.split_once("..") {
         let (a, b) = (quantity(a)?, quantity(b)?);
@@ -336,6 +340,7 @@ mod tests {
             ("12.5m+-0m", "empty"),
             ("12.5m+0m", "empty"),
             ("12.8m..12.5m", "reversed"),
+            ("0m...9m", "three dots"),
             ("12.5m+-(-1m)", "not a number"),
             ("12m+-inf", "begin at a finite"),
             ("inf..12m", "begin at a finite"),

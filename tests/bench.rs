@@ -106,7 +106,7 @@ fn a_suite_from_reference_to_report_and_on() {
         assert!(last.light_vertices > 0.0 && last.queries_per_s > 0.0 && last.rays_per_s > 0.0, "{last:?}");
         assert!((0.0..1.0).contains(&last.dead_query_share) && last.samples > 0 && last.dropped == 0, "{last:?}");
     }
-    for name in ["report.md", "the-box.svg", "the-box.png", "images/the-box-bdpt.exr", "images/the-box-lcs.exr"] {
+    for name in ["report.md", "the-box.svg", "the-box.png", "images/the-box@bdpt.exr", "images/the-box@lcs.exr"] {
         assert!(here.path().join("out").join(name).exists(), "{name}");
     }
     let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();

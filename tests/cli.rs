@@ -226,6 +226,10 @@ fn a_generated_scene_is_described_and_resolved() {
     assert!(config.contains("gate = \"2m..4m\"") && config.contains("resolution = \"8x6\""), "{config}");
     std::fs::write(here.path().join("e.toml"), &config).unwrap();
     assert_eq!(run(&["render", "e.toml", "--print-config"]), config, "a printed experiment says the same again");
+    std::fs::create_dir(here.path().join("sub")).unwrap();
+    std::fs::write(here.path().join("sub/e.toml"), &config).unwrap();
+    assert_eq!(run(&["render", "sub/e.toml", "--print-config"]), config, "wherever it lies");
+    std::fs::remove_dir_all(here.path().join("sub")).unwrap();
 
     fails(here.path(), &["generate", "palace", "-o", "p.glb"], 2, "choose one of cornell-box");
     fails(here.path(), &["generate", "cornell-box", "-o", "p.obj"], 2, "must end in .glb");
@@ -248,6 +252,43 @@ fn a_generated_scene_is_described_and_resolved() {
     assert!(twice("light", "light").contains("emitters = [\"light\", \"light\"]"));
     assert!(twice("light", "scene").contains("emitters = \"scene\""));
     assert_eq!(names(here.path()), ["box.glb", "e.toml"]);
+}
+
+/// A result that is lost is an error, a message that nobody reads is none.
+#[test]
+#[cfg(target_os = "linux")]
+fn full_disks_and_closed_terminals_behind_the_streams() {
+    let here = folder();
+    write_exr(&here.path().join("a.exr"), 4, 4, 1.0);
+    let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let command = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
+        command.args(arguments).current_dir(here.path());
+        command
+    };
+    let lost = command(&["compare", "a.exr", "a.exr"]).stdout(full()).output().unwrap();
+    assert_eq!(lost.status.code(), Some(2), "{lost:?}");
+    assert!(String::from_utf8_lossy(&lost.stderr).contains("stdout"), "{lost:?}");
+    let unread = command(&["render", "nothing.glb", "-o", "x.exr"]).stderr(full()).status().unwrap();
+    assert_eq!(unread.code(), Some(2));
+}
+
+/// Images carry their settings as text.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_name_that_is_no_text_is_refused_before_the_work() {
+    use std::os::unix::ffi::OsStrExt;
+    let here = folder();
+    let name = std::ffi::OsStr::from_bytes(b"sc\xe9ne.glb");
+    std::fs::write(here.path().join(name), "not read").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_taugate"))
+        .args([std::ffi::OsStr::new("render"), name])
+        .args(["-o", "x.exr"])
+        .current_dir(here.path())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("not UTF-8; rename it"), "{output:?}");
 }
 
 /// Whatever it is called, a file that the scene reads is not written to.

@@ -127,6 +127,7 @@ impl Bench {
     ) -> anyhow::Result<ExitCode> {
         let mut rows = self.kept(args.resume, progress)?;
         self.check_references()?;
+        self.check_gates()?;
         make_folder(&self.out.join("images"))?;
 
         let mut course =
@@ -173,6 +174,15 @@ impl Bench {
                 };
                 return Err(Error::Settings(wrong));
             }
+        }
+        Ok(())
+    }
+
+    /// A gate that meets no light is a mistake, to be found before hours of work on the scenes before it.
+    fn check_gates(&self) -> Result<()> {
+        for (at, _) in &self.present {
+            let scene = self.scene(*at);
+            Job::load(&self.suite, scene)?.prepare(&self.suite, scene)?;
         }
         Ok(())
     }
@@ -309,7 +319,7 @@ impl Bench {
         Ok(())
     }
 
-    fn report(&self, args: &BenchArgs, device: &Device, rows: &[Row], progress: &Progress) -> Result<()> {
+    fn report(&self, args: &BenchArgs, device: &Device, rows: &[Row], progress: &Progress) -> anyhow::Result<()> {
         let scenes: Vec<(String, Vec<Entry>)> =
             self.present.iter().map(|(at, entries)| (self.scene(*at).name.clone(), entries.clone())).collect();
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
@@ -329,9 +339,9 @@ impl Bench {
         let path = report::write(&self.out, &page)?;
         progress.finish();
         for (scene, _) in &scenes {
-            super::print(&text(scene, &summary::lines(&rows, scene)));
+            super::print(&text(scene, &summary::lines(&rows, scene)))?;
         }
-        super::print(&growth::section(&growth::growth(&self.suite, &rows)));
+        super::print(&growth::section(&growth::growth(&self.suite, &rows)))?;
         if !args.quiet {
             progress.line(&format!("{}, {}", path.display(), self.results().display()));
         }

@@ -44,7 +44,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         json["max_relmse"] = args.max_relmse.into();
         json["within"] = within.into();
         json["z"] = serde_json::to_value(&verdict)?;
-        super::print(&format!("{json:#}\n"));
+        super::print(&format!("{json:#}\n"))?;
     } else {
         let mut text = format!(
             "relMSE          {:.6e}\n                {RELMSE_FORMULA}; eps = {:.6e}\n  trimmed       {:.6e}  (without the worst {:.0} % of the pixels)\nMSE             {:.6e}\n\
@@ -62,7 +62,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         if let Some(most) = args.max_relmse {
             text += &format!("threshold       {} {most:e}\n", if within { "met:" } else { "exceeded:" });
         }
-        super::print(&(text + &verdict.as_ref().map(describe).unwrap_or_default()));
+        super::print(&(text + &verdict.as_ref().map(describe).unwrap_or_default()))?;
     }
     let agree = verdict.is_none_or(|verdict| verdict.agree);
     Ok(ExitCode::from(if within && agree { 0 } else { 1 }))

@@ -10,7 +10,7 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     let devices = Device::list()?;
     if args.json {
         let json: Vec<_> = devices.iter().enumerate().map(|(index, device)| as_json(index, device)).collect();
-        super::print(&format!("{}\n", serde_json::to_string_pretty(&json)?));
+        super::print(&format!("{}\n", serde_json::to_string_pretty(&json)?))?;
         return Ok(ExitCode::SUCCESS);
     }
     for (index, device) in devices.iter().enumerate() {
@@ -27,7 +27,7 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
             mebibytes(device.max_allocation),
             mebibytes(device.max_storage_buffer_range),
             mebibytes(device.largest_texel_buffer()),
-        ));
+        ))?;
     }
     Ok(ExitCode::SUCCESS)
 }

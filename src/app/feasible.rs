@@ -17,13 +17,7 @@ pub fn check_gate(scene: &Scene, settings: &Settings, prepared: &Prepared, devic
     if reach.meets(&settings.gate) {
         return Ok(());
     }
-    let bound = match settings.gate.hi <= reach.least {
-        true if reach.least.is_infinite() => "no surface brings light to the sensor".to_string(),
-        true => format!("none arrives before {}", travel(reach.least)),
-        false => {
-            format!("no path of {} segments (--max-depth) is longer than {}", reach.max_depth, travel(reach.greatest))
-        }
-    };
+    let bound = reach.why_not(&settings.gate, travel);
     // What the probe finds is help; that there is none must not hide the mistake.
     let times = Device::open(device).and_then(|device| probe(&device, scene, settings, prepared));
     Err(refuse(settings, scene, &bound, times.ok().as_ref()))

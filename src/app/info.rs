@@ -130,7 +130,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
         format!("{}\n", serde_json::to_string_pretty(&report)?)
     } else {
         text::text(&report)
-    });
+    })?;
     Ok(ExitCode::SUCCESS)
 }
 

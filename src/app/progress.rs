@@ -83,7 +83,7 @@ impl Progress {
             Progress::Lines { last } => {
                 if last.elapsed() >= PERIOD {
                     *last = Instant::now();
-                    eprintln!("{}", describe());
+                    super::say(&describe());
                 }
             }
         }
@@ -93,8 +93,8 @@ impl Progress {
     pub fn line(&self, text: &str) {
         match self {
             Progress::Quiet => {}
-            Progress::Bar(bar) => bar.suspend(|| eprintln!("{text}")),
-            Progress::Lines { .. } => eprintln!("{text}"),
+            Progress::Bar(bar) => bar.suspend(|| super::say(text)),
+            Progress::Lines { .. } => super::say(text),
         }
     }
 

@@ -34,6 +34,7 @@ pub struct NotFinite {
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
     let experiment = read_experiment(args)?;
+    experiment.check_paths()?;
     let interrupts = Interrupts::new()?;
     let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
     if !print_config {
@@ -51,7 +52,8 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let settings = &resolved.settings;
     let config = resolve::as_experiment(&experiment, settings, &scene);
     if print_config {
-        super::print(&config.to_toml());
+        // So that it says the same from any folder.
+        super::print(&config.with_absolute_paths()?.to_toml())?;
         return Ok(ExitCode::SUCCESS);
     }
     let outputs = resolve::outputs(&experiment)?;

@@ -108,9 +108,9 @@ impl Job {
         let reach = Reach::new(&prepared, settings);
         if !settings.gate.is_open() && !reach.meets(&settings.gate) {
             let message = format!(
-                "the {} meets no light: none arrives before {:.4} m; see taugate info {}",
+                "the {} meets no light: {}; see taugate info {}",
                 settings.gate.describe(),
-                reach.least,
+                reach.why_not(&settings.gate, |length| format!("{length:.4} m")),
                 scene.path().display()
             );
             return Err(suite.error_at(scene, Part::Gate, &message));

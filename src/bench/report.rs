@@ -37,7 +37,8 @@ pub struct Page<'a> {
 
 /// The file that keeps the first repetition's image of a variant.
 pub fn image_path(out: &Path, scene: &str, variant: &str) -> PathBuf {
-    out.join("images").join(format!("{}-{}.exr", plain(scene), plain(variant)))
+    // No name has an @: without one `a-b` of `c` and `a` of `b-c` would be one file.
+    out.join("images").join(format!("{}@{}.exr", plain(scene), plain(variant)))
 }
 
 /// Names without spaces, for files and links.

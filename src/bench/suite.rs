@@ -299,9 +299,10 @@ fn unique(seen: &mut BTreeSet<String>, name: &Spanned<String>) -> Result<(), Mis
         let message = format!("'{text}' cannot be a name: use letters, digits, spaces and - _ . +");
         return Err((name.span(), message));
     }
-    match seen.insert(text.clone()) {
+    // Files have them without spaces.
+    match seen.insert(text.replace(' ', "-")) {
         true => Ok(()),
-        false => Err((name.span(), format!("there are two of the name '{text}': give each its own"))),
+        false => Err((name.span(), format!("there are two of the name '{text}', as files have it: give each its own"))),
     }
 }
 

@@ -39,7 +39,8 @@ impl Prepared {
         if levels > MOST_LEVELS {
             return Err(Error::Settings(format!(
                 "the scene's hierarchy is {levels} levels deep and the kernels have room for {MOST_LEVELS}: \
-                 it holds triangles nested over too many orders of magnitude; remove the smallest"
+                 it holds triangles nested over too many orders of magnitude, or a hundred in one place; remove the smallest, \
+                 or the copies"
             )));
         }
         Ok(Prepared { geometry, emitters, albedo, place })

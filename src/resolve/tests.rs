@@ -196,6 +196,13 @@ fn importance_is_for_lcs() {
     assert_eq!(of("render.estimator = 'lcs'"), (Importance::ALL, Some(Importance::ALL), 0));
     assert_eq!(of("render = { estimator = 'lcs', importance = 'overlap, gloss, centre' }"), (some, Some(some), 0));
     assert_eq!(of("render = { estimator = 'lcs-paper', importance = 'none' }"), (Importance::ALL, None, 1));
+    let warned = |toml: &str| resolve(&experiment(toml), &scene()).unwrap().warnings.join("; ");
+    let many = "queries = 64, frontier = 3, buckets = 2, leaf-size = 3, single-tree = true, splat-paths = 9";
+    let of_pt = warned(&format!("render = {{ estimator = 'pt', {many} }}"));
+    for flag in ["queries", "frontier", "buckets", "leaf-size", "single-tree", "splat-paths"] {
+        assert!(of_pt.contains(&format!("--{flag} is for")), "{of_pt}");
+    }
+    assert!(!warned(&format!("render = {{ estimator = 'lcs', {many} }}")).contains("is for"));
     for importance in [Importance::ALL, Importance::NONE, some] {
         assert_eq!(importance.to_string().parse::<Importance>().unwrap(), importance);
     }
