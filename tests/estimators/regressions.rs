@@ -67,3 +67,21 @@ fn a_thin_beam_keeps_its_light_beside_a_far_stronger_lamp() {
         );
     }
 }
+
+/// A cutoff above 1 hides all of a surface; it was drawn as opaque where its alpha was 1.
+#[test]
+fn a_mask_that_no_alpha_reaches_is_not_there() {
+    let mut scene = Scene::default();
+    let mask = Material { alpha_mode: AlphaMode::Mask(1.5), ..diffuse("mask", [0.0; 3]) };
+    let mask = material(&mut scene, mask);
+    let lamp = material(&mut scene, emitter("lamp", [1.0; 3]));
+    let sheet = |z: f64| quad(DVec3::new(-4.0, -4.0, z), DVec3::X * 8.0, DVec3::Y * 8.0, [1.0, 1.0]);
+    add(&mut scene, "mask", mask, sheet(-1.0));
+    add(&mut scene, "lamp", lamp, sheet(-2.0));
+    camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.5, [4, 4]);
+    let mut s = settings(Estimator::Pt, [4, 4]);
+    s.max_depth = 1;
+    let mut renderer = renderer(&scene, &s);
+    renderer.iterate(1).unwrap_or_else(|e| panic!("{e}"));
+    assert!(renderer.film().mean().iter().all(|&x| x == 1.0), "{:?}", renderer.film().mean());
+}
