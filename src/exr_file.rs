@@ -136,6 +136,10 @@ pub struct Picture {
     pub renderer: Option<String>,
     /// Seconds of rendering (`renderTimeSeconds`) where the file has them.
     pub seconds: Option<f64>,
+    /// Ends of the gate in metres of optical path where the file has them.
+    pub gate: Option<[f64; 2]>,
+    /// First column and row in the whole film.
+    pub corner: [i32; 2],
 }
 
 /// Reads the channels R, G, B, and Variance.R, .G, .B if there, of a single-part EXR of any program.
@@ -184,8 +188,24 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         AttributeValue::F32(seconds) => Some(f64::from(*seconds)),
         _ => None,
     });
-    let variance = interleave("Variance.");
-    Ok(Picture { width: width as u32, height: height as u32, rgb, variance, cell_batches, seed, renderer, seconds })
+    let number = |name: &str| match attribute(name) {
+        Some(AttributeValue::F64(number)) => Some(*number),
+        _ => None,
+    };
+    let gate = number("tof:gateMin_m").zip(number("tof:gateMax_m")).map(<[f64; 2]>::from);
+    let corner = layer.attributes.layer_position;
+    Ok(Picture {
+        width: width as u32,
+        height: height as u32,
+        variance: interleave("Variance."),
+        rgb,
+        cell_batches,
+        seed,
+        renderer,
+        seconds,
+        gate,
+        corner: [corner.x(), corner.y()],
+    })
 }
 
 /// Refuses what the decoder would reserve too much memory for, or what is not one flat image.

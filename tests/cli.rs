@@ -254,6 +254,30 @@ fn a_generated_scene_is_described_and_resolved() {
     assert_eq!(names(here.path()), ["box.glb", "e.toml"]);
 }
 
+/// What the files know of what they show is compared too, in a note: an image may well be held against another gate's.
+#[test]
+fn images_of_different_gates_are_noted() {
+    let here = folder();
+    let write = |name: &str, gate: Gate, x0: u32| {
+        let mut film = Film::new(4, 4);
+        film.add(&[1.0; 48], 1);
+        let (crop, settings) = (Crop { x0, x1: x0 + 4, y0: 0, y1: 4 }, String::new());
+        let provenance = Provenance { resolution: [8, 4], crop, gate, seed: 0, seconds: 1.0, settings };
+        exr_file::write(&here.path().join(name), &film, &provenance).unwrap();
+    };
+    write("a.exr", Gate { lo: 1.0, hi: 2.0 }, 0);
+    write("b.exr", Gate { lo: 1.5, hi: 2.0 }, 0);
+    write("c.exr", Gate { lo: 1.0, hi: 2.0 }, 4);
+    let noted = |other: &str| {
+        let output = taugate(here.path(), &["compare", "a.exr", other]);
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert_eq!(noted("a.exr"), "");
+    assert!(noted("b.exr").contains("different gates: 1 m to 2 m, and 1.5 m to 2 m"));
+    assert!(noted("c.exr").contains("different crops"));
+}
+
 /// A result that is lost is an error, a message that nobody reads is none.
 #[test]
 #[cfg(target_os = "linux")]

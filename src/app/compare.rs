@@ -33,6 +33,9 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         .into());
     }
 
+    if let Some(note) = what_differs(&image, &reference) {
+        super::say(&format!("note: {note}"));
+    }
     let result = metrics::compare(&image.rgb, &reference.rgb)?;
     let flip = metrics::flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();
     let within = args.max_relmse.is_none_or(|most| result.relmse <= most);
@@ -66,6 +69,19 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     }
     let agree = verdict.is_none_or(|verdict| verdict.agree);
     Ok(ExitCode::from(if within && agree { 0 } else { 1 }))
+}
+
+/// A sentence where the files say that they show different things.
+fn what_differs(image: &Picture, reference: &Picture) -> Option<String> {
+    if image.corner != reference.corner {
+        let [[x, y], [u, v]] = [image.corner, reference.corner];
+        return Some(format!(
+            "the images are different crops: one begins at column {x}, row {y}, the other at {u}, {v}"
+        ));
+    }
+    let [[lo, hi], [from, to]] = [image.gate?, reference.gate?];
+    let differ = [lo, hi] != [from, to];
+    differ.then(|| format!("the images show different gates: {lo} m to {hi} m, and {from} m to {to} m"))
 }
 
 /// Judges the images and writes the map.

@@ -126,6 +126,9 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     interrupts.end_the_process_at(Interrupt::None);
     report.write(&outputs)?;
     report.summarise(&outputs, &progress);
+    if interrupted && outputs.strategy_images.is_some() {
+        progress.line("interrupted: no strategy images were written");
+    }
     if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
         drop(renderer);
         let images =

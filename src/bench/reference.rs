@@ -263,7 +263,7 @@ impl Earlier {
         if !path.exists() {
             return Ok(None);
         }
-        let Picture { width, height, rgb, variance, seconds, seed, cell_batches, renderer } = read_picture(path)?;
+        let Picture { width, height, rgb, variance, seconds, seed, cell_batches, renderer, .. } = read_picture(path)?;
         let extensions = seed.and_then(|seed| Some(seed.parse::<u32>().ok()?.checked_sub(HALVES[0])? / EXTENSION));
         let (Some(variance), Some(seconds), Some(extensions)) = (variance, seconds, extensions) else {
             return Ok(None);
