@@ -33,13 +33,13 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         .into());
     }
 
-    if let Some(note) = what_differs(&image, &reference) {
-        super::say(&format!("note: {note}"));
-    }
     let result = metrics::compare(&image.rgb, &reference.rgb)?;
     let flip = metrics::flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();
     let within = args.max_relmse.is_none_or(|most| result.relmse <= most);
     let verdict = args.z.as_ref().map(|out| z_map(args, out, &image, &reference)).transpose()?;
+    if let Some(note) = what_differs(&image, &reference) {
+        super::say(&format!("note: {note}"));
+    }
     if args.json {
         let mut json = serde_json::to_value(result)?;
         json["flip"] = flip.into();
