@@ -122,7 +122,7 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         Budget::Spp(spp) => (Some(spp), None),
         Budget::Seconds(seconds) => (None, Some(Seconds(seconds))),
     };
-    let of_trees = |value: u32| (settings.estimator.leaf_size() > 0).then_some(value);
+    let has_trees = settings.estimator.leaf_size() > 0;
     let is_lcs = settings.estimator == Estimator::Lcs;
     let mut full = experiment.clone();
     full.camera = CameraTable {
@@ -145,11 +145,11 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         max_depth: Some(settings.max_depth),
         light_paths: Some(settings.light_paths),
         splat_paths: (settings.estimator != Estimator::Pt).then_some(settings.splat_paths),
-        queries: of_trees(settings.queries),
-        buckets: of_trees(settings.buckets),
-        leaf_size: of_trees(settings.leaf_size),
+        queries: has_trees.then_some(settings.queries),
+        buckets: has_trees.then_some(settings.buckets),
+        leaf_size: has_trees.then_some(settings.leaf_size),
         frontier: is_lcs.then_some(settings.frontier),
-        single_tree: of_trees(0).map(|_| settings.single_tree),
+        single_tree: has_trees.then_some(settings.single_tree),
         importance: is_lcs.then_some(settings.importance),
         sampling: Some(settings.sampling),
         no_cull: Some(!settings.cull),

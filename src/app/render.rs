@@ -127,7 +127,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     report.write(&outputs)?;
     report.summarise(&outputs, &progress);
     if interrupted && outputs.strategy_images.is_some() {
-        progress.line("interrupted: no strategy images were written");
+        strategies::tell_interrupted(&progress);
     }
     if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
         drop(renderer);

@@ -64,6 +64,11 @@ fn real_place(folder: &Path) -> Result<PathBuf> {
     Ok(fs::canonicalize(parent).map_err(fail)?.join(name))
 }
 
+/// What is said where there was no time for them.
+pub fn tell_interrupted(progress: &Progress) {
+    progress.line("interrupted: no strategy images were written");
+}
+
 /// `s02_t03_weighted.exr`
 fn name(s: u32, t: u32, weighting: &str) -> String {
     format!("s{s:02}_t{t:02}_{weighting}.exr")
@@ -100,7 +105,7 @@ impl Job<'_> {
         self.interrupts.end_the_process_at(Interrupt::Second);
         for &samples in self.schedule {
             if self.interrupts.stop.load(Ordering::Relaxed) {
-                progress.line("interrupted: no strategy images were written");
+                tell_interrupted(progress);
                 return Ok(());
             }
             images.iterate(samples)?;

@@ -2,7 +2,8 @@
 
 use crate::units::Gate;
 
-/// Length, in the unit of the gate, by which the bounds of a query are widened so that no vertex whose travel time rounds into the gate is pruned.
+/// Length, in the unit of the gate, by which the bounds of a query are widened so that no vertex whose travel time rounds into
+/// the gate is pruned.
 /// A travel time is a sum of a few dozen rounded terms, each no greater than the gate's last finite end.
 pub fn rounding_allowance(gate: Gate) -> f32 {
     let edge = if gate.hi.is_finite() { gate.hi } else { gate.lo };
