@@ -6,29 +6,20 @@
 //! Rendering": light subpaths, two trees over their vertices, sensor subpaths, queries, connections, film.
 //! `docs/ARCHITECTURE.md` is the map, `docs/PAPER.md` says which function implements which equation.
 
-pub mod agreement;
-pub mod batches;
 pub mod bench;
 pub mod bvh;
+pub mod compare;
 pub mod error;
-pub mod experiment;
-pub mod exr_file;
 pub mod files;
-pub mod film;
-pub mod fingerprint;
 pub mod generate;
 pub mod gpu;
+pub mod image;
+pub mod input;
 pub mod lightcone;
-pub mod metrics;
 pub mod oracle;
-pub mod png_file;
 pub mod render;
-pub mod resolve;
 pub mod scene;
-pub mod schedule;
 pub mod settings;
-pub mod statistics;
-pub mod units;
-pub mod values;
+pub mod wgsl;
 
 pub use error::Error;

@@ -1,7 +1,6 @@
 //! The command `taugate`: turns an error chain into one message and an exit code.
 
 mod app;
-mod cli;
 
 use std::process::ExitCode;
 
@@ -12,7 +11,7 @@ use crate::app::render::NotFinite;
 
 fn main() -> ExitCode {
     // clap prints its own messages: 0 after --help, 2 after a mistake.
-    let cli = cli::Cli::parse();
+    let cli = app::cli::Cli::parse();
     match app::run(cli) {
         Ok(code) => code,
         Err(error) => {

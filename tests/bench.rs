@@ -6,11 +6,11 @@ use std::process::{Command, Output};
 use taugate::bench::job::Job;
 use taugate::bench::suite::Suite;
 use taugate::bench::table::{self, COLUMNS};
-use taugate::exr_file::{self, Picture, Provenance, read_picture};
-use taugate::film::Film;
 use taugate::generate::{Kind, scene};
+use taugate::image::exr_file::{self, Picture, Provenance, read_picture};
+use taugate::image::film::Film;
 use taugate::settings::Crop;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -191,7 +191,7 @@ fn rewrite(path: &Path, [scale, noise]: [f32; 2], batches: u32, change: impl Fn(
 
 /// As if other shaders had rendered it.
 fn disown(path: &Path) {
-    let (mut bytes, mine) = (std::fs::read(path).unwrap(), taugate::fingerprint::renderer());
+    let (mut bytes, mine) = (std::fs::read(path).unwrap(), taugate::image::fingerprint::renderer());
     let at = bytes.windows(mine.len()).position(|w| w == mine.as_bytes()).expect("the file says what rendered it");
     bytes[at..at + mine.len()].fill(b'0');
     std::fs::write(path, bytes).unwrap();

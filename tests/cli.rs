@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use taugate::exr_file::{self, Provenance};
-use taugate::film::Film;
+use taugate::image::exr_file::{self, Provenance};
+use taugate::image::film::Film;
 use taugate::settings::Crop;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")

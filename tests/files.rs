@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use exr::prelude::{AttributeValue, MetaData};
-use taugate::exr_file::{self, Provenance, read_picture};
-use taugate::film::Film;
-use taugate::png_file;
+use taugate::image::exr_file::{self, Provenance, read_picture};
+use taugate::image::film::Film;
+use taugate::image::png_file;
 use taugate::settings::Crop;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 const SETTINGS: &str = "scene = \"röom.glb\"\n\n[gate]\ngate = \"12.5m..12.8m\"\n";
 

@@ -5,11 +5,11 @@ use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use taugate::experiment::Experiment;
 use taugate::generate::{Kind, build};
 use taugate::gpu::DeviceInfo;
+use taugate::input::experiment::Experiment;
+use taugate::input::resolve::resolve;
 use taugate::render::{MemoryPlan, Prepared};
-use taugate::resolve::resolve;
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")

@@ -1,9 +1,10 @@
 //! Level 0: every kernel composes, validates and compiles; host twins and constants agree with WGSL. Needs no device.
 
-use taugate::gpu::{layout, shader};
+use taugate::gpu::shader;
+use taugate::wgsl::{SOURCES, layout};
 
 fn kernels() -> Vec<(&'static str, &'static str)> {
-    shader::SOURCES.iter().copied().filter(|(path, _)| !path.starts_with("shared/")).collect()
+    SOURCES.iter().copied().filter(|(path, _)| !path.starts_with("shared/")).collect()
 }
 
 #[test]

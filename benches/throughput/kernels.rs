@@ -1,13 +1,13 @@
 //! Whole kernels in a render of the cluttered room: millions of their items a second by device timestamps.
 
-use taugate::experiment::Experiment;
 use taugate::generate::{Kind, build};
 use taugate::gpu::Device;
+use taugate::input::experiment::Experiment;
+use taugate::input::resolve::resolve;
 use taugate::render::{Renderer, Stats};
-use taugate::resolve::resolve;
 use taugate::settings::Estimator;
-use taugate::units::Gate;
-use taugate::values::Resolution;
+use taugate::settings::units::Gate;
+use taugate::settings::values::Resolution;
 
 /// What a kernel works through, as [`Stats`] count it.
 type Items = (&'static str, &'static str, fn(&Stats) -> u64);

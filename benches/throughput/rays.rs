@@ -7,8 +7,8 @@ use obvhs::ray::{Ray, RayHit};
 use rayon::prelude::*;
 use taugate::bvh::{self, Bvh};
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::{Dispatch, NONE, Triangle};
 use taugate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+use taugate::wgsl::layout::{Dispatch, NONE, Triangle};
 
 use super::flatten;
 

@@ -17,16 +17,16 @@ use taugate::bench::report::{self, Page};
 use taugate::bench::suite::{Part, SceneEntry, Suite};
 use taugate::bench::summary;
 use taugate::bench::table::{self, Row};
+use taugate::compare::metrics::Means;
 use taugate::error::Result;
-use taugate::exr_file::{self, Provenance};
 use taugate::files::check_readable;
 use taugate::gpu::Device;
-use taugate::metrics::Means;
+use taugate::image::exr_file::{self, Provenance};
 use taugate::settings::MAX_SECONDS;
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::progress::Progress;
-use crate::cli::BenchArgs;
+use crate::app::cli::BenchArgs;
 use shown::{Course, command, text};
 
 /// A suite with what the flags change in it, and what is there of it.

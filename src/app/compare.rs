@@ -3,13 +3,15 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use taugate::agreement::{Agreement, SIGNIFICANCE, agreement, colours};
-use taugate::batches::CellBatches;
-use taugate::exr_file::{Picture, read_picture, write_plain};
-use taugate::metrics::{self, RELMSE_FORMULA, TRIMMED};
-use taugate::{Error, png_file};
+use taugate::Error;
+use taugate::compare::agreement::{Agreement, SIGNIFICANCE, agreement, colours};
+use taugate::compare::flip;
+use taugate::compare::metrics::{self, RELMSE_FORMULA, TRIMMED};
+use taugate::image::batches::CellBatches;
+use taugate::image::exr_file::{Picture, read_picture, write_plain};
+use taugate::image::png_file;
 
-use crate::cli::CompareArgs;
+use crate::app::cli::CompareArgs;
 
 pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     if let Some(most) = args.max_relmse
@@ -34,7 +36,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     }
 
     let result = metrics::compare(&image.rgb, &reference.rgb)?;
-    let flip = metrics::flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();
+    let flip = flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();
     let within = args.max_relmse.is_none_or(|most| result.relmse <= most);
     let verdict = args.z.as_ref().map(|out| z_map(args, out, &image, &reference)).transpose()?;
     if let Some(note) = what_differs(&image, &reference) {

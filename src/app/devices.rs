@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use taugate::gpu::{Device, DeviceInfo};
 
-use crate::cli::DevicesArgs;
+use crate::app::cli::DevicesArgs;
 
 pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     let devices = Device::list()?;

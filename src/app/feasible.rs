@@ -6,7 +6,7 @@ use taugate::gpu::Device;
 use taugate::render::{Prepared, Reach, TravelTimes, probe};
 use taugate::scene::Scene;
 use taugate::settings::Settings;
-use taugate::units::{Gate, METRES_PER_NS};
+use taugate::settings::units::{Gate, METRES_PER_NS};
 
 /// Width of a suggested gate as a part of the scene's diagonal.
 pub const SUGGESTED_PART: f64 = 0.02;

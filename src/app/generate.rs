@@ -7,7 +7,7 @@ use taugate::Error;
 use taugate::files::write_atomically;
 use taugate::generate::{Kind, scene};
 
-use crate::cli::GenerateArgs;
+use crate::app::cli::GenerateArgs;
 
 pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
     let GenerateArgs { name, output, roughness, triangles } = args;

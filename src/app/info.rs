@@ -7,14 +7,14 @@ use std::process::ExitCode;
 use serde::Serialize;
 use taugate::Error;
 use taugate::gpu::{Device, DeviceInfo, Need};
+use taugate::input::resolve::{emitting_nodes, resolve};
 use taugate::render::{MemoryPlan, Prepared, Reach, TravelTimes, probe};
-use taugate::resolve::{emitting_nodes, resolve};
 use taugate::scene::{LightKind, Scene};
 use taugate::settings::Settings;
-use taugate::units::METRES_PER_NS;
+use taugate::settings::units::METRES_PER_NS;
 
 use super::feasible;
-use crate::cli::InfoArgs;
+use crate::app::cli::InfoArgs;
 
 /// Parts of the light, in per cent, whose travel times are shown.
 const PERCENTILES: [f64; 7] = [1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0];

@@ -1,6 +1,7 @@
 //! The commands. Only here and in `main` is anything printed: results to stdout, everything else to stderr.
 
 mod bench;
+pub mod cli;
 mod compare;
 mod devices;
 mod feasible;
@@ -18,7 +19,7 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 
-use crate::cli::{Cli, Command};
+use crate::app::cli::{Cli, Command};
 
 pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     match cli.command {

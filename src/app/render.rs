@@ -7,14 +7,14 @@ use std::time::Instant;
 
 use taugate::Error;
 use taugate::error::Result;
-use taugate::experiment::Experiment;
-use taugate::exr_file::Provenance;
 use taugate::files::{check_writable, lies_in};
 use taugate::gpu::Device;
+use taugate::image::exr_file::Provenance;
+use taugate::input::experiment::Experiment;
+use taugate::input::resolve::{self, Outputs};
+use taugate::render::schedule::next_samples;
 use taugate::render::{MemoryPlan, Prepared, Renderer, StrategyImages};
-use taugate::resolve::{self, Outputs};
 use taugate::scene::gltf;
-use taugate::schedule::next_samples;
 use taugate::settings::{Budget, Settings};
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
@@ -22,7 +22,7 @@ use super::preparation::Preparation;
 use super::progress::{Position, Progress};
 use super::report::{Report, files, is_black};
 use super::{feasible, strategies};
-use crate::cli::RenderArgs;
+use crate::app::cli::RenderArgs;
 
 /// Non-finite samples under --strict.
 #[derive(Debug, thiserror::Error)]

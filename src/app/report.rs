@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use serde::Serialize;
 use taugate::error::Result;
-use taugate::exr_file::{self, Provenance};
 use taugate::files::write_atomically;
-use taugate::png_file;
+use taugate::image::exr_file::{self, Provenance};
+use taugate::image::png_file;
+use taugate::input::resolve::{Outputs, gate_warning};
 use taugate::render::{Renderer, Stage, Stats};
-use taugate::resolve::{Outputs, gate_warning};
 use taugate::settings::Settings;
 
 use super::preparation::Preparation;

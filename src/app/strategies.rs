@@ -7,8 +7,8 @@ use std::sync::atomic::Ordering;
 
 use taugate::Error;
 use taugate::error::Result;
-use taugate::exr_file::{self, Provenance};
 use taugate::gpu::Device;
+use taugate::image::exr_file::{self, Provenance};
 use taugate::render::{Prepared, StrategyImages};
 use taugate::scene::Scene;
 use taugate::settings::Settings;

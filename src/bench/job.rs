@@ -2,12 +2,12 @@
 
 use super::suite::{Part, SceneEntry, Suite};
 use crate::error::{Error, Result};
-use crate::experiment::Experiment;
-use crate::fingerprint::{self, Hash};
 use crate::generate;
 use crate::gpu::Device;
+use crate::image::fingerprint::{self, Hash};
+use crate::input::experiment::Experiment;
+use crate::input::resolve;
 use crate::render::{Prepared, Reach};
-use crate::resolve;
 use crate::scene::{LightKind, Scene, gltf};
 use crate::settings::{Estimator, Settings};
 
@@ -85,7 +85,7 @@ impl Job {
 
         // The truth depends on what is looked at and on which paths count, not on how they are found.
         let mut truth = config.clone();
-        truth.render = crate::experiment::RenderTable {
+        truth.render = crate::input::experiment::RenderTable {
             strategies: Some(settings.strategies),
             max_depth: Some(settings.max_depth),
             ..Default::default()

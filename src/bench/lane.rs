@@ -4,9 +4,9 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::Device;
+use crate::render::schedule::samples_within;
 use crate::render::{Prepared, Renderer, Stats};
 use crate::scene::Scene;
-use crate::schedule::samples_within;
 use crate::settings::Settings;
 
 /// One renderer's progress since its last restart.

@@ -2,11 +2,11 @@
 
 use super::job::{Entry, Job};
 use super::reference::{Goal, relative};
+use crate::compare::metrics::Means;
 use crate::error::Result;
 use crate::gpu::Device;
-use crate::metrics::Means;
+use crate::input::resolve::defaults;
 use crate::render::Prepared;
-use crate::resolve::defaults;
 use crate::settings::{DEFAULT_BUCKETS, Estimator, Importance, MAX_FRONTIER, Settings};
 
 /// Seeds, far from those of races and references.

@@ -4,10 +4,11 @@ use super::job::{Entry, Job};
 use super::lane::Lane;
 use super::reference::Reference;
 use super::table::Row;
+use crate::compare::flip;
+use crate::compare::metrics::{self, Means};
 use crate::error::Result;
-use crate::film::Film;
 use crate::gpu::Device;
-use crate::metrics::{self, Means};
+use crate::image::film::Film;
 use crate::render::Prepared;
 
 /// Time points of a race: each is twice the one before, the last is the whole time.
@@ -78,7 +79,7 @@ impl<'a> Race<'a> {
                 let image = lane.renderer.film().mean();
                 let errors = metrics::compare(&image, &picture.rgb)?;
                 let relmse = Means { all: errors.relmse, trimmed: errors.trimmed_relmse };
-                (relmse, *own, metrics::flip::hdr(&image, &picture.rgb, picture.width as usize).mean())
+                (relmse, *own, flip::hdr(&image, &picture.rgb, picture.width as usize).mean())
             }
         };
         let crop = entry.settings.crop;

@@ -12,10 +12,10 @@ use super::strip::strip;
 use super::suite::Suite;
 use super::summary::{self, Figure, Line, Spread};
 use super::table::Row;
+use crate::compare::metrics::{Means, RELMSE_FORMULA, TRIMMED};
 use crate::error::{Error, Result};
-use crate::exr_file::{Picture, read_picture, version};
 use crate::files::write_atomically;
-use crate::metrics::{Means, RELMSE_FORMULA, TRIMMED};
+use crate::image::exr_file::{Picture, read_picture, version};
 use crate::settings::Estimator;
 
 /// What a page is made of.

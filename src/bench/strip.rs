@@ -2,9 +2,9 @@
 
 use image::{Rgb, RgbImage};
 
-use crate::exr_file::Picture;
-use crate::metrics::flip;
-use crate::png_file;
+use crate::compare::flip;
+use crate::image::exr_file::Picture;
+use crate::image::png_file;
 
 /// Pixels of a crop at most, and how wide a tile is drawn at least.
 const CROP: [u32; 2] = [160, 120];

@@ -14,11 +14,11 @@ use toml::Spanned;
 
 use super::growth::Sweep;
 use crate::error::{Error, Result};
-use crate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, RenderTable, position};
 use crate::generate::Kind;
+use crate::input::experiment::{CameraTable, EmitterTable, Experiment, GateTable, RenderTable, position};
 use crate::settings::Emitters;
-use crate::units::{Depth, Gate, Resolution as Fineness};
-use crate::values::{Resolution, Seconds};
+use crate::settings::units::{Depth, Gate, Resolution as Fineness};
+use crate::settings::values::{Resolution, Seconds};
 
 /// A suite is a few pages of text.
 const MAX_BYTES: u64 = 1 << 20;

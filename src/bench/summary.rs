@@ -3,7 +3,7 @@
 use super::growth::law;
 use super::reference::is_good;
 use super::table::Row;
-use crate::metrics::Means;
+use crate::compare::metrics::Means;
 use crate::settings::Estimator;
 
 /// The median of some values and how far they spread.

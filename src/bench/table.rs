@@ -3,14 +3,14 @@
 use std::io::Write;
 use std::path::Path;
 
+use crate::compare::metrics::Means;
 use crate::error::{Error, Result};
 use crate::files::{read_error, write_atomically};
-use crate::metrics::Means;
 
 /// The columns in their order. `seconds`: of rendering, tree building included. `light_vertices`: kept, an iteration.
 /// `queries_per_s`: connections that shade points asked for. `dead_query_share`: of these, how many found nothing inside gate,
 /// depth and facing. `gate_m`: width of the gate, `inf` without one. `us_per_sample`: microseconds a sample of a pixel.
-/// `trimmed_relmse`: without the worst pixels ([`crate::metrics::TRIMMED`]); `reference_...`: of the reference itself, estimated from
+/// `trimmed_relmse`: without the worst pixels ([`crate::compare::metrics::TRIMMED`]); `reference_...`: of the reference itself, estimated from
 /// its halves. relMSE and FLIP are NaN where only costs are measured.
 pub const COLUMNS: [&str; 22] = [
     "scene",

@@ -4,7 +4,6 @@ mod bounds;
 mod buffer;
 mod device;
 mod kernel;
-pub mod layout;
 pub mod need;
 mod recorder;
 pub mod shader;

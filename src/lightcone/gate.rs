@@ -1,6 +1,6 @@
 //! The gate in f32: what rounding may do to the travel times that are compared with it.
 
-use crate::units::Gate;
+use crate::settings::units::Gate;
 
 /// Length, in the unit of the gate, by which the bounds of a query are widened so that no vertex whose travel time rounds into
 /// the gate is pruned.

@@ -3,8 +3,8 @@
 
 use rayon::join;
 
-use crate::gpu::layout::constants::{BUCKETS, LEAF_BIT, LEAF_FIRST};
-use crate::gpu::layout::{NONE, TreeChild, TreeNode};
+use crate::wgsl::layout::constants::{BUCKETS, LEAF_BIT, LEAF_FIRST};
+use crate::wgsl::layout::{NONE, TreeChild, TreeNode};
 
 /// A light vertex as the tree sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]

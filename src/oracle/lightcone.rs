@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 
-use crate::units::Gate;
+use crate::settings::units::Gate;
 
 /// Axis-aligned box, min <= max in every axis; may be a point.
 #[derive(Debug, Clone, Copy, PartialEq)]

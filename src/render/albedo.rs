@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::gpu::layout::constants::{ALBEDO_COLUMNS, ALBEDO_ROWS};
+use crate::wgsl::layout::constants::{ALBEDO_COLUMNS, ALBEDO_ROWS};
 
 /// Below this GGX alpha a lobe is a delta (DELTA_ALPHA in `shared/scene.wgsl`).
 pub const DELTA_ALPHA: f32 = 0.001;

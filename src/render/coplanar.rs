@@ -8,9 +8,9 @@ use rayon::prelude::*;
 
 use super::geometry::Geometry;
 use super::place::Place;
-use crate::gpu::layout::Triangle;
-use crate::gpu::layout::constants::TRIANGLE_MATERIAL;
 use crate::scene::Scene;
+use crate::wgsl::layout::Triangle;
+use crate::wgsl::layout::constants::TRIANGLE_MATERIAL;
 
 /// Distance that rounding does not tell from none, relative to the coordinates.
 const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;

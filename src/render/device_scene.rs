@@ -4,8 +4,8 @@ use bytemuck::NoUninit;
 
 use super::prepared::Prepared;
 use crate::error::Result;
-use crate::gpu::layout::Frame;
 use crate::gpu::{Buffer, Device, Need};
+use crate::wgsl::layout::Frame;
 
 /// Buffers of group 0, by the names they have in WGSL.
 pub struct DeviceScene {

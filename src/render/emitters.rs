@@ -6,10 +6,10 @@ use glam::Vec3;
 
 use super::geometry::Geometry;
 use super::place::Place;
-use crate::gpu::layout::constants::*;
-use crate::gpu::layout::{Emitter, PathVertex};
 use crate::scene::{LightKind, Scene};
 use crate::settings::Emitters;
+use crate::wgsl::layout::constants::*;
+use crate::wgsl::layout::{Emitter, PathVertex};
 
 /// Emitters as the kernels read them.
 pub struct EmitterSet {

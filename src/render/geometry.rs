@@ -5,10 +5,10 @@ use glam::{DMat3, DVec3};
 use super::albedo::{AlbedoTable, DELTA_ALPHA};
 use super::place::Place;
 use crate::bvh::{self, Bvh};
-use crate::gpu::layout::constants::*;
-use crate::gpu::layout::{InstanceNormals, Material, NONE, TextureInfo, Triangle, VertexAttributes};
 use crate::scene::{self, AlphaMode, Scene, Wrap};
 use crate::settings::Emitters;
+use crate::wgsl::layout::constants::*;
+use crate::wgsl::layout::{InstanceNormals, Material, NONE, TextureInfo, Triangle, VertexAttributes};
 
 /// What the kernels must be able to do for this scene; everything else is compiled out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]

@@ -5,9 +5,9 @@ use super::plan::{Observe, Plan};
 use super::pool::LightPool;
 use super::stats::{Stats, stage};
 use crate::error::Result;
-use crate::gpu::layout::constants::*;
-use crate::gpu::layout::{Dispatch, NONE, PathState, PathVertex};
 use crate::gpu::{Bindings, Buffer, Device, Kernel, Need, Recorder};
+use crate::wgsl::layout::constants::*;
+use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex};
 
 /// Light paths traced together: few enough for a short submit. The order of vertices and splats, and so the last bits of the
 /// image, depend on it: it is the same everywhere.

@@ -14,6 +14,7 @@ mod prepared;
 mod probe;
 mod reach;
 mod samples;
+pub mod schedule;
 mod sensor;
 mod stats;
 mod strategies;
@@ -21,14 +22,14 @@ mod strategies;
 use std::time::Instant;
 
 use crate::error::Result;
-use crate::film::Film;
 use crate::gpu::Device;
-use crate::gpu::layout::constants::VERTEX_DEPTH;
-use crate::gpu::layout::{NONE, PathVertex};
 use crate::gpu::need;
+use crate::image::film::Film;
 use crate::scene::Scene;
 use crate::settings::Settings;
-use crate::units::Gate;
+use crate::settings::units::Gate;
+use crate::wgsl::layout::constants::VERTEX_DEPTH;
+use crate::wgsl::layout::{NONE, PathVertex};
 
 use device_scene::DeviceScene;
 use light::{LightTracer, Splat};

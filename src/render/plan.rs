@@ -11,12 +11,12 @@ use super::pool::PoolLayout;
 use super::prepared::Prepared;
 use super::reach::Reach;
 use crate::error::{Error, Result};
-use crate::gpu::layout::constants::*;
-use crate::gpu::layout::{Frame, NONE};
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::Scene;
+use crate::settings::units::Gate;
 use crate::settings::{Crop, Estimator, Importance, Sampling, Settings, Strategies};
-use crate::units::Gate;
+use crate::wgsl::layout::constants::*;
+use crate::wgsl::layout::{Frame, NONE};
 
 /// Stands for infinity on the device; sums of it with travel times stay finite.
 const OPEN: f32 = 3e38;

@@ -2,11 +2,11 @@
 
 use super::plan::Plan;
 use crate::error::{Error, Result};
-use crate::gpu::layout::constants::*;
-use crate::gpu::layout::{NONE, PathVertex, TreeNode};
 use crate::gpu::{Buffer, Device, Need};
 use crate::lightcone::tree::{Item, Tree, TreeOptions};
 use crate::settings::Estimator;
+use crate::wgsl::layout::constants::*;
+use crate::wgsl::layout::{NONE, PathVertex, TreeNode};
 
 /// Vertices in the order the kernels use: deterministic, emitter points, scattered.
 #[derive(Default)]

@@ -9,8 +9,8 @@ use super::prepared::Prepared;
 use crate::error::Result;
 use crate::gpu::Device;
 use crate::scene::Scene;
+use crate::settings::units::Gate;
 use crate::settings::{Crop, Estimator, Sampling, Settings, Strategies};
-use crate::units::Gate;
 
 /// Rows of the image that is probed, light subpaths, samples a pixel and iteration, iterations.
 const ROWS: u32 = 64;

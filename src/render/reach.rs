@@ -5,10 +5,10 @@ use rayon::prelude::*;
 
 use super::geometry::Geometry;
 use super::prepared::Prepared;
-use crate::gpu::layout::Triangle;
-use crate::gpu::layout::constants::{EMITTER_BEAM, EMITTER_TRIANGLE};
 use crate::settings::Settings;
-use crate::units::Gate;
+use crate::settings::units::Gate;
+use crate::wgsl::layout::Triangle;
+use crate::wgsl::layout::constants::{EMITTER_BEAM, EMITTER_TRIANGLE};
 
 /// Bounds are widened by this part of themselves: device travel times are sums of rounded f32 terms.
 const SLACK: f64 = 1e-5;
@@ -128,8 +128,8 @@ mod tests {
     use glam::{DAffine3, DVec3};
 
     use super::*;
-    use crate::experiment::Experiment;
     use crate::generate::stage::diffuse;
+    use crate::input::experiment::Experiment;
     use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Scene};
 
     /// A triangle in the plane x = 2 before a sensor at the origin, as seen from a world in which the sensor is elsewhere.
@@ -169,7 +169,7 @@ mod tests {
     }
 
     fn reach(scene: &Scene) -> Reach {
-        let settings = crate::resolve::resolve(&Experiment::default(), scene).unwrap().settings;
+        let settings = crate::input::resolve::resolve(&Experiment::default(), scene).unwrap().settings;
         let settings = Settings { max_depth: 3, ..settings };
         Reach::new(&Prepared::new(scene, &settings).unwrap(), &settings)
     }

@@ -4,8 +4,8 @@ use super::plan::{Observe, Plan};
 use super::prepared::Prepared;
 use super::{Observed, Renderer};
 use crate::error::{Error, Result};
-use crate::film::Film;
 use crate::gpu::Device;
+use crate::image::film::Film;
 use crate::scene::Scene;
 use crate::settings::{Estimator, Sampling, Settings, Strategies};
 

@@ -8,8 +8,8 @@ use super::zoo::{Light, zoo};
 use taugate::generate::{Kind, build};
 use taugate::oracle::path_tracer::{self, Film};
 use taugate::scene::Scene;
+use taugate::settings::units::Gate;
 use taugate::settings::{Emitters, Estimator, Strategies};
-use taugate::units::Gate;
 
 const CELL: usize = 8;
 const MAX_DEPTH: u32 = 10;

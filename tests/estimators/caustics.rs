@@ -10,8 +10,8 @@ use taugate::generate::shapes::{icosphere, quad};
 use taugate::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, metal, place};
 use taugate::oracle::path_tracer::Film;
 use taugate::scene::Scene;
+use taugate::settings::units::Gate;
 use taugate::settings::{Estimator, Strategies};
-use taugate::units::Gate;
 
 const RADIUS: f64 = 0.4;
 const SIZE: [u32; 2] = [24, 16];

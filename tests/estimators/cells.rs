@@ -1,11 +1,11 @@
 //! Rendering for tests: settings, batches of independent seeds, pooled cells and their z-tests.
 
+use taugate::compare::statistics::sidak_threshold;
 use taugate::gpu::Device;
 use taugate::render::{Renderer, Tuning};
 use taugate::scene::Scene;
+use taugate::settings::units::Gate;
 use taugate::settings::{Budget, Crop, Emitters, Estimator, Importance, MAX_FRONTIER, Sampling, Settings, Strategies};
-use taugate::statistics::sidak_threshold;
-use taugate::units::Gate;
 
 /// Significance of every family of tests, corrected for its number of cells (Sidak).
 pub const SIGNIFICANCE: f64 = 1e-3;

@@ -3,8 +3,8 @@
 use super::cells::{renderer, settings, tuned};
 use taugate::generate::{Kind, build};
 use taugate::render::{Renderer, Tuning};
+use taugate::settings::units::Gate;
 use taugate::settings::{Crop, Estimator, Sampling, Settings};
-use taugate::units::Gate;
 
 const SIZE: [u32; 2] = [40, 24];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };

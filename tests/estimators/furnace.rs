@@ -10,7 +10,7 @@ use taugate::generate::{Kind, build};
 use taugate::oracle::sphere::gated_radiance;
 use taugate::scene::{Material, Mesh, Scene};
 use taugate::settings::Estimator;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 use super::cells::{Cells, renderer, settings, threshold};
 

@@ -8,7 +8,7 @@ use taugate::generate::shapes::{cuboid, icosphere, quad};
 use taugate::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, place};
 use taugate::scene::{Material, Scene};
 use taugate::settings::Estimator;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 const SIZE: [u32; 2] = [24, 16];
 /// The lamp behind the pane and what is seen through the glass first; then light that has been scattered before or since.

@@ -4,8 +4,8 @@ use super::cells::{Cells, SEEDS, device, disagreements, renderer, settings, thre
 use taugate::generate::{Kind, build};
 use taugate::oracle::sphere::gated_radiance;
 use taugate::render::{Prepared, StrategyImages};
+use taugate::settings::units::Gate;
 use taugate::settings::{Estimator, Sampling, Settings};
-use taugate::units::Gate;
 
 /// Through this gate the generated Cornell box is dark in some parts, bright in others, and seen in its mirror.
 const GATE: Gate = Gate { lo: 8.0, hi: 8.3 };

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use super::cells::{Cells, disagreements, renderer, settings};
 use taugate::scene::gltf;
+use taugate::settings::units::Gate;
 use taugate::settings::{Emitters, Estimator};
-use taugate::units::Gate;
 
 /// Path of a benchmark scene if it is there.
 fn scene_path(name: &str) -> Option<PathBuf> {

@@ -5,7 +5,7 @@ use taugate::generate::{Kind, build};
 use taugate::oracle::sphere::gated_radiance;
 use taugate::render::Renderer;
 use taugate::settings::Estimator;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 const ALBEDO: f32 = 0.5;
 /// Gates after the direct return at 2 R, in units of R (DESIGN section 5); the first holds the direct return itself.

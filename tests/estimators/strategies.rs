@@ -6,8 +6,8 @@ use super::zoo::{Light, zoo};
 use taugate::generate::{Kind, build};
 use taugate::render::{Prepared, StrategyImage, StrategyImages, strategies};
 use taugate::scene::Scene;
+use taugate::settings::units::Gate;
 use taugate::settings::{Estimator, Settings, Strategies};
-use taugate::units::Gate;
 
 const SAMPLES: [u32; 2] = [2, 3];
 /// Part of the light that the sum of all strategies may be off by, and that any strategy holds more of.

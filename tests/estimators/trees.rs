@@ -4,8 +4,8 @@ use super::cells::{Cells, disagreements, renderer, settings, threshold};
 use taugate::generate::{Kind, build};
 use taugate::oracle::sphere::gated_radiance;
 use taugate::scene::Scene;
+use taugate::settings::units::Gate;
 use taugate::settings::{Estimator, Importance, Settings};
-use taugate::units::Gate;
 
 const ALBEDO: f64 = 0.5;
 

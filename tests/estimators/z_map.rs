@@ -1,14 +1,14 @@
 //! `compare --z`: two renders of the same agree, whatever they have in common within an iteration; a small error is found.
 
 use super::cells::{renderer, settings};
-use taugate::agreement::{Agreement, SIGNIFICANCE, agreement};
-use taugate::batches::CellBatches;
+use taugate::compare::agreement::{Agreement, SIGNIFICANCE, agreement};
+use taugate::compare::statistics::sidak_threshold;
 use taugate::generate::{Kind, build};
+use taugate::image::batches::CellBatches;
 use taugate::render::Renderer;
 use taugate::scene::Scene;
 use taugate::settings::Estimator;
-use taugate::statistics::sidak_threshold;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 const SIZE: [u32; 2] = [48, 48];
 const GATE: Gate = Gate { lo: 6.5, hi: 7.5 };

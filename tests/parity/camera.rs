@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::{Frame, NONE};
+use taugate::wgsl::layout::{Frame, NONE};
 
 use crate::shader_function::ShaderFunction;
 use crate::values::{dvec, frame, vec3};

@@ -5,8 +5,8 @@ use std::f64::consts::{PI, TAU};
 use bytemuck::Zeroable;
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::constants::*;
-use taugate::gpu::layout::{
+use taugate::wgsl::layout::constants::*;
+use taugate::wgsl::layout::{
     Emitter, InstanceNormals, Material, NONE, PathVertex, TextureInfo, Triangle, VertexAttributes,
 };
 

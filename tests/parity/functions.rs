@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 
 use taugate::gpu::shader;
+use taugate::wgsl::SOURCES;
 
 use crate::shader_function::ShaderFunction;
 
@@ -76,7 +77,7 @@ fn all() -> Vec<&'static ShaderFunction> {
 
 /// Names of all functions of the shared modules.
 fn declared() -> BTreeSet<String> {
-    let shared = shader::SOURCES.iter().filter(|(path, _)| path.starts_with("shared/"));
+    let shared = SOURCES.iter().filter(|(path, _)| path.starts_with("shared/"));
     shared
         .flat_map(|(path, text)| {
             let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));

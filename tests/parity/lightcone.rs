@@ -3,10 +3,10 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::TreeChild;
 use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 use taugate::oracle::lightcone::{self, Bounds, Extent};
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
+use taugate::wgsl::layout::TreeChild;
 
 use crate::shader_function::ShaderFunction;
 use crate::values::{direction, dvec, vec3};

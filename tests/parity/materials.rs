@@ -5,7 +5,6 @@ use std::sync::OnceLock;
 
 use glam::{DAffine3, DVec3};
 use taugate::generate::stage;
-use taugate::gpu::layout::Material as DeviceMaterial;
 use taugate::oracle::bsdf::{Prepared, fresnel_dielectric};
 use taugate::oracle::ggx;
 use taugate::render::albedo::AlbedoTable;
@@ -13,6 +12,7 @@ use taugate::render::geometry::Geometry;
 use taugate::render::place::Place;
 use taugate::scene::{Material, Mesh, Scene};
 use taugate::settings::Emitters;
+use taugate::wgsl::layout::Material as DeviceMaterial;
 
 use crate::shader_function::{Contents, contents};
 

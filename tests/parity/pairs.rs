@@ -8,12 +8,12 @@ use bytemuck::Zeroable;
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
 use taugate::generate::{shapes, stage};
-use taugate::gpu::layout::constants::*;
-use taugate::gpu::layout::{Candidate, Dispatch, Frame, NONE, PathVertex};
 use taugate::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 use taugate::render::albedo::AlbedoTable;
 use taugate::scene::{Material, Scene};
+use taugate::wgsl::layout::constants::*;
+use taugate::wgsl::layout::{Candidate, Dispatch, Frame, NONE, PathVertex};
 
 use crate::shader_function::{Contents, contents};
 use crate::trace::buffers;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::constants::VERTEX_TRANSMITS;
+use taugate::wgsl::layout::constants::VERTEX_TRANSMITS;
 
 use crate::materials::set;
 use crate::scatter::{buffers, vertex};

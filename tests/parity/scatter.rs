@@ -3,8 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::constants::VERTEX_TRANSMITS;
-use taugate::gpu::layout::{NONE, PathState, PathVertex};
+use taugate::wgsl::layout::constants::VERTEX_TRANSMITS;
+use taugate::wgsl::layout::{NONE, PathState, PathVertex};
 
 use crate::materials::set;
 use crate::shader_function::{Contents, ShaderFunction, contents};

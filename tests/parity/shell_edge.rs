@@ -2,9 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::{Material, PathVertex, TreeChild};
 use taugate::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
+use taugate::wgsl::layout::{Material, PathVertex, TreeChild};
 
 use crate::shader_function::{ShaderFunction, contents};
 use crate::values::{direction, frame_with_gate, vec3};

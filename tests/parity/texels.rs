@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::{
+use taugate::wgsl::layout::{
     Emitter, InstanceNormals, Material, PathVertex, TextureInfo, TreeChild, TreeNode, Triangle,
 };
 

@@ -3,13 +3,13 @@
 use glam::{DAffine3, DVec2, DVec3};
 use taugate::generate::numbers::Pcg;
 use taugate::generate::stage;
-use taugate::gpu::layout::{NONE, TextureInfo};
 use taugate::oracle::texture::sample;
 use taugate::render::albedo::AlbedoTable;
 use taugate::render::geometry::Geometry;
 use taugate::render::place::Place;
 use taugate::scene::{AlphaMode, Image, Material, Mesh, Scene, Texture, Wrap};
 use taugate::settings::Emitters;
+use taugate::wgsl::layout::{NONE, TextureInfo};
 
 use crate::shader_function::{Contents, ShaderFunction, contents};
 

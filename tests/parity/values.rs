@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::Frame;
 use taugate::lightcone::gate::rounding_allowance;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
+use taugate::wgsl::layout::Frame;
 
 use crate::shader_function::{Contents, contents};
 

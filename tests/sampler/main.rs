@@ -12,8 +12,8 @@ mod walk;
 
 use bytemuck::{Pod, Zeroable};
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::{Material, NONE, PathVertex, TreeNode};
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
+use taugate::wgsl::layout::{Material, NONE, PathVertex, TreeNode};
 
 use shader_function::{Contents, Prepared, ShaderFunction, contents};
 use statistics::{chi_square, level};

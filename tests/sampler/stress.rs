@@ -2,8 +2,8 @@
 //! vertices; input that is degenerate in one way each; and choices too rare for 24 random bits.
 
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::TreeNode;
 use taugate::lightcone::tree::Item;
+use taugate::wgsl::layout::TreeNode;
 
 use crate::reach::check;
 use crate::shader_function::{Prepared, ShaderFunction, contents};

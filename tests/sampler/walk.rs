@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 use taugate::generate::numbers::Pcg;
-use taugate::gpu::layout::constants::{LEAF_BIT, LEAF_FIRST};
-use taugate::gpu::layout::{NONE, TreeChild, TreeNode};
 use taugate::lightcone::gate::rounding_allowance;
 use taugate::lightcone::tree::{Item, Tree, TreeOptions};
 use taugate::oracle::lightcone::{self, Bounds, Extent};
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
+use taugate::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST};
+use taugate::wgsl::layout::{NONE, TreeChild, TreeNode};
 
 /// A tree in arrays that other trees share.
 pub struct Pool {

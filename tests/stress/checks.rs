@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use taugate::generate::{Kind, build};
 use taugate::scene::Scene;
 use taugate::settings::Estimator;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 use super::cells::{renderer, settings};
 use super::shader_function::{ShaderFunction, contents};

@@ -7,7 +7,7 @@ use taugate::generate::stage::{about, add, camera, diffuse, emitter, material};
 use taugate::generate::{Kind, build};
 use taugate::scene::{Instance, Mesh, Scene};
 use taugate::settings::Estimator;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 use super::cells::{Cells, disagreements, renderer, settings};
 use super::{image, sum};

@@ -6,7 +6,7 @@ use taugate::generate::stage::{add, camera, emitter, glass, material};
 use taugate::generate::{Kind, build};
 use taugate::scene::Scene;
 use taugate::settings::Estimator;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 use super::cells::{renderer, settings};
 use super::wall::{ALBEDO, wall};

@@ -23,7 +23,7 @@ mod thin_trees;
 mod wall;
 
 use taugate::render::Renderer;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 /// Mean image of `iterations` x `samples` samples.
 fn image(renderer: &mut Renderer, seed: u32, gate: Gate, iterations: u32, samples: u32) -> Vec<f32> {

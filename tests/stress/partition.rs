@@ -2,8 +2,8 @@
 
 use taugate::generate::{Kind, build};
 use taugate::render::Renderer;
+use taugate::settings::units::Gate;
 use taugate::settings::{Estimator, Strategies};
-use taugate::units::Gate;
 
 use super::cells::{renderer, settings, threshold};
 use super::{image, sum};

@@ -3,7 +3,7 @@
 use taugate::generate::{Kind, build};
 use taugate::render::Renderer;
 use taugate::settings::Estimator;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 use super::cells::{renderer, settings, threshold};
 use super::image;

@@ -7,7 +7,7 @@ use taugate::generate::{Kind, build};
 use taugate::render::Renderer;
 use taugate::scene::{LightKind, Scene};
 use taugate::settings::Estimator;
-use taugate::units::Gate;
+use taugate::settings::units::Gate;
 
 use super::cells::{device, settings, threshold};
 use super::zoo::{Light, zoo};

@@ -9,8 +9,8 @@ use taugate::generate::shapes::quad;
 use taugate::generate::stage::{camera, diffuse, emitter, material, mesh, place};
 use taugate::render::{Prepared, StrategyImages};
 use taugate::scene::Scene;
+use taugate::settings::units::Gate;
 use taugate::settings::{Estimator, Settings};
-use taugate::units::Gate;
 
 use super::cells::{Cells, device, renderer, settings, threshold};
 

@@ -3,18 +3,18 @@
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use taugate::agreement::Agreement;
 use taugate::bench::job::{Entry, Job};
 use taugate::bench::reference::{self, Goal, Made, Other};
 use taugate::bench::table::{self, Row};
+use taugate::compare::agreement::Agreement;
+use taugate::compare::metrics::Means;
 use taugate::error::{Error, Result};
 use taugate::gpu::Device;
-use taugate::metrics::Means;
 
 use super::{Bench, make_folder};
+use crate::app::cli::BenchArgs;
 use crate::app::interrupts::INTERRUPTED;
 use crate::app::progress::{Progress, duration};
-use crate::cli::BenchArgs;
 
 /// A reference may take this many times the suite's time, unless --reference-time says otherwise.
 const LIMIT: f64 = 40.0;

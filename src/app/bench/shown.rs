@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use taugate::bench::summary::{Figure, Line};
 
+use crate::app::cli::BenchArgs;
 use crate::app::progress::duration;
-use crate::cli::BenchArgs;
 
 /// How far the suite is.
 pub struct Course {

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use taugate::gpu::need::mebibytes;
-use taugate::units::METRES_PER_NS;
+use taugate::settings::units::METRES_PER_NS;
 
 use super::{Arrival, Memory, Render, Report};
 use crate::app::feasible::{SUGGESTED_PART, short};

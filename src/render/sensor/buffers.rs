@@ -2,10 +2,10 @@
 
 use super::{COUNTERS, TileSample};
 use crate::error::Result;
-use crate::gpu::layout::constants::*;
-use crate::gpu::layout::{Candidate, PathState, PathVertex};
 use crate::gpu::{Buffer, Device, Need};
 use crate::render::plan::{Observe, Plan};
+use crate::wgsl::layout::constants::*;
+use crate::wgsl::layout::{Candidate, PathState, PathVertex};
 
 /// Buffers of the sensor subpaths of a tile, and the film.
 pub struct Buffers {

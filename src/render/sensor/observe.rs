@@ -1,8 +1,8 @@
 //! The sensor subpaths as they are observed: without a film, every contribution shown.
 
 use super::*;
-use crate::gpu::layout::Candidate;
 use crate::render::plan::Observe;
+use crate::wgsl::layout::Candidate;
 
 /// A contribution of a sensor subpath.
 pub struct Seen {

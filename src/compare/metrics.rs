@@ -1,7 +1,5 @@
 //! Error of an image against a reference.
 
-pub mod flip;
-
 use serde::Serialize;
 
 use crate::error::{Error, Result};

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use crate::batches::{CELL, CellBatches};
+use crate::compare::statistics::{normal_score, sidak_threshold};
 use crate::error::{Error, Result};
-use crate::statistics::{normal_score, sidak_threshold};
+use crate::image::batches::{CELL, CellBatches};
 
 /// Probability that two images of the same are told apart, whatever the number of cells (Sidak).
 pub const SIGNIFICANCE: f64 = 1e-3;
@@ -195,7 +195,7 @@ pub fn colours(map: &[f32], threshold: f64) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::Film;
+    use crate::image::film::Film;
 
     const SIZE: [u32; 2] = [80, 48];
 

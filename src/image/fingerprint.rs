@@ -1,6 +1,6 @@
 //! Fingerprints of what a result depends on.
 
-use crate::gpu::shader::SOURCES;
+use crate::wgsl::SOURCES;
 
 /// To be raised when the host changes what an image is: emission, gates, materials, the weights' frame.
 const REVISION: u32 = 2;

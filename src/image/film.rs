@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::batches::CellBatches;
+use crate::image::batches::CellBatches;
 
 /// Accumulated images of width x height pixels with R, G, B interleaved, row 0 at the top.
 #[derive(Debug, Clone)]

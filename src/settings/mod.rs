@@ -1,11 +1,14 @@
 //! What a render is asked to do, after flags, experiment file and scene have been merged. Nobody validates again after this.
 
+pub mod units;
+pub mod values;
+
 use std::fmt;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
-use crate::gpu::layout::constants::MOST_SUBTREES;
-use crate::units::Gate;
+use crate::settings::units::Gate;
+use crate::wgsl::layout::constants::MOST_SUBTREES;
 
 /// Samples a pixel when neither `spp` nor `time` is given.
 pub const DEFAULT_SPP: u32 = 64;

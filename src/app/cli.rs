@@ -1,12 +1,12 @@
-//! What can be typed: subcommands and flags. What they mean is settled in `taugate::resolve`.
+//! What can be typed: subcommands and flags. What they mean is settled in `taugate::input::resolve`.
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
-use taugate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, OutputTable, Png, RenderTable};
+use taugate::input::experiment::{CameraTable, EmitterTable, Experiment, GateTable, OutputTable, Png, RenderTable};
+use taugate::settings::units::{Depth, Gate};
+use taugate::settings::values::{Resolution, Seconds};
 use taugate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
-use taugate::units::{Depth, Gate};
-use taugate::values::{Resolution, Seconds};
 
 /// Renders what a time-gated sensor sees: only the light whose travel time falls inside a gate.
 #[derive(Debug, Parser)]

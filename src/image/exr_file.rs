@@ -11,10 +11,10 @@ use exr::prelude::{
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error, write_atomically};
-use crate::film::Film;
-use crate::fingerprint;
+use crate::image::film::Film;
+use crate::image::fingerprint;
+use crate::settings::units::{Gate, METRES_PER_NS};
 use crate::settings::{Crop, MAX_PIXELS};
-use crate::units::{Gate, METRES_PER_NS};
 
 /// Most samples (pixels times channels) that are decoded: what the largest image of our own has. A header costs a few
 /// bytes and may claim any size, so this is checked before memory is reserved.
@@ -129,7 +129,7 @@ pub struct Picture {
     pub rgb: Vec<f32>,
     /// Variance of `rgb` where the file has it.
     pub variance: Option<Vec<f32>>,
-    /// `tof:cellBatches`, see [`crate::batches::CellBatches::to_floats`], and `tof:seed` where the file has them.
+    /// `tof:cellBatches`, see [`crate::image::batches::CellBatches::to_floats`], and `tof:seed` where the file has them.
     pub cell_batches: Option<Vec<f32>>,
     pub seed: Option<String>,
     /// `tof:renderer`, the [`fingerprint::renderer`] that made it, where the file has it.

@@ -1,9 +1,9 @@
 //! What is done when nothing says it.
 
-use crate::experiment::OutputTable;
+use crate::input::experiment::OutputTable;
 use crate::scene::{Light, LightKind, Material, Scene};
+use crate::settings::units::Gate;
 use crate::settings::*;
-use crate::units::Gate;
 
 /// Part of the scene's diagonal from which on a gate is wide.
 const WIDE_GATE: f64 = 0.4;

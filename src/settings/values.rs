@@ -7,8 +7,8 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
+use crate::settings::units::{Depth, Gate, number};
 use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
-use crate::units::{Depth, Gate, number};
 
 /// Width and height in pixels, `640x480`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -84,7 +84,7 @@ impl FromStr for Emitters {
     type Err = Error;
 
     /// `scene`, or node names with commas between them. Those of a name that contains commas itself are put together again
-    /// where the scene is known, see [`crate::resolve::resolve`].
+    /// where the scene is known, see [`crate::input::resolve::resolve`].
     fn from_str(text: &str) -> Result<Emitters> {
         if text.trim() == "scene" {
             return Ok(Emitters::Scene);

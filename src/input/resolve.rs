@@ -5,11 +5,11 @@ pub mod defaults;
 use std::path::PathBuf;
 
 use crate::error::{Error, Result};
-use crate::experiment::{CameraTable, EmitterTable, Experiment, GateTable, Png, RenderTable};
+use crate::input::experiment::{CameraTable, EmitterTable, Experiment, GateTable, Png, RenderTable};
 use crate::scene::{Camera, LightKind, Scene};
+use crate::settings::units::{Gate, Resolution as GateResolution};
+use crate::settings::values::{Resolution, Seconds};
 use crate::settings::*;
-use crate::units::{Gate, Resolution as GateResolution};
-use crate::values::{Resolution, Seconds};
 
 /// Settings of a render and what the user should know about them.
 #[derive(Debug, Clone)]

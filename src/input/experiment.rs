@@ -10,9 +10,9 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
+use crate::settings::units::{Depth, Gate};
+use crate::settings::values::{Resolution, Seconds};
 use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
-use crate::units::{Depth, Gate};
-use crate::values::{Resolution, Seconds};
 
 /// Experiment files are a page of text; anything larger is some other file.
 const MAX_BYTES: u64 = 1 << 20;

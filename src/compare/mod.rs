@@ -1,0 +1,6 @@
+//! Comparison of images: errors (relMSE, FLIP), and whether two images differ by more than their noise.
+
+pub mod agreement;
+pub mod flip;
+pub mod metrics;
+pub mod statistics;

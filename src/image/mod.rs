@@ -1,0 +1,7 @@
+//! Images: accumulation, files, and what a result depends on.
+
+pub mod batches;
+pub mod exr_file;
+pub mod film;
+pub mod fingerprint;
+pub mod png_file;

@@ -1,0 +1,52 @@
+//! The WGSL sources of all kernels, and the host twins of their structs.
+
+pub mod layout;
+
+/// Every WGSL file, by its name without path and ending.
+macro_rules! sources {
+    ($($path:literal),* $(,)?) => { &[$(($path, include_str!(concat!("../../shaders/", $path, ".wgsl")))),*] };
+}
+
+/// Kernels first, then modules without an entry point.
+pub const SOURCES: &[(&str, &str)] = sources![
+    "light_start",
+    "light_trace",
+    "light_splat",
+    "sensor_start",
+    "sensor_trace",
+    "compact",
+    "shell_query",
+    "shell_resample",
+    "connect",
+    "gather",
+    "resolve",
+    "shared/bsdf",
+    "shared/camera",
+    "shared/candidate",
+    "shared/connection",
+    "shared/emitter",
+    "shared/frame",
+    "shared/frontier",
+    "shared/gate",
+    "shared/importance",
+    "shared/lightcone",
+    "shared/math",
+    "shared/path",
+    "shared/query",
+    "shared/random",
+    "shared/receiver",
+    "shared/resample",
+    "shared/samples",
+    "shared/scatter",
+    "shared/scene",
+    "shared/shade_point",
+    "shared/slots",
+    "shared/sobol",
+    "shared/surface",
+    "shared/texture",
+    "shared/traverse",
+    "shared/tree",
+    "shared/visibility",
+    "shared/walk",
+    "shared/weights",
+];
