@@ -12,6 +12,7 @@ pub mod numbers;
 pub mod paint;
 pub mod shapes;
 pub mod stage;
+pub mod zoo;
 
 use crate::scene::Scene;
 
@@ -46,11 +47,14 @@ pub enum Kind {
         /// Least number of triangles, instances counted.
         triangles: u32,
     },
+    /// Room of 4 x 3 x 4 m with every feature of materials, lit by emitters of one kind: for tests.
+    Zoo(zoo::Light),
 }
 
 impl Kind {
     /// What [`Kind::parse`] understands.
-    pub const NAMES: [&str; 4] = ["cornell-box", "gated-sphere", "door-ajar", "cluttered-room"];
+    pub const NAMES: [&str; 7] =
+        ["cornell-box", "gated-sphere", "door-ajar", "cluttered-room", "zoo-area", "zoo-punctual", "zoo-beam"];
 
     /// The scene of that name with its usual parameters: sphere of 1 m, albedo 0.5, 81,920 facets; clutter of 200,000
     /// triangles. `None` for any other name.
@@ -60,6 +64,9 @@ impl Kind {
             "gated-sphere" => Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: 0.5 },
             "door-ajar" => Kind::DoorAjar,
             "cluttered-room" => Kind::ClutteredRoom { triangles: 200_000 },
+            "zoo-area" => Kind::Zoo(zoo::Light::Area),
+            "zoo-punctual" => Kind::Zoo(zoo::Light::Punctual),
+            "zoo-beam" => Kind::Zoo(zoo::Light::Beam),
             _ => return None,
         })
     }
@@ -97,6 +104,9 @@ impl Kind {
             Kind::GatedSphere { .. } => Kind::NAMES[1],
             Kind::DoorAjar => Kind::NAMES[2],
             Kind::ClutteredRoom { .. } => Kind::NAMES[3],
+            Kind::Zoo(zoo::Light::Area) => Kind::NAMES[4],
+            Kind::Zoo(zoo::Light::Punctual) => Kind::NAMES[5],
+            Kind::Zoo(zoo::Light::Beam) => Kind::NAMES[6],
         }
     }
 }
@@ -114,6 +124,7 @@ pub fn build(kind: Kind) -> Scene {
         Kind::GatedSphere { radius, subdivisions, albedo } => gated_sphere::build(radius, subdivisions, albedo),
         Kind::DoorAjar => door::build(),
         Kind::ClutteredRoom { triangles } => clutter::build(triangles),
+        Kind::Zoo(light) => zoo::zoo(light),
     }
 }
 

@@ -1,12 +1,15 @@
 use super::*;
 
 /// Small enough to be quick.
-fn kinds() -> [Kind; 4] {
+fn kinds() -> [Kind; 7] {
     [
         Kind::CornellBox,
         Kind::GatedSphere { radius: 1.0, subdivisions: 3, albedo: 0.5 },
         Kind::DoorAjar,
         Kind::ClutteredRoom { triangles: 20_000 },
+        Kind::Zoo(zoo::Light::Area),
+        Kind::Zoo(zoo::Light::Punctual),
+        Kind::Zoo(zoo::Light::Beam),
     ]
 }
 

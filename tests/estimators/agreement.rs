@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
 use super::rough_glass;
-use super::zoo::{Light, zoo};
+use taugate::generate::zoo::{Light, zoo};
 use taugate::generate::{Kind, build};
 use taugate::oracle::path_tracer::{self, Film};
 use taugate::scene::Scene;

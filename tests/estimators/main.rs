@@ -13,4 +13,3 @@ mod sphere;
 mod strategies;
 mod trees;
 mod z_map;
-mod zoo;

@@ -2,7 +2,7 @@
 //! same light alone.
 
 use super::cells::{device, renderer, settings};
-use super::zoo::{Light, zoo};
+use taugate::generate::zoo::{Light, zoo};
 use taugate::generate::{Kind, build};
 use taugate::render::{Prepared, StrategyImage, StrategyImages, strategies};
 use taugate::scene::Scene;

@@ -10,8 +10,8 @@ use taugate::settings::units::Gate;
 
 use super::cells::{renderer, settings};
 use super::shader_function::{ShaderFunction, contents};
-use super::zoo::{Light, zoo};
 use super::{image, sum};
+use taugate::generate::zoo::{Light, zoo};
 
 /// Runs one of the ignored tests below in another process.
 fn run(test: &str, checked: bool) -> Output {

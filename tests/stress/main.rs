@@ -8,8 +8,6 @@ mod cells;
 #[path = "../common/shader_function.rs"]
 #[allow(dead_code, reason = "shared with the parity tests")]
 mod shader_function;
-#[path = "../estimators/zoo.rs"]
-mod zoo;
 
 mod accumulation;
 mod checks;

@@ -10,8 +10,8 @@ use taugate::settings::Estimator;
 use taugate::settings::units::Gate;
 
 use super::cells::{device, settings, threshold};
-use super::zoo::{Light, zoo};
 use super::{image, sum};
+use taugate::generate::zoo::{Light, zoo};
 
 const SIZE: [u32; 2] = [24, 16];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };

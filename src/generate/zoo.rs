@@ -1,13 +1,11 @@
-//! One room with every feature at once: mask and blend, textures, smooth normals, mirrored and stretched instances, mixtures of
+//! `zoo-area`, `zoo-punctual`, `zoo-beam`: one room with every feature at once: mask and blend, textures, smooth normals, mirrored and stretched instances, mixtures of
 //! metal and plastic, a solid of glass, an emissive texture, a point, a spot and a beam that passes a blended curtain.
 
+use super::paint;
+use super::shapes::{cuboid, icosphere, quad, torus};
+use super::stage::{add, camera, diffuse, glass, light, look, material, mesh, metal, place, plastic, texture};
+use crate::scene::{AlphaMode, Image, LightKind, Material, Mesh, Scene};
 use glam::{DAffine3, DMat3, DVec3};
-use taugate::generate::paint;
-use taugate::generate::shapes::{cuboid, icosphere, quad, torus};
-use taugate::generate::stage::{
-    add, camera, diffuse, glass, light, look, material, mesh, metal, place, plastic, texture,
-};
-use taugate::scene::{AlphaMode, Image, LightKind, Material, Mesh, Scene};
 
 /// Squares of `size` texels, covered and uncovered in turn.
 fn holes(size: u32) -> Image {
@@ -71,7 +69,7 @@ fn things(scene: &mut Scene, specular: bool) {
 }
 
 /// What shines in the room.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Light {
     /// A textured lamp; with a mirror and a glass block.
     Area,
@@ -103,6 +101,7 @@ fn lights(scene: &mut Scene, light_up: Light) {
     }
 }
 
+/// The room, lit by `light_up`.
 pub fn zoo(light_up: Light) -> Scene {
     let mut scene = Scene::default();
     room(&mut scene);
