@@ -161,7 +161,7 @@ impl Bench {
                 let wrong = match reference::read(&self.references, entry)? {
                     Some(Reference { current: true, .. }) => continue,
                     Some(_) => format!(
-                        "the reference for {scene} ({}) in {folder} is by another version of the renderer: its shaders or its number differ; \
+                        "the reference for {scene} ({}) in {folder} is by another version of the renderer: its code or its version differs; \
                          have it checked, and kept if it still holds, with: {}",
                         entry.variant,
                         self.remedy()

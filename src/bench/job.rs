@@ -93,7 +93,7 @@ impl Job {
         let reference = format!("{}-{}.exr", self.name, self.hash.with(truth.to_toml().as_bytes()).digits());
         Entry {
             variant: variant.into(),
-            fingerprint: self.hash.with(text.as_bytes()).with(fingerprint::renderer().as_bytes()).digits(),
+            fingerprint: self.hash.with(text.as_bytes()).with(fingerprint::RENDERER.as_bytes()).digits(),
             config: text,
             reference,
             settings,

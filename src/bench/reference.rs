@@ -51,7 +51,7 @@ pub struct Reference {
     pub picture: Picture,
     /// Its own relMSE, estimated from its halves.
     pub own: Means,
-    /// Whether this version of the renderer made it: see [`fingerprint::renderer`].
+    /// Whether this version of the renderer made it: see [`fingerprint::RENDERER`].
     pub current: bool,
 }
 
@@ -112,7 +112,7 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
     }
     let picture = read_picture(&path)?;
     let own = picture.variance.as_ref().map_or(Means::INFINITE, |variance| relative(variance, &picture.rgb));
-    let current = picture.renderer.as_deref() == Some(&fingerprint::renderer());
+    let current = picture.renderer.as_deref() == Some(fingerprint::RENDERER);
     Ok(Some(Reference { picture, own, current }))
 }
 
@@ -270,7 +270,7 @@ impl Earlier {
         };
         let cells = CellBatches::from_floats(width, height, &cell_batches.unwrap_or_default());
         let cells = cells.unwrap_or_else(|_| CellBatches::new(width, height));
-        let current = renderer == Some(fingerprint::renderer());
+        let current = renderer.as_deref() == Some(fingerprint::RENDERER);
         Ok(Some(Earlier { halves: two_batches(&rgb, &variance), seconds, extensions, cells, current }))
     }
 

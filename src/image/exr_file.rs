@@ -68,7 +68,7 @@ pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
             ("tof:varianceBatches", AttributeValue::I32(film.iterations().try_into().unwrap_or(i32::MAX))),
             ("tof:cellBatches", floats(&film.cells().to_floats())),
             ("tof:version", AttributeValue::Text(text(&version()))),
-            ("tof:renderer", AttributeValue::Text(text(&fingerprint::renderer()))),
+            ("tof:renderer", AttributeValue::Text(text(fingerprint::RENDERER))),
             ("tof:settings", AttributeValue::Text(text(&provenance.settings))),
         ]
         .map(|(name, value)| (text(name), value)),
@@ -132,7 +132,7 @@ pub struct Picture {
     /// `tof:cellBatches`, see [`crate::image::batches::CellBatches::to_floats`], and `tof:seed` where the file has them.
     pub cell_batches: Option<Vec<f32>>,
     pub seed: Option<String>,
-    /// `tof:renderer`, the [`fingerprint::renderer`] that made it, where the file has it.
+    /// `tof:renderer`, the [`fingerprint::RENDERER`] that made it, where the file has it.
     pub renderer: Option<String>,
     /// Seconds of rendering (`renderTimeSeconds`) where the file has them.
     pub seconds: Option<f64>,
