@@ -212,5 +212,22 @@ fn images_that_do_not_tell_their_noise_are_not_judged() {
     judge("nan.exr", "a.exr", "z.png", "nan.exr: pixel 19,15 is NaN");
     judge("few.exr", "a.exr", "z.jpg", ".png or .exr");
     judge("few.exr", "a.exr", "a.exr", "would overwrite a.exr");
+    // The attributes say what was rendered, the pixels something else.
+    render(here.path(), &["-o", "b.exr", "--seed", "2"], 0);
+    double(&here.path().join("b.exr"), &here.path().join("doubled.exr"));
+    judge("doubled.exr", "a.exr", "z.png", "doubled.exr: its pixels were changed after rendering");
+    judge("a.exr", "doubled.exr", "z.png", "doubled.exr: its pixels were changed after rendering");
     assert_eq!(names(here.path()).iter().filter(|name| name.starts_with('z')).count(), 0);
+}
+
+/// The same file with every sample twice as large.
+fn double(from: &Path, to: &Path) {
+    use exr::prelude::*;
+    let mut image =
+        read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes().from_file(from);
+    for channel in image.as_mut().unwrap().layer_data.iter_mut().flat_map(|layer| &mut layer.channel_data.list) {
+        let FlatSamples::F32(samples) = &mut channel.sample_data else { panic!("taugate writes 32 bits") };
+        samples.iter_mut().for_each(|x| *x *= 2.0);
+    }
+    image.unwrap().write().to_file(to).unwrap();
 }

@@ -110,8 +110,18 @@ fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -
                       share light paths); render it with this version of taugate"
                 .into(),
         })?;
-        CellBatches::from_floats(picture.width, picture.height, floats)
-            .map_err(|e| Error::File { path: path.into(), message: e.to_string() })
+        let cells = CellBatches::from_floats(picture.width, picture.height, floats)
+            .map_err(|e| Error::File { path: path.into(), message: e.to_string() })?;
+        match cells.are_of(&picture.rgb) {
+            true => Ok(cells),
+            false => Err(Error::File {
+                path: path.into(),
+                message:
+                    "its pixels were changed after rendering, so their noise is not known; compare the file as taugate \
+                          wrote it"
+                        .into(),
+            }),
+        }
     };
     let (a, b) = (batches(&args.image, image)?, batches(&args.reference, reference)?);
     let verdict = agreement([image.width, image.height], &a, &b)?;

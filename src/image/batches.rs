@@ -8,6 +8,8 @@ use crate::error::{Error, Result};
 pub const CELL: usize = 16;
 /// Batches at most; when there are so many, neighbours are merged.
 pub const MOST_BATCHES: usize = 32;
+/// Relative difference that rounding to 32 bits may cause between a cell's mean and that of its pixels.
+const ROUNDING: f64 = 1e-5;
 
 /// Independent batches, each with its samples a pixel and, for every cell and channel, samples times the sum over pixels.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,6 +104,33 @@ impl CellBatches {
         (mean, spread / ((self.batches.len() as f64 - 1.0) * weight))
     }
 
+    /// Whether `rgb` are the pixels that the cells were taken from: every cell's mean is that of its pixels, within rounding.
+    pub fn are_of(&self, rgb: &[f32]) -> bool {
+        let mut pixels = CellBatches::new(self.width as u32, self.height as u32);
+        pixels.add(rgb, 1);
+        let cells = self.grid()[0] * self.grid()[1];
+        (0..3 * cells).all(|i| {
+            let [found, kept] = [&pixels, self].map(|batches| batches.pooled(&[i / 3], i % 3).0);
+            (found - kept).abs() <= ROUNDING * found.abs().max(kept.abs()) + f64::from(f32::MIN_POSITIVE)
+        })
+    }
+
+    /// The same batches, moved by a constant per cell and channel so that their means are those of the pixels `rgb`.
+    pub fn moved_to(mut self, rgb: &[f32]) -> CellBatches {
+        let mut pixels = CellBatches::new(self.width as u32, self.height as u32);
+        pixels.add(rgb, 1);
+        let moves: Vec<f64> = (0..3 * self.grid()[0] * self.grid()[1])
+            .map(|i| {
+                let [wanted, mean] = [&pixels, &self].map(|batches| batches.pooled(&[i / 3], i % 3).0);
+                (wanted - mean) * self.pixels(i / 3) as f64
+            })
+            .collect();
+        for (weight, sums) in &mut self.batches {
+            sums.iter_mut().zip(&moves).for_each(|(sum, step)| *sum += *weight * step);
+        }
+        self
+    }
+
     /// As numbers for a file: side of a cell, number of batches, then each batch's samples and means (cells in rows, R, G, B).
     pub fn to_floats(&self) -> Vec<f32> {
         let mut floats = vec![CELL as f32, self.batches.len() as f32];
@@ -160,6 +189,26 @@ mod tests {
         odd[5] = f32::NAN;
         assert!(CellBatches::from_floats(20, 3, &odd).is_err());
         assert!(CellBatches::from_floats(20, 3, &[]).is_err());
+    }
+
+    #[test]
+    fn cells_know_their_pixels() {
+        let mut batches = CellBatches::new(20, 3);
+        let image = |scale: f32| -> Vec<f32> { (0..180).map(|k| scale * (k as f32 + 0.1)).collect() };
+        batches.add(&image(1.0), 4);
+        batches.add(&image(3.0), 4);
+        let read = CellBatches::from_floats(20, 3, &batches.to_floats()).unwrap();
+        assert!(read.are_of(&image(2.0)));
+        for changed in [image(4.0), image(2.001), vec![0.0; 180]] {
+            assert!(!read.are_of(&changed));
+            let moved = read.clone().moved_to(&changed);
+            assert!(moved.are_of(&changed));
+            let ((mean, spread), old) = (moved.pooled(&[1], 0), read.pooled(&[1], 0));
+            assert!((spread / old.1 - 1.0).abs() < 1e-6 && (mean - old.0).abs() > 1e-4, "{mean} {spread}");
+        }
+        let mut one_pixel = image(2.0);
+        one_pixel[179] += 1.0;
+        assert!(!read.are_of(&one_pixel));
     }
 
     #[test]

@@ -97,10 +97,11 @@ impl Film {
         &self.cells
     }
 
-    /// Sets these: a film that joins renders has coarser batches than they had.
+    /// Takes over how these cells vary; their means become those of the film. A film that joins renders has coarser batches than
+    /// the renders had.
     pub fn set_cells(&mut self, cells: CellBatches) {
         assert_eq!(cells.grid(), self.cells.grid(), "the cells are of an image of another size");
-        self.cells = cells;
+        self.cells = cells.moved_to(&self.mean());
     }
 
     /// The mean over all pixels and channels, and its standard error from the means of whole iterations: pixels of one are
