@@ -9,13 +9,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use taugate::Error;
-use taugate::bench::growth::{self, Sweep};
+use taugate::bench::growth;
 use taugate::bench::job::{Entry, Job};
+use taugate::bench::quality::{MARGIN, TRUSTED, is_good};
 use taugate::bench::race::Race;
-use taugate::bench::reference::{self, MARGIN, Reference, TRUSTED};
+use taugate::bench::reference::{self, Reference};
 use taugate::bench::report::{self, Page};
 use taugate::bench::suite::{Part, SceneEntry, Suite};
 use taugate::bench::summary;
+use taugate::bench::sweep::Sweep;
 use taugate::bench::table::{self, Row};
 use taugate::compare::metrics::Means;
 use taugate::error::Result;
@@ -354,7 +356,7 @@ impl Bench {
 
 /// The best of the results that came too near to the error of their reference.
 fn too_near(rows: &[Row], part: fn(Means) -> f64) -> Option<&Row> {
-    let near = rows.iter().filter(|row| !reference::is_good(part(row.own), part(row.relmse)));
+    let near = rows.iter().filter(|row| !is_good(part(row.own), part(row.relmse)));
     near.min_by(|a, b| part(a.relmse).total_cmp(&part(b.relmse)))
 }
 

@@ -3,76 +3,13 @@
 use std::io::Write;
 use std::path::Path;
 
-use serde::Deserialize;
-
+use super::law::{Law, law};
 use super::suite::Suite;
 use super::summary::{self, Spread};
+use super::sweep::Sweep;
 use super::table::Row;
 use crate::error::Result;
 use crate::files::write_atomically;
-
-/// What the scenes of a sweep differ in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Sweep {
-    /// Instances counted.
-    Triangles,
-    /// Kept, an iteration.
-    LightVertices,
-    /// Metres.
-    GateWidth,
-    Pixels,
-}
-
-impl Sweep {
-    const ALL: [Sweep; 4] = [Sweep::Triangles, Sweep::LightVertices, Sweep::GateWidth, Sweep::Pixels];
-
-    /// As it is shown.
-    pub fn name(self) -> &'static str {
-        match self {
-            Sweep::Triangles => "triangles",
-            Sweep::LightVertices => "light vertices",
-            Sweep::GateWidth => "gate width",
-            Sweep::Pixels => "pixels",
-        }
-    }
-
-    fn of(self, row: &Row) -> f64 {
-        match self {
-            Sweep::Triangles => row.triangles as f64,
-            Sweep::LightVertices => row.light_vertices,
-            Sweep::GateWidth => row.gate_m,
-            Sweep::Pixels => row.pixels as f64,
-        }
-    }
-}
-
-/// A power law y = c x^exponent.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Law {
-    pub exponent: f64,
-    /// Standard error of the exponent from the residuals; `None` through two points.
-    pub error: Option<f64>,
-}
-
-/// Least squares through the logarithms; points that are not positive and finite do not count. `None` with fewer than two
-/// different x.
-pub fn law(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Law> {
-    let usable = |v: f64| v > 0.0 && v.is_finite();
-    let logs: Vec<(f64, f64)> =
-        points.into_iter().filter(|&(x, y)| usable(x) && usable(y)).map(|(x, y)| (x.ln(), y.ln())).collect();
-    let n = logs.len() as f64;
-    let (x, y) = logs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
-    let (xy, xx) = logs.iter().fold((0.0, 0.0), |(a, b), (u, v)| (a + (u - x) * (v - y), b + (u - x).powi(2)));
-    // Equal x differ by rounding.
-    if xx < 1e-12 {
-        return None;
-    }
-    let exponent = xy / xx;
-    let residuals: f64 = logs.iter().map(|(u, v)| (v - y - exponent * (u - x)).powi(2)).sum();
-    let error = (logs.len() > 2).then(|| (residuals / (n - 2.0) / xx).sqrt());
-    Some(Law { exponent, error })
-}
 
 /// A step of a sweep.
 #[derive(Debug, Clone, PartialEq)]

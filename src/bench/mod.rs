@@ -7,12 +7,15 @@
 pub mod growth;
 pub mod job;
 mod lane;
+pub mod law;
 mod pilot;
 mod plot;
+pub mod quality;
 pub mod race;
 pub mod reference;
 pub mod report;
 mod strip;
 pub mod suite;
 pub mod summary;
+pub mod sweep;
 pub mod table;

@@ -1,7 +1,7 @@
 //! Short renders that tell which settings have the least error per second: they render the reference.
 
 use super::job::{Entry, Job};
-use super::reference::{Goal, relative};
+use super::quality::{Goal, relative};
 use crate::compare::metrics::Means;
 use crate::error::Result;
 use crate::gpu::Device;

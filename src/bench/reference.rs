@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use super::job::{Entry, Job};
 use super::lane::Lane;
 use super::pilot::{fastest, frugal, pilots, with};
+use super::quality::{Goal, MARGIN, TRUSTED, relative};
 use crate::compare::agreement::{Agreement, LEAST_BATCHES, agreement};
 use crate::compare::metrics::Means;
 use crate::error::{Error, Result};
@@ -24,16 +25,11 @@ use crate::image::fingerprint;
 use crate::render::Prepared;
 use crate::settings::Estimator;
 
-/// A reference's own relMSE must be this many times below the best result it is compared with.
-pub const MARGIN: f64 = 20.0;
 /// Rendering goes on to this part of what is needed: the next race may be lucky, or the machine less busy. More would be dear, and
 /// a reference can be extended.
 const AIM: f64 = 0.8;
 /// The error is looked at again when this much more was rendered.
 const LOOK: f64 = 1.05;
-/// Above this, a reference's own relMSE says nothing: the error of a dark pixel that is bright by chance is measured against
-/// that very brightness.
-pub const TRUSTED: f64 = 0.02;
 /// Seeds, far from those of races; an extension adds [`EXTENSION`] to all of them.
 const HALVES: [u32; 2] = [0x4000_0001, 0x4000_0002];
 const EXTENSION: u32 = 0x1000;
@@ -53,11 +49,6 @@ pub struct Reference {
     pub own: Means,
     /// Whether this version of the renderer made it: see [`fingerprint::RENDERER`].
     pub current: bool,
-}
-
-/// Whether a result of this relMSE may be compared with a reference of that own relMSE; asked of each of [`Means`] for itself.
-pub fn is_good(own: f64, relmse: f64) -> bool {
-    own <= TRUSTED && own * MARGIN <= relmse
 }
 
 /// How the making of a reference went.
@@ -93,17 +84,6 @@ pub enum Other {
     Unknown,
 }
 
-/// What a reference is to be good enough for.
-#[derive(Debug, Clone, Copy)]
-pub struct Goal {
-    /// Time of each variant in the suite.
-    pub seconds: f64,
-    /// Rendering stops after so many seconds in any case.
-    pub limit: f64,
-    /// The best relMSE that was measured so far, if any was.
-    pub best: Option<Means>,
-}
-
 /// Reads the reference of an entry; `None` if there is none.
 pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
     let path = folder.join(&entry.reference);
@@ -114,17 +94,6 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
     let own = picture.variance.as_ref().map_or(Means::INFINITE, |variance| relative(variance, &picture.rgb));
     let current = picture.renderer.as_deref() == Some(fingerprint::RENDERER);
     Ok(Some(Reference { picture, own, current }))
-}
-
-/// Means of squared errors over r^2 + eps, as relMSE has it; infinite for a black reference.
-pub fn relative(squared: &[f32], reference: &[f32]) -> Means {
-    let mean = reference.iter().map(|&r| f64::from(r)).sum::<f64>() / reference.len() as f64;
-    if mean <= 0.0 {
-        return Means::INFINITE;
-    }
-    let eps = (0.01 * mean).powi(2);
-    let error = |(&s, &r): (&f32, &f32)| f64::from(s) / (f64::from(r).powi(2) + eps);
-    Means::of(&squared.iter().zip(reference).map(error).collect::<Vec<f64>>())
 }
 
 /// Renders, checks and writes the reference that `entries` share. `watch` hears which part is done and what is going on, and

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::growth::Sweep;
+use super::sweep::Sweep;
 use crate::error::{Error, Result};
 use crate::generate::Kind;
 use crate::input::experiment::{CameraTable, EmitterTable, Experiment, GateTable, RenderTable, position};

@@ -1,7 +1,7 @@
 //! What the rows amount to: medians over repetitions, ratios within them, slopes of convergence.
 
-use super::growth::law;
-use super::reference::is_good;
+use super::law::law;
+use super::quality::is_good;
 use super::table::Row;
 use crate::compare::metrics::Means;
 use crate::settings::Estimator;

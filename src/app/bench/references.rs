@@ -4,7 +4,8 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use taugate::bench::job::{Entry, Job};
-use taugate::bench::reference::{self, Goal, Made, Other};
+use taugate::bench::quality::{self, Goal};
+use taugate::bench::reference::{self, Made, Other};
 use taugate::bench::table::{self, Row};
 use taugate::compare::agreement::Agreement;
 use taugate::compare::metrics::Means;
@@ -96,7 +97,7 @@ fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Opt
 fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<Means>) -> bool {
     let entry = entries.iter().find(|entry| entry.reference == name).expect("the name is one of theirs");
     let found = reference::read(&bench.references, entry).ok().flatten();
-    let (best, good) = (best.unwrap_or(Means::INFINITE), reference::is_good);
+    let (best, good) = (best.unwrap_or(Means::INFINITE), quality::is_good);
     found.is_some_and(|r| r.current && good(r.own.all, best.all) && good(r.own.trimmed, best.trimmed))
 }
 
