@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use taugate::gpu::{Device, DeviceInfo};
+use taugate::gpu::{Device, DeviceInfo, DeviceKind};
 
 use crate::app::cli::DevicesArgs;
 
@@ -18,7 +18,13 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
             "{index}: {}{}{}\n   driver {}, Vulkan {}, subgroups of {}\n   memory {}; one allocation {}, one storage buffer \
              {}, one texel buffer {}\n",
             device.name,
-            if device.is_cpu { " (software)" } else { "" },
+            match device.kind {
+                DeviceKind::Discrete => " (discrete card)",
+                DeviceKind::Integrated => " (integrated card)",
+                DeviceKind::Virtual => " (virtual card)",
+                DeviceKind::Other => "",
+                DeviceKind::Software => " (software)",
+            },
             device.unusable.map(|why| format!(", cannot be used: {why}")).unwrap_or_default(),
             device.driver,
             device.api_version,
@@ -38,7 +44,8 @@ fn as_json(index: usize, device: &DeviceInfo) -> serde_json::Value {
         "name": device.name,
         "driver": device.driver,
         "api_version": device.api_version,
-        "is_cpu": device.is_cpu,
+        "kind": device.kind,
+        "is_cpu": device.is_cpu(),
         "heap_bytes": device.heap_bytes,
         "max_allocation": device.max_allocation,
         "max_storage_buffer_range": device.max_storage_buffer_range,

@@ -1,35 +1,48 @@
 //! Compute pipelines and their bindings, by name.
 
 use std::ffi::CString;
+use std::sync::Arc;
 
 use ash::vk;
 
 use super::bounds;
-use super::buffer::Buffer;
+use super::buffer::{Allocation, Buffer};
 use super::device::Device;
 use super::shader::{self, Binding, Compiled};
 use crate::error::{Error, Result};
 
 /// A compiled entry point.
 pub struct Kernel {
-    device: Device,
-    pub(super) pipeline: vk::Pipeline,
-    pub(super) layout: vk::PipelineLayout,
+    pub(super) pipeline: Arc<Pipeline>,
+}
+
+/// The Vulkan objects of a kernel, which its bindings keep alive.
+pub(super) struct Pipeline {
+    pub device: Device,
+    pub handle: vk::Pipeline,
+    pub layout: vk::PipelineLayout,
     sets: Vec<vk::DescriptorSetLayout>,
     bindings: Vec<Binding>,
-    pub(super) constants_size: u32,
+    pub constants_size: u32,
     workgroup: u32,
     name: String,
     /// With index checks: the word the kernel writes when one fails, and what its numbers stand for.
     violation: Option<(Buffer, Vec<String>)>,
 }
 
-/// Buffers bound to a kernel. The buffers must outlive every submit that uses this.
+/// Buffers bound to a kernel. They live as long as this does, and as a recorder that works with it.
 pub struct Bindings {
-    device: Device,
+    pub(super) bound: Arc<Bound>,
+}
+
+/// Descriptor sets, and what they refer to.
+pub(super) struct Bound {
+    pub pipeline: Arc<Pipeline>,
     pool: vk::DescriptorPool,
     views: Vec<vk::BufferView>,
-    pub(super) sets: Vec<vk::DescriptorSet>,
+    pub sets: Vec<vk::DescriptorSet>,
+    /// Kept alive; nobody reads it.
+    _buffers: Vec<Arc<Allocation>>,
 }
 
 impl Kernel {
@@ -50,28 +63,45 @@ impl Kernel {
     }
 
     fn from_compiled(device: &Device, compiled: Compiled, entry: &str) -> Result<Kernel> {
+        Ok(Kernel { pipeline: Arc::new(Pipeline::new(device, compiled, entry)?) })
+    }
+
+    /// Workgroups that give every one of `threads` threads a place.
+    pub fn groups(&self, threads: usize) -> u32 {
+        (threads as u32).div_ceil(self.pipeline.workgroup)
+    }
+
+    /// Binds every buffer the kernel uses. `buffers` may hold more than that; a name that is missing is an error.
+    pub fn bind(&self, buffers: &[(&str, &Buffer)]) -> Result<Bindings> {
+        Ok(Bindings { bound: Arc::new(Bound::new(&self.pipeline, buffers)?) })
+    }
+}
+
+impl Pipeline {
+    fn new(device: &Device, compiled: Compiled, entry: &str) -> Result<Pipeline> {
         let shared = &device.shared;
         let groups = compiled.bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
         let violation = match compiled.places.is_empty() {
             true => None,
             false => Some((Buffer::from_slice(device, bounds::VIOLATION, &[0u32; 4], "")?, compiled.places)),
         };
-        // SAFETY: structures outlive the calls; the module is destroyed after the pipeline was made from it; on an error
-        // `kernel` destroys what exists so far.
+        let entry_name = CString::new(entry).map_err(|_| Error::Shader(format!("entry point {entry:?}")))?;
+        // From here on `drop` destroys what exists; Vulkan ignores null handles.
+        let mut new = Pipeline {
+            device: device.clone(),
+            handle: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            sets: vec![],
+            bindings: compiled.bindings,
+            constants_size: compiled.constants_size,
+            workgroup: compiled.workgroup,
+            name: entry.to_string(),
+            violation,
+        };
+        // SAFETY: structures outlive the calls; the module is destroyed after the pipeline was made from it.
         unsafe {
-            let mut kernel = Kernel {
-                device: device.clone(),
-                pipeline: vk::Pipeline::null(),
-                layout: vk::PipelineLayout::null(),
-                sets: vec![],
-                bindings: compiled.bindings,
-                constants_size: compiled.constants_size,
-                workgroup: compiled.workgroup,
-                name: entry.to_string(),
-                violation,
-            };
             for group in 0..groups {
-                let of_group: Vec<_> = kernel
+                let of_group: Vec<_> = new
                     .bindings
                     .iter()
                     .filter(|b| b.group == group)
@@ -85,18 +115,18 @@ impl Kernel {
                     .collect();
                 let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&of_group);
                 let set = shared.device.create_descriptor_set_layout(&info, None);
-                kernel.sets.push(set.map_err(|e| shared.error("creating a descriptor layout", e))?);
+                new.sets.push(set.map_err(|e| shared.error("creating a descriptor layout", e))?);
             }
             let range = [vk::PushConstantRange {
                 stage_flags: vk::ShaderStageFlags::COMPUTE,
                 offset: 0,
-                size: kernel.constants_size,
+                size: new.constants_size,
             }];
-            let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&kernel.sets);
-            if kernel.constants_size > 0 {
+            let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&new.sets);
+            if new.constants_size > 0 {
                 info = info.push_constant_ranges(&range);
             }
-            kernel.layout = shared
+            new.layout = shared
                 .device
                 .create_pipeline_layout(&info, None)
                 .map_err(|e| shared.error("creating a pipeline layout", e))?;
@@ -104,55 +134,25 @@ impl Kernel {
                 .device
                 .create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&compiled.words), None)
                 .map_err(|e| shared.error("loading a kernel", e))?;
-            let entry_name = CString::new(entry).map_err(|_| Error::Shader(format!("entry point {entry:?}")))?;
             let stage = vk::PipelineShaderStageCreateInfo::default()
                 .stage(vk::ShaderStageFlags::COMPUTE)
                 .module(module)
                 .name(&entry_name);
-            let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(kernel.layout)];
+            let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(new.layout)];
             let pipelines = shared.device.create_compute_pipelines(shared.cache, &create, None);
             shared.device.destroy_shader_module(module, None);
-            kernel.pipeline = pipelines.map_err(|(_, e)| shared.error("compiling a kernel", e))?[0];
-            Ok(kernel)
+            new.handle = pipelines.map_err(|(_, e)| shared.error("compiling a kernel", e))?[0];
         }
+        Ok(new)
     }
 
-    /// Workgroups that give every one of `threads` threads a place.
-    pub fn groups(&self, threads: usize) -> u32 {
-        (threads as u32).div_ceil(self.workgroup)
-    }
-
-    /// Binds every buffer the kernel uses. `buffers` may hold more than that; a name that is missing is an error.
-    pub fn bind(&self, buffers: &[(&str, &Buffer)]) -> Result<Bindings> {
-        let shared = &self.device.shared;
-        let count = self.bindings.len().max(1) as u32;
-        let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_TEXEL_BUFFER]
-            .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count });
-        let info = vk::DescriptorPoolCreateInfo::default().max_sets(self.sets.len().max(1) as u32).pool_sizes(&sizes);
-        // SAFETY: sets are written before they are used; the pool is destroyed with `Bindings`.
-        unsafe {
-            let pool = shared
-                .device
-                .create_descriptor_pool(&info, None)
-                .map_err(|e| shared.error("creating a descriptor pool", e))?;
-            let mut bound = Bindings { device: self.device.clone(), pool, views: vec![], sets: vec![] };
-            if self.sets.is_empty() {
-                return Ok(bound);
-            }
-            let allocate = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&self.sets);
-            bound.sets = shared
-                .device
-                .allocate_descriptor_sets(&allocate)
-                .map_err(|e| shared.error("allocating descriptors", e))?;
-            for binding in &self.bindings {
-                let own = self.violation.as_ref().map(|(buffer, _)| (bounds::VIOLATION, buffer));
-                let mut all = buffers.iter().copied().chain(own);
-                let (_, buffer) = all.find(|(name, _)| *name == binding.name).ok_or_else(|| {
-                    Error::Shader(format!("kernel {} needs a buffer named {}", self.name, binding.name))
-                })?;
-                bound.write(binding, buffer)?;
-            }
-            Ok(bound)
+    /// Ends the process, as a message of the validation layers does, if the kernel found an index out of range.
+    fn report_violation(&self) {
+        let Some((word, places)) = &self.violation else { return };
+        let mut number = [0u32];
+        if word.read(0, &mut number).is_ok() && number[0] > 0 {
+            eprintln!("kernel {}: index out of range at {}", self.name, places[number[0] as usize - 1]);
+            std::process::abort();
         }
     }
 }
@@ -161,15 +161,58 @@ fn descriptor_type(binding: &Binding) -> vk::DescriptorType {
     if binding.texels { vk::DescriptorType::UNIFORM_TEXEL_BUFFER } else { vk::DescriptorType::STORAGE_BUFFER }
 }
 
-impl Bindings {
-    fn write(&mut self, binding: &Binding, buffer: &Buffer) -> Result<()> {
-        let shared = &self.device.shared;
+impl Bound {
+    fn new(pipeline: &Arc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
+        let shared = &pipeline.device.shared;
+        let count = pipeline.bindings.len().max(1) as u32;
+        let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_TEXEL_BUFFER]
+            .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count });
+        let sets = pipeline.sets.len().max(1) as u32;
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(sets).pool_sizes(&sizes);
+        // From here on `drop` destroys what exists; Vulkan ignores null handles.
+        let mut bound = Bound {
+            pipeline: pipeline.clone(),
+            pool: vk::DescriptorPool::null(),
+            views: vec![],
+            sets: vec![],
+            _buffers: vec![],
+        };
+        // SAFETY: structures outlive the calls; the pool frees its sets when it is destroyed.
+        unsafe {
+            bound.pool = shared
+                .device
+                .create_descriptor_pool(&info, None)
+                .map_err(|e| shared.error("creating a descriptor pool", e))?;
+            if pipeline.sets.is_empty() {
+                return Ok(bound);
+            }
+            let allocate =
+                vk::DescriptorSetAllocateInfo::default().descriptor_pool(bound.pool).set_layouts(&pipeline.sets);
+            bound.sets = shared
+                .device
+                .allocate_descriptor_sets(&allocate)
+                .map_err(|e| shared.error("allocating descriptors", e))?;
+        }
+        for binding in &pipeline.bindings {
+            let own = pipeline.violation.as_ref().map(|(buffer, _)| (bounds::VIOLATION, buffer));
+            let mut all = buffers.iter().copied().chain(own);
+            let (_, buffer) = all.find(|(name, _)| *name == binding.name).ok_or_else(|| {
+                Error::Shader(format!("kernel {} needs a buffer named {}", pipeline.name, binding.name))
+            })?;
+            bound.write(binding, &buffer.allocation)?;
+        }
+        Ok(bound)
+    }
+
+    fn write(&mut self, binding: &Binding, buffer: &Arc<Allocation>) -> Result<()> {
+        let shared = &self.pipeline.device.shared;
+        assert!(Arc::ptr_eq(shared, &buffer.device.shared), "{}: a buffer of another device", binding.name);
         let write = vk::WriteDescriptorSet::default()
             .dst_set(self.sets[binding.group as usize])
             .dst_binding(binding.binding)
             .descriptor_type(descriptor_type(binding));
         let range = [vk::DescriptorBufferInfo { buffer: buffer.handle, offset: 0, range: vk::WHOLE_SIZE }];
-        // SAFETY: the sets are not in use yet; the view lives as long as the sets.
+        // SAFETY: the sets are not in use yet; the view and the buffer live as long as the sets.
         unsafe {
             if binding.texels {
                 let info = vk::BufferViewCreateInfo::default()
@@ -184,29 +227,18 @@ impl Bindings {
                 shared.device.update_descriptor_sets(&[write.buffer_info(&range)], &[]);
             }
         }
+        self._buffers.push(buffer.clone());
         Ok(())
     }
 }
 
-impl Kernel {
-    /// Ends the process, as a message of the validation layers does, if the kernel found an index out of range.
-    fn report_violation(&self) {
-        let Some((word, places)) = &self.violation else { return };
-        let mut number = [0u32];
-        if word.read(0, &mut number).is_ok() && number[0] > 0 {
-            eprintln!("kernel {}: index out of range at {}", self.name, places[number[0] as usize - 1]);
-            std::process::abort();
-        }
-    }
-}
-
-impl Drop for Kernel {
+impl Drop for Pipeline {
     fn drop(&mut self) {
         self.report_violation();
         let d = &self.device.shared.device;
-        // SAFETY: recorders wait for their submits, so no command buffer uses the pipeline any more.
+        // SAFETY: recorders hold what they use until the device is done with it, so nothing uses the pipeline any more.
         unsafe {
-            d.destroy_pipeline(self.pipeline, None);
+            d.destroy_pipeline(self.handle, None);
             d.destroy_pipeline_layout(self.layout, None);
             for &set in &self.sets {
                 d.destroy_descriptor_set_layout(set, None);
@@ -215,10 +247,10 @@ impl Drop for Kernel {
     }
 }
 
-impl Drop for Bindings {
+impl Drop for Bound {
     fn drop(&mut self) {
-        let d = &self.device.shared.device;
-        // SAFETY: as above.
+        let d = &self.pipeline.device.shared.device;
+        // SAFETY: as above; the buffers go after the views.
         unsafe {
             d.destroy_descriptor_pool(self.pool, None);
             for &view in &self.views {

@@ -2,7 +2,9 @@
 
 mod bounds;
 mod buffer;
+mod commands;
 mod device;
+mod info;
 mod kernel;
 pub mod need;
 mod recorder;
@@ -10,7 +12,8 @@ pub mod shader;
 mod spirv;
 
 pub use buffer::Buffer;
-pub use device::{Device, DeviceInfo};
+pub use device::Device;
+pub use info::{DeviceInfo, DeviceKind};
 pub use kernel::{Bindings, Kernel};
 pub use need::Need;
 pub use recorder::{Recorder, Timing};

@@ -1,6 +1,6 @@
 //! What a buffer needs before it exists, and whether a device can give it.
 
-use super::device::DeviceInfo;
+use super::info::DeviceInfo;
 use crate::error::{Error, Result};
 
 /// A buffer to be. `name` appears in messages, `remedy` says what the user can change when it is too large.

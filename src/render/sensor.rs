@@ -97,7 +97,7 @@ impl SensorTracer {
     /// Paths a tile may hold.
     fn capacity(info: &DeviceInfo, plan: &Plan, slots: u32) -> usize {
         // Enough to fill the machine, little enough for its limits and caches.
-        let wanted: u64 = if info.is_cpu { 1 << 16 } else { 1 << 20 };
+        let wanted: u64 = if info.is_cpu() { 1 << 16 } else { 1 << 20 };
         let limit = info.largest_buffer();
         let by_vertices = limit / size_of::<PathVertex>() as u64;
         let by_slots = limit / (16 * u64::from(slots));

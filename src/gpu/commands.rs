@@ -1,0 +1,119 @@
+//! A command buffer that is recorded, submitted and waited for, again and again.
+
+use ash::vk;
+
+use super::device::Device;
+use crate::error::Result;
+
+/// One command buffer. The device works on it during [`Commands::submit`] only.
+pub(super) struct Commands {
+    device: Device,
+    pool: vk::CommandPool,
+    pub buffer: vk::CommandBuffer,
+    fence: vk::Fence,
+    recording: bool,
+}
+
+impl Commands {
+    pub fn new(device: &Device) -> Result<Commands> {
+        let shared = &device.shared;
+        // From here on `drop` destroys what exists; Vulkan ignores null handles.
+        let mut commands = Commands {
+            device: device.clone(),
+            pool: vk::CommandPool::null(),
+            buffer: vk::CommandBuffer::null(),
+            fence: vk::Fence::null(),
+            recording: false,
+        };
+        let pool = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(shared.queue_family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        // SAFETY: structures outlive the calls; the pool frees its command buffer when it is destroyed.
+        unsafe {
+            commands.pool = shared
+                .device
+                .create_command_pool(&pool, None)
+                .map_err(|e| shared.error("creating a command pool", e))?;
+            let allocate = vk::CommandBufferAllocateInfo::default().command_pool(commands.pool).command_buffer_count(1);
+            commands.buffer = shared
+                .device
+                .allocate_command_buffers(&allocate)
+                .map_err(|e| shared.error("allocating a command buffer", e))?[0];
+            commands.fence = shared
+                .device
+                .create_fence(&vk::FenceCreateInfo::default(), None)
+                .map_err(|e| shared.error("creating a fence", e))?;
+        }
+        Ok(commands)
+    }
+
+    pub fn is_recording(&self) -> bool {
+        self.recording
+    }
+
+    /// Begins to record. The last submit was waited for, so the command buffer is free.
+    pub fn begin(&mut self) -> Result<()> {
+        let shared = &self.device.shared;
+        let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: `&mut self` makes this the only user of the pool, and the device does not work on the command buffer.
+        unsafe { shared.device.begin_command_buffer(self.buffer, &once) }.map_err(|e| shared.error("recording", e))?;
+        self.recording = true;
+        Ok(())
+    }
+
+    /// Submits what was recorded and waits until the device has done it; all it wrote is then visible to the host and to later
+    /// submits. Whatever the result, the device no longer uses anything that was recorded.
+    pub fn submit(&mut self) -> Result<()> {
+        assert!(self.recording, "submit without recording");
+        self.recording = false;
+        let shared = &self.device.shared;
+        let all = [vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
+            .dst_access_mask(
+                vk::AccessFlags::HOST_READ
+                    | vk::AccessFlags::TRANSFER_READ
+                    | vk::AccessFlags::TRANSFER_WRITE
+                    | vk::AccessFlags::SHADER_READ
+                    | vk::AccessFlags::SHADER_WRITE
+                    | vk::AccessFlags::INDIRECT_COMMAND_READ,
+            )];
+        let commands = [self.buffer];
+        let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
+        // SAFETY: recording has begun; the lock makes this the queue's only user; the fence is unsignalled and waited for
+        // before anything is reused.
+        unsafe {
+            shared.device.cmd_pipeline_barrier(
+                self.buffer,
+                vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER,
+                vk::PipelineStageFlags::HOST
+                    | vk::PipelineStageFlags::TRANSFER
+                    | vk::PipelineStageFlags::COMPUTE_SHADER
+                    | vk::PipelineStageFlags::DRAW_INDIRECT,
+                vk::DependencyFlags::empty(),
+                &all,
+                &[],
+                &[],
+            );
+            shared.device.end_command_buffer(self.buffer).map_err(|e| shared.error("recording", e))?;
+            let queue = shared.submitting();
+            shared.device.queue_submit(*queue, &submit, self.fence).map_err(|e| shared.error("submitting work", e))?;
+            if let Err(e) = shared.device.wait_for_fences(&[self.fence], true, u64::MAX) {
+                // The device may still be at work, and buffers must not go before it is done. It is if it was lost.
+                let _ = shared.device.queue_wait_idle(*queue);
+                return Err(shared.error("waiting for the device", e));
+            }
+            shared.device.reset_fences(&[self.fence]).map_err(|e| shared.error("resetting a fence", e))
+        }
+    }
+}
+
+impl Drop for Commands {
+    fn drop(&mut self) {
+        let d = &self.device.shared.device;
+        // SAFETY: every submit was waited for.
+        unsafe {
+            d.destroy_fence(self.fence, None);
+            d.destroy_command_pool(self.pool, None);
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! What is known of a device before it is opened, and which device to open.
+
+use ash::vk;
+
+use crate::error::{Error, Result};
+
+/// What a device is, the kind to prefer first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DeviceKind {
+    /// A graphics card with memory of its own.
+    Discrete,
+    /// A graphics processor beside the CPU.
+    Integrated,
+    /// A card that a virtual machine is lent.
+    Virtual,
+    /// What Vulkan has no name for.
+    Other,
+    /// A software implementation such as lavapipe.
+    Software,
+}
+
+/// What a user needs to know to choose a device, and the limits that decide whether a scene fits.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct DeviceInfo {
+    pub name: String,
+    pub driver: String,
+    pub api_version: String,
+    pub kind: DeviceKind,
+    /// Size of the largest device-local heap, bytes.
+    pub heap_bytes: u64,
+    /// Largest storage buffer a kernel can see, bytes.
+    pub max_storage_buffer_range: u64,
+    /// Texels of the largest texel buffer a kernel can see.
+    pub max_texels: u64,
+    /// Largest single allocation, bytes.
+    pub max_allocation: u64,
+    pub subgroup_size: u32,
+    pub max_workgroup_invocations: u32,
+    /// Why taugate cannot render on it; none where it can.
+    pub unusable: Option<&'static str>,
+}
+
+impl DeviceInfo {
+    /// Kernels run on the host's cores, in its memory.
+    pub fn is_cpu(&self) -> bool {
+        self.kind == DeviceKind::Software
+    }
+
+    /// Bytes of the largest storage buffer that can be both allocated and bound.
+    pub fn largest_buffer(&self) -> u64 {
+        self.max_storage_buffer_range.min(self.max_allocation)
+    }
+
+    /// Bytes of the largest buffer that can be allocated and read as 16-byte texels.
+    pub fn largest_texel_buffer(&self) -> u64 {
+        self.max_texels.saturating_mul(16).min(self.max_allocation)
+    }
+
+    /// Stands in where there is no device: software without limits.
+    pub fn unlimited() -> DeviceInfo {
+        DeviceInfo {
+            name: "no device".into(),
+            driver: String::new(),
+            api_version: String::new(),
+            kind: DeviceKind::Software,
+            heap_bytes: u64::MAX,
+            max_storage_buffer_range: u64::MAX,
+            max_texels: u64::MAX,
+            max_allocation: u64::MAX,
+            subgroup_size: 0,
+            max_workgroup_invocations: 0,
+            unusable: None,
+        }
+    }
+}
+
+pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> DeviceInfo {
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
+    let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default()
+        .push_next(&mut driver)
+        .push_next(&mut maintenance)
+        .push_next(&mut subgroup);
+    // SAFETY: the chain lives until the call returns; `physical` belongs to `instance`.
+    let memory = unsafe {
+        instance.get_physical_device_properties2(physical, &mut properties);
+        instance.get_physical_device_memory_properties(physical)
+    };
+    // SAFETY: as above.
+    let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+    let p = properties.properties;
+    let unusable = match p.api_version {
+        version if version < vk::API_VERSION_1_1 => Some("its driver is older than Vulkan 1.1; update the driver"),
+        _ if !families.iter().any(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)) => {
+            Some("it has no compute queue")
+        }
+        _ => None,
+    };
+    let heap_bytes = memory
+        .memory_heaps_as_slice()
+        .iter()
+        .filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
+        .map(|h| h.size)
+        .max();
+    let text = |s: &[std::ffi::c_char]| {
+        let bytes: Vec<u8> = s.iter().map(|&c| c as u8).take_while(|&c| c != 0).collect();
+        String::from_utf8_lossy(&bytes).into_owned()
+    };
+    DeviceInfo {
+        name: text(&p.device_name),
+        driver: format!("{} {}", text(&driver.driver_name), text(&driver.driver_info)).trim().to_string(),
+        api_version: format!(
+            "{}.{}.{}",
+            vk::api_version_major(p.api_version),
+            vk::api_version_minor(p.api_version),
+            vk::api_version_patch(p.api_version)
+        ),
+        kind: match p.device_type {
+            vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+            vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+            vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+            vk::PhysicalDeviceType::CPU => DeviceKind::Software,
+            _ => DeviceKind::Other,
+        },
+        heap_bytes: heap_bytes.unwrap_or(0),
+        max_storage_buffer_range: p.limits.max_storage_buffer_range.into(),
+        max_texels: p.limits.max_texel_buffer_elements.into(),
+        max_allocation: maintenance.max_memory_allocation_size,
+        subgroup_size: subgroup.subgroup_size,
+        max_workgroup_invocations: p.limits.max_compute_work_group_invocations,
+        unusable,
+    }
+}
+
+/// Number of the device that `selector` names by number or by part of its name, or without one of the preferred kind.
+pub(super) fn choose(infos: &[DeviceInfo], selector: Option<&str>) -> Result<usize> {
+    if infos.is_empty() {
+        return Err(Error::Device("no Vulkan device on this machine; run ./setup.sh for the software one".into()));
+    }
+    let Some(selector) = selector else {
+        // Among devices of one kind the first.
+        let usable = infos.iter().enumerate().filter(|(_, d)| d.unusable.is_none());
+        return usable.min_by_key(|(_, d)| d.kind).map(|(index, _)| index).ok_or_else(|| {
+            let reasons: Vec<String> =
+                infos.iter().map(|d| format!("{}: {}", d.name, d.unusable.unwrap_or_default())).collect();
+            Error::Device(format!(
+                "no device can be used ({}); run ./setup.sh for the software one",
+                reasons.join(", ")
+            ))
+        });
+    };
+    let by_number = selector.parse::<usize>().ok().filter(|&i| i < infos.len());
+    let by_name = || infos.iter().position(|d| d.name.to_lowercase().contains(&selector.to_lowercase()));
+    let index = by_number.or_else(by_name).ok_or_else(|| {
+        let names: Vec<String> = infos.iter().enumerate().map(|(i, d)| format!("{i}: {}", d.name)).collect();
+        Error::Device(format!("no device matches --device {selector}; there are {}", names.join(", ")))
+    })?;
+    match infos[index].unusable {
+        Some(reason) => {
+            let name = &infos[index].name;
+            Err(Error::Device(format!("{name} cannot be used: {reason}; choose another with --device")))
+        }
+        None => Ok(index),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device(name: &str, kind: DeviceKind, unusable: Option<&'static str>) -> DeviceInfo {
+        DeviceInfo { name: name.into(), kind, unusable, ..DeviceInfo::unlimited() }
+    }
+
+    #[test]
+    fn a_discrete_card_comes_before_an_integrated_one_and_software_last() {
+        use DeviceKind::*;
+        // In the driver's order, the least wanted first; two of the best kind.
+        let kinds = [Software, Other, Virtual, Integrated, Discrete, Discrete];
+        let infos = kinds.map(|kind| device("device", kind, None));
+        for n in 1..=5 {
+            assert_eq!(choose(&infos[..n], None).unwrap(), n - 1);
+        }
+        assert_eq!(choose(&infos, None).unwrap(), 4);
+    }
+
+    #[test]
+    fn devices_that_cannot_be_used_are_passed_over_and_refused_by_name() {
+        let old = Some("it is old");
+        let infos = [
+            device("old card", DeviceKind::Discrete, old),
+            device("software", DeviceKind::Software, None),
+            device("card", DeviceKind::Integrated, None),
+        ];
+        assert_eq!(choose(&infos, None).unwrap(), 2);
+        assert_eq!(choose(&infos[..2], None).unwrap(), 1);
+        assert_eq!(choose(&infos, Some("1")).unwrap(), 1);
+        for selector in ["0", "OLD"] {
+            let message = choose(&infos, Some(selector)).unwrap_err().to_string();
+            assert!(message.contains("old card cannot be used: it is old; choose another"), "{message}");
+        }
+        let message = choose(&infos[..1], None).unwrap_err().to_string();
+        assert!(message.contains("no device can be used (old card: it is old)"), "{message}");
+        assert!(choose(&infos, Some("9")).unwrap_err().to_string().contains("1: software"));
+    }
+}
