@@ -259,7 +259,9 @@ fn two_batches(mean: &[f32], variance: &[f32]) -> [Vec<f32>; 2] {
 }
 
 fn cells_of(lanes: &[Lane]) -> CellBatches {
-    lanes[0].renderer.film().cells().clone().joined(lanes[1].renderer.film().cells())
+    let mut cells = lanes[0].renderer.film().cells().clone();
+    cells.merge(lanes[1].renderer.film().cells());
+    cells
 }
 
 fn count(samples: f64) -> u32 {

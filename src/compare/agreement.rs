@@ -216,8 +216,9 @@ mod tests {
             }
             film
         };
-        let first = half();
-        first.cells().clone().joined(half().cells())
+        let mut both = half();
+        both.merge(&half());
+        both.cells().clone()
     }
 
     #[test]

@@ -53,7 +53,7 @@ impl CellBatches {
         let [columns, rows] = self.grid();
         if self.last >= self.each {
             if self.batches.len() == MOST_BATCHES {
-                self.merge();
+                self.merge_neighbours();
             }
             self.batches.push((0.0, vec![0.0; 3 * columns * rows]));
             self.last = 0;
@@ -71,7 +71,7 @@ impl CellBatches {
         }
     }
 
-    fn merge(&mut self) {
+    fn merge_neighbours(&mut self) {
         let pairs = std::mem::take(&mut self.batches);
         self.batches = pairs
             .chunks(2)
@@ -84,14 +84,16 @@ impl CellBatches {
         self.last = self.each;
     }
 
-    /// The batches of two independent renders of the same image together, neighbours merged where they are too many.
-    pub fn joined(mut self, other: &CellBatches) -> CellBatches {
+    /// Adds the batches of an independent part of the same render, and merges neighbours where they are too many. The next
+    /// iteration begins a batch of its own.
+    pub fn merge(&mut self, other: &CellBatches) {
         assert_eq!(self.grid(), other.grid(), "images of different sizes have different cells");
         self.batches.extend(other.batches.iter().cloned());
+        self.each = self.each.max(other.each);
         while self.batches.len() > MOST_BATCHES {
-            self.merge();
+            self.merge_neighbours();
         }
-        self
+        self.last = self.each;
     }
 
     /// Mean over the pixels of `cells` in one channel, and the variance of that mean; needs two batches at least.
@@ -212,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn joined_renders_are_one() {
+    fn merged_renders_are_one() {
         let (mut a, mut b, mut all) = (CellBatches::new(20, 3), CellBatches::new(20, 3), CellBatches::new(20, 3));
         for (i, (x, samples)) in [(1.0, 4), (3.0, 4), (6.0, 2), (2.0, 5)].into_iter().enumerate() {
             let image: Vec<f32> = (0..180).map(|k| x + k as f32).collect();
@@ -223,12 +225,29 @@ mod tests {
             }
             all.add(&image, samples);
         }
-        let joined = a.joined(&b);
-        assert_eq!(joined.len(), 4);
+        a.merge(&b);
+        assert_eq!(a.len(), 4);
         for cells in [&[0][..], &[0, 1]] {
-            let ((mean, variance), (m, v)) = (joined.pooled(cells, 1), all.pooled(cells, 1));
+            let ((mean, variance), (m, v)) = (a.pooled(cells, 1), all.pooled(cells, 1));
             assert!((mean - m).abs() < 1e-9 && (variance - v).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn many_merged_batches_stay_few() {
+        let mut parts = [0, 1, 2].map(|part| {
+            let mut batches = CellBatches::new(2, 1);
+            (0..30).for_each(|i| batches.add(&[(30 * part + i) as f32; 6], 1));
+            batches
+        });
+        let [a, b, c] = &mut parts;
+        a.merge(b);
+        // 60 batches become 30 of two iterations, and the next iteration begins another.
+        a.add(&[100.0; 6], 1);
+        assert_eq!(a.len(), 31);
+        a.merge(c);
+        assert!(a.len() <= MOST_BATCHES && a.len() >= MOST_BATCHES / 2, "{}", a.len());
+        assert!((a.pooled(&[0], 0).0 - (44.5 * 90.0 + 100.0) / 91.0).abs() < 1e-9);
     }
 
     #[test]

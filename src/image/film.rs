@@ -1,4 +1,4 @@
-//! The film: per-pixel mean and variance over iterations, in f64.
+//! The film: per-pixel mean and variance over iterations, as sums that can be merged with those of another render.
 //!
 //! Pixels of one iteration share a light-vertex pool and are correlated, but whole iterations are uncorrelated
 //! (where samples follow the error, later ones depend on earlier ones by their counts alone). So the variance comes from iterations
@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use crate::image::batches::CellBatches;
+use crate::image::moments::Moments;
 
 /// Accumulated images of width x height pixels with R, G, B interleaved, row 0 at the top.
 #[derive(Debug, Clone)]
@@ -20,23 +21,6 @@ pub struct Film {
     cells: CellBatches,
     samples: u64,
     iterations: u32,
-}
-
-/// Mean of x and sum of w (x - mean)^2 over the iterations, where iteration i has mean x_i over w_i samples: a sum of squares
-/// would lose the variance of channels that hardly vary.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Moments {
-    mean: f64,
-    spread: f64,
-}
-
-impl Moments {
-    /// Welford 1962, weighted (West 1979); `share` is `weight` over all weights so far, this one included.
-    fn add(&mut self, x: f64, weight: f64, share: f64) {
-        let from_old = x - self.mean;
-        self.mean += share * from_old;
-        self.spread += weight * from_old * (x - self.mean);
-    }
 }
 
 impl Film {
@@ -80,16 +64,28 @@ impl Film {
         self.cells.add(rgb, samples);
         self.samples += u64::from(samples);
         let weight = f64::from(samples);
-        let share = weight / self.samples as f64;
-        let add = |moments: &mut Moments, x: f64| moments.add(x, weight, share);
-        self.moments.par_iter_mut().zip(rgb).with_min_len(1 << 14).for_each(|(moments, &x)| add(moments, x.into()));
-        add(&mut self.image, mean);
+        let add = |(moments, &x): (&mut Moments, &f32)| moments.add(x.into(), weight);
+        self.moments.par_iter_mut().zip(rgb).with_min_len(1 << 14).for_each(add);
+        self.image.add(mean, weight);
         self.iterations += 1;
+    }
+
+    /// Adds the iterations of `other`, an independent part of the same render: mean and variance are those of all iterations in
+    /// one film, to an ulp, in whatever order parts are merged. Cells have more iterations per batch where parts have many.
+    pub fn merge(&mut self, other: &Film) {
+        assert_eq!((self.width, self.height), (other.width, other.height), "the films have different sizes");
+        let merge = |(moments, other): (&mut Moments, &Moments)| moments.merge(other);
+        self.moments.par_iter_mut().zip(&other.moments).with_min_len(1 << 14).for_each(merge);
+        self.image.merge(&other.image);
+        self.cells.merge(&other.cells);
+        self.samples += other.samples;
+        self.iterations += other.iterations;
     }
 
     /// The mean over all samples; 0 before the first iteration.
     pub fn mean(&self) -> Vec<f32> {
-        self.moments.par_iter().map(|m| m.mean as f32).collect()
+        let weights = self.samples.max(1) as f64;
+        self.moments.par_iter().map(|m| m.mean(weights) as f32).collect()
     }
 
     /// Means over cells of pixels in independent batches.
@@ -107,9 +103,9 @@ impl Film {
     /// The mean over all pixels and channels, and its standard error from the means of whole iterations: pixels of one are
     /// correlated. No error with fewer than two iterations.
     pub fn image_mean(&self) -> (f64, Option<f64>) {
-        let weight = f64::from(self.iterations.max(2) - 1) * self.samples as f64;
-        let error = (self.iterations > 1).then(|| (self.image.spread / weight).sqrt());
-        (self.image.mean, error)
+        let weights = self.samples.max(1) as f64;
+        let variance = self.image.spread(weights) * self.per_spread();
+        (self.image.mean(weights), (self.iterations > 1).then(|| variance.sqrt()))
     }
 
     /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i), unbiased for iterations of
@@ -120,9 +116,14 @@ impl Film {
         if self.iterations < 2 {
             return vec![0.0; self.moments.len()];
         }
-        let scale = 1.0 / (f64::from(self.iterations - 1) * self.samples as f64);
-        let variance = |m: &Moments| (m.spread * scale).min(f64::from(f32::MAX)) as f32;
+        let (weights, per_spread) = (self.samples as f64, self.per_spread());
+        let variance = |m: &Moments| (m.spread(weights) * per_spread).min(f64::from(f32::MAX)) as f32;
         self.moments.par_iter().map(variance).collect()
+    }
+
+    /// Variance of the mean for a spread of 1.
+    fn per_spread(&self) -> f64 {
+        1.0 / (f64::from(self.iterations.max(2) - 1) * self.samples.max(1) as f64)
     }
 }
 
@@ -157,6 +158,73 @@ mod tests {
         let variance = film.variance_of_mean();
         assert!((variance[0] - 1.68).abs() < 1e-6, "{variance:?}");
         assert!(variance[1] < 1e-16 && variance[2].is_finite(), "{variance:?}");
+    }
+
+    /// Iterations of noise in six channels, from those that hardly vary to those that are mostly black.
+    fn noise(count: u32) -> Vec<([f32; 6], u32)> {
+        let mut state = 1_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1u64 << 24) as f32
+        };
+        let mut values = || {
+            let [a, b, c, d] = [uniform(), uniform(), uniform(), uniform()];
+            [a, 1.0 + 1e-6 * b, 1e18 * c, 1e-12 + 1e-13 * a, if d > 0.99 { 1e4 * d } else { 0.0 }, 0.1]
+        };
+        (0..count).map(|i| (values(), 1 + i % 8)).collect()
+    }
+
+    fn film_of(iterations: &[([f32; 6], u32)]) -> Film {
+        let mut film = Film::new(2, 1);
+        iterations.iter().for_each(|(image, samples)| film.add(image, *samples));
+        film
+    }
+
+    #[test]
+    fn parts_merge_in_any_order_to_the_whole() {
+        let iterations = noise(1000);
+        let whole = film_of(&iterations);
+        let parts: Vec<Film> = [0..1, 1..300, 300..301, 301..640, 640..1000].map(|r| film_of(&iterations[r])).into();
+        for order in [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0], [2, 4, 0, 3, 1]] {
+            let mut film = Film::new(2, 1);
+            order.iter().for_each(|&i| film.merge(&parts[i]));
+            same(&film, &whole);
+        }
+        // By pairs, as a tree of machines would.
+        let [mut a, b, mut c, d, e] = parts.try_into().unwrap();
+        a.merge(&b);
+        c.merge(&d);
+        c.merge(&e);
+        a.merge(&c);
+        same(&a, &whole);
+        // The sibling that must fail: an iteration less.
+        let less = film_of(&iterations[..999]);
+        assert!(less.mean()[0] != whole.mean()[0]);
+    }
+
+    /// Equal to an ulp of f32, and in f64 to 1e-12.
+    fn same(a: &Film, b: &Film) {
+        assert_eq!((a.iterations(), a.samples()), (b.iterations(), b.samples()));
+        for (a, b) in [(a.mean(), b.mean()), (a.variance_of_mean(), b.variance_of_mean())] {
+            assert!(a.iter().zip(&b).all(|(a, b)| a.to_bits().abs_diff(b.to_bits()) <= 1), "{a:?} {b:?}");
+        }
+        let weights = a.samples() as f64;
+        for (a, b) in a.moments.iter().zip(&b.moments) {
+            let [mean, spread] = [[a.mean(weights), b.mean(weights)], [a.spread(weights), b.spread(weights)]];
+            assert!((mean[0] - mean[1]).abs() <= 1e-12 * mean[1], "{mean:?}");
+            assert!((spread[0] - spread[1]).abs() <= 1e-12 * spread[1], "{spread:?}");
+        }
+        let (cells, others) = (a.cells().pooled(&[0], 0), b.cells().pooled(&[0], 0));
+        assert!((cells.0 / others.0 - 1.0).abs() < 1e-12, "{cells:?} {others:?}");
+    }
+
+    #[test]
+    fn a_merged_film_goes_on() {
+        let iterations = noise(50);
+        let mut film = film_of(&iterations[..20]);
+        film.merge(&film_of(&iterations[20..30]));
+        iterations[30..].iter().for_each(|(image, samples)| film.add(image, *samples));
+        same(&film, &film_of(&iterations));
     }
 
     #[test]

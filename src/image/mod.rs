@@ -4,4 +4,5 @@ pub mod batches;
 pub mod exr_file;
 pub mod film;
 pub mod fingerprint;
+mod moments;
 pub mod png_file;

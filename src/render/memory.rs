@@ -15,8 +15,8 @@ use crate::settings::{Estimator, Settings};
 const VERTICES_A_PATH: u32 = 4;
 /// Host bytes at most while the hierarchy over a triangle is built: corners, boxes, two node formats, order.
 const BUILD_BYTES: u64 = 320;
-/// Host bytes a pixel: mean and variance in f64, the image of an iteration.
-const PIXEL_BYTES: u64 = 64;
+/// Host bytes per pixel: the film's sums in twice the digits of f64, the image of an iteration.
+const PIXEL_BYTES: u64 = 112;
 /// And what is known of it, with its samples, where these are not spread evenly.
 const ADAPTIVE_PIXEL_BYTES: u64 = 41;
 /// The program itself, the driver and its compiler.

@@ -9,8 +9,8 @@ use crate::image::film::Film;
 use crate::scene::Scene;
 use crate::settings::{Estimator, Sampling, Settings, Strategies};
 
-/// Host bytes a pixel and strategy: two films in f64 with their squares, two images of an iteration.
-const PIXEL_BYTES: u64 = 2 * (48 + 12);
+/// Host bytes per pixel and strategy: two films of 32 bytes per channel, two images of an iteration.
+const PIXEL_BYTES: u64 = 2 * (96 + 12);
 /// Host bytes for all of them at most.
 const MOST_BYTES: u64 = 2 << 30;
 
