@@ -1,6 +1,7 @@
 //! Algorithm 1: light subpaths, trees, sensor subpaths with queries and connections, film.
 
 pub mod albedo;
+mod compaction;
 mod coplanar;
 mod device_scene;
 mod emitters;

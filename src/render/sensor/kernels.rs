@@ -1,0 +1,89 @@
+//! Kernels of the sensor subpaths, and what is bound to them.
+
+use super::buffers::Buffers;
+use crate::error::Result;
+use crate::gpu::{Bindings, Device, Kernel};
+use crate::render::compaction::{BoundCompaction, Compaction};
+use crate::render::device_scene::DeviceScene;
+use crate::render::plan::Plan;
+use crate::render::pool::DevicePool;
+use crate::settings::Estimator;
+
+/// Compiled kernels; they do not depend on any buffer.
+pub struct Kernels {
+    pub start: Kernel,
+    pub trace: Kernel,
+    pub compaction: Compaction,
+    pub query: Kernel,
+    pub connect: Kernel,
+    pub gather: Kernel,
+    pub resolve: Kernel,
+}
+
+/// Descriptor sets for one pool; `[0]` where bounce numbers are even.
+pub struct Bound {
+    pub start: Bindings,
+    pub trace: [Bindings; 2],
+    pub compact_paths: [BoundCompaction; 2],
+    pub query: Bindings,
+    pub compact_candidates: BoundCompaction,
+    pub connect: Bindings,
+    pub gather: Bindings,
+    pub resolve: Bindings,
+}
+
+impl Kernels {
+    pub fn new(device: &Device, plan: &Plan) -> Result<Kernels> {
+        let constants = plan.constants();
+        let make = |file: &'static str, entry: &str| Kernel::new(device, file, entry, &constants);
+        Ok(Kernels {
+            start: make("sensor_start", "sensor_start")?,
+            trace: make("sensor_trace", "sensor_trace")?,
+            compaction: Compaction::new(device, &constants)?,
+            query: match plan.estimator {
+                Estimator::Lcs => make("shell_resample", "shell_resample")?,
+                Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => make("shell_query", "shell_query")?,
+            },
+            connect: make("connect", "connect")?,
+            gather: make("gather", "gather")?,
+            resolve: make("resolve", "resolve")?,
+        })
+    }
+
+    /// Descriptor sets over the scene, a pool and the buffers of a tracer.
+    pub fn bind(&self, b: &Buffers, scene: &DeviceScene, pool: &DevicePool) -> Result<Bound> {
+        let k = self;
+        let shared = || {
+            let mut all = scene.bindings();
+            all.extend(pool.bindings());
+            all.extend(b.bindings());
+            all
+        };
+        let living = |parity: usize| {
+            let mut all = shared();
+            all.extend([("list", &b.living[parity]), ("source", &b.living[parity])]);
+            all.extend([("list_a", &b.living[1 - parity]), ("list_b", &b.shade_list)]);
+            all
+        };
+        let candidates = || {
+            let mut all = shared();
+            all.extend([("source", &b.shade_list), ("list_a", &b.slot_list), ("list_b", &b.shade_list)]);
+            all
+        };
+        let shade = || {
+            let mut all = shared();
+            all.push(("list", &b.shade_list));
+            all
+        };
+        Ok(Bound {
+            start: k.start.bind(&living(0))?,
+            trace: [k.trace.bind(&living(0))?, k.trace.bind(&living(1))?],
+            compact_paths: [k.compaction.bind(&living(0))?, k.compaction.bind(&living(1))?],
+            query: k.query.bind(&shade())?,
+            compact_candidates: k.compaction.bind(&candidates())?,
+            connect: k.connect.bind(&shade())?,
+            gather: k.gather.bind(&shade())?,
+            resolve: k.resolve.bind(&shared())?,
+        })
+    }
+}
