@@ -10,6 +10,7 @@ pub mod bench;
 pub mod bvh;
 pub mod compare;
 pub mod error;
+pub mod estimators;
 pub mod files;
 pub mod generate;
 pub mod gpu;

@@ -9,7 +9,7 @@ use crate::input::experiment::Experiment;
 use crate::input::resolve;
 use crate::render::{Prepared, Reach};
 use crate::scene::{LightKind, Scene, gltf};
-use crate::settings::{Estimator, Settings};
+use crate::settings::Settings;
 
 use super::lane::Lane;
 
@@ -70,11 +70,11 @@ impl Job {
         Ok(job)
     }
 
-    /// Whether settings find all the light: `pt` cannot see by a beam.
+    /// Whether settings find all the light: not every estimator sees a beam.
     fn sees_all(&self, settings: &Settings) -> bool {
         let beam = |node: &str| settings.emitters.include(node);
         let beams = self.scene.lights.iter().any(|l| beam(&l.node) && matches!(l.kind, LightKind::Beam { .. }));
-        !(beams && settings.estimator == Estimator::Pt)
+        !beams || settings.estimator.sees_beams()
     }
 
     fn entry(&self, variant: &str, experiment: &Experiment, settings: Settings) -> Entry {

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::gpu::Device;
 use crate::input::resolve::defaults;
 use crate::render::Prepared;
-use crate::settings::{DEFAULT_BUCKETS, Estimator, Importance, MAX_FRONTIER, Settings};
+use crate::settings::{DEFAULT_BUCKETS, Estimator, Importance, MAX_FRONTIER, Sampling, Settings};
 
 /// Seeds, far from those of races and references.
 const SEEDS: u32 = 0x4000_0100;
@@ -80,7 +80,7 @@ pub fn pilots(
     let seconds = (part * goal.seconds).clamp(least, most);
     let mut candidates: Vec<(String, Settings)> =
         entries.iter().map(|e| (e.variant.clone(), e.settings.clone())).collect();
-    for estimator in [Estimator::Bdpt, Estimator::Lcs] {
+    for estimator in Estimator::ALL.into_iter().filter(|e| e.record().renders_references) {
         let plain = with(entries[0], estimator);
         let frugal = frugal(plain.clone());
         let also =
@@ -124,7 +124,7 @@ pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
         frontier: MAX_FRONTIER,
         single_tree: estimator.default_single_tree(),
         importance: Importance::ALL,
-        sampling: estimator.default_sampling(),
+        sampling: Sampling::default_of(estimator),
         cull: true,
         ..entry.settings.clone()
     }

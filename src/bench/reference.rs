@@ -183,7 +183,7 @@ pub fn make(
     let cells = cells_of(&halves);
 
     // Another estimator is the judge of what is new.
-    let judge = if chosen.settings.estimator == Estimator::Bdpt { Estimator::LcsPaper } else { Estimator::Bdpt };
+    let judge = chosen.settings.estimator.record().judge;
     let mut verdict = None;
     for (seed, part) in JUDGES {
         let asked = (judge, seed + extension);

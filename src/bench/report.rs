@@ -17,7 +17,6 @@ use crate::compare::metrics::{Means, RELMSE_FORMULA, TRIMMED};
 use crate::error::{Error, Result};
 use crate::files::write_atomically;
 use crate::image::exr_file::{Picture, read_picture, version};
-use crate::settings::Estimator;
 
 /// What a page is made of.
 pub struct Page<'a> {
@@ -130,8 +129,7 @@ fn against_the_paper(page: &Page) -> String {
         let Some(paper) = reported(page, scene) else { continue };
         let is_baseline = |line: &&Line| {
             let named = |row: &&Row| row.scene == *scene && row.variant == line.variant;
-            let estimator = page.rows.iter().find(named).map(|row| row.estimator.parse());
-            matches!(estimator, Some(Ok(Estimator::Pt | Estimator::Bdpt)))
+            page.rows.iter().find(named).is_some_and(|row| summary::is_baseline(&row.estimator))
         };
         for line in summary::lines(page.rows, scene).iter().filter(|line| !is_baseline(line)) {
             let [all, trimmed] = [&line.all, &line.trimmed].map(ratio);

@@ -62,7 +62,7 @@ pub struct Figure {
 impl Figure {
     /// `None` if nothing was measured; without a ratio where this or a baseline is not honest.
     fn of(rows: &[&Row], ends: &[&Row], variant: &str, part: fn(Means) -> f64) -> Option<Figure> {
-        let is_baseline = |row: &&&Row| [Estimator::Bdpt, Estimator::Pt].iter().any(|e| e.name() == row.estimator);
+        let is_baseline = |row: &&&Row| is_baseline(&row.estimator);
         let baseline = |repetition: u32| {
             let errors = ends.iter().filter(is_baseline).filter(|row| row.repetition == repetition);
             errors.map(|row| part(row.relmse)).min_by(f64::total_cmp)
@@ -78,6 +78,11 @@ impl Figure {
             honest,
         })
     }
+}
+
+/// Whether the estimator of this name is one that light-cone queries are compared with.
+pub fn is_baseline(estimator: &str) -> bool {
+    estimator.parse::<Estimator>().is_ok_and(|estimator| !estimator.has_trees())
 }
 
 /// relMSE over all pixels.

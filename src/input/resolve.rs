@@ -94,7 +94,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         leaf_size: leaf_size(render, estimator)?,
         frontier: within("frontier", render.frontier.unwrap_or(MAX_FRONTIER), MAX_FRONTIER)?,
         single_tree: render.single_tree.unwrap_or(estimator.default_single_tree()),
-        importance: render.importance.filter(|_| estimator == Estimator::Lcs).unwrap_or(Importance::ALL),
+        importance: render.importance.filter(|_| estimator.by_importance()).unwrap_or(Importance::ALL),
         sampling: render.sampling.unwrap_or(defaults::sampling(estimator, &experiment.output)),
         cull: !render.no_cull.unwrap_or(false),
         camera,
@@ -107,8 +107,8 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
             LightKind::Directional { .. } => {
                 warnings.push(format!("the directional light '{node}' is not rendered yet; its light is missing"));
             }
-            LightKind::Beam { .. } if settings.estimator == Estimator::Pt => {
-                warnings.push(format!("pt cannot see by the beam '{node}': it stays dark; use bdpt or lcs"));
+            LightKind::Beam { .. } if !estimator.sees_beams() => {
+                warnings.push(estimator.beam_refusal(&format!("the beam '{node}'")));
             }
             _ => {}
         }
@@ -122,8 +122,8 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         Budget::Spp(spp) => (Some(spp), None),
         Budget::Seconds(seconds) => (None, Some(Seconds(seconds))),
     };
-    let has_trees = settings.estimator.leaf_size() > 0;
-    let is_lcs = settings.estimator == Estimator::Lcs;
+    let (has_trees, by_importance) = (settings.estimator.has_trees(), settings.estimator.by_importance());
+    let has_splats = settings.estimator.record().light_subpaths;
     let mut full = experiment.clone();
     full.camera = CameraTable {
         camera: Some(scene.cameras[settings.camera].name.clone()),
@@ -144,13 +144,13 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         seed: Some(settings.seed),
         max_depth: Some(settings.max_depth),
         light_paths: Some(settings.light_paths),
-        splat_paths: (settings.estimator != Estimator::Pt).then_some(settings.splat_paths),
+        splat_paths: has_splats.then_some(settings.splat_paths),
         queries: has_trees.then_some(settings.queries),
         buckets: has_trees.then_some(settings.buckets),
         leaf_size: has_trees.then_some(settings.leaf_size),
-        frontier: is_lcs.then_some(settings.frontier),
+        frontier: by_importance.then_some(settings.frontier),
         single_tree: has_trees.then_some(settings.single_tree),
-        importance: is_lcs.then_some(settings.importance),
+        importance: by_importance.then_some(settings.importance),
         sampling: Some(settings.sampling),
         no_cull: Some(!settings.cull),
         device: experiment.render.device.clone(),
@@ -181,21 +181,21 @@ fn splat_paths(render: &RenderTable) -> Result<u32> {
 /// Estimators without trees have no leaves, whatever was asked for.
 fn leaf_size(render: &RenderTable, estimator: Estimator) -> Result<u32> {
     let size = within("leaf-size", render.leaf_size.unwrap_or(estimator.leaf_size().max(1)), MAX_LEAF_SIZE)?;
-    Ok(if estimator.leaf_size() > 0 { size } else { 0 })
+    Ok(if estimator.has_trees() { size } else { 0 })
 }
 
 /// What was typed that the estimator does not ask for.
 fn without_effect(render: &RenderTable, estimator: Estimator) -> Vec<String> {
-    let has_trees = estimator.leaf_size() > 0;
-    let is_lcs = estimator == Estimator::Lcs;
+    let (has_trees, by_importance) = (estimator.has_trees(), estimator.by_importance());
+    let has_splats = estimator.record().light_subpaths;
     let flags = [
-        ("importance", render.importance.is_some(), is_lcs, "lcs"),
-        ("frontier", render.frontier.is_some(), is_lcs, "lcs"),
+        ("importance", render.importance.is_some(), by_importance, "lcs"),
+        ("frontier", render.frontier.is_some(), by_importance, "lcs"),
         ("queries", render.queries.is_some(), has_trees, "lcs and lcs-paper"),
         ("buckets", render.buckets.is_some(), has_trees, "lcs and lcs-paper"),
         ("leaf-size", render.leaf_size.is_some(), has_trees, "lcs and lcs-paper"),
         ("single-tree", render.single_tree.is_some(), has_trees, "lcs and lcs-paper"),
-        ("splat-paths", render.splat_paths.is_some_and(|n| n > 0), estimator != Estimator::Pt, "all but pt"),
+        ("splat-paths", render.splat_paths.is_some_and(|n| n > 0), has_splats, "all but pt"),
     ];
     let idle = flags.iter().filter(|(_, typed, used, _)| *typed && !used);
     idle.map(|(flag, _, _, of)| format!("--{flag} is for {of}; {estimator} renders as without it")).collect()

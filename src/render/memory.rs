@@ -7,9 +7,10 @@ use super::pool::DevicePool;
 use super::prepared::Prepared;
 use super::sensor::SensorTracer;
 use crate::error::Result;
+use crate::estimators::PoolOrder;
 use crate::gpu::{DeviceInfo, Need};
 use crate::scene::Scene;
-use crate::settings::{Estimator, Settings};
+use crate::settings::Settings;
 
 /// Vertices a light path is assumed to leave; scenes differ from 1 (outdoors) to over 10 (white rooms).
 const VERTICES_A_PATH: u32 = 4;
@@ -108,7 +109,7 @@ fn pool_needs(plan: &Plan, vertices: u32) -> Vec<Need> {
     let leaf_size = plan.leaf_size;
     // Halving leaves them at least half full.
     let nodes = if leaf_size > 0 { vertices * 2 / (leaf_size + 1) } else { 0 };
-    let offsets = if plan.estimator == Estimator::Bdpt { plan.light_paths as usize + 1 } else { 0 };
+    let offsets = if plan.estimator.pool_order == PoolOrder::ByPath { plan.light_paths as usize + 1 } else { 0 };
     DevicePool::needs(vertices as usize, nodes as usize, offsets).to_vec()
 }
 

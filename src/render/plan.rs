@@ -7,14 +7,15 @@ use glam::{DVec3, Vec3};
 use super::emitters::EmitterSet;
 use super::geometry::Features;
 use super::place::Place;
-use super::pool::PoolLayout;
+use super::pool_layout::PoolLayout;
 use super::prepared::Prepared;
 use super::reach::Reach;
 use crate::error::{Error, Result};
+use crate::estimators::Record;
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::Scene;
 use crate::settings::units::Gate;
-use crate::settings::{Crop, Estimator, Importance, Sampling, Settings, Strategies};
+use crate::settings::{Crop, Importance, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
 
@@ -48,7 +49,7 @@ pub enum Observe {
 
 /// Everything about a render that does not change from iteration to iteration.
 pub struct Plan {
-    pub estimator: Estimator,
+    pub estimator: &'static Record,
     pub light_paths: u32,
     splat_paths: u32,
     pub buckets: u32,
@@ -82,21 +83,17 @@ impl Plan {
     pub fn new(scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Plan> {
         let emitters = &prepared.emitters;
         let lights_only_by_beam = emitters.has_beam && !emitters.has_area && emitters.deterministic.is_empty();
-        if settings.estimator == Estimator::Pt && lights_only_by_beam {
-            return Err(Error::Settings(
-                "--estimator pt cannot see by a collimated beam (no ray finds it, no point on it can be connected); \
-                 use bdpt or lcs"
-                    .into(),
-            ));
+        if lights_only_by_beam && !settings.estimator.sees_beams() {
+            return Err(Error::Settings(settings.estimator.beam_refusal("beams, the only emitters here")));
         }
         let all = settings.strategies == Strategies::All;
-        let pt = settings.estimator == Estimator::Pt;
-        let traces_light = !pt && settings.max_depth >= 2;
+        let estimator = settings.estimator.record();
+        let traces_light = estimator.light_subpaths && settings.max_depth >= 2;
         let features = prepared.geometry.features;
-        let frame = frame(scene, settings, emitters, all, pt);
+        let frame = frame(scene, settings, emitters, all);
         let emitter_count = frame.emitter_count;
         let mut plan = Plan {
-            estimator: settings.estimator,
+            estimator,
             light_paths: settings.light_paths,
             splat_paths: settings.splat_paths,
             buckets: settings.buckets,
@@ -142,13 +139,7 @@ impl Plan {
     pub fn slots(&self, pool: &PoolLayout) -> u32 {
         debug_assert!(pool.longest_path <= self.max_depth);
         let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
-        let trees = u32::from(pool.tree3_root != NONE) + u32::from(pool.tree4_root != NONE);
-        let chosen = match self.estimator {
-            Estimator::Pt => u32::from(pool.emitter_points > 0),
-            Estimator::Bdpt => pool.longest_path,
-            Estimator::LcsPaper => self.frame.queries * trees,
-            Estimator::Lcs => trees,
-        };
+        let chosen = (self.estimator.slots)(&pool.shape(self.frame.queries));
         (deterministic + chosen).max(1)
     }
 
@@ -175,7 +166,7 @@ impl Plan {
         let mut frame = Frame {
             iteration,
             first_sample,
-            light_count: trust_in_splats(self.estimator) * self.traced_paths() as f32 / samples as f32,
+            light_count: self.estimator.splat_weight * self.traced_paths() as f32 / samples as f32,
             splat_share: self.light_paths as f32 / self.traced_paths() as f32,
             ..self.frame
         };
@@ -196,25 +187,18 @@ impl Plan {
 
     /// Override constants of all kernels.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
-        // lcs has a kernel of its own, which does not ask.
-        let estimator = match self.estimator {
-            Estimator::Pt => ESTIMATOR_PT,
-            Estimator::Bdpt => ESTIMATOR_BDPT,
-            Estimator::LcsPaper | Estimator::Lcs => ESTIMATOR_LCS_PAPER,
-        };
         let observe = match self.observe {
             Observe::Nothing => 0,
             Observe::Times => OBSERVE_TIMES,
             Observe::Strategies => OBSERVE_STRATEGIES,
         };
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
-        vec![
+        let mut constants = vec![
             ("HAS_TEXTURES", switch(self.features.textures)),
             ("HAS_ALPHA", switch(self.features.alpha)),
             ("HAS_GLOSSY", switch(self.features.glossy)),
             ("HAS_TRANSMISSION", switch(self.features.transmission)),
             ("WORKGROUP", self.tuning.workgroup.into()),
-            ("ESTIMATOR", estimator.into()),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("BY_CENTRE", switch(self.importance.centre)),
@@ -222,17 +206,13 @@ impl Plan {
             ("BY_OVERLAP", switch(self.importance.overlap)),
             ("BY_GLOSS", switch(self.importance.gloss)),
             ("OBSERVE", observe.into()),
-        ]
+        ];
+        constants.extend(self.estimator.constants.iter().map(|&(name, value)| (name, value.into())));
+        constants
     }
 }
 
-/// Part of a sample that one of t = 1 counts for in the MIS weights. Those of `lcs` that matter are rare and bright: what else
-/// could have found their paths is worth more than its densities say (docs/PERFORMANCE.md, Light where it matters).
-fn trust_in_splats(estimator: Estimator) -> f32 {
-    if estimator == Estimator::Lcs { 0.25 } else { 1.0 }
-}
-
-fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, pt: bool) -> Frame {
+fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool) -> Frame {
     let camera = &scene.cameras[settings.camera];
     let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
     let [width, height] = settings.resolution;
@@ -240,9 +220,8 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, p
     let extent = [tangent * f64::from(width) / f64::from(height), tangent];
     let pixel_area = 4.0 * extent[0] * extent[1] / (f64::from(width) * f64::from(height));
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
-    // A vertex that queries choose by what it contributes is worth many that subpaths happen to reach. 4 K is a compromise of four
-    // scenes (docs/PERFORMANCE.md, lcs).
-    let gain = if settings.estimator == Estimator::Lcs { 4.0 * settings.queries as f32 } else { 1.0 };
+    let estimator = settings.estimator.record();
+    let gain = (estimator.query_samples)(settings.queries);
     Frame {
         right: axis(DVec3::X),
         up: axis(DVec3::Y),
@@ -260,9 +239,9 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool, p
         tree3_root: NONE,
         tree4_root: NONE,
         keep_s0: switch(all) / (gain * gain),
-        keep_t1: switch(all && !pt) / (gain * gain),
+        keep_t1: switch(all && estimator.light_subpaths) / (gain * gain),
         gain,
-        keep_s2: switch(!pt),
+        keep_s2: switch(estimator.light_subpaths),
         crop_x: settings.crop.x0,
         crop_y: settings.crop.y0,
         crop_width: settings.crop.width(),

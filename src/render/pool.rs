@@ -1,10 +1,11 @@
 //! The light-vertex pool of an iteration on the host: vertices as they come back from the device, sorted for the estimator.
 
 use super::plan::Plan;
+use super::pool_layout::PoolLayout;
 use crate::error::{Error, Result};
+use crate::estimators::PoolOrder;
 use crate::gpu::{Buffer, Device, Need};
 use crate::lightcone::tree::{Item, Tree, TreeOptions};
-use crate::settings::Estimator;
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{NONE, PathVertex, TreeNode};
 
@@ -26,17 +27,6 @@ pub struct DevicePool {
     vertices: Buffer,
     nodes: Buffer,
     offsets: Buffer,
-}
-
-/// What the kernels must know of the pool.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PoolLayout {
-    pub deterministic: u32,
-    pub emitter_points: u32,
-    pub tree3_root: u32,
-    pub tree4_root: u32,
-    /// bdpt: vertices of the longest light path.
-    pub longest_path: u32,
 }
 
 /// Arrays ready for upload.
@@ -61,8 +51,8 @@ impl LightPool {
         }
     }
 
-    /// Builds the trees (`lcs-paper`, `lcs`) or groups the vertices by path (`bdpt`). Errors: more vertices than references to
-    /// leaves have digits for.
+    /// Orders the vertices for the estimator: builds the trees, or groups them by path. Errors: more vertices than references
+    /// to leaves have digits for.
     pub fn sort(&self, plan: &Plan) -> Result<SortedPool> {
         let count = self.deterministic.len() + self.emitter_points.len() + self.scattered.len();
         if count > MOST_VERTICES {
@@ -70,10 +60,10 @@ impl LightPool {
                 "an iteration has {count} light vertices and there is room for {MOST_VERTICES}: use fewer --light-paths"
             )));
         }
-        Ok(match plan.estimator {
-            Estimator::Bdpt => self.by_path(plan.light_paths),
-            Estimator::Pt => self.emitters_only(),
-            Estimator::LcsPaper | Estimator::Lcs => self.trees(plan),
+        Ok(match plan.estimator.pool_order {
+            PoolOrder::ByPath => self.by_path(plan.light_paths),
+            PoolOrder::EmitterPoints => self.emitters_only(),
+            PoolOrder::Trees => self.trees(plan),
         })
     }
 

@@ -95,8 +95,8 @@ fn small(settings: &Settings) -> Settings {
     let (x0, y0) = (begin(settings.crop.x0, resolution[0]), begin(settings.crop.y0, resolution[1]));
     let (x1, y1) = (end(settings.crop.x1, x0, resolution[0]), end(settings.crop.y1, y0, resolution[1]));
     Settings {
-        estimator: Estimator::Bdpt,
-        leaf_size: Estimator::Bdpt.leaf_size(),
+        estimator: Estimator::UNGATED,
+        leaf_size: Estimator::UNGATED.leaf_size(),
         strategies: Strategies::All,
         gate: Gate::OPEN,
         resolution,

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Device;
 use crate::image::film::Film;
 use crate::scene::Scene;
-use crate::settings::{Estimator, Sampling, Settings, Strategies};
+use crate::settings::{Sampling, Settings, Strategies};
 
 /// Host bytes per pixel and strategy: two films of 32 bytes per channel, two images of an iteration.
 const PIXEL_BYTES: u64 = 2 * (96 + 12);
@@ -34,8 +34,9 @@ pub struct StrategyImages {
 /// The strategies (s, t) that are formed, sorted by the length of the paths, s + t - 1 segments, then by s. Of those a
 /// strategy may still find nothing: no ray hits a point light.
 pub fn strategies(settings: &Settings) -> Vec<(u32, u32)> {
-    let (all, pt) = (settings.strategies == Strategies::All, settings.estimator == Estimator::Pt);
-    let kept = |s: u32, t: u32| (s, t) != (1, 1) && (all || (s >= 1 && t >= 2)) && (!pt || (s <= 1 && t >= 2));
+    let (all, light_subpaths) = (settings.strategies == Strategies::All, settings.estimator.record().light_subpaths);
+    let kept =
+        |s: u32, t: u32| (s, t) != (1, 1) && (all || (s >= 1 && t >= 2)) && (light_subpaths || (s <= 1 && t >= 2));
     let of_length = |k: u32| (0..=k).map(move |s| (s, k + 1 - s));
     (1..=settings.max_depth).flat_map(of_length).filter(|&(s, t)| kept(s, t)).collect()
 }

@@ -7,6 +7,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
+pub use crate::estimators::Estimator;
 use crate::settings::units::Gate;
 use crate::wgsl::layout::constants::MOST_SUBTREES;
 
@@ -14,11 +15,8 @@ use crate::wgsl::layout::constants::MOST_SUBTREES;
 pub const DEFAULT_SPP: u32 = 64;
 /// Path segments at most. Long enough that a white room loses under 1 % of its light.
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
-/// Light subpaths an iteration whose vertices are stored, M of the paper, when nothing says how many: one a pixel, at most this.
-pub const MOST_LIGHT_PATHS_BY_DEFAULT: u32 = 50_000;
-/// And at most this for `lcs`: queries choose the better the fewer vertices there are (docs/PERFORMANCE.md, Light where it matters).
-pub const MOST_LIGHT_PATHS_OF_LCS: u32 = 8192;
-/// And at least this.
+/// Light subpaths per iteration whose vertices are stored, M of the paper, when nothing says how many: one per pixel, at least this and at
+/// most as many as the estimator's record says.
 pub const LEAST_LIGHT_PATHS_BY_DEFAULT: u32 = 4096;
 /// Power buckets a node, B of the paper.
 pub const DEFAULT_BUCKETS: u32 = 8;
@@ -44,65 +42,6 @@ pub const MAX_LEAF_SIZE: u32 = 16;
 pub const MAX_FRONTIER: u32 = MOST_SUBTREES;
 /// A year, in seconds.
 pub const MAX_SECONDS: f64 = 365.0 * 86_400.0;
-
-/// Which paths are formed and how connections are chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Estimator {
-    /// Path tracing with next-event estimation: strategies s <= 1.
-    Pt,
-    /// Full bidirectional path tracing; paths outside the gate are rejected.
-    Bdpt,
-    /// Light-cone shell queries as the paper has them (Secs. 5 and 6); `docs/ARCHITECTURE.md` lists what is decided beyond it.
-    LcsPaper,
-    /// Light-cone shell queries by importance, K candidates resampled to one shadow ray a tree.
-    Lcs,
-}
-
-impl Estimator {
-    pub const ALL: [Estimator; 4] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Estimator::Pt => "pt",
-            Estimator::Bdpt => "bdpt",
-            Estimator::LcsPaper => "lcs-paper",
-            Estimator::Lcs => "lcs",
-        }
-    }
-
-    /// Tree queries a shade point and tree when nothing says how many: K of the paper, or candidates of a shadow ray.
-    pub fn default_queries(self) -> u32 {
-        match self {
-            Estimator::Lcs => 16,
-            Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => 1,
-        }
-    }
-
-    /// Whether there is one tree over all light vertices when nothing says it: half as many queries, which choose among points on
-    /// emitters as among the others (docs/PERFORMANCE.md, Error at equal time).
-    pub fn default_single_tree(self) -> bool {
-        self == Estimator::Lcs
-    }
-
-    /// How samples are spread when nothing says it; the paper spreads them evenly.
-    pub fn default_sampling(self) -> Sampling {
-        match self {
-            Estimator::LcsPaper => Sampling::Uniform,
-            Estimator::Pt | Estimator::Bdpt | Estimator::Lcs => Sampling::Adaptive,
-        }
-    }
-
-    /// Most light vertices in a leaf of its trees when nothing says how many, 0 without trees. Individual vertices reside in the
-    /// paper's leaves (Sec. 5.2).
-    pub fn leaf_size(self) -> u32 {
-        match self {
-            Estimator::Pt | Estimator::Bdpt => 0,
-            Estimator::LcsPaper => 1,
-            Estimator::Lcs => 16,
-        }
-    }
-}
 
 /// Which (s, t) strategies take part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -136,6 +75,11 @@ pub enum Sampling {
 
 impl Sampling {
     pub const ALL: [Sampling; 2] = [Sampling::Uniform, Sampling::Adaptive];
+
+    /// How samples are spread when nothing says it.
+    pub fn default_of(estimator: Estimator) -> Sampling {
+        if estimator.record().adaptive { Sampling::Adaptive } else { Sampling::Uniform }
+    }
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
@@ -252,22 +196,6 @@ pub struct Settings {
     /// Index into `Scene::cameras`.
     pub camera: usize,
     pub emitters: Emitters,
-}
-
-impl fmt::Display for Estimator {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for Estimator {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Estimator> {
-        Estimator::ALL.into_iter().find(|e| e.name() == text).ok_or_else(|| {
-            Error::Settings(format!("no estimator is called '{text}': choose pt, bdpt, lcs-paper or lcs"))
-        })
-    }
 }
 
 impl fmt::Display for Importance {

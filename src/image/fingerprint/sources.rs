@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use super::hash::Hash;
 
 /// Folders whose code decides what an image is, for given settings and scene bytes.
-pub const DECIDE: [&str; 9] = [
+pub const DECIDE: [&str; 10] = [
     "shaders",
     "src/bvh",
+    "src/estimators",
     "src/gpu",
     "src/image",
     "src/lightcone",

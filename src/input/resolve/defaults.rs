@@ -1,5 +1,6 @@
 //! What is done when nothing says it.
 
+use crate::estimators::{Conditions, GateWidth};
 use crate::input::experiment::OutputTable;
 use crate::scene::{Light, LightKind, Material, Scene};
 use crate::settings::units::Gate;
@@ -8,18 +9,21 @@ use crate::settings::*;
 /// Part of the scene's diagonal from which on a gate is wide.
 const WIDE_GATE: f64 = 0.4;
 
-/// Without a gate, or with a wide one, there is little that queries could choose better by: they only cost time. Without one `pt` is
-/// the fastest where it sees all light well: nothing focuses light and nothing shines as a beam (docs/PERFORMANCE.md, Error at
-/// equal time).
+/// The estimator whose record says that it suits this gate and scene.
 pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
     let is_beam = |light: &Light| matches!(light.kind, LightKind::Beam { .. }) && emitters.include(&light.node);
-    if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
-        Estimator::Lcs
-    } else if gate == Gate::OPEN && !focuses_light(scene) && !scene.lights.iter().any(is_beam) {
-        Estimator::Pt
+    let width = if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
+        GateWidth::Narrow
+    } else if gate == Gate::OPEN {
+        GateWidth::Open
     } else {
-        Estimator::Bdpt
-    }
+        GateWidth::Wide
+    };
+    Estimator::default_for(&Conditions {
+        gate: width,
+        focuses_light: focuses_light(scene),
+        has_beam: scene.lights.iter().any(is_beam),
+    })
 }
 
 /// Roughness below which gloss gathers light so sharply that `pt` seldom finds it.
@@ -34,14 +38,10 @@ fn focuses_light(scene: &Scene) -> bool {
 
 /// Enough that the trees know the light, and no more than sensor paths can pay for.
 pub fn light_paths(estimator: Estimator, [width, height]: [u32; 2]) -> u32 {
-    let most = match estimator {
-        Estimator::Lcs => MOST_LIGHT_PATHS_OF_LCS,
-        Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => MOST_LIGHT_PATHS_BY_DEFAULT,
-    };
-    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, most)
+    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, estimator.record().most_light_paths)
 }
 
 /// Images of strategies are rendered with as many samples in every pixel.
 pub(super) fn sampling(estimator: Estimator, output: &OutputTable) -> Sampling {
-    if output.strategy_images.is_some() { Sampling::Uniform } else { estimator.default_sampling() }
+    if output.strategy_images.is_some() { Sampling::Uniform } else { Sampling::default_of(estimator) }
 }

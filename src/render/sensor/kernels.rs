@@ -7,7 +7,6 @@ use crate::render::compaction::{BoundCompaction, Compaction};
 use crate::render::device_scene::DeviceScene;
 use crate::render::plan::Plan;
 use crate::render::pool::DevicePool;
-use crate::settings::Estimator;
 
 /// Compiled kernels; they do not depend on any buffer.
 pub struct Kernels {
@@ -40,10 +39,7 @@ impl Kernels {
             start: make("sensor_start", "sensor_start")?,
             trace: make("sensor_trace", "sensor_trace")?,
             compaction: Compaction::new(device, &constants)?,
-            query: match plan.estimator {
-                Estimator::Lcs => make("shell_resample", "shell_resample")?,
-                Estimator::Pt | Estimator::Bdpt | Estimator::LcsPaper => make("shell_query", "shell_query")?,
-            },
+            query: make(plan.estimator.query_kernel, plan.estimator.query_kernel)?,
             connect: make("connect", "connect")?,
             gather: make("gather", "gather")?,
             resolve: make("resolve", "resolve")?,

@@ -1,0 +1,27 @@
+//! `bdpt`: full bidirectional path tracing (Veach 1997, ch. 10). Each shade point is connected to every vertex of one light
+//! subpath; paths outside the gate are rejected. It is the baseline of the paper.
+
+use super::{Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
+use crate::wgsl::layout::constants::ESTIMATOR_BDPT;
+
+pub(super) static RECORD: Record = Record {
+    name: "bdpt",
+    // Without a gate, or with a wide one, there is little that queries could choose better by: they only cost time.
+    is_default: |c| match c.gate {
+        GateWidth::Narrow => false,
+        GateWidth::Wide => true,
+        GateWidth::Open => c.focuses_light || c.has_beam,
+    },
+    most_light_paths: 50_000,
+    adaptive: true,
+    light_subpaths: true,
+    trees: None,
+    pool_order: PoolOrder::ByPath,
+    query_kernel: SHELL_QUERY,
+    constants: &[("ESTIMATOR", ESTIMATOR_BDPT)],
+    slots: |pool| pool.longest_path,
+    query_samples: |_| 1.0,
+    splat_weight: 1.0,
+    renders_references: true,
+    judge: Estimator::LcsPaper,
+};

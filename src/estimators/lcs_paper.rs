@@ -1,0 +1,24 @@
+//! `lcs-paper`: light-cone shell queries as the paper has them (Secs. 5 and 6): a 3D tree over points on emitters, a 4D tree over
+//! scattered vertices, and a shadow ray for each of K queries per tree.
+
+use super::{Estimator, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
+use crate::wgsl::layout::constants::ESTIMATOR_LCS_PAPER;
+
+pub(super) static RECORD: Record = Record {
+    name: "lcs-paper",
+    is_default: |_| false,
+    most_light_paths: 50_000,
+    // The paper spreads its samples evenly.
+    adaptive: false,
+    light_subpaths: true,
+    // Individual vertices reside in the paper's leaves (Sec. 5.2).
+    trees: Some(TreeDefaults { queries: 1, leaf_size: 1, single: false, by_importance: false }),
+    pool_order: PoolOrder::Trees,
+    query_kernel: SHELL_QUERY,
+    constants: &[("ESTIMATOR", ESTIMATOR_LCS_PAPER)],
+    slots: |pool| pool.queries * pool.trees,
+    query_samples: |_| 1.0,
+    splat_weight: 1.0,
+    renders_references: false,
+    judge: Estimator::Bdpt,
+};

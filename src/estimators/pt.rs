@@ -1,0 +1,23 @@
+//! `pt`: path tracing with next-event estimation. Light subpaths end on their emitters: strategies s <= 1, t >= 2.
+
+use super::{Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
+use crate::wgsl::layout::constants::ESTIMATOR_PT;
+
+pub(super) static RECORD: Record = Record {
+    name: "pt",
+    // Without a gate it is the fastest where it sees all light well: nothing focuses light and nothing shines as a beam
+    // (docs/PERFORMANCE.md, Error at equal time).
+    is_default: |c| c.gate == GateWidth::Open && !c.focuses_light && !c.has_beam,
+    most_light_paths: 50_000,
+    adaptive: true,
+    light_subpaths: false,
+    trees: None,
+    pool_order: PoolOrder::EmitterPoints,
+    query_kernel: SHELL_QUERY,
+    constants: &[("ESTIMATOR", ESTIMATOR_PT)],
+    slots: |pool| u32::from(pool.has_emitter_points),
+    query_samples: |_| 1.0,
+    splat_weight: 1.0,
+    renders_references: false,
+    judge: Estimator::Bdpt,
+};
