@@ -1,46 +1,21 @@
 //! Storage buffers: device memory, written and read by the host through a mapping where there is one, else by copies.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use ash::vk;
 use bytemuck::{AnyBitPattern, NoUninit};
 
-use super::commands::Commands;
+use super::allocation::{Allocation, FOR_HOST};
 use super::device::Device;
 use super::need::Need;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// A storage buffer. Its contents are undefined until written. What it is bound to keeps its memory alive, but the host reads
 /// and writes it through this one handle: `&mut` to write.
 pub struct Buffer {
+    device: Device,
     pub(super) allocation: Arc<Allocation>,
 }
-
-/// Memory of the device, and the buffer that it is bound to.
-pub(super) struct Allocation {
-    pub device: Device,
-    pub handle: vk::Buffer,
-    memory: vk::DeviceMemory,
-    mapping: Option<*mut u8>,
-    pub size: u64,
-    name: &'static str,
-    /// What it adds to the device's sum of bytes: nothing until there is memory.
-    counted: u64,
-}
-
-// SAFETY: the mapping is an address that stays valid until `drop`. The host writes through it only with `&mut Buffer`, of which
-// there is one per allocation, and touches it only under `host_access`, while the device works on nothing.
-unsafe impl Send for Allocation {}
-// SAFETY: as above; what is shared reads only.
-unsafe impl Sync for Allocation {}
-
-/// Memory that the host reads at full speed: integrated and software devices, and staging buffers.
-const HOST: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
-    vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw()
-        | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw()
-        | vk::MemoryPropertyFlags::HOST_CACHED.as_raw(),
-);
 
 impl Buffer {
     /// `count` elements of `T`, or room for them; see [`Need::of`].
@@ -66,13 +41,19 @@ impl Buffer {
         Ok(buffer)
     }
 
-    fn staging(device: &Device, bytes: u64) -> Result<Buffer> {
-        let mapped = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
-        Buffer::allocate(device, "staging", bytes.max(16), mapped)
+    /// Memory of the host, `size` bytes of it, for what the device copies there.
+    pub(super) fn on_host(device: &Device, name: &'static str, size: u64) -> Result<Buffer> {
+        Buffer::allocate(device, name, size, FOR_HOST)
     }
 
     fn allocate(device: &Device, name: &'static str, size: u64, wanted: vk::MemoryPropertyFlags) -> Result<Buffer> {
-        Ok(Buffer { allocation: Arc::new(Allocation::new(device, name, size, wanted)?) })
+        let allocation = Arc::new(Allocation::new(&device.shared, name, size, wanted)?);
+        Ok(Buffer { device: device.clone(), allocation })
+    }
+
+    /// Whether the host reads and writes the device's memory where it lies.
+    pub(super) fn is_mapped(&self) -> bool {
+        self.allocation.mapping.is_some()
     }
 
     /// Size in bytes.
@@ -80,16 +61,15 @@ impl Buffer {
         self.allocation.size
     }
 
-    /// Writes `data` from element `first` on. Waits for submits of other threads.
+    /// Writes `data` from element `first` on, before the device does what is submitted from now on. Waits for submits of other
+    /// threads.
     pub fn write<T: NoUninit>(&mut self, first: usize, data: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let offset = self.offset::<T>(first, bytes.len(), "write");
         let Some(address) = self.allocation.mapping else {
-            let mut staging = Buffer::staging(&self.allocation.device, bytes.len() as u64)?;
-            staging.write(0, bytes)?;
-            return copy((&staging, 0), (self, offset), bytes.len() as u64);
+            return self.device.staging().write(&self.allocation, offset, bytes);
         };
-        let _idle = self.allocation.device.shared.host_access();
+        let _idle = self.device.shared.host_access();
         // SAFETY: `offset` checked the range, the mapping covers the whole buffer, the device works on nothing, and `&mut self`
         // keeps other host threads away.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), address.add(offset as usize), bytes.len()) };
@@ -101,11 +81,9 @@ impl Buffer {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(into);
         let offset = self.offset::<T>(first, bytes.len(), "read");
         let Some(address) = self.allocation.mapping else {
-            let staging = Buffer::staging(&self.allocation.device, bytes.len() as u64)?;
-            copy((self, offset), (&staging, 0), bytes.len() as u64)?;
-            return staging.read(0, bytes);
+            return self.device.staging().read(&self.allocation, offset, bytes);
         };
-        let _idle = self.allocation.device.shared.host_access();
+        let _idle = self.device.shared.host_access();
         // SAFETY: as in `write`; `&self` keeps writers away.
         unsafe { std::ptr::copy_nonoverlapping(address.add(offset as usize), bytes.as_mut_ptr(), bytes.len()) };
         Ok(())
@@ -116,7 +94,7 @@ impl Buffer {
     pub fn with<T: AnyBitPattern + NoUninit, R>(&self, count: usize, look: impl FnOnce(&[T]) -> R) -> Result<R> {
         self.offset::<T>(count, 0, "read");
         let Some(address) = self.allocation.mapping else { return Ok(look(&self.to_vec(count)?)) };
-        let _idle = self.allocation.device.shared.host_access();
+        let _idle = self.device.shared.host_access();
         // SAFETY: `offset` checked the range, mappings are page-aligned, any bit pattern is valid for T, the device works on
         // nothing, and `&self` keeps writers away.
         Ok(look(unsafe { std::slice::from_raw_parts(address.cast::<T>(), count) }))
@@ -136,92 +114,6 @@ impl Buffer {
         let inside = end.is_some_and(|end| end as u64 <= self.allocation.size);
         assert!(inside, "{}: {doing} past the end", self.allocation.name);
         offset.unwrap_or_default() as u64
-    }
-}
-
-/// Copies `bytes` bytes between (buffer, offset) pairs, whose ranges the callers have checked, and waits for it.
-fn copy(from: (&Buffer, u64), to: (&Buffer, u64), bytes: u64) -> Result<()> {
-    if bytes == 0 {
-        return Ok(());
-    }
-    let device = &from.0.allocation.device;
-    let mut commands = Commands::new(device)?;
-    commands.begin()?;
-    let region = [vk::BufferCopy { src_offset: from.1, dst_offset: to.1, size: bytes }];
-    let (from, to) = (from.0.allocation.handle, to.0.allocation.handle);
-    // SAFETY: recording has begun, both ranges lie inside, both buffers have the transfer usages and outlive the submit.
-    unsafe { device.shared.device.cmd_copy_buffer(commands.buffer, from, to, &region) };
-    commands.submit()
-}
-
-impl Allocation {
-    fn new(device: &Device, name: &'static str, size: u64, wanted: vk::MemoryPropertyFlags) -> Result<Allocation> {
-        let shared = &device.shared;
-        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
-            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
-            | vk::BufferUsageFlags::INDIRECT_BUFFER
-            | vk::BufferUsageFlags::TRANSFER_SRC
-            | vk::BufferUsageFlags::TRANSFER_DST;
-        // From here on `drop` destroys what exists; Vulkan ignores null handles.
-        let mut new = Allocation {
-            device: device.clone(),
-            handle: vk::Buffer::null(),
-            memory: vk::DeviceMemory::null(),
-            mapping: None,
-            size,
-            name,
-            counted: 0,
-        };
-        let info = vk::BufferCreateInfo::default().size(size).usage(usage);
-        // SAFETY: handles belong to this device; memory is bound once, before any use.
-        unsafe {
-            new.handle = shared.device.create_buffer(&info, None).map_err(|e| shared.error("creating a buffer", e))?;
-            let needs = shared.device.get_buffer_memory_requirements(new.handle);
-            let kind = find_memory(&shared.memory, needs.memory_type_bits, wanted | HOST)
-                .or_else(|| find_memory(&shared.memory, needs.memory_type_bits, wanted))
-                .ok_or_else(|| Error::Device(format!("{} has no memory for {name}", shared.info.name)))?;
-            let allocate = vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(kind);
-            new.memory = shared
-                .device
-                .allocate_memory(&allocate, None)
-                .map_err(|e| shared.error("allocating device memory", e))?;
-            new.counted = size;
-            shared.bytes.fetch_add(size, Ordering::Relaxed);
-            shared
-                .device
-                .bind_buffer_memory(new.handle, new.memory, 0)
-                .map_err(|e| shared.error("binding memory", e))?;
-            let staging = wanted.contains(vk::MemoryPropertyFlags::HOST_VISIBLE);
-            if staging || shared.memory.memory_types[kind as usize].property_flags.contains(HOST) {
-                let address = shared
-                    .device
-                    .map_memory(new.memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty())
-                    .map_err(|e| shared.error("mapping memory", e))?;
-                new.mapping = Some(address.cast());
-            }
-        }
-        Ok(new)
-    }
-}
-
-fn find_memory(
-    memory: &vk::PhysicalDeviceMemoryProperties,
-    allowed: u32,
-    wanted: vk::MemoryPropertyFlags,
-) -> Option<u32> {
-    let types = memory.memory_types_as_slice();
-    (0..types.len()).find(|&i| allowed & (1 << i) != 0 && types[i].property_flags.contains(wanted)).map(|i| i as u32)
-}
-
-impl Drop for Allocation {
-    fn drop(&mut self) {
-        let shared = &self.device.shared;
-        shared.bytes.fetch_sub(self.counted, Ordering::Relaxed);
-        // SAFETY: bindings and recorders hold what they use, and every submit was waited for: the device no longer uses it.
-        unsafe {
-            shared.device.destroy_buffer(self.handle, None);
-            shared.device.free_memory(self.memory, None);
-        }
     }
 }
 

@@ -1,13 +1,16 @@
 //! A command buffer that is recorded, submitted and waited for, again and again.
 
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
 use ash::vk;
 
-use super::device::Device;
+use super::device::Shared;
 use crate::error::Result;
 
-/// One command buffer. The device works on it during [`Commands::submit`] only.
+/// One command buffer. The device works on it during a submit only.
 pub(super) struct Commands {
-    device: Device,
+    shared: Arc<Shared>,
     pool: vk::CommandPool,
     pub buffer: vk::CommandBuffer,
     fence: vk::Fence,
@@ -15,11 +18,10 @@ pub(super) struct Commands {
 }
 
 impl Commands {
-    pub fn new(device: &Device) -> Result<Commands> {
-        let shared = &device.shared;
+    pub fn new(shared: &Arc<Shared>) -> Result<Commands> {
         // From here on `drop` destroys what exists; Vulkan ignores null handles.
         let mut commands = Commands {
-            device: device.clone(),
+            shared: shared.clone(),
             pool: vk::CommandPool::null(),
             buffer: vk::CommandBuffer::null(),
             fence: vk::Fence::null(),
@@ -53,7 +55,7 @@ impl Commands {
 
     /// Begins to record. The last submit was waited for, so the command buffer is free.
     pub fn begin(&mut self) -> Result<()> {
-        let shared = &self.device.shared;
+        let shared = &self.shared;
         let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: `&mut self` makes this the only user of the pool, and the device does not work on the command buffer.
         unsafe { shared.device.begin_command_buffer(self.buffer, &once) }.map_err(|e| shared.error("recording", e))?;
@@ -61,42 +63,37 @@ impl Commands {
         Ok(())
     }
 
-    /// Submits what was recorded and waits until the device has done it; all it wrote is then visible to the host and to later
-    /// submits. Whatever the result, the device no longer uses anything that was recorded.
-    pub fn submit(&mut self) -> Result<()> {
-        assert!(self.recording, "submit without recording");
-        self.recording = false;
-        let shared = &self.device.shared;
-        let all = [vk::MemoryBarrier::default()
-            .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
-            .dst_access_mask(
-                vk::AccessFlags::HOST_READ
-                    | vk::AccessFlags::TRANSFER_READ
-                    | vk::AccessFlags::TRANSFER_WRITE
-                    | vk::AccessFlags::SHADER_READ
-                    | vk::AccessFlags::SHADER_WRITE
-                    | vk::AccessFlags::INDIRECT_COMMAND_READ,
-            )];
-        let commands = [self.buffer];
-        let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
-        // SAFETY: recording has begun; the lock makes this the queue's only user; the fence is unsignalled and waited for
-        // before anything is reused.
+    /// What follows with `after` waits for what was recorded, or submitted before, with `before`: stages, and their accesses.
+    pub fn barrier(
+        &self,
+        before: (vk::PipelineStageFlags, vk::AccessFlags),
+        after: (vk::PipelineStageFlags, vk::AccessFlags),
+    ) {
+        assert!(self.recording, "a barrier without recording");
+        let memory = [vk::MemoryBarrier::default().src_access_mask(before.1).dst_access_mask(after.1)];
+        // SAFETY: recording has begun.
         unsafe {
-            shared.device.cmd_pipeline_barrier(
-                self.buffer,
-                vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER,
-                vk::PipelineStageFlags::HOST
-                    | vk::PipelineStageFlags::TRANSFER
-                    | vk::PipelineStageFlags::COMPUTE_SHADER
-                    | vk::PipelineStageFlags::DRAW_INDIRECT,
-                vk::DependencyFlags::empty(),
-                &all,
-                &[],
-                &[],
-            );
-            shared.device.end_command_buffer(self.buffer).map_err(|e| shared.error("recording", e))?;
-            let queue = shared.submitting();
+            let none = vk::DependencyFlags::empty();
+            self.shared.device.cmd_pipeline_barrier(self.buffer, before.0, after.0, none, &memory, &[], &[]);
+        }
+    }
+
+    /// Submits what was recorded, after what `first` has recorded, and waits until the device has done both; all they wrote is
+    /// then visible to the host and to later submits. Whatever the result, the device no longer uses anything that was recorded.
+    pub fn submit(&mut self, first: Option<&mut Commands>) -> Result<()> {
+        let mut commands = vec![];
+        if let Some(first) = first {
+            commands.push(first.finish()?);
+        }
+        commands.push(self.finish()?);
+        let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
+        let shared = &self.shared;
+        let queue = shared.submitting();
+        // SAFETY: the command buffers are complete; the lock makes this the queue's only user; the fence is unsignalled and waited
+        // for before anything is reused.
+        unsafe {
             shared.device.queue_submit(*queue, &submit, self.fence).map_err(|e| shared.error("submitting work", e))?;
+            shared.waits.fetch_add(1, Ordering::Relaxed);
             if let Err(e) = shared.device.wait_for_fences(&[self.fence], true, u64::MAX) {
                 // The device may still be at work, and buffers must not go before it is done. It is if it was lost.
                 let _ = shared.device.queue_wait_idle(*queue);
@@ -105,11 +102,38 @@ impl Commands {
             shared.device.reset_fences(&[self.fence]).map_err(|e| shared.error("resetting a fence", e))
         }
     }
+
+    /// Ends the recording; what it writes is visible to the host and to whatever is submitted after it.
+    fn finish(&mut self) -> Result<vk::CommandBuffer> {
+        assert!(self.recording, "submit without recording");
+        self.barrier(
+            (
+                vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER,
+                vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE,
+            ),
+            (
+                vk::PipelineStageFlags::HOST
+                    | vk::PipelineStageFlags::TRANSFER
+                    | vk::PipelineStageFlags::COMPUTE_SHADER
+                    | vk::PipelineStageFlags::DRAW_INDIRECT,
+                vk::AccessFlags::HOST_READ
+                    | vk::AccessFlags::TRANSFER_READ
+                    | vk::AccessFlags::TRANSFER_WRITE
+                    | vk::AccessFlags::SHADER_READ
+                    | vk::AccessFlags::SHADER_WRITE
+                    | vk::AccessFlags::INDIRECT_COMMAND_READ,
+            ),
+        );
+        self.recording = false;
+        // SAFETY: recording has begun.
+        unsafe { self.shared.device.end_command_buffer(self.buffer) }.map_err(|e| self.shared.error("recording", e))?;
+        Ok(self.buffer)
+    }
 }
 
 impl Drop for Commands {
     fn drop(&mut self) {
-        let d = &self.device.shared.device;
+        let d = &self.shared.device;
         // SAFETY: every submit was waited for.
         unsafe {
             d.destroy_fence(self.fence, None);

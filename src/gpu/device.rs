@@ -2,11 +2,13 @@
 
 use std::ffi::CStr;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Arc, Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use ash::vk;
 
+use super::drive::Drive;
 use super::info::{DeviceInfo, choose, describe};
+use super::staging::Staging;
 use crate::error::{Error, Result};
 
 /// An open device with one compute queue. Cheap to clone; the last clone closes it. Threads may share it: their submits run
@@ -14,6 +16,7 @@ use crate::error::{Error, Result};
 #[derive(Clone)]
 pub struct Device {
     pub(super) shared: Arc<Shared>,
+    pub(super) staging: Arc<Mutex<Staging>>,
 }
 
 pub(super) struct Shared {
@@ -28,6 +31,9 @@ pub(super) struct Shared {
     pub info: DeviceInfo,
     /// Memory of all buffers that exist.
     pub bytes: AtomicU64,
+    /// How often the host waited for the device, and how often memory was allocated.
+    pub waits: AtomicU64,
+    pub allocations: AtomicU64,
     // Dropped after `drop` has destroyed the device.
     _instance: Instance,
 }
@@ -53,10 +59,16 @@ impl Device {
     /// Opens the device that `selector` names by number or by part of its name. Without a selector: a discrete card before
     /// an integrated one, and software last.
     pub fn open(selector: Option<&str>) -> Result<Device> {
+        Device::open_driven(selector, None)
+    }
+
+    /// As [`Device::open`], driven otherwise than its memory asks for.
+    pub fn open_driven(selector: Option<&str>, drive: Option<Drive>) -> Result<Device> {
         let instance = Instance::open()?;
         let (physical, infos): (Vec<_>, Vec<_>) = instance.devices()?.into_iter().unzip();
         let index = choose(&infos, selector)?;
-        open_physical(instance, physical[index], infos[index].clone())
+        let info = &infos[index];
+        open_physical(instance, physical[index], DeviceInfo { drive: drive.unwrap_or(info.drive), ..info.clone() })
     }
 
     pub fn info(&self) -> &DeviceInfo {
@@ -66,6 +78,16 @@ impl Device {
     /// Bytes of all buffers that exist now.
     pub fn bytes_in_use(&self) -> u64 {
         self.shared.bytes.load(Ordering::Relaxed)
+    }
+
+    /// How often the host has waited for the device.
+    pub fn waits(&self) -> u64 {
+        self.shared.waits.load(Ordering::Relaxed)
+    }
+
+    /// How often memory that the device works with has been allocated.
+    pub fn allocations(&self) -> u64 {
+        self.shared.allocations.load(Ordering::Relaxed)
     }
 }
 
@@ -148,7 +170,12 @@ impl Instance {
         // SAFETY: the instance is alive.
         let devices =
             unsafe { self.handle.enumerate_physical_devices() }.map_err(|e| device_error("enumerating devices", e))?;
-        Ok(devices.into_iter().map(|d| (d, describe(&self.handle, d))).collect())
+        let forced = Drive::forced()?;
+        let describe = |d| {
+            let info = describe(&self.handle, d);
+            (d, DeviceInfo { drive: forced.unwrap_or(info.drive), ..info })
+        };
+        Ok(devices.into_iter().map(describe).collect())
     }
 }
 
@@ -215,12 +242,16 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
         timestamp_ns: if has_timestamps { properties.limits.timestamp_period.into() } else { 0.0 },
         info,
         bytes: AtomicU64::new(0),
+        waits: AtomicU64::new(0),
+        allocations: AtomicU64::new(0),
         _instance: instance,
     };
     // SAFETY: the device is alive.
     shared.cache = unsafe { shared.device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
         .map_err(|e| device_error("creating the pipeline cache", e))?;
-    Ok(Device { shared: Arc::new(shared) })
+    let shared = Arc::new(shared);
+    let staging = Arc::new(Mutex::new(Staging::new(shared.clone())));
+    Ok(Device { shared, staging })
 }
 
 impl Drop for Shared {

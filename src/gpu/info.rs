@@ -2,6 +2,8 @@
 
 use ash::vk;
 
+use super::allocation::CACHED;
+use super::drive::Drive;
 use crate::error::{Error, Result};
 
 /// What a device is, the kind to prefer first.
@@ -37,6 +39,8 @@ pub struct DeviceInfo {
     pub max_allocation: u64,
     pub subgroup_size: u32,
     pub max_workgroup_invocations: u32,
+    /// How the host drives it.
+    pub drive: Drive,
     /// Why taugate cannot render on it; none where it can.
     pub unusable: Option<&'static str>,
 }
@@ -70,6 +74,7 @@ impl DeviceInfo {
             max_allocation: u64::MAX,
             subgroup_size: 0,
             max_workgroup_invocations: 0,
+            drive: Drive::CPU,
             unusable: None,
         }
     }
@@ -108,6 +113,15 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
         let bytes: Vec<u8> = s.iter().map(|&c| c as u8).take_while(|&c| c != 0).collect();
         String::from_utf8_lossy(&bytes).into_owned()
     };
+    let kind = match p.device_type {
+        vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+        vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+        vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+        vk::PhysicalDeviceType::CPU => DeviceKind::Software,
+        _ => DeviceKind::Other,
+    };
+    let device_memory = vk::MemoryPropertyFlags::DEVICE_LOCAL | CACHED;
+    let has_cached_memory = memory.memory_types_as_slice().iter().any(|t| t.property_flags.contains(device_memory));
     DeviceInfo {
         name: text(&p.device_name),
         driver: format!("{} {}", text(&driver.driver_name), text(&driver.driver_info)).trim().to_string(),
@@ -117,19 +131,14 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
             vk::api_version_minor(p.api_version),
             vk::api_version_patch(p.api_version)
         ),
-        kind: match p.device_type {
-            vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
-            vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
-            vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
-            vk::PhysicalDeviceType::CPU => DeviceKind::Software,
-            _ => DeviceKind::Other,
-        },
+        kind,
         heap_bytes: heap_bytes.unwrap_or(0),
         max_storage_buffer_range: p.limits.max_storage_buffer_range.into(),
         max_texels: p.limits.max_texel_buffer_elements.into(),
         max_allocation: maintenance.max_memory_allocation_size,
         subgroup_size: subgroup.subgroup_size,
         max_workgroup_invocations: p.limits.max_compute_work_group_invocations,
+        drive: Drive::of(has_cached_memory, kind == DeviceKind::Software),
         unusable,
     }
 }

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use ash::vk;
 
+use super::allocation::Allocation;
 use super::bounds;
-use super::buffer::{Allocation, Buffer};
+use super::buffer::Buffer;
 use super::device::Device;
 use super::shader::{self, Binding, Compiled};
 use crate::error::{Error, Result};
@@ -206,7 +207,7 @@ impl Bound {
 
     fn write(&mut self, binding: &Binding, buffer: &Arc<Allocation>) -> Result<()> {
         let shared = &self.pipeline.device.shared;
-        assert!(Arc::ptr_eq(shared, &buffer.device.shared), "{}: a buffer of another device", binding.name);
+        assert!(Arc::ptr_eq(shared, &buffer.shared), "{}: a buffer of another device", binding.name);
         let write = vk::WriteDescriptorSet::default()
             .dst_set(self.sets[binding.group as usize])
             .dst_binding(binding.binding)

@@ -1,19 +1,25 @@
 //! Vulkan compute: device, buffers, kernels. All the unsafe code is here, and nothing here knows rendering.
 
+mod allocation;
 mod bounds;
 mod buffer;
 mod commands;
 mod device;
+mod drive;
 mod info;
 mod kernel;
 pub mod need;
+mod read_back;
 mod recorder;
 pub mod shader;
 mod spirv;
+mod staging;
 
 pub use buffer::Buffer;
 pub use device::Device;
+pub use drive::Drive;
 pub use info::{DeviceInfo, DeviceKind};
 pub use kernel::{Bindings, Kernel};
 pub use need::Need;
+pub use read_back::ReadBack;
 pub use recorder::{Recorder, Timing};

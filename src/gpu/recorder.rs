@@ -9,6 +9,7 @@ use super::buffer::Buffer;
 use super::commands::Commands;
 use super::device::Device;
 use super::kernel::{Bindings, Kernel};
+use super::read_back::ReadBack;
 use crate::error::Result;
 
 /// Seconds the device spent on the dispatches that carried a label, over one submit.
@@ -28,7 +29,7 @@ pub struct Recorder {
 
 impl Recorder {
     pub fn new(device: &Device) -> Result<Recorder> {
-        let commands = Commands::new(device)?;
+        let commands = Commands::new(&device.shared)?;
         let shared = &device.shared;
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_QUERIES);
         // SAFETY: `info` outlives the call; `drop` destroys the pool.
@@ -82,7 +83,7 @@ impl Recorder {
         (arguments, word): (&Buffer, u64),
     ) -> Result<()> {
         let allocation = &arguments.allocation;
-        assert!(Arc::ptr_eq(&self.device.shared, &allocation.device.shared), "arguments of another device");
+        assert!(Arc::ptr_eq(&self.device.shared, &allocation.shared), "arguments of another device");
         assert!(
             word * 4 + size_of::<vk::DispatchIndirectCommand>() as u64 <= allocation.size,
             "arguments past the end"
@@ -121,23 +122,31 @@ impl Recorder {
 
     fn finish_dispatch(&mut self, label: &'static str) {
         self.stamp(label, vk::PipelineStageFlags::COMPUTE_SHADER);
-        let d = &self.device.shared.device;
-        let write = vk::AccessFlags::SHADER_WRITE;
-        let read =
+        let compute = vk::PipelineStageFlags::COMPUTE_SHADER;
+        let read_or_write =
             vk::AccessFlags::SHADER_READ | vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::INDIRECT_COMMAND_READ;
-        let barrier = [vk::MemoryBarrier::default().src_access_mask(write).dst_access_mask(read)];
-        // SAFETY: recording has begun.
-        unsafe {
-            d.cmd_pipeline_barrier(
-                self.commands.buffer,
-                vk::PipelineStageFlags::COMPUTE_SHADER,
-                vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::DRAW_INDIRECT,
-                vk::DependencyFlags::empty(),
-                &barrier,
-                &[],
-                &[],
-            );
-        }
+        self.commands.barrier(
+            (compute, vk::AccessFlags::SHADER_WRITE),
+            (compute | vk::PipelineStageFlags::DRAW_INDIRECT, read_or_write),
+        );
+    }
+
+    /// The first `bytes` bytes of `read_back`, as what was recorded so far leaves them, are there for the host after the submit.
+    pub fn read_back(&mut self, read_back: &ReadBack, bytes: u64) -> Result<()> {
+        let Some(copy) = &read_back.copy else { return Ok(()) };
+        let (from, to) = (&read_back.buffer.allocation, &copy.allocation);
+        assert!(Arc::ptr_eq(&self.device.shared, &from.shared), "a buffer of another device");
+        assert!(bytes <= from.size && from.size <= to.size, "{}: read past the end", from.name);
+        self.begin()?;
+        self.commands.barrier(
+            (vk::PipelineStageFlags::COMPUTE_SHADER, vk::AccessFlags::SHADER_WRITE),
+            (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_READ),
+        );
+        let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes }];
+        // SAFETY: recording has begun; the range lies inside both buffers, which have the transfer usages and are kept.
+        unsafe { self.device.shared.device.cmd_copy_buffer(self.commands.buffer, from.handle, to.handle, &region) };
+        self.kept.extend([from.clone() as Arc<dyn Send + Sync>, to.clone()]);
+        Ok(())
     }
 
     /// The time from the stamp before to the moment when everything recorded so far has passed `stage` belongs to `label`.
@@ -155,7 +164,7 @@ impl Recorder {
         if !self.commands.is_recording() {
             return Ok(vec![]);
         }
-        let done = self.commands.submit();
+        let done = self.device.submit(&mut self.commands);
         self.kept.clear();
         done?;
         self.timing()
