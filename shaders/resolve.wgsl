@@ -11,30 +11,24 @@
 // One thread, one sample of the tile; the first of a pixel adds up those that follow.
 @compute @workgroup_size(WORKGROUP)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x >= dispatch.count || tile_samples[id.x].y != 0u) {
+    if (id.x >= dispatch.count || sensor_sample(id.x).number != 0u) {
         return;
     }
     var sum = vec3<f32>(0.0);
     var squares = 0.0;
     var tally = vec4<u32>(0u);
-    var path = id.x;
-    loop {
+    // A plain loop over a count: SwiftShader loses iterations of a loop that threads leave at different places.
+    let end = id.x + samples_of_pixel(id.x);
+    for (var path = id.x; path < end; path++) {
         let r = radiance[path].xyz;
         let finite = is_finite(r);
         let counted = select(vec3<f32>(0.0), r, finite);
         sum += counted;
         squares += square(luminance(counted));
         tally += tallies[path] + vec4<u32>(select(1u, 0u, finite), 0u, 0u, 0u);
-        path++;
-        if (path >= dispatch.count) {
-            break;
-        }
-        if (tile_samples[path].y == 0u) {
-            break;
-        }
     }
     let p = sensor_sample(id.x).pixel - vec2<u32>(frame.crop_x, frame.crop_y);
     let index = p.y * frame.crop_width + p.x;
-    film[index] = vec4<f32>(sum / f32(path - id.x), squares);
+    film[index] = vec4<f32>(sum / f32(end - id.x), squares);
     film_tallies[index] = tally;
 }

@@ -1,8 +1,8 @@
 // The samples of a tile, as the host lists them.
 #import frame
 
-// Column and row in the whole film, 16 bits each; number of the sample among those that the pixel has in this iteration. Samples of
-// a pixel follow each other, from 0 on.
+// x: column and row in the whole film. y: number of the sample among those of its pixel in this iteration, and how many the pixel
+// has. 16 bits each. Samples of a pixel follow each other, from 0 on.
 @group(2) @binding(8) var<storage, read> tile_samples: array<vec2<u32>>;
 
 struct SensorSample {
@@ -17,6 +17,12 @@ struct SensorSample {
 // What sensor subpath `slot` of the tile samples.
 fn sensor_sample(slot: u32) -> SensorSample {
     let s = tile_samples[slot];
+    let number = s.y & 0xffffu;
     let pixel = vec2<u32>(s.x & 0xffffu, s.x >> 16u);
-    return SensorSample(pixel, pixel.y * frame.width + pixel.x, s.y, frame.first_sample + s.y);
+    return SensorSample(pixel, pixel.y * frame.width + pixel.x, number, frame.first_sample + number);
+}
+
+// How many samples the pixel of sample `slot` has in this iteration.
+fn samples_of_pixel(slot: u32) -> u32 {
+    return tile_samples[slot].y >> 16u;
 }

@@ -46,6 +46,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("resample", "as vertex_importance"),
     ("total_power", "leaves that come up with the probability they report"),
     ("sensor_sample", "crops that are parts of whole images, in determinism; tiles list their samples in a unit test"),
+    ("samples_of_pixel", "as sensor_sample; a lit triangle in estimators"),
     ("random_vertices", "weights of a path sum to 1"),
     ("gains_beyond", "weights of a path sum to 1"),
     ("load_vertex", "load_light_vertex and load_shade_point"),

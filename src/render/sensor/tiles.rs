@@ -6,7 +6,8 @@ use crate::settings::Crop;
 /// Pixels along a block: samples run block by block, so that the paths of a tile stay near each other.
 const BLOCK: u32 = 8;
 
-/// A sample of a tile, as `samples.wgsl` has it: its pixel in the whole film, its number among the pixel's.
+/// A sample of a tile, as `samples.wgsl` has it: its pixel in the whole film; its number among the pixel's, and how many those
+/// are, in 16 bits each.
 pub type TileSample = [u32; 2];
 
 /// Lists the samples of an iteration, whole pixels a tile.
@@ -37,7 +38,7 @@ impl<'a> Tiles<'a> {
                 break;
             }
             let film_pixel = film_pixel(self.crop, pixel);
-            self.samples.extend((0..count).map(|number| [film_pixel, number]));
+            self.samples.extend((0..count).map(|number| [film_pixel, count << 16 | number]));
             self.position += 1;
         }
         (!self.samples.is_empty()).then_some((&self.samples[..], self.is_empty()))
@@ -86,12 +87,14 @@ mod tests {
                     assert!(tile.len() <= most.max(7) && !ended, "{width} x {height}");
                     ended = is_last;
                     let mut here = vec![0; seen.len()];
-                    for &[film_pixel, number] in tile {
+                    for &[film_pixel, number_and_count] in tile {
+                        let (number, count) = (number_and_count & 0xffff, number_and_count >> 16);
                         let [x, y] = [film_pixel & 0xffff, film_pixel >> 16];
                         assert!((crop.x0..crop.x1).contains(&x) && (crop.y0..crop.y1).contains(&y));
                         let pixel = crop_pixel(crop, film_pixel);
                         assert_eq!(pixel, (y - crop.y0) * width + x - crop.x0);
                         assert_eq!(number, here[pixel as usize], "numbers run from 0");
+                        assert_eq!(count, counts.of(pixel));
                         here[pixel as usize] += 1;
                     }
                     for (pixel, &n) in here.iter().enumerate().filter(|(_, n)| **n > 0) {
