@@ -1,8 +1,6 @@
 // Connects shade points to the light vertices chosen for them: measurement contribution, MIS weight, visibility.
 #import candidate
-#import visibility
 #import connection
-#import gate
 #import shade_point
 #import tree
 #import samples
@@ -27,12 +25,12 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let candidate = candidates[slot];
     let v = load_light_vertex(candidate.vertex);
 
-    let offset = v.position - q.position;
-    let d2 = dot(offset, offset);
-    let w = offset * inverseSqrt(d2);
+    let segment = segment_between(q.position, v.position);
+    let w = segment.direction;
+    let tau = connection_time(q, v, w, sqrt(segment.length2));
     let open = unshadowed(q, v);
     let counted = select(open.w, 1.0, OBSERVE == OBSERVE_STRATEGIES);
-    let value = open.xyz * (candidate.weight * counted);
+    let value = open.xyz * (candidate.weight * counted * gate_weight(tau));
     if (!(max_component(abs(value)) > 0.0)) {
         // Zero, or not a number: `gather` sorts them out.
         contributions[slot] = vec4<f32>(value, -1.0);
@@ -41,12 +39,9 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // Visibility between the points as the surfaces' rounding leaves them.
     let sensor = sensor_sample(q.owner);
-    let origin = leave(q.position, q.geometric, q.offset, w);
-    let target_point = leave(v.position, v.geometric, v.offset, -w);
     let lane = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
     let key = vec4<u32>(sensor.index, sensor.sample, lane, frame.seed);
-    let hit = trace(origin, target_point - origin, 1.0, true, NONE, key);
-    let tau = v.tau + medium_towards(q, w) * sqrt(d2) + q.tau;
+    let lit = is_open(ray_end(q, w), ray_end(v, -w), key);
     let last = select(tau, open.w, OBSERVE == OBSERVE_STRATEGIES);
-    contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, hit.triangle == NONE), last);
+    contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, lit), last);
 }

@@ -1,7 +1,6 @@
 // Strategy t = 1: every light vertex seen from the pinhole. The gate is tested before the ray is traced.
-#import visibility
 #import weights
-#import gate
+#import segment
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> list: array<u32>;
@@ -25,28 +24,27 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let d = length(v.position);
     let w = -v.position / d;
-    let last = medium_towards(v, w) * d;
-    if (!in_gate(v.tau, last, 0.0)) {
+    let tau = travel_time(v.tau, optical_length(v, w, d), 0.0);
+    let counted = gate_weight(tau);
+    if (counted == 0.0) {
         return;
     }
-    let c = connect_light_vertex(v, w);
+    let c = evaluate_light_vertex(v, w);
     let cosine = dot(-w, frame.forward);
     // Flux over area becomes mean radiance over the pixel (box filter): 1 / (d^2 pixel_area cos^3).
     let density = pixel_pdf(cosine);
     // The one copy of a deterministic vertex that counts has all of its power.
     let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);
-    let value = v.throughput * c.value * (share * density / (d * d));
+    let value = v.throughput * c.value * (counted * share * density / (d * d));
     // What is not a number goes on: the host counts it.
     if (max_component(value) <= 0.0) {
         return;
     }
 
     // Visibility, from the vertex to the pinhole.
-    let origin = leave(v.position, v.geometric, v.offset, w);
     let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u) | 1u;
     let key = vec4<u32>(dispatch.first + slot, frame.iteration, lane, frame.seed);
-    let hit = trace(origin, -origin, 1.0, true, NONE, key);
-    if (hit.triangle != NONE) {
+    if (!is_open(ray_end(v, w), vec3<f32>(0.0), key)) {
         return;
     }
     let weight = splat_weight(v, c, density * c.cosine / (d * d));
@@ -55,5 +53,5 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
         splat_weights[slot] = weight;
         return;
     }
-    splats[slot] = vec4<f32>(value * weight, select(bitcast<f32>(pixel), v.tau + last, OBSERVE == OBSERVE_TIMES));
+    splats[slot] = vec4<f32>(value * weight, select(bitcast<f32>(pixel), tau, OBSERVE == OBSERVE_TIMES));
 }

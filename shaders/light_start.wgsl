@@ -40,8 +40,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
         s.flags |= PATH_DETERMINISTIC;
     }
     if (!e.beam) {
-        let side = leave(vec3<f32>(0.0), e.vertex.geometric, e.vertex.offset, e.direction);
-        s.shift = side;
+        s.shift = step_off(e.vertex, e.direction);
         start_light_sums(&s, e);
     }
     e.vertex.throughput *= per_path;

@@ -1,5 +1,4 @@
 // One segment of every living light subpath: trace, store the vertex, choose the next direction.
-#import visibility
 #import walk
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
@@ -23,18 +22,12 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     // Nearest surface along the ray.
     let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(path, frame.iteration, lane, frame.seed);
-    let hit = trace(s.position + s.shift, s.direction, 3e38, false, s.triangle, key);
-    if (hit.triangle == NONE) {
+    let arrival = advance(&s, key);
+    // Whatever follows, the light still has to reach the sensor at the origin.
+    if (!arrival.found || is_too_late(arrival.vertex, vec3<f32>(0.0))) {
         return;
     }
-    let met = meet_again(hit, s.position, s.direction);
-    let surface = surface_at(met.triangle, met.u, met.v);
-    var v = arrive(&s, surface);
-
-    // Exact culling (DESIGN 3.1): whatever follows, the light still has to reach the sensor at the origin.
-    if (v.tau + length(v.position) >= frame.cull_hi) {
-        return;
-    }
+    var v = arrival.vertex;
     let depth = dispatch.bounce + 1u;
     v.flags |= depth;
     v.owner = s.emitter;

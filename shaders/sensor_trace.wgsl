@@ -1,5 +1,4 @@
 // One segment of every living sensor subpath: trace, collect light that was hit, leave a shade point, go on.
-#import visibility
 #import walk
 #import weights
 #import gate
@@ -37,21 +36,19 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let sensor = sensor_sample(slot);
     let lane = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(sensor.index, sensor.sample, lane, frame.seed);
-    let hit = trace(s.position + s.shift, s.direction, 3e38, false, s.triangle, key);
-    if (hit.triangle == NONE) {
+    let arrival = advance(&s, key);
+    if (!arrival.found) {
         return;
     }
-    let met = meet_again(hit, s.position, s.direction);
-    let surface = surface_at(met.triangle, met.u, met.v);
-    var q = arrive(&s, surface);
+    var q = arrival.vertex;
     q.owner = slot;
     let depth = dispatch.bounce + 1u;
     q.flags |= depth;
 
     // Strategy s = 0: the subpath has found an emitter by itself.
     if (frame.keep_s0 > 0.0) {
-        let light = emitter_hit(s, surface, q, depth);
-        if (max_component(light.xyz) > 0.0 && in_gate(0.0, 0.0, q.tau)) {
+        let light = emitter_hit(s, arrival.surface, q, depth) * vec4<f32>(vec3<f32>(gate_weight(q.tau)), 1.0);
+        if (max_component(light.xyz) > 0.0) {
             radiance[slot] += vec4<f32>(light.xyz * light.w, 0.0);
             tallies[slot].z += 1u;
             // Emitters in view would drown what they light; who looks for a gate looks for the latter.
@@ -64,9 +61,9 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
 
-    // Exact culling (DESIGN 3.1): the path still has to reach an emitter.
+    // The path still has to reach an emitter.
     let nearest = clamp(q.position, frame.emitter_lo, frame.emitter_hi);
-    if (depth >= frame.max_depth || q.tau + distance(q.position, nearest) >= frame.cull_hi) {
+    if (depth >= frame.max_depth || is_too_late(q, nearest)) {
         return;
     }
     var mark = 0u;
@@ -96,6 +93,6 @@ fn emitter_hit(s: PathState, surface: Surface, q: PathVertex, depth: u32) -> vec
     if (m.emission_density <= 0.0 || !(two_sided || (q.flags & VERTEX_FRONT) != 0u)) {
         return vec4<f32>(0.0);
     }
-    let emitted_density = dot(q.geometric, q.to_previous) / select(PI, 2.0 * PI, two_sided);
+    let emitted_density = vertex_cosine(q, q.to_previous) / select(PI, 2.0 * PI, two_sided);
     return vec4<f32>(s.throughput * emission(surface), emitter_weight(q, depth, m.emission_density, emitted_density));
 }

@@ -4,14 +4,13 @@
 //     w_{s,t} omega_t phi_j f_j(q) / (K P(j | q)),   f_j = f(q) cos f(v) cos V(q, v) / d^2,
 // inside the gate. w_{s,t} is the power heuristic (Eq. 27) over all strategies that are kept, see `weights.wgsl`.
 #import weights
+#import segment
 
 // The contribution of the connection without w, V and the factor 1 / (K P(j | q)) of how v was chosen; w: its MIS weight.
 fn unshadowed(q: PathVertex, v: PathVertex) -> vec4<f32> {
-    let offset = v.position - q.position;
-    let d2 = dot(offset, offset);
-    let w = offset * inverseSqrt(d2);
-    let at_q = connect_shade_point(q, w);
-    let at_v = connect_light_vertex(v, -w);
-    let value = q.throughput * v.throughput * at_q.value * at_v.value / d2;
-    return vec4<f32>(value, connection_weight(q, v, at_q, at_v, d2));
+    let segment = segment_between(q.position, v.position);
+    let at_q = evaluate_shade_point(q, segment.direction);
+    let at_v = evaluate_light_vertex(v, -segment.direction);
+    let value = q.throughput * v.throughput * at_q.value * at_v.value / segment.length2;
+    return vec4<f32>(value, connection_weight(q, v, at_q, at_v, segment.length2));
 }

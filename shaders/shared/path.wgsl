@@ -97,11 +97,6 @@ fn load_vertex(texels: texture_1d<u32>, index: u32) -> PathVertex {
         bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, 0u);
 }
 
-// Whether light passes through the surface at v.
-fn transmits(v: PathVertex) -> bool {
-    return HAS_TRANSMISSION && (v.flags & VERTEX_TRANSMITS) != 0u;
-}
-
 // Vertices of the light subpath up to v that are not deterministic, at most 3.
 fn random_vertices(v: PathVertex) -> u32 {
     return (v.flags >> VERTEX_RANDOM_SHIFT) & 3u;

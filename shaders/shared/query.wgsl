@@ -1,13 +1,13 @@
 // One query of a light tree: from the shell of a shade point to a light vertex.
 #import candidate
 #import lightcone
-#import scatter
+#import vertex
 #import random
 
 fn make_shell(q: PathVertex) -> Shell {
-    let other = medium_towards(q, -q.geometric);
+    let eta = eta_range(q);
     return Shell(q.position, frame.gate_lo - q.tau - frame.slack, frame.gate_hi - q.tau + frame.slack,
-        min(q.eta, other), max(q.eta, other));
+        eta.x, eta.y);
 }
 
 // A uniform in [0, 1) and the next state of a query's generator.

@@ -9,9 +9,9 @@ const LEAST_SPREAD: f32 = 0.01;
 
 // Its shell, its normal, and the lobe of its gloss; light that glass lets through counts as what it scatters diffusely.
 fn make_receiver(q: PathVertex) -> Receiver {
-    var r = Receiver(make_shell(q), q.geometric, transmits(q), q.normal, 1.0, 0.0);
+    var r = Receiver(make_shell(q), q.geometric, !is_one_sided(q), q.normal, 1.0, 0.0);
     if (HAS_GLOSSY && BY_GLOSS) {
-        let b = make_bsdf(q.material, q.base_color, (q.flags & VERTEX_FRONT) != 0u);
+        let b = vertex_bsdf(q);
         let cosine = dot(q.normal, q.to_previous);
         let lobes = lobe_probabilities(b, cosine);
         r.mirrored = 2.0 * cosine * q.normal - q.to_previous;

@@ -34,13 +34,12 @@ fn descend_by_importance(start: Way, receiver: Receiver, rng: ptr<function, u32>
 
 // What v would contribute to q if both were diffuse and saw each other; 0 if it cannot contribute.
 fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
-    let offset = v.position - q.position;
-    let d2 = dot(offset, offset);
-    let w = offset * inverseSqrt(d2);
+    let segment = segment_between(q.position, v.position);
+    let w = segment.direction;
     // Glossy surfaces and those that let light through return more than a cosine's worth at grazing angles.
     let least = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
-    let cosines = max(abs(dot(q.geometric, w)), least) * max(abs(dot(v.geometric, w)), least);
-    return select(0.0, max(max_component(v.throughput) * cosines / d2, LEAST_IMPORTANCE), can_connect(q, v));
+    let cosines = max(vertex_cosine(q, w), least) * max(vertex_cosine(v, w), least);
+    return select(0.0, max(max_component(v.throughput) * cosines / segment.length2, LEAST_IMPORTANCE), can_connect(q, v));
 }
 
 // One vertex of a leaf by `vertex_importance`; `weight` comes in as 1 / P(leaf | q) and goes out as 1 / P(j | q).

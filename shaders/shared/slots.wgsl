@@ -1,9 +1,8 @@
 // The candidate slots of a shade point, and the deterministic vertices that come first in them.
 #import candidate
-#import scatter
 #import random
 #import tree
-#import gate
+#import segment
 #import samples
 #import shade_point
 
@@ -31,11 +30,8 @@ fn can_connect(q: PathVertex, v: PathVertex) -> bool {
     let d = sqrt(d2);
     let w = offset / d;
     let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
-    let emitter_any_side = (v.flags & VERTEX_EMITTER) != 0u && v.material != EMIT_ONE_SIDED;
     return d > SAME_PLACE * max_component(abs(q.position)) && segments <= frame.max_depth
-        && in_gate(v.tau, medium_towards(q, w) * d, q.tau)
-        && (transmits(q) || dot(q.geometric, w) > 0.0)
-        && (transmits(v) || emitter_any_side || dot(v.geometric, w) < 0.0);
+        && gate_weight(connection_time(q, v, w, d)) > 0.0 && faces(q, w) && faces(v, -w);
 }
 
 // `vertex` if connecting it to q can contribute, else NONE.

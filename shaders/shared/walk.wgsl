@@ -1,5 +1,32 @@
-// The two halves of a random walk's step, the same for light and sensor subpaths: arriving at a surface and leaving it.
-#import scatter
+// One step of a random walk, the same for light and sensor subpaths: to the next surface, and on from there.
+#import visibility
+#import partial_sums
+
+// Where a subpath arrived.
+struct Arrival {
+    // Without it the ray met nothing, and the rest has no meaning.
+    found: bool,
+    surface: Surface,
+    vertex: PathVertex,
+}
+
+// Traces the ray of `state` to the nearest surface and moves the subpath there. `key`: see `trace`.
+fn advance(state: ptr<function, PathState>, key: vec4<u32>) -> Arrival {
+    var a: Arrival;
+    let hit = trace((*state).position + (*state).shift, (*state).direction, 3e38, false, (*state).triangle, key);
+    a.found = hit.triangle != NONE;
+    if (a.found) {
+        let met = meet_again(hit, (*state).position, (*state).direction);
+        a.surface = surface_at(met.triangle, met.u, met.v);
+        a.vertex = arrive(state, a.surface);
+    }
+    return a;
+}
+
+// Whether every path on from v by way of `goal`, or of a point behind it, is too long for the gate. Exact: nothing that counts is lost.
+fn is_too_late(v: PathVertex, goal: vec3<f32>) -> bool {
+    return v.tau + distance(v.position, goal) >= frame.cull_hi;
+}
 
 // Moves `state` to the hit: travel time, partial MIS sums, and the vertex that stands there.
 fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
@@ -39,7 +66,7 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
 // Sends `state` on from `v`; false if the subpath ends here. `u`: direction and lobe, `survival`: Russian roulette on the
 // throughput this bounce takes away, off for `survival` < 0.
 fn depart(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec4<f32>, survival: f32) -> bool {
-    let s = scatter(v, to_light, u);
+    let s = sample_vertex(v, to_light, u);
     if (!s.valid) {
         return false;
     }
@@ -50,18 +77,11 @@ fn depart(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec
     }
     (*state).throughput *= s.weight / keep;
     (*state).direction = s.direction;
-    (*state).eta = medium_towards(v, s.direction);
-    (*state).shift = leave(vec3<f32>(0.0), v.geometric, v.offset, s.direction);
+    (*state).eta = eta_towards(v, s.direction);
+    (*state).shift = step_off(v, s.direction);
     mis_scatter(state, s, select(gain_after(v) * v.select_pdf, 1.0, to_light));
     if (!(s.delta && load_material(v.material).metallic >= 1.0)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
     }
     return true;
-}
-
-// Can the vertex be connected: has its side of the material a lobe that is not a delta?
-fn is_connectible(v: PathVertex) -> bool {
-    let m = load_material(v.material);
-    let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
-    return !black && (m.alpha >= DELTA_ALPHA || (m.metallic < 1.0 && m.transmission < 1.0));
 }

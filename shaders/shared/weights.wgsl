@@ -6,13 +6,13 @@
 // for r of them. (Of more, no: subpaths of many segments are so rare that one pool of them must not carry the image.) t = 1 is
 // served by no query: with r it counts as `light_count` n(r - 1) / gain, so light_count / gain beside the connection to the vertex
 // before it, or as light_count if that one is deterministic: nothing chooses it. gain = 1 is the plain power heuristic.
-#import scatter
+#import partial_sums
 #import camera
 
 // Sums of a light subpath's first segment (Eqs. 31 and 32): d_vcm leads to s = 1, d_vc to s = 0. Not for beams: both are 0.
 fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
     if (e.stored) {
-        let cosine = abs(dot(e.vertex.geometric, e.direction));
+        let cosine = vertex_cosine(e.vertex, e.direction);
         (*s).d_vcm = mis(1.0 / (frame.gain * e.pdf_direction));
         (*s).d_vc = frame.keep_s0 * mis(cosine / (frame.gain * e.density * e.pdf_direction));
     } else {
@@ -39,7 +39,7 @@ fn gains_beyond(r: u32, depth: u32) -> vec2<f32> {
 
 // Weight of connecting q and v at the squared distance d2 (Eqs. 38 to 40). Strategies that would have traced q from v stand
 // in w_sensor, those that would have traced v from q in w_light.
-fn connection_weight(q: PathVertex, v: PathVertex, at_q: Connection, at_v: Connection, d2: f32) -> f32 {
+fn connection_weight(q: PathVertex, v: PathVertex, at_q: Evaluation, at_v: Evaluation, d2: f32) -> f32 {
     let q_to_v = at_q.pdf * at_v.cosine / d2;
     let v_to_q = at_v.pdf * at_q.cosine / d2;
     let beyond = gains_beyond(random_vertices(v), q.flags & VERTEX_DEPTH);
@@ -61,7 +61,7 @@ fn emitter_weight(q: PathVertex, depth: u32, direct: f32, emitted: f32) -> f32 {
 }
 
 // Weight of t = 1 at v; `area_density`: with which the sensor's own sample of the pixel reaches v, per area.
-fn splat_weight(v: PathVertex, at_v: Connection, area_density: f32) -> f32 {
+fn splat_weight(v: PathVertex, at_v: Evaluation, area_density: f32) -> f32 {
     // n(r) over the sample count of t = 1.
     let count = frame.gain * select(1.0, frame.gain, random_vertices(v) == 2u) / frame.light_count;
     return 1.0 / (1.0 + mis(count * area_density) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse)));

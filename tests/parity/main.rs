@@ -27,5 +27,6 @@ mod texels;
 mod texture;
 mod trace;
 mod values;
+mod vertex;
 mod watertight;
 mod weights;

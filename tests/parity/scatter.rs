@@ -1,4 +1,4 @@
-//! `shared/scatter.wgsl` and `walk.wgsl`: connections and steps in world space, with shading normals.
+//! `shared/vertex.wgsl`, `partial_sums.wgsl` and `walk.wgsl`: connections and steps in world space, with shading normals.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -15,15 +15,15 @@ pub const KERNELS: &[&ShaderFunction] = &[&CONNECT, &STEP, &SUMS];
 const FRONT: u32 = 0x400;
 
 const CONNECT: ShaderFunction = ShaderFunction {
-    imports: &["scatter"],
+    imports: &["vertex"],
     given: "v: PathVertex, w: vec3<f32>, pad: f32",
     result:
         "q_value: vec3<f32>, q_pdf: f32, l_value: vec3<f32>, l_pdf: f32, local: vec3<f32>, medium: f32, q_reverse: f32,
         l_reverse: f32, q_cosine: f32, l_cosine: f32",
-    body: "let q = connect_shade_point(given.v, given.w); let l = connect_light_vertex(given.v, given.w);
+    body: "let q = evaluate_shade_point(given.v, given.w); let l = evaluate_light_vertex(given.v, given.w);
         result.q_value = q.value; result.q_pdf = q.pdf; result.q_reverse = q.pdf_reverse; result.q_cosine = q.cosine;
         result.l_value = l.value; result.l_pdf = l.pdf; result.l_reverse = l.pdf_reverse; result.l_cosine = l.cosine;
-        result.local = to_local(given.v.normal, given.w); result.medium = medium_towards(given.v, given.w);",
+        result.local = to_local(given.v.normal, given.w); result.medium = eta_towards(given.v, given.w);",
 };
 
 #[repr(C)]
@@ -148,12 +148,12 @@ const STEP: ShaderFunction = ShaderFunction {
     given: "v: PathVertex, u: vec4<f32>, to_light: u32, survival: f32, d_vcm: f32, d_vc: f32",
     result: "weight: vec3<f32>, pdf: f32, value: vec3<f32>, connect_pdf: f32, direction: vec3<f32>, valid: u32,
         state: PathState, departed: u32, connectible: u32, pad: vec2<u32>",
-    body: "let s = scatter(given.v, given.to_light == 1u, given.u);
+    body: "let s = sample_vertex(given.v, given.to_light == 1u, given.u);
         result.weight = s.weight; result.pdf = s.pdf; result.direction = s.direction;
         result.valid = u32(s.valid && !s.delta);
         if (s.valid) {
-            var c = connect_light_vertex(given.v, s.direction);
-            if (given.to_light == 1u) { c = connect_shade_point(given.v, s.direction); }
+            var c = evaluate_light_vertex(given.v, s.direction);
+            if (given.to_light == 1u) { c = evaluate_shade_point(given.v, s.direction); }
             result.value = c.value; result.connect_pdf = c.pdf;
         }
         var state: PathState; state.throughput = vec3<f32>(2.0); state.d_vcm = given.d_vcm; state.d_vc = given.d_vc;

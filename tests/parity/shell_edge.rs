@@ -1,4 +1,4 @@
-//! A vertex that `in_gate` accepts is never pruned, however close to the gate's edge its travel time rounds.
+//! A vertex that `gate_weight` accepts is never pruned, however close to the gate's edge its travel time rounds.
 
 use bytemuck::{Pod, Zeroable};
 use taugate::generate::numbers::Pcg;
@@ -15,7 +15,7 @@ const GATE: ShaderFunction = ShaderFunction {
     imports: &["gate"],
     given: "v_tau: f32, connection: f32, q_tau: f32",
     result: "open: u32",
-    body: "result.open = u32(in_gate(given.v_tau, given.connection, given.q_tau));",
+    body: "result.open = u32(gate_weight(travel_time(given.v_tau, given.connection, given.q_tau)));",
 };
 
 #[test]
@@ -43,7 +43,7 @@ fn the_gate_is_half_open() {
 }
 
 const EDGE: ShaderFunction = ShaderFunction {
-    imports: &["query", "gate"],
+    imports: &["query", "segment"],
     given: "c: TreeChild, q: vec3<f32>, q_tau: f32, v: vec3<f32>, v_tau: f32",
     result: "open: u32, bound3: f32, bound4: f32, tau: f32",
     body: "var q: PathVertex;
@@ -52,7 +52,7 @@ const EDGE: ShaderFunction = ShaderFunction {
         let offset = given.v - given.q;
         let d = sqrt(dot(offset, offset));
         result.tau = given.v_tau + d + given.q_tau;
-        result.open = u32(in_gate(given.v_tau, medium_towards(q, offset / d) * d, given.q_tau));
+        result.open = u32(gate_weight(travel_time(given.v_tau, optical_length(q, offset / d, d), given.q_tau)));
         result.bound3 = node_bound(given.c, shell, true);
         result.bound4 = node_bound(given.c, shell, false);",
 };

@@ -46,7 +46,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             lights[i] = v;
             if (i + 1u < k) {
                 light.direction = normalize(path.place[i + 1u].xyz - path.place[i].xyz);
-                let c = connect_light_vertex(v, light.direction);
+                let c = evaluate_light_vertex(v, light.direction);
                 var s: Scatter; s.pdf = c.pdf / v.select_pdf; s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
                 s.delta = !is_connectible(v);
                 mis_scatter(&light, s, gain_after(v) * v.select_pdf);
@@ -66,7 +66,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             sensors[j] = q;
             if (j > 0u) {
                 sensor.direction = normalize(path.place[j - 1u].xyz - path.place[j].xyz);
-                let c = connect_shade_point(q, sensor.direction);
+                let c = evaluate_shade_point(q, sensor.direction);
                 var s: Scatter; s.pdf = c.pdf; s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
                 s.delta = !is_connectible(q);
                 mis_scatter(&sensor, s, 1.0);
@@ -83,12 +83,12 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             let stands = select(is_connectible(v), !beam, s == 1u) && is_connectible(q);
             if (stands && (s == 1u || frame.keep_s2 > 0.0)) {
                 let offset = v.position - q.position; let w = normalize(offset);
-                result.weights[s] = connection_weight(q, v, connect_shade_point(q, w), connect_light_vertex(v, -w),
+                result.weights[s] = connection_weight(q, v, evaluate_shade_point(q, w), evaluate_light_vertex(v, -w),
                     dot(offset, offset));
             }
         }
         if (k > 1u && frame.keep_t1 > 0.0 && is_connectible(lights[k - 1u])) {
-            let v = lights[k - 1u]; let d = length(v.position); let c = connect_light_vertex(v, -v.position / d);
+            let v = lights[k - 1u]; let d = length(v.position); let c = evaluate_light_vertex(v, -v.position / d);
             let density = pixel_pdf(dot(v.position / d, frame.forward));
             result.weights[k] = splat_weight(v, c, density * c.cosine / (d * d));
         }",

@@ -1,0 +1,32 @@
+// The partial MIS sums that a subpath carries from vertex to vertex (Georgiev, "Implementing Vertex Connection and Merging", 2012),
+// every term squared for the power heuristic. `weights.wgsl` starts them and turns them into weights.
+#import vertex
+
+// Partial MIS sums stay finite: a strategy that lags behind by so much takes no part.
+const LARGEST_SUM: f32 = 1e30;
+
+// n(r + 1) / n(r) of `weights.wgsl` for a light subpath that goes on from v.
+fn gain_after(v: PathVertex) -> f32 {
+    return select(1.0, frame.gain, random_vertices(v) < 2u);
+}
+
+// One step of the partial MIS sums when the subpath goes on from a vertex (Georgiev 2012, Eqs. 35 and 36), before the
+// distance and cosine at the next vertex are known. `samples`: for how many the next vertex of a light subpath stands, times the
+// probability of its emitter after deterministic vertices; else 1.
+fn mis_scatter(state: ptr<function, PathState>, s: Scatter, samples: f32) {
+    if (s.delta) {
+        (*state).d_vcm = 0.0;
+        (*state).d_vc = (*state).d_vc * mis(s.cosine / samples);
+        return;
+    }
+    let density = s.pdf * samples;
+    (*state).d_vc = min(mis(s.cosine / density) * ((*state).d_vcm + (*state).d_vc * mis(s.pdf_reverse)), LARGEST_SUM);
+    (*state).d_vcm = min(mis(1.0 / density), LARGEST_SUM);
+}
+
+// The same sums on arrival: densities per solid angle become densities per area.
+fn mis_arrive(state: ptr<function, PathState>, distance2: f32, cosine: f32) {
+    let c = mis(max(cosine, 1e-12));
+    (*state).d_vcm = min((*state).d_vcm * mis(distance2) / c, LARGEST_SUM);
+    (*state).d_vc = min((*state).d_vc / c, LARGEST_SUM);
+}
