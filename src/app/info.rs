@@ -117,10 +117,11 @@ struct Arrival {
 pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     let scene = taugate::scene::gltf::load(&args.scene)?;
     let mut report = contents(&scene);
-    match resolve(&args.experiment(), &scene) {
+    let experiment = args.experiment();
+    match resolve(&experiment, &scene) {
         Ok(resolved) => {
             report.warnings.extend(resolved.warnings);
-            add_render(&mut report, &scene, &resolved.settings, args.device.as_deref())?;
+            add_render(&mut report, &scene, &resolved.settings, experiment.render.device.as_deref())?;
         }
         // Only the scene can mend these; what it has is shown all the same.
         Err(Error::Scene { message, .. }) => report.notes.push(format!("cannot be rendered: {message}")),

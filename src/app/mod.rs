@@ -5,6 +5,7 @@ pub mod cli;
 mod compare;
 mod devices;
 mod feasible;
+mod flags;
 mod generate;
 mod info;
 mod interrupts;

@@ -85,7 +85,7 @@ impl Job {
 
         // The truth depends on what is looked at and on which paths count, not on how they are found.
         let mut truth = config.clone();
-        truth.render = crate::input::experiment::RenderTable {
+        truth.render = crate::settings::table::RenderTable {
             strategies: Some(settings.strategies),
             max_depth: Some(settings.max_depth),
             ..Default::default()

@@ -15,8 +15,9 @@ use toml::Spanned;
 use super::sweep::Sweep;
 use crate::error::{Error, Result};
 use crate::generate::Kind;
-use crate::input::experiment::{CameraTable, EmitterTable, Experiment, GateTable, RenderTable, position};
+use crate::input::experiment::{Experiment, position};
 use crate::settings::Emitters;
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
 use crate::settings::units::{Depth, Gate, Resolution as Fineness};
 use crate::settings::values::{Resolution, Seconds};
 

@@ -10,9 +10,9 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
-use crate::settings::units::{Depth, Gate};
-use crate::settings::values::{Resolution, Seconds};
-use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
+use crate::settings::setting::Visitor;
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, OutputTable, RenderTable};
+use crate::settings::values::Png;
 
 /// Experiment files are a page of text; anything larger is some other file.
 const MAX_BYTES: u64 = 1 << 20;
@@ -30,71 +30,6 @@ pub struct Experiment {
     pub output: OutputTable,
     #[serde(skip_serializing)]
     pub medium: Medium,
-}
-
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct CameraTable {
-    pub camera: Option<String>,
-    pub resolution: Option<Resolution>,
-    pub crop: Option<Crop>,
-}
-
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct EmitterTable {
-    pub emitters: Option<Emitters>,
-}
-
-/// At most one of the two.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct GateTable {
-    pub gate: Option<Gate>,
-    pub depth: Option<Depth>,
-    pub force: Option<bool>,
-}
-
-/// At most one of `spp` and `time`.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct RenderTable {
-    pub estimator: Option<Estimator>,
-    pub strategies: Option<Strategies>,
-    pub spp: Option<u32>,
-    pub time: Option<Seconds>,
-    pub seed: Option<u32>,
-    pub max_depth: Option<u32>,
-    pub light_paths: Option<u32>,
-    pub splat_paths: Option<u32>,
-    pub queries: Option<u32>,
-    pub buckets: Option<u32>,
-    pub leaf_size: Option<u32>,
-    pub frontier: Option<u32>,
-    pub single_tree: Option<bool>,
-    pub importance: Option<Importance>,
-    pub sampling: Option<Sampling>,
-    pub no_cull: Option<bool>,
-    pub device: Option<String>,
-    pub strict: Option<bool>,
-}
-
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct OutputTable {
-    pub output: Option<PathBuf>,
-    pub png: Option<Png>,
-    pub stats: Option<PathBuf>,
-    pub strategy_images: Option<PathBuf>,
-}
-
-/// Whether and where the tone-mapped picture goes: `png = true` or `png = "picture.png"`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "expected true, false or a file name")]
-pub enum Png {
-    /// Beside the output, with the extension .png.
-    Wanted(bool),
-    File(PathBuf),
 }
 
 /// Holds the place of fog and smoke: the table is known, and refused.
@@ -157,50 +92,33 @@ impl Experiment {
     }
 
     /// This where it says something, `below` elsewhere.
-    pub fn over(self, below: Experiment) -> Experiment {
+    pub fn over(self, mut below: Experiment) -> Experiment {
         // Alternatives go together: a depth typed as a flag replaces the file's gate.
-        let gate_said = self.gate.gate.is_some() || self.gate.depth.is_some();
-        let budget_said = self.render.spp.is_some() || self.render.time.is_some();
-        let (gates, budgets) =
-            (if gate_said { &self.gate } else { &below.gate }, if budget_said { &self.render } else { &below.render });
-        let (gate, depth, spp, time) = (gates.gate, gates.depth, budgets.spp, budgets.time);
+        if self.gate.gate.is_some() || self.gate.depth.is_some() {
+            (below.gate.gate, below.gate.depth) = (None, None);
+        }
+        if self.render.spp.is_some() || self.render.time.is_some() {
+            (below.render.spp, below.render.time) = (None, None);
+        }
         Experiment {
             scene: self.scene.or(below.scene),
-            camera: CameraTable {
-                camera: self.camera.camera.or(below.camera.camera),
-                resolution: self.camera.resolution.or(below.camera.resolution),
-                crop: self.camera.crop.or(below.camera.crop),
-            },
-            emitter: EmitterTable { emitters: self.emitter.emitters.or(below.emitter.emitters) },
-            gate: GateTable { gate, depth, force: self.gate.force.or(below.gate.force) },
-            render: RenderTable {
-                estimator: self.render.estimator.or(below.render.estimator),
-                strategies: self.render.strategies.or(below.render.strategies),
-                spp,
-                time,
-                seed: self.render.seed.or(below.render.seed),
-                max_depth: self.render.max_depth.or(below.render.max_depth),
-                light_paths: self.render.light_paths.or(below.render.light_paths),
-                splat_paths: self.render.splat_paths.or(below.render.splat_paths),
-                queries: self.render.queries.or(below.render.queries),
-                buckets: self.render.buckets.or(below.render.buckets),
-                leaf_size: self.render.leaf_size.or(below.render.leaf_size),
-                frontier: self.render.frontier.or(below.render.frontier),
-                single_tree: self.render.single_tree.or(below.render.single_tree),
-                importance: self.render.importance.or(below.render.importance),
-                sampling: self.render.sampling.or(below.render.sampling),
-                no_cull: self.render.no_cull.or(below.render.no_cull),
-                device: self.render.device.or(below.render.device),
-                strict: self.render.strict.or(below.render.strict),
-            },
-            output: OutputTable {
-                output: self.output.output.or(below.output.output),
-                png: self.output.png.or(below.output.png),
-                stats: self.output.stats.or(below.output.stats),
-                strategy_images: self.output.strategy_images.or(below.output.strategy_images),
-            },
+            camera: self.camera.over(below.camera),
+            emitter: self.emitter.over(below.emitter),
+            gate: self.gate.over(below.gate),
+            render: self.render.over(below.render),
+            output: self.output.over(below.output),
             medium: Medium,
         }
+    }
+
+    /// Shows the settings of all tables to `visitor`.
+    pub fn visit(&mut self, visitor: &mut impl Visitor) {
+        let Experiment { scene: _, camera, emitter, gate, render, output, medium: Medium } = self;
+        camera.visit(visitor);
+        emitter.visit(visitor);
+        gate.visit(visitor);
+        render.visit(visitor);
+        output.visit(visitor);
     }
 
     /// Every path in it.
@@ -271,6 +189,8 @@ fn key_offset(text: &str, key: &str) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Emitters;
+    use crate::settings::units::{Depth, Gate};
 
     const FULL: &str = r#"
 scene = "room.glb"
@@ -307,6 +227,10 @@ png = true
         let table = [
             ("scene = \"a.glb\"\nscne = 1\n", 2, 1, "unknown field `scne`"),
             ("[render]\nspp = 4\n  sppp = 5\n", 3, 3, "unknown field `sppp`"),
+            ("[render]\nmax_dept = 5\n", 2, 1, "unknown field `max-dept`"),
+            ("\n[render]\nmax-depth = 5\nmax_depth = 6\n", 2, 1, "duplicate field `max-depth`"),
+            ("[render]\nmax_depth = -1\n", 2, 13, "invalid value"),
+            ("render = 3\n", 1, 10, "invalid type"),
             ("[render]\nspp = -4\n", 2, 7, "invalid value"),
             ("[render]\nspp = \"four\"\n", 2, 7, "invalid type"),
             ("[render]\nestimator = \"magic\"\n", 2, 13, "choose pt, bdpt, lcs-paper or lcs"),
@@ -324,6 +248,14 @@ png = true
             assert!(error.message.contains(part), "{text}: {error}");
             assert_eq!((error.line, error.column), (line, column), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn underscores_count_as_dashes_in_keys() {
+        let of = |text: &str| Experiment::parse(text).unwrap();
+        let dashes = of("render = { max-depth = 5, no-cull = true }\n[output]\nstrategy-images = 'a_b'\n");
+        assert_eq!(of("render = { max_depth = 5, no_cull = true }\n[output]\nstrategy_images = 'a_b'\n"), dashes);
+        assert_eq!((dashes.render.max_depth, dashes.output.strategy_images), (Some(5), Some("a_b".into())));
     }
 
     #[test]

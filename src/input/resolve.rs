@@ -5,10 +5,11 @@ pub mod defaults;
 use std::path::PathBuf;
 
 use crate::error::{Error, Result};
-use crate::input::experiment::{CameraTable, EmitterTable, Experiment, GateTable, Png, RenderTable};
+use crate::input::experiment::Experiment;
 use crate::scene::{Camera, LightKind, Scene};
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
 use crate::settings::units::{Gate, Resolution as GateResolution};
-use crate::settings::values::{Resolution, Seconds};
+use crate::settings::values::{Png, Resolution, Seconds};
 use crate::settings::*;
 
 /// Settings of a render and what the user should know about them.
@@ -55,6 +56,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
 pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let mut warnings = Vec::new();
     let Experiment { render, .. } = experiment;
+    render.check()?;
     let gate = gate(&experiment.gate, &mut warnings)?;
     // What only the scene can mend names its file.
     let unfit = |message: &str| Error::Scene {
@@ -82,17 +84,14 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         crop: crop(&experiment.camera, resolution)?,
         budget: budget(render)?,
         seed: render.seed.unwrap_or(DEFAULT_SEED),
-        max_depth: within("max-depth", render.max_depth.unwrap_or(DEFAULT_MAX_DEPTH), MAX_DEPTH)?,
-        light_paths: within(
-            "light-paths",
-            render.light_paths.unwrap_or(defaults::light_paths(estimator, resolution)),
-            MAX_LIGHT_PATHS,
-        )?,
-        splat_paths: splat_paths(render)?,
-        queries: within("queries", render.queries.unwrap_or(estimator.default_queries()), MAX_QUERIES)?,
-        buckets: within("buckets", render.buckets.unwrap_or(DEFAULT_BUCKETS), MAX_BUCKETS)?,
-        leaf_size: leaf_size(render, estimator)?,
-        frontier: within("frontier", render.frontier.unwrap_or(MAX_FRONTIER), MAX_FRONTIER)?,
+        max_depth: render.max_depth.unwrap_or(DEFAULT_MAX_DEPTH),
+        light_paths: render.light_paths.unwrap_or(defaults::light_paths(estimator, resolution)),
+        splat_paths: render.splat_paths.unwrap_or(0),
+        queries: render.queries.unwrap_or(estimator.default_queries()),
+        buckets: render.buckets.unwrap_or(DEFAULT_BUCKETS),
+        // Estimators without trees have no leaves, whatever was asked for.
+        leaf_size: render.leaf_size.filter(|_| estimator.has_trees()).unwrap_or(estimator.leaf_size()),
+        frontier: render.frontier.unwrap_or(MAX_FRONTIER),
         single_tree: render.single_tree.unwrap_or(estimator.default_single_tree()),
         importance: render.importance.filter(|_| estimator.by_importance()).unwrap_or(Importance::ALL),
         sampling: render.sampling.unwrap_or(defaults::sampling(estimator, &experiment.output)),
@@ -100,7 +99,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         camera,
         emitters,
     };
-    warnings.extend(without_effect(render, estimator));
+    warnings.extend(render.without_effect(estimator));
     for light in scene.lights.iter().filter(|light| settings.emitters.include(&light.node)) {
         let node = &light.node;
         match light.kind {
@@ -163,49 +162,11 @@ fn settings(message: impl Into<String>) -> Error {
     Error::Settings(message.into())
 }
 
-fn within(name: &str, value: u32, most: u32) -> Result<u32> {
-    if (1..=most).contains(&value) {
-        return Ok(value);
-    }
-    Err(settings(format!("--{name} is {value}; it must be from 1 to {most}")))
-}
-
-fn splat_paths(render: &RenderTable) -> Result<u32> {
-    let paths = render.splat_paths.unwrap_or(0);
-    if paths > MAX_LIGHT_PATHS {
-        return Err(settings(format!("--splat-paths is {paths}; it must be at most {MAX_LIGHT_PATHS}")));
-    }
-    Ok(paths)
-}
-
-/// Estimators without trees have no leaves, whatever was asked for.
-fn leaf_size(render: &RenderTable, estimator: Estimator) -> Result<u32> {
-    let size = within("leaf-size", render.leaf_size.unwrap_or(estimator.leaf_size().max(1)), MAX_LEAF_SIZE)?;
-    Ok(if estimator.has_trees() { size } else { 0 })
-}
-
-/// What was typed that the estimator does not ask for.
-fn without_effect(render: &RenderTable, estimator: Estimator) -> Vec<String> {
-    let (has_trees, by_importance) = (estimator.has_trees(), estimator.by_importance());
-    let has_splats = estimator.record().light_subpaths;
-    let flags = [
-        ("importance", render.importance.is_some(), by_importance, "lcs"),
-        ("frontier", render.frontier.is_some(), by_importance, "lcs"),
-        ("queries", render.queries.is_some(), has_trees, "lcs and lcs-paper"),
-        ("buckets", render.buckets.is_some(), has_trees, "lcs and lcs-paper"),
-        ("leaf-size", render.leaf_size.is_some(), has_trees, "lcs and lcs-paper"),
-        ("single-tree", render.single_tree.is_some(), has_trees, "lcs and lcs-paper"),
-        ("splat-paths", render.splat_paths.is_some_and(|n| n > 0), has_splats, "all but pt"),
-    ];
-    let idle = flags.iter().filter(|(_, typed, used, _)| *typed && !used);
-    idle.map(|(flag, _, _, of)| format!("--{flag} is for {of}; {estimator} renders as without it")).collect()
-}
-
 fn budget(render: &RenderTable) -> Result<Budget> {
     match (render.spp, render.time) {
         (None, Some(Seconds(seconds))) if seconds > 0.0 && seconds <= MAX_SECONDS => Ok(Budget::Seconds(seconds)),
         (None, Some(_)) => Err(settings("--time must be over 0 and at most a year")),
-        (spp, _) => within("spp", spp.unwrap_or(DEFAULT_SPP), MAX_SPP).map(Budget::Spp),
+        (spp, _) => Ok(Budget::Spp(spp.unwrap_or(DEFAULT_SPP))),
     }
 }
 

@@ -1,5 +1,8 @@
 //! What a render is asked to do, after flags, experiment file and scene have been merged. Nobody validates again after this.
 
+mod keys;
+pub mod setting;
+pub mod table;
 pub mod units;
 pub mod values;
 

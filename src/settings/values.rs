@@ -1,12 +1,15 @@
 //! Values as they are typed on the command line and in experiment files: one grammar for both, through `FromStr`.
 
+use std::ffi::OsStr;
 use std::fmt;
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
+use crate::settings::setting::{Value, value_from_text};
 use crate::settings::units::{Depth, Gate, number};
 use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
 
@@ -121,6 +124,30 @@ macro_rules! serde_as_text {
 }
 
 serde_as_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies);
+
+value_from_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies, Emitters {
+    fn and(self, later: Emitters) -> Emitters {
+        match (self, later) {
+            (Emitters::Nodes(names), Emitters::Nodes(more)) => Emitters::Nodes([names, more].concat()),
+            _ => Emitters::Scene,
+        }
+    }
+});
+
+/// Whether and where the tone-mapped picture goes: `png = true` or `png = "picture.png"`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[serde(untagged, expecting = "expected true, false or a file name")]
+pub enum Png {
+    /// Beside the output, with the extension .png.
+    Wanted(bool),
+    File(PathBuf),
+}
+
+impl Value for Png {
+    fn parse(word: &OsStr) -> Result<Png, String> {
+        Ok(if word.is_empty() { Png::Wanted(true) } else { Png::File(word.into()) })
+    }
+}
 
 impl Serialize for Emitters {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

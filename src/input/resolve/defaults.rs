@@ -1,8 +1,8 @@
 //! What is done when nothing says it.
 
 use crate::estimators::{Conditions, GateWidth};
-use crate::input::experiment::OutputTable;
 use crate::scene::{Light, LightKind, Material, Scene};
+use crate::settings::table::OutputTable;
 use crate::settings::units::Gate;
 use crate::settings::*;
 

@@ -1,0 +1,54 @@
+//! Keys of tables are written with dashes; underscores count as dashes.
+
+use serde::de::value::StringDeserializer;
+use serde::de::{DeserializeSeed, Deserializer, MapAccess, Visitor};
+use serde::forward_to_deserialize_any;
+
+/// A deserializer of a table, or a part of one, that replaces underscores in the table's keys by dashes.
+pub struct Dashed<T>(pub T);
+
+impl<'de, D: Deserializer<'de>> Deserializer<'de> for Dashed<D> {
+    type Error = D::Error;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, D::Error> {
+        self.0.deserialize_map(Dashed(visitor))
+    }
+
+    forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf option unit unit_struct
+        newtype_struct seq tuple tuple_struct map struct enum identifier ignored_any
+    }
+}
+
+impl<'de, V: Visitor<'de>> Visitor<'de> for Dashed<V> {
+    type Value = V::Value;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        self.0.expecting(f)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<V::Value, A::Error> {
+        self.0.visit_map(Dashed(map))
+    }
+}
+
+impl<'de, A: MapAccess<'de>> MapAccess<'de> for Dashed<A> {
+    type Error = A::Error;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, A::Error> {
+        self.0.next_key_seed(Dashed(seed))
+    }
+
+    fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, A::Error> {
+        self.0.next_value_seed(seed)
+    }
+}
+
+impl<'de, K: DeserializeSeed<'de>> DeserializeSeed<'de> for Dashed<K> {
+    type Value = K::Value;
+
+    fn deserialize<D: Deserializer<'de>>(self, key: D) -> Result<K::Value, D::Error> {
+        let key = <String as serde::Deserialize>::deserialize(key)?;
+        self.0.deserialize(StringDeserializer::<D::Error>::new(key.replace('_', "-")))
+    }
+}
