@@ -208,7 +208,8 @@ fn iterate(
     let started = Instant::now();
     let mut schedule = vec![];
     loop {
-        let samples = next_samples(&settings.budget, renderer.film().samples(), started.elapsed());
+        let (film, elapsed) = (renderer.film(), started.elapsed());
+        let samples = next_samples(&settings.budget, film.iterations(), film.samples(), elapsed);
         // What is black for sure needs no more than a variance.
         let black = renderer.is_dark() && matches!(settings.budget, Budget::Seconds(_)) && schedule.len() == 2;
         if samples == 0 || black || stop.load(Ordering::Relaxed) {

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::gpu::Device;
-use crate::render::schedule::samples_within;
+use crate::render::schedule::samples_in;
 use crate::render::{Prepared, Renderer, Stats};
 use crate::scene::Scene;
 use crate::settings::Settings;
@@ -36,10 +36,10 @@ impl Lane {
         self.clock = 0.0;
     }
 
-    /// Renders until the clock shows `end` or more, at least one iteration; `whole` is the time that the lane will have in all.
-    pub fn run_until(&mut self, end: f64, whole: f64) -> Result<()> {
+    /// Renders until the clock shows `end` or more, at least one iteration.
+    pub fn run_until(&mut self, end: f64) -> Result<()> {
         loop {
-            let samples = samples_within(whole, self.renderer.film().samples(), self.clock);
+            let samples = samples_in(self.renderer.film().iterations());
             let start = Instant::now();
             self.renderer.iterate(samples)?;
             self.clock += start.elapsed().as_secs_f64();

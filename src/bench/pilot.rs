@@ -97,7 +97,7 @@ pub fn pilots(
         let mut lane = job.lane(device, &settings, prepared)?;
         lane.restart(SEEDS + i as u32);
         while lane.clock < seconds || lane.renderer.film().iterations() < 4 {
-            lane.run_until(lane.clock + seconds / 8.0, seconds)?;
+            lane.run_until(lane.clock + seconds / 8.0)?;
             if !watch(0.0, &format!("{}: trying {variant}", job.name)) {
                 return Ok(None);
             }

@@ -56,7 +56,7 @@ impl<'a> Race<'a> {
         while let Some(at) = behind(&self.lanes, &next, points.len()) {
             let lane = &mut self.lanes[at];
             let begin = lane.clock;
-            lane.run_until((begin + seconds / TURNS).min(points[next[at]]), seconds)?;
+            lane.run_until((begin + seconds / TURNS).min(points[next[at]]))?;
             let spent = lane.clock - begin;
             let reached = points.iter().filter(|&&point| lane.clock >= point).count();
             if reached > next[at] {

@@ -142,7 +142,7 @@ pub fn make(
     let spent = |halves: &[Lane]| halves.iter().map(|lane| lane.clock).sum::<f64>();
     loop {
         for lane in &mut halves {
-            turn(lane, goal.limit)?;
+            turn(lane)?;
         }
         let seconds = spent(&halves);
         let enough = halves.iter().all(|lane| lane.renderer.film().iterations() >= LEAST_ITERATIONS);
@@ -209,8 +209,8 @@ pub fn make(
 }
 
 /// One turn of a lane: a sixteenth of what it has rendered so far.
-fn turn(lane: &mut Lane, whole: f64) -> Result<()> {
-    lane.run_until(lane.clock + (lane.clock / 16.0).clamp(0.01, 2.0), whole)
+fn turn(lane: &mut Lane) -> Result<()> {
+    lane.run_until(lane.clock + (lane.clock / 16.0).clamp(0.01, 2.0))
 }
 
 /// A reference that was not good enough.
@@ -295,7 +295,7 @@ fn judged(
     let mut lane = job.lane(device, &frugal(with(entry, estimator)), prepared)?;
     lane.restart(seed);
     while lane.clock < seconds || lane.renderer.film().iterations() < 2 * LEAST_ITERATIONS {
-        turn(&mut lane, seconds)?;
+        turn(&mut lane)?;
         if !watch(1.0, &format!("{}: checking the reference with {estimator}", job.name)) {
             return Ok(None);
         }

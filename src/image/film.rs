@@ -108,10 +108,10 @@ impl Film {
         (self.image.mean(weights), (self.iterations > 1).then(|| variance.sqrt()))
     }
 
-    /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i), unbiased for iterations of
-    /// as many samples, and for others when an iteration's variance is inverse to its samples. Adaptive samples lower that of a pixel as
-    /// they learn: the short iterations at the beginning of a `--time` then count too much in pixels that have many samples, too little in
-    /// those that have few (by up to a half of it in renders of 16 samples, less in longer ones). Always finite; 0 with fewer than two iterations.
+    /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i). It is unbiased for iterations of
+    /// equal length, and for others where the variance of an iteration is inverse to its samples. Adaptive samples break that
+    /// rule: a pixel with 4 times the average samples has them only from the second iteration on. With the lengths of
+    /// [`crate::render::schedule`] the estimate is then at most 7 % too large. Always finite; 0 with fewer than two iterations.
     pub fn variance_of_mean(&self) -> Vec<f32> {
         if self.iterations < 2 {
             return vec![0.0; self.moments.len()];

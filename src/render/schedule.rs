@@ -1,81 +1,121 @@
-//! How many samples an iteration takes: few enough that there are batches for the variance, enough to pay for its light paths.
+//! How many samples each iteration takes: few enough that there are batches for the variance, enough to pay for its light paths.
+//!
+//! The lengths depend on the number of the iteration alone. So a longer render begins with the bits of a shorter one, and a render
+//! of seconds with the bits of a render of samples. `docs/notebook/schedule.md` compares lengths.
 
 use std::time::Duration;
 
 use crate::settings::Budget;
 
-/// Samples a pixel and iteration at most.
-pub const MOST_SAMPLES: u32 = 8;
-/// Iterations that a budget is divided into at least, if one has more than [`WORTH_THE_LIGHT`] samples a pixel.
-const BATCHES: u32 = 16;
-/// And at least if one has not.
-const FEWEST_BATCHES: u32 = 8;
-/// With so many samples a pixel, the light paths of an iteration are the smaller part of its time.
-const WORTH_THE_LIGHT: u32 = 4;
+/// A variance needs two iterations.
+const FEWEST_ITERATIONS: u32 = 2;
 
-/// Samples a pixel in the next iteration; 0 when the budget is used. A budget of samples is cut the same way on every
-/// machine; one of time begins with a single sample and learns from what it took.
-pub fn next_samples(budget: &Budget, done: u64, elapsed: Duration) -> u32 {
-    match *budget {
-        Budget::Spp(spp) => {
-            let left = u64::from(spp).saturating_sub(done).min(u64::from(u32::MAX)) as u32;
-            let least = (spp / FEWEST_BATCHES).clamp(1, WORTH_THE_LIGHT);
-            left.min((spp / BATCHES).clamp(least, MOST_SAMPLES))
-        }
-        Budget::Seconds(seconds) if done > 0 && elapsed.as_secs_f64() >= seconds => 0,
-        Budget::Seconds(seconds) => samples_within(seconds, done, elapsed.as_secs_f64()),
+/// Samples per pixel in iteration `iteration`, counted from 0.
+///
+/// The first 8 iterations have 2 samples each: 1 could not be shared among pixels by their error, and 16 samples in fewer
+/// iterations would tell too little of their variance. Iterations of 4 follow up to 64 samples, then iterations of 8.
+pub fn samples_in(iteration: u32) -> u32 {
+    match iteration {
+        0..8 => 2,
+        8..20 => 4,
+        _ => 8,
     }
 }
 
-/// Samples a pixel in the next iteration of a render of `seconds` that took `elapsed` of them for `done` samples: 1 at least. No
-/// more than were done before, since the first samples say little of what one takes, and no more than fit, if any do.
-pub fn samples_within(seconds: f64, done: u64, elapsed: f64) -> u32 {
-    if done == 0 {
-        return 1;
+/// Samples per pixel in the next iteration, after `iterations` iterations with `done` samples; 0 when the budget is used. A budget of
+/// samples may cut the last iteration short. A budget of seconds ends with the iteration that comes nearest to it; the first
+/// two are rendered as long as there is time at all.
+pub fn next_samples(budget: &Budget, iterations: u32, done: u64, elapsed: Duration) -> u32 {
+    let samples = samples_in(iterations);
+    match *budget {
+        Budget::Spp(spp) => u64::from(spp).saturating_sub(done).min(samples.into()) as u32,
+        Budget::Seconds(_) if done == 0 => samples,
+        Budget::Seconds(seconds) => {
+            let elapsed = elapsed.as_secs_f64();
+            let half = 0.5 * elapsed / done as f64 * f64::from(samples);
+            let fits = iterations < FEWEST_ITERATIONS || elapsed + half <= seconds;
+            if elapsed < seconds && fits { samples } else { 0 }
+        }
     }
-    let each = elapsed / done as f64;
-    let in_all = seconds / each;
-    let least = (in_all / f64::from(FEWEST_BATCHES)).clamp(1.0, WORTH_THE_LIGHT.into());
-    let wanted = (in_all / f64::from(BATCHES)).clamp(least, MOST_SAMPLES.into());
-    let fitting = if elapsed < seconds { ((seconds - elapsed) / each).round() } else { wanted };
-    wanted.min(done as f64).min(fitting).max(1.0) as u32
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_sample_budget_is_used_exactly_and_in_batches() {
-        let cases = [(1, 1), (7, 7), (16, 8), (20, 10), (32, 8), (64, 16), (100, 17), (128, 16), (1000, 125)];
-        for (spp, iterations) in cases {
-            let (mut done, mut count) = (0, 0);
-            loop {
-                let next = next_samples(&Budget::Spp(spp), done, Duration::ZERO);
-                if next == 0 {
-                    break;
+    /// Samples of the iterations of a budget of samples.
+    fn lengths(spp: u32) -> Vec<u32> {
+        let (mut done, mut lengths) = (0, vec![]);
+        loop {
+            match next_samples(&Budget::Spp(spp), lengths.len() as u32, done, Duration::MAX) {
+                0 => return lengths,
+                samples => {
+                    done += u64::from(samples);
+                    lengths.push(samples);
                 }
-                done += u64::from(next);
-                count += 1;
             }
-            assert_eq!((done, count), (u64::from(spp), iterations), "{spp} samples");
         }
     }
 
     #[test]
-    fn a_time_budget_renders_once_at_least_and_then_fits() {
-        let budget = Budget::Seconds(16.0);
-        let next = |done, seconds| next_samples(&budget, done, Duration::from_secs_f64(seconds));
-        assert_eq!(next(0, 99.0), 1);
-        // Half a second each: four at a time are worth their light, but not before four are known. A second each: two, so
-        // that there are eight iterations.
-        assert_eq!([next(1, 0.5), next(2, 1.0), next(3, 1.5), next(4, 2.0), next(8, 4.0)], [1, 2, 3, 4, 4]);
-        assert_eq!([next(1, 1.0), next(4, 4.0)], [1, 2]);
-        // A sixteenth of the time, and eight at most.
-        assert_eq!([next(20, 3.0), next(1000, 1.0)], [6, 8]);
-        // What is left of the time.
-        assert_eq!([next(14, 14.0), next(15, 15.0), next(16, 15.9)], [2, 1, 1]);
-        assert_eq!([next(1, 16.0), next(5, 17.0)], [0, 0]);
-        assert_eq!(samples_within(16.0, 100, 20.0), 5, "whoever goes on past the end goes on as before");
+    fn a_budget_of_samples_is_used_exactly_and_in_batches() {
+        let cases = [(1, 1), (2, 1), (7, 4), (16, 8), (20, 9), (32, 12), (64, 20), (100, 25), (128, 28), (1000, 137)];
+        for (spp, iterations) in cases {
+            let lengths = lengths(spp);
+            assert_eq!((lengths.iter().sum::<u32>(), lengths.len()), (spp, iterations), "{spp} samples");
+        }
+    }
+
+    #[test]
+    fn longer_renders_begin_with_shorter_ones() {
+        let long = lengths(1000);
+        for spp in 1..1000 {
+            let short = lengths(spp);
+            let (last, whole) = short.split_last().unwrap();
+            assert_eq!(whole, &long[..whole.len()], "{spp} samples");
+            assert!(*last <= long[whole.len()], "{spp} samples: only the last iteration is cut, and never longer");
+        }
+        let endless = |iteration| next_samples(&Budget::Seconds(1e9), iteration, 9, Duration::from_secs(1));
+        assert!(long.iter().enumerate().all(|(i, &samples)| endless(i as u32) == samples));
+    }
+
+    /// The variance that a film states of a pixel on average, over that of its mean, where the pixel has the average samples in the
+    /// first iteration and `share` times as many in all others (`Film::variance_of_mean`).
+    fn stated_over_true(lengths: &[u32], share: f64) -> f64 {
+        let weights = || lengths.iter().map(|&samples| f64::from(samples));
+        // Of iteration i, for samples of variance 1.
+        let variance = |i: usize, weight: f64| if i == 0 { 1.0 / weight } else { 1.0 / (share * weight) };
+        let [all, n] = [weights().sum::<f64>(), lengths.len() as f64];
+        let of_mean = weights().enumerate().map(|(i, w)| w * w * variance(i, w)).sum::<f64>() / (all * all);
+        let spread = weights().enumerate().map(|(i, w)| w * variance(i, w)).sum::<f64>() - all * of_mean;
+        spread / ((n - 1.0) * all) / of_mean
+    }
+
+    #[test]
+    fn the_stated_variance_is_right_where_samples_follow_the_error() {
+        let long = lengths(1000);
+        for share in [0.25, 4.0] {
+            assert!((stated_over_true(&long[..8], share) - 1.0).abs() < 1e-12);
+            for iterations in 9..long.len() {
+                let ratio = stated_over_true(&long[..iterations], share);
+                assert!((0.96..1.07).contains(&ratio), "{iterations} iterations, {share} times the samples: {ratio}");
+            }
+        }
+        // The sibling that must fail: iterations that grow while the errors are learned.
+        assert!(stated_over_true(&[1, 1, 2, 4, 8], 4.0) > 1.4);
+    }
+
+    #[test]
+    fn a_budget_of_seconds_ends_with_the_nearest_iteration() {
+        let next = |iterations, done, seconds| {
+            next_samples(&Budget::Seconds(16.0), iterations, done, Duration::from_secs_f64(seconds))
+        };
+        assert_eq!(next(0, 0, 99.0), 2, "there is a first iteration whatever the time");
+        assert_eq!([next(1, 2, 15.9), next(1, 2, 16.0)], [2, 0], "and a second one before the time is over");
+        // A second per sample: iterations of 2 s, then of 4 s.
+        assert_eq!([next(6, 12, 12.0), next(7, 14, 14.0), next(8, 16, 16.0)], [2, 2, 0]);
+        // 14.4 s and 15.2 s are nearer to 16 s than 18 s and 19 s are, 12.8 s is not.
+        assert_eq!([next(8, 16, 12.8), next(8, 16, 14.4), next(8, 16, 15.2)], [4, 0, 0]);
+        assert_eq!([next(20, 64, 15.0), next(20, 64, 15.1)], [8, 0]);
     }
 }

@@ -1,10 +1,13 @@
 //! The same seed gives the same bits: rerun, crop, tile, workgroup size.
 
+use std::time::Duration;
+
 use super::cells::{renderer, settings, tuned};
 use taugate::generate::{Kind, build};
+use taugate::render::schedule::next_samples;
 use taugate::render::{Renderer, Tuning};
 use taugate::settings::units::Gate;
-use taugate::settings::{Crop, Estimator, Sampling, Settings};
+use taugate::settings::{Budget, Crop, Estimator, Sampling, Settings};
 
 const SIZE: [u32; 2] = [40, 24];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
@@ -70,4 +73,27 @@ fn a_render_resumed_with_more_samples_is_the_longer_render() {
     let four = renderer.film().mean();
     assert_ne!(two, four);
     assert_eq!(renderer.film().samples(), 4);
+}
+
+#[test]
+fn a_longer_render_begins_with_the_bits_of_a_shorter_one() {
+    let scene = build(Kind::CornellBox);
+    for (estimator, sampling) in [(Estimator::Lcs, Sampling::Adaptive), (Estimator::Bdpt, Sampling::Uniform)] {
+        let film = |budget: Budget, iterations: u32| {
+            let settings = Settings { gate: GATE, budget, sampling, ..settings(estimator, SIZE) };
+            let mut renderer = renderer(&scene, &settings);
+            while renderer.film().iterations() < iterations {
+                let film = renderer.film();
+                let samples = next_samples(&budget, film.iterations(), film.samples(), Duration::from_secs(1));
+                renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
+            }
+            let film = renderer.film();
+            assert_eq!(film.samples(), 24, "eight iterations of 2 samples, two of 4");
+            [film.mean(), film.variance_of_mean()].map(|image| image.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
+        };
+        let short = film(Budget::Spp(24), 10);
+        assert!(short.iter().all(|image| image.iter().any(|&bits| bits > 0)), "a black image proves nothing");
+        assert!(short == film(Budget::Spp(1000), 10), "{estimator:?}: more samples");
+        assert!(short == film(Budget::Seconds(1e9), 10), "{estimator:?}: a budget of seconds");
+    }
 }
