@@ -9,7 +9,7 @@ use crate::wgsl::layout::Frame;
 
 /// Buffers of group 0, by the names they have in WGSL.
 pub struct DeviceScene {
-    pub frame: Buffer,
+    frame: Buffer,
     buffers: Vec<(&'static str, Buffer)>,
 }
 
@@ -62,6 +62,11 @@ impl DeviceScene {
         let buffers = parts(prepared).into_iter().map(upload).collect::<Result<_>>()?;
         let frame = Buffer::new::<Frame>(device, "frame", 1, "this cannot happen")?;
         Ok(DeviceScene { frame, buffers })
+    }
+
+    /// Sets what the kernels of the next dispatches are told about the iteration.
+    pub fn write_frame(&mut self, frame: &Frame) -> Result<()> {
+        self.frame.write(0, &[*frame])
     }
 
     /// Everything a kernel may ask for from group 0.

@@ -44,10 +44,20 @@ pub struct LightTracer {
     splats: Buffer,
     splat_weights: Buffer,
     recorder: Recorder,
+    /// Punctual lights as light vertices: they are in every pool.
+    punctual: Vec<PathVertex>,
+}
+
+impl Splat {
+    /// Adds it to the RGB image of the crop.
+    pub fn add_to(&self, image: &mut [f32]) {
+        let at = self.pixel_or_tau.to_bits() as usize * 3;
+        (0..3).for_each(|k| image[at + k] += self.rgb[k]);
+    }
 }
 
 impl LightTracer {
-    pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan) -> Result<LightTracer> {
+    pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan, punctual: &[PathVertex]) -> Result<LightTracer> {
         let [states, vertices, list, splats, splat_weights] =
             LightTracer::needs(plan).map(|need| Buffer::for_need(device, &need));
         let (states, vertices, list, splats, splat_weights) = (states?, vertices?, list?, splats?, splat_weights?);
@@ -69,6 +79,7 @@ impl LightTracer {
             list,
             splats,
             splat_weights,
+            punctual: punctual.to_vec(),
         })
     }
 
@@ -89,26 +100,21 @@ impl LightTracer {
         ]
     }
 
-    /// Traces all light subpaths of an iteration into `pool`; shows `see` what the sensor sees of them (t = 1), in the order
-    /// of the paths.
-    pub fn run(
-        &mut self,
-        plan: &Plan,
-        pool: &mut LightPool,
-        see: &mut impl FnMut(Splat),
-        stats: &mut Stats,
-    ) -> Result<()> {
+    /// Traces all light subpaths of an iteration and returns their vertices; shows `see` what the sensor sees of them (t = 1), in
+    /// the order of the paths.
+    pub fn run(&mut self, plan: &Plan, see: &mut impl FnMut(Splat), stats: &mut Stats) -> Result<LightPool> {
+        let mut pool = LightPool { deterministic: self.punctual.clone(), ..Default::default() };
         let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };
         for emitter in thin.clone().step_by(BATCH) {
             let batch = Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), emitter };
-            self.run_batch(plan, &batch, pool, see, stats)?;
+            self.run_batch(plan, &batch, &mut pool, see, stats)?;
         }
         for first in (0..plan.traced_paths()).step_by(BATCH) {
             let count = (plan.traced_paths() - first).min(BATCH as u32);
-            self.run_batch(plan, &Batch { first, count, emitter: NONE }, pool, see, stats)?;
+            self.run_batch(plan, &Batch { first, count, emitter: NONE }, &mut pool, see, stats)?;
         }
         stats.light_paths += u64::from(plan.traced_paths());
-        Ok(())
+        Ok(pool)
     }
 
     fn run_batch(

@@ -8,6 +8,7 @@ mod emitters;
 pub mod geometry;
 mod light;
 mod memory;
+mod observe;
 pub mod place;
 mod plan;
 mod pool;
@@ -30,53 +31,34 @@ use crate::image::film::Film;
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::units::Gate;
-use crate::wgsl::layout::constants::VERTEX_DEPTH;
-use crate::wgsl::layout::{NONE, PathVertex};
 
 use device_scene::DeviceScene;
 use light::{LightTracer, Splat};
 pub use memory::MemoryPlan;
 pub use plan::Tuning;
-use plan::{Observe, Plan};
-use pool::{DevicePool, LightPool, SortedPool};
-use pool_layout::PoolLayout;
+use plan::{Iteration, Plan};
 pub use prepared::Prepared;
 pub use probe::{TravelTimes, probe};
 pub use reach::Reach;
 pub use samples::MOST_SAMPLES;
 use samples::{Allocation, SampleCounts};
-use sensor::{Bound, Seen, SensorTracer};
+use sensor::SensorPhase;
 use stats::stage;
 pub use stats::{Stage, Stats};
 pub use strategies::{StrategyImage, StrategyImages, strategies};
-
-/// A contribution to the image.
-struct Observed {
-    /// As it adds to the mean of its pixel; for [`Observe::Strategies`] without its MIS weight.
-    rgb: [f32; 3],
-    /// Row-major within the crop; NONE where it is not known.
-    pixel: u32,
-    /// Vertices of the light and of the sensor subpath, the pinhole included.
-    s: u32,
-    t: u32,
-    /// For [`Observe::Times`] the travel time, for [`Observe::Strategies`] the MIS weight.
-    tau_or_weight: f32,
-}
 
 /// A render in progress. Every iteration adds samples to the film; the same settings give the same bits.
 pub struct Renderer {
     device: Device,
     plan: Plan,
     scene: DeviceScene,
-    /// Punctual lights as light vertices.
-    punctual: Vec<PathVertex>,
     light: LightTracer,
-    sensor: Option<(SensorTracer, DevicePool, Bound)>,
+    sensor: SensorPhase,
     /// None if samples are spread evenly.
     allocation: Option<Allocation>,
     film: Film,
     stats: Stats,
-    iteration: u32,
+    iterations: u32,
     first_sample: u32,
 }
 
@@ -111,119 +93,71 @@ impl Renderer {
         need::check_all(&memory::certain_needs(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
         let scene = stats.prepared("upload scene", || DeviceScene::new(device, prepared))?;
-        let light = stats.prepared(stage::COMPILE, || LightTracer::new(device, &scene, &plan))?;
+        let light = stats
+            .prepared(stage::COMPILE, || LightTracer::new(device, &scene, &plan, &prepared.emitters.deterministic))?;
         stats.scene_bytes = scene.bytes();
         stats.triangles = prepared.triangles() as u64;
         let film = Film::new(width, height);
-        let (device, punctual) = (device.clone(), prepared.emitters.deterministic.clone());
+        let device = device.clone();
+        let sensor = SensorPhase::new(&device);
         let allocation = plan.adaptive.then(|| Allocation::new(width, plan.crop_pixels));
-        let sensor = None;
-        Ok(Renderer {
-            device,
-            plan,
-            scene,
-            punctual,
-            light,
-            sensor,
-            allocation,
-            film,
-            stats,
-            iteration: 0,
-            first_sample: 0,
-        })
+        Ok(Renderer { device, plan, scene, light, sensor, allocation, film, stats, iterations: 0, first_sample: 0 })
     }
 
-    /// One iteration: a fresh pool of light vertices and `samples` samples a pixel (1 to [`MOST_SAMPLES`]), in
-    /// every pixel or on average, added to the film. Where no light can meet the gate, the samples are black without being traced.
+    /// One iteration, Algorithm 1 of the paper: a fresh pool of light vertices and `samples` samples per pixel (1 to
+    /// [`MOST_SAMPLES`]), in every pixel or on average, added to the film. Errors: what the device counted is impossible.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         assert!((1..=MOST_SAMPLES).contains(&samples));
-        let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
         if self.plan.dark {
-            self.film.add(&image, samples);
-            self.stats.samples += self.plan.crop_pixels * u64::from(samples);
-            self.stats.iterations += 1;
+            self.add_darkness(samples);
             return Ok(());
         }
-        self.prepare_iteration(samples, &mut |splat: Splat| {
-            let at = splat.pixel_or_tau.to_bits() as usize * 3;
-            (0..3).for_each(|k| image[at + k] += splat.rgb[k]);
-        })?;
-        let counts = match &self.allocation {
-            Some(allocation) => self.stats.timed(stage::ALLOT, || allocation.counts(samples)),
+        let iteration = self.next_iteration(samples);
+        let Renderer { device, plan, scene, light, sensor, allocation, film, stats, .. } = self;
+        let counts = match allocation {
+            Some(allocation) => stats.timed(stage::ALLOT, || allocation.counts(samples)),
             None => SampleCounts::Even(samples),
         };
-        if let Some((sensor, _, bound)) = &mut self.sensor {
-            let allocation = &mut self.allocation;
-            let learn = |film: &[[f32; 4]], image: &[f32]| {
-                if let Some(allocation) = allocation {
-                    allocation.add(film, image, &counts, samples);
-                }
-            };
-            sensor.run(&self.plan, bound, &counts, &mut image, learn, &mut self.stats)?;
-        }
-        let film = &mut self.film;
-        self.stats.timed(stage::ADD_TO_FILM, || film.add(&image, samples));
-        self.stats.device_bytes = self.stats.device_bytes.max(self.device.bytes_in_use());
+        let mut image = vec![0.0f32; plan.crop_pixels as usize * 3];
+
+        // Phase 1: light tracing. The sensor sees the new vertices directly (t = 1).
+        scene.write_frame(&plan.frame(&iteration, None))?;
+        let vertices = light.run(plan, &mut |splat: Splat| splat.add_to(&mut image), stats)?;
+
+        // Phase 2: hierarchy construction.
+        let pool = vertices.sort(plan, stats)?;
+
+        // Phase 3: sensor tracing and connection. The error that it finds decides where later samples go.
+        let learn = |seen: &[[f32; 4]], image: &[f32]| {
+            if let Some(allocation) = allocation {
+                allocation.add(seen, image, &counts, samples);
+            }
+        };
+        let ready = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
+        ready.run(plan, &counts, &mut image, learn, stats)?;
+
+        // Film.
+        stats.timed(stage::ADD_TO_FILM, || film.add(&image, samples));
+
+        stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
         self.finish_iteration(counts.greatest());
         Ok(())
     }
 
-    /// As [`Renderer::iterate`] for a plan that observes: instead of forming an image it shows `see` all contributions, their
-    /// light as it adds to the image and their travel times or weights.
-    fn observe(&mut self, samples: u32, see: &mut impl FnMut(Observed)) -> Result<()> {
-        let times = self.plan.observe == Observe::Times;
-        let pool = self.prepare_iteration(samples, &mut |splat: Splat| {
-            let Splat { rgb, pixel_or_tau, weight, s } = splat;
-            let (pixel, tau_or_weight) = if times { (NONE, pixel_or_tau) } else { (pixel_or_tau.to_bits(), weight) };
-            see(Observed { rgb, pixel, s, t: 1, tau_or_weight });
-        })?;
-        if let Some((sensor, _, bound)) = &mut self.sensor {
-            let share = 1.0 / samples as f32;
-            sensor.observe(&self.plan, bound, &SampleCounts::Even(samples), &mut |seen: Seen| {
-                let s = seen.vertex.map_or(0, |vertex| (pool.vertices[vertex].flags & VERTEX_DEPTH) + 1);
-                see(Observed {
-                    rgb: seen.rgb.map(|x| x * share),
-                    pixel: seen.pixel,
-                    s,
-                    t: seen.t,
-                    tau_or_weight: seen.tau_or_weight,
-                });
-            })?;
-        }
-        self.finish_iteration(samples);
-        Ok(())
+    /// An iteration where no light can meet the gate: its samples are black without being traced.
+    fn add_darkness(&mut self, samples: u32) {
+        self.film.add(&vec![0.0f32; self.plan.crop_pixels as usize * 3], samples);
+        self.stats.samples += self.plan.crop_pixels * u64::from(samples);
+        self.stats.iterations += 1;
     }
 
-    /// Everything before the sensor subpaths, returns the pool; `see`: as in [`LightTracer::run`].
-    fn prepare_iteration(&mut self, samples: u32, see: &mut impl FnMut(Splat)) -> Result<SortedPool> {
-        // Phase 1: light tracing.
-        self.write_frame(samples, None)?;
-        let mut pool = LightPool { deterministic: self.punctual.clone(), ..Default::default() };
-        self.light.run(&self.plan, &mut pool, see, &mut self.stats)?;
-
-        // Phase 2: hierarchy construction.
-        let sorted = self.stats.timed(stage::BUILD_TREES, || pool.sort(&self.plan))?;
-        self.stats.deterministic_vertices += pool.deterministic.len() as u64;
-        self.stats.emitter_vertices += pool.emitter_points.len() as u64;
-        self.stats.scattered_vertices += pool.scattered.len() as u64;
-
-        // Phase 3: sensor tracing and connection.
-        self.prepare_sensor(&sorted)?;
-        self.write_frame(samples, Some(&sorted.layout))?;
-        Ok(sorted)
-    }
-
-    fn write_frame(&mut self, samples: u32, pool: Option<&PoolLayout>) -> Result<()> {
-        let mut frame = self.plan.frame(self.iteration, self.first_sample, samples, pool);
-        if let Some((sensor, ..)) = self.sensor.as_ref().filter(|_| pool.is_some()) {
-            frame.slots = sensor.slots();
-        }
-        self.scene.frame.write(0, &[frame])
+    fn next_iteration(&self, samples: u32) -> Iteration {
+        Iteration { number: self.iterations, first_sample: self.first_sample, samples }
     }
 
     /// `most`: the most samples that a pixel had.
     fn finish_iteration(&mut self, most: u32) {
-        self.iteration += 1;
+        self.iterations += 1;
         self.first_sample += most;
         self.stats.iterations += 1;
     }
@@ -235,33 +169,7 @@ impl Renderer {
         if let Some(allocation) = &mut self.allocation {
             allocation.restart();
         }
-        (self.iteration, self.first_sample) = (0, 0);
-    }
-
-    /// Puts the pool on the device; makes buffers and descriptor sets anew where they are too small.
-    fn prepare_sensor(&mut self, pool: &SortedPool) -> Result<()> {
-        let slots = self.plan.slots(&pool.layout);
-        let mut tracer = None;
-        if let Some((old, mut device_pool, bound)) = self.sensor.take() {
-            let fits = old.slots() >= slots && self.stats.timed(stage::UPLOAD, || device_pool.replace(pool))?;
-            if fits {
-                self.sensor = Some((old, device_pool, bound));
-                return Ok(());
-            }
-            tracer = Some(old);
-        }
-        let stats = &mut self.stats;
-        let tracer = match tracer {
-            Some(tracer) if tracer.slots() >= slots => tracer,
-            old => {
-                let kernels = stats.timed(stage::ALLOCATE, || old.map(SensorTracer::into_kernels));
-                SensorTracer::new(&self.device, &self.plan, slots, kernels, stats)?
-            }
-        };
-        let device_pool = stats.timed(stage::UPLOAD, || DevicePool::new(&self.device, pool))?;
-        let bound = stats.timed(stage::ALLOCATE, || tracer.bind(&self.scene, &device_pool))?;
-        self.sensor = Some((tracer, device_pool, bound));
-        Ok(())
+        (self.iterations, self.first_sample) = (0, 0);
     }
 
     /// Whether bounds say that no light can meet the gate: every sample is black, and none is traced.

@@ -47,6 +47,16 @@ pub enum Observe {
     Strategies,
 }
 
+/// What distinguishes an iteration: the random numbers of its samples depend on it.
+#[derive(Debug, Clone, Copy)]
+pub struct Iteration {
+    pub number: u32,
+    /// Number of a pixel's first sample, over the whole render.
+    pub first_sample: u32,
+    /// Samples per pixel, on average.
+    pub samples: u32,
+}
+
 /// Everything about a render that does not change from iteration to iteration.
 pub struct Plan {
     pub estimator: &'static Record,
@@ -160,22 +170,22 @@ impl Plan {
         })
     }
 
-    /// The frame of iteration `iteration`, `samples` a pixel on average from number `first_sample` on. Without a pool: for
-    /// the light subpaths themselves.
-    pub fn frame(&self, iteration: u32, first_sample: u32, samples: u32, pool: Option<&PoolLayout>) -> Frame {
+    /// The frame of an iteration: for the light subpaths, or with a pool and the slots per shade point for the sensor subpaths.
+    pub fn frame(&self, iteration: &Iteration, pool: Option<(&PoolLayout, u32)>) -> Frame {
+        let &Iteration { number, first_sample, samples } = iteration;
         let mut frame = Frame {
-            iteration,
+            iteration: number,
             first_sample,
             light_count: self.estimator.splat_weight * self.traced_paths() as f32 / samples as f32,
             splat_share: self.light_paths as f32 / self.traced_paths() as f32,
             ..self.frame
         };
-        if let Some(pool) = pool {
+        if let Some((pool, slots)) = pool {
             frame.deterministic_count = pool.deterministic;
             frame.emitter_points = pool.emitter_points;
             frame.tree3_root = pool.tree3_root;
             frame.tree4_root = pool.tree4_root;
-            frame.slots = self.slots(pool);
+            frame.slots = slots;
         }
         frame
     }

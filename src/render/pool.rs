@@ -1,7 +1,8 @@
-//! The light-vertex pool of an iteration on the host: vertices as they come back from the device, sorted for the estimator.
+//! Phase 2 of Algorithm 1: the light-vertex pool of an iteration on the host, vertices as they come back from the device, sorted for the estimator.
 
 use super::plan::Plan;
 use super::pool_layout::PoolLayout;
+use super::stats::{Stats, stage};
 use crate::error::{Error, Result};
 use crate::estimators::PoolOrder;
 use crate::gpu::{Buffer, Device, Need};
@@ -53,18 +54,21 @@ impl LightPool {
 
     /// Orders the vertices for the estimator: builds the trees, or groups them by path. Errors: more vertices than references
     /// to leaves have digits for.
-    pub fn sort(&self, plan: &Plan) -> Result<SortedPool> {
+    pub fn sort(&self, plan: &Plan, stats: &mut Stats) -> Result<SortedPool> {
         let count = self.deterministic.len() + self.emitter_points.len() + self.scattered.len();
         if count > MOST_VERTICES {
             return Err(Error::Settings(format!(
                 "an iteration has {count} light vertices and there is room for {MOST_VERTICES}: use fewer --light-paths"
             )));
         }
-        Ok(match plan.estimator.pool_order {
+        stats.deterministic_vertices += self.deterministic.len() as u64;
+        stats.emitter_vertices += self.emitter_points.len() as u64;
+        stats.scattered_vertices += self.scattered.len() as u64;
+        Ok(stats.timed(stage::BUILD_TREES, || match plan.estimator.pool_order {
             PoolOrder::ByPath => self.by_path(plan.light_paths),
             PoolOrder::EmitterPoints => self.emitters_only(),
             PoolOrder::Trees => self.trees(plan),
-        })
+        }))
     }
 
     fn layout(&self) -> PoolLayout {

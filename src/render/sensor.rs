@@ -5,6 +5,7 @@ mod buffers;
 mod kernels;
 mod observe;
 mod pace;
+mod phase;
 mod tiles;
 
 use super::device_scene::DeviceScene;
@@ -17,9 +18,10 @@ use crate::gpu::{Buffer, Device, DeviceInfo, Need, Recorder};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Dispatch, NONE, PathVertex};
 use buffers::{BUFFERS, Buffers, needs};
-pub use kernels::{Bound, Kernels};
+use kernels::{Bound, Kernels};
 pub use observe::Seen;
 use pace::{change, next_tile};
+pub use phase::SensorPhase;
 use tiles::{TileSample, Tiles};
 
 /// Counters of the lists: living paths (two, in turn), shade points, live candidates.
@@ -84,20 +86,6 @@ impl SensorTracer {
         needs(plan, SensorTracer::capacity(info, plan, slots), slots as usize)
     }
 
-    pub fn slots(&self) -> u32 {
-        self.slots
-    }
-
-    /// Frees the buffers and keeps what is slow to make.
-    pub fn into_kernels(self) -> Kernels {
-        self.kernels
-    }
-
-    /// Descriptor sets over the scene, a pool and the tracer's buffers.
-    pub fn bind(&self, scene: &DeviceScene, pool: &DevicePool) -> Result<Bound> {
-        self.kernels.bind(&self.buffers, scene, pool)
-    }
-
     /// Renders the samples that every pixel of the crop is given by `counts` and adds their means to `image` (RGB); `see`: as in
     /// [`Buffers::add_film`].
     pub fn run(
@@ -114,12 +102,12 @@ impl SensorTracer {
             self.run_tile(plan, bound, tile, is_last, stats)?;
             stats.samples += tile.len() as u64;
         }
-        stats.timed(stage::READ_FILM, || self.buffers.add_film(image, see)).map(|tally| {
-            stats.dropped += tally[0];
-            stats.shadow_rays += tally[1];
-            stats.inside_gate += tally[2];
-            stats.candidates += tally[3];
-        })
+        let tally = stats.timed(stage::READ_FILM, || self.buffers.add_film(image, see))?;
+        stats.dropped += tally[0];
+        stats.shadow_rays += tally[1];
+        stats.inside_gate += tally[2];
+        stats.candidates += tally[3];
+        stats.check()
     }
 
     fn run_tile(

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Recorder;
 
 /// Host stages of an iteration, as [`Stats::stages`] names them. They do not overlap.
@@ -131,6 +131,18 @@ impl Stats {
         (self.candidates > 0).then(|| self.live_candidates as f64 / self.candidates as f64)
     }
 
+    /// Fails where the counts contradict each other, as only a device that computes wrongly lets them.
+    pub(super) fn check(&self) -> Result<()> {
+        let (tried, live, rays) = (self.candidates, self.live_candidates, self.shadow_rays);
+        if rays <= live && live <= tried {
+            return Ok(());
+        }
+        Err(Error::Device(format!(
+            "it computes wrongly: {tried} connections were tried, {live} of them are inside the gate, and {rays} of those were \
+             traced; run taugate devices --check, update the driver, or choose another --device"
+        )))
+    }
+
     /// Contributions inside the gate a sensor subpath, light vertices in view included.
     pub fn inside_gate_per_sample(&self) -> f64 {
         self.inside_gate as f64 / self.samples.max(1) as f64
@@ -146,5 +158,25 @@ fn add(to: &mut BTreeMap<String, f64>, name: &str, seconds: f64) {
     match to.get_mut(name) {
         Some(sum) => *sum += seconds,
         None => drop(to.insert(name.into(), seconds)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn impossible_counts_blame_the_device() {
+        let counts = |candidates, live_candidates, shadow_rays| {
+            Stats { candidates, live_candidates, shadow_rays, ..Stats::default() }.check()
+        };
+        assert!(counts(0, 0, 0).is_ok() && counts(3, 2, 1).is_ok() && counts(3, 3, 3).is_ok());
+        for wrong in [counts(1000, 1011, 900), counts(1000, 900, 901)] {
+            let error = wrong.unwrap_err();
+            assert!(
+                matches!(error, Error::Device(_)) && error.to_string().contains("taugate devices --check"),
+                "{error}"
+            );
+        }
     }
 }

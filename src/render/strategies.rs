@@ -1,8 +1,9 @@
 //! One image a strategy, with and without its MIS weight: what each way to join subpaths adds to the image.
 
+use super::Renderer;
+use super::observe::Observed;
 use super::plan::{Observe, Plan};
 use super::prepared::Prepared;
-use super::{Observed, Renderer};
 use crate::error::{Error, Result};
 use crate::gpu::Device;
 use crate::image::film::Film;

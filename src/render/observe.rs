@@ -1,0 +1,57 @@
+//! An iteration that forms no image: it shows every contribution, for travel times and for images of strategies.
+
+use super::Renderer;
+use super::light::Splat;
+use super::plan::Observe;
+use super::samples::SampleCounts;
+use super::sensor::Seen;
+use crate::error::Result;
+use crate::wgsl::layout::NONE;
+use crate::wgsl::layout::constants::VERTEX_DEPTH;
+
+/// A contribution to the image.
+pub struct Observed {
+    /// As it adds to the mean of its pixel; for [`Observe::Strategies`] without its MIS weight.
+    pub rgb: [f32; 3],
+    /// Row-major within the crop; NONE where it is not known.
+    pub pixel: u32,
+    /// Vertices of the light and of the sensor subpath, the pinhole included.
+    pub s: u32,
+    pub t: u32,
+    /// For [`Observe::Times`] the travel time, for [`Observe::Strategies`] the MIS weight.
+    pub tau_or_weight: f32,
+}
+
+impl Renderer {
+    /// The phases of [`Renderer::iterate`] for a plan that observes: `see` is shown all contributions, their light as it adds to
+    /// the image and their travel times or weights.
+    pub(super) fn observe(&mut self, samples: u32, see: &mut impl FnMut(Observed)) -> Result<()> {
+        let iteration = self.next_iteration(samples);
+        let Renderer { plan, scene, light, sensor, stats, .. } = self;
+
+        // Phase 1: light tracing.
+        let times = plan.observe == Observe::Times;
+        scene.write_frame(&plan.frame(&iteration, None))?;
+        let show = &mut |splat: Splat| {
+            let Splat { rgb, pixel_or_tau, weight, s } = splat;
+            let (pixel, tau_or_weight) = if times { (NONE, pixel_or_tau) } else { (pixel_or_tau.to_bits(), weight) };
+            see(Observed { rgb, pixel, s, t: 1, tau_or_weight });
+        };
+        let vertices = light.run(plan, show, stats)?;
+
+        // Phase 2: hierarchy construction.
+        let pool = vertices.sort(plan, stats)?;
+
+        // Phase 3: sensor tracing and connection.
+        let share = 1.0 / samples as f32;
+        let show = &mut |seen: Seen| {
+            let s = seen.vertex.map_or(0, |vertex| (pool.vertices[vertex].flags & VERTEX_DEPTH) + 1);
+            let rgb = seen.rgb.map(|x| x * share);
+            see(Observed { rgb, pixel: seen.pixel, s, t: seen.t, tau_or_weight: seen.tau_or_weight });
+        };
+        sensor.prepare(plan, &iteration, scene, &pool, stats)?.observe(plan, &SampleCounts::Even(samples), show)?;
+
+        self.finish_iteration(samples);
+        Ok(())
+    }
+}

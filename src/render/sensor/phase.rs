@@ -1,0 +1,81 @@
+//! What the sensor subpaths keep from iteration to iteration, made anew where a pool outgrows it.
+
+use super::*;
+use crate::render::plan::Iteration;
+use crate::render::pool::SortedPool;
+
+/// The tracer, the pool on the device, and the descriptor sets over both.
+pub struct SensorPhase {
+    device: Device,
+    ready: Option<Ready>,
+}
+
+/// Sensor subpaths that can be traced: the pool of the iteration is on the device.
+pub struct Ready {
+    tracer: SensorTracer,
+    pool: DevicePool,
+    bound: Bound,
+}
+
+impl SensorPhase {
+    pub fn new(device: &Device) -> SensorPhase {
+        SensorPhase { device: device.clone(), ready: None }
+    }
+
+    /// Puts the pool and the frame of an iteration on the device; makes buffers and descriptor sets anew where they are too small.
+    pub fn prepare(
+        &mut self,
+        plan: &Plan,
+        iteration: &Iteration,
+        scene: &mut DeviceScene,
+        pool: &SortedPool,
+        stats: &mut Stats,
+    ) -> Result<&mut Ready> {
+        let ready = self.fit(plan, scene, pool, stats)?;
+        let ready = self.ready.insert(ready);
+        scene.write_frame(&plan.frame(iteration, Some((&pool.layout, ready.tracer.slots))))?;
+        Ok(ready)
+    }
+
+    fn fit(&mut self, plan: &Plan, scene: &DeviceScene, pool: &SortedPool, stats: &mut Stats) -> Result<Ready> {
+        let slots = plan.slots(&pool.layout);
+        let mut tracer = None;
+        if let Some(mut old) = self.ready.take() {
+            let fits = old.tracer.slots >= slots && stats.timed(stage::UPLOAD, || old.pool.replace(pool))?;
+            if fits {
+                return Ok(old);
+            }
+            tracer = Some(old.tracer);
+        }
+        let device = &self.device;
+        let tracer = match tracer {
+            Some(tracer) if tracer.slots >= slots => tracer,
+            old => {
+                let kernels = stats.timed(stage::ALLOCATE, || old.map(|tracer| tracer.kernels));
+                SensorTracer::new(device, plan, slots, kernels, stats)?
+            }
+        };
+        let pool = stats.timed(stage::UPLOAD, || DevicePool::new(device, pool))?;
+        let bound = stats.timed(stage::ALLOCATE, || tracer.kernels.bind(&tracer.buffers, scene, &pool))?;
+        Ok(Ready { tracer, pool, bound })
+    }
+}
+
+impl Ready {
+    /// As [`SensorTracer::run`].
+    pub fn run(
+        &mut self,
+        plan: &Plan,
+        counts: &SampleCounts,
+        image: &mut [f32],
+        see: impl FnOnce(&[[f32; 4]], &[f32]),
+        stats: &mut Stats,
+    ) -> Result<()> {
+        self.tracer.run(plan, &self.bound, counts, image, see, stats)
+    }
+
+    /// As [`SensorTracer::observe`].
+    pub fn observe(&mut self, plan: &Plan, counts: &SampleCounts, see: &mut impl FnMut(Seen)) -> Result<()> {
+        self.tracer.observe(plan, &self.bound, counts, see)
+    }
+}
