@@ -11,16 +11,18 @@
 @group(2) @binding(4) var<storage, read_write> list_b: array<u32>;
 // Lengths of lists; totals over the segment from COUNTER_TOTALS on.
 @group(2) @binding(5) var<storage, read_write> counters: array<u32>;
-// Workgroups for indirect dispatches, three words a list.
+// Workgroups for indirect dispatches, three words each: for a thread per entry of a list, and from LISTS on for what compacts it.
 @group(2) @binding(6) var<storage, read_write> arguments: array<u32>;
 
 const CHUNK: u32 = 32u;
 const SCAN_THREADS: u32 = 64u;
 
+const LISTS: u32 = 4u;
 // From here on `counters` holds the lengths added up over the submit, for statistics.
 const COUNTER_TOTALS: u32 = 8u;
 
-// Entries are paths of a list, or with one outgoing list the candidate slots of the shade points.
+// Entries are paths of a list, or with one outgoing list the candidate slots of the shade points, which are the other outgoing list
+// of paths.
 fn entry_count() -> u32 {
     return counters[dispatch.counter] * select(1u, frame.slots, dispatch.list_b == NONE);
 }
@@ -124,9 +126,15 @@ fn set_lengths(thread: u32, total: vec2<u32>) {
 fn set_length(list: u32, length: u32) {
     counters[list] = length;
     counters[COUNTER_TOTALS + list] += length;
-    arguments[3u * list] = (length + WORKGROUP - 1u) / WORKGROUP;
-    arguments[3u * list + 1u] = 1u;
-    arguments[3u * list + 2u] = 1u;
+    set_workgroups(list, length);
+    let entries = length * select(1u, frame.slots, list == dispatch.list_b);
+    set_workgroups(LISTS + list, (entries + CHUNK - 1u) / CHUNK);
+}
+
+fn set_workgroups(at: u32, threads: u32) {
+    arguments[3u * at] = (threads + WORKGROUP - 1u) / WORKGROUP;
+    arguments[3u * at + 1u] = 1u;
+    arguments[3u * at + 2u] = 1u;
 }
 
 // One thread, one chunk.

@@ -2,13 +2,13 @@
 
 use taugate::generate::numbers::Pcg;
 use taugate::gpu::{Buffer, Device, Kernel, Recorder};
-use taugate::wgsl::layout::constants::CHUNK;
+use taugate::wgsl::layout::constants::{CHUNK, LISTS};
 use taugate::wgsl::layout::{Dispatch, Frame, NONE};
 
 /// Slots, and those of a hundred that are live.
 const SLOTS: usize = 1 << 20;
 const LIVE: usize = 30;
-/// Words of `counters` and `arguments`.
+/// Words of `counters`.
 const COUNTERS: usize = 16;
 /// The counter of the slots, and that of the live ones.
 const FROM: u32 = 2;
@@ -30,7 +30,7 @@ pub fn compare(device: &Device) {
         ("chunk_counts", room("chunk counts", 2 * SLOTS.div_ceil(CHUNK as usize))),
         ("list_a", room("live slots", SLOTS)),
         ("list_b", room("other list", 1)),
-        ("arguments", room("arguments", COUNTERS)),
+        ("arguments", room("arguments", 6 * LISTS as usize)),
     ];
     let named: Vec<(&str, &Buffer)> = buffers.iter().map(|(name, buffer)| (*name, buffer)).collect();
     let steps = ["compact_count", "compact_scan", "compact_scatter"].map(|entry| {

@@ -3,7 +3,12 @@
 use crate::error::Result;
 use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
 use crate::wgsl::layout::Dispatch;
-use crate::wgsl::layout::constants::CHUNK;
+use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, LISTS};
+
+/// Words that hold the lengths of lists, and the lengths added up.
+pub const COUNTERS: usize = (COUNTER_TOTALS + LISTS) as usize;
+/// Words that hold the sizes of dispatches over lists.
+pub const ARGUMENTS: usize = 6 * LISTS as usize;
 
 /// Entries of a list that one workgroup compacts faster than three dispatches do.
 const SHORT_LIST: usize = 1 << 13;
@@ -44,20 +49,35 @@ impl Compaction {
         })
     }
 
-    /// Records the compaction of a list of `entries` entries at most.
+    /// What a counters buffer and its arguments hold at first: `length` entries in `list`, whose kernel has `groups` workgroups.
+    pub fn one_list(&self, list: u32, length: u32, groups: u32) -> ([u32; COUNTERS], [u32; ARGUMENTS]) {
+        let (mut counters, mut arguments) = ([0; COUNTERS], [1; ARGUMENTS]);
+        counters[list as usize] = length;
+        arguments[3 * list as usize] = groups;
+        arguments[3 * (LISTS + list) as usize] = self.count.groups((length as usize).div_ceil(CHUNK as usize));
+        (counters, arguments)
+    }
+
+    /// Records the compaction of the list `lists.counter`, of `entries` entries at most. The device knows how many they are.
     pub fn record(
         &self,
         recorder: &mut Recorder,
         bound: &BoundCompaction,
         lists: &Dispatch,
         entries: usize,
+        arguments: &Buffer,
     ) -> Result<()> {
         if entries <= SHORT_LIST {
             return recorder.dispatch("compact", &self.short, &bound.short, lists, 1);
         }
-        let chunks = self.count.groups(entries.div_ceil(CHUNK as usize));
-        recorder.dispatch("compact", &self.count, &bound.count, lists, chunks)?;
+        let chunks = (arguments, 3 * u64::from(LISTS + lists.counter));
+        recorder.dispatch_indirect("compact", &self.count, &bound.count, lists, chunks)?;
         recorder.dispatch("compact", &self.scan, &bound.scan, lists, 1)?;
-        recorder.dispatch("compact", &self.scatter, &bound.scatter, lists, chunks)
+        recorder.dispatch_indirect("compact", &self.scatter, &bound.scatter, lists, chunks)
     }
+}
+
+/// Where the size of a dispatch over a list stands, one thread per entry.
+pub fn over(arguments: &Buffer, list: u32) -> (&Buffer, u64) {
+    (arguments, 3 * u64::from(list))
 }

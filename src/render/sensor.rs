@@ -6,21 +6,22 @@ mod kernels;
 mod observe;
 mod pace;
 mod phase;
+mod tile;
 mod tiles;
 
+use super::compaction::{COUNTERS, over};
 use super::device_scene::DeviceScene;
 use super::plan::Plan;
 use super::pool::DevicePool;
 use super::samples::{MOST_IN_PIXEL, MOST_SAMPLES, SampleCounts};
 use super::stats::{Stats, stage};
 use crate::error::Result;
-use crate::gpu::{Buffer, Device, DeviceInfo, Need, Recorder};
+use crate::gpu::{Device, DeviceInfo, Need, Recorder};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Dispatch, NONE, PathVertex};
 use buffers::{BUFFERS, Buffers, needs};
 use kernels::{Bound, Kernels};
 pub use observe::Seen;
-use pace::{change, next_tile};
 pub use phase::SensorPhase;
 use tiles::{TileSample, Tiles};
 
@@ -28,7 +29,6 @@ use tiles::{TileSample, Tiles};
 const LIVING: [u32; 2] = [0, 1];
 const SHADE: u32 = 2;
 const CANDIDATES: u32 = 3;
-const COUNTERS: usize = 16;
 
 /// Workgroups a dispatch that every Vulkan device allows.
 const LEAST_GROUP_LIMIT: u32 = 65_535;
@@ -41,6 +41,8 @@ pub struct SensorTracer {
     kernels: Kernels,
     buffers: Buffers,
     recorder: Recorder,
+    /// See [`Drive`](crate::gpu::Drive).
+    waits_per_bounce: bool,
     slots: u32,
     /// Paths a tile may hold, and how many it holds at present.
     capacity: usize,
@@ -65,7 +67,16 @@ impl SensorTracer {
             None => stats.timed(stage::COMPILE, || Kernels::new(device, plan))?,
         };
         let tile = plan.tuning.tile.unwrap_or(1 << 13).min(capacity);
-        Ok(SensorTracer { kernels, buffers, recorder: Recorder::new(device)?, slots, capacity, tile, part: LEAST_PART })
+        Ok(SensorTracer {
+            kernels,
+            buffers,
+            recorder: Recorder::new(device)?,
+            waits_per_bounce: device.info().drive.waits_per_bounce,
+            slots,
+            capacity,
+            tile,
+            part: LEAST_PART,
+        })
     }
 
     /// Paths a tile may hold.
@@ -108,38 +119,5 @@ impl SensorTracer {
         stats.inside_gate += tally[2];
         stats.candidates += tally[3];
         stats.check()
-    }
-
-    fn run_tile(
-        &mut self,
-        plan: &Plan,
-        bound: &Bound,
-        samples: &[TileSample],
-        is_last: bool,
-        stats: &mut Stats,
-    ) -> Result<()> {
-        let constants = stats.timed(stage::RECORD, || self.start_tile(bound, samples))?;
-        let mut living = samples.len() as u32;
-        let mut longest = 0.0f64;
-        for bounce in 0..plan.max_depth {
-            let seconds;
-            (living, seconds) = self.run_bounce(bound, &Dispatch { bounce, ..constants }, living, stats)?;
-            longest = longest.max(seconds);
-            if living == 0 {
-                break;
-            }
-        }
-        let groups = self.kernels.resolve.groups(samples.len());
-        self.recorder.dispatch("resolve", &self.kernels.resolve, &bound.resolve, &constants, groups)?;
-        longest = longest.max(stats.submit(&mut self.recorder)?);
-        let counters = self.read_counters(stats)?;
-        let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
-        stats.closest_rays += samples.len() as u64 + total(LIVING[0]) + total(LIVING[1]);
-        stats.shade_points += total(SHADE);
-        stats.live_candidates += total(CANDIDATES);
-        if plan.tuning.tile.is_none() {
-            self.tile = next_tile(self.tile, samples.len(), is_last, longest, self.capacity);
-        }
-        Ok(())
     }
 }

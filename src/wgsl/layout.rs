@@ -128,6 +128,7 @@ pub mod constants {
         LEAF_FIRST = 0x07ff_ffff,
         BUCKETS = 8,
         CHUNK = 32,
+        LISTS = 4,
         COUNTER_TOTALS = 8,
         ESTIMATOR_PT = 0,
         ESTIMATOR_BDPT = 1,

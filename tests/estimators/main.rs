@@ -4,6 +4,7 @@ mod agreement;
 mod caustics;
 mod cells;
 mod determinism;
+mod drive;
 mod furnace;
 mod regressions;
 mod rough_glass;

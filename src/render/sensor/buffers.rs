@@ -1,8 +1,11 @@
 //! Buffers of the sensor subpaths: what they need, their names in WGSL, and reading the film back.
 
-use super::{COUNTERS, TileSample};
+use std::cell::RefCell;
+
+use super::TileSample;
 use crate::error::Result;
-use crate::gpu::{Buffer, Device, Need};
+use crate::gpu::{Buffer, Device, Need, ReadBack, Recorder};
+use crate::render::compaction::{ARGUMENTS, COUNTERS};
 use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Candidate, PathState, PathVertex};
@@ -22,10 +25,10 @@ pub struct Buffers {
     pub chunk_counts: Buffer,
     pub candidates: Buffer,
     pub contributions: Buffer,
-    pub counters: Buffer,
+    pub counters: ReadBack,
     pub arguments: Buffer,
-    pub film: Buffer,
-    pub film_tallies: Buffer,
+    pub film: ReadBack,
+    pub film_tallies: ReadBack,
 }
 
 /// Buffers of a tracer.
@@ -55,7 +58,7 @@ pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
         Need::of::<Candidate>("candidates", entries, few),
         quads("contributions", entries),
         words("counters", COUNTERS),
-        words("dispatch arguments", COUNTERS),
+        words("dispatch arguments", ARGUMENTS),
         pixels("film pixels"),
         pixels("film tallies"),
     ]
@@ -63,8 +66,10 @@ pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
 
 impl Buffers {
     pub fn new(device: &Device, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers> {
-        let mut needs = needs(plan, paths, slots).into_iter();
-        let mut next = || Buffer::for_need(device, &needs.next().expect("one need a field"));
+        let needs = RefCell::new(needs(plan, paths, slots).into_iter());
+        let need = || needs.borrow_mut().next().expect("one need per field");
+        let next = || Buffer::for_need(device, &need());
+        let read_back = || ReadBack::for_need(device, &need());
         Ok(Buffers {
             tile_samples: next()?,
             states: next()?,
@@ -79,10 +84,10 @@ impl Buffers {
             chunk_counts: next()?,
             candidates: next()?,
             contributions: next()?,
-            counters: next()?,
+            counters: read_back()?,
             arguments: next()?,
-            film: next()?,
-            film_tallies: next()?,
+            film: read_back()?,
+            film_tallies: read_back()?,
         })
     }
 
@@ -100,11 +105,17 @@ impl Buffers {
             ("chunk_counts", &self.chunk_counts),
             ("candidates", &self.candidates),
             ("contributions", &self.contributions),
-            ("counters", &self.counters),
+            ("counters", self.counters.buffer()),
             ("arguments", &self.arguments),
-            ("film", &self.film),
-            ("film_tallies", &self.film_tallies),
+            ("film", self.film.buffer()),
+            ("film_tallies", self.film_tallies.buffer()),
         ]
+    }
+
+    /// Records that the submit ends with the film being there for [`Buffers::add_film`].
+    pub fn read_film(&self, recorder: &mut Recorder) -> Result<()> {
+        recorder.read_back(&self.film, self.film.buffer().size())?;
+        recorder.read_back(&self.film_tallies, self.film_tallies.buffer().size())
     }
 
     /// Adds the film to `image`, shows `see` what was added and the sum, and returns its tallies, added up.

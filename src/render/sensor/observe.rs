@@ -36,6 +36,7 @@ impl SensorTracer {
             for bounce in 0..plan.max_depth {
                 let constants = Dispatch { bounce, ..constants };
                 (living, _) = self.run_bounce(bound, &constants, living, &mut Stats::default())?;
+                self.record_counters()?;
                 self.recorder.submit()?;
                 self.show(plan, tile, bounce, see)?;
                 if living == 0 {
@@ -49,8 +50,7 @@ impl SensorTracer {
     /// Shows what the bounce has found of a tile.
     fn show(&self, plan: &Plan, tile: &[TileSample], bounce: u32, see: &mut impl FnMut(Seen)) -> Result<()> {
         let b = &self.buffers;
-        let mut counters = [0u32; COUNTERS];
-        b.counters.read(0, &mut counters)?;
+        let counters = self.read_counters(&mut Stats::default())?;
         let length = |list: u32| counters[list as usize] as usize;
         let parity = bounce as usize % 2;
         let seen = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<usize>| {

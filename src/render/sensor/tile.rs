@@ -1,0 +1,103 @@
+//! A tile of sensor subpaths, from the samples to the film.
+
+use super::pace::next_tile;
+use super::*;
+
+/// Bounces that one submit holds at most where the host does not look at each: beyond them hardly a path lives.
+const MOST_BOUNCES: u32 = 16;
+
+impl SensorTracer {
+    pub(super) fn run_tile(
+        &mut self,
+        plan: &Plan,
+        bound: &Bound,
+        samples: &[TileSample],
+        is_last: bool,
+        stats: &mut Stats,
+    ) -> Result<()> {
+        let constants = stats.timed(stage::RECORD, || self.start_tile(bound, samples))?;
+        let mut longest = match self.waits_per_bounce {
+            true => self.run_bounces(plan, bound, &constants, stats)?,
+            false => self.record_bounces(plan, bound, &constants, stats)?,
+        };
+        stats.timed(stage::RECORD, || self.record_film(bound, &constants, is_last))?;
+        longest = longest.max(stats.submit(&mut self.recorder)?);
+        let counters = self.read_counters(stats)?;
+        let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
+        stats.closest_rays += samples.len() as u64 + total(LIVING[0]) + total(LIVING[1]);
+        stats.shade_points += total(SHADE);
+        stats.live_candidates += total(CANDIDATES);
+        if plan.tuning.tile.is_none() {
+            self.tile = next_tile(self.tile, samples.len(), is_last, longest, self.capacity);
+        }
+        Ok(())
+    }
+
+    /// Records the start of a path for every sample; returns what all dispatches of the tile share.
+    pub(super) fn start_tile(&mut self, bound: &Bound, samples: &[TileSample]) -> Result<Dispatch> {
+        let (k, b) = (&self.kernels, &mut self.buffers);
+        let count = samples.len() as u32;
+        let none = Dispatch { list_a: NONE, list_b: NONE, emitter: NONE, ..bytemuck::Zeroable::zeroed() };
+        let constants = Dispatch { count, counter: LIVING[0], ..none };
+        let (counters, arguments) = k.compaction.one_list(LIVING[0], count, k.trace.groups(samples.len()));
+        b.tile_samples.write(0, samples)?;
+        b.counters.write(&counters)?;
+        b.arguments.write(0, &arguments)?;
+        let groups = k.start.groups(samples.len());
+        self.recorder.dispatch("sensor_start", &k.start, &bound.start, &constants, groups)?;
+        Ok(constants)
+    }
+
+    /// Runs the bounces one by one, as long as there are paths. Returns the seconds of the longest submit that traced them.
+    fn run_bounces(&mut self, plan: &Plan, bound: &Bound, constants: &Dispatch, stats: &mut Stats) -> Result<f64> {
+        let (mut living, mut longest) = (constants.count, 0.0f64);
+        for bounce in 0..plan.max_depth {
+            let seconds;
+            (living, seconds) = self.run_bounce(bound, &Dispatch { bounce, ..*constants }, living, stats)?;
+            longest = longest.max(seconds);
+            if living == 0 {
+                break;
+            }
+        }
+        Ok(longest)
+    }
+
+    /// Records all bounces, without looking at what one of them has left, in one submit if they are not very many; the last is
+    /// left to the caller. Returns the seconds of the longest.
+    fn record_bounces(&mut self, plan: &Plan, bound: &Bound, constants: &Dispatch, stats: &mut Stats) -> Result<f64> {
+        let mut longest = 0.0f64;
+        for bounce in 0..plan.max_depth {
+            if bounce > 0 && bounce % MOST_BOUNCES == 0 {
+                self.record_counters()?;
+                longest = longest.max(stats.submit(&mut self.recorder)?);
+                if self.read_counters(stats)?[LIVING[bounce as usize % 2] as usize] == 0 {
+                    break;
+                }
+            }
+            stats.timed(stage::RECORD, || self.record_bounce(bound, &Dispatch { bounce, ..*constants }))?;
+        }
+        Ok(longest)
+    }
+
+    /// Records the means over the samples of each pixel, and reads the film with the last tile.
+    fn record_film(&mut self, bound: &Bound, constants: &Dispatch, is_last: bool) -> Result<()> {
+        let resolve = &self.kernels.resolve;
+        let groups = resolve.groups(constants.count as usize);
+        self.recorder.dispatch("resolve", resolve, &bound.resolve, constants, groups)?;
+        if is_last {
+            self.buffers.read_film(&mut self.recorder)?;
+        }
+        self.record_counters()
+    }
+
+    pub(super) fn record_counters(&mut self) -> Result<()> {
+        self.recorder.read_back(&self.buffers.counters, size_of::<[u32; COUNTERS]>() as u64)
+    }
+
+    pub(super) fn read_counters(&self, stats: &mut Stats) -> Result<[u32; COUNTERS]> {
+        let mut counters = [0u32; COUNTERS];
+        let read = || self.buffers.counters.with(COUNTERS, |read| counters.copy_from_slice(read));
+        stats.timed(stage::READ_COUNTERS, read)?;
+        Ok(counters)
+    }
+}

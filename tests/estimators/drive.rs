@@ -1,0 +1,69 @@
+//! However the host drives the device, the image is the same bits; a card is asked for little.
+
+use super::cells::settings;
+use taugate::generate::zoo::Light;
+use taugate::generate::{Kind, build};
+use taugate::gpu::{Device, Drive};
+use taugate::render::{Renderer, Tuning};
+use taugate::scene::Scene;
+use taugate::settings::units::Gate;
+use taugate::settings::{Estimator, Sampling, Settings};
+
+const SIZE: [u32; 2] = [20, 14];
+const GATE: Gate = Gate { lo: 7.0, hi: 12.0 };
+const SAMPLES: [u32; 3] = [2, 3, 2];
+/// Each half of the difference between a card and a CPU by itself.
+const HALVES: [Drive; 2] =
+    [Drive { maps_memory: true, waits_per_bounce: false }, Drive { maps_memory: false, waits_per_bounce: true }];
+
+fn open(drive: Drive) -> Device {
+    Device::open_driven(None, Some(drive)).expect("these tests need a Vulkan device: run ./setup.sh")
+}
+
+fn renderer(device: &Device, scene: &Scene, settings: &Settings, tile: usize) -> Renderer {
+    let tuning = Tuning { tile: Some(tile), ..Tuning::default() };
+    let mut renderer = Renderer::with_tuning(device, scene, settings, tuning).unwrap_or_else(|e| panic!("{e}"));
+    renderer.restart(5, GATE);
+    renderer
+}
+
+/// Everything a render says that does not depend on clocks.
+fn result(drive: Drive, scene: &Scene, settings: &Settings) -> (Vec<u32>, [u64; 7]) {
+    let device = open(drive);
+    let mut renderer = renderer(&device, scene, settings, 150);
+    SAMPLES.iter().for_each(|&samples| renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}")));
+    let mean = renderer.film().mean();
+    assert!(mean.iter().any(|&x| x > 0.0), "a black image proves nothing");
+    let s = renderer.stats();
+    let counts =
+        [s.samples, s.closest_rays, s.light_rays, s.shadow_rays, s.shade_points, s.live_candidates, s.inside_gate];
+    (mean.iter().map(|x| x.to_bits()).collect(), counts)
+}
+
+fn assert_same(scene: &Scene, settings: &Settings, drives: &[Drive]) {
+    let expected = result(Drive::CPU, scene, settings);
+    for &drive in drives {
+        let found = result(drive, scene, settings);
+        let (estimator, sampling) = (settings.estimator, settings.sampling);
+        assert!(found.0 == expected.0, "{estimator:?}, {sampling}, {drive:?}: other bits");
+        assert_eq!(found.1, expected.1, "{estimator:?}, {sampling}, {drive:?}");
+    }
+}
+
+#[test]
+fn a_card_renders_the_same_bits() {
+    let scene = build(Kind::Zoo(Light::Area));
+    for estimator in Estimator::ALL {
+        for sampling in [Sampling::Uniform, Sampling::Adaptive] {
+            assert_same(&scene, &Settings { sampling, ..settings(estimator, SIZE) }, &[Drive::CARD]);
+        }
+    }
+}
+
+#[test]
+fn lights_without_area_are_the_same_bits_too() {
+    for light in [Light::Punctual, Light::Beam] {
+        assert_same(&build(Kind::Zoo(light)), &settings(Estimator::Bdpt, SIZE), &[Drive::CARD]);
+    }
+    assert_same(&build(Kind::Zoo(Light::Beam)), &settings(Estimator::Lcs, SIZE), &HALVES);
+}
