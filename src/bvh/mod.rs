@@ -1,10 +1,20 @@
 //! The bounding volume hierarchy over the scene's triangles: obvhs' compressed wide nodes, 80 bytes each.
 
-use glam::Vec3A;
-use obvhs::BvhBuildParams;
+mod dense;
+
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh_from_tris;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::ploc::PlocBuilder;
 use obvhs::triangle::Triangle;
+use obvhs::{Boundable, BvhBuildParams};
+
+use dense::Groups;
+
+/// Triangles that a leaf of compressed wide nodes may hold.
+const MOST_IN_LEAF: u32 = 3;
 
 /// Nodes as the kernels read them (five 16-byte words each), and the triangles in leaf order.
 pub struct Bvh {
@@ -19,6 +29,14 @@ pub struct Bvh {
 pub const MOST_LEVELS: usize = 32;
 
 impl Bvh {
+    fn new(host: CwBvh) -> Bvh {
+        let mut nodes: Vec<[u32; 4]> = bytemuck::cast_slice::<_, u32>(&host.nodes).as_chunks::<4>().0.to_vec();
+        if nodes.is_empty() {
+            nodes = vec![[0; 4]; 5];
+        }
+        Bvh { nodes, order: host.primitive_indices.clone(), host }
+    }
+
     /// Levels of nodes, 0 for an empty hierarchy.
     pub fn levels(&self) -> usize {
         let mut deepest = 0;
@@ -33,17 +51,35 @@ impl Bvh {
     }
 }
 
-/// Builds the hierarchy. `corners` are finite; none gives a hierarchy that no ray hits.
+/// Builds the hierarchy, whatever lies in one place. `corners` are finite; none gives a hierarchy that no ray hits.
 pub fn build(corners: &[[[f32; 3]; 3]]) -> Bvh {
-    let triangles: Vec<Triangle> = corners
-        .iter()
-        .map(|c| Triangle { v0: Vec3A::from(c[0]), v1: Vec3A::from(c[1]), v2: Vec3A::from(c[2]) })
-        .collect();
-    let mut elapsed = std::time::Duration::ZERO;
-    let host = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut elapsed);
-    let mut nodes: Vec<[u32; 4]> = bytemuck::cast_slice::<_, u32>(&host.nodes).as_chunks::<4>().0.to_vec();
-    if nodes.is_empty() {
-        nodes = vec![[0; 4]; 5];
-    }
-    Bvh { nodes, order: host.primitive_indices.clone(), host }
+    let triangle = |c: &[[f32; 3]; 3]| Triangle { v0: c[0].into(), v1: c[1].into(), v2: c[2].into() };
+    let boxes: Vec<Aabb> = corners.iter().map(|c| triangle(c).aabb()).collect();
+    let bvh = Bvh::new(match Groups::find(&boxes) {
+        None => wide(&clustered(&boxes)),
+        Some(groups) => wide(&groups.expand(clustered(&groups.boxes), &boxes)),
+    });
+    // Triangles nested over many orders of magnitude.
+    if bvh.levels() > MOST_LEVELS { Bvh::new(wide(&dense::halved(&boxes))) } else { bvh }
 }
+
+/// The steps of `obvhs::cwbvh::builder::build_cwbvh_from_tris`, which in debug builds panics on deep hierarchies.
+fn clustered(boxes: &[Aabb]) -> Bvh2 {
+    const PARAMETERS: BvhBuildParams = BvhBuildParams::medium_build();
+    let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
+        PARAMETERS.ploc_search_distance,
+        boxes,
+        (0..boxes.len() as u32).collect(),
+        PARAMETERS.sort_precision,
+        PARAMETERS.search_depth_threshold,
+    );
+    ReinsertionOptimizer::default().run(&mut bvh, PARAMETERS.reinsertion_batch_ratio, None);
+    bvh
+}
+
+fn wide(bvh: &Bvh2) -> CwBvh {
+    bvh2_to_cwbvh(bvh, MOST_IN_LEAF, true, false)
+}
+
+#[cfg(test)]
+mod tests;

@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::albedo::{AlbedoTable, DELTA_ALPHA};
+use super::duplicates::drop_copies;
 use super::place::Place;
 use crate::bvh::{self, Bvh};
 use crate::scene::{self, AlphaMode, Scene, Wrap};
@@ -24,6 +25,8 @@ pub struct Features {
 pub struct Geometry {
     pub bvh: Bvh,
     pub triangles: Vec<Triangle>,
+    /// How many copies of triangles were left out, and the instance of the first of them.
+    pub copies: Option<(usize, u32)>,
     pub corners: Vec<u32>,
     pub attributes: Vec<VertexAttributes>,
     pub instances: Vec<InstanceNormals>,
@@ -70,12 +73,14 @@ impl Geometry {
                 triangles.push(Triangle { v0, instance: number, v1, corner, v2, material });
             }
         }
+        let copies = drop_copies(&mut triangles);
         let bvh = bvh::build(&triangles.iter().map(|t| [t.v0, t.v1, t.v2]).collect::<Vec<_>>());
         let triangles = bvh.order.iter().map(|&i| triangles[i as usize]).collect();
         let (textures, texels) = textures(scene, materials.features.textures);
         Geometry {
             bvh,
             triangles,
+            copies,
             corners,
             attributes,
             instances,

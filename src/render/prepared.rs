@@ -7,7 +7,6 @@ use super::coplanar;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
 use super::place::Place;
-use crate::bvh::MOST_LEVELS;
 use crate::error::{Error, Result};
 use crate::scene::Scene;
 use crate::settings::Settings;
@@ -35,14 +34,6 @@ impl Prepared {
                     .into(),
             ));
         }
-        let levels = geometry.bvh.levels();
-        if levels > MOST_LEVELS {
-            return Err(Error::Settings(format!(
-                "the scene's hierarchy is {levels} levels deep and the kernels have room for {MOST_LEVELS}: \
-                 it holds triangles nested over too many orders of magnitude, or a hundred in one place; remove the smallest, \
-                 or the copies"
-            )));
-        }
         Ok(Prepared { geometry, emitters, albedo, place })
     }
 
@@ -51,12 +42,20 @@ impl Prepared {
         &self.emitters.powers
     }
 
-    /// What will look wrong though the file is right, one sentence each with the remedy: lamps in the plane of another surface.
+    /// What will look wrong though the file is right, one sentence each with the remedy: triangles that are listed twice, lamps in
+    /// the plane of another surface.
     pub fn warnings(&self, scene: &Scene) -> Vec<String> {
-        coplanar::warnings(scene, &self.geometry, &self.place)
+        let copies = self.geometry.copies.map(|(count, instance)| {
+            let node = &scene.instances[instance as usize].node;
+            let triangles = if count == 1 { "triangle is a copy of another" } else { "triangles are copies of others" };
+            format!(
+                "{count} {triangles} in the same place and of the same material, and count once (first: node '{node}')"
+            )
+        });
+        copies.into_iter().chain(coplanar::warnings(scene, &self.geometry, &self.place)).collect()
     }
 
-    /// Triangles as they are placed.
+    /// Triangles as they are placed, without copies.
     pub fn triangles(&self) -> usize {
         self.geometry.triangles.len()
     }

@@ -139,3 +139,45 @@ fn a_lamp_in_the_plane_of_the_ceiling_shines() {
     assert!((bdpt.whole().0 / below.0 - 1.0).abs() < 0.03);
     assert!(disagreements(&bdpt, &lcs).is_empty());
 }
+
+/// Every triangle of the named node once more, `times` in all.
+fn listed(mut scene: Scene, node: &str, times: usize) -> Scene {
+    let instance = scene.instances.iter().find(|i| i.node == node).expect("the node is in the scene");
+    let mesh = &mut scene.meshes[instance.mesh as usize];
+    mesh.triangles = mesh.triangles.repeat(times);
+    scene
+}
+
+/// Emitter sampling would see each copy of a lamp, a ray only one of them: `pt` and `bdpt` would disagree.
+#[test]
+fn a_lamp_listed_twice_shines_once() {
+    for estimator in Estimator::ALL {
+        let [once, twice] =
+            [1, 2].map(|times| render(&listed(build(Kind::CornellBox), "light", times), estimator, GATE));
+        assert!(sum(&once) > 0.0 && once == twice, "{estimator}: {} {}", sum(&once), sum(&twice));
+    }
+}
+
+/// Files exist that list one primitive thousands of times.
+#[test]
+fn a_wall_listed_thirty_thousand_times_is_one_wall() {
+    let once = render(&build(Kind::CornellBox), Estimator::Lcs, GATE);
+    let often = render(&listed(build(Kind::CornellBox), "ceiling", 30_000), Estimator::Lcs, GATE);
+    assert!(sum(&once) > 0.0 && once == often);
+}
+
+/// Not copies, but so near to each other that no hierarchy tells them apart.
+#[test]
+fn a_thousand_walls_within_rounding_are_one_wall() {
+    let usual = render(&turned(build(Kind::CornellBox)), Estimator::Bdpt, GATE);
+    let mut scene = build(Kind::CornellBox);
+    let at = scene.instances.iter().position(|i| i.node == "ceiling").expect("the box has a ceiling");
+    for k in 0..1000 {
+        let mut another = scene.instances[at].clone();
+        another.transform.translation.y += 1e-10 * f64::from(k - 500);
+        scene.instances.push(another);
+    }
+    let crowded = render(&turned(scene), Estimator::Bdpt, GATE);
+    let (moved, gain) = (difference(&usual, &crowded), sum(&crowded) / sum(&usual) - 1.0);
+    assert!(moved < 2e-4 && gain.abs() < 2e-3, "{moved:e} moved, {gain:e} in all");
+}

@@ -1,0 +1,112 @@
+//! Many triangles in one place. The builder of obvhs merges neighbours whose union is smallest: among boxes that all have one
+//! centre every union is as large, so it merges one pair per pass. It takes quadratic time and makes a chain of nodes.
+
+use glam::Vec3A;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::node::Bvh2Node;
+use rayon::prelude::*;
+
+/// As many triangles with one centre are left to obvhs. Its chain over them is a few levels long.
+pub const FEW: usize = 16;
+/// Side of the cells in which centres are one, relative to the diagonal of the box.
+const CELL: f64 = 1.0 / 65536.0;
+/// The same relative to the centre's greatest coordinate: a few units in the last place.
+const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
+
+/// Boxes for obvhs: one for each triangle that stands alone, and one around each group with a common centre.
+pub struct Groups {
+    pub boxes: Vec<Aabb>,
+    /// The triangles in each of `boxes`.
+    members: Vec<Vec<u32>>,
+}
+
+impl Groups {
+    /// `None` where no place holds more than a few triangles.
+    pub fn find(boxes: &[Aabb]) -> Option<Groups> {
+        let mut keys: Vec<(u64, u32)> = boxes.par_iter().enumerate().map(|(i, b)| (place(b), i as u32)).collect();
+        keys.par_sort_unstable();
+        if keys.windows(FEW + 1).all(|run| run[0].0 != run[FEW].0) {
+            return None;
+        }
+        let mut groups = Groups { boxes: vec![], members: vec![] };
+        for run in keys.chunk_by(|a, b| a.0 == b.0) {
+            let members: Vec<u32> = run.iter().map(|&(_, i)| i).collect();
+            match members.len() > FEW {
+                true => groups.members.push(members),
+                false => groups.members.extend(members.into_iter().map(|i| vec![i])),
+            }
+        }
+        // As obvhs would see them: in the order of the scene.
+        groups.members.sort_unstable_by_key(|members| members[0]);
+        groups.boxes = groups.members.iter().map(|members| around(boxes, members)).collect();
+        Some(groups)
+    }
+
+    /// A hierarchy over `self.boxes`, as one over the triangles: a balanced subtree stands for every group.
+    pub fn expand(&self, outer: Bvh2, boxes: &[Aabb]) -> Bvh2 {
+        let mut bvh = Bvh2 { nodes: outer.nodes, ..Bvh2::default() };
+        for at in 0..bvh.nodes.len() {
+            let node = bvh.nodes[at];
+            if node.is_leaf() {
+                let group = outer.primitive_indices[node.first_index as usize] as usize;
+                balanced(&mut bvh, at, &mut self.members[group].clone(), boxes);
+            }
+        }
+        bvh
+    }
+}
+
+/// A hierarchy over all triangles that halves their number on every level, whatever their places: no deeper than its logarithm.
+pub fn halved(boxes: &[Aabb]) -> Bvh2 {
+    let mut bvh = Bvh2 { nodes: vec![Bvh2Node::default()], ..Bvh2::default() };
+    balanced(&mut bvh, 0, &mut (0..boxes.len() as u32).collect::<Vec<_>>(), boxes);
+    bvh
+}
+
+/// Makes the node `at` the root of a hierarchy over `members`, of which there is one at least.
+fn balanced(bvh: &mut Bvh2, at: usize, members: &mut [u32], boxes: &[Aabb]) {
+    let bounds = around(boxes, members);
+    if let [only] = members {
+        bvh.nodes[at] = Bvh2Node::new(bounds, 1, bvh.primitive_indices.len() as u32);
+        bvh.primitive_indices.push(*only);
+        return;
+    }
+    // Along the axis on which the centres lie furthest apart; those in one place by their numbers.
+    let centre = |i: u32| boxes[i as usize].min + boxes[i as usize].max;
+    let ends = members
+        .iter()
+        .fold([Vec3A::INFINITY, Vec3A::NEG_INFINITY], |[lo, hi], &i| [lo.min(centre(i)), hi.max(centre(i))]);
+    let extent = ends[1] - ends[0];
+    let axis = if extent.x >= extent.y.max(extent.z) {
+        0
+    } else if extent.y >= extent.z {
+        1
+    } else {
+        2
+    };
+    let middle = members.len() / 2;
+    members.select_nth_unstable_by(middle, |&a, &b| centre(a)[axis].total_cmp(&centre(b)[axis]).then(a.cmp(&b)));
+    let first = bvh.nodes.len();
+    bvh.nodes.extend([Bvh2Node::default(); 2]);
+    bvh.nodes[at] = Bvh2Node::new(bounds, 0, first as u32);
+    let (low, high) = members.split_at_mut(middle);
+    balanced(bvh, first, low, boxes);
+    balanced(bvh, first + 1, high, boxes);
+}
+
+fn around(boxes: &[Aabb], members: &[u32]) -> Aabb {
+    members.iter().map(|&i| boxes[i as usize]).reduce(|a, b| a.union(&b)).unwrap_or_else(Aabb::empty)
+}
+
+/// The same number for boxes of about one size with about one centre. Other boxes seldom have it.
+fn place(b: &Aabb) -> u64 {
+    let [lo, hi] = [b.min.as_dvec3(), b.max.as_dvec3()];
+    let centre = 0.5 * (lo + hi);
+    let cell = (CELL * (hi - lo).length()).max(ROUNDING * centre.abs().max_element()).max(f64::from(f32::MIN_POSITIVE));
+    let exponent = cell.log2().ceil();
+    // Round numbers, which are frequent, lie far from the bounds of the cells.
+    let cells = centre / exponent.exp2() + 0.37;
+    let mix = |hash: u64, x: u64| (hash.rotate_left(5) ^ x).wrapping_mul(0x517c_c1b7_2722_0a95);
+    cells.to_array().map(|x| x.floor() as i64 as u64).into_iter().fold(mix(0, exponent as i64 as u64), mix)
+}

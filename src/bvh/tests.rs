@@ -1,0 +1,131 @@
+use std::time::{Duration, Instant};
+
+use glam::Vec3A;
+use obvhs::cwbvh::builder::build_cwbvh_from_tris;
+
+use super::dense::FEW;
+use super::*;
+
+type Corners = [[f32; 3]; 3];
+
+const ONE: Corners = [[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.5]];
+
+/// Numbers in [0, 1) that look random.
+fn random(seed: u64) -> impl FnMut() -> f32 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+/// A room of `n` small triangles, so that the others lie in a scene.
+fn scattered(n: usize) -> Vec<Corners> {
+    let mut next = random(1);
+    let mut triangle = || {
+        let at = [0; 3].map(|_| 8.0 * next() - 4.0);
+        [(); 3].map(|_| at.map(|x| x + 0.05 * next()))
+    };
+    (0..n).map(|_| triangle()).collect()
+}
+
+/// Cards of one height about one axis, each turned by another angle, their centres `apart`.
+fn cards(n: usize, apart: f32) -> Vec<Corners> {
+    let mut next = random(2);
+    let mut card = || {
+        let (sin, cos) = (6.3 * next()).sin_cos();
+        let at = [0; 3].map(|_| apart * (next() - 0.5) - 0.3);
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0]].map(|[x, y]| [at[0] + x * cos, at[1] + y, at[2] + x * sin])
+    };
+    (0..n).map(|_| card()).collect()
+}
+
+/// Every triangle is in one leaf, every box holds what is below it, and the kernels' stacks have room.
+fn check(name: &str, corners: &[Corners]) {
+    let start = Instant::now();
+    let bvh = build(corners);
+    let seconds = start.elapsed().as_secs_f64();
+    println!("{name}: {} triangles, {} levels, {seconds:.3} s", corners.len(), bvh.levels());
+    assert!(bvh.levels() <= MOST_LEVELS, "{name}: {} levels", bvh.levels());
+    // Unoptimised, on a machine that does other things, a hundred thousand take less than one. Quadratic time takes minutes.
+    assert!(seconds < 10.0, "{name}: {seconds} s");
+    let mut order = bvh.order.clone();
+    order.sort_unstable();
+    assert!(order.iter().copied().eq(0..corners.len() as u32), "{name}: not every triangle once");
+    holds(&bvh, 0, corners, name);
+}
+
+/// Bounds of the triangles below a node, after it was checked that each child's box holds those below it.
+fn holds(bvh: &Bvh, node: usize, corners: &[Corners], name: &str) -> Aabb {
+    let mut all = Aabb::empty();
+    let node = &bvh.host.nodes[node];
+    for child in (0..8).filter(|&c| !node.is_child_empty(c)) {
+        let below = if node.is_leaf(child) {
+            let (first, count) = node.child_primitives(child);
+            let members = &bvh.order[first as usize..(first + count) as usize];
+            let points = members.iter().flat_map(|&i| corners[i as usize]);
+            points.fold(Aabb::empty(), |mut b, p| *b.extend(Vec3A::from(p)))
+        } else {
+            holds(bvh, node.child_node_index(child) as usize, corners, name)
+        };
+        let outer = node.child_aabb(child);
+        // Rounding of the quantised planes: the kernels widen them by more.
+        let slack = 4.0 * f32::EPSILON * outer.min.abs().max(outer.max.abs());
+        let outer = Aabb::new(outer.min - slack, outer.max + slack);
+        assert!(outer.min.cmple(below.min).all() && outer.max.cmpge(below.max).all(), "{name}: {outer:?} {below:?}");
+        all = all.union(&below);
+    }
+    all
+}
+
+#[test]
+fn what_lies_in_one_place_is_built_soon_and_flat() {
+    let room = scattered(1000);
+    let within = |shift: fn(&mut dyn FnMut() -> f32, f32) -> f32, n| {
+        let mut next = random(3);
+        (0..n).map(|_| ONE.map(|p| p.map(|x| shift(&mut next, x)))).collect::<Vec<Corners>>()
+    };
+    let cases: [(&str, Vec<Corners>); 10] = [
+        ("copies", vec![ONE; 30_000]),
+        ("points", vec![[[0.3, 0.3, -1.0]; 3]; 30_000]),
+        ("needles", vec![[[0.3, 0.3, -1.0], [0.3, 0.8, -1.0], [0.3, 0.5, -1.0]]; 5000]),
+        ("copies within an ulp", within(|next, x| if next() < 0.5 { x } else { x.next_up() }, 30_000)),
+        ("copies within 1e-6", within(|next, x| x + 1e-6 * next(), 30_000)),
+        ("copies within 1e-4", within(|next, x| x + 1e-4 * next(), 30_000)),
+        ("cards with one centre", cards(100_000, 0.0)),
+        ("cards with centres 1e-5 apart", cards(30_000, 1e-5)),
+        ("cards with centres 1e-3 apart", cards(30_000, 1e-3)),
+        ("a hundred and fifteen", vec![ONE; 115]),
+    ];
+    for (name, dense) in cases {
+        check(name, &dense);
+        check(&format!("{name} in a room"), &[room.clone(), dense].concat());
+    }
+    // The builder alone makes a chain of them.
+    let copy = Triangle { v0: ONE[0].into(), v1: ONE[1].into(), v2: ONE[2].into() }.aabb();
+    assert!(Bvh::new(wide(&clustered(&[copy; 115]))).levels() > MOST_LEVELS);
+}
+
+#[test]
+fn triangles_nested_over_many_orders_of_magnitude_fit_the_stacks() {
+    for (name, centre) in [("a corner", [0.0; 3]), ("a centre", [0.5, 0.5, -1.25])] {
+        let nested = |k: i32| ONE.map(|p| [0, 1, 2].map(|i| (p[i] - centre[i]) * 1.05f32.powi(k - 900)));
+        let corners: Vec<Corners> = (0..1600).map(nested).collect();
+        check(&format!("nested about {name}"), &corners);
+        // Without a remedy they do not.
+        let boxes: Vec<Aabb> = corners.iter().map(|c| Aabb::from_points(&c.map(Vec3A::from))).collect();
+        assert!(Bvh::new(wide(&clustered(&boxes))).levels() > MOST_LEVELS, "{name}");
+    }
+}
+
+#[test]
+fn a_scene_without_crowds_is_left_to_the_builder() {
+    let corners = [scattered(3000), vec![ONE; FEW]].concat();
+    let triangles: Vec<Triangle> =
+        corners.iter().map(|c| Triangle { v0: c[0].into(), v1: c[1].into(), v2: c[2].into() }).collect();
+    let mut elapsed = Duration::ZERO;
+    let usual = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut elapsed);
+    let own = build(&corners);
+    assert_eq!(own.order, usual.primitive_indices);
+    assert_eq!(own.nodes, Bvh::new(usual).nodes);
+}

@@ -1,0 +1,74 @@
+//! Triangles that a file lists more than once. A ray meets one of them. If each copy of a lamp were an emitter, emitter sampling
+//! would count its light once per copy, and rays that hit it only once.
+
+use rayon::prelude::*;
+
+use crate::wgsl::layout::Triangle;
+
+/// Leaves out every triangle with the corners, orientation and material of an earlier one. Returns how many, and the instance of
+/// the first of them.
+pub fn drop_copies(triangles: &mut Vec<Triangle>) -> Option<(usize, u32)> {
+    let mut keys: Vec<(u64, u32)> =
+        triangles.par_iter().enumerate().map(|(i, t)| (hash(&identity(t)), i as u32)).collect();
+    keys.par_sort_unstable();
+    let mut copies = vec![];
+    for run in keys.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() > 1) {
+        let mut seen = std::collections::HashSet::new();
+        copies.extend(run.iter().map(|&(_, i)| i).filter(|&i| !seen.insert(identity(&triangles[i as usize]))));
+    }
+    copies.sort_unstable();
+    let first = triangles[*copies.first()? as usize].instance;
+    let mut index = 0;
+    triangles.retain(|_| {
+        index += 1;
+        copies.binary_search(&(index - 1)).is_err()
+    });
+    Some((copies.len(), first))
+}
+
+/// Equal for triangles that cannot be told apart: bits of the corners from the least one on, in their order, and of the material.
+fn identity(t: &Triangle) -> [u32; 10] {
+    // -0.0 is the same place as 0.0.
+    let corner = |p: [f32; 3]| p.map(|x| (x + 0.0).to_bits());
+    let [a, b, c] = [t.v0, t.v1, t.v2].map(corner);
+    let [a, b, c] = [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().expect("three turns");
+    let mut all = [t.material; 10];
+    all[..3].copy_from_slice(&a);
+    all[3..6].copy_from_slice(&b);
+    all[6..9].copy_from_slice(&c);
+    all
+}
+
+fn hash(identity: &[u32; 10]) -> u64 {
+    identity.iter().fold(0, |hash: u64, &x| (hash.rotate_left(5) ^ u64::from(x)).wrapping_mul(0x517c_c1b7_2722_0a95))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_are_those_that_cannot_be_told_apart() {
+        let [a, b, c] = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+        let triangle = |[v0, v1, v2]: [[f32; 3]; 3], instance, material| Triangle {
+            v0,
+            instance,
+            v1,
+            corner: 7 * instance,
+            v2,
+            material,
+        };
+        let one = triangle([a, b, c], 0, 5);
+        let others = [
+            triangle([b, a, c], 1, 5),
+            triangle([a, b, c], 2, 6),
+            triangle([a, b, [0.0, 1.0, 1.0f32.next_up()]], 3, 5),
+        ];
+        let copies = [triangle([a, b, c], 4, 5), triangle([b, c, a], 5, 5), triangle([[-0.0, 0.0, 1.0], b, c], 6, 5)];
+        let mut all = [&[one], &others[..], &copies, &[one]].concat();
+        assert_eq!(drop_copies(&mut all), Some((4, 4)));
+        assert_eq!(all, [&[one], &others[..]].concat());
+        assert_eq!(drop_copies(&mut all), None);
+        assert_eq!(drop_copies(&mut vec![]), None);
+    }
+}
