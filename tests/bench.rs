@@ -330,6 +330,14 @@ fn path_tracing_is_left_out_where_a_beam_is() {
 }
 
 #[test]
+fn a_suite_whose_scenes_are_all_skipped_fails() {
+    let here = folder("60ms", "7.5m..8.5m");
+    for more in [&["--scenes", "gone"][..], &["--scenes", "gone", "--reference"]] {
+        fails(here.path(), &bench(more), 2, "no scene is left to measure: gone is not on this machine");
+    }
+}
+
+#[test]
 fn mistakes_name_their_place() {
     let here = folder("1s", "8m..8.5m");
     let cases = [

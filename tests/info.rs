@@ -215,6 +215,18 @@ fn without_a_device_info_prints_the_rest_and_says_why() {
 }
 
 #[test]
+fn a_device_that_is_not_there_is_an_error() {
+    let here = scene("cornell-box");
+    let output = taugate(here.path(), &["info", "scene.glb", "--device", "nobody's card"]);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        output.status.code() == Some(4) && message.contains("no device matches --device nobody's card"),
+        "{message}"
+    );
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
 fn wrong_flags_of_info_are_refused() {
     let here = scene("cornell-box");
     for (flag, value, part) in [

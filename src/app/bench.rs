@@ -47,6 +47,9 @@ struct Bench {
 pub fn run(args: &BenchArgs) -> anyhow::Result<ExitCode> {
     let mut progress = Progress::new(args.quiet);
     let bench = Bench::new(args, &progress)?;
+    if bench.present.is_empty() {
+        return Err(Error::Settings(format!("no scene is left to measure: {}", bench.skipped.join("; "))).into());
+    }
     let device = Device::open(args.device.as_deref())?;
     let interrupts = Interrupts::new()?;
     interrupts.end_the_process_at(Interrupt::Second);

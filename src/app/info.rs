@@ -182,7 +182,7 @@ fn kind(kind: &LightKind) -> String {
     }
 }
 
-/// What a render with these settings takes and sees. Fails on a wrong flag; a missing device is only noted.
+/// What a render with these settings takes and sees. Fails on a wrong flag. Without any device a note says what is missing.
 fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: Option<&str>) -> anyhow::Result<()> {
     let prepared = match Prepared::new(scene, settings) {
         Ok(prepared) => prepared,
@@ -195,7 +195,10 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: O
         emitter.watts = prepared.powers().get(&emitter.node).copied();
     }
     report.warnings.extend(prepared.warnings(scene));
-    let opened = Device::open(device);
+    let opened = match Device::open(device) {
+        Err(error) if device.is_some() => return Err(error.into()),
+        opened => opened,
+    };
     let info = opened.as_ref().ok().map(Device::info);
     let plan = MemoryPlan::new(scene, settings, &prepared, info)?;
     let times = opened

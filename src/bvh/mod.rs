@@ -2,6 +2,7 @@
 
 mod dense;
 
+use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -9,7 +10,6 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::ploc::PlocBuilder;
 use obvhs::triangle::Triangle;
-use obvhs::{Boundable, BvhBuildParams};
 
 use dense::Groups;
 

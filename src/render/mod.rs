@@ -10,6 +10,7 @@ pub mod geometry;
 mod light;
 mod memory;
 mod observe;
+mod oversized;
 pub mod place;
 mod plan;
 mod pool;

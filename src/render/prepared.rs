@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::albedo::AlbedoTable;
-use super::coplanar;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
 use super::place::Place;
+use super::{coplanar, oversized};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
 use crate::settings::Settings;
@@ -42,8 +42,8 @@ impl Prepared {
         &self.emitters.powers
     }
 
-    /// What will look wrong though the file is right, one sentence each with the remedy: triangles that are listed twice, lamps in
-    /// the plane of another surface.
+    /// What will look wrong though the file is right, one sentence each with the remedy: triangles that are listed twice,
+    /// surfaces that are far too large, lamps in the plane of another surface.
     pub fn warnings(&self, scene: &Scene) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
@@ -52,7 +52,9 @@ impl Prepared {
                 "{count} {triangles} in the same place and of the same material, and count once (first: node '{node}')"
             )
         });
-        copies.into_iter().chain(coplanar::warnings(scene, &self.geometry, &self.place)).collect()
+        let Prepared { geometry, place, .. } = self;
+        let oversized = oversized::warnings(scene, geometry, place);
+        copies.into_iter().chain(oversized).chain(coplanar::warnings(scene, geometry, place)).collect()
     }
 
     /// Triangles as they are placed, without copies.

@@ -19,7 +19,7 @@ fn traces_light(estimator: Estimator) -> bool {
 table! {
     /// `[camera]`: what the sensor sees.
     CameraTable {
-        /// Camera of the file to look through [default: the first]
+        /// Camera of the file to look through; where several have one name, NAME#2 is the second of them [default: the first]
         camera: String, Setting::scene("camera", "NAME");
 
         /// Image size in pixels [default: what the camera says, else 512 wide]

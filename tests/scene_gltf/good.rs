@@ -48,6 +48,19 @@ fn a_complete_file_is_read() {
 }
 
 #[test]
+fn cameras_with_one_name_are_numbered() {
+    let mut glb = complete();
+    let nodes = glb.json["nodes"].as_array_mut().unwrap();
+    let first = nodes.len();
+    nodes.extend(["eye", "eye", "eye#2", "eye"].map(|name| json!({ "name": name, "camera": 0 })));
+    let added = (first..first + 4).collect::<Vec<usize>>();
+    glb.json["scenes"][0]["nodes"].as_array_mut().unwrap().extend(added.into_iter().map(|node| json!(node)));
+    let scene = read(&glb);
+    let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    assert_eq!(names, ["eye", "eye#2", "eye#3", "eye#2#2", "eye#4"]);
+}
+
+#[test]
 fn nested_nodes_compose_and_share_their_mesh() {
     let mut glb = single(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], json!({}));
     glb.json["nodes"] = json!([

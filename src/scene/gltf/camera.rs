@@ -1,5 +1,7 @@
 //! Perspective cameras.
 
+use std::collections::HashMap;
+
 use ::gltf::json::Extras;
 use serde::Deserialize;
 
@@ -11,6 +13,7 @@ use crate::scene::Camera;
 /// One camera a node of the scene that has a perspective camera, in the order of the nodes.
 pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked<Vec<Camera>> {
     let mut cameras = Vec::new();
+    let mut names = Names::default();
     for (index, world) in worlds.iter() {
         let Some(node) = doc.root.nodes.get(index) else { continue };
         let Some(number) = node.camera.map(|camera| camera.value()) else { continue };
@@ -39,9 +42,33 @@ pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked
         let transform = rigid(&world).ok_or_else(|| {
             format!("the node of camera `{name}` is scaled to nothing; set its scale to 1 and re-export")
         })?;
-        cameras.push(Camera { name, transform, yfov, aspect, resolution: resolution(&source.extras) });
+        cameras.push(Camera {
+            name: names.distinct(name),
+            transform,
+            yfov,
+            aspect,
+            resolution: resolution(&source.extras),
+        });
     }
     Ok(cameras)
+}
+
+/// Names of the cameras so far, and how many cameras asked for each.
+#[derive(Default)]
+struct Names(HashMap<String, u32>);
+
+impl Names {
+    /// `name`, with a number where an earlier camera has that name: `eye`, `eye#2`, `eye#3`.
+    fn distinct(&mut self, name: String) -> String {
+        let mut own = name.clone();
+        while self.0.contains_key(&own) {
+            let count = self.0.entry(name.clone()).or_default();
+            *count += 1;
+            own = format!("{name}#{count}");
+        }
+        self.0.insert(own.clone(), 1);
+        own
+    }
 }
 
 /// `width` and `height` if both are there and usable; extras belong to everybody, so anything else is not ours.

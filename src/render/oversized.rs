@@ -1,0 +1,128 @@
+//! Surfaces that are so much larger than the rest of the scene that rays start off them by more than the rest measures.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::Vec3;
+
+use super::geometry::Geometry;
+use super::place::Place;
+use crate::scene::Scene;
+use crate::wgsl::layout::Triangle;
+
+/// How far rays start off a triangle, relative to its farthest coordinate (OFFSET_SCALE in `shared/surface.wgsl`).
+const OFFSET: f32 = 1.0 / (1 << 19) as f32;
+/// An offset of this part of what lies on a surface takes visible light from it.
+const SWALLOWS: f32 = 0.1;
+/// Sentences at most.
+const MOST: usize = 10;
+
+/// One sentence, with the remedy, for each node with triangles that swallow what lies near them.
+pub fn warnings(scene: &Scene, geometry: &Geometry, place: &Place) -> Vec<String> {
+    // Boxes by the power of two below the greatest coordinate.
+    let mut boxes: BTreeMap<i32, [Vec3; 2]> = BTreeMap::new();
+    let mut enclose = |reach: f32, points: &[Vec3]| {
+        let all = boxes.entry(reach.log2().floor() as i32).or_insert([Vec3::INFINITY, Vec3::NEG_INFINITY]);
+        points.iter().for_each(|&p| *all = [all[0].min(p), all[1].max(p)]);
+    };
+    for triangle in &geometry.triangles {
+        enclose(reach(triangle), &corners(triangle));
+    }
+    for light in &scene.lights {
+        let position = place.point(light.position);
+        enclose(position.abs().max_element(), &[position]);
+    }
+
+    // From the pinhole outwards, up to the first gap.
+    let mut rest = [Vec3::ZERO; 2];
+    let mut inner = 0;
+    for (exponent, [lo, hi]) in &boxes {
+        if inner > 0 && swallows((*exponent as f32).exp2(), rest) {
+            break;
+        }
+        rest = [rest[0].min(*lo), rest[1].max(*hi)];
+        inner += 1;
+    }
+    if inner == boxes.len() {
+        return vec![];
+    }
+    let size = (rest[1] - rest[0]).length();
+    let near = [rest[0] - size, rest[1] + size];
+    let touches = |t: &Triangle| {
+        let [a, b, c] = corners(t);
+        let [lo, hi] = [a.min(b).min(c), a.max(b).max(c)];
+        lo.cmple(near[1]).all() && hi.cmpge(near[0]).all()
+    };
+    let nodes: BTreeSet<&str> = geometry
+        .triangles
+        .iter()
+        .filter(|t| swallows(reach(t), rest) && touches(t))
+        .map(|t| scene.instances[t.instance as usize].node.as_str())
+        .collect();
+    let metres = |length: f32| f64::from(length) * place.unit;
+    let sentence = |node: &&str| {
+        format!(
+            "'{node}' has triangles so large that light is lost where the rest of the scene, {:.2e} m in size, lies on it: make \
+             it smaller than {:.0e} m, or divide it into smaller triangles",
+            metres(size),
+            metres(SWALLOWS / 10.0 / OFFSET * size)
+        )
+    };
+    let mut all: Vec<String> = nodes.iter().take(MOST).map(sentence).collect();
+    if nodes.len() > MOST {
+        all.push(format!("and {} nodes more have triangles that are too large", nodes.len() - MOST));
+    }
+    all
+}
+
+fn corners(t: &Triangle) -> [Vec3; 3] {
+    [t.v0, t.v1, t.v2].map(Vec3::from)
+}
+
+fn reach(t: &Triangle) -> f32 {
+    corners(t).iter().map(|p| p.abs().max_element()).fold(0.0, f32::max)
+}
+
+/// Whether rays start off a triangle with this reach by too much for what lies in a box.
+fn swallows(reach: f32, [lo, hi]: [Vec3; 2]) -> bool {
+    OFFSET * reach > SWALLOWS * (hi - lo).length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::shapes::{divided, quad};
+    use crate::generate::stage::{add, diffuse, material};
+    use crate::generate::{Kind, build};
+    use crate::render::albedo::AlbedoTable;
+    use crate::settings::Emitters;
+    use glam::DVec3;
+
+    /// The Cornell box on a floor with this side, each of its triangles split `times` times.
+    fn said(side: f64, height: f64, times: u32) -> Vec<String> {
+        let mut scene = build(Kind::CornellBox);
+        let grey = material(&mut scene, diffuse("grey", [0.5; 3]));
+        let corner = DVec3::new(-0.5 * side, height, -0.5 * side);
+        let floor = quad(corner, DVec3::Z * side, DVec3::X * side, [1.0; 2]);
+        add(&mut scene, "country", grey, divided(floor, times));
+        let place = Place::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
+        let geometry = Geometry::new(&scene, &place, &Emitters::Scene, AlbedoTable::shared());
+        warnings(&scene, &geometry, &place)
+    }
+
+    #[test]
+    fn a_floor_that_swallows_the_room_is_named() {
+        let found = said(2e6, -0.01, 0);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].contains("'country'") && found[0].contains("divide it"), "{found:?}");
+        // What it asks for is enough.
+        assert_eq!(said(2e4, -0.01, 0), Vec::<String>::new());
+        // Triangles under the room are small, or the surface is far away.
+        assert_eq!(said(2e6, -1e6, 0), Vec::<String>::new());
+        assert_eq!(build(Kind::CornellBox).lights.len(), 0);
+    }
+
+    #[test]
+    fn a_floor_of_small_triangles_is_not() {
+        assert_eq!(said(2e6, -0.01, 9).len(), 0);
+    }
+}
