@@ -1,6 +1,10 @@
-//! Sharing a device: what keeps what alive, and who may work at the same time.
+//! Devices: what keeps what alive, who may work at the same time, and what narrow limits change.
+
+use std::path::Path;
+use std::process::{Command, Output};
 
 use taugate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+use taugate::image::exr_file::read_picture;
 use taugate::render::Renderer;
 
 /// Adds 1 to every word of `words`.
@@ -118,4 +122,42 @@ fn buffers_of_another_device_are_refused() {
 #[should_panic(expected = "words: read past the end")]
 fn a_range_past_the_end_is_refused() {
     let _ = zeros(&open()).read(usize::MAX / 2, &mut [0u32]);
+}
+
+/// Runs `taugate` with texel buffers of at most `texels` texels.
+fn taugate(folder: &Path, texels: &str, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
+    command.args(arguments).current_dir(folder).env("TAUGATE_MAX_TEXELS", texels).output().expect("taugate starts")
+}
+
+/// Devices with texel buffers of 65,536 texels, the least that Vulkan allows, were refused or went wrong without a word.
+#[test]
+fn arrays_too_large_for_texel_buffers_are_read_as_storage_buffers() {
+    let here = tempfile::tempdir().unwrap();
+    let run = |texels: &str, arguments: &[&str]| {
+        let output = taugate(here.path(), texels, arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    run("", &["generate", "cornell-box", "-o", "box.glb"]);
+    // The least that Vulkan allows, for which some arrays are too large; one texel, for which all are.
+    for (estimator, texels) in [("pt", "1"), ("bdpt", "65536"), ("lcs-paper", "1"), ("lcs", "65536")] {
+        let image = |texels: &str| {
+            let settings = ["--resolution", "32x24", "--spp", "4", "--light-paths", "20000", "--gate", "5m..7m"];
+            run(texels, &[&["render", "box.glb", "-o", "a.exr", "--estimator", estimator], &settings[..]].concat());
+            read_picture(&here.path().join("a.exr")).unwrap().rgb
+        };
+        let wide = image("");
+        assert!(wide.iter().any(|&x| x > 0.0));
+        assert!(image(texels) == wide, "{estimator}, {texels} texels");
+    }
+}
+
+#[test]
+fn a_limit_on_texels_is_a_number() {
+    let output = taugate(Path::new("."), "many", &["devices"]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        !output.status.success() && message.contains("TAUGATE_MAX_TEXELS is many; set it to a number"),
+        "{message}"
+    );
 }

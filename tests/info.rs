@@ -185,7 +185,8 @@ fn a_pool_that_is_likely_too_large_is_warned_about() {
     let settings = resolve(&experiment, &scene).unwrap().settings;
     let prepared = Prepared::new(&scene, &settings).unwrap();
     let warning = |max_texels: u64| {
-        let device = DeviceInfo { max_texels, ..DeviceInfo::unlimited() };
+        // Kernels see as much as texels as in a storage buffer.
+        let device = DeviceInfo { max_texels, max_storage_buffer_range: max_texels * 16, ..DeviceInfo::unlimited() };
         let plan = MemoryPlan::new(&scene, &settings, &prepared, Some(&device)).unwrap();
         (plan.warning(&device), plan.check(&device).is_ok())
     };

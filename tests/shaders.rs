@@ -1,10 +1,41 @@
 //! Level 0: every kernel composes, validates and compiles; host twins and constants agree with WGSL. Needs no device.
 
-use taugate::gpu::shader;
+use taugate::gpu::shader::{self, Binding, Compiled, Source};
 use taugate::wgsl::{SOURCES, layout};
 
 fn kernels() -> Vec<(&'static str, &'static str)> {
     SOURCES.iter().copied().filter(|(path, _)| !path.starts_with("shared/")).collect()
+}
+
+fn compile(path: &str, entry: &str, storage: &[String]) -> Result<Compiled, taugate::Error> {
+    let file = path.rsplit('/').next().unwrap_or(path);
+    shader::compile(&Source::of_file(file, entry, &[])?, storage)
+}
+
+/// For devices whose texel buffers are too small for an array.
+#[test]
+fn every_kernel_compiles_with_storage_buffers_for_its_texels() {
+    let mut arrays = std::collections::BTreeSet::new();
+    for (path, text) in kernels() {
+        let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
+        for entry in &module.entry_points {
+            let usual = compile(path, &entry.name, &[]).unwrap_or_else(|e| panic!("{e}"));
+            let texels: Vec<String> = usual.bindings.iter().filter(|b| b.texels).map(|b| b.name.clone()).collect();
+            // Each alone, and all of them.
+            let sets = texels.iter().map(|name| vec![name.clone()]).chain([texels.clone()]);
+            for storage in sets {
+                let variant = compile(path, &entry.name, &storage).unwrap_or_else(|e| panic!("{e}"));
+                let expected: Vec<_> = usual
+                    .bindings
+                    .iter()
+                    .map(|b| Binding { texels: b.texels && !storage.contains(&b.name), ..b.clone() })
+                    .collect();
+                assert_eq!(variant.bindings, expected, "{path}: {}", entry.name);
+            }
+            arrays.extend(texels);
+        }
+    }
+    assert!(arrays.contains("bvh_nodes") && arrays.contains("shade_points") && arrays.contains("marks"), "{arrays:?}");
 }
 
 #[test]
@@ -15,7 +46,7 @@ fn every_kernel_compiles() {
             Ok((module, _)) => {
                 assert!(!module.entry_points.is_empty(), "{path} has no entry point");
                 for entry in &module.entry_points {
-                    failures.extend(shader::compile(path, &entry.name, &[]).err().map(|e| e.to_string()));
+                    failures.extend(compile(path, &entry.name, &[]).err().map(|e| e.to_string()));
                 }
             }
             Err(e) => failures.push(e.to_string()),
@@ -102,7 +133,7 @@ fn kernels_ask_for_nothing_beyond_shaders() {
     for (path, text) in kernels() {
         let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
         for entry in &module.entry_points {
-            let words = shader::compile(path, &entry.name, &[]).unwrap_or_else(|e| panic!("{e}")).words;
+            let words = compile(path, &entry.name, &[]).unwrap_or_else(|e| panic!("{e}")).words;
             let asked: Vec<u32> = words
                 .windows(2)
                 .skip(5)

@@ -83,15 +83,15 @@ const EMIT_TWO_SIDED: u32 = 1u;
 const EMIT_POINT: u32 = 2u;
 const EMIT_SPOT: u32 = 3u;
 
-// Vertex `index` of an array of seven texels each.
-fn load_vertex(texels: texture_1d<u32>, index: u32) -> PathVertex {
-    let place = bitcast<vec4<f32>>(textureLoad(texels, 7u * index, 0));
-    let carried = textureLoad(texels, 7u * index + 1u, 0);
-    let normal = bitcast<vec4<f32>>(textureLoad(texels, 7u * index + 2u, 0));
-    let geometric = bitcast<vec4<f32>>(textureLoad(texels, 7u * index + 3u, 0));
-    let previous = textureLoad(texels, 7u * index + 4u, 0);
-    let color = bitcast<vec4<f32>>(textureLoad(texels, 7u * index + 5u, 0));
-    let rest = textureLoad(texels, 7u * index + 6u, 0);
+// A vertex from its seven texels.
+fn unpack_vertex(texels: array<vec4<u32>, 7>) -> PathVertex {
+    let place = bitcast<vec4<f32>>(texels[0]);
+    let carried = texels[1];
+    let normal = bitcast<vec4<f32>>(texels[2]);
+    let geometric = bitcast<vec4<f32>>(texels[3]);
+    let previous = texels[4];
+    let color = bitcast<vec4<f32>>(texels[5]);
+    let rest = texels[6];
     return PathVertex(place.xyz, place.w, bitcast<vec3<f32>>(carried.xyz), carried.w, normal.xyz, normal.w,
         geometric.xyz, geometric.w, bitcast<vec3<f32>>(previous.xyz), previous.w, color.xyz, color.w,
         bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, 0u);

@@ -105,7 +105,8 @@ const EMITTER_POINT: u32 = 1u;
 const EMITTER_SPOT: u32 = 2u;
 const EMITTER_BEAM: u32 = 3u;
 
-// A texture_1d<u32> is a texel buffer here: an array of 16-byte words, read whole (src/gpu/spirv.rs says why).
+// A texture_1d<u32> is a texel buffer here: an array of 16-byte words, read whole (src/gpu/spirv.rs says why). Where a device's texel
+// buffers are too small for it, the same array is a storage buffer (src/gpu/texels.rs).
 // Five texels a node.
 @group(0) @binding(1) var bvh_nodes: texture_1d<u32>;
 @group(0) @binding(2) var triangles: texture_1d<u32>;

@@ -38,7 +38,16 @@ override BUCKET_COUNT: f32 = f32(BUCKETS);
 @group(1) @binding(2) var<storage, read> path_offsets: array<u32>;
 
 fn load_light_vertex(index: u32) -> PathVertex {
-    return load_vertex(light_vertices, index);
+    let first = 7u * index;
+    return unpack_vertex(array<vec4<u32>, 7>(
+        textureLoad(light_vertices, first, 0),
+        textureLoad(light_vertices, first + 1u, 0),
+        textureLoad(light_vertices, first + 2u, 0),
+        textureLoad(light_vertices, first + 3u, 0),
+        textureLoad(light_vertices, first + 4u, 0),
+        textureLoad(light_vertices, first + 5u, 0),
+        textureLoad(light_vertices, first + 6u, 0),
+    ));
 }
 
 fn load_tree_child(node: u32, side: u32) -> TreeChild {

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGua
 use ash::vk;
 
 use super::drive::Drive;
-use super::info::{DeviceInfo, choose, describe};
+use super::info::{DeviceInfo, choose, describe, most_texels};
 use super::staging::Staging;
 use crate::error::{Error, Result};
 
@@ -170,10 +170,11 @@ impl Instance {
         // SAFETY: the instance is alive.
         let devices =
             unsafe { self.handle.enumerate_physical_devices() }.map_err(|e| device_error("enumerating devices", e))?;
-        let forced = Drive::forced()?;
+        let (forced, most_texels) = (Drive::forced()?, most_texels()?);
         let describe = |d| {
             let info = describe(&self.handle, d);
-            (d, DeviceInfo { drive: forced.unwrap_or(info.drive), ..info })
+            let (drive, max_texels) = (forced.unwrap_or(info.drive), info.max_texels.min(most_texels));
+            (d, DeviceInfo { drive, max_texels, ..info })
         };
         Ok(devices.into_iter().map(describe).collect())
     }

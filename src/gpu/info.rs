@@ -80,6 +80,19 @@ impl DeviceInfo {
     }
 }
 
+/// Set to a number of texels to see no more in a texel buffer of any device: what exceeds it is read as a storage buffer.
+const MAX_TEXELS: &str = "TAUGATE_MAX_TEXELS";
+
+/// Texels that the user lets a texel buffer have.
+pub(super) fn most_texels() -> Result<u64> {
+    match std::env::var(MAX_TEXELS) {
+        Ok(value) if !value.is_empty() => value
+            .parse()
+            .map_err(|_| Error::Device(format!("{MAX_TEXELS} is {value}; set it to a number of texels, or unset it"))),
+        _ => Ok(u64::MAX),
+    }
+}
+
 pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -> DeviceInfo {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();

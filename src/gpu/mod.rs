@@ -1,6 +1,7 @@
 //! Vulkan compute: device, buffers, kernels. All the unsafe code is here, and nothing here knows rendering.
 
 mod allocation;
+mod bindings;
 mod bounds;
 mod buffer;
 mod commands;
@@ -14,12 +15,14 @@ mod recorder;
 pub mod shader;
 mod spirv;
 mod staging;
+mod texels;
 
+pub use bindings::Bindings;
 pub use buffer::Buffer;
 pub use device::Device;
 pub use drive::Drive;
 pub use info::{DeviceInfo, DeviceKind};
-pub use kernel::{Bindings, Kernel};
+pub use kernel::Kernel;
 pub use need::Need;
 pub use read_back::ReadBack;
 pub use recorder::{Recorder, Timing};

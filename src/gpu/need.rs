@@ -9,7 +9,7 @@ pub struct Need {
     pub name: &'static str,
     pub bytes: u64,
     pub remedy: &'static str,
-    /// Kernels only ever read it, as texels: the limits on texel buffers count, which are wider than those on storage buffers.
+    /// Kernels only ever read it, as texels: in a texel buffer or a storage buffer, whichever may be larger on the device.
     pub texels: bool,
 }
 
@@ -28,7 +28,8 @@ impl Need {
 
     /// Bytes that `device` allows.
     pub fn limit(&self, device: &DeviceInfo) -> u64 {
-        if self.texels { device.largest_texel_buffer() } else { device.largest_buffer() }
+        let storage = device.largest_buffer();
+        if self.texels { storage.max(device.largest_texel_buffer()) } else { storage }
     }
 
     /// Fails where the device's limits on one buffer or one allocation are lower.
@@ -103,7 +104,9 @@ mod tests {
         let need = Need::of_texels::<[u32; 4]>("triangles", 1 << 20, "fewer");
         let narrow = DeviceInfo { max_texels: 1 << 19, ..device(1, u64::MAX, 0) };
         assert!(need.check(&narrow).unwrap_err().to_string().contains("allows 8.0 MiB"));
-        assert!(need.check(&DeviceInfo { max_texels: 1 << 20, ..narrow }).is_ok());
+        assert!(need.check(&DeviceInfo { max_texels: 1 << 20, ..narrow.clone() }).is_ok());
+        // Where texel buffers are small, storage buffers take their place.
+        assert!(need.check(&DeviceInfo { max_storage_buffer_range: 16 << 20, ..narrow }).is_ok());
     }
 
     #[test]

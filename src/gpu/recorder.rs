@@ -5,10 +5,11 @@ use std::sync::Arc;
 use ash::vk;
 use bytemuck::NoUninit;
 
+use super::bindings::Bindings;
 use super::buffer::Buffer;
 use super::commands::Commands;
 use super::device::Device;
-use super::kernel::{Bindings, Kernel};
+use super::kernel::Kernel;
 use super::read_back::ReadBack;
 use crate::error::Result;
 
@@ -100,8 +101,9 @@ impl Recorder {
     }
 
     fn bind<P: NoUninit>(&mut self, kernel: &Kernel, bindings: &Bindings, constants: &P) {
-        let (pipeline, bound) = (&kernel.pipeline, &bindings.bound);
-        assert!(Arc::ptr_eq(pipeline, &bound.pipeline), "bindings of another kernel");
+        let bound = &bindings.bound;
+        let pipeline = &bound.pipeline;
+        assert!(kernel.is_bound_by(bound), "bindings of another kernel");
         assert!(Arc::ptr_eq(&self.device.shared, &pipeline.device.shared), "a kernel of another device");
         let (d, commands) = (&self.device.shared.device, self.commands.buffer);
         let bytes: &[u8] = bytemuck::bytes_of(constants);

@@ -6,7 +6,7 @@ use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::{bounds, spirv};
+use super::{bounds, spirv, texels};
 use crate::error::{Error, Result};
 use crate::wgsl::SOURCES;
 
@@ -108,28 +108,50 @@ pub struct Compiled {
     pub places: Vec<String>,
 }
 
-/// Compiles `entry` of kernel file `file`, its override constants set to `constants` where it has them.
-pub fn compile(file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Result<Compiled> {
-    let (path, text) = source(file).ok_or_else(|| Error::Shader(format!("no kernel file named {file}")))?;
-    compile_source(path, text, entry, constants)
+/// What a kernel is compiled from.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// Stands for the text in messages.
+    path: &'static str,
+    text: String,
+    pub entry: String,
+    /// Values of override constants.
+    constants: Vec<(String, f64)>,
 }
 
-/// As [`compile`], for a kernel that is not one of the files: `text` may import modules, `path` stands for it in messages.
-pub fn compile_source(path: &'static str, text: &str, entry: &str, constants: &[(&str, f64)]) -> Result<Compiled> {
-    let composed = compose(path, text)?;
+impl Source {
+    /// Entry point `entry` of kernel file `file`. Override constants that the file does not have are left out.
+    pub fn of_file(file: &str, entry: &str, constants: &[(&str, f64)]) -> Result<Source> {
+        let (path, text) = source(file).ok_or_else(|| Error::Shader(format!("no kernel file named {file}")))?;
+        Ok(Source::new(path, text, entry, constants))
+    }
+
+    /// As [`Source::of_file`], for a kernel that is not one of the files: `text` may import modules, `path` stands for it in
+    /// messages.
+    pub fn new(path: &'static str, text: &str, entry: &str, constants: &[(&str, f64)]) -> Source {
+        let constants = constants.iter().map(|(name, value)| (name.to_string(), *value)).collect();
+        Source { path, text: text.into(), entry: entry.into(), constants }
+    }
+}
+
+/// Compiles `source`; of the arrays that it reads as texels, those named in `storage` become storage buffers.
+pub fn compile(source: &Source, storage: &[String]) -> Result<Compiled> {
+    let Source { path, text, entry, constants } = source;
+    let mut composed = compose(path, text)?;
+    composed.text = texels::as_storage(&composed.text, storage);
     let (module, info) = composed.parse()?;
     let wanted: HashMap<String, f64> = constants
         .iter()
         .filter(|(name, _)| module.overrides.iter().any(|(_, o)| o.name.as_deref() == Some(name)))
-        .map(|(name, value)| (name.to_string(), *value))
+        .cloned()
         .collect();
-    let stage = Some((naga::ShaderStage::Compute, entry));
+    let stage = Some((naga::ShaderStage::Compute, entry.as_str()));
     let (module, _) =
         naga::back::pipeline_constants::process_overrides(&module, &info, stage, &wanted.into_iter().collect())
             .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
     // Without what this entry point does not use: drivers compile everything they are given.
     let mut module = module.into_owned();
-    module.entry_points.retain(|e| e.name == entry);
+    module.entry_points.retain(|e| e.name == *entry);
     if module.entry_points.is_empty() {
         return Err(Error::Shader(format!("shaders/{path}.wgsl has no entry point {entry}")));
     }
@@ -167,7 +189,7 @@ pub fn compile_source(path: &'static str, text: &str, entry: &str, constants: &[
             _ => {}
         }
     }
-    let pipeline = spv::PipelineOptions { shader_stage: naga::ShaderStage::Compute, entry_point: entry.to_string() };
+    let pipeline = spv::PipelineOptions { shader_stage: naga::ShaderStage::Compute, entry_point: entry.clone() };
     let words = spv::write_vec(&module, &info, &writer_options(), Some(&pipeline))
         .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
     let workgroup = module.entry_points[0].workgroup_size[0];

@@ -57,7 +57,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("samples_of_pixel", "as sensor_sample; a lit triangle in estimators"),
     ("random_vertices", "weights of a path sum to 1"),
     ("gains_beyond", "weights of a path sum to 1"),
-    ("load_vertex", "load_light_vertex and load_shade_point"),
+    ("unpack_vertex", "load_light_vertex and load_shade_point"),
 ];
 
 fn all() -> Vec<&'static ShaderFunction> {

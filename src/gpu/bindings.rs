@@ -1,0 +1,128 @@
+//! Buffers bound to a kernel, by name.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::allocation::Allocation;
+use super::bounds;
+use super::buffer::Buffer;
+use super::kernel::Pipeline;
+use super::need::mebibytes;
+use super::shader::Binding;
+use crate::error::{Error, Result};
+
+/// Buffers bound to a kernel. They live as long as this does, and as a recorder that works with it.
+pub struct Bindings {
+    pub(super) bound: Arc<Bound>,
+}
+
+/// Descriptor sets, and what they refer to.
+pub(super) struct Bound {
+    pub pipeline: Arc<Pipeline>,
+    pool: vk::DescriptorPool,
+    views: Vec<vk::BufferView>,
+    pub sets: Vec<vk::DescriptorSet>,
+    /// Kept alive; nobody reads it.
+    _buffers: Vec<Arc<Allocation>>,
+}
+
+impl Binding {
+    pub(super) fn descriptor_type(&self) -> vk::DescriptorType {
+        if self.texels { vk::DescriptorType::UNIFORM_TEXEL_BUFFER } else { vk::DescriptorType::STORAGE_BUFFER }
+    }
+}
+
+impl Bound {
+    pub fn new(pipeline: &Arc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
+        let shared = &pipeline.device.shared;
+        let count = pipeline.bindings.len().max(1) as u32;
+        let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_TEXEL_BUFFER]
+            .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count });
+        let sets = pipeline.sets.len().max(1) as u32;
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(sets).pool_sizes(&sizes);
+        // From here on `drop` destroys what exists; Vulkan ignores null handles.
+        let mut bound = Bound {
+            pipeline: pipeline.clone(),
+            pool: vk::DescriptorPool::null(),
+            views: vec![],
+            sets: vec![],
+            _buffers: vec![],
+        };
+        // SAFETY: structures outlive the calls; the pool frees its sets when it is destroyed.
+        unsafe {
+            bound.pool = shared
+                .device
+                .create_descriptor_pool(&info, None)
+                .map_err(|e| shared.error("creating a descriptor pool", e))?;
+            if pipeline.sets.is_empty() {
+                return Ok(bound);
+            }
+            let allocate =
+                vk::DescriptorSetAllocateInfo::default().descriptor_pool(bound.pool).set_layouts(&pipeline.sets);
+            bound.sets = shared
+                .device
+                .allocate_descriptor_sets(&allocate)
+                .map_err(|e| shared.error("allocating descriptors", e))?;
+        }
+        for binding in &pipeline.bindings {
+            let own = pipeline.violation.as_ref().map(|(buffer, _)| (bounds::VIOLATION, buffer));
+            let mut all = buffers.iter().copied().chain(own);
+            let (_, buffer) = all.find(|(name, _)| *name == binding.name).ok_or_else(|| {
+                Error::Shader(format!("kernel {} needs a buffer named {}", pipeline.source.entry, binding.name))
+            })?;
+            bound.write(binding, &buffer.allocation)?;
+        }
+        Ok(bound)
+    }
+
+    fn write(&mut self, binding: &Binding, buffer: &Arc<Allocation>) -> Result<()> {
+        let shared = &self.pipeline.device.shared;
+        assert!(Arc::ptr_eq(shared, &buffer.shared), "{}: a buffer of another device", binding.name);
+        let limit = shared.info.max_storage_buffer_range;
+        if !binding.texels && buffer.size > limit {
+            return Err(Error::Device(format!(
+                "the {} take {}, and kernels of {} see {} of a storage buffer; choose another with --device",
+                binding.name,
+                mebibytes(buffer.size),
+                shared.info.name,
+                mebibytes(limit)
+            )));
+        }
+        let write = vk::WriteDescriptorSet::default()
+            .dst_set(self.sets[binding.group as usize])
+            .dst_binding(binding.binding)
+            .descriptor_type(binding.descriptor_type());
+        let range = [vk::DescriptorBufferInfo { buffer: buffer.handle, offset: 0, range: vk::WHOLE_SIZE }];
+        // SAFETY: the sets are not in use yet; the view and the buffer live as long as the sets.
+        unsafe {
+            if binding.texels {
+                let info = vk::BufferViewCreateInfo::default()
+                    .buffer(buffer.handle)
+                    .format(vk::Format::R32G32B32A32_UINT)
+                    .range(vk::WHOLE_SIZE);
+                let view = shared.device.create_buffer_view(&info, None);
+                let view = [view.map_err(|e| shared.error("creating a view of a buffer", e))?];
+                self.views.extend(view);
+                shared.device.update_descriptor_sets(&[write.texel_buffer_view(&view)], &[]);
+            } else {
+                shared.device.update_descriptor_sets(&[write.buffer_info(&range)], &[]);
+            }
+        }
+        self._buffers.push(buffer.clone());
+        Ok(())
+    }
+}
+
+impl Drop for Bound {
+    fn drop(&mut self) {
+        let d = &self.pipeline.device.shared.device;
+        // SAFETY: as above; the buffers go after the views.
+        unsafe {
+            d.destroy_descriptor_pool(self.pool, None);
+            for &view in &self.views {
+                d.destroy_buffer_view(view, None);
+            }
+        }
+    }
+}
