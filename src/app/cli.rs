@@ -184,8 +184,8 @@ pub struct DevicesArgs {
 /// Write one of the project's own scenes
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
-    /// cornell-box, gated-sphere, door-ajar, cluttered-room, or zoo-area, zoo-punctual, zoo-beam (every material in one
-    /// room, lit by a lamp, by a point and a spot, or by a beam)
+    /// cornell-box, gated-sphere, door-ajar, cluttered-room, hundred-lamps, or zoo-area, zoo-punctual, zoo-beam (every
+    /// material in one room, lit by a lamp, by a point and a spot, or by a beam)
     #[arg(value_name = "NAME")]
     pub name: String,
 

@@ -8,6 +8,7 @@ mod cornell;
 mod door;
 mod gated_sphere;
 pub mod glb;
+mod hall;
 pub mod numbers;
 pub mod paint;
 pub mod shapes;
@@ -49,12 +50,22 @@ pub enum Kind {
     },
     /// Room of 4 x 3 x 4 m with every feature of materials, lit by emitters of one kind: for tests.
     Zoo(zoo::Light),
+    /// Hall of 12 x 4 x 12 m under a hundred spot lights of unequal power.
+    HundredLamps,
 }
 
 impl Kind {
     /// What [`Kind::parse`] understands.
-    pub const NAMES: [&str; 7] =
-        ["cornell-box", "gated-sphere", "door-ajar", "cluttered-room", "zoo-area", "zoo-punctual", "zoo-beam"];
+    pub const NAMES: [&str; 8] = [
+        "cornell-box",
+        "gated-sphere",
+        "door-ajar",
+        "cluttered-room",
+        "zoo-area",
+        "zoo-punctual",
+        "zoo-beam",
+        "hundred-lamps",
+    ];
 
     /// The scene of that name with its usual parameters: sphere of 1 m, albedo 0.5, 81,920 facets; clutter of 200,000
     /// triangles. `None` for any other name.
@@ -67,6 +78,7 @@ impl Kind {
             "zoo-area" => Kind::Zoo(zoo::Light::Area),
             "zoo-punctual" => Kind::Zoo(zoo::Light::Punctual),
             "zoo-beam" => Kind::Zoo(zoo::Light::Beam),
+            "hundred-lamps" => Kind::HundredLamps,
             _ => return None,
         })
     }
@@ -107,6 +119,7 @@ impl Kind {
             Kind::Zoo(zoo::Light::Area) => Kind::NAMES[4],
             Kind::Zoo(zoo::Light::Punctual) => Kind::NAMES[5],
             Kind::Zoo(zoo::Light::Beam) => Kind::NAMES[6],
+            Kind::HundredLamps => Kind::NAMES[7],
         }
     }
 }
@@ -125,6 +138,7 @@ pub fn build(kind: Kind) -> Scene {
         Kind::DoorAjar => door::build(),
         Kind::ClutteredRoom { triangles } => clutter::build(triangles),
         Kind::Zoo(light) => zoo::zoo(light),
+        Kind::HundredLamps => hall::build(),
     }
 }
 

@@ -1,7 +1,7 @@
 use super::*;
 
 /// Small enough to be quick.
-fn kinds() -> [Kind; 7] {
+fn kinds() -> [Kind; 8] {
     [
         Kind::CornellBox,
         Kind::GatedSphere { radius: 1.0, subdivisions: 3, albedo: 0.5 },
@@ -10,6 +10,7 @@ fn kinds() -> [Kind; 7] {
         Kind::Zoo(zoo::Light::Area),
         Kind::Zoo(zoo::Light::Punctual),
         Kind::Zoo(zoo::Light::Beam),
+        Kind::HundredLamps,
     ]
 }
 
