@@ -38,8 +38,9 @@ fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
     let w = segment.direction;
     // Glossy surfaces and those that let light through return more than a cosine's worth at grazing angles.
     let least = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
-    let cosines = max(vertex_cosine(q, w), least) * max(vertex_cosine(v, w), least);
-    return select(0.0, max(max_component(v.throughput) * cosines / segment.length2, LEAST_IMPORTANCE), can_connect(q, v));
+    let cosines = max(vertex_cosine(q, w), least) * light_sent(v, -w, least);
+    let sent = max(max_component(v.throughput) * cosines / segment.length2, LEAST_IMPORTANCE);
+    return select(0.0, sent, can_connect(q, v) && cosines > 0.0);
 }
 
 // One vertex of a leaf by `vertex_importance`; `weight` comes in as 1 / P(leaf | q) and goes out as 1 / P(j | q).

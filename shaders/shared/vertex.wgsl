@@ -39,6 +39,18 @@ fn vertex_cosine(v: PathVertex, w: vec3<f32>) -> f32 {
     return select(1.0, abs(dot(v.geometric, w)), has_normal(v));
 }
 
+// Punctual lights are too many to be connected one by one: queries meet them in the trees.
+override QUERIED_LAMPS: bool = true;
+
+// Light that v sends along `w` (unit), relative to its throughput: of a surface as if it were diffuse, `least` at least; of a
+// punctual light exactly, and so 0 outside the cone of a spot.
+fn light_sent(v: PathVertex, w: vec3<f32>, least: f32) -> f32 {
+    if (QUERIED_LAMPS && !has_normal(v)) {
+        return emitter_profile(v, w).x;
+    }
+    return max(vertex_cosine(v, w), least);
+}
+
 // Refractive index of the medium that a segment leaving v along `w` travels in.
 fn eta_towards(v: PathVertex, w: vec3<f32>) -> f32 {
     if (!transmits(v) || dot(v.geometric, w) >= 0.0) {

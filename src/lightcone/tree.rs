@@ -48,6 +48,12 @@ const LEAST_POWER: f32 = 1e-20;
 impl Tree {
     /// Builds the tree over `items`, reorders them and scales their powers to a total of 1. O(n log n) time, no allocation beyond the nodes.
     pub fn build(items: &mut [Item], options: TreeOptions) -> Tree {
+        Tree::build_apart(items, 0, options)
+    }
+
+    /// As [`Tree::build`], with a subtree below the root for the first `apart` items: a few items of great power would else be
+    /// scattered among the others, one in a leaf, where nothing tells them from each other.
+    pub fn build_apart(items: &mut [Item], apart: usize, options: TreeOptions) -> Tree {
         if items.is_empty() {
             return Tree { nodes: vec![], root: NONE };
         }
@@ -55,9 +61,24 @@ impl Tree {
         for item in items.iter_mut() {
             item.power = ((f64::from(item.power) / total) as f32).max(LEAST_POWER);
         }
-        let mut nodes = vec![bytemuck::Zeroable::zeroed(); inner_nodes(items.len(), options.leaf_size)];
-        let root = Builder { options }.subtree(items, options.first_vertex, &mut nodes, options.first_node);
-        Tree { nodes, root: root.child }
+        let (builder, base, first) = (Builder { options }, options.first_node, options.first_vertex);
+        let new_nodes = |count: usize| vec![bytemuck::Zeroable::zeroed(); count];
+        let nodes_over = |items: &[Item]| inner_nodes(items.len(), options.leaf_size);
+        let (apart, others) = items.split_at_mut(apart);
+        if apart.is_empty() || others.is_empty() {
+            let mut nodes = new_nodes(nodes_over(items));
+            let root = builder.subtree(items, first, &mut nodes, base);
+            return Tree { nodes, root: root.child };
+        }
+        let mut nodes: Vec<TreeNode> = new_nodes(1 + nodes_over(apart) + nodes_over(others));
+        let (root, below) = nodes.split_at_mut(1);
+        let (left_slots, right_slots) = below.split_at_mut(nodes_over(apart));
+        let right_base = base + 1 + left_slots.len() as u32;
+        root[0] = TreeNode {
+            left: builder.subtree(apart, first, left_slots, base + 1),
+            right: builder.subtree(others, first + apart.len() as u32, right_slots, right_base),
+        };
+        Tree { nodes, root: base }
     }
 }
 
@@ -241,6 +262,28 @@ mod tests {
             let mut items = random_items(n, n as u64);
             let tree = Tree::build(&mut items, options(leaf));
             validate(&tree, &items, leaf);
+        }
+    }
+
+    #[test]
+    fn items_that_stand_apart_have_a_subtree_of_their_own() {
+        for (n, apart, leaf) in [(2, 1, 16), (17, 1, 16), (17, 16, 1), (1000, 100, 16), (1000, 999, 16)] {
+            let mut items = random_items(n, n as u64);
+            let tree = Tree::build_apart(&mut items, apart, options(leaf));
+            validate(&tree, &items, leaf);
+            assert!(items[..apart].iter().all(|item| (item.index as usize) < apart), "{apart} of {n}");
+            let [left, right] =
+                [&items[..apart], &items[apart..]].map(|part| part.iter().map(|i| i.power).sum::<f32>());
+            let root = &tree.nodes[tree.root as usize];
+            for (child, power) in [(root.left, left), (root.right, right)] {
+                let words = [child.buckets_low, child.buckets_high].map(u32::to_le_bytes);
+                let sum = words.as_flattened().iter().map(|&b| f32::from(b)).sum::<f32>() * child.power_unit;
+                assert!(sum >= power * 0.999 && sum <= power * 1.2, "{apart} of {n}: {sum} for {power}");
+            }
+        }
+        for apart in [0, 5] {
+            let (mut items, mut same) = (random_items(5, 1), random_items(5, 1));
+            assert_eq!(Tree::build_apart(&mut items, apart, options(1)), Tree::build(&mut same, options(1)));
         }
     }
 

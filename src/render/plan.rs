@@ -11,7 +11,7 @@ use super::pool_layout::PoolLayout;
 use super::prepared::Prepared;
 use super::reach::Reach;
 use crate::error::{Error, Result};
-use crate::estimators::Record;
+use crate::estimators::{PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::Scene;
 use crate::settings::units::Gate;
@@ -78,6 +78,8 @@ pub struct Plan {
     pub splats: bool,
     /// Numbers of the emitters whose subpaths all begin alike: beams of zero radius.
     pub thin_beams: Range<u32>,
+    /// Deterministic vertices at most: punctual lights, and the spot of each thin beam, which may miss everything.
+    most_deterministic: u32,
     pub tuning: Tuning,
     /// What the kernels report beside the image.
     pub observe: Observe,
@@ -119,6 +121,8 @@ impl Plan {
             traces_light,
             splats: traces_light && all,
             thin_beams: emitter_count - emitters.thin_beams..emitter_count,
+            most_deterministic: emitters.deterministic.len() as u32
+                + if traces_light { emitters.thin_beams } else { 0 },
             tuning: Tuning::default(),
             observe: Observe::Nothing,
             cull: settings.cull,
@@ -145,6 +149,11 @@ impl Plan {
         self.frame.cull_hi = if self.cull && closed { hi + slack } else { OPEN };
     }
 
+    /// Whether queries choose among so many deterministic vertices. Fewer are connected to every shade point, one by one.
+    pub fn queries_deterministic(&self, count: u32) -> bool {
+        self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
+    }
+
     /// Candidate slots a shade point for a pool.
     pub fn slots(&self, pool: &PoolLayout) -> u32 {
         debug_assert!(pool.longest_path <= self.max_depth);
@@ -155,14 +164,15 @@ impl Plan {
 
     /// Candidate slots a shade point at most, whatever the pool.
     pub fn most_slots(&self, emitters: &EmitterSet) -> u32 {
-        let on_prefixes =
-            if self.traces_light { (self.thin_beams.len() as u32).saturating_mul(self.max_depth) } else { 0 };
+        let punctual = emitters.deterministic.len() as u32;
+        let queried = self.queries_deterministic(self.most_deterministic);
         let (spatial, all) = match self.single_tree {
-            true => (false, emitters.has_area || self.traces_light),
-            false => (emitters.has_area, self.traces_light),
+            true => (false, emitters.has_area || self.traces_light || queried),
+            false => (emitters.has_area || queried, self.traces_light || queried),
         };
         self.slots(&PoolLayout {
-            deterministic: (emitters.deterministic.len() as u32).saturating_add(on_prefixes),
+            // Where thin beams miss everything, few enough may be left after all.
+            deterministic: if self.queries_deterministic(punctual) { 0 } else { self.most_deterministic },
             emitter_points: u32::from(emitters.has_area),
             tree3_root: if spatial { 0 } else { NONE },
             tree4_root: if all { 0 } else { NONE },
@@ -211,6 +221,7 @@ impl Plan {
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
+            ("QUERIED_LAMPS", switch(self.queries_deterministic(self.most_deterministic))),
             ("BY_CENTRE", switch(self.importance.centre)),
             ("BY_COSINE", switch(self.importance.cosine)),
             ("BY_OVERLAP", switch(self.importance.overlap)),

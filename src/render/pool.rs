@@ -113,24 +113,30 @@ impl LightPool {
 
     /// The 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4); for a single tree, the 4D tree over
     /// all of them, which makes the same promise: a query's weight is 1 / P for the vertex it returns, whatever its kind.
+    /// Deterministic vertices that are too many to be connected one by one stand apart in the tree of their kind.
     fn trees(&self, plan: &Plan) -> SortedPool {
-        let vertices = |of: &[(u32, PathVertex)]| of.iter().map(|(_, v)| *v).collect::<Vec<_>>();
-        let (mut spatial, mut all) = (vertices(&self.emitter_points), vertices(&self.scattered));
-        if plan.single_tree {
-            all.append(&mut spatial);
-        }
-        let (mut items3, mut items4) = (items(&spatial), items(&all));
-        let first3 = self.deterministic.len() as u32;
+        let in_trees = plan.queries_deterministic(self.deterministic.len() as u32);
+        let (one_by_one, queried) = self.deterministic.split_at(if in_trees { 0 } else { self.deterministic.len() });
+        let (mut spatial, mut all): (Vec<_>, Vec<_>) =
+            queried.iter().partition(|v| v.flags & VERTEX_EMITTER != 0 && !plan.single_tree);
+        let (apart3, apart4) = (spatial.len(), all.len());
+        all.extend(self.scattered.iter().map(|(_, v)| *v));
+        let emitter_points = if plan.single_tree { &mut all } else { &mut spatial };
+        emitter_points.extend(self.emitter_points.iter().map(|(_, v)| *v));
+        let (apart3, mut items3) = items(&spatial, apart3);
+        let (apart4, mut items4) = items(&all, apart4);
+        let first3 = one_by_one.len() as u32;
         let first4 = first3 + items3.len() as u32;
         let (leaf_size, buckets) = (plan.leaf_size as usize, plan.buckets);
         let options = TreeOptions { leaf_size, buckets, first_node: 0, first_vertex: first3 };
-        let tree3 = Tree::build(&mut items3, options);
+        let tree3 = Tree::build_apart(&mut items3, apart3, options);
         let first_node = tree3.nodes.len() as u32;
-        let tree4 = Tree::build(&mut items4, TreeOptions { first_node, first_vertex: first4, ..options });
-        let mut vertices = self.deterministic.clone();
+        let tree4 = Tree::build_apart(&mut items4, apart4, TreeOptions { first_node, first_vertex: first4, ..options });
+        let mut vertices = one_by_one.to_vec();
         vertices.extend(items3.iter().map(|i| spatial[i.index as usize]));
         vertices.extend(items4.iter().map(|i| all[i.index as usize]));
         let layout = PoolLayout {
+            deterministic: one_by_one.len() as u32,
             emitter_points: items3.len() as u32,
             tree3_root: tree3.root,
             tree4_root: tree4.root,
@@ -140,10 +146,10 @@ impl LightPool {
     }
 }
 
-/// Vertices that can contribute, as the tree sees them.
-fn items(vertices: &[PathVertex]) -> Vec<Item> {
+/// Vertices that can contribute, as the tree sees them, and how many of them are among the first `apart`.
+fn items(vertices: &[PathVertex], apart: usize) -> (usize, Vec<Item>) {
     let power = |v: &PathVertex| v.throughput.iter().fold(0.0f32, |a, &x| a.max(x));
-    vertices
+    let items: Vec<Item> = vertices
         .iter()
         .enumerate()
         .filter(|(_, v)| power(v) > 0.0 && power(v).is_finite())
@@ -152,7 +158,8 @@ fn items(vertices: &[PathVertex]) -> Vec<Item> {
             power: power(v),
             index: i as u32,
         })
-        .collect()
+        .collect();
+    (items.partition_point(|item| (item.index as usize) < apart), items)
 }
 
 impl DevicePool {

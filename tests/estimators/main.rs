@@ -6,6 +6,7 @@ mod cells;
 mod determinism;
 mod drive;
 mod furnace;
+mod lamps;
 mod regressions;
 mod rough_glass;
 mod sampling;

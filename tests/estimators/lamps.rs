@@ -1,0 +1,198 @@
+//! More lamps than are connected one by one: queries or draws choose among them, and the image stays the sum over all lamps.
+
+use glam::DVec3;
+use taugate::generate::numbers::Pcg;
+use taugate::generate::shapes::{cuboid, quad};
+use taugate::generate::stage::{add, camera, diffuse, light, material, metal, plastic};
+use taugate::generate::{Kind, build};
+use taugate::oracle::sphere::gated_radiance;
+use taugate::scene::{LightKind, Scene};
+use taugate::settings::units::Gate;
+use taugate::settings::{Emitters, Estimator, Settings};
+
+use super::agreement::{against, assert_none, oracle};
+use super::cells::{Cells, renderer, settings, threshold};
+
+const ALBEDO: f32 = 0.5;
+
+/// The gated sphere with its light divided among `count` points of unequal power in the same place.
+fn sphere_of(count: usize) -> Scene {
+    let mut scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: ALBEDO });
+    let whole = scene.lights.remove(0);
+    let LightKind::Point { intensity } = whole.kind else { panic!("the sphere's light is a point") };
+    let mut pcg = Pcg::new(5);
+    let shares: Vec<f64> = (0..count).map(|_| pcg.uniform().powi(4) + 1e-3).collect();
+    let sum: f64 = shares.iter().sum();
+    for (n, share) in shares.iter().enumerate() {
+        let kind = LightKind::Point { intensity: intensity.map(|i| (f64::from(i) * share / sum) as f32) };
+        light(&mut scene, &format!("point {n}"), whole.position, whole.direction, kind);
+    }
+    scene
+}
+
+/// z of the mean image of `count` points in the gate [2 + a, 2 + b), whose truth is `times` that of the closed form.
+fn z_of_sphere(count: usize, estimator: Estimator, [a, b]: [f64; 2], times: f64) -> f64 {
+    let gate = Gate { lo: 2.0 + a, hi: 2.0 + b };
+    let truth = times * gated_radiance(1.0, f64::from(ALBEDO), gate.lo, gate.hi);
+    let mut renderer = renderer(&sphere_of(count), &settings(estimator, [12, 12]));
+    let (mean, error) = Cells::measure(&mut renderer, gate, 12, 1, 8, 100).whole();
+    eprintln!("{count} lamps, {estimator} [{a}, {b}): {mean:.6} +- {error:.6}, closed form {truth:.6}");
+    (mean - truth) / error
+}
+
+const COUNTS: [usize; 2] = [9, 100];
+/// The direct return, the next bounce, and later ones.
+const GATES: [[f64; 2]; 3] = [[-0.05, 0.25], [0.5, 1.0], [2.0, 3.0]];
+
+#[test]
+fn many_points_in_one_place_agree_with_the_closed_form() {
+    let cases = COUNTS.len() * Estimator::ALL.len() * GATES.len();
+    for (count, estimator) in COUNTS.into_iter().flat_map(|n| Estimator::ALL.map(|e| (n, e))) {
+        for gate in GATES {
+            let z = z_of_sphere(count, estimator, gate, 1.0);
+            assert!(z.abs() < threshold(cases), "{count} lamps, {estimator}, gate {gate:?}: z = {z:.2}");
+        }
+    }
+}
+
+/// The sibling that must fail: probabilities that are off by 3 %.
+#[test]
+fn probabilities_off_by_three_percent_are_rejected() {
+    for estimator in Estimator::ALL {
+        let z = z_of_sphere(20, estimator, GATES[1], 1.03);
+        assert!(z.abs() > threshold(1), "{estimator}: z = {z:.2} against a wrong truth");
+    }
+}
+
+/// A room with points, spots and thin beams in turn, one of each kind in three lamps. A mirror throws some of the beams back.
+fn room(lamps: usize) -> Scene {
+    let mut scene = Scene::default();
+    let wall = material(&mut scene, diffuse("wall", [0.7, 0.65, 0.6]));
+    let floor = material(&mut scene, plastic("floor", [0.4, 0.5, 0.4], 0.5));
+    let mirror = material(&mut scene, metal("mirror", [0.9; 3], 0.0));
+    let (x, y, z) = (DVec3::X * 4.0, DVec3::Y * 3.0, DVec3::Z * 4.0);
+    let corner = DVec3::new(-2.0, 0.0, -2.0);
+    add(&mut scene, "floor", floor, quad(corner, z, x, [1.0; 2]));
+    add(&mut scene, "ceiling", wall, quad(corner + y, x, z, [1.0; 2]));
+    add(&mut scene, "back", wall, quad(corner, x, y, [1.0; 2]));
+    add(&mut scene, "front", wall, quad(corner + z, y, x, [1.0; 2]));
+    add(&mut scene, "left", wall, quad(corner, y, z, [1.0; 2]));
+    add(&mut scene, "right", wall, quad(corner + x, z, y, [1.0; 2]));
+    add(&mut scene, "block", wall, cuboid(DVec3::new(-0.9, 0.001, -0.9), DVec3::new(-0.3, 1.1, -0.2)));
+    add(&mut scene, "mirror", mirror, quad(DVec3::new(0.2, 0.4, -1.9), DVec3::X * 1.4, DVec3::Y * 1.4, [1.0; 2]));
+    let mut pcg = Pcg::new(11);
+    for n in 0..lamps {
+        let position = DVec3::new(pcg.range(-1.8, 1.8), pcg.range(2.0, 2.9), pcg.range(-1.7, 1.8));
+        let direction = DVec3::new(pcg.range(-0.9, 0.9), -1.0, pcg.range(-1.2, 0.6));
+        let watts = (0.05 + 4.0 * pcg.uniform().powi(3)) as f32;
+        let kind = match n % 3 {
+            0 => LightKind::Spot { intensity: [2.0 * watts, watts, watts], inner: 0.2, outer: 0.6 },
+            1 => LightKind::Beam { power: [watts, watts, 2.0 * watts], radius: 0.0 },
+            _ => LightKind::Point { intensity: [0.2 * watts; 3] },
+        };
+        light(&mut scene, &format!("lamp {n}"), position, direction, kind);
+    }
+    camera(&mut scene, DVec3::new(0.4, 1.6, 1.8), DVec3::new(-0.1, 0.9, -0.8), 1.1, [24, 16]);
+    scene
+}
+
+fn room_settings(estimator: Estimator) -> Settings {
+    Settings { max_depth: 6, ..settings(estimator, [24, 16]) }
+}
+
+/// The room's cells by bdpt in groups of lamps that are few enough to be connected one by one, added up: mean and variance.
+fn sum_over_groups(lamps: usize, gate: Gate) -> Vec<(f64, f64)> {
+    let scene = room(lamps);
+    let mut sums = vec![];
+    for first in (0..lamps).step_by(6) {
+        let group = (first..lamps.min(first + 6)).map(|n| format!("lamp {n}")).collect();
+        let s = Settings { emitters: Emitters::Nodes(group), ..room_settings(Estimator::Bdpt) };
+        let cells = Cells::measure(&mut renderer(&scene, &s), gate, 8, 1, 8, 300 + first as u32);
+        sums.resize(cells.batches.len(), (0.0, 0.0));
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum = (sum.0 + cells.mean(i), sum.1 + cells.variance(i));
+        }
+    }
+    sums
+}
+
+/// Greatest |z| among the cells of a render with all lamps.
+fn greatest_z(lamps: usize, settings: &Settings, gate: Gate, truth: &[(f64, f64)]) -> f64 {
+    let cells = Cells::measure(&mut renderer(&room(lamps), settings), gate, 8, 1, 8, 900);
+    let z = |i: usize| (cells.mean(i) - truth[i].0) / (cells.variance(i) + truth[i].1).sqrt();
+    let greatest = (0..truth.len()).map(|i| z(i).abs()).fold(0.0, f64::max);
+    let whole = truth.iter().map(|t| t.0).sum::<f64>() / truth.len() as f64;
+    eprintln!(
+        "{lamps} lamps, {} in {gate:?}: {:.6}, sum {whole:.6}, |z| <= {greatest:.2}",
+        settings.estimator,
+        cells.whole().0
+    );
+    greatest
+}
+
+/// All that can see by beams.
+fn ways() -> [Settings; 4] {
+    let [bdpt, paper, lcs] = [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs].map(room_settings);
+    let two = Settings { single_tree: false, ..lcs.clone() };
+    [bdpt, paper, lcs, two]
+}
+
+#[test]
+fn the_image_by_many_lamps_is_the_sum_of_images_by_few() {
+    for (lamps, gate) in [(9, Gate::OPEN), (27, Gate { lo: 5.0, hi: 5.6 })] {
+        let truth = sum_over_groups(lamps, gate);
+        for settings in ways() {
+            let z = greatest_z(lamps, &settings, gate, &truth);
+            assert!(z < threshold(8 * truth.len()), "{lamps} lamps, {}, {gate:?}: |z| = {z:.2}", settings.estimator);
+        }
+    }
+}
+
+/// The sibling that must fail: one lamp more than were added up.
+#[test]
+fn one_lamp_more_is_noticed() {
+    let gate = Gate { lo: 5.0, hi: 5.6 };
+    let truth = sum_over_groups(26, gate);
+    for settings in ways() {
+        let z = greatest_z(27, &settings, gate, &truth);
+        assert!(z > threshold(truth.len()), "{}: |z| = {z:.2} against a wrong truth", settings.estimator);
+    }
+}
+
+#[test]
+fn a_hundred_spot_lights_agree_with_the_oracle() {
+    let scene = build(Kind::HundredLamps);
+    let gates = [(11.0, 12.0), (0.0, f64::INFINITY)];
+    let truth = oracle(&scene, &gates, [24, 16], 800);
+    assert_none(against("hundred lamps", &Estimator::ALL, &scene, &gates, &truth));
+}
+
+/// A hundred beams of no radius: each leaves one spot of light, and queries find the near ones.
+#[test]
+fn a_projector_of_dots_agrees_with_the_sum_of_its_parts() {
+    let mut scene = room(0);
+    for n in 0..100 {
+        let (column, row) = (f64::from(n % 10), f64::from(n / 10));
+        let direction = DVec3::new(0.12 * column - 0.5, 0.08 * row - 0.6, -1.0);
+        let kind = LightKind::Beam { power: [0.02 * f64::from(n + 1) as f32; 3], radius: 0.0 };
+        light(&mut scene, &format!("dot {n}"), DVec3::new(0.0, 1.6, 1.9), direction, kind);
+    }
+    let gate = Gate { lo: 7.0, hi: 7.5 };
+    let cells = |settings: &Settings| Cells::measure(&mut renderer(&scene, settings), gate, 8, 1, 8, 400);
+    let mut sums = [(0.0, 0.0); 6];
+    for first in (0..100).step_by(5) {
+        let group = (first..first + 5).map(|n| format!("dot {n}")).collect();
+        let part = cells(&Settings { emitters: Emitters::Nodes(group), ..room_settings(Estimator::Bdpt) });
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum = (sum.0 + part.mean(i), sum.1 + part.variance(i));
+        }
+    }
+    for settings in ways() {
+        let all = cells(&settings);
+        for (i, (mean, variance)) in sums.iter().enumerate().filter(|(_, sum)| sum.0 > 0.0) {
+            let z = (all.mean(i) - mean) / (all.variance(i) + variance).sqrt();
+            let estimator = settings.estimator;
+            assert!(z.abs() < threshold(24), "{estimator}, cell {i}: {:.6} against {mean:.6}, z = {z:.2}", all.mean(i));
+        }
+    }
+}
