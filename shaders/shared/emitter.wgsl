@@ -41,10 +41,14 @@ fn emitter_profile(v: PathVertex, w: vec3<f32>) -> vec2<f32> {
         case EMIT_POINT: {
             return vec2<f32>(1.0, 1.0 / (4.0 * PI));
         }
-        default: {
+        case EMIT_SPOT: {
             let off = cap_height(v.to_previous, w);
             let outer = v.base_color.x;
             return vec2<f32>(spot_falloff(off, outer, v.base_color.y), select(0.0, 1.0 / (2.0 * PI * outer), off < outer));
+        }
+        // Of a profile that no code knows: it sends nothing.
+        default: {
+            return vec2<f32>(0.0);
         }
     }
 }
@@ -85,9 +89,11 @@ fn sample_emission(number: u32, a: vec4<f32>) -> Emission {
         case EMITTER_BEAM: {
             sample_beam(e, a, &r);
         }
-        default: {
+        case EMITTER_POINT, EMITTER_SPOT: {
             sample_punctual(e, a, &r);
         }
+        // Of a kind that no code knows: it sends nothing.
+        default: {}
     }
     return r;
 }

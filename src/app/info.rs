@@ -9,7 +9,7 @@ use taugate::Error;
 use taugate::gpu::{Device, DeviceInfo, Need};
 use taugate::input::resolve::{emitting_nodes, resolve};
 use taugate::render::{MemoryPlan, Prepared, Reach, TravelTimes, probe};
-use taugate::scene::{LightKind, Scene};
+use taugate::scene::Scene;
 use taugate::settings::Settings;
 use taugate::settings::units::METRES_PER_NS;
 
@@ -144,7 +144,7 @@ fn contents(scene: &Scene) -> Report {
         let light = scene.lights.iter().find(|light| light.node == node);
         Emitter {
             node: node.into(),
-            kind: light.map_or("emissive mesh".into(), |light| kind(&light.kind)),
+            kind: light.map_or("emissive mesh".into(), |light| light.kind.describe()),
             watts: None,
         }
     });
@@ -170,15 +170,6 @@ fn contents(scene: &Scene) -> Report {
         warnings: scene.warnings.clone(),
         render: None,
         notes: vec![],
-    }
-}
-
-fn kind(kind: &LightKind) -> String {
-    match kind {
-        LightKind::Point { .. } => "point light".into(),
-        LightKind::Spot { outer, .. } => format!("spot light, {:.1} degrees wide", 2.0 * outer.to_degrees()),
-        LightKind::Beam { radius, .. } => format!("collimated beam, radius {radius} m"),
-        LightKind::Directional { .. } => "directional light (not rendered yet)".into(),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::image::fingerprint::{self, Hash};
 use crate::input::experiment::Experiment;
 use crate::input::resolve;
 use crate::render::{Prepared, Reach};
-use crate::scene::{LightKind, Scene, gltf};
+use crate::scene::{Scene, gltf};
 use crate::settings::Settings;
 
 use super::lane::Lane;
@@ -72,9 +72,9 @@ impl Job {
 
     /// Whether settings find all the light: not every estimator sees a beam.
     fn sees_all(&self, settings: &Settings) -> bool {
-        let beam = |node: &str| settings.emitters.include(node);
-        let beams = self.scene.lights.iter().any(|l| beam(&l.node) && matches!(l.kind, LightKind::Beam { .. }));
-        !beams || settings.estimator.sees_beams()
+        let selected = self.scene.lights.iter().filter(|light| settings.emitters.include(&light.node));
+        let beams = selected.filter(|light| light.kind.needs_light_subpaths()).count();
+        beams == 0 || settings.estimator.sees_beams()
     }
 
     fn entry(&self, variant: &str, experiment: &Experiment, settings: Settings) -> Entry {

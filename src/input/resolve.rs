@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
-use crate::scene::{Camera, LightKind, Scene};
+use crate::scene::{Camera, Scene};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
 use crate::settings::units::{Gate, Resolution as GateResolution};
 use crate::settings::values::{Png, Resolution, Seconds};
@@ -102,14 +102,10 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     warnings.extend(render.without_effect(estimator));
     for light in scene.lights.iter().filter(|light| settings.emitters.include(&light.node)) {
         let node = &light.node;
-        match light.kind {
-            LightKind::Directional { .. } => {
-                warnings.push(format!("the directional light '{node}' is not rendered yet; its light is missing"));
-            }
-            LightKind::Beam { .. } if !estimator.sees_beams() => {
-                warnings.push(estimator.beam_refusal(&format!("the beam '{node}'")));
-            }
-            _ => {}
+        if light.kind.radius().is_none() {
+            warnings.push(format!("the directional light '{node}' is not rendered yet; its light is missing"));
+        } else if light.kind.needs_light_subpaths() && !estimator.sees_beams() {
+            warnings.push(estimator.beam_refusal(&format!("the beam '{node}'")));
         }
     }
     Ok(Resolved { settings, warnings })
@@ -272,8 +268,7 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate) -> Result<Emitters
 
     // Light from infinitely far away has no travel time.
     let selected = |node: &str| emitters.include(node);
-    let distant =
-        |node: &str| scene.lights.iter().any(|l| l.node == node && matches!(l.kind, LightKind::Directional { .. }));
+    let distant = |node: &str| scene.lights.iter().any(|l| l.node == node && l.kind.radius().is_none());
     if let Some(sun) = candidates.iter().copied().find(|node| !gate.is_open() && selected(node) && distant(node)) {
         let others: Vec<&str> = candidates.iter().copied().filter(|node| !distant(node)).collect();
         let remedy = match others[..] {

@@ -85,7 +85,7 @@ impl LightTracer {
 
     /// What the buffers of [`LightTracer::new`] need, in its order.
     pub fn needs(plan: &Plan) -> [Need; 5] {
-        let capacity = BATCH.min(plan.traced_paths().max(plan.thin_beams.len() as u32) as usize);
+        let capacity = BATCH.min(plan.traced_paths().max(plan.thin_lights.len() as u32) as usize);
         let remedy = "use fewer --light-paths";
         [
             Need::of::<PathState>("light path states", capacity, remedy),
@@ -104,7 +104,7 @@ impl LightTracer {
     /// the order of the paths.
     pub fn run(&mut self, plan: &Plan, see: &mut impl FnMut(Splat), stats: &mut Stats) -> Result<LightPool> {
         let mut pool = LightPool { deterministic: self.punctual.clone(), ..Default::default() };
-        let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };
+        let thin = if plan.traces_light { plan.thin_lights.clone() } else { 0..0 };
         for emitter in thin.clone().step_by(BATCH) {
             let batch = Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), emitter };
             self.run_batch(plan, &batch, &mut pool, see, stats)?;

@@ -91,7 +91,7 @@ impl MemoryPlan {
 /// Everything whose size is known before the first light path; of the pool only what no iteration can do without.
 pub(super) fn certain_needs(info: &DeviceInfo, plan: &Plan, prepared: &Prepared) -> Vec<Need> {
     let emitters = &prepared.emitters;
-    let every_path_starts_on_a_surface = emitters.has_area && emitters.deterministic.is_empty() && !emitters.has_beam;
+    let every_path_starts_on_a_surface = emitters.has_area() && emitters.lights.is_empty();
     let vertices = if every_path_starts_on_a_surface { plan.light_paths } else { 0 };
     let mut needs = DeviceScene::needs(prepared);
     needs.extend(iteration_needs(info, plan, prepared));

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::scene::{LightKind, Scene};
+use crate::scene::Scene;
 use crate::settings::Emitters;
 
 /// The sensor is the origin, so that coordinates near it keep their digits wherever it stands; lengths count in a unit near
@@ -67,11 +67,7 @@ fn greatest_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64
         }
     }
     for light in scene.lights.iter().filter(|light| selected.include(&light.node)) {
-        let radius = match light.kind {
-            LightKind::Beam { radius, .. } => f64::from(radius),
-            LightKind::Directional { .. } => continue,
-            LightKind::Point { .. } | LightKind::Spot { .. } => 0.0,
-        };
+        let Some(radius) = light.kind.radius() else { continue };
         greatest = greatest.max(reach(light.position) + radius);
     }
     greatest

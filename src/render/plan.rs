@@ -77,7 +77,7 @@ pub struct Plan {
     pub traces_light: bool,
     pub splats: bool,
     /// Numbers of the emitters whose subpaths all begin alike: beams of zero radius.
-    pub thin_beams: Range<u32>,
+    pub thin_lights: Range<u32>,
     /// Deterministic vertices at most: punctual lights, and the spot of each thin beam, which may miss everything.
     most_deterministic: u32,
     pub tuning: Tuning,
@@ -94,8 +94,7 @@ pub struct Plan {
 impl Plan {
     pub fn new(scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Plan> {
         let emitters = &prepared.emitters;
-        let lights_only_by_beam = emitters.has_beam && !emitters.has_area && emitters.deterministic.is_empty();
-        if lights_only_by_beam && !settings.estimator.sees_beams() {
+        if !emitters.has_connectable() && !settings.estimator.sees_beams() {
             return Err(Error::Settings(settings.estimator.beam_refusal("beams, the only emitters here")));
         }
         let all = settings.strategies == Strategies::All;
@@ -120,9 +119,9 @@ impl Plan {
             crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
             traces_light,
             splats: traces_light && all,
-            thin_beams: emitter_count - emitters.thin_beams..emitter_count,
+            thin_lights: emitter_count - emitters.thin_lights..emitter_count,
             most_deterministic: emitters.deterministic.len() as u32
-                + if traces_light { emitters.thin_beams } else { 0 },
+                + if traces_light { emitters.thin_lights } else { 0 },
             tuning: Tuning::default(),
             observe: Observe::Nothing,
             cull: settings.cull,
@@ -167,13 +166,13 @@ impl Plan {
         let punctual = emitters.deterministic.len() as u32;
         let queried = self.queries_deterministic(self.most_deterministic);
         let (spatial, all) = match self.single_tree {
-            true => (false, emitters.has_area || self.traces_light || queried),
-            false => (emitters.has_area || queried, self.traces_light || queried),
+            true => (false, emitters.has_area() || self.traces_light || queried),
+            false => (emitters.has_area() || queried, self.traces_light || queried),
         };
         self.slots(&PoolLayout {
             // Where thin beams miss everything, few enough may be left after all.
             deterministic: if self.queries_deterministic(punctual) { 0 } else { self.most_deterministic },
-            emitter_points: u32::from(emitters.has_area),
+            emitter_points: u32::from(emitters.has_area()),
             tree3_root: if spatial { 0 } else { NONE },
             tree4_root: if all { 0 } else { NONE },
             longest_path: self.max_depth,

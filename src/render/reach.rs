@@ -8,7 +8,6 @@ use super::prepared::Prepared;
 use crate::settings::Settings;
 use crate::settings::units::Gate;
 use crate::wgsl::layout::Triangle;
-use crate::wgsl::layout::constants::{EMITTER_BEAM, EMITTER_TRIANGLE};
 
 /// Bounds are widened by this part of themselves: device travel times are sums of rounded f32 terms.
 const SLACK: f64 = 1e-5;
@@ -89,20 +88,15 @@ impl Bounds {
 /// The sensor may see these directly. It is the origin.
 fn nearest_emissive_triangle(prepared: &Prepared) -> f64 {
     let sensor = Bounds::point(Vec3::ZERO);
-    let triangles = prepared.emitters.table.iter().filter(|e| e.kind == EMITTER_TRIANGLE);
-    let distances = triangles.map(|e| Bounds::of(&prepared.geometry.triangles[e.triangle as usize]).distance(&sensor));
+    let triangles = prepared.emitters.triangles.iter();
+    let distances = triangles.map(|&i| Bounds::of(&prepared.geometry.triangles[i as usize]).distance(&sensor));
     distances.fold(f64::INFINITY, f64::min)
 }
 
-/// Points, spots and beams.
+/// Lights without surface.
 fn punctual_emitters(prepared: &Prepared) -> Vec<Bounds> {
-    let punctual = prepared.emitters.table.iter().filter(|e| e.kind != EMITTER_TRIANGLE);
-    let boxes: Vec<Bounds> = punctual
-        .map(|e| {
-            let (p, radius) = (Vec3::from(e.position), if e.kind == EMITTER_BEAM { e.outer } else { 0.0 });
-            Bounds { lo: p - radius, hi: p + radius }
-        })
-        .collect();
+    let lights = prepared.emitters.lights.iter();
+    let boxes: Vec<Bounds> = lights.map(|&(p, radius)| Bounds { lo: p - radius, hi: p + radius }).collect();
     match boxes.len() {
         0..=MOST_EMITTERS => boxes,
         _ => boxes.into_iter().reduce(Bounds::with).into_iter().collect(),

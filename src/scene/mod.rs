@@ -4,8 +4,11 @@
 //! are finite, and the node hierarchy is resolved to one transform an instance.
 
 pub mod gltf;
+mod light;
 
 use glam::{BVec3, DAffine3, DVec3, Vec3};
+
+pub use light::{Light, LightKind};
 
 /// A loaded scene. Lengths are metres; transforms are kept in f64 until the renderer moves the origin to the sensor.
 #[derive(Debug, Clone, Default)]
@@ -151,30 +154,6 @@ pub struct Camera {
     pub aspect: Option<f64>,
     /// `extras.width`, `extras.height` if the file says so.
     pub resolution: Option<[u32; 2]>,
-}
-
-/// A light without surface.
-#[derive(Debug, Clone)]
-pub struct Light {
-    /// Name of the node that carries it.
-    pub node: String,
-    pub position: DVec3,
-    /// Unit vector along which it shines (-Z of its node); meaningless for points.
-    pub direction: DVec3,
-    pub kind: LightKind,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LightKind {
-    /// Radiant intensity in W / sr, the same in all directions.
-    Point { intensity: [f32; 3] },
-    /// Radiant intensity in W / sr inside `inner` (half angle, radians), falling to 0 at `outer` as KHR_lights_punctual
-    /// says: clamp((cos - cos outer) / (cos inner - cos outer))^2.
-    Spot { intensity: [f32; 3], inner: f32, outer: f32 },
-    /// Parallel light through a disk of `radius` >= 0 metres around `position`; `power` in W in all.
-    Beam { power: [f32; 3], radius: f32 },
-    /// Infinitely far away: has no travel time. Kept so that a gated render can refuse it by name.
-    Directional { irradiance: [f32; 3] },
 }
 
 #[cfg(test)]

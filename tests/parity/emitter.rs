@@ -16,9 +16,6 @@ use crate::values::{directions, dvec, frame, polar, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&PROFILE, &CONE, &CHOICE, &START];
 
-const EMIT_ONE_SIDED: u32 = 0;
-const EMIT_TWO_SIDED: u32 = 1;
-
 /// All the emitter module may read, with these emitters and materials.
 fn buffers(emitters: &[Emitter], triangles: &[Triangle], materials: &[Material]) -> Vec<Contents> {
     vec![
@@ -316,4 +313,18 @@ fn punctual_lights_and_beams_carry_their_power() {
         // A disk's inner half holds a quarter.
         assert!(radius == 0.0 || (within_half - 0.25).abs() < 4.5 * (0.1875 / N as f64).sqrt(), "{within_half}");
     }
+}
+
+/// The host never makes one. If the two sides ever disagree, the emitter must be dark, not a spot light.
+#[test]
+fn an_emitter_of_a_kind_without_code_sends_nothing() {
+    let unknown = Emitter { kind: 1000, select_pdf: 1.0, strength: [1.0; 3], outer: 0.5, ..Zeroable::zeroed() };
+    let samples = start(unknown, 0, 64);
+    assert!(samples.iter().all(|s| s[8..11] == [0.0; 3] && s[13].to_bits() == 0));
+    let v = PathVertex { material: 1000, base_color: [1.0, 0.5, 0.0], ..Zeroable::zeroed() };
+    let mut given = [0u32; 32];
+    given[..28].copy_from_slice(bytemuck::cast_slice(&[v]));
+    given[30] = 1f32.to_bits();
+    let profiles: Vec<[f32; 4]> = PROFILE.run(&[given], &[]);
+    assert_eq!(profiles[0][..2], [0.0; 2]);
 }

@@ -1,7 +1,7 @@
 //! What is done when nothing says it.
 
 use crate::estimators::{Conditions, GateWidth};
-use crate::scene::{Light, LightKind, Material, Scene};
+use crate::scene::{Light, Material, Scene};
 use crate::settings::table::OutputTable;
 use crate::settings::units::Gate;
 use crate::settings::*;
@@ -11,7 +11,7 @@ const WIDE_GATE: f64 = 0.4;
 
 /// The estimator whose record says that it suits this gate and scene.
 pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
-    let is_beam = |light: &Light| matches!(light.kind, LightKind::Beam { .. }) && emitters.include(&light.node);
+    let is_beam = |light: &Light| light.kind.needs_light_subpaths() && emitters.include(&light.node);
     let width = if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
         GateWidth::Narrow
     } else if gate == Gate::OPEN {

@@ -2,7 +2,7 @@ use glam::{DAffine3, DVec3};
 
 use super::*;
 use crate::generate::stage::diffuse;
-use crate::scene::{Camera, Instance, Light, Material, Mesh};
+use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh};
 
 /// Two cameras; a sun, a beam and a glowing lamp among nodes that do not emit.
 fn scene() -> Scene {

@@ -1,0 +1,139 @@
+//! Lights without surface: one record per kind says all that a render needs to know of a light.
+
+use std::f64::consts::PI;
+
+use glam::Vec3;
+
+use super::luminance;
+use crate::render::place::Place;
+use crate::scene::{Light, LightKind};
+use crate::wgsl::layout::constants::*;
+use crate::wgsl::layout::{Emitter, PathVertex};
+
+/// A light as the renderer sees it, in device coordinates.
+pub struct LightRecord {
+    /// Its entry on the device.
+    pub entry: Emitter,
+    /// Luminance-weighted power.
+    pub flux: f64,
+    /// All of its light starts within `radius` of `position`.
+    pub position: Vec3,
+    pub radius: f32,
+    /// The light as a light vertex, for lights of which a point can be connected. Every subpath starts there, so it is kept once.
+    pub vertex: Option<PathVertex>,
+    /// All of its subpaths begin along the same ray, so the vertices of that ray are deterministic too.
+    pub is_thin: bool,
+}
+
+impl LightRecord {
+    /// `None` for lights that are not rendered.
+    pub fn new(light: &Light, place: &Place) -> Option<LightRecord> {
+        let position = place.point(light.position);
+        let stand = Emitter {
+            position: position.into(),
+            direction: light.direction.as_vec3().into(),
+            ..bytemuck::Zeroable::zeroed()
+        };
+        let on_device = |watts: [f32; 3]| watts.map(|x| place.flux(x));
+        match light.kind {
+            LightKind::Point { intensity } => Some(point(stand, on_device(intensity))),
+            LightKind::Spot { intensity, inner, outer } => {
+                Some(spot(stand, on_device(intensity), cap_height(inner), cap_height(outer)))
+            }
+            LightKind::Beam { power, radius } => {
+                Some(beam(stand, on_device(power), place.length(radius.into()) as f32))
+            }
+            LightKind::Directional { .. } => None,
+        }
+    }
+}
+
+fn point(stand: Emitter, intensity: [f32; 3]) -> LightRecord {
+    let entry = Emitter { kind: EMITTER_POINT, strength: intensity, ..stand };
+    punctual(entry, EMIT_POINT, 4.0 * PI * luminance(intensity))
+}
+
+/// `inner` and `outer`: 1 - cosine of the half angles.
+fn spot(stand: Emitter, intensity: [f32; 3], inner: f64, outer: f64) -> LightRecord {
+    let flux = PI * (inner + outer) * luminance(intensity);
+    let [inner, outer] = [inner, outer].map(|height| height as f32);
+    punctual(Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..stand }, EMIT_SPOT, flux)
+}
+
+fn beam(stand: Emitter, power: [f32; 3], radius: f32) -> LightRecord {
+    LightRecord {
+        entry: Emitter { kind: EMITTER_BEAM, strength: power, outer: radius, ..stand },
+        flux: luminance(power),
+        position: stand.position.into(),
+        radius,
+        vertex: None,
+        is_thin: radius == 0.0,
+    }
+}
+
+/// A light at a point, itself a vertex of depth 0 (s = 1) with the emission profile `profile`.
+fn punctual(entry: Emitter, profile: u32, flux: f64) -> LightRecord {
+    let vertex = PathVertex {
+        position: entry.position,
+        throughput: entry.strength,
+        material: profile,
+        normal: [0.0, 0.0, 1.0],
+        geometric: [0.0, 0.0, 1.0],
+        to_previous: entry.direction,
+        base_color: [entry.outer, entry.inner, 0.0],
+        flags: VERTEX_EMITTER | VERTEX_DETERMINISTIC | VERTEX_VALID,
+        eta: 1.0,
+        ..bytemuck::Zeroable::zeroed()
+    };
+    LightRecord { entry, flux, position: entry.position.into(), radius: 0.0, vertex: Some(vertex), is_thin: false }
+}
+
+/// 1 - cosine of an angle in radians; what is left of a small one.
+fn cap_height(angle: f32) -> f64 {
+    2.0 * (0.5 * f64::from(angle)).sin().powi(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn record(kind: LightKind) -> Option<LightRecord> {
+        let light = Light { node: "light".into(), position: DVec3::splat(2.0), direction: DVec3::NEG_Z, kind };
+        LightRecord::new(&light, &Place { origin: DVec3::ZERO, unit: 2.0 })
+    }
+
+    /// What the scene says about a kind for people and settings, the record says for the device.
+    #[test]
+    fn records_agree_with_the_kinds_of_the_scene() {
+        let white = [1.0; 3];
+        for kind in [
+            LightKind::Point { intensity: white },
+            LightKind::Spot { intensity: white, inner: 0.1, outer: 0.2 },
+            LightKind::Beam { power: white, radius: 0.5 },
+            LightKind::Beam { power: white, radius: 0.0 },
+            LightKind::Directional { irradiance: white },
+        ] {
+            let Some(r) = record(kind) else {
+                assert_eq!(kind.radius(), None, "{kind:?}");
+                continue;
+            };
+            assert_eq!(Some(2.0 * f64::from(r.radius)), kind.radius(), "{kind:?}");
+            assert_eq!(r.vertex.is_none(), kind.needs_light_subpaths(), "{kind:?}");
+            assert_eq!(r.is_thin, kind == LightKind::Beam { power: white, radius: 0.0 }, "{kind:?}");
+            assert_eq!((r.position, Vec3::from(r.entry.position)), (Vec3::ONE, Vec3::ONE));
+        }
+    }
+
+    #[test]
+    fn the_flux_of_a_light_is_its_intensity_over_its_directions() {
+        let flux = |kind| record(kind).expect("rendered").flux * 4.0;
+        let [inner, outer] = [0.3f32, 0.3];
+        let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-6;
+        assert!(close(flux(LightKind::Point { intensity: [3.0; 3] }), 12.0 * PI));
+        let cap = 2.0 * PI * (1.0 - f64::from(outer).cos());
+        assert!(close(flux(LightKind::Spot { intensity: [3.0; 3], inner, outer }), 3.0 * cap));
+        assert!(close(flux(LightKind::Beam { power: [3.0; 3], radius: 0.1 }), 3.0));
+    }
+}

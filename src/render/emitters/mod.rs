@@ -1,0 +1,127 @@
+//! Everything that emits, and the probabilities with which light subpaths start there.
+
+mod alias;
+mod light;
+mod triangle;
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+
+use super::geometry::Geometry;
+use super::place::Place;
+use crate::scene::Scene;
+use crate::settings::Emitters;
+use crate::wgsl::layout::{Emitter, PathVertex};
+use light::LightRecord;
+
+/// Emitters as the kernels read them.
+pub struct EmitterSet {
+    /// Alias table over flux: triangles, then lights without surface, thin ones last.
+    pub table: Vec<Emitter>,
+    /// Points and spots as light vertices: connected one by one at every shade point.
+    pub deterministic: Vec<PathVertex>,
+    /// Box around all points that emit, in device coordinates.
+    pub lo: Vec3,
+    pub hi: Vec3,
+    /// Triangles that emit, by number: their points go to the 3D tree.
+    pub triangles: Vec<u32>,
+    /// Centre and radius of where each light without surface starts.
+    pub lights: Vec<(Vec3, f32)>,
+    /// Lights whose subpaths all begin alike (beams of zero radius): the last of the table.
+    pub thin_lights: u32,
+    /// Node and luminance-weighted power in W of every node that shines.
+    pub powers: BTreeMap<String, f64>,
+}
+
+/// Flux bounds the choice only; any positive weight is unbiased.
+pub(super) fn luminance(c: [f32; 3]) -> f64 {
+    0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
+}
+
+impl EmitterSet {
+    /// Collects the emitters that are selected; sets `emission_density` of the materials. Empty if nothing emits.
+    pub fn new(scene: &Scene, selected: &Emitters, place: &Place, geometry: &mut Geometry) -> EmitterSet {
+        let mut set = EmitterSet {
+            table: vec![],
+            deterministic: vec![],
+            lo: Vec3::INFINITY,
+            hi: Vec3::NEG_INFINITY,
+            triangles: vec![],
+            lights: vec![],
+            thin_lights: 0,
+            powers: BTreeMap::new(),
+        };
+        let mut weights = vec![];
+        let densities = set.add_triangles(scene, geometry, &mut weights);
+        set.add_lights(scene, selected, place, &mut weights);
+        let total: f64 = weights.iter().sum();
+        for (entry, weight) in set.table.iter_mut().zip(&weights) {
+            entry.select_pdf = (weight / total) as f32;
+        }
+        for (material, density) in geometry.materials.iter_mut().zip(densities) {
+            material.emission_density = (density / total) as f32;
+        }
+        for vertex in &mut set.deterministic {
+            vertex.select_pdf = set.table[vertex.owner as usize].select_pdf;
+        }
+        alias::fill(&mut set.table, &weights, total);
+        for power in set.powers.values_mut() {
+            *power *= place.unit * place.unit;
+        }
+        set
+    }
+
+    /// Whether surfaces emit.
+    pub fn has_area(&self) -> bool {
+        !self.triangles.is_empty()
+    }
+
+    /// Whether points of some emitter can be connected to points of surfaces.
+    pub fn has_connectable(&self) -> bool {
+        self.has_area() || !self.deterministic.is_empty()
+    }
+
+    /// Emissive triangles, weighted by flux. Returns the flux per area of each material.
+    fn add_triangles(&mut self, scene: &Scene, geometry: &Geometry, weights: &mut Vec<f64>) -> Vec<f64> {
+        let exitances = triangle::exitances(scene, geometry);
+        let mut by_instance = vec![0.0; geometry.instances.len()];
+        for t in triangle::shining(geometry, &exitances) {
+            by_instance[t.instance as usize] += t.flux;
+            self.triangles.push(t.entry.triangle);
+            self.table.push(t.entry);
+            weights.push(t.flux);
+            t.corners.into_iter().for_each(|p| self.enclose(p, 0.0));
+        }
+        for (instance, power) in scene.instances.iter().zip(by_instance).filter(|(_, power)| *power > 0.0) {
+            self.add_power(&instance.node, power);
+        }
+        exitances
+    }
+
+    fn add_lights(&mut self, scene: &Scene, selected: &Emitters, place: &Place, weights: &mut Vec<f64>) {
+        let lights = scene.lights.iter().filter(|light| selected.include(&light.node));
+        let records = lights.filter_map(|light| Some((&light.node, LightRecord::new(light, place)?)));
+        let shining = records.filter(|(_, record)| record.flux > 0.0);
+        let (thin, others): (Vec<_>, Vec<_>) = shining.partition(|(_, record)| record.is_thin);
+        self.thin_lights = thin.len() as u32;
+        for (node, record) in others.into_iter().chain(thin) {
+            self.enclose(record.position, record.radius);
+            self.lights.push((record.position, record.radius));
+            self.add_power(node, record.flux);
+            let owner = self.table.len() as u32;
+            self.deterministic.extend(record.vertex.map(|vertex| PathVertex { owner, ..vertex }));
+            self.table.push(record.entry);
+            weights.push(record.flux);
+        }
+    }
+
+    fn add_power(&mut self, node: &str, power: f64) {
+        *self.powers.entry(node.to_string()).or_default() += power;
+    }
+
+    fn enclose(&mut self, p: Vec3, radius: f32) {
+        self.lo = self.lo.min(p - radius);
+        self.hi = self.hi.max(p + radius);
+    }
+}

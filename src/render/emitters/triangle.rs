@@ -1,0 +1,62 @@
+//! Surfaces that emit: the entries of their triangles.
+
+use glam::Vec3;
+
+use super::luminance;
+use crate::render::geometry::Geometry;
+use crate::scene::Scene;
+use crate::wgsl::layout::Emitter;
+use crate::wgsl::layout::constants::*;
+
+/// A triangle that shines.
+pub struct ShiningTriangle {
+    /// Its entry on the device.
+    pub entry: Emitter,
+    /// Luminance-weighted power.
+    pub flux: f64,
+    pub corners: [Vec3; 3],
+    pub instance: u32,
+}
+
+/// Flux per area of each material.
+pub fn exitances(scene: &Scene, geometry: &Geometry) -> Vec<f64> {
+    let materials = geometry.materials.iter();
+    materials
+        .map(|m| {
+            let sides = if m.flags & MATERIAL_DOUBLE_SIDED != 0 { 2.0 } else { 1.0 };
+            sides * std::f64::consts::PI * luminance(m.emission) * mean_texel(scene, m.emission_texture)
+        })
+        .collect()
+}
+
+/// The triangles that shine, in the order of the scene: that of the hierarchy follows from rounding, and with it the first draw of
+/// every light path.
+pub fn shining(geometry: &Geometry, exitances: &[f64]) -> Vec<ShiningTriangle> {
+    let exitance_of = |i: usize| exitances[(geometry.triangles[i].material & TRIANGLE_MATERIAL) as usize];
+    let mut numbers: Vec<usize> = (0..geometry.triangles.len()).filter(|&i| exitance_of(i) > 0.0).collect();
+    numbers.sort_unstable_by_key(|&i| geometry.bvh.order[i]);
+    numbers
+        .into_iter()
+        .filter_map(|i| {
+            let t = &geometry.triangles[i];
+            let corners = [t.v0, t.v1, t.v2].map(Vec3::from);
+            let [a, b, c] = corners.map(|p| p.as_dvec3());
+            let area = 0.5 * (b - a).cross(c - a).length();
+            let entry = Emitter { kind: EMITTER_TRIANGLE, triangle: i as u32, ..bytemuck::Zeroable::zeroed() };
+            let flux = exitance_of(i) * area;
+            (area > 0.0).then_some(ShiningTriangle { entry, flux, corners, instance: t.instance })
+        })
+        .collect()
+}
+
+/// Mean luminance of a texture's texels, 1 without one.
+fn mean_texel(scene: &Scene, texture: u32) -> f64 {
+    let Some(texture) = scene.textures.get(texture as usize) else { return 1.0 };
+    let image = &scene.images[texture.image as usize];
+    let linear = |c: u8| {
+        let x = f32::from(c) / 255.0;
+        if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+    };
+    let sum: f64 = image.rgba.iter().map(|c| luminance([linear(c[0]), linear(c[1]), linear(c[2])])).sum();
+    sum / image.rgba.len().max(1) as f64
+}
