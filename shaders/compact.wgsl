@@ -9,7 +9,7 @@
 @group(2) @binding(2) var<storage, read_write> chunk_counts: array<vec2<u32>>;
 @group(2) @binding(3) var<storage, read_write> list_a: array<u32>;
 @group(2) @binding(4) var<storage, read_write> list_b: array<u32>;
-// Lengths of lists; totals over the segment from COUNTER_TOTALS on.
+// Lengths of lists, and their totals.
 @group(2) @binding(5) var<storage, read_write> counters: array<u32>;
 // Workgroups for indirect dispatches, three words each: for a thread per entry of a list, and from LISTS on for what compacts it.
 @group(2) @binding(6) var<storage, read_write> arguments: array<u32>;
@@ -18,8 +18,6 @@ const CHUNK: u32 = 32u;
 const SCAN_THREADS: u32 = 64u;
 
 const LISTS: u32 = 4u;
-// From here on `counters` holds the lengths added up over the submit, for statistics.
-const COUNTER_TOTALS: u32 = 8u;
 
 // Entries are paths of a list, or with one outgoing list the candidate slots of the shade points, which are the other outgoing list
 // of paths.

@@ -8,11 +8,12 @@
 @group(2) @binding(2) var<storage, read_write> splats: array<vec4<f32>>;
 // MIS weights of the splats, which then go without; to show strategies only.
 @group(2) @binding(3) var<storage, read_write> splat_weights: array<f32>;
+@group(2) @binding(4) var<storage, read> counters: array<u32>;
 
 // One thread, one light vertex that was just reached.
 @compute @workgroup_size(WORKGROUP)
 fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x >= dispatch.count) {
+    if (id.x >= counters[dispatch.counter]) {
         return;
     }
     let slot = list[id.x];

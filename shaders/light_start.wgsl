@@ -3,9 +3,10 @@
 #import weights
 #import random
 
-// One entry a path of the batch.
+// One entry per path of the batch; `list` names all of them.
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 @group(2) @binding(1) var<storage, read_write> vertices: array<PathVertex>;
+@group(2) @binding(2) var<storage, read_write> list: array<u32>;
 
 // One thread, one light subpath.
 @compute @workgroup_size(WORKGROUP)
@@ -48,4 +49,5 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     e.vertex.flags = select(0u, e.vertex.flags | (random << VERTEX_RANDOM_SHIFT), e.stored);
     states[slot] = s;
     vertices[slot] = e.vertex;
+    list[slot] = slot;
 }

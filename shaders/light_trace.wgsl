@@ -4,13 +4,14 @@
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 // The vertex each path has just reached; VERTEX_VALID where it can be connected.
 @group(2) @binding(1) var<storage, read_write> vertices: array<PathVertex>;
-// Living paths of the batch.
+// Living paths of the batch, and in `counters` how many they are.
 @group(2) @binding(2) var<storage, read> list: array<u32>;
+@group(2) @binding(3) var<storage, read> counters: array<u32>;
 
 // One thread, one light subpath.
 @compute @workgroup_size(WORKGROUP)
 fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x >= dispatch.count) {
+    if (id.x >= counters[dispatch.counter]) {
         return;
     }
     let slot = list[id.x];

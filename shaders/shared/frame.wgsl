@@ -75,6 +75,9 @@ struct Dispatch {
     emitter: u32,
 }
 
+// From here on `counters` holds the lengths of lists added up since the host last wrote them.
+const COUNTER_TOTALS: u32 = 8u;
+
 @group(0) @binding(0) var<storage, read> frame: Frame;
 var<immediate> dispatch: Dispatch;
 

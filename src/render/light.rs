@@ -1,13 +1,17 @@
-//! Phase 1 of Algorithm 1: light subpaths, one bounce a submit, read back into the pool.
+//! Phase 1 of Algorithm 1: light subpaths, read back into the pool.
 
+mod at_once;
+mod by_bounce;
+
+use super::compaction::COUNTERS;
 use super::device_scene::DeviceScene;
 use super::plan::{Observe, Plan};
 use super::pool::LightPool;
 use super::stats::{Stats, stage};
 use crate::error::Result;
-use crate::gpu::{Bindings, Buffer, Device, Kernel, Need, Recorder};
-use crate::wgsl::layout::constants::*;
+use crate::gpu::{Bindings, Buffer, Device, DeviceInfo, Kernel, Need, ReadBack, Recorder};
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex};
+use at_once::AtOnce;
 
 /// Light paths traced together: few enough for a short submit. The order of vertices and splats, and so the last bits of the
 /// image, depend on it: it is the same everywhere.
@@ -25,6 +29,33 @@ pub struct Splat {
     pub s: u32,
 }
 
+/// Splats that were found: inside the gate, and dropped because they are not finite.
+#[derive(Default)]
+struct Tally {
+    inside_gate: u64,
+    dropped: u64,
+}
+
+impl Tally {
+    /// Shows `see` a splat as the device left it, if there is one.
+    fn show(&mut self, [r, g, b, pixel_or_tau]: [f32; 4], weight: f32, s: u32, see: &mut impl FnMut(Splat)) {
+        if pixel_or_tau.to_bits() == NONE {
+            return;
+        }
+        if [r, g, b].iter().all(|value| value.is_finite()) {
+            self.inside_gate += 1;
+            see(Splat { rgb: [r, g, b], pixel_or_tau, weight, s });
+        } else {
+            self.dropped += 1;
+        }
+    }
+
+    fn add_to(&self, stats: &mut Stats) {
+        stats.inside_gate += self.inside_gate;
+        stats.dropped += self.dropped;
+    }
+}
+
 /// Light paths that are traced together.
 struct Batch {
     first: u32,
@@ -33,8 +64,31 @@ struct Batch {
     emitter: u32,
 }
 
-/// Kernels and buffers of the light subpaths.
+impl Batch {
+    /// What all dispatches of the batch share; its paths are listed under the first counter.
+    fn constants(&self) -> Dispatch {
+        let &Batch { first, count, emitter } = self;
+        let none = Dispatch { list_a: NONE, list_b: NONE, ..bytemuck::Zeroable::zeroed() };
+        Dispatch { first, count, emitter, counter: 0, ..none }
+    }
+
+    /// Whether the vertices of a path of the batch are for connections, or for t = 1 alone.
+    fn is_stored(&self, plan: &Plan, slot: u32) -> bool {
+        self.emitter != NONE || self.first + slot < plan.light_paths
+    }
+}
+
+/// Phase 1, for all iterations.
 pub struct LightTracer {
+    subpaths: Subpaths,
+    /// What it takes to trace without the host; none where the host follows every bounce.
+    at_once: Option<AtOnce>,
+    /// Punctual lights as light vertices: they are in every pool.
+    punctual: Vec<PathVertex>,
+}
+
+/// Kernels and buffers of the light subpaths of a batch.
+struct Subpaths {
     start: (Kernel, Bindings),
     trace: (Kernel, Bindings),
     splat: (Kernel, Bindings),
@@ -43,9 +97,8 @@ pub struct LightTracer {
     list: Buffer,
     splats: Buffer,
     splat_weights: Buffer,
+    counters: ReadBack,
     recorder: Recorder,
-    /// Punctual lights as light vertices: they are in every pool.
-    punctual: Vec<PathVertex>,
 }
 
 impl Splat {
@@ -58,34 +111,47 @@ impl Splat {
 
 impl LightTracer {
     pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan, punctual: &[PathVertex]) -> Result<LightTracer> {
-        let [states, vertices, list, splats, splat_weights] =
-            LightTracer::needs(plan).map(|need| Buffer::for_need(device, &need));
-        let (states, vertices, list, splats, splat_weights) = (states?, vertices?, list?, splats?, splat_weights?);
+        let [states, vertices, list, splats, splat_weights, counters] = LightTracer::own_needs(plan);
+        let buffer = |need: Need| Buffer::for_need(device, &need);
+        let (states, vertices, list) = (buffer(states)?, buffer(vertices)?, buffer(list)?);
+        let (splats, splat_weights) = (buffer(splats)?, buffer(splat_weights)?);
+        let counters = ReadBack::for_need(device, &counters)?;
         let mut buffers = scene.bindings();
-        buffers.extend([("states", &states), ("vertices", &vertices), ("list", &list), ("splats", &splats)]);
-        buffers.push(("splat_weights", &splat_weights));
+        buffers.extend([("states", &states), ("vertices", &vertices), ("splats", &splats)]);
+        buffers.extend([("splat_weights", &splat_weights), ("counters", counters.buffer())]);
+        let listed = [&buffers[..], &[("list", &list)]].concat();
         let make = |file: &'static str| -> Result<(Kernel, Bindings)> {
             let kernel = Kernel::new(device, file, file, &plan.constants())?;
-            let bindings = kernel.bind(&buffers)?;
+            let bindings = kernel.bind(&listed)?;
             Ok((kernel, bindings))
         };
-        Ok(LightTracer {
-            start: make("light_start")?,
-            trace: make("light_trace")?,
-            splat: make("light_splat")?,
-            recorder: Recorder::new(device)?,
-            vertices,
-            states,
-            list,
-            splats,
-            splat_weights,
-            punctual: punctual.to_vec(),
-        })
+        let (start, trace, splat) = (make("light_start")?, make("light_trace")?, make("light_splat")?);
+        let at_once = match device.info().drive.waits_per_bounce {
+            true => None,
+            false => Some(AtOnce::new(device, plan, &buffers, &list, &trace.0, &splat.0)?),
+        };
+        let recorder = Recorder::new(device)?;
+        let subpaths =
+            Subpaths { start, trace, splat, vertices, states, list, splats, splat_weights, counters, recorder };
+        Ok(LightTracer { subpaths, at_once, punctual: punctual.to_vec() })
     }
 
-    /// What the buffers of [`LightTracer::new`] need, in its order.
-    pub fn needs(plan: &Plan) -> [Need; 5] {
-        let capacity = BATCH.min(plan.traced_paths().max(plan.thin_lights.len() as u32) as usize);
+    /// Paths that a batch holds at most.
+    fn capacity(plan: &Plan) -> usize {
+        BATCH.min(plan.traced_paths().max(plan.thin_lights.len() as u32) as usize)
+    }
+
+    /// What the buffers of [`LightTracer::new`] need.
+    pub fn needs(info: &DeviceInfo, plan: &Plan) -> Vec<Need> {
+        let mut needs = LightTracer::own_needs(plan).to_vec();
+        if !info.drive.waits_per_bounce {
+            needs.extend(AtOnce::needs(info, plan));
+        }
+        needs
+    }
+
+    fn own_needs(plan: &Plan) -> [Need; 6] {
+        let capacity = LightTracer::capacity(plan);
         let remedy = "use fewer --light-paths";
         [
             Need::of::<PathState>("light path states", capacity, remedy),
@@ -97,6 +163,7 @@ impl LightTracer {
                 if plan.observe == Observe::Strategies { capacity } else { 1 },
                 remedy,
             ),
+            Need::of::<u32>("counters", COUNTERS, remedy),
         ]
     }
 
@@ -125,90 +192,16 @@ impl LightTracer {
         see: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
-        let &Batch { first, count, emitter } = batch;
-        let lists = Dispatch { counter: NONE, list_a: NONE, list_b: NONE, ..bytemuck::Zeroable::zeroed() };
-        let constants = |count: u32, bounce: u32| Dispatch { first, count, bounce, emitter, ..lists };
-        let groups = self.start.0.groups(count as usize);
-        self.recorder.dispatch("light_start", &self.start.0, &self.start.1, &constants(count, 0), groups)?;
-        stats.submit(&mut self.recorder)?;
-        let mut living: Vec<u32> = (0..count).collect();
-        stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;
-        if !plan.traces_light {
-            return Ok(());
+        match &mut self.at_once {
+            Some(at_once) => at_once.run(&mut self.subpaths, plan, batch, pool, see, stats),
+            None => self.subpaths.run_bounces(plan, batch, pool, see, stats),
         }
-        living = stats.timed(stage::READ_LIGHT, || self.survivors(&living))?;
-        for bounce in 0..plan.max_depth - 1 {
-            if living.is_empty() {
-                break;
-            }
-            stats.timed(stage::UPLOAD, || self.list.write(0, &living))?;
-            let constants = constants(living.len() as u32, bounce);
-            let groups = self.trace.0.groups(living.len());
-            self.recorder.dispatch("light_trace", &self.trace.0, &self.trace.1, &constants, groups)?;
-            if plan.splats {
-                let groups = self.splat.0.groups(living.len());
-                self.recorder.dispatch("light_splat", &self.splat.0, &self.splat.1, &constants, groups)?;
-            }
-            stats.submit(&mut self.recorder)?;
-            stats.closest_rays += living.len() as u64;
-            stats.light_rays += living.len() as u64;
-            stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;
-            if plan.splats {
-                let show = |splat: Splat| see(Splat { s: bounce + 2, ..splat });
-                let splats = || self.show_splats(plan, &living, show);
-                let [shown, dropped] = stats.timed(stage::READ_LIGHT, splats)?;
-                stats.inside_gate += shown;
-                stats.dropped += dropped;
-            }
-            living = stats.timed(stage::READ_LIGHT, || self.survivors(&living))?;
-        }
-        Ok(())
     }
+}
 
-    /// Vertices that were just reached by paths that are stored, in the order of the paths.
-    fn collect(&self, plan: &Plan, living: &[u32], batch: &Batch, pool: &mut LightPool) -> Result<()> {
-        let first = batch.first;
-        let is_stored = |slot: u32| batch.emitter != NONE || first + slot < plan.light_paths;
-        self.vertices.with::<PathVertex, _>(self.vertices_in_use(living), |vertices| {
-            for &slot in living.iter().take_while(|&&slot| is_stored(slot)) {
-                let vertex = &vertices[slot as usize];
-                if vertex.flags & VERTEX_VALID != 0 {
-                    pool.push(first + slot, vertex, plan.max_depth);
-                }
-            }
-        })
-    }
-
-    fn survivors(&self, living: &[u32]) -> Result<Vec<u32>> {
-        self.states.with::<PathState, _>(self.vertices_in_use(living), |states| {
-            living.iter().copied().filter(|&slot| states[slot as usize].flags & PATH_ALIVE != 0).collect()
-        })
-    }
-
-    fn vertices_in_use(&self, living: &[u32]) -> usize {
-        living.last().map_or(0, |&slot| slot as usize + 1)
-    }
-
-    /// Returns how many splats were shown, and how many dropped as non-finite.
-    fn show_splats(&self, plan: &Plan, living: &[u32], mut see: impl FnMut(Splat)) -> Result<[u64; 2]> {
-        let n = self.vertices_in_use(living);
-        let (mut shown, mut dropped) = (0, 0);
-        let weighs = plan.observe == Observe::Strategies;
-        let weights = self.splat_weights.to_vec::<f32>(if weighs { n } else { 0 })?;
-        self.splats.with::<[f32; 4], _>(n, |splats| {
-            for &slot in living {
-                let [r, g, b, pixel_or_tau] = splats[slot as usize];
-                if pixel_or_tau.to_bits() != NONE {
-                    let finite = [r, g, b].iter().all(|value| value.is_finite());
-                    dropped += u64::from(!finite);
-                    if finite {
-                        shown += 1;
-                        let weight = weights.get(slot as usize).copied().unwrap_or(1.0);
-                        see(Splat { rgb: [r, g, b], pixel_or_tau, weight, s: 0 });
-                    }
-                }
-            }
-        })?;
-        Ok([shown, dropped])
+impl Subpaths {
+    fn record_start(&mut self, constants: &Dispatch) -> Result<()> {
+        let groups = self.start.0.groups(constants.count as usize);
+        self.recorder.dispatch("light_start", &self.start.0, &self.start.1, constants, groups)
     }
 }

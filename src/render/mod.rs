@@ -11,6 +11,7 @@ mod light;
 mod memory;
 mod observe;
 mod oversized;
+mod pace;
 pub mod place;
 mod plan;
 mod pool;
@@ -116,6 +117,7 @@ impl Renderer {
         }
         let iteration = self.next_iteration(samples);
         let Renderer { device, plan, scene, light, sensor, allocation, film, stats, .. } = self;
+        let waits = device.waits();
         let counts = match allocation {
             Some(allocation) => stats.timed(stage::ALLOT, || allocation.counts(samples)),
             None => SampleCounts::Even(samples),
@@ -141,6 +143,7 @@ impl Renderer {
         // Film.
         stats.timed(stage::ADD_TO_FILM, || film.add(&image, samples));
 
+        stats.waits += device.waits() - waits;
         stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
         self.finish_iteration(counts.greatest());
         Ok(())

@@ -4,7 +4,6 @@ mod bounce;
 mod buffers;
 mod kernels;
 mod observe;
-mod pace;
 mod phase;
 mod tile;
 mod tiles;

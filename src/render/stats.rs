@@ -73,6 +73,8 @@ pub struct Stats {
     pub submit_seconds: f64,
     /// Seconds before the first iteration, by stage.
     pub prepare_seconds: BTreeMap<String, f64>,
+    /// How often the host waited for the device during iterations.
+    pub waits: u64,
     /// Longest single submit.
     pub longest_submit: f64,
     pub scene_bytes: u64,

@@ -12,6 +12,8 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "light_start",
     "light_trace",
     "light_splat",
+    "light_mark",
+    "light_keep",
     "sensor_start",
     "sensor_trace",
     "compact",

@@ -67,3 +67,28 @@ fn lights_without_area_are_the_same_bits_too() {
     }
     assert_same(&build(Kind::Zoo(Light::Beam)), &settings(Estimator::Lcs, SIZE), &HALVES);
 }
+
+#[test]
+fn light_paths_of_several_batches_are_the_same_bits() {
+    let few = Settings { light_paths: 70_000, splat_paths: 20_000, ..settings(Estimator::Lcs, SIZE) };
+    assert_same(&build(Kind::CornellBox), &few, &[Drive::CARD]);
+}
+
+#[test]
+fn a_card_waits_once_per_tile_and_allocates_nothing() {
+    let device = open(Drive::CARD);
+    let scene = build(Kind::Zoo(Light::Area));
+    for estimator in Estimator::ALL {
+        let settings = Settings { max_depth: 16, ..settings(estimator, SIZE) };
+        let mut renderer = renderer(&device, &scene, &settings, 150);
+        renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
+        let (allocations, waits) = (device.allocations(), renderer.stats().waits);
+        for _ in 0..4 {
+            renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
+        }
+        // 280 pixels of two samples are four tiles of 75 pixels at most; the light subpaths take a submit, and bringing their
+        // vertices another.
+        assert_eq!(renderer.stats().waits - waits, 4 * (4 + 2), "{estimator:?}");
+        assert_eq!(device.allocations(), allocations, "{estimator:?}");
+    }
+}

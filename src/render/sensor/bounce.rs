@@ -1,7 +1,7 @@
 //! One bounce of a tile of sensor subpaths: trace, query, connect.
 
-use super::pace::change;
 use super::*;
+use crate::render::pace::change;
 
 impl SensorTracer {
     /// Traces the `living` paths of a bounce and queries the shade points they leave; what connects them is recorded only. Returns

@@ -1,7 +1,7 @@
 //! A tile of sensor subpaths, from the samples to the film.
 
-use super::pace::next_tile;
 use super::*;
+use crate::render::pace::next_tile;
 
 /// Bounces that one submit holds at most where the host does not look at each: beyond them hardly a path lives.
 const MOST_BOUNCES: u32 = 16;

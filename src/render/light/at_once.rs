@@ -1,0 +1,236 @@
+//! Light subpaths where the host does not look at each bounce: the device lists the paths that go on and lines up the vertices of
+//! many bounces, and the host reads them together.
+
+use std::ops::Range;
+
+use super::*;
+use crate::render::compaction::{ARGUMENTS, BoundCompaction, Compaction, over};
+use crate::render::pace::change;
+use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, VERTEX_DEPTH};
+
+/// Rounds of a submit at most: the start of the paths is one, each bounce another. 16 rounds of a full batch are vertices of 112 MiB,
+/// and beyond 16 bounces hardly a path lives.
+const MOST_ROUNDS: u32 = 16;
+
+/// Counters of the lists: living paths (two, in turn), and paths whose new vertices are kept.
+const LIVING: [u32; 2] = [0, 1];
+const KEPT: u32 = 2;
+
+pub struct AtOnce {
+    mark: Kernel,
+    keep: Kernel,
+    compaction: Compaction,
+    /// What is bound to the kernels; `[1]` where the second list is traced.
+    bound: [Turn; 2],
+    bound_keep: Bindings,
+    arguments: Buffer,
+    kept_vertices: ReadBack,
+    kept_splats: ReadBack,
+    kept_paths: ReadBack,
+    /// Rounds of a submit: as many as there is room for, and at present.
+    capacity: u32,
+    rounds: u32,
+}
+
+struct Turn {
+    trace: Bindings,
+    splat: Bindings,
+    mark: Bindings,
+    compaction: BoundCompaction,
+}
+
+impl AtOnce {
+    /// `buffers`: what is bound to all kernels; `list`: the living paths of even rounds.
+    pub fn new(
+        device: &Device,
+        plan: &Plan,
+        buffers: &[(&str, &Buffer)],
+        list: &Buffer,
+        trace: &Kernel,
+        splat: &Kernel,
+    ) -> Result<AtOnce> {
+        let [in_turn, kept, marks, chunk_counts, arguments, vertices, splats, paths] =
+            AtOnce::needs(device.info(), plan);
+        let buffer = |need: Need| Buffer::for_need(device, &need);
+        let (in_turn, kept, marks, chunk_counts) =
+            (buffer(in_turn)?, buffer(kept)?, buffer(marks)?, buffer(chunk_counts)?);
+        let arguments = buffer(arguments)?;
+        let read_back = |need: Need| ReadBack::for_need(device, &need);
+        let (kept_vertices, kept_splats, kept_paths) = (read_back(vertices)?, read_back(splats)?, read_back(paths)?);
+        let make = |file: &'static str| Kernel::new(device, file, file, &plan.constants());
+        let (mark, keep) = (make("light_mark")?, make("light_keep")?);
+        let compaction = Compaction::new(device, &plan.constants())?;
+        let turn = |from: &Buffer, to: &Buffer| -> Result<Turn> {
+            let lists = [("list", from), ("source", from), ("list_a", to), ("list_b", &kept)];
+            let others = [("marks", &marks), ("chunk_counts", &chunk_counts), ("arguments", &arguments)];
+            let all = [buffers, &lists, &others].concat();
+            Ok(Turn {
+                trace: trace.bind(&all)?,
+                splat: splat.bind(&all)?,
+                mark: mark.bind(&all)?,
+                compaction: compaction.bind(&all)?,
+            })
+        };
+        let bound = [turn(list, &in_turn)?, turn(&in_turn, list)?];
+        let outputs = [
+            ("kept_vertices", kept_vertices.buffer()),
+            ("kept_splats", kept_splats.buffer()),
+            ("kept_paths", kept_paths.buffer()),
+        ];
+        let bound_keep = keep.bind(&[buffers, &[("list", &kept)], &outputs].concat())?;
+        let capacity = AtOnce::capacity(device.info(), plan);
+        Ok(AtOnce {
+            mark,
+            keep,
+            compaction,
+            bound,
+            bound_keep,
+            arguments,
+            kept_vertices,
+            kept_splats,
+            kept_paths,
+            capacity,
+            rounds: if plan.tuning.tile.is_some() { capacity } else { 1 },
+        })
+    }
+
+    /// Rounds that there is room for: each may leave a vertex per path.
+    fn capacity(info: &DeviceInfo, plan: &Plan) -> u32 {
+        let round = (LightTracer::capacity(plan) * size_of::<PathVertex>()) as u64;
+        let most = if plan.traces_light { plan.max_depth.min(MOST_ROUNDS) } else { 1 };
+        (info.largest_buffer() / round).clamp(1, most.into()) as u32
+    }
+
+    pub fn needs(info: &DeviceInfo, plan: &Plan) -> [Need; 8] {
+        let paths = LightTracer::capacity(plan);
+        let kept = paths * AtOnce::capacity(info, plan) as usize;
+        let remedy = "use fewer --light-paths";
+        let words = |name: &'static str, n: usize| Need::of::<u32>(name, n, remedy);
+        [
+            words("living light paths in turn", paths),
+            words("light paths with new vertices", paths),
+            words("marks of light paths", paths.next_multiple_of(CHUNK as usize)),
+            Need::of::<[u32; 2]>("chunk counts of light paths", paths.div_ceil(CHUNK as usize), remedy),
+            words("dispatch arguments of light paths", ARGUMENTS),
+            Need::of::<PathVertex>("light vertices of all bounces", kept, remedy),
+            Need::of::<[f32; 4]>("light splats of all bounces", kept, remedy),
+            Need::of::<[u32; 2]>("light paths of all bounces", kept, remedy),
+        ]
+    }
+
+    /// Traces a batch, many bounces per submit; then another submit brings what they left.
+    pub fn run(
+        &mut self,
+        subpaths: &mut Subpaths,
+        plan: &Plan,
+        batch: &Batch,
+        pool: &mut LightPool,
+        see: &mut impl FnMut(Splat),
+        stats: &mut Stats,
+    ) -> Result<()> {
+        let rounds = if plan.traces_light { plan.max_depth } else { 1 };
+        let (mut done, mut living) = (0, batch.count);
+        while done < rounds && living > 0 {
+            let until = rounds.min(done + self.rounds);
+            stats.timed(stage::RECORD, || self.record(subpaths, plan, batch, done..until, living))?;
+            let seconds = stats.submit(&mut subpaths.recorder)?;
+            let mut counters = [0u32; COUNTERS];
+            stats.timed(stage::READ_COUNTERS, || {
+                subpaths.counters.with(COUNTERS, |read| counters.copy_from_slice(read))
+            })?;
+            let total = |list: u32| counters[(COUNTER_TOTALS + list) as usize];
+            let left = counters[LIVING[until as usize % 2] as usize];
+            // Paths that were only started have not been traced, nor have those that are left.
+            let before = if done == 0 { 0 } else { living };
+            let rays = u64::from(before + total(LIVING[0]) + total(LIVING[1]) - left);
+            stats.closest_rays += rays;
+            stats.light_rays += rays;
+            self.bring(subpaths, total(KEPT) as usize, stats)?;
+            let kept = || self.take(plan, batch, total(KEPT) as usize, pool, see);
+            stats.timed(stage::READ_LIGHT, kept)?.add_to(stats);
+            if plan.tuning.tile.is_none() {
+                self.rounds = ((f64::from(until - done) * change(seconds)) as u32).clamp(1, self.capacity);
+            }
+            (done, living) = (until, left);
+        }
+        Ok(())
+    }
+
+    /// Records the start of the paths (round 0) and bounces, for `living` paths at first.
+    fn record(
+        &mut self,
+        subpaths: &mut Subpaths,
+        plan: &Plan,
+        batch: &Batch,
+        rounds: Range<u32>,
+        living: u32,
+    ) -> Result<()> {
+        let all = batch.count as usize;
+        let groups = self.mark.groups(living as usize);
+        let (counters, arguments) = self.compaction.one_list(LIVING[rounds.start as usize % 2], living, groups);
+        subpaths.counters.write(&counters)?;
+        self.arguments.write(0, &arguments)?;
+        for round in rounds {
+            let (now, next) = (round as usize % 2, 1 - round as usize % 2);
+            let (turn, list) = (&self.bound[now], over(&self.arguments, LIVING[now]));
+            let constants = Dispatch { counter: LIVING[now], ..batch.constants() };
+            if round == 0 {
+                subpaths.record_start(&constants)?;
+            } else {
+                let constants = Dispatch { bounce: round - 1, ..constants };
+                let (trace, splat, r) = (&subpaths.trace.0, &subpaths.splat.0, &mut subpaths.recorder);
+                r.dispatch_indirect("light_trace", trace, &turn.trace, &constants, list)?;
+                if plan.splats {
+                    r.dispatch_indirect("light_splat", splat, &turn.splat, &constants, list)?;
+                }
+            }
+            let lists = Dispatch { list_a: LIVING[next], list_b: KEPT, ..constants };
+            let r = &mut subpaths.recorder;
+            r.dispatch_indirect("light_mark", &self.mark, &turn.mark, &lists, list)?;
+            self.compaction.record(r, &turn.compaction, &lists, all, &self.arguments)?;
+            let kept = Dispatch { counter: KEPT, ..constants };
+            r.dispatch_indirect("light_keep", &self.keep, &self.bound_keep, &kept, over(&self.arguments, KEPT))?;
+        }
+        subpaths.recorder.read_back(&subpaths.counters, subpaths.counters.buffer().size())
+    }
+
+    /// Brings the `count` vertices that were kept to the host.
+    fn bring(&self, subpaths: &mut Subpaths, count: usize, stats: &mut Stats) -> Result<()> {
+        if count == 0 {
+            return Ok(());
+        }
+        let r = &mut subpaths.recorder;
+        r.read_back(&self.kept_vertices, (count * size_of::<PathVertex>()) as u64)?;
+        r.read_back(&self.kept_splats, (count * size_of::<[f32; 4]>()) as u64)?;
+        r.read_back(&self.kept_paths, (count * size_of::<[u32; 2]>()) as u64)?;
+        stats.submit(r)?;
+        Ok(())
+    }
+
+    /// Adds the `count` vertices to the pool and shows their splats, bounce by bounce in the order of the paths.
+    fn take(
+        &self,
+        plan: &Plan,
+        batch: &Batch,
+        count: usize,
+        pool: &mut LightPool,
+        see: &mut impl FnMut(Splat),
+    ) -> Result<Tally> {
+        let paths = self.kept_paths.with::<[u32; 2], _>(count, |paths| paths.to_vec())?;
+        let splats = self.kept_splats.with::<[f32; 4], _>(count, |splats| splats.to_vec())?;
+        let mut tally = Tally::default();
+        self.kept_vertices.with::<PathVertex, _>(count, |vertices| {
+            for ((vertex, splat), [slot, weight]) in vertices.iter().zip(splats).zip(paths) {
+                if batch.is_stored(plan, slot) {
+                    pool.push(batch.first + slot, vertex, plan.max_depth);
+                }
+                // Where a path starts it has no splat: the sensor sees the emitter by itself (s = 0).
+                let depth = vertex.flags & VERTEX_DEPTH;
+                if plan.splats && depth > 0 {
+                    tally.show(splat, f32::from_bits(weight), depth + 1, see);
+                }
+            }
+        })?;
+        Ok(tally)
+    }
+}

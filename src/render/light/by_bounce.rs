@@ -1,0 +1,88 @@
+//! Light subpaths as the host follows them bounce by bounce: it reads the new vertices and lists the paths that go on.
+
+use super::*;
+use crate::wgsl::layout::constants::{PATH_ALIVE, VERTEX_VALID};
+
+impl Subpaths {
+    /// Traces a batch, one bounce per submit; the host reads each.
+    pub(super) fn run_bounces(
+        &mut self,
+        plan: &Plan,
+        batch: &Batch,
+        pool: &mut LightPool,
+        see: &mut impl FnMut(Splat),
+        stats: &mut Stats,
+    ) -> Result<()> {
+        let constants = batch.constants();
+        self.record_start(&constants)?;
+        stats.submit(&mut self.recorder)?;
+        let mut living: Vec<u32> = (0..batch.count).collect();
+        stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;
+        if !plan.traces_light {
+            return Ok(());
+        }
+        living = stats.timed(stage::READ_LIGHT, || self.survivors(&living))?;
+        for bounce in 0..plan.max_depth - 1 {
+            if living.is_empty() {
+                break;
+            }
+            stats.timed(stage::UPLOAD, || {
+                self.counters.write(&[living.len() as u32])?;
+                self.list.write(0, &living)
+            })?;
+            let constants = Dispatch { bounce, ..constants };
+            let groups = self.trace.0.groups(living.len());
+            self.recorder.dispatch("light_trace", &self.trace.0, &self.trace.1, &constants, groups)?;
+            if plan.splats {
+                let groups = self.splat.0.groups(living.len());
+                self.recorder.dispatch("light_splat", &self.splat.0, &self.splat.1, &constants, groups)?;
+            }
+            stats.submit(&mut self.recorder)?;
+            stats.closest_rays += living.len() as u64;
+            stats.light_rays += living.len() as u64;
+            stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;
+            if plan.splats {
+                let tally = stats.timed(stage::READ_LIGHT, || self.show_splats(plan, &living, bounce + 2, see))?;
+                tally.add_to(stats);
+            }
+            living = stats.timed(stage::READ_LIGHT, || self.survivors(&living))?;
+        }
+        Ok(())
+    }
+
+    /// Vertices that were just reached by paths that are stored, in the order of the paths.
+    fn collect(&self, plan: &Plan, living: &[u32], batch: &Batch, pool: &mut LightPool) -> Result<()> {
+        self.vertices.with::<PathVertex, _>(self.vertices_in_use(living), |vertices| {
+            for &slot in living.iter().take_while(|&&slot| batch.is_stored(plan, slot)) {
+                let vertex = &vertices[slot as usize];
+                if vertex.flags & VERTEX_VALID != 0 {
+                    pool.push(batch.first + slot, vertex, plan.max_depth);
+                }
+            }
+        })
+    }
+
+    fn survivors(&self, living: &[u32]) -> Result<Vec<u32>> {
+        self.states.with::<PathState, _>(self.vertices_in_use(living), |states| {
+            living.iter().copied().filter(|&slot| states[slot as usize].flags & PATH_ALIVE != 0).collect()
+        })
+    }
+
+    fn vertices_in_use(&self, living: &[u32]) -> usize {
+        living.last().map_or(0, |&slot| slot as usize + 1)
+    }
+
+    fn show_splats(&self, plan: &Plan, living: &[u32], s: u32, see: &mut impl FnMut(Splat)) -> Result<Tally> {
+        let n = self.vertices_in_use(living);
+        let mut tally = Tally::default();
+        let weighs = plan.observe == Observe::Strategies;
+        let weights = self.splat_weights.to_vec::<f32>(if weighs { n } else { 0 })?;
+        self.splats.with::<[f32; 4], _>(n, |splats| {
+            for &slot in living {
+                let weight = weights.get(slot as usize).copied().unwrap_or(1.0);
+                tally.show(splats[slot as usize], weight, s, see);
+            }
+        })?;
+        Ok(tally)
+    }
+}
