@@ -1,100 +1,69 @@
-//! Helpers to furnish a [`Scene`]: materials by kind, placement, camera and lights.
+//! Short names for the helpers of [`crate::scene`] that furnish a scene, and rotations.
 
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::numbers::sin_cos;
-use crate::scene::{AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, Texture, Wrap};
+pub use crate::scene::build::look;
+use crate::scene::{Camera, Image, LightKind, Material, Mesh, Scene};
 
-/// Lambert: metallic 0, specular 0, both sides.
+/// [`Material::diffuse`].
 pub fn diffuse(name: &str, rgb: [f32; 3]) -> Material {
-    Material {
-        name: name.to_owned(),
-        base_color: [rgb[0], rgb[1], rgb[2], 1.0],
-        base_color_texture: None,
-        metallic: 0.0,
-        roughness: 1.0,
-        emission: [0.0; 3],
-        emission_texture: None,
-        specular: 0.0,
-        ior: 1.5,
-        transmission: 0.0,
-        alpha_mode: AlphaMode::Opaque,
-        double_sided: true,
-    }
+    Material::diffuse(name, rgb)
 }
 
-/// GGX conductor; a mirror at roughness 0.
+/// [`Material::metal`].
 pub fn metal(name: &str, rgb: [f32; 3], roughness: f32) -> Material {
-    Material { metallic: 1.0, roughness, specular: 1.0, ..diffuse(name, rgb) }
+    Material::metal(name, rgb, roughness)
 }
 
-/// Diffuse under a GGX coat of refractive index 1.5.
+/// [`Material::plastic`].
 pub fn plastic(name: &str, rgb: [f32; 3], roughness: f32) -> Material {
-    Material { roughness, specular: 1.0, ..diffuse(name, rgb) }
+    Material::plastic(name, rgb, roughness)
 }
 
-/// Clear smooth dielectric of refractive index 1.5.
+/// [`Material::glass`].
 pub fn glass(name: &str) -> Material {
-    Material { roughness: 0.0, specular: 1.0, transmission: 1.0, ..diffuse(name, [1.0; 3]) }
+    Material::glass(name)
 }
 
-/// Emits on its front only; reflects nothing.
+/// [`Material::emitter`].
 pub fn emitter(name: &str, radiance: [f32; 3]) -> Material {
-    Material { emission: radiance, double_sided: false, ..diffuse(name, [0.0; 3]) }
+    Material::emitter(name, radiance)
 }
 
-/// Adds a material and gives its index.
+/// [`Scene::add_material`].
 pub fn material(scene: &mut Scene, material: Material) -> u32 {
-    scene.materials.push(material);
-    scene.materials.len() as u32 - 1
+    scene.add_material(material)
 }
 
-/// Adds a bilinear, repeating texture and gives its index.
+/// [`Scene::add_texture`].
 pub fn texture(scene: &mut Scene, image: Image) -> u32 {
-    scene.images.push(image);
-    scene.textures.push(Texture { image: scene.images.len() as u32 - 1, wrap: [Wrap::Repeat; 2], linear: true });
-    scene.textures.len() as u32 - 1
+    scene.add_texture(image)
 }
 
-/// Adds a mesh without placing it and gives its index.
+/// [`Scene::add_mesh`] under a name.
 pub fn mesh(scene: &mut Scene, name: &str, material: u32, mesh: Mesh) -> u32 {
-    scene.meshes.push(Mesh { name: name.to_owned(), material, ..mesh });
-    scene.meshes.len() as u32 - 1
+    scene.add_mesh(Mesh { name: name.to_owned(), material, ..mesh })
 }
 
-/// Places a mesh in the world.
+/// [`Scene::place`].
 pub fn place(scene: &mut Scene, node: &str, mesh: u32, transform: DAffine3) {
-    scene.instances.push(Instance { mesh, transform, node: node.to_owned() });
+    scene.place(node, mesh, transform);
 }
 
-/// Adds a mesh and places it as it is.
+/// [`Scene::add_surface`] under a name.
 pub fn add(scene: &mut Scene, name: &str, material: u32, shape: Mesh) {
-    let index = mesh(scene, name, material, shape);
-    place(scene, name, index, DAffine3::IDENTITY);
+    scene.add_surface(Mesh { name: name.to_owned(), ..shape }, material);
 }
 
 /// Adds the camera `camera` at `eye`, looking at `target`, y up; `yfov` in radians.
 pub fn camera(scene: &mut Scene, eye: DVec3, target: DVec3, yfov: f64, resolution: [u32; 2]) {
-    scene.cameras.push(Camera {
-        name: "camera".to_owned(),
-        transform: look(eye, target - eye),
-        yfov,
-        aspect: Some(f64::from(resolution[0]) / f64::from(resolution[1])),
-        resolution: Some(resolution),
-    });
+    scene.add_camera(Camera::looking_at("camera", eye, target, yfov, resolution));
 }
 
-/// Adds a light on a node of that name; `direction` need not be of unit length.
+/// [`Scene::add_light`].
 pub fn light(scene: &mut Scene, node: &str, position: DVec3, direction: DVec3, kind: LightKind) {
-    scene.lights.push(Light { node: node.to_owned(), position, direction: direction.normalize(), kind });
-}
-
-/// The transform whose -Z points along `direction` and whose Y is as near to world y as that allows.
-pub fn look(eye: DVec3, direction: DVec3) -> DAffine3 {
-    let z = -direction.normalize();
-    let up = if z.y.abs() > 0.999 { DVec3::Z } else { DVec3::Y };
-    let x = up.cross(z).normalize();
-    DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), eye)
+    scene.add_light(node, position, direction, kind);
 }
 
 /// Rotation about y by `angle` radians, counter-clockwise seen from above, then a move to `position`.

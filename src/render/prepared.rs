@@ -20,9 +20,14 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Fails if nothing emits.
+    /// Fails if the scene breaks a promise of [`Scene::check`], has no such camera, or nothing emits.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<Prepared> {
-        let origin = scene.cameras[settings.camera].transform.translation;
+        scene.check()?;
+        let Some(camera) = scene.cameras.get(settings.camera) else {
+            let (camera, count) = (settings.camera, scene.cameras.len());
+            return Err(Error::Settings(format!("there is no camera {camera}: the scene has {count}, counted from 0")));
+        };
+        let origin = camera.transform.translation;
         let albedo = AlbedoTable::shared();
         let place = Place::new(scene, origin, &settings.emitters);
         let mut geometry = Geometry::new(scene, &place, &settings.emitters, albedo);

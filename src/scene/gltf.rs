@@ -17,6 +17,7 @@ mod resolve;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
+use super::check::is_singular;
 use super::{Instance, Scene};
 use crate::error::{Error, Result};
 use document::{Document, Warnings};
@@ -79,7 +80,7 @@ fn read(bytes: &[u8], folder: &Path) -> Checked<Scene> {
     let cameras = camera::load(&doc, &worlds, &mut warnings)?;
     let lights = light::load(&doc, &worlds)?;
     let images = image::load(&doc, folder, &materials.images, &mut warnings)?;
-    Ok(Scene {
+    let scene = Scene {
         meshes: meshes.meshes,
         instances,
         materials: materials.materials,
@@ -88,7 +89,9 @@ fn read(bytes: &[u8], folder: &Path) -> Checked<Scene> {
         cameras,
         lights,
         warnings: warnings.list,
-    })
+    };
+    scene.checked()?;
+    Ok(scene)
 }
 
 /// One instance for each node in the scene and primitive of its mesh, in the order of the nodes.
@@ -103,7 +106,7 @@ fn place(
     for (index, transform) in worlds.iter() {
         let Some(range) = doc.root.nodes.get(index).and_then(|node| meshes.of(node.mesh?.value())) else { continue };
         let name = doc.node_name(index);
-        if node::is_singular(&transform) {
+        if is_singular(&transform) {
             warnings.once("singular", || format!("node `{name}` is scaled to nothing, so its mesh is left out"));
             continue;
         }
@@ -115,7 +118,6 @@ fn place(
                     mesh::MAX_TRIANGLES >> 20
                 ));
             }
-            node::check_extent(&meshes.bounds[mesh], &transform, &name)?;
             instances.push(Instance { mesh: mesh as u32, transform, node: name.clone() });
         }
     }

@@ -1,8 +1,10 @@
 //! The scene as plain data: what a glTF file says, checked, in metres and world space, before anything is flattened.
 //!
-//! `gltf.rs` is the only file that knows glTF. Everything here is valid by construction: indices are in range, numbers
-//! are finite, and the node hierarchy is resolved to one transform an instance.
+//! `gltf.rs` is the only file that knows glTF; `build.rs` makes scenes from arrays. `check.rs` says what every scene promises: the
+//! loader checks it for a file, the renderer for every scene that it is given.
 
+pub mod build;
+pub mod check;
 pub mod gltf;
 mod light;
 
@@ -45,7 +47,7 @@ impl Scene {
 
 impl Mesh {
     /// Least and greatest coordinates of its positions, of which there is one at least.
-    fn bounds(&self) -> [DVec3; 2] {
+    pub(crate) fn bounds(&self) -> [DVec3; 2] {
         let points = self.positions.iter().map(|&p| Vec3::from(p).as_dvec3());
         points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(p), hi.max(p)])
     }

@@ -22,8 +22,6 @@ pub const MAX_TRIANGLES: u64 = 64 << 20;
 #[derive(Default)]
 pub struct Meshes {
     pub meshes: Vec<Mesh>,
-    /// Lowest and highest corner of each mesh.
-    pub bounds: Vec<[Vec3; 2]>,
     /// By glTF mesh: its primitives among `meshes`; `None` if no node uses it.
     ranges: Vec<Option<Range<usize>>>,
     /// Vertices and triangles read so far: many primitives may share one accessor.
@@ -156,8 +154,6 @@ impl Meshes {
         if mesh.uvs.is_empty() && materials.is_textured(mesh.material) {
             self.missing_uvs.push(mesh.name.clone());
         }
-        let points = || mesh.positions.iter().map(|&point| Vec3::from(point));
-        self.bounds.push([points().fold(Vec3::INFINITY, Vec3::min), points().fold(Vec3::NEG_INFINITY, Vec3::max)]);
         self.meshes.push(mesh);
         Ok(())
     }

@@ -7,9 +7,6 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 use super::Checked;
 use super::document::Document;
 
-/// Farther out than this f32 arithmetic on squared distances overflows.
-const MAX_COORDINATE: f64 = 1e15;
-
 /// World from node space, by node; `None` for nodes that are not in the scene.
 pub struct Worlds(Vec<Option<DAffine3>>);
 
@@ -94,30 +91,6 @@ fn local(node: &Node, name: impl Fn() -> String) -> Checked<DAffine3> {
     ))
 }
 
-/// True if the transform flattens space to a plane or less: no inverse that is worth having.
-pub fn is_singular(transform: &DAffine3) -> bool {
-    let matrix = transform.matrix3;
-    let longest = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());
-    let volume = (matrix * longest.recip()).determinant().abs();
-    volume.is_nan() || volume <= 1e-12
-}
-
-/// An error if the box of a mesh, put into the world, reaches out of what the renderer can hold.
-pub fn check_extent([low, high]: &[Vec3; 2], transform: &DAffine3, name: &str) -> Checked<()> {
-    let corners = (0..8u32).map(|corner| {
-        let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        transform.transform_point3(Vec3::new(pick(0), pick(1), pick(2)).as_dvec3())
-    });
-    for corner in corners {
-        if !corner.to_array().iter().all(|value| value.abs() <= MAX_COORDINATE) {
-            return Err(format!(
-                "the mesh of node `{name}` reaches farther than {MAX_COORDINATE:e} m from the origin; check its scale"
-            ));
-        }
-    }
-    Ok(())
-}
-
 /// Rotation and translation of `transform`: keeps where -Z points and, at right angles to it, +Y. `None` if it is
 /// flattened.
 pub fn rigid(transform: &DAffine3) -> Option<DAffine3> {
@@ -134,16 +107,6 @@ pub fn rigid(transform: &DAffine3) -> Option<DAffine3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn flattening_is_singular_and_thinning_is_not() {
-        let scale = |x, y, z| DAffine3::from_scale(DVec3::new(x, y, z));
-        assert!(is_singular(&scale(1.0, 0.0, 1.0)));
-        assert!(is_singular(&scale(0.0, 0.0, 0.0)));
-        assert!(is_singular(&scale(f64::NAN, 1.0, 1.0)));
-        assert!(!is_singular(&scale(1.0, 1e-6, 1.0)));
-        assert!(!is_singular(&scale(1e-30, -1e-30, 1e-30)));
-    }
 
     #[test]
     fn rigid_drops_scale_and_mirrors() {

@@ -1,0 +1,120 @@
+//! A scene from arrays: materials, meshes and where they stand, cameras, lights. What is added gets an index; [`Scene::check`] says
+//! whether all of it fits together.
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use super::{AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, Texture, Wrap};
+
+impl Scene {
+    /// Adds a material and returns its index for [`Mesh::material`].
+    pub fn add_material(&mut self, material: Material) -> u32 {
+        push(&mut self.materials, material)
+    }
+
+    /// Adds an image as a bilinear, repeating texture. Returns its index for [`Material::base_color_texture`].
+    pub fn add_texture(&mut self, image: Image) -> u32 {
+        let image = push(&mut self.images, image);
+        push(&mut self.textures, Texture { image, wrap: [Wrap::Repeat; 2], linear: true })
+    }
+
+    /// Adds a mesh without placing it. Returns its index for [`Scene::place`].
+    pub fn add_mesh(&mut self, mesh: Mesh) -> u32 {
+        push(&mut self.meshes, mesh)
+    }
+
+    /// Places a mesh in the world, under a name for messages and for the choice of emitters.
+    pub fn place(&mut self, node: &str, mesh: u32, transform: DAffine3) {
+        self.instances.push(Instance { mesh, transform, node: node.into() });
+    }
+
+    /// Adds a mesh with a material and places it as it is, under its name.
+    pub fn add_surface(&mut self, mesh: Mesh, material: u32) {
+        let node = mesh.name.clone();
+        let mesh = self.add_mesh(Mesh { material, ..mesh });
+        self.place(&node, mesh, DAffine3::IDENTITY);
+    }
+
+    /// Adds a camera and returns its index for the settings.
+    pub fn add_camera(&mut self, camera: Camera) -> usize {
+        push(&mut self.cameras, camera) as usize
+    }
+
+    /// Adds a light under the name of a node. `direction` need not have unit length; points ignore it.
+    pub fn add_light(&mut self, node: &str, position: DVec3, direction: DVec3, kind: LightKind) {
+        let direction = direction.try_normalize().unwrap_or(DVec3::NEG_Z);
+        self.lights.push(Light { node: node.into(), position, direction, kind });
+    }
+}
+
+fn push<T>(all: &mut Vec<T>, one: T) -> u32 {
+    all.push(one);
+    all.len() as u32 - 1
+}
+
+impl Mesh {
+    /// Flat triangles over positions in metres, counter-clockwise seen from the front.
+    pub fn flat(name: &str, positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Mesh {
+        Mesh { name: name.into(), positions, triangles, ..Mesh::default() }
+    }
+}
+
+impl Material {
+    /// Lambertian on both sides. `rgb` is the albedo.
+    pub fn diffuse(name: &str, rgb: [f32; 3]) -> Material {
+        Material {
+            name: name.into(),
+            base_color: [rgb[0], rgb[1], rgb[2], 1.0],
+            base_color_texture: None,
+            metallic: 0.0,
+            roughness: 1.0,
+            emission: [0.0; 3],
+            emission_texture: None,
+            specular: 0.0,
+            ior: 1.5,
+            transmission: 0.0,
+            alpha_mode: AlphaMode::Opaque,
+            double_sided: true,
+        }
+    }
+
+    /// A GGX conductor; a mirror at roughness 0.
+    pub fn metal(name: &str, rgb: [f32; 3], roughness: f32) -> Material {
+        Material { metallic: 1.0, roughness, specular: 1.0, ..Material::diffuse(name, rgb) }
+    }
+
+    /// Diffuse under a GGX coat of refractive index 1.5.
+    pub fn plastic(name: &str, rgb: [f32; 3], roughness: f32) -> Material {
+        Material { roughness, specular: 1.0, ..Material::diffuse(name, rgb) }
+    }
+
+    /// A clear smooth dielectric of refractive index 1.5.
+    pub fn glass(name: &str) -> Material {
+        Material { roughness: 0.0, specular: 1.0, transmission: 1.0, ..Material::diffuse(name, [1.0; 3]) }
+    }
+
+    /// Emits `radiance`, in W / (m^2 sr), on its front only; reflects nothing.
+    pub fn emitter(name: &str, radiance: [f32; 3]) -> Material {
+        Material { emission: radiance, double_sided: false, ..Material::diffuse(name, [0.0; 3]) }
+    }
+}
+
+impl Camera {
+    /// A camera at `eye` that looks at `target`, which is another point, with y up; `yfov` in radians.
+    pub fn looking_at(name: &str, eye: DVec3, target: DVec3, yfov: f64, resolution: [u32; 2]) -> Camera {
+        Camera {
+            name: name.into(),
+            transform: look(eye, target - eye),
+            yfov,
+            aspect: Some(f64::from(resolution[0]) / f64::from(resolution[1])),
+            resolution: Some(resolution),
+        }
+    }
+}
+
+/// The transform whose -Z points along `direction` and whose Y is as near to world y as that allows.
+pub fn look(eye: DVec3, direction: DVec3) -> DAffine3 {
+    let z = -direction.normalize();
+    let up = if z.y.abs() > 0.999 { DVec3::Z } else { DVec3::Y };
+    let x = up.cross(z).normalize();
+    DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), eye)
+}

@@ -1,0 +1,232 @@
+//! What every scene promises, whether it was read from a file or built from arrays.
+
+use std::path::PathBuf;
+
+use glam::{DAffine3, DVec3, Vec3};
+
+use super::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene};
+use crate::error::{Error, Result};
+
+/// Metres from the origin of the world; beyond them the squares of lengths leave the range of the device's numbers.
+pub const MAX_COORDINATE: f64 = 1e15;
+/// How far a unit vector may be from unit length.
+const UNIT: f64 = 1e-3;
+
+/// What is wrong: one sentence.
+type Checked = std::result::Result<(), String>;
+
+impl Scene {
+    /// Checks what the renderer relies on: indices are in range, numbers are finite and in their range, directions have unit
+    /// length, transforms can be inverted. A scene from [`super::gltf::load`] has passed.
+    pub fn check(&self) -> Result<()> {
+        self.checked().map_err(|message| Error::Scene { path: PathBuf::from("the scene"), message })
+    }
+
+    pub(super) fn checked(&self) -> Checked {
+        self.images.iter().enumerate().try_for_each(|(i, image)| check_image(i, image))?;
+        for (i, texture) in self.textures.iter().enumerate() {
+            below(texture.image, self.images.len(), || format!("texture {i}"), "image")?;
+        }
+        self.materials.iter().try_for_each(|material| check_material(material, self.textures.len()))?;
+        self.meshes.iter().try_for_each(|mesh| check_mesh(mesh, self.materials.len()))?;
+        let bounds: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
+        self.instances.iter().try_for_each(|instance| check_instance(instance, &bounds))?;
+        self.cameras.iter().try_for_each(check_camera)?;
+        self.lights.iter().try_for_each(check_light)
+    }
+}
+
+fn below(index: u32, count: usize, of: impl Fn() -> String, what: &str) -> Checked {
+    match (index as usize) < count {
+        true => Ok(()),
+        false => Err(format!("{} refers to {what} {index}, but the scene has {count}", of())),
+    }
+}
+
+fn check_image(index: usize, image: &Image) -> Checked {
+    let Image { width, height, rgba } = image;
+    match u64::from(*width) * u64::from(*height) {
+        0 => Err(format!("image {index} has no texels")),
+        texels if texels != rgba.len() as u64 => {
+            Err(format!("image {index} is {width} x {height}, but has {} texels", rgba.len()))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_material(m: &Material, textures: usize) -> Checked {
+    let name = || format!("material '{}'", m.name);
+    let units = [
+        ("metallic", m.metallic),
+        ("roughness", m.roughness),
+        ("specular", m.specular),
+        ("transmission", m.transmission),
+    ];
+    let colour = m.base_color.map(|x| ("base_color", x));
+    if let Some((what, x)) = units.iter().chain(&colour).find(|(_, x)| !(0.0..=1.0).contains(x)) {
+        return Err(format!("{} has a {what} of {x}; it must be from 0 to 1", name()));
+    }
+    if let Some(x) = m.emission.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
+        return Err(format!("{} has an emission of {x}; it must be 0 or more", name()));
+    }
+    if !(m.ior.is_finite() && m.ior >= 1.0) {
+        return Err(format!("{} has an ior of {}; it must be 1 or more", name(), m.ior));
+    }
+    let used = [m.base_color_texture, m.emission_texture].into_iter().flatten();
+    used.into_iter().try_for_each(|texture| below(texture, textures, name, "texture"))
+}
+
+fn check_mesh(mesh: &Mesh, materials: usize) -> Checked {
+    let name = || format!("mesh '{}'", mesh.name);
+    let vertices = mesh.positions.len();
+    if vertices == 0 {
+        return Err(format!("{} has no positions", name()));
+    }
+    for (what, count) in [("normals", mesh.normals.len()), ("uvs", mesh.uvs.len())] {
+        if count != 0 && count != vertices {
+            return Err(format!(
+                "{} has {count} {what} for {vertices} positions; give one per position, or none",
+                name()
+            ));
+        }
+    }
+    let numbers = mesh.positions.iter().flatten().chain(mesh.uvs.iter().flatten());
+    if !numbers.copied().all(f32::is_finite) {
+        return Err(format!("{} has positions or uvs that are not finite", name()));
+    }
+    if !mesh.normals.iter().all(|&n| is_unit(Vec3::from(n).as_dvec3())) {
+        return Err(format!("{} has normals that are not of unit length", name()));
+    }
+    if let Some(corner) = mesh.triangles.iter().flatten().find(|&&corner| corner as usize >= vertices) {
+        return Err(format!("{} has a triangle with corner {corner}, but only {vertices} positions", name()));
+    }
+    below(mesh.material, materials, name, "material")
+}
+
+fn check_instance(instance: &Instance, meshes: &[[DVec3; 2]]) -> Checked {
+    let name = || format!("node '{}'", instance.node);
+    below(instance.mesh, meshes.len(), name, "mesh")?;
+    if is_singular(&instance.transform) || !instance.transform.translation.is_finite() {
+        return Err(format!("{} has a transform that is not finite or flattens its mesh", name()));
+    }
+    check_extent(&meshes[instance.mesh as usize], &instance.transform, &instance.node)
+}
+
+fn check_camera(camera: &Camera) -> Checked {
+    let name = || format!("camera '{}'", camera.name);
+    let DAffine3 { matrix3, translation } = camera.transform;
+    let turns = matrix3 * matrix3.transpose();
+    if !(translation.is_finite() && turns.abs_diff_eq(glam::DMat3::IDENTITY, UNIT) && matrix3.determinant() > 0.0) {
+        return Err(format!("{} has a transform that is more than a rotation and a translation", name()));
+    }
+    if !(camera.yfov > 0.0 && camera.yfov < std::f64::consts::PI) {
+        return Err(format!("{} has a yfov of {}; it must be between 0 and pi", name(), camera.yfov));
+    }
+    if camera.aspect.is_some_and(|aspect| !(aspect.is_finite() && aspect > 0.0)) {
+        return Err(format!("{} has an aspect that is not positive", name()));
+    }
+    match camera.resolution {
+        Some([0, _] | [_, 0]) => Err(format!("{} has a resolution without pixels", name())),
+        _ => Ok(()),
+    }
+}
+
+fn check_light(light: &Light) -> Checked {
+    let name = || format!("light '{}'", light.node);
+    let is_point = matches!(light.kind, LightKind::Point { .. });
+    if !light.position.is_finite() || !(is_point || is_unit(light.direction)) {
+        return Err(format!("{} has a position that is not finite or a direction that is not of unit length", name()));
+    }
+    let (strength, angles) = match light.kind {
+        LightKind::Point { intensity } => (intensity, [0.0; 2]),
+        LightKind::Spot { intensity, inner, outer } => (intensity, [inner, outer]),
+        LightKind::Beam { power, radius } => (power, [radius, radius]),
+        LightKind::Directional { irradiance } => (irradiance, [0.0; 2]),
+    };
+    if !strength.iter().chain(&angles).all(|x| x.is_finite() && *x >= 0.0) || angles[0] > angles[1] {
+        return Err(format!("{} has a strength, angle or radius that is negative or not finite", name()));
+    }
+    Ok(())
+}
+
+fn is_unit(v: DVec3) -> bool {
+    (v.length() - 1.0).abs() < UNIT
+}
+
+/// True if the transform flattens space to a plane or less: no inverse that is worth having.
+pub fn is_singular(transform: &DAffine3) -> bool {
+    let matrix = transform.matrix3;
+    let longest = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());
+    let volume = (matrix * longest.recip()).determinant().abs();
+    volume.is_nan() || volume <= 1e-12
+}
+
+/// An error if the box of a mesh, put into the world, reaches out of what the renderer can hold.
+pub fn check_extent([low, high]: &[DVec3; 2], transform: &DAffine3, name: &str) -> Checked {
+    let corners = (0..8u32).map(|corner| {
+        let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        transform.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
+    });
+    for corner in corners {
+        if !corner.to_array().iter().all(|value| value.abs() <= MAX_COORDINATE) {
+            return Err(format!(
+                "the mesh of node `{name}` reaches farther than {MAX_COORDINATE:e} m from the origin; check its scale"
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flattening_is_singular_and_thinning_is_not() {
+        let scale = |x, y, z| DAffine3::from_scale(DVec3::new(x, y, z));
+        assert!(is_singular(&scale(1.0, 0.0, 1.0)));
+        assert!(is_singular(&scale(0.0, 0.0, 0.0)));
+        assert!(is_singular(&scale(f64::NAN, 1.0, 1.0)));
+        assert!(!is_singular(&scale(1.0, 1e-6, 1.0)));
+        assert!(!is_singular(&scale(1e-30, -1e-30, 1e-30)));
+    }
+
+    type Change = fn(&mut Scene);
+
+    #[test]
+    fn a_scene_that_breaks_a_promise_is_refused() {
+        let scene = crate::generate::build(crate::generate::Kind::CornellBox);
+        assert!(scene.check().is_ok());
+        let changes: [(&str, Change); 18] = [
+            ("node 'floor' refers to mesh 99, but the scene has 8", |s| s.instances[0].mesh = 99),
+            ("node 'floor' has a transform", |s| s.instances[0].transform.matrix3.y_axis = DVec3::ZERO),
+            ("node 'floor' has a transform", |s| s.instances[0].transform.translation.x = f64::NAN),
+            ("node `floor` reaches farther", |s| s.instances[0].transform.translation.x = 1e16),
+            ("mesh 'floor' refers to material 7", |s| s.meshes[0].material = 7),
+            ("mesh 'floor' has no positions", |s| s.meshes[0].positions.clear()),
+            ("positions or uvs that are not finite", |s| s.meshes[0].positions[3][1] = f32::INFINITY),
+            ("1 normals for 4 positions", |s| s.meshes[0].normals = vec![[0.0, 1.0, 0.0]]),
+            ("normals that are not of unit length", |s| s.meshes[0].normals = vec![[0.0, 2.0, 0.0]; 4]),
+            ("a triangle with corner 4, but only 4 positions", |s| s.meshes[0].triangles[1][2] = 4),
+            ("material 'white' has a roughness of NaN", |s| s.materials[0].roughness = f32::NAN),
+            ("material 'white' has a base_color of 1.5", |s| s.materials[0].base_color[1] = 1.5),
+            ("material 'white' has an emission of -1", |s| s.materials[0].emission[0] = -1.0),
+            ("material 'white' refers to texture 0", |s| s.materials[0].base_color_texture = Some(0)),
+            ("material 'white' has an ior of 0.5", |s| s.materials[0].ior = 0.5),
+            ("image 0 is 2 x 2, but has 3 texels", |s| {
+                s.images.push(Image { width: 2, height: 2, rgba: vec![[0; 4]; 3] });
+            }),
+            ("camera 'camera' has a yfov of 4", |s| s.cameras[0].yfov = 4.0),
+            ("light 'lamp' has a strength", |s| {
+                let intensity = [1.0, f32::NAN, 1.0];
+                s.add_light("lamp", DVec3::ZERO, DVec3::X, LightKind::Point { intensity });
+            }),
+        ];
+        for (part, change) in changes {
+            let mut broken = scene.clone();
+            change(&mut broken);
+            let message = broken.check().expect_err(part).to_string();
+            assert!(message.starts_with("the scene: ") && message.contains(part), "{part}: {message}");
+        }
+    }
+}
