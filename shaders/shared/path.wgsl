@@ -62,7 +62,8 @@ struct PathVertex {
     select_pdf: f32,
     // Light: number of the emitter. Sensor: number of the path in the tile.
     owner: u32,
-    pad0: u32,
+    // Deterministic vertices of which some are drawn: where the draws of this one begin, in parts of 2^32. The next one ends them.
+    draws: u32,
 }
 
 const VERTEX_DEPTH: u32 = 0xffu;
@@ -94,7 +95,7 @@ fn unpack_vertex(texels: array<vec4<u32>, 7>) -> PathVertex {
     let rest = texels[6];
     return PathVertex(place.xyz, place.w, bitcast<vec3<f32>>(carried.xyz), carried.w, normal.xyz, normal.w,
         geometric.xyz, geometric.w, bitcast<vec3<f32>>(previous.xyz), previous.w, color.xyz, color.w,
-        bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, 0u);
+        bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, rest.w);
 }
 
 // Vertices of the light subpath up to v that are not deterministic, at most 3.

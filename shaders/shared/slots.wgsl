@@ -11,8 +11,10 @@
 @group(2) @binding(3) var<storage, read_write> candidates: array<Candidate>;
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
 
-// Deterministic vertices evaluated one by one; of more, so many are drawn.
+// Deterministic vertices evaluated one by one; of more, so many are drawn (bdpt, pt) or all stand in the trees.
 const DETERMINISTIC_SLOTS: u32 = 8u;
+// 2^32 / DETERMINISTIC_SLOTS: one draw in each part.
+const DRAW_STRATUM: u32 = 0x20000000u;
 
 fn put(slot: u32, vertex: u32, weight: f32) {
     candidates[slot] = Candidate(vertex, weight);
@@ -39,6 +41,22 @@ fn checked(q: PathVertex, vertex: u32) -> u32 {
     return select(NONE, vertex, can_connect(q, load_light_vertex(vertex)));
 }
 
+// The deterministic vertex that number `u` of 2^32 draws goes to, and 1 / P. Integers make P exact.
+fn draw_deterministic(u: u32) -> Candidate {
+    var lo = 0u;
+    var hi = frame.deterministic_count - 1u;
+    while (lo < hi) {
+        let middle = (lo + hi + 1u) / 2u;
+        let above = load_light_vertex(middle).draws > u;
+        lo = select(middle, lo, above);
+        hi = select(hi, middle - 1u, above);
+    }
+    // Draws of the last vertex end at 2^32, which wraps to the 0 where those of the first one begin.
+    let next = (lo + 1u) % frame.deterministic_count;
+    let draws = load_light_vertex(next).draws - load_light_vertex(lo).draws;
+    return Candidate(lo, 4294967296.0 / f32(draws));
+}
+
 fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32) -> u32 {
     let n = frame.deterministic_count;
     if (n <= DETERMINISTIC_SLOTS) {
@@ -47,10 +65,10 @@ fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot:
         }
         return n;
     }
-    let u = random4(STREAM_QUERY, index, sample, depth, 0u, frame.seed).x;
+    let u = pcg4d(vec4<u32>(index, sample, (STREAM_QUERY << 28u) | (depth << 14u), frame.seed)).x / DETERMINISTIC_SLOTS;
     for (var i = 0u; i < DETERMINISTIC_SLOTS; i++) {
-        let x = (f32(i) + u) / f32(DETERMINISTIC_SLOTS) * f32(n);
-        put(slot + i, checked(q, min(u32(x), n - 1u)), f32(n) / f32(DETERMINISTIC_SLOTS));
+        let drawn = draw_deterministic(i * DRAW_STRATUM + u);
+        put(slot + i, checked(q, drawn.vertex), drawn.weight / f32(DETERMINISTIC_SLOTS));
     }
     return DETERMINISTIC_SLOTS;
 }

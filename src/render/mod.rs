@@ -4,6 +4,7 @@ pub mod albedo;
 mod compaction;
 mod coplanar;
 mod device_scene;
+mod draws;
 mod duplicates;
 mod emitters;
 pub mod geometry;

@@ -1,5 +1,6 @@
 //! Phase 2 of Algorithm 1: the light-vertex pool of an iteration on the host, vertices as they come back from the device, sorted for the estimator.
 
+use super::draws::share_draws;
 use super::plan::Plan;
 use super::pool_layout::PoolLayout;
 use super::stats::{Stats, stage};
@@ -81,8 +82,15 @@ impl LightPool {
         }
     }
 
-    fn emitters_only(&self) -> SortedPool {
+    /// The deterministic vertices, ready for draws among them.
+    fn drawn(&self) -> Vec<PathVertex> {
         let mut vertices = self.deterministic.clone();
+        share_draws(&mut vertices);
+        vertices
+    }
+
+    fn emitters_only(&self) -> SortedPool {
+        let mut vertices = self.drawn();
         vertices.extend(self.emitter_points.iter().map(|(_, v)| *v));
         SortedPool { vertices, nodes: vec![], offsets: vec![], layout: self.layout() }
     }
@@ -101,7 +109,7 @@ impl LightPool {
             offsets[i] += offsets[i - 1];
         }
         let mut next = offsets.clone();
-        let mut vertices = self.deterministic.clone();
+        let mut vertices = self.drawn();
         vertices.resize(offsets[light_paths as usize] as usize, bytemuck::Zeroable::zeroed());
         for (path, vertex) in all() {
             let slot = &mut next[*path as usize];

@@ -81,7 +81,7 @@ twins! {
         geometric: [f32; 3], d_vc: f32,
         to_previous: [f32; 3], flags: u32,
         base_color: [f32; 3], eta: f32,
-        offset: f32, select_pdf: f32, owner: u32, pad0: u32,
+        offset: f32, select_pdf: f32, owner: u32, draws: u32,
     }
     /// `shared/tree.wgsl`
     TreeChild { lo: [f32; 3], tau_lo: f32, hi: [f32; 3], tau_hi: f32, buckets_low: u32, buckets_high: u32, power_unit: f32, child: u32 }

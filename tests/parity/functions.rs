@@ -38,6 +38,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("checked", "as unshadowed"),
     ("put", "as unshadowed"),
     ("query_deterministic", "as unshadowed: images by points, spots and beams"),
+    ("draw_deterministic", "as unshadowed: images by many lamps"),
     ("begin_slots", "as unshadowed"),
     ("clear_slots", "as unshadowed"),
     ("transmits", "media of connections in scatter, by eta_towards"),

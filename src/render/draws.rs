@@ -1,0 +1,47 @@
+//! Draws among deterministic vertices, for estimators without trees: of more vertices than are connected one by one, each shade
+//! point draws some.
+
+use crate::wgsl::layout::PathVertex;
+
+/// Fraction of the draws that ignores the power of the vertices: a weak lamp may be the only one that lights a shade point.
+const EVEN: f64 = 0.5;
+
+/// Gives every vertex its part of the 2^32 draws that `slots.wgsl: draw_deterministic` chooses from, at least one.
+pub fn share_draws(vertices: &mut [PathVertex]) {
+    let shared = 2f64.powi(32) - vertices.len() as f64;
+    let power = |v: &PathVertex| f64::from(v.throughput.iter().fold(0.0f32, |a, &x| a.max(x)));
+    let total: f64 = vertices.iter().map(power).sum();
+    let even = EVEN / vertices.len() as f64;
+    let mut before = 0.0;
+    for (i, v) in vertices.iter_mut().enumerate() {
+        v.draws = (shared * before) as u32 + i as u32;
+        before += even + (1.0 - EVEN) * power(v) / total;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_follow_half_the_power_and_leave_none_out() {
+        let powers = [1.0f32, 0.0, 3.0, 1e-9, 4.0];
+        let vertex = |&p: &f32| PathVertex { throughput: [0.5 * p, p, 0.0], ..bytemuck::Zeroable::zeroed() };
+        let mut vertices: Vec<PathVertex> = powers.iter().map(vertex).collect();
+        share_draws(&mut vertices);
+        assert_eq!(vertices[0].draws, 0);
+        let next = |i: usize| vertices.get(i + 1).map_or(2f64.powi(32), |v| f64::from(v.draws));
+        for (i, power) in powers.iter().enumerate() {
+            let share = (next(i) - f64::from(vertices[i].draws)) / 2f64.powi(32);
+            assert!((share - (0.1 + 0.5 * f64::from(*power) / 8.0)).abs() < 1e-8, "vertex {i}: {share}");
+        }
+    }
+
+    #[test]
+    fn the_weakest_of_a_million_is_drawn() {
+        let mut vertices = vec![PathVertex { throughput: [1e-30; 3], ..bytemuck::Zeroable::zeroed() }; 1 << 20];
+        vertices[0].throughput = [1e30; 3];
+        share_draws(&mut vertices);
+        assert!(vertices.windows(2).all(|pair| pair[0].draws < pair[1].draws));
+    }
+}
