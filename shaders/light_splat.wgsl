@@ -19,12 +19,13 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = list[id.x];
     let v = vertices[slot];
     splats[slot] = vec4<f32>(vec3<f32>(0.0), bitcast<f32>(NONE));
-    let pixel = pixel_of(v.position);
+    let from_sensor = v.position - frame.sensor;
+    let pixel = pixel_of(from_sensor);
     if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE) {
         return;
     }
-    let d = length(v.position);
-    let w = -v.position / d;
+    let d = length(from_sensor);
+    let w = -from_sensor / d;
     let tau = travel_time(v.tau, optical_length(v, w, d), 0.0);
     let counted = gate_weight(tau);
     if (counted == 0.0) {
@@ -45,7 +46,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     // Visibility, from the vertex to the pinhole.
     let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u) | 1u;
     let key = vec4<u32>(dispatch.first + slot, frame.iteration, lane, frame.seed);
-    if (!is_open(ray_end(v, w), vec3<f32>(0.0), key)) {
+    if (!is_open(ray_end(v, w), frame.sensor, key)) {
         return;
     }
     let weight = splat_weight(v, c, density * c.cosine / (d * d));

@@ -24,8 +24,8 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(path, frame.iteration, lane, frame.seed);
     let arrival = advance(&s, key);
-    // Whatever follows, the light still has to reach the sensor at the origin.
-    if (!arrival.found || is_too_late(arrival.vertex, vec3<f32>(0.0))) {
+    // Whatever follows, the light still has to reach the sensor.
+    if (!arrival.found || is_too_late(arrival.vertex, frame.sensor)) {
         return;
     }
     var v = arrival.vertex;

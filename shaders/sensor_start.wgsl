@@ -22,7 +22,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     let direction = d * inverseSqrt(length2);
 
     var s: PathState;
-    s.position = vec3<f32>(0.0);
+    s.position = frame.sensor;
     s.tau = 0.0;
     s.direction = direction;
     s.eta = 1.0;

@@ -1,4 +1,4 @@
-// The pinhole at the origin.
+// The pinhole camera: directions through it, and the pixels that see them.
 #import frame
 #import math
 

@@ -1,5 +1,6 @@
-// What is constant during one iteration. Positions are relative to the sensor: the pinhole is the origin. Lengths, travel times
-// among them, count in the unit of `render/place.rs`, a power of two of a metre; areas and fluxes follow it, radiance does not.
+// What is constant during one iteration. Positions are in the render space of `render/place.rs`: its origin is a sensor, that of
+// this frame or one nearby. Lengths, travel times among them, count in its unit, a power of two of a metre; areas and fluxes follow it,
+// radiance does not.
 
 struct Frame {
     // Camera axes in world space, unit length; the camera looks along `forward`.
@@ -50,6 +51,8 @@ struct Frame {
     emitter_points: u32,
     // Candidate slots a shade point.
     slots: u32,
+    // The pinhole.
+    sensor: vec3<f32>,
     // Samples that a vertex chosen by a query stands for in the MIS weights (`weights.wgsl`).
     gain: f32,
     // Of all light subpaths, the share whose vertices are stored: their throughput is that of the stored ones alone.

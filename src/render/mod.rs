@@ -32,7 +32,7 @@ use crate::error::Result;
 use crate::gpu::Device;
 use crate::gpu::need;
 use crate::image::film::Film;
-use crate::scene::Scene;
+use crate::scene::{Camera, Scene};
 use crate::settings::Settings;
 use crate::settings::units::Gate;
 
@@ -171,6 +171,21 @@ impl Renderer {
     /// Forgets the film and starts anew with another seed and gate; scene, kernels and statistics stay.
     pub fn restart(&mut self, seed: u32, gate: Gate) {
         self.plan.set(seed, gate);
+        self.forget();
+    }
+
+    /// Forgets the film and starts anew with another camera, through a film of the same size; scene, hierarchy, kernels and
+    /// statistics stay. False, and nothing changes, where the camera stands so far from the one that the scene was prepared for
+    /// that positions would lose digits: then it takes a new renderer.
+    pub fn set_camera(&mut self, camera: &Camera) -> bool {
+        let moved = self.plan.set_camera(camera);
+        if moved {
+            self.forget();
+        }
+        moved
+    }
+
+    fn forget(&mut self) {
         self.film = Film::new(self.film.width(), self.film.height());
         if let Some(allocation) = &mut self.allocation {
             allocation.restart();

@@ -13,7 +13,7 @@ use super::reach::Reach;
 use crate::error::{Error, Result};
 use crate::estimators::{PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
-use crate::scene::Scene;
+use crate::scene::{Camera, Scene};
 use crate::settings::units::Gate;
 use crate::settings::{Crop, Importance, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
@@ -88,6 +88,8 @@ pub struct Plan {
     /// Bounds alone show that no light meets the gate: with culling there is nothing to trace.
     pub dark: bool,
     place: Place,
+    /// In metres.
+    gate: Gate,
     frame: Frame,
 }
 
@@ -101,7 +103,8 @@ impl Plan {
         let estimator = settings.estimator.record();
         let traces_light = estimator.light_subpaths && settings.max_depth >= 2;
         let features = prepared.geometry.features;
-        let frame = frame(scene, settings, emitters, all);
+        let camera = &scene.cameras[settings.camera];
+        let frame = frame(camera, settings, emitters, all);
         let emitter_count = frame.emitter_count;
         let mut plan = Plan {
             estimator,
@@ -128,19 +131,33 @@ impl Plan {
             reach: Reach::new(prepared, settings),
             dark: false,
             place: prepared.place,
+            gate: settings.gate,
             frame,
         };
         plan.set(settings.seed, settings.gate);
         Ok(plan)
     }
 
-    /// Sets the seed and the gate (metres), with the bounds that follow from it.
+    /// Looks with another camera through the same film. False, and nothing changes, where it stands too far from the one that
+    /// the scene was prepared for.
+    pub fn set_camera(&mut self, camera: &Camera) -> bool {
+        let Some(sensor) = self.place.sensor(camera.transform.translation) else { return false };
+        self.frame.sensor = sensor.to_array();
+        aim(&mut self.frame, camera);
+        self.set(self.frame.seed, self.gate);
+        true
+    }
+
+    /// Sets the seed and the gate (metres), with the bounds that follow from it and from where the sensor stands.
     pub fn set(&mut self, seed: u32, gate: Gate) {
-        self.dark = self.cull && !gate.is_open() && !self.reach.meets(&gate);
+        self.gate = gate;
+        let from_origin = Vec3::from(self.frame.sensor).as_dvec3().length();
+        let reach = self.reach.moved(from_origin * self.place.unit);
+        self.dark = self.cull && !gate.is_open() && !reach.meets(&gate);
         let gate = Gate { lo: self.place.length(gate.lo), hi: self.place.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
-        let slack = rounding_allowance(gate);
+        let slack = rounding_allowance(gate, from_origin);
         self.frame.seed = seed;
         self.frame.gate_lo = gate.lo as f32;
         self.frame.gate_hi = hi;
@@ -232,24 +249,25 @@ impl Plan {
     }
 }
 
-fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool) -> Frame {
-    let camera = &scene.cameras[settings.camera];
+/// Points the film of `frame` as `camera` has it.
+fn aim(frame: &mut Frame, camera: &Camera) {
     let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
-    let [width, height] = settings.resolution;
+    (frame.right, frame.up, frame.forward) = (axis(DVec3::X), axis(DVec3::Y), axis(DVec3::NEG_Z));
+    let [width, height] = [frame.width, frame.height].map(f64::from);
     let tangent = (0.5 * camera.yfov).tan();
-    let extent = [tangent * f64::from(width) / f64::from(height), tangent];
-    let pixel_area = 4.0 * extent[0] * extent[1] / (f64::from(width) * f64::from(height));
+    let extent = [tangent * width / height, tangent];
+    frame.extent = extent.map(|x| x as f32);
+    frame.pixel_area = (4.0 * extent[0] * extent[1] / (width * height)) as f32;
+}
+
+fn frame(camera: &Camera, settings: &Settings, emitters: &EmitterSet, all: bool) -> Frame {
+    let [width, height] = settings.resolution;
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
     let estimator = settings.estimator.record();
     let gain = (estimator.query_samples)(settings.queries);
-    Frame {
-        right: axis(DVec3::X),
-        up: axis(DVec3::Y),
-        forward: axis(DVec3::NEG_Z),
+    let mut frame = Frame {
         width,
         height,
-        extent: extent.map(|x| x as f32),
-        pixel_area: pixel_area as f32,
         emitter_lo: Vec3::to_array(&emitters.lo),
         emitter_hi: Vec3::to_array(&emitters.hi),
         light_paths: settings.light_paths,
@@ -267,5 +285,7 @@ fn frame(scene: &Scene, settings: &Settings, emitters: &EmitterSet, all: bool) -
         crop_width: settings.crop.width(),
         crop_height: settings.crop.height(),
         ..bytemuck::Zeroable::zeroed()
-    }
+    };
+    aim(&mut frame, camera);
+    frame
 }

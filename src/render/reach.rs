@@ -15,7 +15,7 @@ const SLACK: f64 = 1e-5;
 const MOST_EMITTERS: usize = 64;
 
 /// Bounds on the travel time of every path, metres of optical path.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Reach {
     /// No light arrives before. Infinite where no path exists.
     pub least: f64,
@@ -24,6 +24,9 @@ pub struct Reach {
     /// Optical length of the longest possible segment.
     pub segment: f64,
     pub max_depth: u32,
+    /// Greatest refractive index that light travels in.
+    #[serde(skip)]
+    greatest_ior: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -42,9 +45,21 @@ impl Reach {
         let all = geometry.triangles.par_iter().map(Bounds::of).reduce(|| Bounds::point(Vec3::ZERO), Bounds::with);
         let all = all.with(Bounds { lo: emitters.lo, hi: emitters.hi });
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
-        let segment = place.unit * diameter * f64::from(geometry.greatest_ior) * (1.0 + SLACK);
-        let greatest = f64::from(settings.max_depth) * segment;
-        Reach { least: place.unit * least * (1.0 - SLACK), greatest, segment, max_depth: settings.max_depth }
+        let greatest_ior = f64::from(geometry.greatest_ior);
+        let segment = place.unit * diameter * greatest_ior * (1.0 + SLACK);
+        let least = place.unit * least * (1.0 - SLACK);
+        Reach { least, segment, greatest_ior, ..Reach::default() }.to_depth(settings.max_depth)
+    }
+
+    /// Bounds for a sensor `distance` metres away: by the triangle inequality, without another look at the scene.
+    pub fn moved(&self, distance: f64) -> Reach {
+        let least = (self.least - distance).max(0.0);
+        let segment = self.segment + distance * self.greatest_ior * (1.0 + SLACK);
+        Reach { least, segment, ..*self }.to_depth(self.max_depth)
+    }
+
+    fn to_depth(self, max_depth: u32) -> Reach {
+        Reach { greatest: f64::from(max_depth) * self.segment, max_depth, ..self }
     }
 
     /// Can any light fall inside the gate, as far as these bounds tell?
@@ -195,8 +210,20 @@ mod tests {
     }
 
     #[test]
+    fn a_moved_sensor_has_wider_bounds() {
+        let here = reach(&scene(1.0, 1.0, Some(DVec3::X)));
+        assert_eq!(here.moved(0.0), here);
+        let there = here.moved(0.5);
+        assert!(close(there.least, here.least - 0.5) && close(there.segment, here.segment + 0.75), "{there:?}");
+        assert_eq!((here.moved(9.0).least, there.greatest), (0.0, 3.0 * there.segment));
+        // Where no path exists there is none from elsewhere.
+        let dark = Reach { least: f64::INFINITY, ..here };
+        assert_eq!(dark.moved(1.0).least, f64::INFINITY);
+    }
+
+    #[test]
     fn a_gate_is_met_unless_it_lies_wholly_outside() {
-        let r = Reach { least: 2.0, greatest: 9.0, segment: 3.0, max_depth: 3 };
+        let r = Reach { least: 2.0, segment: 3.0, ..Reach::default() }.to_depth(3);
         for (lo, hi, met) in
             [(0.0, 2.0, false), (0.0, 2.1, true), (8.9, 20.0, true), (9.0, 20.0, false), (3.0, 4.0, true)]
         {

@@ -38,7 +38,8 @@ twins! {
         tree3_root: u32, tree4_root: u32, keep_s0: f32, keep_t1: f32,
         keep_s2: f32, crop_x: u32, crop_y: u32, crop_width: u32,
         crop_height: u32, first_sample: u32, emitter_points: u32, slots: u32,
-        gain: f32, splat_share: f32, pad: [u32; 2],
+        sensor: [f32; 3], gain: f32,
+        splat_share: f32, pad: [u32; 3],
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }

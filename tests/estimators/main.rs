@@ -1,6 +1,7 @@
 //! Levels 4 and 5 of the ladder: whole renders against closed forms, against each other, against the oracle, bit for bit.
 
 mod agreement;
+mod camera;
 mod caustics;
 mod cells;
 mod determinism;

@@ -56,6 +56,6 @@ pub fn frame(change: impl FnOnce(&mut Frame)) -> Contents {
 pub fn frame_with_gate(gate: Gate) -> Contents {
     frame(|f| {
         (f.gate_lo, f.gate_hi) = (gate.lo as f32, (gate.hi as f32).min(3e38));
-        f.slack = rounding_allowance(gate);
+        f.slack = rounding_allowance(gate, 0.0);
     })
 }

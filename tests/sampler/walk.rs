@@ -40,7 +40,7 @@ pub struct Query {
 impl Query {
     /// The gate as `make_shell` widens it.
     pub fn shell(&self) -> [f32; 2] {
-        let slack = rounding_allowance(self.gate);
+        let slack = rounding_allowance(self.gate, 0.0);
         [self.gate.lo as f32 - slack, (self.gate.hi as f32).min(3e38) + slack]
     }
 
