@@ -206,10 +206,10 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: O
         Ok(_) => {}
     }
     report.render = Some(Render {
-        camera: scene.cameras[settings.camera].name.clone(),
-        resolution: settings.resolution,
-        max_depth: settings.max_depth,
-        light_paths: settings.light_paths,
+        camera: scene.cameras[settings.camera()].name.clone(),
+        resolution: settings.resolution(),
+        max_depth: settings.max_depth(),
+        light_paths: settings.light_paths(),
         memory: memory(&plan, info),
         possible: Reach::new(&prepared, settings),
         light,

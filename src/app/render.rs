@@ -74,7 +74,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         progress.line(&format!("warning: {warning}"));
     }
     let (device, force) = (experiment.render.device.as_deref(), experiment.gate.force.unwrap_or(false));
-    if !settings.gate.is_open() && !force {
+    if !settings.gate().is_open() && !force {
         preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device))?;
     }
     let device = preparation.timed("open device", || Device::open(device))?;
@@ -102,16 +102,16 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::from(INTERRUPTED));
     }
 
-    if !settings.gate.is_open() && !force && !interrupted && is_black(&renderer) {
+    if !settings.gate().is_open() && !force && !interrupted && is_black(&renderer) {
         return Err(feasible::nothing_inside(&device, &scene, settings).into());
     }
 
     // Write.
     let provenance = Provenance {
-        resolution: settings.resolution,
-        crop: settings.crop,
-        gate: settings.gate,
-        seed: settings.seed,
+        resolution: settings.resolution(),
+        crop: settings.crop(),
+        gate: settings.gate(),
+        seed: settings.seed(),
         seconds: elapsed.as_secs_f64(),
         settings: Experiment { output: Default::default(), ..config }.to_toml(),
     };
@@ -209,9 +209,9 @@ fn iterate(
     let mut schedule = vec![];
     loop {
         let (film, elapsed) = (renderer.film(), started.elapsed());
-        let samples = next_samples(&settings.budget, film.iterations(), film.samples(), elapsed);
+        let samples = next_samples(&settings.budget(), film.iterations(), film.samples(), elapsed);
         // What is black for sure needs no more than a variance.
-        let black = renderer.is_dark() && matches!(settings.budget, Budget::Seconds(_)) && schedule.len() == 2;
+        let black = renderer.is_dark() && matches!(settings.budget(), Budget::Seconds(_)) && schedule.len() == 2;
         if samples == 0 || black || stop.load(Ordering::Relaxed) {
             return Ok(schedule);
         }
@@ -221,6 +221,6 @@ fn iterate(
         if strict && dropped > 0 {
             return Err(NotFinite { dropped }.into());
         }
-        progress.update(&Position::of(renderer, started.elapsed()), &settings.budget);
+        progress.update(&Position::of(renderer, started.elapsed()), &settings.budget());
     }
 }

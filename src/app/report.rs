@@ -119,7 +119,7 @@ impl Report<'_> {
         if stats.dropped > 0 {
             progress.line(&format!("warning: {} samples were not finite and count as 0", stats.dropped));
         }
-        if let Some(warning) = gate_warning(&self.settings.gate) {
+        if let Some(warning) = gate_warning(&self.settings.gate()) {
             progress.line(&format!("warning: {warning}"));
         }
         if is_black(self.renderer) {
@@ -137,8 +137,8 @@ impl Report<'_> {
             names.join(", "),
             film.width(),
             film.height(),
-            self.settings.gate.describe(),
-            self.settings.estimator,
+            self.settings.gate().describe(),
+            self.settings.estimator(),
             film.samples(),
             duration(self.seconds()),
             rays(self.position().rays_per_second()),

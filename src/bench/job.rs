@@ -72,9 +72,9 @@ impl Job {
 
     /// Whether settings find all the light: not every estimator sees a beam.
     fn sees_all(&self, settings: &Settings) -> bool {
-        let selected = self.scene.lights.iter().filter(|light| settings.emitters.include(&light.node));
+        let selected = self.scene.lights.iter().filter(|light| settings.emitters().include(&light.node));
         let beams = selected.filter(|light| light.kind.needs_light_subpaths()).count();
-        beams == 0 || settings.estimator.sees_beams()
+        beams == 0 || settings.estimator().sees_beams()
     }
 
     fn entry(&self, variant: &str, experiment: &Experiment, settings: Settings) -> Entry {
@@ -86,8 +86,8 @@ impl Job {
         // The truth depends on what is looked at and on which paths count, not on how they are found.
         let mut truth = config.clone();
         truth.render = crate::settings::table::RenderTable {
-            strategies: Some(settings.strategies),
-            max_depth: Some(settings.max_depth),
+            strategies: Some(settings.strategies()),
+            max_depth: Some(settings.max_depth()),
             ..Default::default()
         };
         let reference = format!("{}-{}.exr", self.name, self.hash.with(truth.to_toml().as_bytes()).digits());
@@ -106,11 +106,11 @@ impl Job {
         let prepared =
             Prepared::new(&self.scene, settings).map_err(|e| suite.error_at(scene, Part::Name, &e.to_string()))?;
         let reach = Reach::new(&prepared, settings);
-        if !settings.gate.is_open() && !reach.meets(&settings.gate) {
+        if !settings.gate().is_open() && !reach.meets(&settings.gate()) {
             let message = format!(
                 "the {} meets no light: {}; see taugate info {}",
-                settings.gate.describe(),
-                reach.why_not(&settings.gate, |length| format!("{length:.4} m")),
+                settings.gate().describe(),
+                reach.why_not(&settings.gate(), |length| format!("{length:.4} m")),
                 scene.path().display()
             );
             return Err(suite.error_at(scene, Part::Gate, &message));

@@ -26,12 +26,12 @@ impl Lane {
         renderer.iterate(1)?;
         let before = renderer.stats().clone();
         let mut lane = Lane { renderer, clock: 0.0, before, settings: settings.clone() };
-        lane.restart(settings.seed);
+        lane.restart(settings.seed());
         Ok(lane)
     }
 
     pub fn restart(&mut self, seed: u32) {
-        self.renderer.restart(seed, self.settings.gate);
+        self.renderer.restart(seed, self.settings.gate());
         self.before = self.renderer.stats().clone();
         self.clock = 0.0;
     }

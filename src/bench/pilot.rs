@@ -5,9 +5,8 @@ use super::quality::{Goal, relative};
 use crate::compare::metrics::Means;
 use crate::error::Result;
 use crate::gpu::Device;
-use crate::input::resolve::defaults;
 use crate::render::Prepared;
-use crate::settings::{DEFAULT_BUCKETS, Estimator, Importance, MAX_FRONTIER, Sampling, Settings};
+use crate::settings::{Estimator, Settings};
 
 /// Seeds, far from those of races and references.
 const SEEDS: u32 = 0x4000_0100;
@@ -43,7 +42,7 @@ impl Pilot {
 pub fn fastest(pilots: &[Pilot]) -> &Pilot {
     let n = pilots.len() as f32;
     let mean: Vec<f32> = (0..pilots[0].mean.len()).map(|i| pilots.iter().map(|p| p.mean[i]).sum::<f32>() / n).collect();
-    let truth = over_blocks(&mean, pilots[0].settings.crop.width() as usize);
+    let truth = over_blocks(&mean, pilots[0].settings.crop().width() as usize);
     let cost = |pilot: &Pilot| {
         let cost = pilot.cost(&truth);
         cost.all * cost.trimmed
@@ -83,8 +82,10 @@ pub fn pilots(
     for estimator in Estimator::ALL.into_iter().filter(|e| e.record().renders_references) {
         let plain = with(entries[0], estimator);
         let frugal = frugal(plain.clone());
-        let also =
-            [(estimator.to_string(), plain), (format!("{estimator} with {} light paths", frugal.light_paths), frugal)];
+        let also = [
+            (estimator.to_string(), plain),
+            (format!("{estimator} with {} light paths", frugal.light_paths()), frugal),
+        ];
         for (name, settings) in also {
             if candidates.iter().all(|(_, known)| *known != settings) {
                 candidates.push((name, settings));
@@ -112,28 +113,17 @@ pub fn pilots(
 /// An entry's settings with another estimator as it is by default: what is looked at and which paths count stay the entry's, and
 /// so does a number of light paths that is not the default.
 pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
-    let by_default = |estimator| defaults::light_paths(estimator, entry.settings.resolution);
-    let asked = Some(entry.settings.light_paths).filter(|&paths| paths != by_default(entry.settings.estimator));
-    Settings {
-        estimator,
-        queries: estimator.default_queries(),
-        leaf_size: estimator.leaf_size(),
-        light_paths: asked.unwrap_or(by_default(estimator)),
-        splat_paths: 0,
-        buckets: DEFAULT_BUCKETS,
-        frontier: MAX_FRONTIER,
-        single_tree: estimator.default_single_tree(),
-        importance: Importance::ALL,
-        sampling: Sampling::default_of(estimator),
-        cull: true,
-        ..entry.settings.clone()
-    }
+    let plain =
+        entry.settings.change().estimator(estimator).splat_paths(None).queries(None).buckets(None).leaf_size(None);
+    let plain = plain.frontier(None).single_tree(None).importance(None).sampling(None).no_cull(None);
+    plain.build().expect("defaults are inside their limits")
 }
 
 /// With one light path a pixel at most.
 pub fn frugal(settings: Settings) -> Settings {
-    let pixels = settings.crop.width() * settings.crop.height();
-    Settings { light_paths: settings.light_paths.min(pixels.max(LEAST_LIGHT_PATHS)), ..settings }
+    let pixels = settings.crop().width() * settings.crop().height();
+    let paths = settings.light_paths().min(pixels.max(LEAST_LIGHT_PATHS));
+    settings.change().light_paths(paths).build().expect("fewer light paths are inside the limits")
 }
 
 #[cfg(test)]

@@ -183,7 +183,7 @@ pub fn make(
     let cells = cells_of(&halves);
 
     // Another estimator is the judge of what is new.
-    let judge = chosen.settings.estimator.record().judge;
+    let judge = chosen.settings.estimator().record().judge;
     let mut verdict = None;
     for (seed, part) in JUDGES {
         let asked = (judge, seed + extension);
@@ -308,9 +308,9 @@ fn write(path: &Path, film: &Film, entry: &Entry, seconds: f64, variant: &str, s
     let note =
         format!("# A reference: two independent halves, rendered with the settings of the variant '{variant}'.\n");
     let provenance = Provenance {
-        resolution: settings.resolution,
-        crop: settings.crop,
-        gate: settings.gate,
+        resolution: settings.resolution(),
+        crop: settings.crop(),
+        gate: settings.gate(),
         seed,
         seconds,
         settings: note + &entry.config,

@@ -112,8 +112,8 @@ fn header(page: &Page) -> String {
 }
 
 fn what(entry: &Entry) -> String {
-    let [width, height] = entry.settings.resolution;
-    format!("{width} x {height} pixels, {}.", entry.settings.gate.describe())
+    let [width, height] = entry.settings.resolution();
+    format!("{width} x {height} pixels, {}.", entry.settings.gate().describe())
 }
 
 /// What the paper says of a scene.

@@ -1,6 +1,6 @@
 //! From what was asked for to what is done: experiment and scene become [`Settings`]. All checks live here.
 
-pub mod defaults;
+mod defaults;
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use crate::input::experiment::Experiment;
 use crate::scene::{Camera, Scene};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
 use crate::settings::units::{Gate, Resolution as GateResolution};
-use crate::settings::values::{Png, Resolution, Seconds};
+use crate::settings::values::{Png, Resolution};
 use crate::settings::*;
 
 /// Settings of a render and what the user should know about them.
@@ -56,7 +56,6 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
 pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let mut warnings = Vec::new();
     let Experiment { render, .. } = experiment;
-    render.check()?;
     let gate = gate(&experiment.gate, &mut warnings)?;
     // What only the scene can mend names its file.
     let unfit = |message: &str| Error::Scene {
@@ -76,31 +75,21 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, &gate)?;
     let estimator = render.estimator.unwrap_or_else(|| defaults::estimator(gate, scene, &emitters));
-    let settings = Settings {
-        estimator,
-        strategies: render.strategies.unwrap_or(DEFAULT_STRATEGIES),
-        gate,
-        resolution,
-        crop: crop(&experiment.camera, resolution)?,
-        budget: budget(render)?,
-        seed: render.seed.unwrap_or(DEFAULT_SEED),
-        max_depth: render.max_depth.unwrap_or(DEFAULT_MAX_DEPTH),
-        light_paths: render.light_paths.unwrap_or(defaults::light_paths(estimator, resolution)),
-        splat_paths: render.splat_paths.unwrap_or(0),
-        queries: render.queries.unwrap_or(estimator.default_queries()),
-        buckets: render.buckets.unwrap_or(DEFAULT_BUCKETS),
-        // Estimators without trees have no leaves, whatever was asked for.
-        leaf_size: render.leaf_size.filter(|_| estimator.has_trees()).unwrap_or(estimator.leaf_size()),
-        frontier: render.frontier.unwrap_or(MAX_FRONTIER),
-        single_tree: render.single_tree.unwrap_or(estimator.default_single_tree()),
-        importance: render.importance.filter(|_| estimator.by_importance()).unwrap_or(Importance::ALL),
-        sampling: render.sampling.unwrap_or(defaults::sampling(estimator, &experiment.output)),
-        cull: !render.no_cull.unwrap_or(false),
-        camera,
-        emitters,
-    };
+    let mut settings = Settings::builder()
+        .table(render)
+        .estimator(estimator)
+        .gate(gate)
+        .resolution(resolution)
+        .crop(experiment.camera.crop)
+        .camera(camera)
+        .emitters(emitters);
+    if experiment.output.strategy_images.is_some() && render.sampling.is_none() {
+        // Images of strategies need the same number of samples in every pixel.
+        settings = settings.sampling(Sampling::Uniform);
+    }
+    let settings = settings.build()?;
     warnings.extend(render.without_effect(estimator));
-    for light in scene.lights.iter().filter(|light| settings.emitters.include(&light.node)) {
+    for light in scene.lights.iter().filter(|light| settings.emitters().include(&light.node)) {
         let node = &light.node;
         if light.kind.radius().is_none() {
             warnings.push(format!("the directional light '{node}' is not rendered yet; its light is missing"));
@@ -113,57 +102,28 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
 
 /// The experiment that resolves to exactly these settings, with every open choice filled in.
 pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene) -> Experiment {
-    let (spp, time) = match settings.budget {
-        Budget::Spp(spp) => (Some(spp), None),
-        Budget::Seconds(seconds) => (None, Some(Seconds(seconds))),
-    };
-    let (has_trees, by_importance) = (settings.estimator.has_trees(), settings.estimator.by_importance());
-    let has_splats = settings.estimator.record().light_subpaths;
     let mut full = experiment.clone();
     full.camera = CameraTable {
-        camera: Some(scene.cameras[settings.camera].name.clone()),
-        resolution: Some(Resolution(settings.resolution)),
-        crop: Some(settings.crop),
+        camera: Some(scene.cameras[settings.camera()].name.clone()),
+        resolution: Some(Resolution(settings.resolution())),
+        crop: Some(settings.crop()),
     };
-    full.emitter = EmitterTable { emitters: Some(settings.emitters.clone()) };
+    full.emitter = EmitterTable { emitters: Some(settings.emitters().clone()) };
     full.gate = GateTable {
-        gate: (!settings.gate.is_open()).then_some(settings.gate),
+        gate: (!settings.gate().is_open()).then_some(settings.gate()),
         depth: None,
         force: experiment.gate.force,
     };
     full.render = RenderTable {
-        estimator: Some(settings.estimator),
-        strategies: Some(settings.strategies),
-        spp,
-        time,
-        seed: Some(settings.seed),
-        max_depth: Some(settings.max_depth),
-        light_paths: Some(settings.light_paths),
-        splat_paths: has_splats.then_some(settings.splat_paths),
-        queries: has_trees.then_some(settings.queries),
-        buckets: has_trees.then_some(settings.buckets),
-        leaf_size: has_trees.then_some(settings.leaf_size),
-        frontier: by_importance.then_some(settings.frontier),
-        single_tree: has_trees.then_some(settings.single_tree),
-        importance: by_importance.then_some(settings.importance),
-        sampling: Some(settings.sampling),
-        no_cull: Some(!settings.cull),
         device: experiment.render.device.clone(),
         strict: experiment.render.strict,
+        ..settings.to_table()
     };
     full
 }
 
 fn settings(message: impl Into<String>) -> Error {
     Error::Settings(message.into())
-}
-
-fn budget(render: &RenderTable) -> Result<Budget> {
-    match (render.spp, render.time) {
-        (None, Some(Seconds(seconds))) if seconds > 0.0 && seconds <= MAX_SECONDS => Ok(Budget::Seconds(seconds)),
-        (None, Some(_)) => Err(settings("--time must be over 0 and at most a year")),
-        (spp, _) => Ok(Budget::Spp(spp.unwrap_or(DEFAULT_SPP))),
-    }
 }
 
 fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
@@ -212,27 +172,8 @@ fn resolution(table: &CameraTable, camera: &Camera) -> Result<[u32; 2]> {
             ([DEFAULT_WIDTH, height], format!("the resolution from the aspect ratio of camera '{}'", camera.name))
         }
     };
-    let [width, height] = resolution;
-    let fits = |side: u32| (1..=MAX_SIDE).contains(&side);
-    if !fits(width) || !fits(height) || u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return Err(settings(format!(
-            "{source} is {width}x{height}; sides must be from 1 to {MAX_SIDE} and the image at most {} megapixels: \
-             give --resolution WxH",
-            MAX_PIXELS >> 20
-        )));
-    }
+    check_resolution(&source, resolution)?;
     Ok(resolution)
-}
-
-fn crop(table: &CameraTable, [width, height]: [u32; 2]) -> Result<Crop> {
-    let crop = table.crop.unwrap_or(Crop { x0: 0, x1: width, y0: 0, y1: height });
-    if crop.x1 > width || crop.y1 > height || crop.x0 >= crop.x1 || crop.y0 >= crop.y1 {
-        return Err(settings(format!(
-            "--crop {crop} does not lie inside the image of {width}x{height}; it is x0,x1,y0,y1 with x1 <= {width} \
-             and y1 <= {height}"
-        )));
-    }
-    Ok(crop)
 }
 
 /// The nodes that could emit, each once, in the scene's order: lights, then emissive meshes.

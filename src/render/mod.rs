@@ -78,7 +78,7 @@ impl Renderer {
         let start = Instant::now();
         let prepared = Prepared::new(scene, settings)?;
         let seconds = start.elapsed().as_secs_f64();
-        let size = [settings.crop.width(), settings.crop.height()];
+        let size = [settings.crop().width(), settings.crop().height()];
         let mut plan = Plan::new(scene, settings, &prepared)?;
         plan.tuning = tuning;
         let mut renderer = Renderer::from_plan(device, plan, size, &prepared)?;
@@ -88,7 +88,7 @@ impl Renderer {
 
     /// As [`Renderer::new`] from what was prepared for the same camera and emitters, which may be dropped afterwards.
     pub fn from_prepared(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Renderer> {
-        let size = [settings.crop.width(), settings.crop.height()];
+        let size = [settings.crop().width(), settings.crop().height()];
         Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, size, prepared)
     }
 

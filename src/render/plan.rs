@@ -96,30 +96,30 @@ pub struct Plan {
 impl Plan {
     pub fn new(scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Plan> {
         let emitters = &prepared.emitters;
-        if !emitters.has_connectable() && !settings.estimator.sees_beams() {
-            return Err(Error::Settings(settings.estimator.beam_refusal("beams, the only emitters here")));
+        if !emitters.has_connectable() && !settings.estimator().sees_beams() {
+            return Err(Error::Settings(settings.estimator().beam_refusal("beams, the only emitters here")));
         }
-        let all = settings.strategies == Strategies::All;
-        let estimator = settings.estimator.record();
-        let traces_light = estimator.light_subpaths && settings.max_depth >= 2;
+        let all = settings.strategies() == Strategies::All;
+        let estimator = settings.estimator().record();
+        let traces_light = estimator.light_subpaths && settings.max_depth() >= 2;
         let features = prepared.geometry.features;
-        let camera = &scene.cameras[settings.camera];
+        let camera = &scene.cameras[settings.camera()];
         let frame = frame(camera, settings, emitters, all);
         let emitter_count = frame.emitter_count;
         let mut plan = Plan {
             estimator,
-            light_paths: settings.light_paths,
-            splat_paths: settings.splat_paths,
-            buckets: settings.buckets,
-            leaf_size: settings.leaf_size,
-            single_tree: settings.single_tree,
-            frontier: settings.frontier,
-            importance: settings.importance,
-            max_depth: settings.max_depth,
-            adaptive: settings.sampling == Sampling::Adaptive,
+            light_paths: settings.light_paths(),
+            splat_paths: settings.splat_paths(),
+            buckets: settings.buckets(),
+            leaf_size: settings.leaf_size(),
+            single_tree: settings.single_tree(),
+            frontier: settings.frontier(),
+            importance: settings.importance(),
+            max_depth: settings.max_depth(),
+            adaptive: settings.sampling() == Sampling::Adaptive,
             features,
-            crop: settings.crop,
-            crop_pixels: u64::from(settings.crop.width()) * u64::from(settings.crop.height()),
+            crop: settings.crop(),
+            crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
             traces_light,
             splats: traces_light && all,
             thin_lights: emitter_count - emitters.thin_lights..emitter_count,
@@ -127,14 +127,14 @@ impl Plan {
                 + if traces_light { emitters.thin_lights } else { 0 },
             tuning: Tuning::default(),
             observe: Observe::Nothing,
-            cull: settings.cull,
+            cull: !settings.no_cull(),
             reach: Reach::new(prepared, settings),
             dark: false,
             place: prepared.place,
-            gate: settings.gate,
+            gate: settings.gate(),
             frame,
         };
-        plan.set(settings.seed, settings.gate);
+        plan.set(settings.seed(), settings.gate());
         Ok(plan)
     }
 
@@ -261,18 +261,18 @@ fn aim(frame: &mut Frame, camera: &Camera) {
 }
 
 fn frame(camera: &Camera, settings: &Settings, emitters: &EmitterSet, all: bool) -> Frame {
-    let [width, height] = settings.resolution;
+    let [width, height] = settings.resolution();
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
-    let estimator = settings.estimator.record();
-    let gain = (estimator.query_samples)(settings.queries);
+    let estimator = settings.estimator().record();
+    let gain = (estimator.query_samples)(settings.queries());
     let mut frame = Frame {
         width,
         height,
         emitter_lo: Vec3::to_array(&emitters.lo),
         emitter_hi: Vec3::to_array(&emitters.hi),
-        light_paths: settings.light_paths,
-        max_depth: settings.max_depth,
-        queries: settings.queries,
+        light_paths: settings.light_paths(),
+        max_depth: settings.max_depth(),
+        queries: settings.queries(),
         emitter_count: emitters.table.len() as u32,
         tree3_root: NONE,
         tree4_root: NONE,
@@ -280,10 +280,10 @@ fn frame(camera: &Camera, settings: &Settings, emitters: &EmitterSet, all: bool)
         keep_t1: switch(all && estimator.light_subpaths) / (gain * gain),
         gain,
         keep_s2: switch(estimator.light_subpaths),
-        crop_x: settings.crop.x0,
-        crop_y: settings.crop.y0,
-        crop_width: settings.crop.width(),
-        crop_height: settings.crop.height(),
+        crop_x: settings.crop().x0,
+        crop_y: settings.crop().y0,
+        crop_width: settings.crop().width(),
+        crop_height: settings.crop().height(),
         ..bytemuck::Zeroable::zeroed()
     };
     aim(&mut frame, camera);

@@ -23,15 +23,15 @@ impl Prepared {
     /// Fails if the scene breaks a promise of [`Scene::check`], has no such camera, or nothing emits.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<Prepared> {
         scene.check()?;
-        let Some(camera) = scene.cameras.get(settings.camera) else {
-            let (camera, count) = (settings.camera, scene.cameras.len());
+        let Some(camera) = scene.cameras.get(settings.camera()) else {
+            let (camera, count) = (settings.camera(), scene.cameras.len());
             return Err(Error::Settings(format!("there is no camera {camera}: the scene has {count}, counted from 0")));
         };
         let origin = camera.transform.translation;
         let albedo = AlbedoTable::shared();
-        let place = Place::new(scene, origin, &settings.emitters);
-        let mut geometry = Geometry::new(scene, &place, &settings.emitters, albedo);
-        let emitters = EmitterSet::new(scene, &settings.emitters, &place, &mut geometry);
+        let place = Place::new(scene, origin, settings.emitters());
+        let mut geometry = Geometry::new(scene, &place, settings.emitters(), albedo);
+        let emitters = EmitterSet::new(scene, settings.emitters(), &place, &mut geometry);
         if emitters.table.is_empty() {
             return Err(Error::Settings(
                 "nothing emits light (a light of power 0 or a surface of no area does not): select other nodes with \

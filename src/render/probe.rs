@@ -87,25 +87,17 @@ pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Pre
 
 /// The same view in few pixels, without a gate.
 fn small(settings: &Settings) -> Settings {
-    let [width, height] = settings.resolution;
+    let [width, height] = settings.resolution();
     let scale = (f64::from(ROWS) / f64::from(height)).min(1.0);
     let resolution = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
     let begin = |x: u32, most: u32| ((f64::from(x) * scale).floor() as u32).min(most - 1);
     let end = |x: u32, begin: u32, most: u32| ((f64::from(x) * scale).ceil() as u32).clamp(begin + 1, most);
-    let (x0, y0) = (begin(settings.crop.x0, resolution[0]), begin(settings.crop.y0, resolution[1]));
-    let (x1, y1) = (end(settings.crop.x1, x0, resolution[0]), end(settings.crop.y1, y0, resolution[1]));
-    Settings {
-        estimator: Estimator::UNGATED,
-        leaf_size: Estimator::UNGATED.leaf_size(),
-        strategies: Strategies::All,
-        gate: Gate::OPEN,
-        resolution,
-        crop: Crop { x0, x1, y0, y1 },
-        light_paths: settings.light_paths.min(LIGHT_PATHS),
-        splat_paths: 0,
-        sampling: Sampling::Uniform,
-        ..settings.clone()
-    }
+    let (x0, y0) = (begin(settings.crop().x0, resolution[0]), begin(settings.crop().y0, resolution[1]));
+    let (x1, y1) = (end(settings.crop().x1, x0, resolution[0]), end(settings.crop().y1, y0, resolution[1]));
+    let small = settings.change().estimator(Estimator::UNGATED).strategies(Strategies::All).gate(Gate::OPEN);
+    let small = small.resolution(resolution).crop(Crop { x0, x1, y0, y1 }).sampling(Sampling::Uniform);
+    let small = small.light_paths(settings.light_paths().min(LIGHT_PATHS)).splat_paths(None);
+    small.build().expect("a smaller image is inside the limits")
 }
 
 #[cfg(test)]

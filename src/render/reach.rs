@@ -36,7 +36,7 @@ struct Bounds {
 }
 
 impl Reach {
-    /// Bounds for paths of at most `settings.max_depth` segments. Every refractive index is at least 1, so optical lengths
+    /// Bounds for paths of at most `settings.max_depth()` segments. Every refractive index is at least 1, so optical lengths
     /// are at least Euclidean ones.
     pub fn new(prepared: &Prepared, settings: &Settings) -> Reach {
         let Prepared { geometry, emitters, place, .. } = prepared;
@@ -48,7 +48,7 @@ impl Reach {
         let greatest_ior = f64::from(geometry.greatest_ior);
         let segment = place.unit * diameter * greatest_ior * (1.0 + SLACK);
         let least = place.unit * least * (1.0 - SLACK);
-        Reach { least, segment, greatest_ior, ..Reach::default() }.to_depth(settings.max_depth)
+        Reach { least, segment, greatest_ior, ..Reach::default() }.to_depth(settings.max_depth())
     }
 
     /// Bounds for a sensor `distance` metres away: by the triangle inequality, without another look at the scene.
@@ -179,7 +179,7 @@ mod tests {
 
     fn reach(scene: &Scene) -> Reach {
         let settings = crate::input::resolve::resolve(&Experiment::default(), scene).unwrap().settings;
-        let settings = Settings { max_depth: 3, ..settings };
+        let settings = settings.change().max_depth(3).build().unwrap();
         Reach::new(&Prepared::new(scene, &settings).unwrap(), &settings)
     }
 

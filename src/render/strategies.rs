@@ -35,18 +35,19 @@ pub struct StrategyImages {
 /// The strategies (s, t) that are formed, sorted by the length of the paths, s + t - 1 segments, then by s. Of those a
 /// strategy may still find nothing: no ray hits a point light.
 pub fn strategies(settings: &Settings) -> Vec<(u32, u32)> {
-    let (all, light_subpaths) = (settings.strategies == Strategies::All, settings.estimator.record().light_subpaths);
+    let (all, light_subpaths) =
+        (settings.strategies() == Strategies::All, settings.estimator().record().light_subpaths);
     let kept =
         |s: u32, t: u32| (s, t) != (1, 1) && (all || (s >= 1 && t >= 2)) && (light_subpaths || (s <= 1 && t >= 2));
     let of_length = |k: u32| (0..=k).map(move |s| (s, k + 1 - s));
-    (1..=settings.max_depth).flat_map(of_length).filter(|&(s, t)| kept(s, t)).collect()
+    (1..=settings.max_depth()).flat_map(of_length).filter(|&(s, t)| kept(s, t)).collect()
 }
 
 impl StrategyImages {
     /// Fails like [`Renderer::new`].
     pub fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<StrategyImages> {
         StrategyImages::check(settings)?;
-        let [width, height] = [settings.crop.width(), settings.crop.height()];
+        let [width, height] = [settings.crop().width(), settings.crop().height()];
         let mut plan = Plan::new(scene, settings, prepared)?;
         plan.observe = Observe::Strategies;
         let renderer = Renderer::from_plan(device, plan, [1, 1], prepared)?;
@@ -58,13 +59,13 @@ impl StrategyImages {
     /// Fails if the images of all strategies take more than 2 GiB, or samples are not spread evenly: what others are spread by
     /// is not known here.
     pub fn check(settings: &Settings) -> Result<()> {
-        if settings.sampling == Sampling::Adaptive {
+        if settings.sampling() == Sampling::Adaptive {
             return Err(Error::Settings(
                 "--strategy-images needs as many samples in every pixel: give --sampling uniform".into(),
             ));
         }
         let count = strategies(settings).len() as u64;
-        let bytes = count * PIXEL_BYTES * u64::from(settings.crop.width()) * u64::from(settings.crop.height());
+        let bytes = count * PIXEL_BYTES * u64::from(settings.crop().width()) * u64::from(settings.crop().height());
         if bytes <= MOST_BYTES {
             return Ok(());
         }
@@ -73,7 +74,7 @@ impl StrategyImages {
              (now {}), a smaller --resolution or a --crop",
             bytes >> 20,
             MOST_BYTES >> 20,
-            settings.max_depth
+            settings.max_depth()
         )))
     }
 

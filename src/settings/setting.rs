@@ -184,7 +184,32 @@ pub trait Visitor {
 
 /// Makes the struct of a table from its listing: documentation, which is also the help, then `field: type, setting;`. A field is
 /// `None` where nothing was typed.
+///
+/// With `impl Settings for`, fields that have a default, `field: type = |settings| default, setting;`, become values of
+/// [`crate::settings::Settings`], chosen by methods of its builder.
 macro_rules! table {
+    ($(#[doc = $about:literal])+ impl Settings for $table:ident {
+        $($(#[doc = $help:literal])+ $field:ident: $type:ty $(= $default:expr)?, $setting:expr;)+
+    }) => {
+        $crate::settings::setting::table! {
+            $(#[doc = $about])+ $table { $($(#[doc = $help])+ $field: $type, $setting;)+ }
+        }
+
+        impl $crate::settings::Settings {
+            $($crate::settings::setting::value!(get $field: $type, [$($default)?], $setting, [$($help),+]);)+
+
+            /// The values of all settings that have a default and that the estimator uses.
+            pub(super) fn values(&self) -> $table {
+                let mut table = $table::default();
+                $($crate::settings::setting::value!(fill self, table, $field, [$($default)?], $setting);)+
+                table
+            }
+        }
+
+        impl $crate::settings::SettingsBuilder {
+            $($crate::settings::setting::value!(choose $field: $type, [$($default)?], [$($help),+]);)+
+        }
+    };
     ($(#[doc = $about:literal])+ $table:ident {
         $($(#[doc = $help:literal])+ $field:ident: $type:ty, $setting:expr;)+
     }) => {
@@ -224,3 +249,27 @@ macro_rules! table {
     };
 }
 pub(crate) use table;
+
+/// Parts of [`table`] for one field: nothing for a field without a default.
+macro_rules! value {
+    (get $field:ident: $type:ty, [$default:expr], $setting:expr, [$($help:literal),+]) => {
+        $(#[doc = $help])+
+        pub fn $field(&self) -> $type {
+            let default: fn(&$crate::settings::Settings) -> $type = $default;
+            let chosen = self.chosen.render.$field.filter(|_| $setting.is_used_by(self.estimator()));
+            chosen.unwrap_or_else(|| default(self))
+        }
+    };
+    (fill $settings:ident, $table:ident, $field:ident, [$default:expr], $setting:expr) => {
+        $table.$field = $setting.is_used_by($settings.estimator()).then(|| $settings.$field());
+    };
+    (choose $field:ident: $type:ty, [$default:expr], [$($help:literal),+]) => {
+        $(#[doc = $help])+
+        pub fn $field(mut self, value: impl Into<Option<$type>>) -> Self {
+            self.render.$field = value.into();
+            self
+        }
+    };
+    ($($without_default:tt)*) => {};
+}
+pub(crate) use value;

@@ -12,6 +12,12 @@ use crate::settings::*;
 
 const BARE_TRUE: Form = Form::Optional { bare: "true", equals: true };
 
+/// Enough that the trees know the light, and no more than sensor paths can pay for.
+fn default_light_paths(settings: &Settings) -> u32 {
+    let [width, height] = settings.resolution();
+    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, settings.estimator().record().most_light_paths)
+}
+
 fn traces_light(estimator: Estimator) -> bool {
     estimator.record().light_subpaths
 }
@@ -56,7 +62,7 @@ table! {
 
 table! {
     /// `[render]`: how the image is computed. At most one of `spp` and `time`.
-    RenderTable {
+    impl Settings for RenderTable {
         /// How paths are found: pt (path tracing), bdpt (bidirectional), lcs-paper (light-cone shell queries),
         /// lcs (the same by importance, resampled) [default: lcs; bdpt through a gate wider
         /// than 0.4 of the scene's diagonal; without one pt, or bdpt where there are mirrors,
@@ -65,7 +71,7 @@ table! {
 
         /// Ways to join subpaths: all, or those of the paper (no emitter hit by chance, none seen by the sensor directly)
         /// [default: all]
-        strategies: Strategies, Setting::sampling("strategies", "all|paper");
+        strategies: Strategies = |_| DEFAULT_STRATEGIES, Setting::sampling("strategies", "all|paper");
 
         /// Samples per pixel [default: 64]
         spp: u32, Setting::sampling("spp", "N").within(1, MAX_SPP);
@@ -74,43 +80,43 @@ table! {
         time: Seconds, Setting::sampling("time", "DURATION").excludes("spp");
 
         /// Same seed, same image, to the bit [default: 0]
-        seed: u32, Setting::sampling("seed", "N");
+        seed: u32 = |_| DEFAULT_SEED, Setting::sampling("seed", "N");
 
         /// Most segments of a path [default: 24]
-        max_depth: u32, Setting::sampling("max-depth", "N").within(1, MAX_DEPTH);
+        max_depth: u32 = |_| DEFAULT_MAX_DEPTH, Setting::sampling("max-depth", "N").within(1, MAX_DEPTH);
 
         /// Light subpaths per iteration whose vertices are kept [default: one per pixel, 4096 to 50000; lcs: to 8192]
-        light_paths: u32, Setting::sampling("light-paths", "N").within(1, MAX_LIGHT_PATHS);
+        light_paths: u32 = default_light_paths, Setting::sampling("light-paths", "N").within(1, MAX_LIGHT_PATHS);
 
         /// Further light subpaths per iteration that only the sensor sees; for caustics [default: 0]
-        splat_paths: u32, Setting::sampling("splat-paths", "N").within(0, MAX_LIGHT_PATHS).only_for(traces_light);
+        splat_paths: u32 = |_| 0, Setting::sampling("splat-paths", "N").within(0, MAX_LIGHT_PATHS).only_for(traces_light);
 
         /// Tree queries per shade point, 1 to 64 [default: 1; lcs: 16]
-        queries: u32, Setting::sampling("queries", "N").within(1, MAX_QUERIES).only_for(Estimator::has_trees);
+        queries: u32 = |s| s.estimator().default_queries(), Setting::sampling("queries", "N").within(1, MAX_QUERIES).only_for(Estimator::has_trees);
 
         /// Temporal power buckets per tree node, 1 to 8 [default: 8]
-        buckets: u32, Setting::sampling("buckets", "N").within(1, MAX_BUCKETS).only_for(Estimator::has_trees);
+        buckets: u32 = |_| DEFAULT_BUCKETS, Setting::sampling("buckets", "N").within(1, MAX_BUCKETS).only_for(Estimator::has_trees);
 
         /// Most light vertices in a leaf of a tree, 1 to 16 [default: lcs-paper: 1; lcs: 16]
-        leaf_size: u32, Setting::sampling("leaf-size", "N").within(1, MAX_LEAF_SIZE).only_for(Estimator::has_trees);
+        leaf_size: u32 = |s| s.estimator().leaf_size(), Setting::sampling("leaf-size", "N").within(1, MAX_LEAF_SIZE).only_for(Estimator::has_trees);
 
         /// lcs: subtrees that the queries of a shade point start among, 1 (the whole tree) to 32; same image on average [default: 32]
-        frontier: u32, Setting::sampling("frontier", "N").within(1, MAX_FRONTIER).only_for(Estimator::by_importance);
+        frontier: u32 = |_| MAX_FRONTIER, Setting::sampling("frontier", "N").within(1, MAX_FRONTIER).only_for(Estimator::by_importance);
 
         /// One tree over points on emitters and scattered light together, instead of one each; same image on average
         /// [default: false; lcs: true]
-        single_tree: bool, Setting::sampling("single-tree", "true|false").form(BARE_TRUE).only_for(Estimator::has_trees);
+        single_tree: bool = |s| s.estimator().default_single_tree(), Setting::sampling("single-tree", "true|false").form(BARE_TRUE).only_for(Estimator::has_trees);
 
         /// What lcs judges nodes of a tree by beside power: all, none, or some of centre,cosine,overlap,gloss (distance of the
         /// centre, greatest cosine, part of a bucket inside the gate, lobe of gloss); same image on average [default: all]
-        importance: Importance, Setting::sampling("importance", "NAME,...").only_for(Estimator::by_importance);
+        importance: Importance = |_| Importance::ALL, Setting::sampling("importance", "NAME,...").only_for(Estimator::by_importance);
 
         /// How samples are spread over the image: uniform, or adaptive: more where earlier ones found more error
         /// [default: adaptive; lcs-paper: uniform]
-        sampling: Sampling, Setting::sampling("sampling", "NAME");
+        sampling: Sampling = |s| Sampling::default_of(s.estimator()), Setting::sampling("sampling", "NAME");
 
         /// Also follow subpaths that can no longer meet the gate; same image on average, slower
-        no_cull: bool, Setting::sampling("no-cull", "").form(Form::Switch);
+        no_cull: bool = |_| false, Setting::sampling("no-cull", "").form(Form::Switch);
 
         /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind]
         device: String, Setting::diagnostics("device", "INDEX|NAME");

@@ -64,8 +64,7 @@ pub fn bin(film: &Film, bin: usize) -> Film {
 pub fn against(name: &str, estimators: &[Estimator], scene: &Scene, gates: &[(f64, f64)], truth: &Film) -> Vec<String> {
     let mut wrong = vec![];
     for &estimator in estimators {
-        let mut s = settings(estimator, truth.resolution);
-        s.max_depth = MAX_DEPTH;
+        let s = settings(estimator, truth.resolution).max_depth(MAX_DEPTH).build().unwrap();
         let mut renderer = renderer(scene, &s);
         // Few paths of pt meet a gate by chance: of 4 samples a cell has a hundred in the last gate of the Cornell box, whose
         // weights differ so much that their mean is not yet normal.
@@ -161,9 +160,7 @@ fn whole_images(name: &str, scene: &Scene, lo: f64) {
             pixels.iter().map(|p| p.variance.iter().sum::<f64>() / 3.0).sum::<f64>().sqrt() / pixels.len() as f64;
         let expected = truth.average(bin);
         for estimator in [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs] {
-            let mut s = settings(estimator, truth.resolution);
-            s.max_depth = MAX_DEPTH;
-            s.light_paths = 20_000;
+            let s = settings(estimator, truth.resolution).max_depth(MAX_DEPTH).light_paths(20_000).build().unwrap();
             let (mean, spread) = Cells::measure(&mut renderer(scene, &s), gate(lo, hi), 24, 4, 16, 900).whole();
             let z = (mean - expected) / spread.hypot(error);
             println!(
@@ -196,8 +193,7 @@ fn whole_images_of_rough_glass_agree_with_the_oracle() {
 fn strategies_agree(sets: &[(Estimator, Strategies)]) {
     let scene = build(Kind::CornellBox);
     let cells = |estimator, strategies| {
-        let mut s = settings(estimator, [32, 32]);
-        s.strategies = strategies;
+        let s = settings(estimator, [32, 32]).strategies(strategies).build().unwrap();
         Cells::measure(&mut renderer(&scene, &s), gate(9.0, 9.4), CELL, 1, 8, 900)
     };
     let all = cells(Estimator::Bdpt, Strategies::All);
@@ -226,7 +222,7 @@ fn abutting_gates_partition_the_steady_image() {
     let scene = build(Kind::CornellBox);
     let edges = [0.0, 5.0, 6.0, 6.7, 7.4, 9.0, 12.0, f64::INFINITY];
     for estimator in [Estimator::Pt, Estimator::Bdpt] {
-        let mut r = renderer(&scene, &settings(estimator, [32, 32]));
+        let mut r = renderer(&scene, &settings(estimator, [32, 32]).build().unwrap());
         let mut image = |gate: Gate| {
             r.restart(3, gate);
             r.iterate(4).unwrap_or_else(|e| panic!("{e}"));

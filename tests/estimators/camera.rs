@@ -21,7 +21,7 @@ const UNIT: f64 = 4.0;
 const FARTHEST: f64 = UNIT / 4.0;
 
 fn short(estimator: Estimator) -> Settings {
-    Settings { max_depth: 8, light_paths: 500, ..settings(estimator, SIZE) }
+    settings(estimator, SIZE).max_depth(8).light_paths(500).build().unwrap()
 }
 
 /// The Cornell box with a block of glass and a lamp of each kind.
@@ -69,7 +69,7 @@ fn difference(a: &[f32], b: &[f32]) -> f64 {
 fn a_camera_that_stays_sees_the_same_bits() {
     let scene = build(Kind::CornellBox);
     for estimator in Estimator::ALL {
-        let settings = Settings { sampling: Sampling::Adaptive, ..short(estimator) };
+        let settings = short(estimator).change().sampling(Sampling::Adaptive).build().unwrap();
         let usual = image(&mut renderer(&scene, &settings));
         assert!(usual.iter().any(|&x| x > 0.0), "a black image proves nothing");
         assert!(usual == image(&mut from_elsewhere(&scene, &settings, 0.0)), "{estimator:?}");
@@ -128,7 +128,7 @@ fn a_moved_camera_has_its_own_bounds() {
     // The lamp is seen after some 4 m of travel; half a metre further back nothing arrives so early.
     let nearest = DVec3::new(0.0, 1.98, 0.25).distance(scene.cameras[0].transform.translation);
     let gate = Gate { lo: 0.0, hi: nearest + 0.2 };
-    let settings = Settings { gate, ..short(Estimator::Bdpt) };
+    let settings = short(Estimator::Bdpt).change().gate(gate).build().unwrap();
     let mut renderer = renderer(&Scene { cameras: vec![back(0.9)], ..scene.clone() }, &settings);
     assert!(renderer.is_dark());
     assert!(renderer.set_camera(&back(0.0)) && !renderer.is_dark());

@@ -38,8 +38,7 @@ fn scene() -> Scene {
 }
 
 fn cells(estimator: Estimator, strategies: Strategies, first_seed: u32) -> Cells {
-    let mut s = settings(estimator, SIZE);
-    (s.max_depth, s.strategies, s.light_paths) = (8, strategies, 4000);
+    let s = settings(estimator, SIZE).max_depth(8).strategies(strategies).light_paths(4000).build().unwrap();
     Cells::measure(&mut renderer(&scene(), &s), Gate { lo: CAUSTIC.0, hi: CAUSTIC.1 }, 8, 1, 8, first_seed)
 }
 

@@ -5,7 +5,7 @@ use taugate::gpu::Device;
 use taugate::render::{Renderer, Tuning};
 use taugate::scene::Scene;
 use taugate::settings::units::Gate;
-use taugate::settings::{Budget, Crop, Emitters, Estimator, Importance, MAX_FRONTIER, Sampling, Settings, Strategies};
+use taugate::settings::{Budget, Estimator, Sampling, Settings, SettingsBuilder};
 
 /// Significance of every family of tests, corrected for its number of cells (Sidak).
 pub const SIGNIFICANCE: f64 = 1e-3;
@@ -16,29 +16,9 @@ pub fn device() -> Device {
     Device::open(None).expect("these tests need a Vulkan device: run ./setup.sh")
 }
 
-pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> Settings {
-    Settings {
-        estimator,
-        strategies: Strategies::All,
-        gate: Gate::OPEN,
-        resolution,
-        crop: Crop { x0: 0, y0: 0, x1: resolution[0], y1: resolution[1] },
-        budget: Budget::Spp(1),
-        seed: 1,
-        max_depth: 24,
-        light_paths: 2000,
-        splat_paths: 500,
-        queries: estimator.default_queries(),
-        buckets: 8,
-        leaf_size: estimator.leaf_size(),
-        frontier: MAX_FRONTIER,
-        single_tree: estimator.default_single_tree(),
-        importance: Importance::ALL,
-        sampling: Sampling::Uniform,
-        cull: true,
-        camera: 0,
-        emitters: Emitters::Scene,
-    }
+pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> SettingsBuilder {
+    let settings = Settings::builder().estimator(estimator).resolution(resolution).budget(Budget::Spp(1)).seed(1);
+    settings.light_paths(2000).splat_paths(500).sampling(Sampling::Uniform)
 }
 
 pub fn renderer(scene: &Scene, settings: &Settings) -> Renderer {

@@ -7,7 +7,7 @@ use taugate::generate::{Kind, build};
 use taugate::render::schedule::next_samples;
 use taugate::render::{Renderer, Tuning};
 use taugate::settings::units::Gate;
-use taugate::settings::{Budget, Crop, Estimator, Sampling, Settings};
+use taugate::settings::{Budget, Crop, Estimator, Sampling};
 
 const SIZE: [u32; 2] = [40, 24];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
@@ -30,7 +30,7 @@ fn rerun_tile_and_workgroup_give_the_same_bits() {
     let adaptive = ESTIMATORS.map(|estimator| (estimator, Sampling::Adaptive));
     for (estimator, sampling) in ESTIMATORS.map(|estimator| (estimator, Sampling::Uniform)).into_iter().chain(adaptive)
     {
-        let settings = Settings { sampling, ..settings(estimator, SIZE) };
+        let settings = settings(estimator, SIZE).sampling(sampling).build().unwrap();
         let first = image(renderer(&scene, &settings), 5);
         assert!(first == image(renderer(&scene, &settings), 5), "{estimator:?}, {sampling}: rerun");
         assert!(first != image(renderer(&scene, &settings), 6), "{estimator:?}, {sampling}: another seed must differ");
@@ -48,11 +48,11 @@ fn rerun_tile_and_workgroup_give_the_same_bits() {
 fn a_crop_is_a_part_of_the_whole_image() {
     let scene = build(Kind::CornellBox);
     for estimator in ESTIMATORS {
-        let mut settings = settings(estimator, SIZE);
+        let settings = settings(estimator, SIZE).build().unwrap();
         let whole = image(renderer(&scene, &settings), 5);
-        settings.crop = Crop { x0: 7, y0: 3, x1: 30, y1: 17 };
-        let part = image(renderer(&scene, &settings), 5);
-        let width = settings.crop.width() as usize;
+        let cropped = settings.change().crop(Crop { x0: 7, y0: 3, x1: 30, y1: 17 }).build().unwrap();
+        let part = image(renderer(&scene, &cropped), 5);
+        let width = cropped.crop().width() as usize;
         for (i, pixel) in part.chunks_exact(3).enumerate() {
             let (x, y) = (7 + i % width, 3 + i / width);
             let at = (y * SIZE[0] as usize + x) * 3;
@@ -64,7 +64,7 @@ fn a_crop_is_a_part_of_the_whole_image() {
 #[test]
 fn a_render_resumed_with_more_samples_is_the_longer_render() {
     let scene = build(Kind::CornellBox);
-    let settings = settings(Estimator::LcsPaper, SIZE);
+    let settings = settings(Estimator::LcsPaper, SIZE).build().unwrap();
     let mut renderer = renderer(&scene, &settings);
     renderer.restart(9, GATE);
     renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
@@ -80,7 +80,7 @@ fn a_longer_render_begins_with_the_bits_of_a_shorter_one() {
     let scene = build(Kind::CornellBox);
     for (estimator, sampling) in [(Estimator::Lcs, Sampling::Adaptive), (Estimator::Bdpt, Sampling::Uniform)] {
         let film = |budget: Budget, iterations: u32| {
-            let settings = Settings { gate: GATE, budget, sampling, ..settings(estimator, SIZE) };
+            let settings = settings(estimator, SIZE).gate(GATE).budget(budget).sampling(sampling).build().unwrap();
             let mut renderer = renderer(&scene, &settings);
             while renderer.film().iterations() < iterations {
                 let film = renderer.film();

@@ -44,7 +44,7 @@ fn assert_same(scene: &Scene, settings: &Settings, drives: &[Drive]) {
     let expected = result(Drive::CPU, scene, settings);
     for &drive in drives {
         let found = result(drive, scene, settings);
-        let (estimator, sampling) = (settings.estimator, settings.sampling);
+        let (estimator, sampling) = (settings.estimator(), settings.sampling());
         assert!(found.0 == expected.0, "{estimator:?}, {sampling}, {drive:?}: other bits");
         assert_eq!(found.1, expected.1, "{estimator:?}, {sampling}, {drive:?}");
     }
@@ -55,7 +55,7 @@ fn a_card_renders_the_same_bits() {
     let scene = build(Kind::Zoo(Light::Area));
     for estimator in Estimator::ALL {
         for sampling in [Sampling::Uniform, Sampling::Adaptive] {
-            assert_same(&scene, &Settings { sampling, ..settings(estimator, SIZE) }, &[Drive::CARD]);
+            assert_same(&scene, &settings(estimator, SIZE).sampling(sampling).build().unwrap(), &[Drive::CARD]);
         }
     }
 }
@@ -63,14 +63,14 @@ fn a_card_renders_the_same_bits() {
 #[test]
 fn lights_without_area_are_the_same_bits_too() {
     for light in [Light::Punctual, Light::Beam] {
-        assert_same(&build(Kind::Zoo(light)), &settings(Estimator::Bdpt, SIZE), &[Drive::CARD]);
+        assert_same(&build(Kind::Zoo(light)), &settings(Estimator::Bdpt, SIZE).build().unwrap(), &[Drive::CARD]);
     }
-    assert_same(&build(Kind::Zoo(Light::Beam)), &settings(Estimator::Lcs, SIZE), &HALVES);
+    assert_same(&build(Kind::Zoo(Light::Beam)), &settings(Estimator::Lcs, SIZE).build().unwrap(), &HALVES);
 }
 
 #[test]
 fn light_paths_of_several_batches_are_the_same_bits() {
-    let few = Settings { light_paths: 70_000, splat_paths: 20_000, ..settings(Estimator::Lcs, SIZE) };
+    let few = settings(Estimator::Lcs, SIZE).light_paths(70_000).splat_paths(20_000).build().unwrap();
     assert_same(&build(Kind::CornellBox), &few, &[Drive::CARD]);
 }
 
@@ -79,7 +79,7 @@ fn a_card_waits_once_per_tile_and_allocates_nothing() {
     let device = open(Drive::CARD);
     let scene = build(Kind::Zoo(Light::Area));
     for estimator in Estimator::ALL {
-        let settings = Settings { max_depth: 16, ..settings(estimator, SIZE) };
+        let settings = settings(estimator, SIZE).max_depth(16).build().unwrap();
         let mut renderer = renderer(&device, &scene, &settings, 150);
         renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
         let (allocations, waits) = (device.allocations(), renderer.stats().waits);

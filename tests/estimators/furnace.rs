@@ -62,8 +62,7 @@ fn excess((scene, per_metre): &(Scene, f64), gate: Gate, estimator: Estimator, l
         (_, false) => (8, 50, 1),
         (_, true) => (16, 4000, 4),
     };
-    let mut s = settings(estimator, [side; 2]);
-    (s.max_depth, s.light_paths) = (254, light_paths);
+    let s = settings(estimator, [side; 2]).max_depth(254).light_paths(light_paths).build().unwrap();
     let mut renderer = renderer(scene, &s);
     let (mean, error) = Cells::measure(&mut renderer, gate, 32, 1, samples, 70).whole();
     let truth = per_metre * (gate.hi - gate.lo);

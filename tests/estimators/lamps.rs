@@ -34,7 +34,7 @@ fn sphere_of(count: usize) -> Scene {
 fn z_of_sphere(count: usize, estimator: Estimator, [a, b]: [f64; 2], times: f64) -> f64 {
     let gate = Gate { lo: 2.0 + a, hi: 2.0 + b };
     let truth = times * gated_radiance(1.0, f64::from(ALBEDO), gate.lo, gate.hi);
-    let mut renderer = renderer(&sphere_of(count), &settings(estimator, [12, 12]));
+    let mut renderer = renderer(&sphere_of(count), &settings(estimator, [12, 12]).build().unwrap());
     let (mean, error) = Cells::measure(&mut renderer, gate, 12, 1, 8, 100).whole();
     eprintln!("{count} lamps, {estimator} [{a}, {b}): {mean:.6} +- {error:.6}, closed form {truth:.6}");
     (mean - truth) / error
@@ -97,7 +97,7 @@ fn room(lamps: usize) -> Scene {
 }
 
 fn room_settings(estimator: Estimator) -> Settings {
-    Settings { max_depth: 6, ..settings(estimator, [24, 16]) }
+    settings(estimator, [24, 16]).max_depth(6).build().unwrap()
 }
 
 /// The room's cells by bdpt in groups of lamps that are few enough to be connected one by one, added up: mean and variance.
@@ -106,7 +106,7 @@ fn sum_over_groups(lamps: usize, gate: Gate) -> Vec<(f64, f64)> {
     let mut sums = vec![];
     for first in (0..lamps).step_by(6) {
         let group = (first..lamps.min(first + 6)).map(|n| format!("lamp {n}")).collect();
-        let s = Settings { emitters: Emitters::Nodes(group), ..room_settings(Estimator::Bdpt) };
+        let s = room_settings(Estimator::Bdpt).change().emitters(Emitters::Nodes(group)).build().unwrap();
         let cells = Cells::measure(&mut renderer(&scene, &s), gate, 8, 1, 8, 300 + first as u32);
         sums.resize(cells.batches.len(), (0.0, 0.0));
         for (i, sum) in sums.iter_mut().enumerate() {
@@ -124,7 +124,7 @@ fn greatest_z(lamps: usize, settings: &Settings, gate: Gate, truth: &[(f64, f64)
     let whole = truth.iter().map(|t| t.0).sum::<f64>() / truth.len() as f64;
     eprintln!(
         "{lamps} lamps, {} in {gate:?}: {:.6}, sum {whole:.6}, |z| <= {greatest:.2}",
-        settings.estimator,
+        settings.estimator(),
         cells.whole().0
     );
     greatest
@@ -133,7 +133,7 @@ fn greatest_z(lamps: usize, settings: &Settings, gate: Gate, truth: &[(f64, f64)
 /// All that can see by beams.
 fn ways() -> [Settings; 4] {
     let [bdpt, paper, lcs] = [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs].map(room_settings);
-    let two = Settings { single_tree: false, ..lcs.clone() };
+    let two = lcs.change().single_tree(false).build().unwrap();
     [bdpt, paper, lcs, two]
 }
 
@@ -143,7 +143,7 @@ fn the_image_by_many_lamps_is_the_sum_of_images_by_few() {
         let truth = sum_over_groups(lamps, gate);
         for settings in ways() {
             let z = greatest_z(lamps, &settings, gate, &truth);
-            assert!(z < threshold(8 * truth.len()), "{lamps} lamps, {}, {gate:?}: |z| = {z:.2}", settings.estimator);
+            assert!(z < threshold(8 * truth.len()), "{lamps} lamps, {}, {gate:?}: |z| = {z:.2}", settings.estimator());
         }
     }
 }
@@ -155,7 +155,7 @@ fn one_lamp_more_is_noticed() {
     let truth = sum_over_groups(26, gate);
     for settings in ways() {
         let z = greatest_z(27, &settings, gate, &truth);
-        assert!(z > threshold(truth.len()), "{}: |z| = {z:.2} against a wrong truth", settings.estimator);
+        assert!(z > threshold(truth.len()), "{}: |z| = {z:.2} against a wrong truth", settings.estimator());
     }
 }
 
@@ -182,7 +182,7 @@ fn a_projector_of_dots_agrees_with_the_sum_of_its_parts() {
     let mut sums = [(0.0, 0.0); 6];
     for first in (0..100).step_by(5) {
         let group = (first..first + 5).map(|n| format!("dot {n}")).collect();
-        let part = cells(&Settings { emitters: Emitters::Nodes(group), ..room_settings(Estimator::Bdpt) });
+        let part = cells(&room_settings(Estimator::Bdpt).change().emitters(Emitters::Nodes(group)).build().unwrap());
         for (i, sum) in sums.iter_mut().enumerate() {
             *sum = (sum.0 + part.mean(i), sum.1 + part.variance(i));
         }
@@ -191,7 +191,7 @@ fn a_projector_of_dots_agrees_with_the_sum_of_its_parts() {
         let all = cells(&settings);
         for (i, (mean, variance)) in sums.iter().enumerate().filter(|(_, sum)| sum.0 > 0.0) {
             let z = (all.mean(i) - mean) / (all.variance(i) + variance).sqrt();
-            let estimator = settings.estimator;
+            let estimator = settings.estimator();
             assert!(z.abs() < threshold(24), "{estimator}, cell {i}: {:.6} against {mean:.6}, z = {z:.2}", all.mean(i));
         }
     }

@@ -29,9 +29,8 @@ fn a_veil_behind_a_wall_does_not_open_the_wall() {
     let lamp = material(&mut scene, emitter("lamp", [50.0; 3]));
     add(&mut scene, "lamp", lamp, sheet(2.0, 0.5));
     camera(&mut scene, DVec3::new(0.0, 0.4, 0.9), DVec3::new(0.0, 0.0, 0.0), 0.9, [16, 16]);
-    let mut s = settings(Estimator::Pt, [16, 16]);
     // The lamp, a point of the floor, the pinhole: the wall stands between the first two.
-    s.max_depth = 2;
+    let s = settings(Estimator::Pt, [16, 16]).max_depth(2).build().unwrap();
     let mut renderer = renderer(&scene, &s);
     renderer.iterate(16).unwrap_or_else(|e| panic!("{e}"));
     assert!(renderer.film().mean().iter().all(|&x| x == 0.0), "light came through the wall");
@@ -53,9 +52,8 @@ fn a_thin_beam_keeps_its_light_beside_a_far_stronger_lamp() {
     camera(&mut scene, DVec3::new(0.0, 1.5, 3.0), DVec3::new(0.0, 0.5, 0.0), 0.9, [16, 16]);
     for estimator in [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs] {
         let mean = |emitters: Emitters| {
-            let mut s = settings(estimator, [16, 16]);
             // Light, spot, another surface, pinhole.
-            (s.max_depth, s.light_paths, s.emitters) = (3, 64, emitters);
+            let s = settings(estimator, [16, 16]).max_depth(3).light_paths(64).emitters(emitters).build().unwrap();
             let mut renderer = renderer(&scene, &s);
             (0..8).for_each(|_| renderer.iterate(8).unwrap_or_else(|e| panic!("{e}")));
             renderer.film().mean().iter().map(|&x| f64::from(x)).sum::<f64>()
@@ -79,8 +77,7 @@ fn a_mask_that_no_alpha_reaches_is_not_there() {
     add(&mut scene, "mask", mask, sheet(-1.0));
     add(&mut scene, "lamp", lamp, sheet(-2.0));
     camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.5, [4, 4]);
-    let mut s = settings(Estimator::Pt, [4, 4]);
-    s.max_depth = 1;
+    let s = settings(Estimator::Pt, [4, 4]).max_depth(1).build().unwrap();
     let mut renderer = renderer(&scene, &s);
     renderer.iterate(1).unwrap_or_else(|e| panic!("{e}"));
     assert!(renderer.film().mean().iter().all(|&x| x == 1.0), "{:?}", renderer.film().mean());
@@ -101,8 +98,7 @@ fn pixels_that_see_a_lamp_alone_show_all_of_it() {
         quad(DVec3::new(-half, -half, -2.0), DVec3::X * 2.0 * half, DVec3::Y * 2.0 * half, [1.0, 1.0]),
     );
     camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.5, [24, 24]);
-    let mut s = settings(Estimator::Pt, [24, 24]);
-    (s.max_depth, s.sampling) = (1, Sampling::Adaptive);
+    let s = settings(Estimator::Pt, [24, 24]).max_depth(1).sampling(Sampling::Adaptive).build().unwrap();
     let mut renderer = renderer(&scene, &s);
     (0..4).for_each(|_| renderer.iterate(16).unwrap_or_else(|e| panic!("{e}")));
     let [least, most] = renderer.samples_in_pixels();

@@ -49,8 +49,7 @@ fn rough_glass_agrees_with_the_oracle() {
 #[test]
 fn estimators_agree_on_rough_glass() {
     let cells = |estimator, rougher, seed| {
-        let mut s = settings(estimator, SIZE);
-        s.max_depth = 8;
+        let s = settings(estimator, SIZE).max_depth(8).build().unwrap();
         let (lo, hi) = GATES[0];
         Cells::measure(&mut renderer(&scene(rougher), &s), Gate { lo, hi }, 8, 1, 8, seed)
     };

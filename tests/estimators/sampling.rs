@@ -11,7 +11,7 @@ use taugate::settings::{Estimator, Sampling, Settings};
 const GATE: Gate = Gate { lo: 8.0, hi: 8.3 };
 
 fn spread(estimator: Estimator, sampling: Sampling) -> Settings {
-    Settings { sampling, max_depth: 10, ..settings(estimator, [24, 24]) }
+    settings(estimator, [24, 24]).sampling(sampling).max_depth(10).build().unwrap()
 }
 
 #[test]
@@ -31,7 +31,7 @@ fn adaptive_samples_agree_with_uniform_ones() {
 #[test]
 fn adaptive_samples_agree_with_the_closed_form() {
     let scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: 0.5 });
-    let settings = Settings { sampling: Sampling::Adaptive, ..settings(Estimator::Lcs, [12, 12]) };
+    let settings = settings(Estimator::Lcs, [12, 12]).sampling(Sampling::Adaptive).build().unwrap();
     let mut renderer = renderer(&scene, &settings);
     for (lo, hi) in [(2.5, 3.0), (4.0, 5.0)] {
         let (mean, error) = Cells::measure(&mut renderer, Gate { lo, hi }, 12, 4, 4, 700).whole();

@@ -24,10 +24,8 @@ fn estimators_agree(name: &str, emitters: Emitters, gate: Gate, resolution: [u32
     let Some(path) = scene_path(name) else { return };
     let scene = gltf::load(&path).unwrap_or_else(|e| panic!("{e}"));
     let cells = |estimator| {
-        let mut s = settings(estimator, resolution);
-        s.emitters = emitters.clone();
-        s.max_depth = 12;
-        s.light_paths = 4000;
+        let s =
+            settings(estimator, resolution).emitters(emitters.clone()).max_depth(12).light_paths(4000).build().unwrap();
         Cells::measure(&mut renderer(&scene, &s), gate, 16, 1, 8, 40)
     };
     let bdpt = cells(Estimator::Bdpt);

@@ -14,7 +14,7 @@ const GATES: [(f64, f64); 9] =
 
 fn sphere(radius: f32, estimator: Estimator) -> Renderer {
     let scene = build(Kind::GatedSphere { radius, subdivisions: 6, albedo: ALBEDO });
-    renderer(&scene, &settings(estimator, [16, 16]))
+    renderer(&scene, &settings(estimator, [16, 16]).build().unwrap())
 }
 
 /// z-scores of all gates against the closed form; `stretch` 1 is the truth.
@@ -78,8 +78,7 @@ fn a_gate_off_by_two_percent_is_rejected() {
 /// The long proof: bias below 0.5 % in every gate. `cargo test --release --test estimators -- --ignored --nocapture bias`
 fn bias_is_small(estimator: Estimator) {
     let scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: ALBEDO });
-    let mut s = settings(estimator, [64, 64]);
-    s.light_paths = 20_000;
+    let s = settings(estimator, [64, 64]).light_paths(20_000).build().unwrap();
     let mut renderer = renderer(&scene, &s);
     for (a, b) in GATES {
         let gate = Gate { lo: 2.0 + a, hi: 2.0 + b };

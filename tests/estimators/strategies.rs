@@ -41,7 +41,14 @@ fn difference<'a>(image: &[f32], parts: impl Iterator<Item = &'a StrategyImage>)
 
 /// One query: with more, `lcs` gives strategies of few light vertices hardly any weight.
 fn small(estimator: Estimator, strategies: Strategies, gate: Gate) -> Settings {
-    Settings { strategies, gate, max_depth: 6, light_paths: 500, queries: 1, ..settings(estimator, [24, 20]) }
+    settings(estimator, [24, 20])
+        .strategies(strategies)
+        .gate(gate)
+        .max_depth(6)
+        .light_paths(500)
+        .queries(1)
+        .build()
+        .unwrap()
 }
 
 #[test]
@@ -83,9 +90,8 @@ fn weighted_strategies_sum_to_the_image() {
 #[test]
 fn strategies_of_one_length_agree_unweighted() {
     let scene = build(Kind::CornellBox);
-    let mut s = small(Estimator::Bdpt, Strategies::All, Gate::OPEN);
-    s.max_depth = 3;
-    s.light_paths = 2000;
+    let s =
+        small(Estimator::Bdpt, Strategies::All, Gate::OPEN).change().max_depth(3).light_paths(2000).build().unwrap();
     let prepared = Prepared::new(&scene, &s).unwrap();
     let mut parts = StrategyImages::new(&device(), &scene, &s, &prepared).unwrap();
     for _ in 0..128 {
@@ -120,6 +126,6 @@ fn the_strategies_that_are_listed() {
     // s >= 1 and t >= 2 of k segments: k - 1.
     assert_eq!(count(Estimator::LcsPaper, Strategies::Paper), 15);
     assert_eq!(count(Estimator::Lcs, Strategies::Paper), 15);
-    let huge = Settings { max_depth: 254, ..settings(Estimator::Bdpt, [64, 64]) };
+    let huge = settings(Estimator::Bdpt, [64, 64]).max_depth(254).build().unwrap();
     assert!(StrategyImages::check(&huge).unwrap_err().to_string().contains("--max-depth"));
 }

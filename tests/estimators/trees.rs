@@ -31,12 +31,12 @@ fn z(scene: &Scene, settings: &Settings, [a, b]: [f64; 2], stretch: f64) -> f64 
     let gate = Gate { lo: 1.0 + a, hi: 1.0 + b };
     let (mean, error) = Cells::measure(&mut renderer(scene, settings), gate, 12, 1, 8, 300).whole();
     let expected = truth(gate.lo * stretch - 1.0, gate.hi * stretch - 1.0);
-    eprintln!("{} [{a}, {b}): {mean:.6} +- {error:.6}, closed form {expected:.6}", settings.estimator);
+    eprintln!("{} [{a}, {b}): {mean:.6} +- {error:.6}, closed form {expected:.6}", settings.estimator());
     (mean - expected) / error
 }
 
 fn single(estimator: Estimator, resolution: [u32; 2]) -> Settings {
-    Settings { single_tree: true, ..settings(estimator, resolution) }
+    settings(estimator, resolution).single_tree(true).build().unwrap()
 }
 
 const TREES: [Estimator; 2] = [Estimator::LcsPaper, Estimator::Lcs];
@@ -70,7 +70,12 @@ fn leaves_and_frontiers_of_any_size_agree_with_the_closed_form() {
     let sizes =
         [(Estimator::LcsPaper, 16, 32), (Estimator::Lcs, 1, 32), (Estimator::Lcs, 8, 5), (Estimator::Lcs, 16, 1)];
     for (estimator, leaf_size, frontier) in sizes {
-        let z = z(&scene, &Settings { leaf_size, frontier, ..settings(estimator, [12, 12]) }, GATES[1], 1.0);
+        let z = z(
+            &scene,
+            &settings(estimator, [12, 12]).leaf_size(leaf_size).frontier(frontier).build().unwrap(),
+            GATES[1],
+            1.0,
+        );
         assert!(
             z.abs() < threshold(sizes.len()),
             "{estimator}, leaves of {leaf_size}, frontiers of {frontier}: z = {z:.2}"
@@ -82,18 +87,18 @@ fn leaves_and_frontiers_of_any_size_agree_with_the_closed_form() {
 fn a_single_tree_agrees_with_two() {
     let scene = build(Kind::CornellBox);
     let measure = |settings: Settings, lo: f64| {
-        let s = Settings { max_depth: 10, ..settings };
+        let s = settings.change().max_depth(10).build().unwrap();
         Cells::measure(
             &mut renderer(&scene, &s),
             Gate { lo, hi: lo + 0.3 },
             8,
             1,
             8,
-            if s.single_tree { 40 } else { 80 },
+            if s.single_tree() { 40 } else { 80 },
         )
     };
     for estimator in TREES {
-        let two = measure(settings(estimator, [24, 24]), 8.0);
+        let two = measure(settings(estimator, [24, 24]).build().unwrap(), 8.0);
         let wrong = disagreements(&two, &measure(single(estimator, [24, 24]), 8.0));
         assert!(wrong.is_empty(), "{estimator}:\n{}", wrong.join("\n"));
         let shifted = measure(single(estimator, [24, 24]), 8.3);
@@ -108,7 +113,7 @@ fn positions() -> Vec<Importance> {
 }
 
 fn by(importance: Importance, resolution: [u32; 2]) -> Settings {
-    Settings { importance, ..settings(Estimator::Lcs, resolution) }
+    settings(Estimator::Lcs, resolution).importance(importance).build().unwrap()
 }
 
 #[test]
@@ -126,7 +131,7 @@ fn any_importance_agrees_with_the_closed_form() {
 fn any_importance_agrees_with_all_of_it() {
     let scene = build(Kind::CornellBox);
     let measure = |importance: Importance, lo: f64, seed: u32| {
-        let s = Settings { max_depth: 10, ..by(importance, [24, 24]) };
+        let s = by(importance, [24, 24]).change().max_depth(10).build().unwrap();
         Cells::measure(&mut renderer(&scene, &s), Gate { lo, hi: lo + 0.3 }, 8, 1, 8, seed)
     };
     let all = measure(Importance::ALL, 8.0, 40);

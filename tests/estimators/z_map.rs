@@ -15,8 +15,7 @@ const GATE: Gate = Gate { lo: 6.5, hi: 7.5 };
 
 fn made(scene: &Scene, estimator: Estimator) -> Renderer {
     // Few light paths: what pixels share within an iteration counts.
-    let mut s = settings(estimator, SIZE);
-    (s.light_paths, s.max_depth) = (500, 8);
+    let s = settings(estimator, SIZE).light_paths(500).max_depth(8).build().unwrap();
     renderer(scene, &s)
 }
 

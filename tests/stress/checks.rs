@@ -36,8 +36,7 @@ fn images(test: &str, checked: bool) -> Vec<String> {
 
 /// Prints the bits of a small image.
 fn print_image(scene: &Scene, estimator: Estimator) {
-    let mut s = settings(estimator, [12, 8]);
-    (s.max_depth, s.light_paths) = (8, 200);
+    let s = settings(estimator, [12, 8]).max_depth(8).light_paths(200).build().unwrap();
     let mut renderer = renderer(scene, &s);
     let image = image(&mut renderer, 3, Gate { lo: 3.0, hi: 12.0 }, 2, 2);
     assert!(sum(&image) > 0.0);

@@ -51,9 +51,13 @@ fn doubled(mut scene: Scene, change: impl Fn(&Mesh) -> Mesh, shift: f64) -> Scen
 }
 
 fn render(scene: &Scene, estimator: Estimator, gate: Gate) -> Vec<f32> {
-    let mut s = settings(estimator, [24, 24]);
     // Few candidates: the more there are, the more of them are alike.
-    (s.max_depth, s.light_paths, s.queries) = (6, 500, s.queries.min(4));
+    let s = settings(estimator, [24, 24])
+        .max_depth(6)
+        .light_paths(500)
+        .queries(estimator.default_queries().min(4))
+        .build()
+        .unwrap();
     let mut renderer = renderer(scene, &s);
     let out = image(&mut renderer, 3, gate, 2, 4);
     assert_eq!(renderer.stats().dropped, 0, "{estimator}: contributions that are not finite");
@@ -127,8 +131,7 @@ fn a_lamp_in_the_plane_of_the_ceiling_shines() {
         let mut scene = build(Kind::CornellBox);
         let lamp = scene.instances.iter_mut().find(|i| i.node == "light").expect("the lamp of the box");
         lamp.transform = DAffine3::from_translation(DVec3::Y * (height - 1.99));
-        let mut s = settings(estimator, [24, 24]);
-        (s.max_depth, s.light_paths) = (6, 2000);
+        let s = settings(estimator, [24, 24]).max_depth(6).light_paths(2000).build().unwrap();
         Cells::measure(&mut renderer(&turned(scene), &s), GATE, 8, 1, 8, 3)
     };
     let below = lit(1.9999, Estimator::Bdpt).whole();

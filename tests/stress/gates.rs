@@ -23,8 +23,7 @@ fn step(x: f64, n: i32) -> f64 {
 
 /// The light that arrives after exactly `tau`, through gates with an edge there: it counts at `lo`, it does not at `hi`.
 fn edges_are_half_open(scene: &Scene, estimator: Estimator, tau: f64, radiance: f64) {
-    let mut s = settings(estimator, [2, 2]);
-    (s.max_depth, s.light_paths) = (6, 100);
+    let s = settings(estimator, [2, 2]).max_depth(6).light_paths(100).build().unwrap();
     let mut renderer = renderer(scene, &s);
     let mut through = |lo: f64, hi: f64| sum(&image(&mut renderer, 1, Gate { lo, hi }, 1, 16)) / 12.0;
     for (lo, hi) in [
@@ -65,8 +64,7 @@ fn a_pane_of_glass_delays_light_by_its_index() {
     camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, NARROW, [2, 2]);
     // 1 m of air, 1 m of glass, 2 m of air.
     let tau = 1.0 + 1.5 + 2.0;
-    let mut s = settings(Estimator::Pt, [2, 2]);
-    s.max_depth = 3;
+    let s = settings(Estimator::Pt, [2, 2]).max_depth(3).build().unwrap();
     let mut renderer = renderer(&scene, &s);
     let mut through = |lo: f64, hi: f64| sum(&image(&mut renderer, 1, Gate { lo, hi }, 1, 16));
     assert!(through(tau, step(tau, 1)) > 0.0);
@@ -77,8 +75,7 @@ fn a_pane_of_glass_delays_light_by_its_index() {
 fn a_gate_before_or_after_all_light_is_black() {
     let scene = build(Kind::CornellBox);
     for estimator in Estimator::ALL {
-        let mut s = settings(estimator, [8, 8]);
-        (s.max_depth, s.light_paths) = (4, 200);
+        let s = settings(estimator, [8, 8]).max_depth(4).light_paths(200).build().unwrap();
         let mut renderer = renderer(&scene, &s);
         for (lo, hi) in [(0.0, 1e-30), (0.0, 2.0), (1.9, 2.0), (1e3, f64::INFINITY), (1e3, 2e3), (1e30, 2e30)] {
             assert_eq!(sum(&image(&mut renderer, 1, Gate { lo, hi }, 1, 4)), 0.0, "{estimator:?}: [{lo}, {hi})");

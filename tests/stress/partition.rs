@@ -19,8 +19,7 @@ fn abutting(n: u32) -> Vec<Gate> {
 }
 
 fn cornell(estimator: Estimator, max_depth: u32, light_paths: u32) -> Renderer {
-    let mut s = settings(estimator, [8, 8]);
-    (s.max_depth, s.light_paths) = (max_depth, light_paths);
+    let s = settings(estimator, [8, 8]).max_depth(max_depth).light_paths(light_paths).build().unwrap();
     renderer(&build(Kind::CornellBox), &s)
 }
 
@@ -59,8 +58,7 @@ fn a_thousand_gates_add_up_with_the_same_seed() {
 /// Only without t = 1, whose rare bright pixels hide what queries do, is the error small.
 /// Gates are independent of each other and each is rendered with `seeds` seeds of its own, so that variances add up.
 fn totals(estimator: Estimator, strategies: Strategies, n: u32, seeds: u32, whole_seeds: u32) -> (Vec<f64>, f64, f64) {
-    let mut s = settings(estimator, [8, 8]);
-    (s.max_depth, s.light_paths, s.strategies) = (4, 2000, strategies);
+    let s = settings(estimator, [8, 8]).max_depth(4).light_paths(2000).strategies(strategies).build().unwrap();
     let mut renderer = renderer(&build(Kind::CornellBox), &s);
     let mut moments = |gate: Gate, first_seed: u32, seeds: u32| {
         let values: Vec<f64> = (0..seeds).map(|i| sum(&image(&mut renderer, first_seed + i, gate, 1, 16))).collect();

@@ -15,8 +15,7 @@ fn slope(side: u32, steps: u32) -> f64 {
     const YFOV: f64 = 1.2;
     let gate = Gate { lo: 4.3, hi: 4.9 };
     let scene = wall(2.0, YFOV, [side, side]);
-    let mut s = settings(Estimator::Pt, [side, side]);
-    (s.max_depth, s.light_paths) = (2, 1);
+    let s = settings(Estimator::Pt, [side, side]).max_depth(2).light_paths(1).build().unwrap();
     let mut renderer = renderer(&scene, &s);
     renderer.restart(11, gate);
     let truth = gated_pixels(2.0, YFOV, side as usize, gate.lo, gate.hi);
@@ -91,8 +90,7 @@ const LAGS: [usize; 6] = [1, 2, 3, 4, 16, 64];
 const GATE: Gate = Gate { lo: 8.0, hi: 10.0 };
 
 fn cornell(estimator: Estimator) -> Renderer {
-    let mut s = settings(estimator, [12, 12]);
-    (s.max_depth, s.light_paths) = (5, 64);
+    let s = settings(estimator, [12, 12]).max_depth(5).light_paths(64).build().unwrap();
     renderer(&build(Kind::CornellBox), &s)
 }
 

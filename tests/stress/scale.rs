@@ -70,8 +70,7 @@ fn mixed() -> Scene {
 
 /// Images of independent iterations.
 fn render(scene: &Scene, estimator: Estimator, scale: f64) -> Vec<Vec<f32>> {
-    let mut s = settings(estimator, SIZE);
-    (s.max_depth, s.light_paths) = (8, 500);
+    let s = settings(estimator, SIZE).max_depth(8).light_paths(500).build().unwrap();
     let mut renderer = Renderer::new(&device(), scene, &s).unwrap_or_else(|e| panic!("{e}"));
     let gate = Gate { lo: GATE.lo * scale, hi: GATE.hi * scale };
     let out: Vec<Vec<f32>> = (0..ITERATIONS).map(|i| image(&mut renderer, 3 + i, gate, 1, 4)).collect();

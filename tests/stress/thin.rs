@@ -17,8 +17,7 @@ const STEP: f64 = 1.0 / 8192.0;
 /// Bias of the mean over `gates` and its standard error; the gates are `width` steps wide and begin `phase` of a step off the
 /// numbers that f32 has.
 fn bias(estimator: Estimator, width: f64, phase: f64, gates: u32, seeds: u32, iterations: u32) -> (f64, f64) {
-    let mut s = settings(estimator, [32, 32]);
-    (s.max_depth, s.light_paths) = (2, 16);
+    let s = settings(estimator, [32, 32]).max_depth(2).light_paths(16).build().unwrap();
     let mut renderer = renderer(&wall(DISTANCE, YFOV, [32, 32]), &s);
     let mut ratios = vec![0.0; seeds as usize];
     for i in 0..gates {

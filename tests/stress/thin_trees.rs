@@ -170,7 +170,7 @@ impl Far {
 }
 
 fn far_settings(far: Far, estimator: Estimator, light_paths: u32) -> Settings {
-    Settings { max_depth: far.depth(), light_paths, ..settings(estimator, [16, 16]) }
+    settings(estimator, [16, 16]).max_depth(far.depth()).light_paths(light_paths).build().unwrap()
 }
 
 /// Bias of the mean over the gates and its standard error.
@@ -241,7 +241,7 @@ fn the_bias_of_256_steps_is_small_through_the_trees() {
 fn the_trees_alone_have_the_energy_through_the_trees() {
     assert_small(|far, estimator, truth| {
         let (gate, truth) = (far.gates()[1], truth[1]);
-        let s = Settings { gate, ..far_settings(far, estimator, 20_000) };
+        let s = far_settings(far, estimator, 20_000).change().gate(gate).build().unwrap();
         let scene = far.scene();
         let prepared = Prepared::new(&scene, &s).expect("a lamp");
         let mut parts = StrategyImages::new(&device(), &scene, &s, &prepared).expect("small images");

@@ -2,7 +2,6 @@
 
 use crate::estimators::{Conditions, GateWidth};
 use crate::scene::{Light, Material, Scene};
-use crate::settings::table::OutputTable;
 use crate::settings::units::Gate;
 use crate::settings::*;
 
@@ -34,14 +33,4 @@ fn focuses_light(scene: &Scene) -> bool {
     let focuses =
         |m: &Material| m.transmission > 0.0 || (m.roughness < SHARP && (m.metallic > 0.0 || m.specular > 0.0));
     scene.materials.iter().any(focuses)
-}
-
-/// Enough that the trees know the light, and no more than sensor paths can pay for.
-pub fn light_paths(estimator: Estimator, [width, height]: [u32; 2]) -> u32 {
-    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, estimator.record().most_light_paths)
-}
-
-/// Images of strategies are rendered with as many samples in every pixel.
-pub(super) fn sampling(estimator: Estimator, output: &OutputTable) -> Sampling {
-    if output.strategy_images.is_some() { Sampling::Uniform } else { Sampling::default_of(estimator) }
 }

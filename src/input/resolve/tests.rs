@@ -47,35 +47,38 @@ fn message(toml: &str, scene: &Scene) -> String {
 fn defaults_fill_what_nobody_said() {
     // Without a gate there is nothing that queries could choose better by.
     let s = settings_of("");
-    assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::Bdpt, Strategies::All, Gate::OPEN));
-    assert_eq!((s.queries, s.leaf_size), (1, 0));
+    assert_eq!((s.estimator(), s.strategies(), s.gate()), (Estimator::Bdpt, Strategies::All, Gate::OPEN));
+    assert_eq!((s.queries(), s.leaf_size()), (1, 0));
     let s = settings_of("gate.gate = '1m..2m'\nemitter.emitters = 'beam'");
-    assert_eq!((s.estimator, s.strategies, s.gate), (Estimator::Lcs, Strategies::All, Gate { lo: 1.0, hi: 2.0 }));
-    assert_eq!((s.budget, s.seed, s.max_depth), (Budget::Spp(64), 0, 24));
-    assert_eq!((s.light_paths, s.splat_paths, s.queries, s.buckets, s.cull), (8192, 0, 16, 8, true));
-    assert_eq!((s.leaf_size, s.frontier, s.single_tree), (16, 32, true));
+    assert_eq!((s.estimator(), s.strategies(), s.gate()), (Estimator::Lcs, Strategies::All, Gate { lo: 1.0, hi: 2.0 }));
+    assert_eq!((s.budget(), s.seed(), s.max_depth()), (Budget::Spp(64), 0, 24));
+    assert_eq!((s.light_paths(), s.splat_paths(), s.queries(), s.buckets(), s.no_cull()), (8192, 0, 16, 8, false));
+    assert_eq!((s.leaf_size(), s.frontier(), s.single_tree()), (16, 32, true));
     let paths = |estimator: &str, resolution: &str| {
         let rest = "gate.gate = '1m..2m'\nemitter.emitters = 'beam'";
         settings_of(&format!("render.estimator = '{estimator}'\ncamera.resolution = '{resolution}'\n{rest}"))
-            .light_paths
+            .light_paths()
     };
     assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| paths(e, "512x256")), [8192, 50_000, 50_000]);
     assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| paths(e, "96x64")), [6144; 3]);
     assert_eq!(["lcs", "lcs-paper", "bdpt"].map(|e| paths(e, "32x32")), [4096; 3]);
-    assert_eq!((s.camera, s.resolution, s.emitters), (0, [512, 256], Emitters::Nodes(vec!["beam".into()])));
-    assert_eq!(s.crop, Crop { x0: 0, x1: 512, y0: 0, y1: 256 });
+    assert_eq!(
+        (s.camera(), s.resolution(), s.emitters().clone()),
+        (0, [512, 256], Emitters::Nodes(vec!["beam".into()]))
+    );
+    assert_eq!(s.crop(), Crop { x0: 0, x1: 512, y0: 0, y1: 256 });
 }
 
 #[test]
 fn wide_gates_are_for_bdpt() {
-    let estimator = |gate: &str| settings_of(&format!("gate.gate = '{gate}'\nemitter.emitters = 'beam'")).estimator;
+    let estimator = |gate: &str| settings_of(&format!("gate.gate = '{gate}'\nemitter.emitters = 'beam'")).estimator();
     assert_eq!(estimator("1m..2.38m"), Estimator::Lcs);
     assert_eq!(estimator("1m..2.39m"), Estimator::Bdpt);
 }
 
 #[test]
 fn without_a_gate_pt_is_for_what_it_sees_well() {
-    let estimator = |toml: &str, scene: &Scene| resolve(&experiment(toml), scene).unwrap().settings.estimator;
+    let estimator = |toml: &str, scene: &Scene| resolve(&experiment(toml), scene).unwrap().settings.estimator();
     assert_eq!(estimator("emitter.emitters = 'lamp'", &scene()), Estimator::Pt);
     assert_eq!(estimator("emitter.emitters = 'lamp'\ngate.gate = '1m..9m'", &scene()), Estimator::Bdpt);
     assert_eq!(estimator("emitter.emitters = 'beam'", &scene()), Estimator::Bdpt);
@@ -88,8 +91,8 @@ fn without_a_gate_pt_is_for_what_it_sees_well() {
 
 #[test]
 fn the_camera_gives_the_resolution_unless_one_is_typed() {
-    assert_eq!(settings_of("camera.camera = 'side'").resolution, [640, 480]);
-    assert_eq!(settings_of("camera = { camera = 'side', resolution = '10x20' }").resolution, [10, 20]);
+    assert_eq!(settings_of("camera.camera = 'side'").resolution(), [640, 480]);
+    assert_eq!(settings_of("camera = { camera = 'side', resolution = '10x20' }").resolution(), [10, 20]);
 }
 
 #[test]
@@ -135,7 +138,7 @@ fn names_with_commas_may_be_typed_in_parts() {
     let mut scene = scene();
     let node = |name: &str| Instance { mesh: 1, transform: DAffine3::IDENTITY, node: name.into() };
     scene.instances.extend([node("lamp, left"), node("left"), node("a,b,c"), node("b")]);
-    let chosen = |toml: &str| match resolve(&experiment(toml), &scene).unwrap().settings.emitters {
+    let chosen = |toml: &str| match resolve(&experiment(toml), &scene).unwrap().settings.emitters().clone() {
         Emitters::Nodes(names) => names,
         Emitters::Scene => panic!("{toml}"),
     };
@@ -146,7 +149,7 @@ fn names_with_commas_may_be_typed_in_parts() {
     assert_eq!(chosen("emitter.emitters = 'lamp, left'"), ["lamp", "left"]);
     scene.instances.retain(|instance| instance.node != "left");
     let message = |toml: &str| message(toml, &scene);
-    let chosen = |toml: &str| resolve(&experiment(toml), &scene).unwrap().settings.emitters;
+    let chosen = |toml: &str| resolve(&experiment(toml), &scene).unwrap().settings.emitters().clone();
     assert_eq!(chosen("emitter.emitters = 'lamp, left'"), Emitters::Nodes(vec!["lamp, left".into()]));
     assert!(message("emitter.emitters = 'a,b,d'").contains("no node 'd'"));
     assert!(message("emitter.emitters = 'left,lamp'").contains("no node 'left'"));
@@ -172,7 +175,7 @@ fn resolved_settings_printed_as_an_experiment_resolve_to_themselves() {
 
 #[test]
 fn leaves_follow_the_estimator() {
-    let size = |toml: &str| settings_of(toml).leaf_size;
+    let size = |toml: &str| settings_of(toml).leaf_size();
     assert_eq!(size("render.estimator = 'lcs'"), 16);
     assert_eq!(size("render = { estimator = 'lcs', leaf-size = 4 }"), 4);
     assert_eq!(size("render = { estimator = 'bdpt', leaf-size = 4 }"), 0);
@@ -190,7 +193,7 @@ fn importance_is_for_lcs() {
     let of = |toml: &str| {
         let resolved = resolve(&experiment(&format!("emitter.emitters = 'beam'\n{toml}")), &scene()).unwrap();
         let printed = as_experiment(&Experiment::default(), &resolved.settings, &scene()).render.importance;
-        (resolved.settings.importance, printed, resolved.warnings.len())
+        (resolved.settings.importance(), printed, resolved.warnings.len())
     };
     let some = Importance { cosine: false, ..Importance::ALL };
     assert_eq!(of("render.estimator = 'lcs'"), (Importance::ALL, Some(Importance::ALL), 0));

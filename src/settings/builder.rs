@@ -1,0 +1,95 @@
+//! How [`Settings`] are made: everything is chosen in any order and checked at the end.
+
+use crate::error::{Error, Result};
+use crate::settings::table::RenderTable;
+use crate::settings::units::Gate;
+use crate::settings::values::Seconds;
+use crate::settings::{Budget, Crop, DEFAULT_WIDTH, Emitters, Estimator, MAX_SECONDS, Settings, check_resolution};
+
+/// Settings that are not checked yet, see [`Settings`].
+#[derive(Debug, Clone)]
+pub struct SettingsBuilder {
+    pub(super) camera: usize,
+    pub(super) resolution: [u32; 2],
+    pub(super) crop: Option<Crop>,
+    pub(super) emitters: Emitters,
+    pub(super) gate: Gate,
+    /// Without `device` and `strict`, which are not about the image.
+    pub(super) render: RenderTable,
+}
+
+impl Default for SettingsBuilder {
+    fn default() -> SettingsBuilder {
+        SettingsBuilder {
+            camera: 0,
+            resolution: [DEFAULT_WIDTH; 2],
+            crop: None,
+            emitters: Emitters::Scene,
+            gate: Gate::OPEN,
+            render: RenderTable::default(),
+        }
+    }
+}
+
+impl SettingsBuilder {
+    /// All settings of `[render]` at once, in place of those that were chosen before.
+    pub fn table(self, render: &RenderTable) -> SettingsBuilder {
+        SettingsBuilder { render: RenderTable { device: None, strict: None, ..render.clone() }, ..self }
+    }
+
+    pub fn estimator(mut self, estimator: Estimator) -> SettingsBuilder {
+        self.render.estimator = Some(estimator);
+        self
+    }
+
+    /// Travel times that count; [`Gate::OPEN`] for the steady state.
+    pub fn gate(self, gate: Gate) -> SettingsBuilder {
+        SettingsBuilder { gate, ..self }
+    }
+
+    /// Width and height of the whole image in pixels.
+    pub fn resolution(self, resolution: [u32; 2]) -> SettingsBuilder {
+        SettingsBuilder { resolution, ..self }
+    }
+
+    /// The part to render; nothing chosen is the whole image.
+    pub fn crop(self, crop: impl Into<Option<Crop>>) -> SettingsBuilder {
+        SettingsBuilder { crop: crop.into(), ..self }
+    }
+
+    pub fn budget(mut self, budget: Budget) -> SettingsBuilder {
+        (self.render.spp, self.render.time) = match budget {
+            Budget::Spp(spp) => (Some(spp), None),
+            Budget::Seconds(seconds) => (None, Some(Seconds(seconds))),
+        };
+        self
+    }
+
+    /// Index into `Scene::cameras`.
+    pub fn camera(self, camera: usize) -> SettingsBuilder {
+        SettingsBuilder { camera, ..self }
+    }
+
+    pub fn emitters(self, emitters: Emitters) -> SettingsBuilder {
+        SettingsBuilder { emitters, ..self }
+    }
+
+    /// Fails with what is outside its limits.
+    pub fn build(self) -> Result<Settings> {
+        Gate::new(self.gate.lo, self.gate.hi)?;
+        check_resolution("the resolution", self.resolution)?;
+        self.render.check()?;
+        if self.render.time.is_some_and(|Seconds(seconds)| !(seconds > 0.0 && seconds <= MAX_SECONDS)) {
+            return Err(Error::Settings("--time must be over 0 and at most a year".into()));
+        }
+        let [width, height] = self.resolution;
+        let is_inside = |crop: Crop| crop.x0 < crop.x1 && crop.x1 <= width && crop.y0 < crop.y1 && crop.y1 <= height;
+        if let Some(crop) = self.crop.filter(|&crop| !is_inside(crop)) {
+            return Err(Error::Settings(format!(
+                "--crop {crop} does not lie inside the image of {width}x{height}; it is x0,x1,y0,y1 with x1 <= {width} \
+                 and y1 <= {height}"
+            )));
+        }
+        Ok(Settings { chosen: self })
+    }
+}

@@ -1,0 +1,46 @@
+use super::*;
+
+#[test]
+fn what_is_left_open_follows_the_estimator() {
+    let default = Settings::default();
+    assert_eq!((default.estimator(), default.gate(), default.budget()), (Estimator::Bdpt, Gate::OPEN, Budget::Spp(64)));
+    assert_eq!((default.resolution(), default.crop().width(), default.crop().height()), ([512, 512], 512, 512));
+    assert_eq!((default.queries(), default.leaf_size(), default.light_paths()), (1, 0, 50_000));
+    let lcs = default.change().estimator(Estimator::Lcs).build().unwrap();
+    assert_eq!((lcs.queries(), lcs.leaf_size(), lcs.single_tree(), lcs.light_paths()), (16, 16, true, 8192));
+    let few = lcs.change().resolution([80, 80]).queries(3).leaf_size(2).build().unwrap();
+    assert_eq!((few.queries(), few.leaf_size(), few.light_paths(), few.crop().width()), (3, 2, 6400, 80));
+    // What an estimator does not use has its default.
+    let pt = few.change().estimator(Estimator::Pt).splat_paths(9).build().unwrap();
+    assert_eq!((pt.queries(), pt.leaf_size(), pt.splat_paths()), (1, 0, 0));
+    assert_eq!((pt.to_table().queries, pt.to_table().spp), (None, Some(64)));
+}
+
+#[test]
+fn settings_are_equal_that_render_the_same() {
+    let default = Settings::default();
+    let spelled_out = default.change().table(&default.to_table()).crop(default.crop()).build().unwrap();
+    assert_eq!(spelled_out, default);
+    assert_ne!(default.change().seed(1).build().unwrap(), default);
+    assert_eq!(default.change().queries(2).build().unwrap(), default);
+    assert_ne!(default.change().gate(Gate { lo: 1.0, hi: 2.0 }).build().unwrap(), default);
+}
+
+#[test]
+fn settings_outside_their_limits_are_not_built() {
+    let builder = Settings::builder;
+    let crop = Crop { x0: 0, y0: 0, x1: 513, y1: 512 };
+    for (wrong, part) in [
+        (builder().max_depth(0), "--max-depth is 0; it must be from 1 to 254"),
+        (builder().splat_paths(MAX_LIGHT_PATHS + 1), "--splat-paths is 16777217; it must be at most 16777216"),
+        (builder().budget(Budget::Spp(0)), "--spp is 0"),
+        (builder().budget(Budget::Seconds(f64::NAN)), "--time must be over 0"),
+        (builder().resolution([0, 5]), "--resolution"),
+        (builder().crop(crop), "does not lie inside the image of 512x512"),
+        (builder().gate(Gate { lo: 2.0, hi: 1.0 }), "reversed"),
+        (builder().gate(Gate { lo: f64::NAN, hi: 1.0 }), "NaN"),
+    ] {
+        let message = wrong.build().unwrap_err().to_string();
+        assert!(message.contains(part), "{message}");
+    }
+}
