@@ -20,6 +20,7 @@ pub mod lightcone;
 pub mod oracle;
 pub mod render;
 pub mod scene;
+pub mod self_check;
 pub mod settings;
 pub mod wgsl;
 

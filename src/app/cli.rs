@@ -175,7 +175,18 @@ impl InfoArgs {
 
 /// List Vulkan devices and the limits that matter
 #[derive(Debug, Args)]
+#[command(
+    after_help = "Exit codes: 0 listed, or every check is ok, 1 a check found a wrong image, 2 wrong input, 4 the device failed"
+)]
 pub struct DevicesArgs {
+    /// Render small scenes whose images are known with every estimator on one device, and compare; takes about a minute
+    #[arg(long, conflicts_with = "json", help_heading = "Check")]
+    pub check: bool,
+
+    /// Device to check, by index or part of its name [default: the fastest kind]
+    #[arg(long, value_name = "INDEX|NAME", requires = "check", help_heading = "Check")]
+    pub device: Option<String>,
+
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     pub json: bool,

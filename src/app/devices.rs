@@ -7,6 +7,9 @@ use taugate::gpu::{Device, DeviceInfo, DeviceKind};
 use crate::app::cli::DevicesArgs;
 
 pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
+    if args.check {
+        return super::check::run(args.device.as_deref());
+    }
     let devices = Device::list()?;
     if args.json {
         let json: Vec<_> = devices.iter().enumerate().map(|(index, device)| as_json(index, device)).collect();

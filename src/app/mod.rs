@@ -1,6 +1,7 @@
 //! The commands. Only here and in `main` is anything printed: results to stdout, everything else to stderr.
 
 mod bench;
+mod check;
 pub mod cli;
 mod compare;
 mod devices;

@@ -1,0 +1,66 @@
+//! A triangle of radiance 1, seen directly: every sample of a pixel inside it is exactly 1, and so is their mean.
+
+use std::f64::consts::FRAC_PI_3;
+
+use glam::{DVec2, DVec3};
+
+use super::{Verdict, Way};
+use crate::error::Result;
+use crate::generate::stage;
+use crate::gpu::Device;
+use crate::render::Renderer;
+use crate::scene::{Mesh, Scene};
+
+pub const RADIANCE: f32 = 1.0;
+/// Corners in the plane at distance 1 from the camera, counter-clockwise.
+const CORNERS: [DVec2; 3] = [DVec2::new(-0.45, -0.4), DVec2::new(0.45, -0.35), DVec2::new(0.05, 0.45)];
+const YFOV: f64 = FRAC_PI_3;
+/// Pixels along a side.
+const SIDE: u32 = 24;
+/// Rounding of positions in 32 bits moves an edge less than this.
+const MARGIN: f64 = 1e-4;
+
+fn scene() -> Scene {
+    let mut scene = Scene::default();
+    let lamp = stage::material(&mut scene, stage::emitter("lamp", [1.0; 3]));
+    let positions = CORNERS.map(|c| [c.x as f32, c.y as f32, -1.0]).to_vec();
+    stage::add(&mut scene, "lamp", lamp, Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() });
+    stage::camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, YFOV, [SIDE, SIDE]);
+    scene
+}
+
+/// Whether pixel (x, y) lies inside the triangle as a whole.
+fn is_inner(x: u32, y: u32) -> bool {
+    let inside = |point: DVec2| {
+        (0..3).all(|i| {
+            let (a, b) = (CORNERS[i], CORNERS[(i + 1) % 3]);
+            (b - a).perp_dot(point - a) > MARGIN
+        })
+    };
+    let corner = |dx: u32, dy: u32| {
+        let part = |pixel: u32| 2.0 * f64::from(pixel) / f64::from(SIDE) - 1.0;
+        (0.5 * YFOV).tan() * DVec2::new(part(x + dx), -part(y + dy))
+    };
+    [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)].into_iter().all(inside)
+}
+
+pub fn check(device: &Device, way: Way, expected: f32) -> Result<Verdict> {
+    let scene = scene();
+    let settings = way.settings(&scene, "max-depth = 2\nlight-paths = 256")?;
+    let mut renderer = Renderer::new(device, &scene, &settings)?;
+    for _ in 0..8 {
+        renderer.iterate(8)?;
+    }
+    let mean = renderer.film().mean();
+    let inner: Vec<f32> = (0..SIDE * SIDE)
+        .filter(|i| is_inner(i % SIDE, i / SIDE))
+        .flat_map(|i| mean[3 * i as usize..][..3].to_vec())
+        .collect();
+    let pixels = inner.len() / 3;
+    if inner.iter().all(|&radiance| radiance == expected) {
+        return Ok(Verdict::Right(format!("{expected} in all {pixels} inner pixels")));
+    }
+    let least = inner.iter().copied().fold(f32::INFINITY, f32::min);
+    let most = inner.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    Ok(Verdict::Wrong(format!("expected {expected} in all {pixels} inner pixels, found {least} to {most}")))
+}

@@ -1,0 +1,101 @@
+//! The mean over an image, tested against what is known of it: a closed form, or the mean of long renders that other tests
+//! compare with an independent path tracer.
+
+use super::{Verdict, Way};
+use crate::compare::statistics::{normal_score, sidak_threshold};
+use crate::error::Result;
+use crate::generate::{Kind, build, zoo::Light};
+use crate::gpu::Device;
+use crate::oracle::sphere::gated_radiance;
+use crate::render::Renderer;
+use crate::scene::{LightKind, Scene};
+use crate::settings::Estimator;
+use crate::settings::units::Gate;
+
+/// Probability that a device without fault fails any of the tests (Sidak).
+const SIGNIFICANCE: f64 = 1e-4;
+/// Upper bound on the number of tests.
+const TESTS: usize = 100;
+/// Relative error of means in 32 bits, and of the sphere's flat facets.
+const ROUNDING: f64 = 2e-4;
+/// Iterations, which the standard error comes from, and samples per pixel in each.
+const ITERATIONS: u32 = 16;
+const SAMPLES: u32 = 2;
+const SEED: u32 = 4;
+
+/// A scene and what is known of its images through some gates.
+pub struct Case {
+    pub name: &'static str,
+    pub scene: Scene,
+    pub looks: Vec<Look>,
+}
+
+/// Mean over pixels and channels of the image through a gate, with its standard error.
+#[derive(Clone, Copy)]
+pub struct Look {
+    pub gate: Gate,
+    pub mean: f64,
+    pub error: f64,
+}
+
+/// Everything that is compared by its mean.
+pub fn cases() -> Vec<Case> {
+    let case = |name, kind, looks| Case { name, scene: build(kind), looks };
+    let stored = |lo, hi, mean, error| Look { gate: Gate { lo, hi }, mean, error };
+    let sphere = [(1.95, 2.25), (3.0, 3.5), (5.0, 6.0)];
+    let sphere = sphere.map(|(lo, hi)| stored(lo, hi, gated_radiance(1.0, 0.5, lo, hi), 0.0));
+    let unfolded = Kind::GatedSphere { radius: 1.0, subdivisions: 5, albedo: 0.5 };
+    let open = Gate::OPEN;
+    // Means of `bdpt` and of `lcs` (without a gate: `pt`), 2,048 samples per pixel each, weighted by their variances.
+    vec![
+        case("the sphere", unfolded, sphere.to_vec()),
+        case(
+            "the zoo by a lamp",
+            Kind::Zoo(Light::Area),
+            vec![stored(open.lo, open.hi, 2.9892e-2, 4.7e-5), stored(7.4, 7.8, 1.6064e-3, 4.5e-6)],
+        ),
+        case("the zoo by a point and a spot", Kind::Zoo(Light::Punctual), vec![stored(5.0, 8.0, 1.41081e-2, 6.6e-6)]),
+        case("the zoo by a beam", Kind::Zoo(Light::Beam), vec![stored(7.0, 8.0, 1.33640e-2, 1.17e-5)]),
+    ]
+}
+
+impl Case {
+    /// Whether the estimator finds the light of this scene.
+    pub fn is_for(&self, estimator: Estimator) -> bool {
+        let has_beam = self.scene.lights.iter().any(|light| matches!(light.kind, LightKind::Beam { .. }));
+        estimator.sees_beams() || !has_beam
+    }
+
+    /// Renders the scene through each gate with the same kernels; shows `done` what was found.
+    pub fn check(&self, device: &Device, way: Way, done: &mut dyn FnMut(&str, Result<Verdict>)) {
+        let renderer = way
+            .settings(&self.scene, "light-paths = 2000")
+            .and_then(|settings| Renderer::new(device, &self.scene, &settings));
+        let mut renderer = match renderer {
+            Ok(renderer) => renderer,
+            Err(error) => return done(self.name, Err(error)),
+        };
+        for look in &self.looks {
+            let gate = if look.gate.is_open() { "no gate".into() } else { look.gate.to_string() };
+            let name = format!("{}, {gate}", self.name);
+            done(&name, look.check(&mut renderer));
+        }
+    }
+}
+
+impl Look {
+    pub fn check(&self, renderer: &mut Renderer) -> Result<Verdict> {
+        renderer.restart(SEED, self.gate);
+        for _ in 0..ITERATIONS {
+            renderer.iterate(SAMPLES)?;
+        }
+        let (mean, own_error) = renderer.film().image_mean();
+        let own_error = own_error.expect("there are several iterations");
+        let rounding = ROUNDING * self.mean;
+        let error = (own_error * own_error + self.error * self.error + rounding * rounding).sqrt();
+        let z = normal_score((mean - self.mean) / error, f64::from(ITERATIONS - 1));
+        let found = format!("expected {:.4e}, found {mean:.4e} +- {own_error:.1e} (z = {z:.1})", self.mean);
+        let is_right = z.abs() < sidak_threshold(SIGNIFICANCE, TESTS);
+        Ok(if is_right { Verdict::Right(found) } else { Verdict::Wrong(found) })
+    }
+}
