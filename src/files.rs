@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// the temporary file is removed and what stood at `path` before is untouched.
 pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     let temporary = temporary_beside(path)?;
-    let fail = |e: io::Error| write_error(path, &e);
+    let fail = |e: io::Error| write_error(path, e);
 
     let mut writer = BufWriter::new(temporary.reopen().map_err(fail)?);
     write(&mut writer).map_err(fail)?;
@@ -26,7 +26,7 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) ->
 pub fn check_writable(path: &Path) -> Result<()> {
     let mut temporary = temporary_beside(path)?;
     // One byte tells a full disk from one with room.
-    temporary.write_all(&[0]).map_err(|e| write_error(path, &e))
+    temporary.write_all(&[0]).map_err(|e| write_error(path, e))
 }
 
 fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
@@ -43,7 +43,7 @@ fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
             let message = "exists and is not a plain file; choose another name".into();
             return Err(Error::File { path: path.into(), message });
         }
-        Err(e) if e.kind() == ErrorKind::InvalidFilename => return Err(write_error(path, &e)),
+        Err(e) if e.kind() == ErrorKind::InvalidFilename => return Err(write_error(path, e)),
         _ => {}
     }
     let mut builder = tempfile::Builder::new();
@@ -54,7 +54,7 @@ fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder.tempfile_in(folder_of(path)).map_err(|e| write_error(path, &e))
+    builder.tempfile_in(folder_of(path)).map_err(|e| write_error(path, e))
 }
 
 fn folder_of(path: &Path) -> PathBuf {
@@ -74,7 +74,7 @@ pub fn lies_in(file: &Path, other: &Path) -> bool {
 }
 
 /// What went wrong while writing `path`, with the remedy.
-fn write_error(path: &Path, error: &io::Error) -> Error {
+fn write_error(path: &Path, error: io::Error) -> Error {
     let folder = folder_of(path);
     let folder = folder.display();
     let message = match error.kind() {
@@ -90,28 +90,28 @@ fn write_error(path: &Path, error: &io::Error) -> Error {
         ErrorKind::InvalidFilename => "cannot be written: the name is too long or not allowed; choose another".into(),
         _ => format!("cannot be written: {error}"),
     };
-    Error::File { path: path.into(), message }
+    Error::io(path, message, error)
 }
 
 /// Bytes of a plain file that can be opened; else an error with the remedy.
 pub fn check_readable(path: &Path) -> Result<u64> {
     // A pipe would keep whoever opens it waiting.
-    let metadata = std::fs::metadata(path).map_err(|e| read_error(path, &e))?;
+    let metadata = std::fs::metadata(path).map_err(|e| read_error(path, e))?;
     if !metadata.is_file() {
         return Err(Error::File { path: path.into(), message: "is not a plain file; check the name".into() });
     }
-    File::open(path).map_err(|e| read_error(path, &e))?;
+    File::open(path).map_err(|e| read_error(path, e))?;
     Ok(metadata.len())
 }
 
 /// What went wrong while reading `path`, with the remedy.
-pub(crate) fn read_error(path: &Path, error: &io::Error) -> Error {
+pub(crate) fn read_error(path: &Path, error: io::Error) -> Error {
     let message = match error.kind() {
         ErrorKind::NotFound => "no such file; check the name".into(),
         ErrorKind::PermissionDenied => "no permission to read this file".into(),
         _ => format!("cannot be read: {error}; check the name"),
     };
-    Error::File { path: path.into(), message }
+    Error::io(path, message, error)
 }
 
 #[cfg(test)]

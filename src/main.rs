@@ -5,7 +5,7 @@ mod app;
 use std::process::ExitCode;
 
 use clap::Parser;
-use taugate::Error;
+use taugate::{Error, ErrorKind};
 
 use crate::app::render::NotFinite;
 
@@ -15,7 +15,11 @@ fn main() -> ExitCode {
     match app::run(cli) {
         Ok(code) => code,
         Err(error) => {
-            app::say(&format!("error: {error:#}"));
+            // A message of the library is whole: it says in its own words what the system said.
+            match error.downcast_ref::<Error>() {
+                Some(error) => app::say(&format!("error: {error}")),
+                None => app::say(&format!("error: {error:#}")),
+            }
             ExitCode::from(exit_code(&error))
         }
     }
@@ -26,8 +30,8 @@ fn exit_code(error: &anyhow::Error) -> u8 {
     if error.is::<NotFinite>() {
         return 3;
     }
-    match error.downcast_ref::<Error>() {
-        Some(Error::Device(_) | Error::Shader(_)) => 4,
+    match error.downcast_ref().map(Error::kind) {
+        Some(ErrorKind::Device | ErrorKind::Shader) => 4,
         _ => 2,
     }
 }

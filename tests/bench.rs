@@ -3,14 +3,14 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use taugate::bench::job::Job;
-use taugate::bench::suite::Suite;
-use taugate::bench::table::{self, COLUMNS};
-use taugate::generate::{Kind, scene};
-use taugate::image::exr_file::{self, Picture, Provenance, read_picture};
-use taugate::image::film::Film;
-use taugate::settings::Crop;
-use taugate::settings::units::Gate;
+use taugate::internals::bench::job::Job;
+use taugate::internals::bench::suite::Suite;
+use taugate::internals::bench::table::{self, COLUMNS};
+use taugate::internals::generate::{Kind, scene};
+use taugate::internals::image::exr_file::{self, Picture, Provenance, read_picture};
+use taugate::internals::image::film::Film;
+use taugate::internals::settings::Crop;
+use taugate::internals::settings::units::Gate;
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -191,7 +191,7 @@ fn rewrite(path: &Path, [scale, noise]: [f32; 2], batches: u32, change: impl Fn(
 
 /// As if other shaders had rendered it.
 fn disown(path: &Path) {
-    let (mut bytes, mine) = (std::fs::read(path).unwrap(), taugate::image::fingerprint::RENDERER);
+    let (mut bytes, mine) = (std::fs::read(path).unwrap(), taugate::internals::image::fingerprint::RENDERER);
     let at = bytes.windows(mine.len()).position(|w| w == mine.as_bytes()).expect("the file says what rendered it");
     bytes[at..at + mine.len()].fill(b'0');
     std::fs::write(path, bytes).unwrap();

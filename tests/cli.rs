@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use taugate::image::exr_file::{self, Provenance};
-use taugate::image::film::Film;
-use taugate::settings::Crop;
-use taugate::settings::units::Gate;
+use taugate::internals::image::exr_file::{self, Provenance};
+use taugate::internals::image::film::Film;
+use taugate::internals::settings::Crop;
+use taugate::internals::settings::units::Gate;
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use taugate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
-use taugate::image::exr_file::read_picture;
-use taugate::render::Renderer;
+use taugate::internals::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+use taugate::internals::image::exr_file::read_picture;
+use taugate::internals::render::Renderer;
 
 /// Adds 1 to every word of `words`.
 const COUNT: &str = "

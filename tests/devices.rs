@@ -2,7 +2,7 @@
 
 use std::process::{Command, Output};
 
-use taugate::settings::{Estimator, Sampling};
+use taugate::internals::settings::{Estimator, Sampling};
 
 fn taugate(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).output().expect("taugate starts")

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use exr::prelude::{AttributeValue, MetaData};
-use taugate::image::exr_file::{self, Provenance, read_picture};
-use taugate::image::film::Film;
-use taugate::image::png_file;
-use taugate::settings::Crop;
-use taugate::settings::units::Gate;
+use taugate::internals::image::exr_file::{self, Provenance, read_picture};
+use taugate::internals::image::film::Film;
+use taugate::internals::image::png_file;
+use taugate::internals::settings::Crop;
+use taugate::internals::settings::units::Gate;
 
 const SETTINGS: &str = "scene = \"röom.glb\"\n\n[gate]\ngate = \"12.5m..12.8m\"\n";
 

@@ -5,11 +5,11 @@ use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use taugate::generate::{Kind, build};
-use taugate::gpu::DeviceInfo;
-use taugate::input::experiment::Experiment;
-use taugate::input::resolve::resolve;
-use taugate::render::{MemoryPlan, Prepared};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::gpu::DeviceInfo;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::resolve;
+use taugate::internals::render::{MemoryPlan, Prepared};
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -75,7 +75,7 @@ fn a_lamp_in_the_plane_of_another_surface_is_named() {
     let lamp = scene.instances.iter_mut().find(|i| i.node == "light").expect("the lamp of the box");
     lamp.transform.translation.y += 0.01;
     let here = tempfile::tempdir().unwrap();
-    std::fs::write(here.path().join("scene.glb"), taugate::generate::glb::write(&scene)).unwrap();
+    std::fs::write(here.path().join("scene.glb"), taugate::internals::generate::glb::write(&scene)).unwrap();
     let warnings = |json: &Value| json["warnings"].as_array().unwrap().clone();
     let found = warnings(&info(here.path(), &[]));
     assert_eq!(found.len(), 1, "{found:?}");

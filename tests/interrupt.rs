@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-use taugate::image::exr_file::read_picture;
+use taugate::internals::image::exr_file::read_picture;
 
 /// Ctrl-C, and what batch systems and shutdowns send.
 const SIGNALS: [(&str, libc::c_int); 2] = [("-INT", libc::SIGINT), ("-TERM", libc::SIGTERM)];

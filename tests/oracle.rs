@@ -1,13 +1,13 @@
 //! The oracle's path tracer against closed forms. Fixed seeds, 4 standard errors.
 
 use glam::DVec3;
-use taugate::generate::shapes::{cuboid, icosphere, inside_out, quad};
-use taugate::generate::stage::{add, camera, diffuse, emitter, glass, light, material, metal, plastic};
-use taugate::generate::{Kind, build};
-use taugate::oracle::path_tracer::{Film, Settings, render};
-use taugate::oracle::sphere::gated_radiance;
-use taugate::scene::{LightKind, Material, Scene};
-use taugate::settings::Emitters;
+use taugate::internals::generate::shapes::{cuboid, icosphere, inside_out, quad};
+use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material, metal, plastic};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::oracle::path_tracer::{Film, Settings, render};
+use taugate::internals::oracle::sphere::gated_radiance;
+use taugate::internals::scene::{LightKind, Material, Scene};
+use taugate::internals::settings::Emitters;
 
 const STEADY: (f64, f64) = (0.0, f64::INFINITY);
 

@@ -8,9 +8,9 @@ use std::process::{Command, Output};
 
 use glb::complete;
 use serde_json::json;
-use taugate::input::experiment::Experiment;
-use taugate::input::resolve::resolve;
-use taugate::scene::{Light, LightKind, gltf};
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::resolve;
+use taugate::internals::scene::{Light, LightKind, gltf};
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -94,6 +94,6 @@ fn pipes_are_refused_rather_than_waited_for() {
 fn a_picture_on_a_full_disk_keeps_the_kind_of_the_error() {
     let noise: Vec<f32> = (0..3 * 256 * 256).map(|i| (i * 7919 % 1009) as f32).collect();
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let error = taugate::image::png_file::encode(full, 256, 256, &noise).unwrap_err();
+    let error = taugate::internals::image::png_file::encode(full, 256, 256, &noise).unwrap_err();
     assert_eq!(error.kind(), std::io::ErrorKind::StorageFull, "{error}");
 }

@@ -1,7 +1,7 @@
 //! Level 0: every kernel composes, validates and compiles; host twins and constants agree with WGSL. Needs no device.
 
-use taugate::gpu::shader::{self, Binding, Compiled, Source};
-use taugate::wgsl::{SOURCES, layout};
+use taugate::internals::gpu::shader::{self, Binding, Compiled, Source};
+use taugate::internals::wgsl::{SOURCES, layout};
 
 fn kernels() -> Vec<(&'static str, &'static str)> {
     SOURCES.iter().copied().filter(|(path, _)| !path.starts_with("shared/")).collect()

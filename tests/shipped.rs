@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use taugate::generate::{Kind, scene};
-use taugate::input::experiment::Experiment;
+use taugate::internals::generate::{Kind, scene};
+use taugate::internals::input::experiment::Experiment;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use taugate::image::exr_file::read_picture;
+use taugate::internals::image::exr_file::read_picture;
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -201,7 +201,7 @@ fn images_that_do_not_tell_their_noise_are_not_judged() {
     run(here.path(), &["render", "box.glb", "-o", "small.exr", "--resolution", "8x8", "--spp", "4"], 0);
     let (width, height, rgb) = (20, 16, vec![1.0; 960]);
     let write = |file: &str, rgb: &[f32]| {
-        taugate::image::exr_file::write_plain(&here.path().join(file), width, height, rgb).unwrap();
+        taugate::internals::image::exr_file::write_plain(&here.path().join(file), width, height, rgb).unwrap();
     };
     write("plain.exr", &rgb);
     write("nan.exr", &[&rgb[1..], &[f32::NAN]].concat());

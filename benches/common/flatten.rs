@@ -1,7 +1,7 @@
 //! The cluttered room as loose triangles.
 
 use glam::DAffine3;
-use taugate::generate::{Kind, build};
+use taugate::internals::generate::{Kind, build};
 
 /// Corners of all triangles, around the camera, and where it stands.
 pub fn cluttered_room(triangles: u32) -> (Vec<[[f32; 3]; 3]>, DAffine3) {

@@ -7,9 +7,9 @@ mod flatten;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use taugate::bvh;
-use taugate::generate::numbers::Pcg;
-use taugate::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::bvh;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
 
 fn main() {
     divan::main();

@@ -1,9 +1,9 @@
 //! Compaction of a list of slots: counts, prefix sums and scatter on the device against one loop on the host.
 
-use taugate::generate::numbers::Pcg;
-use taugate::gpu::{Buffer, Device, Kernel, Recorder};
-use taugate::wgsl::layout::constants::{CHUNK, LISTS};
-use taugate::wgsl::layout::{Dispatch, Frame, NONE};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
+use taugate::internals::wgsl::layout::constants::{CHUNK, LISTS};
+use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE};
 
 /// Slots, and those of a hundred that are live.
 const SLOTS: usize = 1 << 20;

@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 
 use glam::Vec3;
 use rayon::prelude::*;
-use taugate::gpu::{Buffer, Device, Kernel, Recorder};
-use taugate::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST, MOST_SUBTREES};
-use taugate::wgsl::layout::{Dispatch, Frame, Material, NONE, PathVertex, TreeChild, TreeNode};
+use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
+use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST, MOST_SUBTREES};
+use taugate::internals::wgsl::layout::{Dispatch, Frame, Material, NONE, PathVertex, TreeChild, TreeNode};
 
 use super::points::{GATE, Point, hash32, next_bits};
 

@@ -1,13 +1,13 @@
 //! Whole kernels in a render of the cluttered room: millions of their items a second by device timestamps.
 
-use taugate::generate::{Kind, build};
-use taugate::gpu::Device;
-use taugate::input::experiment::Experiment;
-use taugate::input::resolve::resolve;
-use taugate::render::{Renderer, Stats};
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
-use taugate::settings::values::Resolution;
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::gpu::Device;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::resolve;
+use taugate::internals::render::{Renderer, Stats};
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::values::Resolution;
 
 /// What a kernel works through, as [`Stats`] count it.
 type Items = (&'static str, &'static str, fn(&Stats) -> u64);

@@ -22,7 +22,7 @@ mod rays;
 use std::path::Path;
 use std::time::Instant;
 
-use taugate::gpu::Device;
+use taugate::internals::gpu::Device;
 
 /// Rounds of every comparison.
 const ROUNDS: usize = 7;

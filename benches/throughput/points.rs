@@ -1,8 +1,8 @@
 //! Light vertices and shade points of the room, for the benches of queries.
 
 use glam::Vec3;
-use taugate::generate::numbers::Pcg;
-use taugate::lightcone::tree::Item;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::lightcone::tree::Item;
 
 use super::rays::{BenchRay, Room, cosine};
 

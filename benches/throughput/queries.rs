@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
-use taugate::gpu::{Buffer, Device, Kernel, Recorder};
-use taugate::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST};
-use taugate::wgsl::layout::{Dispatch, Frame, NONE, PathVertex, TreeChild, TreeNode};
+use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
+use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST};
+use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE, PathVertex, TreeChild, TreeNode};
 
 use super::points::{GATE, Point, VERTICES, hash32, uniform};
 

@@ -5,10 +5,10 @@ use std::path::Path;
 use glam::{Vec3, Vec3A};
 use obvhs::ray::{Ray, RayHit};
 use rayon::prelude::*;
-use taugate::bvh::{self, Bvh};
-use taugate::generate::numbers::Pcg;
-use taugate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
-use taugate::wgsl::layout::{Dispatch, NONE, Triangle};
+use taugate::internals::bvh::{self, Bvh};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
+use taugate::internals::wgsl::layout::{Dispatch, NONE, Triangle};
 
 use super::flatten;
 

@@ -9,22 +9,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use taugate::Error;
-use taugate::bench::growth;
-use taugate::bench::job::{Entry, Job};
-use taugate::bench::quality::{MARGIN, TRUSTED, is_good};
-use taugate::bench::race::Race;
-use taugate::bench::reference::{self, Reference};
-use taugate::bench::report::{self, Page};
-use taugate::bench::suite::{Part, SceneEntry, Suite};
-use taugate::bench::summary;
-use taugate::bench::sweep::Sweep;
-use taugate::bench::table::{self, Row};
-use taugate::compare::metrics::Means;
-use taugate::error::Result;
-use taugate::files::check_readable;
-use taugate::gpu::Device;
-use taugate::image::exr_file::{self, Provenance};
-use taugate::settings::MAX_SECONDS;
+use taugate::internals::bench::growth;
+use taugate::internals::bench::job::{Entry, Job};
+use taugate::internals::bench::quality::{MARGIN, TRUSTED, is_good};
+use taugate::internals::bench::race::Race;
+use taugate::internals::bench::reference::{self, Reference};
+use taugate::internals::bench::report::{self, Page};
+use taugate::internals::bench::suite::{Part, SceneEntry, Suite};
+use taugate::internals::bench::summary;
+use taugate::internals::bench::sweep::Sweep;
+use taugate::internals::bench::table::{self, Row};
+use taugate::internals::compare::metrics::Means;
+use taugate::internals::error::Result;
+use taugate::internals::files::check_readable;
+use taugate::internals::gpu::Device;
+use taugate::internals::image::exr_file::{self, Provenance};
+use taugate::internals::settings::MAX_SECONDS;
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::progress::Progress;
@@ -318,7 +318,7 @@ impl Bench {
                 resolution: settings.resolution(),
                 crop: settings.crop(),
                 gate: settings.gate(),
-                seed: taugate::bench::race::seed(0),
+                seed: taugate::internals::bench::race::seed(0),
                 seconds,
                 settings: entry.config.clone(),
             };

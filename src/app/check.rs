@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use taugate::gpu::Device;
-use taugate::self_check::{self, Verdict};
+use taugate::internals::gpu::Device;
+use taugate::internals::self_check::{self, Verdict};
 
 /// Exit code where a check ended without an image, as for any other failure of a device.
 const DEVICE_FAILED: u8 = 4;

@@ -1,10 +1,10 @@
-//! What can be typed: subcommands and flags. What they mean is settled in `taugate::input::resolve`.
+//! What can be typed: subcommands and flags. What they mean is settled in `taugate::internals::input::resolve`.
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
-use taugate::input::experiment::Experiment;
-use taugate::settings::values::{Resolution, Seconds};
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::settings::values::{Resolution, Seconds};
 
 use crate::app::flags::Flags;
 

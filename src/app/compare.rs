@@ -4,12 +4,12 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use taugate::Error;
-use taugate::compare::agreement::{Agreement, SIGNIFICANCE, agreement, colours};
-use taugate::compare::flip;
-use taugate::compare::metrics::{self, RELMSE_FORMULA, TRIMMED};
-use taugate::image::batches::CellBatches;
-use taugate::image::exr_file::{Picture, read_picture, write_plain};
-use taugate::image::png_file;
+use taugate::internals::compare::agreement::{Agreement, SIGNIFICANCE, agreement, colours};
+use taugate::internals::compare::flip;
+use taugate::internals::compare::metrics::{self, RELMSE_FORMULA, TRIMMED};
+use taugate::internals::image::batches::CellBatches;
+use taugate::internals::image::exr_file::{Picture, read_picture, write_plain};
+use taugate::internals::image::png_file;
 
 use crate::app::cli::CompareArgs;
 

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use taugate::gpu::{Device, DeviceInfo, DeviceKind};
+use taugate::internals::gpu::{Device, DeviceInfo, DeviceKind};
 
 use crate::app::cli::DevicesArgs;
 

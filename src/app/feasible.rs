@@ -1,12 +1,12 @@
 //! Gates that no light can meet: refused with what the scene offers instead.
 
 use taugate::Error;
-use taugate::error::Result;
-use taugate::gpu::Device;
-use taugate::render::{Prepared, Reach, TravelTimes, probe};
-use taugate::scene::Scene;
-use taugate::settings::Settings;
-use taugate::settings::units::{Gate, METRES_PER_NS};
+use taugate::internals::error::Result;
+use taugate::internals::gpu::Device;
+use taugate::internals::render::{Prepared, Reach, TravelTimes, probe};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::Settings;
+use taugate::internals::settings::units::{Gate, METRES_PER_NS};
 
 /// Width of a suggested gate as a part of the scene's diagonal.
 pub const SUGGESTED_PART: f64 = 0.02;

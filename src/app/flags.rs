@@ -3,8 +3,8 @@
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::error::Error;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
-use taugate::input::experiment::Experiment;
-use taugate::settings::setting::{Form, Setting, Value, Visitor};
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that `taugate info` asks for.
 const OF_INFO: [&str; 6] = ["camera", "resolution", "emitters", "max-depth", "light-paths", "device"];

@@ -4,8 +4,8 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use taugate::Error;
-use taugate::files::write_atomically;
-use taugate::generate::{Kind, scene};
+use taugate::internals::files::write_atomically;
+use taugate::internals::generate::{Kind, scene};
 
 use crate::app::cli::GenerateArgs;
 

@@ -6,12 +6,12 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 use taugate::Error;
-use taugate::gpu::{Device, DeviceInfo, Need};
-use taugate::input::resolve::{emitting_nodes, resolve};
-use taugate::render::{MemoryPlan, Prepared, Reach, TravelTimes, probe};
-use taugate::scene::Scene;
-use taugate::settings::Settings;
-use taugate::settings::units::METRES_PER_NS;
+use taugate::internals::gpu::{Device, DeviceInfo, Need};
+use taugate::internals::input::resolve::{emitting_nodes, resolve};
+use taugate::internals::render::{MemoryPlan, Prepared, Reach, TravelTimes, probe};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::Settings;
+use taugate::internals::settings::units::METRES_PER_NS;
 
 use super::feasible;
 use crate::app::cli::InfoArgs;
@@ -115,7 +115,7 @@ struct Arrival {
 }
 
 pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
-    let scene = taugate::scene::gltf::load(&args.scene)?;
+    let scene = taugate::internals::scene::gltf::load(&args.scene)?;
     let mut report = contents(&scene);
     let experiment = args.experiment();
     match resolve(&experiment, &scene) {

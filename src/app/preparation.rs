@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use taugate::render::{Stage, Stats};
+use taugate::internals::render::{Stage, Stats};
 
 /// Runs from its making on; knows where the time went.
 pub struct Preparation {

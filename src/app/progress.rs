@@ -4,8 +4,8 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use taugate::render::Renderer;
-use taugate::settings::Budget;
+use taugate::internals::render::Renderer;
+use taugate::internals::settings::Budget;
 
 /// Between plain lines.
 const PERIOD: Duration = Duration::from_secs(5);

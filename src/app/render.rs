@@ -6,16 +6,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use taugate::Error;
-use taugate::error::Result;
-use taugate::files::{check_writable, lies_in};
-use taugate::gpu::Device;
-use taugate::image::exr_file::Provenance;
-use taugate::input::experiment::Experiment;
-use taugate::input::resolve::{self, Outputs};
-use taugate::render::schedule::next_samples;
-use taugate::render::{MemoryPlan, Prepared, Renderer, StrategyImages};
-use taugate::scene::gltf;
-use taugate::settings::{Budget, Settings};
+use taugate::internals::error::Result;
+use taugate::internals::files::{check_writable, lies_in};
+use taugate::internals::gpu::Device;
+use taugate::internals::image::exr_file::Provenance;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::{self, Outputs};
+use taugate::internals::render::schedule::next_samples;
+use taugate::internals::render::{MemoryPlan, Prepared, Renderer, StrategyImages};
+use taugate::internals::scene::gltf;
+use taugate::internals::settings::{Budget, Settings};
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::preparation::Preparation;

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::Serialize;
-use taugate::error::Result;
-use taugate::files::write_atomically;
-use taugate::image::exr_file::{self, Provenance};
-use taugate::image::png_file;
-use taugate::input::resolve::{Outputs, gate_warning};
-use taugate::render::{Renderer, Stage, Stats};
-use taugate::settings::Settings;
+use taugate::internals::error::Result;
+use taugate::internals::files::write_atomically;
+use taugate::internals::image::exr_file::{self, Provenance};
+use taugate::internals::image::png_file;
+use taugate::internals::input::resolve::{Outputs, gate_warning};
+use taugate::internals::render::{Renderer, Stage, Stats};
+use taugate::internals::settings::Settings;
 
 use super::preparation::Preparation;
 use super::progress::{Position, Progress, duration, rays};

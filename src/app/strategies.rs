@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use taugate::Error;
-use taugate::error::Result;
-use taugate::gpu::Device;
-use taugate::image::exr_file::{self, Provenance};
-use taugate::render::{Prepared, StrategyImages};
-use taugate::scene::Scene;
-use taugate::settings::Settings;
+use taugate::internals::error::Result;
+use taugate::internals::gpu::Device;
+use taugate::internals::image::exr_file::{self, Provenance};
+use taugate::internals::render::{Prepared, StrategyImages};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::Settings;
 
 use super::interrupts::{Interrupt, Interrupts};
 use super::progress::Progress;

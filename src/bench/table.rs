@@ -125,7 +125,7 @@ pub fn write(path: &Path, rows: &[Row]) -> Result<()> {
 
 /// Reads what [`write`] wrote. Errors name the line.
 pub fn read(path: &Path) -> Result<Vec<Row>> {
-    let text = std::fs::read_to_string(path).map_err(|e| read_error(path, &e))?;
+    let text = std::fs::read_to_string(path).map_err(|e| read_error(path, e))?;
     let mut lines = text.lines().enumerate();
     let wrong = |line: usize, what: &str| Error::File {
         path: path.into(),

@@ -1,5 +1,7 @@
 //! Error of an image against a reference.
 
+#![warn(missing_docs)]
+
 use serde::Serialize;
 
 use crate::error::{Error, Result};
@@ -15,12 +17,16 @@ pub const TRIMMED: f64 = 0.01;
 /// A mean over all pixels and channels, and one over all but the worst pixels, which rare bright samples ("fireflies") rule.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Means {
+    /// Over all pixels.
     pub all: f64,
+    /// Without the worst pixels ([`TRIMMED`]).
     pub trimmed: f64,
 }
 
 impl Means {
+    /// Where there is no error to speak of.
     pub const NAN: Means = Means { all: f64::NAN, trimmed: f64::NAN };
+    /// Worse than any error.
     pub const INFINITE: Means = Means { all: f64::INFINITY, trimmed: f64::INFINITY };
 
     /// Of errors >= 0, R, G, B interleaved. A hundred pixels or fewer are not trimmed.
@@ -51,13 +57,17 @@ impl Means {
 /// An image's error against a reference r, over all pixels and channels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Comparison {
+    /// Relative mean squared error, by [`RELMSE_FORMULA`].
     pub relmse: f64,
     /// The same without the worst pixels ([`TRIMMED`]).
     pub trimmed_relmse: f64,
     /// (0.01 mean of r)^2, relative to the reference because gated images are dark.
     pub eps: f64,
+    /// Mean squared error.
     pub mse: f64,
+    /// Mean of the image.
     pub mean: f64,
+    /// Mean of the reference.
     pub reference_mean: f64,
     /// mean / reference_mean: 1 for an unbiased image, whatever its noise.
     pub ratio_of_means: f64,

@@ -1,6 +1,8 @@
 //! The estimators: how each one finds paths, one file per estimator. This is plain data below `settings` and `render`; both ask
 //! the [`Record`] of an estimator and never which estimator it is.
 
+#![warn(missing_docs)]
+
 mod bdpt;
 mod lcs;
 mod lcs_paper;
@@ -61,6 +63,7 @@ pub struct Record {
 /// What the default estimator depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Conditions {
+    /// How wide the gate is.
     pub gate: GateWidth,
     /// Glass, a mirror or sharp gloss gathers light.
     pub focuses_light: bool,
@@ -71,7 +74,9 @@ pub struct Conditions {
 /// Width of the gate, compared with the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GateWidth {
+    /// At most the width up to which queries in trees pay.
     Narrow,
+    /// Wider than that, with an end.
     Wide,
     /// The steady state.
     Open,
@@ -103,6 +108,7 @@ pub enum PoolOrder {
 /// The pool of an iteration and the settings, as far as the number of slots depends on them.
 #[derive(Debug, Clone, Copy)]
 pub struct PoolShape {
+    /// Whether the pool holds points on emitters.
     pub has_emitter_points: bool,
     /// Vertices of the longest light subpath; 0 where the pool is not ordered by path.
     pub longest_path: u32,
@@ -116,11 +122,13 @@ pub struct PoolShape {
 const SHELL_QUERY: &str = "shell_query";
 
 impl Estimator {
+    /// All of them, the simplest first.
     pub const ALL: [Estimator; 4] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
 
     /// Finds every path, whatever its travel time: it measures what there is to gate.
     pub const UNGATED: Estimator = Estimator::Bdpt;
 
+    /// What all others read of it.
     pub fn record(self) -> &'static Record {
         match self {
             Estimator::Pt => &pt::RECORD,
@@ -141,6 +149,7 @@ impl Estimator {
         self.record().name
     }
 
+    /// Whether its light vertices stand in trees.
     pub fn has_trees(self) -> bool {
         self.record().trees.is_some()
     }

@@ -1,5 +1,7 @@
 //! Opening a Vulkan device.
 
+#![warn(missing_docs)]
+
 use std::ffi::CStr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -71,6 +73,7 @@ impl Device {
         open_physical(instance, physical[index], DeviceInfo { drive: drive.unwrap_or(info.drive), ..info.clone() })
     }
 
+    /// What the device is, and its limits.
     pub fn info(&self) -> &DeviceInfo {
         &self.shared.info
     }

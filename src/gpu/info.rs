@@ -1,5 +1,7 @@
 //! What is known of a device before it is opened, and which device to open.
 
+#![warn(missing_docs)]
+
 use ash::vk;
 
 use super::allocation::CACHED;
@@ -25,9 +27,13 @@ pub enum DeviceKind {
 /// What a user needs to know to choose a device, and the limits that decide whether a scene fits.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct DeviceInfo {
+    /// As its driver calls it.
     pub name: String,
+    /// Name and version of the driver.
     pub driver: String,
+    /// Version of Vulkan, such as `1.3.255`.
     pub api_version: String,
+    /// Whether it is a card or software.
     pub kind: DeviceKind,
     /// Size of the largest device-local heap, bytes.
     pub heap_bytes: u64,
@@ -37,7 +43,9 @@ pub struct DeviceInfo {
     pub max_texels: u64,
     /// Largest single allocation, bytes.
     pub max_allocation: u64,
+    /// Invocations that run in step.
     pub subgroup_size: u32,
+    /// Most invocations in a workgroup.
     pub max_workgroup_invocations: u32,
     /// How the host drives it.
     pub drive: Drive,

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::Path;
+use std::time::Duration;
 
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
@@ -14,7 +15,7 @@ use crate::files::{check_readable, read_error, write_atomically};
 use crate::image::film::Film;
 use crate::image::fingerprint;
 use crate::settings::units::{Gate, METRES_PER_NS};
-use crate::settings::{Crop, MAX_PIXELS};
+use crate::settings::{Crop, MAX_PIXELS, Settings};
 
 /// Most samples (pixels times channels) that are decoded: what the largest image of our own has. A header costs a few
 /// bytes and may claim any size, so this is checked before memory is reserved.
@@ -40,6 +41,19 @@ pub struct Provenance {
 pub fn version() -> String {
     let commit = option_env!("TAUGATE_COMMIT").map(|c| format!(" ({c})")).unwrap_or_default();
     format!("taugate {}{commit}", env!("CARGO_PKG_VERSION"))
+}
+
+/// Writes the film of a render with these settings, which took `elapsed`: mean and variance of every pixel, gate, seed and version.
+pub fn write_film(path: &Path, film: &Film, settings: &Settings, elapsed: Duration) -> Result<()> {
+    let provenance = Provenance {
+        resolution: settings.resolution(),
+        crop: settings.crop(),
+        gate: settings.gate(),
+        seed: settings.seed(),
+        seconds: elapsed.as_secs_f64(),
+        settings: String::new(),
+    };
+    write(path, film, &provenance)
 }
 
 /// Writes mean and variance as one single-part EXR of 32-bit scan lines (ZIP): R, G, B and Variance.R, .G, .B. With
@@ -212,7 +226,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
 fn check_header(path: &Path) -> Result<()> {
     let fail = |message: String| Err(Error::File { path: path.into(), message });
     check_readable(path)?;
-    let file = File::open(path).map_err(|e| read_error(path, &e))?;
+    let file = File::open(path).map_err(|e| read_error(path, e))?;
     let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(|e| unreadable(path, e))?;
     let [header] = &meta.headers[..] else {
         return fail(format!("has {} parts; extract one into a file of its own", meta.headers.len()));
@@ -233,7 +247,7 @@ fn check_header(path: &Path) -> Result<()> {
 
 fn unreadable(path: &Path, error: exr::error::Error) -> Error {
     match error {
-        exr::error::Error::Io(error) => read_error(path, &error),
+        exr::error::Error::Io(error) => read_error(path, error),
         other => Error::File { path: path.into(), message: format!("is not an EXR file that can be read: {other}") },
     }
 }

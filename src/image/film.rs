@@ -4,6 +4,8 @@
 //! (where samples follow the error, later ones depend on earlier ones by their counts alone). So the variance comes from iterations
 //! as batches, never from the samples of a pixel.
 
+#![warn(missing_docs)]
+
 use rayon::prelude::*;
 
 use crate::image::batches::CellBatches;
@@ -24,6 +26,7 @@ pub struct Film {
 }
 
 impl Film {
+    /// A film without samples.
     pub fn new(width: u32, height: u32) -> Film {
         let channels = 3 * width as usize * height as usize;
         Film {
@@ -37,10 +40,12 @@ impl Film {
         }
     }
 
+    /// Pixels across.
     pub fn width(&self) -> u32 {
         self.width
     }
 
+    /// Pixels down.
     pub fn height(&self) -> u32 {
         self.height
     }

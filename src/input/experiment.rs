@@ -51,7 +51,7 @@ impl Experiment {
         if length > MAX_BYTES {
             return Err(fail(format!("{length} bytes are too many for an experiment file; is it something else?")));
         }
-        let bytes = std::fs::read(path).map_err(|e| read_error(path, &e))?;
+        let bytes = std::fs::read(path).map_err(|e| read_error(path, e))?;
         let text = String::from_utf8(bytes).map_err(|_| {
             fail("this is not text in UTF-8; give an experiment (.toml) or a scene (.glb, .gltf)".into())
         })?;
@@ -142,7 +142,7 @@ impl Experiment {
     /// The same with paths from the root on. Fails where there is no current folder.
     pub fn with_absolute_paths(mut self) -> Result<Experiment> {
         for path in self.paths() {
-            *path = std::path::absolute(&*path).map_err(|e| read_error(path, &e))?;
+            *path = std::path::absolute(&*path).map_err(|e| read_error(path, e))?;
         }
         self.check_paths()?;
         Ok(self)

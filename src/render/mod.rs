@@ -52,6 +52,7 @@ pub use stats::{Stage, Stats};
 pub use strategies::{StrategyImage, StrategyImages, strategies};
 
 /// A render in progress. Every iteration adds samples to the film; the same settings give the same bits.
+#[warn(missing_docs)]
 pub struct Renderer {
     device: Device,
     plan: Plan,
@@ -66,6 +67,7 @@ pub struct Renderer {
     first_sample: u32,
 }
 
+#[warn(missing_docs)]
 impl Renderer {
     /// Flattens and uploads the scene, compiles the kernels. Errors: nothing emits, the scene does not fit the device, the
     /// estimator cannot render these emitters.
@@ -211,6 +213,7 @@ impl Renderer {
         }
     }
 
+    /// Counts and times so far.
     pub fn stats(&self) -> &Stats {
         &self.stats
     }

@@ -1,6 +1,8 @@
 //! A scene from arrays: materials, meshes and where they stand, cameras, lights. What is added gets an index; [`Scene::check`] says
 //! whether all of it fits together.
 
+#![warn(missing_docs)]
+
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::{AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, Texture, Wrap};

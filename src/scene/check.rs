@@ -1,5 +1,7 @@
 //! What every scene promises, whether it was read from a file or built from arrays.
 
+#![warn(missing_docs)]
+
 use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3, Vec3};

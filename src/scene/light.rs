@@ -7,23 +7,43 @@ use glam::DVec3;
 pub struct Light {
     /// Name of the node that carries it.
     pub node: String,
+    /// In metres, in the world.
     pub position: DVec3,
     /// Unit vector along which it shines (-Z of its node); meaningless for points.
     pub direction: DVec3,
+    /// What it sends out.
     pub kind: LightKind,
 }
 
+/// What a light without surface sends out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LightKind {
-    /// Radiant intensity in W / sr, the same in all directions.
-    Point { intensity: [f32; 3] },
-    /// Radiant intensity in W / sr inside `inner` (half angle, radians), falling to 0 at `outer` as KHR_lights_punctual
-    /// says: clamp((cos - cos outer) / (cos inner - cos outer))^2.
-    Spot { intensity: [f32; 3], inner: f32, outer: f32 },
-    /// Parallel light through a disk of `radius` >= 0 metres around `position`; `power` in W in all.
-    Beam { power: [f32; 3], radius: f32 },
+    /// The same in all directions.
+    Point {
+        /// Radiant intensity in W / sr.
+        intensity: [f32; 3],
+    },
+    /// A cone whose edge is as KHR_lights_punctual says: clamp((cos - cos outer) / (cos inner - cos outer))^2.
+    Spot {
+        /// Radiant intensity in W / sr inside `inner`.
+        intensity: [f32; 3],
+        /// Half angle in radians up to which the intensity is full.
+        inner: f32,
+        /// Half angle in radians from which it is 0.
+        outer: f32,
+    },
+    /// Parallel light through a disk around the light's position.
+    Beam {
+        /// W in all.
+        power: [f32; 3],
+        /// Of the disk, in metres, >= 0.
+        radius: f32,
+    },
     /// Infinitely far away: has no travel time. Kept so that a gated render can refuse it by name.
-    Directional { irradiance: [f32; 3] },
+    Directional {
+        /// W / m^2 on a surface that faces it.
+        irradiance: [f32; 3],
+    },
 }
 
 impl LightKind {

@@ -3,6 +3,8 @@
 //! `gltf.rs` is the only file that knows glTF; `build.rs` makes scenes from arrays. `check.rs` says what every scene promises: the
 //! loader checks it for a file, the renderer for every scene that it is given.
 
+#![warn(missing_docs)]
+
 pub mod build;
 pub mod check;
 pub mod gltf;
@@ -21,7 +23,9 @@ pub struct Scene {
     pub instances: Vec<Instance>,
     /// Never empty: primitives without a material use the glTF default material.
     pub materials: Vec<Material>,
+    /// Images with their samplers.
     pub textures: Vec<Texture>,
+    /// Texels, which textures may share.
     pub images: Vec<Image>,
     /// In the order of the nodes that carry them.
     pub cameras: Vec<Camera>,
@@ -58,6 +62,7 @@ impl Mesh {
 pub struct Mesh {
     /// For messages: mesh name and primitive number, e.g. `Chair[0]`.
     pub name: String,
+    /// Corners in the mesh's own space.
     pub positions: Vec<[f32; 3]>,
     /// Unit normals, one a position, or empty for flat shading.
     pub normals: Vec<[f32; 3]>,
@@ -73,6 +78,7 @@ pub struct Mesh {
 /// A mesh placed in the world.
 #[derive(Debug, Clone)]
 pub struct Instance {
+    /// Index into [`Scene::meshes`].
     pub mesh: u32,
     /// World from mesh space. May mirror or scale unevenly; never singular.
     pub transform: DAffine3,
@@ -83,6 +89,7 @@ pub struct Instance {
 /// How coverage is read from the base colour's alpha.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum AlphaMode {
+    /// Covers everything, whatever alpha says.
     #[default]
     Opaque,
     /// Opaque where alpha >= cutoff, absent elsewhere.
@@ -94,6 +101,7 @@ pub enum AlphaMode {
 /// A metallic-roughness material with the extensions taugate reads.
 #[derive(Debug, Clone)]
 pub struct Material {
+    /// For messages.
     pub name: String,
     /// Linear RGB and alpha, each in [0, 1].
     pub base_color: [f32; 4],
@@ -113,16 +121,21 @@ pub struct Material {
     pub ior: f32,
     /// KHR_materials_transmission in [0, 1].
     pub transmission: f32,
+    /// How coverage is read from the base colour's alpha.
     pub alpha_mode: AlphaMode,
+    /// Whether the back reflects and emits as the front does; else it is black.
     pub double_sided: bool,
 }
 
 /// How texture coordinates outside [0, 1] are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Wrap {
+    /// The image repeats.
     #[default]
     Repeat,
+    /// The image repeats, every other time mirrored.
     Mirror,
+    /// The texels at the edge go on.
     Clamp,
 }
 
@@ -131,6 +144,7 @@ pub enum Wrap {
 pub struct Texture {
     /// Index into [`Scene::images`].
     pub image: u32,
+    /// Across and down.
     pub wrap: [Wrap; 2],
     /// Bilinear if true, else nearest.
     pub linear: bool,
@@ -139,14 +153,18 @@ pub struct Texture {
 /// Decoded texels, row 0 at the top (v = 0), sRGB-encoded colour and linear alpha, 8 bits each.
 #[derive(Debug, Clone)]
 pub struct Image {
+    /// Texels across.
     pub width: u32,
+    /// Texels down.
     pub height: u32,
+    /// Row by row.
     pub rgba: Vec<[u8; 4]>,
 }
 
 /// A pinhole camera: looks along -Z of its transform, +Y up, +X right.
 #[derive(Debug, Clone)]
 pub struct Camera {
+    /// Different from that of any other camera of the scene.
     pub name: String,
     /// World from camera, rotation and translation only (scale removed).
     pub transform: DAffine3,

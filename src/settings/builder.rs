@@ -1,5 +1,7 @@
 //! How [`Settings`] are made: everything is chosen in any order and checked at the end.
 
+#![warn(missing_docs)]
+
 use crate::error::{Error, Result};
 use crate::settings::table::RenderTable;
 use crate::settings::units::Gate;
@@ -37,6 +39,7 @@ impl SettingsBuilder {
         SettingsBuilder { render: RenderTable { device: None, strict: None, ..render.clone() }, ..self }
     }
 
+    /// How paths are found; nothing chosen is the default for the gate.
     pub fn estimator(mut self, estimator: Estimator) -> SettingsBuilder {
         self.render.estimator = Some(estimator);
         self
@@ -57,6 +60,7 @@ impl SettingsBuilder {
         SettingsBuilder { crop: crop.into(), ..self }
     }
 
+    /// When the render stops.
     pub fn budget(mut self, budget: Budget) -> SettingsBuilder {
         (self.render.spp, self.render.time) = match budget {
             Budget::Spp(spp) => (Some(spp), None),
@@ -70,6 +74,7 @@ impl SettingsBuilder {
         SettingsBuilder { camera, ..self }
     }
 
+    /// Which emitters of the scene shine.
     pub fn emitters(self, emitters: Emitters) -> SettingsBuilder {
         SettingsBuilder { emitters, ..self }
     }

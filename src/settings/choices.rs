@@ -16,6 +16,7 @@ pub enum Strategies {
 }
 
 impl Strategies {
+    /// Both sets.
     pub const ALL: [Strategies; 2] = [Strategies::All, Strategies::Paper];
 
     /// The name on the command line.
@@ -37,6 +38,7 @@ pub enum Sampling {
 }
 
 impl Sampling {
+    /// Both ways.
     pub const ALL: [Sampling; 2] = [Sampling::Uniform, Sampling::Adaptive];
 
     /// How samples are spread when nothing says it.
@@ -67,7 +69,9 @@ pub struct Importance {
 }
 
 impl Importance {
+    /// Every part.
     pub const ALL: Importance = Importance { centre: true, cosine: true, overlap: true, gloss: true };
+    /// No part: power alone.
     pub const NONE: Importance = Importance { centre: false, cosine: false, overlap: false, gloss: false };
 
     fn parts(self) -> [(&'static str, bool); 4] {
@@ -106,17 +110,23 @@ impl Emitters {
 /// Pixel window [x0, x1) x [y0, y1), row 0 at the top, inside the resolution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Crop {
+    /// First column.
     pub x0: u32,
+    /// First row.
     pub y0: u32,
+    /// Column after the last.
     pub x1: u32,
+    /// Row after the last.
     pub y1: u32,
 }
 
 impl Crop {
+    /// Pixels across.
     pub fn width(&self) -> u32 {
         self.x1 - self.x0
     }
 
+    /// Pixels down.
     pub fn height(&self) -> u32 {
         self.y1 - self.y0
     }

@@ -1,11 +1,16 @@
 //! What a render is asked to do: a [`Settings`] is checked where it is built, and nobody validates it again.
 
+#![warn(missing_docs)]
+
 mod builder;
 mod choices;
 mod keys;
+#[allow(missing_docs)]
 pub mod setting;
+#[allow(missing_docs)]
 pub mod table;
 pub mod units;
+#[allow(missing_docs)]
 pub mod values;
 
 pub use self::builder::SettingsBuilder;
@@ -25,7 +30,9 @@ pub const DEFAULT_MAX_DEPTH: u32 = 24;
 pub const LEAST_LIGHT_PATHS_BY_DEFAULT: u32 = 4096;
 /// Power buckets a node, B of the paper.
 pub const DEFAULT_BUCKETS: u32 = 8;
+/// Seed when nothing says which.
 pub const DEFAULT_SEED: u32 = 0;
+/// Strategies when nothing says which.
 pub const DEFAULT_STRATEGIES: Strategies = Strategies::All;
 /// Pixels across when neither flags nor the camera say how many.
 pub const DEFAULT_WIDTH: u32 = 512;
@@ -34,10 +41,13 @@ pub const DEFAULT_WIDTH: u32 = 512;
 pub const MAX_SIDE: u32 = 16_384;
 /// Pixels in an image at most: 64 Mi.
 pub const MAX_PIXELS: u64 = 1 << 26;
+/// Samples per pixel at most.
 pub const MAX_SPP: u32 = 1 << 24;
 /// Vertices count their segments in 8 bits.
 pub const MAX_DEPTH: u32 = 254;
+/// Light subpaths per iteration at most.
 pub const MAX_LIGHT_PATHS: u32 = 1 << 24;
+/// Tree queries per shade point at most.
 pub const MAX_QUERIES: u32 = 64;
 /// The node layout has room for eight bucket powers.
 pub const MAX_BUCKETS: u32 = 8;
@@ -69,6 +79,7 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Nothing chosen yet: what stays open has its default.
     pub fn builder() -> SettingsBuilder {
         SettingsBuilder::default()
     }
@@ -78,6 +89,7 @@ impl Settings {
         self.chosen.clone()
     }
 
+    /// How paths are found.
     pub fn estimator(&self) -> Estimator {
         self.chosen.render.estimator.unwrap_or(Estimator::UNGATED)
     }
@@ -98,6 +110,7 @@ impl Settings {
         self.chosen.crop.unwrap_or(Crop { x0: 0, y0: 0, x1, y1 })
     }
 
+    /// When the render stops.
     pub fn budget(&self) -> Budget {
         let RenderTable { spp, time, .. } = self.chosen.render;
         time.map_or(Budget::Spp(spp.unwrap_or(DEFAULT_SPP)), |time| Budget::Seconds(time.0))
@@ -108,6 +121,7 @@ impl Settings {
         self.chosen.camera
     }
 
+    /// Which emitters of the scene shine.
     pub fn emitters(&self) -> &Emitters {
         &self.chosen.emitters
     }

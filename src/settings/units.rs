@@ -1,5 +1,7 @@
 //! Travel times and ranges with their units: parsing and printing of gates.
 
+#![warn(missing_docs)]
+
 use std::fmt;
 use std::str::FromStr;
 
@@ -8,6 +10,7 @@ use crate::error::{Error, Result};
 /// A half-open interval of travel time [lo, hi), in metres of optical path (c = 1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gate {
+    /// The first travel time that counts, >= 0.
     pub lo: f64,
     /// Infinite for an open gate.
     pub hi: f64,
@@ -29,13 +32,16 @@ const HOW_TO_WRITE: &str = "write it like 12.5m..12.8m, 41.7ns..42.7ns, 12.65m+-
 /// How a gate compares with the resolution of f32 travel times at its far end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Resolution {
+    /// So many that rounding does not show.
     Fine,
     /// Under [`COARSE_ULPS`] steps wide: rounding is visible in the brightness.
     Coarse {
+        /// Steps of 32-bit travel times in the gate.
         ulps: f64,
     },
     /// Under [`REFUSED_ULPS`] steps wide: mostly rounding.
     TooThin {
+        /// Steps of 32-bit travel times in the gate.
         ulps: f64,
     },
 }
@@ -44,6 +50,7 @@ impl Gate {
     /// Every travel time: the steady state.
     pub const OPEN: Gate = Gate { lo: 0.0, hi: f64::INFINITY };
 
+    /// Whether every travel time counts.
     pub fn is_open(&self) -> bool {
         self.hi == f64::INFINITY && self.lo <= 0.0
     }

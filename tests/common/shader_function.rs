@@ -4,8 +4,8 @@
 //! `result` the output. Fields are laid out as WGSL lays out structs; the host's records must have the same size.
 
 use bytemuck::{AnyBitPattern, NoUninit};
-use taugate::gpu::{Buffer, Device, Kernel, Recorder, shader};
-use taugate::wgsl::layout::Dispatch;
+use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder, shader};
+use taugate::internals::wgsl::layout::Dispatch;
 
 /// The holes of the template.
 #[derive(Clone, Copy)]

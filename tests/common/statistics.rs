@@ -1,6 +1,6 @@
 //! Chi-square tests with a stated significance level, corrected for the number of tests.
 
-use taugate::compare::statistics::ln_gamma;
+use taugate::internals::compare::statistics::ln_gamma;
 
 /// Significance level of a family of statistical tests.
 pub const SIGNIFICANCE: f64 = 1e-3;

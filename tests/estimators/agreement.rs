@@ -4,12 +4,12 @@ use std::sync::OnceLock;
 
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
 use super::rough_glass;
-use taugate::generate::zoo::{Light, zoo};
-use taugate::generate::{Kind, build};
-use taugate::oracle::path_tracer::{self, Film};
-use taugate::scene::Scene;
-use taugate::settings::units::Gate;
-use taugate::settings::{Emitters, Estimator, Strategies};
+use taugate::internals::generate::zoo::{Light, zoo};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::oracle::path_tracer::{self, Film};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Emitters, Estimator, Strategies};
 
 const CELL: usize = 8;
 const MAX_DEPTH: u32 = 10;
@@ -41,7 +41,7 @@ fn against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [
 /// All that can see by what shines in the scene.
 fn estimators(scene: &Scene) -> Vec<Estimator> {
     let mut estimators = vec![Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
-    let only_beams = scene.lights.iter().all(|l| matches!(l.kind, taugate::scene::LightKind::Beam { .. }));
+    let only_beams = scene.lights.iter().all(|l| matches!(l.kind, taugate::internals::scene::LightKind::Beam { .. }));
     if scene.lights.is_empty() || !only_beams {
         estimators.push(Estimator::Pt);
     }

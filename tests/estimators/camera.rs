@@ -1,13 +1,13 @@
 //! A camera that moves in a renderer which was prepared for another one.
 
 use glam::DVec3;
-use taugate::generate::shapes::cuboid;
-use taugate::generate::stage::{add, glass, light, material};
-use taugate::generate::{Kind, build};
-use taugate::render::Renderer;
-use taugate::scene::{Camera, LightKind, Scene};
-use taugate::settings::units::Gate;
-use taugate::settings::{Estimator, Sampling, Settings};
+use taugate::internals::generate::shapes::cuboid;
+use taugate::internals::generate::stage::{add, glass, light, material};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::render::Renderer;
+use taugate::internals::scene::{Camera, LightKind, Scene};
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Sampling, Settings};
 
 use super::cells::{Cells, disagreements, renderer, settings};
 

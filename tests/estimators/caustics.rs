@@ -6,12 +6,12 @@ use std::sync::OnceLock;
 use super::agreement::{against, assert_none, bin, oracle};
 use super::cells::{Cells, disagreements, renderer, settings};
 use glam::DVec3;
-use taugate::generate::shapes::{icosphere, quad};
-use taugate::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, metal, place};
-use taugate::oracle::path_tracer::Film;
-use taugate::scene::Scene;
-use taugate::settings::units::Gate;
-use taugate::settings::{Estimator, Strategies};
+use taugate::internals::generate::shapes::{icosphere, quad};
+use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, metal, place};
+use taugate::internals::oracle::path_tracer::Film;
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Strategies};
 
 const RADIUS: f64 = 0.4;
 const SIZE: [u32; 2] = [24, 16];

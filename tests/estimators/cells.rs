@@ -1,11 +1,11 @@
 //! Rendering for tests: settings, batches of independent seeds, pooled cells and their z-tests.
 
-use taugate::compare::statistics::sidak_threshold;
-use taugate::gpu::Device;
-use taugate::render::{Renderer, Tuning};
-use taugate::scene::Scene;
-use taugate::settings::units::Gate;
-use taugate::settings::{Budget, Estimator, Sampling, Settings, SettingsBuilder};
+use taugate::internals::compare::statistics::sidak_threshold;
+use taugate::internals::gpu::Device;
+use taugate::internals::render::{Renderer, Tuning};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Budget, Estimator, Sampling, Settings, SettingsBuilder};
 
 /// Significance of every family of tests, corrected for its number of cells (Sidak).
 pub const SIGNIFICANCE: f64 = 1e-3;

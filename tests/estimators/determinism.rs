@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use super::cells::{renderer, settings, tuned};
-use taugate::generate::{Kind, build};
-use taugate::render::schedule::next_samples;
-use taugate::render::{Renderer, Tuning};
-use taugate::settings::units::Gate;
-use taugate::settings::{Budget, Crop, Estimator, Sampling};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::render::schedule::next_samples;
+use taugate::internals::render::{Renderer, Tuning};
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Budget, Crop, Estimator, Sampling};
 
 const SIZE: [u32; 2] = [40, 24];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };

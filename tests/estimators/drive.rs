@@ -1,13 +1,13 @@
 //! However the host drives the device, the image is the same bits; a card is asked for little.
 
 use super::cells::settings;
-use taugate::generate::zoo::Light;
-use taugate::generate::{Kind, build};
-use taugate::gpu::{Device, Drive};
-use taugate::render::{Renderer, Tuning};
-use taugate::scene::Scene;
-use taugate::settings::units::Gate;
-use taugate::settings::{Estimator, Sampling, Settings};
+use taugate::internals::generate::zoo::Light;
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::gpu::{Device, Drive};
+use taugate::internals::render::{Renderer, Tuning};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Sampling, Settings};
 
 const SIZE: [u32; 2] = [20, 14];
 const GATE: Gate = Gate { lo: 7.0, hi: 12.0 };

@@ -4,13 +4,13 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use taugate::generate::shapes::{cuboid, inside_out};
-use taugate::generate::stage::{add, camera, diffuse, material, metal};
-use taugate::generate::{Kind, build};
-use taugate::oracle::sphere::gated_radiance;
-use taugate::scene::{Material, Mesh, Scene};
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::generate::shapes::{cuboid, inside_out};
+use taugate::internals::generate::stage::{add, camera, diffuse, material, metal};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::oracle::sphere::gated_radiance;
+use taugate::internals::scene::{Material, Mesh, Scene};
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 use super::cells::{Cells, renderer, settings, threshold};
 

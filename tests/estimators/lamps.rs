@@ -1,14 +1,14 @@
 //! More lamps than are connected one by one: queries or draws choose among them, and the image stays the sum over all lamps.
 
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::generate::shapes::{cuboid, quad};
-use taugate::generate::stage::{add, camera, diffuse, light, material, metal, plastic};
-use taugate::generate::{Kind, build};
-use taugate::oracle::sphere::gated_radiance;
-use taugate::scene::{LightKind, Scene};
-use taugate::settings::units::Gate;
-use taugate::settings::{Emitters, Estimator, Settings};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::shapes::{cuboid, quad};
+use taugate::internals::generate::stage::{add, camera, diffuse, light, material, metal, plastic};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::oracle::sphere::gated_radiance;
+use taugate::internals::scene::{LightKind, Scene};
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Emitters, Estimator, Settings};
 
 use super::agreement::{against, assert_none, oracle};
 use super::cells::{Cells, renderer, settings, threshold};

@@ -1,10 +1,10 @@
 //! One test a bug, named after it.
 
 use glam::DVec3;
-use taugate::generate::shapes::{append, cuboid, quad};
-use taugate::generate::stage::{add, camera, diffuse, emitter, light, material};
-use taugate::scene::{AlphaMode, LightKind, Material, Mesh, Scene};
-use taugate::settings::{Emitters, Estimator, Sampling};
+use taugate::internals::generate::shapes::{append, cuboid, quad};
+use taugate::internals::generate::stage::{add, camera, diffuse, emitter, light, material};
+use taugate::internals::scene::{AlphaMode, LightKind, Material, Mesh, Scene};
+use taugate::internals::settings::{Emitters, Estimator, Sampling};
 
 use super::cells::{renderer, settings};
 

@@ -4,11 +4,11 @@
 use super::agreement::{against, assert_none, oracle};
 use super::cells::{Cells, disagreements, renderer, settings};
 use glam::DVec3;
-use taugate::generate::shapes::{cuboid, icosphere, quad};
-use taugate::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, place};
-use taugate::scene::{Material, Scene};
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::generate::shapes::{cuboid, icosphere, quad};
+use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, place};
+use taugate::internals::scene::{Material, Scene};
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 const SIZE: [u32; 2] = [24, 16];
 /// The lamp behind the pane and what is seen through the glass first; then light that has been scattered before or since.

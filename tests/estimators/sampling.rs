@@ -1,11 +1,11 @@
 //! Samples that follow the error of earlier iterations never change the image on average, and its variance is known.
 
 use super::cells::{Cells, SEEDS, device, disagreements, renderer, settings, threshold};
-use taugate::generate::{Kind, build};
-use taugate::oracle::sphere::gated_radiance;
-use taugate::render::{Prepared, StrategyImages};
-use taugate::settings::units::Gate;
-use taugate::settings::{Estimator, Sampling, Settings};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::oracle::sphere::gated_radiance;
+use taugate::internals::render::{Prepared, StrategyImages};
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Sampling, Settings};
 
 /// Through this gate the generated Cornell box is dark in some parts, bright in others, and seen in its mirror.
 const GATE: Gate = Gate { lo: 8.0, hi: 8.3 };

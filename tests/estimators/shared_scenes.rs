@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use super::cells::{Cells, disagreements, renderer, settings};
-use taugate::scene::gltf;
-use taugate::settings::units::Gate;
-use taugate::settings::{Emitters, Estimator};
+use taugate::internals::scene::gltf;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Emitters, Estimator};
 
 /// Path of a benchmark scene if it is there.
 fn scene_path(name: &str) -> Option<PathBuf> {

@@ -1,11 +1,11 @@
 //! Level 5: the gated integrating sphere, whose radiance in any gate is known in closed form (`oracle::sphere`).
 
 use super::cells::{Cells, renderer, settings, threshold};
-use taugate::generate::{Kind, build};
-use taugate::oracle::sphere::gated_radiance;
-use taugate::render::Renderer;
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::oracle::sphere::gated_radiance;
+use taugate::internals::render::Renderer;
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 const ALBEDO: f32 = 0.5;
 /// Gates after the direct return at 2 R, in units of R (DESIGN section 5); the first holds the direct return itself.

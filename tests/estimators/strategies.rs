@@ -2,12 +2,12 @@
 //! same light alone.
 
 use super::cells::{device, renderer, settings};
-use taugate::generate::zoo::{Light, zoo};
-use taugate::generate::{Kind, build};
-use taugate::render::{Prepared, StrategyImage, StrategyImages, strategies};
-use taugate::scene::Scene;
-use taugate::settings::units::Gate;
-use taugate::settings::{Estimator, Settings, Strategies};
+use taugate::internals::generate::zoo::{Light, zoo};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::render::{Prepared, StrategyImage, StrategyImages, strategies};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Settings, Strategies};
 
 const SAMPLES: [u32; 2] = [2, 3];
 /// Part of the light that the sum of all strategies may be off by, and that any strategy holds more of.

@@ -1,11 +1,11 @@
 //! How the trees are built (one or two, size of the leaves) and what queries choose by never changes the image on average.
 
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
-use taugate::generate::{Kind, build};
-use taugate::oracle::sphere::gated_radiance;
-use taugate::scene::Scene;
-use taugate::settings::units::Gate;
-use taugate::settings::{Estimator, Importance, Settings};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::oracle::sphere::gated_radiance;
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Importance, Settings};
 
 const ALBEDO: f64 = 0.5;
 

@@ -1,14 +1,14 @@
 //! `compare --z`: two renders of the same agree, whatever they have in common within an iteration; a small error is found.
 
 use super::cells::{renderer, settings};
-use taugate::compare::agreement::{Agreement, SIGNIFICANCE, agreement};
-use taugate::compare::statistics::sidak_threshold;
-use taugate::generate::{Kind, build};
-use taugate::image::batches::CellBatches;
-use taugate::render::Renderer;
-use taugate::scene::Scene;
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::compare::agreement::{Agreement, SIGNIFICANCE, agreement};
+use taugate::internals::compare::statistics::sidak_threshold;
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::image::batches::CellBatches;
+use taugate::internals::render::Renderer;
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 const SIZE: [u32; 2] = [48, 48];
 const GATE: Gate = Gate { lo: 6.5, hi: 7.5 };

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
+use taugate::internals::generate::numbers::Pcg;
 
 use crate::materials::set;
 use crate::shader_function::ShaderFunction;

@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use taugate::generate::stage;
-use taugate::scene::Material;
+use taugate::internals::generate::stage;
+use taugate::internals::scene::Material;
 
 use crate::bsdf_sample::{Given, even, random};
 use crate::materials::Set;

@@ -1,7 +1,7 @@
 //! The parts of `shared/bsdf.wgsl`: Fresnel terms, GGX, the coat's albedo, the choice of lobes.
 
-use taugate::generate::numbers::Pcg;
-use taugate::oracle::{bsdf, ggx};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::oracle::{bsdf, ggx};
 
 use crate::materials::set;
 use crate::shader_function::ShaderFunction;

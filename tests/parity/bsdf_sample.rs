@@ -2,8 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::scene::Material;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::scene::Material;
 
 use crate::materials::{ALPHAS, Reference, set};
 use crate::shader_function::{Prepared, ShaderFunction};
@@ -213,7 +213,7 @@ fn mirrors_and_smooth_glass_by_hand() {
                 assert!((s.weight[0] - 1.0).abs() < 1e-5);
             }
         }
-        let passed = 1.0 - taugate::oracle::bsdf::fresnel_dielectric(w.z, relative);
+        let passed = 1.0 - taugate::internals::oracle::bsdf::fresnel_dielectric(w.z, relative);
         let error = (passed * (1.0 - passed) / samples.len() as f64).sqrt();
         assert!((through / samples.len() as f64 - passed).abs() < 4.0 * error, "{through} {passed}");
     }

@@ -1,8 +1,8 @@
 //! `shared/camera.wgsl`: the film and its pixels.
 
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::wgsl::layout::{Frame, NONE};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::wgsl::layout::{Frame, NONE};
 
 use crate::shader_function::ShaderFunction;
 use crate::values::{dvec, frame, vec3};

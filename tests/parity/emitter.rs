@@ -4,9 +4,9 @@ use std::f64::consts::{PI, TAU};
 
 use bytemuck::Zeroable;
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::wgsl::layout::constants::*;
-use taugate::wgsl::layout::{
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::wgsl::layout::constants::*;
+use taugate::internals::wgsl::layout::{
     Emitter, InstanceNormals, Material, NONE, PathVertex, TextureInfo, Triangle, VertexAttributes,
 };
 

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeSet;
 
-use taugate::gpu::shader;
-use taugate::wgsl::SOURCES;
+use taugate::internals::gpu::shader;
+use taugate::internals::wgsl::SOURCES;
 
 use crate::shader_function::ShaderFunction;
 

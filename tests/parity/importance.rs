@@ -2,11 +2,11 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
-use taugate::generate::numbers::Pcg;
-use taugate::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::oracle::lightcone::bucket_interval;
-use taugate::wgsl::layout::constants::LEAF_FIRST;
-use taugate::wgsl::layout::{Material, NONE, PathVertex, TreeChild};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::oracle::lightcone::bucket_interval;
+use taugate::internals::wgsl::layout::constants::LEAF_FIRST;
+use taugate::internals::wgsl::layout::{Material, NONE, PathVertex, TreeChild};
 
 use crate::shader_function::{ShaderFunction, contents};
 use crate::statistics::{chi_square, level};

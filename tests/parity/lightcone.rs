@@ -2,11 +2,11 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::oracle::lightcone::{self, Bounds, Extent};
-use taugate::settings::units::Gate;
-use taugate::wgsl::layout::TreeChild;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::oracle::lightcone::{self, Bounds, Extent};
+use taugate::internals::settings::units::Gate;
+use taugate::internals::wgsl::layout::TreeChild;
 
 use crate::shader_function::ShaderFunction;
 use crate::values::{direction, dvec, vec3};

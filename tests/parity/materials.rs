@@ -4,15 +4,15 @@ use std::f64::consts::PI;
 use std::sync::OnceLock;
 
 use glam::{DAffine3, DVec3};
-use taugate::generate::stage;
-use taugate::oracle::bsdf::{Prepared, fresnel_dielectric};
-use taugate::oracle::ggx;
-use taugate::render::albedo::AlbedoTable;
-use taugate::render::geometry::Geometry;
-use taugate::render::place::Place;
-use taugate::scene::{Material, Mesh, Scene};
-use taugate::settings::Emitters;
-use taugate::wgsl::layout::Material as DeviceMaterial;
+use taugate::internals::generate::stage;
+use taugate::internals::oracle::bsdf::{Prepared, fresnel_dielectric};
+use taugate::internals::oracle::ggx;
+use taugate::internals::render::albedo::AlbedoTable;
+use taugate::internals::render::geometry::Geometry;
+use taugate::internals::render::place::Place;
+use taugate::internals::scene::{Material, Mesh, Scene};
+use taugate::internals::settings::Emitters;
+use taugate::internals::wgsl::layout::Material as DeviceMaterial;
 
 use crate::shader_function::{Contents, contents};
 

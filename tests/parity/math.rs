@@ -1,8 +1,8 @@
 //! `shared/math.wgsl`: frames, warps and packed directions.
 
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::render::geometry::octahedral;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::render::geometry::octahedral;
 
 use crate::shader_function::ShaderFunction;
 use crate::values::{directions, dvec};

@@ -6,14 +6,14 @@ use std::f64::consts::PI;
 
 use bytemuck::Zeroable;
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::generate::{shapes, stage};
-use taugate::gpu::{Buffer, Device, Kernel, Recorder};
-use taugate::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::render::albedo::AlbedoTable;
-use taugate::scene::{Material, Scene};
-use taugate::wgsl::layout::constants::*;
-use taugate::wgsl::layout::{Candidate, Dispatch, Frame, NONE, PathVertex};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::{shapes, stage};
+use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
+use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::render::albedo::AlbedoTable;
+use taugate::internals::scene::{Material, Scene};
+use taugate::internals::wgsl::layout::constants::*;
+use taugate::internals::wgsl::layout::{Candidate, Dispatch, Frame, NONE, PathVertex};
 
 use crate::shader_function::{Contents, contents};
 use crate::trace::buffers;

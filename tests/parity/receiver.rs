@@ -1,8 +1,8 @@
 //! What the importance knows of a shade point: `shared/receiver.wgsl`, and the lobe of `shared/importance.wgsl`.
 
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::wgsl::layout::constants::VERTEX_TRANSMITS;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::wgsl::layout::constants::VERTEX_TRANSMITS;
 
 use crate::materials::set;
 use crate::scatter::{buffers, vertex};

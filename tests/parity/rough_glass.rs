@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
+use taugate::internals::generate::numbers::Pcg;
 
 use crate::materials::{Reference, set};
 use crate::values::polar;

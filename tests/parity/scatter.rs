@@ -2,9 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::wgsl::layout::constants::VERTEX_TRANSMITS;
-use taugate::wgsl::layout::{NONE, PathState, PathVertex};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::wgsl::layout::constants::VERTEX_TRANSMITS;
+use taugate::internals::wgsl::layout::{NONE, PathState, PathVertex};
 
 use crate::materials::set;
 use crate::shader_function::{Contents, ShaderFunction, contents};

@@ -1,10 +1,10 @@
 //! A vertex that `gate_weight` accepts is never pruned, however close to the gate's edge its travel time rounds.
 
 use bytemuck::{Pod, Zeroable};
-use taugate::generate::numbers::Pcg;
-use taugate::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::settings::units::Gate;
-use taugate::wgsl::layout::{Material, PathVertex, TreeChild};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::settings::units::Gate;
+use taugate::internals::wgsl::layout::{Material, PathVertex, TreeChild};
 
 use crate::shader_function::{ShaderFunction, contents};
 use crate::values::{direction, frame_with_gate, vec3};

@@ -2,7 +2,7 @@
 //! independent numbers.
 
 use bytemuck::{Pod, Zeroable};
-use taugate::generate::numbers::Pcg;
+use taugate::internals::generate::numbers::Pcg;
 
 use crate::shader_function::ShaderFunction;
 use crate::statistics::{chi_square, level};

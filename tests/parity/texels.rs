@@ -1,8 +1,8 @@
 //! Structs read from texel buffers: every field is where the host put it.
 
 use bytemuck::{Pod, Zeroable};
-use taugate::generate::numbers::Pcg;
-use taugate::wgsl::layout::{
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::wgsl::layout::{
     Emitter, InstanceNormals, Material, PathVertex, TextureInfo, TreeChild, TreeNode, Triangle,
 };
 

@@ -1,15 +1,15 @@
 //! `shared/texture.wgsl` and the parts of `surface.wgsl` that read textures, against the oracle's look-ups.
 
 use glam::{DAffine3, DVec2, DVec3};
-use taugate::generate::numbers::Pcg;
-use taugate::generate::stage;
-use taugate::oracle::texture::sample;
-use taugate::render::albedo::AlbedoTable;
-use taugate::render::geometry::Geometry;
-use taugate::render::place::Place;
-use taugate::scene::{AlphaMode, Image, Material, Mesh, Scene, Texture, Wrap};
-use taugate::settings::Emitters;
-use taugate::wgsl::layout::{NONE, TextureInfo};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::stage;
+use taugate::internals::oracle::texture::sample;
+use taugate::internals::render::albedo::AlbedoTable;
+use taugate::internals::render::geometry::Geometry;
+use taugate::internals::render::place::Place;
+use taugate::internals::scene::{AlphaMode, Image, Material, Mesh, Scene, Texture, Wrap};
+use taugate::internals::settings::Emitters;
+use taugate::internals::wgsl::layout::{NONE, TextureInfo};
 
 use crate::shader_function::{Contents, ShaderFunction, contents};
 

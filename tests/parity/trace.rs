@@ -2,14 +2,14 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3};
-use taugate::generate::numbers::Pcg;
-use taugate::generate::{shapes, stage};
-use taugate::oracle::geometry::{Geometry as Exact, Ray};
-use taugate::render::albedo::AlbedoTable;
-use taugate::render::geometry::Geometry;
-use taugate::render::place::Place;
-use taugate::scene::{AlphaMode, Material, Mesh, Scene};
-use taugate::settings::Emitters;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::{shapes, stage};
+use taugate::internals::oracle::geometry::{Geometry as Exact, Ray};
+use taugate::internals::render::albedo::AlbedoTable;
+use taugate::internals::render::geometry::Geometry;
+use taugate::internals::render::place::Place;
+use taugate::internals::scene::{AlphaMode, Material, Mesh, Scene};
+use taugate::internals::settings::Emitters;
 
 use crate::shader_function::{Contents, Prepared, ShaderFunction, contents};
 use crate::values::{direction, directions, dvec, vec3};

@@ -1,10 +1,10 @@
 //! Random and degenerate inputs, and conversions.
 
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::lightcone::gate::rounding_allowance;
-use taugate::settings::units::Gate;
-use taugate::wgsl::layout::Frame;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::lightcone::gate::rounding_allowance;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::wgsl::layout::Frame;
 
 use crate::shader_function::{Contents, contents};
 

@@ -1,9 +1,9 @@
 //! `shared/vertex.wgsl`: sides, cosines, media and ray origins of every kind of vertex.
 
 use bytemuck::{Pod, Zeroable};
-use taugate::generate::numbers::Pcg;
-use taugate::wgsl::layout::PathVertex;
-use taugate::wgsl::layout::constants::*;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::wgsl::layout::PathVertex;
+use taugate::internals::wgsl::layout::constants::*;
 
 use crate::materials::set;
 use crate::scatter::buffers;

@@ -3,9 +3,9 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3};
-use taugate::generate::numbers::Pcg;
-use taugate::generate::{shapes, stage};
-use taugate::scene::{Mesh, Scene};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::{shapes, stage};
+use taugate::internals::scene::{Mesh, Scene};
 
 use crate::shader_function::{Contents, Prepared, ShaderFunction};
 use crate::trace::buffers;

@@ -5,7 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
+use taugate::internals::generate::numbers::Pcg;
 
 use crate::materials::set;
 use crate::scatter::buffers;

@@ -11,9 +11,9 @@ mod stress;
 mod walk;
 
 use bytemuck::{Pod, Zeroable};
-use taugate::generate::numbers::Pcg;
-use taugate::settings::units::Gate;
-use taugate::wgsl::layout::{Material, NONE, PathVertex, TreeNode};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::wgsl::layout::{Material, NONE, PathVertex, TreeNode};
 
 use shader_function::{Contents, Prepared, ShaderFunction, contents};
 use statistics::{chi_square, level};

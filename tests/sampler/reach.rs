@@ -1,9 +1,9 @@
 //! Exhaustive: on thousands of small degenerate trees every vertex inside the gate can be drawn.
 
-use taugate::generate::numbers::Pcg;
-use taugate::lightcone::tree::Item;
-use taugate::settings::units::Gate;
-use taugate::wgsl::layout::{NONE, TreeNode};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::lightcone::tree::Item;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::wgsl::layout::{NONE, TreeNode};
 
 use crate::shader_function::contents;
 use crate::walk::{Ends, Pool, Query, odd_items, odd_query, paper_bound, walk};

@@ -1,9 +1,9 @@
 //! Trees under stress: what a traversal returns against an independent walk, on thousands of trees and on one of a million
 //! vertices; input that is degenerate in one way each; and choices too rare for 24 random bits.
 
-use taugate::generate::numbers::Pcg;
-use taugate::lightcone::tree::Item;
-use taugate::wgsl::layout::TreeNode;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::lightcone::tree::Item;
+use taugate::internals::wgsl::layout::TreeNode;
 
 use crate::reach::check;
 use crate::shader_function::{Prepared, ShaderFunction, contents};

@@ -1,13 +1,13 @@
 //! Trees over random vertices, and a walk that finds the probability of every leaf from the bounds of the nodes.
 
 use glam::DVec3;
-use taugate::generate::numbers::Pcg;
-use taugate::lightcone::gate::rounding_allowance;
-use taugate::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::oracle::lightcone::{self, Bounds, Extent};
-use taugate::settings::units::Gate;
-use taugate::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST};
-use taugate::wgsl::layout::{NONE, TreeChild, TreeNode};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::lightcone::gate::rounding_allowance;
+use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::oracle::lightcone::{self, Bounds, Extent};
+use taugate::internals::settings::units::Gate;
+use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST};
+use taugate::internals::wgsl::layout::{NONE, TreeChild, TreeNode};
 
 /// A tree in arrays that other trees share.
 pub struct Pool {

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use base64::Engine;
 use glam::DVec3;
-use taugate::scene::gltf::load;
-use taugate::scene::{AlphaMode, Instance, LightKind, Wrap};
+use taugate::internals::scene::gltf::load;
+use taugate::internals::scene::{AlphaMode, Instance, LightKind, Wrap};
 
 use super::*;
 

@@ -1,7 +1,7 @@
 //! Bad files are refused by name, with a remedy, and never panic.
 
 use base64::Engine;
-use taugate::scene::gltf::load;
+use taugate::internals::scene::gltf::load;
 
 use super::*;
 

@@ -12,8 +12,8 @@ use glam::Vec3;
 use glb::{Glb, complete};
 use serde_json::{Value, json};
 use taugate::Error;
-use taugate::scene::Scene;
-use taugate::scene::gltf::load_slice;
+use taugate::internals::scene::Scene;
+use taugate::internals::scene::gltf::load_slice;
 
 fn read(glb: &Glb) -> Scene {
     load_slice(&glb.build(), Path::new("test.glb")).unwrap()

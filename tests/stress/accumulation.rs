@@ -1,6 +1,6 @@
 //! A hundred thousand iterations in one film: nothing is lost.
 
-use taugate::image::film::Film;
+use taugate::internals::image::film::Film;
 
 /// Levels from far below to far above 1 and spreads down to the last bits of the values.
 const CHANNELS: [(f32, f32); 6] = [(1.0, 0.5), (1.0, 1e-3), (1.0, 1e-6), (1e-12, 1e-13), (3e9, 1e9), (1e18, 1e12)];

@@ -3,15 +3,15 @@
 
 use std::process::{Command, Output};
 
-use taugate::generate::{Kind, build};
-use taugate::scene::Scene;
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 use super::cells::{renderer, settings};
 use super::shader_function::{ShaderFunction, contents};
 use super::{image, sum};
-use taugate::generate::zoo::{Light, zoo};
+use taugate::internals::generate::zoo::{Light, zoo};
 
 /// Runs one of the ignored tests below in another process.
 fn run(test: &str, checked: bool) -> Output {

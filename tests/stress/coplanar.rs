@@ -2,12 +2,12 @@
 //! plane of the ceiling. Nothing leaks, nothing is dark that was lit, nothing is infinite.
 
 use glam::{DAffine3, DVec3};
-use taugate::generate::shapes::{cuboid, inside_out, quad};
-use taugate::generate::stage::{about, add, camera, diffuse, emitter, material};
-use taugate::generate::{Kind, build};
-use taugate::scene::{Instance, Mesh, Scene};
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
+use taugate::internals::generate::stage::{about, add, camera, diffuse, emitter, material};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::scene::{Instance, Mesh, Scene};
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 use super::cells::{Cells, disagreements, renderer, settings};
 use super::{image, sum};

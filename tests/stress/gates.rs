@@ -1,12 +1,12 @@
 //! Gates whose edges lie on a path length, or wholly outside the scene.
 
 use glam::DVec3;
-use taugate::generate::shapes::{cuboid, quad};
-use taugate::generate::stage::{add, camera, emitter, glass, material};
-use taugate::generate::{Kind, build};
-use taugate::scene::Scene;
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::generate::shapes::{cuboid, quad};
+use taugate::internals::generate::stage::{add, camera, emitter, glass, material};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 use super::cells::{renderer, settings};
 use super::wall::{ALBEDO, wall};

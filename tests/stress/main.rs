@@ -20,8 +20,8 @@ mod thin;
 mod thin_trees;
 mod wall;
 
-use taugate::render::Renderer;
-use taugate::settings::units::Gate;
+use taugate::internals::render::Renderer;
+use taugate::internals::settings::units::Gate;
 
 /// Mean image of `iterations` x `samples` samples.
 fn image(renderer: &mut Renderer, seed: u32, gate: Gate, iterations: u32, samples: u32) -> Vec<f32> {

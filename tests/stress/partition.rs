@@ -1,9 +1,9 @@
 //! A thousand gates that abut add up to the image without a gate.
 
-use taugate::generate::{Kind, build};
-use taugate::render::Renderer;
-use taugate::settings::units::Gate;
-use taugate::settings::{Estimator, Strategies};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::render::Renderer;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Strategies};
 
 use super::cells::{renderer, settings, threshold};
 use super::{image, sum};

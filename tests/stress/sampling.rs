@@ -1,9 +1,9 @@
 //! Convergence over a million samples, and independence of seeds, pixels and iterations.
 
-use taugate::generate::{Kind, build};
-use taugate::render::Renderer;
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::render::Renderer;
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 use super::cells::{renderer, settings, threshold};
 use super::image;

@@ -1,17 +1,17 @@
 //! The same scene a thousand times larger, smaller, or far from the origin of its world is the same image.
 
 use glam::{DAffine3, DVec3};
-use taugate::generate::shapes::cuboid;
-use taugate::generate::stage::{add, glass, light, material, metal};
-use taugate::generate::{Kind, build};
-use taugate::render::Renderer;
-use taugate::scene::{LightKind, Scene};
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::generate::shapes::cuboid;
+use taugate::internals::generate::stage::{add, glass, light, material, metal};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::render::Renderer;
+use taugate::internals::scene::{LightKind, Scene};
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 use super::cells::{device, settings, threshold};
 use super::{image, sum};
-use taugate::generate::zoo::{Light, zoo};
+use taugate::internals::generate::zoo::{Light, zoo};
 
 const SIZE: [u32; 2] = [24, 16];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };

@@ -1,7 +1,7 @@
 //! Thin gates have the right energy: rings on a plane a kilometre away, where a travel time has few f32 steps.
 
-use taugate::settings::Estimator;
-use taugate::settings::units::Gate;
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
 
 use super::cells::{renderer, settings, threshold};
 use super::wall::{gated_pixels, wall};

@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
-use taugate::generate::shapes::quad;
-use taugate::generate::stage::{camera, diffuse, emitter, material, mesh, place};
-use taugate::render::{Prepared, StrategyImages};
-use taugate::scene::Scene;
-use taugate::settings::units::Gate;
-use taugate::settings::{Estimator, Settings};
+use taugate::internals::generate::shapes::quad;
+use taugate::internals::generate::stage::{camera, diffuse, emitter, material, mesh, place};
+use taugate::internals::render::{Prepared, StrategyImages};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Settings};
 
 use super::cells::{Cells, device, renderer, settings, threshold};
 

@@ -1,9 +1,9 @@
 //! A plane that faces the pinhole, lit by a point light in the pinhole: travel times and brightness on paper.
 
 use glam::DVec3;
-use taugate::generate::shapes::quad;
-use taugate::generate::stage::{add, camera, diffuse, light, material};
-use taugate::scene::{LightKind, Scene};
+use taugate::internals::generate::shapes::quad;
+use taugate::internals::generate::stage::{add, camera, diffuse, light, material};
+use taugate::internals::scene::{LightKind, Scene};
 
 /// Reflectance of the plane; the light has 1 W / sr.
 pub const ALBEDO: f32 = 0.5;

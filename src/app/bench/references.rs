@@ -3,14 +3,14 @@
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use taugate::bench::job::{Entry, Job};
-use taugate::bench::quality::{self, Goal};
-use taugate::bench::reference::{self, Made, Other};
-use taugate::bench::table::{self, Row};
-use taugate::compare::agreement::Agreement;
-use taugate::compare::metrics::Means;
-use taugate::error::{Error, Result};
-use taugate::gpu::Device;
+use taugate::internals::bench::job::{Entry, Job};
+use taugate::internals::bench::quality::{self, Goal};
+use taugate::internals::bench::reference::{self, Made, Other};
+use taugate::internals::bench::table::{self, Row};
+use taugate::internals::compare::agreement::Agreement;
+use taugate::internals::compare::metrics::Means;
+use taugate::internals::error::{Error, Result};
+use taugate::internals::gpu::Device;
 
 use super::{Bench, make_folder};
 use crate::app::cli::BenchArgs;

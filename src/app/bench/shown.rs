@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use taugate::bench::summary::{Figure, Line};
+use taugate::internals::bench::summary::{Figure, Line};
 
 use crate::app::cli::BenchArgs;
 use crate::app::progress::duration;

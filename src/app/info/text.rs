@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use taugate::gpu::need::mebibytes;
-use taugate::settings::units::METRES_PER_NS;
+use taugate::internals::gpu::need::mebibytes;
+use taugate::internals::settings::units::METRES_PER_NS;
 
 use super::{Arrival, Memory, Render, Report};
 use crate::app::feasible::{SUGGESTED_PART, short};

@@ -1,0 +1,33 @@
+//! Renders what a sensor sees of a wall through a gate, and writes it as an EXR file.
+
+use std::path::Path;
+use std::time::Instant;
+
+use taugate::glam::DVec3;
+use taugate::{Camera, Device, Gate, LightKind, Material, Mesh, Renderer, Scene, Settings, write_exr};
+
+/// Writes the image and returns its mean.
+pub fn render(out: &Path) -> taugate::Result<f64> {
+    // A wall 3 m in front of the sensor, and a lamp 1 m beside it.
+    let mut scene = Scene::default();
+    let white = scene.add_material(Material::diffuse("white", [0.8; 3]));
+    let corners = vec![[-2.0, -2.0, -3.0], [2.0, -2.0, -3.0], [2.0, 2.0, -3.0], [-2.0, 2.0, -3.0]];
+    scene.add_surface(Mesh::flat("wall", corners, vec![[0, 1, 2], [0, 2, 3]]), white);
+    scene.add_light("lamp", DVec3::X, DVec3::NEG_Z, LightKind::Point { intensity: [10.0; 3] });
+    scene.add_camera(Camera::looking_at("sensor", DVec3::ZERO, DVec3::NEG_Z, 0.8, [64, 64]));
+
+    // Light that travelled 6.2 m to 6.3 m comes from a ring on the wall.
+    let settings = Settings::builder().gate(Gate::new(6.2, 6.3)?).resolution([64, 64]).build()?;
+    let mut renderer = Renderer::new(&Device::open(None)?, &scene, &settings)?;
+    let start = Instant::now();
+    for _ in 0..8 {
+        renderer.iterate(8)?;
+    }
+    write_exr(out, renderer.film(), &settings, start.elapsed())?;
+    Ok(renderer.film().image_mean().0)
+}
+
+fn main() -> taugate::Result<()> {
+    println!("mean radiance: {:.3e}", render(Path::new("gate.exr"))?);
+    Ok(())
+}
