@@ -10,6 +10,14 @@ struct Hit {
     triangle: u32,
 }
 
+// A place in the order in which a ray meets triangles: by distance, those at one distance by number. A ray goes on strictly after it, so
+// that a surface in the plane of one that it has passed is met too.
+struct Passed {
+    t: f32,
+    // NONE where nothing at this distance is left to meet.
+    triangle: u32,
+}
+
 const STACK_SIZE: u32 = 32u;
 
 // A ray's own coordinates: the greatest component of its direction comes last, what the others move with it is sheared off.
@@ -48,7 +56,7 @@ fn edge_area(a: vec3<f32>, b: vec3<f32>) -> f32 {
 // Watertight (after Woop et al. 2013): a corner has the same place across the ray in all triangles that share it, and on an
 // edge (area 0) both of its triangles are hit, so that no ray passes between triangles, at corners either. The distance is
 // a mean of the corners' with weights >= 0: slivers, whose plane is rounding, keep it.
-fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, t_min: f32, left: u32, hit: ptr<function, Hit>) {
+fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, passed: Passed, left: u32, hit: ptr<function, Hit>) {
     let triangle = load_triangle(index);
     let a = to_ray(triangle.v0 - o, axes);
     let b = to_ray(triangle.v1 - o, axes);
@@ -60,7 +68,14 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, t_min: f32, left:
     let inside = (min(u, min(v, w)) >= 0.0 || max(u, max(v, w)) <= 0.0) && sum != 0.0;
     let scale = 1.0 / sum;
     let t = (u * a.z + v * b.z + w * c.z) * scale;
-    if (inside && t > t_min && t < (*hit).t && index != left) {
+    var beyond = t > passed.t;
+    var nearer = t < (*hit).t;
+    if (HAS_ALPHA) {
+        // Only a ray that may pass surfaces has to tell apart those at one distance.
+        beyond |= (t == passed.t) & (index > passed.triangle);
+        nearer |= (t == (*hit).t) & ((*hit).triangle != NONE) & (index < (*hit).triangle);
+    }
+    if (inside && beyond && nearer && index != left) {
         (*hit).t = t;
         (*hit).u = v * scale;
         (*hit).v = w * scale;
@@ -74,7 +89,7 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, t_min: f32, left:
 fn meet_again(hit: Hit, p: vec3<f32>, d: vec3<f32>) -> Hit {
     var again = hit;
     again.t = 3e38;
-    intersect_triangle(hit.triangle, p, ray_axes(d), 0.0, NONE, &again);
+    intersect_triangle(hit.triangle, p, ray_axes(d), Passed(0.0, NONE), NONE, &again);
     again.t = select(hit.t, again.t, again.t < 3e38);
     return again;
 }
@@ -128,8 +143,8 @@ fn intersect_four(meta4: u32, near: vec3<u32>, far: vec3<u32>, slabs: Slabs, oct
     return a | b | c | d;
 }
 
-// Closest hit (or any hit) of o + t d with t in (t_min, t_max). `d` need not have unit length. `left`: see `trace`.
-fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool, left: u32) -> Hit {
+// Closest hit (or any hit) of o + t d after `passed` and before t_max. `d` need not have unit length. `left`: see `trace`.
+fn traverse(o: vec3<f32>, d: vec3<f32>, passed: Passed, t_max: f32, any_hit: bool, left: u32) -> Hit {
     var hit = Hit(t_max, 0.0, 0.0, NONE);
     let inverse = safe_inverse(d);
     let axes = ray_axes(d);
@@ -166,7 +181,7 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool, l
             let origin = (bitcast<vec3<f32>>(n0.xyz) - o) * inverse;
             let wider_scale = SLAB_SLACK * abs(scale);
             let wider_origin = SLAB_SLACK * abs(origin);
-            let slabs = Slabs(scale - wider_scale, origin - wider_origin, scale + wider_scale, origin + wider_origin, t_min,
+            let slabs = Slabs(scale - wider_scale, origin - wider_origin, scale + wider_scale, origin + wider_origin, passed.t,
                 hit.t);
             // Words of a plane: four low children, four high ones; minima first. The sign of the ray says which are near.
             let x = select(n2, n2.zwxy, backwards.x);
@@ -185,7 +200,7 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, t_min: f32, t_max: f32, any_hit: bool, l
             if (leaves.y != 0u) {
                 let bit = firstLeadingBit(leaves.y);
                 leaves.y &= ~(1u << bit);
-                intersect_triangle(leaves.x + bit, o, axes, t_min, left, &hit);
+                intersect_triangle(leaves.x + bit, o, axes, passed, left, &hit);
             }
             continuing {
                 break if leaves.y == 0u;

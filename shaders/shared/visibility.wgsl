@@ -8,26 +8,32 @@
 // rounding of the hierarchy. `d` need not have unit length. `left` is the triangle that the ray leaves for good, NONE for
 // none: a plane is not hit from itself, whatever rounding makes of the distance of a needle that is seen along its face. Shadow
 // rays must meet the triangles of their ends: between the two sides of a wall, rounding may find a way along it.
-// The loop is the one place that traverses: a second call site would double the compile time (STACK 2e).
+// The loop is the one place that traverses: a second call site would double the time that the driver takes to compile the kernel.
 fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, left: u32, key: vec4<u32>) -> Hit {
-    var t_min = 0.0;
-    var passed = 0u;
+    var passed = Passed(0.0, NONE);
+    var count = 0u;
     var hit: Hit;
     loop {
         // Any hit is not the nearest one: what an alpha surface lets pass must still meet what stands before it.
-        hit = traverse(o, d, t_min, t_max, any_hit && !HAS_ALPHA, left);
-        if (!HAS_ALPHA || hit.triangle == NONE) {
-            break;
+        hit = traverse(o, d, passed, t_max, any_hit && !HAS_ALPHA, left);
+        let goes_on = HAS_ALPHA && lets_pass(hit, key, count);
+        passed = Passed(hit.t, hit.triangle);
+        count += 1u;
+        continuing {
+            break if !goes_on;
         }
-        if ((load_triangle(hit.triangle).material & TRIANGLE_ALPHA) == 0u) {
-            break;
-        }
-        let draw = pcg4d(vec4<u32>(key.xyz, key.w ^ (passed * 0x9e3779b9u)));
-        if (f32(draw.x >> 8u) * (1.0 / 16777216.0) < coverage(surface_at(hit.triangle, hit.u, hit.v))) {
-            break;
-        }
-        t_min = hit.t;
-        passed += 1u;
     }
     return hit;
+}
+
+// Whether the surface at the hit lets this ray pass, which has passed `count` surfaces before.
+fn lets_pass(hit: Hit, key: vec4<u32>, count: u32) -> bool {
+    if (hit.triangle == NONE) {
+        return false;
+    }
+    if ((load_triangle(hit.triangle).material & TRIANGLE_ALPHA) == 0u) {
+        return false;
+    }
+    let draw = pcg4d(vec4<u32>(key.xyz, key.w ^ (count * 0x9e3779b9u)));
+    return f32(draw.x >> 8u) * (1.0 / 16777216.0) >= coverage(surface_at(hit.triangle, hit.u, hit.v));
 }

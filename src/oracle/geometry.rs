@@ -207,12 +207,17 @@ impl<'a> Geometry<'a> {
 
     /// The nearest hit.
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
-        self.walk(ray, false)
+        self.closest_but(ray, &[])
+    }
+
+    /// The nearest hit with a triangle that is not one of `passed`.
+    pub fn closest_but(&self, ray: &Ray, passed: &[u32]) -> Option<Hit> {
+        self.walk(ray, false, passed)
     }
 
     /// Whether anything is hit.
     pub fn any(&self, ray: &Ray) -> bool {
-        self.walk(ray, true).is_some()
+        self.walk(ray, true, &[]).is_some()
     }
 
     /// The nearest hit without the tree, to test the tree.
@@ -225,7 +230,7 @@ impl<'a> Geometry<'a> {
         self.triangles[triangle as usize].intersect(ray).map(|(t, u, v)| Hit { t, triangle, u, v })
     }
 
-    fn walk(&self, ray: &Ray, any: bool) -> Option<Hit> {
+    fn walk(&self, ray: &Ray, any: bool, passed: &[u32]) -> Option<Hit> {
         if self.triangles.is_empty() {
             return None;
         }
@@ -244,7 +249,7 @@ impl<'a> Geometry<'a> {
             let node = &self.nodes[node as usize];
             if node.count > 0 {
                 for &i in &self.order[node.first as usize..(node.first + node.count) as usize] {
-                    if let Some(hit) = self.hit(i, &ray) {
+                    if let Some(hit) = self.hit(i, &ray).filter(|_| !passed.contains(&i)) {
                         if any {
                             return Some(hit);
                         }

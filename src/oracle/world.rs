@@ -50,31 +50,32 @@ impl<'a> World<'a> {
 
     /// The next vertex along a ray; surfaces with alpha are there with their coverage for probability.
     pub fn trace(&self, ray: Ray, pcg: &mut Pcg) -> Option<Vertex<'_>> {
-        let mut ray = ray;
-        loop {
-            let hit = self.geometry.closest(&ray)?;
-            let surface = self.geometry.surface(&hit);
-            if self.is_there(&surface, pcg) {
-                return Some(self.vertex(surface, -ray.direction));
-            }
-            ray.t_min += hit.t;
-        }
+        let surface = self.first_there(&ray, pcg)?;
+        Some(self.vertex(surface, -ray.direction))
     }
 
     /// Whether nothing stands between two points.
     pub fn visible(&self, a: DVec3, b: DVec3, pcg: &mut Pcg) -> bool {
-        let mut ray = Ray::between(a, b);
+        let ray = Ray::between(a, b);
         let all_opaque = self.scene.materials.iter().all(|m| m.alpha_mode == AlphaMode::Opaque);
         if all_opaque {
             return !self.geometry.any(&ray);
         }
-        while let Some(hit) = self.geometry.closest(&ray) {
-            if self.is_there(&self.geometry.surface(&hit), pcg) {
-                return false;
+        self.first_there(&ray, pcg).is_none()
+    }
+
+    /// The nearest surface that is there for this ray. A ray passes a triangle once, so it goes on by leaving out those that it has
+    /// passed: another may lie at the same distance.
+    fn first_there(&self, ray: &Ray, pcg: &mut Pcg) -> Option<Surface> {
+        let mut passed = vec![];
+        loop {
+            let hit = self.geometry.closest_but(ray, &passed)?;
+            let surface = self.geometry.surface(&hit);
+            if self.is_there(&surface, pcg) {
+                return Some(surface);
             }
-            ray.t_min = hit.t + 1e-9;
+            passed.push(hit.triangle);
         }
-        true
     }
 
     /// Part of the surface that is there: 1, 0 or, for blended materials, alpha.

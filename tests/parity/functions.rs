@@ -25,6 +25,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("plane_normal", "surface_at is compared with the oracle; slivers in watertight"),
     ("next_uniform", "the frequencies of descend in the sampler's tests"),
     ("next_fine_uniform", "rare children in the sampler's tests"),
+    ("lets_pass", "the shares of veils in trace; decals in one plane in tests/stress"),
     ("traverse", "trace is its only caller and is compared with exhaustion"),
     ("safe_inverse", "trace along the axes"),
     ("extract_byte", "trace: nodes would be misread"),

@@ -5,9 +5,10 @@ use glam::{DAffine3, DVec3};
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
 use taugate::internals::generate::stage::{about, add, camera, diffuse, emitter, material};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::scene::{Instance, Mesh, Scene};
-use taugate::internals::settings::Estimator;
+use taugate::internals::oracle::path_tracer;
+use taugate::internals::scene::{AlphaMode, Instance, Material, Mesh, Scene};
 use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Emitters, Estimator};
 
 use super::cells::{Cells, disagreements, renderer, settings};
 use super::{image, sum};
@@ -122,6 +123,63 @@ fn a_wall_that_two_rooms_share_does_not_leak() {
     }
     // The sibling that must fail.
     assert!(sum(&render(&two_rooms(true), Estimator::Lcs, Gate::OPEN)) > 0.0);
+}
+
+/// A closed room with the pinhole, a lamp before its wall at x = 1, outside, and decals in the plane of that wall. `hole`: without the
+/// wall, so that the decals alone stand between.
+fn room_with_decals(decals: usize, hole: bool) -> Scene {
+    let mut scene = Scene::default();
+    let white = material(&mut scene, diffuse("white", [0.9; 3]));
+    let lamp = material(&mut scene, emitter("lamp", [100.0; 3]));
+    let film =
+        Material { base_color: [0.9, 0.9, 0.9, 0.3], alpha_mode: AlphaMode::Blend, ..diffuse("decal", [0.9; 3]) };
+    let decal = material(&mut scene, film);
+    let mut room = inside_out(cuboid(DVec3::ZERO, DVec3::ONE));
+    if hole {
+        room.triangles.drain(6..8);
+    }
+    for k in 0..decals {
+        let low = 0.1 + 0.02 * k as f64;
+        let surface = quad(DVec3::new(1.0, low, low), DVec3::Y * 0.7, DVec3::Z * 0.7, [1.0; 2]);
+        add(&mut scene, "decal", decal, surface);
+    }
+    add(&mut scene, "room", white, room);
+    add(&mut scene, "lamp", lamp, quad(DVec3::new(1.5, 0.0, 1.0), DVec3::Y, -DVec3::Z, [1.0; 2]));
+    camera(&mut scene, DVec3::splat(0.5), DVec3::new(1.0, 0.5, 0.4), 1.8, [24, 24]);
+    scene
+}
+
+/// A ray that has passed a decal must still meet the wall at the same distance, behind however many decals.
+#[test]
+fn decals_in_the_plane_of_a_wall_do_not_leak() {
+    for decals in [1, 3] {
+        let closed = room_with_decals(decals, false);
+        for (name, scene) in [("along the axes", closed.clone()), ("turned", turned(closed))] {
+            for estimator in Estimator::ALL {
+                let light = sum(&render(&scene, estimator, Gate::OPEN));
+                assert_eq!(light, 0.0, "{decals} decals {name}, {estimator}");
+            }
+            assert_eq!(by_oracle(&scene), 0.0, "{decals} decals {name}, by the oracle");
+        }
+    }
+    // The sibling that must fail.
+    let open = room_with_decals(1, true);
+    assert!(sum(&render(&open, Estimator::Lcs, Gate::OPEN)) > 0.0 && by_oracle(&open) > 0.0);
+}
+
+/// All light of the image by the oracle's path tracer.
+fn by_oracle(scene: &Scene) -> f64 {
+    let settings = path_tracer::Settings {
+        resolution: [24, 24],
+        spp: 8,
+        max_depth: 6,
+        camera: 0,
+        seed: 7,
+        bins: vec![(0.0, f64::INFINITY)],
+        emitters: Emitters::Scene,
+    };
+    let film = path_tracer::render(scene, &settings);
+    film.bins[0].iter().map(|pixel| pixel.mean.iter().sum::<f64>()).sum()
 }
 
 /// Where the lamp is exactly in the plane of the ceiling either is hit, as rounding has it. What the lamp lights stays lit.
