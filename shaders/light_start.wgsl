@@ -16,10 +16,10 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let path = dispatch.first + slot;
-    let choice = random4(STREAM_LIGHT, path, frame.iteration, 0u, 0u, frame.seed);
+    let choice = random_words(STREAM_LIGHT, path, frame.iteration, 0u, 0u, frame.seed);
     let place = random4(STREAM_LIGHT, path, frame.iteration, 0u, 1u, frame.seed);
     let told = dispatch.emitter != NONE;
-    let emitter = select(choose_emitter(choice.xy), dispatch.emitter + slot, told);
+    let emitter = select(choose_emitter(choice), dispatch.emitter + slot, told);
     var e = sample_emission(emitter, place);
     let per_path = 1.0 / f32(frame.light_paths);
 

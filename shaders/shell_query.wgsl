@@ -42,14 +42,13 @@ fn query_emitter(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, 
     if (n == 0u) {
         return used;
     }
-    let u = random4(STREAM_QUERY, index, sample, depth, 1u, frame.seed).x;
-    put(slot + used, checked(q, first + min(u32(u * f32(n)), n - 1u)), f32(n));
+    let words = random_words(STREAM_QUERY, index, sample, depth, 1u, frame.seed);
+    put(slot + used, checked(q, first + random_below(words.xy, n)), f32(n));
     return used + 1u;
 }
 
 fn query_light_path(q: PathVertex, index: u32, sample: u32, slot: u32, used: u32) -> u32 {
-    let u = random4(STREAM_QUERY, index, sample, 0u, 1u, frame.seed).x;
-    let path = min(u32(u * f32(frame.light_paths)), frame.light_paths - 1u);
+    let path = random_below(random_words(STREAM_QUERY, index, sample, 0u, 1u, frame.seed).xy, frame.light_paths);
     let first = path_offsets[path];
     let count = min(path_offsets[path + 1u] - first, frame.slots - used);
     for (var i = 0u; i < count; i++) {

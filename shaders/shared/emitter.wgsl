@@ -2,6 +2,7 @@
 #import surface
 #import path
 #import bsdf
+#import random
 
 struct Emission {
     vertex: PathVertex,
@@ -20,11 +21,12 @@ struct Emission {
     deterministic: bool,
 }
 
-// Alias method (Vose 1991): u.x picks an entry, u.y tosses its coin. One number for both would leave a coin few sides where there are
-// many entries.
-fn choose_emitter(u: vec2<f32>) -> u32 {
-    let i = min(u32(u.x * f32(frame.emitter_count)), frame.emitter_count - 1u);
-    return select(load_emitter(i).other, i, u.y < load_emitter(i).keep);
+// Alias method (Vose 1991): the words x and z pick an entry, y tosses its coin. A float has 24 bits: they would favour some of a
+// million entries by several per cent.
+fn choose_emitter(words: vec4<u32>) -> u32 {
+    let i = random_below(words.xz, frame.emitter_count);
+    let coin = f32(words.y) * (1.0 / 4294967296.0);
+    return select(load_emitter(i).other, i, coin < load_emitter(i).keep);
 }
 
 // Light leaving a point of an emitter towards the unit direction `w`, times the cosine at the emitter (1 for points),
