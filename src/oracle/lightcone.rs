@@ -27,7 +27,7 @@ pub fn connection_tau(v: DVec3, v_tau: f64, q: DVec3, q_tau: f64) -> f64 {
 
 /// Whether a path of travel time `tau` is recorded (Eq. 3, half-open).
 pub fn in_gate(gate: Gate, tau: f64) -> bool {
-    gate.lo <= tau && tau < gate.hi
+    gate.contains(tau)
 }
 
 /// Whether the light vertex lies in the light-cone shell of the shade point (Eq. 7).

@@ -16,6 +16,7 @@ use super::world::{Vertex, World};
 use crate::generate::numbers::Pcg;
 use crate::scene::{Camera, Scene};
 use crate::settings::Emitters;
+use crate::settings::units::Gate;
 
 /// What to render.
 #[derive(Debug, Clone)]
@@ -84,7 +85,7 @@ struct Record<'s> {
 impl Record<'_> {
     fn add(&mut self, tau: f64, value: DVec3) {
         for (bin, &(lo, hi)) in self.bins.iter_mut().zip(&self.settings.bins) {
-            if lo <= tau && tau < hi {
+            if (Gate { lo, hi }).contains(tau) {
                 *bin += value;
             }
         }
@@ -110,7 +111,7 @@ pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let mut splatted = vec![vec![Sums::default(); count]; settings.bins.len()];
     for &(pixel, tau, value) in traced.iter().flat_map(|(_, splats)| splats) {
         for (bin, &(lo, hi)) in splatted.iter_mut().zip(&settings.bins) {
-            if lo <= tau && tau < hi {
+            if (Gate { lo, hi }).contains(tau) {
                 bin[pixel].add(value);
             }
         }

@@ -55,6 +55,11 @@ impl Gate {
         self.hi == f64::INFINITY && self.lo <= 0.0
     }
 
+    /// Whether light of travel time `tau` (metres) counts; the twin of `gate_weight` on the device.
+    pub fn contains(&self, tau: f64) -> bool {
+        self.lo <= tau && tau < self.hi
+    }
+
     /// The gate [lo, hi) in metres if some travel time can be inside. A negative `lo` is raised to 0, since no travel
     /// time is negative; `hi` may be infinite.
     pub fn new(lo: f64, hi: f64) -> Result<Gate> {
