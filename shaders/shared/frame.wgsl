@@ -1,4 +1,4 @@
-// What is constant during one iteration. Positions are in the render space of `render/place.rs`: its origin is a sensor, that of
+// What is constant during one iteration. Positions are in the render space of `render/space.rs`: its origin is a sensor, that of
 // this frame or one nearby. Lengths, travel times among them, count in its unit, a power of two of a metre; areas and fluxes follow it,
 // radiance does not.
 

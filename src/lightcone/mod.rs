@@ -10,7 +10,7 @@
 //! | Phi_N, Phi_b | power of a node, of one of its buckets | that of phi, scaled to a total of 1 |
 //! | B, K, M | buckets a node, queries a shade point, light subpaths | |
 //!
-//! Kernels count lengths in the unit of `render/place.rs` instead of metres. The queries themselves run on the device: those of the
+//! Kernels count lengths in the unit of `render/space.rs` instead of metres. The queries themselves run on the device: those of the
 //! paper in `shaders/shell_query.wgsl` and `shared/query.wgsl`, those by importance in `shaders/shell_resample.wgsl`,
 //! `shared/importance.wgsl`, `frontier.wgsl` and `resample.wgsl`; both prune by `shared/lightcone.wgsl`.
 

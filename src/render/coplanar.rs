@@ -7,7 +7,7 @@ use obvhs::cwbvh::node::CwBvhNode;
 use rayon::prelude::*;
 
 use super::geometry::Geometry;
-use super::place::Place;
+use super::space::RenderSpace;
 use crate::scene::Scene;
 use crate::wgsl::layout::Triangle;
 use crate::wgsl::layout::constants::TRIANGLE_MATERIAL;
@@ -23,7 +23,7 @@ const APART: f64 = 1e-4;
 
 /// One sentence, with the remedy, for every pair of a lamp's node and one of a surface that does not shine, in the same plane and
 /// overlapping; sorted, and of more than [`MOST`] the rest as a number. Edges and corners in common are no overlap.
-pub fn warnings(scene: &Scene, geometry: &Geometry, place: &Place) -> Vec<String> {
+pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
     let shines = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
     let pairs: BTreeSet<(u32, u32)> = geometry
         .triangles
@@ -43,7 +43,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, place: &Place) -> Vec<String
         .collect();
     let node = |instance: u32| scene.instances[instance as usize].node.as_str();
     let named: BTreeSet<(&str, &str)> = pairs.into_iter().map(|(lamp, other)| (node(lamp), node(other))).collect();
-    let distance = APART * place.unit;
+    let distance = APART * space.unit;
     let sentence = |(lamp, other): &(&str, &str)| {
         let surface = if lamp == other { "another of its own surfaces".to_string() } else { format!("'{other}'") };
         format!(
@@ -156,9 +156,9 @@ mod tests {
             i.transform = turn * i.transform;
         }
         let origin = turn.transform_point3(scene.cameras[0].transform.translation);
-        let place = Place::new(&scene, origin, emitters);
-        let geometry = Geometry::new(&scene, &place, emitters, AlbedoTable::shared());
-        warnings(&scene, &geometry, &place)
+        let space = RenderSpace::new(&scene, origin, emitters);
+        let geometry = Geometry::new(&scene, &space, emitters, AlbedoTable::shared());
+        warnings(&scene, &geometry, &space)
     }
 
     #[test]
@@ -184,9 +184,9 @@ mod tests {
             another.transform = DAffine3::from_translation(DVec3::new(0.02 * f64::from(k), 2.0 - 1.99, 0.0));
             scene.instances.push(another);
         }
-        let place = Place::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
-        let geometry = Geometry::new(&scene, &place, &Emitters::Scene, AlbedoTable::shared());
-        let found = warnings(&scene, &geometry, &place);
+        let space = RenderSpace::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
+        let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
+        let found = warnings(&scene, &geometry, &space);
         assert_eq!(
             (found.len(), found.last().unwrap().as_str()),
             (11, "and 4 lamps more lie in the plane of another surface")

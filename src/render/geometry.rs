@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::albedo::{AlbedoTable, DELTA_ALPHA};
 use super::duplicates::drop_copies;
-use super::place::Place;
+use super::space::RenderSpace;
 use crate::bvh::{self, Bvh};
 use crate::scene::{self, AlphaMode, Scene, Wrap};
 use crate::settings::Emitters;
@@ -40,8 +40,8 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Flattens the scene into the coordinates of `place`.
-    pub fn new(scene: &Scene, place: &Place, emitters: &Emitters, albedo: &AlbedoTable) -> Geometry {
+    /// Flattens the scene into the coordinates of `space`.
+    pub fn new(scene: &Scene, space: &RenderSpace, emitters: &Emitters, albedo: &AlbedoTable) -> Geometry {
         let mut materials = MaterialSet::new(scene, emitters, albedo);
         let (corners, attributes, corner_base) = attributes(scene);
         let mut triangles = vec![];
@@ -56,7 +56,7 @@ impl Geometry {
                 .iter()
                 .map(|p| {
                     let world = instance.transform.transform_point3(DVec3::from(p.map(f64::from)));
-                    place.point(world).to_array()
+                    space.point(world).to_array()
                 })
                 .collect();
             let mut material = materials.number(mesh.material, &instance.node);

@@ -13,7 +13,6 @@ mod memory;
 mod observe;
 mod oversized;
 mod pace;
-pub mod place;
 mod plan;
 mod pool;
 mod pool_layout;
@@ -23,6 +22,7 @@ mod reach;
 mod samples;
 pub mod schedule;
 mod sensor;
+pub mod space;
 mod stats;
 mod strategies;
 

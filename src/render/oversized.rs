@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::Vec3;
 
 use super::geometry::Geometry;
-use super::place::Place;
+use super::space::RenderSpace;
 use crate::scene::Scene;
 use crate::wgsl::layout::Triangle;
 
@@ -17,7 +17,7 @@ const SWALLOWS: f32 = 0.1;
 const MOST: usize = 10;
 
 /// One sentence, with the remedy, for each node with triangles that swallow what lies near them.
-pub fn warnings(scene: &Scene, geometry: &Geometry, place: &Place) -> Vec<String> {
+pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
     // Boxes by the power of two below the greatest coordinate.
     let mut boxes: BTreeMap<i32, [Vec3; 2]> = BTreeMap::new();
     let mut enclose = |reach: f32, points: &[Vec3]| {
@@ -28,7 +28,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, place: &Place) -> Vec<String
         enclose(reach(triangle), &corners(triangle));
     }
     for light in &scene.lights {
-        let position = place.point(light.position);
+        let position = space.point(light.position);
         enclose(position.abs().max_element(), &[position]);
     }
 
@@ -58,7 +58,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, place: &Place) -> Vec<String
         .filter(|t| swallows(reach(t), rest) && touches(t))
         .map(|t| scene.instances[t.instance as usize].node.as_str())
         .collect();
-    let metres = |length: f32| f64::from(length) * place.unit;
+    let metres = |length: f32| f64::from(length) * space.unit;
     let sentence = |node: &&str| {
         format!(
             "'{node}' has triangles so large that light is lost where the rest of the scene, {:.2e} m in size, lies on it: make \
@@ -104,9 +104,9 @@ mod tests {
         let corner = DVec3::new(-0.5 * side, height, -0.5 * side);
         let floor = quad(corner, DVec3::Z * side, DVec3::X * side, [1.0; 2]);
         add(&mut scene, "country", grey, divided(floor, times));
-        let place = Place::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
-        let geometry = Geometry::new(&scene, &place, &Emitters::Scene, AlbedoTable::shared());
-        warnings(&scene, &geometry, &place)
+        let space = RenderSpace::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
+        let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
+        warnings(&scene, &geometry, &space)
     }
 
     #[test]

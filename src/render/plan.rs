@@ -6,10 +6,10 @@ use glam::{DVec3, Vec3};
 
 use super::emitters::EmitterSet;
 use super::geometry::Features;
-use super::place::Place;
 use super::pool_layout::PoolLayout;
 use super::prepared::Prepared;
 use super::reach::Reach;
+use super::space::RenderSpace;
 use crate::error::{Error, Result};
 use crate::estimators::{PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
@@ -87,7 +87,7 @@ pub struct Plan {
     reach: Reach,
     /// Bounds alone show that no light meets the gate: with culling there is nothing to trace.
     pub dark: bool,
-    place: Place,
+    space: RenderSpace,
     /// In metres.
     gate: Gate,
     frame: Frame,
@@ -130,7 +130,7 @@ impl Plan {
             cull: !settings.no_cull(),
             reach: Reach::new(prepared, settings),
             dark: false,
-            place: prepared.place,
+            space: prepared.space,
             gate: settings.gate(),
             frame,
         };
@@ -141,7 +141,7 @@ impl Plan {
     /// Looks with another camera through the same film. False, and nothing changes, where it stands too far from the one that
     /// the scene was prepared for.
     pub fn set_camera(&mut self, camera: &Camera) -> bool {
-        let Some(sensor) = self.place.sensor(camera.transform.translation) else { return false };
+        let Some(sensor) = self.space.sensor(camera.transform.translation) else { return false };
         self.frame.sensor = sensor.to_array();
         aim(&mut self.frame, camera);
         self.set(self.frame.seed, self.gate);
@@ -152,9 +152,9 @@ impl Plan {
     pub fn set(&mut self, seed: u32, gate: Gate) {
         self.gate = gate;
         let from_origin = Vec3::from(self.frame.sensor).as_dvec3().length();
-        let reach = self.reach.moved(from_origin * self.place.unit);
+        let reach = self.reach.moved(from_origin * self.space.unit);
         self.dark = self.cull && !gate.is_open() && !reach.meets(&gate);
-        let gate = Gate { lo: self.place.length(gate.lo), hi: self.place.length(gate.hi) };
+        let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
         let slack = rounding_allowance(gate, from_origin);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
-use super::place::Place;
+use super::space::RenderSpace;
 use super::{coplanar, oversized};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
@@ -16,7 +16,7 @@ pub struct Prepared {
     pub(super) geometry: Geometry,
     pub(super) emitters: EmitterSet,
     pub(super) albedo: &'static AlbedoTable,
-    pub(super) place: Place,
+    pub(super) space: RenderSpace,
 }
 
 impl Prepared {
@@ -29,9 +29,9 @@ impl Prepared {
         };
         let origin = camera.transform.translation;
         let albedo = AlbedoTable::shared();
-        let place = Place::new(scene, origin, settings.emitters());
-        let mut geometry = Geometry::new(scene, &place, settings.emitters(), albedo);
-        let emitters = EmitterSet::new(scene, settings.emitters(), &place, &mut geometry);
+        let space = RenderSpace::new(scene, origin, settings.emitters());
+        let mut geometry = Geometry::new(scene, &space, settings.emitters(), albedo);
+        let emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut geometry);
         if emitters.table.is_empty() {
             return Err(Error::Settings(
                 "nothing emits light (a light of power 0 or a surface of no area does not): select other nodes with \
@@ -39,7 +39,7 @@ impl Prepared {
                     .into(),
             ));
         }
-        Ok(Prepared { geometry, emitters, albedo, place })
+        Ok(Prepared { geometry, emitters, albedo, space })
     }
 
     /// Node and luminance-weighted power in W of everything that shines.
@@ -57,9 +57,9 @@ impl Prepared {
                 "{count} {triangles} in the same place and of the same material, and count once (first: node '{node}')"
             )
         });
-        let Prepared { geometry, place, .. } = self;
-        let oversized = oversized::warnings(scene, geometry, place);
-        copies.into_iter().chain(oversized).chain(coplanar::warnings(scene, geometry, place)).collect()
+        let Prepared { geometry, space, .. } = self;
+        let oversized = oversized::warnings(scene, geometry, space);
+        copies.into_iter().chain(oversized).chain(coplanar::warnings(scene, geometry, space)).collect()
     }
 
     /// Triangles as they are placed, without copies.

@@ -78,7 +78,7 @@ pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Pre
     plan.observe = Observe::Times;
     let mut renderer = Renderer::from_plan(device, plan, [1, 1], prepared)?;
     let mut times = TravelTimes::default();
-    let unit = prepared.place.unit as f32;
+    let unit = prepared.space.unit as f32;
     for _ in 0..ITERATIONS {
         renderer.observe(SAMPLES, &mut |seen| times.add(unit * seen.tau_or_weight, luminance(seen.rgb)))?;
     }

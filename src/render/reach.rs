@@ -39,15 +39,15 @@ impl Reach {
     /// Bounds for paths of at most `settings.max_depth()` segments. Every refractive index is at least 1, so optical lengths
     /// are at least Euclidean ones.
     pub fn new(prepared: &Prepared, settings: &Settings) -> Reach {
-        let Prepared { geometry, emitters, place, .. } = prepared;
+        let Prepared { geometry, emitters, space, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
         let least = direct.min(shortest_by_one_surface(geometry, &punctual_emitters(prepared)));
         let all = geometry.triangles.par_iter().map(Bounds::of).reduce(|| Bounds::point(Vec3::ZERO), Bounds::with);
         let all = all.with(Bounds { lo: emitters.lo, hi: emitters.hi });
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
         let greatest_ior = f64::from(geometry.greatest_ior);
-        let segment = place.unit * diameter * greatest_ior * (1.0 + SLACK);
-        let least = place.unit * least * (1.0 - SLACK);
+        let segment = space.unit * diameter * greatest_ior * (1.0 + SLACK);
+        let least = space.unit * least * (1.0 - SLACK);
         Reach { least, segment, greatest_ior, ..Reach::default() }.to_depth(settings.max_depth())
     }
 
@@ -100,7 +100,7 @@ impl Bounds {
     }
 }
 
-/// The sensor may see these directly. It is the origin.
+/// The sensor may see these directly. The origin is the sensor that the scene was prepared for.
 fn nearest_emissive_triangle(prepared: &Prepared) -> f64 {
     let sensor = Bounds::point(Vec3::ZERO);
     let triangles = prepared.emitters.triangles.iter();

@@ -9,7 +9,7 @@ use taugate::internals::oracle::bsdf::{Prepared, fresnel_dielectric};
 use taugate::internals::oracle::ggx;
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
-use taugate::internals::render::place::Place;
+use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{Material, Mesh, Scene};
 use taugate::internals::settings::Emitters;
 use taugate::internals::wgsl::layout::Material as DeviceMaterial;
@@ -62,7 +62,7 @@ impl Set {
             let mesh = stage::mesh(&mut scene, "triangle", i, triangle);
             stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
         }
-        let device = Geometry::new(&scene, &Place::metres(DVec3::ZERO), &Emitters::Scene, &albedo).materials;
+        let device = Geometry::new(&scene, &RenderSpace::metres(DVec3::ZERO), &Emitters::Scene, &albedo).materials;
         let prepared = kinds.iter().map(Prepared::new).collect();
         Set { kinds, device, prepared, albedo }
     }

@@ -6,7 +6,7 @@ use taugate::internals::generate::stage;
 use taugate::internals::oracle::texture::sample;
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
-use taugate::internals::render::place::Place;
+use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{AlphaMode, Image, Material, Mesh, Scene, Texture, Wrap};
 use taugate::internals::settings::Emitters;
 use taugate::internals::wgsl::layout::{NONE, TextureInfo};
@@ -51,7 +51,7 @@ fn scene() -> Scene {
 }
 
 fn buffers(scene: &Scene) -> (Geometry, [Contents; 3]) {
-    let geometry = Geometry::new(scene, &Place::metres(DVec3::ZERO), &Emitters::Scene, &AlbedoTable::new());
+    let geometry = Geometry::new(scene, &RenderSpace::metres(DVec3::ZERO), &Emitters::Scene, &AlbedoTable::new());
     let buffers = [
         contents("materials", &geometry.materials),
         contents("textures", &geometry.textures),

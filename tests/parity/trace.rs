@@ -7,7 +7,7 @@ use taugate::internals::generate::{shapes, stage};
 use taugate::internals::oracle::geometry::{Geometry as Exact, Ray};
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
-use taugate::internals::render::place::Place;
+use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{AlphaMode, Material, Mesh, Scene};
 use taugate::internals::settings::Emitters;
 
@@ -149,7 +149,7 @@ fn scene() -> Scene {
 }
 
 pub fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
-    let g = Geometry::new(scene, &Place::metres(origin), &Emitters::Scene, &AlbedoTable::new());
+    let g = Geometry::new(scene, &RenderSpace::metres(origin), &Emitters::Scene, &AlbedoTable::new());
     // An empty list still needs an element to be bound.
     let padded = |list: &[u32]| if list.is_empty() { vec![0] } else { list.to_vec() };
     vec![

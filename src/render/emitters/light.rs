@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::Vec3;
 
 use super::luminance;
-use crate::render::place::Place;
+use crate::render::space::RenderSpace;
 use crate::scene::{Light, LightKind};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Emitter, PathVertex};
@@ -27,21 +27,21 @@ pub struct LightRecord {
 
 impl LightRecord {
     /// `None` for lights that are not rendered.
-    pub fn new(light: &Light, place: &Place) -> Option<LightRecord> {
-        let position = place.point(light.position);
+    pub fn new(light: &Light, space: &RenderSpace) -> Option<LightRecord> {
+        let position = space.point(light.position);
         let stand = Emitter {
             position: position.into(),
             direction: light.direction.as_vec3().into(),
             ..bytemuck::Zeroable::zeroed()
         };
-        let on_device = |watts: [f32; 3]| watts.map(|x| place.flux(x));
+        let on_device = |watts: [f32; 3]| watts.map(|x| space.flux(x));
         match light.kind {
             LightKind::Point { intensity } => Some(point(stand, on_device(intensity))),
             LightKind::Spot { intensity, inner, outer } => {
                 Some(spot(stand, on_device(intensity), cap_height(inner), cap_height(outer)))
             }
             LightKind::Beam { power, radius } => {
-                Some(beam(stand, on_device(power), place.length(radius.into()) as f32))
+                Some(beam(stand, on_device(power), space.length(radius.into()) as f32))
             }
             LightKind::Directional { .. } => None,
         }
@@ -101,7 +101,7 @@ mod tests {
 
     fn record(kind: LightKind) -> Option<LightRecord> {
         let light = Light { node: "light".into(), position: DVec3::splat(2.0), direction: DVec3::NEG_Z, kind };
-        LightRecord::new(&light, &Place { origin: DVec3::ZERO, unit: 2.0 })
+        LightRecord::new(&light, &RenderSpace { origin: DVec3::ZERO, unit: 2.0 })
     }
 
     /// What the scene says about a kind for people and settings, the record says for the device.

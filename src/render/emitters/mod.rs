@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::geometry::Geometry;
-use super::place::Place;
+use super::space::RenderSpace;
 use crate::scene::Scene;
 use crate::settings::Emitters;
 use crate::wgsl::layout::{Emitter, PathVertex};
@@ -41,7 +41,7 @@ pub(super) fn luminance(c: [f32; 3]) -> f64 {
 
 impl EmitterSet {
     /// Collects the emitters that are selected; sets `emission_density` of the materials. Empty if nothing emits.
-    pub fn new(scene: &Scene, selected: &Emitters, place: &Place, geometry: &mut Geometry) -> EmitterSet {
+    pub fn new(scene: &Scene, selected: &Emitters, space: &RenderSpace, geometry: &mut Geometry) -> EmitterSet {
         let mut set = EmitterSet {
             table: vec![],
             deterministic: vec![],
@@ -54,7 +54,7 @@ impl EmitterSet {
         };
         let mut weights = vec![];
         let densities = set.add_triangles(scene, geometry, &mut weights);
-        set.add_lights(scene, selected, place, &mut weights);
+        set.add_lights(scene, selected, space, &mut weights);
         let total: f64 = weights.iter().sum();
         for (entry, weight) in set.table.iter_mut().zip(&weights) {
             entry.select_pdf = (weight / total) as f32;
@@ -67,7 +67,7 @@ impl EmitterSet {
         }
         alias::fill(&mut set.table, &weights, total);
         for power in set.powers.values_mut() {
-            *power *= place.unit * place.unit;
+            *power *= space.unit * space.unit;
         }
         set
     }
@@ -99,9 +99,9 @@ impl EmitterSet {
         exitances
     }
 
-    fn add_lights(&mut self, scene: &Scene, selected: &Emitters, place: &Place, weights: &mut Vec<f64>) {
+    fn add_lights(&mut self, scene: &Scene, selected: &Emitters, space: &RenderSpace, weights: &mut Vec<f64>) {
         let lights = scene.lights.iter().filter(|light| selected.include(&light.node));
-        let records = lights.filter_map(|light| Some((&light.node, LightRecord::new(light, place)?)));
+        let records = lights.filter_map(|light| Some((&light.node, LightRecord::new(light, space)?)));
         let shining = records.filter(|(_, record)| record.flux > 0.0);
         let (thin, others): (Vec<_>, Vec<_>) = shining.partition(|(_, record)| record.is_thin);
         self.thin_lights = thin.len() as u32;

@@ -1,4 +1,4 @@
-//! Device coordinates: where they begin and what they count.
+//! Render space, the coordinates of the device: where it begins and what it counts.
 
 use glam::{DVec3, Vec3};
 
@@ -9,24 +9,24 @@ use crate::settings::Emitters;
 /// the size of the scene, so that fourth powers of them (MIS weights are squared densities per area) neither overflow nor
 /// vanish in f32. The unit is a power of two: it changes no bit of a mantissa, and a scene twice as large is the same image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct RenderSpace {
     pub origin: DVec3,
     /// Metres a unit of the device, > 0.
     pub unit: f64,
 }
 
-impl Place {
+impl RenderSpace {
     /// Around `origin`, in metres.
-    pub fn metres(origin: DVec3) -> Place {
-        Place { origin, unit: 1.0 }
+    pub fn metres(origin: DVec3) -> RenderSpace {
+        RenderSpace { origin, unit: 1.0 }
     }
 
     /// Around `origin`, in the greatest power of two that no coordinate of the scene stays below.
-    pub fn new(scene: &Scene, origin: DVec3, selected: &Emitters) -> Place {
+    pub fn new(scene: &Scene, origin: DVec3, selected: &Emitters) -> RenderSpace {
         let size = greatest_coordinate(scene, origin, selected);
         // Beyond these no f32 could hold the squares of lengths in metres on their way in.
         let exponent = if size > 0.0 { size.log2().floor().clamp(-60.0, 60.0) } else { 0.0 };
-        Place { origin, unit: exponent.exp2() }
+        RenderSpace { origin, unit: exponent.exp2() }
     }
 
     /// A point of the world on the device.
@@ -93,20 +93,20 @@ mod tests {
     fn the_unit_is_the_power_of_two_below_the_size_of_the_scene() {
         // The camera stands 3.9 m before the middle of a box of 2 m; its back is 4.9 m away.
         let mut scene = build(Kind::CornellBox);
-        let place = |scene: &Scene| Place::new(scene, scene.cameras[0].transform.translation, &Emitters::Scene);
-        assert_eq!(place(&scene).unit, 4.0);
+        let space = |scene: &Scene| RenderSpace::new(scene, scene.cameras[0].transform.translation, &Emitters::Scene);
+        assert_eq!(space(&scene).unit, 4.0);
         for instance in &mut scene.instances {
             instance.transform.translation.z -= 1e6;
         }
-        assert_eq!(place(&scene).unit, 2f64.powi(19));
-        assert_eq!(place(&scene).point(DVec3::new(0.0, 1.0, 3.9 - 2f64.powi(19))), Vec3::NEG_Z);
-        assert_eq!(Place::new(&Scene::default(), DVec3::ONE, &Emitters::Scene).unit, 1.0);
+        assert_eq!(space(&scene).unit, 2f64.powi(19));
+        assert_eq!(space(&scene).point(DVec3::new(0.0, 1.0, 3.9 - 2f64.powi(19))), Vec3::NEG_Z);
+        assert_eq!(RenderSpace::new(&Scene::default(), DVec3::ONE, &Emitters::Scene).unit, 1.0);
     }
 
     #[test]
     fn a_scene_twice_as_large_is_the_same_scene() {
-        let place = Place { origin: DVec3::ONE, unit: 8.0 };
-        assert_eq!(place.point(DVec3::new(9.0, 1.0, 1.0)), Vec3::X);
-        assert_eq!((place.length(24.0), place.flux(32.0)), (3.0, 0.5));
+        let space = RenderSpace { origin: DVec3::ONE, unit: 8.0 };
+        assert_eq!(space.point(DVec3::new(9.0, 1.0, 1.0)), Vec3::X);
+        assert_eq!((space.length(24.0), space.flux(32.0)), (3.0, 0.5));
     }
 }
