@@ -4,6 +4,18 @@
 #import bsdf
 #import random
 
+// Kinds of entries of the emitter table.
+const EMITTER_TRIANGLE: u32 = 0u;
+const EMITTER_POINT: u32 = 1u;
+const EMITTER_SPOT: u32 = 2u;
+const EMITTER_BEAM: u32 = 3u;
+
+// How the light of a point on an emitter depends on the direction. Profiles up to EMIT_TWO_SIDED belong to surfaces.
+const EMIT_ONE_SIDED: u32 = 0u;
+const EMIT_TWO_SIDED: u32 = 1u;
+const EMIT_POINT: u32 = 2u;
+const EMIT_SPOT: u32 = 3u;
+
 struct Emission {
     vertex: PathVertex,
     direction: vec3<f32>,

@@ -67,7 +67,7 @@ struct PathVertex {
 }
 
 const VERTEX_DEPTH: u32 = 0xffu;
-// A point on an emitter (s = 1); its `material` is one of the EMIT_ profiles.
+// A point on an emitter (s = 1); its `material` is one of the EMIT_ profiles of emitter.wgsl.
 const VERTEX_EMITTER: u32 = 0x100u;
 const VERTEX_DETERMINISTIC: u32 = 0x200u;
 // The side of `to_previous` is the front of the surface.
@@ -78,11 +78,6 @@ const VERTEX_RANDOM_SHIFT: u32 = 12u;
 const VERTEX_VALID: u32 = 0x800u;
 // The material lets light through: there is something on either side.
 const VERTEX_TRANSMITS: u32 = 0x4000u;
-
-const EMIT_ONE_SIDED: u32 = 0u;
-const EMIT_TWO_SIDED: u32 = 1u;
-const EMIT_POINT: u32 = 2u;
-const EMIT_SPOT: u32 = 3u;
 
 // A vertex from its seven texels.
 fn unpack_vertex(texels: array<vec4<u32>, 7>) -> PathVertex {

@@ -81,6 +81,7 @@ struct TextureInfo {
 
 // One entry of the alias table over everything that emits.
 struct Emitter {
+    // See emitter.wgsl.
     kind: u32,
     // Triangles: index into `triangles`.
     triangle: u32,
@@ -99,11 +100,6 @@ struct Emitter {
     // Spots: 1 - cosine of the inner half angle.
     inner: f32,
 }
-
-const EMITTER_TRIANGLE: u32 = 0u;
-const EMITTER_POINT: u32 = 1u;
-const EMITTER_SPOT: u32 = 2u;
-const EMITTER_BEAM: u32 = 3u;
 
 // A texture_1d<u32> is a texel buffer here: an array of 16-byte words, read whole (src/gpu/spirv.rs says why). Where a device's texel
 // buffers are too small for it, the same array is a storage buffer (src/gpu/texels.rs).

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use super::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene};
+use super::light::Light;
+use super::{Camera, Image, Instance, Material, Mesh, Scene};
 use crate::error::{Error, Result};
 
 /// Metres from the origin of the world; beyond them the squares of lengths leave the range of the device's numbers.
@@ -34,7 +35,7 @@ impl Scene {
         let bounds: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         self.instances.iter().try_for_each(|instance| check_instance(instance, &bounds))?;
         self.cameras.iter().try_for_each(check_camera)?;
-        self.lights.iter().try_for_each(check_light)
+        self.lights.iter().try_for_each(Light::check)
     }
 }
 
@@ -133,25 +134,8 @@ fn check_camera(camera: &Camera) -> Checked {
     }
 }
 
-fn check_light(light: &Light) -> Checked {
-    let name = || format!("light '{}'", light.node);
-    let is_point = matches!(light.kind, LightKind::Point { .. });
-    if !light.position.is_finite() || !(is_point || is_unit(light.direction)) {
-        return Err(format!("{} has a position that is not finite or a direction that is not of unit length", name()));
-    }
-    let (strength, angles) = match light.kind {
-        LightKind::Point { intensity } => (intensity, [0.0; 2]),
-        LightKind::Spot { intensity, inner, outer } => (intensity, [inner, outer]),
-        LightKind::Beam { power, radius } => (power, [radius, radius]),
-        LightKind::Directional { irradiance } => (irradiance, [0.0; 2]),
-    };
-    if !strength.iter().chain(&angles).all(|x| x.is_finite() && *x >= 0.0) || angles[0] > angles[1] {
-        return Err(format!("{} has a strength, angle or radius that is negative or not finite", name()));
-    }
-    Ok(())
-}
-
-fn is_unit(v: DVec3) -> bool {
+/// Whether `v` has unit length, within the rounding of files.
+pub(super) fn is_unit(v: DVec3) -> bool {
     (v.length() - 1.0).abs() < UNIT
 }
 
@@ -182,6 +166,7 @@ pub fn check_extent([low, high]: &[DVec3; 2], transform: &DAffine3, name: &str) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::LightKind;
 
     #[test]
     fn flattening_is_singular_and_thinning_is_not() {

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::check::is_unit;
+
 /// A light without surface.
 #[derive(Debug, Clone)]
 pub struct Light {
@@ -13,6 +15,30 @@ pub struct Light {
     pub direction: DVec3,
     /// What it sends out.
     pub kind: LightKind,
+}
+
+impl Light {
+    /// Fails with a sentence if a number is out of range.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let name = || format!("light '{}'", self.node);
+        let is_point = matches!(self.kind, LightKind::Point { .. });
+        if !self.position.is_finite() || !(is_point || is_unit(self.direction)) {
+            return Err(format!(
+                "{} has a position that is not finite or a direction that is not of unit length",
+                name()
+            ));
+        }
+        let (strength, angles) = match self.kind {
+            LightKind::Point { intensity } => (intensity, [0.0; 2]),
+            LightKind::Spot { intensity, inner, outer } => (intensity, [inner, outer]),
+            LightKind::Beam { power, radius } => (power, [radius, radius]),
+            LightKind::Directional { irradiance } => (irradiance, [0.0; 2]),
+        };
+        if !strength.iter().chain(&angles).all(|x| x.is_finite() && *x >= 0.0) || angles[0] > angles[1] {
+            return Err(format!("{} has a strength, angle or radius that is negative or not finite", name()));
+        }
+        Ok(())
+    }
 }
 
 /// What a light without surface sends out.
