@@ -8,7 +8,7 @@ use crate::generate::{Kind, build, zoo::Light};
 use crate::gpu::Device;
 use crate::oracle::sphere::gated_radiance;
 use crate::render::Renderer;
-use crate::scene::{LightKind, Scene};
+use crate::scene::Scene;
 use crate::settings::Estimator;
 use crate::settings::units::Gate;
 
@@ -62,7 +62,7 @@ pub fn cases() -> Vec<Case> {
 impl Case {
     /// Whether the estimator finds the light of this scene.
     pub fn is_for(&self, estimator: Estimator) -> bool {
-        let has_beam = self.scene.lights.iter().any(|light| matches!(light.kind, LightKind::Beam { .. }));
+        let has_beam = self.scene.lights.iter().any(|light| light.kind.needs_light_subpaths());
         estimator.sees_beams() || !has_beam
     }
 
