@@ -11,19 +11,26 @@ pub struct Need {
     pub remedy: &'static str,
     /// Kernels only ever read it, as texels: in a texel buffer or a storage buffer, whichever may be larger on the device.
     pub texels: bool,
+    /// The host reads it after submits: where memory is not mapped, the host holds a copy.
+    pub read_back: bool,
 }
 
 impl Need {
     /// `count` elements of `T`; at least 16 bytes, so that empty lists can be bound.
     pub fn of<T>(name: &'static str, count: usize, remedy: &'static str) -> Need {
         let bytes = (count as u64).saturating_mul(size_of::<T>() as u64).max(16);
-        Need { name, bytes, remedy, texels: false }
+        Need { name, bytes, remedy, texels: false, read_back: false }
     }
 
     /// As [`Need::of`], for a buffer that kernels see as `texture_1d<u32>` alone. `T` is a multiple of 16 bytes.
     pub fn of_texels<T>(name: &'static str, count: usize, remedy: &'static str) -> Need {
         debug_assert_eq!(size_of::<T>() % 16, 0, "{name}");
         Need { texels: true, ..Need::of::<T>(name, count, remedy) }
+    }
+
+    /// As it is, for a buffer that the host reads after submits.
+    pub fn read_back(self) -> Need {
+        Need { read_back: true, ..self }
     }
 
     /// Bytes that `device` allows.

@@ -18,6 +18,7 @@ pub struct ReadBack {
 impl ReadBack {
     /// The buffer that was planned as `need`.
     pub fn for_need(device: &Device, need: &Need) -> Result<ReadBack> {
+        assert!(need.read_back, "{} is not planned to be read back", need.name);
         let buffer = Buffer::for_need(device, need)?;
         let copy = match buffer.is_mapped() {
             true => None,

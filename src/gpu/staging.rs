@@ -200,7 +200,7 @@ fn triple(@builtin(global_invocation_id) id: vec3<u32>) {
     fn a_submit_brings_what_was_written_and_takes_what_is_read() {
         for drive in [Drive::CPU, Drive::CARD] {
             let device = open(drive);
-            let need = Need::of::<u32>("triples", 64, "");
+            let need = Need::of::<u32>("triples", 64, "").read_back();
             let mut numbers = Buffer::new::<u32>(&device, "numbers", 64, "").unwrap();
             let triples = ReadBack::for_need(&device, &need).unwrap();
             let kernel = Kernel::from_source(&device, "test", TRIPLE, "triple", &[]).unwrap();

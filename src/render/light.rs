@@ -163,7 +163,7 @@ impl LightTracer {
                 if plan.observe == Observe::Strategies { capacity } else { 1 },
                 remedy,
             ),
-            Need::of::<u32>("counters", COUNTERS, remedy),
+            Need::of::<u32>("counters", COUNTERS, remedy).read_back(),
         ]
     }
 

@@ -54,7 +54,8 @@ impl MemoryPlan {
         let triangles = prepared.triangles() as u64;
         let flat = sum(&scene_needs) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
         // The hierarchy is built before anything is uploaded.
-        let on_host = if info.is_cpu() { buffers } else { 0 };
+        let copies: u64 = iteration.iter().filter(|need| need.read_back).map(|need| need.bytes).sum();
+        let on_host = if info.is_cpu() { buffers } else { 0 } + if info.drive.maps_memory { 0 } else { copies };
         let pixels = (PIXEL_BYTES + if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 }) * plan.crop_pixels;
         let host_bytes = PROGRAM_BYTES + scene_bytes(scene) + (BUILD_BYTES * triangles).max(flat + on_host + pixels);
         let certain = certain_needs(info, &plan, prepared);

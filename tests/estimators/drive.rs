@@ -4,7 +4,8 @@ use super::cells::settings;
 use taugate::internals::generate::zoo::Light;
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::gpu::{Device, Drive};
-use taugate::internals::render::{Renderer, Tuning};
+use taugate::internals::image::film::Film;
+use taugate::internals::render::{Prepared, Renderer, StrategyImage, StrategyImages, Tuning, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Sampling, Settings};
@@ -91,4 +92,23 @@ fn a_card_waits_once_per_tile_and_allocates_nothing() {
         assert_eq!(renderer.stats().waits - waits, 4 * (4 + 2), "{estimator:?}");
         assert_eq!(device.allocations(), allocations, "{estimator:?}");
     }
+}
+
+#[test]
+fn what_is_observed_is_the_same_on_a_card() {
+    let scene = build(Kind::Zoo(Light::Punctual));
+    let settings = settings(Estimator::Lcs, SIZE).gate(GATE).max_depth(6).light_paths(500).build().unwrap();
+    let prepared = Prepared::new(&scene, &settings).unwrap_or_else(|e| panic!("{e}"));
+    let observed = |drive: Drive| {
+        let device = open(drive);
+        let mut strategies = StrategyImages::new(&device, &scene, &settings, &prepared).unwrap();
+        strategies.iterate(2).unwrap_or_else(|e| panic!("{e}"));
+        let bits = |film: &Film| film.mean().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        let image = |part: &StrategyImage| (part.s, part.t, bits(&part.weighted), bits(&part.unweighted));
+        let times = probe(&device, &scene, &settings, &prepared).unwrap_or_else(|e| panic!("{e}"));
+        assert!(times.range().is_some(), "nothing was observed");
+        let times = [5.0, 50.0, 95.0].map(|percent| times.percentile(percent));
+        (strategies.images().iter().map(image).collect::<Vec<_>>(), times)
+    };
+    assert!(observed(Drive::CPU) == observed(Drive::CARD));
 }

@@ -112,9 +112,9 @@ impl AtOnce {
             words("marks of light paths", paths.next_multiple_of(CHUNK as usize)),
             Need::of::<[u32; 2]>("chunk counts of light paths", paths.div_ceil(CHUNK as usize), remedy),
             words("dispatch arguments of light paths", ARGUMENTS),
-            Need::of::<PathVertex>("light vertices of all bounces", kept, remedy),
-            Need::of::<[f32; 4]>("light splats of all bounces", kept, remedy),
-            Need::of::<[u32; 2]>("light paths of all bounces", kept, remedy),
+            Need::of::<PathVertex>("light vertices of all bounces", kept, remedy).read_back(),
+            Need::of::<[f32; 4]>("light splats of all bounces", kept, remedy).read_back(),
+            Need::of::<[u32; 2]>("light paths of all bounces", kept, remedy).read_back(),
         ]
     }
 

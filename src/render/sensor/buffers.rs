@@ -57,10 +57,10 @@ pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
         Need::of::<[u32; 2]>("chunk counts", entries.div_ceil(CHUNK as usize), few),
         Need::of::<Candidate>("candidates", entries, few),
         quads("contributions", entries),
-        words("counters", COUNTERS),
+        words("counters", COUNTERS).read_back(),
         words("dispatch arguments", ARGUMENTS),
-        pixels("film pixels"),
-        pixels("film tallies"),
+        pixels("film pixels").read_back(),
+        pixels("film tallies").read_back(),
     ]
 }
 
