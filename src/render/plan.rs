@@ -27,7 +27,8 @@ const OPEN: f32 = 3e38;
 pub struct Tuning {
     /// Threads a workgroup.
     pub workgroup: u32,
-    /// Sensor paths a tile: fixed, or adapted to the time a submit takes.
+    /// Sensor paths per tile: fixed, or adapted to the time that a submit takes. On a card the bounces that a submit of light paths
+    /// holds are fixed with them.
     pub tile: Option<usize>,
 }
 

@@ -13,6 +13,8 @@ use taugate::internals::settings::{Estimator, Sampling, Settings};
 const SIZE: [u32; 2] = [20, 14];
 const GATE: Gate = Gate { lo: 7.0, hi: 12.0 };
 const SAMPLES: [u32; 3] = [2, 3, 2];
+/// Paths of a tile: an iteration has several. Without it, tiles and the bounces of a submit follow the time that they take.
+const TILE: Option<usize> = Some(150);
 /// Each half of the difference between a card and a CPU by itself.
 const HALVES: [Drive; 2] =
     [Drive { maps_memory: true, waits_per_bounce: false }, Drive { maps_memory: false, waits_per_bounce: true }];
@@ -21,17 +23,17 @@ fn open(drive: Drive) -> Device {
     Device::open_driven(None, Some(drive)).expect("these tests need a Vulkan device: run ./setup.sh")
 }
 
-fn renderer(device: &Device, scene: &Scene, settings: &Settings, tile: usize) -> Renderer {
-    let tuning = Tuning { tile: Some(tile), ..Tuning::default() };
+fn renderer(device: &Device, scene: &Scene, settings: &Settings, tile: Option<usize>) -> Renderer {
+    let tuning = Tuning { tile, ..Tuning::default() };
     let mut renderer = Renderer::with_tuning(device, scene, settings, tuning).unwrap_or_else(|e| panic!("{e}"));
     renderer.restart(5, GATE);
     renderer
 }
 
 /// Everything a render says that does not depend on clocks.
-fn result(drive: Drive, scene: &Scene, settings: &Settings) -> (Vec<u32>, [u64; 7]) {
+fn result(drive: Drive, scene: &Scene, settings: &Settings, tile: Option<usize>) -> (Vec<u32>, [u64; 7]) {
     let device = open(drive);
-    let mut renderer = renderer(&device, scene, settings, 150);
+    let mut renderer = renderer(&device, scene, settings, tile);
     SAMPLES.iter().for_each(|&samples| renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}")));
     let mean = renderer.film().mean();
     assert!(mean.iter().any(|&x| x > 0.0), "a black image proves nothing");
@@ -42,9 +44,9 @@ fn result(drive: Drive, scene: &Scene, settings: &Settings) -> (Vec<u32>, [u64; 
 }
 
 fn assert_same(scene: &Scene, settings: &Settings, drives: &[Drive]) {
-    let expected = result(Drive::CPU, scene, settings);
+    let expected = result(Drive::CPU, scene, settings, TILE);
     for &drive in drives {
-        let found = result(drive, scene, settings);
+        let found = result(drive, scene, settings, TILE);
         let (estimator, sampling) = (settings.estimator(), settings.sampling());
         assert!(found.0 == expected.0, "{estimator:?}, {sampling}, {drive:?}: other bits");
         assert_eq!(found.1, expected.1, "{estimator:?}, {sampling}, {drive:?}");
@@ -70,9 +72,13 @@ fn lights_without_area_are_the_same_bits_too() {
 }
 
 #[test]
-fn light_paths_of_several_batches_are_the_same_bits() {
-    let few = settings(Estimator::Lcs, SIZE).light_paths(70_000).splat_paths(20_000).build().unwrap();
-    assert_same(&build(Kind::CornellBox), &few, &[Drive::CARD]);
+fn light_paths_of_several_batches_and_submits_are_the_same_bits() {
+    let scene = build(Kind::CornellBox);
+    let settings = settings(Estimator::Lcs, SIZE).light_paths(70_000).splat_paths(20_000).build().unwrap();
+    let expected = result(Drive::CPU, &scene, &settings, TILE);
+    for tile in [TILE, None] {
+        assert!(expected == result(Drive::CARD, &scene, &settings, tile), "tiles of {tile:?}");
+    }
 }
 
 #[test]
@@ -81,7 +87,7 @@ fn a_card_waits_once_per_tile_and_allocates_nothing() {
     let scene = build(Kind::Zoo(Light::Area));
     for estimator in Estimator::ALL {
         let settings = settings(estimator, SIZE).max_depth(16).build().unwrap();
-        let mut renderer = renderer(&device, &scene, &settings, 150);
+        let mut renderer = renderer(&device, &scene, &settings, TILE);
         renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
         let (allocations, waits) = (device.allocations(), renderer.stats().waits);
         for _ in 0..4 {
