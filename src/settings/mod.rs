@@ -63,7 +63,7 @@ pub const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 /// The default is a steady render of 512 x 512 pixels with 64 samples each, by the estimator that finds all light of any scene.
 ///
 /// ```
-/// use taugate::settings::{Budget, Estimator, Settings};
+/// use taugate::{Budget, Estimator, Settings};
 /// let settings = Settings::builder()
 ///     .estimator(Estimator::Lcs)
 ///     .gate("12.5m..12.8m".parse()?)
