@@ -20,7 +20,7 @@ fn write(path: &Path) -> Film {
     let provenance = Provenance {
         resolution: [10, 8],
         crop: Crop { x0: 3, x1: 9, y0: 2, y1: 6 },
-        gate: Gate { lo: 12.5, hi: 12.8 },
+        responses: Gate { lo: 12.5, hi: 12.8 }.into(),
         seed: u32::MAX,
         seconds: 1.5,
         settings: SETTINGS.into(),

@@ -187,7 +187,7 @@ impl Bench {
     fn check_gates(&self, rows: &[Row]) -> Result<()> {
         for (at, entries) in &self.present {
             let scene = self.scene(*at);
-            if entries[0].settings.gate().is_open() || self.missing(rows, *at, entries).is_empty() {
+            if entries[0].settings.responses().are_steady() || self.missing(rows, *at, entries).is_empty() {
                 continue;
             }
             Job::load(&self.suite, scene)?.prepare(&self.suite, scene)?;
@@ -317,7 +317,7 @@ impl Bench {
             let provenance = Provenance {
                 resolution: settings.resolution(),
                 crop: settings.crop(),
-                gate: settings.gate(),
+                responses: settings.responses().clone(),
                 seed: taugate::internals::bench::race::seed(0),
                 seconds,
                 settings: entry.config.clone(),

@@ -14,10 +14,10 @@ pub const SUGGESTED_PART: f64 = 0.02;
 /// Fails if bounds alone show that no path meets the gate.
 pub fn check_gate(scene: &Scene, settings: &Settings, prepared: &Prepared, device: Option<&str>) -> Result<()> {
     let reach = Reach::new(prepared, settings);
-    if reach.meets(&settings.gate()) {
+    if reach.meets(&settings.responses().support()) {
         return Ok(());
     }
-    let bound = reach.why_not(&settings.gate(), travel);
+    let bound = reach.why_not(&settings.responses().support(), travel);
     // What the probe finds is help; that there is none must not hide the mistake.
     let times = Device::open(device).and_then(|device| probe(&device, scene, settings, prepared));
     Err(refuse(settings, scene, &bound, times.ok().as_ref()))
@@ -31,7 +31,7 @@ pub fn nothing_inside(device: &Device, scene: &Scene, settings: &Settings) -> Er
 }
 
 fn refuse(settings: &Settings, scene: &Scene, found: &str, times: Option<&TravelTimes>) -> Error {
-    let mut message = format!("the {} meets no light: {found}", settings.gate().describe());
+    let mut message = format!("the {} meets no light: {found}", settings.responses().describe());
     if let Some((first, last)) = times.and_then(TravelTimes::range) {
         let at = |p| travel(times.and_then(|t| t.percentile(p)).unwrap_or(first));
         message += &format!(

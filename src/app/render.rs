@@ -74,7 +74,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         progress.line(&format!("warning: {warning}"));
     }
     let (device, force) = (experiment.render.device.as_deref(), experiment.gate.force.unwrap_or(false));
-    if !settings.gate().is_open() && !force {
+    if !settings.responses().are_steady() && !force {
         preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device))?;
     }
     let device = preparation.timed("open device", || Device::open(device))?;
@@ -102,7 +102,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::from(INTERRUPTED));
     }
 
-    if !settings.gate().is_open() && !force && !interrupted && is_black(&renderer) {
+    if !settings.responses().are_steady() && !force && !interrupted && is_black(&renderer) {
         return Err(feasible::nothing_inside(&device, &scene, settings).into());
     }
 
@@ -110,7 +110,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let provenance = Provenance {
         resolution: settings.resolution(),
         crop: settings.crop(),
-        gate: settings.gate(),
+        responses: settings.responses().clone(),
         seed: settings.seed(),
         seconds: elapsed.as_secs_f64(),
         settings: Experiment { output: Default::default(), ..config }.to_toml(),

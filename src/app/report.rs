@@ -92,7 +92,7 @@ impl Report<'_> {
         let [least_samples_in_a_pixel, most_samples_in_a_pixel] = self.renderer.samples_in_pixels();
         Numbers {
             version: exr_file::version(),
-            gate: self.provenance.gate.to_string(),
+            gate: self.provenance.responses.support().to_string(),
             samples_per_pixel: film.samples(),
             least_samples_in_a_pixel,
             most_samples_in_a_pixel,
@@ -119,7 +119,7 @@ impl Report<'_> {
         if stats.dropped > 0 {
             progress.line(&format!("warning: {} samples were not finite and count as 0", stats.dropped));
         }
-        if let Some(warning) = gate_warning(&self.settings.gate()) {
+        for warning in self.settings.responses().iter().filter_map(|response| gate_warning(&response.gate())) {
             progress.line(&format!("warning: {warning}"));
         }
         if is_black(self.renderer) {
@@ -137,7 +137,7 @@ impl Report<'_> {
             names.join(", "),
             film.width(),
             film.height(),
-            self.settings.gate().describe(),
+            self.settings.responses().describe(),
             self.settings.estimator(),
             film.samples(),
             duration(self.seconds()),

@@ -106,11 +106,12 @@ impl Job {
         let prepared =
             Prepared::new(&self.scene, settings).map_err(|e| suite.error_at(scene, Part::Name, &e.to_string()))?;
         let reach = Reach::new(&prepared, settings);
-        if !settings.gate().is_open() && !reach.meets(&settings.gate()) {
+        let responses = settings.responses();
+        if !responses.are_steady() && !reach.meets(&responses.support()) {
             let message = format!(
                 "the {} meets no light: {}; see taugate info {}",
-                settings.gate().describe(),
-                reach.why_not(&settings.gate(), |length| format!("{length:.4} m")),
+                responses.describe(),
+                reach.why_not(&responses.support(), |length| format!("{length:.4} m")),
                 scene.path().display()
             );
             return Err(suite.error_at(scene, Part::Gate, &message));

@@ -82,7 +82,7 @@ impl<'a> Race<'a> {
                 (relmse, *own, flip::hdr(&image, &picture.rgb, picture.width as usize).mean())
             }
         };
-        let crop = entry.settings.crop();
+        let (crop, gate) = (entry.settings.crop(), entry.settings.responses().support());
         let (pixels, samples) = (u64::from(crop.width()) * u64::from(crop.height()), lane.renderer.film().samples());
         let queries = lane.count(|s| s.candidates);
         let vertices = lane.count(|s| s.emitter_vertices + s.scattered_vertices + s.deterministic_vertices);
@@ -104,7 +104,7 @@ impl<'a> Race<'a> {
             dead_query_share: 1.0 - lane.count(|s| s.live_candidates) as f64 / (queries as f64).max(1.0),
             triangles: lane.renderer.stats().triangles,
             pixels,
-            gate_m: entry.settings.gate().hi - entry.settings.gate().lo,
+            gate_m: gate.hi - gate.lo,
             us_per_sample: 1e6 * lane.clock / (samples * pixels) as f64,
             fingerprint: entry.fingerprint.clone(),
         })

@@ -310,7 +310,7 @@ fn write(path: &Path, film: &Film, entry: &Entry, seconds: f64, variant: &str, s
     let provenance = Provenance {
         resolution: settings.resolution(),
         crop: settings.crop(),
-        gate: settings.gate(),
+        responses: settings.responses().clone(),
         seed,
         seconds,
         settings: note + &entry.config,

@@ -113,7 +113,7 @@ fn header(page: &Page) -> String {
 
 fn what(entry: &Entry) -> String {
     let [width, height] = entry.settings.resolution();
-    format!("{width} x {height} pixels, {}.", entry.settings.gate().describe())
+    format!("{width} x {height} pixels, {}.", entry.settings.responses().describe())
 }
 
 /// What the paper says of a scene.

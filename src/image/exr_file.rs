@@ -14,8 +14,8 @@ use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error, write_atomically};
 use crate::image::film::Film;
 use crate::image::fingerprint;
-use crate::settings::units::{Gate, METRES_PER_NS};
-use crate::settings::{Crop, MAX_PIXELS, Settings};
+use crate::settings::units::METRES_PER_NS;
+use crate::settings::{Crop, MAX_PIXELS, Responses, Settings};
 
 /// Most samples (pixels times channels) that are decoded: what the largest image of our own has. A header costs a few
 /// bytes and may claim any size, so this is checked before memory is reserved.
@@ -30,7 +30,7 @@ pub struct Provenance {
     pub resolution: [u32; 2],
     /// Where the film lies in it.
     pub crop: Crop,
-    pub gate: Gate,
+    pub responses: Responses,
     pub seed: u32,
     pub seconds: f64,
     /// The resolved experiment as TOML, which renders the same again.
@@ -48,7 +48,7 @@ pub fn write_film(path: &Path, film: &Film, settings: &Settings, elapsed: Durati
     let provenance = Provenance {
         resolution: settings.resolution(),
         crop: settings.crop(),
-        gate: settings.gate(),
+        responses: settings.responses().clone(),
         seed: settings.seed(),
         seconds: elapsed.as_secs_f64(),
         settings: String::new(),
@@ -62,7 +62,8 @@ pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
     let mut channels = channels_of(&film.mean(), "");
     channels.extend(channels_of(&film.variance_of_mean(), "Variance."));
 
-    let Provenance { resolution, crop, gate, .. } = provenance;
+    let Provenance { resolution, crop, responses, .. } = provenance;
+    let gate = responses.support();
     let mut attributes = LayerAttributes {
         layer_position: Vec2(crop.x0 as i32, crop.y0 as i32),
         software_name: Some(text(&version())),

@@ -110,7 +110,7 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
     };
     full.emitter = EmitterTable { emitters: Some(settings.emitters().clone()) };
     full.gate = GateTable {
-        gate: (!settings.gate().is_open()).then_some(settings.gate()),
+        gate: (!settings.responses().are_steady()).then(|| settings.responses().support()),
         depth: None,
         force: experiment.gate.force,
     };

@@ -33,8 +33,7 @@ use crate::gpu::Device;
 use crate::gpu::need;
 use crate::image::film::Film;
 use crate::scene::{Camera, Scene};
-use crate::settings::Settings;
-use crate::settings::units::Gate;
+use crate::settings::{Responses, Settings};
 
 use device_scene::DeviceScene;
 use light::{LightTracer, Splat};
@@ -170,9 +169,9 @@ impl Renderer {
         self.stats.iterations += 1;
     }
 
-    /// Forgets the film and starts anew with another seed and gate; scene, kernels and statistics stay.
-    pub fn restart(&mut self, seed: u32, gate: Gate) {
-        self.plan.set(seed, gate);
+    /// Forgets the film and starts anew with another seed and other responses; scene, kernels and statistics stay.
+    pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) {
+        self.plan.set(seed, responses.into());
         self.forget();
     }
 

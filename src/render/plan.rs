@@ -15,7 +15,7 @@ use crate::estimators::{PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::{Camera, Scene};
 use crate::settings::units::Gate;
-use crate::settings::{Crop, Importance, Sampling, Settings, Strategies};
+use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
 
@@ -89,8 +89,7 @@ pub struct Plan {
     /// Bounds alone show that no light meets the gate: with culling there is nothing to trace.
     pub dark: bool,
     space: RenderSpace,
-    /// In metres.
-    gate: Gate,
+    responses: Responses,
     frame: Frame,
 }
 
@@ -132,10 +131,10 @@ impl Plan {
             reach: Reach::new(prepared, settings),
             dark: false,
             space: prepared.space,
-            gate: settings.gate(),
+            responses: settings.responses().clone(),
             frame,
         };
-        plan.set(settings.seed(), settings.gate());
+        plan.set(settings.seed(), settings.responses().clone());
         Ok(plan)
     }
 
@@ -145,13 +144,14 @@ impl Plan {
         let Some(sensor) = self.space.sensor(camera.transform.translation) else { return false };
         self.frame.sensor = sensor.to_array();
         aim(&mut self.frame, camera);
-        self.set(self.frame.seed, self.gate);
+        self.set(self.frame.seed, self.responses.clone());
         true
     }
 
-    /// Sets the seed and the gate (metres), with the bounds that follow from it and from where the sensor stands.
-    pub fn set(&mut self, seed: u32, gate: Gate) {
-        self.gate = gate;
+    /// Sets the seed and the responses, with the bounds that follow from their support and from where the sensor stands.
+    pub fn set(&mut self, seed: u32, responses: Responses) {
+        let gate = responses.support();
+        self.responses = responses;
         let from_origin = Vec3::from(self.frame.sensor).as_dvec3().length();
         let reach = self.reach.moved(from_origin * self.space.unit);
         self.dark = self.cull && !gate.is_open() && !reach.meets(&gate);

@@ -6,7 +6,9 @@ use crate::error::{Error, Result};
 use crate::settings::table::RenderTable;
 use crate::settings::units::Gate;
 use crate::settings::values::Seconds;
-use crate::settings::{Budget, Crop, DEFAULT_WIDTH, Emitters, Estimator, MAX_SECONDS, Settings, check_resolution};
+use crate::settings::{
+    Budget, Crop, DEFAULT_WIDTH, Emitters, Estimator, MAX_SECONDS, Responses, Settings, check_resolution,
+};
 
 /// Settings that are not checked yet, see [`Settings`].
 #[derive(Debug, Clone)]
@@ -15,7 +17,7 @@ pub struct SettingsBuilder {
     pub(super) resolution: [u32; 2],
     pub(super) crop: Option<Crop>,
     pub(super) emitters: Emitters,
-    pub(super) gate: Gate,
+    pub(super) responses: Responses,
     /// Without `device` and `strict`, which are not about the image.
     pub(super) render: RenderTable,
 }
@@ -27,7 +29,7 @@ impl Default for SettingsBuilder {
             resolution: [DEFAULT_WIDTH; 2],
             crop: None,
             emitters: Emitters::Scene,
-            gate: Gate::OPEN,
+            responses: Responses::default(),
             render: RenderTable::default(),
         }
     }
@@ -47,7 +49,7 @@ impl SettingsBuilder {
 
     /// Travel times that count; [`Gate::OPEN`] for the steady state.
     pub fn gate(self, gate: Gate) -> SettingsBuilder {
-        SettingsBuilder { gate, ..self }
+        SettingsBuilder { responses: gate.into(), ..self }
     }
 
     /// Width and height of the whole image in pixels.
@@ -81,7 +83,7 @@ impl SettingsBuilder {
 
     /// Fails with what is outside its limits.
     pub fn build(self) -> Result<Settings> {
-        Gate::new(self.gate.lo, self.gate.hi)?;
+        self.responses.iter().try_for_each(|response| Gate::new(response.gate().lo, response.gate().hi).map(drop))?;
         check_resolution("the resolution", self.resolution)?;
         self.render.check()?;
         if self.render.time.is_some_and(|Seconds(seconds)| !(seconds > 0.0 && seconds <= MAX_SECONDS)) {

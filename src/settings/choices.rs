@@ -82,7 +82,7 @@ impl Importance {
 /// When a render stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Budget {
-    /// Samples a pixel, >= 1.
+    /// Samples per pixel, >= 1.
     Spp(u32),
     /// Seconds of rendering after load and kernel compilation, > 0.
     Seconds(f64),

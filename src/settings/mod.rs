@@ -5,6 +5,7 @@
 mod builder;
 mod choices;
 mod keys;
+mod responses;
 #[allow(missing_docs)]
 pub mod setting;
 #[allow(missing_docs)]
@@ -15,20 +16,20 @@ pub mod values;
 
 pub use self::builder::SettingsBuilder;
 pub use self::choices::{Budget, Crop, Emitters, Importance, Sampling, Strategies};
+pub use self::responses::{Response, Responses};
 use crate::error::{Error, Result};
 pub use crate::estimators::Estimator;
 use crate::settings::table::RenderTable;
-use crate::settings::units::Gate;
 use crate::wgsl::layout::constants::MOST_SUBTREES;
 
-/// Samples a pixel when neither `spp` nor `time` is given.
+/// Samples per pixel when neither `spp` nor `time` is given.
 pub const DEFAULT_SPP: u32 = 64;
 /// Path segments at most. Long enough that a white room loses under 1 % of its light.
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
 /// Light subpaths per iteration whose vertices are stored, M of the paper, when nothing says how many: one per pixel, at least this and at
 /// most as many as the estimator's record says.
 pub const LEAST_LIGHT_PATHS_BY_DEFAULT: u32 = 4096;
-/// Power buckets a node, B of the paper.
+/// Power buckets per node, B of the paper.
 pub const DEFAULT_BUCKETS: u32 = 8;
 /// Seed when nothing says which.
 pub const DEFAULT_SEED: u32 = 0;
@@ -94,9 +95,9 @@ impl Settings {
         self.chosen.render.estimator.unwrap_or(Estimator::UNGATED)
     }
 
-    /// Travel times that count; [`Gate::OPEN`] is the steady state.
-    pub fn gate(&self) -> Gate {
-        self.chosen.gate
+    /// What the sensor measures.
+    pub fn responses(&self) -> &Responses {
+        &self.chosen.responses
     }
 
     /// Width and height of the whole image in pixels.
@@ -141,8 +142,11 @@ impl Settings {
 /// Settings are equal that render the same, whether a value was chosen or is the default.
 impl PartialEq for Settings {
     fn eq(&self, other: &Settings) -> bool {
-        let view = |s: &Settings| (s.gate(), s.resolution(), s.crop(), s.camera());
-        view(self) == view(other) && self.emitters() == other.emitters() && self.to_table() == other.to_table()
+        let view = |s: &Settings| (s.resolution(), s.crop(), s.camera());
+        view(self) == view(other)
+            && self.responses() == other.responses()
+            && self.emitters() == other.emitters()
+            && self.to_table() == other.to_table()
     }
 }
 

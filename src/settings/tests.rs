@@ -1,9 +1,13 @@
 use super::*;
+use crate::settings::units::Gate;
 
 #[test]
 fn what_is_left_open_follows_the_estimator() {
     let default = Settings::default();
-    assert_eq!((default.estimator(), default.gate(), default.budget()), (Estimator::Bdpt, Gate::OPEN, Budget::Spp(64)));
+    assert_eq!(
+        (default.estimator(), default.responses().support(), default.budget()),
+        (Estimator::Bdpt, Gate::OPEN, Budget::Spp(64))
+    );
     assert_eq!((default.resolution(), default.crop().width(), default.crop().height()), ([512, 512], 512, 512));
     assert_eq!((default.queries(), default.leaf_size(), default.light_paths()), (1, 0, 50_000));
     let lcs = default.change().estimator(Estimator::Lcs).build().unwrap();

@@ -47,10 +47,16 @@ fn message(toml: &str, scene: &Scene) -> String {
 fn defaults_fill_what_nobody_said() {
     // Without a gate there is nothing that queries could choose better by.
     let s = settings_of("");
-    assert_eq!((s.estimator(), s.strategies(), s.gate()), (Estimator::Bdpt, Strategies::All, Gate::OPEN));
+    assert_eq!(
+        (s.estimator(), s.strategies(), s.responses().support()),
+        (Estimator::Bdpt, Strategies::All, Gate::OPEN)
+    );
     assert_eq!((s.queries(), s.leaf_size()), (1, 0));
     let s = settings_of("gate.gate = '1m..2m'\nemitter.emitters = 'beam'");
-    assert_eq!((s.estimator(), s.strategies(), s.gate()), (Estimator::Lcs, Strategies::All, Gate { lo: 1.0, hi: 2.0 }));
+    assert_eq!(
+        (s.estimator(), s.strategies(), s.responses().support()),
+        (Estimator::Lcs, Strategies::All, Gate { lo: 1.0, hi: 2.0 })
+    );
     assert_eq!((s.budget(), s.seed(), s.max_depth()), (Budget::Spp(64), 0, 24));
     assert_eq!((s.light_paths(), s.splat_paths(), s.queries(), s.buckets(), s.no_cull()), (8192, 0, 16, 8, false));
     assert_eq!((s.leaf_size(), s.frontier(), s.single_tree()), (16, 32, true));
