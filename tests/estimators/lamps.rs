@@ -167,6 +167,26 @@ fn a_hundred_spot_lights_agree_with_the_oracle() {
     assert_none(against("hundred lamps", &Estimator::ALL, &scene, &gates, &truth));
 }
 
+/// Mean over cells of the relative variance of a render of the hall.
+fn relative_variance(estimator: Estimator, gate: Gate) -> f64 {
+    let mut renderer = renderer(&build(Kind::HundredLamps), &room_settings(estimator));
+    let cells = Cells::measure(&mut renderer, gate, 2, 1, 8, 700);
+    let count = cells.batches.len();
+    let floor = 0.01 * (0..count).map(|i| cells.mean(i)).sum::<f64>() / count as f64;
+    (0..count).map(|i| cells.variance(i) / cells.mean(i).hypot(floor).powi(2)).sum::<f64>() / count as f64
+}
+
+/// Of a hundred spot lights, queries find those that light a shade point through the gate: with as many samples, lcs has a fifth
+/// of the variance of bdpt at most.
+#[test]
+fn queries_find_the_lamps_that_count() {
+    for gate in [Gate::OPEN, Gate { lo: 12.0, hi: 12.5 }] {
+        let [bdpt, lcs] = [Estimator::Bdpt, Estimator::Lcs].map(|estimator| relative_variance(estimator, gate));
+        eprintln!("{gate:?}: bdpt {bdpt:.3e}, lcs {lcs:.3e}, {:.1} times", bdpt / lcs);
+        assert!(lcs * 5.0 < bdpt, "{gate:?}: {lcs} against {bdpt} of bdpt");
+    }
+}
+
 /// A hundred beams of no radius: each leaves one spot of light, and queries find the near ones.
 #[test]
 fn a_projector_of_dots_agrees_with_the_sum_of_its_parts() {
