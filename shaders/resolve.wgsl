@@ -17,7 +17,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     var sum = vec3<f32>(0.0);
     var squares = 0.0;
     var tally = vec4<u32>(0u);
-    // A plain loop over a count: SwiftShader loses iterations of a loop that threads leave at different places.
+    // Left at its top: SwiftShader loses the last iteration of a loop that is left at its end (src/gpu/quirks.rs).
     let end = id.x + samples_of_pixel(id.x);
     for (var path = id.x; path < end; path++) {
         let r = radiance[path].xyz;

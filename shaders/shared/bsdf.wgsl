@@ -103,10 +103,10 @@ fn ggx_visible_pdf(w: vec3<f32>, h: vec3<f32>, alpha: f32) -> f32 {
 // Visible normal seen from w, w.z > 0 (Dupuy and Benyoub 2023, spherical caps).
 fn ggx_sample_visible(w: vec3<f32>, alpha: f32, u: vec2<f32>) -> vec3<f32> {
     let stretched = normalize(vec3<f32>(w.xy * alpha, w.z));
-    let phi = 2.0 * PI * u.x;
+    let turn = cosine_and_sine(2.0 * PI * u.x);
     let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
     let r = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
-    let cap = vec3<f32>(r * cos(phi), r * sin(phi), z) + stretched;
+    let cap = vec3<f32>(r * turn.x, r * turn.y, z) + stretched;
     return normalize(vec3<f32>(cap.xy * alpha, cap.z));
 }
 

@@ -83,8 +83,8 @@ fn spot_falloff(off: f32, outer: f32, inner: f32) -> f32 {
 fn uniform_cone(axis: vec3<f32>, outer: f32, u: vec2<f32>) -> vec3<f32> {
     let off = outer * u.x;
     let r = sqrt(max(0.0, off * (2.0 - off)));
-    let phi = 2.0 * PI * u.y;
-    return frame_around(axis) * vec3<f32>(r * cos(phi), r * sin(phi), 1.0 - off);
+    let turn = cosine_and_sine(2.0 * PI * u.y);
+    return frame_around(axis) * vec3<f32>(r * turn.x, r * turn.y, 1.0 - off);
 }
 
 // First vertex and direction of a light subpath from emitter `number`.
@@ -157,8 +157,8 @@ fn sample_punctual(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
 
 fn sample_beam(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     let radius = e.outer * sqrt(a.x);
-    let phi = 2.0 * PI * a.y;
-    let disk = frame_around(e.direction) * vec3<f32>(radius * cos(phi), radius * sin(phi), 0.0);
+    let turn = cosine_and_sine(2.0 * PI * a.y);
+    let disk = frame_around(e.direction) * vec3<f32>(radius * turn.x, radius * turn.y, 0.0);
     (*r).vertex.position = e.position + disk;
     (*r).direction = e.direction;
     (*r).pdf_direction = 1.0;

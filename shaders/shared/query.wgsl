@@ -22,6 +22,9 @@ fn next_fine_uniform(rng: ptr<function, u32>) -> f32 {
     return f32(hash32(*rng)) * (1.0 / 4294967296.0);
 }
 
+// Loops are left at their top: for drivers that lose what the last iteration of a loop has found (src/gpu/quirks.rs).
+override EXIT_AT_TOP: bool = false;
+
 // One traversal from `root`: the vertex and 1 / P(j | q), or NONE at a dead node.
 fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> Candidate {
     var current = root;
@@ -29,6 +32,9 @@ fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> C
     if ((current & LEAF_BIT) == 0u) {
         // Left at the end: masked SIMD would run the body once more for a condition at the top.
         loop {
+            if (EXIT_AT_TOP && (current & LEAF_BIT) != 0u) {
+                break;
+            }
             let node = load_tree_node(current);
             let bound_left = node_bound(node.left, shell, spatial);
             let bound_right = node_bound(node.right, shell, spatial);
@@ -41,7 +47,7 @@ fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> C
             current = select(node.right.child, node.left.child, take_left);
             current = select(NONE, current, sum > 0.0);
             continuing {
-                break if (current & LEAF_BIT) != 0u;
+                break if !EXIT_AT_TOP & ((current & LEAF_BIT) != 0u);
             }
         }
         if (current == NONE) {

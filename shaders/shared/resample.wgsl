@@ -9,8 +9,11 @@ fn descend_by_importance(start: Way, receiver: Receiver, rng: ptr<function, u32>
     var rest = start.rest;
     var p = start.p;
     if ((current & LEAF_BIT) == 0u) {
-        // Left at the end: masked SIMD would run the body once more for a condition at the top.
+        // Left at the end, as in `descend`.
         loop {
+            if (EXIT_AT_TOP && (current & LEAF_BIT) != 0u) {
+                break;
+            }
             let node = load_tree_node(current);
             let importance = vec2<f32>(node_importance(node.left, receiver), node_importance(node.right, receiver));
             let power = select(vec2<f32>(0.0), vec2<f32>(total_power(node.left), total_power(node.right)), importance > vec2<f32>(0.0));
@@ -25,7 +28,7 @@ fn descend_by_importance(start: Way, receiver: Receiver, rng: ptr<function, u32>
             current = select(node.right.child, node.left.child, take_left);
             current = select(NONE, current, importance.x + importance.y > 0.0);
             continuing {
-                break if (current & LEAF_BIT) != 0u;
+                break if !EXIT_AT_TOP & ((current & LEAF_BIT) != 0u);
             }
         }
     }

@@ -6,6 +6,7 @@ use ash::vk;
 
 use super::allocation::CACHED;
 use super::drive::Drive;
+use super::quirks::Quirks;
 use crate::error::{Error, Result};
 
 /// What a device is, the kind to prefer first.
@@ -47,6 +48,7 @@ pub struct DeviceInfo {
     pub subgroup_size: u32,
     /// Most invocations in a workgroup.
     pub max_workgroup_invocations: u32,
+    pub quirks: Quirks,
     /// How the host drives it.
     pub drive: Drive,
     /// Why taugate cannot render on it; none where it can.
@@ -82,6 +84,7 @@ impl DeviceInfo {
             max_allocation: u64::MAX,
             subgroup_size: 0,
             max_workgroup_invocations: 0,
+            quirks: Quirks::NONE,
             drive: Drive::CPU,
             unusable: None,
         }
@@ -159,6 +162,7 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
         max_allocation: maintenance.max_memory_allocation_size,
         subgroup_size: subgroup.subgroup_size,
         max_workgroup_invocations: p.limits.max_compute_work_group_invocations,
+        quirks: Quirks::of(driver.driver_id),
         drive: Drive::of(has_cached_memory, kind == DeviceKind::Software),
         unusable,
     }

@@ -54,6 +54,8 @@ impl Kernel {
     }
 
     fn compile(device: &Device, source: Source) -> Result<Kernel> {
+        let quirks = device.info().quirks.constants();
+        let source = quirks.into_iter().fold(source, |source, (name, value)| source.with_default(name, value));
         let usual = Pipeline::new(device, Arc::new(source), vec![])?;
         Ok(Kernel { usual: Arc::new(usual), variants: Mutex::default() })
     }

@@ -132,6 +132,14 @@ impl Source {
         let constants = constants.iter().map(|(name, value)| (name.to_string(), *value)).collect();
         Source { path, text: text.into(), entry: entry.into(), constants }
     }
+
+    /// Sets the override constant `name`, unless it has a value.
+    pub fn with_default(mut self, name: &str, value: f64) -> Source {
+        if self.constants.iter().all(|(other, _)| other != name) {
+            self.constants.push((name.into(), value));
+        }
+        self
+    }
 }
 
 /// Compiles `source`; of the arrays that it reads as texels, those named in `storage` become storage buffers.

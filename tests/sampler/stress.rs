@@ -50,6 +50,9 @@ impl Forest {
             .map(|(pool, query)| given(query, pool.root, pool.spatial, pcg.next_u32()))
             .collect();
         let found: Vec<[u32; 2]> = DRAW.run(&seeds, &tree_buffers(&nodes));
+        // For drivers that lose what the last iteration of a loop has found.
+        let at_top: Vec<[u32; 2]> = DRAW.prepare(&[("EXIT_AT_TOP", 1.0)]).run(&seeds, &tree_buffers(&nodes));
+        assert!(found == at_top);
         let [mut valid, mut drawn] = [0, 0];
         for ((pool, query), found) in planted().zip(found.chunks_exact(draws)) {
             let ends = walk(pool, |node| bounds[node as usize].map(f64::from));
