@@ -10,6 +10,8 @@ use taugate::internals::gpu::DeviceInfo;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::resolve;
 use taugate::internals::render::{MemoryPlan, Prepared};
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::values::Resolution;
 
 fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
@@ -158,13 +160,11 @@ fn force_writes_the_black_image() {
 #[test]
 fn a_render_that_does_not_fit_is_refused_before_it_starts() {
     let here = scene("cornell-box");
-    // A film of 512 MiB; a storage buffer of the software device may have 128 MiB.
-    let on = ["--device", "llvmpipe"];
-    let film = [&on[..], &["--resolution", "8192x4096"]].concat();
-    refused(here.path(), &film, 4, &["film pixels", "512 MiB", "--resolution"]);
-    let pool = [&on[..], &["--resolution", "32x32", "--light-paths", "16777216"]].concat();
-    // How many vertices the paths leave is not known before they are traced; 7 GiB are likely, a texel buffer may have 2 GiB.
-    let json = info(here.path(), &pool);
+    // Two films of 1 GiB. lavapipe allows 128 MiB a storage buffer; SwiftShader has 2 GiB for all that a render needs.
+    let film = ["--resolution", "8192x8192"];
+    refused(here.path(), &film, 4, &["film pixels", "1024 MiB", "--resolution"]);
+    // How many vertices the paths leave is not known before they are traced; 7 GiB are likely, more than a buffer may have.
+    let json = info(here.path(), &["--resolution", "32x32", "--light-paths", "16777216"]);
     let largest = &json["render"]["memory"]["largest"][0];
     assert_eq!(
         (largest["name"].as_str(), largest["fits"].as_bool()),
@@ -174,6 +174,23 @@ fn a_render_that_does_not_fit_is_refused_before_it_starts() {
     let json = info(here.path(), &film);
     let problem = json["render"]["memory"]["problem"].as_str().unwrap();
     assert!(problem.contains("--resolution"), "{problem}");
+}
+
+/// Where buffers are as small as Vulkan lets them be, nobody has to ask for fewer light paths than the default.
+#[test]
+fn default_light_paths_fit_the_least_device() {
+    let scene = build(Kind::CornellBox);
+    let device = DeviceInfo { max_texels: 1 << 16, max_storage_buffer_range: 128 << 20, ..DeviceInfo::unlimited() };
+    for estimator in Estimator::ALL {
+        let mut experiment = Experiment::default();
+        experiment.render.estimator = Some(estimator);
+        experiment.camera.resolution = Some(Resolution([1920, 1080]));
+        let settings = resolve(&experiment, &scene).unwrap().settings;
+        let prepared = Prepared::new(&scene, &settings).unwrap();
+        let plan = MemoryPlan::new(&scene, &settings, &prepared, Some(&device)).unwrap();
+        plan.check(&device).unwrap_or_else(|e| panic!("{estimator:?}: {e}"));
+        assert_eq!(plan.warning(&device), None, "{estimator:?}");
+    }
 }
 
 /// What the light vertices will need is estimated before they are traced, and said if it is too much.

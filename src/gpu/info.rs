@@ -48,6 +48,7 @@ pub struct DeviceInfo {
     pub subgroup_size: u32,
     /// Most invocations in a workgroup.
     pub max_workgroup_invocations: u32,
+    /// What kernels must know of its driver.
     pub quirks: Quirks,
     /// How the host drives it.
     pub drive: Drive,
