@@ -10,9 +10,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
-use crate::settings::setting::Visitor;
+use crate::settings::setting::{Setting, Value, Visitor};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, OutputTable, RenderTable};
-use crate::settings::values::Png;
 
 /// Experiment files are a page of text; anything larger is some other file.
 const MAX_BYTES: u64 = 1 << 20;
@@ -58,15 +57,13 @@ impl Experiment {
         let mut experiment = Experiment::parse(&text)
             .map_err(|e| Error::Settings(format!("{}:{}:{}: {}", path.display(), e.line, e.column, e.message)))?;
 
-        // An empty name is none.
-        let OutputTable { output, stats, strategy_images, .. } = &mut experiment.output;
-        for file in [&mut experiment.scene, output, stats, strategy_images] {
-            file.take_if(|name| name.as_os_str().is_empty());
-        }
+        experiment.scene.take_if(|name| name.as_os_str().is_empty());
+        experiment.visit(&mut WithoutEmptyNames);
         let folder = path.parent().unwrap_or(Path::new(""));
-        for file in experiment.paths() {
+        experiment.each_path(|file| {
             *file = folder.join(&*file);
-        }
+            Ok(())
+        })?;
         Ok(experiment)
     }
 
@@ -121,29 +118,36 @@ impl Experiment {
         output.visit(visitor);
     }
 
-    /// Every path in it.
-    fn paths(&mut self) -> impl Iterator<Item = &mut PathBuf> {
-        let OutputTable { output, png, stats, strategy_images } = &mut self.output;
-        let png = match png {
-            Some(Png::File(file)) => Some(file),
-            _ => None,
-        };
-        [&mut self.scene, output, stats, strategy_images].into_iter().flatten().chain(png)
+    /// Shows every path to `look`, up to the first error.
+    fn each_path(&mut self, mut look: impl FnMut(&mut PathBuf) -> Result<()>) -> Result<()> {
+        struct Paths<F>(F, Result<()>);
+        impl<F: FnMut(&mut PathBuf) -> Result<()>> Visitor for Paths<F> {
+            fn visit<T: Value>(&mut self, _: &'static Setting, slot: &mut Option<T>) {
+                if let (Ok(()), Some(path)) = (&self.1, slot.as_mut().and_then(T::path)) {
+                    self.1 = (self.0)(path);
+                }
+            }
+        }
+        self.scene.as_mut().map_or(Ok(()), &mut look)?;
+        let mut paths = Paths(look, Ok(()));
+        self.visit(&mut paths);
+        paths.1
     }
 
     /// Fails where a path cannot be written down as text, which images and printed experiments do.
     pub fn check_paths(&self) -> Result<()> {
-        match self.clone().paths().find(|path| path.to_str().is_none()) {
-            Some(path) => Err(Error::File { path: path.clone(), message: "this name is not UTF-8; rename it".into() }),
-            None => Ok(()),
-        }
+        self.clone().each_path(|path| match path.to_str() {
+            Some(_) => Ok(()),
+            None => Err(Error::File { path: path.clone(), message: "this name is not UTF-8; rename it".into() }),
+        })
     }
 
     /// The same with paths from the root on. Fails where there is no current folder.
     pub fn with_absolute_paths(mut self) -> Result<Experiment> {
-        for path in self.paths() {
+        self.each_path(|path| {
             *path = std::path::absolute(&*path).map_err(|e| read_error(path, e))?;
-        }
+            Ok(())
+        })?;
         self.check_paths()?;
         Ok(self)
     }
@@ -154,6 +158,15 @@ impl Experiment {
     /// If a path is not UTF-8: [`Experiment::check_paths`] tells.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("an experiment is plain text, numbers and tables")
+    }
+}
+
+/// Takes an empty file name for none.
+struct WithoutEmptyNames;
+
+impl Visitor for WithoutEmptyNames {
+    fn visit<T: Value>(&mut self, _: &'static Setting, slot: &mut Option<T>) {
+        slot.take_if(|value| value.path().is_some_and(|path| path.as_os_str().is_empty()));
     }
 }
 
@@ -191,6 +204,7 @@ mod tests {
     use super::*;
     use crate::settings::Emitters;
     use crate::settings::units::{Depth, Gate};
+    use crate::settings::values::Png;
 
     const FULL: &str = r#"
 scene = "room.glb"

@@ -144,6 +144,11 @@ pub trait Value: Clone + Send + Sync + 'static {
         None
     }
 
+    /// The file that the value names.
+    fn path(&mut self) -> Option<&mut PathBuf> {
+        None
+    }
+
     /// Two values of a [`Form::Repeated`] flag, as one.
     fn and(self, later: Self) -> Self {
         later
@@ -173,6 +178,10 @@ value_from_text!(bool, String, u32 {
 impl Value for PathBuf {
     fn parse(word: &OsStr) -> Result<PathBuf, String> {
         Ok(word.into())
+    }
+
+    fn path(&mut self) -> Option<&mut PathBuf> {
+        Some(self)
     }
 }
 

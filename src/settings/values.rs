@@ -147,6 +147,13 @@ impl Value for Png {
     fn parse(word: &OsStr) -> Result<Png, String> {
         Ok(if word.is_empty() { Png::Wanted(true) } else { Png::File(word.into()) })
     }
+
+    fn path(&mut self) -> Option<&mut std::path::PathBuf> {
+        match self {
+            Png::File(path) => Some(path),
+            Png::Wanted(_) => None,
+        }
+    }
 }
 
 impl Serialize for Emitters {
