@@ -51,6 +51,10 @@ fn stages_explain_the_wall_time() {
             let twice: Vec<_> = stages.iter().chain(&stages[..1]).cloned().collect();
             assert!(!explain(&without, wall) && !explain(&twice, wall), "{longest}: {stages:?}");
         }
+        assert!(
+            stats["waits"].as_u64().unwrap() >= stats["iterations"].as_u64().unwrap(),
+            "{estimator}: hardly a wait"
+        );
         let names: Vec<String> = stages(&stats["stages"]).into_iter().map(|(name, _)| name).collect();
         let expected = ["kernel sensor_trace", "kernel connect", "submits and waits", "compile kernels", "build trees"];
         for name in expected.into_iter().chain(["upload", "read light vertices", "read film", "add to film"]) {

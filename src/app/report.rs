@@ -45,6 +45,8 @@ struct Numbers<'a> {
     /// Over all pixels and channels; its standard error comes from whole iterations and is null with fewer than two.
     image_mean: f64,
     image_mean_standard_error: Option<f64>,
+    /// How often the host waited for the device during iterations.
+    waits: u64,
     /// Non-finite samples, which count as 0.
     samples_dropped: u64,
     /// Part of the connections tried that survived gate, facing and depth; null if none was tried.
@@ -104,6 +106,7 @@ impl Report<'_> {
             rays_per_second: self.position().rays_per_second(),
             image_mean,
             image_mean_standard_error,
+            waits: stats.waits,
             samples_dropped: stats.dropped,
             connections_inside_gate: stats.live_share(),
             inside_gate_per_sample: stats.inside_gate_per_sample(),
