@@ -20,7 +20,7 @@ struct Frame {
     // The gate [lo, hi) of optical path; hi is 3e38 for an open gate.
     gate_lo: f32,
     gate_hi: f32,
-    // Subpaths whose travel time cannot stay below this stop (DESIGN 3.1); 3e38 switches it off.
+    // Subpaths whose travel time cannot stay below this stop: what follows only makes them longer. 3e38 switches it off.
     cull_hi: f32,
     // Rounding allowance of a travel time: bounds are widened by it so that no valid vertex is pruned.
     slack: f32,

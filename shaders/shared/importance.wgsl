@@ -1,5 +1,6 @@
 // Importance of a light-tree node to a shade point: an estimate of what its vertices contribute through the gate, not a bound.
-// It is 0 only where no vertex can contribute; elsewhere any positive value is unbiased, and tight beats conservative (DESIGN 3.3).
+// It is 0 only where no vertex can contribute; elsewhere any positive value is unbiased, and a tight
+// estimate leaves less noise than a conservative bound.
 #import lightcone
 
 // Weight of a live bucket beyond its estimate. Errors of the uniform model multiply from level to level: with 0.01 rare vertices
