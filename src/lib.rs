@@ -63,7 +63,9 @@ pub use scene::gltf::load as load_scene;
 pub use scene::{AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, Texture, Wrap};
 pub use settings::SettingsBuilder;
 pub use settings::units::Gate;
-pub use settings::{Budget, Crop, Emitters, Estimator, Importance, Sampling, Settings, Strategies};
+pub use settings::{
+    Budget, Crop, Emitters, Estimator, Importance, Response, Responses, Sampling, Settings, Strategies,
+};
 
 /// For the program, the tests and the benches of this package. No part of the API: anything here may change at any time.
 #[doc(hidden)]
