@@ -13,13 +13,13 @@ use crate::settings::Estimator;
 use crate::settings::units::Gate;
 
 /// Probability that a device without fault fails any of the tests (Sidak).
-const SIGNIFICANCE: f64 = 1e-4;
+const SIGNIFICANCE: f64 = 1e-3;
 /// Upper bound on the number of tests.
-const TESTS: usize = 100;
+const TESTS: usize = 60;
 /// Relative error of means in 32 bits, and of the sphere's flat facets.
 const ROUNDING: f64 = 2e-4;
 /// Iterations, which the standard error comes from, and samples per pixel in each.
-const ITERATIONS: u32 = 16;
+const ITERATIONS: u32 = 24;
 const SAMPLES: u32 = 2;
 const SEED: u32 = 4;
 
