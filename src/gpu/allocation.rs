@@ -5,7 +5,8 @@ use std::sync::atomic::Ordering;
 
 use ash::vk;
 
-use super::device::Shared;
+use super::drive::CACHED;
+use super::shared::Shared;
 use crate::error::{Error, Result};
 
 /// Memory that the device can work with, and the buffer that it is bound to.
@@ -28,16 +29,8 @@ unsafe impl Send for Allocation {}
 // SAFETY: as above.
 unsafe impl Sync for Allocation {}
 
-/// Memory for data that the host reads and writes.
-pub(super) const FOR_HOST: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
-    vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw() | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw(),
-);
-/// Memory that the host reads at full speed.
-pub(super) const CACHED: vk::MemoryPropertyFlags =
-    vk::MemoryPropertyFlags::from_raw(FOR_HOST.as_raw() | vk::MemoryPropertyFlags::HOST_CACHED.as_raw());
-
 impl Allocation {
-    /// `wanted`: [`FOR_HOST`], which is mapped, or memory of the device, which is mapped where the device is driven so.
+    /// `wanted`: [`super::drive::FOR_HOST`], which is mapped, or memory of the device, which is mapped where the device is driven so.
     pub fn new(
         shared: &Arc<Shared>,
         name: &'static str,

@@ -7,8 +7,8 @@ use ash::vk;
 use super::allocation::Allocation;
 use super::bounds;
 use super::buffer::Buffer;
-use super::kernel::Pipeline;
 use super::need::mebibytes;
+use super::pipeline::Pipeline;
 use super::shader::Binding;
 use crate::error::{Error, Result};
 
@@ -25,12 +25,6 @@ pub(super) struct Bound {
     pub sets: Vec<vk::DescriptorSet>,
     /// Kept alive; nobody reads it.
     _buffers: Vec<Arc<Allocation>>,
-}
-
-impl Binding {
-    pub(super) fn descriptor_type(&self) -> vk::DescriptorType {
-        if self.texels { vk::DescriptorType::UNIFORM_TEXEL_BUFFER } else { vk::DescriptorType::STORAGE_BUFFER }
-    }
 }
 
 impl Bound {

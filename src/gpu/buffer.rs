@@ -5,8 +5,9 @@ use std::sync::Arc;
 use ash::vk;
 use bytemuck::{AnyBitPattern, NoUninit};
 
-use super::allocation::{Allocation, FOR_HOST};
+use super::allocation::Allocation;
 use super::device::Device;
+use super::drive::FOR_HOST;
 use super::need::Need;
 use crate::error::Result;
 

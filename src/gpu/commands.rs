@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 
 use ash::vk;
 
-use super::device::Shared;
+use super::shared::Shared;
 use crate::error::Result;
 
 /// One command buffer. The device works on it during a submit only.

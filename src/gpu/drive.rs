@@ -1,6 +1,16 @@
 //! How the host drives a device.
 
+use ash::vk;
+
 use crate::error::{Error, Result};
+
+/// Memory for data that the host reads and writes.
+pub(super) const FOR_HOST: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
+    vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw() | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw(),
+);
+/// Memory that the host reads at full speed.
+pub(super) const CACHED: vk::MemoryPropertyFlags =
+    vk::MemoryPropertyFlags::from_raw(FOR_HOST.as_raw() | vk::MemoryPropertyFlags::HOST_CACHED.as_raw());
 
 /// Set to `card` or `cpu` to drive every device that way, whatever it is: for tests, and for trying out a new device.
 const FORCED: &str = "TAUGATE_DRIVE";

@@ -4,8 +4,7 @@
 
 use ash::vk;
 
-use super::allocation::CACHED;
-use super::drive::Drive;
+use super::drive::{CACHED, Drive};
 use super::quirks::Quirks;
 use crate::error::{Error, Result};
 

@@ -1,12 +1,13 @@
 //! Memory of the host through which data comes to device memory that is not mapped, and back. It is made once per device.
 
-use std::sync::{Arc, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use ash::vk;
 
-use super::allocation::{Allocation, FOR_HOST};
+use super::allocation::Allocation;
 use super::commands::Commands;
-use super::device::{Device, Shared};
+use super::drive::FOR_HOST;
+use super::shared::Shared;
 use crate::error::Result;
 
 /// Bytes that one submit can move: enough for all that an iteration writes between two submits but a large pool, and no burden on
@@ -31,29 +32,22 @@ struct Area {
     targets: Vec<Arc<Allocation>>,
 }
 
-impl Device {
-    pub(super) fn staging(&self) -> MutexGuard<'_, Staging> {
-        // A panic elsewhere leaves whole copies behind.
-        self.staging.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Submits `commands` after the writes that wait, and waits for the device.
-    pub(super) fn submit(&self, commands: &mut Commands) -> Result<()> {
-        let mut staging = self.staging();
-        if let Some(area) = staging.area.as_mut().filter(|area| area.commands.is_recording()) {
-            let done = commands.submit(Some(&mut area.commands));
-            area.clear();
-            return done;
-        }
-        // Other threads may write meanwhile.
-        drop(staging);
-        commands.submit(None)
-    }
-}
-
 impl Staging {
     pub fn new(shared: Arc<Shared>) -> Staging {
         Staging { shared, area: None }
+    }
+
+    /// Whether writes wait for the next submit.
+    pub fn has_writes(&self) -> bool {
+        self.area.as_ref().is_some_and(|area| area.commands.is_recording())
+    }
+
+    /// Submits the writes that wait and `commands` behind them; waits for the device.
+    pub fn submit_before(&mut self, commands: &mut Commands) -> Result<()> {
+        let area = self.area()?;
+        let done = commands.submit(Some(&mut area.commands));
+        area.clear();
+        done
     }
 
     /// Writes `bytes` to `to` from `offset` on, before the next submit does anything else. They lie inside, and come at once if
@@ -164,6 +158,7 @@ impl Area {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::Device;
     use crate::gpu::{Buffer, Drive, Kernel, Need, ReadBack, Recorder};
 
     const TRIPLE: &str = "

@@ -1,0 +1,121 @@
+//! Starting Vulkan, and the devices that there are.
+
+use std::ffi::CStr;
+
+use ash::vk;
+
+use super::drive::Drive;
+use super::info::{DeviceInfo, describe, most_texels};
+use crate::error::{Error, Result};
+
+/// A Vulkan instance; with the validation layers where the user asked for them.
+pub(super) struct Instance {
+    pub handle: ash::Instance,
+    debug: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    /// Keeps libvulkan loaded.
+    entry: ash::Entry,
+}
+
+/// Set to a non-empty value to load the validation layers; a message of theirs aborts the process.
+const VALIDATE: &str = "TAUGATE_VALIDATE";
+
+/// The error of a Vulkan call, with a remedy where there is one.
+pub(super) fn device_error(doing: &str, e: vk::Result) -> Error {
+    match e {
+        vk::Result::ERROR_DEVICE_LOST => Error::Device(format!(
+            "the device was lost while {doing}; try --device with another one or a smaller --resolution"
+        )),
+        vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
+            Error::Device(format!("out of memory while {doing}; try a smaller --resolution or fewer --light-paths"))
+        }
+        _ => Error::Device(format!("{doing} failed ({e})")),
+    }
+}
+
+impl Instance {
+    pub fn open() -> Result<Instance> {
+        // SAFETY: loading libvulkan runs its initialisers, as for every Vulkan program.
+        let entry = unsafe { ash::Entry::load() }.map_err(|_| {
+            Error::Device(
+                "no Vulkan loader (libvulkan.so.1) on this machine; run ./setup.sh, or install a graphics driver"
+                    .into(),
+            )
+        })?;
+        let app = vk::ApplicationInfo::default().application_name(c"taugate").api_version(vk::API_VERSION_1_2);
+        let layers = if validating() { vec![c"VK_LAYER_KHRONOS_validation".as_ptr()] } else { vec![] };
+        let extensions = if validating() { vec![ash::ext::debug_utils::NAME.as_ptr()] } else { vec![] };
+        let sync = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&sync);
+        let mut info = vk::InstanceCreateInfo::default()
+            .application_info(&app)
+            .enabled_layer_names(&layers)
+            .enabled_extension_names(&extensions);
+        if validating() {
+            info = info.push_next(&mut features);
+        }
+        // SAFETY: `info` and all it points to live until the call returns.
+        let handle = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
+                Error::Device("no Vulkan driver on this machine; run ./setup.sh for the software one".into())
+            }
+            e => device_error("starting Vulkan", e),
+        })?;
+        let mut instance = Instance { handle, debug: None, entry };
+        if validating() {
+            let loader = ash::ext::debug_utils::Instance::new(&instance.entry, &instance.handle);
+            let create = vk::DebugUtilsMessengerCreateInfoEXT::default()
+                .message_severity(
+                    vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
+                )
+                .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
+                .pfn_user_callback(Some(on_message));
+            // SAFETY: the extension is enabled; the messenger is destroyed before its instance.
+            let messenger = unsafe { loader.create_debug_utils_messenger(&create, None) }
+                .map_err(|e| device_error("starting the validation layers", e))?;
+            instance.debug = Some((loader, messenger));
+        }
+        Ok(instance)
+    }
+
+    /// All devices, in the driver's order.
+    pub fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, DeviceInfo)>> {
+        // SAFETY: the instance is alive.
+        let devices =
+            unsafe { self.handle.enumerate_physical_devices() }.map_err(|e| device_error("enumerating devices", e))?;
+        let (forced, most_texels) = (Drive::forced()?, most_texels()?);
+        let describe = |d| {
+            let info = describe(&self.handle, d);
+            let (drive, max_texels) = (forced.unwrap_or(info.drive), info.max_texels.min(most_texels));
+            (d, DeviceInfo { drive, max_texels, ..info })
+        };
+        Ok(devices.into_iter().map(describe).collect())
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: what was made from the instance is destroyed: `Shared` destroys its device in `drop`, before its fields.
+        unsafe {
+            if let Some((loader, messenger)) = &self.debug {
+                loader.destroy_debug_utils_messenger(*messenger, None);
+            }
+            self.handle.destroy_instance(None);
+        }
+    }
+}
+
+fn validating() -> bool {
+    std::env::var_os(VALIDATE).is_some_and(|v| !v.is_empty())
+}
+
+unsafe extern "system" fn on_message(
+    severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    _user: *mut std::ffi::c_void,
+) -> vk::Bool32 {
+    // SAFETY: the layer passes a valid structure with a NUL-terminated message.
+    let message = unsafe { CStr::from_ptr((*data).p_message) }.to_string_lossy();
+    eprintln!("validation {severity:?}: {message}");
+    std::process::abort()
+}

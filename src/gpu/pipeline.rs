@@ -1,0 +1,131 @@
+//! Compute pipelines: the Vulkan objects behind a kernel.
+
+use std::ffi::CString;
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::bounds;
+use super::buffer::Buffer;
+use super::device::Device;
+use super::shader::{self, Binding, Source};
+use crate::error::{Error, Result};
+
+impl Binding {
+    pub(super) fn descriptor_type(&self) -> vk::DescriptorType {
+        if self.texels { vk::DescriptorType::UNIFORM_TEXEL_BUFFER } else { vk::DescriptorType::STORAGE_BUFFER }
+    }
+}
+
+/// The Vulkan objects of a kernel, which its bindings keep alive.
+pub(super) struct Pipeline {
+    pub device: Device,
+    pub source: Arc<Source>,
+    /// Arrays that are read as texels and bound as storage buffers.
+    pub storage: Vec<String>,
+    pub handle: vk::Pipeline,
+    pub layout: vk::PipelineLayout,
+    pub sets: Vec<vk::DescriptorSetLayout>,
+    pub bindings: Vec<Binding>,
+    pub constants_size: u32,
+    pub workgroup: u32,
+    /// With index checks: the word the kernel writes when one fails, and what its numbers stand for.
+    pub violation: Option<(Buffer, Vec<String>)>,
+}
+
+impl Pipeline {
+    pub fn new(device: &Device, source: Arc<Source>, storage: Vec<String>) -> Result<Pipeline> {
+        let compiled = shader::compile(&source, &storage)?;
+        let shared = &device.shared;
+        let groups = compiled.bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
+        let violation = match compiled.places.is_empty() {
+            true => None,
+            false => Some((Buffer::from_slice(device, bounds::VIOLATION, &[0u32; 4], "")?, compiled.places)),
+        };
+        let entry_name = CString::new(&*source.entry).map_err(|e| Error::Shader(e.to_string()))?;
+        // From here on `drop` destroys what exists; Vulkan ignores null handles.
+        let mut new = Pipeline {
+            device: device.clone(),
+            source,
+            storage,
+            handle: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            sets: vec![],
+            bindings: compiled.bindings,
+            constants_size: compiled.constants_size,
+            workgroup: compiled.workgroup,
+            violation,
+        };
+        // SAFETY: structures outlive the calls; the module is destroyed after the pipeline was made from it.
+        unsafe {
+            for group in 0..groups {
+                let of_group: Vec<_> = new
+                    .bindings
+                    .iter()
+                    .filter(|b| b.group == group)
+                    .map(|b| {
+                        vk::DescriptorSetLayoutBinding::default()
+                            .binding(b.binding)
+                            .descriptor_type(b.descriptor_type())
+                            .descriptor_count(1)
+                            .stage_flags(vk::ShaderStageFlags::COMPUTE)
+                    })
+                    .collect();
+                let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&of_group);
+                let set = shared.device.create_descriptor_set_layout(&info, None);
+                new.sets.push(set.map_err(|e| shared.error("creating a descriptor layout", e))?);
+            }
+            let range = [vk::PushConstantRange {
+                stage_flags: vk::ShaderStageFlags::COMPUTE,
+                offset: 0,
+                size: new.constants_size,
+            }];
+            let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&new.sets);
+            if new.constants_size > 0 {
+                info = info.push_constant_ranges(&range);
+            }
+            new.layout = shared
+                .device
+                .create_pipeline_layout(&info, None)
+                .map_err(|e| shared.error("creating a pipeline layout", e))?;
+            let module = shared
+                .device
+                .create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&compiled.words), None)
+                .map_err(|e| shared.error("loading a kernel", e))?;
+            let stage = vk::PipelineShaderStageCreateInfo::default()
+                .stage(vk::ShaderStageFlags::COMPUTE)
+                .module(module)
+                .name(&entry_name);
+            let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(new.layout)];
+            let pipelines = shared.device.create_compute_pipelines(shared.cache, &create, None);
+            shared.device.destroy_shader_module(module, None);
+            new.handle = pipelines.map_err(|(_, e)| shared.error("compiling a kernel", e))?[0];
+        }
+        Ok(new)
+    }
+
+    /// Ends the process, as a message of the validation layers does, if the kernel found an index out of range.
+    fn report_violation(&self) {
+        let Some((word, places)) = &self.violation else { return };
+        let mut number = [0u32];
+        if word.read(0, &mut number).is_ok() && number[0] > 0 {
+            eprintln!("kernel {}: index out of range at {}", self.source.entry, places[number[0] as usize - 1]);
+            std::process::abort();
+        }
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        self.report_violation();
+        let d = &self.device.shared.device;
+        // SAFETY: recorders hold what they use until the device is done with it, so nothing uses the pipeline any more.
+        unsafe {
+            d.destroy_pipeline(self.handle, None);
+            d.destroy_pipeline_layout(self.layout, None);
+            for &set in &self.sets {
+                d.destroy_descriptor_set_layout(set, None);
+            }
+        }
+    }
+}
