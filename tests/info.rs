@@ -107,7 +107,7 @@ fn travel_times_of_the_gated_sphere_are_the_known_ones() {
     let first = light["first"]["metres"].as_f64().unwrap();
     assert!((first - 2.0).abs() < 1e-3, "{first}");
     assert!(percentile(1.0) >= first && percentile(25.0) < 2.001);
-    // By 3.5 m 64.6 % has arrived, by 4 m 77.0 % (DESIGN, section 5): 75 % at 3.92 m.
+    // By 3.5 m 64.6 % has arrived, by 4 m 77.0 % by the closed form of `oracle/sphere.rs`: 75 % at 3.92 m.
     assert!((percentile(75.0) - 3.92).abs() < 0.06, "{}", percentile(75.0));
     // The bounds hold what was seen.
     let bound = |name: &str| json["render"]["possible"][name].as_f64().unwrap();

@@ -8,7 +8,7 @@ use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
 const ALBEDO: f32 = 0.5;
-/// Gates after the direct return at 2 R, in units of R (DESIGN section 5); the first holds the direct return itself.
+/// Gates after the direct return at 2 R, in units of R (the closed form of `oracle/sphere.rs`); the first holds the direct return itself.
 const GATES: [(f64, f64); 9] =
     [(-0.05, 0.25), (0.25, 0.5), (0.5, 1.0), (1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 6.0), (6.0, 8.0)];
 
