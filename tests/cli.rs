@@ -226,6 +226,18 @@ fn a_generated_scene_is_described_and_resolved() {
     assert!(config.contains("gate = \"2m..4m\"") && config.contains("resolution = \"8x6\""), "{config}");
     std::fs::write(here.path().join("e.toml"), &config).unwrap();
     assert_eq!(run(&["render", "e.toml", "--print-config"]), config, "a printed experiment says the same again");
+    // Switches of a file hold where they are not typed, and typed ones where the file has none.
+    for (switch, flag, text) in [
+        ("force = true", "--force", "scene = \"box.glb\"\n[gate]\nforce = true\n"),
+        ("no-cull = true", "--no-cull", "scene = \"box.glb\"\n[render]\nno-cull = true\n"),
+        ("strict = true", "--strict", "scene = \"box.glb\"\n[render]\nstrict = true\n"),
+    ] {
+        std::fs::write(here.path().join("switch.toml"), text).unwrap();
+        assert!(run(&["render", "switch.toml", "--print-config"]).contains(switch), "{switch} of a file");
+        assert!(run(&["render", "box.glb", flag, "--print-config"]).contains(switch), "{flag}");
+        assert!(!run(&["render", "box.glb", "--print-config"]).contains(switch), "{switch} without either");
+    }
+    std::fs::remove_file(here.path().join("switch.toml")).unwrap();
     std::fs::create_dir(here.path().join("sub")).unwrap();
     std::fs::write(here.path().join("sub/e.toml"), &config).unwrap();
     assert_eq!(run(&["render", "sub/e.toml", "--print-config"]), config, "wherever it lies");

@@ -2,6 +2,7 @@
 
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::error::Error;
+use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
@@ -79,8 +80,9 @@ struct Typed<'m> {
 
 impl Visitor for Typed<'_> {
     fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-        // A command that does not have the flag has no value of it.
+        // A command that does not have the flag has no value of it, and a switch that was not typed has the value of clap's.
         let values = self.matches.try_get_many::<T>(setting.name).ok().flatten();
+        let values = values.filter(|_| self.matches.value_source(setting.name) == Some(ValueSource::CommandLine));
         *slot = values.into_iter().flatten().cloned().reduce(T::and);
     }
 }
