@@ -6,7 +6,7 @@
 //            proportional to its bound B(N, q) (Eq. 5), which is 0 where the child lies outside the light-cone shell
 //            (Eq. 19) and else shrinks with the part of the child that the shell misses (Eqs. 22 to 24). The traversal
 //            ends at a leaf, with P(j | q) the product of the probabilities, or at a dead node.
-// All:       deterministic vertices (punctual lights, the spot of a thin beam), one by one.
+// All:       deterministic vertices (punctual lights, the spot of a thin beam), one by one; of many, a draw or the trees.
 //
 // A candidate that cannot contribute (gate, depth, facing) is dropped here, before it costs a ray.
 #import query

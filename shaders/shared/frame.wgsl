@@ -95,3 +95,5 @@ override HAS_TEXTURES: bool = true;
 override HAS_ALPHA: bool = true;
 override HAS_GLOSSY: bool = true;
 override HAS_TRANSMISSION: bool = true;
+// Loops are left at their top: for drivers that lose what the last iteration of a loop has found (src/gpu/quirks.rs).
+override EXIT_AT_TOP: bool = false;

@@ -22,9 +22,6 @@ fn next_fine_uniform(rng: ptr<function, u32>) -> f32 {
     return f32(hash32(*rng)) * (1.0 / 4294967296.0);
 }
 
-// Loops are left at their top: for drivers that lose what the last iteration of a loop has found (src/gpu/quirks.rs).
-override EXIT_AT_TOP: bool = false;
-
 // One traversal from `root`: the vertex and 1 / P(j | q), or NONE at a dead node.
 fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> Candidate {
     var current = root;

@@ -2,7 +2,7 @@
 #import frame
 #import math
 
-// Three corners relative to the sensor, in BVH order; lengths in the unit of `frame.wgsl`.
+// Three corners in render space, in BVH order; lengths in the unit of `frame.wgsl`.
 struct Triangle {
     v0: vec3<f32>,
     // Index into `instances`.

@@ -13,14 +13,18 @@ fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, left: u32, key: 
     var passed = Passed(0.0, NONE);
     var count = 0u;
     var hit: Hit;
+    var goes_on = true;
     loop {
+        if (EXIT_AT_TOP && !goes_on) {
+            break;
+        }
         // Any hit is not the nearest one: what an alpha surface lets pass must still meet what stands before it.
         hit = traverse(o, d, passed, t_max, any_hit && !HAS_ALPHA, left);
-        let goes_on = HAS_ALPHA && lets_pass(hit, key, count);
+        goes_on = HAS_ALPHA && lets_pass(hit, key, count);
         passed = Passed(hit.t, hit.triangle);
         count += 1u;
         continuing {
-            break if !goes_on;
+            break if !EXIT_AT_TOP & !goes_on;
         }
     }
     return hit;

@@ -19,7 +19,7 @@ use light::LightRecord;
 pub struct EmitterSet {
     /// Alias table over flux: triangles, then lights without surface, thin ones last.
     pub table: Vec<Emitter>,
-    /// Points and spots as light vertices: connected one by one at every shade point.
+    /// Points and spots as light vertices: connected one by one at every shade point, or chosen from where they are many.
     pub deterministic: Vec<PathVertex>,
     /// Box around all points that emit, in device coordinates.
     pub lo: Vec3,
