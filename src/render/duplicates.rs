@@ -5,12 +5,25 @@ use rayon::prelude::*;
 
 use crate::wgsl::layout::Triangle;
 
-/// Leaves out every triangle with the corners, orientation and material of an earlier one. Returns how many, and the instance of
-/// the first of them.
-pub fn drop_copies(triangles: &mut Vec<Triangle>) -> Option<(usize, u32)> {
+/// What tells two triangles with the same corners and material apart: for each corner its normal and texture coordinates, and how
+/// its normals are turned into the world. 0 where the material does not ask.
+#[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct Look {
+    pub corners: [[u32; 3]; 3],
+    pub turn: [u32; 9],
+}
+
+/// Leaves out every triangle with the corners, orientation, material and look of an earlier one. Returns how many, and the instance
+/// of the first of them.
+pub fn drop_copies(triangles: &mut Vec<Triangle>, look: impl Fn(&Triangle) -> Look) -> Option<(usize, u32)> {
     let mut keys: Vec<(u64, u32)> =
-        triangles.par_iter().enumerate().map(|(i, t)| (hash(&identity(t)), i as u32)).collect();
+        triangles.par_iter().enumerate().map(|(i, t)| (hash(&place(t).0), i as u32)).collect();
     keys.par_sort_unstable();
+    let identity = |t: &Triangle| {
+        let (place, first) = place(t);
+        let Look { corners, turn } = look(t);
+        (place, [0, 1, 2].map(|k| corners[(first + k) % 3]), turn)
+    };
     let mut copies = vec![];
     for run in keys.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() > 1) {
         let mut seen = std::collections::HashSet::new();
@@ -26,21 +39,23 @@ pub fn drop_copies(triangles: &mut Vec<Triangle>) -> Option<(usize, u32)> {
     Some((copies.len(), first))
 }
 
-/// Equal for triangles that cannot be told apart: bits of the corners from the least one on, in their order, and of the material.
-fn identity(t: &Triangle) -> [u32; 10] {
+/// Equal for triangles of one material in one place: bits of the corners from the least one on, in their order, and of the
+/// material. And which corner that is.
+fn place(t: &Triangle) -> ([u32; 10], usize) {
     // -0.0 is the same place as 0.0.
     let corner = |p: [f32; 3]| p.map(|x| (x + 0.0).to_bits());
     let [a, b, c] = [t.v0, t.v1, t.v2].map(corner);
-    let [a, b, c] = [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().expect("three turns");
+    let turns = [([a, b, c], 0), ([b, c, a], 1), ([c, a, b], 2)];
+    let ([a, b, c], first) = turns.into_iter().min().expect("three turns");
     let mut all = [t.material; 10];
     all[..3].copy_from_slice(&a);
     all[3..6].copy_from_slice(&b);
     all[6..9].copy_from_slice(&c);
-    all
+    (all, first)
 }
 
-fn hash(identity: &[u32; 10]) -> u64 {
-    identity.iter().fold(0, |hash: u64, &x| (hash.rotate_left(5) ^ u64::from(x)).wrapping_mul(0x517c_c1b7_2722_0a95))
+fn hash(place: &[u32; 10]) -> u64 {
+    place.iter().fold(0, |hash: u64, &x| (hash.rotate_left(5) ^ u64::from(x)).wrapping_mul(0x517c_c1b7_2722_0a95))
 }
 
 #[cfg(test)]
@@ -58,6 +73,7 @@ mod tests {
             v2,
             material,
         };
+        let plain = |_: &Triangle| Look::default();
         let one = triangle([a, b, c], 0, 5);
         let others = [
             triangle([b, a, c], 1, 5),
@@ -66,9 +82,21 @@ mod tests {
         ];
         let copies = [triangle([a, b, c], 4, 5), triangle([b, c, a], 5, 5), triangle([[-0.0, 0.0, 1.0], b, c], 6, 5)];
         let mut all = [&[one], &others[..], &copies, &[one]].concat();
-        assert_eq!(drop_copies(&mut all), Some((4, 4)));
+        assert_eq!(drop_copies(&mut all, plain), Some((4, 4)));
         assert_eq!(all, [&[one], &others[..]].concat());
-        assert_eq!(drop_copies(&mut all), None);
-        assert_eq!(drop_copies(&mut vec![]), None);
+        assert_eq!(drop_copies(&mut all, plain), None);
+        assert_eq!(drop_copies(&mut vec![], plain), None);
+    }
+    #[test]
+    fn layers_with_textures_of_their_own_are_no_copies() {
+        let [a, b, c] = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+        let triangle =
+            |[v0, v1, v2]: [[f32; 3]; 3], instance| Triangle { v0, instance, v1, corner: 0, v2, material: 5 };
+        // Instance 1 lists the corners from another one on, with the same texture coordinates at each; instance 2 has others.
+        let coordinates = [[[7; 3], [8; 3], [9; 3]], [[8; 3], [9; 3], [7; 3]], [[7; 3], [8; 3], [1; 3]]];
+        let look = |t: &Triangle| Look { corners: coordinates[t.instance as usize], ..Look::default() };
+        let mut all = vec![triangle([a, b, c], 0), triangle([b, c, a], 1), triangle([a, b, c], 2)];
+        assert_eq!(drop_copies(&mut all, look), Some((1, 1)));
+        assert_eq!(all, [triangle([a, b, c], 0), triangle([a, b, c], 2)]);
     }
 }

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::albedo::{AlbedoTable, DELTA_ALPHA};
-use super::duplicates::drop_copies;
+use super::duplicates::{Look, drop_copies};
 use super::space::RenderSpace;
 use crate::bvh::{self, Bvh};
 use crate::scene::{self, AlphaMode, Scene, Wrap};
@@ -73,7 +73,23 @@ impl Geometry {
                 triangles.push(Triangle { v0, instance: number, v1, corner, v2, material });
             }
         }
-        let copies = drop_copies(&mut triangles);
+        let look = |t: &Triangle| {
+            let material = &materials.list[(t.material & TRIANGLE_MATERIAL) as usize];
+            let smooth = t.material & TRIANGLE_SMOOTH != 0;
+            let textured = material.base_texture != NONE || material.emission_texture != NONE;
+            let corner = |k: u32| {
+                let VertexAttributes { normal, u, v } = attributes[corners[(t.corner + k) as usize] as usize];
+                let bits = |x: f32| if textured { x.to_bits() } else { 0 };
+                [if smooth { normal } else { 0 }, bits(u), bits(v)]
+            };
+            let InstanceNormals { x, y, z, .. } = instances[t.instance as usize];
+            let columns: [f32; 9] = bytemuck::cast([x, y, z]);
+            Look {
+                corners: if t.corner == NONE { [[0; 3]; 3] } else { [0, 1, 2].map(corner) },
+                turn: if smooth { columns.map(f32::to_bits) } else { [0; 9] },
+            }
+        };
+        let copies = drop_copies(&mut triangles, look);
         let bvh = bvh::build(&triangles.iter().map(|t| [t.v0, t.v1, t.v2]).collect::<Vec<_>>());
         let triangles = bvh.order.iter().map(|&i| triangles[i as usize]).collect();
         let (textures, texels) = textures(scene, materials.features.textures);
