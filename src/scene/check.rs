@@ -39,6 +39,13 @@ impl Scene {
     }
 }
 
+impl Camera {
+    /// As [`Scene::check`], of a camera alone.
+    pub(crate) fn check(&self) -> Result<()> {
+        check_camera(self).map_err(Error::Settings)
+    }
+}
+
 fn below(index: u32, count: usize, of: impl Fn() -> String, what: &str) -> Checked {
     match (index as usize) < count {
         true => Ok(()),
@@ -119,8 +126,12 @@ fn check_camera(camera: &Camera) -> Checked {
     let name = || format!("camera '{}'", camera.name);
     let DAffine3 { matrix3, translation } = camera.transform;
     let turns = matrix3 * matrix3.transpose();
-    if !(translation.is_finite() && turns.abs_diff_eq(glam::DMat3::IDENTITY, UNIT) && matrix3.determinant() > 0.0) {
-        return Err(format!("{} has a transform that is more than a rotation and a translation", name()));
+    let is_near = translation.abs().max_element() <= MAX_COORDINATE;
+    if !(is_near && turns.abs_diff_eq(glam::DMat3::IDENTITY, UNIT) && matrix3.determinant() > 0.0) {
+        return Err(format!(
+            "{} has a transform that is more than a rotation and a translation of at most {MAX_COORDINATE:e} m",
+            name()
+        ));
     }
     if !(camera.yfov > 0.0 && camera.yfov < std::f64::consts::PI) {
         return Err(format!("{} has a yfov of {}; it must be between 0 and pi", name(), camera.yfov));

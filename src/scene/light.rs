@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::check::is_unit;
+use super::check::{MAX_COORDINATE, is_unit};
 
 /// A light without surface.
 #[derive(Debug, Clone)]
@@ -22,9 +22,10 @@ impl Light {
     pub(super) fn check(&self) -> Result<(), String> {
         let name = || format!("light '{}'", self.node);
         let is_point = matches!(self.kind, LightKind::Point { .. });
-        if !self.position.is_finite() || !(is_point || is_unit(self.direction)) {
+        let is_near = self.position.abs().max_element() <= MAX_COORDINATE;
+        if !is_near || !(is_point || is_unit(self.direction)) {
             return Err(format!(
-                "{} has a position that is not finite or a direction that is not of unit length",
+                "{} has a position farther than {MAX_COORDINATE:e} m from the origin, or a direction that is not of unit length",
                 name()
             ));
         }
@@ -36,6 +37,9 @@ impl Light {
         };
         if !strength.iter().chain(&angles).all(|x| x.is_finite() && *x >= 0.0) || angles[0] > angles[1] {
             return Err(format!("{} has a strength, angle or radius that is negative or not finite", name()));
+        }
+        if matches!(self.kind, LightKind::Spot { outer, .. } if outer > std::f32::consts::PI) {
+            return Err(format!("{} has an outer half angle above pi; angles are in radians", name()));
         }
         Ok(())
     }

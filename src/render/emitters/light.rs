@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::luminance;
 use crate::render::space::RenderSpace;
@@ -31,7 +31,8 @@ impl LightRecord {
         let position = space.point(light.position);
         let stand = Emitter {
             position: position.into(),
-            direction: light.direction.as_vec3().into(),
+            // Points may have any; directions that are made of it must have length 1.
+            direction: light.direction.try_normalize().unwrap_or(DVec3::NEG_Z).as_vec3().into(),
             ..bytemuck::Zeroable::zeroed()
         };
         let on_device = |watts: [f32; 3]| watts.map(|x| space.flux(x));
@@ -95,8 +96,6 @@ fn cap_height(angle: f32) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
 
     fn record(kind: LightKind) -> Option<LightRecord> {
