@@ -33,7 +33,10 @@ seconds() { # render_seconds of one render; empty where the binary refuses it.
 
 printf '%-28s %-10s %-22s %8s %8s   %s\n' scene estimator gate "old s" "new s" "new / old, median (least to greatest)"
 for scene in "$@"; do
-    for gate in "" "${GATE:-$(gate_of "$scene")}"; do
+    gates=("")
+    gate=${GATE:-$(gate_of "$scene")}
+    [ -z "$gate" ] || gates+=("$gate")
+    for gate in "${gates[@]}"; do
         for estimator in $estimators; do
             flags=(--estimator "$estimator")
             [ -z "$gate" ] || flags+=(--gate "$gate")

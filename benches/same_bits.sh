@@ -4,7 +4,7 @@
 #     benches/same_bits.sh OLD_BINARY NEW_BINARY [PATTERN]
 #
 # PATTERN (a bash regular expression) picks some of the images by their arguments. Exit code 0: all are the same, 1: some differ,
-# 2: wrong arguments. The scenes are made by NEW_BINARY, so OLD_BINARY needs to know only how to render. Needs python3.
+# 2: wrong arguments, 3: a binary does not render one. The scenes are made by NEW_BINARY, so OLD_BINARY needs to know only how to render. Needs python3.
 set -euo pipefail
 
 [ $# -ge 2 ] && [ -x "$1" ] && [ -x "$2" ] || { sed -n '2,7s/^# \{0,1\}//p' "$0" >&2; exit 2; }
@@ -62,7 +62,8 @@ while read -r scene flags; do
     # shellcheck disable=SC2086
     for side in old new; do
         binary=${!side}
-        "$binary" render "$scene.glb" -o "$side.exr" --resolution 48x40 --max-depth 12 --seed 7 --quiet $flags </dev/null
+        "$binary" render "$scene.glb" -o "$side.exr" --resolution 48x40 --max-depth 12 --seed 7 --quiet $flags </dev/null ||
+            { echo "the $side binary does not render $scene $flags" >&2; exit 3; }
     done
     if python3 "$here/exr_pixels.py" old.exr new.exr; then
         echo "same    $scene $flags"

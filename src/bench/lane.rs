@@ -31,7 +31,7 @@ impl Lane {
     }
 
     pub fn restart(&mut self, seed: u32) {
-        self.renderer.restart(seed, self.settings.responses().clone());
+        self.renderer.restart(seed, self.settings.responses().clone()).expect("the settings were checked");
         self.before = self.renderer.stats().clone();
         self.clock = 0.0;
     }

@@ -43,7 +43,8 @@ pub fn version() -> String {
     format!("taugate {}{commit}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Writes the film of a render with these settings, which took `elapsed`: mean and variance of every pixel, gate, seed and version.
+/// Writes the film of a render with these settings, which took `elapsed`: mean and variance of every pixel, gate, seed and version. After
+/// [`crate::Renderer::restart`] the settings must name the seed and the gate that it was given.
 pub fn write_film(path: &Path, film: &Film, settings: &Settings, elapsed: Duration) -> Result<()> {
     let provenance = Provenance {
         resolution: settings.resolution(),

@@ -62,6 +62,9 @@ impl Film {
 
     /// Adds one iteration's image of 3 * width * height channels, each the mean over that iteration's `samples` >= 1
     /// samples a pixel. Values must be finite.
+    ///
+    /// # Panics
+    /// If `rgb` does not have the film's size, or `samples` is 0.
     pub fn add(&mut self, rgb: &[f32], samples: u32) {
         assert_eq!(rgb.len(), self.moments.len(), "the image does not have the film's size");
         assert!(samples > 0, "an iteration has at least one sample");
@@ -77,6 +80,9 @@ impl Film {
 
     /// Adds the iterations of `other`, an independent part of the same render: mean and variance are those of all iterations in
     /// one film, to an ulp, in whatever order parts are merged. Cells have more iterations per batch where parts have many.
+    ///
+    /// # Panics
+    /// If the films have different sizes.
     pub fn merge(&mut self, other: &Film) {
         assert_eq!((self.width, self.height), (other.width, other.height), "the films have different sizes");
         let merge = |(moments, other): (&mut Moments, &Moments)| moments.merge(other);
@@ -94,12 +100,14 @@ impl Film {
     }
 
     /// Means over cells of pixels in independent batches.
+    #[doc(hidden)]
     pub fn cells(&self) -> &CellBatches {
         &self.cells
     }
 
     /// Takes over how these cells vary; their means become those of the film. A film that joins renders has coarser batches than
     /// the renders had.
+    #[doc(hidden)]
     pub fn set_cells(&mut self, cells: CellBatches) {
         assert_eq!(cells.grid(), self.cells.grid(), "the cells are of an image of another size");
         self.cells = cells.moved_to(&self.mean());

@@ -28,7 +28,7 @@ mod strategies;
 
 use std::time::Instant;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Device;
 use crate::gpu::need;
 use crate::image::film::Film;
@@ -75,6 +75,7 @@ impl Renderer {
     }
 
     /// As [`Renderer::new`], with choices that change the speed and never the image.
+    #[doc(hidden)]
     pub fn with_tuning(device: &Device, scene: &Scene, settings: &Settings, tuning: Tuning) -> Result<Renderer> {
         let start = Instant::now();
         let prepared = Prepared::new(scene, settings)?;
@@ -88,6 +89,7 @@ impl Renderer {
     }
 
     /// As [`Renderer::new`] from what was prepared for the same camera and emitters, which may be dropped afterwards.
+    #[doc(hidden)]
     pub fn from_prepared(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Renderer> {
         let size = [settings.crop().width(), settings.crop().height()];
         Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, size, prepared)
@@ -110,9 +112,14 @@ impl Renderer {
     }
 
     /// One iteration, Algorithm 1 of the paper: a fresh pool of light vertices and `samples` samples per pixel (1 to
-    /// [`MOST_SAMPLES`]), in every pixel or on average, added to the film. Errors: what the device counted is impossible.
+    /// 16), in every pixel or on average, added to the film. Errors: the samples are out of range, or what the device counted is
+    /// impossible.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
-        assert!((1..=MOST_SAMPLES).contains(&samples));
+        if !(1..=MOST_SAMPLES).contains(&samples) {
+            return Err(Error::Settings(format!(
+                "an iteration has 1 to {MOST_SAMPLES} samples per pixel, not {samples}; add more iterations for more samples"
+            )));
+        }
         if self.plan.dark {
             self.add_darkness(samples);
             return Ok(());
@@ -169,21 +176,26 @@ impl Renderer {
         self.stats.iterations += 1;
     }
 
-    /// Forgets the film and starts anew with another seed and other responses; scene, kernels and statistics stay.
-    pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) {
-        self.plan.set(seed, responses.into());
+    /// Forgets the film and starts anew with another seed and other responses; scene, kernels and statistics stay. Fails, and nothing
+    /// changes, where a gate is not an interval.
+    pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
+        let responses = responses.into();
+        responses.check()?;
+        self.plan.set(seed, responses);
         self.forget();
+        Ok(())
     }
 
     /// Forgets the film and starts anew with another camera, through a film of the same size; scene, hierarchy, kernels and
     /// statistics stay. False, and nothing changes, where the camera stands so far from the one that the scene was prepared for
-    /// that positions would lose digits: then it takes a new renderer.
-    pub fn set_camera(&mut self, camera: &Camera) -> bool {
+    /// that positions would lose digits: then it takes a new renderer. Fails where [`Scene::check`] would refuse the camera.
+    pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
+        camera.check()?;
         let moved = self.plan.set_camera(camera);
         if moved {
             self.forget();
         }
-        moved
+        Ok(moved)
     }
 
     fn forget(&mut self) {
@@ -213,11 +225,13 @@ impl Renderer {
     }
 
     /// Counts and times so far.
+    #[doc(hidden)]
     pub fn stats(&self) -> &Stats {
         &self.stats
     }
 
     /// The device buffers hold at least this much for the scene.
+    #[doc(hidden)]
     pub fn scene_bytes(&self) -> u64 {
         self.scene.bytes()
     }

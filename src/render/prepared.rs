@@ -8,8 +8,8 @@ use super::geometry::Geometry;
 use super::space::RenderSpace;
 use super::{coplanar, oversized};
 use crate::error::{Error, Result};
-use crate::scene::Scene;
-use crate::settings::Settings;
+use crate::scene::{Light, Scene};
+use crate::settings::{Emitters, Settings};
 
 /// Everything that is uploaded, around the sensor of one camera and for one choice of emitters.
 pub struct Prepared {
@@ -27,6 +27,7 @@ impl Prepared {
             let (camera, count) = (settings.camera(), scene.cameras.len());
             return Err(Error::Settings(format!("there is no camera {camera}: the scene has {count}, counted from 0")));
         };
+        check_emitters(scene, settings)?;
         let origin = camera.transform.translation;
         let albedo = AlbedoTable::shared();
         let space = RenderSpace::new(scene, origin, settings.emitters());
@@ -65,5 +66,27 @@ impl Prepared {
     /// Triangles as they are placed, without copies.
     pub fn triangles(&self) -> usize {
         self.geometry.triangles.len()
+    }
+}
+
+/// Fails where a node that is to shine does not exist, or where light without travel time is to be gated.
+fn check_emitters(scene: &Scene, settings: &Settings) -> Result<()> {
+    let exists = |name: &String| {
+        scene.lights.iter().any(|light| light.node == *name) || scene.instances.iter().any(|i| i.node == *name)
+    };
+    if let Emitters::Nodes(names) = settings.emitters()
+        && let Some(unknown) = names.iter().find(|name| !exists(name))
+    {
+        return Err(Error::Settings(format!(
+            "no node '{unknown}' is in the scene, so it cannot shine; check its name"
+        )));
+    }
+    let distant = |light: &&Light| light.kind.radius().is_none() && settings.emitters().include(&light.node);
+    match scene.lights.iter().find(distant) {
+        Some(light) if !settings.responses().are_steady() => Err(Error::Settings(format!(
+            "the light '{}' is infinitely far away, so its light has no travel time to gate; render without a gate, or without it",
+            light.node
+        ))),
+        _ => Ok(()),
     }
 }

@@ -18,7 +18,7 @@ pub fn check(device: &Device, way: Way) -> Result<Verdict> {
     let mut images = vec![];
     for tuning in [usual, usual, Tuning { workgroup: 32, tile: Some(100) }] {
         let mut renderer = Renderer::with_tuning(device, &scene, &settings, tuning)?;
-        renderer.restart(SEED, GATE);
+        renderer.restart(SEED, GATE)?;
         // Adaptive samples follow the error from the second iteration on.
         for samples in [2, 4] {
             renderer.iterate(samples)?;

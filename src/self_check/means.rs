@@ -85,7 +85,7 @@ impl Case {
 
 impl Look {
     pub fn check(&self, renderer: &mut Renderer) -> Result<Verdict> {
-        renderer.restart(SEED, self.gate);
+        renderer.restart(SEED, self.gate)?;
         for _ in 0..ITERATIONS {
             renderer.iterate(SAMPLES)?;
         }

@@ -37,17 +37,19 @@ impl Default for SettingsBuilder {
 
 impl SettingsBuilder {
     /// All settings of `[render]` at once, in place of those that were chosen before.
+    #[doc(hidden)]
     pub fn table(self, render: &RenderTable) -> SettingsBuilder {
         SettingsBuilder { render: RenderTable { device: None, strict: None, ..render.clone() }, ..self }
     }
 
-    /// How paths are found; nothing chosen is the default for the gate.
+    /// How paths are found; nothing chosen is `bdpt`, which finds all light of any scene.
     pub fn estimator(mut self, estimator: Estimator) -> SettingsBuilder {
         self.render.estimator = Some(estimator);
         self
     }
 
-    /// Travel times that count; [`Gate::OPEN`] for the steady state.
+    /// Travel times that count; [`Gate::OPEN`] for the steady state. A gate of fewer than 16 steps of 32-bit travel times is accepted,
+    /// and its brightness is mostly rounding.
     pub fn gate(self, gate: Gate) -> SettingsBuilder {
         SettingsBuilder { responses: gate.into(), ..self }
     }
@@ -83,7 +85,7 @@ impl SettingsBuilder {
 
     /// Fails with what is outside its limits.
     pub fn build(self) -> Result<Settings> {
-        self.responses.iter().try_for_each(|response| Gate::new(response.gate().lo, response.gate().hi).map(drop))?;
+        self.responses.check()?;
         check_resolution("the resolution", self.resolution)?;
         self.render.check()?;
         if self.render.time.is_some_and(|Seconds(seconds)| !(seconds > 0.0 && seconds <= MAX_SECONDS)) {

@@ -128,6 +128,7 @@ impl Settings {
     }
 
     /// The settings of `[render]` that the image depends on, all filled in; those that the estimator does not use stay open.
+    #[doc(hidden)]
     pub fn to_table(&self) -> RenderTable {
         let mut table = self.values();
         table.estimator = Some(self.estimator());

@@ -1,5 +1,6 @@
 //! What a sensor measures: responses over travel time.
 
+use crate::error::Result;
 use crate::settings::units::Gate;
 
 /// A response of the sensor: light whose travel time is inside the gate counts fully, all other light not at all.
@@ -35,6 +36,11 @@ impl Responses {
     pub fn support(&self) -> Gate {
         let around = |a: Gate, b: Gate| Gate { lo: a.lo.min(b.lo), hi: a.hi.max(b.hi) };
         self.iter().map(Response::gate).reduce(around).expect("there is a response")
+    }
+
+    /// Fails with what is wrong with a gate, see [`Gate::new`].
+    pub(crate) fn check(&self) -> Result<()> {
+        self.iter().try_for_each(|response| Gate::new(response.gate.lo, response.gate.hi).map(drop))
     }
 
     /// Whether light counts whenever it arrives.

@@ -105,6 +105,7 @@ impl Gate {
     }
 
     /// Compares the width with the distance of neighbouring f32 numbers at `hi`.
+    #[doc(hidden)]
     pub fn resolution(&self) -> Resolution {
         if self.hi.is_infinite() {
             return Resolution::Fine;

@@ -224,7 +224,7 @@ fn abutting_gates_partition_the_steady_image() {
     for estimator in [Estimator::Pt, Estimator::Bdpt] {
         let mut r = renderer(&scene, &settings(estimator, [32, 32]).build().unwrap());
         let mut image = |gate: Gate| {
-            r.restart(3, gate);
+            r.restart(3, gate).unwrap();
             r.iterate(4).unwrap_or_else(|e| panic!("{e}"));
             r.film().mean()
         };

@@ -48,13 +48,13 @@ fn from_elsewhere(scene: &Scene, settings: &Settings, metres: f64) -> Renderer {
     let elsewhere = Scene { cameras: vec![moved(scene, metres)], ..scene.clone() };
     let mut renderer = renderer(&elsewhere, settings);
     renderer.iterate(1).unwrap_or_else(|e| panic!("{e}"));
-    assert!(renderer.set_camera(&scene.cameras[0]), "{metres} m are not too far");
+    assert!(renderer.set_camera(&scene.cameras[0]).unwrap(), "{metres} m are not too far");
     assert_eq!(renderer.film().iterations(), 0, "the film starts anew");
     renderer
 }
 
 fn image(renderer: &mut Renderer) -> Vec<f32> {
-    renderer.restart(5, GATE);
+    renderer.restart(5, GATE).unwrap();
     (0..4).for_each(|_| renderer.iterate(4).unwrap_or_else(|e| panic!("{e}")));
     renderer.film().mean()
 }
@@ -100,7 +100,7 @@ fn a_camera_beside_its_place_is_noticed() {
     for estimator in [Estimator::Pt, Estimator::Bdpt] {
         let mut renderer = renderer(&scene, &short(estimator));
         let usual = image(&mut renderer);
-        assert!(renderer.set_camera(&moved(&scene, 0.01)));
+        assert!(renderer.set_camera(&moved(&scene, 0.01)).unwrap());
         assert!(difference(&usual, &image(&mut renderer)) > 2.0 * ROUNDING, "{estimator:?}");
     }
 }
@@ -111,9 +111,9 @@ fn a_camera_too_far_away_is_refused() {
     let mut renderer = renderer(&scene, &short(Estimator::Bdpt));
     renderer.iterate(1).unwrap_or_else(|e| panic!("{e}"));
     let before = renderer.film().mean();
-    assert!(!renderer.set_camera(&moved(&scene, 1.01 * FARTHEST)));
+    assert!(!renderer.set_camera(&moved(&scene, 1.01 * FARTHEST)).unwrap());
     assert_eq!((renderer.film().iterations(), renderer.film().mean()), (1, before));
-    assert!(renderer.set_camera(&moved(&scene, 0.99 * FARTHEST)));
+    assert!(renderer.set_camera(&moved(&scene, 0.99 * FARTHEST)).unwrap());
 }
 
 /// What no light could reach from the first camera may be lit for the next one.
@@ -131,8 +131,8 @@ fn a_moved_camera_has_its_own_bounds() {
     let settings = short(Estimator::Bdpt).change().gate(gate).build().unwrap();
     let mut renderer = renderer(&Scene { cameras: vec![back(0.9)], ..scene.clone() }, &settings);
     assert!(renderer.is_dark());
-    assert!(renderer.set_camera(&back(0.0)) && !renderer.is_dark());
+    assert!(renderer.set_camera(&back(0.0)).unwrap() && !renderer.is_dark());
     renderer.iterate(4).unwrap_or_else(|e| panic!("{e}"));
     assert!(renderer.film().mean().iter().any(|&x| x > 0.0), "the lamp is in view");
-    assert!(renderer.set_camera(&back(0.9)));
+    assert!(renderer.set_camera(&back(0.9)).unwrap());
 }

@@ -47,7 +47,7 @@ impl Cells {
     ) -> Cells {
         let mut batches: Vec<Vec<f64>> = vec![];
         for seed in 0..SEEDS {
-            renderer.restart(first_seed + seed, gate);
+            renderer.restart(first_seed + seed, gate).unwrap();
             for _ in 0..iterations {
                 renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
             }

@@ -14,7 +14,7 @@ const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
 const ESTIMATORS: [Estimator; 4] = Estimator::ALL;
 
 fn image(mut renderer: Renderer, seed: u32) -> Vec<u32> {
-    renderer.restart(seed, GATE);
+    renderer.restart(seed, GATE).unwrap();
     for samples in [2, 3] {
         renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
     }
@@ -66,7 +66,7 @@ fn a_render_resumed_with_more_samples_is_the_longer_render() {
     let scene = build(Kind::CornellBox);
     let settings = settings(Estimator::LcsPaper, SIZE).build().unwrap();
     let mut renderer = renderer(&scene, &settings);
-    renderer.restart(9, GATE);
+    renderer.restart(9, GATE).unwrap();
     renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
     let two = renderer.film().mean();
     renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));

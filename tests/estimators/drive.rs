@@ -26,7 +26,7 @@ fn open(drive: Drive) -> Device {
 fn renderer(device: &Device, scene: &Scene, settings: &Settings, tile: Option<usize>) -> Renderer {
     let tuning = Tuning { tile, ..Tuning::default() };
     let mut renderer = Renderer::with_tuning(device, scene, settings, tuning).unwrap_or_else(|e| panic!("{e}"));
-    renderer.restart(5, GATE);
+    renderer.restart(5, GATE).unwrap();
     renderer
 }
 

@@ -48,7 +48,7 @@ fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
     let mut renderer = renderer(&scene, &spread(Estimator::Lcs, Sampling::Adaptive));
     let (mut means, mut stated) = (vec![], 0.0);
     for seed in 0..SEEDS {
-        renderer.restart(800 + seed, GATE);
+        renderer.restart(800 + seed, GATE).unwrap();
         (0..8).for_each(|_| renderer.iterate(4).unwrap_or_else(|e| panic!("{e}")));
         let (mean, error) = renderer.film().image_mean();
         means.push(mean);
@@ -65,7 +65,7 @@ fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
 fn adaptive_renders_take_the_samples_they_say() {
     let scene = build(Kind::CornellBox);
     let mut renderer = renderer(&scene, &spread(Estimator::Lcs, Sampling::Adaptive));
-    renderer.restart(1, GATE);
+    renderer.restart(1, GATE).unwrap();
     for samples in [1, 1, 2, 4, 16] {
         renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
     }

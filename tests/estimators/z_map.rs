@@ -20,7 +20,7 @@ fn made(scene: &Scene, estimator: Estimator) -> Renderer {
 }
 
 fn batches(renderer: &mut Renderer, gate: Gate, seed: u32, iterations: u32, samples: u32) -> CellBatches {
-    renderer.restart(seed, gate);
+    renderer.restart(seed, gate).unwrap();
     (0..iterations).for_each(|_| renderer.iterate(samples).unwrap());
     renderer.film().cells().clone()
 }

@@ -25,7 +25,7 @@ use taugate::internals::settings::units::Gate;
 
 /// Mean image of `iterations` x `samples` samples.
 fn image(renderer: &mut Renderer, seed: u32, gate: Gate, iterations: u32, samples: u32) -> Vec<f32> {
-    renderer.restart(seed, gate);
+    renderer.restart(seed, gate).unwrap();
     for _ in 0..iterations {
         renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
     }

@@ -17,7 +17,7 @@ fn slope(side: u32, steps: u32) -> f64 {
     let scene = wall(2.0, YFOV, [side, side]);
     let s = settings(Estimator::Pt, [side, side]).max_depth(2).light_paths(1).build().unwrap();
     let mut renderer = renderer(&scene, &s);
-    renderer.restart(11, gate);
+    renderer.restart(11, gate).unwrap();
     let truth = gated_pixels(2.0, YFOV, side as usize, gate.lo, gate.hi);
     let full = gated_pixels(2.0, YFOV, side as usize, 0.0, 100.0);
     let crossed = |i: &usize| (0.1..0.9).contains(&(truth[*i] / full[*i]));
@@ -102,7 +102,7 @@ fn seeds(estimator: Estimator, n: u32) -> Vec<Vec<f32>> {
 /// Single iterations of one seed, from the running mean.
 fn iterations(estimator: Estimator, n: u32) -> Vec<Vec<f32>> {
     let mut renderer = cornell(estimator);
-    renderer.restart(5, GATE);
+    renderer.restart(5, GATE).unwrap();
     let mut before = vec![0.0f64; 3 * 144];
     (1..=n)
         .map(|i| {
@@ -183,7 +183,7 @@ fn the_variance_between_iterations_is_that_between_seeds() {
     let mut renderer = cornell(Estimator::Pt);
     let films: Vec<(Vec<f32>, Vec<f32>)> = (0..SEEDS)
         .map(|seed| {
-            renderer.restart(seed, Gate::OPEN);
+            renderer.restart(seed, Gate::OPEN).unwrap();
             (0..8).for_each(|_| renderer.iterate(8).unwrap_or_else(|e| panic!("{e}")));
             (renderer.film().mean(), renderer.film().variance_of_mean())
         })

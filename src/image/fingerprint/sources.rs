@@ -38,6 +38,10 @@ fn collect(folder: &Path, name: &str, files: &mut Vec<(String, PathBuf)>) -> std
         let path = entry?.path();
         let own = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let name = format!("{name}/{own}");
+        // Editors leave hidden files.
+        if own.starts_with('.') {
+            continue;
+        }
         if path.is_dir() {
             collect(&path, &name, files)?;
         } else if own != "tests.rs" && (own.ends_with(".rs") || own.ends_with(".wgsl")) {
