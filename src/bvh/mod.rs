@@ -11,6 +11,7 @@ use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::ploc::PlocBuilder;
 use obvhs::triangle::Triangle;
 
+use crate::wgsl::layout::constants::STACK_SIZE;
 use dense::Groups;
 
 /// Triangles that a leaf of compressed wide nodes may hold.
@@ -25,8 +26,8 @@ pub struct Bvh {
     pub host: CwBvh,
 }
 
-/// Levels the kernels' stacks have room for (STACK_SIZE in `shared/traverse.wgsl`).
-pub const MOST_LEVELS: usize = 32;
+/// Levels the kernels' stacks have room for.
+pub const MOST_LEVELS: usize = STACK_SIZE as usize;
 
 impl Bvh {
     fn new(host: CwBvh) -> Bvh {

@@ -101,6 +101,7 @@ pub mod constants {
         };
     }
     shared! {
+        STACK_SIZE = 32,
         TRIANGLE_SMOOTH = 0x8000_0000,
         TRIANGLE_ALPHA = 0x4000_0000,
         TRIANGLE_MIRRORED = 0x2000_0000,
