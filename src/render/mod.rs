@@ -33,6 +33,7 @@ use crate::gpu::Device;
 use crate::gpu::need;
 use crate::image::film::Film;
 use crate::scene::{Camera, Scene};
+use crate::settings::units::Gate;
 use crate::settings::{Responses, Settings};
 
 use device_scene::DeviceScene;
@@ -180,7 +181,10 @@ impl Renderer {
     /// changes, where a gate is not an interval.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
-        responses.check()?;
+        let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
+        if !responses.iter().all(|response| is_interval(response.gate())) {
+            return Err(Error::Settings("a gate must begin at a number and end after it, like 12.5m..12.8m".into()));
+        }
         self.plan.set(seed, responses);
         self.forget();
         Ok(())

@@ -81,6 +81,10 @@ fn a_gate_before_or_after_all_light_is_black() {
             assert_eq!(sum(&image(&mut renderer, 1, Gate { lo, hi }, 1, 4)), 0.0, "{estimator:?}: [{lo}, {hi})");
         }
         assert!(sum(&image(&mut renderer, 1, Gate::OPEN, 1, 4)) > 0.0);
+        for (lo, hi) in [(2.0, 1.0), (1.0, 1.0), (f64::NAN, 1.0), (1.0, f64::NAN), (f64::NEG_INFINITY, 1.0)] {
+            assert!(renderer.restart(1, Gate { lo, hi }).is_err(), "[{lo}, {hi})");
+        }
+        assert!(renderer.film().samples() > 0, "a gate that is refused changes nothing");
         assert_eq!(renderer.stats().dropped, 0);
     }
 }
