@@ -117,8 +117,8 @@ fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -
             false => Err(Error::File {
                 path: path.into(),
                 message:
-                    "its pixels are not those that its noise was measured on: the file was changed after rendering, or it is a \
-                     reference that an earlier version extended; compare the file as taugate wrote it, or render it anew"
+                    "its pixels were changed after rendering, or an earlier version extended it as a reference, so their noise is not \
+                     known; compare the file as taugate wrote it, or render it anew"
                         .into(),
             }),
         }
