@@ -22,8 +22,8 @@ fn pcg4d(key: vec4<u32>) -> vec4<u32> {
     return v;
 }
 
-// Four independent words: `index` is a pixel or light path, `sample` counts its samples over the whole render, `depth` the
-// bounce, `dimension` the use within the bounce.
+// Four independent words. `index` is a pixel or a light path, and `sample` counts its samples over the whole render. `depth` is the
+// bounce, and `dimension` the use within the bounce.
 fn random_words(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, seed: u32) -> vec4<u32> {
     return pcg4d(vec4<u32>(index, sample, (stream << 28u) | (depth << 14u) | dimension, seed));
 }

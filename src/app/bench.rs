@@ -315,12 +315,8 @@ impl Bench {
         for (entry, film, seconds) in race.films() {
             let settings = &entry.settings;
             let provenance = Provenance {
-                resolution: settings.resolution(),
-                crop: settings.crop(),
-                responses: settings.responses().clone(),
                 seed: taugate::internals::bench::race::seed(0),
-                seconds,
-                settings: entry.config.clone(),
+                ..Provenance::new(settings, seconds, entry.config.clone())
             };
             exr_file::write(&report::image_path(&self.out, &job.name, &entry.variant), film, &provenance)?;
         }

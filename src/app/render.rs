@@ -107,14 +107,8 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     }
 
     // Write.
-    let provenance = Provenance {
-        resolution: settings.resolution(),
-        crop: settings.crop(),
-        responses: settings.responses().clone(),
-        seed: settings.seed(),
-        seconds: elapsed.as_secs_f64(),
-        settings: Experiment { output: Default::default(), ..config }.to_toml(),
-    };
+    let printed = Experiment { output: Default::default(), ..config }.to_toml();
+    let provenance = Provenance::new(settings, elapsed.as_secs_f64(), printed);
     let warnings = [&resolved.warnings[..], &of_surfaces].concat();
     let report = Report {
         renderer: &renderer,

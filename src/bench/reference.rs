@@ -307,14 +307,7 @@ fn write(path: &Path, film: &Film, entry: &Entry, seconds: f64, variant: &str, s
     let settings = &entry.settings;
     let note =
         format!("# A reference: two independent halves, rendered with the settings of the variant '{variant}'.\n");
-    let provenance = Provenance {
-        resolution: settings.resolution(),
-        crop: settings.crop(),
-        responses: settings.responses().clone(),
-        seed,
-        seconds,
-        settings: note + &entry.config,
-    };
+    let provenance = Provenance { seed, ..Provenance::new(settings, seconds, note + &entry.config) };
     exr_file::write(path, film, &provenance)
 }
 

@@ -37,6 +37,20 @@ pub struct Provenance {
     pub settings: String,
 }
 
+impl Provenance {
+    /// Of a render with `settings`, which took `seconds`; `experiment` is its TOML.
+    pub fn new(settings: &Settings, seconds: f64, experiment: String) -> Provenance {
+        Provenance {
+            resolution: settings.resolution(),
+            crop: settings.crop(),
+            responses: settings.responses().clone(),
+            seed: settings.seed(),
+            seconds,
+            settings: experiment,
+        }
+    }
+}
+
 /// Name and version of this program, with the commit where the build was told one.
 pub fn version() -> String {
     let commit = option_env!("TAUGATE_COMMIT").map(|c| format!(" ({c})")).unwrap_or_default();
@@ -46,15 +60,7 @@ pub fn version() -> String {
 /// Writes the film of a render with these settings, which took `elapsed`: mean and variance of every pixel, gate, seed and version. After
 /// [`crate::Renderer::restart`] the settings must name the seed and the gate that it was given.
 pub fn write_film(path: &Path, film: &Film, settings: &Settings, elapsed: Duration) -> Result<()> {
-    let provenance = Provenance {
-        resolution: settings.resolution(),
-        crop: settings.crop(),
-        responses: settings.responses().clone(),
-        seed: settings.seed(),
-        seconds: elapsed.as_secs_f64(),
-        settings: String::new(),
-    };
-    write(path, film, &provenance)
+    write(path, film, &Provenance::new(settings, elapsed.as_secs_f64(), String::new()))
 }
 
 /// Writes mean and variance as one single-part EXR of 32-bit scan lines (ZIP): R, G, B and Variance.R, .G, .B. With

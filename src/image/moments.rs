@@ -1,7 +1,7 @@
 //! Weighted moments as sums, which merge by addition.
 //!
-//! Plain sums in f64 would lose the variance of channels that hardly vary: a spread of 1e-6 of the mean is 1e-12 of the sum of
-//! squares, and 10^5 additions leave about 1e-14 of that sum unknown. So each sum carries its own rounding errors.
+//! Plain sums in f64 would lose the variance of channels that hardly vary. A spread of 1e-6 of the mean is 1e-12 of the sum of
+//! squares, and rounding in 10^5 additions leaves about 1e-14 of that sum unknown. So each sum carries its own rounding errors.
 
 /// A sum that keeps the rounding error of each addition (Ogita, Rump and Oishi 2005, "Accurate Sum and Dot Product", Sum2): after n
 /// additions of values of one sign, `high + low` is exact to a part of about (2^-53 n)^2, in any order.

@@ -23,8 +23,8 @@ pub struct Observed {
 }
 
 impl Renderer {
-    /// The phases of [`Renderer::iterate`] for a plan that observes: `see` is shown all contributions, their light as it adds to
-    /// the image and their travel times or weights.
+    /// The phases of [`Renderer::iterate`] for a plan that observes. `see` is shown every contribution: its light as it adds to the
+    /// image, and its travel time or weight.
     pub(super) fn observe(&mut self, samples: u32, see: &mut impl FnMut(Observed)) -> Result<()> {
         let iteration = self.next_iteration(samples);
         let Renderer { plan, scene, light, sensor, stats, .. } = self;

@@ -5,8 +5,9 @@ const TARGET_SECONDS: f64 = 0.035;
 /// Paths a tile at least.
 const LEAST_TILE: usize = 1024;
 
-/// The next tile, given that `count` paths of one of at most `tile`, the last of an image or not, took `longest` seconds in a
-/// submit: so that this comes near the target. The image does not depend on it.
+/// Paths of the next tile, so that its longest submit comes near the target. The tile before had `count` paths of the `tile` that
+/// were allowed, and its longest submit took `longest` seconds. `is_last`: it was the last of an image and may have been cut short. The
+/// image does not depend on the result.
 pub fn next_tile(tile: usize, count: usize, is_last: bool, longest: f64, capacity: usize) -> usize {
     let factor = change(longest);
     // The last may hold less than fits.

@@ -119,7 +119,7 @@ impl Allocation {
         if greatest == 0.0 {
             return SampleCounts::Even(samples);
         }
-        // What those cannot take that may have no more is for all others alike.
+        // Infinite errors count as the greatest finite one, and errors of 0 as a small part of it.
         errors.iter_mut().for_each(|error| *error = error.clamp(LEAST_ERROR * greatest, greatest));
         let wanted = f64::from(samples);
         let (least, most) = ((LEAST_SHARE * wanted).max(1.0), f64::from(MOST_SHARE * samples));

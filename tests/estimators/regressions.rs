@@ -83,8 +83,8 @@ fn a_mask_that_no_alpha_reaches_is_not_there() {
     assert!(renderer.film().mean().iter().all(|&x| x == 1.0), "{:?}", renderer.film().mean());
 }
 
-/// A loop that the threads of a subgroup left at different places lost samples on SwiftShader where pixels have unequal numbers
-/// of them: lamps were up to 18 % too dark.
+/// A kernel added up the samples of a pixel in a loop that threads left at different places. SwiftShader then lost samples where
+/// pixels have unequal numbers of them: lamps were up to 18 % too dark.
 #[test]
 fn pixels_that_see_a_lamp_alone_show_all_of_it() {
     let mut scene = Scene::default();

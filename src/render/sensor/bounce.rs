@@ -47,8 +47,8 @@ impl SensorTracer {
         k.compaction.record(r, &bound.compact_paths[parity], &lists, most as usize, &b.arguments)
     }
 
-    /// Queries the `all` > 0 new shade points of a bounce: recorded with what follows if they are few, else in submits of their
-    /// own, so that none is long though tiles are great.
+    /// Queries the `all` > 0 new shade points of a bounce. Queries of a few are recorded with the dispatches that follow; many are
+    /// split into submits of their own, so that a large tile makes no long submit.
     fn query(&mut self, bound: &Bound, constants: &Dispatch, all: u32, stats: &mut Stats) -> Result<()> {
         let (mut done, all) = (0, all as usize);
         while done < all {

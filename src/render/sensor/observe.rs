@@ -19,8 +19,8 @@ pub struct Seen {
 }
 
 impl SensorTracer {
-    /// As [`SensorTracer::run`] for a plan that observes, a bounce a submit: shows `see` every emitter that was hit and every
-    /// connection that was not blocked.
+    /// As [`SensorTracer::run`] for a plan that observes, one submit per bounce. `see` is shown every emitter that was hit and
+    /// every connection that was not blocked.
     pub fn observe(
         &mut self,
         plan: &Plan,
