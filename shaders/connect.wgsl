@@ -28,9 +28,9 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let segment = segment_between(q.position, v.position);
     let w = segment.direction;
     let tau = connection_time(q, v, w, sqrt(segment.length2));
-    let open = unshadowed(q, v);
-    let counted = select(open.w, 1.0, OBSERVE == OBSERVE_STRATEGIES);
-    let value = open.xyz * (candidate.weight * counted * gate_weight(tau));
+    let contribution = unshadowed(q, v);
+    let counted = select(contribution.w, 1.0, OBSERVE == OBSERVE_STRATEGIES);
+    let value = contribution.xyz * (candidate.weight * counted * gate_weight(tau));
     if (!(max_component(abs(value)) > 0.0)) {
         // Zero, or not a number: `gather` sorts them out.
         contributions[slot] = vec4<f32>(value, -1.0);
@@ -39,9 +39,9 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // Visibility between the points as the surfaces' rounding leaves them.
     let sensor = sensor_sample(q.owner);
-    let lane = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
-    let key = vec4<u32>(sensor.index, sensor.sample, lane, frame.seed);
-    let lit = is_open(ray_end(q, w), ray_end(v, -w), key);
-    let last = select(tau, open.w, OBSERVE == OBSERVE_STRATEGIES);
+    let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
+    let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
+    let lit = is_unoccluded(ray_end(q, w), ray_end(v, -w), key);
+    let last = select(tau, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
     contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, lit), last);
 }

@@ -44,9 +44,9 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     // Visibility, from the vertex to the pinhole.
-    let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u) | 1u;
-    let key = vec4<u32>(dispatch.first + slot, frame.iteration, lane, frame.seed);
-    if (!is_open(ray_end(v, w), frame.sensor, key)) {
+    let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u) | 1u;
+    let key = vec4<u32>(dispatch.first + slot, frame.iteration, dimension, frame.seed);
+    if (!is_unoccluded(ray_end(v, w), frame.sensor, key)) {
         return;
     }
     let weight = splat_weight(v, c, density * c.cosine / (d * d));

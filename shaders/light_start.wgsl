@@ -18,8 +18,8 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     let path = dispatch.first + slot;
     let choice = random_words(STREAM_LIGHT, path, frame.iteration, 0u, 0u, frame.seed);
     let place = random4(STREAM_LIGHT, path, frame.iteration, 0u, 1u, frame.seed);
-    let told = dispatch.emitter != NONE;
-    let emitter = select(choose_emitter(choice), dispatch.emitter + slot, told);
+    let fixed_emitter = dispatch.emitter != NONE;
+    let emitter = select(choose_emitter(choice), dispatch.emitter + slot, fixed_emitter);
     var e = sample_emission(emitter, place);
     let per_path = 1.0 / f32(frame.light_paths);
 
@@ -33,7 +33,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.triangle = e.triangle;
     s.throughput = e.throughput * per_path;
     let random = select(0u, 1u, e.stored);
-    let lives = max_component(s.throughput) > 0.0 && (e.deterministic || !told);
+    let lives = max_component(s.throughput) > 0.0 && (e.deterministic || !fixed_emitter);
     s.flags = (random << PATH_RANDOM_SHIFT) | select(0u, PATH_ALIVE, lives);
     if (e.deterministic) {
         // The vertices that all paths of this emitter share carry the whole power once.
@@ -41,7 +41,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
         s.flags |= PATH_DETERMINISTIC;
     }
     if (!e.beam) {
-        s.shift = step_off(e.vertex, e.direction);
+        s.shift = ray_offset(e.vertex, e.direction);
         start_light_sums(&s, e);
     }
     e.vertex.throughput *= per_path;

@@ -21,8 +21,8 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     vertices[slot].flags = 0u;
 
     // Nearest surface along the ray.
-    let lane = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
-    let key = vec4<u32>(path, frame.iteration, lane, frame.seed);
+    let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
+    let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
     let arrival = advance(&s, key);
     // Whatever follows, the light still has to reach the sensor.
     if (!arrival.found || is_too_late(arrival.vertex, frame.sensor)) {
@@ -40,9 +40,9 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         random = 0u;
     }
     v.flags |= random << VERTEX_RANDOM_SHIFT;
-    // What is deterministic is kept once, from the subpath that was told its emitter.
-    let told = dispatch.emitter != NONE;
-    if (is_connectible(v) && was_deterministic == told) {
+    // What is deterministic is kept once, from the subpath whose emitter the host has fixed.
+    let fixed_emitter = dispatch.emitter != NONE;
+    if (is_connectible(v) && was_deterministic == fixed_emitter) {
         v.flags |= VERTEX_VALID;
     }
     vertices[slot] = v;
@@ -57,11 +57,11 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let u = random4(STREAM_LIGHT, path, frame.iteration, depth, 0u, frame.seed);
     let roulette = random4(STREAM_LIGHT, path, frame.iteration, depth, 1u, frame.seed);
-    if (!depart(&s, v, false, u, select(roulette.x, -1.0, was_deterministic))) {
+    if (!scatter(&s, v, false, u, select(roulette.x, -1.0, was_deterministic))) {
         return;
     }
     let is_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
-    if (told && !is_deterministic) {
+    if (fixed_emitter && !is_deterministic) {
         return;
     }
     if (is_deterministic) {

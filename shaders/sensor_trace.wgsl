@@ -34,8 +34,8 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // Nearest surface along the ray.
     let sensor = sensor_sample(slot);
-    let lane = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
-    let key = vec4<u32>(sensor.index, sensor.sample, lane, frame.seed);
+    let dimension = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
+    let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
     let arrival = advance(&s, key);
     if (!arrival.found) {
         return;
@@ -79,7 +79,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
             stratified2(sensor.index, frame.iteration, sensor.number, PAIR_LOBE, frame.seed));
     }
     let roulette = random4(STREAM_SENSOR, sensor.index, sensor.sample, depth, 1u, frame.seed);
-    if (depart(&s, q, true, u, select(roulette.x, -1.0, depth < 3u))) {
+    if (scatter(&s, q, true, u, select(roulette.x, -1.0, depth < 3u))) {
         states[slot] = s;
         mark |= MARK_ALIVE;
     }

@@ -24,16 +24,16 @@ fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
     if (rank >= counters[dispatch.counter]) {
         return;
     }
-    let asked = begin_slots(rank);
-    var used = asked.used;
+    let item = begin_work_item(rank);
+    var used = item.used;
     if (ESTIMATOR == ESTIMATOR_PT) {
-        used = query_emitter(asked.q, asked.index, asked.sample, asked.depth, asked.first, used);
+        used = query_emitter(item.q, item.index, item.sample, item.depth, item.first, used);
     } else if (ESTIMATOR == ESTIMATOR_BDPT) {
-        used = query_light_path(asked.q, asked.index, asked.sample, asked.first, used);
+        used = query_light_path(item.q, item.index, item.sample, item.first, used);
     } else {
-        used = query_trees(asked.q, asked.index, asked.sample, asked.depth, asked.first, used);
+        used = query_trees(item.q, item.index, item.sample, item.depth, item.first, used);
     }
-    clear_slots(asked.first, used);
+    clear_slots(item.first, used);
 }
 
 fn query_emitter(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used: u32) -> u32 {
@@ -43,7 +43,7 @@ fn query_emitter(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, 
         return used;
     }
     let words = random_words(STREAM_QUERY, index, sample, depth, 1u, frame.seed);
-    put(slot + used, checked(q, first + random_below(words.xy, n)), f32(n));
+    write_candidate(slot + used, connectable_or_none(q, first + random_below(words.xy, n)), f32(n));
     return used + 1u;
 }
 
@@ -52,7 +52,7 @@ fn query_light_path(q: PathVertex, index: u32, sample: u32, slot: u32, used: u32
     let first = path_offsets[path];
     let count = min(path_offsets[path + 1u] - first, frame.slots - used);
     for (var i = 0u; i < count; i++) {
-        put(slot + used + i, checked(q, first + i), f32(frame.light_paths));
+        write_candidate(slot + used + i, connectable_or_none(q, first + i), f32(frame.light_paths));
     }
     return used + count;
 }
@@ -70,10 +70,10 @@ fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, us
         let found = descend(root, shell, spatial, &rng);
         var vertex = found.vertex;
         if (vertex != NONE) {
-            vertex = checked(q, vertex);
+            vertex = connectable_or_none(q, vertex);
         }
         // 1 / P is at least 1, but 0 at a dead node, which was tried too.
-        put(slot + used, vertex, max(found.weight, 1.0) / f32(frame.queries));
+        write_candidate(slot + used, vertex, max(found.weight, 1.0) / f32(frame.queries));
         used += 1u;
     }
     return used;

@@ -10,9 +10,9 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     if (rank >= counters[dispatch.counter]) {
         return;
     }
-    let asked = begin_slots(rank);
-    let q = asked.q;
-    var used = asked.used;
+    let item = begin_work_item(rank);
+    let q = item.q;
+    var used = item.used;
     let receiver = make_receiver(q);
     // Both trees through one loop: a second traversal would double the kernel.
     for (var tree = 0u; tree < 2u; tree++) {
@@ -20,11 +20,11 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
         if (root == NONE) {
             continue;
         }
-        var rng = pcg4d(vec4<u32>(asked.index, asked.sample, (STREAM_QUERY << 28u) | (asked.depth << 14u) | (16u + tree), frame.seed)).x;
+        var rng = pcg4d(vec4<u32>(item.index, item.sample, (STREAM_QUERY << 28u) | (item.depth << 14u) | (16u + tree), frame.seed)).x;
         let found = resample(root, q, receiver, &rng);
         // A query that finds nothing was tried too.
-        put(asked.first + used, found.vertex, select(found.weight, 1.0, found.vertex == NONE));
+        write_candidate(item.first + used, found.vertex, select(found.weight, 1.0, found.vertex == NONE));
         used += 1u;
     }
-    clear_slots(asked.first, used);
+    clear_slots(item.first, used);
 }

@@ -7,7 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
-use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST, MOST_SUBTREES};
+use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST, MAX_SUBTREES};
 use taugate::internals::wgsl::layout::{Dispatch, Frame, Material, NONE, PathVertex, TreeChild, TreeNode};
 
 use super::points::{GATE, Point, hash32, next_bits};
@@ -19,12 +19,12 @@ const MAX_DEPTH: u32 = 24;
 
 /// Constants of `shared/importance.wgsl` and `shared/frontier.wgsl`.
 const LIVE_SHARE: f32 = 0.3;
-const LEAST_COSINE: f32 = 0.1;
-const BY_POWER: f32 = 1.0 / 16.0;
-const LEAST_IMPORTANCE: f32 = 1e-36;
-const RESOLUTION: f32 = 1.0 / 16_777_216.0;
-const LOOKS: usize = 64;
-const LEAST_SHARE: f32 = 1.0 / 1024.0;
+const MIN_COSINE: f32 = 0.1;
+const POWER_PROBABILITY: f32 = 1.0 / 16.0;
+const MIN_IMPORTANCE: f32 = 1e-36;
+const UNIFORM_STEP: f32 = 1.0 / 16_777_216.0;
+const MAX_VISITS: usize = 64;
+const MIN_SHARE: f32 = 1.0 / 1024.0;
 
 const KERNEL: &str = "
 #import resample
@@ -37,7 +37,7 @@ fn bench_importance(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = load_shade_point(id.x);
     let receiver = Receiver(make_shell(q), q.geometric, false, q.normal, 1.0, 0.0);
     var rng = hash32(id.x);
-    let jitter = min(next_fine_uniform(&rng), 1.0 - RESOLUTION);
+    let jitter = min(next_fine_uniform(&rng), 1.0 - UNIFORM_STEP);
     var alive = 0u;
     var frontier: Frontier;
     grow_frontier(&frontier, frame.tree4_root, receiver);
@@ -47,7 +47,7 @@ fn bench_importance(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     for (var k = 0u; k < frame.queries; k++) {
         let u = (f32(k) + jitter) / f32(frame.queries);
-        let leaf = descend_by_importance(enter_frontier(&frontier, u, &rng), receiver, &rng);
+        let leaf = descend_by_importance(sample_frontier(&frontier, u, &rng), receiver, &rng);
         if (leaf.vertex != NONE) {
             alive += select(0u, 1u, choose_in_leaf(q, leaf, &rng).vertex != NONE);
         }
@@ -94,8 +94,8 @@ fn node_importance(c: &TreeChild, r: &Receiver) -> f32 {
         return 0.0;
     }
     let cosine = (height / near.max(1e-20)).clamp(0.0, 1.0);
-    let power = power_through_gate(c, near, far, r) * cosine.max(LEAST_COSINE);
-    (power / centre.length_squared().max(half.length_squared()).max(1e-20)).max(LEAST_IMPORTANCE)
+    let power = power_through_gate(c, near, far, r) * cosine.max(MIN_COSINE);
+    (power / centre.length_squared().max(half.length_squared()).max(1e-20)).max(MIN_IMPORTANCE)
 }
 
 fn total_power(c: &TreeChild) -> f32 {
@@ -105,29 +105,29 @@ fn total_power(c: &TreeChild) -> f32 {
 }
 
 fn fine_uniform(rng: &mut u32) -> f32 {
-    (next_bits(rng) as f32 / 4_294_967_296.0).min(1.0 - RESOLUTION)
+    (next_bits(rng) as f32 / 4_294_967_296.0).min(1.0 - UNIFORM_STEP)
 }
 
-fn refill(u: f32, start: f32, part: f32, rng: &mut u32) -> f32 {
+fn remap_uniform(u: f32, start: f32, part: f32, rng: &mut u32) -> f32 {
     let fresh = fine_uniform(rng);
     let last_digit = f32::from_bits(u.to_bits() & 0x7f80_0000) * f32::EPSILON;
     if part < 1.0 / 256.0 {
         return fresh;
     }
-    (((u - start).max(0.0) + last_digit * fresh) / part).clamp(0.0, 1.0 - RESOLUTION)
+    (((u - start).max(0.0) + last_digit * fresh) / part).clamp(0.0, 1.0 - UNIFORM_STEP)
 }
 
 /// Subtrees with the sums of power and importance up to each.
 fn grow_frontier(nodes: &[TreeNode], root: u32, r: &Receiver) -> Vec<(u32, [f32; 2])> {
     let mut frontier = VecDeque::from([(root, [1.0f32; 2])]);
     let mut closed = 0;
-    for _ in 0..LOOKS {
-        if closed >= frontier.len() || frontier.len() >= MOST_SUBTREES as usize {
+    for _ in 0..MAX_VISITS {
+        if closed >= frontier.len() || frontier.len() >= MAX_SUBTREES as usize {
             break;
         }
-        let (current, goal) = frontier.pop_front().expect("it is not empty");
+        let (current, weights) = frontier.pop_front().expect("it is not empty");
         if current & LEAF_BIT != 0 {
-            frontier.push_back((current, goal));
+            frontier.push_back((current, weights));
             closed += 1;
             continue;
         }
@@ -139,10 +139,10 @@ fn grow_frontier(nodes: &[TreeNode], root: u32, r: &Receiver) -> Vec<(u32, [f32;
             }
         }
     }
-    let power: f32 = frontier.iter().map(|(_, goal)| goal[0]).sum();
+    let power: f32 = frontier.iter().map(|(_, weights)| weights[0]).sum();
     let mut sums = [0.0f32; 2];
-    let summed = |(node, goal): (u32, [f32; 2])| {
-        sums = [sums[0] + goal[0] + LEAST_SHARE * power, sums[1] + goal[1]];
+    let summed = |(node, weights): (u32, [f32; 2])| {
+        sums = [sums[0] + weights[0] + MIN_SHARE * power, sums[1] + weights[1]];
         (node, sums)
     };
     frontier.into_iter().map(summed).collect()
@@ -155,14 +155,14 @@ fn descend(
     u: f32,
     rng: &mut u32,
 ) -> Option<(u32, f32)> {
-    let by_power = u < BY_POWER;
-    let (from, part) = if by_power { (0.0, BY_POWER) } else { (BY_POWER, 1.0 - BY_POWER) };
-    let (rest, way) = (refill(u, from, part, rng), usize::from(!by_power));
+    let by_power = u < POWER_PROBABILITY;
+    let (from, part) = if by_power { (0.0, POWER_PROBABILITY) } else { (POWER_PROBABILITY, 1.0 - POWER_PROBABILITY) };
+    let (u, mode) = (remap_uniform(u, from, part, rng), usize::from(!by_power));
     let all = frontier.last()?.1;
-    let at = frontier.partition_point(|(_, sums)| sums[way] <= rest * all[way]).min(frontier.len() - 1);
+    let at = frontier.partition_point(|(_, sums)| sums[mode] <= u * all[mode]).min(frontier.len() - 1);
     let before = if at > 0 { frontier[at - 1].1 } else { [0.0; 2] };
     let mut p = [0, 1].map(|i| frontier[at].1[i] / all[i] - before[i] / all[i]);
-    let mut rest = refill(rest, before[way] / all[way], p[way], rng);
+    let mut u = remap_uniform(u, before[mode] / all[mode], p[mode], rng);
     let mut current = frontier[at].0;
     while current & LEAF_BIT == 0 {
         let node = &nodes[current as usize];
@@ -171,19 +171,19 @@ fn descend(
             return None;
         }
         let power = |c: &TreeChild, live: bool| if live { total_power(c) } else { 0.0 };
-        let ways = [[power(&node.left, left > 0.0), power(&node.right, right > 0.0)], [left, right]];
-        let [left, right] = ways[way];
+        let modes = [[power(&node.left, left > 0.0), power(&node.right, right > 0.0)], [left, right]];
+        let [left, right] = modes[mode];
         let lesser = left.min(right) / (left + right);
-        let take_lesser = rest < lesser;
+        let take_lesser = u < lesser;
         let (from, part) = if take_lesser { (0.0, lesser) } else { (lesser, 1.0 - lesser) };
-        rest = refill(rest, from, part, rng);
+        u = remap_uniform(u, from, part, rng);
         let take_left = take_lesser == (left < right);
-        for (p, [left, right]) in p.iter_mut().zip(ways) {
+        for (p, [left, right]) in p.iter_mut().zip(modes) {
             *p *= if take_left { left } else { right } / (left + right);
         }
         current = if take_left { node.left.child } else { node.right.child };
     }
-    Some((current, 1.0 / (BY_POWER * p[0] + (1.0 - BY_POWER) * p[1])))
+    Some((current, 1.0 / (POWER_PROBABILITY * p[0] + (1.0 - POWER_PROBABILITY) * p[1])))
 }
 
 fn vertex_importance(r: &Receiver, depth: u32, v: &PathVertex) -> f32 {
@@ -197,7 +197,7 @@ fn vertex_importance(r: &Receiver, depth: u32, v: &PathVertex) -> f32 {
         return 0.0;
     }
     let cosines = r.n.dot(w).max(1e-4) * (-n.dot(w)).max(1e-4);
-    (Vec3::from(v.throughput).max_element() * cosines / d2).max(LEAST_IMPORTANCE)
+    (Vec3::from(v.throughput).max_element() * cosines / d2).max(MIN_IMPORTANCE)
 }
 
 fn choose(vertices: &[PathVertex], leaf: u32, weight: f32, r: &Receiver, depth: u32, rng: &mut u32) -> Option<f32> {

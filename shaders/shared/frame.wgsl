@@ -16,14 +16,14 @@ struct Frame {
     pixel_area: f32,
     // Light subpaths, stored or not, for each sensor sample of a pixel on average, or a part of that: the sample count of the t = 1
     // strategies in the MIS weights.
-    light_count: f32,
+    splat_sample_count: f32,
     // The gate [lo, hi) of optical path; hi is 3e38 for an open gate.
     gate_lo: f32,
     gate_hi: f32,
     // Subpaths whose travel time cannot stay below this stop: what follows only makes them longer. 3e38 switches it off.
     cull_hi: f32,
     // Rounding allowance of a travel time: bounds are widened by it so that no valid vertex is pruned.
-    slack: f32,
+    rounding_allowance: f32,
     // Box around everything that emits.
     emitter_lo: vec3<f32>,
     iteration: u32,
@@ -36,7 +36,7 @@ struct Frame {
     // Roots of the two trees: a node, a leaf reference, or NONE.
     tree3_root: u32,
     tree4_root: u32,
-    // 0 if the strategies do not take part in the MIS weights; else 1 / gain^2 for s = 0 and t = 1, which no query
+    // 0 if the strategies do not take part in the MIS weights; else 1 / query_sample_count^2 for s = 0 and t = 1, which no query
     // serves, and 1 for s >= 2.
     keep_s0: f32,
     keep_t1: f32,
@@ -54,7 +54,7 @@ struct Frame {
     // The pinhole.
     sensor: vec3<f32>,
     // Samples that a vertex chosen by a query stands for in the MIS weights (`weights.wgsl`).
-    gain: f32,
+    query_sample_count: f32,
     // Of all light subpaths, the share whose vertices are stored: their throughput is that of the stored ones alone.
     splat_share: f32,
 }
@@ -73,8 +73,8 @@ struct Dispatch {
     list_b: u32,
     // First entry of the list that the dispatch works on.
     rank: u32,
-    // Light subpaths: NONE where each draws its emitter; else only the deterministic vertices of emitters that are told, of which
-    // this is the first path's.
+    // Light subpaths: NONE where each path samples its emitter. Otherwise the host fixes the emitters, this one for the first path,
+    // and the paths yield their deterministic vertices alone.
     emitter: u32,
 }
 

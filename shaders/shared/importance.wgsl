@@ -7,9 +7,9 @@
 // shone far too bright (docs/PERFORMANCE.md, lcs).
 const LIVE_SHARE: f32 = 0.3;
 // The same for the cosine.
-const LEAST_COSINE: f32 = 0.1;
+const MIN_COSINE: f32 = 0.1;
 // Keeps products of small factors from becoming 0.
-const LEAST_IMPORTANCE: f32 = 1e-36;
+const MIN_IMPORTANCE: f32 = 1e-36;
 
 // Ideas that a render may do without (`--importance`): any of them is unbiased on and off.
 override BY_CENTRE: bool = true;
@@ -48,9 +48,9 @@ fn power_through_gate(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
     }
     let bucket_width = (c.tau_hi - c.tau_lo) / BUCKET_COUNT;
     // Intervals of no width become short ones; they begin where they began.
-    let least = 1e-4 * d.y + 1e-12;
-    let spread = max(d.y - d.x, least);
-    let bucket = max(bucket_width, least);
+    let min_width = 1e-4 * d.y + 1e-12;
+    let spread = max(d.y - d.x, min_width);
+    let bucket = max(bucket_width, min_width);
     let start = c.tau_lo + d.x + vec4<f32>(0.0, 1.0, 2.0, 3.0) * bucket_width;
     let length = spread + bucket;
     let density = 1.0 / max(spread, bucket);
@@ -74,7 +74,7 @@ fn box_cosine(n: vec3<f32>, lo: vec3<f32>, hi: vec3<f32>, q: vec3<f32>, d_min: f
 
 // What a node's greatest cosine at the receiver makes of its power.
 fn cosine_factor(cosine: f32) -> f32 {
-    return select(1.0, max(cosine, LEAST_COSINE), BY_COSINE);
+    return select(1.0, max(cosine, MIN_COSINE), BY_COSINE);
 }
 
 // pi times the lobe of gloss, its cosine included, towards a node at `center` from the receiver: 1 / (w (1 + e^2 / w)^2) for a squared width
@@ -108,5 +108,5 @@ fn node_importance(c: TreeChild, r: Receiver) -> f32 {
     if (HAS_GLOSSY && BY_GLOSS) {
         factor = mix(factor, gloss_factor(r, center, dot(half_extent, half_extent) / distance2), r.gloss);
     }
-    return max(power_through_gate(c, d, r.shell) * factor / distance2, LEAST_IMPORTANCE);
+    return max(power_through_gate(c, d, r.shell) * factor / distance2, MIN_IMPORTANCE);
 }

@@ -6,20 +6,20 @@
 const LARGEST_SUM: f32 = 1e30;
 
 // n(r + 1) / n(r) of `weights.wgsl` for a light subpath that goes on from v.
-fn gain_after(v: PathVertex) -> f32 {
-    return select(1.0, frame.gain, random_vertices(v) < 2u);
+fn sample_count_ratio(v: PathVertex) -> f32 {
+    return select(1.0, frame.query_sample_count, random_vertices(v) < 2u);
 }
 
 // One step of the partial MIS sums when the subpath goes on from a vertex (Georgiev 2012, Eqs. 35 and 36), before the
-// distance and cosine at the next vertex are known. `samples`: for how many the next vertex of a light subpath stands, times the
-// probability of its emitter after deterministic vertices; else 1.
-fn mis_scatter(state: ptr<function, PathState>, s: Scatter, samples: f32) {
+// distance and cosine at the next vertex are known. `sample_count`: number of samples that the connection strategy takes at the next
+// vertex of a light subpath, times the probability of the emitter after deterministic vertices; 1 for sensor subpaths.
+fn mis_scatter(state: ptr<function, PathState>, s: Scatter, sample_count: f32) {
     if (s.delta) {
         (*state).d_vcm = 0.0;
-        (*state).d_vc = (*state).d_vc * mis(s.cosine / samples);
+        (*state).d_vc = (*state).d_vc * mis(s.cosine / sample_count);
         return;
     }
-    let density = s.pdf * samples;
+    let density = s.pdf * sample_count;
     (*state).d_vc = min(mis(s.cosine / density) * ((*state).d_vcm + (*state).d_vc * mis(s.pdf_reverse)), LARGEST_SUM);
     (*state).d_vcm = min(mis(1.0 / density), LARGEST_SUM);
 }

@@ -62,8 +62,9 @@ struct PathVertex {
     select_pdf: f32,
     // Light: number of the emitter. Sensor: number of the path in the tile.
     owner: u32,
-    // Deterministic vertices of which some are drawn: where the draws of this one begin, in parts of 2^32. The next one ends them.
-    draws: u32,
+    // Deterministic vertices of which some are drawn: where the interval of this vertex in the cumulative distribution begins, in
+    // units of 2^-32. The interval ends where that of the next vertex begins.
+    selection_cdf: u32,
 }
 
 const VERTEX_DEPTH: u32 = 0xffu;

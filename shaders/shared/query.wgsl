@@ -6,7 +6,7 @@
 
 fn make_shell(q: PathVertex) -> Shell {
     let eta = eta_range(q);
-    return Shell(q.position, frame.gate_lo - q.tau - frame.slack, frame.gate_hi - q.tau + frame.slack,
+    return Shell(q.position, frame.gate_lo - q.tau - frame.rounding_allowance, frame.gate_hi - q.tau + frame.rounding_allowance,
         eta.x, eta.y);
 }
 

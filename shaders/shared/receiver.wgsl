@@ -3,9 +3,9 @@
 #import query
 
 // Part of what reflects that counts as diffuse, at least: the lobe is an estimate.
-const LEAST_DIFFUSE: f32 = 0.1;
+const MIN_DIFFUSE: f32 = 0.1;
 // Squared width of a lobe at least: the light of narrower ones is what subpaths find, by their weights.
-const LEAST_SPREAD: f32 = 0.01;
+const MIN_LOBE_WIDTH2: f32 = 0.01;
 
 // Its shell, its normal, and the lobe of its gloss; light that glass lets through counts as what it scatters diffusely.
 fn make_receiver(q: PathVertex) -> Receiver {
@@ -16,8 +16,8 @@ fn make_receiver(q: PathVertex) -> Receiver {
         let lobes = lobe_probabilities(b, cosine);
         r.mirrored = 2.0 * cosine * q.normal - q.to_previous;
         // A mirrored direction turns by twice the angle of the normal.
-        r.spread = max(4.0 * b.alpha * b.alpha, LEAST_SPREAD);
-        r.gloss = select(min(lobes.gloss, 1.0 - LEAST_DIFFUSE), 0.0, is_delta(b));
+        r.spread = max(4.0 * b.alpha * b.alpha, MIN_LOBE_WIDTH2);
+        r.gloss = select(min(lobes.gloss, 1.0 - MIN_DIFFUSE), 0.0, is_delta(b));
     }
     return r;
 }

@@ -4,9 +4,9 @@
 #import connection
 
 // A query from where it starts: a leaf and 1 / P(leaf | q), or NONE at a dead node; P is that of both ways to choose children together.
-fn descend_by_importance(start: Way, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
+fn descend_by_importance(start: Traversal, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
     var current = start.node;
-    var rest = start.rest;
+    var u = start.u;
     var p = start.p;
     if ((current & LEAF_BIT) == 0u) {
         // Left at the end, as in `descend`.
@@ -17,12 +17,12 @@ fn descend_by_importance(start: Way, receiver: Receiver, rng: ptr<function, u32>
             let node = load_tree_node(current);
             let importance = vec2<f32>(node_importance(node.left, receiver), node_importance(node.right, receiver));
             let power = select(vec2<f32>(0.0), vec2<f32>(total_power(node.left), total_power(node.right)), importance > vec2<f32>(0.0));
-            let goal = select(importance, power, start.by_power);
+            let weights = select(importance, power, start.by_power);
             // The lesser child at the low end, where floats are fine: rare children are drawn as rarely as P says.
-            let lesser = min(goal.x, goal.y) / (goal.x + goal.y);
-            let take_lesser = rest < lesser;
-            let take_left = take_lesser == (goal.x < goal.y);
-            rest = refill(rest, select(lesser, 0.0, take_lesser), select(1.0 - lesser, lesser, take_lesser), rng);
+            let lesser = min(weights.x, weights.y) / (weights.x + weights.y);
+            let take_lesser = u < lesser;
+            let take_left = take_lesser == (weights.x < weights.y);
+            u = remap_uniform(u, select(lesser, 0.0, take_lesser), select(1.0 - lesser, lesser, take_lesser), rng);
             p *= select(vec2<f32>(power.y, importance.y), vec2<f32>(power.x, importance.x), take_left)
                 / vec2<f32>(power.x + power.y, importance.x + importance.y);
             current = select(node.right.child, node.left.child, take_left);
@@ -32,7 +32,7 @@ fn descend_by_importance(start: Way, receiver: Receiver, rng: ptr<function, u32>
             }
         }
     }
-    return Candidate(current, 1.0 / (BY_POWER * p.x + (1.0 - BY_POWER) * p.y));
+    return Candidate(current, 1.0 / (POWER_PROBABILITY * p.x + (1.0 - POWER_PROBABILITY) * p.y));
 }
 
 // What v would contribute to q if both were diffuse and saw each other; 0 if it cannot contribute.
@@ -40,9 +40,9 @@ fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
     let segment = segment_between(q.position, v.position);
     let w = segment.direction;
     // Glossy surfaces and those that let light through return more than a cosine's worth at grazing angles.
-    let least = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
-    let cosines = max(vertex_cosine(q, w), least) * light_sent(v, -w, least);
-    let sent = max(max_component(v.throughput) * cosines / segment.length2, LEAST_IMPORTANCE);
+    let min_cosine = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
+    let cosines = max(vertex_cosine(q, w), min_cosine) * light_sent(v, -w, min_cosine);
+    let sent = max(max_component(v.throughput) * cosines / segment.length2, MIN_IMPORTANCE);
     return select(0.0, sent, can_connect(q, v) && cosines > 0.0);
 }
 
@@ -57,7 +57,7 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
         let importance = vertex_importance(q, load_light_vertex(first + i));
         sum += importance;
         // Below 1, so that the first that counts is taken; fine, so that a rare one is taken as rarely as its weight says.
-        if (min(next_fine_uniform(rng), 1.0 - RESOLUTION) * sum < importance) {
+        if (min(next_fine_uniform(rng), 1.0 - UNIFORM_STEP) * sum < importance) {
             chosen.vertex = first + i;
             chosen_importance = importance;
         }
@@ -79,9 +79,9 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
     if (frontier.count == 0u) {
         return chosen;
     }
-    let jitter = min(next_fine_uniform(rng), 1.0 - RESOLUTION);
+    let jitter = min(next_fine_uniform(rng), 1.0 - UNIFORM_STEP);
     for (var k = 0u; k < frame.queries; k++) {
-        let start = enter_frontier(&frontier, (f32(k) + jitter) / f32(frame.queries), rng);
+        let start = sample_frontier(&frontier, (f32(k) + jitter) / f32(frame.queries), rng);
         let leaf = descend_by_importance(start, receiver, rng);
         if (leaf.vertex == NONE) {
             continue;
@@ -90,9 +90,9 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         if (candidate.vertex == NONE) {
             continue;
         }
-        let open = unshadowed(q, load_light_vertex(candidate.vertex));
-        let goal = (open.x + open.y + open.z) * open.w;
-        let weight = goal * candidate.weight;
+        let contribution = unshadowed(q, load_light_vertex(candidate.vertex));
+        let target_value = (contribution.x + contribution.y + contribution.z) * contribution.w;
+        let weight = target_value * candidate.weight;
         if (!(weight < 3e38)) {
             // Not a number, or not finite: taken as it is, so that it is counted.
             return candidate;
@@ -100,7 +100,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         sum += weight;
         if (next_uniform(rng) * sum < weight) {
             chosen.vertex = candidate.vertex;
-            chosen_target = goal;
+            chosen_target = target_value;
         }
     }
     if (chosen.vertex != NONE) {

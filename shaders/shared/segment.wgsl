@@ -26,6 +26,6 @@ fn connection_time(q: PathVertex, v: PathVertex, w: vec3<f32>, distance: f32) ->
 }
 
 // Whether nothing stands between two points, which `ray_end` has taken off their surfaces. `key`: see `trace`.
-fn is_open(a: vec3<f32>, b: vec3<f32>, key: vec4<u32>) -> bool {
+fn is_unoccluded(a: vec3<f32>, b: vec3<f32>, key: vec4<u32>) -> bool {
     return trace(a, b - a, 1.0, true, NONE, key).triangle == NONE;
 }

@@ -16,14 +16,14 @@ const DETERMINISTIC_SLOTS: u32 = 8u;
 // 2^32 / DETERMINISTIC_SLOTS: one draw in each part.
 const DRAW_STRATUM: u32 = 0x20000000u;
 
-fn put(slot: u32, vertex: u32, weight: f32) {
+fn write_candidate(slot: u32, vertex: u32, weight: f32) {
     candidates[slot] = Candidate(vertex, weight);
     marks[slot] = select(1u, 0u, vertex == NONE);
 }
 
 // 2^-22: two points nearer than this part of their greatest coordinate are one point, as far as floats tell. Between them
 // densities per area have squares beyond all floats.
-const SAME_PLACE: f32 = 2.3841858e-7;
+const COINCIDENCE_TOLERANCE: f32 = 2.3841858e-7;
 
 // Whether connecting v to q can contribute: gate, depth, facing.
 fn can_connect(q: PathVertex, v: PathVertex) -> bool {
@@ -32,12 +32,12 @@ fn can_connect(q: PathVertex, v: PathVertex) -> bool {
     let d = sqrt(d2);
     let w = offset / d;
     let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
-    return d > SAME_PLACE * max_component(abs(q.position)) && segments <= frame.max_depth
+    return d > COINCIDENCE_TOLERANCE * max_component(abs(q.position)) && segments <= frame.max_depth
         && gate_weight(connection_time(q, v, w, d)) > 0.0 && faces(q, w) && faces(v, -w);
 }
 
 // `vertex` if connecting it to q can contribute, else NONE.
-fn checked(q: PathVertex, vertex: u32) -> u32 {
+fn connectable_or_none(q: PathVertex, vertex: u32) -> u32 {
     return select(NONE, vertex, can_connect(q, load_light_vertex(vertex)));
 }
 
@@ -47,13 +47,13 @@ fn draw_deterministic(u: u32) -> Candidate {
     var hi = frame.deterministic_count - 1u;
     while (lo < hi) {
         let middle = (lo + hi + 1u) / 2u;
-        let above = load_light_vertex(middle).draws > u;
+        let above = load_light_vertex(middle).selection_cdf > u;
         lo = select(middle, lo, above);
         hi = select(hi, middle - 1u, above);
     }
     // Draws of the last vertex end at 2^32, which wraps to the 0 where those of the first one begin.
     let next = (lo + 1u) % frame.deterministic_count;
-    let draws = load_light_vertex(next).draws - load_light_vertex(lo).draws;
+    let draws = load_light_vertex(next).selection_cdf - load_light_vertex(lo).selection_cdf;
     return Candidate(lo, 4294967296.0 / f32(draws));
 }
 
@@ -61,20 +61,20 @@ fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot:
     let n = frame.deterministic_count;
     if (n <= DETERMINISTIC_SLOTS) {
         for (var i = 0u; i < n; i++) {
-            put(slot + i, checked(q, i), 1.0);
+            write_candidate(slot + i, connectable_or_none(q, i), 1.0);
         }
         return n;
     }
     let u = pcg4d(vec4<u32>(index, sample, (STREAM_QUERY << 28u) | (depth << 14u), frame.seed)).x / DETERMINISTIC_SLOTS;
     for (var i = 0u; i < DETERMINISTIC_SLOTS; i++) {
         let drawn = draw_deterministic(i * DRAW_STRATUM + u);
-        put(slot + i, checked(q, drawn.vertex), drawn.weight / f32(DETERMINISTIC_SLOTS));
+        write_candidate(slot + i, connectable_or_none(q, drawn.vertex), drawn.weight / f32(DETERMINISTIC_SLOTS));
     }
     return DETERMINISTIC_SLOTS;
 }
 
-// A shade point that is being asked, and its slots.
-struct Asked {
+// The work item of a query kernel: a shade point and its candidate slots.
+struct WorkItem {
     q: PathVertex,
     // Pixel, number of the sample in it, and segments from the sensor: what random numbers depend on.
     index: u32,
@@ -86,17 +86,17 @@ struct Asked {
 }
 
 // The shade point of a rank in the list, with its deterministic vertices in its first slots.
-fn begin_slots(rank: u32) -> Asked {
+fn begin_work_item(rank: u32) -> WorkItem {
     let q = load_shade_point(list[rank]);
     let sensor = sensor_sample(q.owner);
     let depth = q.flags & VERTEX_DEPTH;
     let first = rank * frame.slots;
-    return Asked(q, sensor.index, sensor.sample, depth, first, query_deterministic(q, sensor.index, sensor.sample, depth, first));
+    return WorkItem(q, sensor.index, sensor.sample, depth, first, query_deterministic(q, sensor.index, sensor.sample, depth, first));
 }
 
 // Empties the slots that were not used.
 fn clear_slots(first: u32, used: u32) {
     for (var i = used; i < frame.slots; i++) {
-        put(first + i, NONE, 0.0);
+        write_candidate(first + i, NONE, 0.0);
     }
 }

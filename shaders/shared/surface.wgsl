@@ -105,6 +105,6 @@ fn coverage(s: Surface) -> f32 {
 }
 
 // Origin of a ray that leaves `position` towards `direction`.
-fn leave(position: vec3<f32>, geometric: vec3<f32>, offset: f32, direction: vec3<f32>) -> vec3<f32> {
+fn offset_origin(position: vec3<f32>, geometric: vec3<f32>, offset: f32, direction: vec3<f32>) -> vec3<f32> {
     return position + geometric * select(-offset, offset, dot(geometric, direction) >= 0.0);
 }

@@ -12,9 +12,9 @@ struct Hit {
 
 // A place in the order in which a ray meets triangles: by distance, those at one distance by number. A ray goes on strictly after it, so
 // that a surface in the plane of one that it has passed is met too.
-struct Passed {
+struct LastHit {
     t: f32,
-    // NONE where nothing at this distance is left to meet.
+    // NONE where nothing at this distance remains to be met.
     triangle: u32,
 }
 
@@ -56,7 +56,7 @@ fn edge_area(a: vec3<f32>, b: vec3<f32>) -> f32 {
 // Watertight (after Woop et al. 2013): a corner has the same place across the ray in all triangles that share it, and on an
 // edge (area 0) both of its triangles are hit, so that no ray passes between triangles, at corners either. The distance is
 // a mean of the corners' with weights >= 0: slivers, whose plane is rounding, keep it.
-fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, passed: Passed, left: u32, hit: ptr<function, Hit>) {
+fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, last_hit: LastHit, origin_triangle: u32, hit: ptr<function, Hit>) {
     let triangle = load_triangle(index);
     let a = to_ray(triangle.v0 - o, axes);
     let b = to_ray(triangle.v1 - o, axes);
@@ -68,14 +68,14 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, passed: Passed, l
     let inside = (min(u, min(v, w)) >= 0.0 || max(u, max(v, w)) <= 0.0) && sum != 0.0;
     let scale = 1.0 / sum;
     let t = (u * a.z + v * b.z + w * c.z) * scale;
-    var beyond = t > passed.t;
+    var beyond = t > last_hit.t;
     var nearer = t < (*hit).t;
     if (HAS_ALPHA) {
         // Only a ray that may pass surfaces has to tell apart those at one distance.
-        beyond |= (t == passed.t) & (index > passed.triangle);
+        beyond |= (t == last_hit.t) & (index > last_hit.triangle);
         nearer |= (t == (*hit).t) & ((*hit).triangle != NONE) & (index < (*hit).triangle);
     }
-    if (inside && beyond && nearer && index != left) {
+    if (inside && beyond && nearer && index != origin_triangle) {
         (*hit).t = t;
         (*hit).u = v * scale;
         (*hit).v = w * scale;
@@ -86,10 +86,10 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, passed: Passed, l
 // The hit of a ray that started beside `p`, off the surface it left, as the ray from `p` itself makes it: directions are drawn at
 // `p`, and hits of rays moved aside are not as dense as they say, by the offset over the distance, which far from the origin
 // is far from nothing. Where the ray from `p` passes the triangle, within an offset of its edge, the hit stays as it is.
-fn meet_again(hit: Hit, p: vec3<f32>, d: vec3<f32>) -> Hit {
+fn reintersect(hit: Hit, p: vec3<f32>, d: vec3<f32>) -> Hit {
     var again = hit;
     again.t = 3e38;
-    intersect_triangle(hit.triangle, p, ray_axes(d), Passed(0.0, NONE), NONE, &again);
+    intersect_triangle(hit.triangle, p, ray_axes(d), LastHit(0.0, NONE), NONE, &again);
     again.t = select(hit.t, again.t, again.t < 3e38);
     return again;
 }
@@ -143,8 +143,8 @@ fn intersect_four(meta4: u32, near: vec3<u32>, far: vec3<u32>, slabs: Slabs, oct
     return a | b | c | d;
 }
 
-// Closest hit (or any hit) of o + t d after `passed` and before t_max. `d` need not have unit length. `left`: see `trace`.
-fn traverse(o: vec3<f32>, d: vec3<f32>, passed: Passed, t_max: f32, any_hit: bool, left: u32) -> Hit {
+// Closest hit (or any hit) of o + t d after `last_hit` and before t_max. `d` need not have unit length. `origin_triangle`: see `trace`.
+fn traverse(o: vec3<f32>, d: vec3<f32>, last_hit: LastHit, t_max: f32, any_hit: bool, origin_triangle: u32) -> Hit {
     var hit = Hit(t_max, 0.0, 0.0, NONE);
     let inverse = safe_inverse(d);
     let axes = ray_axes(d);
@@ -181,7 +181,7 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, passed: Passed, t_max: f32, any_hit: boo
             let origin = (bitcast<vec3<f32>>(n0.xyz) - o) * inverse;
             let wider_scale = SLAB_SLACK * abs(scale);
             let wider_origin = SLAB_SLACK * abs(origin);
-            let slabs = Slabs(scale - wider_scale, origin - wider_origin, scale + wider_scale, origin + wider_origin, passed.t,
+            let slabs = Slabs(scale - wider_scale, origin - wider_origin, scale + wider_scale, origin + wider_origin, last_hit.t,
                 hit.t);
             // Words of a plane: four low children, four high ones; minima first. The sign of the ray says which are near.
             let x = select(n2, n2.zwxy, backwards.x);
@@ -200,7 +200,7 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, passed: Passed, t_max: f32, any_hit: boo
             if (leaves.y != 0u) {
                 let bit = firstLeadingBit(leaves.y);
                 leaves.y &= ~(1u << bit);
-                intersect_triangle(leaves.x + bit, o, axes, passed, left, &hit);
+                intersect_triangle(leaves.x + bit, o, axes, last_hit, origin_triangle, &hit);
             }
             continuing {
                 break if leaves.y == 0u;

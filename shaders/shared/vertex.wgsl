@@ -40,15 +40,15 @@ fn vertex_cosine(v: PathVertex, w: vec3<f32>) -> f32 {
 }
 
 // Punctual lights are too many to be connected one by one: queries meet them in the trees.
-override QUERIED_LAMPS: bool = true;
+override QUERIED_PUNCTUAL: bool = true;
 
-// Light that v sends along `w` (unit), relative to its throughput: of a surface as if it were diffuse, `least` at least; of a
+// Light that v sends along `w` (unit), relative to its throughput: of a surface as if it were diffuse, `min_cosine` at least; of a
 // punctual light exactly, and so 0 outside the cone of a spot.
-fn light_sent(v: PathVertex, w: vec3<f32>, least: f32) -> f32 {
-    if (QUERIED_LAMPS && !has_normal(v)) {
+fn light_sent(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
+    if (QUERIED_PUNCTUAL && !has_normal(v)) {
         return emitter_profile(v, w).x;
     }
-    return max(vertex_cosine(v, w), least);
+    return max(vertex_cosine(v, w), min_cosine);
 }
 
 // Refractive index of the medium that a segment leaving v along `w` travels in.
@@ -65,14 +65,14 @@ fn eta_range(v: PathVertex) -> vec2<f32> {
     return vec2<f32>(min(v.eta, other), max(v.eta, other));
 }
 
-// Step from v to where a ray that leaves it along `w` starts: off the surface, so that the ray does not meet it again.
-fn step_off(v: PathVertex, w: vec3<f32>) -> vec3<f32> {
-    return leave(vec3<f32>(0.0), v.geometric, v.offset, w);
+// Offset from v to the origin of a ray that leaves it along `w`: off the surface, so that the ray does not meet it again.
+fn ray_offset(v: PathVertex, w: vec3<f32>) -> vec3<f32> {
+    return offset_origin(vec3<f32>(0.0), v.geometric, v.offset, w);
 }
 
 // Where a ray between v and a point along `w` starts or ends.
 fn ray_end(v: PathVertex, w: vec3<f32>) -> vec3<f32> {
-    return leave(v.position, v.geometric, v.offset, w);
+    return offset_origin(v.position, v.geometric, v.offset, w);
 }
 
 // Can the vertex be connected: has its side of the material a lobe that is not a delta?

@@ -16,16 +16,16 @@ fn advance(state: ptr<function, PathState>, key: vec4<u32>) -> Arrival {
     let hit = trace((*state).position + (*state).shift, (*state).direction, 3e38, false, (*state).triangle, key);
     a.found = hit.triangle != NONE;
     if (a.found) {
-        let met = meet_again(hit, (*state).position, (*state).direction);
-        a.surface = surface_at(met.triangle, met.u, met.v);
+        let exact = reintersect(hit, (*state).position, (*state).direction);
+        a.surface = surface_at(exact.triangle, exact.u, exact.v);
         a.vertex = arrive(state, a.surface);
     }
     return a;
 }
 
-// Whether every path on from v by way of `goal`, or of a point behind it, is too long for the gate. Exact: nothing that counts is lost.
-fn is_too_late(v: PathVertex, goal: vec3<f32>) -> bool {
-    return v.tau + distance(v.position, goal) >= frame.cull_hi;
+// Whether every path on from v by way of `point`, or of one behind it, is too long for the gate. Exact: nothing that counts is lost.
+fn is_too_late(v: PathVertex, point: vec3<f32>) -> bool {
+    return v.tau + distance(v.position, point) >= frame.cull_hi;
 }
 
 // Moves `state` to the hit: travel time, partial MIS sums, and the vertex that stands there.
@@ -65,7 +65,7 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
 
 // Sends `state` on from `v`; false if the subpath ends here. `u`: direction and lobe, `survival`: Russian roulette on the
 // throughput this bounce takes away, off for `survival` < 0.
-fn depart(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec4<f32>, survival: f32) -> bool {
+fn scatter(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec4<f32>, survival: f32) -> bool {
     let s = sample_vertex(v, to_light, u);
     if (!s.valid) {
         return false;
@@ -78,8 +78,8 @@ fn depart(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec
     (*state).throughput *= s.weight / keep;
     (*state).direction = s.direction;
     (*state).eta = eta_towards(v, s.direction);
-    (*state).shift = step_off(v, s.direction);
-    mis_scatter(state, s, select(gain_after(v) * v.select_pdf, 1.0, to_light));
+    (*state).shift = ray_offset(v, s.direction);
+    mis_scatter(state, s, select(sample_count_ratio(v) * v.select_pdf, 1.0, to_light));
     if (!(s.delta && load_material(v.material).metallic >= 1.0)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
     }

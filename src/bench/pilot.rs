@@ -13,7 +13,7 @@ const SEEDS: u32 = 0x4000_0100;
 /// A pilot takes this part of a variant's time in the suite, within bounds in seconds.
 const PILOT: (f64, f64, f64) = (0.25, 0.2, 15.0);
 /// Of settings that are chosen for a reference alone.
-const LEAST_LIGHT_PATHS: u32 = 256;
+const MIN_LIGHT_PATHS: u32 = 256;
 
 /// Pixels across a block of the image that pilots are measured against.
 const BLOCK: usize = 8;
@@ -122,7 +122,7 @@ pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
 /// With one light path a pixel at most.
 pub fn frugal(settings: Settings) -> Settings {
     let pixels = settings.crop().width() * settings.crop().height();
-    let paths = settings.light_paths().min(pixels.max(LEAST_LIGHT_PATHS));
+    let paths = settings.light_paths().min(pixels.max(MIN_LIGHT_PATHS));
     settings.change().light_paths(paths).build().expect("fewer light paths are inside the limits")
 }
 

@@ -14,11 +14,11 @@ use super::job::{Entry, Job};
 use super::lane::Lane;
 use super::pilot::{fastest, frugal, pilots, with};
 use super::quality::{Goal, MARGIN, TRUSTED, relative};
-use crate::compare::agreement::{Agreement, LEAST_BATCHES, agreement};
+use crate::compare::agreement::{Agreement, MIN_BATCHES, agreement};
 use crate::compare::metrics::Means;
 use crate::error::{Error, Result};
 use crate::gpu::Device;
-use crate::image::batches::{CellBatches, MOST_BATCHES};
+use crate::image::batches::{CellBatches, MAX_BATCHES};
 use crate::image::exr_file::{self, Picture, Provenance, read_picture};
 use crate::image::film::Film;
 use crate::image::fingerprint;
@@ -34,7 +34,7 @@ const LOOK: f64 = 1.05;
 const HALVES: [u32; 2] = [0x4000_0001, 0x4000_0002];
 const EXTENSION: u32 = 0x1000;
 /// Iterations of a half, and of the judge, at least: fewer do not tell their own noise.
-const LEAST_ITERATIONS: u32 = MOST_BATCHES as u32 / 2;
+const MIN_ITERATIONS: u32 = MAX_BATCHES as u32 / 2;
 /// The judge's seed and its part of the reference's time. One alarm in a thousand is false, so it counts only if the second and
 /// longer render raises it too.
 const JUDGES: [(u32, f64); 2] = [(0x4000_0003, 0.25), (0x4000_0004, 1.0)];
@@ -125,7 +125,7 @@ pub fn make(
     let mut earlier = Earlier::read(path)?;
     let extension = earlier.as_ref().map_or(0, |earlier| earlier.extensions + 1).wrapping_mul(EXTENSION);
     let mut other = Other::None;
-    if earlier.as_ref().is_some_and(|earlier| !earlier.current && earlier.cells.len() < LEAST_BATCHES) {
+    if earlier.as_ref().is_some_and(|earlier| !earlier.current && earlier.cells.len() < MIN_BATCHES) {
         (earlier, other) = (None, Other::Unknown);
     }
     let mut doubtful = earlier.as_ref().is_some_and(|earlier| !earlier.current);
@@ -145,7 +145,7 @@ pub fn make(
             turn(lane)?;
         }
         let seconds = spent(&halves);
-        let enough = halves.iter().all(|lane| lane.renderer.film().iterations() >= LEAST_ITERATIONS);
+        let enough = halves.iter().all(|lane| lane.renderer.film().iterations() >= MIN_ITERATIONS);
         let checked = if doubtful { CHECKED * earlier.as_ref().map_or(0.0, |earlier| earlier.seconds) } else { 0.0 };
         let over = seconds >= goal.limit.max(checked);
         if enough && (seconds >= next.max(checked) || over) {
@@ -294,7 +294,7 @@ fn judged(
 ) -> Result<Option<CellBatches>> {
     let mut lane = job.lane(device, &frugal(with(entry, estimator)), prepared)?;
     lane.restart(seed);
-    while lane.clock < seconds || lane.renderer.film().iterations() < 2 * LEAST_ITERATIONS {
+    while lane.clock < seconds || lane.renderer.film().iterations() < 2 * MIN_ITERATIONS {
         turn(&mut lane)?;
         if !watch(1.0, &format!("{}: checking the reference with {estimator}", job.name)) {
             return Ok(None);

@@ -15,7 +15,7 @@ use crate::wgsl::layout::constants::STACK_SIZE;
 use dense::Groups;
 
 /// Triangles that a leaf of compressed wide nodes may hold.
-const MOST_IN_LEAF: u32 = 3;
+const MAX_LEAF_TRIANGLES: u32 = 3;
 
 /// Nodes as the kernels read them (five 16-byte words each), and the triangles in leaf order.
 pub struct Bvh {
@@ -27,7 +27,7 @@ pub struct Bvh {
 }
 
 /// Levels the kernels' stacks have room for.
-pub const MOST_LEVELS: usize = STACK_SIZE as usize;
+pub const MAX_LEVELS: usize = STACK_SIZE as usize;
 
 impl Bvh {
     fn new(host: CwBvh) -> Bvh {
@@ -61,7 +61,7 @@ pub fn build(corners: &[[[f32; 3]; 3]]) -> Bvh {
         Some(groups) => wide(&groups.expand(clustered(&groups.boxes), &boxes)),
     });
     // Triangles nested over many orders of magnitude.
-    if bvh.levels() > MOST_LEVELS { Bvh::new(wide(&dense::halved(&boxes))) } else { bvh }
+    if bvh.levels() > MAX_LEVELS { Bvh::new(wide(&dense::halved(&boxes))) } else { bvh }
 }
 
 /// The steps of `obvhs::cwbvh::builder::build_cwbvh_from_tris`, which in debug builds panics on deep hierarchies.
@@ -79,7 +79,7 @@ fn clustered(boxes: &[Aabb]) -> Bvh2 {
 }
 
 fn wide(bvh: &Bvh2) -> CwBvh {
-    bvh2_to_cwbvh(bvh, MOST_IN_LEAF, true, false)
+    bvh2_to_cwbvh(bvh, MAX_LEAF_TRIANGLES, true, false)
 }
 
 #[cfg(test)]

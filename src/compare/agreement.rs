@@ -9,7 +9,7 @@ use crate::image::batches::{CELL, CellBatches};
 /// Probability that two images of the same are told apart, whatever the number of cells (Sidak).
 pub const SIGNIFICANCE: f64 = 1e-3;
 /// Independent batches that a variance needs.
-pub const LEAST_BATCHES: usize = 8;
+pub const MIN_BATCHES: usize = 8;
 /// A cell is judged where the standard error of its mean is at most this part of it, as with a hundred equal hits.
 const NORMAL: f64 = 0.1;
 /// Cells grow until so much of the light is judged in them.
@@ -84,9 +84,9 @@ impl Pair {
 
 /// Compares two images of the same size, rendered with different seeds.
 pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agreement> {
-    if let Some(few) = [a.len(), b.len()].into_iter().find(|&n| n < LEAST_BATCHES) {
+    if let Some(few) = [a.len(), b.len()].into_iter().find(|&n| n < MIN_BATCHES) {
         return Err(Error::Settings(format!(
-            "an image of {few} iterations does not tell its own noise; render both with {LEAST_BATCHES} at least (--spp 16)"
+            "an image of {few} iterations does not tell its own noise; render both with {MIN_BATCHES} at least (--spp 16)"
         )));
     }
     let [width, height] = size.map(|side| side as usize);

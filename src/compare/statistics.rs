@@ -31,11 +31,11 @@ pub fn normal_tail(z: f64) -> f64 {
 }
 
 /// The greatest value that [`normal_quantile`] gives; its tail is about 1e-300.
-pub const GREATEST_Z: f64 = 37.0;
+pub const MAX_Z: f64 = 37.0;
 
-/// z >= 0 with P(Z > z) = `tail`, 0 < tail <= 1/2; at most [`GREATEST_Z`].
+/// z >= 0 with P(Z > z) = `tail`, 0 < tail <= 1/2; at most [`MAX_Z`].
 pub fn normal_quantile(tail: f64) -> f64 {
-    let (mut lo, mut hi) = (0.0, GREATEST_Z);
+    let (mut lo, mut hi) = (0.0, MAX_Z);
     for _ in 0..60 {
         let mid = 0.5 * (lo + hi);
         if normal_tail(mid) > tail { lo = mid } else { hi = mid }
@@ -125,6 +125,6 @@ mod tests {
         assert!((normal_score(-2.228_139, 10.0) + 1.959_964).abs() < 1e-4);
         assert!((sidak_threshold(1e-3, 1) - 3.290_527).abs() < 1e-5);
         assert!(sidak_threshold(1e-3, 100) > 4.3 && sidak_threshold(1e-3, 100) < 4.5);
-        assert_eq!((normal_score(1e9, 1e3), student_tail(f64::INFINITY, 3.0)), (GREATEST_Z, 0.0));
+        assert_eq!((normal_score(1e9, 1e3), student_tail(f64::INFINITY, 3.0)), (MAX_Z, 0.0));
     }
 }

@@ -6,7 +6,7 @@ pub(super) static RECORD: Record = Record {
     name: "lcs",
     is_default: |c| c.gate == GateWidth::Narrow,
     // Queries choose the better the fewer vertices there are (docs/PERFORMANCE.md, Light where it matters).
-    most_light_paths: 8192,
+    max_default_light_paths: 8192,
     adaptive: true,
     light_subpaths: true,
     // One tree needs half as many queries, which choose among points on emitters as among the others (docs/PERFORMANCE.md, Error
@@ -18,10 +18,10 @@ pub(super) static RECORD: Record = Record {
     slots: |pool| pool.trees,
     // A vertex that queries choose by what it contributes is worth many that subpaths happen to reach. 4 K is a compromise between
     // four scenes (docs/PERFORMANCE.md, lcs).
-    query_samples: |queries| 4.0 * queries as f32,
+    query_sample_count: |queries| 4.0 * queries as f32,
     // Light-tracing samples that matter are rare and bright here: what else could have found their paths is worth more than its
     // densities say (docs/PERFORMANCE.md, Light where it matters).
-    splat_weight: 0.25,
+    splat_sample_weight: 0.25,
     renders_references: true,
     judge: Estimator::Bdpt,
 };

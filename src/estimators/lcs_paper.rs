@@ -7,7 +7,7 @@ use crate::wgsl::layout::constants::ESTIMATOR_LCS_PAPER;
 pub(super) static RECORD: Record = Record {
     name: "lcs-paper",
     is_default: |_| false,
-    most_light_paths: 50_000,
+    max_default_light_paths: 50_000,
     // The paper spreads its samples evenly.
     adaptive: false,
     light_subpaths: true,
@@ -17,8 +17,8 @@ pub(super) static RECORD: Record = Record {
     query_kernel: SHELL_QUERY,
     constants: &[("ESTIMATOR", ESTIMATOR_LCS_PAPER)],
     slots: |pool| pool.queries * pool.trees,
-    query_samples: |_| 1.0,
-    splat_weight: 1.0,
+    query_sample_count: |_| 1.0,
+    splat_sample_weight: 1.0,
     renders_references: false,
     judge: Estimator::Bdpt,
 };

@@ -33,7 +33,7 @@ pub struct Record {
     /// Whether this estimator renders when nothing names one. Exactly one estimator says yes to any conditions.
     pub is_default: fn(&Conditions) -> bool,
     /// Upper bound on the default number of light subpaths per iteration.
-    pub most_light_paths: u32,
+    pub max_default_light_paths: u32,
     /// Whether samples follow the error of the pixels when nothing says how to spread them.
     pub adaptive: bool,
     /// Whether light subpaths are continued beyond the emitter: the strategies t = 1 and s >= 2 exist. Without them no path from a
@@ -51,9 +51,9 @@ pub struct Record {
     /// own.
     pub slots: fn(&PoolShape) -> u32,
     /// Number of samples that a vertex chosen by `queries` queries stands for in the MIS heuristic.
-    pub query_samples: fn(queries: u32) -> f32,
+    pub query_sample_count: fn(queries: u32) -> f32,
     /// Weight of a light-tracing (t = 1) sample in the MIS heuristic, relative to one camera sample.
-    pub splat_weight: f32,
+    pub splat_sample_weight: f32,
     /// Whether the bench tries this estimator when it looks for the fastest way to render a reference.
     pub renders_references: bool,
     /// Estimator that checks the references which this one rendered: it finds the same paths in another way.

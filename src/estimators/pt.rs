@@ -8,7 +8,7 @@ pub(super) static RECORD: Record = Record {
     // Without a gate it is the fastest where it sees all light well: nothing focuses light and nothing shines as a beam
     // (docs/PERFORMANCE.md, Error at equal time).
     is_default: |c| c.gate == GateWidth::Open && !c.focuses_light && !c.has_beam,
-    most_light_paths: 50_000,
+    max_default_light_paths: 50_000,
     adaptive: true,
     light_subpaths: false,
     trees: None,
@@ -16,8 +16,8 @@ pub(super) static RECORD: Record = Record {
     query_kernel: SHELL_QUERY,
     constants: &[("ESTIMATOR", ESTIMATOR_PT)],
     slots: |pool| u32::from(pool.has_emitter_points),
-    query_samples: |_| 1.0,
-    splat_weight: 1.0,
+    query_sample_count: |_| 1.0,
+    splat_sample_weight: 1.0,
     renders_references: false,
     judge: Estimator::Bdpt,
 };

@@ -18,7 +18,7 @@ pub mod zoo;
 use crate::scene::Scene;
 
 /// Triangles that may be asked for.
-const MOST_TRIANGLES: u32 = 10_000_000;
+const MAX_TRIANGLES: u32 = 10_000_000;
 
 /// Which scene to make, with what may vary.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,8 +89,8 @@ impl Kind {
         if let Some(roughness) = roughness.filter(|r| !(0.0..=1.0).contains(r)) {
             return Err(format!("the roughness is {roughness}; it must be from 0 to 1"));
         }
-        if let Some(triangles) = triangles.filter(|&n| n > MOST_TRIANGLES) {
-            return Err(format!("{triangles} triangles are too many; ask for {MOST_TRIANGLES} at most"));
+        if let Some(triangles) = triangles.filter(|&n| n > MAX_TRIANGLES) {
+            return Err(format!("{triangles} triangles are too many; ask for {MAX_TRIANGLES} at most"));
         }
         Ok(match (self, roughness, triangles) {
             (kind, None, None) => kind,

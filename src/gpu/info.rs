@@ -95,7 +95,7 @@ impl DeviceInfo {
 const MAX_TEXELS: &str = "TAUGATE_MAX_TEXELS";
 
 /// Texels that the user lets a texel buffer have.
-pub(super) fn most_texels() -> Result<u64> {
+pub(super) fn max_texels_forced() -> Result<u64> {
     match std::env::var(MAX_TEXELS) {
         Ok(value) if !value.is_empty() => value
             .parse()

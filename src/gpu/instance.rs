@@ -5,7 +5,7 @@ use std::ffi::CStr;
 use ash::vk;
 
 use super::drive::Drive;
-use super::info::{DeviceInfo, describe, most_texels};
+use super::info::{DeviceInfo, describe, max_texels_forced};
 use crate::error::{Error, Result};
 
 /// A Vulkan instance; with the validation layers where the user asked for them.
@@ -82,10 +82,10 @@ impl Instance {
         // SAFETY: the instance is alive.
         let devices =
             unsafe { self.handle.enumerate_physical_devices() }.map_err(|e| device_error("enumerating devices", e))?;
-        let (forced, most_texels) = (Drive::forced()?, most_texels()?);
+        let (forced, max_texels_forced) = (Drive::forced()?, max_texels_forced()?);
         let describe = |d| {
             let info = describe(&self.handle, d);
-            let (drive, max_texels) = (forced.unwrap_or(info.drive), info.max_texels.min(most_texels));
+            let (drive, max_texels) = (forced.unwrap_or(info.drive), info.max_texels.min(max_texels_forced));
             (d, DeviceInfo { drive, max_texels, ..info })
         };
         Ok(devices.into_iter().map(describe).collect())

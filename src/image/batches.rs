@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 /// Pixels along the side of a cell.
 pub const CELL: usize = 16;
 /// Batches at most; when there are so many, neighbours are merged.
-pub const MOST_BATCHES: usize = 32;
+pub const MAX_BATCHES: usize = 32;
 /// Relative difference that rounding to 32 bits may cause between a cell's mean and that of its pixels.
 const ROUNDING: f64 = 1e-5;
 
@@ -52,7 +52,7 @@ impl CellBatches {
     pub fn add(&mut self, rgb: &[f32], samples: u32) {
         let [columns, rows] = self.grid();
         if self.last >= self.each {
-            if self.batches.len() == MOST_BATCHES {
+            if self.batches.len() == MAX_BATCHES {
                 self.merge_neighbours();
             }
             self.batches.push((0.0, vec![0.0; 3 * columns * rows]));
@@ -90,7 +90,7 @@ impl CellBatches {
         assert_eq!(self.grid(), other.grid(), "images of different sizes have different cells");
         self.batches.extend(other.batches.iter().cloned());
         self.each = self.each.max(other.each);
-        while self.batches.len() > MOST_BATCHES {
+        while self.batches.len() > MAX_BATCHES {
             self.merge_neighbours();
         }
         self.last = self.each;
@@ -151,8 +151,7 @@ impl CellBatches {
         let [columns, rows] = all.grid();
         let size = 1 + 3 * columns * rows;
         let [cell, count, data @ ..] = floats else { return Err(wrong("are missing")) };
-        if *cell != CELL as f32 || !(0.0..=MOST_BATCHES as f32).contains(count) || data.len() != *count as usize * size
-        {
+        if *cell != CELL as f32 || !(0.0..=MAX_BATCHES as f32).contains(count) || data.len() != *count as usize * size {
             return Err(wrong("do not fit the image: was it cropped or scaled after rendering?"));
         }
         if data.iter().any(|x| !x.is_finite()) || data.chunks_exact(size).any(|batch| batch[0] <= 0.0) {
@@ -246,7 +245,7 @@ mod tests {
         a.add(&[100.0; 6], 1);
         assert_eq!(a.len(), 31);
         a.merge(c);
-        assert!(a.len() <= MOST_BATCHES && a.len() >= MOST_BATCHES / 2, "{}", a.len());
+        assert!(a.len() <= MAX_BATCHES && a.len() >= MAX_BATCHES / 2, "{}", a.len());
         assert!((a.pooled(&[0], 0).0 - (44.5 * 90.0 + 100.0) / 91.0).abs() < 1e-9);
     }
 

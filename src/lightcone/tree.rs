@@ -43,7 +43,7 @@ const SEQUENTIAL: usize = 4096;
 
 /// Powers are scaled to a total of 1 and kept above this, so that no vertex underflows to probability 0: divided by the square
 /// of a great distance and times the least overlap, it must still be a normal f32 (devices may flush others to 0).
-const LEAST_POWER: f32 = 1e-20;
+const MIN_POWER: f32 = 1e-20;
 
 impl Tree {
     /// Builds the tree over `items`, reorders them and scales their powers to a total of 1. O(n log n) time, no allocation beyond the nodes.
@@ -59,7 +59,7 @@ impl Tree {
         }
         let total: f64 = items.iter().map(|i| f64::from(i.power)).sum();
         for item in items.iter_mut() {
-            item.power = ((f64::from(item.power) / total) as f32).max(LEAST_POWER);
+            item.power = ((f64::from(item.power) / total) as f32).max(MIN_POWER);
         }
         let (builder, base, first) = (Builder { options }, options.first_node, options.first_vertex);
         let new_nodes = |count: usize| vec![bytemuck::Zeroable::zeroed(); count];

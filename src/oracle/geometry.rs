@@ -109,7 +109,7 @@ struct Node {
 /// Levels from which nodes are halved, so that the tree is never much deeper.
 const DEEP: usize = 32;
 /// Nodes that wait at most: one a level.
-const MOST_OPEN: usize = 64;
+const MAX_STACK: usize = 64;
 
 /// All triangles of all instances.
 pub struct Geometry<'a> {
@@ -238,7 +238,7 @@ impl<'a> Geometry<'a> {
         let mut ray = *ray;
         let mut best = None;
         // Nodes yet to be looked at and where the ray enters them, the nearest last.
-        let mut open = [(0u32, f64::NEG_INFINITY); MOST_OPEN];
+        let mut open = [(0u32, f64::NEG_INFINITY); MAX_STACK];
         let mut count = 1;
         while count > 0 {
             count -= 1;

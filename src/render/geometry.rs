@@ -36,7 +36,7 @@ pub struct Geometry {
     pub texels: Vec<u32>,
     pub features: Features,
     /// Greatest refractive index that light travels in, >= 1.
-    pub greatest_ior: f32,
+    pub max_ior: f32,
 }
 
 impl Geometry {
@@ -103,7 +103,7 @@ impl Geometry {
             textures,
             texels,
             features: materials.features,
-            greatest_ior: materials.greatest_ior,
+            max_ior: materials.max_ior,
             materials: materials.list,
         }
     }
@@ -156,13 +156,13 @@ struct MaterialSet<'a> {
     list: Vec<Material>,
     numbers: std::collections::HashMap<(u32, bool), u32>,
     features: Features,
-    greatest_ior: f32,
+    max_ior: f32,
 }
 
 impl<'a> MaterialSet<'a> {
     fn new(scene: &'a Scene, emitters: &'a Emitters, albedo: &'a AlbedoTable) -> Self {
         let (list, numbers) = (vec![], Default::default());
-        MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), greatest_ior: 1.0 }
+        MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), max_ior: 1.0 }
     }
 
     /// Number of `material` on `node`, with the alpha bit where the surface may let rays pass.
@@ -198,7 +198,7 @@ impl<'a> MaterialSet<'a> {
         self.features.glossy |= m.metallic > 0.0 || f0 > 0.0 || m.transmission > 0.0;
         self.features.transmission |= m.transmission > 0.0 && m.metallic < 1.0;
         if m.transmission > 0.0 && m.metallic < 1.0 {
-            self.greatest_ior = self.greatest_ior.max(m.ior);
+            self.max_ior = self.max_ior.max(m.ior);
         }
         let (mode, cutoff) = match m.alpha_mode {
             AlphaMode::Opaque => (0, 0.0),

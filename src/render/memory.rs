@@ -102,7 +102,7 @@ pub(super) fn certain_needs(info: &DeviceInfo, plan: &Plan, prepared: &Prepared)
 
 fn iteration_needs(info: &DeviceInfo, plan: &Plan, prepared: &Prepared) -> Vec<Need> {
     let mut needs = LightTracer::needs(info, plan);
-    needs.extend(SensorTracer::needs(info, plan, plan.most_slots(&prepared.emitters)));
+    needs.extend(SensorTracer::needs(info, plan, plan.max_slots(&prepared.emitters)));
     needs
 }
 

@@ -4,7 +4,6 @@ pub mod albedo;
 mod compaction;
 mod coplanar;
 mod device_scene;
-mod draws;
 mod duplicates;
 mod emitters;
 pub mod geometry;
@@ -21,6 +20,7 @@ mod probe;
 mod reach;
 mod samples;
 pub mod schedule;
+mod selection_cdf;
 mod sensor;
 pub mod space;
 mod stats;
@@ -44,7 +44,7 @@ use plan::{Iteration, Plan};
 pub use prepared::Prepared;
 pub use probe::{TravelTimes, probe};
 pub use reach::Reach;
-pub use samples::MOST_SAMPLES;
+pub use samples::MAX_AVERAGE_SAMPLES;
 use samples::{Allocation, SampleCounts};
 use sensor::SensorPhase;
 use stats::stage;
@@ -116,9 +116,9 @@ impl Renderer {
     /// 16), in every pixel or on average, added to the film. Errors: the samples are out of range, or what the device counted is
     /// impossible.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
-        if !(1..=MOST_SAMPLES).contains(&samples) {
+        if !(1..=MAX_AVERAGE_SAMPLES).contains(&samples) {
             return Err(Error::Settings(format!(
-                "an iteration has 1 to {MOST_SAMPLES} samples per pixel, not {samples}; add more iterations for more samples"
+                "an iteration has 1 to {MAX_AVERAGE_SAMPLES} samples per pixel, not {samples}; add more iterations for more samples"
             )));
         }
         if self.plan.dark {

@@ -3,7 +3,7 @@
 /// A submit is kept under this on average, so that the worst stays under 0.1 s.
 const TARGET_SECONDS: f64 = 0.035;
 /// Paths a tile at least.
-const LEAST_TILE: usize = 1024;
+const MIN_TILE: usize = 1024;
 
 /// Paths of the next tile, so that its longest submit comes near the target. The tile before had `count` paths of the `tile` that
 /// were allowed, and its longest submit took `longest` seconds. `is_last`: it was the last of an image and may have been cut short. The
@@ -14,7 +14,7 @@ pub fn next_tile(tile: usize, count: usize, is_last: bool, longest: f64, capacit
     if factor >= 1.0 && is_last {
         return tile;
     }
-    ((count as f64 * factor) as usize).clamp(LEAST_TILE.min(capacity), capacity)
+    ((count as f64 * factor) as usize).clamp(MIN_TILE.min(capacity), capacity)
 }
 
 /// By how much to change what one submit does, after one that took `seconds`.
@@ -36,6 +36,6 @@ mod tests {
         // The rest of an image says nothing about a full tile, unless it took too long.
         assert_eq!(next_tile(8192, 2250, true, fast, 1 << 16), 8192);
         assert_eq!(next_tile(8192, 8190, true, 2.0 * TARGET_SECONDS, 1 << 16), 4095);
-        assert_eq!(next_tile(1024, 1024, false, 2.0 * TARGET_SECONDS, 1 << 16), LEAST_TILE);
+        assert_eq!(next_tile(1024, 1024, false, 2.0 * TARGET_SECONDS, 1 << 16), MIN_TILE);
     }
 }

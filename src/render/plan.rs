@@ -80,7 +80,7 @@ pub struct Plan {
     /// Numbers of the emitters whose subpaths all begin alike: beams of zero radius.
     pub thin_lights: Range<u32>,
     /// Deterministic vertices at most: punctual lights, and the spot of each thin beam, which may miss everything.
-    most_deterministic: u32,
+    max_deterministic: u32,
     pub tuning: Tuning,
     /// What the kernels report beside the image.
     pub observe: Observe,
@@ -123,7 +123,7 @@ impl Plan {
             traces_light,
             splats: traces_light && all,
             thin_lights: emitter_count - emitters.thin_lights..emitter_count,
-            most_deterministic: emitters.deterministic.len() as u32
+            max_deterministic: emitters.deterministic.len() as u32
                 + if traces_light { emitters.thin_lights } else { 0 },
             tuning: Tuning::default(),
             observe: Observe::Nothing,
@@ -158,12 +158,12 @@ impl Plan {
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
-        let slack = rounding_allowance(gate, from_origin);
+        let rounding_allowance = rounding_allowance(gate, from_origin);
         self.frame.seed = seed;
         self.frame.gate_lo = gate.lo as f32;
         self.frame.gate_hi = hi;
-        self.frame.slack = slack;
-        self.frame.cull_hi = if self.cull && closed { hi + slack } else { OPEN };
+        self.frame.rounding_allowance = rounding_allowance;
+        self.frame.cull_hi = if self.cull && closed { hi + rounding_allowance } else { OPEN };
     }
 
     /// Whether queries choose among so many deterministic vertices. Fewer are connected to every shade point, one by one.
@@ -180,16 +180,16 @@ impl Plan {
     }
 
     /// Candidate slots a shade point at most, whatever the pool.
-    pub fn most_slots(&self, emitters: &EmitterSet) -> u32 {
+    pub fn max_slots(&self, emitters: &EmitterSet) -> u32 {
         let punctual = emitters.deterministic.len() as u32;
-        let queried = self.queries_deterministic(self.most_deterministic);
+        let queried = self.queries_deterministic(self.max_deterministic);
         let (spatial, all) = match self.single_tree {
             true => (false, emitters.has_area() || self.traces_light || queried),
             false => (emitters.has_area() || queried, self.traces_light || queried),
         };
         self.slots(&PoolLayout {
             // Where thin beams miss everything, few enough may be left after all.
-            deterministic: if self.queries_deterministic(punctual) { 0 } else { self.most_deterministic },
+            deterministic: if self.queries_deterministic(punctual) { 0 } else { self.max_deterministic },
             emitter_points: u32::from(emitters.has_area()),
             tree3_root: if spatial { 0 } else { NONE },
             tree4_root: if all { 0 } else { NONE },
@@ -203,7 +203,7 @@ impl Plan {
         let mut frame = Frame {
             iteration: number,
             first_sample,
-            light_count: self.estimator.splat_weight * self.traced_paths() as f32 / samples as f32,
+            splat_sample_count: self.estimator.splat_sample_weight * self.traced_paths() as f32 / samples as f32,
             splat_share: self.light_paths as f32 / self.traced_paths() as f32,
             ..self.frame
         };
@@ -238,7 +238,7 @@ impl Plan {
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
-            ("QUERIED_LAMPS", switch(self.queries_deterministic(self.most_deterministic))),
+            ("QUERIED_PUNCTUAL", switch(self.queries_deterministic(self.max_deterministic))),
             ("BY_CENTRE", switch(self.importance.centre)),
             ("BY_COSINE", switch(self.importance.cosine)),
             ("BY_OVERLAP", switch(self.importance.overlap)),
@@ -265,7 +265,7 @@ fn frame(camera: &Camera, settings: &Settings, emitters: &EmitterSet, all: bool)
     let [width, height] = settings.resolution();
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
     let estimator = settings.estimator().record();
-    let gain = (estimator.query_samples)(settings.queries());
+    let query_sample_count = (estimator.query_sample_count)(settings.queries());
     let mut frame = Frame {
         width,
         height,
@@ -277,9 +277,9 @@ fn frame(camera: &Camera, settings: &Settings, emitters: &EmitterSet, all: bool)
         emitter_count: emitters.table.len() as u32,
         tree3_root: NONE,
         tree4_root: NONE,
-        keep_s0: switch(all) / (gain * gain),
-        keep_t1: switch(all && estimator.light_subpaths) / (gain * gain),
-        gain,
+        keep_s0: switch(all) / (query_sample_count * query_sample_count),
+        keep_t1: switch(all && estimator.light_subpaths) / (query_sample_count * query_sample_count),
+        query_sample_count,
         keep_s2: switch(estimator.light_subpaths),
         crop_x: settings.crop().x0,
         crop_y: settings.crop().y0,

@@ -1,8 +1,8 @@
 //! Phase 2 of Algorithm 1: the light-vertex pool of an iteration on the host, vertices as they come back from the device, sorted for the estimator.
 
-use super::draws::share_draws;
 use super::plan::Plan;
 use super::pool_layout::PoolLayout;
+use super::selection_cdf::set_selection_cdf;
 use super::stats::{Stats, stage};
 use crate::error::{Error, Result};
 use crate::estimators::PoolOrder;
@@ -22,7 +22,7 @@ pub struct LightPool {
 }
 
 /// Vertices of a pool at most: the number of a leaf's first one is less than [`LEAF_FIRST`].
-const MOST_VERTICES: usize = LEAF_FIRST as usize;
+const MAX_VERTICES: usize = LEAF_FIRST as usize;
 
 /// The pool on the device: group 1 of the kernels.
 pub struct DevicePool {
@@ -57,9 +57,9 @@ impl LightPool {
     /// to leaves have digits for.
     pub fn sort(&self, plan: &Plan, stats: &mut Stats) -> Result<SortedPool> {
         let count = self.deterministic.len() + self.emitter_points.len() + self.scattered.len();
-        if count > MOST_VERTICES {
+        if count > MAX_VERTICES {
             return Err(Error::Settings(format!(
-                "an iteration has {count} light vertices and there is room for {MOST_VERTICES}: use fewer --light-paths"
+                "an iteration has {count} light vertices and there is room for {MAX_VERTICES}: use fewer --light-paths"
             )));
         }
         stats.deterministic_vertices += self.deterministic.len() as u64;
@@ -85,7 +85,7 @@ impl LightPool {
     /// The deterministic vertices, ready for draws among them.
     fn drawn(&self) -> Vec<PathVertex> {
         let mut vertices = self.deterministic.clone();
-        share_draws(&mut vertices);
+        set_selection_cdf(&mut vertices);
         vertices
     }
 

@@ -12,7 +12,7 @@ use crate::wgsl::layout::Triangle;
 /// Bounds are widened by this part of themselves: device travel times are sums of rounded f32 terms.
 const SLACK: f64 = 1e-5;
 /// Punctual emitters that are looked at one by one; of more, their common box.
-const MOST_EMITTERS: usize = 64;
+const MAX_EMITTERS: usize = 64;
 
 /// Bounds on the travel time of every path, metres of optical path.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
@@ -26,7 +26,7 @@ pub struct Reach {
     pub max_depth: u32,
     /// Greatest refractive index that light travels in.
     #[serde(skip)]
-    greatest_ior: f64,
+    max_ior: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -45,16 +45,16 @@ impl Reach {
         let all = geometry.triangles.par_iter().map(Bounds::of).reduce(|| Bounds::point(Vec3::ZERO), Bounds::with);
         let all = all.with(Bounds { lo: emitters.lo, hi: emitters.hi });
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
-        let greatest_ior = f64::from(geometry.greatest_ior);
-        let segment = space.unit * diameter * greatest_ior * (1.0 + SLACK);
+        let max_ior = f64::from(geometry.max_ior);
+        let segment = space.unit * diameter * max_ior * (1.0 + SLACK);
         let least = space.unit * least * (1.0 - SLACK);
-        Reach { least, segment, greatest_ior, ..Reach::default() }.to_depth(settings.max_depth())
+        Reach { least, segment, max_ior, ..Reach::default() }.to_depth(settings.max_depth())
     }
 
     /// Bounds for a sensor `distance` metres away: by the triangle inequality, without another look at the scene.
     pub fn moved(&self, distance: f64) -> Reach {
         let least = (self.least - distance).max(0.0);
-        let segment = self.segment + distance * self.greatest_ior * (1.0 + SLACK);
+        let segment = self.segment + distance * self.max_ior * (1.0 + SLACK);
         Reach { least, segment, ..*self }.to_depth(self.max_depth)
     }
 
@@ -113,7 +113,7 @@ fn punctual_emitters(prepared: &Prepared) -> Vec<Bounds> {
     let lights = prepared.emitters.lights.iter();
     let boxes: Vec<Bounds> = lights.map(|&(p, radius)| Bounds { lo: p - radius, hi: p + radius }).collect();
     match boxes.len() {
-        0..=MOST_EMITTERS => boxes,
+        0..=MAX_EMITTERS => boxes,
         _ => boxes.into_iter().reduce(Bounds::with).into_iter().collect(),
     }
 }

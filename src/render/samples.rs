@@ -5,26 +5,26 @@ use rayon::prelude::*;
 use super::emitters::luminance;
 
 /// Samples a pixel in one iteration at most, on average over the pixels.
-pub const MOST_SAMPLES: u32 = 16;
+pub const MAX_AVERAGE_SAMPLES: u32 = 16;
 /// No pixel has more than so many times the average.
-const MOST_SHARE: u32 = 4;
+const MAX_SHARE: u32 = 4;
 /// And none less than this part of it, nor than one, whatever was found: where no light was seen there may be some.
-const LEAST_SHARE: f64 = 0.25;
+const MIN_SHARE: f64 = 0.25;
 /// Samples in one pixel and iteration at most.
-pub const MOST_IN_PIXEL: u32 = MOST_SAMPLES * MOST_SHARE;
+pub const MAX_SAMPLES_PER_PIXEL: u32 = MAX_AVERAGE_SAMPLES * MAX_SHARE;
 /// Part of the image's mean below which an error counts as that part of it does: that of relMSE.
 const DARK: f64 = 0.01;
 /// Part of the greatest error that every pixel is taken to have at least.
-const LEAST_ERROR: f64 = 1e-6;
+const MIN_ERROR: f64 = 1e-6;
 /// Passes over all pixels that look for the factor of their shares; it is found when no more of them have their most.
-const MOST_PASSES: u32 = 64;
+const MAX_PASSES: u32 = 64;
 
 /// Samples of the pixels of the crop in one iteration.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SampleCounts {
     /// As many in every pixel.
     Even(u32),
-    /// Row-major, 1 to [`MOST_IN_PIXEL`] each.
+    /// Row-major, 1 to [`MAX_SAMPLES_PER_PIXEL`] each.
     Each(Vec<u8>),
 }
 
@@ -120,9 +120,9 @@ impl Allocation {
             return SampleCounts::Even(samples);
         }
         // Infinite errors count as the greatest finite one, and errors of 0 as a small part of it.
-        errors.iter_mut().for_each(|error| *error = error.clamp(LEAST_ERROR * greatest, greatest));
+        errors.iter_mut().for_each(|error| *error = error.clamp(MIN_ERROR * greatest, greatest));
         let wanted = f64::from(samples);
-        let (least, most) = ((LEAST_SHARE * wanted).max(1.0), f64::from(MOST_SHARE * samples));
+        let (least, most) = ((MIN_SHARE * wanted).max(1.0), f64::from(MAX_SHARE * samples));
         let factor = factor(&errors, wanted - least, most - least);
         self.whole(errors.iter().map(|&error| (least + factor * error).min(most)))
     }
@@ -169,7 +169,7 @@ impl Allocation {
 /// have their most goes to the others in the next pass, so f only grows.
 fn factor(errors: &[f64], wanted: f64, most: f64) -> f64 {
     let mut factor = 0.0;
-    for _ in 0..MOST_PASSES {
+    for _ in 0..MAX_PASSES {
         let (mut left, mut free) = (wanted * errors.len() as f64, 0.0);
         for &error in errors {
             if factor * error >= most {
@@ -232,7 +232,7 @@ mod tests {
             let found = counts(&after(|i| if i == 105 { 1e9 } else { 4.0 }), samples);
             let [least, most] = [found.iter().min().unwrap(), found.iter().max().unwrap()];
             assert!(*least >= (samples / 4).max(1) && *most == 4 * samples, "{samples}: {least} to {most}");
-            assert!(*most <= MOST_IN_PIXEL);
+            assert!(*most <= MAX_SAMPLES_PER_PIXEL);
             // Nine pixels have that much, all others share the rest alike.
             let rest = f64::from(200 * samples - 9 * most) / 191.0;
             assert!(found.iter().all(|&n| n == *most || (f64::from(n) - rest).abs() < 1.0));

@@ -8,7 +8,7 @@ use std::time::Duration;
 use crate::settings::Budget;
 
 /// A variance needs two iterations.
-const FEWEST_ITERATIONS: u32 = 2;
+const MIN_ITERATIONS: u32 = 2;
 
 /// Samples per pixel in iteration `iteration`, counted from 0.
 ///
@@ -33,7 +33,7 @@ pub fn next_samples(budget: &Budget, iterations: u32, done: u64, elapsed: Durati
         Budget::Seconds(seconds) => {
             let elapsed = elapsed.as_secs_f64();
             let half = 0.5 * elapsed / done as f64 * f64::from(samples);
-            let fits = iterations < FEWEST_ITERATIONS || elapsed + half <= seconds;
+            let fits = iterations < MIN_ITERATIONS || elapsed + half <= seconds;
             if elapsed < seconds && fits { samples } else { 0 }
         }
     }

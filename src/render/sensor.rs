@@ -12,7 +12,7 @@ use super::compaction::{COUNTERS, over};
 use super::device_scene::DeviceScene;
 use super::plan::Plan;
 use super::pool::DevicePool;
-use super::samples::{MOST_IN_PIXEL, MOST_SAMPLES, SampleCounts};
+use super::samples::{MAX_AVERAGE_SAMPLES, MAX_SAMPLES_PER_PIXEL, SampleCounts};
 use super::stats::{Stats, stage};
 use crate::error::Result;
 use crate::gpu::{Device, DeviceInfo, Need, Recorder};
@@ -30,10 +30,10 @@ const SHADE: u32 = 2;
 const CANDIDATES: u32 = 3;
 
 /// Workgroups a dispatch that every Vulkan device allows.
-const LEAST_GROUP_LIMIT: u32 = 65_535;
+const MIN_GROUP_LIMIT: u32 = 65_535;
 
 /// Shade points a submit that queries them at least, and in steps of which: whole workgroups.
-const LEAST_PART: usize = 256;
+const MIN_QUERY_BATCH: usize = 256;
 
 /// Kernels and buffers of the sensor subpaths.
 pub struct SensorTracer {
@@ -74,7 +74,7 @@ impl SensorTracer {
             slots,
             capacity,
             tile,
-            part: LEAST_PART,
+            part: MIN_QUERY_BATCH,
         })
     }
 
@@ -86,9 +86,9 @@ impl SensorTracer {
         let by_vertices = limit / size_of::<PathVertex>() as u64;
         let by_slots = limit / (16 * u64::from(slots));
         // Every slot may be a live candidate: the workgroups of one dispatch are limited too.
-        let by_groups = u64::from(LEAST_GROUP_LIMIT * plan.tuning.workgroup) / u64::from(slots);
-        let all = plan.crop_pixels * u64::from(MOST_SAMPLES);
-        wanted.min(by_vertices).min(by_slots).min(by_groups).min(all).max(u64::from(MOST_IN_PIXEL)) as usize
+        let by_groups = u64::from(MIN_GROUP_LIMIT * plan.tuning.workgroup) / u64::from(slots);
+        let all = plan.crop_pixels * u64::from(MAX_AVERAGE_SAMPLES);
+        wanted.min(by_vertices).min(by_slots).min(by_groups).min(all).max(u64::from(MAX_SAMPLES_PER_PIXEL)) as usize
     }
 
     /// What the buffers of [`SensorTracer::new`] will need.

@@ -23,7 +23,7 @@ impl RenderSpace {
 
     /// Around `origin`, in the greatest power of two that no coordinate of the scene stays below.
     pub fn new(scene: &Scene, origin: DVec3, selected: &Emitters) -> RenderSpace {
-        let size = greatest_coordinate(scene, origin, selected);
+        let size = max_coordinate(scene, origin, selected);
         // Beyond these no f32 could hold the squares of lengths in metres on their way in.
         let exponent = if size > 0.0 { size.log2().floor().clamp(-60.0, 60.0) } else { 0.0 };
         RenderSpace { origin, unit: exponent.exp2() }
@@ -57,7 +57,7 @@ impl RenderSpace {
 const FARTHEST_SENSOR: f32 = 0.25;
 
 /// Greatest distance along an axis from `origin` to the boxes around the meshes and to the lights.
-fn greatest_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
+fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
     let boxes: Vec<Option<[DVec3; 2]>> = scene
         .meshes
         .iter()

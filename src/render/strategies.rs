@@ -13,7 +13,7 @@ use crate::settings::{Sampling, Settings, Strategies};
 /// Host bytes per pixel and strategy: two films of 32 bytes per channel, two images of an iteration.
 const PIXEL_BYTES: u64 = 2 * (96 + 12);
 /// Host bytes for all of them at most.
-const MOST_BYTES: u64 = 2 << 30;
+const MAX_BYTES: u64 = 2 << 30;
 
 /// What strategy (s, t) makes of the image.
 pub struct StrategyImage {
@@ -66,14 +66,14 @@ impl StrategyImages {
         }
         let count = strategies(settings).len() as u64;
         let bytes = count * PIXEL_BYTES * u64::from(settings.crop().width()) * u64::from(settings.crop().height());
-        if bytes <= MOST_BYTES {
+        if bytes <= MAX_BYTES {
             return Ok(());
         }
         Err(Error::Settings(format!(
             "--strategy-images: images of {count} strategies take {} MiB, more than {} MiB; give a smaller --max-depth \
              (now {}), a smaller --resolution or a --crop",
             bytes >> 20,
-            MOST_BYTES >> 20,
+            MAX_BYTES >> 20,
             settings.max_depth()
         )))
     }

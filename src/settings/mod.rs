@@ -20,7 +20,7 @@ pub use self::responses::{Response, Responses};
 use crate::error::{Error, Result};
 pub use crate::estimators::Estimator;
 use crate::settings::table::RenderTable;
-use crate::wgsl::layout::constants::MOST_SUBTREES;
+use crate::wgsl::layout::constants::MAX_SUBTREES;
 
 /// Samples per pixel when neither `spp` nor `time` is given.
 pub const DEFAULT_SPP: u32 = 64;
@@ -28,7 +28,7 @@ pub const DEFAULT_SPP: u32 = 64;
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
 /// Light subpaths per iteration whose vertices are stored, M of the paper, when nothing says how many: one per pixel, at least this and at
 /// most as many as the estimator's record says.
-pub const LEAST_LIGHT_PATHS_BY_DEFAULT: u32 = 4096;
+pub const MIN_DEFAULT_LIGHT_PATHS: u32 = 4096;
 /// Power buckets per node, B of the paper.
 pub const DEFAULT_BUCKETS: u32 = 8;
 /// Seed when nothing says which.
@@ -55,7 +55,7 @@ pub const MAX_BUCKETS: u32 = 8;
 /// A reference to a leaf has four bits for its size.
 pub const MAX_LEAF_SIZE: u32 = 16;
 /// A frontier has room for so many subtrees.
-pub const MAX_FRONTIER: u32 = MOST_SUBTREES;
+pub const MAX_FRONTIER: u32 = MAX_SUBTREES;
 /// A year, in seconds.
 pub const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 

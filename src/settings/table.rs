@@ -15,7 +15,7 @@ const BARE_TRUE: Form = Form::Optional { bare: "true", equals: true };
 /// Enough that the trees know the light, and no more than sensor paths can pay for.
 fn default_light_paths(settings: &Settings) -> u32 {
     let [width, height] = settings.resolution();
-    (width * height).clamp(LEAST_LIGHT_PATHS_BY_DEFAULT, settings.estimator().record().most_light_paths)
+    (width * height).clamp(MIN_DEFAULT_LIGHT_PATHS, settings.estimator().record().max_default_light_paths)
 }
 
 fn traces_light(estimator: Estimator) -> bool {

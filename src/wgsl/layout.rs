@@ -30,15 +30,15 @@ twins! {
         right: [f32; 3], width: u32,
         up: [f32; 3], height: u32,
         forward: [f32; 3], seed: u32,
-        extent: [f32; 2], pixel_area: f32, light_count: f32,
-        gate_lo: f32, gate_hi: f32, cull_hi: f32, slack: f32,
+        extent: [f32; 2], pixel_area: f32, splat_sample_count: f32,
+        gate_lo: f32, gate_hi: f32, cull_hi: f32, rounding_allowance: f32,
         emitter_lo: [f32; 3], iteration: u32,
         emitter_hi: [f32; 3], light_paths: u32,
         max_depth: u32, queries: u32, deterministic_count: u32, emitter_count: u32,
         tree3_root: u32, tree4_root: u32, keep_s0: f32, keep_t1: f32,
         keep_s2: f32, crop_x: u32, crop_y: u32, crop_width: u32,
         crop_height: u32, first_sample: u32, emitter_points: u32, slots: u32,
-        sensor: [f32; 3], gain: f32,
+        sensor: [f32; 3], query_sample_count: f32,
         splat_share: f32, pad: [u32; 3],
     }
     /// `shared/frame.wgsl`
@@ -82,7 +82,7 @@ twins! {
         geometric: [f32; 3], d_vc: f32,
         to_previous: [f32; 3], flags: u32,
         base_color: [f32; 3], eta: f32,
-        offset: f32, select_pdf: f32, owner: u32, draws: u32,
+        offset: f32, select_pdf: f32, owner: u32, selection_cdf: u32,
     }
     /// `shared/tree.wgsl`
     TreeChild { lo: [f32; 3], tau_lo: f32, hi: [f32; 3], tau_hi: f32, buckets_low: u32, buckets_high: u32, power_unit: f32, child: u32 }
@@ -136,7 +136,7 @@ pub mod constants {
         ESTIMATOR_BDPT = 1,
         ESTIMATOR_LCS_PAPER = 2,
         DETERMINISTIC_SLOTS = 8,
-        MOST_SUBTREES = 32,
+        MAX_SUBTREES = 32,
         OBSERVE_TIMES = 1,
         OBSERVE_STRATEGIES = 2,
     }

@@ -117,7 +117,7 @@ fn sum_over_groups(lamps: usize, gate: Gate) -> Vec<(f64, f64)> {
 }
 
 /// Greatest |z| among the cells of a render with all lamps.
-fn greatest_z(lamps: usize, settings: &Settings, gate: Gate, truth: &[(f64, f64)]) -> f64 {
+fn max_z(lamps: usize, settings: &Settings, gate: Gate, truth: &[(f64, f64)]) -> f64 {
     let cells = Cells::measure(&mut renderer(&room(lamps), settings), gate, 8, 1, 8, 900);
     let z = |i: usize| (cells.mean(i) - truth[i].0) / (cells.variance(i) + truth[i].1).sqrt();
     let greatest = (0..truth.len()).map(|i| z(i).abs()).fold(0.0, f64::max);
@@ -142,7 +142,7 @@ fn the_image_by_many_lamps_is_the_sum_of_images_by_few() {
     for (lamps, gate) in [(9, Gate::OPEN), (27, Gate { lo: 5.0, hi: 5.6 })] {
         let truth = sum_over_groups(lamps, gate);
         for settings in ways() {
-            let z = greatest_z(lamps, &settings, gate, &truth);
+            let z = max_z(lamps, &settings, gate, &truth);
             assert!(z < threshold(8 * truth.len()), "{lamps} lamps, {}, {gate:?}: |z| = {z:.2}", settings.estimator());
         }
     }
@@ -154,7 +154,7 @@ fn one_lamp_more_is_noticed() {
     let gate = Gate { lo: 5.0, hi: 5.6 };
     let truth = sum_over_groups(26, gate);
     for settings in ways() {
-        let z = greatest_z(27, &settings, gate, &truth);
+        let z = max_z(27, &settings, gate, &truth);
         assert!(z > threshold(truth.len()), "{}: |z| = {z:.2} against a wrong truth", settings.estimator());
     }
 }

@@ -305,7 +305,7 @@ const REFILL: ShaderFunction = ShaderFunction {
     imports: &["frontier"],
     given: "u: f32, start: f32, part: f32, seed: u32",
     result: "rest: f32",
-    body: "var rng = given.seed; result.rest = refill(given.u, given.start, given.part, &rng);",
+    body: "var rng = given.seed; result.rest = remap_uniform(given.u, given.start, given.part, &rng);",
 };
 
 /// Of a u that has all digits of a float the stretched one is uniform down to 0; of one from which something was taken, in
@@ -346,7 +346,7 @@ const DESCEND: ShaderFunction = ShaderFunction {
         grow_frontier(&frontier, given.root, receiver);
         result.leaf = NONE;
         if (frontier.count > 0u) {
-            let found = descend_by_importance(enter_frontier(&frontier, given.u, &rng), receiver, &rng);
+            let found = descend_by_importance(sample_frontier(&frontier, given.u, &rng), receiver, &rng);
             result.leaf = found.vertex; result.weight = found.weight;
         }",
 };

@@ -239,7 +239,7 @@ fn frame() -> Frame {
         keep_s0: 1.0,
         keep_t1: 1.0,
         keep_s2: 1.0,
-        gain: 1.0,
+        query_sample_count: 1.0,
         slots: 1,
         width: 4000,
         crop_width: 4000,

@@ -158,7 +158,7 @@ const STEP: ShaderFunction = ShaderFunction {
         }
         var state: PathState; state.throughput = vec3<f32>(2.0); state.d_vcm = given.d_vcm; state.d_vc = given.d_vc;
         state.flags = PATH_ALIVE | PATH_DETERMINISTIC;
-        result.departed = u32(depart(&state, given.v, given.to_light == 1u, given.u, given.survival));
+        result.departed = u32(scatter(&state, given.v, given.to_light == 1u, given.u, given.survival));
         result.state = state; result.connectible = u32(is_connectible(given.v));",
 };
 

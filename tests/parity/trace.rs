@@ -27,7 +27,7 @@ const TRACE: ShaderFunction = ShaderFunction {
             let s = surface_at(hit.triangle, hit.u, hit.v);
             result.t = hit.t; result.offset = s.offset; result.position = s.position; result.geometric = s.geometric;
             result.normal = s.normal; result.uv = s.uv; result.material = s.material;
-            result.left = dot(leave(s.position, s.geometric, s.offset, -given.d) - s.position, -given.d);
+            result.left = dot(offset_origin(s.position, s.geometric, s.offset, -given.d) - s.position, -given.d);
         }",
 };
 
@@ -39,7 +39,7 @@ const AGAIN: ShaderFunction = ShaderFunction {
     body: "let hit = trace(given.o + given.aside, given.d, 3e38, false, NONE, vec4<u32>(id.x, 1u, 2u, 3u));
         result.hit = u32(hit.triangle != NONE);
         if (hit.triangle != NONE) {
-            let met = meet_again(hit, given.o, given.d);
+            let met = reintersect(hit, given.o, given.d);
             result.first = surface_at(hit.triangle, hit.u, hit.v).position;
             result.again = surface_at(met.triangle, met.u, met.v).position;
             result.t = met.t;

@@ -47,7 +47,7 @@ pub fn polar(cosine: f64, azimuth: f64) -> DVec3 {
 
 /// A frame with `change` made to an empty one.
 pub fn frame(change: impl FnOnce(&mut Frame)) -> Contents {
-    let mut frame = Frame { gain: 1.0, ..bytemuck::Zeroable::zeroed() };
+    let mut frame = Frame { query_sample_count: 1.0, ..bytemuck::Zeroable::zeroed() };
     change(&mut frame);
     contents("frame", &[frame])
 }
@@ -56,6 +56,6 @@ pub fn frame(change: impl FnOnce(&mut Frame)) -> Contents {
 pub fn frame_with_gate(gate: Gate) -> Contents {
     frame(|f| {
         (f.gate_lo, f.gate_hi) = (gate.lo as f32, (gate.hi as f32).min(3e38));
-        f.slack = rounding_allowance(gate, 0.0);
+        f.rounding_allowance = rounding_allowance(gate, 0.0);
     })
 }

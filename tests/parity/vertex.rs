@@ -17,7 +17,7 @@ const SIDES: ShaderFunction = ShaderFunction {
     given: "v: PathVertex, w: vec3<f32>, pad: f32",
     result: "step: vec3<f32>, cosine: f32, end: vec3<f32>, faces: u32, eta: vec2<f32>, pad: vec2<f32>",
     body: "result.cosine = vertex_cosine(given.v, given.w); result.faces = u32(faces(given.v, given.w));
-        result.eta = eta_range(given.v); result.step = step_off(given.v, given.w); result.end = ray_end(given.v, given.w);",
+        result.eta = eta_range(given.v); result.step = ray_offset(given.v, given.w); result.end = ray_end(given.v, given.w);",
 };
 
 #[repr(C)]

@@ -30,7 +30,7 @@ const BOUNCE: ShaderFunction = ShaderFunction {
                 let s = surface_at(hit.triangle, hit.u, hit.v);
                 result.first = hit.triangle; result.position = s.position; result.geometric = s.geometric;
                 result.normal = s.normal;
-                o = leave(s.position, s.geometric, s.offset, given.next);
+                o = offset_origin(s.position, s.geometric, s.offset, given.next);
                 d = given.next;
             }
         }",

@@ -49,7 +49,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
                 let c = evaluate_light_vertex(v, light.direction);
                 var s: Scatter; s.pdf = c.pdf / v.select_pdf; s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
                 s.delta = !is_connectible(v);
-                mis_scatter(&light, s, gain_after(v) * v.select_pdf);
+                mis_scatter(&light, s, sample_count_ratio(v) * v.select_pdf);
                 deterministic = deterministic && s.delta;
             }
         }
@@ -147,14 +147,14 @@ fn path(pcg: &mut Pcg, kind: u32, segments: usize) -> Path {
 /// Kept strategies: s = 0, t = 1, s >= 2.
 const KEPT: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]];
 
-/// `gain`: samples that a vertex of a light subpath stands for.
-fn weights(kept: [f32; 3], gain: f32, paths: &[Path]) -> Vec<[f32; 8]> {
+/// `sample_count`: samples that a vertex of a light subpath stands for.
+fn weights(kept: [f32; 3], sample_count: f32, paths: &[Path]) -> Vec<[f32; 8]> {
     // Before the frame of `buffers`, so that it counts.
     let mut all = vec![frame(|f| {
         f.forward = [0.0, 0.0, -1.0];
-        (f.pixel_area, f.light_count) = (0.05, 3.0);
-        f.gain = gain;
-        [f.keep_s0, f.keep_t1, f.keep_s2] = [kept[0] / gain.powi(2), kept[1] / gain.powi(2), kept[2]];
+        (f.pixel_area, f.splat_sample_count) = (0.05, 3.0);
+        f.query_sample_count = sample_count;
+        [f.keep_s0, f.keep_t1, f.keep_s2] = [kept[0] / sample_count.powi(2), kept[1] / sample_count.powi(2), kept[2]];
     })];
     all.extend(buffers());
     WEIGHTS.run(paths, &all)
@@ -190,11 +190,15 @@ fn weights_of_a_path_sum_to_one() {
     // Only surfaces are seen by a path of one segment; a beam's first vertex needs a second segment.
     let kinds: Vec<u32> = kinds.iter().zip(&segments).map(|(&kind, &k)| if k == 1 { kind % 2 } else { kind }).collect();
     let paths: Vec<Path> = kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k)).collect();
-    for (kept, gain) in KEPT.into_iter().flat_map(|kept| [1.0, 4.0].map(|gain| (kept, gain))) {
-        let results = weights(kept, gain, &paths);
+    for (kept, sample_count) in KEPT.into_iter().flat_map(|kept| [1.0, 4.0].map(|sample_count| (kept, sample_count))) {
+        let results = weights(kept, sample_count, &paths);
         let (offenders, formed) = wrong(&results, &segments, None, None);
         let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
-        assert!(offenders.is_empty(), "{kept:?}, gain {gain}: {} of {formed}: {shown:?}", offenders.len());
+        assert!(
+            offenders.is_empty(),
+            "{kept:?}, sample_count {sample_count}: {} of {formed}: {shown:?}",
+            offenders.len()
+        );
         assert!(formed > 1000, "{kept:?}: only {formed} paths");
         // The siblings that must fail: one strategy less.
         for k in 1..=LONGEST {

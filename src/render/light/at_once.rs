@@ -10,7 +10,7 @@ use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, VERTEX_DEPTH};
 
 /// Rounds of a submit at most: the start of the paths is one, each bounce another. 16 rounds of a full batch are vertices of 112 MiB,
 /// and beyond 16 bounces hardly a path lives.
-const MOST_ROUNDS: u32 = 16;
+const MAX_ROUNDS: u32 = 16;
 
 /// Counters of the lists: living paths (two, in turn), and paths whose new vertices are kept.
 const LIVING: [u32; 2] = [0, 1];
@@ -97,7 +97,7 @@ impl AtOnce {
     /// Rounds that there is room for: each may leave a vertex per path.
     fn capacity(info: &DeviceInfo, plan: &Plan) -> u32 {
         let round = (LightTracer::capacity(plan) * size_of::<PathVertex>()) as u64;
-        let most = if plan.traces_light { plan.max_depth.min(MOST_ROUNDS) } else { 1 };
+        let most = if plan.traces_light { plan.max_depth.min(MAX_ROUNDS) } else { 1 };
         (info.largest_buffer() / round).clamp(1, most.into()) as u32
     }
 

@@ -56,14 +56,15 @@ impl SensorTracer {
             let constants = Dispatch { counter: SHADE, rank: done as u32, ..*constants };
             let groups = self.kernels.query.groups(part.min(all - done));
             self.recorder.dispatch("shell_query", &self.kernels.query, &bound.query, &constants, groups)?;
-            if all <= LEAST_PART {
+            if all <= MIN_QUERY_BATCH {
                 return Ok(());
             }
             let factor = change(stats.submit(&mut self.recorder)?);
             done += part;
             if factor < 1.0 || done <= all {
-                let most = self.capacity.max(LEAST_PART);
-                self.part = ((self.part as f64 * factor) as usize).clamp(LEAST_PART, most) / LEAST_PART * LEAST_PART;
+                let most = self.capacity.max(MIN_QUERY_BATCH);
+                self.part = ((self.part as f64 * factor) as usize).clamp(MIN_QUERY_BATCH, most) / MIN_QUERY_BATCH
+                    * MIN_QUERY_BATCH;
             }
         }
         Ok(())

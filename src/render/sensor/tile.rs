@@ -4,7 +4,7 @@ use super::*;
 use crate::render::pace::next_tile;
 
 /// Bounces that one submit holds at most where the host does not look at each: beyond them hardly a path lives.
-const MOST_BOUNCES: u32 = 16;
+const MAX_BOUNCES_PER_SUBMIT: u32 = 16;
 
 impl SensorTracer {
     pub(super) fn run_tile(
@@ -67,7 +67,7 @@ impl SensorTracer {
     fn record_bounces(&mut self, plan: &Plan, bound: &Bound, constants: &Dispatch, stats: &mut Stats) -> Result<f64> {
         let mut longest = 0.0f64;
         for bounce in 0..plan.max_depth {
-            if bounce > 0 && bounce % MOST_BOUNCES == 0 {
+            if bounce > 0 && bounce % MAX_BOUNCES_PER_SUBMIT == 0 {
                 self.record_counters()?;
                 longest = longest.max(stats.submit(&mut self.recorder)?);
                 if self.read_counters(stats)?[LIVING[bounce as usize % 2] as usize] == 0 {

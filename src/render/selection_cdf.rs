@@ -4,18 +4,18 @@
 use crate::wgsl::layout::PathVertex;
 
 /// Fraction of the draws that ignores the power of the vertices: a weak lamp may be the only one that lights a shade point.
-const EVEN: f64 = 0.5;
+const UNIFORM_FRACTION: f64 = 0.5;
 
-/// Gives every vertex its part of the 2^32 draws that `slots.wgsl: draw_deterministic` chooses from, at least one.
-pub fn share_draws(vertices: &mut [PathVertex]) {
+/// Gives every vertex its interval of the cumulative distribution that `slots.wgsl: draw_deterministic` samples, at least 2^-32 long.
+pub fn set_selection_cdf(vertices: &mut [PathVertex]) {
     let shared = 2f64.powi(32) - vertices.len() as f64;
     let power = |v: &PathVertex| f64::from(v.throughput.iter().fold(0.0f32, |a, &x| a.max(x)));
     let total: f64 = vertices.iter().map(power).sum();
-    let even = EVEN / vertices.len() as f64;
+    let even = UNIFORM_FRACTION / vertices.len() as f64;
     let mut before = 0.0;
     for (i, v) in vertices.iter_mut().enumerate() {
-        v.draws = (shared * before) as u32 + i as u32;
-        before += even + (1.0 - EVEN) * power(v) / total;
+        v.selection_cdf = (shared * before) as u32 + i as u32;
+        before += even + (1.0 - UNIFORM_FRACTION) * power(v) / total;
     }
 }
 
@@ -28,11 +28,11 @@ mod tests {
         let powers = [1.0f32, 0.0, 3.0, 1e-9, 4.0];
         let vertex = |&p: &f32| PathVertex { throughput: [0.5 * p, p, 0.0], ..bytemuck::Zeroable::zeroed() };
         let mut vertices: Vec<PathVertex> = powers.iter().map(vertex).collect();
-        share_draws(&mut vertices);
-        assert_eq!(vertices[0].draws, 0);
-        let next = |i: usize| vertices.get(i + 1).map_or(2f64.powi(32), |v| f64::from(v.draws));
+        set_selection_cdf(&mut vertices);
+        assert_eq!(vertices[0].selection_cdf, 0);
+        let next = |i: usize| vertices.get(i + 1).map_or(2f64.powi(32), |v| f64::from(v.selection_cdf));
         for (i, power) in powers.iter().enumerate() {
-            let share = (next(i) - f64::from(vertices[i].draws)) / 2f64.powi(32);
+            let share = (next(i) - f64::from(vertices[i].selection_cdf)) / 2f64.powi(32);
             assert!((share - (0.1 + 0.5 * f64::from(*power) / 8.0)).abs() < 1e-8, "vertex {i}: {share}");
         }
     }
@@ -41,7 +41,7 @@ mod tests {
     fn the_weakest_of_a_million_is_drawn() {
         let mut vertices = vec![PathVertex { throughput: [1e-30; 3], ..bytemuck::Zeroable::zeroed() }; 1 << 20];
         vertices[0].throughput = [1e30; 3];
-        share_draws(&mut vertices);
-        assert!(vertices.windows(2).all(|pair| pair[0].draws < pair[1].draws));
+        set_selection_cdf(&mut vertices);
+        assert!(vertices.windows(2).all(|pair| pair[0].selection_cdf < pair[1].selection_cdf));
     }
 }
