@@ -9,7 +9,7 @@ use taugate::internals::generate::{Kind, build};
 use taugate::internals::gpu::DeviceInfo;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::resolve;
-use taugate::internals::render::{MemoryPlan, Prepared};
+use taugate::internals::render::{MemoryPlan, PreparedScene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::values::Resolution;
 
@@ -186,7 +186,7 @@ fn default_light_paths_fit_the_least_device() {
         experiment.render.estimator = Some(estimator);
         experiment.camera.resolution = Some(Resolution([1920, 1080]));
         let settings = resolve(&experiment, &scene).unwrap().settings;
-        let prepared = Prepared::new(&scene, &settings).unwrap();
+        let prepared = PreparedScene::new(&scene, &settings).unwrap();
         let plan = MemoryPlan::new(&scene, &settings, &prepared, Some(&device)).unwrap();
         plan.check(&device).unwrap_or_else(|e| panic!("{estimator:?}: {e}"));
         assert_eq!(plan.warning(&device), None, "{estimator:?}");
@@ -200,7 +200,7 @@ fn a_pool_that_is_likely_too_large_is_warned_about() {
     let mut experiment = Experiment::default();
     experiment.render.light_paths = Some(1 << 20);
     let settings = resolve(&experiment, &scene).unwrap().settings;
-    let prepared = Prepared::new(&scene, &settings).unwrap();
+    let prepared = PreparedScene::new(&scene, &settings).unwrap();
     let warning = |max_texels: u64| {
         // Kernels see as much as texels as in a storage buffer.
         let device = DeviceInfo { max_texels, max_storage_buffer_range: max_texels * 16, ..DeviceInfo::unlimited() };

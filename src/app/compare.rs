@@ -14,10 +14,10 @@ use taugate::internals::image::png_file;
 use crate::app::cli::CompareArgs;
 
 pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
-    if let Some(most) = args.max_relmse
-        && (most.is_nan() || most < 0.0)
+    if let Some(max) = args.max_relmse
+        && (max.is_nan() || max < 0.0)
     {
-        return Err(Error::Settings(format!("--max-relmse is {most}; it must be a number from 0 up, like 0.05")).into());
+        return Err(Error::Settings(format!("--max-relmse is {max}; it must be a number from 0 up, like 0.05")).into());
     }
     let image = read_finite(&args.image)?;
     let reference = read_finite(&args.reference)?;
@@ -37,7 +37,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
 
     let result = metrics::compare(&image.rgb, &reference.rgb)?;
     let flip = flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();
-    let within = args.max_relmse.is_none_or(|most| result.relmse <= most);
+    let within = args.max_relmse.is_none_or(|max| result.relmse <= max);
     let verdict = args.z.as_ref().map(|out| z_map(args, out, &image, &reference)).transpose()?;
     if let Some(note) = what_differs(&image, &reference) {
         super::say(&format!("note: {note}"));
@@ -64,8 +64,8 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
             result.mean,
             result.reference_mean
         );
-        if let Some(most) = args.max_relmse {
-            text += &format!("threshold       {} {most:e}\n", if within { "met:" } else { "exceeded:" });
+        if let Some(max) = args.max_relmse {
+            text += &format!("threshold       {} {max:e}\n", if within { "met:" } else { "exceeded:" });
         }
         super::print(&(text + &verdict.as_ref().map(describe).unwrap_or_default()))?;
     }

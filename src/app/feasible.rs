@@ -3,7 +3,7 @@
 use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
-use taugate::internals::render::{Prepared, Reach, TravelTimes, probe};
+use taugate::internals::render::{PreparedScene, TravelTimeBounds, TravelTimes, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::units::{Gate, METRES_PER_NS};
@@ -12,12 +12,12 @@ use taugate::internals::settings::units::{Gate, METRES_PER_NS};
 pub const SUGGESTED_PART: f64 = 0.02;
 
 /// Fails if bounds alone show that no path meets the gate.
-pub fn check_gate(scene: &Scene, settings: &Settings, prepared: &Prepared, device: Option<&str>) -> Result<()> {
-    let reach = Reach::new(prepared, settings);
-    if reach.meets(&settings.responses().support()) {
+pub fn check_gate(scene: &Scene, settings: &Settings, prepared: &PreparedScene, device: Option<&str>) -> Result<()> {
+    let bounds = TravelTimeBounds::new(prepared, settings);
+    if bounds.overlaps(&settings.responses().support()) {
         return Ok(());
     }
-    let bound = reach.why_not(&settings.responses().support(), travel);
+    let bound = bounds.explain_miss(&settings.responses().support(), travel);
     // What the probe finds is help; that there is none must not hide the mistake.
     let times = Device::open(device).and_then(|device| probe(&device, scene, settings, prepared));
     Err(refuse(settings, scene, &bound, times.ok().as_ref()))
@@ -25,7 +25,7 @@ pub fn check_gate(scene: &Scene, settings: &Settings, prepared: &Prepared, devic
 
 /// The error for a render in which nothing fell inside the gate.
 pub fn nothing_inside(device: &Device, scene: &Scene, settings: &Settings) -> Error {
-    let times = Prepared::new(scene, settings).and_then(|prepared| probe(device, scene, settings, &prepared));
+    let times = PreparedScene::new(scene, settings).and_then(|prepared| probe(device, scene, settings, &prepared));
     let found = "no sample fell inside, so the image would be black";
     refuse(settings, scene, found, times.ok().as_ref())
 }

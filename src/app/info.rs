@@ -6,9 +6,9 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 use taugate::Error;
-use taugate::internals::gpu::{Device, DeviceInfo, Need};
+use taugate::internals::gpu::{BufferDesc, Device, DeviceInfo};
 use taugate::internals::input::resolve::{emitting_nodes, resolve};
-use taugate::internals::render::{MemoryPlan, Prepared, Reach, TravelTimes, probe};
+use taugate::internals::render::{MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::units::METRES_PER_NS;
@@ -67,7 +67,7 @@ struct Render {
     max_depth: u32,
     light_paths: u32,
     memory: Memory,
-    possible: Reach,
+    possible: TravelTimeBounds,
     light: Option<Light>,
 }
 
@@ -175,7 +175,7 @@ fn contents(scene: &Scene) -> Report {
 
 /// What a render with these settings takes and sees. Fails on a wrong flag. Without any device a note says what is missing.
 fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: Option<&str>) -> anyhow::Result<()> {
-    let prepared = match Prepared::new(scene, settings) {
+    let prepared = match PreparedScene::new(scene, settings) {
         Ok(prepared) => prepared,
         Err(error) => {
             report.notes.push(format!("cannot be rendered: {error}"));
@@ -211,19 +211,19 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: O
         max_depth: settings.max_depth(),
         light_paths: settings.light_paths(),
         memory: memory(&plan, info),
-        possible: Reach::new(&prepared, settings),
+        possible: TravelTimeBounds::new(&prepared, settings),
         light,
     });
     Ok(())
 }
 
 fn memory(plan: &MemoryPlan, device: Option<&DeviceInfo>) -> Memory {
-    let sum = |needs: &[Need]| needs.iter().map(|need| need.bytes).sum();
-    let part = |need: &Need| Part {
-        name: need.name,
-        bytes: need.bytes,
-        allowed: device.map(|device| need.limit(device)),
-        fits: device.map(|device| need.check(device).is_ok()),
+    let sum = |buffer_descs: &[BufferDesc]| buffer_descs.iter().map(|desc| desc.bytes).sum();
+    let part = |desc: &BufferDesc| Part {
+        name: desc.name,
+        bytes: desc.bytes,
+        allowed: device.map(|device| desc.limit(device)),
+        fits: device.map(|device| desc.check(device).is_ok()),
     };
     Memory {
         device: device.map(|device| device.name.clone()),

@@ -13,7 +13,7 @@ use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::render::schedule::next_samples;
-use taugate::internals::render::{MemoryPlan, Prepared, Renderer, StrategyImages};
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages};
 use taugate::internals::scene::gltf;
 use taugate::internals::settings::{Budget, Settings};
 
@@ -67,7 +67,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     for warning in scene.warnings.iter().chain(&resolved.warnings) {
         progress.line(&format!("warning: {warning}"));
     }
-    let prepared = preparation.timed("build BVH and tables", || Prepared::new(&scene, settings));
+    let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
     let prepared = prepared.map_err(|error| of_file(error, &scene_path))?;
     let of_surfaces = preparation.timed("check lamps", || prepared.warnings(&scene));
     for warning in &of_surfaces {

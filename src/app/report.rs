@@ -131,7 +131,7 @@ impl Report<'_> {
             );
         }
         let spread = match self.renderer.samples_in_pixels() {
-            [least, most] if least < most => format!(" ({least} to {most})"),
+            [min, max] if min < max => format!(" ({min} to {max})"),
             _ => String::new(),
         };
         let names: Vec<String> = files(outputs).map(|path| path.display().to_string()).collect();

@@ -9,7 +9,7 @@ use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::{self, Provenance};
-use taugate::internals::render::{Prepared, StrategyImages};
+use taugate::internals::render::{PreparedScene, StrategyImages};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 
@@ -100,7 +100,7 @@ fn temporary_beside(folder: &Path) -> Result<tempfile::TempDir> {
 impl Job<'_> {
     /// Renders all strategies and writes them into `folder`; an interrupt leaves the folder as it was.
     pub fn write(&self, folder: &Path, provenance: &Provenance, progress: &Progress) -> Result<()> {
-        let prepared = Prepared::new(self.scene, self.settings)?;
+        let prepared = PreparedScene::new(self.scene, self.settings)?;
         let mut images = StrategyImages::new(self.device, self.scene, self.settings, &prepared)?;
         self.interrupts.end_the_process_at(Interrupt::Second);
         for &samples in self.schedule {

@@ -98,7 +98,7 @@ pub fn section(growths: &[Growth]) -> String {
     }
     let mut text = String::from(
         "\n## Growth\n\nMicroseconds a sample of a pixel (everything counted: light paths, trees, sensor paths) as a power of what a \
-         sweep varies, by least squares through the logarithms; the exponent with its standard error. 0: the cost does not \
+         sweep varies, by min squares through the logarithms; the exponent with its standard error. 0: the cost does not \
          depend on it; 1: in proportion.\n\n\
          | sweep | variant | steps | from | to | us a sample, from | to | exponent |\n|---|---|---|---|---|---|---|---|\n",
     );

@@ -7,7 +7,7 @@ use crate::gpu::Device;
 use crate::image::fingerprint::{self, Hash};
 use crate::input::experiment::Experiment;
 use crate::input::resolve;
-use crate::render::{Prepared, Reach};
+use crate::render::{PreparedScene, TravelTimeBounds};
 use crate::scene::{Scene, gltf};
 use crate::settings::Settings;
 
@@ -101,17 +101,17 @@ impl Job {
     }
 
     /// The scene's hierarchy, which all entries share. Fails with the gate's place in the suite if no path can meet it.
-    pub fn prepare(&self, suite: &Suite, scene: &SceneEntry) -> Result<Prepared> {
+    pub fn prepare(&self, suite: &Suite, scene: &SceneEntry) -> Result<PreparedScene> {
         let settings = &self.entries[0].settings;
         let prepared =
-            Prepared::new(&self.scene, settings).map_err(|e| suite.error_at(scene, Part::Name, &e.to_string()))?;
-        let reach = Reach::new(&prepared, settings);
+            PreparedScene::new(&self.scene, settings).map_err(|e| suite.error_at(scene, Part::Name, &e.to_string()))?;
+        let bounds = TravelTimeBounds::new(&prepared, settings);
         let responses = settings.responses();
-        if !responses.are_steady() && !reach.meets(&responses.support()) {
+        if !responses.are_steady() && !bounds.overlaps(&responses.support()) {
             let message = format!(
                 "the {} meets no light: {}; see taugate info {}",
                 responses.describe(),
-                reach.why_not(&responses.support(), |length| format!("{length:.4} m")),
+                bounds.explain_miss(&responses.support(), |length| format!("{length:.4} m")),
                 scene.path().display()
             );
             return Err(suite.error_at(scene, Part::Gate, &message));
@@ -119,7 +119,7 @@ impl Job {
         Ok(prepared)
     }
 
-    pub(super) fn lane(&self, device: &Device, settings: &Settings, prepared: &Prepared) -> Result<Lane> {
+    pub(super) fn lane(&self, device: &Device, settings: &Settings, prepared: &PreparedScene) -> Result<Lane> {
         Lane::new(device, &self.scene, settings, prepared)
     }
 }

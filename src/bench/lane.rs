@@ -5,7 +5,7 @@ use std::time::Instant;
 use crate::error::Result;
 use crate::gpu::Device;
 use crate::render::schedule::samples_in;
-use crate::render::{Prepared, Renderer, Stats};
+use crate::render::{PreparedScene, Renderer, Stats};
 use crate::scene::Scene;
 use crate::settings::Settings;
 
@@ -21,7 +21,7 @@ pub struct Lane {
 
 impl Lane {
     /// Compiles everything, by rendering an iteration that is forgotten.
-    pub fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Lane> {
+    pub fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Lane> {
         let mut renderer = Renderer::from_prepared(device, scene, settings, prepared)?;
         renderer.iterate(1)?;
         let before = renderer.stats().clone();

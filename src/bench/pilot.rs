@@ -5,7 +5,7 @@ use super::quality::{Goal, relative};
 use crate::compare::metrics::Means;
 use crate::error::Result;
 use crate::gpu::Device;
-use crate::render::Prepared;
+use crate::render::PreparedScene;
 use crate::settings::{Estimator, Settings};
 
 /// Seeds, far from those of races and references.
@@ -70,13 +70,13 @@ fn over_blocks(image: &[f32], width: usize) -> Vec<f32> {
 pub fn pilots(
     device: &Device,
     job: &Job,
-    prepared: &Prepared,
+    prepared: &PreparedScene,
     entries: &[&Entry],
     goal: Goal,
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<Vec<Pilot>>> {
-    let (part, least, most) = PILOT;
-    let seconds = (part * goal.seconds).clamp(least, most);
+    let (part, min, max) = PILOT;
+    let seconds = (part * goal.seconds).clamp(min, max);
     let mut candidates: Vec<(String, Settings)> =
         entries.iter().map(|e| (e.variant.clone(), e.settings.clone())).collect();
     for estimator in Estimator::ALL.into_iter().filter(|e| e.record().renders_references) {

@@ -22,7 +22,7 @@ pub const COLOURS: [RGBColor; 8] = [
 
 /// relMSE (or what `figure` calls it) against seconds, both logarithmic, with bars from least to most; `None` if there is nothing to draw.
 pub fn convergence(title: &str, figure: &str, curves: &[(String, Vec<Point>)]) -> Result<Option<String>> {
-    let points = || curves.iter().flat_map(|(_, points)| points).filter(|p| p.relmse.least > 0.0);
+    let points = || curves.iter().flat_map(|(_, points)| points).filter(|p| p.relmse.min > 0.0);
     let span = |of: &dyn Fn(&Point) -> [f64; 2]| {
         let all: Vec<f64> = points().flat_map(of).collect();
         let (low, high) = all.iter().fold((f64::INFINITY, 0.0f64), |(low, high), &x| (low.min(x), high.max(x)));
@@ -31,7 +31,7 @@ pub fn convergence(title: &str, figure: &str, curves: &[(String, Vec<Point>)]) -
     if points().next().is_none() {
         return Ok(None);
     }
-    let (times, errors) = (span(&|p| [p.seconds; 2]), span(&|p| [p.relmse.least, p.relmse.most]));
+    let (times, errors) = (span(&|p| [p.seconds; 2]), span(&|p| [p.relmse.min, p.relmse.max]));
     let mut svg = String::new();
     draw(&mut svg, [title, figure], curves, times, errors)
         .map_err(|e| Error::Settings(format!("the plot of {title}: {e}")))?;
@@ -63,14 +63,14 @@ fn draw(
         .draw()?;
     for (i, (name, points)) in curves.iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
-        let drawn: Vec<&Point> = points.iter().filter(|p| p.relmse.least > 0.0).collect();
+        let drawn: Vec<&Point> = points.iter().filter(|p| p.relmse.min > 0.0).collect();
         let line = drawn.iter().map(|p| (p.seconds, p.relmse.median));
         chart
             .draw_series(LineSeries::new(line.clone(), colour.stroke_width(2)))?
             .label(name)
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
         chart.draw_series(line.map(|at| Circle::new(at, 3, colour.filled())))?;
-        let bar = |p: &&Point| PathElement::new([(p.seconds, p.relmse.least), (p.seconds, p.relmse.most)], colour);
+        let bar = |p: &&Point| PathElement::new([(p.seconds, p.relmse.min), (p.seconds, p.relmse.max)], colour);
         chart.draw_series(drawn.iter().map(bar))?;
     }
     chart

@@ -9,7 +9,7 @@ use crate::compare::metrics::{self, Means};
 use crate::error::Result;
 use crate::gpu::Device;
 use crate::image::film::Film;
-use crate::render::Prepared;
+use crate::render::PreparedScene;
 
 /// Time points of a race: each is twice the one before, the last is the whole time.
 pub const POINTS: u32 = 7;
@@ -33,7 +33,7 @@ impl<'a> Race<'a> {
     pub fn new(
         device: &Device,
         job: &'a Job,
-        prepared: &Prepared,
+        prepared: &PreparedScene,
         references: Vec<Option<Reference>>,
     ) -> Result<Race<'a>> {
         let lane = |entry: &Entry| Lane::new(device, &job.scene, &entry.settings, prepared);

@@ -22,7 +22,7 @@ use crate::image::batches::{CellBatches, MAX_BATCHES};
 use crate::image::exr_file::{self, Picture, Provenance, read_picture};
 use crate::image::film::Film;
 use crate::image::fingerprint;
-use crate::render::Prepared;
+use crate::render::PreparedScene;
 use crate::settings::Estimator;
 
 /// Rendering goes on to this part of what is needed: the next race may be lucky, or the machine less busy. More would be dear, and
@@ -101,7 +101,7 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
 pub fn make(
     device: &Device,
     job: &Job,
-    prepared: &Prepared,
+    prepared: &PreparedScene,
     entries: &[&Entry],
     goal: Goal,
     path: &Path,
@@ -109,7 +109,7 @@ pub fn make(
 ) -> Result<Option<Made>> {
     let Some(pilots) = pilots(device, job, prepared, entries, goal, watch)? else { return Ok(None) };
     let measured = || pilots.iter().filter(|pilot| pilot.measured);
-    let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(Means::INFINITE, Means::least);
+    let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(Means::INFINITE, Means::min);
     let chosen = fastest(&pilots);
     // Short renders are slower, with few samples an iteration: what the long one gained the others may gain too.
     let wanted = |truth: &[f32], own: Means, seconds: f64| {
@@ -286,7 +286,7 @@ fn join(halves: &[Lane], earlier: Option<&Earlier>) -> Film {
 fn judged(
     device: &Device,
     job: &Job,
-    prepared: &Prepared,
+    prepared: &PreparedScene,
     entry: &Entry,
     (estimator, seed): (Estimator, u32),
     seconds: f64,

@@ -199,12 +199,12 @@ fn truth(page: &Page, entries: &[Entry], lines: &[Line]) -> Result<String> {
         }
         let Some(Reference { own, picture, .. }) = reference::read(page.references, entry)? else { continue };
         let shares = |line: &&Line| entries.iter().any(|e| e.variant == line.variant && e.reference == entry.reference);
-        let least = |line: &Line| Means { all: line.all.relmse.least, trimmed: line.trimmed.relmse.least };
+        let min = |line: &Line| Means { all: line.all.relmse.min, trimmed: line.trimmed.relmse.min };
         let (names, errors): (Vec<&str>, Vec<Means>) =
-            lines.iter().filter(shares).map(|line| (line.variant.as_str(), least(line))).unzip();
+            lines.iter().filter(shares).map(|line| (line.variant.as_str(), min(line))).unzip();
         let whose = if names.len() == lines.len() { String::new() } else { format!(" of {}", names.join(", ")) };
         let taken = picture.seconds.map_or(String::new(), |seconds| format!(" after {seconds:.0} s of rendering"));
-        let best = errors.into_iter().fold(Means::INFINITE, Means::least);
+        let best = errors.into_iter().fold(Means::INFINITE, Means::min);
         let _ = writeln!(
             text,
             "\nThe reference{whose} has a relMSE of its own of {:.2e}{taken}, estimated from independent halves: {:.0} times below the \
@@ -279,7 +279,7 @@ fn costs(lines: &[Line]) -> String {
     text
 }
 
-/// `median (least to most)`
+/// `median (min to max)`
 pub fn spread(spread: &Spread, show: &dyn Fn(f64) -> String) -> String {
-    format!("{} ({} to {})", show(spread.median), show(spread.least), show(spread.most))
+    format!("{} ({} to {})", show(spread.median), show(spread.min), show(spread.max))
 }

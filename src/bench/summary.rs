@@ -10,8 +10,8 @@ use crate::settings::Estimator;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     pub median: f64,
-    pub least: f64,
-    pub most: f64,
+    pub min: f64,
+    pub max: f64,
 }
 
 impl Spread {
@@ -23,7 +23,7 @@ impl Spread {
         let n = all.len();
         let (low, high) = (*all.get(n.checked_sub(1)? / 2)?, all[n / 2]);
         let median = if low == high { low } else { (low * high).sqrt() };
-        Some(Spread { median, least: all[0], most: all[n - 1] })
+        Some(Spread { median, min: all[0], max: all[n - 1] })
     }
 }
 
@@ -199,7 +199,7 @@ pub(super) mod tests {
     #[test]
     fn spreads() {
         assert_eq!(Spread::of([]), None);
-        assert_eq!(Spread::of([3.0, 1.0, 2.0]), Some(Spread { median: 2.0, least: 1.0, most: 3.0 }));
+        assert_eq!(Spread::of([3.0, 1.0, 2.0]), Some(Spread { median: 2.0, min: 1.0, max: 3.0 }));
         assert_eq!(Spread::of([4.0, 1.0]).unwrap().median, 2.0);
         assert_eq!(Spread::of([0.0]).unwrap().median, 0.0);
     }
@@ -218,10 +218,10 @@ pub(super) mod tests {
         let lines = lines(&rows, "s");
         assert_eq!(lines.iter().map(|l| l.variant.as_str()).collect::<Vec<_>>(), ["plain", "path", "ours"]);
         let ratio = lines[2].trimmed.ratio.unwrap();
-        assert!((ratio.median - 10.0).abs() < 1e-12 && (ratio.most - ratio.least).abs() < 1e-12, "{ratio:?}");
+        assert!((ratio.median - 10.0).abs() < 1e-12 && (ratio.max - ratio.min).abs() < 1e-12, "{ratio:?}");
         assert_eq!(lines[0].all.ratio.unwrap().median, 1.0);
         assert!((lines[2].slope.unwrap() + 1.0).abs() < 1e-12);
-        assert_eq!((lines[0].all.relmse.median, lines[0].all.relmse.most, lines[0].dropped), (0.25, 0.5, 3));
+        assert_eq!((lines[0].all.relmse.median, lines[0].all.relmse.max, lines[0].dropped), (0.25, 0.5, 3));
         assert_eq!(lines[0].trimmed.relmse.median, 0.125);
         // The best errors, 0.0125 of all pixels, are less than 20 times that of the reference, 0.001.
         let honest: Vec<_> = lines.iter().map(|l| (l.all.honest, l.all.ratio.is_some(), l.trimmed.honest)).collect();

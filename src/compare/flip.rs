@@ -55,8 +55,8 @@ pub fn hdr(image: &[f32], reference: &[f32], width: usize) -> Flip {
         };
         ldr(&exposed(image), &exposed(reference), width, &filters)
     });
-    let most = |a: Vec<f32>, b: Vec<f32>| a.iter().zip(&b).map(|(x, y)| x.max(*y)).collect();
-    let map = maps.reduce(|| vec![0.0; image.len() / 3], most);
+    let max = |a: Vec<f32>, b: Vec<f32>| a.iter().zip(&b).map(|(x, y)| x.max(*y)).collect();
+    let map = maps.reduce(|| vec![0.0; image.len() / 3], max);
     Flip { map, exposures }
 }
 

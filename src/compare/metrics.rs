@@ -49,7 +49,7 @@ impl Means {
     }
 
     /// The lesser of either.
-    pub fn least(self, other: Means) -> Means {
+    pub fn min(self, other: Means) -> Means {
         Means { all: self.all.min(other.all), trimmed: self.trimmed.min(other.trimmed) }
     }
 }

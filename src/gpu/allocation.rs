@@ -56,15 +56,15 @@ impl Allocation {
         // SAFETY: handles belong to this device; memory is bound once, before any use.
         unsafe {
             new.handle = shared.device.create_buffer(&info, None).map_err(|e| shared.error("creating a buffer", e))?;
-            let needs = shared.device.get_buffer_memory_requirements(new.handle);
+            let requirements = shared.device.get_buffer_memory_requirements(new.handle);
             let for_host = wanted.contains(vk::MemoryPropertyFlags::HOST_VISIBLE);
-            let find = |flags| find_memory(&shared.memory, needs.memory_type_bits, flags);
+            let find = |flags| find_memory(&shared.memory, requirements.memory_type_bits, flags);
             let kind = (for_host || shared.info.drive.maps_memory)
                 .then(|| find(wanted | CACHED))
                 .flatten()
                 .or_else(|| find(wanted))
                 .ok_or_else(|| Error::Device(format!("{} has no memory for {name}", shared.info.name)))?;
-            let allocate = vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(kind);
+            let allocate = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(kind);
             new.memory = shared
                 .device
                 .allocate_memory(&allocate, None)

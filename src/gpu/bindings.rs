@@ -7,7 +7,7 @@ use ash::vk;
 use super::allocation::Allocation;
 use super::bounds;
 use super::buffer::Buffer;
-use super::need::mebibytes;
+use super::buffer_desc::mebibytes;
 use super::pipeline::Pipeline;
 use super::shader::Binding;
 use crate::error::{Error, Result};

@@ -6,9 +6,9 @@ use ash::vk;
 use bytemuck::{AnyBitPattern, NoUninit};
 
 use super::allocation::Allocation;
+use super::buffer_desc::BufferDesc;
 use super::device::Device;
 use super::drive::FOR_HOST;
-use super::need::Need;
 use crate::error::Result;
 
 /// A storage buffer. Its contents are undefined until written. What it is bound to keeps its memory alive, but the host reads
@@ -19,15 +19,15 @@ pub struct Buffer {
 }
 
 impl Buffer {
-    /// `count` elements of `T`, or room for them; see [`Need::of`].
+    /// `count` elements of `T`, or room for them; see [`BufferDesc::of`].
     pub fn new<T>(device: &Device, name: &'static str, count: usize, remedy: &'static str) -> Result<Buffer> {
-        Buffer::for_need(device, &Need::of::<T>(name, count, remedy))
+        Buffer::from_desc(device, &BufferDesc::of::<T>(name, count, remedy))
     }
 
-    /// The buffer that was planned as `need`.
-    pub fn for_need(device: &Device, need: &Need) -> Result<Buffer> {
-        need.check(device.info())?;
-        Buffer::allocate(device, need.name, need.bytes, vk::MemoryPropertyFlags::DEVICE_LOCAL)
+    /// The buffer that was planned as `desc`.
+    pub fn from_desc(device: &Device, desc: &BufferDesc) -> Result<Buffer> {
+        desc.check(device.info())?;
+        Buffer::allocate(device, desc.name, desc.bytes, vk::MemoryPropertyFlags::DEVICE_LOCAL)
     }
 
     /// A buffer that holds a copy of `data`.

@@ -3,8 +3,8 @@
 use bytemuck::{AnyBitPattern, NoUninit};
 
 use super::buffer::Buffer;
+use super::buffer_desc::BufferDesc;
 use super::device::Device;
-use super::need::Need;
 use crate::error::Result;
 
 /// A buffer that submits end with making readable ([`Recorder::read_back`](super::Recorder::read_back)). Where the device's memory
@@ -16,13 +16,13 @@ pub struct ReadBack {
 }
 
 impl ReadBack {
-    /// The buffer that was planned as `need`.
-    pub fn for_need(device: &Device, need: &Need) -> Result<ReadBack> {
-        assert!(need.read_back, "{} is not planned to be read back", need.name);
-        let buffer = Buffer::for_need(device, need)?;
+    /// The buffer that was planned as `desc`.
+    pub fn from_desc(device: &Device, desc: &BufferDesc) -> Result<ReadBack> {
+        assert!(desc.read_back, "{} is not planned to be read back", desc.name);
+        let buffer = Buffer::from_desc(device, desc)?;
         let copy = match buffer.is_mapped() {
             true => None,
-            false => Some(Buffer::on_host(device, need.name, buffer.size())?),
+            false => Some(Buffer::on_host(device, desc.name, buffer.size())?),
         };
         Ok(ReadBack { buffer, copy })
     }

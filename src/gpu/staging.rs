@@ -159,7 +159,7 @@ impl Area {
 mod tests {
     use super::*;
     use crate::gpu::Device;
-    use crate::gpu::{Buffer, Drive, Kernel, Need, ReadBack, Recorder};
+    use crate::gpu::{Buffer, BufferDesc, Drive, Kernel, ReadBack, Recorder};
 
     const TRIPLE: &str = "
 @group(0) @binding(0) var<storage, read> numbers: array<u32>;
@@ -195,9 +195,9 @@ fn triple(@builtin(global_invocation_id) id: vec3<u32>) {
     fn a_submit_brings_what_was_written_and_takes_what_is_read() {
         for drive in [Drive::CPU, Drive::CARD] {
             let device = open(drive);
-            let need = Need::of::<u32>("triples", 64, "").read_back();
+            let desc = BufferDesc::of::<u32>("triples", 64, "").read_back();
             let mut numbers = Buffer::new::<u32>(&device, "numbers", 64, "").unwrap();
-            let triples = ReadBack::for_need(&device, &need).unwrap();
+            let triples = ReadBack::from_desc(&device, &desc).unwrap();
             let kernel = Kernel::from_source(&device, "test", TRIPLE, "triple", &[]).unwrap();
             let bound = kernel.bind(&[("numbers", &numbers), ("triples", triples.buffer())]).unwrap();
             let mut recorder = Recorder::new(&device).unwrap();
@@ -206,7 +206,7 @@ fn triple(@builtin(global_invocation_id) id: vec3<u32>) {
             for round in 1..=10u32 {
                 numbers.write(0, &[0u32; 64]).unwrap();
                 recorder.dispatch("triple", &kernel, &bound, &[0u32; 0], 1).unwrap();
-                recorder.read_back(&triples, need.bytes).unwrap();
+                recorder.read_back(&triples, desc.bytes).unwrap();
                 numbers.write(3, &[round; 2]).unwrap();
                 recorder.submit().unwrap();
                 triples.with::<u32, _>(6, |seen| assert_eq!(seen, [0, 0, 0, 3 * round, 3 * round, 0])).unwrap();

@@ -24,7 +24,7 @@ const ENTRIES: usize = 64;
 
 /// A material with what is computed once: the directional albedo of its plastic lobe.
 #[derive(Debug, Clone)]
-pub struct Prepared {
+pub struct PreparedMaterial {
     alpha: f64,
     f0: f64,
     specular: f64,
@@ -36,10 +36,10 @@ pub struct Prepared {
     mean_albedo: f64,
 }
 
-/// A material at a point: [`Prepared`] with the base colour there.
+/// A material at a point: [`PreparedMaterial`] with the base colour there.
 #[derive(Debug, Clone, Copy)]
 pub struct Bsdf<'a> {
-    material: &'a Prepared,
+    material: &'a PreparedMaterial,
     base: [f64; 3],
 }
 
@@ -58,10 +58,10 @@ pub struct Sample {
     pub refracted: bool,
 }
 
-impl Prepared {
-    pub fn new(material: &Material) -> Prepared {
+impl PreparedMaterial {
+    pub fn new(material: &Material) -> PreparedMaterial {
         let ior = f64::from(material.ior);
-        let mut prepared = Prepared {
+        let mut prepared = PreparedMaterial {
             alpha: f64::from(material.roughness).powi(2),
             f0: ((ior - 1.0) / (ior + 1.0)).powi(2),
             specular: f64::from(material.specular),

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::bsdf::{Bsdf, Prepared, Sample};
+use super::bsdf::{Bsdf, PreparedMaterial, Sample};
 use super::geometry::{Geometry, Ray, Surface};
 use super::texture;
 use crate::generate::numbers::Pcg;
@@ -13,7 +13,7 @@ use crate::settings::Emitters;
 pub struct World<'a> {
     pub scene: &'a Scene,
     pub geometry: Geometry<'a>,
-    prepared: Vec<Prepared>,
+    prepared: Vec<PreparedMaterial>,
     emitters: &'a Emitters,
 }
 
@@ -36,7 +36,7 @@ pub struct Vertex<'a> {
 
 impl<'a> World<'a> {
     pub fn new(scene: &'a Scene, emitters: &'a Emitters) -> World<'a> {
-        let prepared = scene.materials.iter().map(Prepared::new).collect();
+        let prepared = scene.materials.iter().map(PreparedMaterial::new).collect();
         World { scene, geometry: Geometry::new(scene), prepared, emitters }
     }
 

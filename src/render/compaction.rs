@@ -22,7 +22,7 @@ pub struct Compaction {
 }
 
 /// Descriptor sets of the kernels.
-pub struct BoundCompaction {
+pub struct CompactionBindings {
     count: Bindings,
     scan: Bindings,
     scatter: Bindings,
@@ -40,8 +40,8 @@ impl Compaction {
         })
     }
 
-    pub fn bind(&self, buffers: &[(&str, &Buffer)]) -> Result<BoundCompaction> {
-        Ok(BoundCompaction {
+    pub fn bind(&self, buffers: &[(&str, &Buffer)]) -> Result<CompactionBindings> {
+        Ok(CompactionBindings {
             count: self.count.bind(buffers)?,
             scan: self.scan.bind(buffers)?,
             scatter: self.scatter.bind(buffers)?,
@@ -62,7 +62,7 @@ impl Compaction {
     pub fn record(
         &self,
         recorder: &mut Recorder,
-        bound: &BoundCompaction,
+        bound: &CompactionBindings,
         lists: &Dispatch,
         entries: usize,
         arguments: &Buffer,
@@ -78,6 +78,6 @@ impl Compaction {
 }
 
 /// Where the size of a dispatch over a list stands, one thread per entry.
-pub fn over(arguments: &Buffer, list: u32) -> (&Buffer, u64) {
+pub fn indirect_over(arguments: &Buffer, list: u32) -> (&Buffer, u64) {
     (arguments, 3 * u64::from(list))
 }

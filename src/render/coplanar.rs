@@ -17,24 +17,24 @@ const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 /// Overlap that is none, likewise: triangles that share an edge.
 const TOUCHING: f64 = 64.0 * ROUNDING;
 /// Sentences at most.
-const MOST: usize = 10;
+const MAX_REPORTED: usize = 10;
 /// What moves a lamp off a surface for sure, relative to the scene.
 const APART: f64 = 1e-4;
 
 /// One sentence, with the remedy, for every pair of a lamp's node and one of a surface that does not shine, in the same plane and
-/// overlapping; sorted, and of more than [`MOST`] the rest as a number. Edges and corners in common are no overlap.
+/// overlapping; sorted, and of more than [`MAX_REPORTED`] the rest as a number. Edges and corners in common are no overlap.
 pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
     let shines = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
     let pairs: BTreeSet<(u32, u32)> = geometry
         .triangles
         .par_iter()
         .filter(|t| shines(t))
-        .map(|t| (t.instance, Flat::new(t)))
+        .map(|t| (t.instance, PlanarTriangle::new(t)))
         .filter(|(_, lamp)| lamp.normal != DVec3::ZERO)
         .flat_map_iter(|(node, lamp)| {
             let mut found = BTreeSet::new();
             near(geometry, &lamp, |other| {
-                if !shines(other) && overlap(&lamp, &Flat::new(other)) {
+                if !shines(other) && overlap(&lamp, &PlanarTriangle::new(other)) {
                     found.insert((node, other.instance));
                 }
             });
@@ -47,19 +47,19 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     let sentence = |(lamp, other): &(&str, &str)| {
         let surface = if lamp == other { "another of its own surfaces".to_string() } else { format!("'{other}'") };
         format!(
-            "the lamp '{lamp}' lies in the plane of {surface}: a ray meets one or the other, so the lamp is speckled where it \
+            "the lamp '{lamp}' lies in the plane of {surface}: a ray overlaps one or the other, so the lamp is speckled where it \
              is seen; move it {distance:.0e} m or more in front of it"
         )
     };
-    let mut all: Vec<String> = named.iter().take(MOST).map(sentence).collect();
-    if named.len() > MOST {
-        all.push(format!("and {} lamps more lie in the plane of another surface", named.len() - MOST));
+    let mut all: Vec<String> = named.iter().take(MAX_REPORTED).map(sentence).collect();
+    if named.len() > MAX_REPORTED {
+        all.push(format!("and {} lamps more lie in the plane of another surface", named.len() - MAX_REPORTED));
     }
     all
 }
 
 /// A triangle with its plane.
-struct Flat {
+struct PlanarTriangle {
     corners: [DVec3; 3],
     /// Of unit length; 0 for a triangle of no area.
     normal: DVec3,
@@ -67,23 +67,23 @@ struct Flat {
     size: f64,
 }
 
-impl Flat {
-    fn new(t: &Triangle) -> Flat {
+impl PlanarTriangle {
+    fn new(t: &Triangle) -> PlanarTriangle {
         let corners = [t.v0, t.v1, t.v2].map(|p| Vec3::from(p).as_dvec3());
         let [a, b, c] = corners;
         let size = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-        Flat { corners, normal: (b - a).cross(c - a).normalize_or_zero(), size }
+        PlanarTriangle { corners, normal: (b - a).cross(c - a).normalize_or_zero(), size }
     }
 
     /// Whether all corners of `other` lie in this plane, within `rounding`.
-    fn holds(&self, other: &Flat, rounding: f64) -> bool {
+    fn holds(&self, other: &PlanarTriangle, rounding: f64) -> bool {
         self.normal != DVec3::ZERO
             && other.corners.iter().all(|&p| (p - self.corners[0]).dot(self.normal).abs() <= rounding)
     }
 }
 
 /// In one plane, and with more in common than an edge. A small triangle does not know its plane far away, so either may.
-fn overlap(a: &Flat, b: &Flat) -> bool {
+fn overlap(a: &PlanarTriangle, b: &PlanarTriangle) -> bool {
     let size = a.size.max(b.size);
     let plane = if b.holds(a, ROUNDING * size) {
         b.normal
@@ -94,7 +94,7 @@ fn overlap(a: &Flat, b: &Flat) -> bool {
     };
     let x = plane.any_orthonormal_vector();
     let y = plane.cross(x);
-    let flat = |t: &Flat| t.corners.map(|p| DVec2::new(x.dot(p - a.corners[0]), y.dot(p - a.corners[0])));
+    let flat = |t: &PlanarTriangle| t.corners.map(|p| DVec2::new(x.dot(p - a.corners[0]), y.dot(p - a.corners[0])));
     let (a, b) = (flat(a), flat(b));
     // Convex shapes are apart if they are along the normal of one of their edges.
     let apart_along = |normal: DVec2| {
@@ -110,11 +110,11 @@ fn overlap(a: &Flat, b: &Flat) -> bool {
 }
 
 /// Calls `visit` with every triangle whose box meets the plane of `lamp` within its box.
-fn near<'g>(geometry: &'g Geometry, lamp: &Flat, mut visit: impl FnMut(&'g Triangle)) {
+fn near<'g>(geometry: &'g Geometry, lamp: &PlanarTriangle, mut visit: impl FnMut(&'g Triangle)) {
     let slack = 4.0 * ROUNDING * lamp.size;
     let low = lamp.corners.into_iter().reduce(DVec3::min).expect("three corners") - slack;
     let high = lamp.corners.into_iter().reduce(DVec3::max).expect("three corners") + slack;
-    let meets = |node: &CwBvhNode, child: usize| {
+    let overlaps = |node: &CwBvhNode, child: usize| {
         let bounds = node.child_aabb(child);
         let (min, max) = (low.max(bounds.min.as_dvec3()), high.min(bounds.max.as_dvec3()));
         let half = 0.5 * (max - min);
@@ -125,7 +125,7 @@ fn near<'g>(geometry: &'g Geometry, lamp: &Flat, mut visit: impl FnMut(&'g Trian
     let mut open: Vec<usize> = if nodes.is_empty() { vec![] } else { vec![0] };
     while let Some(i) = open.pop() {
         let node = &nodes[i];
-        for child in (0..8).filter(|&c| !node.is_child_empty(c)).filter(|&c| meets(node, c)) {
+        for child in (0..8).filter(|&c| !node.is_child_empty(c)).filter(|&c| overlaps(node, c)) {
             if node.is_leaf(child) {
                 let (first, count) = node.child_primitives(child);
                 geometry.triangles[first as usize..(first + count) as usize].iter().for_each(&mut visit);
@@ -201,8 +201,9 @@ mod tests {
 
     #[test]
     fn triangles_in_a_plane() {
-        let flat =
-            |c: [[f32; 3]; 3]| Flat::new(&Triangle { v0: c[0], v1: c[1], v2: c[2], ..bytemuck::Zeroable::zeroed() });
+        let flat = |c: [[f32; 3]; 3]| {
+            PlanarTriangle::new(&Triangle { v0: c[0], v1: c[1], v2: c[2], ..bytemuck::Zeroable::zeroed() })
+        };
         let a = flat([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]);
         let other_half = flat([[1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]]);
         let inside = flat([[0.1, 0.1, 1.0], [0.2, 0.1, 1.0], [0.1, 0.2, 1.0]]);

@@ -2,9 +2,9 @@
 
 use bytemuck::NoUninit;
 
-use super::prepared::Prepared;
+use super::prepared_scene::PreparedScene;
 use crate::error::Result;
-use crate::gpu::{Buffer, Device, Need};
+use crate::gpu::{Buffer, BufferDesc, Device};
 use crate::wgsl::layout::Frame;
 
 /// Buffers of group 0, by the names they have in WGSL.
@@ -14,14 +14,14 @@ pub struct DeviceScene {
 }
 
 /// An array of the scene: name in WGSL, what its buffer needs, contents.
-type Part<'a> = (&'static str, Need, &'a [u8]);
+type Part<'a> = (&'static str, BufferDesc, &'a [u8]);
 
 const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
 const IMAGES: &str = "use smaller textures, or a device with a larger limit (taugate devices)";
 
-fn parts(prepared: &Prepared) -> Vec<Part<'_>> {
+fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
     fn part<'a, T: NoUninit>(wgsl: &'static str, name: &'static str, data: &'a [T], remedy: &'static str) -> Part<'a> {
-        (wgsl, Need::of::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
+        (wgsl, BufferDesc::of::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
     }
     fn texels<'a, T: NoUninit>(
         wgsl: &'static str,
@@ -29,9 +29,9 @@ fn parts(prepared: &Prepared) -> Vec<Part<'_>> {
         data: &'a [T],
         remedy: &'static str,
     ) -> Part<'a> {
-        (wgsl, Need::of_texels::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
+        (wgsl, BufferDesc::of_texels::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
     }
-    let Prepared { geometry, emitters, albedo, .. } = prepared;
+    let PreparedScene { geometry, emitters, albedo, .. } = prepared;
     vec![
         texels("bvh_nodes", "BVH nodes", &geometry.bvh.nodes, MESHES),
         texels("triangles", "triangles", &geometry.triangles, MESHES),
@@ -48,14 +48,14 @@ fn parts(prepared: &Prepared) -> Vec<Part<'_>> {
 
 impl DeviceScene {
     /// What the buffers of the scene will need.
-    pub fn needs(prepared: &Prepared) -> Vec<Need> {
-        parts(prepared).into_iter().map(|(_, need, _)| need).collect()
+    pub fn buffer_descs(prepared: &PreparedScene) -> Vec<BufferDesc> {
+        parts(prepared).into_iter().map(|(_, desc, _)| desc).collect()
     }
 
     /// Uploads everything; fails with a remedy if a buffer exceeds what the device allows.
-    pub fn new(device: &Device, prepared: &Prepared) -> Result<DeviceScene> {
-        let upload = |(wgsl, need, data): Part| {
-            let mut buffer = Buffer::for_need(device, &need)?;
+    pub fn new(device: &Device, prepared: &PreparedScene) -> Result<DeviceScene> {
+        let upload = |(wgsl, desc, data): Part| {
+            let mut buffer = Buffer::from_desc(device, &desc)?;
             buffer.write(0, data)?;
             Ok((wgsl, buffer))
         };

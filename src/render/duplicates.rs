@@ -8,20 +8,23 @@ use crate::wgsl::layout::Triangle;
 /// What tells two triangles with the same corners and material apart: for each corner its normal and texture coordinates, and how
 /// its normals are turned into the world. 0 where the material does not ask.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
-pub struct Look {
+pub struct ShadingAttributes {
     pub corners: [[u32; 3]; 3],
     pub turn: [u32; 9],
 }
 
 /// Leaves out every triangle with the corners, orientation, material and look of an earlier one. Returns how many, and the instance
 /// of the first of them.
-pub fn drop_copies(triangles: &mut Vec<Triangle>, look: impl Fn(&Triangle) -> Look) -> Option<(usize, u32)> {
+pub fn drop_copies(
+    triangles: &mut Vec<Triangle>,
+    attributes: impl Fn(&Triangle) -> ShadingAttributes,
+) -> Option<(usize, u32)> {
     let mut keys: Vec<(u64, u32)> =
         triangles.par_iter().enumerate().map(|(i, t)| (hash(&place(t).0), i as u32)).collect();
     keys.par_sort_unstable();
     let identity = |t: &Triangle| {
         let (place, first) = place(t);
-        let Look { corners, turn } = look(t);
+        let ShadingAttributes { corners, turn } = attributes(t);
         (place, [0, 1, 2].map(|k| corners[(first + k) % 3]), turn)
     };
     let mut copies = vec![];
@@ -73,7 +76,7 @@ mod tests {
             v2,
             material,
         };
-        let plain = |_: &Triangle| Look::default();
+        let plain = |_: &Triangle| ShadingAttributes::default();
         let one = triangle([a, b, c], 0, 5);
         let others = [
             triangle([b, a, c], 1, 5),
@@ -94,9 +97,12 @@ mod tests {
             |[v0, v1, v2]: [[f32; 3]; 3], instance| Triangle { v0, instance, v1, corner: 0, v2, material: 5 };
         // Instance 1 lists the corners from another one on, with the same texture coordinates at each; instance 2 has others.
         let coordinates = [[[7; 3], [8; 3], [9; 3]], [[8; 3], [9; 3], [7; 3]], [[7; 3], [8; 3], [1; 3]]];
-        let look = |t: &Triangle| Look { corners: coordinates[t.instance as usize], ..Look::default() };
+        let attributes = |t: &Triangle| ShadingAttributes {
+            corners: coordinates[t.instance as usize],
+            ..ShadingAttributes::default()
+        };
         let mut all = vec![triangle([a, b, c], 0), triangle([b, c, a], 1), triangle([a, b, c], 2)];
-        assert_eq!(drop_copies(&mut all, look), Some((1, 1)));
+        assert_eq!(drop_copies(&mut all, attributes), Some((1, 1)));
         assert_eq!(all, [triangle([a, b, c], 0), triangle([a, b, c], 2)]);
     }
 }

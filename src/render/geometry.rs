@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::albedo::{AlbedoTable, DELTA_ALPHA};
-use super::duplicates::{Look, drop_copies};
+use super::duplicates::{ShadingAttributes, drop_copies};
 use super::space::RenderSpace;
 use crate::bvh::{self, Bvh};
 use crate::scene::{self, AlphaMode, Scene, Wrap};
@@ -73,7 +73,7 @@ impl Geometry {
                 triangles.push(Triangle { v0, instance: number, v1, corner, v2, material });
             }
         }
-        let look = |t: &Triangle| {
+        let shading_attributes = |t: &Triangle| {
             let material = &materials.list[(t.material & TRIANGLE_MATERIAL) as usize];
             let smooth = t.material & TRIANGLE_SMOOTH != 0;
             let textured = material.base_texture != NONE || material.emission_texture != NONE;
@@ -84,12 +84,12 @@ impl Geometry {
             };
             let InstanceNormals { x, y, z, .. } = instances[t.instance as usize];
             let columns: [f32; 9] = bytemuck::cast([x, y, z]);
-            Look {
+            ShadingAttributes {
                 corners: if t.corner == NONE { [[0; 3]; 3] } else { [0, 1, 2].map(corner) },
                 turn: if smooth { columns.map(f32::to_bits) } else { [0; 9] },
             }
         };
-        let copies = drop_copies(&mut triangles, look);
+        let copies = drop_copies(&mut triangles, shading_attributes);
         let bvh = bvh::build(&triangles.iter().map(|t| [t.v0, t.v1, t.v2]).collect::<Vec<_>>());
         let triangles = bvh.order.iter().map(|&i| triangles[i as usize]).collect();
         let (textures, texels) = textures(scene, materials.features.textures);

@@ -1,7 +1,7 @@
 //! Phase 1 of Algorithm 1: light subpaths, read back into the pool.
 
-mod at_once;
-mod by_bounce;
+mod device_loop;
+mod host_loop;
 
 use super::compaction::COUNTERS;
 use super::device_scene::DeviceScene;
@@ -9,9 +9,9 @@ use super::plan::{Observe, Plan};
 use super::pool::LightPool;
 use super::stats::{Stats, stage};
 use crate::error::Result;
-use crate::gpu::{Bindings, Buffer, Device, DeviceInfo, Kernel, Need, ReadBack, Recorder};
+use crate::gpu::{Bindings, Buffer, BufferDesc, Device, DeviceInfo, Kernel, ReadBack, Recorder};
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex};
-use at_once::AtOnce;
+use device_loop::DeviceLoop;
 
 /// Light paths traced together: few enough for a short submit. The order of vertices and splats, and so the last bits of the
 /// image, depend on it: it is the same everywhere.
@@ -37,14 +37,14 @@ struct Tally {
 }
 
 impl Tally {
-    /// Shows `see` a splat as the device left it, if there is one.
-    fn show(&mut self, [r, g, b, pixel_or_tau]: [f32; 4], weight: f32, s: u32, see: &mut impl FnMut(Splat)) {
+    /// Calls `visit` with a splat as the device left it, if there is one.
+    fn show(&mut self, [r, g, b, pixel_or_tau]: [f32; 4], weight: f32, s: u32, visit: &mut impl FnMut(Splat)) {
         if pixel_or_tau.to_bits() == NONE {
             return;
         }
         if [r, g, b].iter().all(|value| value.is_finite()) {
             self.inside_gate += 1;
-            see(Splat { rgb: [r, g, b], pixel_or_tau, weight, s });
+            visit(Splat { rgb: [r, g, b], pixel_or_tau, weight, s });
         } else {
             self.dropped += 1;
         }
@@ -82,7 +82,7 @@ impl Batch {
 pub struct LightTracer {
     subpaths: Subpaths,
     /// What it takes to trace without the host; none where the host follows every bounce.
-    at_once: Option<AtOnce>,
+    device_loop: Option<DeviceLoop>,
     /// Punctual lights as light vertices: they are in every pool.
     punctual: Vec<PathVertex>,
 }
@@ -111,11 +111,11 @@ impl Splat {
 
 impl LightTracer {
     pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan, punctual: &[PathVertex]) -> Result<LightTracer> {
-        let [states, vertices, list, splats, splat_weights, counters] = LightTracer::own_needs(plan);
-        let buffer = |need: Need| Buffer::for_need(device, &need);
+        let [states, vertices, list, splats, splat_weights, counters] = LightTracer::own_buffer_descs(plan);
+        let buffer = |desc: BufferDesc| Buffer::from_desc(device, &desc);
         let (states, vertices, list) = (buffer(states)?, buffer(vertices)?, buffer(list)?);
         let (splats, splat_weights) = (buffer(splats)?, buffer(splat_weights)?);
-        let counters = ReadBack::for_need(device, &counters)?;
+        let counters = ReadBack::from_desc(device, &counters)?;
         let mut buffers = scene.bindings();
         buffers.extend([("states", &states), ("vertices", &vertices), ("splats", &splats)]);
         buffers.extend([("splat_weights", &splat_weights), ("counters", counters.buffer())]);
@@ -126,14 +126,14 @@ impl LightTracer {
             Ok((kernel, bindings))
         };
         let (start, trace, splat) = (make("light_start")?, make("light_trace")?, make("light_splat")?);
-        let at_once = match device.info().drive.waits_per_bounce {
+        let device_loop = match device.info().drive.waits_per_bounce {
             true => None,
-            false => Some(AtOnce::new(device, plan, &buffers, &list, &trace.0, &splat.0)?),
+            false => Some(DeviceLoop::new(device, plan, &buffers, &list, &trace.0, &splat.0)?),
         };
         let recorder = Recorder::new(device)?;
         let subpaths =
             Subpaths { start, trace, splat, vertices, states, list, splats, splat_weights, counters, recorder };
-        Ok(LightTracer { subpaths, at_once, punctual: punctual.to_vec() })
+        Ok(LightTracer { subpaths, device_loop, punctual: punctual.to_vec() })
     }
 
     /// Paths that a batch holds at most.
@@ -141,44 +141,44 @@ impl LightTracer {
         BATCH.min(plan.traced_paths().max(plan.thin_lights.len() as u32) as usize)
     }
 
-    /// What the buffers of [`LightTracer::new`] need.
-    pub fn needs(info: &DeviceInfo, plan: &Plan) -> Vec<Need> {
-        let mut needs = LightTracer::own_needs(plan).to_vec();
+    /// Descriptors of the buffers that [`LightTracer::new`] allocates.
+    pub fn buffer_descs(info: &DeviceInfo, plan: &Plan) -> Vec<BufferDesc> {
+        let mut buffer_descs = LightTracer::own_buffer_descs(plan).to_vec();
         if !info.drive.waits_per_bounce {
-            needs.extend(AtOnce::needs(info, plan));
+            buffer_descs.extend(DeviceLoop::buffer_descs(info, plan));
         }
-        needs
+        buffer_descs
     }
 
-    fn own_needs(plan: &Plan) -> [Need; 6] {
+    fn own_buffer_descs(plan: &Plan) -> [BufferDesc; 6] {
         let capacity = LightTracer::capacity(plan);
         let remedy = "use fewer --light-paths";
         [
-            Need::of::<PathState>("light path states", capacity, remedy),
-            Need::of::<PathVertex>("new light vertices", capacity, remedy),
-            Need::of::<u32>("living light paths", capacity, remedy),
-            Need::of::<[f32; 4]>("light splats", capacity, remedy),
-            Need::of::<f32>(
+            BufferDesc::of::<PathState>("light path states", capacity, remedy),
+            BufferDesc::of::<PathVertex>("new light vertices", capacity, remedy),
+            BufferDesc::of::<u32>("living light paths", capacity, remedy),
+            BufferDesc::of::<[f32; 4]>("light splats", capacity, remedy),
+            BufferDesc::of::<f32>(
                 "weights of splats",
                 if plan.observe == Observe::Strategies { capacity } else { 1 },
                 remedy,
             ),
-            Need::of::<u32>("counters", COUNTERS, remedy).read_back(),
+            BufferDesc::of::<u32>("counters", COUNTERS, remedy).read_back(),
         ]
     }
 
-    /// Traces all light subpaths of an iteration and returns their vertices; shows `see` what the sensor sees of them (t = 1), in
+    /// Traces all light subpaths of an iteration and returns their vertices; calls `visit` with what the sensor sees of them (t = 1), in
     /// the order of the paths.
-    pub fn run(&mut self, plan: &Plan, see: &mut impl FnMut(Splat), stats: &mut Stats) -> Result<LightPool> {
+    pub fn run(&mut self, plan: &Plan, visit: &mut impl FnMut(Splat), stats: &mut Stats) -> Result<LightPool> {
         let mut pool = LightPool { deterministic: self.punctual.clone(), ..Default::default() };
         let thin = if plan.traces_light { plan.thin_lights.clone() } else { 0..0 };
         for emitter in thin.clone().step_by(BATCH) {
             let batch = Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), emitter };
-            self.run_batch(plan, &batch, &mut pool, see, stats)?;
+            self.run_batch(plan, &batch, &mut pool, visit, stats)?;
         }
         for first in (0..plan.traced_paths()).step_by(BATCH) {
             let count = (plan.traced_paths() - first).min(BATCH as u32);
-            self.run_batch(plan, &Batch { first, count, emitter: NONE }, &mut pool, see, stats)?;
+            self.run_batch(plan, &Batch { first, count, emitter: NONE }, &mut pool, visit, stats)?;
         }
         stats.light_paths += u64::from(plan.traced_paths());
         Ok(pool)
@@ -189,12 +189,12 @@ impl LightTracer {
         plan: &Plan,
         batch: &Batch,
         pool: &mut LightPool,
-        see: &mut impl FnMut(Splat),
+        visit: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
-        match &mut self.at_once {
-            Some(at_once) => at_once.run(&mut self.subpaths, plan, batch, pool, see, stats),
-            None => self.subpaths.run_bounces(plan, batch, pool, see, stats),
+        match &mut self.device_loop {
+            Some(device_loop) => device_loop.run(&mut self.subpaths, plan, batch, pool, visit, stats),
+            None => self.subpaths.run_bounces(plan, batch, pool, visit, stats),
         }
     }
 }

@@ -4,11 +4,11 @@ use super::device_scene::DeviceScene;
 use super::light::LightTracer;
 use super::plan::Plan;
 use super::pool::DevicePool;
-use super::prepared::Prepared;
+use super::prepared_scene::PreparedScene;
 use super::sensor::SensorTracer;
 use crate::error::Result;
 use crate::estimators::PoolOrder;
-use crate::gpu::{DeviceInfo, Need};
+use crate::gpu::{BufferDesc, DeviceInfo};
 use crate::scene::Scene;
 use crate::settings::Settings;
 
@@ -27,14 +27,14 @@ const PROGRAM_BYTES: u64 = 120 << 20;
 #[derive(Debug, Clone)]
 pub struct MemoryPlan {
     /// Buffers of the scene.
-    pub scene: Vec<Need>,
+    pub scene: Vec<BufferDesc>,
     /// Buffers that every iteration works in, for the most slots it may need.
-    pub iteration: Vec<Need>,
+    pub iteration: Vec<BufferDesc>,
     /// The light-vertex pool, an estimate.
-    pub pool: Vec<Need>,
+    pub pool: Vec<BufferDesc>,
     /// The program's own memory at its peak, an estimate; with the buffers where the device is the CPU.
     pub host_bytes: u64,
-    certain: Vec<Need>,
+    certain: Vec<BufferDesc>,
 }
 
 impl MemoryPlan {
@@ -42,24 +42,25 @@ impl MemoryPlan {
     pub fn new(
         scene: &Scene,
         settings: &Settings,
-        prepared: &Prepared,
+        prepared: &PreparedScene,
         device: Option<&DeviceInfo>,
     ) -> Result<MemoryPlan> {
         let plan = Plan::new(scene, settings, prepared)?;
         let unlimited = DeviceInfo::unlimited();
         let info = device.unwrap_or(&unlimited);
-        let (scene_needs, iteration) = (DeviceScene::needs(prepared), iteration_needs(info, &plan, prepared));
-        let pool = pool_needs(&plan, plan.light_paths.saturating_mul(VERTICES_A_PATH.min(plan.max_depth)));
-        let buffers = sum(&scene_needs) + sum(&iteration) + sum(&pool);
+        let (scene_buffers, iteration) =
+            (DeviceScene::buffer_descs(prepared), iteration_buffers(info, &plan, prepared));
+        let pool = pool_buffers(&plan, plan.light_paths.saturating_mul(VERTICES_A_PATH.min(plan.max_depth)));
+        let buffers = sum(&scene_buffers) + sum(&iteration) + sum(&pool);
         let triangles = prepared.triangles() as u64;
-        let flat = sum(&scene_needs) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
+        let flat = sum(&scene_buffers) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
         // The hierarchy is built before anything is uploaded.
-        let copies: u64 = iteration.iter().filter(|need| need.read_back).map(|need| need.bytes).sum();
+        let copies: u64 = iteration.iter().filter(|desc| desc.read_back).map(|desc| desc.bytes).sum();
         let on_host = if info.is_cpu() { buffers } else { 0 } + if info.drive.maps_memory { 0 } else { copies };
         let pixels = (PIXEL_BYTES + if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 }) * plan.crop_pixels;
         let host_bytes = PROGRAM_BYTES + scene_bytes(scene) + (BUILD_BYTES * triangles).max(flat + on_host + pixels);
-        let certain = certain_needs(info, &plan, prepared);
-        Ok(MemoryPlan { scene: scene_needs, iteration, pool, host_bytes, certain })
+        let certain = certain_buffers(info, &plan, prepared);
+        Ok(MemoryPlan { scene: scene_buffers, iteration, pool, host_bytes, certain })
     }
 
     /// Bytes on the device in all.
@@ -68,9 +69,9 @@ impl MemoryPlan {
     }
 
     /// All buffers, the largest first.
-    pub fn largest(&self) -> Vec<Need> {
-        let mut all: Vec<Need> = [&self.scene[..], &self.iteration, &self.pool].concat();
-        all.sort_by_key(|need| std::cmp::Reverse(need.bytes));
+    pub fn largest(&self) -> Vec<BufferDesc> {
+        let mut all: Vec<BufferDesc> = [&self.scene[..], &self.iteration, &self.pool].concat();
+        all.sort_by_key(|desc| std::cmp::Reverse(desc.bytes));
         all
     }
 
@@ -79,39 +80,39 @@ impl MemoryPlan {
     pub fn warning(&self, device: &DeviceInfo) -> Option<String> {
         self.check(device).ok()?;
         let all = [&self.scene[..], &self.iteration, &self.pool].concat();
-        let error = crate::gpu::need::check_all(&all, device).err()?;
+        let error = crate::gpu::buffer_desc::check_all(&all, device).err()?;
         Some(format!("the render may stop when its light vertices are known: an estimate says that {error}"))
     }
 
     /// Fails, with the flag to change, where the render certainly does not fit.
     pub fn check(&self, device: &DeviceInfo) -> Result<()> {
-        crate::gpu::need::check_all(&self.certain, device)
+        crate::gpu::buffer_desc::check_all(&self.certain, device)
     }
 }
 
 /// Everything whose size is known before the first light path; of the pool only what no iteration can do without.
-pub(super) fn certain_needs(info: &DeviceInfo, plan: &Plan, prepared: &Prepared) -> Vec<Need> {
+pub(super) fn certain_buffers(info: &DeviceInfo, plan: &Plan, prepared: &PreparedScene) -> Vec<BufferDesc> {
     let emitters = &prepared.emitters;
     let every_path_starts_on_a_surface = emitters.has_area() && emitters.lights.is_empty();
     let vertices = if every_path_starts_on_a_surface { plan.light_paths } else { 0 };
-    let mut needs = DeviceScene::needs(prepared);
-    needs.extend(iteration_needs(info, plan, prepared));
-    needs.extend(pool_needs(plan, vertices));
-    needs
+    let mut buffer_descs = DeviceScene::buffer_descs(prepared);
+    buffer_descs.extend(iteration_buffers(info, plan, prepared));
+    buffer_descs.extend(pool_buffers(plan, vertices));
+    buffer_descs
 }
 
-fn iteration_needs(info: &DeviceInfo, plan: &Plan, prepared: &Prepared) -> Vec<Need> {
-    let mut needs = LightTracer::needs(info, plan);
-    needs.extend(SensorTracer::needs(info, plan, plan.max_slots(&prepared.emitters)));
-    needs
+fn iteration_buffers(info: &DeviceInfo, plan: &Plan, prepared: &PreparedScene) -> Vec<BufferDesc> {
+    let mut buffer_descs = LightTracer::buffer_descs(info, plan);
+    buffer_descs.extend(SensorTracer::buffer_descs(info, plan, plan.max_slots(&prepared.emitters)));
+    buffer_descs
 }
 
-fn pool_needs(plan: &Plan, vertices: u32) -> Vec<Need> {
+fn pool_buffers(plan: &Plan, vertices: u32) -> Vec<BufferDesc> {
     let leaf_size = plan.leaf_size;
     // Halving leaves them at least half full.
     let nodes = if leaf_size > 0 { vertices * 2 / (leaf_size + 1) } else { 0 };
     let offsets = if plan.estimator.pool_order == PoolOrder::ByPath { plan.light_paths as usize + 1 } else { 0 };
-    DevicePool::needs(vertices as usize, nodes as usize, offsets).to_vec()
+    DevicePool::buffer_descs(vertices as usize, nodes as usize, offsets).to_vec()
 }
 
 /// What the loaded file holds in memory.
@@ -126,6 +127,6 @@ fn scene_bytes(scene: &Scene) -> u64 {
     meshes.chain(images).sum::<usize>() as u64
 }
 
-fn sum(needs: &[Need]) -> u64 {
-    needs.iter().map(|need| need.bytes).sum()
+fn sum(buffer_descs: &[BufferDesc]) -> u64 {
+    buffer_descs.iter().map(|desc| desc.bytes).sum()
 }

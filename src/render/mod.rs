@@ -11,13 +11,11 @@ mod light;
 mod memory;
 mod observe;
 mod oversized;
-mod pace;
 mod plan;
 mod pool;
 mod pool_layout;
-mod prepared;
+mod prepared_scene;
 mod probe;
-mod reach;
 mod samples;
 pub mod schedule;
 mod selection_cdf;
@@ -25,12 +23,14 @@ mod sensor;
 pub mod space;
 mod stats;
 mod strategies;
+mod submit_size;
+mod travel_time_bounds;
 
 use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::gpu::Device;
-use crate::gpu::need;
+use crate::gpu::buffer_desc;
 use crate::image::film::Film;
 use crate::scene::{Camera, Scene};
 use crate::settings::units::Gate;
@@ -41,15 +41,15 @@ use light::{LightTracer, Splat};
 pub use memory::MemoryPlan;
 pub use plan::Tuning;
 use plan::{Iteration, Plan};
-pub use prepared::Prepared;
+pub use prepared_scene::PreparedScene;
 pub use probe::{TravelTimes, probe};
-pub use reach::Reach;
 pub use samples::MAX_AVERAGE_SAMPLES;
 use samples::{Allocation, SampleCounts};
 use sensor::SensorPhase;
 use stats::stage;
 pub use stats::{Stage, Stats};
 pub use strategies::{StrategyImage, StrategyImages, strategies};
+pub use travel_time_bounds::TravelTimeBounds;
 
 /// A render in progress. Every iteration adds samples to the film; the same settings give the same bits.
 #[warn(missing_docs)]
@@ -79,7 +79,7 @@ impl Renderer {
     #[doc(hidden)]
     pub fn with_tuning(device: &Device, scene: &Scene, settings: &Settings, tuning: Tuning) -> Result<Renderer> {
         let start = Instant::now();
-        let prepared = Prepared::new(scene, settings)?;
+        let prepared = PreparedScene::new(scene, settings)?;
         let seconds = start.elapsed().as_secs_f64();
         let size = [settings.crop().width(), settings.crop().height()];
         let mut plan = Plan::new(scene, settings, &prepared)?;
@@ -91,14 +91,19 @@ impl Renderer {
 
     /// As [`Renderer::new`] from what was prepared for the same camera and emitters, which may be dropped afterwards.
     #[doc(hidden)]
-    pub fn from_prepared(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Renderer> {
+    pub fn from_prepared(
+        device: &Device,
+        scene: &Scene,
+        settings: &Settings,
+        prepared: &PreparedScene,
+    ) -> Result<Renderer> {
         let size = [settings.crop().width(), settings.crop().height()];
         Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, size, prepared)
     }
 
-    fn from_plan(device: &Device, plan: Plan, [width, height]: [u32; 2], prepared: &Prepared) -> Result<Renderer> {
+    fn from_plan(device: &Device, plan: Plan, [width, height]: [u32; 2], prepared: &PreparedScene) -> Result<Renderer> {
         // Before anything is allocated.
-        need::check_all(&memory::certain_needs(device.info(), &plan, prepared), device.info())?;
+        buffer_desc::check_all(&memory::certain_buffers(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
         let scene = stats.prepared("upload scene", || DeviceScene::new(device, prepared))?;
         let light = stats
@@ -130,7 +135,7 @@ impl Renderer {
         let waits = device.waits();
         let counts = match allocation {
             Some(allocation) => stats.timed(stage::ALLOT, || allocation.counts(samples)),
-            None => SampleCounts::Even(samples),
+            None => SampleCounts::Uniform(samples),
         };
         let mut image = vec![0.0f32; plan.crop_pixels as usize * 3];
 
@@ -155,7 +160,7 @@ impl Renderer {
 
         stats.waits += device.waits() - waits;
         stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
-        self.finish_iteration(counts.greatest());
+        self.finish_iteration(counts.max());
         Ok(())
     }
 
@@ -170,10 +175,10 @@ impl Renderer {
         Iteration { number: self.iterations, first_sample: self.first_sample, samples }
     }
 
-    /// `most`: the most samples that a pixel had.
-    fn finish_iteration(&mut self, most: u32) {
+    /// `max`: the most samples that a pixel had.
+    fn finish_iteration(&mut self, max: u32) {
         self.iterations += 1;
-        self.first_sample += most;
+        self.first_sample += max;
         self.stats.iterations += 1;
     }
 

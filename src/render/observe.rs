@@ -4,13 +4,13 @@ use super::Renderer;
 use super::light::Splat;
 use super::plan::Observe;
 use super::samples::SampleCounts;
-use super::sensor::Seen;
+use super::sensor::SensorContribution;
 use crate::error::Result;
 use crate::wgsl::layout::NONE;
 use crate::wgsl::layout::constants::VERTEX_DEPTH;
 
 /// A contribution to the image.
-pub struct Observed {
+pub struct Contribution {
     /// As it adds to the mean of its pixel; for [`Observe::Strategies`] without its MIS weight.
     pub rgb: [f32; 3],
     /// Row-major within the crop; NONE where it is not known.
@@ -23,9 +23,9 @@ pub struct Observed {
 }
 
 impl Renderer {
-    /// The phases of [`Renderer::iterate`] for a plan that observes. `see` is shown every contribution: its light as it adds to the
+    /// The phases of [`Renderer::iterate`] for a plan that observes. `visit` is called with every contribution: its light as it adds to the
     /// image, and its travel time or weight.
-    pub(super) fn observe(&mut self, samples: u32, see: &mut impl FnMut(Observed)) -> Result<()> {
+    pub(super) fn observe(&mut self, samples: u32, visit: &mut impl FnMut(Contribution)) -> Result<()> {
         let iteration = self.next_iteration(samples);
         let Renderer { plan, scene, light, sensor, stats, .. } = self;
 
@@ -35,7 +35,7 @@ impl Renderer {
         let show = &mut |splat: Splat| {
             let Splat { rgb, pixel_or_tau, weight, s } = splat;
             let (pixel, tau_or_weight) = if times { (NONE, pixel_or_tau) } else { (pixel_or_tau.to_bits(), weight) };
-            see(Observed { rgb, pixel, s, t: 1, tau_or_weight });
+            visit(Contribution { rgb, pixel, s, t: 1, tau_or_weight });
         };
         let vertices = light.run(plan, show, stats)?;
 
@@ -44,12 +44,12 @@ impl Renderer {
 
         // Phase 3: sensor tracing and connection.
         let share = 1.0 / samples as f32;
-        let show = &mut |seen: Seen| {
+        let show = &mut |seen: SensorContribution| {
             let s = seen.vertex.map_or(0, |vertex| (pool.vertices[vertex].flags & VERTEX_DEPTH) + 1);
             let rgb = seen.rgb.map(|x| x * share);
-            see(Observed { rgb, pixel: seen.pixel, s, t: seen.t, tau_or_weight: seen.tau_or_weight });
+            visit(Contribution { rgb, pixel: seen.pixel, s, t: seen.t, tau_or_weight: seen.tau_or_weight });
         };
-        sensor.prepare(plan, &iteration, scene, &pool, stats)?.observe(plan, &SampleCounts::Even(samples), show)?;
+        sensor.prepare(plan, &iteration, scene, &pool, stats)?.observe(plan, &SampleCounts::Uniform(samples), show)?;
 
         self.finish_iteration(samples);
         Ok(())

@@ -14,18 +14,18 @@ const OFFSET: f32 = 1.0 / (1 << 19) as f32;
 /// An offset of this part of what lies on a surface takes visible light from it.
 const SWALLOWS: f32 = 0.1;
 /// Sentences at most.
-const MOST: usize = 10;
+const MAX_REPORTED: usize = 10;
 
 /// One sentence, with the remedy, for each node with triangles that swallow what lies near them.
 pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
     // Boxes by the power of two below the greatest coordinate.
     let mut boxes: BTreeMap<i32, [Vec3; 2]> = BTreeMap::new();
-    let mut enclose = |reach: f32, points: &[Vec3]| {
-        let all = boxes.entry(reach.log2().floor() as i32).or_insert([Vec3::INFINITY, Vec3::NEG_INFINITY]);
+    let mut enclose = |extent: f32, points: &[Vec3]| {
+        let all = boxes.entry(extent.log2().floor() as i32).or_insert([Vec3::INFINITY, Vec3::NEG_INFINITY]);
         points.iter().for_each(|&p| *all = [all[0].min(p), all[1].max(p)]);
     };
     for triangle in &geometry.triangles {
-        enclose(reach(triangle), &corners(triangle));
+        enclose(extent(triangle), &corners(triangle));
     }
     for light in &scene.lights {
         let position = space.point(light.position);
@@ -55,7 +55,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     let nodes: BTreeSet<&str> = geometry
         .triangles
         .iter()
-        .filter(|t| swallows(reach(t), rest) && touches(t))
+        .filter(|t| swallows(extent(t), rest) && touches(t))
         .map(|t| scene.instances[t.instance as usize].node.as_str())
         .collect();
     let metres = |length: f32| f64::from(length) * space.unit;
@@ -67,9 +67,9 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
             metres(SWALLOWS / 10.0 / OFFSET * size)
         )
     };
-    let mut all: Vec<String> = nodes.iter().take(MOST).map(sentence).collect();
-    if nodes.len() > MOST {
-        all.push(format!("and {} nodes more have triangles that are too large", nodes.len() - MOST));
+    let mut all: Vec<String> = nodes.iter().take(MAX_REPORTED).map(sentence).collect();
+    if nodes.len() > MAX_REPORTED {
+        all.push(format!("and {} nodes more have triangles that are too large", nodes.len() - MAX_REPORTED));
     }
     all
 }
@@ -78,13 +78,13 @@ fn corners(t: &Triangle) -> [Vec3; 3] {
     [t.v0, t.v1, t.v2].map(Vec3::from)
 }
 
-fn reach(t: &Triangle) -> f32 {
+fn extent(t: &Triangle) -> f32 {
     corners(t).iter().map(|p| p.abs().max_element()).fold(0.0, f32::max)
 }
 
 /// Whether rays start off a triangle with this reach by too much for what lies in a box.
-fn swallows(reach: f32, [lo, hi]: [Vec3; 2]) -> bool {
-    OFFSET * reach > SWALLOWS * (hi - lo).length()
+fn swallows(extent: f32, [lo, hi]: [Vec3; 2]) -> bool {
+    OFFSET * extent > SWALLOWS * (hi - lo).length()
 }
 
 #[cfg(test)]

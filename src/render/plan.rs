@@ -7,9 +7,9 @@ use glam::{DVec3, Vec3};
 use super::emitters::EmitterSet;
 use super::geometry::Features;
 use super::pool_layout::PoolLayout;
-use super::prepared::Prepared;
-use super::reach::Reach;
+use super::prepared_scene::PreparedScene;
 use super::space::RenderSpace;
+use super::travel_time_bounds::TravelTimeBounds;
 use crate::error::{Error, Result};
 use crate::estimators::{PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
@@ -85,7 +85,7 @@ pub struct Plan {
     /// What the kernels report beside the image.
     pub observe: Observe,
     cull: bool,
-    reach: Reach,
+    travel_time_bounds: TravelTimeBounds,
     /// Bounds alone show that no light meets the gate: with culling there is nothing to trace.
     pub dark: bool,
     space: RenderSpace,
@@ -94,7 +94,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    pub fn new(scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<Plan> {
+    pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Plan> {
         let emitters = &prepared.emitters;
         if !emitters.has_connectable() && !settings.estimator().sees_beams() {
             return Err(Error::Settings(settings.estimator().beam_refusal("beams, the only emitters here")));
@@ -128,7 +128,7 @@ impl Plan {
             tuning: Tuning::default(),
             observe: Observe::Nothing,
             cull: !settings.no_cull(),
-            reach: Reach::new(prepared, settings),
+            travel_time_bounds: TravelTimeBounds::new(prepared, settings),
             dark: false,
             space: prepared.space,
             responses: settings.responses().clone(),
@@ -153,8 +153,8 @@ impl Plan {
         let gate = responses.support();
         self.responses = responses;
         let from_origin = Vec3::from(self.frame.sensor).as_dvec3().length();
-        let reach = self.reach.moved(from_origin * self.space.unit);
-        self.dark = self.cull && !gate.is_open() && !reach.meets(&gate);
+        let travel_time_bounds = self.travel_time_bounds.moved(from_origin * self.space.unit);
+        self.dark = self.cull && !gate.is_open() && !travel_time_bounds.overlaps(&gate);
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };

@@ -6,7 +6,7 @@ use super::selection_cdf::set_selection_cdf;
 use super::stats::{Stats, stage};
 use crate::error::{Error, Result};
 use crate::estimators::PoolOrder;
-use crate::gpu::{Buffer, Device, Need};
+use crate::gpu::{Buffer, BufferDesc, Device};
 use crate::lightcone::tree::{Item, Tree, TreeOptions};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{NONE, PathVertex, TreeNode};
@@ -173,21 +173,21 @@ fn items(vertices: &[PathVertex], apart: usize) -> (usize, Vec<Item>) {
 impl DevicePool {
     /// Buffers with room for a pool a little larger than this one: the next iteration's differs by chance.
     pub fn new(device: &Device, pool: &SortedPool) -> Result<DevicePool> {
-        let needs = DevicePool::needs(pool.vertices.len(), pool.nodes.len(), pool.offsets.len());
-        let [vertices, nodes, offsets] = needs.map(|need| Buffer::for_need(device, &need));
+        let buffer_descs = DevicePool::buffer_descs(pool.vertices.len(), pool.nodes.len(), pool.offsets.len());
+        let [vertices, nodes, offsets] = buffer_descs.map(|desc| Buffer::from_desc(device, &desc));
         let mut buffers = DevicePool { vertices: vertices?, nodes: nodes?, offsets: offsets? };
         buffers.replace(pool)?;
         Ok(buffers)
     }
 
     /// What the buffers for a pool of this size need.
-    pub fn needs(vertices: usize, nodes: usize, offsets: usize) -> [Need; 3] {
+    pub fn buffer_descs(vertices: usize, nodes: usize, offsets: usize) -> [BufferDesc; 3] {
         let remedy = "use fewer --light-paths";
         let room = |n: usize| n + n / 8 + 64;
         [
-            Need::of_texels::<PathVertex>("light vertices", room(vertices), remedy),
-            Need::of_texels::<TreeNode>("tree nodes", room(nodes), remedy),
-            Need::of::<u32>("light path offsets", offsets, remedy),
+            BufferDesc::of_texels::<PathVertex>("light vertices", room(vertices), remedy),
+            BufferDesc::of_texels::<TreeNode>("tree nodes", room(nodes), remedy),
+            BufferDesc::of::<u32>("light path offsets", offsets, remedy),
         ]
     }
 

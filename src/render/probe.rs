@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::Renderer;
 use super::emitters::luminance;
 use super::plan::{Observe, Plan};
-use super::prepared::Prepared;
+use super::prepared_scene::PreparedScene;
 use crate::error::Result;
 use crate::gpu::Device;
 use crate::scene::Scene;
@@ -72,7 +72,7 @@ impl TravelTimes {
 }
 
 /// Renders a small steady-state image of what `settings` show, by all strategies, and collects its travel times.
-pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<TravelTimes> {
+pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<TravelTimes> {
     let settings = small(settings);
     let mut plan = Plan::new(scene, &settings, prepared)?;
     plan.observe = Observe::Times;
@@ -90,8 +90,8 @@ fn small(settings: &Settings) -> Settings {
     let [width, height] = settings.resolution();
     let scale = (f64::from(ROWS) / f64::from(height)).min(1.0);
     let resolution = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
-    let begin = |x: u32, most: u32| ((f64::from(x) * scale).floor() as u32).min(most - 1);
-    let end = |x: u32, begin: u32, most: u32| ((f64::from(x) * scale).ceil() as u32).clamp(begin + 1, most);
+    let begin = |x: u32, max: u32| ((f64::from(x) * scale).floor() as u32).min(max - 1);
+    let end = |x: u32, begin: u32, max: u32| ((f64::from(x) * scale).ceil() as u32).clamp(begin + 1, max);
     let (x0, y0) = (begin(settings.crop().x0, resolution[0]), begin(settings.crop().y0, resolution[1]));
     let (x1, y1) = (end(settings.crop().x1, x0, resolution[0]), end(settings.crop().y1, y0, resolution[1]));
     let small = settings.change().estimator(Estimator::UNGATED).strategies(Strategies::All).gate(Gate::OPEN);

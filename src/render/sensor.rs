@@ -8,19 +8,19 @@ mod phase;
 mod tile;
 mod tiles;
 
-use super::compaction::{COUNTERS, over};
+use super::compaction::{COUNTERS, indirect_over};
 use super::device_scene::DeviceScene;
 use super::plan::Plan;
 use super::pool::DevicePool;
 use super::samples::{MAX_AVERAGE_SAMPLES, MAX_SAMPLES_PER_PIXEL, SampleCounts};
 use super::stats::{Stats, stage};
 use crate::error::Result;
-use crate::gpu::{Device, DeviceInfo, Need, Recorder};
+use crate::gpu::{BufferDesc, Device, DeviceInfo, Recorder};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Dispatch, NONE, PathVertex};
-use buffers::{BUFFERS, Buffers, needs};
-use kernels::{Bound, Kernels};
-pub use observe::Seen;
+use buffers::{BUFFERS, Buffers, buffer_descs};
+use kernels::{Kernels, SensorBindings};
+pub use observe::SensorContribution;
 pub use phase::SensorPhase;
 use tiles::{TileSample, Tiles};
 
@@ -91,28 +91,28 @@ impl SensorTracer {
         wanted.min(by_vertices).min(by_slots).min(by_groups).min(all).max(u64::from(MAX_SAMPLES_PER_PIXEL)) as usize
     }
 
-    /// What the buffers of [`SensorTracer::new`] will need.
-    pub fn needs(info: &DeviceInfo, plan: &Plan, slots: u32) -> [Need; BUFFERS] {
-        needs(plan, SensorTracer::capacity(info, plan, slots), slots as usize)
+    /// Descriptors of the buffers that [`SensorTracer::new`] allocates.
+    pub fn buffer_descs(info: &DeviceInfo, plan: &Plan, slots: u32) -> [BufferDesc; BUFFERS] {
+        buffer_descs(plan, SensorTracer::capacity(info, plan, slots), slots as usize)
     }
 
-    /// Renders the samples that every pixel of the crop is given by `counts` and adds their means to `image` (RGB); `see`: as in
+    /// Renders the samples that every pixel of the crop is given by `counts` and adds their means to `image` (RGB); `visit`: as in
     /// [`Buffers::add_film`].
     pub fn run(
         &mut self,
         plan: &Plan,
-        bound: &Bound,
+        bindings: &SensorBindings,
         counts: &SampleCounts,
         image: &mut [f32],
-        see: impl FnOnce(&[[f32; 4]], &[f32]),
+        visit: impl FnOnce(&[[f32; 4]], &[f32]),
         stats: &mut Stats,
     ) -> Result<()> {
         let mut tiles = Tiles::new(plan.crop, counts);
         while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(self.tile)) {
-            self.run_tile(plan, bound, tile, is_last, stats)?;
+            self.run_tile(plan, bindings, tile, is_last, stats)?;
             stats.samples += tile.len() as u64;
         }
-        let tally = stats.timed(stage::READ_FILM, || self.buffers.add_film(image, see))?;
+        let tally = stats.timed(stage::READ_FILM, || self.buffers.add_film(image, visit))?;
         stats.dropped += tally[0];
         stats.shadow_rays += tally[1];
         stats.inside_gate += tally[2];

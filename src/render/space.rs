@@ -68,20 +68,20 @@ fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
             })
         })
         .collect();
-    let reach = |p: DVec3| (p - origin).abs().max_element();
-    let mut greatest = 0.0f64;
+    let distance = |p: DVec3| (p - origin).abs().max_element();
+    let mut max = 0.0f64;
     for instance in &scene.instances {
         let Some(ends) = boxes[instance.mesh as usize] else { continue };
         for i in 0..8 {
             let corner = DVec3::new(ends[i & 1].x, ends[(i >> 1) & 1].y, ends[i >> 2].z);
-            greatest = greatest.max(reach(instance.transform.transform_point3(corner)));
+            max = max.max(distance(instance.transform.transform_point3(corner)));
         }
     }
     for light in scene.lights.iter().filter(|light| selected.include(&light.node)) {
         let Some(radius) = light.kind.radius() else { continue };
-        greatest = greatest.max(reach(light.position) + radius);
+        max = max.max(distance(light.position) + radius);
     }
-    greatest
+    max
 }
 
 #[cfg(test)]

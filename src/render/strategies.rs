@@ -1,9 +1,9 @@
 //! One image a strategy, with and without its MIS weight: what each way to join subpaths adds to the image.
 
 use super::Renderer;
-use super::observe::Observed;
+use super::observe::Contribution;
 use super::plan::{Observe, Plan};
-use super::prepared::Prepared;
+use super::prepared_scene::PreparedScene;
 use crate::error::{Error, Result};
 use crate::gpu::Device;
 use crate::image::film::Film;
@@ -45,7 +45,12 @@ pub fn strategies(settings: &Settings) -> Vec<(u32, u32)> {
 
 impl StrategyImages {
     /// Fails like [`Renderer::new`].
-    pub fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &Prepared) -> Result<StrategyImages> {
+    pub fn new(
+        device: &Device,
+        scene: &Scene,
+        settings: &Settings,
+        prepared: &PreparedScene,
+    ) -> Result<StrategyImages> {
         StrategyImages::check(settings)?;
         let [width, height] = [settings.crop().width(), settings.crop().height()];
         let mut plan = Plan::new(scene, settings, prepared)?;
@@ -87,7 +92,7 @@ impl StrategyImages {
             index[image.s as usize * longest + image.t as usize] = Some(i);
         }
         let mut sums = vec![[vec![0.0f32; 3 * pixels], vec![0.0f32; 3 * pixels]]; self.images.len()];
-        self.renderer.observe(samples, &mut |seen: Observed| {
+        self.renderer.observe(samples, &mut |seen: Contribution| {
             let weight = seen.tau_or_weight;
             if !(seen.rgb.iter().all(|x| x.is_finite()) && weight.is_finite()) {
                 return;

@@ -1,6 +1,6 @@
 //! The same seed gives the same bits, whatever the sizes of tiles and workgroups.
 
-use super::{Verdict, Way};
+use super::{Method, Verdict};
 use crate::error::Result;
 use crate::generate::{Kind, build, zoo::Light};
 use crate::gpu::Device;
@@ -11,9 +11,9 @@ use crate::settings::units::Gate;
 const GATE: Gate = Gate { lo: 7.0, hi: 9.0 };
 const SEED: u32 = 3;
 
-pub fn check(device: &Device, way: Way) -> Result<Verdict> {
+pub fn check(device: &Device, method: Method) -> Result<Verdict> {
     let scene = build(Kind::Zoo(Light::Area));
-    let settings = way.settings(&scene, "light-paths = 1000")?;
+    let settings = method.settings(&scene, "light-paths = 1000")?;
     let usual = Tuning::default();
     let mut images = vec![];
     for tuning in [usual, usual, Tuning { workgroup: 32, tile: Some(100) }] {

@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_PI_3;
 
 use glam::{DVec2, DVec3};
 
-use super::{Verdict, Way};
+use super::{Method, Verdict};
 use crate::error::Result;
 use crate::generate::stage;
 use crate::gpu::Device;
@@ -44,9 +44,9 @@ fn is_inner(x: u32, y: u32) -> bool {
     [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)].into_iter().all(inside)
 }
 
-pub fn check(device: &Device, way: Way, expected: f32) -> Result<Verdict> {
+pub fn check(device: &Device, method: Method, expected: f32) -> Result<Verdict> {
     let scene = scene();
-    let settings = way.settings(&scene, "max-depth = 2\nlight-paths = 256")?;
+    let settings = method.settings(&scene, "max-depth = 2\nlight-paths = 256")?;
     let mut renderer = Renderer::new(device, &scene, &settings)?;
     for _ in 0..8 {
         renderer.iterate(8)?;
@@ -60,7 +60,7 @@ pub fn check(device: &Device, way: Way, expected: f32) -> Result<Verdict> {
     if inner.iter().all(|&radiance| radiance == expected) {
         return Ok(Verdict::Right(format!("{expected} in all {pixels} inner pixels")));
     }
-    let least = inner.iter().copied().fold(f32::INFINITY, f32::min);
-    let most = inner.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    Ok(Verdict::Wrong(format!("expected {expected} in all {pixels} inner pixels, found {least} to {most}")))
+    let min = inner.iter().copied().fold(f32::INFINITY, f32::min);
+    let max = inner.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    Ok(Verdict::Wrong(format!("expected {expected} in all {pixels} inner pixels, found {min} to {max}")))
 }

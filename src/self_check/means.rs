@@ -1,7 +1,7 @@
 //! The mean over an image, tested against what is known of it: a closed form, or the mean of long renders that other tests
 //! compare with an independent path tracer.
 
-use super::{Verdict, Way};
+use super::{Method, Verdict};
 use crate::compare::statistics::{normal_score, sidak_threshold};
 use crate::error::Result;
 use crate::generate::{Kind, build, zoo::Light};
@@ -27,12 +27,12 @@ const SEED: u32 = 4;
 pub struct Case {
     pub name: &'static str,
     pub scene: Scene,
-    pub looks: Vec<Look>,
+    pub expected: Vec<ExpectedMean>,
 }
 
 /// Mean over pixels and channels of the image through a gate, with its standard error.
 #[derive(Clone, Copy)]
-pub struct Look {
+pub struct ExpectedMean {
     pub gate: Gate,
     pub mean: f64,
     pub error: f64,
@@ -40,8 +40,8 @@ pub struct Look {
 
 /// Everything that is compared by its mean.
 pub fn cases() -> Vec<Case> {
-    let case = |name, kind, looks| Case { name, scene: build(kind), looks };
-    let stored = |lo, hi, mean, error| Look { gate: Gate { lo, hi }, mean, error };
+    let case = |name, kind, expected| Case { name, scene: build(kind), expected };
+    let stored = |lo, hi, mean, error| ExpectedMean { gate: Gate { lo, hi }, mean, error };
     let sphere = [(1.95, 2.25), (3.0, 3.5), (5.0, 6.0)];
     let sphere = sphere.map(|(lo, hi)| stored(lo, hi, gated_radiance(1.0, 0.5, lo, hi), 0.0));
     let unfolded = Kind::GatedSphere { radius: 1.0, subdivisions: 5, albedo: 0.5 };
@@ -67,23 +67,23 @@ impl Case {
     }
 
     /// Renders the scene through each gate with the same kernels; shows `done` what was found.
-    pub fn check(&self, device: &Device, way: Way, done: &mut dyn FnMut(&str, Result<Verdict>)) {
-        let renderer = way
+    pub fn check(&self, device: &Device, method: Method, done: &mut dyn FnMut(&str, Result<Verdict>)) {
+        let renderer = method
             .settings(&self.scene, "light-paths = 2000")
             .and_then(|settings| Renderer::new(device, &self.scene, &settings));
         let mut renderer = match renderer {
             Ok(renderer) => renderer,
             Err(error) => return done(self.name, Err(error)),
         };
-        for look in &self.looks {
-            let gate = if look.gate.is_open() { "no gate".into() } else { look.gate.to_string() };
+        for expected_mean in &self.expected {
+            let gate = if expected_mean.gate.is_open() { "no gate".into() } else { expected_mean.gate.to_string() };
             let name = format!("{}, {gate}", self.name);
-            done(&name, look.check(&mut renderer));
+            done(&name, expected_mean.check(&mut renderer));
         }
     }
 }
 
-impl Look {
+impl ExpectedMean {
     pub fn check(&self, renderer: &mut Renderer) -> Result<Verdict> {
         renderer.restart(SEED, self.gate)?;
         for _ in 0..ITERATIONS {

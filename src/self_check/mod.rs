@@ -33,41 +33,41 @@ pub struct Outcome {
 
 /// How a scene is rendered.
 #[derive(Clone, Copy)]
-struct Way {
+struct Method {
     estimator: Estimator,
     sampling: Sampling,
 }
 
-impl Way {
+impl Method {
     /// Every estimator, sampling uniformly and adaptively.
-    fn all() -> impl Iterator<Item = Way> {
+    fn all() -> impl Iterator<Item = Method> {
         Estimator::ALL
             .into_iter()
-            .flat_map(|estimator| Sampling::ALL.into_iter().map(move |sampling| Way { estimator, sampling }))
+            .flat_map(|estimator| Sampling::ALL.into_iter().map(move |sampling| Method { estimator, sampling }))
     }
 
     /// Settings of a small render; `keys` are further lines of an experiment's `[render]`.
     fn settings(self, scene: &Scene, keys: &str) -> Result<Settings> {
-        let Way { estimator, sampling } = self;
+        let Method { estimator, sampling } = self;
         let text = format!("[render]\nestimator = '{estimator}'\nsampling = '{sampling}'\n{keys}\n");
         let experiment = Experiment::parse(&text).expect("the experiment is well-formed");
         Ok(resolve(&experiment, scene)?.settings)
     }
 }
 
-/// Runs all checks on a device; shows `see` each of them as soon as it is done.
-pub fn check(device: &Device, see: &mut dyn FnMut(Outcome)) {
+/// Runs all checks on a device; calls `visit` with each of them as soon as it is done.
+pub fn check(device: &Device, visit: &mut dyn FnMut(Outcome)) {
     let cases = means::cases();
-    for way in Way::all() {
+    for method in Method::all() {
         let mut done = |what: &str, verdict: Result<Verdict>| {
-            let name = format!("{}, {}, {what}", way.estimator, way.sampling);
-            see(Outcome { name, verdict: verdict.unwrap_or_else(Verdict::Failed) });
+            let name = format!("{}, {}, {what}", method.estimator, method.sampling);
+            visit(Outcome { name, verdict: verdict.unwrap_or_else(Verdict::Failed) });
         };
-        done("a lamp seen directly", lamp::check(device, way, lamp::RADIANCE));
-        for case in cases.iter().filter(|case| case.is_for(way.estimator)) {
-            case.check(device, way, &mut done);
+        done("a lamp seen directly", lamp::check(device, method, lamp::RADIANCE));
+        for case in cases.iter().filter(|case| case.is_for(method.estimator)) {
+            case.check(device, method, &mut done);
         }
-        done("bits with other tiles and workgroups", bits::check(device, way));
+        done("bits with other tiles and workgroups", bits::check(device, method));
     }
 }
 

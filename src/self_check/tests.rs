@@ -5,23 +5,24 @@ fn device() -> Device {
     Device::open(None).expect("these tests need a Vulkan device: run ./setup.sh")
 }
 
-const WAY: Way = Way { estimator: Estimator::Bdpt, sampling: Sampling::Adaptive };
+const METHOD: Method = Method { estimator: Estimator::Bdpt, sampling: Sampling::Adaptive };
 
 #[test]
 fn a_lamp_that_is_not_as_bright_as_expected_is_found() {
-    assert!(matches!(lamp::check(&device(), WAY, lamp::RADIANCE).unwrap(), Verdict::Right(_)));
+    assert!(matches!(lamp::check(&device(), METHOD, lamp::RADIANCE).unwrap(), Verdict::Right(_)));
     let almost = f32::from_bits(lamp::RADIANCE.to_bits() - 1);
-    assert!(matches!(lamp::check(&device(), WAY, almost).unwrap(), Verdict::Wrong(_)));
+    assert!(matches!(lamp::check(&device(), METHOD, almost).unwrap(), Verdict::Wrong(_)));
 }
 
 /// The sibling that must fail: every mean that is stored or in closed form, off by a fifth.
 #[test]
 fn means_off_by_a_fifth_are_found() {
     for case in means::cases() {
-        let settings = WAY.settings(&case.scene, "light-paths = 2000").unwrap();
+        let settings = METHOD.settings(&case.scene, "light-paths = 2000").unwrap();
         let mut renderer = Renderer::new(&device(), &case.scene, &settings).unwrap();
-        for look in &case.looks {
-            let verdict = means::Look { mean: 1.2 * look.mean, ..*look }.check(&mut renderer).unwrap();
+        for expected_mean in &case.expected {
+            let verdict =
+                means::ExpectedMean { mean: 1.2 * expected_mean.mean, ..*expected_mean }.check(&mut renderer).unwrap();
             assert!(matches!(verdict, Verdict::Wrong(_)), "{}: {verdict:?}", case.name);
         }
     }

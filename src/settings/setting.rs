@@ -92,8 +92,8 @@ impl Setting {
         Setting { excludes: Some(other), ..self }
     }
 
-    pub const fn within(self, least: u32, most: u32) -> Setting {
-        Setting { limits: Some((least, most)), ..self }
+    pub const fn within(self, min: u32, max: u32) -> Setting {
+        Setting { limits: Some((min, max)), ..self }
     }
 
     /// Only estimators for which `used_by` holds ask for the setting.
@@ -109,9 +109,9 @@ impl Setting {
     /// Fails if `count` is outside the limits.
     pub fn check(&self, count: u32) -> Result<()> {
         let bounds = match self.limits {
-            Some((least, most)) if !(least..=most).contains(&count) => match least {
-                0 => format!("at most {most}"),
-                _ => format!("from {least} to {most}"),
+            Some((min, max)) if !(min..=max).contains(&count) => match min {
+                0 => format!("at most {max}"),
+                _ => format!("from {min} to {max}"),
             },
             _ => return Ok(()),
         };

@@ -66,16 +66,20 @@ fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
     }
 
     /// Compiles the kernel for a device of its own. No device is a failure.
-    pub fn prepare(&self, constants: &[(&str, f64)]) -> Prepared {
+    pub fn compile(&self, constants: &[(&str, f64)]) -> CompiledFunction {
         let device = open();
         let kernel = Kernel::from_source(&device, "test", &self.text(), "test_main", constants);
-        Prepared { kernel: kernel.unwrap_or_else(|e| panic!("{e}\n{}", self.text())), device, sizes: self.sizes() }
+        CompiledFunction {
+            kernel: kernel.unwrap_or_else(|e| panic!("{e}\n{}", self.text())),
+            device,
+            sizes: self.sizes(),
+        }
     }
 
     /// Results for `inputs`; `buffers` by the names they have in WGSL.
     #[allow(dead_code, reason = "some tests prepare once and run often")]
     pub fn run<I: NoUninit, O: AnyBitPattern + NoUninit>(&self, inputs: &[I], buffers: &[Contents]) -> Vec<O> {
-        self.prepare(&[]).run(inputs, buffers)
+        self.compile(&[]).run(inputs, buffers)
     }
 }
 
@@ -102,13 +106,13 @@ impl Contents {
 }
 
 /// A compiled test kernel.
-pub struct Prepared {
+pub struct CompiledFunction {
     device: Device,
     kernel: Kernel,
     sizes: [usize; 2],
 }
 
-impl Prepared {
+impl CompiledFunction {
     pub fn run<I: NoUninit, O: AnyBitPattern + NoUninit>(&self, inputs: &[I], buffers: &[Contents]) -> Vec<O> {
         assert_eq!(self.sizes, [size_of::<I>(), size_of::<O>()], "bytes of Given and Result, device and host");
         let upload = |bytes: &[u8]| Buffer::from_slice(&self.device, "test", bytes, "").expect("upload");

@@ -5,7 +5,7 @@ use taugate::internals::generate::zoo::Light;
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::gpu::{Device, Drive};
 use taugate::internals::image::film::Film;
-use taugate::internals::render::{Prepared, Renderer, StrategyImage, StrategyImages, Tuning, probe};
+use taugate::internals::render::{PreparedScene, Renderer, StrategyImage, StrategyImages, Tuning, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Sampling, Settings};
@@ -104,7 +104,7 @@ fn a_card_waits_once_per_tile_and_allocates_nothing() {
 fn what_is_observed_is_the_same_on_a_card() {
     let scene = build(Kind::Zoo(Light::Punctual));
     let settings = settings(Estimator::Lcs, SIZE).gate(GATE).max_depth(6).light_paths(500).build().unwrap();
-    let prepared = Prepared::new(&scene, &settings).unwrap_or_else(|e| panic!("{e}"));
+    let prepared = PreparedScene::new(&scene, &settings).unwrap_or_else(|e| panic!("{e}"));
     let observed = |drive: Drive| {
         let device = open(drive);
         let mut strategies = StrategyImages::new(&device, &scene, &settings, &prepared).unwrap();

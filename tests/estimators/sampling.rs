@@ -3,7 +3,7 @@
 use super::cells::{Cells, SEEDS, device, disagreements, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::oracle::sphere::gated_radiance;
-use taugate::internals::render::{Prepared, StrategyImages};
+use taugate::internals::render::{PreparedScene, StrategyImages};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Sampling, Settings};
 
@@ -80,7 +80,7 @@ fn adaptive_renders_take_the_samples_they_say() {
 fn images_of_strategies_are_refused() {
     let scene = build(Kind::CornellBox);
     let settings = spread(Estimator::Lcs, Sampling::Adaptive);
-    let prepared = Prepared::new(&scene, &settings).unwrap();
+    let prepared = PreparedScene::new(&scene, &settings).unwrap();
     let error = StrategyImages::new(&device(), &scene, &settings, &prepared).err().expect("refused").to_string();
     assert!(error.contains("--sampling uniform"), "{error}");
 }

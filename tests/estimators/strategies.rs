@@ -4,7 +4,7 @@
 use super::cells::{device, renderer, settings};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::render::{Prepared, StrategyImage, StrategyImages, strategies};
+use taugate::internals::render::{PreparedScene, StrategyImage, StrategyImages, strategies};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Settings, Strategies};
@@ -16,7 +16,7 @@ const NOTICED: f64 = 2e-6;
 /// The image and the images of its strategies, with the same seed.
 fn both(scene: &Scene, settings: &Settings) -> (Vec<f32>, StrategyImages) {
     let mut whole = renderer(scene, settings);
-    let prepared = Prepared::new(scene, settings).unwrap();
+    let prepared = PreparedScene::new(scene, settings).unwrap();
     let mut parts = StrategyImages::new(&device(), scene, settings, &prepared).unwrap();
     for samples in SAMPLES {
         whole.iterate(samples).unwrap();
@@ -92,7 +92,7 @@ fn strategies_of_one_length_agree_unweighted() {
     let scene = build(Kind::CornellBox);
     let s =
         small(Estimator::Bdpt, Strategies::All, Gate::OPEN).change().max_depth(3).light_paths(2000).build().unwrap();
-    let prepared = Prepared::new(&scene, &s).unwrap();
+    let prepared = PreparedScene::new(&scene, &s).unwrap();
     let mut parts = StrategyImages::new(&device(), &scene, &s, &prepared).unwrap();
     for _ in 0..128 {
         parts.iterate(4).unwrap();

@@ -10,7 +10,7 @@ use taugate::internals::scene::Material;
 
 use crate::bsdf_sample::{Given, even, random};
 use crate::materials::Set;
-use crate::shader_function::{Prepared, ShaderFunction};
+use crate::shader_function::{CompiledFunction, ShaderFunction};
 use crate::values::{dvec, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&EDGE];
@@ -111,7 +111,7 @@ pub fn views() -> Vec<View> {
 }
 
 /// Samples of all views, one dispatch.
-pub fn sample(kernel: &Prepared, views: &[View], uniforms: &[[f32; 4]]) -> Vec<Vec<Got>> {
+pub fn sample(kernel: &CompiledFunction, views: &[View], uniforms: &[[f32; 4]]) -> Vec<Vec<Got>> {
     let inputs: Vec<Given> = views
         .iter()
         .flat_map(|v| {
@@ -129,8 +129,8 @@ pub fn sample(kernel: &Prepared, views: &[View], uniforms: &[[f32; 4]]) -> Vec<V
     got.chunks_exact(uniforms.len()).map(<[Got]>::to_vec).collect()
 }
 
-pub fn kernel() -> Prepared {
-    EDGE.prepare(&[])
+pub fn kernel() -> CompiledFunction {
+    EDGE.compile(&[])
 }
 
 #[test]

@@ -6,7 +6,7 @@ use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::scene::Material;
 
 use crate::materials::{ALPHAS, Reference, set};
-use crate::shader_function::{Prepared, ShaderFunction};
+use crate::shader_function::{CompiledFunction, ShaderFunction};
 use crate::statistics::{chi_square, level};
 use crate::values::{dvec, polar, vec3};
 
@@ -55,7 +55,7 @@ struct Case {
     to_light: bool,
 }
 
-fn run(kernel: &Prepared, case: Case, uniforms: impl Iterator<Item = [f32; 4]>) -> Vec<Got> {
+fn run(kernel: &CompiledFunction, case: Case, uniforms: impl Iterator<Item = [f32; 4]>) -> Vec<Got> {
     let Case { material, w, front, to_light } = case;
     let inputs: Vec<Given> = uniforms
         .map(|u| Given {
@@ -129,7 +129,7 @@ fn cases() -> Vec<Case> {
 #[test]
 fn directions_have_their_density() {
     const N: usize = 300_000;
-    let (kernel, cases) = (SAMPLE.prepare(&[]), cases());
+    let (kernel, cases) = (SAMPLE.compile(&[]), cases());
     let level = level(cases.len());
     for (i, &case) in cases.iter().enumerate() {
         let reference = set().at(case.material, [1.0; 3]);
@@ -161,7 +161,7 @@ fn directions_have_their_density() {
 
 #[test]
 fn weights_are_value_over_density() {
-    let (set, kernel) = (set(), SAMPLE.prepare(&[]));
+    let (set, kernel) = (set(), SAMPLE.compile(&[]));
     for case in cases() {
         let reference = set.at(case.material, [1.0; 3]);
         for s in run(&kernel, case, random(61, 5_000)).iter().filter(|s| s.valid == 1) {
@@ -183,7 +183,7 @@ fn weights_are_value_over_density() {
 
 #[test]
 fn mirrors_and_smooth_glass_by_hand() {
-    let (set, kernel) = (set(), SAMPLE.prepare(&[]));
+    let (set, kernel) = (set(), SAMPLE.compile(&[]));
     let at = |name: &str, w: DVec3, front, to_light, n| {
         let case = Case { material: set.named(name, 0.0), w, front, to_light };
         run(&kernel, case, random(71, n))
@@ -227,7 +227,7 @@ fn mirrors_and_smooth_glass_by_hand() {
 #[test]
 fn a_white_furnace_gains_nothing() {
     const N: usize = 1 << 17;
-    let (set, kernel) = (set(), SAMPLE.prepare(&[]));
+    let (set, kernel) = (set(), SAMPLE.compile(&[]));
     for (material, m) in set.kinds.iter().enumerate() {
         // Grazing to 0.1 degrees.
         for angle in [0.0f64, 30.0, 60.0, 80.0, 87.0, 89.0, 89.9] {

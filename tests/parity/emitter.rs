@@ -235,7 +235,7 @@ fn start(emitter: Emitter, flags: u32, n: usize) -> Vec<[f32; 16]> {
             given
         })
         .collect();
-    START.prepare(&[("HAS_ALPHA", 0.0)]).run(&inputs, &buffers(&[emitter], &[triangle], &[material]))
+    START.compile(&[("HAS_ALPHA", 0.0)]).run(&inputs, &buffers(&[emitter], &[triangle], &[material]))
 }
 
 #[test]

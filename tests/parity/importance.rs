@@ -155,7 +155,7 @@ fn a_node_of_one_time_counts_as_a_whole() {
 fn a_node_that_can_contribute_is_important() {
     let cases = cases(20_000);
     let inputs: Vec<Given> = cases.iter().map(|c| c.0).collect();
-    let results: Vec<Got> = IMPORTANCE.prepare(&[("HAS_TRANSMISSION", 0.0)]).run(&inputs, &[]);
+    let results: Vec<Got> = IMPORTANCE.compile(&[("HAS_TRANSMISSION", 0.0)]).run(&inputs, &[]);
     let (mut valid, mut dropped) = (0, 0);
     for ((g, items), r) in cases.iter().zip(&results) {
         let q = dvec(&g.q);
@@ -267,7 +267,7 @@ fn what_is_switched_off_takes_no_part() {
     for position in 0..16 {
         let [centre, cosine, overlap, gloss] = [0, 1, 2, 3].map(|k| position >> k & 1 == 1);
         let switch = |on: bool| f64::from(u8::from(on));
-        let kernel = SWITCHED.prepare(&[
+        let kernel = SWITCHED.compile(&[
             ("HAS_TRANSMISSION", 0.0),
             ("BY_CENTRE", switch(centre)),
             ("BY_COSINE", switch(cosine)),
@@ -372,7 +372,7 @@ fn leaves_come_up_with_the_probability_they_report() {
     let mut pcg = Pcg::new(12);
     let (mut compared, mut contributing, mut worst, mut off): (usize, usize, f64, usize) = (0, 0, 0.0, 0);
     for (vertices, frontier) in [1u32, 2, 100, 3000].into_iter().flat_map(|n| [(n, 32.0), (n, 5.0), (n, 1.0)]) {
-        let kernel = DESCEND.prepare(&[("HAS_TRANSMISSION", 0.0), ("FRONTIER", frontier)]);
+        let kernel = DESCEND.compile(&[("HAS_TRANSMISSION", 0.0), ("FRONTIER", frontier)]);
         let mut items: Vec<Item> = (0..vertices)
             .map(|index| {
                 let p = vec3(direction(&mut pcg) * pcg.range(1.0, 4.0));

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use glam::{DAffine3, DVec3};
 use taugate::internals::generate::stage;
-use taugate::internals::oracle::bsdf::{Prepared, fresnel_dielectric};
+use taugate::internals::oracle::bsdf::{PreparedMaterial, fresnel_dielectric};
 use taugate::internals::oracle::ggx;
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
@@ -40,7 +40,7 @@ pub fn kinds() -> Vec<Material> {
 pub struct Set {
     pub kinds: Vec<Material>,
     pub device: Vec<DeviceMaterial>,
-    pub prepared: Vec<Prepared>,
+    pub prepared: Vec<PreparedMaterial>,
     pub albedo: AlbedoTable,
 }
 
@@ -63,7 +63,7 @@ impl Set {
             stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
         }
         let device = Geometry::new(&scene, &RenderSpace::metres(DVec3::ZERO), &Emitters::Scene, &albedo).materials;
-        let prepared = kinds.iter().map(Prepared::new).collect();
+        let prepared = kinds.iter().map(PreparedMaterial::new).collect();
         Set { kinds, device, prepared, albedo }
     }
 

@@ -46,7 +46,7 @@ fn sines_are_right_on_every_device() {
     let angles: Vec<f32> = (0..100_000).map(|i| i as f32 * (TAU as f32 / 1e5)).chain(quarters).collect();
     // As the device is known to be, and as every device is taken to be of which nothing is known.
     for constants in [&[][..], &[("EXACT_SINES", 0.0)]] {
-        let turns: Vec<[f32; 2]> = TURNS.prepare(constants).run(&angles, &[]);
+        let turns: Vec<[f32; 2]> = TURNS.compile(constants).run(&angles, &[]);
         for (&angle, [cosine, sine]) in angles.iter().zip(turns) {
             let (s, c) = f64::from(angle).sin_cos();
             let off = (f64::from(cosine) - c).abs().max((f64::from(sine) - s).abs());

@@ -110,7 +110,7 @@ fn cases(edge: f64, spatial: bool, buckets: u32, n: usize) -> Vec<Given> {
 }
 
 fn check(gate: Gate, edge: f64) {
-    let kernels = [8u32, 5].map(|buckets| (buckets, EDGE.prepare(&[("BUCKET_COUNT", buckets.into())])));
+    let kernels = [8u32, 5].map(|buckets| (buckets, EDGE.compile(&[("BUCKET_COUNT", buckets.into())])));
     for ((buckets, kernel), spatial) in kernels.iter().flat_map(|k| [(k, true), (k, false)]) {
         let inputs = cases(edge, spatial, *buckets, 20_000);
         let material = Material { ior: 1.0, ..Zeroable::zeroed() };

@@ -11,7 +11,7 @@ use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{AlphaMode, Material, Mesh, Scene};
 use taugate::internals::settings::Emitters;
 
-use crate::shader_function::{Contents, Prepared, ShaderFunction, contents};
+use crate::shader_function::{CompiledFunction, Contents, ShaderFunction, contents};
 use crate::values::{direction, directions, dvec, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&TRACE, &AGAIN];
@@ -164,7 +164,7 @@ pub fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
     ]
 }
 
-fn trace(kernel: &Prepared, rays: &[(DVec3, DVec3, f32)], any: bool, buffers: &[Contents]) -> Vec<Got> {
+fn trace(kernel: &CompiledFunction, rays: &[(DVec3, DVec3, f32)], any: bool, buffers: &[Contents]) -> Vec<Got> {
     let inputs: Vec<Given> =
         rays.iter().map(|(o, d, t_max)| Given { o: vec3(*o), t_max: *t_max, d: vec3(*d), any: any.into() }).collect();
     kernel.run(&inputs, buffers)
@@ -183,7 +183,7 @@ fn closest_hits_and_surfaces_agree_with_exhaustion() {
         .into_iter()
         .map(|d| (DVec3::from(vec3(6.0 * direction(&mut pcg)).map(f64::from)), d, 3e38))
         .collect();
-    let kernel = TRACE.prepare(&[]);
+    let kernel = TRACE.compile(&[]);
     let results = trace(&kernel, &rays, false, &buffers);
     let (mut hits, mut smooth, mut at_edges) = (0, 0, 0);
     let mut shortened = vec![];
@@ -231,7 +231,7 @@ fn alpha_lets_its_share_of_rays_through() {
         stage::add(&mut scene, "veil", material, quad);
     }
     let rays = vec![(DVec3::new(0.3, 0.1, 0.0), DVec3::Z, 3e38); N];
-    let results = trace(&TRACE.prepare(&[("HAS_TEXTURES", 0.0)]), &rays, false, &buffers(&scene, DVec3::ZERO));
+    let results = trace(&TRACE.compile(&[("HAS_TEXTURES", 0.0)]), &rays, false, &buffers(&scene, DVec3::ZERO));
     let share = |test: fn(&Got) -> bool| results.iter().filter(|r| test(r)).count() as f64 / N as f64;
     // 4.5 sigma of a share of 40,000.
     let error = 4.5 * 0.5 / (N as f64).sqrt();

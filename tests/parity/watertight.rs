@@ -7,7 +7,7 @@ use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::{shapes, stage};
 use taugate::internals::scene::{Mesh, Scene};
 
-use crate::shader_function::{Contents, Prepared, ShaderFunction};
+use crate::shader_function::{CompiledFunction, Contents, ShaderFunction};
 use crate::trace::buffers;
 use crate::values::{direction, vec3};
 
@@ -149,7 +149,7 @@ fn aimed(placed: &Placed, n: usize, pcg: &mut Pcg) -> Vec<Given> {
 }
 
 /// Rays that left a closed mesh, and rays that left a surface and hit it again.
-fn faults(kernel: &Prepared, rays: usize, seed: u64) -> Vec<String> {
+fn faults(kernel: &CompiledFunction, rays: usize, seed: u64) -> Vec<String> {
     let mut pcg = Pcg::new(seed);
     let mut wrong = vec![];
     for (name, mesh) in closed() {
@@ -174,7 +174,7 @@ fn faults(kernel: &Prepared, rays: usize, seed: u64) -> Vec<String> {
 
 #[test]
 fn closed_meshes_do_not_leak_and_surfaces_do_not_hit_themselves() {
-    let wrong = faults(&BOUNCE.prepare(&[]), 12_000, 181);
+    let wrong = faults(&BOUNCE.compile(&[]), 12_000, 181);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
@@ -182,7 +182,7 @@ fn closed_meshes_do_not_leak_and_surfaces_do_not_hit_themselves() {
 #[test]
 #[ignore = "takes a minute"]
 fn a_million_rays_do_not_leak() {
-    let wrong = faults(&BOUNCE.prepare(&[]), 42_000, 182);
+    let wrong = faults(&BOUNCE.compile(&[]), 42_000, 182);
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

@@ -15,7 +15,7 @@ use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::wgsl::layout::{Material, NONE, PathVertex, TreeNode};
 
-use shader_function::{Contents, Prepared, ShaderFunction, contents};
+use shader_function::{CompiledFunction, Contents, ShaderFunction, contents};
 use statistics::{chi_square, level};
 use walk::{Ends, Pool, Query, room, walk};
 
@@ -58,7 +58,7 @@ fn given(query: &Query, number: u32, spatial: bool, seed: u32) -> Given {
 }
 
 /// The device's bounds of both children of every node of a pool.
-fn device_bounds(kernel: &Prepared, pool: &Pool, query: &Query) -> Vec<[f64; 2]> {
+fn device_bounds(kernel: &CompiledFunction, pool: &Pool, query: &Query) -> Vec<[f64; 2]> {
     let inputs: Vec<Given> =
         (0..pool.nodes.len() as u32).map(|i| given(query, pool.first_node + i, pool.spatial, 0)).collect();
     if inputs.is_empty() {
@@ -68,13 +68,13 @@ fn device_bounds(kernel: &Prepared, pool: &Pool, query: &Query) -> Vec<[f64; 2]>
     bounds.iter().map(|b| b.map(f64::from)).collect()
 }
 
-fn ends(kernel: &Prepared, pool: &Pool, query: &Query) -> Ends {
+fn ends(kernel: &CompiledFunction, pool: &Pool, query: &Query) -> Ends {
     let bounds = device_bounds(kernel, pool, query);
     walk(pool, |node| bounds[(node - pool.first_node) as usize])
 }
 
 /// Vertex (as a number of the pool's item) and 1 / P of `n` traversals; no vertex at dead ends.
-fn draw(kernel: &Prepared, pool: &Pool, query: &Query, n: usize, pcg: &mut Pcg) -> Vec<(Option<usize>, f64)> {
+fn draw(kernel: &CompiledFunction, pool: &Pool, query: &Query, n: usize, pcg: &mut Pcg) -> Vec<(Option<usize>, f64)> {
     let inputs: Vec<Given> = (0..n).map(|_| given(query, pool.root, pool.spatial, pcg.next_u32())).collect();
     let buffers = tree_buffers(&pool.nodes);
     let found: Vec<[u32; 2]> = kernel.run(&inputs, &buffers);
@@ -115,7 +115,7 @@ fn p_value(counts: &[f64], ends: &Ends, n: usize) -> f64 {
 #[test]
 fn draws_have_the_probabilities_of_the_walk() {
     const N: usize = 100_000;
-    let (bounds, draws) = (BOUNDS.prepare(&[]), DRAW.prepare(&[]));
+    let (bounds, draws) = (BOUNDS.compile(&[]), DRAW.compile(&[]));
     let mut pcg = Pcg::new(81);
     let sizes = [1, 2, 64, 1000];
     let level = level(sizes.len() * 3 * 2 * 2 * 2);
@@ -170,7 +170,7 @@ fn draws_have_the_probabilities_of_the_walk() {
 #[test]
 fn one_over_p_averages_to_one() {
     const N: usize = 400_000;
-    let (bounds, draws) = (BOUNDS.prepare(&[]), DRAW.prepare(&[]));
+    let (bounds, draws) = (BOUNDS.compile(&[]), DRAW.compile(&[]));
     let mut pcg = Pcg::new(82);
     for spatial in [true, false] {
         let pool = Pool::new(room(&mut pcg, 64, spatial), 4, spatial, 0, 0);
@@ -193,7 +193,7 @@ fn one_over_p_averages_to_one() {
 #[test]
 fn slightly_wrong_probabilities_are_rejected() {
     const N: usize = 2_000_000;
-    let (bounds, draws) = (BOUNDS.prepare(&[]), DRAW.prepare(&[]));
+    let (bounds, draws) = (BOUNDS.compile(&[]), DRAW.compile(&[]));
     let mut pcg = Pcg::new(83);
     for spatial in [true, false] {
         let pool = Pool::new(room(&mut pcg, 64, spatial), 1, spatial, 0, 0);

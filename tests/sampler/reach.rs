@@ -89,7 +89,7 @@ fn an_empty_pool_has_no_root() {
 #[test]
 fn bounds_of_the_weakest_vertices_are_normal_numbers() {
     let at = |x: f32, power: f32, index| Item { point: [x, 0.0, 0.0, 0.0], power, index };
-    let kernel = BOUNDS.prepare(&[]);
+    let kernel = BOUNDS.compile(&[]);
     for distance in [100.0f32, 1e3, 1e4, 1e5] {
         let items = vec![at(0.0, 1.0, 0), at(1.0, 1.0, 1), at(distance, 1e-38, 2), at(1.3 * distance, 1e-38, 3)];
         let pool = Pool::new(items, 1, true, 0, 0);

@@ -6,7 +6,7 @@ use taugate::internals::lightcone::tree::Item;
 use taugate::internals::wgsl::layout::TreeNode;
 
 use crate::reach::check;
-use crate::shader_function::{Prepared, ShaderFunction, contents};
+use crate::shader_function::{CompiledFunction, ShaderFunction, contents};
 use crate::walk::{Ends, Pool, Query, odd_items, odd_query, room, walk};
 use crate::{BOUNDS, DRAW, Given, given, item_and_weight, query_of_room, tree_buffers};
 
@@ -51,7 +51,7 @@ impl Forest {
             .collect();
         let found: Vec<[u32; 2]> = DRAW.run(&seeds, &tree_buffers(&nodes));
         // For drivers that lose what the last iteration of a loop has found.
-        let at_top: Vec<[u32; 2]> = DRAW.prepare(&[("EXIT_AT_TOP", 1.0)]).run(&seeds, &tree_buffers(&nodes));
+        let at_top: Vec<[u32; 2]> = DRAW.compile(&[("EXIT_AT_TOP", 1.0)]).run(&seeds, &tree_buffers(&nodes));
         assert!(found == at_top);
         let [mut valid, mut drawn] = [0, 0];
         for ((pool, query), found) in planted().zip(found.chunks_exact(draws)) {
@@ -189,7 +189,7 @@ const COUNT: ShaderFunction = ShaderFunction {
 };
 
 /// Of a hundred million traversals, those that end at a vertex of share `share`, first or second in the tree.
-fn rare_draws(kernel: &Prepared, share: f32, first: bool) -> u32 {
+fn rare_draws(kernel: &CompiledFunction, share: f32, first: bool) -> u32 {
     const THREADS: u32 = 20_000;
     const ROUNDS: u32 = 5_000;
     let at = |x: f32, power: f32, index| Item { point: [x, 1.0, 0.0, 0.0], power, index };
@@ -206,7 +206,7 @@ fn rare_draws(kernel: &Prepared, share: f32, first: bool) -> u32 {
 /// the probability with which vertices were drawn. Bounds are Poisson's at 1e-4.
 #[test]
 fn rare_children_are_drawn_as_rarely_as_they_should() {
-    let kernel = COUNT.prepare(&[]);
+    let kernel = COUNT.compile(&[]);
     for first in [true, false] {
         let [never, few] = [1e-9, 3e-7].map(|share| rare_draws(&kernel, share, first));
         assert!(never <= 3, "first {first}: {never} of 0.1 expected draws");

@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::stage::{camera, diffuse, emitter, material, mesh, place};
-use taugate::internals::render::{Prepared, StrategyImages};
+use taugate::internals::render::{PreparedScene, StrategyImages};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Settings};
@@ -243,7 +243,7 @@ fn the_trees_alone_have_the_energy_through_the_trees() {
         let (gate, truth) = (far.gates()[1], truth[1]);
         let s = far_settings(far, estimator, 20_000).change().gate(gate).build().unwrap();
         let scene = far.scene();
-        let prepared = Prepared::new(&scene, &s).expect("a lamp");
+        let prepared = PreparedScene::new(&scene, &s).expect("a lamp");
         let mut parts = StrategyImages::new(&device(), &scene, &s, &prepared).expect("small images");
         for _ in 0..512 {
             parts.iterate(16).expect("an iteration");

@@ -91,7 +91,7 @@ fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Opt
     let of = |row: &Row, e: &Entry| e.variant == row.variant && row.fingerprint.starts_with(&e.fingerprint);
     let counts = |row: &&Row| row.scene == scene && entries.iter().any(|e| e.reference == name && of(row, e));
     let errors = rows.iter().filter(counts).map(|row| row.relmse);
-    Ok(errors.reduce(Means::least))
+    Ok(errors.reduce(Means::min))
 }
 
 fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<Means>) -> bool {

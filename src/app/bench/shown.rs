@@ -37,7 +37,7 @@ pub fn text(scene: &str, lines: &[Line]) -> String {
             let cost = line.us_per_sample;
             text += &format!(
                 "  {:width$}  {:.3} us a sample of a pixel ({:.3} to {:.3})  {:.0} samples in {:.1} s\n",
-                line.variant, cost.median, cost.least, cost.most, line.samples, line.seconds
+                line.variant, cost.median, cost.min, cost.max, line.samples, line.seconds
             );
             continue;
         }
@@ -56,7 +56,7 @@ pub fn text(scene: &str, lines: &[Line]) -> String {
 
 fn error(name: &str, figure: &Figure) -> String {
     let ratio =
-        figure.ratio.map_or(String::new(), |r| format!(" lower by {:.2} ({:.2} to {:.2})", r.median, r.least, r.most));
+        figure.ratio.map_or(String::new(), |r| format!(" lower by {:.2} ({:.2} to {:.2})", r.median, r.min, r.max));
     match figure.honest {
         true => format!("{name} {:.3e}{ratio}", figure.relmse.median),
         false => format!("{name} -"),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use taugate::internals::gpu::need::mebibytes;
+use taugate::internals::gpu::buffer_desc::mebibytes;
 use taugate::internals::settings::units::METRES_PER_NS;
 
 use super::{Arrival, Memory, Render, Report};
@@ -94,12 +94,12 @@ fn add_travel_times(lines: &mut Lines, render: &Render) {
         "possible",
         format!(
             "travel times from {} m = {} ns to {} m = {} ns ({} segments of at most {} m)",
-            short(p.least),
-            ns(p.least),
-            short(p.greatest),
-            ns(p.greatest),
+            short(p.min),
+            ns(p.min),
+            short(p.max),
+            ns(p.max),
             p.max_depth,
-            short(p.segment)
+            short(p.max_segment)
         ),
     );
     let Some(light) = &render.light else { return };

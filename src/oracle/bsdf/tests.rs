@@ -23,7 +23,7 @@ fn some_materials() -> Vec<Material> {
 fn reciprocal() {
     let mut pcg = Pcg::new(1);
     for material in some_materials() {
-        let prepared = Prepared::new(&material);
+        let prepared = PreparedMaterial::new(&material);
         let bsdf = prepared.at([0.9, 0.5, 0.1]);
         for _ in 0..1000 {
             let a = direction(pcg.range(0.01, 1.0), pcg.range(0.0, TAU));
@@ -56,7 +56,7 @@ fn over_sphere(peak: DVec3, f: impl Fn(DVec3) -> f64) -> f64 {
 #[test]
 fn densities_integrate_to_one() {
     for material in some_materials().iter().filter(|m| m.roughness > 0.0) {
-        let prepared = Prepared::new(material);
+        let prepared = PreparedMaterial::new(material);
         let bsdf = prepared.at([0.9, 0.5, 0.1]);
         for cos in [0.95, 0.5, 0.15] {
             let wo = direction(cos, 0.3);
@@ -71,7 +71,7 @@ fn densities_integrate_to_one() {
 fn samples_estimate_the_directional_albedo() {
     let mut pcg = Pcg::new(9);
     for material in some_materials() {
-        let prepared = Prepared::new(&material);
+        let prepared = PreparedMaterial::new(&material);
         let bsdf = prepared.at([0.9, 0.5, 0.1]);
         let wo = direction(0.6, 0.3);
         let mirrored = DVec3::new(-wo.x, -wo.y, wo.z);
@@ -92,7 +92,7 @@ fn samples_estimate_the_directional_albedo() {
 #[test]
 fn a_white_furnace_loses_little_and_gains_nothing() {
     for alpha in [0.0, 0.05, 0.3, 1.0] {
-        let prepared = Prepared::new(&plastic("", [1.0; 3], roughness(alpha)));
+        let prepared = PreparedMaterial::new(&plastic("", [1.0; 3], roughness(alpha)));
         let bsdf = prepared.at([1.0; 3]);
         for cos in [1.0, 0.8, 0.5, 0.2, 0.08] {
             let wo = direction(cos, 0.0);
@@ -111,7 +111,7 @@ fn glass_by_hand() {
     // Total reflection beyond asin(1 / 1.5), whose cosine is 0.745.
     assert_eq!(fresnel_dielectric(0.74, 1.0 / 1.5), 1.0);
     assert!(fresnel_dielectric(0.76, 1.0 / 1.5) < 0.5);
-    let prepared = Prepared::new(&crate::generate::stage::glass(""));
+    let prepared = PreparedMaterial::new(&crate::generate::stage::glass(""));
     let bsdf = prepared.at([1.0; 3]);
     assert!(bsdf.only_delta());
     let through = bsdf.sample(direction(0.5, 0.0), false, [0.9, 0.5, 0.5]).unwrap();

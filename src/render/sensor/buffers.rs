@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use super::TileSample;
 use crate::error::Result;
-use crate::gpu::{Buffer, Device, Need, ReadBack, Recorder};
+use crate::gpu::{Buffer, BufferDesc, Device, ReadBack, Recorder};
 use crate::render::compaction::{ARGUMENTS, COUNTERS};
 use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
@@ -35,17 +35,17 @@ pub struct Buffers {
 pub const BUFFERS: usize = 18;
 
 /// What the fields of [`Buffers`] need, in their order, for `paths` paths with `slots` candidates a shade point.
-pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
+pub fn buffer_descs(plan: &Plan, paths: usize, slots: usize) -> [BufferDesc; BUFFERS] {
     let few = "use a smaller --resolution or fewer --queries";
     let entries = paths * slots.max(1);
     let film = plan.crop_pixels as usize;
-    let words = |name: &'static str, n: usize| Need::of::<u32>(name, n, few);
-    let quads = |name: &'static str, n: usize| Need::of::<[f32; 4]>(name, n, few);
-    let pixels = |name: &'static str| Need::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
+    let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, few);
+    let quads = |name: &'static str, n: usize| BufferDesc::of::<[f32; 4]>(name, n, few);
+    let pixels = |name: &'static str| BufferDesc::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
     [
-        Need::of::<TileSample>("samples of a tile", paths, few),
-        Need::of::<PathState>("sensor path states", paths, few),
-        Need::of::<PathVertex>("shade points", paths, few),
+        BufferDesc::of::<TileSample>("samples of a tile", paths, few),
+        BufferDesc::of::<PathState>("sensor path states", paths, few),
+        BufferDesc::of::<PathVertex>("shade points", paths, few),
         quads("path radiance", paths),
         quads("path tallies", paths),
         quads("emitter hits", if plan.observe == Observe::Nothing { 1 } else { paths }),
@@ -54,8 +54,8 @@ pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
         words("shade point list", paths),
         words("candidate list", entries),
         quads("marks", entries.next_multiple_of(CHUNK as usize) / 4),
-        Need::of::<[u32; 2]>("chunk counts", entries.div_ceil(CHUNK as usize), few),
-        Need::of::<Candidate>("candidates", entries, few),
+        BufferDesc::of::<[u32; 2]>("chunk counts", entries.div_ceil(CHUNK as usize), few),
+        BufferDesc::of::<Candidate>("candidates", entries, few),
         quads("contributions", entries),
         words("counters", COUNTERS).read_back(),
         words("dispatch arguments", ARGUMENTS),
@@ -66,10 +66,10 @@ pub fn needs(plan: &Plan, paths: usize, slots: usize) -> [Need; BUFFERS] {
 
 impl Buffers {
     pub fn new(device: &Device, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers> {
-        let needs = RefCell::new(needs(plan, paths, slots).into_iter());
-        let need = || needs.borrow_mut().next().expect("one need per field");
-        let next = || Buffer::for_need(device, &need());
-        let read_back = || ReadBack::for_need(device, &need());
+        let buffer_descs = RefCell::new(buffer_descs(plan, paths, slots).into_iter());
+        let desc = || buffer_descs.borrow_mut().next().expect("one need per field");
+        let next = || Buffer::from_desc(device, &desc());
+        let read_back = || ReadBack::from_desc(device, &desc());
         Ok(Buffers {
             tile_samples: next()?,
             states: next()?,
@@ -118,8 +118,8 @@ impl Buffers {
         recorder.read_back(&self.film_tallies, self.film_tallies.buffer().size())
     }
 
-    /// Adds the film to `image`, shows `see` what was added and the sum, and returns its tallies, added up.
-    pub fn add_film(&self, image: &mut [f32], see: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<[u64; 4]> {
+    /// Adds the film to `image`, calls `visit` with what was added and the sum, and returns its tallies, added up.
+    pub fn add_film(&self, image: &mut [f32], visit: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<[u64; 4]> {
         let pixels = image.len() / 3;
         self.film.with::<[f32; 4], _>(pixels, |film| {
             for (to, from) in image.chunks_exact_mut(3).zip(film) {
@@ -127,7 +127,7 @@ impl Buffers {
                     to[k] += from[k];
                 }
             }
-            see(film, image);
+            visit(film, image);
         })?;
         self.film_tallies.with::<[u32; 4], _>(pixels, |tallies| {
             let add = |mut sum: [u64; 4], t: &[u32; 4]| {

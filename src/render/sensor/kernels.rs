@@ -3,7 +3,7 @@
 use super::buffers::Buffers;
 use crate::error::Result;
 use crate::gpu::{Bindings, Device, Kernel};
-use crate::render::compaction::{BoundCompaction, Compaction};
+use crate::render::compaction::{Compaction, CompactionBindings};
 use crate::render::device_scene::DeviceScene;
 use crate::render::plan::Plan;
 use crate::render::pool::DevicePool;
@@ -20,12 +20,12 @@ pub struct Kernels {
 }
 
 /// Descriptor sets for one pool; `[0]` where bounce numbers are even.
-pub struct Bound {
+pub struct SensorBindings {
     pub start: Bindings,
     pub trace: [Bindings; 2],
-    pub compact_paths: [BoundCompaction; 2],
+    pub compact_paths: [CompactionBindings; 2],
     pub query: Bindings,
-    pub compact_candidates: BoundCompaction,
+    pub compact_candidates: CompactionBindings,
     pub connect: Bindings,
     pub gather: Bindings,
     pub resolve: Bindings,
@@ -47,7 +47,7 @@ impl Kernels {
     }
 
     /// Descriptor sets over the scene, a pool and the buffers of a tracer.
-    pub fn bind(&self, b: &Buffers, scene: &DeviceScene, pool: &DevicePool) -> Result<Bound> {
+    pub fn bind(&self, b: &Buffers, scene: &DeviceScene, pool: &DevicePool) -> Result<SensorBindings> {
         let k = self;
         let shared = || {
             let mut all = scene.bindings();
@@ -71,7 +71,7 @@ impl Kernels {
             all.push(("list", &b.shade_list));
             all
         };
-        Ok(Bound {
+        Ok(SensorBindings {
             start: k.start.bind(&living(0))?,
             trace: [k.trace.bind(&living(0))?, k.trace.bind(&living(1))?],
             compact_paths: [k.compaction.bind(&living(0))?, k.compaction.bind(&living(1))?],

@@ -5,7 +5,7 @@ use crate::render::plan::Observe;
 use crate::wgsl::layout::Candidate;
 
 /// A contribution of a sensor subpath.
-pub struct Seen {
+pub struct SensorContribution {
     /// For [`Observe::Strategies`] without its MIS weight.
     pub rgb: [f32; 3],
     /// For [`Observe::Times`] the travel time, for [`Observe::Strategies`] the MIS weight.
@@ -19,26 +19,26 @@ pub struct Seen {
 }
 
 impl SensorTracer {
-    /// As [`SensorTracer::run`] for a plan that observes, one submit per bounce. `see` is shown every emitter that was hit and
+    /// As [`SensorTracer::run`] for a plan that observes, one submit per bounce. `visit` is called with every emitter that was hit and
     /// every connection that was not blocked.
     pub fn observe(
         &mut self,
         plan: &Plan,
-        bound: &Bound,
+        bindings: &SensorBindings,
         counts: &SampleCounts,
-        see: &mut impl FnMut(Seen),
+        visit: &mut impl FnMut(SensorContribution),
     ) -> Result<()> {
         assert!(plan.observe != Observe::Nothing);
         let mut tiles = Tiles::new(plan.crop, counts);
         while let Some((tile, _)) = tiles.next(self.tile) {
-            let constants = self.start_tile(bound, tile)?;
+            let constants = self.start_tile(bindings, tile)?;
             let mut living = constants.count;
             for bounce in 0..plan.max_depth {
                 let constants = Dispatch { bounce, ..constants };
-                (living, _) = self.run_bounce(bound, &constants, living, &mut Stats::default())?;
+                (living, _) = self.run_bounce(bindings, &constants, living, &mut Stats::default())?;
                 self.record_counters()?;
                 self.recorder.submit()?;
-                self.show(plan, tile, bounce, see)?;
+                self.show(plan, tile, bounce, visit)?;
                 if living == 0 {
                     break;
                 }
@@ -48,21 +48,27 @@ impl SensorTracer {
     }
 
     /// Shows what the bounce has found of a tile.
-    fn show(&self, plan: &Plan, tile: &[TileSample], bounce: u32, see: &mut impl FnMut(Seen)) -> Result<()> {
+    fn show(
+        &self,
+        plan: &Plan,
+        tile: &[TileSample],
+        bounce: u32,
+        visit: &mut impl FnMut(SensorContribution),
+    ) -> Result<()> {
         let b = &self.buffers;
         let counters = self.read_counters(&mut Stats::default())?;
         let length = |list: u32| counters[list as usize] as usize;
         let parity = bounce as usize % 2;
         let seen = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<usize>| {
             let pixel = tiles::crop_pixel(plan.crop, tile[path as usize][0]);
-            Seen { rgb: [r, g, b], tau_or_weight, pixel, t: bounce + 2, vertex }
+            SensorContribution { rgb: [r, g, b], tau_or_weight, pixel, t: bounce + 2, vertex }
         };
 
         // Emitters that were hit, by the paths that were traced.
         let traced = b.living[parity].to_vec::<u32>(length(LIVING[parity]))?;
         b.emitted.with::<[f32; 4], _>(self.capacity, |emitted| {
             let lit = traced.iter().map(|&path| (emitted[path as usize], path)).filter(|(e, _)| *e != [0.0; 4]);
-            lit.for_each(|(e, path)| see(seen(e, path, None)));
+            lit.for_each(|(e, path)| visit(seen(e, path, None)));
         })?;
 
         if length(SHADE) == 0 {
@@ -79,7 +85,7 @@ impl SensorTracer {
         b.candidates.with::<Candidate, _>(entries, |candidates| {
             for (slot, c) in live {
                 let vertex = candidates[slot as usize].vertex as usize;
-                see(seen(c, shade_list[(slot / self.slots) as usize], Some(vertex)));
+                visit(seen(c, shade_list[(slot / self.slots) as usize], Some(vertex)));
             }
         })?;
         Ok(())

@@ -14,7 +14,7 @@ pub struct SensorPhase {
 pub struct Ready {
     tracer: SensorTracer,
     pool: DevicePool,
-    bound: Bound,
+    bindings: SensorBindings,
 }
 
 impl SensorPhase {
@@ -56,8 +56,8 @@ impl SensorPhase {
             }
         };
         let pool = stats.timed(stage::UPLOAD, || DevicePool::new(device, pool))?;
-        let bound = stats.timed(stage::ALLOCATE, || tracer.kernels.bind(&tracer.buffers, scene, &pool))?;
-        Ok(Ready { tracer, pool, bound })
+        let bindings = stats.timed(stage::ALLOCATE, || tracer.kernels.bind(&tracer.buffers, scene, &pool))?;
+        Ok(Ready { tracer, pool, bindings })
     }
 }
 
@@ -68,14 +68,19 @@ impl Ready {
         plan: &Plan,
         counts: &SampleCounts,
         image: &mut [f32],
-        see: impl FnOnce(&[[f32; 4]], &[f32]),
+        visit: impl FnOnce(&[[f32; 4]], &[f32]),
         stats: &mut Stats,
     ) -> Result<()> {
-        self.tracer.run(plan, &self.bound, counts, image, see, stats)
+        self.tracer.run(plan, &self.bindings, counts, image, visit, stats)
     }
 
     /// As [`SensorTracer::observe`].
-    pub fn observe(&mut self, plan: &Plan, counts: &SampleCounts, see: &mut impl FnMut(Seen)) -> Result<()> {
-        self.tracer.observe(plan, &self.bound, counts, see)
+    pub fn observe(
+        &mut self,
+        plan: &Plan,
+        counts: &SampleCounts,
+        visit: &mut impl FnMut(SensorContribution),
+    ) -> Result<()> {
+        self.tracer.observe(plan, &self.bindings, counts, visit)
     }
 }

@@ -1,7 +1,7 @@
 //! A tile of sensor subpaths, from the samples to the film.
 
 use super::*;
-use crate::render::pace::next_tile;
+use crate::render::submit_size::next_tile_size;
 
 /// Bounces that one submit holds at most where the host does not look at each: beyond them hardly a path lives.
 const MAX_BOUNCES_PER_SUBMIT: u32 = 16;
@@ -10,17 +10,17 @@ impl SensorTracer {
     pub(super) fn run_tile(
         &mut self,
         plan: &Plan,
-        bound: &Bound,
+        bindings: &SensorBindings,
         samples: &[TileSample],
         is_last: bool,
         stats: &mut Stats,
     ) -> Result<()> {
-        let constants = stats.timed(stage::RECORD, || self.start_tile(bound, samples))?;
+        let constants = stats.timed(stage::RECORD, || self.start_tile(bindings, samples))?;
         let mut longest = match self.waits_per_bounce {
-            true => self.run_bounces(plan, bound, &constants, stats)?,
-            false => self.record_bounces(plan, bound, &constants, stats)?,
+            true => self.run_bounces(plan, bindings, &constants, stats)?,
+            false => self.record_bounces(plan, bindings, &constants, stats)?,
         };
-        stats.timed(stage::RECORD, || self.record_film(bound, &constants, is_last))?;
+        stats.timed(stage::RECORD, || self.record_film(bindings, &constants, is_last))?;
         longest = longest.max(stats.submit(&mut self.recorder)?);
         let counters = self.read_counters(stats)?;
         let total = |list: u32| u64::from(counters[(COUNTER_TOTALS + list) as usize]);
@@ -28,13 +28,13 @@ impl SensorTracer {
         stats.shade_points += total(SHADE);
         stats.live_candidates += total(CANDIDATES);
         if plan.tuning.tile.is_none() {
-            self.tile = next_tile(self.tile, samples.len(), is_last, longest, self.capacity);
+            self.tile = next_tile_size(self.tile, samples.len(), is_last, longest, self.capacity);
         }
         Ok(())
     }
 
     /// Records the start of a path for every sample; returns what all dispatches of the tile share.
-    pub(super) fn start_tile(&mut self, bound: &Bound, samples: &[TileSample]) -> Result<Dispatch> {
+    pub(super) fn start_tile(&mut self, bindings: &SensorBindings, samples: &[TileSample]) -> Result<Dispatch> {
         let (k, b) = (&self.kernels, &mut self.buffers);
         let count = samples.len() as u32;
         let none = Dispatch { list_a: NONE, list_b: NONE, emitter: NONE, ..bytemuck::Zeroable::zeroed() };
@@ -44,16 +44,22 @@ impl SensorTracer {
         b.counters.write(&counters)?;
         b.arguments.write(0, &arguments)?;
         let groups = k.start.groups(samples.len());
-        self.recorder.dispatch("sensor_start", &k.start, &bound.start, &constants, groups)?;
+        self.recorder.dispatch("sensor_start", &k.start, &bindings.start, &constants, groups)?;
         Ok(constants)
     }
 
     /// Runs the bounces one by one, as long as there are paths. Returns the seconds of the longest submit that traced them.
-    fn run_bounces(&mut self, plan: &Plan, bound: &Bound, constants: &Dispatch, stats: &mut Stats) -> Result<f64> {
+    fn run_bounces(
+        &mut self,
+        plan: &Plan,
+        bindings: &SensorBindings,
+        constants: &Dispatch,
+        stats: &mut Stats,
+    ) -> Result<f64> {
         let (mut living, mut longest) = (constants.count, 0.0f64);
         for bounce in 0..plan.max_depth {
             let seconds;
-            (living, seconds) = self.run_bounce(bound, &Dispatch { bounce, ..*constants }, living, stats)?;
+            (living, seconds) = self.run_bounce(bindings, &Dispatch { bounce, ..*constants }, living, stats)?;
             longest = longest.max(seconds);
             if living == 0 {
                 break;
@@ -64,7 +70,13 @@ impl SensorTracer {
 
     /// Records all bounces, without looking at what one of them has left, in one submit if they are not very many; the last is
     /// left to the caller. Returns the seconds of the longest.
-    fn record_bounces(&mut self, plan: &Plan, bound: &Bound, constants: &Dispatch, stats: &mut Stats) -> Result<f64> {
+    fn record_bounces(
+        &mut self,
+        plan: &Plan,
+        bindings: &SensorBindings,
+        constants: &Dispatch,
+        stats: &mut Stats,
+    ) -> Result<f64> {
         let mut longest = 0.0f64;
         for bounce in 0..plan.max_depth {
             if bounce > 0 && bounce % MAX_BOUNCES_PER_SUBMIT == 0 {
@@ -74,16 +86,16 @@ impl SensorTracer {
                     break;
                 }
             }
-            stats.timed(stage::RECORD, || self.record_bounce(bound, &Dispatch { bounce, ..*constants }))?;
+            stats.timed(stage::RECORD, || self.record_bounce(bindings, &Dispatch { bounce, ..*constants }))?;
         }
         Ok(longest)
     }
 
     /// Records the means over the samples of each pixel, and reads the film with the last tile.
-    fn record_film(&mut self, bound: &Bound, constants: &Dispatch, is_last: bool) -> Result<()> {
+    fn record_film(&mut self, bindings: &SensorBindings, constants: &Dispatch, is_last: bool) -> Result<()> {
         let resolve = &self.kernels.resolve;
         let groups = resolve.groups(constants.count as usize);
-        self.recorder.dispatch("resolve", resolve, &bound.resolve, constants, groups)?;
+        self.recorder.dispatch("resolve", resolve, &bindings.resolve, constants, groups)?;
         if is_last {
             self.buffers.read_film(&mut self.recorder)?;
         }

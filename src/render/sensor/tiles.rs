@@ -28,13 +28,13 @@ impl<'a> Tiles<'a> {
         self.position == self.crop.width() * self.crop.height()
     }
 
-    /// The next tile: as many pixels as have `most` samples together, one at least; and whether it is the last. None after that.
-    pub fn next(&mut self, most: usize) -> Option<(&[TileSample], bool)> {
+    /// The next tile: as many pixels as have `max` samples together, one at least; and whether it is the last. None after that.
+    pub fn next(&mut self, max: usize) -> Option<(&[TileSample], bool)> {
         self.samples.clear();
         while !self.is_empty() {
             let pixel = pixel_at(self.crop, self.position);
             let count = self.counts.of(pixel);
-            if !self.samples.is_empty() && self.samples.len() + count as usize > most {
+            if !self.samples.is_empty() && self.samples.len() + count as usize > max {
                 break;
             }
             let film_pixel = film_pixel(self.crop, pixel);
@@ -78,13 +78,13 @@ mod tests {
             [(1, 1), (1, 9), (9, 1), (7, 7), (8, 8), (9, 9), (16, 8), (17, 23), (8, 15), (100, 3), (3, 100), (63, 65)];
         for (width, height) in sizes {
             let crop = Crop { x0: 5, y0: 11, x1: 5 + width, y1: 11 + height };
-            let each = SampleCounts::Each((0..width * height).map(|i| 1 + (i * i % 7) as u8).collect());
-            for (counts, most) in [(SampleCounts::Even(3), 100), (each.clone(), 64), (each, 1)] {
+            let each = SampleCounts::PerPixel((0..width * height).map(|i| 1 + (i * i % 7) as u8).collect());
+            for (counts, max) in [(SampleCounts::Uniform(3), 100), (each.clone(), 64), (each, 1)] {
                 let mut tiles = Tiles::new(crop, &counts);
                 let mut seen = vec![0; (width * height) as usize];
                 let mut ended = false;
-                while let Some((tile, is_last)) = tiles.next(most) {
-                    assert!(tile.len() <= most.max(7) && !ended, "{width} x {height}");
+                while let Some((tile, is_last)) = tiles.next(max) {
+                    assert!(tile.len() <= max.max(7) && !ended, "{width} x {height}");
                     ended = is_last;
                     let mut here = vec![0; seen.len()];
                     for &[film_pixel, number_and_count] in tile {

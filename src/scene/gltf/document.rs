@@ -38,7 +38,8 @@ impl<'a> Document<'a> {
         let root: Root = ::gltf::json::deserialize::from_slice(json)
             .map_err(|e| format!("is not valid glTF 2.0 ({}); re-export it", printable(&e.to_string(), 200)))?;
         let asset = &root.asset;
-        let is_readable = asset.min_version.as_ref().map_or(asset.version.starts_with("2."), |least| least == "2.0");
+        let is_readable =
+            asset.min_version.as_ref().map_or(asset.version.starts_with("2."), |min_version| min_version == "2.0");
         if !is_readable {
             let version = printable(asset.min_version.as_ref().unwrap_or(&asset.version), 20);
             return Err(format!("is glTF version {version}; re-export it as glTF 2.0"));

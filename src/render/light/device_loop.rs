@@ -4,8 +4,8 @@
 use std::ops::Range;
 
 use super::*;
-use crate::render::compaction::{ARGUMENTS, BoundCompaction, Compaction, over};
-use crate::render::pace::change;
+use crate::render::compaction::{ARGUMENTS, Compaction, CompactionBindings, indirect_over};
+use crate::render::submit_size::size_factor;
 use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, VERTEX_DEPTH};
 
 /// Rounds of a submit at most: the start of the paths is one, each bounce another. 16 rounds of a full batch are vertices of 112 MiB,
@@ -16,12 +16,12 @@ const MAX_ROUNDS: u32 = 16;
 const LIVING: [u32; 2] = [0, 1];
 const KEPT: u32 = 2;
 
-pub struct AtOnce {
+pub struct DeviceLoop {
     mark: Kernel,
     keep: Kernel,
     compaction: Compaction,
     /// What is bound to the kernels; `[1]` where the second list is traced.
-    bound: [Turn; 2],
+    bound: [ParityBindings; 2],
     bound_keep: Bindings,
     arguments: Buffer,
     kept_vertices: ReadBack,
@@ -32,14 +32,14 @@ pub struct AtOnce {
     rounds: u32,
 }
 
-struct Turn {
+struct ParityBindings {
     trace: Bindings,
     splat: Bindings,
     mark: Bindings,
-    compaction: BoundCompaction,
+    compaction: CompactionBindings,
 }
 
-impl AtOnce {
+impl DeviceLoop {
     /// `buffers`: what is bound to all kernels; `list`: the living paths of even rounds.
     pub fn new(
         device: &Device,
@@ -48,23 +48,23 @@ impl AtOnce {
         list: &Buffer,
         trace: &Kernel,
         splat: &Kernel,
-    ) -> Result<AtOnce> {
+    ) -> Result<DeviceLoop> {
         let [in_turn, kept, marks, chunk_counts, arguments, vertices, splats, paths] =
-            AtOnce::needs(device.info(), plan);
-        let buffer = |need: Need| Buffer::for_need(device, &need);
+            DeviceLoop::buffer_descs(device.info(), plan);
+        let buffer = |desc: BufferDesc| Buffer::from_desc(device, &desc);
         let (in_turn, kept, marks, chunk_counts) =
             (buffer(in_turn)?, buffer(kept)?, buffer(marks)?, buffer(chunk_counts)?);
         let arguments = buffer(arguments)?;
-        let read_back = |need: Need| ReadBack::for_need(device, &need);
+        let read_back = |desc: BufferDesc| ReadBack::from_desc(device, &desc);
         let (kept_vertices, kept_splats, kept_paths) = (read_back(vertices)?, read_back(splats)?, read_back(paths)?);
         let make = |file: &'static str| Kernel::new(device, file, file, &plan.constants());
         let (mark, keep) = (make("light_mark")?, make("light_keep")?);
         let compaction = Compaction::new(device, &plan.constants())?;
-        let turn = |from: &Buffer, to: &Buffer| -> Result<Turn> {
+        let turn = |from: &Buffer, to: &Buffer| -> Result<ParityBindings> {
             let lists = [("list", from), ("source", from), ("list_a", to), ("list_b", &kept)];
             let others = [("marks", &marks), ("chunk_counts", &chunk_counts), ("arguments", &arguments)];
             let all = [buffers, &lists, &others].concat();
-            Ok(Turn {
+            Ok(ParityBindings {
                 trace: trace.bind(&all)?,
                 splat: splat.bind(&all)?,
                 mark: mark.bind(&all)?,
@@ -78,8 +78,8 @@ impl AtOnce {
             ("kept_paths", kept_paths.buffer()),
         ];
         let bound_keep = keep.bind(&[buffers, &[("list", &kept)], &outputs].concat())?;
-        let capacity = AtOnce::capacity(device.info(), plan);
-        Ok(AtOnce {
+        let capacity = DeviceLoop::capacity(device.info(), plan);
+        Ok(DeviceLoop {
             mark,
             keep,
             compaction,
@@ -97,24 +97,24 @@ impl AtOnce {
     /// Rounds that there is room for: each may leave a vertex per path.
     fn capacity(info: &DeviceInfo, plan: &Plan) -> u32 {
         let round = (LightTracer::capacity(plan) * size_of::<PathVertex>()) as u64;
-        let most = if plan.traces_light { plan.max_depth.min(MAX_ROUNDS) } else { 1 };
-        (info.largest_buffer() / round).clamp(1, most.into()) as u32
+        let max = if plan.traces_light { plan.max_depth.min(MAX_ROUNDS) } else { 1 };
+        (info.largest_buffer() / round).clamp(1, max.into()) as u32
     }
 
-    pub fn needs(info: &DeviceInfo, plan: &Plan) -> [Need; 8] {
+    pub fn buffer_descs(info: &DeviceInfo, plan: &Plan) -> [BufferDesc; 8] {
         let paths = LightTracer::capacity(plan);
-        let kept = paths * AtOnce::capacity(info, plan) as usize;
+        let kept = paths * DeviceLoop::capacity(info, plan) as usize;
         let remedy = "use fewer --light-paths";
-        let words = |name: &'static str, n: usize| Need::of::<u32>(name, n, remedy);
+        let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, remedy);
         [
             words("living light paths in turn", paths),
             words("light paths with new vertices", paths),
             words("marks of light paths", paths.next_multiple_of(CHUNK as usize)),
-            Need::of::<[u32; 2]>("chunk counts of light paths", paths.div_ceil(CHUNK as usize), remedy),
+            BufferDesc::of::<[u32; 2]>("chunk counts of light paths", paths.div_ceil(CHUNK as usize), remedy),
             words("dispatch arguments of light paths", ARGUMENTS),
-            Need::of::<PathVertex>("light vertices of all bounces", kept, remedy).read_back(),
-            Need::of::<[f32; 4]>("light splats of all bounces", kept, remedy).read_back(),
-            Need::of::<[u32; 2]>("light paths of all bounces", kept, remedy).read_back(),
+            BufferDesc::of::<PathVertex>("light vertices of all bounces", kept, remedy).read_back(),
+            BufferDesc::of::<[f32; 4]>("light splats of all bounces", kept, remedy).read_back(),
+            BufferDesc::of::<[u32; 2]>("light paths of all bounces", kept, remedy).read_back(),
         ]
     }
 
@@ -125,7 +125,7 @@ impl AtOnce {
         plan: &Plan,
         batch: &Batch,
         pool: &mut LightPool,
-        see: &mut impl FnMut(Splat),
+        visit: &mut impl FnMut(Splat),
         stats: &mut Stats,
     ) -> Result<()> {
         let rounds = if plan.traces_light { plan.max_depth } else { 1 };
@@ -146,10 +146,10 @@ impl AtOnce {
             stats.closest_rays += rays;
             stats.light_rays += rays;
             self.bring(subpaths, total(KEPT) as usize, stats)?;
-            let kept = || self.take(plan, batch, total(KEPT) as usize, pool, see);
+            let kept = || self.take(plan, batch, total(KEPT) as usize, pool, visit);
             stats.timed(stage::READ_LIGHT, kept)?.add_to(stats);
             if plan.tuning.tile.is_none() {
-                self.rounds = ((f64::from(until - done) * change(seconds)) as u32).clamp(1, self.capacity);
+                self.rounds = ((f64::from(until - done) * size_factor(seconds)) as u32).clamp(1, self.capacity);
             }
             (done, living) = (until, left);
         }
@@ -172,7 +172,7 @@ impl AtOnce {
         self.arguments.write(0, &arguments)?;
         for round in rounds {
             let (now, next) = (round as usize % 2, 1 - round as usize % 2);
-            let (turn, list) = (&self.bound[now], over(&self.arguments, LIVING[now]));
+            let (turn, list) = (&self.bound[now], indirect_over(&self.arguments, LIVING[now]));
             let constants = Dispatch { counter: LIVING[now], ..batch.constants() };
             if round == 0 {
                 subpaths.record_start(&constants)?;
@@ -189,7 +189,13 @@ impl AtOnce {
             r.dispatch_indirect("light_mark", &self.mark, &turn.mark, &lists, list)?;
             self.compaction.record(r, &turn.compaction, &lists, all, &self.arguments)?;
             let kept = Dispatch { counter: KEPT, ..constants };
-            r.dispatch_indirect("light_keep", &self.keep, &self.bound_keep, &kept, over(&self.arguments, KEPT))?;
+            r.dispatch_indirect(
+                "light_keep",
+                &self.keep,
+                &self.bound_keep,
+                &kept,
+                indirect_over(&self.arguments, KEPT),
+            )?;
         }
         subpaths.recorder.read_back(&subpaths.counters, subpaths.counters.buffer().size())
     }
@@ -214,7 +220,7 @@ impl AtOnce {
         batch: &Batch,
         count: usize,
         pool: &mut LightPool,
-        see: &mut impl FnMut(Splat),
+        visit: &mut impl FnMut(Splat),
     ) -> Result<Tally> {
         let paths = self.kept_paths.with::<[u32; 2], _>(count, |paths| paths.to_vec())?;
         let splats = self.kept_splats.with::<[f32; 4], _>(count, |splats| splats.to_vec())?;
@@ -227,7 +233,7 @@ impl AtOnce {
                 // Where a path starts it has no splat: the sensor sees the emitter by itself (s = 0).
                 let depth = vertex.flags & VERTEX_DEPTH;
                 if plan.splats && depth > 0 {
-                    tally.show(splat, f32::from_bits(weight), depth + 1, see);
+                    tally.show(splat, f32::from_bits(weight), depth + 1, visit);
                 }
             }
         })?;

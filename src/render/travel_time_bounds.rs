@@ -4,7 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::geometry::Geometry;
-use super::prepared::Prepared;
+use super::prepared_scene::PreparedScene;
 use crate::settings::Settings;
 use crate::settings::units::Gate;
 use crate::wgsl::layout::Triangle;
@@ -16,13 +16,16 @@ const MAX_EMITTERS: usize = 64;
 
 /// Bounds on the travel time of every path, metres of optical path.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct Reach {
+pub struct TravelTimeBounds {
     /// No light arrives before. Infinite where no path exists.
-    pub least: f64,
-    /// No light arrives at or after: `max_depth` times `segment`.
-    pub greatest: f64,
+    #[serde(rename = "least")]
+    pub min: f64,
+    /// No light arrives at or after: `max_depth` times `max_segment`.
+    #[serde(rename = "greatest")]
+    pub max: f64,
     /// Optical length of the longest possible segment.
-    pub segment: f64,
+    #[serde(rename = "segment")]
+    pub max_segment: f64,
     pub max_depth: u32,
     /// Greatest refractive index that light travels in.
     #[serde(skip)]
@@ -30,99 +33,99 @@ pub struct Reach {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Bounds {
+struct Box3 {
     lo: Vec3,
     hi: Vec3,
 }
 
-impl Reach {
+impl TravelTimeBounds {
     /// Bounds for paths of at most `settings.max_depth()` segments. Every refractive index is at least 1, so optical lengths
     /// are at least Euclidean ones.
-    pub fn new(prepared: &Prepared, settings: &Settings) -> Reach {
-        let Prepared { geometry, emitters, space, .. } = prepared;
+    pub fn new(prepared: &PreparedScene, settings: &Settings) -> TravelTimeBounds {
+        let PreparedScene { geometry, emitters, space, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
-        let least = direct.min(shortest_by_one_surface(geometry, &punctual_emitters(prepared)));
-        let all = geometry.triangles.par_iter().map(Bounds::of).reduce(|| Bounds::point(Vec3::ZERO), Bounds::with);
-        let all = all.with(Bounds { lo: emitters.lo, hi: emitters.hi });
+        let min = direct.min(shortest_by_one_surface(geometry, &punctual_emitters(prepared)));
+        let all = geometry.triangles.par_iter().map(Box3::of).reduce(|| Box3::point(Vec3::ZERO), Box3::with);
+        let all = all.with(Box3 { lo: emitters.lo, hi: emitters.hi });
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
         let max_ior = f64::from(geometry.max_ior);
-        let segment = space.unit * diameter * max_ior * (1.0 + SLACK);
-        let least = space.unit * least * (1.0 - SLACK);
-        Reach { least, segment, max_ior, ..Reach::default() }.to_depth(settings.max_depth())
+        let max_segment = space.unit * diameter * max_ior * (1.0 + SLACK);
+        let min = space.unit * min * (1.0 - SLACK);
+        TravelTimeBounds { min, max_segment, max_ior, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
     }
 
     /// Bounds for a sensor `distance` metres away: by the triangle inequality, without another look at the scene.
-    pub fn moved(&self, distance: f64) -> Reach {
-        let least = (self.least - distance).max(0.0);
-        let segment = self.segment + distance * self.max_ior * (1.0 + SLACK);
-        Reach { least, segment, ..*self }.to_depth(self.max_depth)
+    pub fn moved(&self, distance: f64) -> TravelTimeBounds {
+        let min = (self.min - distance).max(0.0);
+        let max_segment = self.max_segment + distance * self.max_ior * (1.0 + SLACK);
+        TravelTimeBounds { min, max_segment, ..*self }.to_depth(self.max_depth)
     }
 
-    fn to_depth(self, max_depth: u32) -> Reach {
-        Reach { greatest: f64::from(max_depth) * self.segment, max_depth, ..self }
+    fn to_depth(self, max_depth: u32) -> TravelTimeBounds {
+        TravelTimeBounds { max: f64::from(max_depth) * self.max_segment, max_depth, ..self }
     }
 
     /// Can any light fall inside the gate, as far as these bounds tell?
-    pub fn meets(&self, gate: &Gate) -> bool {
-        gate.hi > self.least && gate.lo < self.greatest
+    pub fn overlaps(&self, gate: &Gate) -> bool {
+        gate.hi > self.min && gate.lo < self.max
     }
 
     /// For a gate that it does not meet: which bound says so, with lengths (metres) as `write` has them.
-    pub fn why_not(&self, gate: &Gate, write: impl Fn(f64) -> String) -> String {
-        match gate.hi <= self.least {
-            true if self.least.is_infinite() => "no surface brings light to the sensor".into(),
-            true => format!("none arrives before {}", write(self.least)),
+    pub fn explain_miss(&self, gate: &Gate, write: impl Fn(f64) -> String) -> String {
+        match gate.hi <= self.min {
+            true if self.min.is_infinite() => "no surface brings light to the sensor".into(),
+            true => format!("none arrives before {}", write(self.min)),
             false => {
-                format!("no path of {} segments (--max-depth) is longer than {}", self.max_depth, write(self.greatest))
+                format!("no path of {} segments (--max-depth) is longer than {}", self.max_depth, write(self.max))
             }
         }
     }
 }
 
-impl Bounds {
-    fn of(t: &Triangle) -> Bounds {
+impl Box3 {
+    fn of(t: &Triangle) -> Box3 {
         let [a, b, c] = [t.v0, t.v1, t.v2].map(Vec3::from);
-        Bounds { lo: a.min(b).min(c), hi: a.max(b).max(c) }
+        Box3 { lo: a.min(b).min(c), hi: a.max(b).max(c) }
     }
 
-    fn point(p: Vec3) -> Bounds {
-        Bounds { lo: p, hi: p }
+    fn point(p: Vec3) -> Box3 {
+        Box3 { lo: p, hi: p }
     }
 
-    fn with(self, other: Bounds) -> Bounds {
-        Bounds { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
+    fn with(self, other: Box3) -> Box3 {
+        Box3 { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
     }
 
     /// Least distance between points of the two boxes.
-    fn distance(&self, other: &Bounds) -> f64 {
+    fn distance(&self, other: &Box3) -> f64 {
         let gap = (self.lo - other.hi).max(other.lo - self.hi).max(Vec3::ZERO);
         gap.as_dvec3().length()
     }
 }
 
 /// The sensor may see these directly. The origin is the sensor that the scene was prepared for.
-fn nearest_emissive_triangle(prepared: &Prepared) -> f64 {
-    let sensor = Bounds::point(Vec3::ZERO);
+fn nearest_emissive_triangle(prepared: &PreparedScene) -> f64 {
+    let sensor = Box3::point(Vec3::ZERO);
     let triangles = prepared.emitters.triangles.iter();
-    let distances = triangles.map(|&i| Bounds::of(&prepared.geometry.triangles[i as usize]).distance(&sensor));
+    let distances = triangles.map(|&i| Box3::of(&prepared.geometry.triangles[i as usize]).distance(&sensor));
     distances.fold(f64::INFINITY, f64::min)
 }
 
 /// Lights without surface.
-fn punctual_emitters(prepared: &Prepared) -> Vec<Bounds> {
+fn punctual_emitters(prepared: &PreparedScene) -> Vec<Box3> {
     let lights = prepared.emitters.lights.iter();
-    let boxes: Vec<Bounds> = lights.map(|&(p, radius)| Bounds { lo: p - radius, hi: p + radius }).collect();
+    let boxes: Vec<Box3> = lights.map(|&(p, radius)| Box3 { lo: p - radius, hi: p + radius }).collect();
     match boxes.len() {
         0..=MAX_EMITTERS => boxes,
-        _ => boxes.into_iter().reduce(Bounds::with).into_iter().collect(),
+        _ => boxes.into_iter().reduce(Box3::with).into_iter().collect(),
     }
 }
 
 /// Such an emitter has no surface that the sensor could see: its light comes by another one.
-fn shortest_by_one_surface(geometry: &Geometry, emitters: &[Bounds]) -> f64 {
-    let sensor = Bounds::point(Vec3::ZERO);
+fn shortest_by_one_surface(geometry: &Geometry, emitters: &[Box3]) -> f64 {
+    let sensor = Box3::point(Vec3::ZERO);
     let by = |t: &Triangle| {
-        let surface = Bounds::of(t);
+        let surface = Box3::of(t);
         let to_emitter = emitters.iter().map(|e| e.distance(&surface)).fold(f64::INFINITY, f64::min);
         surface.distance(&sensor) + to_emitter
     };
@@ -177,10 +180,10 @@ mod tests {
         Material { double_sided: false, ..diffuse("", [0.5; 3]) }
     }
 
-    fn reach(scene: &Scene) -> Reach {
+    fn travel_time_bounds(scene: &Scene) -> TravelTimeBounds {
         let settings = crate::input::resolve::resolve(&Experiment::default(), scene).unwrap().settings;
         let settings = settings.change().max_depth(3).build().unwrap();
-        Reach::new(&Prepared::new(scene, &settings).unwrap(), &settings)
+        TravelTimeBounds::new(&PreparedScene::new(scene, &settings).unwrap(), &settings)
     }
 
     fn close(a: f64, b: f64) -> bool {
@@ -190,44 +193,44 @@ mod tests {
     #[test]
     fn a_point_light_is_seen_by_way_of_a_surface() {
         // 2 m from the sensor to the wall, 1 m from there to the light; the box is 2 m in all three directions.
-        let r = reach(&scene(0.0, 0.0, Some(DVec3::X)));
-        assert!(close(r.least, 3.0) && r.least < 3.0, "{r:?}");
-        assert!(close(r.greatest, 3.0 * 12f64.sqrt()), "{r:?}");
+        let r = travel_time_bounds(&scene(0.0, 0.0, Some(DVec3::X)));
+        assert!(close(r.min, 3.0) && r.min < 3.0, "{r:?}");
+        assert!(close(r.max, 3.0 * 12f64.sqrt()), "{r:?}");
     }
 
     #[test]
     fn an_emissive_surface_is_seen_directly() {
-        let r = reach(&scene(1.0, 0.0, None));
-        assert!(close(r.least, 2.0) && r.least < 2.0, "{r:?}");
+        let r = travel_time_bounds(&scene(1.0, 0.0, None));
+        assert!(close(r.min, 2.0) && r.min < 2.0, "{r:?}");
         // The nearer of the two counts.
-        assert_eq!(reach(&scene(1.0, 0.0, Some(DVec3::X))).least, r.least);
+        assert_eq!(travel_time_bounds(&scene(1.0, 0.0, Some(DVec3::X))).min, r.min);
     }
 
     #[test]
     fn only_what_light_passes_through_makes_paths_optically_longer() {
-        let opaque = reach(&scene(1.0, 0.0, None)).segment;
-        assert!(close(reach(&scene(1.0, 1.0, None)).segment, 1.5 * opaque));
+        let opaque = travel_time_bounds(&scene(1.0, 0.0, None)).max_segment;
+        assert!(close(travel_time_bounds(&scene(1.0, 1.0, None)).max_segment, 1.5 * opaque));
     }
 
     #[test]
     fn a_moved_sensor_has_wider_bounds() {
-        let here = reach(&scene(1.0, 1.0, Some(DVec3::X)));
+        let here = travel_time_bounds(&scene(1.0, 1.0, Some(DVec3::X)));
         assert_eq!(here.moved(0.0), here);
         let there = here.moved(0.5);
-        assert!(close(there.least, here.least - 0.5) && close(there.segment, here.segment + 0.75), "{there:?}");
-        assert_eq!((here.moved(9.0).least, there.greatest), (0.0, 3.0 * there.segment));
+        assert!(close(there.min, here.min - 0.5) && close(there.max_segment, here.max_segment + 0.75), "{there:?}");
+        assert_eq!((here.moved(9.0).min, there.max), (0.0, 3.0 * there.max_segment));
         // Where no path exists there is none from elsewhere.
-        let dark = Reach { least: f64::INFINITY, ..here };
-        assert_eq!(dark.moved(1.0).least, f64::INFINITY);
+        let dark = TravelTimeBounds { min: f64::INFINITY, ..here };
+        assert_eq!(dark.moved(1.0).min, f64::INFINITY);
     }
 
     #[test]
     fn a_gate_is_met_unless_it_lies_wholly_outside() {
-        let r = Reach { least: 2.0, segment: 3.0, ..Reach::default() }.to_depth(3);
+        let r = TravelTimeBounds { min: 2.0, max_segment: 3.0, ..TravelTimeBounds::default() }.to_depth(3);
         for (lo, hi, met) in
             [(0.0, 2.0, false), (0.0, 2.1, true), (8.9, 20.0, true), (9.0, 20.0, false), (3.0, 4.0, true)]
         {
-            assert_eq!(r.meets(&Gate { lo, hi }), met, "{lo}..{hi}");
+            assert_eq!(r.overlaps(&Gate { lo, hi }), met, "{lo}..{hi}");
         }
     }
 }

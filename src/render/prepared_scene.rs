@@ -12,16 +12,16 @@ use crate::scene::{Light, Scene};
 use crate::settings::{Emitters, Settings};
 
 /// Everything that is uploaded, around the sensor of one camera and for one choice of emitters.
-pub struct Prepared {
+pub struct PreparedScene {
     pub(super) geometry: Geometry,
     pub(super) emitters: EmitterSet,
     pub(super) albedo: &'static AlbedoTable,
     pub(super) space: RenderSpace,
 }
 
-impl Prepared {
+impl PreparedScene {
     /// Fails if the scene breaks a promise of [`Scene::check`], has no such camera, or nothing emits.
-    pub fn new(scene: &Scene, settings: &Settings) -> Result<Prepared> {
+    pub fn new(scene: &Scene, settings: &Settings) -> Result<PreparedScene> {
         scene.check()?;
         let Some(camera) = scene.cameras.get(settings.camera()) else {
             let (camera, count) = (settings.camera(), scene.cameras.len());
@@ -40,7 +40,7 @@ impl Prepared {
                     .into(),
             ));
         }
-        Ok(Prepared { geometry, emitters, albedo, space })
+        Ok(PreparedScene { geometry, emitters, albedo, space })
     }
 
     /// Node and luminance-weighted power in W of everything that shines.
@@ -58,7 +58,7 @@ impl Prepared {
                 "{count} {triangles} in the same place and of the same material, and count once (first: node '{node}')"
             )
         });
-        let Prepared { geometry, space, .. } = self;
+        let PreparedScene { geometry, space, .. } = self;
         let oversized = oversized::warnings(scene, geometry, space);
         copies.into_iter().chain(oversized).chain(coplanar::warnings(scene, geometry, space)).collect()
     }
