@@ -5,7 +5,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::{AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, Texture, Wrap};
+use super::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, Texture, Wrap};
 
 impl Scene {
     /// Adds a material and returns its index for [`Mesh::material`].
@@ -57,46 +57,6 @@ impl Mesh {
     /// Flat triangles over positions in metres, counter-clockwise seen from the front.
     pub fn flat(name: &str, positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Mesh {
         Mesh { name: name.into(), positions, triangles, ..Mesh::default() }
-    }
-}
-
-impl Material {
-    /// Lambertian on both sides. `rgb` is the albedo.
-    pub fn diffuse(name: &str, rgb: [f32; 3]) -> Material {
-        Material {
-            name: name.into(),
-            base_color: [rgb[0], rgb[1], rgb[2], 1.0],
-            base_color_texture: None,
-            metallic: 0.0,
-            roughness: 1.0,
-            emission: [0.0; 3],
-            emission_texture: None,
-            specular: 0.0,
-            ior: 1.5,
-            transmission: 0.0,
-            alpha_mode: AlphaMode::Opaque,
-            double_sided: true,
-        }
-    }
-
-    /// A GGX conductor; a mirror at roughness 0.
-    pub fn metal(name: &str, rgb: [f32; 3], roughness: f32) -> Material {
-        Material { metallic: 1.0, roughness, specular: 1.0, ..Material::diffuse(name, rgb) }
-    }
-
-    /// Diffuse under a GGX coat of refractive index 1.5.
-    pub fn plastic(name: &str, rgb: [f32; 3], roughness: f32) -> Material {
-        Material { roughness, specular: 1.0, ..Material::diffuse(name, rgb) }
-    }
-
-    /// A clear smooth dielectric of refractive index 1.5.
-    pub fn glass(name: &str) -> Material {
-        Material { roughness: 0.0, specular: 1.0, transmission: 1.0, ..Material::diffuse(name, [1.0; 3]) }
-    }
-
-    /// Emits `radiance`, in W / (m^2 sr), on its front only; reflects nothing.
-    pub fn emitter(name: &str, radiance: [f32; 3]) -> Material {
-        Material { emission: radiance, double_sided: false, ..Material::diffuse(name, [0.0; 3]) }
     }
 }
 

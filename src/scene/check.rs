@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::light::Light;
-use super::{Camera, Image, Instance, Material, Mesh, Scene};
+use super::{Camera, Image, Instance, Mesh, Scene};
 use crate::error::{Error, Result};
 
 /// Metres from the origin of the world; beyond them the squares of lengths leave the range of the device's numbers.
@@ -16,7 +16,7 @@ pub const MAX_COORDINATE: f64 = 1e15;
 const UNIT: f64 = 1e-3;
 
 /// What is wrong: one sentence.
-type Checked = std::result::Result<(), String>;
+pub(super) type Checked = std::result::Result<(), String>;
 
 impl Scene {
     /// Checks what the renderer relies on: indices are in range, numbers are finite and in their range, directions have unit
@@ -30,7 +30,7 @@ impl Scene {
         for (i, texture) in self.textures.iter().enumerate() {
             below(texture.image, self.images.len(), || format!("texture {i}"), "image")?;
         }
-        self.materials.iter().try_for_each(|material| check_material(material, self.textures.len()))?;
+        self.materials.iter().try_for_each(|material| material.check(self.textures.len()))?;
         self.meshes.iter().try_for_each(|mesh| check_mesh(mesh, self.materials.len()))?;
         let bounds: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         self.instances.iter().try_for_each(|instance| check_instance(instance, &bounds))?;
@@ -46,7 +46,8 @@ impl Camera {
     }
 }
 
-fn below(index: u32, count: usize, of: impl Fn() -> String, what: &str) -> Checked {
+/// An error if `of` refers to the `index`-th of `count` things that are fewer.
+pub(super) fn below(index: u32, count: usize, of: impl Fn() -> String, what: &str) -> Checked {
     match (index as usize) < count {
         true => Ok(()),
         false => Err(format!("{} refers to {what} {index}, but the scene has {count}", of())),
@@ -62,28 +63,6 @@ fn check_image(index: usize, image: &Image) -> Checked {
         }
         _ => Ok(()),
     }
-}
-
-fn check_material(m: &Material, textures: usize) -> Checked {
-    let name = || format!("material '{}'", m.name);
-    let units = [
-        ("metallic", m.metallic),
-        ("roughness", m.roughness),
-        ("specular", m.specular),
-        ("transmission", m.transmission),
-    ];
-    let colour = m.base_color.map(|x| ("base_color", x));
-    if let Some((what, x)) = units.iter().chain(&colour).find(|(_, x)| !(0.0..=1.0).contains(x)) {
-        return Err(format!("{} has a {what} of {x}; it must be from 0 to 1", name()));
-    }
-    if let Some(x) = m.emission.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
-        return Err(format!("{} has an emission of {x}; it must be 0 or more", name()));
-    }
-    if !(m.ior.is_finite() && m.ior >= 1.0) {
-        return Err(format!("{} has an ior of {}; it must be 1 or more", name(), m.ior));
-    }
-    let used = [m.base_color_texture, m.emission_texture].into_iter().flatten();
-    used.into_iter().try_for_each(|texture| below(texture, textures, name, "texture"))
 }
 
 fn check_mesh(mesh: &Mesh, materials: usize) -> Checked {

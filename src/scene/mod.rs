@@ -9,10 +9,12 @@ pub mod build;
 pub mod check;
 pub mod gltf;
 mod light;
+mod material;
 
 use glam::{BVec3, DAffine3, DVec3, Vec3};
 
 pub use light::{Light, LightKind};
+pub use material::{AlphaMode, Material};
 
 /// A loaded scene. Lengths are metres; transforms are kept in f64 until the renderer moves the origin to the sensor.
 #[derive(Debug, Clone, Default)]
@@ -84,47 +86,6 @@ pub struct Instance {
     pub transform: DAffine3,
     /// Name of the glTF node, `node 17` when it has none.
     pub node: String,
-}
-
-/// How coverage is read from the base colour's alpha.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum AlphaMode {
-    /// Covers everything, whatever alpha says.
-    #[default]
-    Opaque,
-    /// Opaque where alpha >= cutoff, absent elsewhere.
-    Mask(f32),
-    /// Present with probability alpha.
-    Blend,
-}
-
-/// A metallic-roughness material with the extensions taugate reads.
-#[derive(Debug, Clone)]
-pub struct Material {
-    /// For messages.
-    pub name: String,
-    /// Linear RGB and alpha, each in [0, 1].
-    pub base_color: [f32; 4],
-    /// Index into [`Scene::textures`]; multiplied with `base_color`. sRGB.
-    pub base_color_texture: Option<u32>,
-    /// In [0, 1].
-    pub metallic: f32,
-    /// Perceptual roughness in [0, 1]; the GGX alpha is its square.
-    pub roughness: f32,
-    /// Radiance in W / (m^2 sr): emissiveFactor x emissiveStrength, >= 0.
-    pub emission: [f32; 3],
-    /// Index into [`Scene::textures`]; multiplied with `emission`. sRGB.
-    pub emission_texture: Option<u32>,
-    /// KHR_materials_specular: 0 with `metallic` 0 is pure Lambert. In [0, 1].
-    pub specular: f32,
-    /// Refractive index >= 1.
-    pub ior: f32,
-    /// KHR_materials_transmission in [0, 1].
-    pub transmission: f32,
-    /// How coverage is read from the base colour's alpha.
-    pub alpha_mode: AlphaMode,
-    /// Whether the back reflects and emits as the front does; else it is black.
-    pub double_sided: bool,
 }
 
 /// How texture coordinates outside [0, 1] are read.

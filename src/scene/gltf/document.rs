@@ -6,19 +6,14 @@ use std::path::Path;
 
 use ::gltf::json::Root;
 
-use super::{Checked, resolve};
+use super::{Checked, light, material, resolve};
 
 pub const MAX_NODES: usize = 1_000_000;
 
-/// What taugate reads; all else in `extensionsUsed` is warned about, in `extensionsRequired` refused.
-const EXTENSIONS: [&str; 6] = [
-    "KHR_lights_punctual",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_specular",
-    "KHR_materials_transmission",
-    "KHR_texture_transform",
-];
+/// Whether taugate reads the extension; all else in `extensionsUsed` is warned about, in `extensionsRequired` refused.
+fn is_read(extension: &str) -> bool {
+    extension == light::EXTENSION || material::EXTENSIONS.contains(&extension)
+}
 
 /// A glTF file with its buffers in memory. Nothing in `root` is trusted: look up with `get`, compute with checks.
 pub struct Document<'a> {
@@ -53,7 +48,7 @@ impl<'a> Document<'a> {
 
     /// Refuses what the file cannot do without and taugate cannot do; warns of what it can do without.
     pub fn check_extensions(&self, warnings: &mut Warnings) -> Checked<()> {
-        if let Some(name) = self.root.extensions_required.iter().find(|name| !EXTENSIONS.contains(&name.as_str())) {
+        if let Some(name) = self.root.extensions_required.iter().find(|name| !is_read(name)) {
             let remedy = match name.as_str() {
                 "KHR_draco_mesh_compression" => "re-export without Draco compression",
                 "EXT_meshopt_compression" | "KHR_meshopt_compression" => "re-export without meshopt compression",
@@ -67,7 +62,7 @@ impl<'a> Document<'a> {
             ));
         }
         let mut unread: Vec<String> = Vec::new();
-        for name in self.root.extensions_used.iter().filter(|name| !EXTENSIONS.contains(&name.as_str())) {
+        for name in self.root.extensions_used.iter().filter(|name| !is_read(name)) {
             let name = printable(name, 80);
             if unread.len() < 20 && !unread.contains(&name) {
                 warnings.push(format!("the extension {name} is not read"));

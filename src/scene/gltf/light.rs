@@ -13,6 +13,9 @@ use super::document::Document;
 use super::node::Worlds;
 use crate::scene::{Light, LightKind};
 
+/// The extension that is read.
+pub const EXTENSION: &str = "KHR_lights_punctual";
+
 /// The lights and beams of the nodes in the scene, in the order of the nodes.
 pub fn load(doc: &Document, worlds: &Worlds) -> Checked<Vec<Light>> {
     let mut lights = Vec::new();

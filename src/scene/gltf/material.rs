@@ -13,6 +13,15 @@ use super::Checked;
 use super::document::{Document, Warnings, finite, label};
 use crate::scene::{AlphaMode, Material, Texture, Wrap};
 
+/// Extensions of materials and their textures that are read.
+pub const EXTENSIONS: [&str; 5] = [
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_texture_transform",
+];
+
 /// Every material of the file in its order, with only those textures and images that taugate reads.
 #[derive(Default)]
 pub struct Materials {
@@ -71,20 +80,8 @@ const LISTED: usize = 8;
 
 /// What glTF says of a primitive without a material.
 fn default_material() -> Material {
-    Material {
-        name: "default".into(),
-        base_color: [1.0; 4],
-        base_color_texture: None,
-        metallic: 1.0,
-        roughness: 1.0,
-        emission: [0.0; 3],
-        emission_texture: None,
-        specular: 1.0,
-        ior: 1.5,
-        transmission: 0.0,
-        alpha_mode: AlphaMode::Opaque,
-        double_sided: false,
-    }
+    let rough_metal = Material::metal("default", [1.0; 3], 1.0);
+    Material { double_sided: false, ..rough_metal }
 }
 
 impl Materials {

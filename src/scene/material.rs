@@ -1,0 +1,107 @@
+//! A material as a scene has it: fields, usual kinds, and the range of each field.
+
+use super::check::{Checked, below};
+
+/// How coverage is read from the base colour's alpha.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum AlphaMode {
+    /// Covers everything, whatever alpha says.
+    #[default]
+    Opaque,
+    /// Opaque where alpha >= cutoff, absent elsewhere.
+    Mask(f32),
+    /// Present with probability alpha.
+    Blend,
+}
+
+/// A metallic-roughness material with the extensions taugate reads.
+#[derive(Debug, Clone)]
+pub struct Material {
+    /// For messages.
+    pub name: String,
+    /// Linear RGB and alpha, each in [0, 1].
+    pub base_color: [f32; 4],
+    /// Index into [`Scene::textures`](super::Scene::textures); multiplied with `base_color`. sRGB.
+    pub base_color_texture: Option<u32>,
+    /// In [0, 1].
+    pub metallic: f32,
+    /// Perceptual roughness in [0, 1]; the GGX alpha is its square.
+    pub roughness: f32,
+    /// Radiance in W / (m^2 sr): emissiveFactor x emissiveStrength, >= 0.
+    pub emission: [f32; 3],
+    /// Index into [`Scene::textures`](super::Scene::textures); multiplied with `emission`. sRGB.
+    pub emission_texture: Option<u32>,
+    /// KHR_materials_specular: 0 with `metallic` 0 is pure Lambert. In [0, 1].
+    pub specular: f32,
+    /// Refractive index >= 1.
+    pub ior: f32,
+    /// KHR_materials_transmission in [0, 1].
+    pub transmission: f32,
+    /// How coverage is read from the base colour's alpha.
+    pub alpha_mode: AlphaMode,
+    /// Whether the back reflects and emits as the front does; else it is black.
+    pub double_sided: bool,
+}
+
+impl Material {
+    /// Lambertian on both sides. `rgb` is the albedo.
+    pub fn diffuse(name: &str, rgb: [f32; 3]) -> Material {
+        Material {
+            name: name.into(),
+            base_color: [rgb[0], rgb[1], rgb[2], 1.0],
+            base_color_texture: None,
+            metallic: 0.0,
+            roughness: 1.0,
+            emission: [0.0; 3],
+            emission_texture: None,
+            specular: 0.0,
+            ior: 1.5,
+            transmission: 0.0,
+            alpha_mode: AlphaMode::Opaque,
+            double_sided: true,
+        }
+    }
+
+    /// A GGX conductor; a mirror at roughness 0.
+    pub fn metal(name: &str, rgb: [f32; 3], roughness: f32) -> Material {
+        Material { metallic: 1.0, roughness, specular: 1.0, ..Material::diffuse(name, rgb) }
+    }
+
+    /// Diffuse under a GGX coat of refractive index 1.5.
+    pub fn plastic(name: &str, rgb: [f32; 3], roughness: f32) -> Material {
+        Material { roughness, specular: 1.0, ..Material::diffuse(name, rgb) }
+    }
+
+    /// A clear smooth dielectric of refractive index 1.5.
+    pub fn glass(name: &str) -> Material {
+        Material { roughness: 0.0, specular: 1.0, transmission: 1.0, ..Material::diffuse(name, [1.0; 3]) }
+    }
+
+    /// Emits `radiance`, in W / (m^2 sr), on its front only; reflects nothing.
+    pub fn emitter(name: &str, radiance: [f32; 3]) -> Material {
+        Material { emission: radiance, double_sided: false, ..Material::diffuse(name, [0.0; 3]) }
+    }
+
+    /// Fails with a sentence if a number is out of range, or a texture is not one of the `textures` that the scene has.
+    pub(super) fn check(&self, textures: usize) -> Checked {
+        let name = || format!("material '{}'", self.name);
+        let units = [
+            ("metallic", self.metallic),
+            ("roughness", self.roughness),
+            ("specular", self.specular),
+            ("transmission", self.transmission),
+        ];
+        let colour = self.base_color.map(|x| ("base_color", x));
+        if let Some((what, x)) = units.iter().chain(&colour).find(|(_, x)| !(0.0..=1.0).contains(x)) {
+            return Err(format!("{} has a {what} of {x}; it must be from 0 to 1", name()));
+        }
+        if let Some(x) = self.emission.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
+            return Err(format!("{} has an emission of {x}; it must be 0 or more", name()));
+        }
+        if !(self.ior.is_finite() && self.ior >= 1.0) {
+            return Err(format!("{} has an ior of {}; it must be 1 or more", name(), self.ior));
+        }
+        let used = [self.base_color_texture, self.emission_texture].into_iter().flatten();
+        used.into_iter().try_for_each(|texture| below(texture, textures, name, "texture"))
+    }
+}
