@@ -1,6 +1,7 @@
 //! Level 0: every kernel composes, validates and compiles; host twins and constants agree with WGSL. Needs no device.
 
 use taugate::internals::gpu::shader::{self, Binding, Compiled, Source};
+use taugate::internals::render::material;
 use taugate::internals::wgsl::{SOURCES, layout};
 
 fn kernels() -> Vec<(&'static str, &'static str)> {
@@ -55,6 +56,16 @@ fn every_kernel_compiles() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
+/// All host twins of structs.
+fn twins() -> Vec<layout::Twin> {
+    [layout::twins(), material::twins()].concat()
+}
+
+/// All constants that the host shares with the kernels.
+fn shared_constants() -> Vec<(&'static str, f64)> {
+    [layout::constants::SHARED, material::SHARED].concat()
+}
+
 /// Compares every host twin that a module mentions with its reflection; returns the differences.
 fn compare_layouts(module: &naga::Module, twins: &[layout::Twin]) -> (usize, Vec<String>) {
     let mut differences = vec![];
@@ -78,7 +89,7 @@ fn compare_layouts(module: &naga::Module, twins: &[layout::Twin]) -> (usize, Vec
 
 #[test]
 fn host_twins_have_the_layout_of_the_shaders() {
-    let twins = layout::twins();
+    let twins = twins();
     let mut seen = 0;
     for (path, text) in kernels() {
         let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
@@ -91,7 +102,7 @@ fn host_twins_have_the_layout_of_the_shaders() {
 
 #[test]
 fn a_wrong_twin_is_noticed() {
-    let mut twins = layout::twins();
+    let mut twins = twins();
     for (_, _, fields) in &mut twins {
         if let Some(last) = fields.last_mut() {
             last.1 += 4;
@@ -109,19 +120,42 @@ fn shared_constants_agree() {
         let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
         for (_, constant) in module.constants.iter() {
             let Some(name) = constant.name.as_deref() else { continue };
-            let naga::Expression::Literal(naga::Literal::U32(value)) = module.global_expressions[constant.init] else {
-                continue;
+            let value = match module.global_expressions[constant.init] {
+                naga::Expression::Literal(naga::Literal::U32(value)) => f64::from(value),
+                naga::Expression::Literal(naga::Literal::F32(value)) => f64::from(value),
+                _ => continue,
             };
-            for (host_name, host_value) in layout::constants::ALL {
-                if *host_name == name {
-                    assert_eq!(*host_value, value, "{name} in {path}");
-                    found.insert(name.to_string());
-                }
+            if let Some((_, of_host)) = shared_constants().iter().find(|(of_host, _)| *of_host == name) {
+                assert_eq!(*of_host, value, "{name} in {path}");
+                found.insert(name.to_string());
             }
         }
     }
-    let missing: Vec<_> = layout::constants::ALL.iter().filter(|(n, _)| !found.contains(*n)).collect();
+    let missing: Vec<_> = shared_constants().into_iter().filter(|(name, _)| !found.contains(*name)).collect();
     assert!(missing.is_empty(), "not in any kernel: {missing:?}");
+}
+
+/// A struct that the host writes or reads has a twin: kernels find it in an array, or unpack it from texels.
+#[test]
+fn structs_of_shared_arrays_have_twins() {
+    let twins = twins();
+    for (path, text) in kernels() {
+        let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
+        let element = |ty: naga::Handle<naga::Type>| match module.types[ty].inner {
+            naga::TypeInner::Array { base, .. } => base,
+            _ => ty,
+        };
+        let arrays = module.global_variables.iter().filter(|(_, variable)| variable.binding.is_some());
+        let unpacked =
+            module.functions.iter().filter(|(_, f)| f.name.as_deref().is_some_and(|n| n.starts_with("load_")));
+        let types = arrays
+            .map(|(_, variable)| element(variable.ty))
+            .chain(unpacked.filter_map(|(_, f)| Some(f.result.as_ref()?.ty)));
+        for ty in types.map(|ty| &module.types[ty]).filter(|ty| matches!(ty.inner, naga::TypeInner::Struct { .. })) {
+            let name = ty.name.as_deref().unwrap_or_default();
+            assert!(twins.iter().any(|(twin, ..)| *twin == name), "{path}: {name} has no twin on the host");
+        }
+    }
 }
 
 /// Every device with Vulkan 1.1 must be able to load the kernels: no optional capability slips in through a builtin.

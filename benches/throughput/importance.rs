@@ -7,8 +7,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::render::material::Material;
 use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST, MAX_SUBTREES};
-use taugate::internals::wgsl::layout::{Dispatch, Frame, Material, NONE, PathVertex, TreeChild, TreeNode};
+use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE, PathVertex, TreeChild, TreeNode};
 
 use super::points::{GATE, Point, hash32, next_bits};
 

@@ -3,7 +3,7 @@
 // A material mixes a conductor (weight metallic), a dielectric coat over a diffuse base, and glass (weight transmission
 // of what is not metal), all with one GGX lobe. `f` is written for the flow of light: `wl` points to where light comes
 // from, `wc` to where it goes (the sensor's side). Both point away from the surface. Densities are per solid angle.
-#import scene
+#import material
 
 struct Bsdf {
     base: vec3<f32>,

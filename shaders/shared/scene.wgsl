@@ -38,38 +38,6 @@ struct InstanceNormals {
     pad2: f32,
 }
 
-struct Material {
-    base_color: vec3<f32>,
-    // Alpha factor of the base colour.
-    opacity: f32,
-    // Radiance, W / (m^2 sr).
-    emission: vec3<f32>,
-    // Density of emitter samples on this surface, 1 / m^2: selection probability times 1 / area.
-    emission_density: f32,
-    metallic: f32,
-    // GGX alpha; below DELTA_ALPHA the lobe is a delta.
-    alpha: f32,
-    // Reflectance of the dielectric coat along the normal; 0 is pure Lambert.
-    f0: f32,
-    ior: f32,
-    transmission: f32,
-    // 1 / (pi (1 - mean directional albedo of the coat)).
-    diffuse_scale: f32,
-    alpha_cutoff: f32,
-    flags: u32,
-    // Indices into `textures`, or NONE.
-    base_texture: u32,
-    emission_texture: u32,
-    // Reflectance of the coat at grazing angles: KHR_materials_specular's factor.
-    f90: f32,
-    pad0: u32,
-}
-
-const MATERIAL_DOUBLE_SIDED: u32 = 1u;
-const MATERIAL_MASK: u32 = 2u;
-const MATERIAL_BLEND: u32 = 4u;
-const DELTA_ALPHA: f32 = 0.001;
-
 struct TextureInfo {
     // First texel in `texels`.
     first: u32,
@@ -109,6 +77,7 @@ struct Emitter {
 @group(0) @binding(3) var<storage, read> corners: array<u32>;
 @group(0) @binding(4) var<storage, read> attributes: array<VertexAttributes>;
 @group(0) @binding(5) var instances: texture_1d<u32>;
+// See material.wgsl.
 @group(0) @binding(6) var materials: texture_1d<u32>;
 @group(0) @binding(7) var textures: texture_1d<u32>;
 @group(0) @binding(8) var<storage, read> texels: array<u32>;
@@ -131,17 +100,6 @@ fn load_instance(index: u32) -> InstanceNormals {
     let y = bitcast<vec4<f32>>(textureLoad(instances, 3u * index + 1u, 0));
     let z = bitcast<vec4<f32>>(textureLoad(instances, 3u * index + 2u, 0));
     return InstanceNormals(x.xyz, 0.0, y.xyz, 0.0, z.xyz, 0.0);
-}
-
-fn load_material(index: u32) -> Material {
-    let color = bitcast<vec4<f32>>(textureLoad(materials, 5u * index, 0));
-    let light = bitcast<vec4<f32>>(textureLoad(materials, 5u * index + 1u, 0));
-    let lobes = bitcast<vec4<f32>>(textureLoad(materials, 5u * index + 2u, 0));
-    let rest = textureLoad(materials, 5u * index + 3u, 0);
-    let images = textureLoad(materials, 5u * index + 4u, 0);
-    let numbers = bitcast<vec3<f32>>(rest.xyz);
-    return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
-        numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), 0u);
 }
 
 fn load_texture(index: u32) -> TextureInfo {

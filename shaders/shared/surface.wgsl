@@ -1,4 +1,5 @@
 // From a hit to the point that is shaded.
+#import material
 #import texture
 
 struct Surface {

@@ -2,10 +2,8 @@
 
 use std::f64::consts::PI;
 
+use super::material::DELTA_ALPHA;
 use crate::wgsl::layout::constants::{ALBEDO_COLUMNS, ALBEDO_ROWS};
-
-/// Below this GGX alpha a lobe is a delta (DELTA_ALPHA in `shared/scene.wgsl`).
-pub const DELTA_ALPHA: f32 = 0.001;
 
 /// `COLUMNS` x `ROWS` pairs (a, b) over (root of the cosine, roughness) in [0, 1], cosine fastest: albedo = a f0 + b f90. The root
 /// puts the columns where the albedo changes: narrow lobes lose light within an angle of about alpha from grazing.

@@ -8,6 +8,7 @@ mod duplicates;
 mod emitters;
 pub mod geometry;
 mod light;
+pub mod material;
 mod memory;
 mod observe;
 mod oversized;

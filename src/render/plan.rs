@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 
 use super::emitters::EmitterSet;
-use super::geometry::Features;
+use super::material::Features;
 use super::pool_layout::PoolLayout;
 use super::prepared_scene::PreparedScene;
 use super::space::RenderSpace;
@@ -230,11 +230,8 @@ impl Plan {
             Observe::Strategies => OBSERVE_STRATEGIES,
         };
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
-        let mut constants = vec![
-            ("HAS_TEXTURES", switch(self.features.textures)),
-            ("HAS_ALPHA", switch(self.features.alpha)),
-            ("HAS_GLOSSY", switch(self.features.glossy)),
-            ("HAS_TRANSMISSION", switch(self.features.transmission)),
+        let mut constants = self.features.constants().to_vec();
+        constants.extend([
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
@@ -244,7 +241,7 @@ impl Plan {
             ("BY_OVERLAP", switch(self.importance.overlap)),
             ("BY_GLOSS", switch(self.importance.gloss)),
             ("OBSERVE", observe.into()),
-        ];
+        ]);
         constants.extend(self.estimator.constants.iter().map(|&(name, value)| (name, value.into())));
         constants
     }

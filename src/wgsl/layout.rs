@@ -1,30 +1,42 @@
 //! Host twins of the structs in `shaders/`: same names, same order. WGSL is the source of truth; a test reflects every
-//! kernel and compares names, offsets and sizes, so nothing here has to be kept in step by hand.
-
-use bytemuck::{Pod, Zeroable};
+//! kernel and compares names, offsets and sizes, so nothing here has to be kept in step by hand. The twin of `Material` is in
+//! `render/material.rs`, beside the code that fills it in.
 
 pub const NONE: u32 = u32::MAX;
 
-/// Name, size, and name and offset of every field of a twin.
+/// What the layout test compares: name of the struct, its size, and name and offset of every field.
 pub type Twin = (&'static str, usize, Vec<(&'static str, usize)>);
 
-macro_rules! twins {
+/// Declares twins, and `twins()`, which describes all of them for the test.
+macro_rules! host_twins {
     ($($(#[$doc:meta])* $name:ident { $($field:ident: $type:ty),* $(,)? })*) => {
         $(
             $(#[$doc])*
             #[repr(C)]
-            #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+            #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
             pub struct $name { $(pub $field: $type),* }
         )*
 
-        /// Name, size, and field offsets of every twin, for the layout test.
-        pub fn twins() -> Vec<Twin> {
+        /// The twins of this file, for the layout test.
+        pub fn twins() -> Vec<$crate::wgsl::layout::Twin> {
             vec![$((stringify!($name), size_of::<$name>(), vec![$((stringify!($field), std::mem::offset_of!($name, $field))),*])),*]
         }
     };
 }
+pub(crate) use host_twins;
 
-twins! {
+/// Declares constants with the values that they have in WGSL, and `SHARED`, which lists them for the test.
+macro_rules! shared_constants {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = $value:expr),* $(,)?) => {
+        $($(#[$doc])* pub const $name: $type = $value;)*
+
+        /// Name and value of the constants of this file. f64 holds every u32 and f32.
+        pub const SHARED: &[(&str, f64)] = &[$((stringify!($name), $name as f64)),*];
+    };
+}
+pub(crate) use shared_constants;
+
+host_twins! {
     /// `shared/frame.wgsl`
     Frame {
         right: [f32; 3], width: u32,
@@ -49,14 +61,6 @@ twins! {
     VertexAttributes { normal: u32, u: f32, v: f32 }
     /// `shared/scene.wgsl`
     InstanceNormals { x: [f32; 3], pad0: f32, y: [f32; 3], pad1: f32, z: [f32; 3], pad2: f32 }
-    /// `shared/scene.wgsl`
-    Material {
-        base_color: [f32; 3], opacity: f32,
-        emission: [f32; 3], emission_density: f32,
-        metallic: f32, alpha: f32, f0: f32, ior: f32,
-        transmission: f32, diffuse_scale: f32, alpha_cutoff: f32, flags: u32,
-        base_texture: u32, emission_texture: u32, f90: f32, pad0: u32,
-    }
     /// `shared/scene.wgsl`
     TextureInfo { first: u32, width: u32, height: u32, sampler: u32 }
     /// `shared/scene.wgsl`
@@ -94,50 +98,41 @@ twins! {
 
 /// Constants the host shares with the kernels; checked by the same test.
 pub mod constants {
-    macro_rules! shared {
-        ($($name:ident = $value:expr),* $(,)?) => {
-            $(pub const $name: u32 = $value;)*
-            pub const ALL: &[(&str, u32)] = &[$((stringify!($name), $name)),*];
-        };
-    }
-    shared! {
-        STACK_SIZE = 32,
-        TRIANGLE_SMOOTH = 0x8000_0000,
-        TRIANGLE_ALPHA = 0x4000_0000,
-        TRIANGLE_MIRRORED = 0x2000_0000,
-        TRIANGLE_MATERIAL = 0x00ff_ffff,
-        MATERIAL_DOUBLE_SIDED = 1,
-        MATERIAL_MASK = 2,
-        MATERIAL_BLEND = 4,
-        EMITTER_TRIANGLE = 0,
-        EMITTER_POINT = 1,
-        EMITTER_SPOT = 2,
-        EMITTER_BEAM = 3,
-        ALBEDO_COLUMNS = 64,
-        ALBEDO_ROWS = 32,
-        PATH_ALIVE = 1,
-        VERTEX_DEPTH = 0xff,
-        VERTEX_EMITTER = 0x100,
-        VERTEX_DETERMINISTIC = 0x200,
-        VERTEX_FRONT = 0x400,
-        VERTEX_VALID = 0x800,
-        VERTEX_TRANSMITS = 0x4000,
-        EMIT_ONE_SIDED = 0,
-        EMIT_TWO_SIDED = 1,
-        EMIT_POINT = 2,
-        EMIT_SPOT = 3,
-        LEAF_BIT = 0x8000_0000,
-        LEAF_FIRST = 0x07ff_ffff,
-        BUCKETS = 8,
-        CHUNK = 32,
-        LISTS = 4,
-        COUNTER_TOTALS = 8,
-        ESTIMATOR_PT = 0,
-        ESTIMATOR_BDPT = 1,
-        ESTIMATOR_LCS_PAPER = 2,
-        DETERMINISTIC_SLOTS = 8,
-        MAX_SUBTREES = 32,
-        OBSERVE_TIMES = 1,
-        OBSERVE_STRATEGIES = 2,
+    super::shared_constants! {
+        STACK_SIZE: u32 = 32,
+        TRIANGLE_SMOOTH: u32 = 0x8000_0000,
+        TRIANGLE_ALPHA: u32 = 0x4000_0000,
+        TRIANGLE_MIRRORED: u32 = 0x2000_0000,
+        TRIANGLE_MATERIAL: u32 = 0x00ff_ffff,
+        EMITTER_TRIANGLE: u32 = 0,
+        EMITTER_POINT: u32 = 1,
+        EMITTER_SPOT: u32 = 2,
+        EMITTER_BEAM: u32 = 3,
+        ALBEDO_COLUMNS: u32 = 64,
+        ALBEDO_ROWS: u32 = 32,
+        PATH_ALIVE: u32 = 1,
+        VERTEX_DEPTH: u32 = 0xff,
+        VERTEX_EMITTER: u32 = 0x100,
+        VERTEX_DETERMINISTIC: u32 = 0x200,
+        VERTEX_FRONT: u32 = 0x400,
+        VERTEX_VALID: u32 = 0x800,
+        VERTEX_TRANSMITS: u32 = 0x4000,
+        EMIT_ONE_SIDED: u32 = 0,
+        EMIT_TWO_SIDED: u32 = 1,
+        EMIT_POINT: u32 = 2,
+        EMIT_SPOT: u32 = 3,
+        LEAF_BIT: u32 = 0x8000_0000,
+        LEAF_FIRST: u32 = 0x07ff_ffff,
+        BUCKETS: u32 = 8,
+        CHUNK: u32 = 32,
+        LISTS: u32 = 4,
+        COUNTER_TOTALS: u32 = 8,
+        ESTIMATOR_PT: u32 = 0,
+        ESTIMATOR_BDPT: u32 = 1,
+        ESTIMATOR_LCS_PAPER: u32 = 2,
+        DETERMINISTIC_SLOTS: u32 = 8,
+        MAX_SUBTREES: u32 = 32,
+        OBSERVE_TIMES: u32 = 1,
+        OBSERVE_STRATEGIES: u32 = 2,
     }
 }

@@ -32,6 +32,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/gate",
     "shared/importance",
     "shared/lightcone",
+    "shared/material",
     "shared/math",
     "shared/partial_sums",
     "shared/path",

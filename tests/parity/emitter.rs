@@ -5,9 +5,10 @@ use std::f64::consts::{PI, TAU};
 use bytemuck::Zeroable;
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::render::material::{MATERIAL_DOUBLE_SIDED, Material};
 use taugate::internals::wgsl::layout::constants::*;
 use taugate::internals::wgsl::layout::{
-    Emitter, InstanceNormals, Material, NONE, PathVertex, TextureInfo, Triangle, VertexAttributes,
+    Emitter, InstanceNormals, NONE, PathVertex, TextureInfo, Triangle, VertexAttributes,
 };
 
 use crate::shader_function::{Contents, ShaderFunction, contents};

@@ -5,8 +5,9 @@ use glam::{DVec3, Vec3};
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
 use taugate::internals::oracle::lightcone::bucket_interval;
+use taugate::internals::render::material::Material;
 use taugate::internals::wgsl::layout::constants::LEAF_FIRST;
-use taugate::internals::wgsl::layout::{Material, NONE, PathVertex, TreeChild};
+use taugate::internals::wgsl::layout::{NONE, PathVertex, TreeChild};
 
 use crate::shader_function::{ShaderFunction, contents};
 use crate::statistics::{chi_square, level};

@@ -9,10 +9,10 @@ use taugate::internals::oracle::bsdf::{PreparedMaterial, fresnel_dielectric};
 use taugate::internals::oracle::ggx;
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
+use taugate::internals::render::material::Material as DeviceMaterial;
 use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{Material, Mesh, Scene};
 use taugate::internals::settings::Emitters;
-use taugate::internals::wgsl::layout::Material as DeviceMaterial;
 
 use crate::shader_function::{Contents, contents};
 

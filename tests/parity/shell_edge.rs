@@ -3,8 +3,9 @@
 use bytemuck::{Pod, Zeroable};
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::render::material::Material;
 use taugate::internals::settings::units::Gate;
-use taugate::internals::wgsl::layout::{Material, PathVertex, TreeChild};
+use taugate::internals::wgsl::layout::{PathVertex, TreeChild};
 
 use crate::shader_function::{ShaderFunction, contents};
 use crate::values::{direction, frame_with_gate, vec3};

@@ -2,8 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::render::material::Material;
 use taugate::internals::wgsl::layout::{
-    Emitter, InstanceNormals, Material, PathVertex, TextureInfo, TreeChild, TreeNode, Triangle,
+    Emitter, InstanceNormals, PathVertex, TextureInfo, TreeChild, TreeNode, Triangle,
 };
 
 use crate::shader_function::{ShaderFunction, contents};
@@ -22,7 +23,7 @@ macro_rules! loads {
 
 loads!(TRIANGLE, "scene", "Triangle", "load_triangle(given.index)");
 loads!(INSTANCE, "scene", "InstanceNormals", "load_instance(given.index)");
-loads!(MATERIAL, "scene", "Material", "load_material(given.index)");
+loads!(MATERIAL, "material", "Material", "load_material(given.index)");
 loads!(TEXTURE, "scene", "TextureInfo", "load_texture(given.index)");
 loads!(EMITTER, "scene", "Emitter", "load_emitter(given.index)");
 loads!(LIGHT_VERTEX, "tree", "PathVertex", "load_light_vertex(given.index)");

@@ -12,8 +12,9 @@ mod walk;
 
 use bytemuck::{Pod, Zeroable};
 use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::render::material::Material;
 use taugate::internals::settings::units::Gate;
-use taugate::internals::wgsl::layout::{Material, NONE, PathVertex, TreeNode};
+use taugate::internals::wgsl::layout::{NONE, PathVertex, TreeNode};
 
 use shader_function::{CompiledFunction, Contents, ShaderFunction, contents};
 use statistics::{chi_square, level};

@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::luminance;
 use crate::render::geometry::Geometry;
+use crate::render::material::MATERIAL_DOUBLE_SIDED;
 use crate::scene::Scene;
 use crate::wgsl::layout::Emitter;
 use crate::wgsl::layout::constants::*;
