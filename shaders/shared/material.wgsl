@@ -41,5 +41,5 @@ fn load_material(index: u32) -> Material {
     let images = textureLoad(materials, 5u * index + 4u, 0);
     let numbers = bitcast<vec3<f32>>(rest.xyz);
     return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
-        numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), 0u);
+        numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w);
 }
