@@ -19,7 +19,7 @@ const LEAF_SIZE: usize = 16;
 const MAX_DEPTH: u32 = 24;
 
 /// Constants of `shared/importance.wgsl` and `shared/frontier.wgsl`.
-const LIVE_SHARE: f32 = 0.3;
+const LIVE_BUCKET_SHARE: f32 = 0.3;
 const MIN_COSINE: f32 = 0.1;
 const POWER_PROBABILITY: f32 = 1.0 / 16.0;
 const MIN_IMPORTANCE: f32 = 1e-36;
@@ -76,7 +76,7 @@ fn power_through_gate(c: &TreeChild, near: f32, far: f32, r: &Receiver) -> f32 {
     for (b, &value) in bytes.iter().enumerate() {
         let start = c.tau_lo + near + b as f32 * bucket_width;
         let overlap = r.hi.min(start + length) - r.lo.max(start);
-        sum += if overlap >= 0.0 { f32::from(value) * ((overlap * density).min(1.0) + LIVE_SHARE) } else { 0.0 };
+        sum += if overlap >= 0.0 { f32::from(value) * ((overlap * density).min(1.0) + LIVE_BUCKET_SHARE) } else { 0.0 };
     }
     c.power_unit * sum
 }

@@ -5,7 +5,7 @@
 
 // Weight of a live bucket beyond its estimate. Errors of the uniform model multiply from level to level: with 0.01 rare vertices
 // shone far too bright (docs/PERFORMANCE.md, lcs).
-const LIVE_SHARE: f32 = 0.3;
+const LIVE_BUCKET_SHARE: f32 = 0.3;
 // The same for the cosine.
 const MIN_COSINE: f32 = 0.1;
 // Keeps products of small factors from becoming 0.
@@ -32,10 +32,10 @@ struct Receiver {
 }
 
 // Share of the power of four buckets whose optical lengths lie in intervals of `length` from `start` on that meets the gate, 0 to 1,
-// and LIVE_SHARE more; 0 where none can. `density`: that of a length in its interval, at most.
+// and LIVE_BUCKET_SHARE more; 0 where none can. `density`: that of a length in its interval, at most.
 fn shares_through_gate(start: vec4<f32>, length: f32, density: f32, shell: Shell) -> vec4<f32> {
     let overlap = min(start + length, vec4<f32>(shell.hi)) - max(start, vec4<f32>(shell.lo));
-    return select(vec4<f32>(0.0), min(overlap * density, vec4<f32>(1.0)) + LIVE_SHARE, overlap >= vec4<f32>(0.0));
+    return select(vec4<f32>(0.0), min(overlap * density, vec4<f32>(1.0)) + LIVE_BUCKET_SHARE, overlap >= vec4<f32>(0.0));
 }
 
 // Power of the node times the probability that its light meets the gate: each bucket's travel time and the distance taken as

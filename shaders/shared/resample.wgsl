@@ -41,7 +41,7 @@ fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
     let w = segment.direction;
     // Glossy surfaces and those that let light through return more than a cosine's worth at grazing angles.
     let min_cosine = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
-    let cosines = max(vertex_cosine(q, w), min_cosine) * light_sent(v, -w, min_cosine);
+    let cosines = max(vertex_cosine(q, w), min_cosine) * outgoing_light(v, -w, min_cosine);
     let sent = max(max_component(v.throughput) * cosines / segment.length2, MIN_IMPORTANCE);
     return select(0.0, sent, can_connect(q, v) && cosines > 0.0);
 }

@@ -44,7 +44,7 @@ override QUERIED_PUNCTUAL: bool = true;
 
 // Light that v sends along `w` (unit), relative to its throughput: of a surface as if it were diffuse, `min_cosine` at least; of a
 // punctual light exactly, and so 0 outside the cone of a spot.
-fn light_sent(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
+fn outgoing_light(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
     if (QUERIED_PUNCTUAL && !has_normal(v)) {
         return emitter_profile(v, w).x;
     }

@@ -11,7 +11,7 @@ use std::time::Instant;
 use taugate::Error;
 use taugate::internals::bench::growth;
 use taugate::internals::bench::job::{Entry, Job};
-use taugate::internals::bench::quality::{MARGIN, TRUSTED, is_good};
+use taugate::internals::bench::quality::{MARGIN, MAX_REFERENCE_RELMSE, is_good};
 use taugate::internals::bench::race::Race;
 use taugate::internals::bench::reference::{self, Reference};
 use taugate::internals::bench::report::{self, Page};
@@ -29,7 +29,7 @@ use taugate::internals::settings::MAX_SECONDS;
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::progress::Progress;
 use crate::app::cli::BenchArgs;
-use shown::{Course, command, text};
+use shown::{SuiteProgress, command, text};
 
 /// A suite with what the flags change in it, and what is there of it.
 struct Bench {
@@ -135,14 +135,18 @@ impl Bench {
         self.check_gates(&rows)?;
         make_folder(&self.out.join("images"))?;
 
-        let mut course =
-            Course { started: Instant::now(), done: 0.0, all: self.work(&rows), repetitions: self.suite.repetitions };
+        let mut suite_progress = SuiteProgress {
+            started: Instant::now(),
+            done: 0.0,
+            all: self.work(&rows),
+            repetitions: self.suite.repetitions,
+        };
         let mut code = ExitCode::SUCCESS;
         for (at, entries) in &self.present {
             if self.missing(&rows, *at, entries).is_empty() {
                 continue;
             }
-            if self.race_scene(device, *at, &mut rows, &mut course, stop, progress)? == Verdict::Refused {
+            if self.race_scene(device, *at, &mut rows, &mut suite_progress, stop, progress)? == Verdict::Refused {
                 code = ExitCode::from(1);
             }
             if stop.load(Ordering::Relaxed) {
@@ -254,7 +258,7 @@ impl Bench {
         device: &Device,
         at: usize,
         rows: &mut Vec<Row>,
-        course: &mut Course,
+        suite_progress: &mut SuiteProgress,
         stop: &AtomicBool,
         progress: &mut Progress,
     ) -> Result<Verdict> {
@@ -270,8 +274,8 @@ impl Bench {
         drop(prepared);
         for repetition in self.missing(rows, at, &job.entries) {
             let mut watch = |seconds: f64| {
-                course.done += seconds;
-                progress.show(course.part(), || course.describe(&scene.name, repetition));
+                suite_progress.done += seconds;
+                progress.show(suite_progress.part(), || suite_progress.describe(&scene.name, repetition));
                 !stop.load(Ordering::Relaxed)
             };
             let Some(mut new) = race.run(repetition, self.suite.seconds, &mut watch)? else {
@@ -361,7 +365,7 @@ fn too_near(rows: &[Row], part: fn(Means) -> f64) -> Option<&Row> {
 
 fn nearness(row: &Row, part: fn(Means) -> f64) -> String {
     format!(
-        "{} reached a relMSE of {:.2e}, and the reference's own is {:.2e}: it must be {MARGIN} times less and at most {TRUSTED}",
+        "{} reached a relMSE of {:.2e}, and the reference's own is {:.2e}: it must be {MARGIN} times less and at most {MAX_REFERENCE_RELMSE}",
         row.variant,
         part(row.relmse),
         part(row.own)

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use super::law::{Law, law};
+use super::power_law::{PowerLaw, fit_power_law};
 use super::suite::Suite;
 use super::summary::{self, Spread};
 use super::sweep::Sweep;
@@ -28,7 +28,7 @@ pub struct Growth {
     pub variant: String,
     /// In the order of x.
     pub steps: Vec<Step>,
-    pub law: Option<Law>,
+    pub power_law: Option<PowerLaw>,
 }
 
 /// Every sweep of the suite for every variant that was measured.
@@ -42,8 +42,8 @@ pub fn growth(suite: &Suite, rows: &[Row]) -> Vec<Growth> {
             let mut steps: Vec<Step> = scenes.iter().filter_map(step).collect();
             steps.sort_by(|a, b| a.x.total_cmp(&b.x));
             if !steps.is_empty() {
-                let law = law(steps.iter().map(|step| (step.x, step.cost.median)));
-                all.push(Growth { sweep, variant: variant.name.clone(), steps, law });
+                let power_law = fit_power_law(steps.iter().map(|step| (step.x, step.cost.median)));
+                all.push(Growth { sweep, variant: variant.name.clone(), steps, power_law });
             }
         }
     }
@@ -63,9 +63,10 @@ pub fn write(path: &Path, growths: &[Growth]) -> Result<()> {
             out,
             "sweep,variant,steps,least,most,us_per_sample_at_least,us_per_sample_at_most,exponent,standard_error"
         )?;
-        for Growth { sweep, variant, steps, law } in growths {
+        for Growth { sweep, variant, steps, power_law } in growths {
             let ((first, last), number) = (ends(steps), |x: Option<f64>| x.map_or("NaN".into(), |x| format!("{x:.4}")));
-            let (exponent, error) = (number(law.map(|law| law.exponent)), number(law.and_then(|law| law.error)));
+            let (exponent, error) =
+                (number(power_law.map(|law| law.exponent)), number(power_law.and_then(|law| law.error)));
             writeln!(
                 out,
                 "{},{variant},{},{},{},{:.4},{:.4},{exponent},{error}",
@@ -102,9 +103,9 @@ pub fn section(growths: &[Growth]) -> String {
          depend on it; 1: in proportion.\n\n\
          | sweep | variant | steps | from | to | us a sample, from | to | exponent |\n|---|---|---|---|---|---|---|---|\n",
     );
-    for Growth { sweep, variant, steps, law } in growths {
+    for Growth { sweep, variant, steps, power_law } in growths {
         let (first, last) = ends(steps);
-        let exponent = law.map_or("-".into(), |law| {
+        let exponent = power_law.map_or("-".into(), |law| {
             let error = law.error.map_or(String::new(), |error| format!(" +- {error:.3}"));
             format!("{:.3}{error}", law.exponent)
         });
@@ -128,18 +129,18 @@ mod tests {
 
     #[test]
     fn laws_by_hand() {
-        let exact = law([(1.0, 3.0), (10.0, 30.0), (100.0, 300.0)]).unwrap();
+        let exact = fit_power_law([(1.0, 3.0), (10.0, 30.0), (100.0, 300.0)]).unwrap();
         assert!((exact.exponent - 1.0).abs() < 1e-12 && exact.error.unwrap() < 1e-7);
         // Through ln y = 0, 1, 0, 1 at ln x = 0, 1, 2, 3: slope 1 / 5, residuals 0.8, standard error sqrt(0.8 / 2 / 5).
         let e = std::f64::consts::E;
-        let bent = law([(1.0, 1.0), (e, e), (e * e, 1.0), (e.powi(3), e)]).unwrap();
+        let bent = fit_power_law([(1.0, 1.0), (e, e), (e * e, 1.0), (e.powi(3), e)]).unwrap();
         assert!((bent.exponent - 0.2).abs() < 1e-12, "{bent:?}");
         assert!((bent.error.unwrap() - 0.08f64.sqrt()).abs() < 1e-12, "{bent:?}");
-        assert_eq!(law([(2.0, 1.0), (2.0, 5.0)]), None);
-        assert_eq!(law([(0.3, 1.0), (0.1 + 0.2, 5.0), (0.3, 2.0)]), None);
-        assert_eq!(law([(1.0, 2.0)]), None);
-        assert_eq!(law([]), None);
-        let two = law([(1.0, 1.0), (f64::INFINITY, 1.0), (2.0, 4.0), (3.0, f64::NAN)]).unwrap();
+        assert_eq!(fit_power_law([(2.0, 1.0), (2.0, 5.0)]), None);
+        assert_eq!(fit_power_law([(0.3, 1.0), (0.1 + 0.2, 5.0), (0.3, 2.0)]), None);
+        assert_eq!(fit_power_law([(1.0, 2.0)]), None);
+        assert_eq!(fit_power_law([]), None);
+        let two = fit_power_law([(1.0, 1.0), (f64::INFINITY, 1.0), (2.0, 4.0), (3.0, f64::NAN)]).unwrap();
         assert_eq!((two.exponent.round(), two.error), (2.0, None));
     }
 
@@ -178,7 +179,7 @@ name = "never rendered"
         let steps: Vec<(&str, f64, f64)> =
             found[0].steps.iter().map(|s| (s.scene.as_str(), s.x, s.cost.median)).collect();
         assert_eq!(steps, [("small", 100.0, 2.0), ("large", 1600.0, 4.0)]);
-        assert!((found[0].law.unwrap().exponent - 0.25).abs() < 1e-12);
+        assert!((found[0].power_law.unwrap().exponent - 0.25).abs() < 1e-12);
         let page = section(&found);
         assert!(page.contains("| triangles | a | 2 | 100 | 1600 | 2.000 | 4.000 | 0.250 |"), "{page}");
         assert_eq!(section(&[]), "");

@@ -11,7 +11,7 @@ use crate::render::{PreparedScene, TravelTimeBounds};
 use crate::scene::{Scene, gltf};
 use crate::settings::Settings;
 
-use super::lane::Lane;
+use super::timed_renderer::TimedRenderer;
 
 /// A scene through a gate, and the ways to render it.
 pub struct Job {
@@ -42,7 +42,7 @@ impl Job {
     /// Loads a scene. Errors name the place in the suite where the scene, its camera, emitters or gate are chosen.
     pub fn load(suite: &Suite, entry: &SceneEntry) -> Result<Job> {
         let wrong = |error: Error, part| suite.error_at(entry, part, &error.to_string());
-        let files = match entry.made {
+        let files = match entry.generated {
             Some(kind) => vec![generate::scene(kind)],
             None => gltf::files(entry.path()).map_err(|e| wrong(e, Part::Path))?,
         };
@@ -119,7 +119,12 @@ impl Job {
         Ok(prepared)
     }
 
-    pub(super) fn lane(&self, device: &Device, settings: &Settings, prepared: &PreparedScene) -> Result<Lane> {
-        Lane::new(device, &self.scene, settings, prepared)
+    pub(super) fn timed(
+        &self,
+        device: &Device,
+        settings: &Settings,
+        prepared: &PreparedScene,
+    ) -> Result<TimedRenderer> {
+        TimedRenderer::new(device, &self.scene, settings, prepared)
     }
 }

@@ -6,10 +6,9 @@
 
 pub mod growth;
 pub mod job;
-mod lane;
-pub mod law;
 mod pilot;
 mod plot;
+pub mod power_law;
 pub mod quality;
 pub mod race;
 pub mod reference;
@@ -19,3 +18,4 @@ pub mod suite;
 pub mod summary;
 pub mod sweep;
 pub mod table;
+mod timed_renderer;

@@ -1,7 +1,7 @@
 //! Short renders that tell which settings have the least error per second: they render the reference.
 
 use super::job::{Entry, Job};
-use super::quality::{Goal, relative};
+use super::quality::{ReferenceTarget, relative};
 use crate::compare::metrics::Means;
 use crate::error::Result;
 use crate::gpu::Device;
@@ -9,9 +9,9 @@ use crate::render::PreparedScene;
 use crate::settings::{Estimator, Settings};
 
 /// Seeds, far from those of races and references.
-const SEEDS: u32 = 0x4000_0100;
+const FIRST_SEED: u32 = 0x4000_0100;
 /// A pilot takes this part of a variant's time in the suite, within bounds in seconds.
-const PILOT: (f64, f64, f64) = (0.25, 0.2, 15.0);
+const PILOT_TIME: (f64, f64, f64) = (0.25, 0.2, 15.0);
 /// Of settings that are chosen for a reference alone.
 const MIN_LIGHT_PATHS: u32 = 256;
 
@@ -72,11 +72,11 @@ pub fn pilots(
     job: &Job,
     prepared: &PreparedScene,
     entries: &[&Entry],
-    goal: Goal,
+    target: ReferenceTarget,
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<Vec<Pilot>>> {
-    let (part, min, max) = PILOT;
-    let seconds = (part * goal.seconds).clamp(min, max);
+    let (part, min, max) = PILOT_TIME;
+    let seconds = (part * target.seconds).clamp(min, max);
     let mut candidates: Vec<(String, Settings)> =
         entries.iter().map(|e| (e.variant.clone(), e.settings.clone())).collect();
     for estimator in Estimator::ALL.into_iter().filter(|e| e.record().renders_references) {
@@ -95,17 +95,17 @@ pub fn pilots(
     let mut pilots = vec![];
     for (i, (variant, settings)) in candidates.into_iter().enumerate() {
         let measured = i < entries.len();
-        let mut lane = job.lane(device, &settings, prepared)?;
-        lane.restart(SEEDS + i as u32);
-        while lane.clock < seconds || lane.renderer.film().iterations() < 4 {
-            lane.run_until(lane.clock + seconds / 8.0)?;
+        let mut timed = job.timed(device, &settings, prepared)?;
+        timed.restart(FIRST_SEED + i as u32);
+        while timed.clock < seconds || timed.renderer.film().iterations() < 4 {
+            timed.run_until(timed.clock + seconds / 8.0)?;
             if !watch(0.0, &format!("{}: trying {variant}", job.name)) {
                 return Ok(None);
             }
         }
-        let film = lane.renderer.film();
+        let film = timed.renderer.film();
         let (variance, mean) = (film.variance_of_mean(), film.mean());
-        pilots.push(Pilot { variant, settings, measured, variance, mean, seconds: lane.clock });
+        pilots.push(Pilot { variant, settings, measured, variance, mean, seconds: timed.clock });
     }
     Ok(Some(pilots))
 }

@@ -6,16 +6,16 @@ use crate::compare::metrics::Means;
 pub const MARGIN: f64 = 20.0;
 /// Above this, a reference's own relMSE says nothing: the error of a dark pixel that is bright by chance is measured against
 /// that very brightness.
-pub const TRUSTED: f64 = 0.02;
+pub const MAX_REFERENCE_RELMSE: f64 = 0.02;
 
 /// Whether a result of this relMSE may be compared with a reference of that own relMSE; asked of each of [`Means`] for itself.
 pub fn is_good(own: f64, relmse: f64) -> bool {
-    own <= TRUSTED && own * MARGIN <= relmse
+    own <= MAX_REFERENCE_RELMSE && own * MARGIN <= relmse
 }
 
 /// What a reference is to be good enough for.
 #[derive(Debug, Clone, Copy)]
-pub struct Goal {
+pub struct ReferenceTarget {
     /// Time of each variant in the suite.
     pub seconds: f64,
     /// Rendering stops after so many seconds in any case.

@@ -1,9 +1,9 @@
 //! Renders variants in turns, so that whatever else the machine does hurts all alike.
 
 use super::job::{Entry, Job};
-use super::lane::Lane;
 use super::reference::Reference;
 use super::table::Row;
+use super::timed_renderer::TimedRenderer;
 use crate::compare::flip;
 use crate::compare::metrics::{self, Means};
 use crate::error::Result;
@@ -13,7 +13,7 @@ use crate::render::PreparedScene;
 
 /// Time points of a race: each is twice the one before, the last is the whole time.
 pub const POINTS: u32 = 7;
-/// Turns that a lane takes within the whole time, unless an iteration is longer.
+/// Turns that a renderer takes within the whole time, unless an iteration is longer.
 const TURNS: f64 = 64.0;
 
 /// Seconds at which the error is measured.
@@ -24,7 +24,7 @@ pub fn points(seconds: f64) -> Vec<f64> {
 /// The variants of a scene, compiled.
 pub struct Race<'a> {
     job: &'a Job,
-    lanes: Vec<Lane>,
+    timed_renderers: Vec<TimedRenderer>,
     references: Vec<Option<Reference>>,
 }
 
@@ -36,8 +36,8 @@ impl<'a> Race<'a> {
         prepared: &PreparedScene,
         references: Vec<Option<Reference>>,
     ) -> Result<Race<'a>> {
-        let lane = |entry: &Entry| Lane::new(device, &job.scene, &entry.settings, prepared);
-        Ok(Race { lanes: job.entries.iter().map(lane).collect::<Result<_>>()?, job, references })
+        let timed = |entry: &Entry| TimedRenderer::new(device, &job.scene, &entry.settings, prepared);
+        Ok(Race { timed_renderers: job.entries.iter().map(timed).collect::<Result<_>>()?, job, references })
     }
 
     /// One repetition: every variant renders for `seconds`. After each turn `watch` hears how many seconds were rendered and
@@ -49,16 +49,16 @@ impl<'a> Race<'a> {
         watch: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Option<Vec<Row>>> {
         let points = points(seconds);
-        let mut next = vec![0; self.lanes.len()];
+        let mut next = vec![0; self.timed_renderers.len()];
         let mut rows = vec![];
-        self.lanes.iter_mut().for_each(|lane| lane.restart(seed(repetition)));
+        self.timed_renderers.iter_mut().for_each(|timed| timed.restart(seed(repetition)));
         // The one that is behind has the next turn.
-        while let Some(at) = behind(&self.lanes, &next, points.len()) {
-            let lane = &mut self.lanes[at];
-            let begin = lane.clock;
-            lane.run_until((begin + seconds / TURNS).min(points[next[at]]))?;
-            let spent = lane.clock - begin;
-            let reached = points.iter().filter(|&&point| lane.clock >= point).count();
+        while let Some(at) = next_to_run(&self.timed_renderers, &next, points.len()) {
+            let timed = &mut self.timed_renderers[at];
+            let begin = timed.clock;
+            timed.run_until((begin + seconds / TURNS).min(points[next[at]]))?;
+            let spent = timed.clock - begin;
+            let reached = points.iter().filter(|&&point| timed.clock >= point).count();
             if reached > next[at] {
                 next[at] = reached;
                 rows.push(self.measure(at, repetition, reached as u32 - 1)?);
@@ -72,53 +72,57 @@ impl<'a> Race<'a> {
     }
 
     fn measure(&self, at: usize, repetition: u32, point: u32) -> Result<Row> {
-        let (lane, entry) = (&self.lanes[at], &self.job.entries[at]);
+        let (timed, entry) = (&self.timed_renderers[at], &self.job.entries[at]);
         let (relmse, own, flip) = match &self.references[at] {
             None => (Means::NAN, Means::NAN, f64::NAN),
             Some(Reference { picture, own, .. }) => {
-                let image = lane.renderer.film().mean();
+                let image = timed.renderer.film().mean();
                 let errors = metrics::compare(&image, &picture.rgb)?;
                 let relmse = Means { all: errors.relmse, trimmed: errors.trimmed_relmse };
                 (relmse, *own, flip::hdr(&image, &picture.rgb, picture.width as usize).mean())
             }
         };
         let (crop, gate) = (entry.settings.crop(), entry.settings.responses().support());
-        let (pixels, samples) = (u64::from(crop.width()) * u64::from(crop.height()), lane.renderer.film().samples());
-        let queries = lane.count(|s| s.candidates);
-        let vertices = lane.count(|s| s.emitter_vertices + s.scattered_vertices + s.deterministic_vertices);
+        let (pixels, samples) = (u64::from(crop.width()) * u64::from(crop.height()), timed.renderer.film().samples());
+        let queries = timed.count(|s| s.candidates);
+        let vertices = timed.count(|s| s.emitter_vertices + s.scattered_vertices + s.deterministic_vertices);
         Ok(Row {
             scene: self.job.name.clone(),
             variant: entry.variant.clone(),
             estimator: entry.settings.estimator().to_string(),
             repetition,
             point,
-            seconds: lane.clock,
+            seconds: timed.clock,
             samples,
             relmse,
             own,
             flip,
-            dropped: lane.count(|s| s.dropped),
-            light_vertices: vertices as f64 / lane.count(|s| s.iterations) as f64,
-            queries_per_s: queries as f64 / lane.clock,
-            rays_per_s: lane.count(|s| s.rays()) as f64 / lane.clock,
-            dead_query_share: 1.0 - lane.count(|s| s.live_candidates) as f64 / (queries as f64).max(1.0),
-            triangles: lane.renderer.stats().triangles,
+            dropped: timed.count(|s| s.dropped),
+            light_vertices: vertices as f64 / timed.count(|s| s.iterations) as f64,
+            queries_per_s: queries as f64 / timed.clock,
+            rays_per_s: timed.count(|s| s.rays()) as f64 / timed.clock,
+            dead_query_share: 1.0 - timed.count(|s| s.live_candidates) as f64 / (queries as f64).max(1.0),
+            triangles: timed.renderer.stats().triangles,
             pixels,
             gate_m: gate.hi - gate.lo,
-            us_per_sample: 1e6 * lane.clock / (samples * pixels) as f64,
+            us_per_sample: 1e6 * timed.clock / (samples * pixels) as f64,
             fingerprint: entry.fingerprint.clone(),
         })
     }
 
     /// What every variant rendered in the last repetition, with its settings and seconds.
     pub fn films(&self) -> impl Iterator<Item = (&Entry, &Film, f64)> {
-        self.job.entries.iter().zip(&self.lanes).map(|(entry, lane)| (entry, lane.renderer.film(), lane.clock))
+        self.job
+            .entries
+            .iter()
+            .zip(&self.timed_renderers)
+            .map(|(entry, timed)| (entry, timed.renderer.film(), timed.clock))
     }
 }
 
-fn behind(lanes: &[Lane], next: &[usize], points: usize) -> Option<usize> {
-    let open = (0..lanes.len()).filter(|&i| next[i] < points);
-    open.min_by(|&a, &b| lanes[a].clock.total_cmp(&lanes[b].clock))
+fn next_to_run(timed_renderers: &[TimedRenderer], next: &[usize], points: usize) -> Option<usize> {
+    let open = (0..timed_renderers.len()).filter(|&i| next[i] < points);
+    open.min_by(|&a, &b| timed_renderers[a].clock.total_cmp(&timed_renderers[b].clock))
 }
 
 /// Seeds of repetitions; references have others.

@@ -11,9 +11,9 @@
 use std::path::{Path, PathBuf};
 
 use super::job::{Entry, Job};
-use super::lane::Lane;
 use super::pilot::{fastest, frugal, pilots, with};
-use super::quality::{Goal, MARGIN, TRUSTED, relative};
+use super::quality::{MARGIN, MAX_REFERENCE_RELMSE, ReferenceTarget, relative};
+use super::timed_renderer::TimedRenderer;
 use crate::compare::agreement::{Agreement, MIN_BATCHES, agreement};
 use crate::compare::metrics::Means;
 use crate::error::{Error, Result};
@@ -27,9 +27,9 @@ use crate::settings::Estimator;
 
 /// Rendering goes on to this part of what is needed: the next race may be lucky, or the machine less busy. More would be dear, and
 /// a reference can be extended.
-const AIM: f64 = 0.8;
+const TARGET_FRACTION: f64 = 0.8;
 /// The error is looked at again when this much more was rendered.
-const LOOK: f64 = 1.05;
+const CHECK_INTERVAL: f64 = 1.05;
 /// Seeds, far from those of races; an extension adds [`EXTENSION`] to all of them.
 const HALVES: [u32; 2] = [0x4000_0001, 0x4000_0002];
 const EXTENSION: u32 = 0x1000;
@@ -40,7 +40,7 @@ const MIN_ITERATIONS: u32 = MAX_BATCHES as u32 / 2;
 const JUDGES: [(u32, f64); 2] = [(0x4000_0003, 0.25), (0x4000_0004, 1.0)];
 /// A reference by another version of the renderer is compared with a render of this part of its time: what it differs by without
 /// being noticed is less than the noise of that.
-const CHECKED: f64 = 0.1;
+const VERSION_CHECK_FRACTION: f64 = 0.1;
 
 /// A reference from the folder of references.
 pub struct Reference {
@@ -53,18 +53,18 @@ pub struct Reference {
 
 /// How the making of a reference went.
 #[derive(Debug, Clone)]
-pub struct Made {
+pub struct ReferenceReport {
     /// Whose settings rendered it.
     pub variant: String,
     /// Seconds of rendering, both halves, and those of an earlier reference that was extended.
     pub seconds: f64,
     pub before: f64,
     /// What became of a reference by another version of the renderer.
-    pub other: Other,
+    pub other: OtherVersion,
     /// Samples a pixel; of an earlier reference what would have taken as long.
     pub samples: u64,
     pub own: Means,
-    /// What [`Made::own`] must be at most.
+    /// What [`ReferenceReport::own`] must be at most.
     pub wanted: Means,
     /// The estimator that checked it and what it found. The reference was written if they agree.
     pub judge: Estimator,
@@ -73,15 +73,15 @@ pub struct Made {
 
 /// What became of a reference by another version of the renderer.
 #[derive(Debug, Clone)]
-pub enum Other {
+pub enum OtherVersion {
     /// There was none.
     None,
     /// It shows what this version renders, and counts.
-    Joined(Agreement),
+    Merged(Agreement),
     /// It does not, and was left out.
-    Dropped(Agreement),
+    Rejected(Agreement),
     /// It does not tell its own noise, and was left out.
-    Unknown,
+    Unverified,
 }
 
 /// Reads the reference of an entry; `None` if there is none.
@@ -103,74 +103,78 @@ pub fn make(
     job: &Job,
     prepared: &PreparedScene,
     entries: &[&Entry],
-    goal: Goal,
+    target: ReferenceTarget,
     path: &Path,
     watch: &mut dyn FnMut(f64, &str) -> bool,
-) -> Result<Option<Made>> {
-    let Some(pilots) = pilots(device, job, prepared, entries, goal, watch)? else { return Ok(None) };
+) -> Result<Option<ReferenceReport>> {
+    let Some(pilots) = pilots(device, job, prepared, entries, target, watch)? else { return Ok(None) };
     let measured = || pilots.iter().filter(|pilot| pilot.measured);
     let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(Means::INFINITE, Means::min);
     let chosen = fastest(&pilots);
     // Short renders are slower, with few samples an iteration: what the long one gained the others may gain too.
     let wanted = |truth: &[f32], own: Means, seconds: f64| {
-        let (cheapest, chosen, known) = (cheapest(truth), chosen.cost(truth), goal.best.unwrap_or(Means::INFINITE));
+        let (cheapest, chosen, known) = (cheapest(truth), chosen.cost(truth), target.best.unwrap_or(Means::INFINITE));
         let of = |of: fn(Means) -> f64| {
             let gained = (of(own) * seconds / of(chosen)).min(1.0);
-            ((of(cheapest) * gained / goal.seconds).min(of(known)) / MARGIN).min(TRUSTED)
+            ((of(cheapest) * gained / target.seconds).min(of(known)) / MARGIN).min(MAX_REFERENCE_RELMSE)
         };
         Means { all: of(|means| means.all), trimmed: of(|means| means.trimmed) }
     };
 
     // Two halves in turns.
-    let mut earlier = Earlier::read(path)?;
-    let extension = earlier.as_ref().map_or(0, |earlier| earlier.extensions + 1).wrapping_mul(EXTENSION);
-    let mut other = Other::None;
-    if earlier.as_ref().is_some_and(|earlier| !earlier.current && earlier.cells.len() < MIN_BATCHES) {
-        (earlier, other) = (None, Other::Unknown);
+    let mut previous = PreviousReference::read(path)?;
+    let extension = previous.as_ref().map_or(0, |previous| previous.extensions + 1).wrapping_mul(EXTENSION);
+    let mut other = OtherVersion::None;
+    if previous.as_ref().is_some_and(|previous| !previous.current && previous.cells.len() < MIN_BATCHES) {
+        (previous, other) = (None, OtherVersion::Unverified);
     }
-    let mut doubtful = earlier.as_ref().is_some_and(|earlier| !earlier.current);
+    let mut doubtful = previous.as_ref().is_some_and(|previous| !previous.current);
     let mut halves = vec![];
     for seed in HALVES {
-        let mut lane = job.lane(device, &chosen.settings, prepared)?;
-        lane.restart(seed + extension);
-        halves.push(lane);
+        let mut timed = job.timed(device, &chosen.settings, prepared)?;
+        timed.restart(seed + extension);
+        halves.push(timed);
     }
     let mut next = 2.0 * chosen.seconds;
-    let (mut own, mut asked) = (Means::INFINITE, Means { all: 0.0, trimmed: 0.0 });
+    let (mut own, mut needed) = (Means::INFINITE, Means { all: 0.0, trimmed: 0.0 });
     let size = [halves[0].renderer.film().width(), halves[0].renderer.film().height()];
-    let before = |earlier: &Option<Earlier>| earlier.as_ref().map_or(0.0, |earlier| earlier.seconds);
-    let spent = |halves: &[Lane]| halves.iter().map(|lane| lane.clock).sum::<f64>();
+    let before = |previous: &Option<PreviousReference>| previous.as_ref().map_or(0.0, |previous| previous.seconds);
+    let spent = |halves: &[TimedRenderer]| halves.iter().map(|timed| timed.clock).sum::<f64>();
     loop {
-        for lane in &mut halves {
-            turn(lane)?;
+        for timed in &mut halves {
+            advance(timed)?;
         }
         let seconds = spent(&halves);
-        let enough = halves.iter().all(|lane| lane.renderer.film().iterations() >= MIN_ITERATIONS);
-        let checked = if doubtful { CHECKED * earlier.as_ref().map_or(0.0, |earlier| earlier.seconds) } else { 0.0 };
-        let over = seconds >= goal.limit.max(checked);
+        let enough = halves.iter().all(|timed| timed.renderer.film().iterations() >= MIN_ITERATIONS);
+        let checked = if doubtful {
+            VERSION_CHECK_FRACTION * previous.as_ref().map_or(0.0, |previous| previous.seconds)
+        } else {
+            0.0
+        };
+        let over = seconds >= target.limit.max(checked);
         if enough && (seconds >= next.max(checked) || over) {
-            next = LOOK * seconds;
-            if let Some(another) = earlier.take_if(|_| doubtful) {
+            next = CHECK_INTERVAL * seconds;
+            if let Some(another) = previous.take_if(|_| doubtful) {
                 let agreement = agreement(size, &another.cells, &cells_of(&halves))?;
-                (earlier, other) = match agreement.agree {
-                    true => (Some(another), Other::Joined(agreement)),
-                    false => (None, Other::Dropped(agreement)),
+                (previous, other) = match agreement.agree {
+                    true => (Some(another), OtherVersion::Merged(agreement)),
+                    false => (None, OtherVersion::Rejected(agreement)),
                 };
                 doubtful = false;
             }
-            let film = join(&halves, earlier.as_ref());
+            let film = join(&halves, previous.as_ref());
             let mean = film.mean();
             own = relative(&film.variance_of_mean(), &mean);
-            asked = wanted(&mean, own, before(&earlier) + seconds);
-            if (own.all <= AIM * asked.all && own.trimmed <= AIM * asked.trimmed) || over {
+            needed = wanted(&mean, own, before(&previous) + seconds);
+            if (own.all <= TARGET_FRACTION * needed.all && own.trimmed <= TARGET_FRACTION * needed.trimmed) || over {
                 break;
             }
         }
-        let done = (seconds / goal.limit).max((asked.all / own.all).min(asked.trimmed / own.trimmed).min(1.0));
+        let done = (seconds / target.limit).max((needed.all / own.all).min(needed.trimmed / own.trimmed).min(1.0));
         let reached = match own.all.is_finite() {
             true => format!(
                 ", own relMSE {:.2e} of {:.2e}, trimmed {:.2e} of {:.2e}",
-                own.all, asked.all, own.trimmed, asked.trimmed
+                own.all, needed.all, own.trimmed, needed.trimmed
             ),
             false => String::new(),
         };
@@ -178,43 +182,43 @@ pub fn make(
             return Ok(None);
         }
     }
-    let (seconds, mut film) = (spent(&halves), join(&halves, earlier.as_ref()));
-    let (variant, samples, before) = (chosen.variant.clone(), film.samples(), before(&earlier));
+    let (seconds, mut film) = (spent(&halves), join(&halves, previous.as_ref()));
+    let (variant, samples, before) = (chosen.variant.clone(), film.samples(), before(&previous));
     let cells = cells_of(&halves);
 
     // Another estimator is the judge of what is new.
     let judge = chosen.settings.estimator().record().judge;
     let mut verdict = None;
     for (seed, part) in JUDGES {
-        let asked = (judge, seed + extension);
-        let Some(judged) = judged(device, job, prepared, entries[0], asked, part * seconds, watch)? else {
+        let needed = (judge, seed + extension);
+        let Some(judge_cells) = judge_cells(device, job, prepared, entries[0], needed, part * seconds, watch)? else {
             return Ok(None);
         };
-        let found = verdict.insert(agreement(size, &cells, &judged)?);
+        let found = verdict.insert(agreement(size, &cells, &judge_cells)?);
         if found.agree {
             break;
         }
     }
     let agreement = verdict.expect("there is a judge");
     // Batches of one render, the longer: those of two estimators do not tell their noise together.
-    film.set_cells(earlier.filter(|earlier| earlier.seconds > seconds).map_or(cells, |earlier| earlier.cells));
+    film.set_cells(previous.filter(|previous| previous.seconds > seconds).map_or(cells, |previous| previous.cells));
     if agreement.agree {
-        if matches!(other, Other::Dropped(_) | Other::Unknown) {
+        if matches!(other, OtherVersion::Rejected(_) | OtherVersion::Unverified) {
             let aside = path.with_extension("other.exr");
             std::fs::rename(path, &aside).map_err(|e| Error::File { path: aside.clone(), message: e.to_string() })?;
         }
         write(path, &film, entries[0], before + seconds, &variant, HALVES[0] + extension)?;
     }
-    Ok(Some(Made { variant, seconds, before, other, samples, own, wanted: asked, judge, agreement }))
+    Ok(Some(ReferenceReport { variant, seconds, before, other, samples, own, wanted: needed, judge, agreement }))
 }
 
-/// One turn of a lane: a sixteenth of what it has rendered so far.
-fn turn(lane: &mut Lane) -> Result<()> {
-    lane.run_until(lane.clock + (lane.clock / 16.0).clamp(0.01, 2.0))
+/// One turn of a timed renderer: a sixteenth of what it has rendered so far.
+fn advance(timed: &mut TimedRenderer) -> Result<()> {
+    timed.run_until(timed.clock + (timed.clock / 16.0).clamp(0.01, 2.0))
 }
 
 /// A reference that was not good enough.
-struct Earlier {
+struct PreviousReference {
     /// Its mean more and less by its standard error: two batches with its mean and its variance.
     halves: [Vec<f32>; 2],
     seconds: f64,
@@ -226,9 +230,9 @@ struct Earlier {
     current: bool,
 }
 
-impl Earlier {
+impl PreviousReference {
     /// `None` if there is none, or it does not say what it takes to go on.
-    fn read(path: &Path) -> Result<Option<Earlier>> {
+    fn read(path: &Path) -> Result<Option<PreviousReference>> {
         if !path.exists() {
             return Ok(None);
         }
@@ -240,7 +244,7 @@ impl Earlier {
         let cells = CellBatches::from_floats(width, height, &cell_batches.unwrap_or_default());
         let cells = cells.unwrap_or_else(|_| CellBatches::new(width, height));
         let current = renderer.as_deref() == Some(fingerprint::RENDERER);
-        Ok(Some(Earlier { halves: two_batches(&rgb, &variance), seconds, extensions, cells, current }))
+        Ok(Some(PreviousReference { halves: two_batches(&rgb, &variance), seconds, extensions, cells, current }))
     }
 
     /// Adds it to a film of `seconds`. It counts by its time: weights that followed the errors would favour halves that miss rare
@@ -258,9 +262,9 @@ fn two_batches(mean: &[f32], variance: &[f32]) -> [Vec<f32>; 2] {
     [1.0, -1.0].map(|sign| mean.iter().zip(variance).map(|(&mean, &v)| mean + sign * v.sqrt()).collect())
 }
 
-fn cells_of(lanes: &[Lane]) -> CellBatches {
-    let mut cells = lanes[0].renderer.film().cells().clone();
-    cells.merge(lanes[1].renderer.film().cells());
+fn cells_of(timed_renderers: &[TimedRenderer]) -> CellBatches {
+    let mut cells = timed_renderers[0].renderer.film().cells().clone();
+    cells.merge(timed_renderers[1].renderer.film().cells());
     cells
 }
 
@@ -269,21 +273,21 @@ fn count(samples: f64) -> u32 {
 }
 
 /// Both halves as one film with two batches, or four with those of an earlier reference.
-fn join(halves: &[Lane], earlier: Option<&Earlier>) -> Film {
+fn join(halves: &[TimedRenderer], previous: Option<&PreviousReference>) -> Film {
     let first = halves[0].renderer.film();
     let mut film = Film::new(first.width(), first.height());
-    for lane in halves {
-        let half = lane.renderer.film();
+    for timed in halves {
+        let half = timed.renderer.film();
         film.add(&half.mean(), count(half.samples() as f64));
     }
-    if let Some(earlier) = earlier {
-        earlier.add_to(&mut film, halves.iter().map(|lane| lane.clock).sum());
+    if let Some(previous) = previous {
+        previous.add_to(&mut film, halves.iter().map(|timed| timed.clock).sum());
     }
     film
 }
 
 /// Cells of an independent render with another estimator.
-fn judged(
+fn judge_cells(
     device: &Device,
     job: &Job,
     prepared: &PreparedScene,
@@ -292,15 +296,15 @@ fn judged(
     seconds: f64,
     watch: &mut dyn FnMut(f64, &str) -> bool,
 ) -> Result<Option<CellBatches>> {
-    let mut lane = job.lane(device, &frugal(with(entry, estimator)), prepared)?;
-    lane.restart(seed);
-    while lane.clock < seconds || lane.renderer.film().iterations() < 2 * MIN_ITERATIONS {
-        turn(&mut lane)?;
+    let mut timed = job.timed(device, &frugal(with(entry, estimator)), prepared)?;
+    timed.restart(seed);
+    while timed.clock < seconds || timed.renderer.film().iterations() < 2 * MIN_ITERATIONS {
+        advance(&mut timed)?;
         if !watch(1.0, &format!("{}: checking the reference with {estimator}", job.name)) {
             return Ok(None);
         }
     }
-    Ok(Some(lane.renderer.film().cells().clone()))
+    Ok(Some(timed.renderer.film().cells().clone()))
 }
 
 fn write(path: &Path, film: &Film, entry: &Entry, seconds: f64, variant: &str, seed: u32) -> Result<()> {
@@ -337,7 +341,8 @@ mod tests {
         let mut extended = film(&[(halves[2], 10), (halves[3], 10)]);
         let both = two_batches(&old.mean(), &old.variance_of_mean());
         let cells = CellBatches::new(1, 1);
-        Earlier { halves: both, seconds: 2.0, extensions: 0, cells, current: true }.add_to(&mut extended, 4.0);
+        PreviousReference { halves: both, seconds: 2.0, extensions: 0, cells, current: true }
+            .add_to(&mut extended, 4.0);
         let all = film(&[(halves[0], 5), (halves[1], 5), (halves[2], 10), (halves[3], 10)]);
         assert_eq!((extended.samples(), extended.iterations()), (30, 4));
         for (a, b) in [(extended.mean(), all.mean()), (extended.variance_of_mean(), all.variance_of_mean())] {

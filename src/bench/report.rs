@@ -11,7 +11,7 @@ use super::quality::MARGIN;
 use super::reference::{self, Reference};
 use super::strip::strip;
 use super::suite::Suite;
-use super::summary::{self, Figure, Line, Spread};
+use super::summary::{self, ErrorSummary, Spread, VariantSummary};
 use super::table::Row;
 use crate::compare::metrics::{Means, RELMSE_FORMULA, TRIMMED};
 use crate::error::{Error, Result};
@@ -127,7 +127,7 @@ fn against_the_paper(page: &Page) -> String {
     let mut text = String::new();
     for (scene, _) in page.scenes {
         let Some(paper) = reported(page, scene) else { continue };
-        let is_baseline = |line: &&Line| {
+        let is_baseline = |line: &&VariantSummary| {
             let named = |row: &&Row| row.scene == *scene && row.variant == line.variant;
             page.rows.iter().find(named).is_some_and(|row| summary::is_baseline(&row.estimator))
         };
@@ -146,10 +146,10 @@ fn against_the_paper(page: &Page) -> String {
 }
 
 /// The plot, of relMSE over all pixels if the reference is good enough for it; else of the trimmed one, where it is for that.
-fn convergence(out: &Path, page: &Page, scene: &str, lines: &[Line]) -> Result<String> {
+fn convergence(out: &Path, page: &Page, scene: &str, lines: &[VariantSummary]) -> Result<String> {
     let rows: Vec<&Row> = page.rows.iter().filter(|row| row.scene == *scene).collect();
-    let over_all = lines.iter().all(|line| line.all.honest);
-    let shown = lines.iter().filter(|line| over_all || line.trimmed.honest);
+    let over_all = lines.iter().all(|line| line.all.reliable);
+    let shown = lines.iter().filter(|line| over_all || line.trimmed.reliable);
     let part = if over_all { summary::all } else { summary::trimmed };
     let curves: Vec<_> = shown.map(|l| (l.variant.clone(), summary::curve(&rows, &l.variant, part))).collect();
     let figure = if over_all { "relMSE" } else { "trimmed relMSE" };
@@ -191,15 +191,17 @@ fn crops(out: &Path, page: &Page, scene: &str, entries: &[Entry]) -> Result<Stri
 }
 
 /// How good the references are, one sentence each.
-fn truth(page: &Page, entries: &[Entry], lines: &[Line]) -> Result<String> {
+fn truth(page: &Page, entries: &[Entry], lines: &[VariantSummary]) -> Result<String> {
     let mut text = String::new();
     for (at, entry) in entries.iter().enumerate() {
-        if entries[..at].iter().any(|earlier| earlier.reference == entry.reference) {
+        if entries[..at].iter().any(|previous| previous.reference == entry.reference) {
             continue;
         }
         let Some(Reference { own, picture, .. }) = reference::read(page.references, entry)? else { continue };
-        let shares = |line: &&Line| entries.iter().any(|e| e.variant == line.variant && e.reference == entry.reference);
-        let min = |line: &Line| Means { all: line.all.relmse.min, trimmed: line.trimmed.relmse.min };
+        let shares = |line: &&VariantSummary| {
+            entries.iter().any(|e| e.variant == line.variant && e.reference == entry.reference)
+        };
+        let min = |line: &VariantSummary| Means { all: line.all.relmse.min, trimmed: line.trimmed.relmse.min };
         let (names, errors): (Vec<&str>, Vec<Means>) =
             lines.iter().filter(shares).map(|line| (line.variant.as_str(), min(line))).unzip();
         let whose = if names.len() == lines.len() { String::new() } else { format!(" of {}", names.join(", ")) };
@@ -219,7 +221,7 @@ fn truth(page: &Page, entries: &[Entry], lines: &[Line]) -> Result<String> {
 }
 
 /// The table of a scene as Markdown.
-fn table(lines: &[Line]) -> String {
+fn table(lines: &[VariantSummary]) -> String {
     let mut text = String::from(
         "| variant | seconds | samples | relMSE | lower by | trimmed relMSE | lower by | FLIP | slope | light vertices | queries/s | rays/s | dead | dropped |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
@@ -244,19 +246,19 @@ fn table(lines: &[Line]) -> String {
     text
 }
 
-fn relmse(figure: &Figure) -> String {
-    match figure.honest {
+fn relmse(figure: &ErrorSummary) -> String {
+    match figure.reliable {
         true => spread(&figure.relmse, &|x| format!("{x:.3e}")),
         false => "reference too poor".into(),
     }
 }
 
-fn ratio(figure: &Figure) -> String {
+fn ratio(figure: &ErrorSummary) -> String {
     figure.ratio.map_or("-".into(), |ratio| spread(&ratio, &|x| format!("{x:.2}")))
 }
 
 /// The table of a scene where only costs were measured.
-fn costs(lines: &[Line]) -> String {
+fn costs(lines: &[VariantSummary]) -> String {
     let mut text = String::from(
         "| variant | seconds | samples | us a sample of a pixel | light vertices | queries/s | rays/s | dead | dropped |\n\
          |---|---|---|---|---|---|---|---|---|\n",

@@ -18,7 +18,7 @@ use crate::generate::Kind;
 use crate::input::experiment::{Experiment, position};
 use crate::settings::Emitters;
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
-use crate::settings::units::{Depth, Gate, Resolution as Fineness};
+use crate::settings::units::{Depth, Gate, GatePrecision};
 use crate::settings::values::{Resolution, Seconds};
 
 /// A suite is a few pages of text.
@@ -55,7 +55,7 @@ pub struct SceneEntry {
     /// What the paper reports of it; empty if nothing is said.
     pub paper: String,
     /// For scenes that are not a file.
-    pub made: Option<Kind>,
+    pub generated: Option<Kind>,
     /// Scene, camera, emitters, gate and the settings that all variants share.
     pub experiment: Experiment,
     /// Where in the file the scene's path, its gate (or its name) and its name stand.
@@ -174,7 +174,7 @@ impl SceneEntry {
 
     /// Whether the scene can be had: it is made, or its file is there.
     pub fn exists(&self) -> bool {
-        self.made.is_some() || self.path().is_file()
+        self.generated.is_some() || self.path().is_file()
     }
 
     /// Whether the folder that should hold the scene is there at all: sets of scenes are fetched as a whole, or not.
@@ -234,13 +234,13 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
     let gate_at = table.gate.as_ref().map(Spanned::span).or(table.depth.as_ref().map(Spanned::span));
     let gate = table.gate.map(Spanned::into_inner).or(table.depth.map(|depth| depth.into_inner().0));
     if let (Some(gate), Some(at)) = (gate, &gate_at)
-        && let Fineness::TooThin { ulps } = gate.resolution()
+        && let GatePrecision::TooThin { ulps } = gate.precision()
     {
         let what = gate.describe();
         let message = format!("the {what} is only {ulps:.1} steps of 32-bit travel times wide; make it wider");
         return Err((at.clone(), message));
     }
-    let (path, path_at, made) = match (table.scene, table.generate) {
+    let (path, path_at, generated) = match (table.scene, table.generate) {
         (Some(file), None) => (folder.join(file.get_ref()), file.span(), None),
         (None, Some(wanted)) => {
             let at = wanted.span();
@@ -263,7 +263,7 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
     };
     let below = Experiment { render: shared.clone(), ..Experiment::default() };
     let (name, sweep, paper) = (table.name.into_inner(), table.sweep, table.paper);
-    Ok(SceneEntry { name, sweep, paper, made, experiment: own.over(below), at })
+    Ok(SceneEntry { name, sweep, paper, generated, experiment: own.over(below), at })
 }
 
 /// What is to be made, and a path that stands for it in messages.

@@ -1,6 +1,6 @@
 //! What the rows amount to: medians over repetitions, ratios within them, slopes of convergence.
 
-use super::law::law;
+use super::power_law::fit_power_law;
 use super::quality::is_good;
 use super::table::Row;
 use crate::compare::metrics::Means;
@@ -29,13 +29,13 @@ impl Spread {
 
 /// A variant in a scene, at the end of its time.
 #[derive(Debug, Clone)]
-pub struct Line {
+pub struct VariantSummary {
     pub variant: String,
     pub seconds: f64,
     pub samples: f64,
     /// relMSE over all pixels, and without the worst of them.
-    pub all: Figure,
-    pub trimmed: Figure,
+    pub all: ErrorSummary,
+    pub trimmed: ErrorSummary,
     pub flip: Spread,
     /// Exponent of relMSE against time; -1 for independent samples. `None` with fewer than two points.
     pub slope: Option<f64>,
@@ -50,18 +50,18 @@ pub struct Line {
 
 /// An error of a variant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Figure {
+pub struct ErrorSummary {
     pub relmse: Spread,
     /// How many times lower it is than that of the better of bdpt and pt in the same repetition.
     pub ratio: Option<Spread>,
     /// Whether the reference is good enough for all that was measured of the variant; if not, the numbers are the reference's as much
     /// as the variant's.
-    pub honest: bool,
+    pub reliable: bool,
 }
 
-impl Figure {
-    /// `None` if nothing was measured; without a ratio where this or a baseline is not honest.
-    fn of(rows: &[&Row], ends: &[&Row], variant: &str, part: fn(Means) -> f64) -> Option<Figure> {
+impl ErrorSummary {
+    /// `None` if nothing was measured; without a ratio where this or a baseline is not reliable.
+    fn of(rows: &[&Row], ends: &[&Row], variant: &str, part: fn(Means) -> f64) -> Option<ErrorSummary> {
         let is_baseline = |row: &&&Row| is_baseline(&row.estimator);
         let baseline = |repetition: u32| {
             let errors = ends.iter().filter(is_baseline).filter(|row| row.repetition == repetition);
@@ -69,13 +69,13 @@ impl Figure {
         };
         let mine = || ends.iter().filter(|row| row.variant == variant);
         let good = |row: &&&Row| is_good(part(row.own), part(row.relmse));
-        let honest = rows.iter().filter(|row| row.variant == variant).all(|row| good(&row));
-        let comparable = honest && rows.iter().filter(is_baseline).all(|row| good(&row));
+        let reliable = rows.iter().filter(|row| row.variant == variant).all(|row| good(&row));
+        let comparable = reliable && rows.iter().filter(is_baseline).all(|row| good(&row));
         let ratios = mine().filter_map(|row| Some(baseline(row.repetition)? / part(row.relmse)));
-        Some(Figure {
+        Some(ErrorSummary {
             relmse: Spread::of(mine().map(|row| part(row.relmse)))?,
             ratio: Spread::of(ratios).filter(|_| comparable),
-            honest,
+            reliable,
         })
     }
 }
@@ -103,7 +103,7 @@ pub struct Point {
 }
 
 /// The scene's variants in the order of the rows.
-pub fn lines(rows: &[Row], scene: &str) -> Vec<Line> {
+pub fn lines(rows: &[Row], scene: &str) -> Vec<VariantSummary> {
     let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
     let mut names: Vec<&str> = vec![];
     for row in &rows {
@@ -126,19 +126,19 @@ fn is_last(row: &Row, rows: &[&Row]) -> bool {
     rows.iter().filter(same).all(|other| other.point <= row.point)
 }
 
-fn line(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<Line> {
+fn line(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<VariantSummary> {
     let mine: Vec<&Row> = ends.iter().copied().filter(|row| row.variant == variant).collect();
     let median = |of: &dyn Fn(&Row) -> f64| Spread::of(mine.iter().map(|row| of(row))).map(|spread| spread.median);
-    let [all_pixels, most_pixels] = [all, trimmed].map(|part| Figure::of(rows, ends, variant, part));
-    let (all_pixels, most_pixels) = (all_pixels?, most_pixels?);
-    Some(Line {
+    let [all_pixels, trimmed_pixels] = [all, trimmed].map(|part| ErrorSummary::of(rows, ends, variant, part));
+    let (all_pixels, trimmed_pixels) = (all_pixels?, trimmed_pixels?);
+    Some(VariantSummary {
         variant: variant.into(),
         seconds: median(&|row| row.seconds)?,
         samples: median(&|row| row.samples as f64)?,
         all: all_pixels,
-        trimmed: most_pixels,
+        trimmed: trimmed_pixels,
         flip: Spread::of(mine.iter().map(|row| row.flip))?,
-        slope: slope(&curve(rows, variant, if all_pixels.honest { all } else { trimmed })),
+        slope: slope(&curve(rows, variant, if all_pixels.reliable { all } else { trimmed })),
         light_vertices: median(&|row| row.light_vertices)?,
         queries_per_s: median(&|row| row.queries_per_s)?,
         rays_per_s: median(&|row| row.rays_per_s)?,
@@ -164,7 +164,7 @@ pub fn curve(rows: &[&Row], variant: &str, part: fn(Means) -> f64) -> Vec<Point>
 /// The first points, of a few samples, are left out where there are others.
 fn slope(curve: &[Point]) -> Option<f64> {
     let used = &curve[curve.len().saturating_sub(5)..];
-    law(used.iter().map(|p| (p.seconds, p.relmse.median))).map(|law| law.exponent)
+    fit_power_law(used.iter().map(|p| (p.seconds, p.relmse.median))).map(|law| law.exponent)
 }
 
 #[cfg(test)]
@@ -224,8 +224,9 @@ pub(super) mod tests {
         assert_eq!((lines[0].all.relmse.median, lines[0].all.relmse.max, lines[0].dropped), (0.25, 0.5, 3));
         assert_eq!(lines[0].trimmed.relmse.median, 0.125);
         // The best errors, 0.0125 of all pixels, are less than 20 times that of the reference, 0.001.
-        let honest: Vec<_> = lines.iter().map(|l| (l.all.honest, l.all.ratio.is_some(), l.trimmed.honest)).collect();
-        assert_eq!(honest, [(true, true, true), (true, true, true), (false, false, true)]);
+        let reliable: Vec<_> =
+            lines.iter().map(|l| (l.all.reliable, l.all.ratio.is_some(), l.trimmed.reliable)).collect();
+        assert_eq!(reliable, [(true, true, true), (true, true, true), (false, false, true)]);
         // Against a baseline that cannot be told from its reference nothing is said.
         let poor = rows.iter().cloned().map(|row| Row { own: Means { all: 0.019, trimmed: 0.0 }, ..row });
         let poor = super::lines(&poor.collect::<Vec<_>>(), "s");

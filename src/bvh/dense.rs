@@ -8,7 +8,7 @@ use obvhs::bvh2::node::Bvh2Node;
 use rayon::prelude::*;
 
 /// As many triangles with one centre are left to obvhs. Its chain over them is a few levels long.
-pub const FEW: usize = 16;
+pub const MAX_GROUP_FOR_OBVHS: usize = 16;
 /// Side of the cells in which centres are one, relative to the diagonal of the box.
 const CELL: f64 = 1.0 / 65536.0;
 /// The same relative to the centre's greatest coordinate: a few units in the last place.
@@ -26,13 +26,13 @@ impl Groups {
     pub fn find(boxes: &[Aabb]) -> Option<Groups> {
         let mut keys: Vec<(u64, u32)> = boxes.par_iter().enumerate().map(|(i, b)| (place(b), i as u32)).collect();
         keys.par_sort_unstable();
-        if keys.windows(FEW + 1).all(|run| run[0].0 != run[FEW].0) {
+        if keys.windows(MAX_GROUP_FOR_OBVHS + 1).all(|run| run[0].0 != run[MAX_GROUP_FOR_OBVHS].0) {
             return None;
         }
         let mut groups = Groups { boxes: vec![], members: vec![] };
         for run in keys.chunk_by(|a, b| a.0 == b.0) {
             let members: Vec<u32> = run.iter().map(|&(_, i)| i).collect();
-            match members.len() > FEW {
+            match members.len() > MAX_GROUP_FOR_OBVHS {
                 true => groups.members.push(members),
                 false => groups.members.extend(members.into_iter().map(|i| vec![i])),
             }

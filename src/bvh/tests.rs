@@ -3,7 +3,7 @@ use std::time::{Duration, Instant};
 use glam::Vec3A;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 
-use super::dense::FEW;
+use super::dense::MAX_GROUP_FOR_OBVHS;
 use super::*;
 
 type Corners = [[f32; 3]; 3];
@@ -120,7 +120,7 @@ fn triangles_nested_over_many_orders_of_magnitude_fit_the_stacks() {
 
 #[test]
 fn a_scene_without_crowds_is_left_to_the_builder() {
-    let corners = [scattered(3000), vec![ONE; FEW]].concat();
+    let corners = [scattered(3000), vec![ONE; MAX_GROUP_FOR_OBVHS]].concat();
     let triangles: Vec<Triangle> =
         corners.iter().map(|c| Triangle { v0: c[0].into(), v1: c[1].into(), v2: c[2].into() }).collect();
     let mut elapsed = Duration::ZERO;

@@ -11,13 +11,13 @@ pub const SIGNIFICANCE: f64 = 1e-3;
 /// Independent batches that a variance needs.
 pub const MIN_BATCHES: usize = 8;
 /// A cell is judged where the standard error of its mean is at most this part of it, as with a hundred equal hits.
-const NORMAL: f64 = 0.1;
+const MAX_RELATIVE_ERROR: f64 = 0.1;
 /// Cells grow until so much of the light is judged in them.
-const JUDGED: f64 = 0.75;
+const MIN_JUDGED_SHARE: f64 = 0.75;
 /// Relative rounding of means in 32 bits; a deterministic cell has no other error.
 const ROUNDING: f64 = 1e-6;
 /// Cells that are listed.
-const WORST: usize = 5;
+const MAX_REPORTED_CELLS: usize = 5;
 
 /// One tested mean.
 #[derive(Debug, Clone, Serialize)]
@@ -69,7 +69,7 @@ impl Pair {
     }
 
     fn is_normal(&self) -> bool {
-        self.a.1.max(self.b.1).sqrt() <= NORMAL * self.mean()
+        self.a.1.max(self.b.1).sqrt() <= MAX_RELATIVE_ERROR * self.mean()
     }
 
     /// Welch's test.
@@ -94,7 +94,7 @@ pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agr
     let mut factor = 1;
     let groups = loop {
         let groups = grouped(grid, factor);
-        if groups.len() == 1 || judged_part(a, b, &groups) >= JUDGED {
+        if groups.len() == 1 || judged_part(a, b, &groups) >= MIN_JUDGED_SHARE {
             break groups;
         }
         factor *= 2;
@@ -142,7 +142,7 @@ pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agr
     let tests = tested.len();
     tested.sort_by(|a, b| b.z.abs().total_cmp(&a.z.abs()));
     let max_z = tested.first().map_or(0.0, |cell| cell.z.abs());
-    tested.truncate(WORST);
+    tested.truncate(MAX_REPORTED_CELLS);
     let judged = if light > 0.0 { judged / light } else { 1.0 };
     Ok(Agreement { cell: side, tests, threshold, max_z, agree: max_z <= threshold, judged, worst: tested, map })
 }

@@ -14,11 +14,11 @@ use crate::error::{Error, Result};
 
 /// Buffers bound to a kernel. They live as long as this does, and as a recorder that works with it.
 pub struct Bindings {
-    pub(super) bound: Arc<Bound>,
+    pub(super) bound: Arc<DescriptorSets>,
 }
 
 /// Descriptor sets, and what they refer to.
-pub(super) struct Bound {
+pub(super) struct DescriptorSets {
     pub pipeline: Arc<Pipeline>,
     pool: vk::DescriptorPool,
     views: Vec<vk::BufferView>,
@@ -27,8 +27,8 @@ pub(super) struct Bound {
     _buffers: Vec<Arc<Allocation>>,
 }
 
-impl Bound {
-    pub fn new(pipeline: &Arc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
+impl DescriptorSets {
+    pub fn new(pipeline: &Arc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<DescriptorSets> {
         let shared = &pipeline.device.shared;
         let count = pipeline.bindings.len().max(1) as u32;
         let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_TEXEL_BUFFER]
@@ -36,7 +36,7 @@ impl Bound {
         let sets = pipeline.sets.len().max(1) as u32;
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(sets).pool_sizes(&sizes);
         // From here on `drop` destroys what exists; Vulkan ignores null handles.
-        let mut bound = Bound {
+        let mut bound = DescriptorSets {
             pipeline: pipeline.clone(),
             pool: vk::DescriptorPool::null(),
             views: vec![],
@@ -108,7 +108,7 @@ impl Bound {
     }
 }
 
-impl Drop for Bound {
+impl Drop for DescriptorSets {
     fn drop(&mut self) {
         let d = &self.pipeline.device.shared.device;
         // SAFETY: as above; the buffers go after the views.

@@ -33,11 +33,11 @@ impl Device {
     /// Opens the device that `selector` names by number or by part of its name. Without a selector: a discrete card before
     /// an integrated one, and software last.
     pub fn open(selector: Option<&str>) -> Result<Device> {
-        Device::open_driven(selector, None)
+        Device::open_with_drive(selector, None)
     }
 
     /// As [`Device::open`], driven otherwise than its memory asks for.
-    pub fn open_driven(selector: Option<&str>, drive: Option<Drive>) -> Result<Device> {
+    pub fn open_with_drive(selector: Option<&str>, drive: Option<Drive>) -> Result<Device> {
         let instance = Instance::open()?;
         let (physical, infos): (Vec<_>, Vec<_>) = instance.devices()?.into_iter().unzip();
         let index = choose(&infos, selector)?;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::bindings::{Bindings, Bound};
+use super::bindings::{Bindings, DescriptorSets};
 use super::buffer::Buffer;
 use super::device::Device;
 use super::pipeline::Pipeline;
@@ -50,7 +50,7 @@ impl Kernel {
     /// is larger than the device's texel buffers may be, a variant of the kernel reads it as a storage buffer.
     pub fn bind(&self, buffers: &[(&str, &Buffer)]) -> Result<Bindings> {
         let pipeline = self.variant_for(buffers)?;
-        Ok(Bindings { bound: Arc::new(Bound::new(&pipeline, buffers)?) })
+        Ok(Bindings { bound: Arc::new(DescriptorSets::new(&pipeline, buffers)?) })
     }
 
     fn variant_for(&self, buffers: &[(&str, &Buffer)]) -> Result<Arc<Pipeline>> {
@@ -71,7 +71,7 @@ impl Kernel {
     }
 
     /// Whether the bindings belong to this kernel.
-    pub(super) fn is_bound_by(&self, bound: &Bound) -> bool {
+    pub(super) fn is_bound_by(&self, bound: &DescriptorSets) -> bool {
         Arc::ptr_eq(&self.usual.source, &bound.pipeline.source)
     }
 }

@@ -170,7 +170,7 @@ fn triple(@builtin(global_invocation_id) id: vec3<u32>) {
 }";
 
     fn open(drive: Drive) -> Device {
-        Device::open_driven(None, Some(drive)).unwrap_or_else(|e| panic!("this test needs a Vulkan device: {e}"))
+        Device::open_with_drive(None, Some(drive)).unwrap_or_else(|e| panic!("this test needs a Vulkan device: {e}"))
     }
 
     #[test]

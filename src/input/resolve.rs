@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
 use crate::scene::{Camera, Scene};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
-use crate::settings::units::{Gate, Resolution as GateResolution};
+use crate::settings::units::{Gate, GatePrecision};
 use crate::settings::values::{Png, Resolution};
 use crate::settings::*;
 
@@ -128,25 +128,25 @@ fn settings(message: impl Into<String>) -> Error {
 
 fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
     let gate = table.gate.or(table.depth.map(|depth| depth.0)).unwrap_or(Gate::OPEN);
-    match gate.resolution() {
-        GateResolution::Fine => {}
-        GateResolution::TooThin { ulps } if !table.force.unwrap_or(false) => {
+    match gate.precision() {
+        GatePrecision::Fine => {}
+        GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => {
             return Err(settings(format!(
                 "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness would be mostly \
                  rounding; make it wider, or add --force",
                 gate.describe()
             )));
         }
-        GateResolution::Coarse { .. } | GateResolution::TooThin { .. } => warnings.extend(gate_warning(&gate)),
+        GatePrecision::Coarse { .. } | GatePrecision::TooThin { .. } => warnings.extend(gate_warning(&gate)),
     }
     Ok(gate)
 }
 
 /// What to know of a gate whose width is near the resolution of 32-bit travel times.
 pub fn gate_warning(gate: &Gate) -> Option<String> {
-    match gate.resolution() {
-        GateResolution::Fine => None,
-        GateResolution::Coarse { ulps } | GateResolution::TooThin { ulps } => Some(format!(
+    match gate.precision() {
+        GatePrecision::Fine => None,
+        GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => Some(format!(
             "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be off by {:.1} %",
             gate.describe(),
             100.0 / ulps.max(1.0)

@@ -39,7 +39,7 @@ pub struct Tree {
 }
 
 /// Halves of at most this many items are built by one thread.
-const SEQUENTIAL: usize = 4096;
+const MAX_SEQUENTIAL_ITEMS: usize = 4096;
 
 /// Powers are scaled to a total of 1 and kept above this, so that no vertex underflows to probability 0: divided by the square
 /// of a great distance and times the least overlap, it must still be a normal f32 (devices may flush others to 0).
@@ -48,12 +48,12 @@ const MIN_POWER: f32 = 1e-20;
 impl Tree {
     /// Builds the tree over `items`, reorders them and scales their powers to a total of 1. O(n log n) time, no allocation beyond the nodes.
     pub fn build(items: &mut [Item], options: TreeOptions) -> Tree {
-        Tree::build_apart(items, 0, options)
+        Tree::build_with_separate_subtree(items, 0, options)
     }
 
     /// As [`Tree::build`], with a subtree below the root for the first `apart` items: a few items of great power would else be
     /// scattered among the others, one in a leaf, where nothing tells them from each other.
-    pub fn build_apart(items: &mut [Item], apart: usize, options: TreeOptions) -> Tree {
+    pub fn build_with_separate_subtree(items: &mut [Item], apart: usize, options: TreeOptions) -> Tree {
         if items.is_empty() {
             return Tree { nodes: vec![], root: NONE };
         }
@@ -108,7 +108,7 @@ impl Builder {
         let build_left = || self.subtree(left_items, first, left_slots, base + 1);
         let build_right = || self.subtree(right_items, first + half as u32, right_slots, right_base);
         let (left, right) =
-            if half > SEQUENTIAL { join(build_left, build_right) } else { run_both(build_left, build_right) };
+            if half > MAX_SEQUENTIAL_ITEMS { join(build_left, build_right) } else { run_both(build_left, build_right) };
         own[0] = TreeNode { left, right };
         summary.child = base;
         summary
@@ -269,7 +269,7 @@ mod tests {
     fn items_that_stand_apart_have_a_subtree_of_their_own() {
         for (n, apart, leaf) in [(2, 1, 16), (17, 1, 16), (17, 16, 1), (1000, 100, 16), (1000, 999, 16)] {
             let mut items = random_items(n, n as u64);
-            let tree = Tree::build_apart(&mut items, apart, options(leaf));
+            let tree = Tree::build_with_separate_subtree(&mut items, apart, options(leaf));
             validate(&tree, &items, leaf);
             assert!(items[..apart].iter().all(|item| (item.index as usize) < apart), "{apart} of {n}");
             let [left, right] =
@@ -283,7 +283,10 @@ mod tests {
         }
         for apart in [0, 5] {
             let (mut items, mut same) = (random_items(5, 1), random_items(5, 1));
-            assert_eq!(Tree::build_apart(&mut items, apart, options(1)), Tree::build(&mut same, options(1)));
+            assert_eq!(
+                Tree::build_with_separate_subtree(&mut items, apart, options(1)),
+                Tree::build(&mut same, options(1))
+            );
         }
     }
 

@@ -10,7 +10,7 @@ use crate::generate::numbers::Pcg;
 use crate::scene::{Light, LightKind};
 
 /// Direct light from one sampled emitter.
-pub struct Direct {
+pub struct LightSample {
     pub position: DVec3,
     /// Unit vector from the vertex.
     pub wi: DVec3,
@@ -63,7 +63,7 @@ impl<'a> EmitterSet<'a> {
     }
 
     /// One emitter, uniformly chosen, as seen from `from`; visibility is not tested. `None` if it sends nothing there.
-    pub fn sample(&self, from: DVec3, pcg: &mut Pcg) -> Option<Direct> {
+    pub fn sample(&self, from: DVec3, pcg: &mut Pcg) -> Option<LightSample> {
         if self.choices() == 0 {
             return None;
         }
@@ -73,7 +73,7 @@ impl<'a> EmitterSet<'a> {
             let distance = (light.position - from).length();
             let wi = (light.position - from) / distance;
             let weight = intensity(light, -wi)?.map(|i| i * share / (distance * distance));
-            return Some(Direct { position: light.position, wi, distance, weight, pdf: None });
+            return Some(LightSample { position: light.position, wi, distance, weight, pdf: None });
         }
         let &(_, area) = self.luminous.last()?;
         let target = pcg.uniform() * area;
@@ -87,7 +87,7 @@ impl<'a> EmitterSet<'a> {
         let there = self.world.coverage(&surface);
         let weight = self.world.emitted(&surface, -wi).map(|e| e * there / pdf);
         let lit = weight.iter().any(|&w| w > 0.0) && pdf.is_finite();
-        lit.then_some(Direct { position: surface.position, wi, distance, weight, pdf: Some(pdf) })
+        lit.then_some(LightSample { position: surface.position, wi, distance, weight, pdf: Some(pdf) })
     }
 }
 
@@ -106,10 +106,10 @@ fn intensity(light: &Light, away: DVec3) -> Option<[f64; 3]> {
 }
 
 /// Where a beam, perhaps after mirrors and glass, first meets something rough: an emitter in its own right.
-pub struct Spot<'a> {
+pub struct BeamSpot<'a> {
     /// Seen from where the beam comes.
     pub vertex: Vertex<'a>,
-    /// Power that arrives over the density of the point: to be multiplied with f at the vertex and [`Spot::towards`]' cosine.
+    /// Power that arrives over the density of the point: to be multiplied with f at the vertex and [`BeamSpot::towards`]' cosine.
     power: [f64; 3],
     pub tau: f64,
     /// Segments from the beam to here.
@@ -120,7 +120,7 @@ pub struct Spot<'a> {
     pub density: Option<f64>,
 }
 
-impl Spot<'_> {
+impl BeamSpot<'_> {
     /// Radiance times area cosine over density, towards a unit vector `w`: to be divided by the squared distance.
     pub fn towards(&self, w: DVec3) -> [f64; 3] {
         let v = &self.vertex;
@@ -139,7 +139,7 @@ pub fn beam(light: &Light) -> (f64, [f64; 3]) {
 
 /// Follows one ray of a beam, through at most `max_depth` segments, as long as it is mirrored or refracted; a spot at every vertex
 /// that also scatters.
-pub fn spots<'a>(world: &'a World<'a>, light: &Light, max_depth: u32, pcg: &mut Pcg) -> Vec<Spot<'a>> {
+pub fn spots<'a>(world: &'a World<'a>, light: &Light, max_depth: u32, pcg: &mut Pcg) -> Vec<BeamSpot<'a>> {
     let (radius, mut power) = beam(light);
     let x = light.direction.any_orthonormal_vector();
     let (r, angle) = (radius * pcg.uniform().sqrt(), 2.0 * PI * pcg.uniform());
@@ -165,7 +165,7 @@ pub fn spots<'a>(world: &'a World<'a>, light: &Light, max_depth: u32, pcg: &mut 
             let direct = segments == 1 && radius > 0.0;
             let area = PI * radius * radius;
             let density = direct.then(|| vertex.normal.dot(vertex.wo) / area);
-            found.push(Spot { vertex, power, tau, segments, eta, density });
+            found.push(BeamSpot { vertex, power, tau, segments, eta, density });
         }
         let Some((onwards, weight, index)) = next else { break };
         (ray, eta) = (onwards, index);

@@ -107,7 +107,7 @@ struct Node {
 }
 
 /// Levels from which nodes are halved, so that the tree is never much deeper.
-const DEEP: usize = 32;
+const MEDIAN_SPLIT_DEPTH: usize = 32;
 /// Nodes that wait at most: one a level.
 const MAX_STACK: usize = 64;
 
@@ -165,7 +165,7 @@ impl<'a> Geometry<'a> {
         }
         let (axis, place) = self.cheapest_split(start, end, centres);
         self.sort(start, end, axis, centres);
-        let middle = if depth < DEEP { start + place } else { (start + end) / 2 };
+        let middle = if depth < MEDIAN_SPLIT_DEPTH { start + place } else { (start + end) / 2 };
         let first = self.nodes.len();
         for _ in 0..2 {
             self.nodes.push(Node { min, max, first: 0, count: 0 });

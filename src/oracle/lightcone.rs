@@ -67,8 +67,8 @@ pub fn tau_range(node: Extent, q: DVec3, q_tau: f64) -> (f64, f64) {
 /// Whether no descendant of the node can make a valid connection (Eq. 19). Conservative: false says nothing. A node that only
 /// touches hi is pruned, because the gate is half-open.
 pub fn pruned(gate: Gate, node: Extent, q: DVec3, q_tau: f64) -> bool {
-    let (least, greatest) = tau_range(node, q, q_tau);
-    greatest < gate.lo || least >= gate.hi || gate.hi <= gate.lo
+    let (min_tau, max_tau) = tau_range(node, q, q_tau);
+    max_tau < gate.lo || min_tau >= gate.hi || gate.hi <= gate.lo
 }
 
 /// Effective power of a node of the 3D tree, where all v_tau are 0 (Eqs. 20 to 22), in [0, power]. Where the equation is 0/0, all

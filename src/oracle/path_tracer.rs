@@ -10,7 +10,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::emitter::{self, EmitterSet, Spot};
+use super::emitter::{self, BeamSpot, EmitterSet};
 use super::geometry::Ray;
 use super::world::{Vertex, World};
 use crate::generate::numbers::Pcg;
@@ -77,12 +77,12 @@ impl Sums {
 }
 
 /// Contributions of one sample to its own pixel.
-struct Record<'s> {
+struct SampleBins<'s> {
     settings: &'s Settings,
     bins: Vec<DVec3>,
 }
 
-impl Record<'_> {
+impl SampleBins<'_> {
     fn add(&mut self, tau: f64, value: DVec3) {
         for (bin, &(lo, hi)) in self.bins.iter_mut().zip(&self.settings.bins) {
             if (Gate { lo, hi }).contains(tau) {
@@ -102,7 +102,7 @@ type Splat = (usize, f64, DVec3);
 pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let world = World::new(scene, &settings.emitters);
     let emitters = EmitterSet::new(&world);
-    let tracer = Tracer { world: &world, emitters: &emitters, settings, lens: Lens::new(scene, settings) };
+    let tracer = Tracer { world: &world, emitters: &emitters, settings, pinhole: Pinhole::new(scene, settings) };
     let [width, height] = settings.resolution;
     let count = (width * height) as usize;
     let traced: Vec<(Vec<Sums>, Vec<Splat>)> = (0..count).into_par_iter().map(|i| tracer.pixel(i)).collect();
@@ -127,19 +127,19 @@ pub fn render(scene: &Scene, settings: &Settings) -> Film {
 }
 
 /// A pinhole with its image plane at distance 1.
-struct Lens<'a> {
+struct Pinhole<'a> {
     camera: &'a Camera,
     resolution: [f64; 2],
     /// Half the size of the image plane.
     half: [f64; 2],
 }
 
-impl<'a> Lens<'a> {
-    fn new(scene: &'a Scene, settings: &Settings) -> Lens<'a> {
+impl<'a> Pinhole<'a> {
+    fn new(scene: &'a Scene, settings: &Settings) -> Pinhole<'a> {
         let camera = &scene.cameras[settings.camera];
         let resolution = settings.resolution.map(f64::from);
         let tan = (camera.yfov / 2.0).tan();
-        Lens { camera, resolution, half: [tan * resolution[0] / resolution[1], tan] }
+        Pinhole { camera, resolution, half: [tan * resolution[0] / resolution[1], tan] }
     }
 
     fn eye(&self) -> DVec3 {
@@ -172,7 +172,7 @@ struct Tracer<'a> {
     world: &'a World<'a>,
     emitters: &'a EmitterSet<'a>,
     settings: &'a Settings,
-    lens: Lens<'a>,
+    pinhole: Pinhole<'a>,
 }
 
 impl Tracer<'_> {
@@ -183,20 +183,20 @@ impl Tracer<'_> {
         let mut sums = vec![Sums::default(); self.settings.bins.len()];
         let mut splats = Vec::new();
         for _ in 0..self.settings.spp {
-            let ray = self.lens.ray(x + pcg.uniform(), y + pcg.uniform());
-            let mut record = Record { settings: self.settings, bins: vec![DVec3::ZERO; sums.len()] };
+            let ray = self.pinhole.ray(x + pcg.uniform(), y + pcg.uniform());
+            let mut sample_bins = SampleBins { settings: self.settings, bins: vec![DVec3::ZERO; sums.len()] };
             let mut spots = Vec::new();
             for beam in &self.emitters.beams {
                 spots.extend(emitter::spots(self.world, beam, self.settings.max_depth - 1, &mut pcg));
             }
-            splats.extend(spots.iter().filter_map(|spot| self.splat(spot, &mut pcg)));
-            self.path(ray, &spots, &mut record, &mut pcg);
-            sums.iter_mut().zip(&record.bins).for_each(|(sum, &value)| sum.add(value));
+            splats.extend(spots.iter().filter_map(|beam_spot| self.splat(beam_spot, &mut pcg)));
+            self.path(ray, &spots, &mut sample_bins, &mut pcg);
+            sums.iter_mut().zip(&sample_bins.bins).for_each(|(sum, &value)| sum.add(value));
         }
         (sums, splats)
     }
 
-    fn path(&self, mut ray: Ray, spots: &[Spot], record: &mut Record, pcg: &mut Pcg) {
+    fn path(&self, mut ray: Ray, spots: &[BeamSpot], sample_bins: &mut SampleBins, pcg: &mut Pcg) {
         let mut throughput = DVec3::ONE;
         let (mut tau, mut eta) = (0.0, 1.0);
         // Density per steradian of the last direction; none after the pinhole, a mirror or glass.
@@ -208,16 +208,17 @@ impl Tracer<'_> {
             let emitted = self.world.emitted(&vertex.surface, vertex.wo);
             if emitted != [0.0; 3] {
                 let weight = last.map_or(1.0, |p| p / (p + self.emitters.pdf(&vertex, distance)));
-                record.add(tau, throughput * DVec3::from(emitted) * weight);
+                sample_bins.add(tau, throughput * DVec3::from(emitted) * weight);
             }
             if segments == self.settings.max_depth {
                 return;
             }
             if !vertex.only_delta() {
-                let here = Here { vertex: &vertex, throughput, tau, eta, segments, last: last.map(|p| (p, distance)) };
-                self.emitter(&here, record, pcg);
-                self.beams(&here, record, pcg);
-                spots.iter().for_each(|spot| self.connect(&here, spot, record, pcg));
+                let end =
+                    PathEnd { vertex: &vertex, throughput, tau, eta, segments, last: last.map(|p| (p, distance)) };
+                self.emitter(&end, sample_bins, pcg);
+                self.beams(&end, sample_bins, pcg);
+                spots.iter().for_each(|beam_spot| self.connect(&end, beam_spot, sample_bins, pcg));
             }
             let Some(sample) = vertex.sample(pcg) else { return };
             throughput *= DVec3::from(sample.weight);
@@ -236,66 +237,69 @@ impl Tracer<'_> {
     }
 
     /// Light of one sampled emitter.
-    fn emitter(&self, here: &Here, record: &mut Record, pcg: &mut Pcg) {
-        let Some(light) = self.emitters.sample(here.vertex.position, pcg) else { return };
-        let f = DVec3::from(here.vertex.eval(light.wi)) * here.vertex.cos(light.wi);
-        if f == DVec3::ZERO || !self.world.visible(here.vertex.position, light.position, pcg) {
+    fn emitter(&self, end: &PathEnd, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
+        let Some(light) = self.emitters.sample(end.vertex.position, pcg) else { return };
+        let f = DVec3::from(end.vertex.eval(light.wi)) * end.vertex.cos(light.wi);
+        if f == DVec3::ZERO || !self.world.visible(end.vertex.position, light.position, pcg) {
             return;
         }
-        let weight = light.pdf.map_or(1.0, |p| p / (p + here.vertex.pdf(light.wi)));
-        record.add(here.tau + here.eta * light.distance, here.throughput * f * DVec3::from(light.weight) * weight);
+        let weight = light.pdf.map_or(1.0, |p| p / (p + end.vertex.pdf(light.wi)));
+        sample_bins.add(end.tau + end.eta * light.distance, end.throughput * f * DVec3::from(light.weight) * weight);
     }
 
     /// Light of beams that fall straight onto the vertex.
-    fn beams(&self, here: &Here, record: &mut Record, pcg: &mut Pcg) {
+    fn beams(&self, end: &PathEnd, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
         for beam in &self.emitters.beams {
-            let Some((distance, value)) = emitter::straight(self.world, beam, here.vertex, pcg) else { continue };
+            let Some((distance, value)) = emitter::straight(self.world, beam, end.vertex, pcg) else { continue };
             // Against a spot joined to the vertex before; both densities per area.
-            let weight = here.last.map_or(1.0, |(pdf, length)| {
+            let weight = end.last.map_or(1.0, |(pdf, length)| {
                 let radius = emitter::beam(beam).0;
-                let joined = -here.vertex.normal.dot(beam.direction) / (std::f64::consts::PI * radius * radius);
-                let met = pdf * here.vertex.normal.dot(here.vertex.wo) / (length * length);
+                let joined = -end.vertex.normal.dot(beam.direction) / (std::f64::consts::PI * radius * radius);
+                let met = pdf * end.vertex.normal.dot(end.vertex.wo) / (length * length);
                 met / (met + joined)
             });
-            record.add(here.tau + here.eta * distance, here.throughput * DVec3::from(value) * weight);
+            sample_bins.add(end.tau + end.eta * distance, end.throughput * DVec3::from(value) * weight);
         }
     }
 
     /// The spot of a beam, joined to the vertex.
-    fn connect(&self, here: &Here, spot: &Spot, record: &mut Record, pcg: &mut Pcg) {
-        let to = spot.vertex.position - here.vertex.position;
+    fn connect(&self, end: &PathEnd, beam_spot: &BeamSpot, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
+        let to = beam_spot.vertex.position - end.vertex.position;
         let distance = to.length();
-        if distance == 0.0 || here.segments + spot.segments + 1 > self.settings.max_depth || here.eta != spot.eta {
+        if distance == 0.0
+            || end.segments + beam_spot.segments + 1 > self.settings.max_depth
+            || end.eta != beam_spot.eta
+        {
             return;
         }
         let wi = to / distance;
-        let f = DVec3::from(here.vertex.eval(wi)) * here.vertex.cos(wi);
-        let value = f * DVec3::from(spot.towards(-wi)) / (distance * distance);
-        if value == DVec3::ZERO || !self.world.visible(here.vertex.position, spot.vertex.position, pcg) {
+        let f = DVec3::from(end.vertex.eval(wi)) * end.vertex.cos(wi);
+        let value = f * DVec3::from(beam_spot.towards(-wi)) / (distance * distance);
+        if value == DVec3::ZERO || !self.world.visible(end.vertex.position, beam_spot.vertex.position, pcg) {
             return;
         }
-        let weight = spot.density.map_or(1.0, |joined| {
-            let met = here.vertex.pdf(wi) * spot.vertex.normal.dot(-wi) / (distance * distance);
+        let weight = beam_spot.density.map_or(1.0, |joined| {
+            let met = end.vertex.pdf(wi) * beam_spot.vertex.normal.dot(-wi) / (distance * distance);
             joined / (joined + met)
         });
-        record.add(here.tau + here.eta * distance + spot.tau, here.throughput * value * weight);
+        sample_bins.add(end.tau + end.eta * distance + beam_spot.tau, end.throughput * value * weight);
     }
 
     /// A spot that no sensor path can meet, as the pinhole sees it.
-    fn splat(&self, spot: &Spot, pcg: &mut Pcg) -> Option<Splat> {
-        if spot.density.is_some() || spot.segments + 1 > self.settings.max_depth {
+    fn splat(&self, beam_spot: &BeamSpot, pcg: &mut Pcg) -> Option<Splat> {
+        if beam_spot.density.is_some() || beam_spot.segments + 1 > self.settings.max_depth {
             return None;
         }
-        let to = self.lens.eye() - spot.vertex.position;
-        let (pixel, per_steradian) = self.lens.project(spot.vertex.position)?;
-        let value = DVec3::from(spot.towards(to.normalize())) / to.length_squared() * per_steradian;
-        let seen = value != DVec3::ZERO && self.world.visible(spot.vertex.position, self.lens.eye(), pcg);
-        seen.then_some((pixel, spot.tau + to.length(), value))
+        let to = self.pinhole.eye() - beam_spot.vertex.position;
+        let (pixel, per_steradian) = self.pinhole.project(beam_spot.vertex.position)?;
+        let value = DVec3::from(beam_spot.towards(to.normalize())) / to.length_squared() * per_steradian;
+        let seen = value != DVec3::ZERO && self.world.visible(beam_spot.vertex.position, self.pinhole.eye(), pcg);
+        seen.then_some((pixel, beam_spot.tau + to.length(), value))
     }
 }
 
 /// The end of a sensor path so far.
-struct Here<'v> {
+struct PathEnd<'v> {
     vertex: &'v Vertex<'v>,
     throughput: DVec3,
     /// Travel time from the vertex to the pinhole.

@@ -10,9 +10,9 @@ use crate::scene::Scene;
 use crate::wgsl::layout::Triangle;
 
 /// How far rays start off a triangle, relative to its farthest coordinate (OFFSET_SCALE in `shared/surface.wgsl`).
-const OFFSET: f32 = 1.0 / (1 << 19) as f32;
+const RAY_OFFSET_SCALE: f32 = 1.0 / (1 << 19) as f32;
 /// An offset of this part of what lies on a surface takes visible light from it.
-const SWALLOWS: f32 = 0.1;
+const MAX_OFFSET_FRACTION: f32 = 0.1;
 /// Sentences at most.
 const MAX_REPORTED: usize = 10;
 
@@ -36,7 +36,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     let mut rest = [Vec3::ZERO; 2];
     let mut inner = 0;
     for (exponent, [lo, hi]) in &boxes {
-        if inner > 0 && swallows((*exponent as f32).exp2(), rest) {
+        if inner > 0 && offset_exceeds((*exponent as f32).exp2(), rest) {
             break;
         }
         rest = [rest[0].min(*lo), rest[1].max(*hi)];
@@ -55,7 +55,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     let nodes: BTreeSet<&str> = geometry
         .triangles
         .iter()
-        .filter(|t| swallows(extent(t), rest) && touches(t))
+        .filter(|t| offset_exceeds(extent(t), rest) && touches(t))
         .map(|t| scene.instances[t.instance as usize].node.as_str())
         .collect();
     let metres = |length: f32| f64::from(length) * space.unit;
@@ -64,7 +64,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
             "'{node}' has triangles so large that light is lost where the rest of the scene, {:.2e} m in size, lies on it: make \
              it smaller than {:.0e} m, or divide it into smaller triangles",
             metres(size),
-            metres(SWALLOWS / 10.0 / OFFSET * size)
+            metres(MAX_OFFSET_FRACTION / 10.0 / RAY_OFFSET_SCALE * size)
         )
     };
     let mut all: Vec<String> = nodes.iter().take(MAX_REPORTED).map(sentence).collect();
@@ -83,8 +83,8 @@ fn extent(t: &Triangle) -> f32 {
 }
 
 /// Whether rays start off a triangle with this reach by too much for what lies in a box.
-fn swallows(extent: f32, [lo, hi]: [Vec3; 2]) -> bool {
-    OFFSET * extent > SWALLOWS * (hi - lo).length()
+fn offset_exceeds(extent: f32, [lo, hi]: [Vec3; 2]) -> bool {
+    RAY_OFFSET_SCALE * extent > MAX_OFFSET_FRACTION * (hi - lo).length()
 }
 
 #[cfg(test)]

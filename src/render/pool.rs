@@ -137,9 +137,13 @@ impl LightPool {
         let first4 = first3 + items3.len() as u32;
         let (leaf_size, buckets) = (plan.leaf_size as usize, plan.buckets);
         let options = TreeOptions { leaf_size, buckets, first_node: 0, first_vertex: first3 };
-        let tree3 = Tree::build_apart(&mut items3, apart3, options);
+        let tree3 = Tree::build_with_separate_subtree(&mut items3, apart3, options);
         let first_node = tree3.nodes.len() as u32;
-        let tree4 = Tree::build_apart(&mut items4, apart4, TreeOptions { first_node, first_vertex: first4, ..options });
+        let tree4 = Tree::build_with_separate_subtree(
+            &mut items4,
+            apart4,
+            TreeOptions { first_node, first_vertex: first4, ..options },
+        );
         let mut vertices = one_by_one.to_vec();
         vertices.extend(items3.iter().map(|i| spatial[i.index as usize]));
         vertices.extend(items4.iter().map(|i| all[i.index as usize]));

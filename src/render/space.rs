@@ -37,7 +37,7 @@ impl RenderSpace {
     /// A sensor on the device. None where it stands so far from the origin that too many digits of what is near it are lost.
     pub fn sensor(&self, world: DVec3) -> Option<Vec3> {
         let sensor = self.point(world);
-        (sensor.length() <= FARTHEST_SENSOR).then_some(sensor)
+        (sensor.length() <= MAX_SENSOR_DISTANCE).then_some(sensor)
     }
 
     /// A length or travel time in metres on the device.
@@ -54,7 +54,7 @@ impl RenderSpace {
 /// Distance from the origin at which a sensor may stand, in units. Coordinates near it are rounded as those of surfaces that far away
 /// are for any camera: to a part of 2^-26 of the unit, with rays that start 2^-21 of it off their surfaces. Of the light of a Cornell
 /// box 1e-6 falls to other samples there, 1e-3 where the origin is 60 m away from the box of 2 m.
-const FARTHEST_SENSOR: f32 = 0.25;
+const MAX_SENSOR_DISTANCE: f32 = 0.25;
 
 /// Greatest distance along an axis from `origin` to the boxes around the meshes and to the lights.
 fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {

@@ -20,7 +20,7 @@ pub struct Gate {
 pub const METRES_PER_NS: f64 = 0.299_792_458;
 
 /// Travel times in metres that gates may begin and end at: f32 reaches a little farther.
-const FARTHEST: f64 = 1e30;
+const MAX_TRAVEL_TIME: f64 = 1e30;
 
 /// Below this many f32 steps a gate is refused: its brightness would be wrong by several per cent.
 pub const REFUSED_ULPS: f64 = 16.0;
@@ -31,7 +31,7 @@ const HOW_TO_WRITE: &str = "write it like 12.5m..12.8m, 41.7ns..42.7ns, 12.65m+-
 
 /// How a gate compares with the resolution of f32 travel times at its far end.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Resolution {
+pub enum GatePrecision {
     /// So many that rounding does not show.
     Fine,
     /// Under [`COARSE_ULPS`] steps wide: rounding is visible in the brightness.
@@ -78,7 +78,7 @@ impl Gate {
         if hi < lo {
             return Err(refuse("the gate is reversed: it ends before it begins", "swap the two, like 12.5m..12.8m"));
         }
-        if lo > FARTHEST || (hi > FARTHEST && hi.is_finite()) {
+        if lo > MAX_TRAVEL_TIME || (hi > MAX_TRAVEL_TIME && hi.is_finite()) {
             return Err(refuse(
                 "the gate is farther away than any light counts (1e30 m)",
                 "end it with inf, like 12.5m..inf",
@@ -106,18 +106,18 @@ impl Gate {
 
     /// Compares the width with the distance of neighbouring f32 numbers at `hi`.
     #[doc(hidden)]
-    pub fn resolution(&self) -> Resolution {
+    pub fn precision(&self) -> GatePrecision {
         if self.hi.is_infinite() {
-            return Resolution::Fine;
+            return GatePrecision::Fine;
         }
         let hi = self.hi as f32;
         let ulps = (self.hi - self.lo) / (f64::from(hi.next_up()) - f64::from(hi));
         if ulps < REFUSED_ULPS || ulps.is_nan() {
-            Resolution::TooThin { ulps }
+            GatePrecision::TooThin { ulps }
         } else if ulps < COARSE_ULPS {
-            Resolution::Coarse { ulps }
+            GatePrecision::Coarse { ulps }
         } else {
-            Resolution::Fine
+            GatePrecision::Fine
         }
     }
 

@@ -20,7 +20,7 @@ const HALVES: [Drive; 2] =
     [Drive { maps_memory: true, waits_per_bounce: false }, Drive { maps_memory: false, waits_per_bounce: true }];
 
 fn open(drive: Drive) -> Device {
-    Device::open_driven(None, Some(drive)).expect("these tests need a Vulkan device: run ./setup.sh")
+    Device::open_with_drive(None, Some(drive)).expect("these tests need a Vulkan device: run ./setup.sh")
 }
 
 fn renderer(device: &Device, scene: &Scene, settings: &Settings, tile: Option<usize>) -> Renderer {

@@ -55,7 +55,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("advance", "trace, reintersect and arrive; images"),
     ("is_too_late", "images with and without --no-cull"),
     ("vertex_importance", "images by lcs against closed forms and the oracle: a wrong probability is a bias"),
-    ("light_sent", "as vertex_importance"),
+    ("outgoing_light", "as vertex_importance"),
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),
     ("total_power", "leaves that come up with the probability they report"),

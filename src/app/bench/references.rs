@@ -4,8 +4,8 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use taugate::internals::bench::job::{Entry, Job};
-use taugate::internals::bench::quality::{self, Goal};
-use taugate::internals::bench::reference::{self, Made, Other};
+use taugate::internals::bench::quality::{self, ReferenceTarget};
+use taugate::internals::bench::reference::{self, OtherVersion, ReferenceReport};
 use taugate::internals::bench::table::{self, Row};
 use taugate::internals::compare::agreement::Agreement;
 use taugate::internals::compare::metrics::Means;
@@ -18,7 +18,7 @@ use crate::app::interrupts::INTERRUPTED;
 use crate::app::progress::{Progress, duration};
 
 /// A reference may take this many times the suite's time, unless --reference-time says otherwise.
-const LIMIT: f64 = 40.0;
+const TIME_LIMIT_FACTOR: f64 = 40.0;
 
 /// Renders every reference of the suite that is missing, and extends those that are not good enough for what is known.
 pub fn make(
@@ -51,18 +51,18 @@ pub fn make(
         let job = Job::load(&bench.suite, scene)?;
         let prepared = job.prepare(&bench.suite, scene)?;
         for (name, best) in wanted {
-            let limit = args.reference_time.map_or(LIMIT * bench.suite.seconds, |time| time.0);
-            let goal = Goal { seconds: bench.suite.seconds, limit, best };
+            let limit = args.reference_time.map_or(TIME_LIMIT_FACTOR * bench.suite.seconds, |time| time.0);
+            let target = ReferenceTarget { seconds: bench.suite.seconds, limit, best };
             let sharing: Vec<&Entry> = job.entries.iter().filter(|entry| entry.reference == name).collect();
             let path = bench.references.join(name);
             let mut watch = |done: f64, what: &str| {
                 progress.show(done, || what.to_string());
                 !stop.load(Ordering::Relaxed)
             };
-            match reference::make(device, &job, &prepared, &sharing, goal, &path, &mut watch)? {
+            match reference::make(device, &job, &prepared, &sharing, target, &path, &mut watch)? {
                 None => return Ok(ExitCode::from(INTERRUPTED)),
-                Some(made) => {
-                    let good = tell(&scene.name, &path.display().to_string(), &made, progress);
+                Some(report) => {
+                    let good = report_outcome(&scene.name, &path.display().to_string(), &report, progress);
                     code = if good { code } else { ExitCode::from(1) };
                 }
             }
@@ -102,24 +102,24 @@ fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<Means>) ->
 }
 
 /// Says how it went; whether all is well.
-fn tell(scene: &str, path: &str, made: &Made, progress: &Progress) -> bool {
-    let Made { variant, seconds, before, other, samples, own, wanted, judge, agreement } = made;
+fn report_outcome(scene: &str, path: &str, report: &ReferenceReport, progress: &Progress) -> bool {
+    let ReferenceReport { variant, seconds, before, other, samples, own, wanted, judge, agreement } = report;
     let taken = match *before > 0.0 {
         true => format!("{} after {} before", duration(*seconds), duration(*before)),
         false => duration(*seconds),
     };
     let differs = "what another version of the renderer made";
     match other {
-        Other::None => {}
-        Other::Joined(agreement) => progress.line(&format!(
+        OtherVersion::None => {}
+        OtherVersion::Merged(agreement) => progress.line(&format!(
             "{scene}: {differs} agrees with this one's (|z| at most {:.1} of {:.1}) and counts",
             agreement.max_z, agreement.threshold
         )),
-        Other::Dropped(agreement) => progress.line(&format!(
+        OtherVersion::Rejected(agreement) => progress.line(&format!(
             "{scene}: {differs} differs from this one's (|z| = {:.1}, where {:.1} is significant): it was begun anew, and the old one kept beside it",
             agreement.max_z, agreement.threshold
         )),
-        Other::Unknown => progress.line(&format!("{scene}: {differs} cannot be checked: it was begun anew, and the old one kept beside it")),
+        OtherVersion::Unverified => progress.line(&format!("{scene}: {differs} cannot be checked: it was begun anew, and the old one kept beside it")),
     }
     let Agreement { max_z, threshold, tests, .. } = agreement;
     if !agreement.agree {

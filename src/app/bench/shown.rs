@@ -2,13 +2,13 @@
 
 use std::time::Instant;
 
-use taugate::internals::bench::summary::{Figure, Line};
+use taugate::internals::bench::summary::{ErrorSummary, VariantSummary};
 
 use crate::app::cli::BenchArgs;
 use crate::app::progress::duration;
 
 /// How far the suite is.
-pub struct Course {
+pub struct SuiteProgress {
     pub repetitions: u32,
     pub started: Instant,
     /// Seconds of rendering, done and in all.
@@ -16,7 +16,7 @@ pub struct Course {
     pub all: f64,
 }
 
-impl Course {
+impl SuiteProgress {
     pub fn part(&self) -> f64 {
         (self.done / self.all).min(1.0)
     }
@@ -29,7 +29,7 @@ impl Course {
 }
 
 /// The lines of a scene for the terminal.
-pub fn text(scene: &str, lines: &[Line]) -> String {
+pub fn text(scene: &str, lines: &[VariantSummary]) -> String {
     let width = lines.iter().map(|line| line.variant.len()).max().unwrap_or(0);
     let mut text = if lines.is_empty() { String::new() } else { format!("{scene}\n") };
     for line in lines {
@@ -54,10 +54,10 @@ pub fn text(scene: &str, lines: &[Line]) -> String {
     text
 }
 
-fn error(name: &str, figure: &Figure) -> String {
+fn error(name: &str, figure: &ErrorSummary) -> String {
     let ratio =
         figure.ratio.map_or(String::new(), |r| format!(" lower by {:.2} ({:.2} to {:.2})", r.median, r.min, r.max));
-    match figure.honest {
+    match figure.reliable {
         true => format!("{name} {:.3e}{ratio}", figure.relmse.median),
         false => format!("{name} -"),
     }

@@ -105,11 +105,11 @@ fn the_gate_is_described_in_three_units() {
 fn thin_gates_are_told_apart_by_f32_steps() {
     // One f32 step in [8, 16) is 2^-20.
     let step = 1.0 / f64::from(1 << 20);
-    let wide = |n: f64| Gate { lo: 12.5, hi: 12.5 + n * step }.resolution();
-    assert_eq!(wide(256.0), Resolution::Fine);
-    assert_eq!(wide(255.0), Resolution::Coarse { ulps: 255.0 });
-    assert_eq!(wide(16.0), Resolution::Coarse { ulps: 16.0 });
-    assert_eq!(wide(15.0), Resolution::TooThin { ulps: 15.0 });
-    assert_eq!(Gate::OPEN.resolution(), Resolution::Fine);
-    assert!(matches!(Gate { lo: 0.0, hi: 1e300 }.resolution(), Resolution::TooThin { .. }));
+    let wide = |n: f64| Gate { lo: 12.5, hi: 12.5 + n * step }.precision();
+    assert_eq!(wide(256.0), GatePrecision::Fine);
+    assert_eq!(wide(255.0), GatePrecision::Coarse { ulps: 255.0 });
+    assert_eq!(wide(16.0), GatePrecision::Coarse { ulps: 16.0 });
+    assert_eq!(wide(15.0), GatePrecision::TooThin { ulps: 15.0 });
+    assert_eq!(Gate::OPEN.precision(), GatePrecision::Fine);
+    assert!(matches!(Gate { lo: 0.0, hi: 1e300 }.precision(), GatePrecision::TooThin { .. }));
 }

@@ -2,7 +2,7 @@
 
 /// A power law y = c x^exponent.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Law {
+pub struct PowerLaw {
     pub exponent: f64,
     /// Standard error of the exponent from the residuals; `None` through two points.
     pub error: Option<f64>,
@@ -10,7 +10,7 @@ pub struct Law {
 
 /// Least squares through the logarithms; points that are not positive and finite do not count. `None` with fewer than two
 /// different x.
-pub fn law(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Law> {
+pub fn fit_power_law(points: impl IntoIterator<Item = (f64, f64)>) -> Option<PowerLaw> {
     let usable = |v: f64| v > 0.0 && v.is_finite();
     let logs: Vec<(f64, f64)> =
         points.into_iter().filter(|&(x, y)| usable(x) && usable(y)).map(|(x, y)| (x.ln(), y.ln())).collect();
@@ -24,5 +24,5 @@ pub fn law(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Law> {
     let exponent = xy / xx;
     let residuals: f64 = logs.iter().map(|(u, v)| (v - y - exponent * (u - x)).powi(2)).sum();
     let error = (logs.len() > 2).then(|| (residuals / (n - 2.0) / xx).sqrt());
-    Some(Law { exponent, error })
+    Some(PowerLaw { exponent, error })
 }

@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::settings::Settings;
 
 /// One renderer's progress since its last restart.
-pub struct Lane {
+pub struct TimedRenderer {
     pub renderer: Renderer,
     /// Wall time of all iterations, tree building included; building the BVH and compiling kernels are not.
     pub clock: f64,
@@ -19,15 +19,15 @@ pub struct Lane {
     settings: Settings,
 }
 
-impl Lane {
+impl TimedRenderer {
     /// Compiles everything, by rendering an iteration that is forgotten.
-    pub fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Lane> {
+    pub fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<TimedRenderer> {
         let mut renderer = Renderer::from_prepared(device, scene, settings, prepared)?;
         renderer.iterate(1)?;
         let before = renderer.stats().clone();
-        let mut lane = Lane { renderer, clock: 0.0, before, settings: settings.clone() };
-        lane.restart(settings.seed());
-        Ok(lane)
+        let mut timed = TimedRenderer { renderer, clock: 0.0, before, settings: settings.clone() };
+        timed.restart(settings.seed());
+        Ok(timed)
     }
 
     pub fn restart(&mut self, seed: u32) {
