@@ -4,7 +4,7 @@
 #import lightcone
 
 // Weight of a live bucket beyond its estimate. Errors of the uniform model multiply from level to level: with 0.01 rare vertices
-// shone far too bright (docs/PERFORMANCE.md, lcs).
+// shone far too bright (docs/notebook/importance-floor.md).
 const LIVE_BUCKET_SHARE: f32 = 0.3;
 // The same for the cosine.
 const MIN_COSINE: f32 = 0.1;
@@ -40,7 +40,7 @@ fn shares_through_gate(start: vec4<f32>, length: f32, density: f32, shell: Shell
 
 // Power of the node times the probability that its light meets the gate: each bucket's travel time and the distance taken as
 // independent and uniform over their intervals. The density of their sum is a trapezium; its height stands for all of it, which
-// tells candidates apart as well as its integral does and costs less (docs/PERFORMANCE.md, lcs).
+// tells candidates apart as well as its integral does and costs less (docs/notebook/importance-floor.md).
 fn power_through_gate(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
     if (!BY_OVERLAP) {
         // Live buckets count fully.

@@ -6,7 +6,7 @@ use crate::wgsl::layout::constants::ESTIMATOR_PT;
 pub(super) static RECORD: Record = Record {
     name: "pt",
     // Without a gate it is the fastest where it sees all light well: nothing focuses light and nothing shines as a beam
-    // (docs/PERFORMANCE.md, Error at equal time).
+    // (docs/notebook/no-gate.md).
     is_default: |c| c.gate == GateWidth::Open && !c.focuses_light && !c.has_beam,
     max_default_light_paths: 50_000,
     adaptive: true,
