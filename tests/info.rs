@@ -178,7 +178,7 @@ fn a_render_that_does_not_fit_is_refused_before_it_starts() {
 
 /// Where buffers are as small as Vulkan lets them be, nobody has to ask for fewer light paths than the default.
 #[test]
-fn default_light_paths_fit_the_least_device() {
+fn default_light_paths_fit_the_smallest_device() {
     let scene = build(Kind::CornellBox);
     let device = DeviceInfo { max_texels: 1 << 16, max_storage_buffer_range: 128 << 20, ..DeviceInfo::unlimited() };
     for estimator in Estimator::ALL {

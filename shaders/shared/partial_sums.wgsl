@@ -3,7 +3,7 @@
 #import vertex
 
 // Partial MIS sums stay finite: a strategy that lags behind by so much takes no part.
-const LARGEST_SUM: f32 = 1e30;
+const MAX_SUM: f32 = 1e30;
 
 // n(r + 1) / n(r) of `weights.wgsl` for a light subpath that goes on from v.
 fn sample_count_ratio(v: PathVertex) -> f32 {
@@ -20,13 +20,13 @@ fn mis_scatter(state: ptr<function, PathState>, s: Scatter, sample_count: f32) {
         return;
     }
     let density = s.pdf * sample_count;
-    (*state).d_vc = min(mis(s.cosine / density) * ((*state).d_vcm + (*state).d_vc * mis(s.pdf_reverse)), LARGEST_SUM);
-    (*state).d_vcm = min(mis(1.0 / density), LARGEST_SUM);
+    (*state).d_vc = min(mis(s.cosine / density) * ((*state).d_vcm + (*state).d_vc * mis(s.pdf_reverse)), MAX_SUM);
+    (*state).d_vcm = min(mis(1.0 / density), MAX_SUM);
 }
 
 // The same sums on arrival: densities per solid angle become densities per area.
 fn mis_arrive(state: ptr<function, PathState>, distance2: f32, cosine: f32) {
     let c = mis(max(cosine, 1e-12));
-    (*state).d_vcm = min((*state).d_vcm * mis(distance2) / c, LARGEST_SUM);
-    (*state).d_vc = min((*state).d_vc / c, LARGEST_SUM);
+    (*state).d_vcm = min((*state).d_vcm * mis(distance2) / c, MAX_SUM);
+    (*state).d_vc = min((*state).d_vc / c, MAX_SUM);
 }

@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_those_that_are_parsed() {
+    fn names_parse_to_their_estimator() {
         for estimator in Estimator::ALL {
             assert_eq!(estimator.to_string().parse::<Estimator>().unwrap(), estimator);
         }

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn light_that_is_none_does_not_count() {
+    fn light_without_a_finite_positive_weight_does_not_count() {
         let t = times(&[(f32::NAN, 1.0), (1.0, 0.0), (1.0, f64::NAN), (-1.0, 1.0), (f32::INFINITY, 1.0), (1.0, -1.0)]);
         assert_eq!((t.range(), t.percentile(50.0), t.suggestion(1.0)), (None, None, None));
     }

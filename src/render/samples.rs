@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restart_forgets() {
+    fn a_restart_clears_the_film() {
         let mut allocation = after(|i| i as f32);
         allocation.restart();
         assert_eq!(allocation.counts(4), SampleCounts::Uniform(4));

@@ -24,7 +24,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn draws_follow_half_the_power_and_leave_none_out() {
+    fn the_cdf_is_half_uniform_and_half_by_power() {
         let powers = [1.0f32, 0.0, 3.0, 1e-9, 4.0];
         let vertex = |&p: &f32| PathVertex { throughput: [0.5 * p, p, 0.0], ..bytemuck::Zeroable::zeroed() };
         let mut vertices: Vec<PathVertex> = powers.iter().map(vertex).collect();

@@ -1,6 +1,6 @@
 //! Runs functions of `shaders/` on the device: a kernel with holes, one thread an input.
 //!
-//! A spec says what to import, the fields of an input and of a result, and the lines between: `given` is the input,
+//! A spec says what to import, the fields of an input and of a result, and the lines between: `input` is the input,
 //! `result` the output. Fields are laid out as WGSL lays out structs; the host's records must have the same size.
 
 use bytemuck::{AnyBitPattern, NoUninit};
@@ -11,30 +11,30 @@ use taugate::internals::wgsl::layout::Dispatch;
 #[derive(Clone, Copy)]
 pub struct ShaderFunction {
     pub imports: &'static [&'static str],
-    /// Fields of `Given`, e.g. `w: vec3<f32>, alpha: f32`.
-    pub given: &'static str,
+    /// Fields of `Input`, e.g. `w: vec3<f32>, alpha: f32`.
+    pub input: &'static str,
     /// Fields of `Result`.
     pub result: &'static str,
-    /// Reads `given`, fills `result`.
+    /// Reads `input`, fills `result`.
     pub body: &'static str,
 }
 
 impl ShaderFunction {
     pub fn text(&self) -> String {
         let imports: String = self.imports.iter().map(|name| format!("#import {name}\n")).collect();
-        let ShaderFunction { given, result, body, .. } = self;
+        let ShaderFunction { input, result, body, .. } = self;
         format!(
             "#import frame\n{imports}
-struct Given {{ {given} }}
+struct Input {{ {input} }}
 struct Result {{ {result} }}
-@group(2) @binding(8) var<storage, read> inputs: array<Given>;
+@group(2) @binding(8) var<storage, read> inputs: array<Input>;
 @group(2) @binding(9) var<storage, read_write> outputs: array<Result>;
 @compute @workgroup_size(WORKGROUP)
 fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
     if (id.x >= dispatch.count) {{
         return;
     }}
-    let given = inputs[id.x];
+    let input = inputs[id.x];
     var result: Result;
     {body}
     outputs[id.x] = result;
@@ -43,10 +43,10 @@ fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
         )
     }
 
-    /// Size in bytes of `Given` and of `Result` on the device.
+    /// Size in bytes of `Input` and of `Result` on the device.
     fn sizes(&self) -> [usize; 2] {
         let (module, _) = self.parse();
-        ["Given", "Result"].map(|wanted| {
+        ["Input", "Result"].map(|wanted| {
             let named = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(wanted));
             named.expect("the template declares it").1.inner.size(module.to_ctx()) as usize
         })
@@ -114,13 +114,13 @@ pub struct CompiledFunction {
 
 impl CompiledFunction {
     pub fn run<I: NoUninit, O: AnyBitPattern + NoUninit>(&self, inputs: &[I], buffers: &[Contents]) -> Vec<O> {
-        assert_eq!(self.sizes, [size_of::<I>(), size_of::<O>()], "bytes of Given and Result, device and host");
+        assert_eq!(self.sizes, [size_of::<I>(), size_of::<O>()], "bytes of Input and Result, device and host");
         let upload = |bytes: &[u8]| Buffer::from_slice(&self.device, "test", bytes, "").expect("upload");
         let owned: Vec<(&str, Buffer)> = buffers.iter().map(|c| (c.name, upload(&c.bytes))).collect();
-        let given = upload(bytemuck::cast_slice(inputs));
+        let input = upload(bytemuck::cast_slice(inputs));
         let outputs = Buffer::new::<O>(&self.device, "results", inputs.len(), "").expect("a buffer for the results");
         let mut all: Vec<(&str, &Buffer)> = owned.iter().map(|(name, buffer)| (*name, buffer)).collect();
-        all.extend([("inputs", &given), ("outputs", &outputs)]);
+        all.extend([("inputs", &input), ("outputs", &outputs)]);
         let bindings = self.kernel.bind(&all).expect("binding");
         let dispatch = Dispatch { count: inputs.len() as u32, ..bytemuck::Zeroable::zeroed() };
         let mut recorder = Recorder::new(&self.device).expect("recorder");

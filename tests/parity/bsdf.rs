@@ -14,26 +14,26 @@ pub const KERNELS: &[&ShaderFunction] = &[&EVAL];
 
 const EVAL: ShaderFunction = ShaderFunction {
     imports: &["bsdf"],
-    given: "wl: vec3<f32>, material: u32, wc: vec3<f32>, front: u32, base: vec3<f32>, pad: f32",
+    input: "wl: vec3<f32>, material: u32, wc: vec3<f32>, front: u32, base: vec3<f32>, pad: f32",
     result: "f: vec3<f32>, to_light: f32, swapped: vec3<f32>, to_sensor: f32, back_to_light: f32, back_to_sensor: f32,
         black: f32, parts: f32",
-    body: "var b = make_bsdf(given.material, given.base, given.front == 1u);
-        let v = bsdf_eval(b, given.wl, given.wc);
+    body: "var b = make_bsdf(input.material, input.base, input.front == 1u);
+        let v = bsdf_eval(b, input.wl, input.wc);
         result.f = v.f; result.to_light = v.pdf_to_light; result.to_sensor = v.pdf_to_sensor;
-        let s = bsdf_eval(b, given.wc, given.wl);
+        let s = bsdf_eval(b, input.wc, input.wl);
         result.swapped = s.f; result.back_to_light = s.pdf_to_light; result.back_to_sensor = s.pdf_to_sensor;
-        if (given.wl.z > 0.0 && given.wc.z > 0.0) {
-            result.parts = bsdf_eval_reflection(b, given.wl, given.wc).f.x;
-        } else if (given.wl.z * given.wc.z < 0.0 && !is_delta(b)) {
-            result.parts = bsdf_eval_transmission(b, given.wl, given.wc).f.x;
+        if (input.wl.z > 0.0 && input.wc.z > 0.0) {
+            result.parts = bsdf_eval_reflection(b, input.wl, input.wc).f.x;
+        } else if (input.wl.z * input.wc.z < 0.0 && !is_delta(b)) {
+            result.parts = bsdf_eval_transmission(b, input.wl, input.wc).f.x;
         }
         b.black = true;
-        result.black = bsdf_eval(b, given.wl, given.wc).f.x;",
+        result.black = bsdf_eval(b, input.wl, input.wc).f.x;",
 };
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Given {
+struct Input {
     wl: [f32; 3],
     material: u32,
     wc: [f32; 3],
@@ -56,7 +56,7 @@ struct Got {
 }
 
 /// Random pairs, half of them near the mirror direction or Snell's, where narrow lobes live; some grazing, some exactly so.
-fn inputs(n: usize) -> Vec<Given> {
+fn inputs(n: usize) -> Vec<Input> {
     let set = set();
     let mut pcg = Pcg::new(41);
     let cosine = |pcg: &mut Pcg| if pcg.below(6) == 0 { pcg.range(2e-3, 0.03) } else { pcg.range(0.03, 1.0) };
@@ -83,7 +83,7 @@ fn inputs(n: usize) -> Vec<Given> {
                 wl.z = -wl.z;
             }
             let base = [0; 3].map(|_| if i % 9 == 0 { 1.0 } else { pcg.uniform() as f32 });
-            Given { wl: vec3(wl), material: material as u32, wc: vec3(wc), front: front as u32, base, pad: 0.0 }
+            Input { wl: vec3(wl), material: material as u32, wc: vec3(wc), front: front as u32, base, pad: 0.0 }
         })
         .collect()
 }
@@ -182,7 +182,7 @@ fn exactly_grazing_directions_give_nothing() {
             ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0]),
             ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
         ] {
-            inputs.push(Given { wl, material, wc, front: 1, base: [1.0; 3], pad: 0.0 });
+            inputs.push(Input { wl, material, wc, front: 1, base: [1.0; 3], pad: 0.0 });
         }
     }
     let results: Vec<Got> = EVAL.run(&inputs, &set.buffers());
@@ -195,12 +195,12 @@ fn the_reverse_density_of_a_rough_refraction() {
     let set = set();
     let rough_glass = set.named("rough glass", 0.3);
     let (wl, wc) = (polar(-0.84, 6.06).as_vec3(), polar(0.75, 3.43).as_vec3());
-    let given =
-        Given { wl: wl.into(), material: rough_glass as u32, wc: wc.into(), front: 1, base: [1.0; 3], pad: 0.0 };
-    let r: Vec<Got> = EVAL.run(&[given], &set.buffers());
+    let input =
+        Input { wl: wl.into(), material: rough_glass as u32, wc: wc.into(), front: 1, base: [1.0; 3], pad: 0.0 };
+    let r: Vec<Got> = EVAL.run(&[input], &set.buffers());
     // The same pair with the surface turned over: what was below is above.
     let turn = |w: glam::Vec3| [w.x, -w.y, -w.z];
-    let turned = Given { wl: turn(wc), wc: turn(wl), front: 0, ..given };
+    let turned = Input { wl: turn(wc), wc: turn(wl), front: 0, ..input };
     let t: Vec<Got> = EVAL.run(&[turned], &set.buffers());
     assert!((r[0].to_sensor / t[0].to_light - 1.0).abs() < 1e-4, "{} {}", r[0].to_sensor, t[0].to_light);
 }
@@ -211,8 +211,8 @@ fn specular_below_one_dims_the_coat_at_grazing_angles() {
     let set = set();
     let half = set.kinds.iter().position(|m| m.name == "half specular").unwrap();
     let (wl, wc) = (polar(0.05, 0.0), polar(0.05, PI));
-    let given = Given { wl: vec3(wl), material: half as u32, wc: vec3(wc), front: 1, base: [0.0; 3], pad: 0.0 };
-    let r: Vec<Got> = EVAL.run(&[given], &set.buffers());
+    let input = Input { wl: vec3(wl), material: half as u32, wc: vec3(wc), front: 1, base: [0.0; 3], pad: 0.0 };
+    let r: Vec<Got> = EVAL.run(&[input], &set.buffers());
     let expected = set.prepared[half].at([0.0; 3]).eval(wl, wc)[0];
     assert!((f64::from(r[0].f[0]) / expected - 1.0).abs() < 1e-3, "{} {expected}", r[0].f[0]);
 }

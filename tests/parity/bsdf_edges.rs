@@ -8,7 +8,7 @@ use glam::DVec3;
 use taugate::internals::generate::stage;
 use taugate::internals::scene::Material;
 
-use crate::bsdf_sample::{Given, even, random};
+use crate::bsdf_sample::{Input, even, random};
 use crate::materials::Set;
 use crate::shader_function::{CompiledFunction, ShaderFunction};
 use crate::values::{dvec, vec3};
@@ -41,19 +41,19 @@ pub fn edges() -> &'static Set {
 
 const EDGE: ShaderFunction = ShaderFunction {
     imports: &["bsdf"],
-    given: "u: vec4<f32>, w: vec3<f32>, material: u32, to_light: u32, front: u32, pad: vec2<u32>",
+    input: "u: vec4<f32>, w: vec3<f32>, material: u32, to_light: u32, front: u32, pad: vec2<u32>",
     result: "direction: vec3<f32>, pdf: f32, weight: f32, f: f32, swapped: f32, eval_pdf: f32, valid: u32, delta: u32,
         pdf_reverse: f32, eval_reverse: f32",
-    body: "let b = make_bsdf(given.material, vec3<f32>(1.0), given.front == 1u);
-        let s = bsdf_sample(b, given.w, given.to_light == 1u, given.u);
-        let wl = select(given.w, s.direction, given.to_light == 1u);
-        let wc = select(s.direction, given.w, given.to_light == 1u);
+    body: "let b = make_bsdf(input.material, vec3<f32>(1.0), input.front == 1u);
+        let s = bsdf_sample(b, input.w, input.to_light == 1u, input.u);
+        let wl = select(input.w, s.direction, input.to_light == 1u);
+        let wc = select(s.direction, input.w, input.to_light == 1u);
         let v = bsdf_eval(b, wl, wc);
         result.direction = s.direction; result.pdf = s.pdf; result.weight = s.weight.x;
         result.valid = u32(s.valid); result.delta = u32(s.delta); result.pdf_reverse = s.pdf_reverse;
         result.f = v.f.x; result.swapped = bsdf_eval(b, wc, wl).f.x;
-        result.eval_pdf = select(v.pdf_to_sensor, v.pdf_to_light, given.to_light == 1u);
-        result.eval_reverse = select(v.pdf_to_light, v.pdf_to_sensor, given.to_light == 1u);",
+        result.eval_pdf = select(v.pdf_to_sensor, v.pdf_to_light, input.to_light == 1u);
+        result.eval_reverse = select(v.pdf_to_light, v.pdf_to_sensor, input.to_light == 1u);",
 };
 
 #[repr(C)]
@@ -112,10 +112,10 @@ pub fn views() -> Vec<View> {
 
 /// Samples of all views, one dispatch.
 pub fn sample(kernel: &CompiledFunction, views: &[View], uniforms: &[[f32; 4]]) -> Vec<Vec<Got>> {
-    let inputs: Vec<Given> = views
+    let inputs: Vec<Input> = views
         .iter()
         .flat_map(|v| {
-            uniforms.iter().map(|&u| Given {
+            uniforms.iter().map(|&u| Input {
                 u,
                 w: vec3(v.w()),
                 material: v.material as u32,

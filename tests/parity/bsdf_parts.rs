@@ -16,10 +16,10 @@ fn close(got: f32, expected: f64, tolerance: f64) -> bool {
 
 const FRESNEL: ShaderFunction = ShaderFunction {
     imports: &["bsdf"],
-    given: "cosine: f32, eta_i: f32, eta_t: f32, f0: f32",
+    input: "cosine: f32, eta_i: f32, eta_t: f32, f0: f32",
     result: "dielectric: f32, schlick: f32",
-    body: "result.dielectric = fresnel_dielectric(given.cosine, given.eta_i, given.eta_t);
-        result.schlick = schlick(vec3<f32>(given.f0), given.cosine).y;",
+    body: "result.dielectric = fresnel_dielectric(input.cosine, input.eta_i, input.eta_t);
+        result.schlick = schlick(vec3<f32>(input.f0), input.cosine).y;",
 };
 
 #[test]
@@ -46,11 +46,11 @@ fn fresnel_terms() {
 
 const GGX: ShaderFunction = ShaderFunction {
     imports: &["bsdf"],
-    given: "w: vec3<f32>, alpha: f32, h: vec3<f32>, pad: f32, u: vec2<f32>, pad2: vec2<f32>",
+    input: "w: vec3<f32>, alpha: f32, h: vec3<f32>, pad: f32, u: vec2<f32>, pad2: vec2<f32>",
     result: "d: f32, lambda: f32, pdf: f32, pad: f32, h: vec3<f32>, pad2: f32",
-    body: "result.d = ggx_d(given.h, given.alpha); result.lambda = ggx_lambda(given.w, given.alpha);
-        result.pdf = ggx_visible_pdf(given.w, given.h, given.alpha);
-        result.h = ggx_sample_visible(given.w, given.alpha, given.u);",
+    body: "result.d = ggx_d(input.h, input.alpha); result.lambda = ggx_lambda(input.w, input.alpha);
+        result.pdf = ggx_visible_pdf(input.w, input.h, input.alpha);
+        result.h = ggx_sample_visible(input.w, input.alpha, input.u);",
 };
 
 #[test]
@@ -84,11 +84,11 @@ fn ggx_agrees_with_f64() {
 
 const LOBES: ShaderFunction = ShaderFunction {
     imports: &["bsdf"],
-    given: "base: vec3<f32>, cosine: f32, material: u32, front: u32, pad: vec2<u32>",
+    input: "base: vec3<f32>, cosine: f32, material: u32, front: u32, pad: vec2<u32>",
     result: "coat: f32, diffuse: f32, gloss: f32, glass: f32, delta: u32, eta: f32",
-    body: "let b = make_bsdf(given.material, given.base, given.front == 1u);
-        result.coat = coat_albedo(b, given.cosine);
-        let lobes = lobe_probabilities(b, given.cosine);
+    body: "let b = make_bsdf(input.material, input.base, input.front == 1u);
+        result.coat = coat_albedo(b, input.cosine);
+        let lobes = lobe_probabilities(b, input.cosine);
         result.diffuse = lobes.diffuse; result.gloss = lobes.gloss; result.glass = lobes.glass;
         result.delta = u32(is_delta(b)); result.eta = b.eta_below / b.eta_above;",
 };

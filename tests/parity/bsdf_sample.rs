@@ -14,10 +14,10 @@ pub const KERNELS: &[&ShaderFunction] = &[&SAMPLE];
 
 const SAMPLE: ShaderFunction = ShaderFunction {
     imports: &["bsdf"],
-    given: "u: vec4<f32>, w: vec3<f32>, material: u32, to_light: u32, front: u32, pad: vec2<u32>",
+    input: "u: vec4<f32>, w: vec3<f32>, material: u32, to_light: u32, front: u32, pad: vec2<u32>",
     result: "direction: vec3<f32>, pdf: f32, weight: vec3<f32>, pdf_reverse: f32, valid: u32, delta: u32, pad: vec2<u32>",
-    body: "let b = make_bsdf(given.material, vec3<f32>(1.0), given.front == 1u);
-        let s = bsdf_sample(b, given.w, given.to_light == 1u, given.u);
+    body: "let b = make_bsdf(input.material, vec3<f32>(1.0), input.front == 1u);
+        let s = bsdf_sample(b, input.w, input.to_light == 1u, input.u);
         result.direction = s.direction; result.pdf = s.pdf; result.weight = s.weight; result.pdf_reverse = s.pdf_reverse;
         result.valid = u32(s.valid); result.delta = u32(s.delta);",
 };
@@ -25,7 +25,7 @@ const SAMPLE: ShaderFunction = ShaderFunction {
 /// A direction that is asked for, and the surface it is asked of; shared with `bsdf_edges`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct Given {
+pub struct Input {
     pub u: [f32; 4],
     pub w: [f32; 3],
     pub material: u32,
@@ -57,8 +57,8 @@ struct Case {
 
 fn run(kernel: &CompiledFunction, case: Case, uniforms: impl Iterator<Item = [f32; 4]>) -> Vec<Got> {
     let Case { material, w, front, to_light } = case;
-    let inputs: Vec<Given> = uniforms
-        .map(|u| Given {
+    let inputs: Vec<Input> = uniforms
+        .map(|u| Input {
             u,
             w: vec3(w),
             material: material as u32,

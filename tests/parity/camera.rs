@@ -11,11 +11,11 @@ pub const KERNELS: &[&ShaderFunction] = &[&FILM];
 
 const FILM: ShaderFunction = ShaderFunction {
     imports: &["camera"],
-    given: "p: vec2<f32>, scale: f32, pad: f32",
+    input: "p: vec2<f32>, scale: f32, pad: f32",
     result: "d: vec3<f32>, pdf: f32, pixel: u32, behind: u32, pad: vec2<u32>",
-    body: "result.d = film_direction(given.p);
+    body: "result.d = film_direction(input.p);
         result.pdf = pixel_pdf(dot(normalize(result.d), frame.forward));
-        result.pixel = pixel_of(given.scale * result.d); result.behind = pixel_of(-result.d);",
+        result.pixel = pixel_of(input.scale * result.d); result.behind = pixel_of(-result.d);",
 };
 
 fn camera(f: &mut Frame) {

@@ -34,10 +34,10 @@ fn buffers(emitters: &[Emitter], triangles: &[Triangle], materials: &[Material])
 
 const PROFILE: ShaderFunction = ShaderFunction {
     imports: &["emitter"],
-    given: "v: PathVertex, w: vec3<f32>, pad: f32",
+    input: "v: PathVertex, w: vec3<f32>, pad: f32",
     result: "profile: vec2<f32>, falloff: f32, pad: f32",
-    body: "result.profile = emitter_profile(given.v, given.w);
-        result.falloff = spot_falloff(cap_height(given.v.to_previous, given.w), given.v.base_color.x, given.v.base_color.y);",
+    body: "result.profile = emitter_profile(input.v, input.w);
+        result.falloff = spot_falloff(cap_height(input.v.to_previous, input.w), input.v.base_color.x, input.v.base_color.y);",
 };
 
 /// Light and density of each profile by its definition; the densities integrate to 1 over the sphere.
@@ -68,10 +68,10 @@ fn profiles_integrate_to_one() {
         let inputs: Vec<[u32; 32]> = (0..N * 64)
             .map(|k| {
                 let w = vec3(world(polar(cosine(k / 64), TAU * (k % 64) as f64 / 64.0))).map(f32::to_bits);
-                let mut given = [0; 32];
-                given[..28].copy_from_slice(bytemuck::cast_slice(&[v]));
-                given[28..31].copy_from_slice(&w);
-                given
+                let mut input = [0; 32];
+                input[..28].copy_from_slice(bytemuck::cast_slice(&[v]));
+                input[28..31].copy_from_slice(&w);
+                input
             })
             .collect();
         let results: Vec<[f32; 4]> = PROFILE.run(&inputs, &[]);
@@ -100,9 +100,9 @@ fn profiles_integrate_to_one() {
 
 const CONE: ShaderFunction = ShaderFunction {
     imports: &["emitter"],
-    given: "axis: vec3<f32>, outer: f32, u: vec2<f32>, pad: vec2<f32>",
+    input: "axis: vec3<f32>, outer: f32, u: vec2<f32>, pad: vec2<f32>",
     result: "d: vec3<f32>, pad: f32",
-    body: "result.d = uniform_cone(given.axis, given.outer, given.u);",
+    body: "result.d = uniform_cone(input.axis, input.outer, input.u);",
 };
 
 #[test]
@@ -137,9 +137,9 @@ fn cones_are_filled_uniformly() {
 
 const CHOICE: ShaderFunction = ShaderFunction {
     imports: &["emitter"],
-    given: "words: vec4<u32>",
+    input: "words: vec4<u32>",
     result: "number: u32",
-    body: "result.number = choose_emitter(given.words);",
+    body: "result.number = choose_emitter(input.words);",
 };
 
 #[test]
@@ -183,7 +183,7 @@ fn coins_are_as_fine_among_many_emitters() {
 
 /// With 24 bits each of a million and a half entries came up for 10 or for 11 of the words, 6 % too rarely or 4 % too often.
 #[test]
-fn each_of_very_many_emitters_comes_up_alike() {
+fn a_million_emitters_are_chosen_uniformly() {
     const ENTRIES: u32 = (3 << 19) + 7;
     let table: Vec<Emitter> = (0..ENTRIES).map(|i| Emitter { keep: 1.0, other: i, ..Zeroable::zeroed() }).collect();
     let mut pcg = Pcg::new(125);
@@ -200,10 +200,10 @@ fn each_of_very_many_emitters_comes_up_alike() {
 
 const START: ShaderFunction = ShaderFunction {
     imports: &["emitter"],
-    given: "a: vec4<f32>, choice: f32, pad: vec3<f32>",
+    input: "a: vec4<f32>, choice: f32, pad: vec3<f32>",
     result: "position: vec3<f32>, pdf: f32, direction: vec3<f32>, density: f32, throughput: vec3<f32>, phi: f32,
         d_vcm: f32, flags: u32, kind: u32, select_pdf: f32",
-    body: "let e = sample_emission(choose_emitter(vec4<u32>(bitcast<u32>(given.choice))), given.a);
+    body: "let e = sample_emission(choose_emitter(vec4<u32>(bitcast<u32>(input.choice))), input.a);
         result.position = e.vertex.position; result.pdf = e.pdf_direction; result.direction = e.direction;
         result.density = e.density; result.throughput = e.throughput; result.phi = e.vertex.throughput.x;
         result.d_vcm = e.vertex.d_vcm; result.kind = e.vertex.material; result.select_pdf = e.vertex.select_pdf;
@@ -231,9 +231,9 @@ fn start(emitter: Emitter, flags: u32, n: usize) -> Vec<[f32; 16]> {
     let emitter = Emitter { keep: 1.0, ..emitter };
     let inputs: Vec<[f32; 12]> = (0..n)
         .map(|_| {
-            let mut given = [0.0; 12];
-            given[..5].fill_with(|| (pcg.next_u32() >> 8) as f32 / 16_777_216.0);
-            given
+            let mut input = [0.0; 12];
+            input[..5].fill_with(|| (pcg.next_u32() >> 8) as f32 / 16_777_216.0);
+            input
         })
         .collect();
     START.compile(&[("HAS_ALPHA", 0.0)]).run(&inputs, &buffers(&[emitter], &[triangle], &[material]))
@@ -340,9 +340,9 @@ fn an_emitter_of_a_kind_without_code_sends_nothing() {
     let samples = start(unknown, 0, 64);
     assert!(samples.iter().all(|s| s[8..11] == [0.0; 3] && s[13].to_bits() == 0));
     let v = PathVertex { material: 1000, base_color: [1.0, 0.5, 0.0], ..Zeroable::zeroed() };
-    let mut given = [0u32; 32];
-    given[..28].copy_from_slice(bytemuck::cast_slice(&[v]));
-    given[30] = 1f32.to_bits();
-    let profiles: Vec<[f32; 4]> = PROFILE.run(&[given], &[]);
+    let mut input = [0u32; 32];
+    input[..28].copy_from_slice(bytemuck::cast_slice(&[v]));
+    input[30] = 1f32.to_bits();
+    let profiles: Vec<[f32; 4]> = PROFILE.run(&[input], &[]);
     assert_eq!(profiles[0][..2], [0.0; 2]);
 }

@@ -15,23 +15,23 @@ use crate::values::{direction, dvec, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND, &SWITCHED, &REFILL];
 
-/// [`Given`] in WGSL.
-const GIVEN: &str = "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32";
+/// [`Input`] in WGSL.
+const INPUT: &str = "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32";
 
 const IMPORTANCE: ShaderFunction = ShaderFunction {
     imports: &["importance"],
-    given: GIVEN,
+    input: INPUT,
     result: "power: f32, importance: f32, pruned: u32, pad: u32",
-    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
-        let d = box_distances(given.q, given.c.lo, given.c.hi);
-        result.power = power_through_gate(given.c, d, shell);
-        result.importance = node_importance(given.c, Receiver(shell, given.normal, false, given.normal, 1.0, 0.0));
-        result.pruned = u32(is_pruned(given.c.tau_lo, given.c.tau_hi, d, shell));",
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, 1.0);
+        let d = box_distances(input.q, input.c.lo, input.c.hi);
+        result.power = power_through_gate(input.c, d, shell);
+        result.importance = node_importance(input.c, Receiver(shell, input.normal, false, input.normal, 1.0, 0.0));
+        result.pruned = u32(is_pruned(input.c.tau_lo, input.c.tau_hi, d, shell));",
 };
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Given {
+struct Input {
     child: TreeChild,
     q: [f32; 3],
     lo: f32,
@@ -49,7 +49,7 @@ struct Got {
 }
 
 /// Children of trees over a few vertices, with their vertices, and gates about one of them.
-fn cases(n: usize) -> Vec<(Given, Vec<Item>)> {
+fn cases(n: usize) -> Vec<(Input, Vec<Item>)> {
     let mut pcg = Pcg::new(5);
     let mut cases = vec![];
     while cases.len() < n {
@@ -71,8 +71,8 @@ fn cases(n: usize) -> Vec<(Given, Vec<Item>)> {
         let hi = if pcg.below(6) == 0 { 3e38 } else { lo + [1e-3, 0.1, 2.0][pcg.below(3)] };
         let normal = direction(&mut pcg);
         for (child, items) in [(tree.nodes[0].left, &items[..half]), (tree.nodes[0].right, &items[half..])] {
-            let given = Given { child, q: vec3(q), lo: lo as f32, normal: vec3(normal), hi: hi as f32 };
-            cases.push((given, items.to_vec()));
+            let input = Input { child, q: vec3(q), lo: lo as f32, normal: vec3(normal), hi: hi as f32 };
+            cases.push((input, items.to_vec()));
         }
     }
     cases
@@ -83,7 +83,7 @@ fn options(leaf_size: usize) -> TreeOptions {
 }
 
 /// The model of `power_through_gate` in f64, and what its f32 inputs may be off by.
-fn expected_power(g: &Given) -> (f64, f64) {
+fn expected_power(g: &Input) -> (f64, f64) {
     let (c, q) = (&g.child, dvec(&g.q));
     let (lo, hi) = (dvec(&c.lo), dvec(&c.hi));
     let near = (lo - q).max(q - hi).max(DVec3::ZERO).length();
@@ -108,7 +108,7 @@ fn expected_power(g: &Given) -> (f64, f64) {
 #[test]
 fn power_through_the_gate_is_that_of_overlapping_intervals() {
     let cases = cases(20_000);
-    let inputs: Vec<Given> = cases.iter().map(|c| c.0).collect();
+    let inputs: Vec<Input> = cases.iter().map(|c| c.0).collect();
     let results: Vec<Got> = IMPORTANCE.run(&inputs, &[]);
     let (mut compared, mut live) = (0, 0);
     for (g, r) in inputs.iter().zip(&results) {
@@ -129,7 +129,7 @@ fn power_through_the_gate_is_that_of_overlapping_intervals() {
 #[test]
 fn a_node_of_one_time_counts_as_a_whole() {
     let mut pcg = Pcg::new(7);
-    let inputs: Vec<Given> = (0..2_000)
+    let inputs: Vec<Input> = (0..2_000)
         .map(|_| {
             let centre = direction(&mut pcg) * 10.0;
             let mut items: Vec<Item> = (0..40)
@@ -139,7 +139,7 @@ fn a_node_of_one_time_counts_as_a_whole() {
                 })
                 .collect();
             let child = Tree::build(&mut items, options(1)).nodes[0].left;
-            Given { child, q: [0.0; 3], lo: 15.0 - 5e-5, normal: [0.0; 3], hi: 15.0 + 1e-4 }
+            Input { child, q: [0.0; 3], lo: 15.0 - 5e-5, normal: [0.0; 3], hi: 15.0 + 1e-4 }
         })
         .collect();
     let results: Vec<Got> = IMPORTANCE.run(&inputs, &[]);
@@ -155,7 +155,7 @@ fn a_node_of_one_time_counts_as_a_whole() {
 #[test]
 fn a_node_that_can_contribute_is_important() {
     let cases = cases(20_000);
-    let inputs: Vec<Given> = cases.iter().map(|c| c.0).collect();
+    let inputs: Vec<Input> = cases.iter().map(|c| c.0).collect();
     let results: Vec<Got> = IMPORTANCE.compile(&[("HAS_TRANSMISSION", 0.0)]).run(&inputs, &[]);
     let (mut valid, mut dropped) = (0, 0);
     for ((g, items), r) in cases.iter().zip(&results) {
@@ -176,9 +176,9 @@ fn a_node_that_can_contribute_is_important() {
 
 const COSINE: ShaderFunction = ShaderFunction {
     imports: &["importance"],
-    given: "normal: vec3<f32>, d_min: f32, lo: vec3<f32>, pad0: f32, hi: vec3<f32>, pad1: f32, q: vec3<f32>, pad2: f32",
+    input: "normal: vec3<f32>, d_min: f32, lo: vec3<f32>, pad0: f32, hi: vec3<f32>, pad1: f32, q: vec3<f32>, pad2: f32",
     result: "cosine: f32",
-    body: "result.cosine = box_cosine(given.normal, given.lo, given.hi, given.q, given.d_min);",
+    body: "result.cosine = box_cosine(input.normal, input.lo, input.hi, input.q, input.d_min);",
 };
 
 #[test]
@@ -236,17 +236,17 @@ fn a_box_with_a_point_in_front_is_not_behind() {
 
 const SWITCHED: ShaderFunction = ShaderFunction {
     imports: &["importance"],
-    given: GIVEN,
+    input: INPUT,
     result: "importance: f32, power: f32, bucket_power: f32, distance2: f32, factor: f32, cosine: f32",
-    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
-        let d = box_distances(given.q, given.c.lo, given.c.hi);
-        let extent = 0.5 * (given.c.hi - given.c.lo);
-        let center = 0.5 * (given.c.hi + given.c.lo) - given.q;
-        result.importance = node_importance(given.c, Receiver(shell, given.normal, false, given.normal, 0.2, 0.6));
-        result.power = power_through_gate(given.c, d, shell);
-        result.bucket_power = bucket_power(given.c, d, shell);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, 1.0);
+        let d = box_distances(input.q, input.c.lo, input.c.hi);
+        let extent = 0.5 * (input.c.hi - input.c.lo);
+        let center = 0.5 * (input.c.hi + input.c.lo) - input.q;
+        result.importance = node_importance(input.c, Receiver(shell, input.normal, false, input.normal, 0.2, 0.6));
+        result.power = power_through_gate(input.c, d, shell);
+        result.bucket_power = bucket_power(input.c, d, shell);
         result.distance2 = node_distance2(center, extent, d.x);
-        result.cosine = box_cosine(given.normal, given.c.lo, given.c.hi, given.q, d.x);
+        result.cosine = box_cosine(input.normal, input.c.lo, input.c.hi, input.q, d.x);
         result.factor = cosine_factor(result.cosine);",
 };
 
@@ -264,7 +264,7 @@ struct Switched {
 /// Every idea can be switched off by itself: what stands in its place is as documented, and never 0 where a vertex may count.
 #[test]
 fn what_is_switched_off_takes_no_part() {
-    let inputs: Vec<Given> = cases(2_000).into_iter().map(|c| c.0).collect();
+    let inputs: Vec<Input> = cases(2_000).into_iter().map(|c| c.0).collect();
     for position in 0..16 {
         let [centre, cosine, overlap, gloss] = [0, 1, 2, 3].map(|k| position >> k & 1 == 1);
         let switch = |on: bool| f64::from(u8::from(on));
@@ -304,9 +304,9 @@ fn what_is_switched_off_takes_no_part() {
 
 const REFILL: ShaderFunction = ShaderFunction {
     imports: &["frontier"],
-    given: "u: f32, start: f32, part: f32, seed: u32",
+    input: "u: f32, start: f32, part: f32, seed: u32",
     result: "rest: f32",
-    body: "var rng = given.seed; result.rest = remap_uniform(given.u, given.start, given.part, &rng);",
+    body: "var rng = input.seed; result.rest = remap_uniform(input.u, input.start, input.part, &rng);",
 };
 
 /// Of a u that has all digits of a float the stretched one is uniform down to 0; of one from which something was taken, in
@@ -338,16 +338,16 @@ fn what_is_refilled_is_uniform() {
 
 const DESCEND: ShaderFunction = ShaderFunction {
     imports: &["resample"],
-    given: "q: vec3<f32>, root: u32, normal: vec3<f32>, lo: f32, hi: f32, u: f32, seed: u32, pad: u32",
+    input: "q: vec3<f32>, root: u32, normal: vec3<f32>, lo: f32, hi: f32, u: f32, seed: u32, pad: u32",
     result: "leaf: u32, weight: f32",
-    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, 1.0);
-        var rng = given.seed;
-        let receiver = Receiver(shell, given.normal, false, given.normal, 1.0, 0.0);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, 1.0);
+        var rng = input.seed;
+        let receiver = Receiver(shell, input.normal, false, input.normal, 1.0, 0.0);
         var frontier: Frontier;
-        grow_frontier(&frontier, given.root, receiver);
+        grow_frontier(&frontier, input.root, receiver);
         result.leaf = NONE;
         if (frontier.count > 0u) {
-            let found = descend_by_importance(sample_frontier(&frontier, given.u, &rng), receiver, &rng);
+            let found = descend_by_importance(sample_frontier(&frontier, input.u, &rng), receiver, &rng);
             result.leaf = found.vertex; result.weight = found.weight;
         }",
 };

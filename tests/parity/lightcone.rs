@@ -15,22 +15,22 @@ pub const KERNELS: &[&ShaderFunction] = &[&BOUNDS];
 
 const BOUNDS: ShaderFunction = ShaderFunction {
     imports: &["lightcone"],
-    given: "c: TreeChild, q: vec3<f32>, lo: f32, hi: f32, eta_hi: f32, pad: vec2<f32>",
+    input: "c: TreeChild, q: vec3<f32>, lo: f32, hi: f32, eta_hi: f32, pad: vec2<f32>",
     result: "d: vec2<f32>, pruned: u32, overlap: f32, buckets: f32, bound3: f32, bound4: f32, first: f32",
-    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, given.eta_hi);
-        let d = box_distances(given.q, given.c.lo, given.c.hi) * vec2<f32>(1.0, given.eta_hi);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, input.eta_hi);
+        let d = box_distances(input.q, input.c.lo, input.c.hi) * vec2<f32>(1.0, input.eta_hi);
         result.d = d;
-        result.pruned = u32(is_pruned(given.c.tau_lo, given.c.tau_hi, d, shell));
+        result.pruned = u32(is_pruned(input.c.tau_lo, input.c.tau_hi, d, shell));
         result.overlap = spatial_overlap(d, shell);
-        result.buckets = bucket_power(given.c, d, shell);
-        result.bound3 = node_bound(given.c, shell, true);
-        result.bound4 = node_bound(given.c, shell, false);
-        result.first = bytes_to_floats(given.c.buckets_low).x + 256.0 * bytes_to_floats(given.c.buckets_high).w;",
+        result.buckets = bucket_power(input.c, d, shell);
+        result.bound3 = node_bound(input.c, shell, true);
+        result.bound4 = node_bound(input.c, shell, false);
+        result.first = bytes_to_floats(input.c.buckets_low).x + 256.0 * bytes_to_floats(input.c.buckets_high).w;",
 };
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct Given {
+struct Input {
     child: TreeChild,
     q: [f32; 3],
     lo: f32,
@@ -52,7 +52,7 @@ struct Got {
 }
 
 struct Case {
-    given: Given,
+    input: Input,
     items: Vec<Item>,
 }
 
@@ -92,8 +92,8 @@ fn cases(n: usize) -> Vec<Case> {
         };
         let root = tree.nodes[0];
         for (child, items) in [(root.left, items[..half].to_vec()), (root.right, items[half..].to_vec())] {
-            let given = Given { child, q: vec3(q), lo: lo as f32, hi: hi as f32, eta_hi, pad: [0.0; 2] };
-            cases.push(Case { given, items });
+            let input = Input { child, q: vec3(q), lo: lo as f32, hi: hi as f32, eta_hi, pad: [0.0; 2] };
+            cases.push(Case { input, items });
         }
     }
     cases
@@ -110,7 +110,7 @@ fn powers(c: &TreeChild) -> [f64; 8] {
 #[test]
 fn bounds_agree_with_the_paper_in_f64() {
     let cases = cases(20_000);
-    let inputs: Vec<Given> = cases.iter().map(|c| c.given).collect();
+    let inputs: Vec<Input> = cases.iter().map(|c| c.input).collect();
     let results: Vec<Got> = BOUNDS.run(&inputs, &[]);
     let (mut pruned, mut kept, mut inside) = (0, 0, 0);
     for (g, r) in inputs.iter().zip(&results) {
@@ -160,7 +160,7 @@ fn bounds_agree_with_the_paper_in_f64() {
     assert!(pruned > 2_000 && kept > 5_000 && inside > 1_000, "{pruned} {kept} {inside}");
 }
 
-fn compare_powers(g: &Given, r: &Got, node: Extent, gate: Gate, q: DVec3, (near, far): (f64, f64)) {
+fn compare_powers(g: &Input, r: &Got, node: Extent, gate: Gate, q: DVec3, (near, far): (f64, f64)) {
     // Eq. 22. The shader keeps 1 / 1000 of a node that is touched at one distance, and all of one of a single distance.
     let share = lightcone::effective_power_3d(gate, 1.0, node.bounds, q, 0.0);
     let tolerance = 1e-5 + EPSILON / (far - near).max(1e-9);
@@ -182,11 +182,11 @@ fn compare_powers(g: &Given, r: &Got, node: Extent, gate: Gate, q: DVec3, (near,
 fn a_node_with_a_valid_vertex_has_the_power_of_its_bucket() {
     let cases = cases(40_000);
     // The renderer widens the shell by more than rounding; here the vertex stays clear of the edge by as much.
-    let inputs: Vec<Given> = cases.iter().map(|c| c.given).collect();
+    let inputs: Vec<Input> = cases.iter().map(|c| c.input).collect();
     let results: Vec<Got> = BOUNDS.run(&inputs, &[]);
     let mut valid = 0;
     for (case, r) in cases.iter().zip(&results) {
-        let g = &case.given;
+        let g = &case.input;
         let gate = Gate { lo: f64::from(g.lo) + EPSILON, hi: f64::from(g.hi) - EPSILON };
         for item in &case.items {
             let d = (dvec(&item.point[..3]) - dvec(&g.q)).length();

@@ -13,9 +13,9 @@ pub const KERNELS: &[&ShaderFunction] = &[&FRAME, &TURNS, &WARPS, &OCTAHEDRAL, &
 
 const FRAME: ShaderFunction = ShaderFunction {
     imports: &["math"],
-    given: "n: vec3<f32>, pad: f32",
+    input: "n: vec3<f32>, pad: f32",
     result: "t: vec3<f32>, a: f32, b: vec3<f32>, c: f32, n: vec3<f32>, d: f32",
-    body: "let m = frame_around(given.n); result.t = m[0]; result.b = m[1]; result.n = m[2];",
+    body: "let m = frame_around(input.n); result.t = m[0]; result.b = m[1]; result.n = m[2];",
 };
 
 #[test]
@@ -34,9 +34,9 @@ fn frames_are_orthonormal_and_right_handed() {
 
 const TURNS: ShaderFunction = ShaderFunction {
     imports: &["math"],
-    given: "phi: f32",
+    input: "phi: f32",
     result: "turn: vec2<f32>",
-    body: "result.turn = cosine_and_sine(given.phi);",
+    body: "result.turn = cosine_and_sine(input.phi);",
 };
 
 /// SwiftShader's own are wrong by 1e-4, and Vulkan allows 5e-4.
@@ -57,9 +57,9 @@ fn sines_are_right_on_every_device() {
 
 const WARPS: ShaderFunction = ShaderFunction {
     imports: &["math"],
-    given: "u: vec2<f32>",
+    input: "u: vec2<f32>",
     result: "cosine: vec3<f32>, pad0: f32, triangle: vec2<f32>, pad1: vec2<f32>",
-    body: "result.cosine = cosine_hemisphere(given.u); result.triangle = uniform_triangle(given.u);",
+    body: "result.cosine = cosine_hemisphere(input.u); result.triangle = uniform_triangle(input.u);",
 };
 
 #[test]
@@ -82,9 +82,9 @@ fn warps_agree_with_f64() {
 
 const OCTAHEDRAL: ShaderFunction = ShaderFunction {
     imports: &["math"],
-    given: "packed: u32",
+    input: "packed: u32",
     result: "n: vec3<f32>, pad: f32",
-    body: "result.n = decode_octahedral(given.packed);",
+    body: "result.n = decode_octahedral(input.packed);",
 };
 
 #[test]
@@ -100,13 +100,13 @@ fn octahedral_normals_come_back() {
 
 const SMALL: ShaderFunction = ShaderFunction {
     imports: &["math", "path", "random"],
-    given: "v: vec3<f32>, x: f32, key: vec4<u32>",
+    input: "v: vec3<f32>, x: f32, key: vec4<u32>",
     result: "square: f32, greatest: f32, luminance: f32, finite: u32, mis: f32, hash: u32, pad: vec2<u32>,
         words: vec4<u32>, uniforms: vec4<f32>",
-    body: "result.square = square(given.x); result.greatest = max_component(given.v);
-        result.luminance = luminance(given.v); result.finite = u32(is_finite(given.v)); result.mis = mis(given.x);
-        result.hash = hash32(given.key.x); result.words = pcg4d(given.key);
-        result.uniforms = random4(given.key.x & 3u, given.key.y, given.key.z, 5u, 2u, given.key.w);",
+    body: "result.square = square(input.x); result.greatest = max_component(input.v);
+        result.luminance = luminance(input.v); result.finite = u32(is_finite(input.v)); result.mis = mis(input.x);
+        result.hash = hash32(input.key.x); result.words = pcg4d(input.key);
+        result.uniforms = random4(input.key.x & 3u, input.key.y, input.key.z, 5u, 2u, input.key.w);",
 };
 
 #[test]

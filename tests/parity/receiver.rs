@@ -13,11 +13,11 @@ pub const KERNELS: &[&ShaderFunction] = &[&GLOSS, &RECEIVER];
 
 const GLOSS: ShaderFunction = ShaderFunction {
     imports: &["importance"],
-    given: "center: vec3<f32>, radius2: f32, mirrored: vec3<f32>, spread: f32",
+    input: "center: vec3<f32>, radius2: f32, mirrored: vec3<f32>, spread: f32",
     result: "factor: f32",
     body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1.0, 1.0, 1.0);
-        let receiver = Receiver(shell, given.mirrored, false, given.mirrored, given.spread, 0.5);
-        result.factor = gloss_factor(receiver, given.center, given.radius2);",
+        let receiver = Receiver(shell, input.mirrored, false, input.mirrored, input.spread, 0.5);
+        result.factor = gloss_factor(receiver, input.center, input.radius2);",
 };
 
 /// Against its formula, and pi / (1 + w / 4) over the sphere: nodes in all directions get no more than the lobe reflects.
@@ -27,7 +27,7 @@ fn gloss_has_the_lobe_of_its_width() {
     for (spread, radius2) in [(0.01, 0.0), (0.2, 0.05), (1.0, 0.3), (4.0, 1.0)] {
         let width: f64 = spread + radius2;
         let axis = direction(&mut pcg);
-        let given = |w: DVec3, distance: f64| {
+        let input = |w: DVec3, distance: f64| {
             let [c, m] = [w * distance, axis].map(vec3);
             [c[0], c[1], c[2], radius2 as f32, m[0], m[1], m[2], spread as f32]
         };
@@ -38,7 +38,7 @@ fn gloss_has_the_lobe_of_its_width() {
             let cosine = 1.0 - 2.0 * (i as f64 + 0.5) / f64::from(rings);
             axis * cosine + tangent * (1.0 - cosine * cosine).sqrt()
         };
-        let inputs: Vec<[f32; 8]> = (0..rings as usize).map(|i| given(towards(i), pcg.range(0.01, 100.0))).collect();
+        let inputs: Vec<[f32; 8]> = (0..rings as usize).map(|i| input(towards(i), pcg.range(0.01, 100.0))).collect();
         let results: Vec<f32> = GLOSS.run(&inputs, &[]);
         for (i, &factor) in results.iter().enumerate() {
             let chord2 = (towards(i) - axis).length_squared();
@@ -53,13 +53,13 @@ fn gloss_has_the_lobe_of_its_width() {
 
 const RECEIVER: ShaderFunction = ShaderFunction {
     imports: &["receiver"],
-    given: "q: PathVertex",
+    input: "q: PathVertex",
     result: "mirrored: vec3<f32>, spread: f32, normal: vec3<f32>, gloss: f32, transmits: u32, lobe: f32, pad: vec2<f32>",
-    body: "let r = make_receiver(given.q);
-        let b = make_bsdf(given.q.material, given.q.base_color, (given.q.flags & VERTEX_FRONT) != 0u);
+    body: "let r = make_receiver(input.q);
+        let b = make_bsdf(input.q.material, input.q.base_color, (input.q.flags & VERTEX_FRONT) != 0u);
         result.mirrored = r.mirrored; result.spread = r.spread; result.normal = r.normal; result.gloss = r.gloss;
         result.transmits = u32(r.transmits);
-        result.lobe = lobe_probabilities(b, dot(given.q.normal, given.q.to_previous)).gloss;",
+        result.lobe = lobe_probabilities(b, dot(input.q.normal, input.q.to_previous)).gloss;",
 };
 
 /// The lobe stands around the mirrored direction, twice as wide as the facets are tilted, with the part of what scatters that gloss

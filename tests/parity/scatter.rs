@@ -16,19 +16,19 @@ const FRONT: u32 = 0x400;
 
 const CONNECT: ShaderFunction = ShaderFunction {
     imports: &["vertex"],
-    given: "v: PathVertex, w: vec3<f32>, pad: f32",
+    input: "v: PathVertex, w: vec3<f32>, pad: f32",
     result:
         "q_value: vec3<f32>, q_pdf: f32, l_value: vec3<f32>, l_pdf: f32, local: vec3<f32>, medium: f32, q_reverse: f32,
         l_reverse: f32, q_cosine: f32, l_cosine: f32",
-    body: "let q = evaluate_shade_point(given.v, given.w); let l = evaluate_light_vertex(given.v, given.w);
+    body: "let q = evaluate_shade_point(input.v, input.w); let l = evaluate_light_vertex(input.v, input.w);
         result.q_value = q.value; result.q_pdf = q.pdf; result.q_reverse = q.pdf_reverse; result.q_cosine = q.cosine;
         result.l_value = l.value; result.l_pdf = l.pdf; result.l_reverse = l.pdf_reverse; result.l_cosine = l.cosine;
-        result.local = to_local(given.v.normal, given.w); result.medium = eta_towards(given.v, given.w);",
+        result.local = to_local(input.v.normal, input.w); result.medium = eta_towards(input.v, input.w);",
 };
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Given {
+struct Input {
     v: PathVertex,
     w: [f32; 3],
     pad: f32,
@@ -87,8 +87,8 @@ pub fn vertex(pcg: &mut Pcg) -> PathVertex {
 fn connections_agree_with_f64() {
     let set = set();
     let mut pcg = Pcg::new(141);
-    let inputs: Vec<Given> =
-        (0..30_000).map(|_| Given { v: vertex(&mut pcg), w: vec3(direction(&mut pcg)), pad: 0.0 }).collect();
+    let inputs: Vec<Input> =
+        (0..30_000).map(|_| Input { v: vertex(&mut pcg), w: vec3(direction(&mut pcg)), pad: 0.0 }).collect();
     let results: Vec<Connected> = CONNECT.run(&inputs, &buffers());
     let mut compared = 0;
     for (g, r) in inputs.iter().zip(&results) {
@@ -145,21 +145,21 @@ fn connections_agree_with_f64() {
 
 const STEP: ShaderFunction = ShaderFunction {
     imports: &["walk"],
-    given: "v: PathVertex, u: vec4<f32>, to_light: u32, survival: f32, d_vcm: f32, d_vc: f32",
+    input: "v: PathVertex, u: vec4<f32>, to_light: u32, survival: f32, d_vcm: f32, d_vc: f32",
     result: "weight: vec3<f32>, pdf: f32, value: vec3<f32>, connect_pdf: f32, direction: vec3<f32>, valid: u32,
         state: PathState, departed: u32, connectible: u32, pad: vec2<u32>",
-    body: "let s = sample_vertex(given.v, given.to_light == 1u, given.u);
+    body: "let s = sample_vertex(input.v, input.to_light == 1u, input.u);
         result.weight = s.weight; result.pdf = s.pdf; result.direction = s.direction;
         result.valid = u32(s.valid && !s.delta);
         if (s.valid) {
-            var c = evaluate_light_vertex(given.v, s.direction);
-            if (given.to_light == 1u) { c = evaluate_shade_point(given.v, s.direction); }
+            var c = evaluate_light_vertex(input.v, s.direction);
+            if (input.to_light == 1u) { c = evaluate_shade_point(input.v, s.direction); }
             result.value = c.value; result.connect_pdf = c.pdf;
         }
-        var state: PathState; state.throughput = vec3<f32>(2.0); state.d_vcm = given.d_vcm; state.d_vc = given.d_vc;
+        var state: PathState; state.throughput = vec3<f32>(2.0); state.d_vcm = input.d_vcm; state.d_vc = input.d_vc;
         state.flags = PATH_ALIVE | PATH_DETERMINISTIC;
-        result.departed = u32(scatter(&state, given.v, given.to_light == 1u, given.u, given.survival));
-        result.state = state; result.connectible = u32(is_connectible(given.v));",
+        result.departed = u32(scatter(&state, input.v, input.to_light == 1u, input.u, input.survival));
+        result.state = state; result.connectible = u32(is_connectible(input.v));",
 };
 
 #[repr(C)]
@@ -248,20 +248,20 @@ fn only_deltas_cannot_be_connected() {
 
 const SUMS: ShaderFunction = ShaderFunction {
     imports: &["walk"],
-    given: "position: vec3<f32>, eta: f32, normal: vec3<f32>, tau: f32, direction: vec3<f32>, length: f32, d_vcm: f32,
+    input: "position: vec3<f32>, eta: f32, normal: vec3<f32>, tau: f32, direction: vec3<f32>, length: f32, d_vcm: f32,
         d_vc: f32, pdf: f32, pdf_reverse: f32, cosine: f32, select_pdf: f32, delta: u32, material: u32",
     result: "left: vec2<f32>, met: vec2<f32>, tau: f32, d_vcm: f32, d_vc: f32, front: u32, normal: vec3<f32>, position: f32",
-    body: "var state: PathState; state.d_vcm = given.d_vcm; state.d_vc = given.d_vc;
-        var s: Scatter; s.pdf = given.pdf; s.pdf_reverse = given.pdf_reverse; s.cosine = given.cosine;
-        s.delta = given.delta == 1u;
-        mis_scatter(&state, s, given.select_pdf);
+    body: "var state: PathState; state.d_vcm = input.d_vcm; state.d_vc = input.d_vc;
+        var s: Scatter; s.pdf = input.pdf; s.pdf_reverse = input.pdf_reverse; s.cosine = input.cosine;
+        s.delta = input.delta == 1u;
+        mis_scatter(&state, s, input.select_pdf);
         result.left = vec2<f32>(state.d_vcm, state.d_vc);
-        mis_arrive(&state, given.length * given.length, given.cosine);
+        mis_arrive(&state, input.length * input.length, input.cosine);
         result.met = vec2<f32>(state.d_vcm, state.d_vc);
-        var path: PathState; path.position = given.position; path.direction = given.direction; path.eta = given.eta;
-        path.tau = given.tau; path.d_vcm = given.d_vcm; path.d_vc = given.d_vc;
-        var surface: Surface; surface.position = given.position + given.length * given.direction;
-        surface.normal = given.normal; surface.geometric = given.normal; surface.material = given.material;
+        var path: PathState; path.position = input.position; path.direction = input.direction; path.eta = input.eta;
+        path.tau = input.tau; path.d_vcm = input.d_vcm; path.d_vc = input.d_vc;
+        var surface: Surface; surface.position = input.position + input.length * input.direction;
+        surface.normal = input.normal; surface.geometric = input.normal; surface.material = input.material;
         let v = arrive(&path, surface);
         result.tau = v.tau; result.d_vcm = path.d_vcm; result.d_vc = v.d_vc;
         result.front = v.flags; result.normal = v.geometric; result.position = length(path.position - v.position);",

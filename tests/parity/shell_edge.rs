@@ -14,9 +14,9 @@ pub const KERNELS: &[&ShaderFunction] = &[&EDGE, &GATE];
 
 const GATE: ShaderFunction = ShaderFunction {
     imports: &["gate"],
-    given: "v_tau: f32, connection: f32, q_tau: f32",
+    input: "v_tau: f32, connection: f32, q_tau: f32",
     result: "open: u32",
-    body: "result.open = u32(gate_weight(travel_time(given.v_tau, given.connection, given.q_tau)));",
+    body: "result.open = u32(gate_weight(travel_time(input.v_tau, input.connection, input.q_tau)));",
 };
 
 #[test]
@@ -33,34 +33,34 @@ fn the_gate_is_half_open() {
         ([3e38, 0.0, 0.0], 0),
         ([f32::NAN, 0.0, 10.0], 0),
     ];
-    let given: Vec<[f32; 3]> = inputs.iter().map(|i| i.0).collect();
-    let open: Vec<u32> = GATE.run(&given, &[frame_with_gate(gate)]);
+    let input: Vec<[f32; 3]> = inputs.iter().map(|i| i.0).collect();
+    let open: Vec<u32> = GATE.run(&input, &[frame_with_gate(gate)]);
     assert_eq!(open, inputs.map(|i| i.1));
     // An empty gate contains nothing, abutting ones share nothing.
-    let closed: Vec<u32> = GATE.run(&given, &[frame_with_gate(Gate { lo: 8.0, hi: 8.0 })]);
+    let closed: Vec<u32> = GATE.run(&input, &[frame_with_gate(Gate { lo: 8.0, hi: 8.0 })]);
     assert!(closed.iter().all(|&o| o == 0));
-    let next: Vec<u32> = GATE.run(&given, &[frame_with_gate(Gate { lo: 12.0, hi: f64::INFINITY })]);
+    let next: Vec<u32> = GATE.run(&input, &[frame_with_gate(Gate { lo: 12.0, hi: f64::INFINITY })]);
     assert!(open.iter().zip(&next).all(|(a, b)| a + b <= 1) && next[4] == 1);
 }
 
 const EDGE: ShaderFunction = ShaderFunction {
     imports: &["query", "segment"],
-    given: "c: TreeChild, q: vec3<f32>, q_tau: f32, v: vec3<f32>, v_tau: f32",
+    input: "c: TreeChild, q: vec3<f32>, q_tau: f32, v: vec3<f32>, v_tau: f32",
     result: "open: u32, bound3: f32, bound4: f32, tau: f32",
     body: "var q: PathVertex;
-        q.position = given.q; q.tau = given.q_tau; q.eta = 1.0;
+        q.position = input.q; q.tau = input.q_tau; q.eta = 1.0;
         let shell = make_shell(q);
-        let offset = given.v - given.q;
+        let offset = input.v - input.q;
         let d = sqrt(dot(offset, offset));
-        result.tau = given.v_tau + d + given.q_tau;
-        result.open = u32(gate_weight(travel_time(given.v_tau, optical_length(q, offset / d, d), given.q_tau)));
-        result.bound3 = node_bound(given.c, shell, true);
-        result.bound4 = node_bound(given.c, shell, false);",
+        result.tau = input.v_tau + d + input.q_tau;
+        result.open = u32(gate_weight(travel_time(input.v_tau, optical_length(q, offset / d, d), input.q_tau)));
+        result.bound3 = node_bound(input.c, shell, true);
+        result.bound4 = node_bound(input.c, shell, false);",
 };
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct Given {
+struct Input {
     child: TreeChild,
     q: [f32; 3],
     q_tau: f32,
@@ -78,7 +78,7 @@ struct Got {
 }
 
 /// Nodes of one to four vertices; q_tau puts one vertex within a few roundings of `edge`.
-fn cases(edge: f64, spatial: bool, buckets: u32, n: usize) -> Vec<Given> {
+fn cases(edge: f64, spatial: bool, buckets: u32, n: usize) -> Vec<Input> {
     let mut pcg = Pcg::new(21);
     let mut cases = vec![];
     while cases.len() < n {
@@ -103,7 +103,7 @@ fn cases(edge: f64, spatial: bool, buckets: u32, n: usize) -> Vec<Given> {
             let steps = pcg.range(-3.0, 3.0) * edge * 6e-8;
             let q_tau = (edge - f64::from(d) - f64::from(item.point[3]) + steps) as f32;
             if q_tau >= 0.0 {
-                cases.push(Given { child, q, q_tau, v, v_tau: item.point[3] });
+                cases.push(Input { child, q, q_tau, v, v_tau: item.point[3] });
             }
         }
     }

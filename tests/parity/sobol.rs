@@ -11,9 +11,9 @@ pub const KERNELS: &[&ShaderFunction] = &[&SOBOL, &STRATIFIED];
 
 const SOBOL: ShaderFunction = ShaderFunction {
     imports: &["sobol"],
-    given: "number: u32, pad: u32, seed: vec2<u32>",
+    input: "number: u32, pad: u32, seed: vec2<u32>",
     result: "point: vec2<u32>, scrambled: u32, pad: u32",
-    body: "result.point = sobol2(given.number); result.scrambled = owen_scramble(given.number, given.seed);",
+    body: "result.point = sobol2(input.number); result.scrambled = owen_scramble(input.number, input.seed);",
 };
 
 /// Numbers at both ends of every power of two, and others.
@@ -76,12 +76,12 @@ fn scrambling_is_nested() {
 
 const STRATIFIED: ShaderFunction = ShaderFunction {
     imports: &["sobol"],
-    given: "index: u32, iteration: u32, number: u32, seed: u32",
+    input: "index: u32, iteration: u32, number: u32, seed: u32",
     result: "pixel: vec2<f32>, direction: vec2<f32>, lobe: vec2<f32>, other: vec2<f32>",
-    body: "result.pixel = stratified2(given.index, given.iteration, given.number, PAIR_PIXEL, given.seed);
-        result.direction = stratified2(given.index, given.iteration, given.number, PAIR_DIRECTION, given.seed);
-        result.lobe = stratified2(given.index, given.iteration, given.number, PAIR_LOBE, given.seed);
-        result.other = random4(STREAM_SENSOR, given.index, given.number, given.iteration, 0u, given.seed).xy;",
+    body: "result.pixel = stratified2(input.index, input.iteration, input.number, PAIR_PIXEL, input.seed);
+        result.direction = stratified2(input.index, input.iteration, input.number, PAIR_DIRECTION, input.seed);
+        result.lobe = stratified2(input.index, input.iteration, input.number, PAIR_LOBE, input.seed);
+        result.other = random4(STREAM_SENSOR, input.index, input.number, input.iteration, 0u, input.seed).xy;",
 };
 
 #[repr(C)]

@@ -9,27 +9,27 @@ use taugate::internals::wgsl::layout::{
 
 use crate::shader_function::{ShaderFunction, contents};
 
-/// A kernel that loads `given.index`.
+/// A kernel that loads `input.index`.
 macro_rules! loads {
     ($name:ident, $module:literal, $type:literal, $call:literal) => {
         const $name: ShaderFunction = ShaderFunction {
             imports: &[$module],
-            given: "index: u32",
+            input: "index: u32",
             result: concat!("value: ", $type),
             body: concat!("result.value = ", $call, ";"),
         };
     };
 }
 
-loads!(TRIANGLE, "scene", "Triangle", "load_triangle(given.index)");
-loads!(INSTANCE, "scene", "InstanceNormals", "load_instance(given.index)");
-loads!(MATERIAL, "material", "Material", "load_material(given.index)");
-loads!(TEXTURE, "scene", "TextureInfo", "load_texture(given.index)");
-loads!(EMITTER, "scene", "Emitter", "load_emitter(given.index)");
-loads!(LIGHT_VERTEX, "tree", "PathVertex", "load_light_vertex(given.index)");
-loads!(TREE_NODE, "tree", "TreeNode", "load_tree_node(given.index)");
-loads!(TREE_RIGHT, "tree", "TreeChild", "load_tree_child(given.index, 1u)");
-loads!(SHADE_POINT, "shade_point", "PathVertex", "load_shade_point(given.index)");
+loads!(TRIANGLE, "scene", "Triangle", "load_triangle(input.index)");
+loads!(INSTANCE, "scene", "InstanceNormals", "load_instance(input.index)");
+loads!(MATERIAL, "material", "Material", "load_material(input.index)");
+loads!(TEXTURE, "scene", "TextureInfo", "load_texture(input.index)");
+loads!(EMITTER, "scene", "Emitter", "load_emitter(input.index)");
+loads!(LIGHT_VERTEX, "tree", "PathVertex", "load_light_vertex(input.index)");
+loads!(TREE_NODE, "tree", "TreeNode", "load_tree_node(input.index)");
+loads!(TREE_RIGHT, "tree", "TreeChild", "load_tree_child(input.index, 1u)");
+loads!(SHADE_POINT, "shade_point", "PathVertex", "load_shade_point(input.index)");
 
 pub const KERNELS: &[&ShaderFunction] =
     &[&TRIANGLE, &INSTANCE, &MATERIAL, &TEXTURE, &EMITTER, &LIGHT_VERTEX, &TREE_NODE, &TREE_RIGHT, &SHADE_POINT];

@@ -62,9 +62,9 @@ fn buffers(scene: &Scene) -> (Geometry, [Contents; 3]) {
 
 const SAMPLE: ShaderFunction = ShaderFunction {
     imports: &["texture"],
-    given: "uv: vec2<f32>, texture: u32, pad: u32",
+    input: "uv: vec2<f32>, texture: u32, pad: u32",
     result: "color: vec4<f32>",
-    body: "result.color = sample_texture(given.texture, given.uv);",
+    body: "result.color = sample_texture(input.texture, input.uv);",
 };
 
 #[test]
@@ -105,11 +105,11 @@ fn textures_agree_with_the_oracle() {
 
 const PARTS: ShaderFunction = ShaderFunction {
     imports: &["texture"],
-    given: "i: i32, size: i32, mode: u32, c: f32, x: i32, y: i32, texture: u32, pad: u32",
+    input: "i: i32, size: i32, mode: u32, c: f32, x: i32, y: i32, texture: u32, pad: u32",
     result: "texel: vec4<f32>, wrapped: i32, linear: f32, pad: vec2<u32>",
-    body: "result.wrapped = wrap_texel(given.i, given.size, given.mode);
-        result.linear = srgb_to_linear(vec3<f32>(given.c)).x;
-        result.texel = texel(load_texture(given.texture), given.x, given.y);",
+    body: "result.wrapped = wrap_texel(input.i, input.size, input.mode);
+        result.linear = srgb_to_linear(vec3<f32>(input.c)).x;
+        result.texel = texel(load_texture(input.texture), input.x, input.y);",
 };
 
 #[test]
@@ -151,9 +151,9 @@ fn wrapping_texels_and_srgb() {
 
 const SURFACE: ShaderFunction = ShaderFunction {
     imports: &["surface"],
-    given: "uv: vec2<f32>, material: u32, pad: u32",
+    input: "uv: vec2<f32>, material: u32, pad: u32",
     result: "base: vec4<f32>, emission: vec3<f32>, coverage: f32",
-    body: "var s: Surface; s.uv = given.uv; s.material = given.material;
+    body: "var s: Surface; s.uv = input.uv; s.material = input.material;
         result.base = base_color(s); result.emission = emission(s); result.coverage = coverage(s);",
 };
 

@@ -18,28 +18,28 @@ pub const KERNELS: &[&ShaderFunction] = &[&TRACE, &AGAIN];
 
 const TRACE: ShaderFunction = ShaderFunction {
     imports: &["visibility"],
-    given: "o: vec3<f32>, t_max: f32, d: vec3<f32>, any: u32",
+    input: "o: vec3<f32>, t_max: f32, d: vec3<f32>, any: u32",
     result: "t: f32, hit: u32, offset: f32, material: u32, position: vec3<f32>, pad: f32, geometric: vec3<f32>,
         left: f32, normal: vec3<f32>, pad2: f32, uv: vec2<f32>, pad3: vec2<f32>",
-    body: "let hit = trace(given.o, given.d, given.t_max, given.any == 1u, NONE, vec4<u32>(id.x, 1u, 2u, 3u));
+    body: "let hit = trace(input.o, input.d, input.t_max, input.any == 1u, NONE, vec4<u32>(id.x, 1u, 2u, 3u));
         result.hit = u32(hit.triangle != NONE);
         if (hit.triangle != NONE) {
             let s = surface_at(hit.triangle, hit.u, hit.v);
             result.t = hit.t; result.offset = s.offset; result.position = s.position; result.geometric = s.geometric;
             result.normal = s.normal; result.uv = s.uv; result.material = s.material;
-            result.left = dot(offset_origin(s.position, s.geometric, s.offset, -given.d) - s.position, -given.d);
+            result.left = dot(offset_origin(s.position, s.geometric, s.offset, -input.d) - s.position, -input.d);
         }",
 };
 
 /// A ray that starts `aside` of `o`, and its hit once more from `o`.
 const AGAIN: ShaderFunction = ShaderFunction {
     imports: &["visibility"],
-    given: "o: vec3<f32>, pad: f32, d: vec3<f32>, pad2: f32, aside: vec3<f32>, pad3: f32",
+    input: "o: vec3<f32>, pad: f32, d: vec3<f32>, pad2: f32, aside: vec3<f32>, pad3: f32",
     result: "first: vec3<f32>, hit: u32, again: vec3<f32>, t: f32",
-    body: "let hit = trace(given.o + given.aside, given.d, 3e38, false, NONE, vec4<u32>(id.x, 1u, 2u, 3u));
+    body: "let hit = trace(input.o + input.aside, input.d, 3e38, false, NONE, vec4<u32>(id.x, 1u, 2u, 3u));
         result.hit = u32(hit.triangle != NONE);
         if (hit.triangle != NONE) {
-            let met = reintersect(hit, given.o, given.d);
+            let met = reintersect(hit, input.o, input.d);
             result.first = surface_at(hit.triangle, hit.u, hit.v).position;
             result.again = surface_at(met.triangle, met.u, met.v).position;
             result.t = met.t;
@@ -67,7 +67,7 @@ struct Again {
 }
 
 #[test]
-fn hits_of_rays_moved_aside_are_met_again() {
+fn offset_rays_are_reintersected_from_their_vertex() {
     let mut pcg = Pcg::new(134);
     let inputs: Vec<Aside> = directions(135, 6000)
         .into_iter()
@@ -96,7 +96,7 @@ fn hits_of_rays_moved_aside_are_met_again() {
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Given {
+struct Input {
     o: [f32; 3],
     t_max: f32,
     d: [f32; 3],
@@ -165,8 +165,8 @@ pub fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
 }
 
 fn trace(kernel: &CompiledFunction, rays: &[(DVec3, DVec3, f32)], any: bool, buffers: &[Contents]) -> Vec<Got> {
-    let inputs: Vec<Given> =
-        rays.iter().map(|(o, d, t_max)| Given { o: vec3(*o), t_max: *t_max, d: vec3(*d), any: any.into() }).collect();
+    let inputs: Vec<Input> =
+        rays.iter().map(|(o, d, t_max)| Input { o: vec3(*o), t_max: *t_max, d: vec3(*d), any: any.into() }).collect();
     kernel.run(&inputs, buffers)
 }
 

@@ -14,15 +14,15 @@ pub const KERNELS: &[&ShaderFunction] = &[&SIDES];
 
 const SIDES: ShaderFunction = ShaderFunction {
     imports: &["vertex"],
-    given: "v: PathVertex, w: vec3<f32>, pad: f32",
+    input: "v: PathVertex, w: vec3<f32>, pad: f32",
     result: "step: vec3<f32>, cosine: f32, end: vec3<f32>, faces: u32, eta: vec2<f32>, pad: vec2<f32>",
-    body: "result.cosine = vertex_cosine(given.v, given.w); result.faces = u32(faces(given.v, given.w));
-        result.eta = eta_range(given.v); result.step = ray_offset(given.v, given.w); result.end = ray_end(given.v, given.w);",
+    body: "result.cosine = vertex_cosine(input.v, input.w); result.faces = u32(faces(input.v, input.w));
+        result.eta = eta_range(input.v); result.step = ray_offset(input.v, input.w); result.end = ray_end(input.v, input.w);",
 };
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Given {
+struct Input {
     v: PathVertex,
     w: [f32; 3],
     pad: f32,
@@ -59,12 +59,12 @@ fn kinds() -> Vec<(PathVertex, bool, bool)> {
 fn every_kind_of_vertex_knows_its_sides() {
     let mut pcg = Pcg::new(144);
     let kinds = kinds();
-    let inputs: Vec<Given> = (0..3000)
+    let inputs: Vec<Input> = (0..3000)
         .map(|i| {
             let (v, has_normal, _) = kinds[i % kinds.len()];
             let offset = if has_normal { 1e-3 } else { 0.0 };
             let (position, geometric) = (vec3(3.0 * direction(&mut pcg)), vec3(direction(&mut pcg)));
-            Given { v: PathVertex { position, geometric, offset, ..v }, w: vec3(direction(&mut pcg)), pad: 0.0 }
+            Input { v: PathVertex { position, geometric, offset, ..v }, w: vec3(direction(&mut pcg)), pad: 0.0 }
         })
         .collect();
     let results: Vec<Got> = SIDES.run(&inputs, &buffers());

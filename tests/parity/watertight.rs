@@ -16,10 +16,10 @@ pub const KERNELS: &[&ShaderFunction] = &[&BOUNCE];
 /// The first hit, and what a ray that leaves it along `next` hits.
 const BOUNCE: ShaderFunction = ShaderFunction {
     imports: &["visibility"],
-    given: "o: vec3<f32>, pad: f32, d: vec3<f32>, pad2: f32, next: vec3<f32>, pad3: f32",
+    input: "o: vec3<f32>, pad: f32, d: vec3<f32>, pad2: f32, next: vec3<f32>, pad3: f32",
     result: "position: vec3<f32>, first: u32, geometric: vec3<f32>, second: u32, normal: vec3<f32>, pad: f32",
-    body: "var o = given.o;
-        var d = given.d;
+    body: "var o = input.o;
+        var d = input.d;
         result.first = NONE;
         result.second = NONE;
         for (var i = 0u; i < 2u; i++) {
@@ -30,15 +30,15 @@ const BOUNCE: ShaderFunction = ShaderFunction {
                 let s = surface_at(hit.triangle, hit.u, hit.v);
                 result.first = hit.triangle; result.position = s.position; result.geometric = s.geometric;
                 result.normal = s.normal;
-                o = offset_origin(s.position, s.geometric, s.offset, given.next);
-                d = given.next;
+                o = offset_origin(s.position, s.geometric, s.offset, input.next);
+                d = input.next;
             }
         }",
 };
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Given {
+struct Input {
     o: [f32; 3],
     pad: f32,
     d: [f32; 3],
@@ -124,7 +124,7 @@ fn placed(mesh: &Mesh, scale: f64) -> Placed {
 }
 
 /// Rays from inside towards shared corners, edges and faces, in turn.
-fn aimed(placed: &Placed, n: usize, pcg: &mut Pcg) -> Vec<Given> {
+fn aimed(placed: &Placed, n: usize, pcg: &mut Pcg) -> Vec<Input> {
     (0..n)
         .map(|i| {
             let [a, b, c] = placed.corners[pcg.below(placed.corners.len())];
@@ -143,7 +143,7 @@ fn aimed(placed: &Placed, n: usize, pcg: &mut Pcg) -> Vec<Given> {
                 let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
                 next = (next - next.dot(normal) * normal + 1e-3 * pcg.range(-1.0, 1.0) * normal).normalize();
             }
-            Given { o: vec3(o), d: vec3((target - o).normalize_or(DVec3::X)), next: vec3(next), ..Zeroable::zeroed() }
+            Input { o: vec3(o), d: vec3((target - o).normalize_or(DVec3::X)), next: vec3(next), ..Zeroable::zeroed() }
         })
         .collect()
 }
@@ -214,7 +214,7 @@ fn coincident_and_empty_triangles() {
     let white = stage::material(&mut scene, stage::diffuse("white", [1.0; 3]));
     stage::add(&mut scene, "sheets", white, mesh);
     let mut pcg = Pcg::new(184);
-    let inputs: Vec<Given> = (0..20_000)
+    let inputs: Vec<Input> = (0..20_000)
         .map(|i| {
             // Half of them at what has no area, the rest at the sheets.
             let target = match i % 4 {
@@ -223,7 +223,7 @@ fn coincident_and_empty_triangles() {
                 _ => DVec3::new(pcg.range(-0.9, 0.9), pcg.range(-0.9, 0.9), 3.0),
             };
             let next = [0.0, 0.0, if i % 2 == 0 { 1.0 } else { -1.0 }];
-            Given { o: [0.0; 3], d: vec3(target.normalize()), next, ..Zeroable::zeroed() }
+            Input { o: [0.0; 3], d: vec3(target.normalize()), next, ..Zeroable::zeroed() }
         })
         .collect();
     let results: Vec<Got> = BOUNCE.run(&inputs, &buffers(&scene, DVec3::ZERO));

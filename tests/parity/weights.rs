@@ -19,10 +19,10 @@ const LONGEST: usize = 6;
 
 const WEIGHTS: ShaderFunction = ShaderFunction {
     imports: &["walk", "weights"],
-    given: "place: array<vec4<f32>, 6>, geometric: array<vec4<f32>, 6>, normal: array<vec4<f32>, 6>, segments: u32, kind: u32,
+    input: "place: array<vec4<f32>, 6>, geometric: array<vec4<f32>, 6>, normal: array<vec4<f32>, 6>, segments: u32, kind: u32,
         density: f32, select_pdf: f32",
     result: "weights: array<f32, 8>",
-    body: "var path = given; let k = path.segments; let beam = path.kind >= 4u; let area = path.kind <= 1u;
+    body: "var path = input; let k = path.segments; let beam = path.kind >= 4u; let area = path.kind <= 1u;
         var lights: array<PathVertex, 6>; var sensors: array<PathVertex, 6>;
         for (var i = 0u; i < 8u; i++) { result.weights[i] = -1.0; }
 

@@ -22,27 +22,27 @@ use walk::{Ends, Pool, Query, room, walk};
 
 const BOUNDS: ShaderFunction = ShaderFunction {
     imports: &["lightcone"],
-    given: "q: vec3<f32>, node: u32, lo: f32, hi: f32, spatial: u32, pad: u32, eta_hi: f32",
+    input: "q: vec3<f32>, node: u32, lo: f32, hi: f32, spatial: u32, pad: u32, eta_hi: f32",
     result: "left: f32, right: f32",
-    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, given.eta_hi);
-        result.left = node_bound(load_tree_child(given.node, 0u), shell, given.spatial == 1u);
-        result.right = node_bound(load_tree_child(given.node, 1u), shell, given.spatial == 1u);",
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, input.eta_hi);
+        result.left = node_bound(load_tree_child(input.node, 0u), shell, input.spatial == 1u);
+        result.right = node_bound(load_tree_child(input.node, 1u), shell, input.spatial == 1u);",
 };
 
 const DRAW: ShaderFunction = ShaderFunction {
     imports: &["query"],
-    given: "q: vec3<f32>, root: u32, lo: f32, hi: f32, spatial: u32, seed: u32, eta_hi: f32",
+    input: "q: vec3<f32>, root: u32, lo: f32, hi: f32, spatial: u32, seed: u32, eta_hi: f32",
     result: "vertex: u32, weight: f32",
-    body: "let shell = Shell(given.q, given.lo, given.hi, 1.0, given.eta_hi);
-        var rng = given.seed;
-        let found = descend(given.root, shell, given.spatial == 1u, &rng);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, input.eta_hi);
+        var rng = input.seed;
+        let found = descend(input.root, shell, input.spatial == 1u, &rng);
         result.vertex = found.vertex; result.weight = found.weight;",
 };
 
 /// Input of both kernels; `number` is the node or the root.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Given {
+struct Input {
     q: [f32; 3],
     number: u32,
     lo: f32,
@@ -53,15 +53,15 @@ struct Given {
     pad: [u32; 3],
 }
 
-fn given(query: &Query, number: u32, spatial: bool, seed: u32) -> Given {
+fn input(query: &Query, number: u32, spatial: bool, seed: u32) -> Input {
     let [lo, hi] = query.shell();
-    Given { q: query.q, number, lo, hi, spatial: spatial.into(), seed, eta_hi: query.eta_hi, pad: [0; 3] }
+    Input { q: query.q, number, lo, hi, spatial: spatial.into(), seed, eta_hi: query.eta_hi, pad: [0; 3] }
 }
 
 /// The device's bounds of both children of every node of a pool.
 fn device_bounds(kernel: &CompiledFunction, pool: &Pool, query: &Query) -> Vec<[f64; 2]> {
-    let inputs: Vec<Given> =
-        (0..pool.nodes.len() as u32).map(|i| given(query, pool.first_node + i, pool.spatial, 0)).collect();
+    let inputs: Vec<Input> =
+        (0..pool.nodes.len() as u32).map(|i| input(query, pool.first_node + i, pool.spatial, 0)).collect();
     if inputs.is_empty() {
         return vec![];
     }
@@ -76,7 +76,7 @@ fn ends(kernel: &CompiledFunction, pool: &Pool, query: &Query) -> Ends {
 
 /// Vertex (as a number of the pool's item) and 1 / P of `n` traversals; no vertex at dead ends.
 fn draw(kernel: &CompiledFunction, pool: &Pool, query: &Query, n: usize, pcg: &mut Pcg) -> Vec<(Option<usize>, f64)> {
-    let inputs: Vec<Given> = (0..n).map(|_| given(query, pool.root, pool.spatial, pcg.next_u32())).collect();
+    let inputs: Vec<Input> = (0..n).map(|_| input(query, pool.root, pool.spatial, pcg.next_u32())).collect();
     let buffers = tree_buffers(&pool.nodes);
     let found: Vec<[u32; 2]> = kernel.run(&inputs, &buffers);
     found.iter().map(|&end| item_and_weight(pool, end)).collect()

@@ -7,7 +7,7 @@ use taugate::internals::wgsl::layout::{NONE, TreeNode};
 
 use crate::shader_function::contents;
 use crate::walk::{Ends, Pool, Query, odd_items, odd_query, paper_bound, walk};
-use crate::{BOUNDS, Given, device_bounds, given};
+use crate::{BOUNDS, Input, device_bounds, input};
 
 const TREES: usize = 10_000;
 
@@ -66,10 +66,10 @@ fn the_papers_bounds_reach_every_valid_vertex() {
 fn the_devices_bounds_reach_every_valid_vertex() {
     let trees = trees();
     let nodes: Vec<TreeNode> = trees.iter().flat_map(|(pool, _)| pool.nodes.clone()).collect();
-    let inputs: Vec<Given> = trees
+    let inputs: Vec<Input> = trees
         .iter()
         .flat_map(|(pool, query)| {
-            (0..pool.nodes.len() as u32).map(|i| given(query, pool.first_node + i, pool.spatial, 0))
+            (0..pool.nodes.len() as u32).map(|i| input(query, pool.first_node + i, pool.spatial, 0))
         })
         .collect();
     let bounds: Vec<[f32; 2]> = BOUNDS.run(&inputs, &[contents("tree_nodes", &nodes)]);

@@ -8,7 +8,7 @@ use taugate::internals::wgsl::layout::TreeNode;
 use crate::reach::check;
 use crate::shader_function::{CompiledFunction, ShaderFunction, contents};
 use crate::walk::{Ends, Pool, Query, odd_items, odd_query, room, walk};
-use crate::{BOUNDS, DRAW, Given, given, item_and_weight, query_of_room, tree_buffers};
+use crate::{BOUNDS, DRAW, Input, input, item_and_weight, query_of_room, tree_buffers};
 
 /// Greatest relative error of 1 / P after twenty levels of f32.
 const TOLERANCE: f64 = 1e-5;
@@ -36,18 +36,18 @@ impl Forest {
     /// Returns the number of valid vertices and of draws that ended at one.
     fn check(&self, draws: usize, pcg: &mut Pcg) -> [usize; 2] {
         let nodes: Vec<TreeNode> = self.trees.iter().flat_map(|(pool, _)| pool.nodes.iter().copied()).collect();
-        let inputs: Vec<Given> = self
+        let inputs: Vec<Input> = self
             .trees
             .iter()
             .flat_map(|(pool, query)| {
-                (0..pool.nodes.len() as u32).map(|i| given(query, pool.first_node + i, pool.spatial, 0))
+                (0..pool.nodes.len() as u32).map(|i| input(query, pool.first_node + i, pool.spatial, 0))
             })
             .collect();
         let bounds: Vec<[f32; 2]> = BOUNDS.run(&inputs, &[contents("tree_nodes", &nodes)]);
         let planted = || self.trees.iter().filter(|(pool, _)| !pool.items.is_empty());
-        let seeds: Vec<Given> = planted()
+        let seeds: Vec<Input> = planted()
             .flat_map(|(pool, query)| vec![(pool, query); draws])
-            .map(|(pool, query)| given(query, pool.root, pool.spatial, pcg.next_u32()))
+            .map(|(pool, query)| input(query, pool.root, pool.spatial, pcg.next_u32()))
             .collect();
         let found: Vec<[u32; 2]> = DRAW.run(&seeds, &tree_buffers(&nodes));
         // For drivers that lose what the last iteration of a loop has found.
@@ -179,12 +179,12 @@ fn a_million_vertices() {
 /// Draws of the left child in `rounds` traversals of each thread.
 const COUNT: ShaderFunction = ShaderFunction {
     imports: &["query"],
-    given: "root: u32, left: u32, rounds: u32, seed: u32",
+    input: "root: u32, left: u32, rounds: u32, seed: u32",
     result: "left: u32",
     body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1e9, 1.0, 1.0);
-        var rng = given.seed;
-        for (var i = 0u; i < given.rounds; i++) {
-            result.left += u32(descend(given.root, shell, false, &rng).vertex == given.left);
+        var rng = input.seed;
+        for (var i = 0u; i < input.rounds; i++) {
+            result.left += u32(descend(input.root, shell, false, &rng).vertex == input.left);
         }",
 };
 

@@ -75,14 +75,14 @@ fn index_checks_change_no_bit_of_any_estimator() {
 
 /// Runs `body` with an index over a buffer of zeros.
 fn read(imports: &'static [&'static str], body: &'static str, buffer: &'static str, bytes_each: usize, index: u32) {
-    let function = ShaderFunction { imports, given: "index: u32", result: "value: u32", body };
+    let function = ShaderFunction { imports, input: "index: u32", result: "value: u32", body };
     let _: Vec<u32> = function.run(&[index], &[contents(buffer, &vec![0u8; 2 * bytes_each])]);
 }
 
-const TEXELS: (&[&str], &str) = (&["tree"], "result.value = load_tree_node(given.index).left.child;");
-const WORDS: (&[&str], &str) = (&["tree"], "result.value = path_offsets[given.index];");
+const TEXELS: (&[&str], &str) = (&["tree"], "result.value = load_tree_node(input.index).left.child;");
+const WORDS: (&[&str], &str) = (&["tree"], "result.value = path_offsets[input.index];");
 const OWN: (&[&str], &str) =
-    (&["tree"], "var own = array<u32, 2>(); own[given.index] = path_offsets[0]; result.value = own[0];");
+    (&["tree"], "var own = array<u32, 2>(); own[input.index] = path_offsets[0]; result.value = own[0];");
 
 #[test]
 #[ignore = "helper of an_index_out_of_range_is_found"]
