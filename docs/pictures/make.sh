@@ -1,0 +1,55 @@
+#!/usr/bin/env bash
+# Renders the pictures of README into the folder of this script:
+#
+#     cargo build --release
+#     docs/pictures/make.sh [SECONDS [RACE_SECONDS]]
+#
+# SECONDS (default 600) is the rendering time of each of the six images, by lcs; 0 leaves the images as they are. RACE_SECONDS
+# (default 30) is the rendering time of each estimator in the row of crops. The reference of the row takes 40 times as long, and 160
+# times at most.
+#
+# Environment: RESOLUTION of the images (640x360), CROP_RESOLUTION of the row (320x180), TAUGATE, the program
+# (target/release/taugate), and PYTHON (python3), which needs Pillow 10.1 or later (pip install pillow). Scenes, EXR files and references
+# stay in bench-pictures.
+set -euo pipefail
+
+seconds=${1:-600}
+race_seconds=${2:-30}
+pictures=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$pictures/../.." && pwd)
+taugate=${TAUGATE:-$root/target/release/taugate}
+python=${PYTHON:-python3}
+resolution=${RESOLUTION:-640x360}
+work=$root/bench-pictures
+
+[ -x "$taugate" ] || { echo "there is no program $taugate; run: cargo build --release" >&2; exit 2; }
+"$python" -c 'import PIL' 2>/dev/null || { echo "$python has no Pillow; run: pip install pillow" >&2; exit 2; }
+
+mkdir -p "$work"
+"$taugate" generate cluttered-room -o "$work/cluttered-room.glb"
+
+picture() { # NAME SCENE [FLAG...]
+    local name=$1 scene=$2
+    shift 2
+    [ "$seconds" != 0 ] || return 0
+    "$taugate" render "$scene" --estimator lcs --time "${seconds}s" --resolution "$resolution" \
+        -o "$work/$name.exr" --png "$pictures/$name.png" "$@"
+}
+picture cornell-steady "$root/scenes/cornell-box.glb"
+picture cornell-gated "$root/scenes/cornell-box.glb" --gate 6.2m..6.5m
+picture door-steady "$root/scenes/door-ajar.glb"
+picture door-gated "$root/scenes/door-ajar.glb" --gate 16.8m..17.1m
+picture clutter-steady "$work/cluttered-room.glb"
+picture clutter-gated "$work/cluttered-room.glb" --gate 7m..7.3m
+
+race=("$taugate" bench "$pictures/crops.toml" --time "${race_seconds}s" --out "$work/crops")
+[ -z "${CROP_RESOLUTION:-}" ] || race+=(--resolution "$CROP_RESOLUTION")
+# Where a figure is left out because the reference is too poor, --reference goes on from where the reference is.
+for attempt in 1 2 3 4; do
+    "${race[@]}" --reference || [ $? -eq 1 ]
+    rm -f "$work/crops/results.csv"
+    "${race[@]}" && "$python" "$pictures/row.py" "$work/crops" lamps "$pictures/crops.png" && exit || code=$?
+    [ "$code" -ne 130 ] || exit 130 # Interrupted.
+done
+echo "the reference of the row is still too poor after $attempt attempts; run this again to extend it" >&2
+exit 1

@@ -1,0 +1,141 @@
+//! The commands in README and in the guide do what the text says. Needs a device.
+//!
+//! The word behind the opening fence of a code block says what the test does with it:
+//!
+//! * `sh`: runs it, and it must succeed. `sh fails`: it must fail, with the text of the next block in its message.
+//! * `sh no-run`: nothing, for commands that take minutes, install something or need cargo. Their number is checked.
+//! * `toml NAME`: writes the file that the commands below it read.
+//! * `text`, `json`, `python`: nothing.
+#![cfg(unix)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A fenced code block.
+struct Block {
+    /// Behind the opening fence.
+    info: String,
+    /// Of the opening fence, counted from 1.
+    line: usize,
+    text: String,
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(document: &str) -> String {
+    std::fs::read_to_string(root().join(document)).unwrap_or_else(|e| panic!("{document}: {e}"))
+}
+
+fn blocks(document: &str) -> Vec<Block> {
+    let mut blocks = vec![];
+    let mut open: Option<Block> = None;
+    for (number, line) in read(document).lines().enumerate() {
+        match (line.trim_start().strip_prefix("```"), open.take()) {
+            (Some(_), Some(block)) => blocks.push(block),
+            (Some(info), None) => {
+                open = Some(Block { info: info.into(), line: number + 1, text: String::new() });
+            }
+            (None, Some(mut block)) => {
+                block.text += line;
+                block.text.push('\n');
+                open = Some(block);
+            }
+            // An indented command would be shown as code and run by nobody.
+            (None, None) => assert!(
+                !line.starts_with("    taugate"),
+                "{document}:{}: put this command into a block that begins with ```sh",
+                number + 1
+            ),
+        }
+    }
+    assert!(open.is_none(), "{document}: the last code block has no end");
+    blocks
+}
+
+/// A folder with the shipped scenes, as a user sees it in the root of the repository.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("scenes")).unwrap();
+    for entry in std::fs::read_dir(root().join("scenes")).unwrap() {
+        let file = entry.unwrap();
+        std::fs::copy(file.path(), folder.path().join("scenes").join(file.file_name())).unwrap();
+    }
+    folder
+}
+
+fn shell(folder: &Path, commands: &str) -> Output {
+    let program = Path::new(env!("CARGO_BIN_EXE_taugate")).parent().expect("the program is in a folder");
+    let others = std::env::var_os("PATH").unwrap_or_default();
+    let path =
+        std::env::join_paths([PathBuf::from(program)].into_iter().chain(std::env::split_paths(&others))).unwrap();
+    Command::new("sh").args(["-e", "-c", commands]).env("PATH", path).current_dir(folder).output().expect("sh starts")
+}
+
+/// Runs the commands of a document in their order, in one folder. Returns how many blocks are marked `no-run`.
+fn run(document: &str) -> usize {
+    let here = folder();
+    let mut not_run = 0;
+    let mut blocks = blocks(document).into_iter();
+    while let Some(Block { info, line, text }) = blocks.next() {
+        let place = format!("{document}:{line}");
+        match info.split(' ').collect::<Vec<_>>()[..] {
+            ["sh"] => {
+                let output = shell(here.path(), &text);
+                assert!(output.status.success(), "{place}: {text}{}", String::from_utf8_lossy(&output.stderr));
+            }
+            ["sh", "fails"] => {
+                let output = shell(here.path(), &text);
+                let message = String::from_utf8_lossy(&output.stderr);
+                assert!(!output.status.success(), "{place}: this succeeds:\n{text}");
+                let expected = blocks.next().filter(|block| block.info == "text");
+                let expected = expected.unwrap_or_else(|| panic!("{place}: its message must follow in a text block"));
+                for part in expected.text.lines() {
+                    assert!(message.contains(part), "{place}: {text}says {message}not {part:?}");
+                }
+            }
+            ["sh", "no-run"] => not_run += 1,
+            ["toml", name] => std::fs::write(here.path().join(name), text).unwrap(),
+            ["text" | "json" | "python"] => {}
+            _ => panic!("{place}: the test does not know blocks of kind '{info}'; see the top of tests/guide.rs"),
+        }
+    }
+    not_run
+}
+
+#[test]
+fn the_commands_of_readme_work() {
+    assert_eq!(run("README.md"), 1, "code blocks of README.md that are not run");
+}
+
+#[test]
+fn the_commands_of_the_guide_work() {
+    assert_eq!(run("docs/GUIDE.md"), 7, "code blocks of docs/GUIDE.md that are not run");
+}
+
+/// Links to files lead to files, and links within a page to one of its headings.
+#[test]
+fn links_lead_somewhere() {
+    for document in ["README.md", "docs/GUIDE.md"] {
+        let text = read(document);
+        let folder = root().join(document).parent().unwrap().to_path_buf();
+        let anchors: Vec<String> = (text.lines().filter(|line| line.starts_with('#')))
+            .map(|line| line.trim_start_matches(['#', ' ']).to_lowercase().replace(' ', "-"))
+            .collect();
+        for link in text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()) {
+            let found = match link.strip_prefix('#') {
+                Some(anchor) => anchors.iter().any(|a| a == anchor),
+                None => folder.join(link).exists(),
+            };
+            assert!(found, "{document}: the link to {link} leads nowhere");
+        }
+    }
+}
+
+/// One screen and a half; all else belongs into the guide.
+#[test]
+fn readme_is_short() {
+    let words = read("README.md").split_whitespace().count();
+    assert!(words <= 700, "README.md has {words} words, more than 700; move some to docs/GUIDE.md");
+}
