@@ -1,4 +1,4 @@
-//! Lamps that lie in the plane of another surface: where the two overlap a ray meets either, as rounding has it.
+//! Lamps that lie in the plane of another surface or lamp: where the two overlap a ray meets either, as rounding has it.
 
 use std::collections::BTreeSet;
 
@@ -21,41 +21,65 @@ const MAX_REPORTED: usize = 10;
 /// What moves a lamp off a surface for sure, relative to the scene.
 const APART: f64 = 1e-4;
 
-/// One sentence, with the remedy, for every pair of a lamp's node and one of a surface that does not shine, in the same plane and
-/// overlapping; sorted, and of more than [`MAX_REPORTED`] the rest as a number. Edges and corners in common are no overlap.
+/// One sentence, with the remedy, for every pair of a lamp's node and the node of another surface in the same plane that overlaps the
+/// lamp. The sentences are sorted; beyond [`MAX_REPORTED`], one sentence gives the number of the others. Edges and corners in common are no
+/// overlap. Where the other surface shines too, a ray meets one of the two lamps and emitter sampling counts both.
 pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
     let shines = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
-    let pairs: BTreeSet<(u32, u32)> = geometry
+    // Instance of the lamp, instance of the other surface, and whether that shines too: such a pair counts from either side.
+    let pairs: BTreeSet<(u32, u32, bool)> = geometry
         .triangles
         .par_iter()
         .filter(|t| shines(t))
-        .map(|t| (t.instance, PlanarTriangle::new(t)))
+        .map(|t| (t, PlanarTriangle::new(t)))
         .filter(|(_, lamp)| lamp.normal != DVec3::ZERO)
-        .flat_map_iter(|(node, lamp)| {
+        .flat_map_iter(|(t, lamp)| {
             let mut found = BTreeSet::new();
             near(geometry, &lamp, |other| {
-                if !shines(other) && overlap(&lamp, &PlanarTriangle::new(other)) {
-                    found.insert((node, other.instance));
+                let pair = match shines(other) {
+                    true => (t.instance.min(other.instance), t.instance.max(other.instance), true),
+                    false => (t.instance, other.instance, false),
+                };
+                if !std::ptr::eq(t, other) && !found.contains(&pair) && overlap(&lamp, &PlanarTriangle::new(other)) {
+                    found.insert(pair);
                 }
             });
             found
         })
         .collect();
     let node = |instance: u32| scene.instances[instance as usize].node.as_str();
-    let named: BTreeSet<(&str, &str)> = pairs.into_iter().map(|(lamp, other)| (node(lamp), node(other))).collect();
+    let named: BTreeSet<(&str, &str, bool)> =
+        pairs.into_iter().map(|(lamp, other, both_shine)| (node(lamp), node(other), both_shine)).collect();
     let distance = APART * space.unit;
-    let sentence = |(lamp, other): &(&str, &str)| {
-        let surface = if lamp == other { "another of its own surfaces".to_string() } else { format!("'{other}'") };
-        format!(
-            "the lamp '{lamp}' lies in the plane of {surface}: a ray overlaps one or the other, so the lamp is speckled where it \
-             is seen; move it {distance:.0e} m or more in front of it"
-        )
-    };
-    let mut all: Vec<String> = named.iter().take(MAX_REPORTED).map(sentence).collect();
+    let mut all: Vec<String> = named.iter().take(MAX_REPORTED).map(|&pair| sentence(pair, distance)).collect();
     if named.len() > MAX_REPORTED {
-        all.push(format!("and {} lamps more lie in the plane of another surface", named.len() - MAX_REPORTED));
+        all.push(format!(
+            "and {} more pairs of a lamp and another surface overlap in one plane",
+            named.len() - MAX_REPORTED
+        ));
     }
     all
+}
+
+/// `distance`: metres that are enough between the two.
+fn sentence((lamp, other, both_shine): (&str, &str, bool), distance: f64) -> String {
+    match (both_shine, lamp == other) {
+        (false, own) => {
+            let surface = if own { "another of its own surfaces".to_string() } else { format!("'{other}'") };
+            format!(
+                "the lamp '{lamp}' lies in the plane of {surface}: a ray meets one or the other, so the lamp is speckled where it \
+                 is seen; move it {distance:.0e} m or more in front of it"
+            )
+        }
+        (true, true) => format!(
+            "the lamp '{lamp}' has surfaces that overlap in one plane: a ray meets only one of them, but each lights the scene, so \
+             estimators differ; remove one, or move one {distance:.0e} m or more away"
+        ),
+        (true, false) => format!(
+            "the lamps '{lamp}' and '{other}' overlap in one plane: a ray meets only one of them, but each lights the scene, so \
+             estimators differ; remove one, or move one {distance:.0e} m or more away"
+        ),
+    }
 }
 
 /// A triangle with its plane.
@@ -139,7 +163,8 @@ fn near<'g>(geometry: &'g Geometry, lamp: &PlanarTriangle, mut visit: impl FnMut
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::stage::about;
+    use crate::generate::shapes::{inside_out, quad};
+    use crate::generate::stage::{about, add, camera, emitter, material};
     use crate::generate::{Kind, build};
     use crate::render::albedo::AlbedoTable;
     use crate::settings::Emitters;
@@ -174,6 +199,37 @@ mod tests {
         }
     }
 
+    /// Two lamps of the same size, `aside` from each other, the second one `turned` over or not.
+    fn said_of_two_lamps(double_sided: bool, turned: bool, aside: f64, height: f64) -> Vec<String> {
+        let mut scene = Scene::default();
+        let lamp = emitter("lamp", [1.0; 3]);
+        let lamp = material(&mut scene, crate::scene::Material { double_sided, ..lamp });
+        let first = quad(DVec3::Y, DVec3::X, DVec3::Z, [1.0; 2]);
+        let second = quad(DVec3::new(aside, 1.0 + height, 0.0), DVec3::X, DVec3::Z, [1.0; 2]);
+        add(&mut scene, "first", lamp, first);
+        add(&mut scene, "second", lamp, if turned { inside_out(second) } else { second });
+        camera(&mut scene, DVec3::ZERO, DVec3::Y, 1.0, [8, 8]);
+        let space = RenderSpace::new(&scene, DVec3::ZERO, &Emitters::Scene);
+        let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
+        warnings(&scene, &geometry, &space)
+    }
+
+    #[test]
+    fn lamps_that_overlap_in_one_plane_are_named_once() {
+        for (double_sided, turned, aside) in
+            [(true, true, 0.0), (true, false, 0.5), (true, true, 0.5), (false, true, 0.0), (false, false, 0.5)]
+        {
+            let found = said_of_two_lamps(double_sided, turned, aside, 0.0);
+            assert_eq!(found.len(), 1, "{double_sided} {turned} {aside}: {found:?}");
+            assert!(found[0].contains("'first'") && found[0].contains("'second'") && found[0].contains("move one"));
+            for (aside, height) in [(1.0, 0.0), (aside, 1e-3)] {
+                assert_eq!(said_of_two_lamps(double_sided, turned, aside, height), Vec::<String>::new());
+            }
+        }
+        // A copy in the same orientation is left out: nothing is left to overlap.
+        assert_eq!(said_of_two_lamps(true, false, 0.0, 0.0), Vec::<String>::new());
+    }
+
     #[test]
     fn of_many_lamps_ten_are_named() {
         let mut scene = build(Kind::CornellBox);
@@ -186,10 +242,11 @@ mod tests {
         }
         let space = RenderSpace::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
         let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
+        // Each of the 14 overlaps the ceiling, and each two of them overlap.
         let found = warnings(&scene, &geometry, &space);
         assert_eq!(
             (found.len(), found.last().unwrap().as_str()),
-            (11, "and 4 lamps more lie in the plane of another surface")
+            (11, "and 95 more pairs of a lamp and another surface overlap in one plane")
         );
     }
 
