@@ -56,7 +56,9 @@ fn point(stand: Emitter, intensity: [f32; 3]) -> LightRecord {
 
 /// `inner` and `outer`: 1 - cosine of the half angles.
 fn spot(stand: Emitter, intensity: [f32; 3], inner: f64, outer: f64) -> LightRecord {
-    let flux = PI * (inner + outer) * luminance(intensity);
+    // 1 inside the inner cone, and the square of a ramp from 1 to 0 in the height of the cap from there to the outer one.
+    let solid_angle = 2.0 * PI * (inner + (outer - inner) / 3.0);
+    let flux = solid_angle * luminance(intensity);
     let [inner, outer] = [inner, outer].map(|height| height as f32);
     punctual(Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..stand }, EMIT_SPOT, flux)
 }
@@ -134,5 +136,21 @@ mod tests {
         let cap = 2.0 * PI * (1.0 - f64::from(outer).cos());
         assert!(close(flux(LightKind::Spot { intensity: [3.0; 3], inner, outer }), 3.0 * cap));
         assert!(close(flux(LightKind::Beam { power: [3.0; 3], radius: 0.1 }), 3.0));
+    }
+
+    /// The falloff of KHR_lights_punctual, summed over rings of the sphere.
+    #[test]
+    fn the_flux_of_a_spot_is_the_integral_of_its_falloff() {
+        for (inner, outer) in [(0.0f32, 0.01f32), (0.0, 0.5), (0.3, 0.5), (0.2, 1.5), (0.0, 3.1), (1.0, 1.01)] {
+            let (full, none) = (f64::from(inner).cos(), f64::from(outer).cos());
+            let falloff = |cosine: f64| ((cosine - none) / (full - none)).clamp(0.0, 1.0).powi(2);
+            let rings = 20_000;
+            let width = f64::from(outer) / f64::from(rings);
+            let angles = (0..rings).map(|i| (f64::from(i) + 0.5) * width);
+            let solid_angle: f64 = angles.map(|a| falloff(a.cos()) * 2.0 * PI * a.sin() * width).sum();
+            let flux = record(LightKind::Spot { intensity: [3.0; 3], inner, outer }).expect("rendered").flux * 4.0;
+            let error = flux / (3.0 * solid_angle) - 1.0;
+            assert!(error.abs() < 1e-5, "{inner} {outer}: {error}");
+        }
     }
 }
