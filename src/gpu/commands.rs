@@ -89,9 +89,10 @@ impl Commands {
         let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
         let shared = &self.shared;
         let queue = shared.submitting();
-        // SAFETY: the command buffers are complete; the lock makes this the queue's only user; the fence is unsignalled and waited
-        // for before anything is reused.
+        // SAFETY: the command buffers are complete; the lock makes this the queue's only user. The last submit has ended, so the fence
+        // may be reset. It is reset before the submit, because a wait that failed may have left it signalled.
         unsafe {
+            shared.device.reset_fences(&[self.fence]).map_err(|e| shared.error("resetting a fence", e))?;
             shared.device.queue_submit(*queue, &submit, self.fence).map_err(|e| shared.error("submitting work", e))?;
             shared.waits.fetch_add(1, Ordering::Relaxed);
             if let Err(e) = shared.device.wait_for_fences(&[self.fence], true, u64::MAX) {
@@ -99,8 +100,8 @@ impl Commands {
                 let _ = shared.device.queue_wait_idle(*queue);
                 return Err(shared.error("waiting for the device", e));
             }
-            shared.device.reset_fences(&[self.fence]).map_err(|e| shared.error("resetting a fence", e))
         }
+        Ok(())
     }
 
     /// Ends the recording; what it writes is visible to the host and to whatever is submitted after it.
@@ -139,5 +140,38 @@ impl Drop for Commands {
             d.destroy_fence(self.fence, None);
             d.destroy_command_pool(self.pool, None);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::{Buffer, Device};
+
+    /// A failed wait may leave the fence signalled. The next submit must wait all the same.
+    #[test]
+    fn a_submit_waits_though_the_fence_was_left_signalled() {
+        let device = Device::open(None).unwrap_or_else(|e| panic!("this test needs a Vulkan device: {e}"));
+        let count = 1 << 24;
+        let buffer = Buffer::from_slice(&device, "numbers", &vec![1u32; count], "").unwrap();
+        let shared = &device.shared;
+        let mut commands = Commands::new(shared).unwrap();
+        // SAFETY: the fence is unsignalled, the lock makes this the queue's only user, and nothing is left to do afterwards.
+        unsafe {
+            let queue = shared.submitting();
+            shared.device.queue_submit(*queue, &[], commands.fence).unwrap();
+            shared.device.queue_wait_idle(*queue).unwrap();
+        }
+        commands.begin().unwrap();
+        let transfer = (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE);
+        for value in 2..=9 {
+            // SAFETY: recording has begun; the buffer has the transfer usage and outlives the submit.
+            unsafe {
+                shared.device.cmd_fill_buffer(commands.buffer, buffer.allocation.handle, 0, vk::WHOLE_SIZE, value);
+            }
+            commands.barrier(transfer, transfer);
+        }
+        commands.submit(None).unwrap();
+        assert!(buffer.with::<u32, _>(count, |seen| seen.iter().all(|&x| x == 9)).unwrap());
     }
 }
