@@ -1,13 +1,17 @@
 //! Image files: what is written is read back, and hostile files are refused before memory is reserved.
 
 use std::path::Path;
+use std::time::Duration;
 
 use exr::prelude::{AttributeValue, MetaData};
+use taugate::internals::generate::{Kind, build};
 use taugate::internals::image::exr_file::{self, Provenance, read_picture};
 use taugate::internals::image::film::Film;
 use taugate::internals::image::png_file;
-use taugate::internals::settings::Crop;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::resolve;
 use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Budget, Crop, Estimator, Settings};
 
 const SETTINGS: &str = "scene = \"röom.glb\"\n\n[gate]\ngate = \"12.5m..12.8m\"\n";
 
@@ -122,4 +126,27 @@ fn a_png_has_the_size_and_a_black_image_is_black() {
     png_file::write(&path, 3, 2, &[1e-9; 18]).unwrap();
     assert_eq!(decode(&path), (3, 2, vec![243; 18]));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+/// Who uses the library has no experiment file: the settings in the image are those that were given.
+#[test]
+fn write_exr_notes_the_settings_as_an_experiment() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.exr");
+    let settings = Settings::builder()
+        .estimator(Estimator::Lcs)
+        .gate(Gate { lo: 12.5, hi: 12.8 })
+        .resolution([10, 8])
+        .crop(Crop { x0: 3, y0: 2, x1: 9, y1: 6 })
+        .budget(Budget::Spp(4))
+        .build()
+        .unwrap();
+    taugate::write_exr(&path, &Film::new(6, 4), &settings, Duration::from_secs(1)).unwrap();
+    let meta = MetaData::read_from_file(&path, true).unwrap();
+    let attributes = &meta.headers[0].own_attributes.other;
+    let (_, value) = attributes.iter().find(|(key, _)| key.bytes() == b"tof:settings").expect("the attribute");
+    let AttributeValue::Text(text) = value else { panic!("no text: {value:?}") };
+    let experiment = Experiment::parse(&text.to_string()).unwrap();
+    let scene = build(Kind::CornellBox);
+    assert_eq!(resolve(&experiment, &scene).unwrap().settings, settings, "{text}");
 }

@@ -57,10 +57,11 @@ pub fn version() -> String {
     format!("taugate {}{commit}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Writes the film of a render with these settings, which took `elapsed`: mean and variance of every pixel, gate, seed and version. After
-/// [`crate::Renderer::restart`] the settings must name the seed and the gate that it was given.
+/// Writes the film of a render with these settings, which took `elapsed`: mean and variance of every pixel, gate, seed and version. The
+/// attribute `tof:settings` holds the settings as an experiment file, without the scene's path and the camera's name, which they do not
+/// know. After [`crate::Renderer::restart`] the settings must name the seed and the gate that it was given.
 pub fn write_film(path: &Path, film: &Film, settings: &Settings, elapsed: Duration) -> Result<()> {
-    write(path, film, &Provenance::new(settings, elapsed.as_secs_f64(), String::new()))
+    write(path, film, &Provenance::new(settings, elapsed.as_secs_f64(), settings.to_tables().to_toml()))
 }
 
 /// Writes mean and variance as one single-part EXR of 32-bit scan lines (ZIP): R, G, B and Variance.R, .G, .B. With

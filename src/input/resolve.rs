@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
 use crate::scene::{Camera, Scene};
-use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable, Tables};
 use crate::settings::units::{Gate, GatePrecision};
 use crate::settings::values::{Png, Resolution};
 use crate::settings::*;
@@ -102,23 +102,12 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
 
 /// The experiment that resolves to exactly these settings, with every open choice filled in.
 pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene) -> Experiment {
+    let Tables { camera, emitter, gate, render } = settings.to_tables();
     let mut full = experiment.clone();
-    full.camera = CameraTable {
-        camera: Some(scene.cameras[settings.camera()].name.clone()),
-        resolution: Some(Resolution(settings.resolution())),
-        crop: Some(settings.crop()),
-    };
-    full.emitter = EmitterTable { emitters: Some(settings.emitters().clone()) };
-    full.gate = GateTable {
-        gate: (!settings.responses().are_steady()).then(|| settings.responses().support()),
-        depth: None,
-        force: experiment.gate.force,
-    };
-    full.render = RenderTable {
-        device: experiment.render.device.clone(),
-        strict: experiment.render.strict,
-        ..settings.to_table()
-    };
+    full.camera = CameraTable { camera: Some(scene.cameras[settings.camera()].name.clone()), ..camera };
+    full.emitter = emitter;
+    full.gate = GateTable { force: experiment.gate.force, ..gate };
+    full.render = RenderTable { device: experiment.render.device.clone(), strict: experiment.render.strict, ..render };
     full
 }
 

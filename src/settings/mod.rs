@@ -19,7 +19,7 @@ pub use self::choices::{Budget, Crop, Emitters, Importance, Sampling, Strategies
 pub use self::responses::{Response, Responses};
 use crate::error::{Error, Result};
 pub use crate::estimators::Estimator;
-use crate::settings::table::RenderTable;
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable, Tables};
 use crate::wgsl::layout::constants::MAX_SUBTREES;
 
 /// Samples per pixel when neither `spp` nor `time` is given.
@@ -137,6 +137,22 @@ impl Settings {
             Budget::Seconds(seconds) => (None, Some(values::Seconds(seconds))),
         };
         table
+    }
+
+    /// All that the image depends on, as an experiment has it, filled in. The name of the camera stays open: the scene knows it.
+    #[doc(hidden)]
+    pub fn to_tables(&self) -> Tables {
+        let responses = self.responses();
+        Tables {
+            camera: CameraTable {
+                camera: None,
+                resolution: Some(values::Resolution(self.resolution())),
+                crop: Some(self.crop()),
+            },
+            emitter: EmitterTable { emitters: Some(self.emitters().clone()) },
+            gate: GateTable { gate: (!responses.are_steady()).then(|| responses.support()), ..GateTable::default() },
+            render: self.to_table(),
+        }
     }
 }
 

@@ -4,6 +4,8 @@
 
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use crate::error::Result;
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
 use crate::settings::units::{Depth, Gate};
@@ -171,6 +173,22 @@ impl RenderTable {
         let mut notes = Notes(estimator, vec![]);
         self.clone().visit(&mut notes);
         notes.1
+    }
+}
+
+/// The tables of an experiment that say what an image shows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Tables {
+    pub camera: CameraTable,
+    pub emitter: EmitterTable,
+    pub gate: GateTable,
+    pub render: RenderTable,
+}
+
+impl Tables {
+    /// The experiment as TOML.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("tables are plain text and numbers")
     }
 }
 
