@@ -68,6 +68,14 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     return chosen;
 }
 
+// Target function of the resampling: the contribution of the connection of q and v as `connect` counts it, but for the visibility.
+fn target_function(q: PathVertex, v: PathVertex) -> f32 {
+    let segment = segment_between(q.position, v.position);
+    let tau = connection_time(q, v, segment.direction, sqrt(segment.length2));
+    let open = unshadowed(q, v);
+    return (open.x + open.y + open.z) * (open.w * gate_weight(tau));
+}
+
 // K stratified queries of one tree, resampled by the unshadowed contribution (Talbot et al. 2005): one vertex, and the factor
 // that takes the place of 1 / (K P(j | q)).
 fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
@@ -90,8 +98,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         if (candidate.vertex == NONE) {
             continue;
         }
-        let contribution = unshadowed(q, load_light_vertex(candidate.vertex));
-        let target_value = (contribution.x + contribution.y + contribution.z) * contribution.w;
+        let target_value = target_function(q, load_light_vertex(candidate.vertex));
         let weight = target_value * candidate.weight;
         if (!(weight < 3e38)) {
             // Not a number, or not finite: taken as it is, so that it is counted.

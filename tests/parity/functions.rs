@@ -58,6 +58,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("outgoing_light", "as vertex_importance"),
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),
+    ("target_function", "as unshadowed: images by lcs"),
     ("total_power", "leaves that come up with the probability they report"),
     ("sensor_sample", "crops that are parts of whole images, in determinism; tiles list their samples in a unit test"),
     ("samples_of_pixel", "as sensor_sample; a lit triangle in estimators"),
