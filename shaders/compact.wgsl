@@ -1,4 +1,5 @@
-// Stable compaction in three steps: counts of chunks, their running sums, scatter. No atomics, so lists keep their order.
+// Stable compaction in three steps: running sums of chunks within their block, running sums of blocks, scatter. No atomics, so lists
+// keep their order. A block is what one workgroup counts: 64 chunks of 32 entries.
 #import frame
 #import math
 
@@ -6,6 +7,7 @@
 @group(2) @binding(0) var marks: texture_1d<u32>;
 // What an entry stands for.
 @group(2) @binding(1) var<storage, read> source: array<u32>;
+// Members of the chunks of the same block that come before each chunk; behind the last chunk, the same for blocks.
 @group(2) @binding(2) var<storage, read_write> chunk_counts: array<vec2<u32>>;
 @group(2) @binding(3) var<storage, read_write> list_a: array<u32>;
 @group(2) @binding(4) var<storage, read_write> list_b: array<u32>;
@@ -15,6 +17,7 @@
 @group(2) @binding(6) var<storage, read_write> arguments: array<u32>;
 
 const CHUNK: u32 = 32u;
+// Threads of a workgroup that adds up.
 const SCAN_THREADS: u32 = 64u;
 
 const LISTS: u32 = 4u;
@@ -38,17 +41,6 @@ fn chunk_members(first: u32, n: u32) -> vec2<u32> {
     return members & vec2<u32>(0xffffffffu >> (CHUNK - min(CHUNK, n - first)));
 }
 
-// One thread, one chunk.
-@compute @workgroup_size(WORKGROUP)
-fn compact_count(@builtin(global_invocation_id) id: vec3<u32>) {
-    let n = entry_count();
-    let first = id.x * CHUNK;
-    if (first >= n) {
-        return;
-    }
-    chunk_counts[id.x] = countOneBits(chunk_members(first, n));
-}
-
 var<workgroup> partial: array<vec2<u32>, SCAN_THREADS>;
 
 // What the threads of a workgroup before this one have together, and what all of them have.
@@ -68,18 +60,41 @@ fn sums_over_threads(thread: u32, own: vec2<u32>) -> Sums {
     return sums;
 }
 
-// The chunks [x, y) of a list that are a thread's share.
-fn share_of_chunks(thread: u32) -> vec2<u32> {
-    let chunks = (entry_count() + CHUNK - 1u) / CHUNK;
-    let share = (chunks + SCAN_THREADS - 1u) / SCAN_THREADS;
-    let lo = min(thread * share, chunks);
-    return vec2<u32>(lo, min(lo + share, chunks));
+fn chunks_of(entries: u32) -> u32 {
+    return (entries + CHUNK - 1u) / CHUNK;
 }
 
-// One workgroup: counts become first positions, totals become list lengths and dispatch sizes.
+// Of `all` items, those in [x, y) are a thread's share.
+fn share_of(all: u32, thread: u32) -> vec2<u32> {
+    let share = (all + SCAN_THREADS - 1u) / SCAN_THREADS;
+    let lo = min(thread * share, all);
+    return vec2<u32>(lo, min(lo + share, all));
+}
+
+// One thread, one chunk; one workgroup, one block: counts become positions within the block.
+@compute @workgroup_size(SCAN_THREADS)
+fn compact_count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32, @builtin(workgroup_id) block: vec3<u32>) {
+    let n = entry_count();
+    let first = id.x * CHUNK;
+    var count = vec2<u32>(0u);
+    if (first < n) {
+        count = countOneBits(chunk_members(first, n));
+    }
+    let sums = sums_over_threads(thread, count);
+    if (first < n) {
+        chunk_counts[id.x] = sums.before;
+    }
+    if (thread == 0u) {
+        chunk_counts[chunks_of(n) + block.x] = sums.all;
+    }
+}
+
+// One workgroup: counts of blocks become their first positions, totals become list lengths and dispatch sizes. 32 Mi entries, the
+// most that a tile on a card has with 32 slots per shade point, are 256 blocks per thread.
 @compute @workgroup_size(SCAN_THREADS)
 fn compact_scan(@builtin(local_invocation_index) thread: u32) {
-    let share = share_of_chunks(thread);
+    let chunks = chunks_of(entry_count());
+    let share = chunks + share_of((chunks + SCAN_THREADS - 1u) / SCAN_THREADS, thread);
     var sum = vec2<u32>(0u);
     for (var i = share.x; i < share.y; i++) {
         sum += chunk_counts[i];
@@ -98,7 +113,7 @@ fn compact_scan(@builtin(local_invocation_index) thread: u32) {
 @compute @workgroup_size(SCAN_THREADS)
 fn compact_short(@builtin(local_invocation_index) thread: u32) {
     let n = entry_count();
-    let share = share_of_chunks(thread);
+    let share = share_of(chunks_of(n), thread);
     var sum = vec2<u32>(0u);
     for (var i = share.x; i < share.y; i++) {
         sum += countOneBits(chunk_members(i * CHUNK, n));
@@ -124,24 +139,24 @@ fn set_lengths(thread: u32, total: vec2<u32>) {
 fn set_length(list: u32, length: u32) {
     counters[list] = length;
     counters[COUNTER_TOTALS + list] += length;
-    set_workgroups(list, length);
+    set_workgroups(list, length, WORKGROUP);
     let entries = length * select(1u, frame.slots, list == dispatch.list_b);
-    set_workgroups(LISTS + list, (entries + CHUNK - 1u) / CHUNK);
+    set_workgroups(LISTS + list, chunks_of(entries), SCAN_THREADS);
 }
 
-fn set_workgroups(at: u32, threads: u32) {
-    arguments[3u * at] = (threads + WORKGROUP - 1u) / WORKGROUP;
+fn set_workgroups(at: u32, threads: u32, size: u32) {
+    arguments[3u * at] = (threads + size - 1u) / size;
     arguments[3u * at + 1u] = 1u;
     arguments[3u * at + 2u] = 1u;
 }
 
 // One thread, one chunk.
-@compute @workgroup_size(WORKGROUP)
-fn compact_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
+@compute @workgroup_size(SCAN_THREADS)
+fn compact_scatter(@builtin(global_invocation_id) id: vec3<u32>, @builtin(workgroup_id) block: vec3<u32>) {
     let n = entry_count();
     let first = id.x * CHUNK;
     if (first < n) {
-        scatter_chunk(first, n, chunk_counts[id.x]);
+        scatter_chunk(first, n, chunk_counts[chunks_of(n) + block.x] + chunk_counts[id.x]);
     }
 }
 

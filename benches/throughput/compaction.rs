@@ -2,7 +2,7 @@
 
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
-use taugate::internals::wgsl::layout::constants::{CHUNK, LISTS};
+use taugate::internals::wgsl::layout::constants::{CHUNK, LISTS, SCAN_THREADS};
 use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE};
 
 /// Slots, and those of a hundred that are live.
@@ -17,6 +17,7 @@ const TO: u32 = 3;
 pub fn compare(device: &Device) {
     let mut pcg = Pcg::new(9);
     let marks: Vec<u32> = (0..SLOTS).map(|_| u32::from(pcg.below(100) < LIVE)).collect();
+    let chunks = SLOTS.div_ceil(CHUNK as usize);
     let mut counters = [0u32; COUNTERS];
     counters[FROM as usize] = SLOTS as u32;
     let frame = Frame { slots: 1, ..bytemuck::Zeroable::zeroed() };
@@ -27,7 +28,7 @@ pub fn compare(device: &Device) {
         ("marks", upload("marks", &marks)),
         ("counters", upload("counters", &counters)),
         ("source", room("source", 1)),
-        ("chunk_counts", room("chunk counts", 2 * SLOTS.div_ceil(CHUNK as usize))),
+        ("chunk_counts", room("chunk counts", 2 * (chunks + chunks.div_ceil(SCAN_THREADS as usize)))),
         ("list_a", room("live slots", SLOTS)),
         ("list_b", room("other list", 1)),
         ("arguments", room("arguments", 6 * LISTS as usize)),
@@ -42,7 +43,7 @@ pub fn compare(device: &Device) {
     let mut on_device = || {
         let lists = Dispatch { counter: FROM, list_a: TO, list_b: NONE, ..bytemuck::Zeroable::zeroed() };
         for (i, (kernel, bound)) in steps.iter().enumerate() {
-            let groups = if i == 1 { 1 } else { kernel.groups(SLOTS.div_ceil(CHUNK as usize)) };
+            let groups = if i == 1 { 1 } else { kernel.groups(chunks) };
             recorder.dispatch("compact", kernel, bound, &lists, groups).expect("dispatch");
         }
         recorder.submit().expect("submit");

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
 use crate::wgsl::layout::Dispatch;
-use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, LISTS};
+use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, LISTS, SCAN_THREADS};
 
 /// Words that hold the lengths of lists, and the lengths added up.
 pub const COUNTERS: usize = (COUNTER_TOTALS + LISTS) as usize;
@@ -12,6 +12,12 @@ pub const ARGUMENTS: usize = 6 * LISTS as usize;
 
 /// Entries of a list that one workgroup compacts faster than three dispatches do.
 const SHORT_LIST: usize = 1 << 13;
+
+/// Pairs of counts that the compaction of `entries` entries needs: one per chunk and one per block of chunks.
+pub fn chunk_counts(entries: usize) -> usize {
+    let chunks = entries.div_ceil(CHUNK as usize);
+    chunks + chunks.div_ceil(SCAN_THREADS as usize)
+}
 
 /// Kernels of `compact.wgsl`.
 pub struct Compaction {

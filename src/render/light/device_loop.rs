@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::*;
-use crate::render::compaction::{ARGUMENTS, Compaction, CompactionBindings, indirect_over};
+use crate::render::compaction::{ARGUMENTS, Compaction, CompactionBindings, chunk_counts, indirect_over};
 use crate::render::submit_size::size_factor;
 use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, VERTEX_DEPTH};
 
@@ -110,7 +110,7 @@ impl DeviceLoop {
             words("living light paths in turn", paths),
             words("light paths with new vertices", paths),
             words("marks of light paths", paths.next_multiple_of(CHUNK as usize)),
-            BufferDesc::of::<[u32; 2]>("chunk counts of light paths", paths.div_ceil(CHUNK as usize), remedy),
+            BufferDesc::of::<[u32; 2]>("chunk counts of light paths", chunk_counts(paths), remedy),
             words("dispatch arguments of light paths", ARGUMENTS),
             BufferDesc::of::<PathVertex>("light vertices of all bounces", kept, remedy).read_back(),
             BufferDesc::of::<[f32; 4]>("light splats of all bounces", kept, remedy).read_back(),

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use super::TileSample;
 use crate::error::Result;
 use crate::gpu::{Buffer, BufferDesc, Device, ReadBack, Recorder};
-use crate::render::compaction::{ARGUMENTS, COUNTERS};
+use crate::render::compaction::{ARGUMENTS, COUNTERS, chunk_counts};
 use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Candidate, PathState, PathVertex};
@@ -54,7 +54,7 @@ pub fn buffer_descs(plan: &Plan, paths: usize, slots: usize) -> [BufferDesc; BUF
         words("shade point list", paths),
         words("candidate list", entries),
         quads("marks", entries.next_multiple_of(CHUNK as usize) / 4),
-        BufferDesc::of::<[u32; 2]>("chunk counts", entries.div_ceil(CHUNK as usize), few),
+        BufferDesc::of::<[u32; 2]>("chunk counts", chunk_counts(entries), few),
         BufferDesc::of::<Candidate>("candidates", entries, few),
         quads("contributions", entries),
         words("counters", COUNTERS).read_back(),
