@@ -1,23 +1,34 @@
 //! The mean over an image, tested against what is known of it: a closed form, or the mean of long renders that other tests
 //! compare with an independent path tracer.
 
+use glam::{DAffine3, DVec3};
+
 use super::{Method, Verdict};
 use crate::compare::statistics::{normal_score, sidak_threshold};
 use crate::error::Result;
-use crate::generate::{Kind, build, zoo::Light};
+use crate::generate::numbers::sin_cos;
+use crate::generate::{Kind, build, stage, zoo::Light};
 use crate::gpu::Device;
 use crate::oracle::sphere::gated_radiance;
 use crate::render::Renderer;
-use crate::scene::Scene;
+use crate::scene::{AlphaMode, LightKind, Material, Scene};
 use crate::settings::Estimator;
 use crate::settings::units::Gate;
 
 /// Probability that a device without fault fails any of the tests (Sidak).
 const SIGNIFICANCE: f64 = 1e-3;
 /// Upper bound on the number of tests.
-const TESTS: usize = 60;
+const TESTS: usize = 90;
 /// Relative error of means in 32 bits, and of the sphere's flat facets.
 const ROUNDING: f64 = 2e-4;
+/// Lamps of the sphere that is lit by many: more than are connected one by one.
+const LAMPS: usize = 12;
+/// Distance of these lamps from the centre, relative to the radius. They stand in opposite pairs, so that the closed form is off by
+/// about its square.
+const ASIDE: f64 = 0.01;
+/// Part of the light that the veil in the sphere lets pass, and its distance from the wall relative to the radius.
+const PASSES: f64 = 0.75;
+const VEIL: f64 = 1e-4;
 /// Iterations, which the standard error comes from, and samples per pixel in each.
 const ITERATIONS: u32 = 24;
 const SAMPLES: u32 = 2;
@@ -42,13 +53,25 @@ pub struct ExpectedMean {
 pub fn cases() -> Vec<Case> {
     let case = |name, kind, expected| Case { name, scene: build(kind), expected };
     let stored = |lo, hi, mean, error| ExpectedMean { gate: Gate { lo, hi }, mean, error };
-    let sphere = [(1.95, 2.25), (3.0, 3.5), (5.0, 6.0)];
-    let sphere = sphere.map(|(lo, hi)| stored(lo, hi, gated_radiance(1.0, 0.5, lo, hi), 0.0));
-    let unfolded = Kind::GatedSphere { radius: 1.0, subdivisions: 5, albedo: 0.5 };
+    let sphere = |albedo, gates: &[(f64, f64)]| {
+        gates.iter().map(|&(lo, hi)| stored(lo, hi, gated_radiance(1.0, albedo, lo, hi), 0.0)).collect()
+    };
+    let unfolded = |albedo| Kind::GatedSphere { radius: 1.0, subdivisions: 5, albedo };
     let open = Gate::OPEN;
     // Means of `bdpt` and of `lcs` (without a gate: `pt`), 2,048 samples per pixel each, weighted by their variances.
     vec![
-        case("the sphere", unfolded, sphere.to_vec()),
+        case("the sphere", unfolded(0.5), sphere(0.5, &[(1.95, 2.25), (3.0, 3.5), (5.0, 6.0)])),
+        // Light passes the veil twice per reflection.
+        Case {
+            name: "the sphere behind a veil",
+            scene: behind_a_veil(build(unfolded(0.8))),
+            expected: sphere(0.8 * PASSES * PASSES, &[(1.95, 2.25), (3.0, 3.5)]),
+        },
+        Case {
+            name: "the sphere by twelve lamps",
+            scene: by_many_lamps(build(unfolded(0.5))),
+            expected: sphere(0.5, &[(1.95, 2.25), (3.0, 3.5)]),
+        },
         case(
             "the zoo by a lamp",
             Kind::Zoo(Light::Area),
@@ -57,6 +80,35 @@ pub fn cases() -> Vec<Case> {
         case("the zoo by a point and a spot", Kind::Zoo(Light::Punctual), vec![stored(5.0, 8.0, 1.41081e-2, 6.6e-6)]),
         case("the zoo by a beam", Kind::Zoo(Light::Beam), vec![stored(7.0, 8.0, 1.33640e-2, 1.17e-5)]),
     ]
+}
+
+/// The sphere with a black, partly transparent surface just before its wall.
+fn behind_a_veil(mut scene: Scene) -> Scene {
+    let black = stage::diffuse("veil", [0.0; 3]);
+    let base_color = [0.0, 0.0, 0.0, (1.0 - PASSES) as f32];
+    let black = stage::material(&mut scene, Material { alpha_mode: AlphaMode::Blend, base_color, ..black });
+    let wall = scene.meshes[0].clone();
+    let mesh = stage::mesh(&mut scene, "veil", black, wall);
+    stage::place(&mut scene, "veil", mesh, DAffine3::from_scale(DVec3::splat(1.0 - VEIL)));
+    scene
+}
+
+/// The sphere with its lamp divided among [`LAMPS`] of different power about the centre: opposite ones are alike.
+fn by_many_lamps(mut scene: Scene) -> Scene {
+    let lamp = scene.lights.pop().expect("the sphere has a lamp");
+    let LightKind::Point { intensity } = lamp.kind else { panic!("the lamp of the sphere is a point") };
+    let pairs = LAMPS / 2;
+    let all: usize = (1..=pairs).map(|share| 2 * share).sum();
+    for share in 1..=pairs {
+        let height = 2.0 * (share as f64 - 0.5) / pairs as f64 - 1.0;
+        let (sin, cos) = sin_cos(2.4 * share as f64);
+        let across = (1.0 - height * height).sqrt();
+        let away = ASIDE * DVec3::new(across * cos, height, across * sin);
+        let part = LightKind::Point { intensity: intensity.map(|i| i * share as f32 / all as f32) };
+        stage::light(&mut scene, "one", away, DVec3::NEG_Z, part);
+        stage::light(&mut scene, "its opposite", -away, DVec3::NEG_Z, part);
+    }
+    scene
 }
 
 impl Case {
