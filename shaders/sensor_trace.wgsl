@@ -51,7 +51,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         if (max_component(light.xyz) > 0.0) {
             radiance[slot] += vec4<f32>(light.xyz * light.w, 0.0);
             tallies[slot].z += 1u;
-            // Emitters in view would drown what they light; who looks for a gate looks for the latter.
+            // The probe reports scattered light only: that is what the user wants to gate.
             if (OBSERVE == OBSERVE_TIMES && depth > 1u) {
                 emitted[slot] = vec4<f32>(light.xyz * light.w, q.tau);
             }

@@ -138,7 +138,7 @@ impl LightTracer {
 
     /// Paths that a batch holds at most.
     fn capacity(plan: &Plan) -> usize {
-        BATCH.min(plan.traced_paths().max(plan.thin_lights.len() as u32) as usize)
+        BATCH.min(plan.traced_paths().max(plan.thin_beams.len() as u32) as usize)
     }
 
     /// Descriptors of the buffers that [`LightTracer::new`] allocates.
@@ -171,7 +171,7 @@ impl LightTracer {
     /// the order of the paths.
     pub fn run(&mut self, plan: &Plan, visit: &mut impl FnMut(Splat), stats: &mut Stats) -> Result<LightPool> {
         let mut pool = LightPool { deterministic: self.punctual.clone(), ..Default::default() };
-        let thin = if plan.traces_light { plan.thin_lights.clone() } else { 0..0 };
+        let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };
         for emitter in thin.clone().step_by(BATCH) {
             let batch = Batch { first: 0, count: (thin.end - emitter).min(BATCH as u32), emitter };
             self.run_batch(plan, &batch, &mut pool, visit, stats)?;

@@ -128,7 +128,7 @@ impl Renderer {
             )));
         }
         if self.plan.dark {
-            self.add_darkness(samples);
+            self.add_black_iteration(samples);
             return Ok(());
         }
         let iteration = self.next_iteration(samples);
@@ -166,7 +166,7 @@ impl Renderer {
     }
 
     /// An iteration where no light can meet the gate: its samples are black without being traced.
-    fn add_darkness(&mut self, samples: u32) {
+    fn add_black_iteration(&mut self, samples: u32) {
         self.film.add(&vec![0.0f32; self.plan.crop_pixels as usize * 3], samples);
         self.stats.samples += self.plan.crop_pixels * u64::from(samples);
         self.stats.iterations += 1;

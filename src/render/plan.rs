@@ -78,7 +78,7 @@ pub struct Plan {
     pub traces_light: bool,
     pub splats: bool,
     /// Numbers of the emitters whose subpaths all begin alike: beams of zero radius.
-    pub thin_lights: Range<u32>,
+    pub thin_beams: Range<u32>,
     /// Deterministic vertices at most: punctual lights, and the spot of each thin beam, which may miss everything.
     max_deterministic: u32,
     pub tuning: Tuning,
@@ -122,9 +122,8 @@ impl Plan {
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
             traces_light,
             splats: traces_light && all,
-            thin_lights: emitter_count - emitters.thin_lights..emitter_count,
-            max_deterministic: emitters.deterministic.len() as u32
-                + if traces_light { emitters.thin_lights } else { 0 },
+            thin_beams: emitter_count - emitters.thin_beams..emitter_count,
+            max_deterministic: emitters.deterministic.len() as u32 + if traces_light { emitters.thin_beams } else { 0 },
             tuning: Tuning::default(),
             observe: Observe::Nothing,
             cull: !settings.no_cull(),

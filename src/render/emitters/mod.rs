@@ -29,7 +29,7 @@ pub struct EmitterSet {
     /// Centre and radius of where each light without surface starts.
     pub lights: Vec<(Vec3, f32)>,
     /// Lights whose subpaths all begin alike (beams of zero radius): the last of the table.
-    pub thin_lights: u32,
+    pub thin_beams: u32,
     /// Node and luminance-weighted power in W of every node that shines.
     pub powers: BTreeMap<String, f64>,
 }
@@ -49,7 +49,7 @@ impl EmitterSet {
             hi: Vec3::NEG_INFINITY,
             triangles: vec![],
             lights: vec![],
-            thin_lights: 0,
+            thin_beams: 0,
             powers: BTreeMap::new(),
         };
         let mut weights = vec![];
@@ -104,7 +104,7 @@ impl EmitterSet {
         let records = lights.filter_map(|light| Some((&light.node, LightRecord::new(light, space)?)));
         let shining = records.filter(|(_, record)| record.flux > 0.0);
         let (thin, others): (Vec<_>, Vec<_>) = shining.partition(|(_, record)| record.is_thin);
-        self.thin_lights = thin.len() as u32;
+        self.thin_beams = thin.len() as u32;
         for (node, record) in others.into_iter().chain(thin) {
             self.enclose(record.position, record.radius);
             self.lights.push((record.position, record.radius));

@@ -10,7 +10,7 @@ use crate::wgsl::layout::Emitter;
 use crate::wgsl::layout::constants::*;
 
 /// A triangle that shines.
-pub struct ShiningTriangle {
+pub struct EmissiveTriangle {
     /// Its entry on the device.
     pub entry: Emitter,
     /// Luminance-weighted power.
@@ -32,7 +32,7 @@ pub fn exitances(scene: &Scene, geometry: &Geometry) -> Vec<f64> {
 
 /// The triangles that shine, in the order of the scene: that of the hierarchy follows from rounding, and with it the first draw of
 /// every light path.
-pub fn shining(geometry: &Geometry, exitances: &[f64]) -> Vec<ShiningTriangle> {
+pub fn shining(geometry: &Geometry, exitances: &[f64]) -> Vec<EmissiveTriangle> {
     let exitance_of = |i: usize| exitances[(geometry.triangles[i].material & TRIANGLE_MATERIAL) as usize];
     let mut numbers: Vec<usize> = (0..geometry.triangles.len()).filter(|&i| exitance_of(i) > 0.0).collect();
     numbers.sort_unstable_by_key(|&i| geometry.bvh.order[i]);
@@ -45,7 +45,7 @@ pub fn shining(geometry: &Geometry, exitances: &[f64]) -> Vec<ShiningTriangle> {
             let area = 0.5 * (b - a).cross(c - a).length();
             let entry = Emitter { kind: EMITTER_TRIANGLE, triangle: i as u32, ..bytemuck::Zeroable::zeroed() };
             let flux = exitance_of(i) * area;
-            (area > 0.0).then_some(ShiningTriangle { entry, flux, corners, instance: t.instance })
+            (area > 0.0).then_some(EmissiveTriangle { entry, flux, corners, instance: t.instance })
         })
         .collect()
 }
