@@ -8,9 +8,8 @@ use super::geometry::Geometry;
 use super::space::RenderSpace;
 use crate::scene::Scene;
 use crate::wgsl::layout::Triangle;
+use crate::wgsl::layout::constants::OFFSET_SCALE;
 
-/// How far rays start off a triangle, relative to its farthest coordinate (OFFSET_SCALE in `shared/surface.wgsl`).
-const RAY_OFFSET_SCALE: f32 = 1.0 / (1 << 19) as f32;
 /// An offset of this part of what lies on a surface takes visible light from it.
 const MAX_OFFSET_FRACTION: f32 = 0.1;
 /// Sentences at most.
@@ -64,7 +63,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
             "'{node}' has triangles so large that light is lost where the rest of the scene, {:.2e} m in size, lies on it: make \
              it smaller than {:.0e} m, or divide it into smaller triangles",
             metres(size),
-            metres(MAX_OFFSET_FRACTION / 10.0 / RAY_OFFSET_SCALE * size)
+            metres(MAX_OFFSET_FRACTION / 10.0 / OFFSET_SCALE * size)
         )
     };
     let mut all: Vec<String> = nodes.iter().take(MAX_REPORTED).map(sentence).collect();
@@ -84,7 +83,7 @@ fn extent(t: &Triangle) -> f32 {
 
 /// Whether rays start off a triangle with this reach by too much for what lies in a box.
 fn offset_exceeds(extent: f32, [lo, hi]: [Vec3; 2]) -> bool {
-    RAY_OFFSET_SCALE * extent > MAX_OFFSET_FRACTION * (hi - lo).length()
+    OFFSET_SCALE * extent > MAX_OFFSET_FRACTION * (hi - lo).length()
 }
 
 #[cfg(test)]

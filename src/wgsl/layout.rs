@@ -110,6 +110,8 @@ pub mod constants {
         EMITTER_BEAM: u32 = 3,
         ALBEDO_COLUMNS: u32 = 64,
         ALBEDO_ROWS: u32 = 32,
+        /// Distance from a triangle at which the rays that leave it start, relative to its farthest coordinate.
+        OFFSET_SCALE: f32 = 1.0 / (1 << 19) as f32,
         PATH_ALIVE: u32 = 1,
         VERTEX_DEPTH: u32 = 0xff,
         VERTEX_EMITTER: u32 = 0x100,
