@@ -7,6 +7,8 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 use rayon::prelude::*;
 
+use super::hash::hash;
+
 /// As many triangles with one centre are left to obvhs. Its chain over them is a few levels long.
 pub const MAX_GROUP_FOR_OBVHS: usize = 16;
 /// Side of the cells in which centres are one, relative to the diagonal of the box.
@@ -107,6 +109,5 @@ fn place(b: &Aabb) -> u64 {
     let exponent = cell.log2().ceil();
     // Round numbers, which are frequent, lie far from the bounds of the cells.
     let cells = centre / exponent.exp2() + 0.37;
-    let mix = |hash: u64, x: u64| (hash.rotate_left(5) ^ x).wrapping_mul(0x517c_c1b7_2722_0a95);
-    cells.to_array().map(|x| x.floor() as i64 as u64).into_iter().fold(mix(0, exponent as i64 as u64), mix)
+    hash([exponent, cells.x.floor(), cells.y.floor(), cells.z.floor()].map(|x| x as i64 as u64))
 }

@@ -1,6 +1,7 @@
 //! The bounding volume hierarchy over the scene's triangles: obvhs' compressed wide nodes, 80 bytes each.
 
 mod dense;
+pub mod hash;
 
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;

@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 
+use crate::bvh::hash::hash;
 use crate::wgsl::layout::Triangle;
 
 /// What tells two triangles with the same corners and material apart: for each corner its normal and texture coordinates, and how
@@ -20,7 +21,7 @@ pub fn drop_copies(
     attributes: impl Fn(&Triangle) -> ShadingAttributes,
 ) -> Option<(usize, u32)> {
     let mut keys: Vec<(u64, u32)> =
-        triangles.par_iter().enumerate().map(|(i, t)| (hash(&place(t).0), i as u32)).collect();
+        triangles.par_iter().enumerate().map(|(i, t)| (hash(place(t).0.map(u64::from)), i as u32)).collect();
     keys.par_sort_unstable();
     let identity = |t: &Triangle| {
         let (place, first) = place(t);
@@ -55,10 +56,6 @@ fn place(t: &Triangle) -> ([u32; 10], usize) {
     all[3..6].copy_from_slice(&b);
     all[6..9].copy_from_slice(&c);
     (all, first)
-}
-
-fn hash(place: &[u32; 10]) -> u64 {
-    place.iter().fold(0, |hash: u64, &x| (hash.rotate_left(5) ^ u64::from(x)).wrapping_mul(0x517c_c1b7_2722_0a95))
 }
 
 #[cfg(test)]
