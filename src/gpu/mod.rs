@@ -1,5 +1,6 @@
 //! Vulkan compute: device, buffers, kernels. All the unsafe code is here, and nothing here knows rendering.
 
+mod allocate;
 mod allocation;
 mod bindings;
 mod bounds;
@@ -21,6 +22,7 @@ mod spirv;
 mod staging;
 mod texels;
 
+pub use allocate::{Allocate, BufferList};
 pub use bindings::Bindings;
 pub use buffer::Buffer;
 pub use buffer_desc::BufferDesc;

@@ -9,7 +9,7 @@ use super::plan::{Observe, Plan};
 use super::pool::LightPool;
 use super::stats::{Stats, stage};
 use crate::error::Result;
-use crate::gpu::{Bindings, Buffer, BufferDesc, Device, DeviceInfo, Kernel, ReadBack, Recorder};
+use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, DeviceInfo, Kernel, Recorder};
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex};
 use device_loop::DeviceLoop;
 
@@ -92,13 +92,48 @@ struct Subpaths {
     start: (Kernel, Bindings),
     trace: (Kernel, Bindings),
     splat: (Kernel, Bindings),
-    vertices: Buffer,
-    states: Buffer,
-    list: Buffer,
-    splats: Buffer,
-    splat_weights: Buffer,
-    counters: ReadBack,
+    buffers: Buffers,
     recorder: Recorder,
+}
+
+/// Buffers of the light subpaths of a batch.
+struct Buffers<A: Allocate = Device> {
+    states: A::Buffer,
+    vertices: A::Buffer,
+    /// Living paths.
+    list: A::Buffer,
+    splats: A::Buffer,
+    splat_weights: A::Buffer,
+    counters: A::ReadBack,
+}
+
+impl<A: Allocate> Buffers<A> {
+    fn new(to: &A, plan: &Plan) -> Result<Buffers<A>> {
+        let capacity = LightTracer::capacity(plan);
+        let weights = if plan.observe == Observe::Strategies { capacity } else { 1 };
+        let remedy = "use fewer --light-paths";
+        Ok(Buffers {
+            states: to.buffer(BufferDesc::of::<PathState>("light path states", capacity, remedy))?,
+            vertices: to.buffer(BufferDesc::of::<PathVertex>("new light vertices", capacity, remedy))?,
+            list: to.buffer(BufferDesc::of::<u32>("living light paths", capacity, remedy))?,
+            splats: to.buffer(BufferDesc::of::<[f32; 4]>("light splats", capacity, remedy))?,
+            splat_weights: to.buffer(BufferDesc::of::<f32>("weights of splats", weights, remedy))?,
+            counters: to.read_back(BufferDesc::of::<u32>("counters", COUNTERS, remedy))?,
+        })
+    }
+}
+
+impl Buffers {
+    /// Everything but the list, which may take turns with another.
+    fn bindings(&self) -> [(&str, &Buffer); 5] {
+        [
+            ("states", &self.states),
+            ("vertices", &self.vertices),
+            ("splats", &self.splats),
+            ("splat_weights", &self.splat_weights),
+            ("counters", self.counters.buffer()),
+        ]
+    }
 }
 
 impl Splat {
@@ -111,15 +146,10 @@ impl Splat {
 
 impl LightTracer {
     pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan, punctual: &[PathVertex]) -> Result<LightTracer> {
-        let [states, vertices, list, splats, splat_weights, counters] = LightTracer::own_buffer_descs(plan);
-        let buffer = |desc: BufferDesc| Buffer::from_desc(device, &desc);
-        let (states, vertices, list) = (buffer(states)?, buffer(vertices)?, buffer(list)?);
-        let (splats, splat_weights) = (buffer(splats)?, buffer(splat_weights)?);
-        let counters = ReadBack::from_desc(device, &counters)?;
-        let mut buffers = scene.bindings();
-        buffers.extend([("states", &states), ("vertices", &vertices), ("splats", &splats)]);
-        buffers.extend([("splat_weights", &splat_weights), ("counters", counters.buffer())]);
-        let listed = [&buffers[..], &[("list", &list)]].concat();
+        let buffers = Buffers::new(device, plan)?;
+        let mut shared = scene.bindings();
+        shared.extend(buffers.bindings());
+        let listed = [&shared[..], &[("list", &buffers.list)]].concat();
         let make = |file: &'static str| -> Result<(Kernel, Bindings)> {
             let kernel = Kernel::new(device, file, file, &plan.constants())?;
             let bindings = kernel.bind(&listed)?;
@@ -128,11 +158,10 @@ impl LightTracer {
         let (start, trace, splat) = (make("light_start")?, make("light_trace")?, make("light_splat")?);
         let device_loop = match device.info().drive.waits_per_bounce {
             true => None,
-            false => Some(DeviceLoop::new(device, plan, &buffers, &list, &trace.0, &splat.0)?),
+            false => Some(DeviceLoop::new(device, plan, &shared, &buffers.list, &trace.0, &splat.0)?),
         };
         let recorder = Recorder::new(device)?;
-        let subpaths =
-            Subpaths { start, trace, splat, vertices, states, list, splats, splat_weights, counters, recorder };
+        let subpaths = Subpaths { start, trace, splat, buffers, recorder };
         Ok(LightTracer { subpaths, device_loop, punctual: punctual.to_vec() })
     }
 
@@ -143,28 +172,11 @@ impl LightTracer {
 
     /// Descriptors of the buffers that [`LightTracer::new`] allocates.
     pub fn buffer_descs(info: &DeviceInfo, plan: &Plan) -> Vec<BufferDesc> {
-        let mut buffer_descs = LightTracer::own_buffer_descs(plan).to_vec();
+        let mut buffer_descs = BufferList::of(|list| Buffers::new(list, plan));
         if !info.drive.waits_per_bounce {
             buffer_descs.extend(DeviceLoop::buffer_descs(info, plan));
         }
         buffer_descs
-    }
-
-    fn own_buffer_descs(plan: &Plan) -> [BufferDesc; 6] {
-        let capacity = LightTracer::capacity(plan);
-        let remedy = "use fewer --light-paths";
-        [
-            BufferDesc::of::<PathState>("light path states", capacity, remedy),
-            BufferDesc::of::<PathVertex>("new light vertices", capacity, remedy),
-            BufferDesc::of::<u32>("living light paths", capacity, remedy),
-            BufferDesc::of::<[f32; 4]>("light splats", capacity, remedy),
-            BufferDesc::of::<f32>(
-                "weights of splats",
-                if plan.observe == Observe::Strategies { capacity } else { 1 },
-                remedy,
-            ),
-            BufferDesc::of::<u32>("counters", COUNTERS, remedy).read_back(),
-        ]
     }
 
     /// Traces all light subpaths of an iteration and returns their vertices; calls `visit` with what the sensor sees of them (t = 1), in

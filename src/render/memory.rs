@@ -112,7 +112,7 @@ fn pool_buffers(plan: &Plan, vertices: u32) -> Vec<BufferDesc> {
     // Halving leaves them at least half full.
     let nodes = if leaf_size > 0 { vertices * 2 / (leaf_size + 1) } else { 0 };
     let offsets = if plan.estimator.pool_order == PoolOrder::ByPath { plan.light_paths as usize + 1 } else { 0 };
-    DevicePool::buffer_descs(vertices as usize, nodes as usize, offsets).to_vec()
+    DevicePool::buffer_descs(vertices as usize, nodes as usize, offsets)
 }
 
 /// What the loaded file holds in memory.

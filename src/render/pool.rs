@@ -6,7 +6,7 @@ use super::selection_cdf::set_selection_cdf;
 use super::stats::{Stats, stage};
 use crate::error::{Error, Result};
 use crate::estimators::PoolOrder;
-use crate::gpu::{Buffer, BufferDesc, Device};
+use crate::gpu::{Allocate, Buffer, BufferDesc, BufferList, Device};
 use crate::lightcone::tree::{Item, Tree, TreeOptions};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{NONE, PathVertex, TreeNode};
@@ -25,10 +25,10 @@ pub struct LightPool {
 const MAX_VERTICES: usize = LEAF_FIRST as usize;
 
 /// The pool on the device: group 1 of the kernels.
-pub struct DevicePool {
-    vertices: Buffer,
-    nodes: Buffer,
-    offsets: Buffer,
+pub struct DevicePool<A: Allocate = Device> {
+    vertices: A::Buffer,
+    nodes: A::Buffer,
+    offsets: A::Buffer,
 }
 
 /// Arrays ready for upload.
@@ -174,25 +174,29 @@ fn items(vertices: &[PathVertex], apart: usize) -> (usize, Vec<Item>) {
     (items.partition_point(|item| (item.index as usize) < apart), items)
 }
 
+impl<A: Allocate> DevicePool<A> {
+    fn allocate(to: &A, vertices: usize, nodes: usize, offsets: usize) -> Result<DevicePool<A>> {
+        let remedy = "use fewer --light-paths";
+        let room = |n: usize| n + n / 8 + 64;
+        Ok(DevicePool {
+            vertices: to.buffer(BufferDesc::of_texels::<PathVertex>("light vertices", room(vertices), remedy))?,
+            nodes: to.buffer(BufferDesc::of_texels::<TreeNode>("tree nodes", room(nodes), remedy))?,
+            offsets: to.buffer(BufferDesc::of::<u32>("light path offsets", offsets, remedy))?,
+        })
+    }
+}
+
 impl DevicePool {
     /// Buffers with room for a pool a little larger than this one: the next iteration's differs by chance.
     pub fn new(device: &Device, pool: &SortedPool) -> Result<DevicePool> {
-        let buffer_descs = DevicePool::buffer_descs(pool.vertices.len(), pool.nodes.len(), pool.offsets.len());
-        let [vertices, nodes, offsets] = buffer_descs.map(|desc| Buffer::from_desc(device, &desc));
-        let mut buffers = DevicePool { vertices: vertices?, nodes: nodes?, offsets: offsets? };
+        let mut buffers = DevicePool::allocate(device, pool.vertices.len(), pool.nodes.len(), pool.offsets.len())?;
         buffers.replace(pool)?;
         Ok(buffers)
     }
 
-    /// What the buffers for a pool of this size need.
-    pub fn buffer_descs(vertices: usize, nodes: usize, offsets: usize) -> [BufferDesc; 3] {
-        let remedy = "use fewer --light-paths";
-        let room = |n: usize| n + n / 8 + 64;
-        [
-            BufferDesc::of_texels::<PathVertex>("light vertices", room(vertices), remedy),
-            BufferDesc::of_texels::<TreeNode>("tree nodes", room(nodes), remedy),
-            BufferDesc::of::<u32>("light path offsets", offsets, remedy),
-        ]
+    /// Descriptors of the buffers for a pool of this size.
+    pub fn buffer_descs(vertices: usize, nodes: usize, offsets: usize) -> Vec<BufferDesc> {
+        BufferList::of(|list| DevicePool::allocate(list, vertices, nodes, offsets))
     }
 
     /// Writes the next pool over this one if it fits; false if it does not.

@@ -15,10 +15,10 @@ use super::pool::DevicePool;
 use super::samples::{MAX_AVERAGE_SAMPLES, MAX_SAMPLES_PER_PIXEL, SampleCounts};
 use super::stats::{Stats, stage};
 use crate::error::Result;
-use crate::gpu::{BufferDesc, Device, DeviceInfo, Recorder};
+use crate::gpu::{BufferDesc, BufferList, Device, DeviceInfo, Recorder};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Dispatch, NONE, PathVertex};
-use buffers::{BUFFERS, Buffers, buffer_descs};
+use buffers::Buffers;
 use kernels::{Kernels, SensorBindings};
 pub use observe::SensorContribution;
 pub use phase::SensorPhase;
@@ -92,8 +92,9 @@ impl SensorTracer {
     }
 
     /// Descriptors of the buffers that [`SensorTracer::new`] allocates.
-    pub fn buffer_descs(info: &DeviceInfo, plan: &Plan, slots: u32) -> [BufferDesc; BUFFERS] {
-        buffer_descs(plan, SensorTracer::capacity(info, plan, slots), slots as usize)
+    pub fn buffer_descs(info: &DeviceInfo, plan: &Plan, slots: u32) -> Vec<BufferDesc> {
+        let capacity = SensorTracer::capacity(info, plan, slots);
+        BufferList::of(|list| Buffers::new(list, plan, capacity, slots as usize))
     }
 
     /// Renders the samples that every pixel of the crop is given by `counts` and adds their means to `image` (RGB); `visit`: as in

@@ -23,13 +23,44 @@ pub struct DeviceLoop {
     /// What is bound to the kernels; `[1]` where the second list is traced.
     bound: [ParityBindings; 2],
     bound_keep: Bindings,
-    arguments: Buffer,
-    kept_vertices: ReadBack,
-    kept_splats: ReadBack,
-    kept_paths: ReadBack,
+    buffers: LoopBuffers,
     /// Rounds of a submit: as many as there is room for, and at present.
     capacity: u32,
     rounds: u32,
+}
+
+/// Buffers that only this loop needs.
+struct LoopBuffers<A: Allocate = Device> {
+    /// Living paths of odd rounds.
+    list: A::Buffer,
+    /// Paths whose new vertices are kept.
+    kept: A::Buffer,
+    marks: A::Buffer,
+    chunk_counts: A::Buffer,
+    arguments: A::Buffer,
+    kept_vertices: A::ReadBack,
+    kept_splats: A::ReadBack,
+    kept_paths: A::ReadBack,
+}
+
+impl<A: Allocate> LoopBuffers<A> {
+    fn new(to: &A, info: &DeviceInfo, plan: &Plan) -> Result<LoopBuffers<A>> {
+        let paths = LightTracer::capacity(plan);
+        let kept = paths * DeviceLoop::capacity(info, plan) as usize;
+        let chunks = chunk_counts(paths);
+        let remedy = "use fewer --light-paths";
+        let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, remedy);
+        Ok(LoopBuffers {
+            list: to.buffer(words("living light paths in turn", paths))?,
+            kept: to.buffer(words("light paths with new vertices", paths))?,
+            marks: to.buffer(words("marks of light paths", paths.next_multiple_of(CHUNK as usize)))?,
+            chunk_counts: to.buffer(BufferDesc::of::<[u32; 2]>("chunk counts of light paths", chunks, remedy))?,
+            arguments: to.buffer(words("dispatch arguments of light paths", ARGUMENTS))?,
+            kept_vertices: to.read_back(BufferDesc::of::<PathVertex>("light vertices of all bounces", kept, remedy))?,
+            kept_splats: to.read_back(BufferDesc::of::<[f32; 4]>("light splats of all bounces", kept, remedy))?,
+            kept_paths: to.read_back(BufferDesc::of::<[u32; 2]>("light paths of all bounces", kept, remedy))?,
+        })
+    }
 }
 
 struct ParityBindings {
@@ -49,20 +80,13 @@ impl DeviceLoop {
         trace: &Kernel,
         splat: &Kernel,
     ) -> Result<DeviceLoop> {
-        let [in_turn, kept, marks, chunk_counts, arguments, vertices, splats, paths] =
-            DeviceLoop::buffer_descs(device.info(), plan);
-        let buffer = |desc: BufferDesc| Buffer::from_desc(device, &desc);
-        let (in_turn, kept, marks, chunk_counts) =
-            (buffer(in_turn)?, buffer(kept)?, buffer(marks)?, buffer(chunk_counts)?);
-        let arguments = buffer(arguments)?;
-        let read_back = |desc: BufferDesc| ReadBack::from_desc(device, &desc);
-        let (kept_vertices, kept_splats, kept_paths) = (read_back(vertices)?, read_back(splats)?, read_back(paths)?);
+        let own = LoopBuffers::new(device, device.info(), plan)?;
         let make = |file: &'static str| Kernel::new(device, file, file, &plan.constants());
         let (mark, keep) = (make("light_mark")?, make("light_keep")?);
         let compaction = Compaction::new(device, &plan.constants())?;
         let turn = |from: &Buffer, to: &Buffer| -> Result<ParityBindings> {
-            let lists = [("list", from), ("source", from), ("list_a", to), ("list_b", &kept)];
-            let others = [("marks", &marks), ("chunk_counts", &chunk_counts), ("arguments", &arguments)];
+            let lists = [("list", from), ("source", from), ("list_a", to), ("list_b", &own.kept)];
+            let others = [("marks", &own.marks), ("chunk_counts", &own.chunk_counts), ("arguments", &own.arguments)];
             let all = [buffers, &lists, &others].concat();
             Ok(ParityBindings {
                 trace: trace.bind(&all)?,
@@ -71,13 +95,13 @@ impl DeviceLoop {
                 compaction: compaction.bind(&all)?,
             })
         };
-        let bound = [turn(list, &in_turn)?, turn(&in_turn, list)?];
+        let bound = [turn(list, &own.list)?, turn(&own.list, list)?];
         let outputs = [
-            ("kept_vertices", kept_vertices.buffer()),
-            ("kept_splats", kept_splats.buffer()),
-            ("kept_paths", kept_paths.buffer()),
+            ("kept_vertices", own.kept_vertices.buffer()),
+            ("kept_splats", own.kept_splats.buffer()),
+            ("kept_paths", own.kept_paths.buffer()),
         ];
-        let bound_keep = keep.bind(&[buffers, &[("list", &kept)], &outputs].concat())?;
+        let bound_keep = keep.bind(&[buffers, &[("list", &own.kept)], &outputs].concat())?;
         let capacity = DeviceLoop::capacity(device.info(), plan);
         Ok(DeviceLoop {
             mark,
@@ -85,10 +109,7 @@ impl DeviceLoop {
             compaction,
             bound,
             bound_keep,
-            arguments,
-            kept_vertices,
-            kept_splats,
-            kept_paths,
+            buffers: own,
             capacity,
             rounds: if plan.tuning.tile.is_some() { capacity } else { 1 },
         })
@@ -101,21 +122,8 @@ impl DeviceLoop {
         (info.largest_buffer() / round).clamp(1, max.into()) as u32
     }
 
-    pub fn buffer_descs(info: &DeviceInfo, plan: &Plan) -> [BufferDesc; 8] {
-        let paths = LightTracer::capacity(plan);
-        let kept = paths * DeviceLoop::capacity(info, plan) as usize;
-        let remedy = "use fewer --light-paths";
-        let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, remedy);
-        [
-            words("living light paths in turn", paths),
-            words("light paths with new vertices", paths),
-            words("marks of light paths", paths.next_multiple_of(CHUNK as usize)),
-            BufferDesc::of::<[u32; 2]>("chunk counts of light paths", chunk_counts(paths), remedy),
-            words("dispatch arguments of light paths", ARGUMENTS),
-            BufferDesc::of::<PathVertex>("light vertices of all bounces", kept, remedy).read_back(),
-            BufferDesc::of::<[f32; 4]>("light splats of all bounces", kept, remedy).read_back(),
-            BufferDesc::of::<[u32; 2]>("light paths of all bounces", kept, remedy).read_back(),
-        ]
+    pub fn buffer_descs(info: &DeviceInfo, plan: &Plan) -> Vec<BufferDesc> {
+        BufferList::of(|list| LoopBuffers::new(list, info, plan))
     }
 
     /// Traces a batch, many bounces per submit; then another submit brings what they left.
@@ -136,7 +144,7 @@ impl DeviceLoop {
             let seconds = stats.submit(&mut subpaths.recorder)?;
             let mut counters = [0u32; COUNTERS];
             stats.timed(stage::READ_COUNTERS, || {
-                subpaths.counters.with(COUNTERS, |read| counters.copy_from_slice(read))
+                subpaths.buffers.counters.with(COUNTERS, |read| counters.copy_from_slice(read))
             })?;
             let total = |list: u32| counters[(COUNTER_TOTALS + list) as usize];
             let left = counters[LIVING[until as usize % 2] as usize];
@@ -168,11 +176,11 @@ impl DeviceLoop {
         let all = batch.count as usize;
         let groups = self.mark.groups(living as usize);
         let (counters, arguments) = self.compaction.one_list(LIVING[rounds.start as usize % 2], living, groups);
-        subpaths.counters.write(&counters)?;
-        self.arguments.write(0, &arguments)?;
+        subpaths.buffers.counters.write(&counters)?;
+        self.buffers.arguments.write(0, &arguments)?;
         for round in rounds {
             let (now, next) = (round as usize % 2, 1 - round as usize % 2);
-            let (turn, list) = (&self.bound[now], indirect_over(&self.arguments, LIVING[now]));
+            let (turn, list) = (&self.bound[now], indirect_over(&self.buffers.arguments, LIVING[now]));
             let constants = Dispatch { counter: LIVING[now], ..batch.constants() };
             if round == 0 {
                 subpaths.record_start(&constants)?;
@@ -187,17 +195,17 @@ impl DeviceLoop {
             let lists = Dispatch { list_a: LIVING[next], list_b: KEPT, ..constants };
             let r = &mut subpaths.recorder;
             r.dispatch_indirect("light_mark", &self.mark, &turn.mark, &lists, list)?;
-            self.compaction.record(r, &turn.compaction, &lists, all, &self.arguments)?;
+            self.compaction.record(r, &turn.compaction, &lists, all, &self.buffers.arguments)?;
             let kept = Dispatch { counter: KEPT, ..constants };
             r.dispatch_indirect(
                 "light_keep",
                 &self.keep,
                 &self.bound_keep,
                 &kept,
-                indirect_over(&self.arguments, KEPT),
+                indirect_over(&self.buffers.arguments, KEPT),
             )?;
         }
-        subpaths.recorder.read_back(&subpaths.counters, subpaths.counters.buffer().size())
+        subpaths.recorder.read_back(&subpaths.buffers.counters, subpaths.buffers.counters.buffer().size())
     }
 
     /// Brings the `count` vertices that were kept to the host.
@@ -206,9 +214,9 @@ impl DeviceLoop {
             return Ok(());
         }
         let r = &mut subpaths.recorder;
-        r.read_back(&self.kept_vertices, (count * size_of::<PathVertex>()) as u64)?;
-        r.read_back(&self.kept_splats, (count * size_of::<[f32; 4]>()) as u64)?;
-        r.read_back(&self.kept_paths, (count * size_of::<[u32; 2]>()) as u64)?;
+        r.read_back(&self.buffers.kept_vertices, (count * size_of::<PathVertex>()) as u64)?;
+        r.read_back(&self.buffers.kept_splats, (count * size_of::<[f32; 4]>()) as u64)?;
+        r.read_back(&self.buffers.kept_paths, (count * size_of::<[u32; 2]>()) as u64)?;
         stats.submit(r)?;
         Ok(())
     }
@@ -222,10 +230,10 @@ impl DeviceLoop {
         pool: &mut LightPool,
         visit: &mut impl FnMut(Splat),
     ) -> Result<Tally> {
-        let paths = self.kept_paths.with::<[u32; 2], _>(count, |paths| paths.to_vec())?;
-        let splats = self.kept_splats.with::<[f32; 4], _>(count, |splats| splats.to_vec())?;
+        let paths = self.buffers.kept_paths.with::<[u32; 2], _>(count, |paths| paths.to_vec())?;
+        let splats = self.buffers.kept_splats.with::<[f32; 4], _>(count, |splats| splats.to_vec())?;
         let mut tally = Tally::default();
-        self.kept_vertices.with::<PathVertex, _>(count, |vertices| {
+        self.buffers.kept_vertices.with::<PathVertex, _>(count, |vertices| {
             for ((vertex, splat), [slot, weight]) in vertices.iter().zip(splats).zip(paths) {
                 if batch.is_stored(plan, slot) {
                     pool.push(batch.first + slot, vertex, plan.max_depth);

@@ -27,8 +27,8 @@ impl Subpaths {
                 break;
             }
             stats.timed(stage::UPLOAD, || {
-                self.counters.write(&[living.len() as u32])?;
-                self.list.write(0, &living)
+                self.buffers.counters.write(&[living.len() as u32])?;
+                self.buffers.list.write(0, &living)
             })?;
             let constants = Dispatch { bounce, ..constants };
             let groups = self.trace.0.groups(living.len());
@@ -52,7 +52,7 @@ impl Subpaths {
 
     /// Vertices that were just reached by paths that are stored, in the order of the paths.
     fn collect(&self, plan: &Plan, living: &[u32], batch: &Batch, pool: &mut LightPool) -> Result<()> {
-        self.vertices.with::<PathVertex, _>(self.vertices_in_use(living), |vertices| {
+        self.buffers.vertices.with::<PathVertex, _>(self.vertices_in_use(living), |vertices| {
             for &slot in living.iter().take_while(|&&slot| batch.is_stored(plan, slot)) {
                 let vertex = &vertices[slot as usize];
                 if vertex.flags & VERTEX_VALID != 0 {
@@ -63,7 +63,7 @@ impl Subpaths {
     }
 
     fn survivors(&self, living: &[u32]) -> Result<Vec<u32>> {
-        self.states.with::<PathState, _>(self.vertices_in_use(living), |states| {
+        self.buffers.states.with::<PathState, _>(self.vertices_in_use(living), |states| {
             living.iter().copied().filter(|&slot| states[slot as usize].flags & PATH_ALIVE != 0).collect()
         })
     }
@@ -76,8 +76,8 @@ impl Subpaths {
         let n = self.vertices_in_use(living);
         let mut tally = Tally::default();
         let weighs = plan.observe == Observe::Strategies;
-        let weights = self.splat_weights.to_vec::<f32>(if weighs { n } else { 0 })?;
-        self.splats.with::<[f32; 4], _>(n, |splats| {
+        let weights = self.buffers.splat_weights.to_vec::<f32>(if weighs { n } else { 0 })?;
+        self.buffers.splats.with::<[f32; 4], _>(n, |splats| {
             for &slot in living {
                 let weight = weights.get(slot as usize).copied().unwrap_or(1.0);
                 tally.show(splats[slot as usize], weight, s, visit);

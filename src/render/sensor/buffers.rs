@@ -1,96 +1,67 @@
 //! Buffers of the sensor subpaths: what they need, their names in WGSL, and reading the film back.
 
-use std::cell::RefCell;
-
 use super::TileSample;
 use crate::error::Result;
-use crate::gpu::{Buffer, BufferDesc, Device, ReadBack, Recorder};
+use crate::gpu::{Allocate, Buffer, BufferDesc, Device, Recorder};
 use crate::render::compaction::{ARGUMENTS, COUNTERS, chunk_counts};
 use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Candidate, PathState, PathVertex};
 
 /// Buffers of the sensor subpaths of a tile, and the film.
-pub struct Buffers {
-    pub tile_samples: Buffer,
-    pub states: Buffer,
-    pub shade_points: Buffer,
-    pub radiance: Buffer,
-    pub tallies: Buffer,
-    pub emitted: Buffer,
-    pub living: [Buffer; 2],
-    pub shade_list: Buffer,
-    pub slot_list: Buffer,
-    pub marks: Buffer,
-    pub chunk_counts: Buffer,
-    pub candidates: Buffer,
-    pub contributions: Buffer,
-    pub counters: ReadBack,
-    pub arguments: Buffer,
-    pub film: ReadBack,
-    pub film_tallies: ReadBack,
+pub struct Buffers<A: Allocate = Device> {
+    pub tile_samples: A::Buffer,
+    pub states: A::Buffer,
+    pub shade_points: A::Buffer,
+    pub radiance: A::Buffer,
+    pub tallies: A::Buffer,
+    pub emitted: A::Buffer,
+    pub living: [A::Buffer; 2],
+    pub shade_list: A::Buffer,
+    pub slot_list: A::Buffer,
+    pub marks: A::Buffer,
+    pub chunk_counts: A::Buffer,
+    pub candidates: A::Buffer,
+    pub contributions: A::Buffer,
+    pub counters: A::ReadBack,
+    pub arguments: A::Buffer,
+    pub film: A::ReadBack,
+    pub film_tallies: A::ReadBack,
 }
 
-/// Buffers of a tracer.
-pub const BUFFERS: usize = 18;
-
-/// What the fields of [`Buffers`] need, in their order, for `paths` paths with `slots` candidates a shade point.
-pub fn buffer_descs(plan: &Plan, paths: usize, slots: usize) -> [BufferDesc; BUFFERS] {
-    let few = "use a smaller --resolution or fewer --queries";
-    let entries = paths * slots.max(1);
-    let film = plan.crop_pixels as usize;
-    let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, few);
-    let quads = |name: &'static str, n: usize| BufferDesc::of::<[f32; 4]>(name, n, few);
-    let pixels = |name: &'static str| BufferDesc::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
-    [
-        BufferDesc::of::<TileSample>("samples of a tile", paths, few),
-        BufferDesc::of::<PathState>("sensor path states", paths, few),
-        BufferDesc::of::<PathVertex>("shade points", paths, few),
-        quads("path radiance", paths),
-        quads("path tallies", paths),
-        quads("emitter hits", if plan.observe == Observe::Nothing { 1 } else { paths }),
-        words("living paths", paths),
-        words("living paths in turn", paths),
-        words("shade point list", paths),
-        words("candidate list", entries),
-        quads("marks", entries.next_multiple_of(CHUNK as usize) / 4),
-        BufferDesc::of::<[u32; 2]>("chunk counts", chunk_counts(entries), few),
-        BufferDesc::of::<Candidate>("candidates", entries, few),
-        quads("contributions", entries),
-        words("counters", COUNTERS).read_back(),
-        words("dispatch arguments", ARGUMENTS),
-        pixels("film pixels").read_back(),
-        pixels("film tallies").read_back(),
-    ]
+impl<A: Allocate> Buffers<A> {
+    /// For `paths` paths with `slots` candidates a shade point.
+    pub fn new(to: &A, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers<A>> {
+        let few = "use a smaller --resolution or fewer --queries";
+        let entries = paths * slots.max(1);
+        let film = plan.crop_pixels as usize;
+        let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, few);
+        let quads = |name: &'static str, n: usize| BufferDesc::of::<[f32; 4]>(name, n, few);
+        let pixels =
+            |name: &'static str| BufferDesc::of::<[f32; 4]>(name, film, "use a smaller --resolution, or --crop");
+        Ok(Buffers {
+            tile_samples: to.buffer(BufferDesc::of::<TileSample>("samples of a tile", paths, few))?,
+            states: to.buffer(BufferDesc::of::<PathState>("sensor path states", paths, few))?,
+            shade_points: to.buffer(BufferDesc::of::<PathVertex>("shade points", paths, few))?,
+            radiance: to.buffer(quads("path radiance", paths))?,
+            tallies: to.buffer(quads("path tallies", paths))?,
+            emitted: to.buffer(quads("emitter hits", if plan.observe == Observe::Nothing { 1 } else { paths }))?,
+            living: [to.buffer(words("living paths", paths))?, to.buffer(words("living paths in turn", paths))?],
+            shade_list: to.buffer(words("shade point list", paths))?,
+            slot_list: to.buffer(words("candidate list", entries))?,
+            marks: to.buffer(quads("marks", entries.next_multiple_of(CHUNK as usize) / 4))?,
+            chunk_counts: to.buffer(BufferDesc::of::<[u32; 2]>("chunk counts", chunk_counts(entries), few))?,
+            candidates: to.buffer(BufferDesc::of::<Candidate>("candidates", entries, few))?,
+            contributions: to.buffer(quads("contributions", entries))?,
+            counters: to.read_back(words("counters", COUNTERS))?,
+            arguments: to.buffer(words("dispatch arguments", ARGUMENTS))?,
+            film: to.read_back(pixels("film pixels"))?,
+            film_tallies: to.read_back(pixels("film tallies"))?,
+        })
+    }
 }
 
 impl Buffers {
-    pub fn new(device: &Device, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers> {
-        let buffer_descs = RefCell::new(buffer_descs(plan, paths, slots).into_iter());
-        let desc = || buffer_descs.borrow_mut().next().expect("one need per field");
-        let next = || Buffer::from_desc(device, &desc());
-        let read_back = || ReadBack::from_desc(device, &desc());
-        Ok(Buffers {
-            tile_samples: next()?,
-            states: next()?,
-            shade_points: next()?,
-            radiance: next()?,
-            tallies: next()?,
-            emitted: next()?,
-            living: [next()?, next()?],
-            shade_list: next()?,
-            slot_list: next()?,
-            marks: next()?,
-            chunk_counts: next()?,
-            candidates: next()?,
-            contributions: next()?,
-            counters: read_back()?,
-            arguments: next()?,
-            film: read_back()?,
-            film_tallies: read_back()?,
-        })
-    }
-
     pub fn bindings(&self) -> Vec<(&str, &Buffer)> {
         vec![
             ("tile_samples", &self.tile_samples),
