@@ -3,7 +3,9 @@
 mod device_loop;
 mod host_loop;
 
-use super::compaction::COUNTERS;
+use std::sync::Arc;
+
+use super::compaction::{COUNTERS, Compaction};
 use super::device_scene::DeviceScene;
 use super::plan::{Observe, Plan};
 use super::pool::LightPool;
@@ -145,7 +147,13 @@ impl Splat {
 }
 
 impl LightTracer {
-    pub fn new(device: &Device, scene: &DeviceScene, plan: &Plan, punctual: &[PathVertex]) -> Result<LightTracer> {
+    pub fn new(
+        device: &Device,
+        scene: &DeviceScene,
+        plan: &Plan,
+        compaction: &Arc<Compaction>,
+        punctual: &[PathVertex],
+    ) -> Result<LightTracer> {
         let buffers = Buffers::new(device, plan)?;
         let mut shared = scene.bindings();
         shared.extend(buffers.bindings());
@@ -158,7 +166,9 @@ impl LightTracer {
         let (start, trace, splat) = (make("light_start")?, make("light_trace")?, make("light_splat")?);
         let device_loop = match device.info().drive.waits_per_bounce {
             true => None,
-            false => Some(DeviceLoop::new(device, plan, &shared, &buffers.list, &trace.0, &splat.0)?),
+            false => {
+                Some(DeviceLoop::new(device, plan, &shared, &buffers.list, &trace.0, &splat.0, compaction.clone())?)
+            }
         };
         let recorder = Recorder::new(device)?;
         let subpaths = Subpaths { start, trace, splat, buffers, recorder };

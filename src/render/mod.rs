@@ -27,6 +27,7 @@ mod strategies;
 mod submit_size;
 mod travel_time_bounds;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use crate::error::{Error, Result};
@@ -37,6 +38,7 @@ use crate::scene::{Camera, Scene};
 use crate::settings::units::Gate;
 use crate::settings::{Responses, Settings};
 
+use compaction::Compaction;
 use device_scene::DeviceScene;
 use light::{LightTracer, Splat};
 pub use memory::MemoryPlan;
@@ -107,13 +109,15 @@ impl Renderer {
         buffer_desc::check_all(&memory::certain_buffers(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
         let scene = stats.prepared("upload scene", || DeviceScene::new(device, prepared))?;
-        let light = stats
-            .prepared(stage::COMPILE, || LightTracer::new(device, &scene, &plan, &prepared.emitters.deterministic))?;
+        let compaction = Arc::new(stats.prepared(stage::COMPILE, || Compaction::new(device, &plan.constants()))?);
+        let light = stats.prepared(stage::COMPILE, || {
+            LightTracer::new(device, &scene, &plan, &compaction, &prepared.emitters.deterministic)
+        })?;
         stats.scene_bytes = scene.bytes();
         stats.triangles = prepared.triangles() as u64;
         let film = Film::new(width, height);
         let device = device.clone();
-        let sensor = SensorPhase::new(&device);
+        let sensor = SensorPhase::new(&device, compaction);
         let allocation = plan.adaptive.then(|| Allocation::new(width, plan.crop_pixels));
         Ok(Renderer { device, plan, scene, light, sensor, allocation, film, stats, iterations: 0, first_sample: 0 })
     }

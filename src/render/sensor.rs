@@ -51,20 +51,10 @@ pub struct SensorTracer {
 }
 
 impl SensorTracer {
-    /// Buffers for `slots` candidates a shade point; kernels of a tracer that had fewer, or new ones.
-    pub fn new(
-        device: &Device,
-        plan: &Plan,
-        slots: u32,
-        kernels: Option<Kernels>,
-        stats: &mut Stats,
-    ) -> Result<SensorTracer> {
+    /// Buffers for `slots` candidates a shade point.
+    pub fn new(device: &Device, plan: &Plan, slots: u32, kernels: Kernels, stats: &mut Stats) -> Result<SensorTracer> {
         let capacity = SensorTracer::capacity(device.info(), plan, slots);
         let buffers = stats.timed(stage::ALLOCATE, || Buffers::new(device, plan, capacity, slots as usize))?;
-        let kernels = match kernels {
-            Some(kernels) => kernels,
-            None => stats.timed(stage::COMPILE, || Kernels::new(device, plan))?,
-        };
         let tile = plan.tuning.tile.unwrap_or(1 << 13).min(capacity);
         Ok(SensorTracer {
             kernels,
@@ -76,6 +66,11 @@ impl SensorTracer {
             tile,
             part: MIN_QUERY_BATCH,
         })
+    }
+
+    /// Frees the buffers, so that there is room for others.
+    fn into_kernels(self) -> Kernels {
+        self.kernels
     }
 
     /// Paths a tile may hold.

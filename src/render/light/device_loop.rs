@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::*;
-use crate::render::compaction::{ARGUMENTS, Compaction, CompactionBindings, chunk_counts, indirect_over};
+use crate::render::compaction::{ARGUMENTS, CompactionBindings, chunk_counts, indirect_over};
 use crate::render::submit_size::size_factor;
 use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, VERTEX_DEPTH};
 
@@ -19,7 +19,7 @@ const KEPT: u32 = 2;
 pub struct DeviceLoop {
     mark: Kernel,
     keep: Kernel,
-    compaction: Compaction,
+    compaction: Arc<Compaction>,
     /// What is bound to the kernels; `[1]` where the second list is traced.
     bound: [ParityBindings; 2],
     bound_keep: Bindings,
@@ -47,14 +47,17 @@ impl<A: Allocate> LoopBuffers<A> {
     fn new(to: &A, info: &DeviceInfo, plan: &Plan) -> Result<LoopBuffers<A>> {
         let paths = LightTracer::capacity(plan);
         let kept = paths * DeviceLoop::capacity(info, plan) as usize;
-        let chunks = chunk_counts(paths);
         let remedy = "use fewer --light-paths";
         let words = |name: &'static str, n: usize| BufferDesc::of::<u32>(name, n, remedy);
         Ok(LoopBuffers {
             list: to.buffer(words("living light paths in turn", paths))?,
             kept: to.buffer(words("light paths with new vertices", paths))?,
             marks: to.buffer(words("marks of light paths", paths.next_multiple_of(CHUNK as usize)))?,
-            chunk_counts: to.buffer(BufferDesc::of::<[u32; 2]>("chunk counts of light paths", chunks, remedy))?,
+            chunk_counts: to.buffer(BufferDesc::of::<[u32; 2]>(
+                "chunk counts of light paths",
+                chunk_counts(paths),
+                remedy,
+            ))?,
             arguments: to.buffer(words("dispatch arguments of light paths", ARGUMENTS))?,
             kept_vertices: to.read_back(BufferDesc::of::<PathVertex>("light vertices of all bounces", kept, remedy))?,
             kept_splats: to.read_back(BufferDesc::of::<[f32; 4]>("light splats of all bounces", kept, remedy))?,
@@ -79,11 +82,11 @@ impl DeviceLoop {
         list: &Buffer,
         trace: &Kernel,
         splat: &Kernel,
+        compaction: Arc<Compaction>,
     ) -> Result<DeviceLoop> {
         let own = LoopBuffers::new(device, device.info(), plan)?;
         let make = |file: &'static str| Kernel::new(device, file, file, &plan.constants());
         let (mark, keep) = (make("light_mark")?, make("light_keep")?);
-        let compaction = Compaction::new(device, &plan.constants())?;
         let turn = |from: &Buffer, to: &Buffer| -> Result<ParityBindings> {
             let lists = [("list", from), ("source", from), ("list_a", to), ("list_b", &own.kept)];
             let others = [("marks", &own.marks), ("chunk_counts", &own.chunk_counts), ("arguments", &own.arguments)];

@@ -1,5 +1,7 @@
 //! Kernels of the sensor subpaths, and what is bound to them.
 
+use std::sync::Arc;
+
 use super::buffers::Buffers;
 use crate::error::Result;
 use crate::gpu::{Bindings, Device, Kernel};
@@ -12,7 +14,7 @@ use crate::render::pool::DevicePool;
 pub struct Kernels {
     pub start: Kernel,
     pub trace: Kernel,
-    pub compaction: Compaction,
+    pub compaction: Arc<Compaction>,
     pub query: Kernel,
     pub connect: Kernel,
     pub gather: Kernel,
@@ -32,13 +34,13 @@ pub struct SensorBindings {
 }
 
 impl Kernels {
-    pub fn new(device: &Device, plan: &Plan) -> Result<Kernels> {
+    pub fn new(device: &Device, plan: &Plan, compaction: Arc<Compaction>) -> Result<Kernels> {
         let constants = plan.constants();
         let make = |file: &'static str, entry: &str| Kernel::new(device, file, entry, &constants);
         Ok(Kernels {
             start: make("sensor_start", "sensor_start")?,
             trace: make("sensor_trace", "sensor_trace")?,
-            compaction: Compaction::new(device, &constants)?,
+            compaction,
             query: make(plan.estimator.query_kernel, plan.estimator.query_kernel)?,
             connect: make("connect", "connect")?,
             gather: make("gather", "gather")?,

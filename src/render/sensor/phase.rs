@@ -1,12 +1,16 @@
 //! What the sensor subpaths keep from iteration to iteration, made anew where a pool outgrows it.
 
+use std::sync::Arc;
+
 use super::*;
+use crate::render::compaction::Compaction;
 use crate::render::plan::Iteration;
 use crate::render::pool::SortedPool;
 
 /// The tracer, the pool on the device, and the descriptor sets over both.
 pub struct SensorPhase {
     device: Device,
+    compaction: Arc<Compaction>,
     ready: Option<Ready>,
 }
 
@@ -18,8 +22,8 @@ pub struct Ready {
 }
 
 impl SensorPhase {
-    pub fn new(device: &Device) -> SensorPhase {
-        SensorPhase { device: device.clone(), ready: None }
+    pub fn new(device: &Device, compaction: Arc<Compaction>) -> SensorPhase {
+        SensorPhase { device: device.clone(), compaction, ready: None }
     }
 
     /// Puts the pool and the frame of an iteration on the device; makes buffers and descriptor sets anew where they are too small.
@@ -50,8 +54,12 @@ impl SensorPhase {
         let device = &self.device;
         let tracer = match tracer {
             Some(tracer) if tracer.slots >= slots => tracer,
-            old => {
-                let kernels = stats.timed(stage::ALLOCATE, || old.map(|tracer| tracer.kernels));
+            Some(old) => {
+                let kernels = stats.timed(stage::ALLOCATE, || old.into_kernels());
+                SensorTracer::new(device, plan, slots, kernels, stats)?
+            }
+            None => {
+                let kernels = stats.timed(stage::COMPILE, || Kernels::new(device, plan, self.compaction.clone()))?;
                 SensorTracer::new(device, plan, slots, kernels, stats)?
             }
         };
