@@ -103,8 +103,7 @@ impl Plan {
         let estimator = settings.estimator().record();
         let traces_light = estimator.light_subpaths && settings.max_depth() >= 2;
         let features = prepared.geometry.features;
-        let camera = &scene.cameras[settings.camera()];
-        let frame = frame(camera, settings, emitters, all);
+        let frame = frame(settings, emitters, all);
         let emitter_count = frame.emitter_count;
         let mut plan = Plan {
             estimator,
@@ -133,6 +132,13 @@ impl Plan {
             responses: settings.responses().clone(),
             frame,
         };
+        let camera = &scene.cameras[settings.camera()];
+        if !plan.aim(camera) {
+            return Err(Error::Settings(format!(
+                "the camera '{}' stands too far from the one that the scene was prepared for; prepare the scene for this camera",
+                camera.name
+            )));
+        }
         plan.set(settings.seed(), settings.responses().clone());
         Ok(plan)
     }
@@ -140,10 +146,25 @@ impl Plan {
     /// Looks with another camera through the same film. False, and nothing changes, where it stands too far from the one that
     /// the scene was prepared for.
     pub fn set_camera(&mut self, camera: &Camera) -> bool {
+        let is_near = self.aim(camera);
+        if is_near {
+            self.set(self.frame.seed, self.responses.clone());
+        }
+        is_near
+    }
+
+    /// Places the sensor and points the film as `camera` has them; see [`Plan::set_camera`].
+    fn aim(&mut self, camera: &Camera) -> bool {
         let Some(sensor) = self.space.sensor(camera.transform.translation) else { return false };
-        self.frame.sensor = sensor.to_array();
-        aim(&mut self.frame, camera);
-        self.set(self.frame.seed, self.responses.clone());
+        let frame = &mut self.frame;
+        frame.sensor = sensor.to_array();
+        let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
+        (frame.right, frame.up, frame.forward) = (axis(DVec3::X), axis(DVec3::Y), axis(DVec3::NEG_Z));
+        let [width, height] = [frame.width, frame.height].map(f64::from);
+        let tangent = (0.5 * camera.yfov).tan();
+        let extent = [tangent * width / height, tangent];
+        frame.extent = extent.map(|x| x as f32);
+        frame.pixel_area = (4.0 * extent[0] * extent[1] / (width * height)) as f32;
         true
     }
 
@@ -246,23 +267,13 @@ impl Plan {
     }
 }
 
-/// Points the film of `frame` as `camera` has it.
-fn aim(frame: &mut Frame, camera: &Camera) {
-    let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
-    (frame.right, frame.up, frame.forward) = (axis(DVec3::X), axis(DVec3::Y), axis(DVec3::NEG_Z));
-    let [width, height] = [frame.width, frame.height].map(f64::from);
-    let tangent = (0.5 * camera.yfov).tan();
-    let extent = [tangent * width / height, tangent];
-    frame.extent = extent.map(|x| x as f32);
-    frame.pixel_area = (4.0 * extent[0] * extent[1] / (width * height)) as f32;
-}
-
-fn frame(camera: &Camera, settings: &Settings, emitters: &EmitterSet, all: bool) -> Frame {
+/// What all iterations and cameras share.
+fn frame(settings: &Settings, emitters: &EmitterSet, all: bool) -> Frame {
     let [width, height] = settings.resolution();
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
     let estimator = settings.estimator().record();
     let query_sample_count = (estimator.query_sample_count)(settings.queries());
-    let mut frame = Frame {
+    Frame {
         width,
         height,
         emitter_lo: Vec3::to_array(&emitters.lo),
@@ -282,7 +293,37 @@ fn frame(camera: &Camera, settings: &Settings, emitters: &EmitterSet, all: bool)
         crop_width: settings.crop().width(),
         crop_height: settings.crop().height(),
         ..bytemuck::Zeroable::zeroed()
-    };
-    aim(&mut frame, camera);
-    frame
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{Kind, build};
+
+    /// The Cornell box with a second camera beside the first, seen by the second after it was prepared for the first.
+    fn seen_from(offset: DVec3) -> (PreparedScene, Camera, Result<Plan>) {
+        let mut scene = build(Kind::CornellBox);
+        let mut beside = Camera { name: "beside".into(), ..scene.cameras[0].clone() };
+        beside.transform.translation += offset;
+        scene.add_camera(beside.clone());
+        let settings = |camera: usize| Settings::builder().camera(camera).build().unwrap();
+        let prepared = PreparedScene::new(&scene, &settings(0)).unwrap();
+        let plan = Plan::new(&scene, &settings(1), &prepared);
+        (prepared, beside, plan)
+    }
+
+    #[test]
+    fn the_sensor_stands_where_the_camera_does() {
+        let (prepared, camera, plan) = seen_from(DVec3::new(0.1, 0.0, 0.0));
+        let sensor = plan.unwrap().frame.sensor;
+        assert_ne!(sensor, [0.0; 3]);
+        assert_eq!(sensor, prepared.space.point(camera.transform.translation).to_array());
+    }
+
+    #[test]
+    fn a_camera_far_from_where_the_scene_was_prepared_for_is_refused() {
+        let message = seen_from(DVec3::new(9.0, 0.0, 0.0)).2.err().expect("it is too far").to_string();
+        assert!(message.contains("camera 'beside'"), "{message}");
+    }
 }
