@@ -44,6 +44,7 @@ use light::{LightTracer, Splat};
 pub use memory::MemoryPlan;
 pub use plan::Tuning;
 use plan::{Iteration, Plan};
+use pool::SortedPool;
 pub use prepared_scene::PreparedScene;
 pub use probe::{TravelTimes, probe};
 pub use samples::MAX_AVERAGE_SAMPLES;
@@ -136,22 +137,18 @@ impl Renderer {
             return Ok(());
         }
         let iteration = self.next_iteration(samples);
-        let Renderer { device, plan, scene, light, sensor, allocation, film, stats, .. } = self;
-        let waits = device.waits();
-        let counts = match allocation {
-            Some(allocation) => stats.timed(stage::ALLOT, || allocation.counts(samples)),
+        let waits = self.device.waits();
+        let counts = match &self.allocation {
+            Some(allocation) => self.stats.timed(stage::ALLOT, || allocation.counts(samples)),
             None => SampleCounts::Uniform(samples),
         };
-        let mut image = vec![0.0f32; plan.crop_pixels as usize * 3];
+        let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
 
-        // Phase 1: light tracing. The sensor sees the new vertices directly (t = 1).
-        scene.write_frame(&plan.frame(&iteration, None))?;
-        let vertices = light.run(plan, &mut |splat: Splat| splat.add_to(&mut image), stats)?;
-
-        // Phase 2: hierarchy construction.
-        let pool = vertices.sort(plan, stats)?;
+        // Phases 1 and 2: light tracing, hierarchy construction. The sensor sees the new vertices directly (t = 1).
+        let pool = self.build_pool(&iteration, &mut |splat: Splat| splat.add_to(&mut image))?;
 
         // Phase 3: sensor tracing and connection. The error that it finds decides where later samples go.
+        let Renderer { device, plan, scene, sensor, allocation, film, stats, .. } = self;
         let learn = |seen: &[[f32; 4]], image: &[f32]| {
             if let Some(allocation) = allocation {
                 allocation.add(seen, image, &counts, samples);
@@ -167,6 +164,19 @@ impl Renderer {
         stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
         self.finish_iteration(counts.max());
         Ok(())
+    }
+
+    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the hierarchy over their vertices. `visit` is called with each
+    /// vertex as the sensor sees it (t = 1).
+    fn build_pool(&mut self, iteration: &Iteration, visit: &mut impl FnMut(Splat)) -> Result<SortedPool> {
+        let Renderer { plan, scene, light, stats, .. } = self;
+
+        // Phase 1: light tracing.
+        scene.write_frame(&plan.frame(iteration, None))?;
+        let vertices = light.run(plan, visit, stats)?;
+
+        // Phase 2: hierarchy construction.
+        vertices.sort(plan, stats)
     }
 
     /// An iteration where no light can meet the gate: its samples are black without being traced.

@@ -27,22 +27,18 @@ impl Renderer {
     /// image, and its travel time or weight.
     pub(super) fn observe(&mut self, samples: u32, visit: &mut impl FnMut(Contribution)) -> Result<()> {
         let iteration = self.next_iteration(samples);
-        let Renderer { plan, scene, light, sensor, stats, .. } = self;
 
-        // Phase 1: light tracing.
-        let times = plan.observe == Observe::Times;
-        scene.write_frame(&plan.frame(&iteration, None))?;
+        // Phases 1 and 2: light tracing, hierarchy construction.
+        let times = self.plan.observe == Observe::Times;
         let show = &mut |splat: Splat| {
             let Splat { rgb, pixel_or_tau, weight, s } = splat;
             let (pixel, tau_or_weight) = if times { (NONE, pixel_or_tau) } else { (pixel_or_tau.to_bits(), weight) };
             visit(Contribution { rgb, pixel, s, t: 1, tau_or_weight });
         };
-        let vertices = light.run(plan, show, stats)?;
-
-        // Phase 2: hierarchy construction.
-        let pool = vertices.sort(plan, stats)?;
+        let pool = self.build_pool(&iteration, show)?;
 
         // Phase 3: sensor tracing and connection.
+        let Renderer { plan, scene, sensor, stats, .. } = self;
         let share = 1.0 / samples as f32;
         let show = &mut |seen: SensorContribution| {
             let s = seen.vertex.map_or(0, |vertex| (pool.vertices[vertex].flags & VERTEX_DEPTH) + 1);
