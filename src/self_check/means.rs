@@ -18,7 +18,7 @@ use crate::settings::units::Gate;
 /// Probability that a device without fault fails any of the tests (Sidak).
 const SIGNIFICANCE: f64 = 1e-3;
 /// Upper bound on the number of tests.
-const TESTS: usize = 90;
+const TESTS: usize = 80;
 /// Relative error of means in 32 bits, and of the sphere's flat facets.
 const ROUNDING: f64 = 2e-4;
 /// Lamps of the sphere that is lit by many: more than are connected one by one.
@@ -65,12 +65,12 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "the sphere behind a veil",
             scene: behind_a_veil(build(unfolded(0.8))),
-            expected: sphere(0.8 * PASSES * PASSES, &[(1.95, 2.25), (3.0, 3.5)]),
+            expected: sphere(0.8 * PASSES * PASSES, &[(1.95, 3.5)]),
         },
         Case {
             name: "the sphere by twelve lamps",
             scene: by_many_lamps(build(unfolded(0.5))),
-            expected: sphere(0.5, &[(1.95, 2.25), (3.0, 3.5)]),
+            expected: sphere(0.5, &[(1.95, 3.5)]),
         },
         case(
             "the zoo by a lamp",
