@@ -1,5 +1,8 @@
-//! Many triangles in one place. The builder of obvhs merges neighbours whose union is smallest: among boxes that all have one
-//! centre every union is as large, so it merges one pair per pass. It takes quadratic time and makes a chain of nodes.
+//! A hierarchy for scenes with many triangles in one place. The builder of obvhs (PLOC) merges the two neighbours with the
+//! smallest
+//! union. If all boxes share a centre, all unions are equally large. PLOC then merges only one pair per pass: it takes quadratic
+//! time
+//! and returns a chain of nodes. This module replaces such groups of triangles with balanced subtrees.
 
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
@@ -9,24 +12,24 @@ use rayon::prelude::*;
 
 use super::hash::hash;
 
-/// As many triangles with one centre are left to obvhs. Its chain over them is a few levels long.
+/// Groups of at most this many triangles with a common centre are left to obvhs: its chain over them is only a few levels long.
 pub const MAX_GROUP_FOR_OBVHS: usize = 16;
-/// Side of the cells in which centres are one, relative to the diagonal of the box.
+/// Side of the grid cells that define a common centre, relative to the diagonal of the triangle's box.
 const CELL: f64 = 1.0 / 65536.0;
-/// The same relative to the centre's greatest coordinate: a few units in the last place.
+/// Lower bound on the side of the cells, relative to the largest coordinate of the centre: a few units in the last place.
 const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 
-/// Boxes for obvhs: one for each triangle that stands alone, and one around each group with a common centre.
+/// Boxes for obvhs: one box per single triangle, and one box per group of triangles with a common centre.
 pub struct Groups {
     pub boxes: Vec<Aabb>,
-    /// The triangles in each of `boxes`.
+    /// Indices of the triangles in each of `boxes`.
     members: Vec<Vec<u32>>,
 }
 
 impl Groups {
-    /// `None` where no place holds more than a few triangles.
+    /// Groups the triangles with these boxes. `None` if no more than [`MAX_GROUP_FOR_OBVHS`] triangles share a centre.
     pub fn find(boxes: &[Aabb]) -> Option<Groups> {
-        let mut keys: Vec<(u64, u32)> = boxes.par_iter().enumerate().map(|(i, b)| (place(b), i as u32)).collect();
+        let mut keys: Vec<(u64, u32)> = boxes.par_iter().enumerate().map(|(i, b)| (cell_key(b), i as u32)).collect();
         keys.par_sort_unstable();
         if keys.windows(MAX_GROUP_FOR_OBVHS + 1).all(|run| run[0].0 != run[MAX_GROUP_FOR_OBVHS].0) {
             return None;
@@ -39,13 +42,14 @@ impl Groups {
                 false => groups.members.extend(members.into_iter().map(|i| vec![i])),
             }
         }
-        // As obvhs would see them: in the order of the scene.
+        // Keep the order of the scene, in which obvhs would see the triangles without groups.
         groups.members.sort_unstable_by_key(|members| members[0]);
-        groups.boxes = groups.members.iter().map(|members| around(boxes, members)).collect();
+        groups.boxes = groups.members.iter().map(|members| union_of(boxes, members)).collect();
         Some(groups)
     }
 
-    /// A hierarchy over `self.boxes`, as one over the triangles: a balanced subtree stands for every group.
+    /// Turns the hierarchy `outer` over `self.boxes` into one over the triangles: a balanced subtree replaces the leaf of each
+    /// group.
     pub fn expand(&self, outer: Bvh2, boxes: &[Aabb]) -> Bvh2 {
         let mut bvh = Bvh2 { nodes: outer.nodes, ..Bvh2::default() };
         for at in 0..bvh.nodes.len() {
@@ -59,22 +63,23 @@ impl Groups {
     }
 }
 
-/// A hierarchy over all triangles that halves their number on every level, whatever their places: no deeper than its logarithm.
+/// A hierarchy over all triangles that halves their number on every level, wherever they lie. Its depth is log2 of their number,
+/// rounded up.
 pub fn halved(boxes: &[Aabb]) -> Bvh2 {
     let mut bvh = Bvh2 { nodes: vec![Bvh2Node::default()], ..Bvh2::default() };
     balanced(&mut bvh, 0, &mut (0..boxes.len() as u32).collect::<Vec<_>>(), boxes);
     bvh
 }
 
-/// Makes the node `at` the root of a hierarchy over `members`, of which there is one at least.
+/// Makes the node `at` the root of a balanced hierarchy over `members`, which is not empty.
 fn balanced(bvh: &mut Bvh2, at: usize, members: &mut [u32], boxes: &[Aabb]) {
-    let bounds = around(boxes, members);
+    let bounds = union_of(boxes, members);
     if let [only] = members {
         bvh.nodes[at] = Bvh2Node::new(bounds, 1, bvh.primitive_indices.len() as u32);
         bvh.primitive_indices.push(*only);
         return;
     }
-    // Along the axis on which the centres lie furthest apart; those in one place by their numbers.
+    // Split along the axis with the largest extent of the centres; equal centres are ordered by their triangle index.
     let centre = |i: u32| boxes[i as usize].min + boxes[i as usize].max;
     let ends = members
         .iter()
@@ -97,17 +102,18 @@ fn balanced(bvh: &mut Bvh2, at: usize, members: &mut [u32], boxes: &[Aabb]) {
     balanced(bvh, first + 1, high, boxes);
 }
 
-fn around(boxes: &[Aabb], members: &[u32]) -> Aabb {
+fn union_of(boxes: &[Aabb], members: &[u32]) -> Aabb {
     members.iter().map(|&i| boxes[i as usize]).reduce(|a, b| a.union(&b)).unwrap_or_else(Aabb::empty)
 }
 
-/// The same number for boxes of about one size with about one centre. Other boxes seldom have it.
-fn place(b: &Aabb) -> u64 {
+/// A hash of the grid cell of the box's centre. Boxes of similar size with nearly the same centre have equal keys; other boxes
+/// seldom do.
+fn cell_key(b: &Aabb) -> u64 {
     let [lo, hi] = [b.min.as_dvec3(), b.max.as_dvec3()];
     let centre = 0.5 * (lo + hi);
     let cell = (CELL * (hi - lo).length()).max(ROUNDING * centre.abs().max_element()).max(f64::from(f32::MIN_POSITIVE));
     let exponent = cell.log2().ceil();
-    // Round numbers, which are frequent, lie far from the bounds of the cells.
+    // The offset keeps round coordinates, which are frequent, far from the borders of the cells.
     let cells = centre / exponent.exp2() + 0.37;
     hash([exponent, cells.x.floor(), cells.y.floor(), cells.z.floor()].map(|x| x as i64 as u64))
 }

@@ -1,4 +1,4 @@
-//! The bounding volume hierarchy over the scene's triangles: obvhs' compressed wide nodes, 80 bytes each.
+//! The bounding volume hierarchy over the triangles of the scene: compressed wide nodes (CWBVH) of obvhs, 80 bytes each.
 
 mod dense;
 pub mod hash;
@@ -15,19 +15,20 @@ use obvhs::triangle::Triangle;
 use crate::wgsl::layout::constants::STACK_SIZE;
 use dense::Groups;
 
-/// Triangles that a leaf of compressed wide nodes may hold.
+/// Maximum number of triangles in a leaf of the compressed wide nodes.
 const MAX_LEAF_TRIANGLES: u32 = 3;
 
-/// Nodes as the kernels read them (five 16-byte words each), and the triangles in leaf order.
+/// The nodes in the layout of the kernels, and the order of the triangles in the leaves.
 pub struct Bvh {
+    /// Five 16-byte words per node; one empty node if there are no triangles.
     pub nodes: Vec<[u32; 4]>,
-    /// Input triangle of each leaf slot.
+    /// Index of the input triangle in each leaf slot.
     pub order: Vec<u32>,
     /// The same hierarchy for traversal on the host.
     pub host: CwBvh,
 }
 
-/// Levels the kernels' stacks have room for.
+/// Maximum number of levels for which the kernels' traversal stacks have room.
 pub const MAX_LEVELS: usize = STACK_SIZE as usize;
 
 impl Bvh {
@@ -39,7 +40,7 @@ impl Bvh {
         Bvh { nodes, order: host.primitive_indices.clone(), host }
     }
 
-    /// Levels of nodes, 0 for an empty hierarchy.
+    /// Number of levels of nodes; 0 for an empty hierarchy.
     pub fn levels(&self) -> usize {
         let mut deepest = 0;
         let mut open = if self.host.nodes.is_empty() { vec![] } else { vec![(0usize, 1usize)] };
@@ -53,7 +54,9 @@ impl Bvh {
     }
 }
 
-/// Builds the hierarchy, whatever lies in one place. `corners` are finite; none gives a hierarchy that no ray hits.
+/// Builds the hierarchy over triangles with these `corners`, which must be finite. It has at most [`MAX_LEVELS`] levels, even if
+/// many
+/// triangles share one place. Without triangles no ray hits anything.
 pub fn build(corners: &[[[f32; 3]; 3]]) -> Bvh {
     let triangle = |c: &[[f32; 3]; 3]| Triangle { v0: c[0].into(), v1: c[1].into(), v2: c[2].into() };
     let boxes: Vec<Aabb> = corners.iter().map(|c| triangle(c).aabb()).collect();
@@ -61,11 +64,12 @@ pub fn build(corners: &[[[f32; 3]; 3]]) -> Bvh {
         None => wide(&clustered(&boxes)),
         Some(groups) => wide(&groups.expand(clustered(&groups.boxes), &boxes)),
     });
-    // Triangles nested over many orders of magnitude.
+    // Triangles nested over many orders of magnitude can make the hierarchy deeper than the stacks.
     if bvh.levels() > MAX_LEVELS { Bvh::new(wide(&dense::halved(&boxes))) } else { bvh }
 }
 
-/// The steps of `obvhs::cwbvh::builder::build_cwbvh_from_tris`, which in debug builds panics on deep hierarchies.
+/// Builds a hierarchy with the steps of `obvhs::cwbvh::builder::build_cwbvh_from_tris`. That function itself panics on deep
+/// hierarchies in debug builds.
 fn clustered(boxes: &[Aabb]) -> Bvh2 {
     const PARAMETERS: BvhBuildParams = BvhBuildParams::medium_build();
     let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(

@@ -10,7 +10,7 @@ type Corners = [[f32; 3]; 3];
 
 const ONE: Corners = [[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.5]];
 
-/// Numbers in [0, 1) that look random.
+/// Pseudo-random numbers in [0, 1).
 fn random(seed: u64) -> impl FnMut() -> f32 {
     let mut state = seed;
     move || {
@@ -19,7 +19,7 @@ fn random(seed: u64) -> impl FnMut() -> f32 {
     }
 }
 
-/// A room of `n` small triangles, so that the others lie in a scene.
+/// `n` small triangles scattered through a room; they surround the triangles under test.
 fn scattered(n: usize) -> Vec<Corners> {
     let mut next = random(1);
     let mut triangle = || {
@@ -29,7 +29,8 @@ fn scattered(n: usize) -> Vec<Corners> {
     (0..n).map(|_| triangle()).collect()
 }
 
-/// Cards of one height about one axis, each turned by another angle, their centres `apart`.
+/// `n` triangles of one height about a vertical axis, each turned by a random angle. Their centres lie within `apart` of each
+/// other.
 fn cards(n: usize, apart: f32) -> Vec<Corners> {
     let mut next = random(2);
     let mut card = || {
@@ -40,23 +41,26 @@ fn cards(n: usize, apart: f32) -> Vec<Corners> {
     (0..n).map(|_| card()).collect()
 }
 
-/// Every triangle is in one leaf, every box holds what is below it, and the kernels' stacks have room.
+/// Checks that every triangle is in exactly one leaf, that every box contains the triangles below it, and that the hierarchy fits
+/// the
+/// kernels' stacks.
 fn check(name: &str, corners: &[Corners]) {
     let start = Instant::now();
     let bvh = build(corners);
     let seconds = start.elapsed().as_secs_f64();
     println!("{name}: {} triangles, {} levels, {seconds:.3} s", corners.len(), bvh.levels());
     assert!(bvh.levels() <= MAX_LEVELS, "{name}: {} levels", bvh.levels());
-    // Unoptimised, on a machine that does other things, a hundred thousand take less than one. Quadratic time takes minutes.
+    // An unoptimised build of 100,000 triangles takes less than 1 s, even on a busy machine. Quadratic time would take minutes.
     assert!(seconds < 10.0, "{name}: {seconds} s");
     let mut order = bvh.order.clone();
     order.sort_unstable();
     assert!(order.iter().copied().eq(0..corners.len() as u32), "{name}: not every triangle once");
-    holds(&bvh, 0, corners, name);
+    check_boxes(&bvh, 0, corners, name);
 }
 
-/// Bounds of the triangles below a node, after it was checked that each child's box holds those below it.
-fn holds(bvh: &Bvh, node: usize, corners: &[Corners], name: &str) -> Aabb {
+/// Returns the bounds of the triangles below a node, after checking that the box of each child contains the triangles below that
+/// child.
+fn check_boxes(bvh: &Bvh, node: usize, corners: &[Corners], name: &str) -> Aabb {
     let mut all = Aabb::empty();
     let node = &bvh.host.nodes[node];
     for child in (0..8).filter(|&c| !node.is_child_empty(c)) {
@@ -66,10 +70,10 @@ fn holds(bvh: &Bvh, node: usize, corners: &[Corners], name: &str) -> Aabb {
             let points = members.iter().flat_map(|&i| corners[i as usize]);
             points.fold(Aabb::empty(), |mut b, p| *b.extend(Vec3A::from(p)))
         } else {
-            holds(bvh, node.child_node_index(child) as usize, corners, name)
+            check_boxes(bvh, node.child_node_index(child) as usize, corners, name)
         };
         let outer = node.child_aabb(child);
-        // Rounding of the quantised planes: the kernels widen them by more.
+        // Tolerance for the rounding of the quantised planes; the kernels widen the planes by more than this.
         let slack = 4.0 * f32::EPSILON * outer.min.abs().max(outer.max.abs());
         let outer = Aabb::new(outer.min - slack, outer.max + slack);
         assert!(outer.min.cmple(below.min).all() && outer.max.cmpge(below.max).all(), "{name}: {outer:?} {below:?}");
@@ -101,7 +105,7 @@ fn what_lies_in_one_place_is_built_soon_and_flat() {
         check(name, &dense);
         check(&format!("{name} in a room"), &[room.clone(), dense].concat());
     }
-    // The builder alone makes a chain of them.
+    // The builder of obvhs alone makes a chain of these boxes.
     let copy = Triangle { v0: ONE[0].into(), v1: ONE[1].into(), v2: ONE[2].into() }.aabb();
     assert!(Bvh::new(wide(&clustered(&[copy; 500]))).levels() > MAX_LEVELS);
 }
@@ -112,7 +116,7 @@ fn triangles_nested_over_many_orders_of_magnitude_fit_the_stacks() {
         let nested = |k: i32| ONE.map(|p| [0, 1, 2].map(|i| (p[i] - centre[i]) * 1.05f32.powi(k - 900)));
         let corners: Vec<Corners> = (0..1600).map(nested).collect();
         check(&format!("nested about {name}"), &corners);
-        // Without a remedy they do not.
+        // Without `halved` the hierarchy does not fit.
         let boxes: Vec<Aabb> = corners.iter().map(|c| Aabb::from_points(&c.map(Vec3A::from))).collect();
         assert!(Bvh::new(wide(&clustered(&boxes))).levels() > MAX_LEVELS, "{name}");
     }

@@ -1,12 +1,12 @@
 //! `bdpt`: full bidirectional path tracing (Veach 1997, ch. 10). Each shade point is connected to every vertex of one light
-//! subpath; paths outside the gate are rejected. It is the baseline of the paper.
+//! subpath; paths outside the gate are rejected. The paper compares its method with this one.
 
 use super::{Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_BDPT;
 
 pub(super) static RECORD: Record = Record {
     name: "bdpt",
-    // Without a gate, or with a wide one, there is little that queries could choose better by: they only cost time.
+    // With a wide gate or none, nearly all vertices are valid: choosing among them by query costs time and gains little.
     is_default: |c| match c.gate {
         GateWidth::Narrow => false,
         GateWidth::Wide => true,

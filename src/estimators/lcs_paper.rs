@@ -1,5 +1,5 @@
-//! `lcs-paper`: light-cone shell queries as the paper has them (Secs. 5 and 6): a 3D tree over points on emitters, a 4D tree over
-//! scattered vertices, and a shadow ray for each of K queries per tree.
+//! `lcs-paper`: light-cone shell queries as in the paper (Secs. 5 and 6). A 3D tree holds the points on emitters, a 4D tree the
+//! scattered vertices. Each shade point sends K queries per tree, and one shadow ray per query.
 
 use super::{Estimator, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
 use crate::wgsl::layout::constants::ESTIMATOR_LCS_PAPER;
@@ -8,10 +8,10 @@ pub(super) static RECORD: Record = Record {
     name: "lcs-paper",
     is_default: |_| false,
     max_default_light_paths: 50_000,
-    // The paper spreads its samples evenly.
+    // The paper uses the same number of samples for all pixels.
     adaptive: false,
     light_subpaths: true,
-    // Individual vertices reside in the paper's leaves (Sec. 5.2).
+    // In the paper each leaf holds one vertex (Sec. 5.2).
     trees: Some(TreeDefaults { queries: 1, leaf_size: 1, single: false, by_importance: false }),
     pool_order: PoolOrder::Trees,
     query_kernel: SHELL_QUERY,

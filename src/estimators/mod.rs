@@ -1,5 +1,6 @@
-//! The estimators: how each one finds paths, one file per estimator. This is plain data below `settings` and `render`; both ask
-//! the [`Record`] of an estimator and never which estimator it is.
+//! The estimators, one file per estimator. Each file fills a [`Record`] of plain data. `settings` and `render` read that record;
+//! they
+//! never branch on the estimator itself.
 
 #![warn(missing_docs)]
 
@@ -13,16 +14,16 @@ use std::str::FromStr;
 
 use crate::error::{Error, Result};
 
-/// Which paths are formed and how connections are chosen.
+/// Which paths a render forms, and how it chooses connections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Estimator {
     /// Path tracing with next-event estimation: strategies s <= 1.
     Pt,
     /// Full bidirectional path tracing; paths outside the gate are rejected.
     Bdpt,
-    /// Light-cone shell queries as the paper has them (Secs. 5 and 6); `docs/ARCHITECTURE.md` lists what is decided beyond it.
+    /// Light-cone shell queries as in the paper (Secs. 5 and 6); `docs/ARCHITECTURE.md` lists our decisions beyond the paper.
     LcsPaper,
-    /// Light-cone shell queries by importance, K candidates resampled to one shadow ray per tree.
+    /// Light-cone shell queries by importance; K candidates per tree are resampled to one shadow ray.
     Lcs,
 }
 
@@ -30,16 +31,17 @@ pub enum Estimator {
 pub struct Record {
     /// The name on the command line.
     pub name: &'static str,
-    /// Whether this estimator renders when nothing names one. Exactly one estimator says yes to any conditions.
+    /// Whether this estimator is the default under these conditions. For all conditions exactly one estimator is.
     pub is_default: fn(&Conditions) -> bool,
     /// Upper bound on the default number of light subpaths per iteration.
     pub max_default_light_paths: u32,
-    /// Whether samples follow the error of the pixels when nothing says how to spread them.
+    /// Default of adaptive sampling: whether the sample allocation follows the error of the pixels.
     pub adaptive: bool,
-    /// Whether light subpaths are continued beyond the emitter: the strategies t = 1 and s >= 2 exist. Without them no path from a
-    /// beam is found.
+    /// Whether light subpaths continue beyond the emitter, so that the strategies t = 1 and s >= 2 exist. An estimator without
+    /// them finds
+    /// no light of beams.
     pub light_subpaths: bool,
-    /// Defaults of the tree settings; none for an estimator without trees.
+    /// Defaults of the tree settings; `None` for an estimator without trees.
     pub trees: Option<TreeDefaults>,
     /// How the light vertices of an iteration are ordered for the query kernel.
     pub pool_order: PoolOrder,
@@ -47,38 +49,38 @@ pub struct Record {
     pub query_kernel: &'static str,
     /// Override constants of that kernel.
     pub constants: &'static [(&'static str, u32)],
-    /// Candidate slots per shade point for the vertices that the query kernel chooses; deterministic vertices have slots of their
-    /// own.
+    /// Number of candidate slots per shade point for the vertices that the query kernel chooses. Deterministic vertices have
+    /// other slots.
     pub slots: fn(&PoolShape) -> u32,
     /// Number of samples that a vertex chosen by `queries` queries stands for in the MIS heuristic.
     pub query_sample_count: fn(queries: u32) -> f32,
     /// Weight of a light-tracing (t = 1) sample in the MIS heuristic, relative to one camera sample.
     pub splat_sample_weight: f32,
-    /// Whether the bench tries this estimator when it looks for the fastest way to render a reference.
+    /// Whether the bench considers this estimator when it looks for the fastest way to render a reference.
     pub renders_references: bool,
-    /// Estimator that checks the references which this one rendered: it finds the same paths in another way.
+    /// Estimator that checks the references rendered by this one: it finds the same paths by another method.
     pub judge: Estimator,
 }
 
-/// What the default estimator depends on.
+/// Properties of the scene and the gate that the default estimator depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Conditions {
-    /// How wide the gate is.
+    /// Width of the gate.
     pub gate: GateWidth,
-    /// Glass, a mirror or sharp gloss gathers light.
+    /// Whether glass, a mirror or sharp gloss focuses light.
     pub focuses_light: bool,
-    /// A collimated beam shines.
+    /// Whether the scene has a collimated beam.
     pub has_beam: bool,
 }
 
-/// Width of the gate, compared with the scene.
+/// Width of the gate relative to the size of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum GateWidth {
-    /// At most the width up to which queries in trees pay.
+    /// Narrow enough that queries in trees pay off.
     Narrow,
-    /// Wider than that, with an end.
+    /// Wider than `Narrow`, but not without limits.
     Wide,
-    /// The steady state.
+    /// No gate: the steady state.
     Open,
 }
 
@@ -88,47 +90,48 @@ pub struct TreeDefaults {
     pub queries: u32,
     /// Upper bound on the light vertices in a leaf.
     pub leaf_size: u32,
-    /// One tree over all light vertices instead of the two of Sec. 5.4.
+    /// Whether one tree holds all light vertices, instead of the two trees of Sec. 5.4.
     pub single: bool,
-    /// Queries choose by importance, starting among a frontier of subtrees: `--importance` and `--frontier` count.
+    /// Whether queries choose by importance and start from a frontier of subtrees: `--importance` and `--frontier` have an
+    /// effect.
     pub by_importance: bool,
 }
 
-/// Order of the light vertices in the pool. Deterministic vertices come first in all of them.
+/// Order of the light vertices in the pool. Deterministic vertices come first in every order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PoolOrder {
-    /// Points on emitters alone.
+    /// The pool holds points on emitters only.
     EmitterPoints,
-    /// By light subpath, with an offset per path.
+    /// By light subpath; the pool stores the offset of each path.
     ByPath,
-    /// By the leaves of the trees.
+    /// By leaf of the trees.
     Trees,
 }
 
-/// The pool of an iteration and the settings, as far as the number of slots depends on them.
+/// Properties of an iteration's pool and of the settings that determine the number of slots.
 #[derive(Debug, Clone, Copy)]
 pub struct PoolShape {
     /// Whether the pool holds points on emitters.
     pub has_emitter_points: bool,
-    /// Vertices of the longest light subpath; 0 where the pool is not ordered by path.
+    /// Number of vertices of the longest light subpath; 0 if the pool is not ordered by path.
     pub longest_path: u32,
-    /// Trees that are not empty.
+    /// Number of trees that are not empty.
     pub trees: u32,
     /// Queries per shade point and tree.
     pub queries: u32,
 }
 
-/// The kernel of three estimators, which differ in how they choose from the pool: constant `ESTIMATOR`.
+/// Kernel of three estimators; its constant `ESTIMATOR` selects how it chooses from the pool.
 const SHELL_QUERY: &str = "shell_query";
 
 impl Estimator {
-    /// All of them, the simplest first.
+    /// All estimators, the simplest first.
     pub const ALL: [Estimator; 4] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
 
-    /// Finds every path, whatever its travel time: it measures what there is to gate.
+    /// Estimator for renders without a gate that measure which travel times a scene has: it finds every path.
     pub const UNGATED: Estimator = Estimator::Bdpt;
 
-    /// What all others read of it.
+    /// The record that describes this estimator to the rest of the program.
     pub fn record(self) -> &'static Record {
         match self {
             Estimator::Pt => &pt::RECORD,
@@ -138,7 +141,7 @@ impl Estimator {
         }
     }
 
-    /// The estimator that renders when nothing names one.
+    /// The estimator that renders under these conditions unless the user names one.
     pub fn default_for(conditions: &Conditions) -> Estimator {
         let is_default = |estimator: &Estimator| (estimator.record().is_default)(conditions);
         Estimator::ALL.into_iter().find(is_default).expect("one estimator is the default for any conditions")
@@ -149,7 +152,7 @@ impl Estimator {
         self.record().name
     }
 
-    /// Whether its light vertices stand in trees.
+    /// Whether its light vertices are kept in trees.
     pub fn has_trees(self) -> bool {
         self.record().trees.is_some()
     }
@@ -159,27 +162,28 @@ impl Estimator {
         self.record().trees.as_ref().is_some_and(|trees| trees.by_importance)
     }
 
-    /// Queries per shade point and tree when nothing says how many.
+    /// Default number of queries per shade point and tree; 1 without trees.
     pub fn default_queries(self) -> u32 {
         self.record().trees.as_ref().map_or(1, |trees| trees.queries)
     }
 
-    /// Whether there is one tree over all light vertices when nothing says it.
+    /// Whether the default is one tree over all light vertices.
     pub fn default_single_tree(self) -> bool {
         self.record().trees.as_ref().is_some_and(|trees| trees.single)
     }
 
-    /// Upper bound on the light vertices in a leaf when nothing says how many; 0 without trees.
+    /// Default upper bound on the light vertices in a leaf; 0 without trees.
     pub fn leaf_size(self) -> u32 {
         self.record().trees.as_ref().map_or(0, |trees| trees.leaf_size)
     }
 
-    /// Whether light of a collimated beam is found.
+    /// Whether it finds the light of collimated beams.
     pub fn sees_beams(self) -> bool {
         self.record().light_subpaths
     }
 
-    /// A sentence for whoever asks this estimator for the light of a beam that it cannot see.
+    /// Error message for a user who asks this estimator for the light of `beam`, which it cannot find. It names the estimators
+    /// that can.
     pub fn beam_refusal(self, beam: &str) -> String {
         let seeing: Vec<&str> = Estimator::ALL.into_iter().filter(|e| e.sees_beams()).map(Estimator::name).collect();
         format!(

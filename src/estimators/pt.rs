@@ -1,11 +1,12 @@
-//! `pt`: path tracing with next-event estimation. Light subpaths end on their emitters: strategies s <= 1, t >= 2.
+//! `pt`: path tracing with next-event estimation. Light subpaths end on their emitters, so it has only the strategies s <= 1, t
+//! >= 2.
 
 use super::{Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_PT;
 
 pub(super) static RECORD: Record = Record {
     name: "pt",
-    // Without a gate it is the fastest where it sees all light well: nothing focuses light and nothing shines as a beam
+    // Without a gate it is the fastest estimator if nothing focuses light and no collimated beam shines
     // (docs/notebook/no-gate.md).
     is_default: |c| c.gate == GateWidth::Open && !c.focuses_light && !c.has_beam,
     max_default_light_paths: 50_000,

@@ -1,11 +1,14 @@
-//! The gate in f32: what rounding may do to the travel times that are compared with it.
+//! The gate in f32: how far rounding can move the travel times that kernels compare with the gate.
 
 use crate::settings::units::Gate;
 
-/// Length, in the unit of the gate, by which the bounds of a query are widened so that no vertex whose travel time rounds into
-/// the gate is pruned.
-/// A travel time is a sum of a few dozen rounded terms, each no greater than the gate's last finite end, of points whose coordinates
-/// are no greater than that end and the distance of the sensor from the origin of render space.
+/// Length by which queries widen their travel-time bounds, so that they prune no vertex whose travel time rounds into the gate.
+/// It is
+/// in the unit of `gate` and `sensor`; `sensor` is the distance of the sensor from the origin of render space.
+///
+/// A travel time is a sum of a few dozen rounded terms. Each term is at most the last finite end of the gate. The coordinates of
+/// the
+/// points are at most that end plus `sensor`.
 pub fn rounding_allowance(gate: Gate, sensor: f64) -> f32 {
     let edge = if gate.hi.is_finite() { gate.hi } else { gate.lo };
     (edge + sensor) as f32 * 4e-6

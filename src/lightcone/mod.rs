@@ -1,18 +1,19 @@
-//! The paper's sections 4 and 5 on the host: light vertices in space and travel time, and the trees over them.
+//! Sections 4 and 5 of the paper on the host: light vertices in space and travel time, and the trees over them.
 //!
 //! | symbol | here | unit |
 //! |---|---|---|
 //! | v, v_tau | position and travel time of a light vertex | m relative to the sensor, m of optical path |
-//! | q, q_tau | position and travel time of a shade point | the same |
-//! | phi_j | throughput / density of light vertex j, 1/M included | W, or radiance x area |
+//! | q, q_tau | position and travel time of a shade point | as for v, v_tau |
+//! | phi_j | throughput / density of light vertex j, 1/M included | W, or radiance times area |
 //! | tau_min, tau_max | gate | m of optical path |
-//! | N_tau^-, N_tau^+ | least and greatest v_tau below a node | m of optical path |
-//! | Phi_N, Phi_b | power of a node, of one of its buckets | that of phi, scaled to a total of 1 |
-//! | B, K, M | buckets a node, queries a shade point, light subpaths | |
+//! | N_tau^-, N_tau^+ | smallest and largest v_tau below a node | m of optical path |
+//! | Phi_N, Phi_b | power of a node, and of one of its buckets | as for phi, scaled to a total of 1 |
+//! | B, K, M | buckets per node, queries per shade point, light subpaths per iteration | |
 //!
-//! Kernels count lengths in the unit of `render/space.rs` instead of metres. The queries themselves run on the device: those of the
-//! paper in `shaders/shell_query.wgsl` and `shared/query.wgsl`, those by importance in `shaders/shell_resample.wgsl`,
-//! `shared/importance.wgsl`, `frontier.wgsl` and `resample.wgsl`; both prune by `shared/lightcone.wgsl`.
+//! Kernels measure lengths in the unit of `render/space.rs` instead of metres. The queries run on the device. Those of the paper
+//! are in
+//! `shaders/shell_query.wgsl` and `shared/query.wgsl`. Those by importance are in `shaders/shell_resample.wgsl`,
+//! `shared/importance.wgsl`, `shared/frontier.wgsl` and `shared/resample.wgsl`. Both prune with `shared/lightcone.wgsl`.
 
 pub mod gate;
 pub mod tree;

@@ -1,58 +1,68 @@
-//! The hierarchy over light vertices (Sec. 5.2): balanced, split along the greatest of four extents, with power buckets
-//! over travel time (Sec. 5.5.2) at every node. The 3D tree of emitter points is the same with all v_tau = 0.
+//! The hierarchy over light vertices (Sec. 5.2). Every node splits its vertices into equal halves along the dimension of greatest
+//! extent, among the three of space and travel time. Every node stores power buckets over travel time (Sec. 5.5.2). The 3D tree
+//! of
+//! emitter points is the same tree with all v_tau = 0.
 
 use rayon::join;
 
 use crate::wgsl::layout::constants::{BUCKETS, LEAF_BIT, LEAF_FIRST};
 use crate::wgsl::layout::{NONE, TreeChild, TreeNode};
 
-/// A light vertex as the tree sees it.
+/// A light vertex, as far as the tree needs it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Item {
-    /// Position and travel time, finite.
+    /// Position and travel time in the units of render space; finite.
     pub point: [f32; 4],
-    /// Bounds every channel of phi; > 0, in any unit.
+    /// Upper bound on every channel of phi; > 0. Any unit, but the same for all items.
     pub power: f32,
-    /// The caller's number of the vertex.
+    /// Index by which the caller identifies the vertex.
     pub index: u32,
 }
 
-/// How a tree is built.
+/// Parameters of [`Tree::build`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TreeOptions {
-    /// Most vertices in a leaf, 1 to 16.
+    /// Maximum number of vertices in a leaf, 1 to 16.
     pub leaf_size: usize,
-    /// Buckets used at a node, 1 to 8 (B of the paper).
+    /// Number of buckets per node, 1 to 8 (B of the paper).
     pub buckets: u32,
-    /// Added to node numbers and to vertex numbers, where trees share arrays.
+    /// Index of the tree's first node in the array of nodes that trees share.
     pub first_node: u32,
+    /// Index of the tree's first vertex in the array of vertices that trees share.
     pub first_vertex: u32,
 }
 
-/// A flattened tree. Items are reordered in place so that every leaf is a range of them.
+/// A flattened tree over items. Building it reorders the items so that every leaf is a range of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tree {
     /// Inner nodes in depth-first order.
     pub nodes: Vec<TreeNode>,
-    /// Where a query starts: an inner node, a leaf reference for few items, [`NONE`] for no items.
+    /// Where a query starts: an inner node, or a leaf reference if one leaf holds all items, or [`NONE`] without items.
     pub root: u32,
 }
 
-/// Halves of at most this many items are built by one thread.
+/// Two halves are built in parallel only if the first has more than this many items.
 const MAX_SEQUENTIAL_ITEMS: usize = 4096;
 
-/// Powers are scaled to a total of 1 and kept above this, so that no vertex underflows to probability 0: divided by the square
-/// of a great distance and times the least overlap, it must still be a normal f32 (devices may flush others to 0).
+/// Lower bound on an item's power after scaling to a total of 1, so that no vertex gets probability 0 by underflow. Queries
+/// divide the
+/// power by the square of a large distance and multiply it by the smallest overlap. The result must still be a normal f32,
+/// because
+/// devices may flush subnormal numbers to 0.
 const MIN_POWER: f32 = 1e-20;
 
 impl Tree {
-    /// Builds the tree over `items`, reorders them and scales their powers to a total of 1. O(n log n) time, no allocation beyond the nodes.
+    /// Builds the tree over `items`, reorders them and scales their powers to a total of 1. It takes O(n log n) time and
+    /// allocates only
+    /// the nodes.
     pub fn build(items: &mut [Item], options: TreeOptions) -> Tree {
         Tree::build_with_separate_subtree(items, 0, options)
     }
 
-    /// As [`Tree::build`], with a subtree below the root for the first `apart` items: a few items of great power would else be
-    /// scattered among the others, one in a leaf, where nothing tells them from each other.
+    /// As [`Tree::build`], but the first `apart` items get a subtree of their own below the root. It is meant for a few items of
+    /// large
+    /// power. Without the subtree they would lie one by one in leaves full of other items, and queries could not choose among
+    /// them.
     pub fn build_with_separate_subtree(items: &mut [Item], apart: usize, options: TreeOptions) -> Tree {
         if items.is_empty() {
             return Tree { nodes: vec![], root: NONE };
@@ -87,8 +97,9 @@ struct Builder {
 }
 
 impl Builder {
-    /// Builds the subtree over `items`, whose first vertex has number `first`, into exactly `slots`, the first of which has
-    /// number `base`. Returns how its parent refers to it.
+    /// Builds the subtree over `items` into exactly `slots`. `first` is the index of its first vertex, `base` that of its first
+    /// slot.
+    /// Returns the record by which its parent refers to it.
     fn subtree(&self, items: &mut [Item], first: u32, slots: &mut [TreeNode], base: u32) -> TreeChild {
         let (lo, hi) = bounds(items);
         let mut summary = self.summary(items, lo, hi);
@@ -96,7 +107,9 @@ impl Builder {
             summary.child = leaf_reference(first, items.len());
             return summary;
         }
-        // Balanced split along the dimension of greatest extent among all four (Sec. 5.2).
+        // Balanced split along the dimension of greatest extent among all four (Sec. 5.2); ties by index, so that the order of
+        // the input
+        // does not matter.
         let axis = (0..4).max_by(|&a, &b| (hi[a] - lo[a]).total_cmp(&(hi[b] - lo[b]))).unwrap_or(0);
         let half = items.len() / 2;
         items.select_nth_unstable_by(half, |a, b| a.point[axis].total_cmp(&b.point[axis]).then(a.index.cmp(&b.index)));
@@ -114,7 +127,7 @@ impl Builder {
         summary
     }
 
-    /// Bounds and bucket powers of a node (`child` is left to the caller).
+    /// Bounds and bucket powers of a node; the caller sets `child`.
     fn summary(&self, items: &[Item], lo: [f32; 4], hi: [f32; 4]) -> TreeChild {
         let mut powers = [0.0f32; BUCKETS as usize];
         let scale = bucket_scale(lo[3], hi[3], self.options.buckets);
@@ -140,12 +153,13 @@ fn run_both<A, B>(a: impl FnOnce() -> A, b: impl FnOnce() -> B) -> (A, B) {
     (a(), b())
 }
 
-/// Buckets a unit of travel time; 0 extent puts everything into bucket 0.
+/// Buckets per unit of travel time. If the range is empty, every item falls into bucket 0.
 pub fn bucket_scale(tau_lo: f32, tau_hi: f32, buckets: u32) -> f32 {
     buckets as f32 / (tau_hi - tau_lo).max(1e-30)
 }
 
-/// Eight powers in units of 1/255 of the greatest, rounded up so that no bucket that holds a vertex reads 0.
+/// Returns eight powers in units of 1/255 of the largest, and that unit. Powers are rounded up, so that no bucket with a vertex
+/// reads 0.
 fn quantise(powers: [f32; 8]) -> ([u8; 8], f32) {
     let greatest = powers.iter().copied().fold(0.0f32, f32::max);
     let unit = (greatest / 255.0).max(f32::MIN_POSITIVE);
@@ -168,9 +182,9 @@ fn leaf_reference(first: u32, count: usize) -> u32 {
     LEAF_BIT | ((count as u32 - 1) << 27) | first
 }
 
-/// Inner nodes of a balanced tree over `n` items: 0 up to the leaf size, else 1 + those of both halves.
+/// Number of inner nodes of a balanced tree over `n` items: 0 up to the leaf size, otherwise 1 + those of both halves.
 fn inner_nodes(n: usize, leaf_size: usize) -> usize {
-    // All sizes at one level differ by at most 1: the pair (n, n + 1) is enough.
+    // The sizes of all nodes on one level differ by at most 1, so the counts for n and n + 1 suffice.
     fn pair(n: usize, leaf_size: usize) -> (usize, usize) {
         if n < leaf_size {
             return (0, 0);
@@ -202,7 +216,7 @@ mod tests {
         TreeOptions { leaf_size, buckets: 8, first_node: 0, first_vertex: 0 }
     }
 
-    /// Walks the tree; checks that every vertex is in exactly one leaf and inside the bounds of all its ancestors.
+    /// Walks the tree and checks that every vertex is in exactly one leaf and inside the bounds of all its ancestors.
     fn validate(tree: &Tree, items: &[Item], leaf_size: usize) {
         let mut seen = vec![false; items.len()];
         let mut stack: Vec<(u32, Vec<TreeChild>)> = vec![(tree.root, vec![])];

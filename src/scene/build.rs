@@ -1,5 +1,5 @@
-//! A scene from arrays: materials, meshes and where they stand, cameras, lights. What is added gets an index; [`Scene::check`] says
-//! whether all of it fits together.
+//! Builds a scene from arrays: materials, meshes and their placement, cameras and lights. Each added object gets an index.
+//! [`Scene::check`] then checks that all objects fit together.
 
 #![warn(missing_docs)]
 
@@ -19,17 +19,17 @@ impl Scene {
         push(&mut self.textures, Texture { image, wrap: [Wrap::Repeat; 2], linear: true })
     }
 
-    /// Adds a mesh without placing it. Returns its index for [`Scene::place`].
+    /// Adds a mesh without placing it in the world. Returns its index for [`Scene::place`].
     pub fn add_mesh(&mut self, mesh: Mesh) -> u32 {
         push(&mut self.meshes, mesh)
     }
 
-    /// Places a mesh in the world, under a name for messages and for the choice of emitters.
+    /// Places a mesh in the world. `node` names the instance in messages and in the selection of emitters.
     pub fn place(&mut self, node: &str, mesh: u32, transform: DAffine3) {
         self.instances.push(Instance { mesh, transform, node: node.into() });
     }
 
-    /// Adds a mesh with a material and places it as it is, under its name.
+    /// Adds a mesh with a material and places it without a transform. The instance takes the name of the mesh.
     pub fn add_surface(&mut self, mesh: Mesh, material: u32) {
         let node = mesh.name.clone();
         let mesh = self.add_mesh(Mesh { material, ..mesh });
@@ -41,7 +41,7 @@ impl Scene {
         push(&mut self.cameras, camera) as usize
     }
 
-    /// Adds a light under the name of a node. `direction` need not have unit length; points ignore it.
+    /// Adds a light; `node` is its name. `direction` need not have unit length; point lights ignore it.
     pub fn add_light(&mut self, node: &str, position: DVec3, direction: DVec3, kind: LightKind) {
         let direction = direction.try_normalize().unwrap_or(DVec3::NEG_Z);
         self.lights.push(Light { node: node.into(), position, direction, kind });
@@ -54,14 +54,14 @@ fn push<T>(all: &mut Vec<T>, one: T) -> u32 {
 }
 
 impl Mesh {
-    /// Flat triangles over positions in metres, counter-clockwise seen from the front.
+    /// A flat-shaded mesh. Positions are in metres; triangles are counter-clockwise as seen from the front.
     pub fn flat(name: &str, positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Mesh {
         Mesh { name: name.into(), positions, triangles, ..Mesh::default() }
     }
 }
 
 impl Camera {
-    /// A camera at `eye` that looks at `target`, which is another point, with y up; `yfov` in radians.
+    /// A camera at `eye` that looks at `target`, with y up. `target` must differ from `eye`; `yfov` is in radians.
     pub fn looking_at(name: &str, eye: DVec3, target: DVec3, yfov: f64, resolution: [u32; 2]) -> Camera {
         Camera {
             name: name.into(),
@@ -73,7 +73,9 @@ impl Camera {
     }
 }
 
-/// The transform whose -Z points along `direction` and whose Y is as near to world y as that allows.
+/// The transform at `eye` whose -Z points along `direction` and whose Y is as close as possible to world Y. For a vertical
+/// `direction`
+/// its Y is as close as possible to world Z.
 pub fn look(eye: DVec3, direction: DVec3) -> DAffine3 {
     let z = -direction.normalize();
     let up = if z.y.abs() > 0.999 { DVec3::Z } else { DVec3::Y };

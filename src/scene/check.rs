@@ -1,4 +1,4 @@
-//! What every scene promises, whether it was read from a file or built from arrays.
+//! The properties that every scene must have, whether it was read from a file or built from arrays.
 
 #![warn(missing_docs)]
 
@@ -10,17 +10,20 @@ use super::light::Light;
 use super::{Camera, Image, Instance, Mesh, Scene};
 use crate::error::{Error, Result};
 
-/// Metres from the origin of the world; beyond them the squares of lengths leave the range of the device's numbers.
+/// Upper bound on the coordinates of a scene, in metres from the origin of the world. Beyond it the squares of lengths would
+/// overflow
+/// in the device's f32 numbers.
 pub const MAX_COORDINATE: f64 = 1e15;
-/// How far a unit vector may be from unit length.
+/// Tolerance for the length of unit vectors.
 const UNIT: f64 = 1e-3;
 
-/// What is wrong: one sentence.
+/// The error is one sentence that says what is wrong.
 pub(super) type Checked = std::result::Result<(), String>;
 
 impl Scene {
-    /// Checks what the renderer relies on: indices are in range, numbers are finite and in their range, directions have unit
-    /// length, transforms can be inverted. A scene from [`super::gltf::load`] has passed.
+    /// Checks the properties that the renderer relies on: indices are in range, numbers are finite and in their range, directions
+    /// have
+    /// unit length, transforms can be inverted. A scene from [`super::gltf::load`] has already passed.
     pub fn check(&self) -> Result<()> {
         self.checked().map_err(|message| Error::Scene { path: PathBuf::from("the scene"), message })
     }
@@ -40,13 +43,14 @@ impl Scene {
 }
 
 impl Camera {
-    /// As [`Scene::check`], of a camera alone.
+    /// As [`Scene::check`], for a camera alone.
     pub(crate) fn check(&self) -> Result<()> {
         check_camera(self).map_err(Error::Settings)
     }
 }
 
-/// An error if `of` refers to the `index`-th of `count` things that are fewer.
+/// An error if `index` is not below `count`. `of` names the object that refers to the index, `what` the kind of the indexed
+/// objects.
 pub(super) fn below(index: u32, count: usize, of: impl Fn() -> String, what: &str) -> Checked {
     match (index as usize) < count {
         true => Ok(()),
@@ -124,12 +128,12 @@ fn check_camera(camera: &Camera) -> Checked {
     }
 }
 
-/// Whether `v` has unit length, within the rounding of files.
+/// Whether `v` has unit length, up to the rounding in files.
 pub(super) fn is_unit(v: DVec3) -> bool {
     (v.length() - 1.0).abs() < UNIT
 }
 
-/// True if the transform flattens space to a plane or less: no inverse that is worth having.
+/// True if the transform flattens space to a plane, a line or a point, or nearly so: it has no useful inverse.
 pub fn is_singular(transform: &DAffine3) -> bool {
     let matrix = transform.matrix3;
     let longest = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());
@@ -137,7 +141,7 @@ pub fn is_singular(transform: &DAffine3) -> bool {
     volume.is_nan() || volume <= 1e-12
 }
 
-/// An error if the box of a mesh, put into the world, reaches out of what the renderer can hold.
+/// An error if the box of a mesh, transformed to the world, has a coordinate above [`MAX_COORDINATE`].
 pub fn check_extent([low, high]: &[DVec3; 2], transform: &DAffine3, name: &str) -> Checked {
     let corners = (0..8u32).map(|corner| {
         let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
@@ -171,7 +175,7 @@ mod tests {
     type Change = fn(&mut Scene);
 
     #[test]
-    fn a_scene_that_breaks_a_promise_is_refused() {
+    fn a_scene_that_breaks_a_rule_is_refused() {
         let scene = crate::generate::build(crate::generate::Kind::CornellBox);
         assert!(scene.check().is_ok());
         let changes: [(&str, Change); 18] = [

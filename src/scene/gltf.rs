@@ -1,8 +1,10 @@
-//! glTF 2.0 to [`Scene`](super::Scene). With its submodules the only code that knows glTF.
+//! Reads glTF 2.0 into a [`Scene`](super::Scene). Only this module and its submodules know glTF.
 //!
-//! The `gltf` crate parses the JSON and nothing more: its readers panic or return garbage on hostile files, so every
-//! index, size and number is checked here, straight from the JSON structs. A file that loads keeps all the promises
-//! of [`crate::scene`]; a file that does not is an error that names the offending part and the remedy.
+//! The `gltf` crate only parses the JSON: its readers panic or return garbage on hostile files. So this module checks every
+//! index,
+//! size and number of the JSON structs itself. A file that loads has all the properties that [`crate::scene`] demands. Any other
+//! file
+//! gives an error that names the offending part and the remedy.
 
 mod accessor;
 mod camera;
@@ -22,17 +24,18 @@ use super::{Instance, Scene};
 use crate::error::{Error, Result};
 use document::{Document, Warnings};
 
-/// Why a file cannot be loaded: one sentence; [`load`] adds the path.
+/// The error is one sentence that says why a file cannot be loaded; [`load`] adds the path.
 type Checked<T> = std::result::Result<T, String>;
 
-/// The scene in a `.glb` or `.gltf` file. Files it refers to must lie in the folder of `path` or below.
+/// Loads the scene from a `.glb` or `.gltf` file. Files that it refers to must lie in the folder of `path` or below.
 pub fn load(path: &Path) -> Result<Scene> {
     let bytes = resolve::read_file(path).map_err(|message| Error::Scene { path: path.into(), message })?;
     load_slice(&bytes, path)
 }
 
-/// What a scene is read from: its file, then the buffers and images that it names beside itself, in its order. What is missing
-/// there is empty: [`load`] tells.
+/// The bytes of the scene's file, then of the external buffers and images that it names, in its order. A missing external file
+/// gives an
+/// empty entry: [`load`] reports it. Fails if the scene's file cannot be read.
 pub fn files(path: &Path) -> Result<Vec<Vec<u8>>> {
     let wrong = |message: String| Error::Scene { path: path.into(), message };
     let bytes = resolve::read_file(path).map_err(wrong)?;
@@ -41,7 +44,7 @@ pub fn files(path: &Path) -> Result<Vec<Vec<u8>>> {
     Ok(all)
 }
 
-/// Paths of the scene's file and of the buffers and images that it names; no more than its own where it cannot be read.
+/// Paths of the scene's file and of the external buffers and images that it names; only its own path if the file cannot be read.
 pub fn paths(path: &Path) -> Vec<PathBuf> {
     let named = || Some(resolve::external_paths(&resolve::read_file(path).ok()?, folder_of(path)));
     let mut all = catch_unwind(AssertUnwindSafe(named)).ok().flatten().unwrap_or_default();
@@ -53,16 +56,16 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// The scene in the bytes of a `.glb` or `.gltf` file; `path` is for messages and for relative URIs.
+/// Loads the scene from the bytes of a `.glb` or `.gltf` file. `path` serves messages and relative URIs.
 pub fn load_slice(bytes: &[u8], path: &Path) -> Result<Scene> {
     let folder = folder_of(path);
-    // The last net: a panic here is a defect of this reader or of a decoder, but the file is the user's to change.
+    // A panic here is a defect of this reader or of a decoder. Report it as an error: the user can at least change the file.
     catch_unwind(AssertUnwindSafe(|| read(bytes, folder)))
         .unwrap_or_else(|_| Err("the glTF reader failed on this file; re-export it, and report the file".into()))
         .map_err(|message| Error::Scene { path: path.into(), message })
 }
 
-/// Bytes to scene: document, hierarchy, materials, meshes, then what stands where, images last.
+/// Turns the bytes into a scene.
 fn read(bytes: &[u8], folder: &Path) -> Checked<Scene> {
     let mut warnings = Warnings::default();
     let doc = Document::open(bytes, folder)?;
@@ -94,7 +97,7 @@ fn read(bytes: &[u8], folder: &Path) -> Checked<Scene> {
     Ok(scene)
 }
 
-/// One instance for each node in the scene and primitive of its mesh, in the order of the nodes.
+/// One instance per primitive of each node's mesh, in the order of the nodes.
 fn place(
     doc: &Document,
     worlds: &node::Worlds,

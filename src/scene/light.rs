@@ -1,24 +1,24 @@
-//! Lights without surface: what they are, and what the rest of the program asks of each kind.
+//! Lights without a surface: their kinds, and the properties of each kind that the rest of the program needs.
 
 use glam::DVec3;
 
 use super::check::{MAX_COORDINATE, is_unit};
 
-/// A light without surface.
+/// A light without a surface.
 #[derive(Debug, Clone)]
 pub struct Light {
     /// Name of the node that carries it.
     pub node: String,
-    /// In metres, in the world.
+    /// World space, in metres.
     pub position: DVec3,
-    /// Unit vector along which it shines (-Z of its node); meaningless for points.
+    /// World-space unit vector along which it shines (-Z of its node); not used for point lights.
     pub direction: DVec3,
-    /// What it sends out.
+    /// Kind and strength of the emission.
     pub kind: LightKind,
 }
 
 impl Light {
-    /// Fails with a sentence if a number is out of range.
+    /// Fails with one sentence if a number is out of range.
     pub(super) fn check(&self) -> Result<(), String> {
         let name = || format!("light '{}'", self.node);
         let is_point = matches!(self.kind, LightKind::Point { .. });
@@ -45,7 +45,7 @@ impl Light {
     }
 }
 
-/// What a light without surface sends out.
+/// Emission of a light without a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LightKind {
     /// The same in all directions.
@@ -53,32 +53,33 @@ pub enum LightKind {
         /// Radiant intensity in W / sr.
         intensity: [f32; 3],
     },
-    /// A cone whose edge is as KHR_lights_punctual says: clamp((cos - cos outer) / (cos inner - cos outer))^2.
+    /// A cone. Its falloff follows KHR_lights_punctual: clamp((cos - cos outer) / (cos inner - cos outer))^2.
     Spot {
-        /// Radiant intensity in W / sr inside `inner`.
+        /// Radiant intensity in W / sr, at angles below `inner`.
         intensity: [f32; 3],
-        /// Half angle in radians up to which the intensity is full.
+        /// Half angle in radians up to which the intensity is constant.
         inner: f32,
-        /// Half angle in radians from which it is 0.
+        /// Half angle in radians beyond which the intensity is 0.
         outer: f32,
     },
     /// Parallel light through a disk around the light's position.
     Beam {
-        /// W in all.
+        /// Total power in W.
         power: [f32; 3],
-        /// Of the disk, in metres, >= 0.
+        /// Radius of the disk in metres, >= 0.
         radius: f32,
     },
-    /// Infinitely far away: has no travel time. Kept so that a gated render can refuse it by name.
+    /// Infinitely far away, so its light has no travel time. The scene keeps it so that a gated render can refuse it by name.
     Directional {
-        /// W / m^2 on a surface that faces it.
+        /// Irradiance in W / m^2 on a surface that faces the light.
         irradiance: [f32; 3],
     },
 }
 
 impl LightKind {
-    /// Metres around its position within which all of its light starts; `None` for a light infinitely far away, which no render
-    /// shows yet.
+    /// Radius in metres, around the light's position, of the region where all of its light starts. `None` for a directional
+    /// light, which
+    /// is infinitely far away and not rendered yet.
     pub fn radius(&self) -> Option<f64> {
         match *self {
             LightKind::Point { .. } | LightKind::Spot { .. } => Some(0.0),
@@ -87,12 +88,12 @@ impl LightKind {
         }
     }
 
-    /// Whether only light subpaths carry its light: no point of a beam can be connected to a surface, and no ray finds one.
+    /// Whether only light subpaths find its light: points on a beam cannot be connected to surfaces, and no ray hits a beam.
     pub fn needs_light_subpaths(&self) -> bool {
         matches!(self, LightKind::Beam { .. })
     }
 
-    /// A few words for people.
+    /// A short description for the user.
     pub fn describe(&self) -> String {
         match self {
             LightKind::Point { .. } => "point light".into(),

@@ -1,11 +1,11 @@
-//! A material as a scene has it: fields, usual kinds, and the range of each field.
+//! Materials: their fields, constructors for common kinds, and the range of each field.
 
 use super::check::{Checked, below};
 
-/// How coverage is read from the base colour's alpha.
+/// How the alpha of the base colour determines coverage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum AlphaMode {
-    /// Covers everything, whatever alpha says.
+    /// Covers everything; alpha is ignored.
     #[default]
     Opaque,
     /// Opaque where alpha >= cutoff, absent elsewhere.
@@ -14,16 +14,16 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// A metallic-roughness material with the extensions taugate reads.
+/// A metallic-roughness material with the glTF extensions that taugate reads.
 #[derive(Debug, Clone)]
 pub struct Material {
-    /// For messages.
+    /// Name in messages.
     pub name: String,
     /// Linear RGB and alpha, each in [0, 1].
     pub base_color: [f32; 4],
     /// Index into [`Scene::textures`](super::Scene::textures); multiplied with `base_color`. sRGB.
     pub base_color_texture: Option<u32>,
-    /// In [0, 1].
+    /// Metalness in [0, 1].
     pub metallic: f32,
     /// Perceptual roughness in [0, 1]; the GGX alpha is its square.
     pub roughness: f32,
@@ -31,20 +31,20 @@ pub struct Material {
     pub emission: [f32; 3],
     /// Index into [`Scene::textures`](super::Scene::textures); multiplied with `emission`. sRGB.
     pub emission_texture: Option<u32>,
-    /// KHR_materials_specular: 0 with `metallic` 0 is pure Lambert. In [0, 1].
+    /// KHR_materials_specular, in [0, 1]. With `specular` 0 and `metallic` 0 the material is purely Lambertian.
     pub specular: f32,
-    /// Refractive index >= 1.
+    /// Index of refraction, >= 1.
     pub ior: f32,
-    /// KHR_materials_transmission in [0, 1].
+    /// KHR_materials_transmission, in [0, 1].
     pub transmission: f32,
-    /// How coverage is read from the base colour's alpha.
+    /// How the alpha of the base colour determines coverage.
     pub alpha_mode: AlphaMode,
-    /// Whether the back reflects and emits as the front does; else it is black.
+    /// Whether the back reflects and emits as the front does; otherwise the back is black.
     pub double_sided: bool,
 }
 
 impl Material {
-    /// Lambertian on both sides. `rgb` is the albedo.
+    /// A Lambertian material, double-sided. `rgb` is the albedo.
     pub fn diffuse(name: &str, rgb: [f32; 3]) -> Material {
         Material {
             name: name.into(),
@@ -67,22 +67,23 @@ impl Material {
         Material { metallic: 1.0, roughness, specular: 1.0, ..Material::diffuse(name, rgb) }
     }
 
-    /// Diffuse under a GGX coat of refractive index 1.5.
+    /// A diffuse base under a GGX coat with index of refraction 1.5.
     pub fn plastic(name: &str, rgb: [f32; 3], roughness: f32) -> Material {
         Material { roughness, specular: 1.0, ..Material::diffuse(name, rgb) }
     }
 
-    /// A clear smooth dielectric of refractive index 1.5.
+    /// A clear smooth dielectric with index of refraction 1.5.
     pub fn glass(name: &str) -> Material {
         Material { roughness: 0.0, specular: 1.0, transmission: 1.0, ..Material::diffuse(name, [1.0; 3]) }
     }
 
-    /// Emits `radiance`, in W / (m^2 sr), on its front only; reflects nothing.
+    /// A material that emits `radiance`, in W / (m^2 sr), on its front only and reflects nothing.
     pub fn emitter(name: &str, radiance: [f32; 3]) -> Material {
         Material { emission: radiance, double_sided: false, ..Material::diffuse(name, [0.0; 3]) }
     }
 
-    /// Fails with a sentence if a number is out of range, or a texture is not one of the `textures` that the scene has.
+    /// Fails with one sentence if a number is out of range, or if a texture index is not below `textures`, the number of
+    /// textures.
     pub(super) fn check(&self, textures: usize) -> Checked {
         let name = || format!("material '{}'", self.name);
         let units = [

@@ -1,7 +1,8 @@
-//! The scene as plain data: what a glTF file says, checked, in metres and world space, before anything is flattened.
+//! The scene as plain data: the checked content of a glTF file, in metres and world space, before the renderer flattens anything.
 //!
-//! `gltf.rs` is the only file that knows glTF; `build.rs` makes scenes from arrays. `check.rs` says what every scene promises: the
-//! loader checks it for a file, the renderer for every scene that it is given.
+//! Only `gltf.rs` knows glTF; `build.rs` makes scenes from arrays. `check.rs` defines the properties that every scene must have.
+//! The
+//! loader checks them for a file, and the renderer checks them for every scene that it receives.
 
 #![warn(missing_docs)]
 
@@ -16,29 +17,31 @@ use glam::{BVec3, DAffine3, DVec3, Vec3};
 pub use light::{Light, LightKind};
 pub use material::{AlphaMode, Material};
 
-/// A loaded scene. Lengths are metres; transforms are kept in f64 until the renderer moves the origin to the sensor.
+/// A loaded scene. Lengths are in metres; transforms stay in f64 until the renderer moves the origin to the sensor.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
-    /// One mesh a glTF primitive, in its own space.
+    /// One mesh per glTF primitive, in its own space.
     pub meshes: Vec<Mesh>,
-    /// Where meshes stand in the world; several instances may share a mesh.
+    /// Placements of meshes in the world; several instances may share a mesh.
     pub instances: Vec<Instance>,
     /// Never empty: primitives without a material use the glTF default material.
     pub materials: Vec<Material>,
     /// Images with their samplers.
     pub textures: Vec<Texture>,
-    /// Texels, which textures may share.
+    /// Texels; several textures may share an image.
     pub images: Vec<Image>,
     /// In the order of the nodes that carry them.
     pub cameras: Vec<Camera>,
     /// Punctual lights and beams; emissive meshes are found through `materials`.
     pub lights: Vec<Light>,
-    /// What the file asks for and taugate does not do, one sentence each, in the file's order.
+    /// Features of the file that taugate does not support, one sentence each, in the order of the file.
     pub warnings: Vec<String>,
 }
 
 impl Scene {
-    /// Metres from one corner to the other of the box around all instances, their meshes taken as their own boxes; 0 without any.
+    /// Length in metres of the diagonal of a box around all instances; 0 without instances. The box contains the transformed box
+    /// of each
+    /// mesh, so it may be larger than the tightest box around the triangles.
     pub fn diagonal(&self) -> f64 {
         let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         let corners = self.instances.iter().flat_map(|instance| {
@@ -52,26 +55,27 @@ impl Scene {
 }
 
 impl Mesh {
-    /// Least and greatest coordinates of its positions, of which there is one at least.
+    /// Smallest and largest coordinates of its positions, in its own space; there must be at least one position.
     pub(crate) fn bounds(&self) -> [DVec3; 2] {
         let points = self.positions.iter().map(|&p| Vec3::from(p).as_dvec3());
         points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(p), hi.max(p)])
     }
 }
 
-/// Triangles of one glTF primitive.
+/// The triangles of one glTF primitive.
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
-    /// For messages: mesh name and primitive number, e.g. `Chair[0]`.
+    /// Name in messages: mesh name and primitive number, e.g. `Chair[0]`.
     pub name: String,
-    /// Corners in the mesh's own space.
+    /// Vertex positions in the mesh's own space.
     pub positions: Vec<[f32; 3]>,
-    /// Unit normals, one a position, or empty for flat shading.
+    /// Unit normals, one per position, or empty for flat shading.
     pub normals: Vec<[f32; 3]>,
-    /// Texture coordinates (set 0), one a position, or empty.
+    /// Texture coordinates (set 0), one per position, or empty.
     pub uvs: Vec<[f32; 2]>,
-    /// Counter-clockwise corners seen from the front; every index is below `positions.len()`. Triangles of zero area
-    /// are already dropped.
+    /// Indices of the corners, counter-clockwise as seen from the front; each is below `positions.len()`. The loader has dropped
+    /// triangles
+    /// of zero area.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`].
     pub material: u32,
@@ -82,21 +86,21 @@ pub struct Mesh {
 pub struct Instance {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
-    /// World from mesh space. May mirror or scale unevenly; never singular.
+    /// World from mesh space. It may mirror or scale non-uniformly; it is never singular.
     pub transform: DAffine3,
-    /// Name of the glTF node, `node 17` when it has none.
+    /// Name of the glTF node; `node 17` if node 17 has no name.
     pub node: String,
 }
 
-/// How texture coordinates outside [0, 1] are read.
+/// How texture coordinates outside [0, 1] are treated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Wrap {
     /// The image repeats.
     #[default]
     Repeat,
-    /// The image repeats, every other time mirrored.
+    /// The image repeats; every second copy is mirrored.
     Mirror,
-    /// The texels at the edge go on.
+    /// The texels at the edge are extended.
     Clamp,
 }
 
@@ -105,35 +109,35 @@ pub enum Wrap {
 pub struct Texture {
     /// Index into [`Scene::images`].
     pub image: u32,
-    /// Across and down.
+    /// Horizontal and vertical wrap mode.
     pub wrap: [Wrap; 2],
-    /// Bilinear if true, else nearest.
+    /// Bilinear filtering if true, nearest texel if false.
     pub linear: bool,
 }
 
 /// Decoded texels, row 0 at the top (v = 0), sRGB-encoded colour and linear alpha, 8 bits each.
 #[derive(Debug, Clone)]
 pub struct Image {
-    /// Texels across.
+    /// Width in texels.
     pub width: u32,
-    /// Texels down.
+    /// Height in texels.
     pub height: u32,
-    /// Row by row.
+    /// Texels row by row.
     pub rgba: Vec<[u8; 4]>,
 }
 
-/// A pinhole camera: looks along -Z of its transform, +Y up, +X right.
+/// A pinhole camera. It looks along -Z of its transform, with +Y up and +X to the right.
 #[derive(Debug, Clone)]
 pub struct Camera {
-    /// Different from that of any other camera of the scene.
+    /// Unique among the cameras of the scene.
     pub name: String,
-    /// World from camera, rotation and translation only (scale removed).
+    /// World from camera space: rotation and translation only. The loader removes scale.
     pub transform: DAffine3,
     /// Vertical field of view in radians, in (0, pi).
     pub yfov: f64,
-    /// Width over height if the file says so.
+    /// Width / height, if the file specifies it.
     pub aspect: Option<f64>,
-    /// `extras.width`, `extras.height` if the file says so.
+    /// Pixels across and down: `extras.width` and `extras.height`, if the file specifies them.
     pub resolution: Option<[u32; 2]>,
 }
 
@@ -151,7 +155,7 @@ mod tests {
                 * DAffine3::from_rotation_z(std::f64::consts::FRAC_PI_2),
             node: String::new(),
         };
-        // Turned the box is 2 by 1; two of them stand 3 apart.
+        // The turned box is 2 by 1 m; its two copies stand 3 m apart.
         let scene = Scene { meshes: vec![mesh], instances: vec![at(0.0), at(3.0)], ..Scene::default() };
         assert!((scene.diagonal() - 26f64.sqrt()).abs() < 1e-12);
     }

@@ -1,4 +1,4 @@
-//! Checked reading of accessors: every element lies inside its buffer before the first is read.
+//! Checked reading of accessors: before the first element is read, all elements are known to lie inside their buffer.
 
 use ::gltf::json::accessor::{ComponentType, Type};
 use ::gltf::json::validation::Checked::Valid;
@@ -6,26 +6,29 @@ use ::gltf::json::validation::Checked::Valid;
 use super::Checked;
 use super::document::Document;
 
-/// Three corners for each of the most triangles a scene may have.
+/// Maximum number of elements of an accessor: three corners per triangle of the largest allowed scene.
 pub const MAX_ELEMENTS: u64 = 3 * super::mesh::MAX_TRIANGLES;
-/// Of an accessor without buffer view: a file of a few bytes must not fill the memory with zeros.
+/// Maximum number of elements of an accessor without a buffer view, whose elements are zeros: a file of a few bytes must not fill
+/// the
+/// memory.
 const MAX_ZEROS: u64 = 1 << 24;
 
 /// An accessor whose shape, component type and extent are checked.
 struct Elements<'a> {
     component: ComponentType,
     count: usize,
-    /// Bytes an element.
+    /// Bytes per element.
     size: usize,
-    /// Exactly `count` elements, `stride` bytes apart; zeros if there is no buffer view.
+    /// Bytes of exactly `count` elements, and the distance between elements in bytes; `None` without a buffer view: all zeros.
     bytes: Option<(&'a [u8], usize)>,
-    /// Sparse replacements: element number, below `count`, and bytes.
+    /// Sparse replacements: element index, below `count`, and the bytes of the element.
     patches: Vec<(usize, &'a [u8])>,
 }
 
 impl Document<'_> {
-    /// Vectors of 2 or 3 floats; 8 and 16 bit integers count as [0, 1] and must be marked normalized. `what` names the
-    /// accessor in messages.
+    /// Vectors of `N` = 2 or 3 floats. Integers of 8 and 16 bits must be marked as normalized; they are mapped to [0, 1]. `what`
+    /// names
+    /// the accessor in messages.
     pub fn vectors<const N: usize>(
         &self,
         index: usize,
@@ -47,14 +50,14 @@ impl Document<'_> {
         })
     }
 
-    /// Scalar unsigned integers. Whether they are in range of the vertices is the caller's to check.
+    /// Unsigned integers. The caller must check that they are in range of the vertices.
     pub fn indices(&self, index: usize, what: &str) -> Checked<Vec<u32>> {
         use ComponentType::{U8, U16, U32};
         let elements = self.elements(index, what, Type::Scalar, &[U8, U16, U32])?;
         Ok(elements.map(unsigned))
     }
 
-    /// `count` of an accessor, 1 to [`MAX_ELEMENTS`].
+    /// Number of elements of an accessor, 1 to [`MAX_ELEMENTS`].
     pub fn count(&self, index: usize, what: &str) -> Checked<u64> {
         let accessor = (self.root.accessors.get(index))
             .ok_or_else(|| format!("{what} refers to accessor {index}, which does not exist; re-export the file"))?;
@@ -137,7 +140,7 @@ impl Document<'_> {
         Ok(Elements { component, count: count as usize, size, bytes, patches })
     }
 
-    /// The bytes of `count` elements of `size` bytes and their stride: `chunks(stride)` yields each element once.
+    /// The bytes of `count` elements of `size` bytes, and their stride: `chunks(stride)` yields each element once.
     fn region(&self, view: usize, offset: u64, count: u64, size: usize, name: &str) -> Checked<(&[u8], usize)> {
         let number = view;
         let view = self.view(view, name)?;
@@ -156,7 +159,7 @@ impl Document<'_> {
 }
 
 impl Elements<'_> {
-    /// Every element through `decode`, which gets exactly `size` bytes.
+    /// Decodes every element; `decode` gets exactly `size` bytes.
     fn map<T: Clone>(&self, decode: impl Fn(&[u8]) -> T) -> Vec<T> {
         let mut out = match self.bytes {
             None => vec![decode(&[0; 16][..self.size]); self.count],
@@ -169,7 +172,7 @@ impl Elements<'_> {
     }
 }
 
-/// 1, 2 or 4 bytes, little endian.
+/// The unsigned integer in 1, 2 or 4 little-endian bytes.
 fn unsigned(bytes: &[u8]) -> u32 {
     bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte))
 }

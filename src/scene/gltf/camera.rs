@@ -10,7 +10,7 @@ use super::document::{Document, Warnings, finite, printable};
 use super::node::{Worlds, rigid};
 use crate::scene::Camera;
 
-/// One camera a node of the scene that has a perspective camera, in the order of the nodes.
+/// One camera per node of the scene with a perspective camera, in the order of the nodes.
 pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked<Vec<Camera>> {
     let mut cameras = Vec::new();
     let mut names = Names::default();
@@ -53,12 +53,12 @@ pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked
     Ok(cameras)
 }
 
-/// Names of the cameras so far, and how many cameras asked for each.
+/// The names of all cameras so far, and how many cameras had each name in the file.
 #[derive(Default)]
 struct Names(HashMap<String, u32>);
 
 impl Names {
-    /// `name`, with a number where an earlier camera has that name: `eye`, `eye#2`, `eye#3`.
+    /// Returns `name`, with a number if an earlier camera has that name: `eye`, `eye#2`, `eye#3`.
     fn distinct(&mut self, name: String) -> String {
         let mut own = name.clone();
         while self.0.contains_key(&own) {
@@ -71,7 +71,8 @@ impl Names {
     }
 }
 
-/// `width` and `height` if both are there and usable; extras belong to everybody, so anything else is not ours.
+/// `width` and `height`, if the extras have both as positive integers. Other programs use extras too, so anything else is not an
+/// error.
 fn resolution(extras: &Extras) -> Option<[u32; 2]> {
     #[derive(Deserialize)]
     struct Size {

@@ -1,4 +1,4 @@
-//! The parsed file: JSON, buffers, names for messages, and the list of what is ignored.
+//! The parsed file: JSON, buffers, names for messages, and the warnings about ignored features.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -10,18 +10,19 @@ use super::{Checked, light, material, resolve};
 
 pub const MAX_NODES: usize = 1_000_000;
 
-/// Whether taugate reads the extension; all else in `extensionsUsed` is warned about, in `extensionsRequired` refused.
+/// Whether taugate reads the extension. Any other extension gives a warning in `extensionsUsed`, an error in
+/// `extensionsRequired`.
 fn is_read(extension: &str) -> bool {
     extension == light::EXTENSION || material::EXTENSIONS.contains(&extension)
 }
 
-/// A glTF file with its buffers in memory. Nothing in `root` is trusted: look up with `get`, compute with checks.
+/// A glTF file with its buffers in memory. Nothing in `root` is trusted: callers use `get` for look-ups and checked arithmetic.
 pub struct Document<'a> {
     pub root: Root,
     buffers: Vec<Cow<'a, [u8]>>,
 }
 
-/// The bytes of a buffer view, all inside their buffer.
+/// The bytes of a buffer view; they lie inside their buffer.
 pub struct View<'a> {
     pub bytes: &'a [u8],
     pub stride: Option<usize>,
@@ -46,7 +47,7 @@ impl<'a> Document<'a> {
         Ok(Self { root, buffers })
     }
 
-    /// Refuses what the file cannot do without and taugate cannot do; warns of what it can do without.
+    /// Refuses a file that requires an extension which taugate does not read; warns about optional extensions of that kind.
     pub fn check_extensions(&self, warnings: &mut Warnings) -> Checked<()> {
         if let Some(name) = self.root.extensions_required.iter().find(|name| !is_read(name)) {
             let remedy = match name.as_str() {
@@ -72,7 +73,7 @@ impl<'a> Document<'a> {
         Ok(())
     }
 
-    /// Fog is described in the extras of scenes; it is not rendered yet.
+    /// Warns about fog, which is described in the extras of scenes and not rendered yet.
     pub fn warn_of_media(&self, warnings: &mut Warnings) {
         #[derive(serde::Deserialize)]
         struct SceneExtras {
@@ -85,7 +86,7 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// The bytes of buffer view `index`; `what` says in messages who asks.
+    /// The bytes of buffer view `index`; `what` names the object that refers to it in messages.
     pub fn view(&self, index: usize, what: &str) -> Checked<View<'_>> {
         let view = (self.root.buffer_views.get(index))
             .ok_or_else(|| format!("{what} refers to bufferView {index}, which does not exist; re-export the file"))?;
@@ -102,13 +103,13 @@ impl<'a> Document<'a> {
         Ok(View { bytes, stride: view.byte_stride.map(|stride| stride.0) })
     }
 
-    /// The node's name, `node 17` if it has none.
+    /// The node's name; `node 17` if node 17 has no name.
     pub fn node_name(&self, index: usize) -> String {
         label(self.root.nodes.get(index).and_then(|node| node.name.as_deref()), "node", index)
     }
 }
 
-/// A name for messages and look-up: the file's, or kind and index.
+/// A name for messages and look-up: the name in the file, otherwise kind and index.
 pub fn label(name: Option<&str>, kind: &str, index: usize) -> String {
     match name {
         Some(name) if !name.is_empty() => printable(name, 120),
@@ -116,17 +117,17 @@ pub fn label(name: Option<&str>, kind: &str, index: usize) -> String {
     }
 }
 
-/// `text` without control characters, at most `limit` characters: names come from the file and go to a terminal.
+/// The first `limit` characters of `text`, with control characters replaced: names come from the file and go to a terminal.
 pub fn printable(text: &str, limit: usize) -> String {
     text.chars().take(limit).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
 }
 
-/// `value` if it is a finite number, else an error naming `what`.
+/// `value` if it is a finite number, otherwise an error that names `what`.
 pub fn finite(value: f32, what: &str) -> Checked<f32> {
     if value.is_finite() { Ok(value) } else { Err(format!("{what} is not a finite number; correct it and re-export")) }
 }
 
-/// What the file asks for and does not get.
+/// Warnings about features of the file that are ignored.
 #[derive(Default)]
 pub struct Warnings {
     pub list: Vec<String>,
@@ -138,7 +139,7 @@ impl Warnings {
         self.list.push(message);
     }
 
-    /// Warns unless `key` was warned of before: one sentence a feature, not a material.
+    /// Adds a warning unless `key` already has one: a feature gives one sentence, however many materials use it.
     pub fn once(&mut self, key: &'static str, message: impl FnOnce() -> String) {
         if self.seen.insert(key) {
             self.list.push(message());

@@ -1,4 +1,4 @@
-//! PNG and JPEG to 8 bit texels.
+//! Decodes PNG and JPEG images to 8-bit texels.
 
 use std::borrow::Cow;
 use std::io::Cursor;
@@ -12,12 +12,12 @@ use super::document::{Document, Warnings, label};
 use super::{Checked, resolve};
 use crate::scene::Image;
 
-/// Pixels along either side.
+/// Maximum width and height of an image in pixels.
 const MAX_SIDE: u32 = 16384;
-/// Of all images together: 4 GiB of texels.
+/// Maximum number of texels of all images together: 4 GiB.
 const MAX_TEXELS: u64 = 1 << 30;
 
-/// The glTF images `sources`, in that order, decoded in parallel.
+/// Decodes the glTF images with indices `sources` in parallel; returns them in that order.
 pub fn load(doc: &Document, folder: &Path, sources: &[usize], warnings: &mut Warnings) -> Checked<Vec<Image>> {
     let texels = AtomicU64::new(0);
     let decoded: Vec<Checked<(Image, bool)>> =
@@ -27,7 +27,7 @@ pub fn load(doc: &Document, folder: &Path, sources: &[usize], warnings: &mut War
         let (image, is_deep) = outcome?;
         if is_deep {
             warnings.once("deep images", || {
-                format!("images with 16 bits a channel are read as 8 bits (first: {})", name(doc, source))
+                format!("images with 16 bits per channel are read as 8 bits (first: {})", name(doc, source))
             });
         }
         images.push(image);
@@ -39,7 +39,8 @@ fn name(doc: &Document, index: usize) -> String {
     format!("image `{}`", label(doc.root.images.get(index).and_then(|image| image.name.as_deref()), "image", index))
 }
 
-/// The texels of one image and whether the file had more than 8 bits a channel.
+/// The texels of one image, and whether the file had more than 8 bits per channel. `texels` counts the texels of all images so
+/// far.
 fn decode(doc: &Document, folder: &Path, index: usize, texels: &AtomicU64) -> Checked<(Image, bool)> {
     let name = name(doc, index);
     let source = doc.root.images.get(index).ok_or_else(|| format!("{name} does not exist; re-export the file"))?;
@@ -63,7 +64,7 @@ fn decode(doc: &Document, folder: &Path, index: usize, texels: &AtomicU64) -> Ch
     let (width, height) = decoder.dimensions();
     let size = u64::from(width) * u64::from(height);
     if texels.fetch_add(size, Ordering::Relaxed).saturating_add(size) > MAX_TEXELS {
-        return Err(format!("the images have more than {MAX_TEXELS} pixels in all ({name}); scale them down"));
+        return Err(format!("the images have more than {MAX_TEXELS} pixels in total ({name}); scale them down"));
     }
     let image = DynamicImage::from_decoder(decoder).map_err(failed)?;
     let is_deep = image.color().bytes_per_pixel() > image.color().channel_count();

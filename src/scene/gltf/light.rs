@@ -1,4 +1,4 @@
-//! KHR_lights_punctual, and beams from `extras.emitter`.
+//! Lights of KHR_lights_punctual, and beams from `extras.emitter`.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -13,7 +13,7 @@ use super::document::Document;
 use super::node::Worlds;
 use crate::scene::{Light, LightKind};
 
-/// The extension that is read.
+/// The extension that this file reads.
 pub const EXTENSION: &str = "KHR_lights_punctual";
 
 /// The lights and beams of the nodes in the scene, in the order of the nodes.
@@ -74,14 +74,14 @@ fn punctual(light: &JsonLight, name: &str) -> Checked<LightKind> {
                     "the spot light of node `{name}` must have 0 <= innerConeAngle <= outerConeAngle <= pi/2; correct it and re-export"
                 ));
             }
-            // A sharp edge would divide by zero: leave room for the falloff.
+            // Leave room for the falloff: with inner = outer it would divide by zero.
             Ok(LightKind::Spot { intensity, inner: inner.min(0.999 * outer), outer })
         }
         Invalid => Err(format!("the light of node `{name}` has an unknown type; use point, spot or directional")),
     }
 }
 
-/// The beam in a node's extras, `None` if they have no `emitter`.
+/// The beam in the extras of a node; `None` if they have no `emitter`.
 fn beam(extras: &str, name: &str) -> Checked<Option<LightKind>> {
     #[derive(Deserialize)]
     struct Extras {
@@ -115,6 +115,6 @@ fn beam(extras: &str, name: &str) -> Checked<Option<LightKind>> {
     };
     match power.as_deref() {
         Some(&[r, g, b]) => Ok(Some(LightKind::Beam { power: [r, g, b], radius })),
-        _ => malformed("has no power >= 0 (a number or three)"),
+        _ => malformed("has no power >= 0 (one number or three)"),
     }
 }

@@ -1,4 +1,4 @@
-//! Materials, and the textures and images they use.
+//! Reads materials, and the textures and images that they use.
 
 use std::collections::HashMap;
 
@@ -13,7 +13,7 @@ use super::Checked;
 use super::document::{Document, Warnings, finite, label};
 use crate::scene::{AlphaMode, Material, Texture, Wrap};
 
-/// Extensions of materials and their textures that are read.
+/// Extensions of materials and textures that this file reads.
 pub const EXTENSIONS: [&str; 5] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -22,26 +22,27 @@ pub const EXTENSIONS: [&str; 5] = [
     "KHR_texture_transform",
 ];
 
-/// Every material of the file in its order, with only those textures and images that taugate reads.
+/// All materials of the file in its order, and those textures and images that taugate reads.
 #[derive(Default)]
 pub struct Materials {
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
-    /// The glTF image behind each [`crate::scene::Image`].
+    /// The glTF index of each [`crate::scene::Image`].
     pub images: Vec<usize>,
-    /// What KHR_texture_transform does to the texture coordinates of meshes with this material.
+    /// By material: the transform of its meshes' texture coordinates by KHR_texture_transform.
     uv_transforms: Vec<Option<DAffine2>>,
-    /// From glTF texture to `textures`, from glTF image to `images`.
+    /// From the glTF index of a texture to an index into `textures`.
     texture_of: HashMap<usize, u32>,
+    /// From the glTF index of an image to an index into `images`.
     image_of: HashMap<usize, u32>,
-    /// Factors outside [0, 1], which were moved to its edge: property, material and value.
+    /// Factors outside [0, 1], which were clamped: property, material and value.
     limited: Vec<String>,
     /// Index of the glTF default material once a primitive needs it.
     default: Option<u32>,
 }
 
 impl Materials {
-    /// The material of a primitive and the transform of its texture coordinates; `what` names the primitive.
+    /// The material of a primitive, and the transform of its texture coordinates. `what` names the primitive in messages.
     pub fn of(&mut self, index: Option<usize>, what: &str) -> Checked<(u32, Option<DAffine2>)> {
         let Some(index) = index else {
             let default = *self.default.get_or_insert_with(|| {
@@ -75,10 +76,10 @@ pub fn load(doc: &Document, warnings: &mut Warnings) -> Checked<Materials> {
     Ok(out)
 }
 
-/// Factors out of range that a warning lists.
-const LISTED: usize = 8;
+/// Maximum number of clamped factors that the warning lists.
+const MAX_LISTED: usize = 8;
 
-/// What glTF says of a primitive without a material.
+/// The material that glTF prescribes for a primitive without one.
 fn default_material() -> Material {
     let rough_metal = Material::metal("default", [1.0; 3], 1.0);
     Material { double_sided: false, ..rough_metal }
@@ -98,7 +99,7 @@ impl Materials {
         let mut unit = |value: f32, what: &str| -> Checked<f32> {
             let what = format!("{what} of material `{name}`");
             let inside = finite(value, &format!("the {what}"))?.clamp(0.0, 1.0);
-            // -0 is 0: only what changes the image is told.
+            // Clamping -0 to 0 does not change the image, so it gives no warning.
             if inside != value {
                 limited.push(format!("{what} ({value})"));
             }
@@ -173,15 +174,15 @@ impl Materials {
         if self.limited.is_empty() {
             return;
         }
-        let listed = self.limited[..self.limited.len().min(LISTED)].join(", ");
-        let rest = match self.limited.len().saturating_sub(LISTED) {
+        let listed = self.limited[..self.limited.len().min(MAX_LISTED)].join(", ");
+        let rest = match self.limited.len().saturating_sub(MAX_LISTED) {
             0 => String::new(),
             n => format!(", and {n} more"),
         };
-        warnings.push(format!("factors outside [0, 1] are moved to its edge: {listed}{rest}"));
+        warnings.push(format!("factors outside [0, 1] are clamped: {listed}{rest}"));
     }
 
-    /// The base colour and emission textures of a material; notes the transform they share.
+    /// Reads the base colour and emission textures of a material, and stores the transform that they share.
     fn color_textures(
         &mut self,
         doc: &Document,
@@ -204,7 +205,7 @@ impl Materials {
             self.texture(doc, info.index.value(), &what).map(Some)
         };
         let base_color = read(&source.pbr_metallic_roughness.base_color_texture, "baseColorTexture")?;
-        // Nothing to multiply a black emission with.
+        // The texture would multiply a black emission.
         let is_emissive = source.emissive_factor.0 != [0.0; 3];
         let emission = if is_emissive { read(&source.emissive_texture, "emissiveTexture")? } else { None };
 
@@ -219,7 +220,7 @@ impl Materials {
         Ok((base_color, emission))
     }
 
-    /// The index in `textures` of glTF texture `source`, added on first use.
+    /// Index into `textures` of the glTF texture `source`, which is added on first use.
     fn texture(&mut self, doc: &Document, source: usize, what: &str) -> Checked<u32> {
         if let Some(&known) = self.texture_of.get(&source) {
             return Ok(known);
@@ -265,7 +266,9 @@ impl Materials {
     }
 }
 
-/// Offset after rotation after scale. Counter-clockwise as seen in the image, whose v points down.
+/// The affine map of KHR_texture_transform: scale, then rotation, then offset. The rotation is counter-clockwise as seen in the
+/// image,
+/// whose v axis points down.
 fn affine(transform: &TextureTransform, what: &str) -> Checked<DAffine2> {
     let (sin, cos) = f64::from(transform.rotation.0).sin_cos();
     let [x, y] = transform.scale.0.map(f64::from);

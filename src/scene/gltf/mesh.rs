@@ -1,4 +1,4 @@
-//! Meshes: attributes and indices of each primitive, made into clean triangles.
+//! Reads meshes: turns the attributes and indices of each primitive into valid triangles.
 
 use std::ops::Range;
 
@@ -15,17 +15,18 @@ use super::material::Materials;
 use super::node::Worlds;
 use crate::scene::Mesh;
 
-/// In a scene, instances included.
+/// Maximum number of triangles in a scene, instances included.
 pub const MAX_TRIANGLES: u64 = 64 << 20;
 
-/// The meshes that nodes of the scene use, in the order of the file.
+/// The meshes that nodes of the scene use, in the order of the file, and counts for warnings and limits.
 #[derive(Default)]
 pub struct Meshes {
     pub meshes: Vec<Mesh>,
-    /// By glTF mesh: its primitives among `meshes`; `None` if no node uses it.
+    /// By glTF mesh: the range of its primitives in `meshes`; `None` if no node uses the mesh.
     ranges: Vec<Option<Range<usize>>>,
-    /// Vertices and triangles read so far: many primitives may share one accessor.
+    /// Vertices read so far. It is limited as well as the file size, because many primitives may share one accessor.
     vertices_read: u64,
+    /// Triangle corners read so far.
     corners_read: u64,
     degenerate: u64,
     points_or_lines: u64,
@@ -33,7 +34,7 @@ pub struct Meshes {
     missing_uvs: Vec<String>,
 }
 
-/// Reads every mesh that a node in the scene refers to; what cannot be seen is dropped and counted.
+/// Reads every mesh that a node of the scene refers to; drops and counts primitives and triangles that cannot be seen.
 pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings: &mut Warnings) -> Checked<Meshes> {
     let mut out = Meshes { ranges: vec![None; doc.root.meshes.len()], ..Meshes::default() };
     let mut is_used = vec![false; doc.root.meshes.len()];
@@ -48,7 +49,7 @@ pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings
         })? = true;
     }
     if !doc.root.animations.is_empty() {
-        warnings.once("animations", || "animations are not read; nodes stand where the file puts them".into());
+        warnings.once("animations", || "animations are not read; nodes keep the transforms in the file".into());
     }
     for (index, mesh) in doc.root.meshes.iter().enumerate().filter(|(index, _)| is_used[*index]) {
         let start = out.meshes.len();
@@ -71,7 +72,7 @@ impl Meshes {
         self.ranges.get(mesh)?.clone()
     }
 
-    /// Why a scene without instances is refused.
+    /// The error message for a scene without instances.
     pub fn nothing_to_render(&self) -> String {
         let why = match (self.degenerate, self.points_or_lines) {
             (0, 0) => String::new(),
@@ -97,7 +98,7 @@ impl Meshes {
         }
     }
 
-    /// Appends the mesh of one primitive unless nothing of it can be seen.
+    /// Appends the mesh of one primitive, unless it has no visible triangle.
     fn primitive(
         &mut self,
         doc: &Document,
@@ -158,7 +159,7 @@ impl Meshes {
         Ok(())
     }
 
-    /// A mesh with all but its triangles; normals are finite, not yet of unit length.
+    /// Reads a mesh without its triangles. Normals are finite, but not yet of unit length.
     fn vertices(
         &mut self,
         doc: &Document,
@@ -212,7 +213,7 @@ impl Meshes {
         Ok(Mesh { positions, normals, uvs, triangles: Vec::new(), material, name })
     }
 
-    /// The vertices of the corners in drawing order, each below `mesh.positions.len()`.
+    /// The vertex index of each corner in drawing order; each is below `mesh.positions.len()`.
     fn corners(&mut self, doc: &Document, mesh: &Mesh, primitive: &Primitive) -> Checked<Vec<u32>> {
         let name = &mesh.name;
         let what = format!("indices of {name}");
@@ -252,13 +253,13 @@ fn transform_uvs(uvs: &mut [[f32; 2]], transform: &DAffine2) {
     }
 }
 
-/// Exact for coinciding corners; else whether the cross product of the edges vanishes in f64.
+/// Whether the cross product of two edges vanishes in f64. The test is exact if corners coincide.
 fn has_zero_area(corners: [[f32; 3]; 3]) -> bool {
     let [a, b, c] = corners.map(|corner| Vec3::from(corner).as_dvec3());
     (b - a).cross(c - a) == glam::DVec3::ZERO
 }
 
-/// Keeps only the vertices that triangles use: some exporters give every primitive the vertices of all.
+/// Removes vertices that no triangle uses: some exporters give every primitive the vertices of all primitives.
 fn drop_unused(mesh: &mut Mesh) {
     let mut is_used = vec![false; mesh.positions.len()];
     for &index in mesh.triangles.iter().flatten() {
@@ -287,7 +288,7 @@ fn drop_unused(mesh: &mut Mesh) {
     }
 }
 
-/// Makes all normals unit vectors; false if one has no direction.
+/// Scales all normals to unit length; false if a normal has length zero.
 fn normalise(normals: &mut [[f32; 3]]) -> bool {
     normals.iter_mut().all(|normal| match Vec3::from(*normal).as_dvec3().try_normalize() {
         Some(unit) => {

@@ -1,4 +1,4 @@
-//! The node hierarchy, resolved to one transform a node.
+//! Resolves the node hierarchy to one world transform per node.
 
 use ::gltf::json::Node;
 use ::gltf::json::scene::UnitQuaternion;
@@ -7,17 +7,19 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 use super::Checked;
 use super::document::Document;
 
-/// World from node space, by node; `None` for nodes that are not in the scene.
+/// World from node space, by node index; `None` for nodes that are not in the scene.
 pub struct Worlds(Vec<Option<DAffine3>>);
 
 impl Worlds {
-    /// The nodes in the scene, by index.
+    /// The nodes in the scene: index and world transform, by increasing index.
     pub fn iter(&self) -> impl Iterator<Item = (usize, DAffine3)> + '_ {
         self.0.iter().enumerate().filter_map(|(index, world)| Some((index, (*world)?)))
     }
 }
 
-/// Walks the default scene (else scene 0, else all root nodes) without recursion; each node may be met once.
+/// Walks the default scene without recursion, or scene 0 if there is no default, or all root nodes if there is no scene. A node
+/// that is
+/// reached twice is an error.
 pub fn world_transforms(doc: &Document) -> Checked<Worlds> {
     let nodes = &doc.root.nodes;
     let mut worlds = vec![None; nodes.len()];
@@ -39,7 +41,7 @@ pub fn world_transforms(doc: &Document) -> Checked<Worlds> {
         stack.extend(node.children.iter().flatten().rev().map(|child| (child.value(), here)));
     }
     if doc.root.scenes.is_empty() {
-        // Without a scene all nodes belong to it; one that no root leads to hangs below itself.
+        // Without scenes, all nodes are part of the render. A node that no root reaches is its own ancestor.
         if let Some(index) = worlds.iter().position(Option::is_none) {
             return Err(format!("node `{}` is its own ancestor; re-export the file", doc.node_name(index)));
         }
@@ -69,7 +71,7 @@ fn roots(doc: &Document) -> Checked<Vec<usize>> {
     Ok((0..is_child.len()).filter(|&index| !is_child[index]).collect())
 }
 
-/// Parent from node space.
+/// Transform from the node's space to its parent's.
 fn local(node: &Node, name: impl Fn() -> String) -> Checked<DAffine3> {
     if let Some(matrix) = node.matrix {
         let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
@@ -91,8 +93,8 @@ fn local(node: &Node, name: impl Fn() -> String) -> Checked<DAffine3> {
     ))
 }
 
-/// Rotation and translation of `transform`: keeps where -Z points and, at right angles to it, +Y. `None` if it is
-/// flattened.
+/// Rotation and translation of `transform`. The result keeps the direction of -Z, and of +Y as far as it is perpendicular to -Z.
+/// `None` if the transform flattens either axis.
 pub fn rigid(transform: &DAffine3) -> Option<DAffine3> {
     let back = transform.matrix3.z_axis.try_normalize()?;
     let up = transform.matrix3.y_axis.try_normalize()?.reject_from_normalized(back);

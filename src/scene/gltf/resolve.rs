@@ -1,4 +1,4 @@
-//! Where bytes come from: the GLB container, `data:` URIs, and files beside the scene.
+//! Sources of bytes: the GLB container, `data:` URIs, and files beside the scene.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -13,9 +13,9 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use super::Checked;
 use super::document::printable;
 
-/// Of a file or a buffer.
+/// Maximum size of a file or a buffer in bytes.
 pub const MAX_BYTES: u64 = 1 << 30;
-/// Of all buffers together, which may name one file many times.
+/// Maximum size of all buffers together in bytes: many buffers may name the same file.
 const MAX_TOTAL_BYTES: u64 = 4 << 30;
 
 const BASE64: GeneralPurpose = GeneralPurpose::new(
@@ -23,7 +23,7 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// JSON and, in a GLB that has one, the BIN chunk. (The crate's own splitter underflows on short lengths.)
+/// The JSON chunk, and the BIN chunk of a GLB that has one. The splitter of the `gltf` crate underflows on short lengths.
 pub fn split_container(bytes: &[u8]) -> Checked<(&[u8], Option<&[u8]>)> {
     let Some(rest) = bytes.strip_prefix(b"glTF") else {
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
@@ -57,7 +57,7 @@ fn u32_le(bytes: &[u8]) -> Option<(u32, &[u8])> {
     Some((u32::from_le_bytes(*head), rest))
 }
 
-/// Every buffer of the file, cut to its `byteLength`.
+/// All buffers of the file, each cut to its `byteLength`.
 pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folder: &Path) -> Checked<Vec<Cow<'a, [u8]>>> {
     let mut total = 0u64;
     let mut buffers = Vec::with_capacity(root.buffers.len());
@@ -68,7 +68,7 @@ pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folder: &Path) -> Checked
             return Err(format!("buffer {index} is larger than 1 GiB; split the scene"));
         }
         if total > MAX_TOTAL_BYTES {
-            return Err("the buffers are larger than 4 GiB in all; split the scene".into());
+            return Err("the buffers are larger than 4 GiB in total; split the scene".into());
         }
         let bytes = match (&buffer.uri, bin) {
             (Some(uri), _) => Cow::Owned(uri_bytes(uri, folder, &format!("buffer {index}"))?),
@@ -89,12 +89,14 @@ pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folder: &Path) -> Checked
     Ok(buffers)
 }
 
-/// The files that the buffers and images of a scene name; empty where one cannot be read, or the scene cannot.
+/// The contents of the files that the buffers and images of a scene name. A file that cannot be read gives an empty entry; an
+/// unreadable
+/// scene gives an empty list.
 pub fn external(bytes: &[u8], folder: &Path) -> Vec<Vec<u8>> {
     external_uris(bytes).iter().map(|uri| uri_bytes(uri, folder, "the scene").unwrap_or_default()).collect()
 }
 
-/// Where these files are, of those that may be read.
+/// The paths of these files, without those that may not be read.
 pub fn external_paths(bytes: &[u8], folder: &Path) -> Vec<PathBuf> {
     external_uris(bytes).iter().filter_map(|uri| Some(folder.join(relative_name(uri).ok()?))).collect()
 }
@@ -108,7 +110,7 @@ fn external_uris(bytes: &[u8]) -> Vec<String> {
     buffers.chain(images).filter(|uri| !is_data(uri)).collect()
 }
 
-/// Whether a URI holds its bytes itself.
+/// Whether the URI contains its data.
 fn is_data(uri: &str) -> bool {
     uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"))
 }
@@ -124,7 +126,8 @@ fn cut(bytes: Cow<'_, [u8]>, length: usize) -> Option<Cow<'_, [u8]>> {
     }
 }
 
-/// What a `data:` URI holds or the file a relative URI names; `what` says in messages who refers to it.
+/// The bytes of a `data:` URI, or of the file that a relative URI names. `what` names the object that refers to the URI in
+/// messages.
 pub fn uri_bytes(uri: &str, folder: &Path, what: &str) -> Checked<Vec<u8>> {
     if is_data(uri) {
         let (head, data) =
@@ -143,7 +146,7 @@ pub fn uri_bytes(uri: &str, folder: &Path, what: &str) -> Checked<Vec<u8>> {
     let missing = |e: std::io::Error| {
         format!("{what} refers to `{shown}`, which cannot be opened ({e}); put the file beside the scene")
     };
-    // Canonical paths see through symbolic links.
+    // Canonical paths resolve symbolic links, which may lead out of the folder.
     let base = folder.canonicalize().map_err(missing)?;
     let target = base.join(name).canonicalize().map_err(missing)?;
     if !target.starts_with(&base) {
@@ -154,7 +157,7 @@ pub fn uri_bytes(uri: &str, folder: &Path, what: &str) -> Checked<Vec<u8>> {
     read_file(&target).map_err(|why| format!("{what} refers to `{shown}`, which {why}"))
 }
 
-/// The file name a relative URI stands for, or why it is refused.
+/// The file name of a relative URI, or the reason why it is refused.
 fn relative_name(uri: &str) -> Checked<String> {
     let name = percent_decode(uri)?;
     let scheme_end = name.find(|c: char| !c.is_ascii_alphanumeric() && !"+-.".contains(c));
@@ -195,7 +198,7 @@ fn hex(digit: u8) -> Option<u8> {
     (digit as char).to_digit(16).map(|value| value as u8)
 }
 
-/// A regular file of at most [`MAX_BYTES`]; the error completes the sentence "this file ...".
+/// Reads a regular file of at most [`MAX_BYTES`] bytes. The error completes a sentence that begins with the name of the file.
 pub fn read_file(path: &Path) -> Checked<Vec<u8>> {
     let failed = |e: std::io::Error| format!("cannot be read ({e}); check the path and its permissions");
     let meta = path.metadata().map_err(failed)?;
