@@ -132,6 +132,10 @@ impl Plan {
             responses: settings.responses().clone(),
             frame,
         };
+        if plan.single_tree && plan.queries_deterministic(emitters.deterministic.len() as u32) {
+            // Lamps have a tree of their own beside the single one: both share its K.
+            plan.frame.queries = plan.frame.queries.div_ceil(2);
+        }
         let camera = &scene.cameras[settings.camera()];
         if !plan.aim(camera) {
             return Err(Error::Settings(format!(
@@ -204,7 +208,7 @@ impl Plan {
         let punctual = emitters.deterministic.len() as u32;
         let queried = self.queries_deterministic(self.max_deterministic);
         let (spatial, all) = match self.single_tree {
-            true => (false, emitters.has_area() || self.traces_light || queried),
+            true => (queried, emitters.has_area() || self.traces_light || queried),
             false => (emitters.has_area() || queried, self.traces_light || queried),
         };
         self.slots(&PoolLayout {

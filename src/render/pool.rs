@@ -121,12 +121,12 @@ impl LightPool {
 
     /// The 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4); for a single tree, the 4D tree over
     /// all of them, which makes the same promise: a query's weight is 1 / P for the vertex it returns, whatever its kind.
-    /// Deterministic vertices that are too many to be connected one by one stand apart in the tree of their kind.
+    /// Deterministic vertices that are too many to be connected one by one stand apart in the tree of their kind: lamps in the 3D
+    /// tree, which gives them a shadow ray of their own, and the spots of thin beams in the 4D tree.
     fn trees(&self, plan: &Plan) -> SortedPool {
         let in_trees = plan.queries_deterministic(self.deterministic.len() as u32);
         let (one_by_one, queried) = self.deterministic.split_at(if in_trees { 0 } else { self.deterministic.len() });
-        let (mut spatial, mut all): (Vec<_>, Vec<_>) =
-            queried.iter().partition(|v| v.flags & VERTEX_EMITTER != 0 && !plan.single_tree);
+        let (mut spatial, mut all): (Vec<_>, Vec<_>) = queried.iter().partition(|v| v.flags & VERTEX_EMITTER != 0);
         let (apart3, apart4) = (spatial.len(), all.len());
         all.extend(self.scattered.iter().map(|(_, v)| *v));
         let emitter_points = if plan.single_tree { &mut all } else { &mut spatial };
