@@ -26,6 +26,8 @@ struct Frontier {
     weights: array<vec2<f32>, MAX_SUBTREES>,
     first: u32,
     count: u32,
+    // Every subtree is a leaf.
+    only_leaves: bool,
 }
 
 // A traversal of a light tree, from where it starts.
@@ -84,6 +86,7 @@ fn grow_frontier(f: ptr<function, Frontier>, root: u32, receiver: Receiver) {
             push_subtree(f, node.right.child, vec2<f32>(total_power(node.right), importance.y));
         }
     }
+    (*f).only_leaves = closed == (*f).count;
     var power = 0.0;
     for (var i = 0u; i < (*f).count; i++) {
         power += (*f).weights[((*f).first + i) % MAX_SUBTREES].x;

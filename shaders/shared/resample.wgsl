@@ -77,7 +77,8 @@ fn target_function(q: PathVertex, v: PathVertex) -> f32 {
 }
 
 // K stratified queries of one tree, resampled by the unshadowed contribution (Talbot et al. 2005): one vertex, and the factor
-// that takes the place of 1 / (K P(j | q)).
+// that takes the place of 1 / (K P(j | q)). Where at most K leaves can contribute, each of them gives one candidate instead:
+// P(leaf | q) = 1, and their contributions add up.
 fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
     var chosen = Candidate(NONE, 0.0);
     var chosen_target = 0.0;
@@ -87,10 +88,15 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
     if (frontier.count == 0u) {
         return chosen;
     }
+    let every_leaf = frontier.only_leaves && frontier.count <= frame.queries;
+    let candidate_count = select(frame.queries, frontier.count, every_leaf);
     let jitter = min(next_fine_uniform(rng), 1.0 - UNIFORM_STEP);
-    for (var k = 0u; k < frame.queries; k++) {
-        let start = sample_frontier(&frontier, (f32(k) + jitter) / f32(frame.queries), rng);
-        let leaf = descend_by_importance(start, receiver, rng);
+    for (var k = 0u; k < candidate_count; k++) {
+        var leaf = Candidate(frontier.nodes[(frontier.first + k) % MAX_SUBTREES], 1.0);
+        if (!every_leaf) {
+            let start = sample_frontier(&frontier, (f32(k) + jitter) / f32(frame.queries), rng);
+            leaf = descend_by_importance(start, receiver, rng);
+        }
         if (leaf.vertex == NONE) {
             continue;
         }
@@ -111,7 +117,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         }
     }
     if (chosen.vertex != NONE) {
-        chosen.weight = sum / (chosen_target * f32(frame.queries));
+        chosen.weight = sum / (chosen_target * select(f32(frame.queries), 1.0, every_leaf));
     }
     return chosen;
 }
