@@ -1,8 +1,6 @@
 //! A hierarchy for scenes with many triangles in one place. The builder of obvhs (PLOC) merges the two neighbours with the
-//! smallest
-//! union. If all boxes share a centre, all unions are equally large. PLOC then merges only one pair per pass: it takes quadratic
-//! time
-//! and returns a chain of nodes. This module replaces such groups of triangles with balanced subtrees.
+//! smallest union. If all boxes share a centre, all unions are equally large. PLOC then merges only one pair per pass: it takes
+//! quadratic time and returns a chain of nodes. This module replaces such groups of triangles with balanced subtrees.
 
 use glam::Vec3A;
 use obvhs::aabb::Aabb;

@@ -55,8 +55,7 @@ impl Bvh {
 }
 
 /// Builds the hierarchy over triangles with these `corners`, which must be finite. It has at most [`MAX_LEVELS`] levels, even if
-/// many
-/// triangles share one place. Without triangles no ray hits anything.
+/// many triangles share one place. Without triangles no ray hits anything.
 pub fn build(corners: &[[[f32; 3]; 3]]) -> Bvh {
     let triangle = |c: &[[f32; 3]; 3]| Triangle { v0: c[0].into(), v1: c[1].into(), v2: c[2].into() };
     let boxes: Vec<Aabb> = corners.iter().map(|c| triangle(c).aabb()).collect();

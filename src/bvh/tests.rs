@@ -42,8 +42,7 @@ fn cards(n: usize, apart: f32) -> Vec<Corners> {
 }
 
 /// Checks that every triangle is in exactly one leaf, that every box contains the triangles below it, and that the hierarchy fits
-/// the
-/// kernels' stacks.
+/// the kernels' stacks.
 fn check(name: &str, corners: &[Corners]) {
     let start = Instant::now();
     let bvh = build(corners);

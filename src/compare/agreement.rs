@@ -1,4 +1,5 @@
-//! Do two images show the same, but for their noise? A z-map over cells that are pooled until they are nearly normal.
+//! Tests whether two images differ only by noise. The z-test works on cells, which are pooled until their means are nearly
+//! normal.
 
 use serde::Serialize;
 
@@ -6,54 +7,55 @@ use crate::compare::statistics::{normal_score, sidak_threshold};
 use crate::error::{Error, Result};
 use crate::image::batches::{CELL, CellBatches};
 
-/// Probability that two images of the same are told apart, whatever the number of cells (Sidak).
+/// Probability of a false alarm: that two images of the same scene are found to differ, whatever the number of cells (Sidak).
 pub const SIGNIFICANCE: f64 = 1e-3;
-/// Independent batches that a variance needs.
+/// Minimum number of independent batches for a variance estimate.
 pub const MIN_BATCHES: usize = 8;
-/// A cell is judged where the standard error of its mean is at most this part of it, as with a hundred equal hits.
+/// A cell is tested alone if the standard error of its mean is at most this fraction of the mean, as with a hundred equal hits.
 const MAX_RELATIVE_ERROR: f64 = 0.1;
-/// Cells grow until so much of the light is judged in them.
+/// Cells grow until cells that are tested alone hold at least this fraction of the light.
 const MIN_JUDGED_SHARE: f64 = 0.75;
-/// Relative rounding of means in 32 bits; a deterministic cell has no other error.
+/// Relative rounding error of f32 means. It is the only error of a cell without noise.
 const ROUNDING: f64 = 1e-6;
-/// Cells that are listed.
+/// Maximum number of cells in the report.
 const MAX_REPORTED_CELLS: usize = 5;
 
 /// One tested mean.
 #[derive(Debug, Clone, Serialize)]
 pub struct Cell {
-    /// Pixels [x0, x1) x [y0, y1); the whole image for what is left of it.
+    /// Columns [x0, x1) of the cell; those of the whole image for the rest.
     pub x: [usize; 2],
+    /// Rows [y0, y1) of the cell; those of the whole image for the rest.
     pub y: [usize; 2],
     pub channel: &'static str,
     pub mean: f64,
     pub reference: f64,
-    /// Of image minus reference; Student's t turned into the normal value that is as likely.
+    /// z of image minus reference: Student's t, converted to the normal value with the same tail probability.
     pub z: f64,
-    /// Everything that is too noisy to be judged cell by cell, as one.
+    /// Whether this is the rest: the union of all cells that are too noisy to be tested alone.
     pub rest: bool,
 }
 
-/// The verdict.
+/// Result of the test.
 #[derive(Debug, Clone, Serialize)]
 pub struct Agreement {
-    /// Pixels along the side of a cell.
+    /// Side of a cell in pixels.
     pub cell: usize,
-    /// Means tested: cells times channels, and the rest.
+    /// Number of tested means: cells times channels, and the rest per channel.
     pub tests: usize,
-    /// |z| above which one of them is significant.
+    /// |z| above which a tested mean is significant.
     pub threshold: f64,
     pub max_z: f64,
     pub agree: bool,
-    /// Part of the light in cells that are judged one by one, 0 to 1.
+    /// Fraction of the light in cells that are tested alone, 0 to 1.
     pub judged: f64,
     pub worst: Vec<Cell>,
-    /// z of every pixel, R, G, B interleaved.
+    /// z per pixel and channel, R, G, B interleaved.
     #[serde(skip)]
     pub map: Vec<f32>,
 }
 
-/// A mean of both images.
+/// Mean and variance of the mean in both images.
 struct Pair {
     a: (f64, f64),
     b: (f64, f64),
@@ -72,7 +74,7 @@ impl Pair {
         self.a.1.max(self.b.1).sqrt() <= MAX_RELATIVE_ERROR * self.mean()
     }
 
-    /// Welch's test.
+    /// z of Welch's test.
     fn z(&self, batches: [usize; 2]) -> f64 {
         let floor = (ROUNDING * self.mean()).powi(2);
         let variances = [self.a.1 + floor, self.b.1 + floor];
@@ -82,11 +84,12 @@ impl Pair {
     }
 }
 
-/// Compares two images of the same size, rendered with different seeds.
+/// Compares two images of the same size that were rendered with different seeds. Fails if one has fewer than [`MIN_BATCHES`]
+/// batches.
 pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agreement> {
     if let Some(few) = [a.len(), b.len()].into_iter().find(|&n| n < MIN_BATCHES) {
         return Err(Error::Settings(format!(
-            "an image of {few} iterations does not tell its own noise; render both with {MIN_BATCHES} at least (--spp 16)"
+            "the noise of an image with {few} iterations is unknown; render both with at least {MIN_BATCHES} (--spp 16)"
         )));
     }
     let [width, height] = size.map(|side| side as usize);
@@ -147,7 +150,7 @@ pub fn agreement(size: [u32; 2], a: &CellBatches, b: &CellBatches) -> Result<Agr
     Ok(Agreement { cell: side, tests, threshold, max_z, agree: max_z <= threshold, judged, worst: tested, map })
 }
 
-/// Cells of the grid in squares of `factor`, row by row.
+/// Groups the cells of the grid into squares of `factor` x `factor` cells, row by row.
 fn grouped([columns, rows]: [usize; 2], factor: usize) -> Vec<Vec<usize>> {
     let across = columns.div_ceil(factor);
     let mut groups = vec![vec![]; across * rows.div_ceil(factor)];
@@ -178,13 +181,13 @@ fn fill(map: &mut [f32], width: usize, x: [usize; 2], y: [usize; 2], channel: us
     }
 }
 
-/// The map as colours, 8-bit R, G, B: white where equal, red where the image is brighter than the reference, blue where it is
-/// darker, palest to the threshold, full beyond it. Of the channels the one with the greatest |z| counts.
+/// Colours of the map, 8-bit R, G, B: white if equal, red if the image is brighter than the reference, blue if it is darker. Up
+/// to the threshold the colours are pale, beyond it they are saturated. The channel with the largest |z| determines the colour.
 pub fn colours(map: &[f32], threshold: f64) -> Vec<u8> {
     let colour = |z: &[f32]| {
         let z = z.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0);
         let part = (f64::from(z.abs()) / threshold).min(1.0);
-        // Within the threshold colours stay half as strong, so that what is significant stands out.
+        // Up to the threshold colours have at most half strength, so that significant differences stand out.
         let fade = if f64::from(z.abs()) > threshold { 1.0 } else { 0.5 * part };
         let pale = |full: f64| (255.0 + fade * (full - 255.0)).round() as u8;
         if z >= 0.0 { [pale(178.0), pale(24.0), pale(43.0)] } else { [pale(33.0), pale(102.0), pale(172.0)] }
@@ -199,7 +202,8 @@ mod tests {
 
     const SIZE: [u32; 2] = [80, 48];
 
-    /// Two halves of 20 iterations of noise around 1, the upper three fifths of the pixels at `bright`.
+    /// A film merged from two halves of 20 iterations of noise around 1. The upper three fifths of the pixels are around
+    /// `bright`.
     fn halves(seed: u64, bright: f32) -> CellBatches {
         let mut state = seed;
         let mut half = || {

@@ -1,8 +1,9 @@
-//! FLIP, the published perceptual difference of two images: Andersson et al., "FLIP: A Difference Evaluator for
-//! Alternating Images" (2020) under every exposure that "Visualizing Errors in Rendered High Dynamic Range Images"
-//! (2021, HDR-FLIP) asks for; the greatest error over the exposures counts. Section numbers are those of the former.
+//! FLIP, the perceptual difference of two images: Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images".
+//! HDR images are compared under several exposures, and each pixel keeps its largest error (HDR-FLIP: Andersson et al. 2021,
+//! "Visualizing Errors in Rendered High Dynamic Range Images"). Section numbers are those of the 2020 paper unless HDR-FLIP is
+//! named.
 //!
-//! Viewing conditions are the published defaults: 67 pixels a degree, the ACES tone mapper.
+//! Viewing conditions are the published defaults: 67 pixels per degree, the ACES tone mapper.
 
 mod colour;
 mod filter;
@@ -15,33 +16,33 @@ use filter::{Features, Filters};
 /// Exponents of colour and feature differences (Secs. 4.1.3 and 4.3).
 const COLOUR_EXPONENT: f32 = 0.7;
 const FEATURE_EXPONENT: f32 = 0.5;
-/// Colour differences up to this part of the greatest one fill [0, `PERCEIVED`]; the others share what is left.
+/// Colour differences up to this part of the largest possible one map to [0, `PERCEIVED`]; larger ones map to the rest of [0, 1].
 const LARGE: f32 = 0.4;
 const PERCEIVED: f32 = 0.95;
-/// The linear value that the tone mapper brings to 0.85 of white, log2: root of the ACES rational polynomial.
+/// log2 of the linear value that the tone mapper maps to 0.85 of white: a root of the ACES rational polynomial.
 const LOG2_OF_85_PERCENT: f64 = 1.083_296_658_451_098_8;
 
-/// Per-pixel error and the exposures behind it.
+/// Error per pixel, and the exposures that it was computed with.
 #[derive(Debug, Clone)]
 pub struct Flip {
-    /// One value a pixel, 0 (no difference) to 1, row 0 at the top.
+    /// One value per pixel, from 0 (no difference) to 1, row 0 at the top.
     pub map: Vec<f32>,
-    /// First and last exposure compensation in stops, and how many there are.
+    /// First and last exposure compensation in stops, and the number of exposures.
     pub exposures: (f64, f64, usize),
 }
 
 impl Flip {
-    /// Mean over the pixels, 0 to 1: the number that is quoted.
+    /// Mean over the pixels, 0 to 1: the number that papers report.
     pub fn mean(&self) -> f64 {
         self.map.iter().map(|&x| f64::from(x)).sum::<f64>() / self.map.len() as f64
     }
 }
 
-/// HDR-FLIP of linear R, G, B images (interleaved, finite, the same size of at least one pixel). Negative values count as 0.
+/// HDR-FLIP of linear R, G, B images (interleaved, finite, of the same size, at least one pixel). Negative values count as 0.
 ///
-/// The exposures come from the reference alone: from the one that shows its brightest pixel to the one that shows its
-/// median. A median below 2^-23 is raised to that; here relative to the brightest pixel, since gated images may be of any
-/// brightness, where the published program takes it as an absolute value.
+/// The exposures depend only on the reference. The first shows its brightest pixel, the last its median. A median below 2^-23 of
+/// the brightest pixel is raised to that value, because gated images may have any brightness; the published program uses 2^-23
+/// itself.
 pub fn hdr(image: &[f32], reference: &[f32], width: usize) -> Flip {
     assert_eq!(image.len(), reference.len(), "images are compared at the same size");
     let exposures = exposures(reference);
@@ -60,7 +61,7 @@ pub fn hdr(image: &[f32], reference: &[f32], width: usize) -> Flip {
     Flip { map, exposures }
 }
 
-/// Start and stop exposure and their number, Sec. 4 of HDR-FLIP.
+/// First and last exposure and their number, Sec. 4 of HDR-FLIP.
 fn exposures(reference: &[f32]) -> (f64, f64, usize) {
     let luminance = |p: &[f32]| {
         0.2126 * f64::from(p[0].max(0.0)) + 0.7152 * f64::from(p[1].max(0.0)) + 0.0722 * f64::from(p[2].max(0.0))
@@ -77,12 +78,12 @@ fn exposures(reference: &[f32]) -> (f64, f64, usize) {
     (first, last, ((last - first).ceil() as usize).max(2))
 }
 
-/// FLIP of linear R, G, B in [0, 1], one value a pixel.
+/// FLIP of linear R, G, B in [0, 1], one value per pixel.
 fn ldr(image: &[Pixel], reference: &[Pixel], width: usize, filters: &Filters) -> Vec<f32> {
     let [image, reference] =
         [image, reference].map(|pixels| pixels.iter().copied().map(to_opponent).collect::<Vec<_>>());
 
-    // Colour (Sec. 4.1): what the eye cannot resolve is blurred away, then the distance in a uniform space.
+    // Colour (Sec. 4.1): blur away details that the eye cannot resolve, then measure the distance in a uniform space.
     let seen = |pixels: &[Pixel]| -> Vec<Pixel> {
         let mut filtered = filters.contrast_sensitivity(pixels, width);
         filtered.iter_mut().for_each(|p| *p = hunt_lab(from_opponent(*p).map(|v| v.clamp(0.0, 1.0))));

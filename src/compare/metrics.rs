@@ -6,30 +6,30 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// The pinned definition of relMSE, printed with every number.
+/// The definition of relMSE in this project, printed with every number.
 pub const RELMSE_FORMULA: &str =
     "mean over pixels and channels of (x - r)^2 / (r^2 + eps), eps = (1 % of the mean of r)^2";
 
-/// Part of the pixels that trimmed means leave out: those with the greatest errors. Published comparisons leave out a thousandth
-/// of a million pixels; suites have ten thousand.
+/// Fraction of the pixels, those with the largest errors, that trimmed means leave out. Published comparisons leave out 0.1 % of
+/// images with a million pixels; the images of our suites have about ten thousand pixels.
 pub const TRIMMED: f64 = 0.01;
 
-/// A mean over all pixels and channels, and one over all but the worst pixels, which rare bright samples ("fireflies") rule.
+/// A mean over all pixels and channels, and a trimmed mean. Rare bright samples ("fireflies") can dominate the former.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Means {
-    /// Over all pixels.
+    /// Mean over all pixels.
     pub all: f64,
-    /// Without the worst pixels ([`TRIMMED`]).
+    /// Mean without the worst pixels ([`TRIMMED`]).
     pub trimmed: f64,
 }
 
 impl Means {
-    /// Where there is no error to speak of.
+    /// Stands for an error that is not known.
     pub const NAN: Means = Means { all: f64::NAN, trimmed: f64::NAN };
-    /// Worse than any error.
+    /// Larger than any error.
     pub const INFINITE: Means = Means { all: f64::INFINITY, trimmed: f64::INFINITY };
 
-    /// Of errors >= 0, R, G, B interleaved. A hundred pixels or fewer are not trimmed.
+    /// Means of errors >= 0, R, G, B interleaved. With fewer than a hundred pixels nothing is trimmed.
     pub fn of(errors: &[f64]) -> Means {
         let mut pixels: Vec<f64> = errors.chunks(3).map(|pixel| pixel.iter().sum()).collect();
         let all = pixels.iter().sum::<f64>() / errors.len() as f64;
@@ -43,12 +43,12 @@ impl Means {
         Means { all, trimmed }
     }
 
-    /// Both times a number.
+    /// Both means times `by`.
     pub fn scaled(self, by: f64) -> Means {
         Means { all: by * self.all, trimmed: by * self.trimmed }
     }
 
-    /// The lesser of either.
+    /// The smaller value of each mean.
     pub fn min(self, other: Means) -> Means {
         Means { all: self.all.min(other.all), trimmed: self.trimmed.min(other.trimmed) }
     }
@@ -59,9 +59,9 @@ impl Means {
 pub struct Comparison {
     /// Relative mean squared error, by [`RELMSE_FORMULA`].
     pub relmse: f64,
-    /// The same without the worst pixels ([`TRIMMED`]).
+    /// relMSE without the worst pixels ([`TRIMMED`]).
     pub trimmed_relmse: f64,
-    /// (0.01 mean of r)^2, relative to the reference because gated images are dark.
+    /// (0.01 mean of r)^2. It is relative to the reference because gated images are dark.
     pub eps: f64,
     /// Mean squared error.
     pub mse: f64,
@@ -69,11 +69,11 @@ pub struct Comparison {
     pub mean: f64,
     /// Mean of the reference.
     pub reference_mean: f64,
-    /// mean / reference_mean: 1 for an unbiased image, whatever its noise.
+    /// mean / reference_mean; its expected value is 1 for an unbiased image, whatever its noise.
     pub ratio_of_means: f64,
 }
 
-/// Compares interleaved images of equal, non-zero length with finite values.
+/// Compares interleaved images of equal, non-zero length with finite values. Fails if the mean of the reference is 0.
 pub fn compare(image: &[f32], reference: &[f32]) -> Result<Comparison> {
     assert_eq!(image.len(), reference.len(), "images are compared at the same size");
     let n = reference.len() as f64;
@@ -81,7 +81,7 @@ pub fn compare(image: &[f32], reference: &[f32]) -> Result<Comparison> {
     let (mean, reference_mean) = (mean_of(image), mean_of(reference));
     if reference_mean == 0.0 {
         return Err(Error::Settings(
-            "the reference is black on average, so a relative error means nothing; choose a gate that light can meet"
+            "the reference has a mean of 0, so a relative error is undefined; choose a gate in which light arrives"
                 .into(),
         ));
     }
@@ -120,13 +120,13 @@ mod tests {
 
     #[test]
     fn the_worst_pixels_are_left_out() {
-        // 250 pixels of error 3 (1 a channel), of which 2 are left out: the firefly, and one of the others.
+        // 250 pixels with error 3 (1 per channel), of which 2 are left out: the firefly and one other pixel.
         let mut errors = vec![1.0; 750];
         errors[301] = 1e9;
         let means = Means::of(&errors);
         assert!((means.all - (749.0 + 1e9) / 750.0).abs() < 1e-3, "{means:?}");
         assert_eq!(means.trimmed, 1.0);
-        // Three fireflies are more than are left out.
+        // Only two of the three bright pixels are left out.
         (errors[0], errors[749]) = (100.0, 1e9);
         assert!((Means::of(&errors).trimmed - (743.0 + 100.0) / 744.0).abs() < 1e-12, "{:?}", Means::of(&errors));
         assert_eq!(Means::of(&[1.0, 2.0, 9.0]), Means { all: 4.0, trimmed: 4.0 });

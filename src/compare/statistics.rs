@@ -1,4 +1,4 @@
-//! Tails of the normal and of Student's t distribution, for telling noise from error.
+//! Tail probabilities of the normal and Student's t distributions, for tests that tell noise from error.
 
 /// P(Z > z) of the standard normal distribution, z >= 0; relative error below 1e-10 down to 1e-300.
 pub fn normal_tail(z: f64) -> f64 {
@@ -13,7 +13,7 @@ pub fn normal_tail(z: f64) -> f64 {
         }
         return 0.5 - 0.5 * sum * (-x).exp() * (x / std::f64::consts::PI).sqrt();
     }
-    // Continued fraction of Q(1/2, x) (Lentz).
+    // Continued fraction of Q(1/2, x), by Lentz's method.
     let mut b = x + 0.5;
     let (mut c, mut d) = (1e300, 1.0 / b);
     let mut h = d;
@@ -30,10 +30,10 @@ pub fn normal_tail(z: f64) -> f64 {
     0.5 * h * (-x).exp() * (x / std::f64::consts::PI).sqrt()
 }
 
-/// The greatest value that [`normal_quantile`] gives; its tail is about 1e-300.
+/// The largest result of [`normal_quantile`]; its tail probability is about 1e-300.
 pub const MAX_Z: f64 = 37.0;
 
-/// z >= 0 with P(Z > z) = `tail`, 0 < tail <= 1/2; at most [`MAX_Z`].
+/// The z >= 0 with P(Z > z) = `tail`, for 0 < tail <= 1/2; at most [`MAX_Z`].
 pub fn normal_quantile(tail: f64) -> f64 {
     let (mut lo, mut hi) = (0.0, MAX_Z);
     for _ in 0..60 {
@@ -51,18 +51,18 @@ pub fn student_tail(t: f64, nu: f64) -> f64 {
     0.5 * incomplete_beta(0.5 * nu, 0.5, nu / (nu + t * t))
 }
 
-/// The standard normal value that is as likely as `t` with `nu` degrees of freedom, with its sign.
+/// The standard normal value with the same tail probability and sign as `t` with `nu` degrees of freedom.
 pub fn normal_score(t: f64, nu: f64) -> f64 {
     normal_quantile(student_tail(t.abs(), nu).max(f64::MIN_POSITIVE)).copysign(t)
 }
 
-/// |z| above which one of `tests` independent standard normal values is significant at `level` (Sidak).
+/// The |z| above which one of `tests` independent standard normal values is significant at `level` (Sidak correction).
 pub fn sidak_threshold(level: f64, tests: usize) -> f64 {
     let each = -((1.0 - level).ln() / tests.max(1) as f64).exp_m1();
     normal_quantile(0.5 * each)
 }
 
-/// Regularised incomplete beta function I_x(a, b) by its continued fraction (Numerical Recipes 6.4).
+/// Regularised incomplete beta function I_x(a, b), by its continued fraction (Numerical Recipes 6.4).
 fn incomplete_beta(a: f64, b: f64, x: f64) -> f64 {
     if x <= 0.0 || x >= 1.0 {
         return x.clamp(0.0, 1.0);
@@ -76,16 +76,16 @@ fn incomplete_beta(a: f64, b: f64, x: f64) -> f64 {
 }
 
 fn beta_fraction(a: f64, b: f64, x: f64) -> f64 {
-    let away = |v: f64| if v.abs() < 1e-300 { 1e-300 } else { v };
-    let (mut c, mut d) = (1.0, 1.0 / away(1.0 - (a + b) * x / (a + 1.0)));
+    let nonzero = |v: f64| if v.abs() < 1e-300 { 1e-300 } else { v };
+    let (mut c, mut d) = (1.0, 1.0 / nonzero(1.0 - (a + b) * x / (a + 1.0)));
     let mut h = d;
     for i in 1..1000 {
         let m = f64::from(i);
         let even = m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m));
         let odd = -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0));
         for term in [even, odd] {
-            d = 1.0 / away(1.0 + term * d);
-            c = away(1.0 + term / c);
+            d = 1.0 / nonzero(1.0 + term * d);
+            c = nonzero(1.0 + term / c);
             h *= c * d;
         }
         if (c * d - 1.0).abs() < 1e-15 {
@@ -95,7 +95,8 @@ fn beta_fraction(a: f64, b: f64, x: f64) -> f64 {
     h
 }
 
-/// Logarithm of the gamma function for x > 0, to about 1e-10: Stirling's series after shifting the argument above 10.
+/// Logarithm of the gamma function for x > 0, with an error of about 1e-10: Stirling's series after shifting the argument above
+/// 10.
 pub fn ln_gamma(x: f64) -> f64 {
     let (mut shift, mut z) = (0.0, x);
     while z < 10.0 {

@@ -1,6 +1,5 @@
 //! `lcs`: light-cone shell queries by importance. Each tree gives K candidates per shade point; resampling keeps one of them for
-//! one
-//! shadow ray.
+//! one shadow ray.
 
 use super::{Estimator, GateWidth, PoolOrder, Record, TreeDefaults};
 
@@ -22,8 +21,7 @@ pub(super) static RECORD: Record = Record {
     // compromise between four scenes (docs/notebook/mis-sample-count.md).
     query_sample_count: |queries| 4.0 * queries as f32,
     // Light-tracing (t = 1) samples that matter are rare and bright in this estimator, so the other strategies get more weight
-    // than
-    // their densities give them (docs/notebook/splat-weight.md).
+    // than their densities give them (docs/notebook/splat-weight.md).
     splat_sample_weight: 0.25,
     renders_references: true,
     judge: Estimator::Bdpt,

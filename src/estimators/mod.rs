@@ -1,6 +1,5 @@
 //! The estimators, one file per estimator. Each file fills a [`Record`] of plain data. `settings` and `render` read that record;
-//! they
-//! never branch on the estimator itself.
+//! they never branch on the estimator itself.
 
 #![warn(missing_docs)]
 
@@ -38,8 +37,7 @@ pub struct Record {
     /// Default of adaptive sampling: whether the sample allocation follows the error of the pixels.
     pub adaptive: bool,
     /// Whether light subpaths continue beyond the emitter, so that the strategies t = 1 and s >= 2 exist. An estimator without
-    /// them finds
-    /// no light of beams.
+    /// them finds no light of beams.
     pub light_subpaths: bool,
     /// Defaults of the tree settings; `None` for an estimator without trees.
     pub trees: Option<TreeDefaults>,

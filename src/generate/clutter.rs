@@ -1,4 +1,4 @@
-//! `cluttered-room`: shelves, a table and a floor full of instanced shapes in every material, under one area light.
+//! `cluttered-room`: shelves, a table and a floor full of instanced shapes in many materials, under one area light.
 
 use std::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use super::shapes::{append, ball, cuboid, cylinder, quad, torus};
 use super::stage::{about, add, camera, diffuse, emitter, glass, material, mesh, metal, place, plastic};
 use crate::scene::{Mesh, Scene};
 
-/// Where things may stand: a horizontal rectangle, and how many objects of which size.
+/// A horizontal rectangle on which objects stand, the number of these objects, and the range of their sizes in metres.
 struct Ground {
     min: DVec3,
     max: DVec3,
@@ -17,7 +17,7 @@ struct Ground {
     size: [f64; 2],
 }
 
-/// An object before its tessellation is known; its size is the radius of a sphere around it.
+/// An object whose tessellation is not known yet; its size is the radius of its bounding sphere.
 struct Item {
     shape: usize,
     size: f64,
@@ -27,7 +27,7 @@ struct Item {
 
 const SHAPES: usize = 4;
 
-/// A shape that fits the unit sphere, finer with `level`.
+/// A shape inside the unit sphere; a higher `level` gives more triangles.
 fn shape(kind: usize, level: u32) -> Mesh {
     match kind {
         0 => ball(1.0, 8 * level, 4 * level),
@@ -49,7 +49,7 @@ pub fn build(triangles: u32) -> Scene {
     let mut pcg = Pcg::new(2024);
     let items: Vec<Item> = grounds.iter().flat_map(|g| scatter(g, &mut pcg)).collect();
 
-    // Refine until there are enough triangles; placement does not depend on it.
+    // Refine until there are enough triangles. The placement does not depend on the level.
     let room = super::triangle_count(&scene);
     let enough = |level: u32| {
         let each: Vec<usize> = (0..SHAPES).map(|k| shape(k, level).triangles.len()).collect();
@@ -70,7 +70,7 @@ pub fn build(triangles: u32) -> Scene {
         diffuse("plum", [0.35, 0.12, 0.30]),
     ];
     let paints: Vec<u32> = paints.into_iter().map(|m| material(&mut scene, m)).collect();
-    // One mesh a shape and material, made when first used.
+    // One mesh per shape and material, added on first use.
     let shapes: Vec<Mesh> = (0..SHAPES).map(|k| shape(k, level)).collect();
     let mut meshes = vec![[None; SHAPES]; paints.len()];
     for (n, item) in items.iter().enumerate() {
@@ -82,7 +82,7 @@ pub fn build(triangles: u32) -> Scene {
         let turn = item.turn * item.size;
         let low = |p: &[f32; 3]| (turn * Vec3::from_array(*p).as_dvec3()).y;
         let lowest = shapes[item.shape].positions.iter().map(low).fold(f64::INFINITY, f64::min);
-        // A hair above the ground, so that faces never coincide.
+        // 1 mm above the surface, so that faces never coincide.
         let at = item.at + DVec3::Y * (0.001 - lowest);
         place(&mut scene, &format!("item {n}"), index, DAffine3::from_mat3_translation(turn, at));
     }
@@ -108,7 +108,7 @@ fn shell(scene: &mut Scene) {
     add(scene, "light", light, quad(corner, DVec3::X * 1.4, DVec3::Z * 1.2, [1.0, 1.0]));
 }
 
-/// Shelves on the back and right walls and a table; gives the surfaces that things may stand on.
+/// Adds shelves on the back and right walls and a table. Returns the surfaces on which objects may stand.
 fn furniture(scene: &mut Scene) -> Vec<Ground> {
     let oak = material(scene, plastic("oak", [0.50, 0.34, 0.18], 0.5));
     let white = material(scene, diffuse("lacquer", [0.70, 0.70, 0.70]));
@@ -147,7 +147,8 @@ fn furniture(scene: &mut Scene) -> Vec<Ground> {
     grounds
 }
 
-/// Objects on a ground whose surrounding circles do not overlap; fewer than asked for when the ground is full.
+/// Places objects on a rectangle so that their bounding circles do not overlap. If the rectangle is full, it returns fewer
+/// objects than `ground.count`.
 fn scatter(ground: &Ground, pcg: &mut Pcg) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
     for _ in 0..60 * ground.count {
@@ -159,7 +160,7 @@ fn scatter(ground: &Ground, pcg: &mut Pcg) -> Vec<Item> {
         let shape = pcg.below(SHAPES);
         let lean = if shape == 1 || pcg.uniform() < 0.35 { pcg.range(0.3, 1.4) } else { 0.0 };
         let turn = about(DVec3::Y, pcg.range(0.0, TAU)) * about(DVec3::X, lean);
-        // The table stands in the middle of the floor.
+        // No objects on the floor below the table.
         let under_table = ground.min.y == 0.0 && at.x > -0.9 && at.x < 1.6 && at.z > -1.1 && at.z < 0.6;
         if !under_table && items.iter().all(|o| (o.at - at).length() > o.size + size) {
             items.push(Item { shape, size, turn, at });

@@ -1,4 +1,4 @@
-//! `cornell-box`: two metres across, floor at y = 0, open towards the camera at +z.
+//! `cornell-box`: a box of 2 m with its floor at y = 0, open towards the camera at +z.
 
 use glam::DVec3;
 
@@ -6,17 +6,19 @@ use super::shapes::{cuboid, divided, quad};
 use super::stage::{add, camera, diffuse, emitter, material, mesh, metal, place, turned};
 use crate::scene::Scene;
 
-/// Of the metal box.
+/// Default roughness of the metal box.
 pub const ROUGHNESS: f32 = 0.45;
-/// Triangles that are divided, and those of the light.
+/// Number of triangles that may be divided.
 const DIVIDED: u32 = 34;
+/// Number of triangles of the light.
 const LIGHT: u32 = 2;
 
-/// At least `triangles` triangles. The light is not divided: emitters of a triangle each would cost something of their own.
+/// Builds the scene with at least `triangles` triangles. The light is not divided: each of its triangles would be an emitter of
+/// its own and change the cost of a render.
 pub fn build(roughness: f32, triangles: u32) -> Scene {
-    let times = (0..16).find(|&times| DIVIDED * 4u32.pow(times) + LIGHT >= triangles).unwrap_or(0);
-    let quad = |corner, u, v| divided(quad(corner, u, v, [1.0, 1.0]), times);
-    let cuboid = |min, max| divided(cuboid(min, max), times);
+    let subdivisions = (0..16).find(|&n| DIVIDED * 4u32.pow(n) + LIGHT >= triangles).unwrap_or(0);
+    let quad = |corner, u, v| divided(quad(corner, u, v, [1.0, 1.0]), subdivisions);
+    let cuboid = |min, max| divided(cuboid(min, max), subdivisions);
     let mut scene = Scene::default();
     let white = material(&mut scene, diffuse("white", [0.73, 0.73, 0.73]));
     let red = material(&mut scene, diffuse("red", [0.63, 0.06, 0.05]));
@@ -31,7 +33,7 @@ pub fn build(roughness: f32, triangles: u32) -> Scene {
     add(&mut scene, "back", white, quad(corner(-1.0, 0.0, -1.0), x, y));
     add(&mut scene, "left", red, quad(corner(-1.0, 0.0, 1.0), -z, y));
     add(&mut scene, "right", green, quad(corner(1.0, 0.0, -1.0), z, y));
-    // A centimetre below the ceiling, front downwards.
+    // 1 cm below the ceiling, with its front facing down.
     let (across, along) = (DVec3::X * 0.5, DVec3::Z * 0.4);
     add(&mut scene, "light", light, super::shapes::quad(corner(-0.25, 1.99, -0.2), across, along, [1.0, 1.0]));
 

@@ -1,7 +1,7 @@
-//! `door-ajar`: everything the camera sees is lit by what a beam in the next room sends through the gap of a door
-//! (after Veach's scene of that idea; the geometry is our own).
+//! `door-ajar`: a beam shines in the far room, and only light through the gap of a door reaches the camera's room. The idea is
+//! that of Veach's scene; the geometry is our own.
 //!
-//! Camera room: x in [-2.4, 2.4], z in [-2, 3]. Far room: z in [-5, -2.12]. The door stands in the wall between.
+//! Camera room: x in [-2.4, 2.4], z in [-2, 3]. Far room: z in [-5, -2.12]. The door is in the wall between them. All in metres.
 
 use glam::{DAffine3, DVec3};
 
@@ -10,7 +10,7 @@ use super::shapes::{append, ball, cuboid, cylinder, lathe, quad, torus};
 use super::stage::{about, add, camera, diffuse, light, material, mesh, metal, place, plastic, texture, turned};
 use crate::scene::{LightKind, Material, Mesh, Scene};
 
-/// Opening of the door in radians.
+/// Opening angle of the door in radians.
 const AJAR: f64 = 0.62;
 
 pub fn build() -> Scene {
@@ -20,7 +20,7 @@ pub fn build() -> Scene {
     table(&mut scene);
     pots(&mut scene);
     furnish(&mut scene);
-    // The spot on the far room's wall sees the table through the gap.
+    // The spot of the beam on the far room's wall is visible from the table through the gap.
     let (source, spot) = (DVec3::new(-1.7, 1.7, -4.2), DVec3::new(2.4, 1.75, -3.0));
     light(&mut scene, "beam", source, spot - source, LightKind::Beam { power: [1.0; 3], radius: 0.02 });
     camera(&mut scene, DVec3::new(0.15, 1.42, 2.75), DVec3::new(-0.12, 0.92, -1.5), 0.74, [320, 180]);
@@ -49,7 +49,7 @@ fn rooms(scene: &mut Scene) {
 
     let (x, y, z) = (DVec3::X * 4.8, DVec3::Y * 2.7, DVec3::Z * 8.0);
     let low = DVec3::new(-2.4, 0.0, -5.0);
-    // Tiles of 60 cm: one image covers two by two.
+    // Tiles of 60 cm: one image covers two by two of them.
     add(scene, "floor", floor, quad(low, z, x, [8.0 / 1.2, 4.0]));
     add(scene, "ceiling", ceiling, quad(low + y, x, z, [1.0, 1.0]));
     add(scene, "left wall", wall, quad(low + z, -z, y, [1.0, 1.0]));
@@ -74,7 +74,8 @@ fn rooms(scene: &mut Scene) {
     blocks(scene, "frame and skirting", paint, &trim);
 }
 
-/// The leaf, hinged on the right, opens towards the camera; its own space has the hinge at the origin and the leaf along -x.
+/// The door, hinged on the right, opens towards the camera. In its own space the hinge is at the origin and the door extends
+/// along -x.
 fn door(scene: &mut Scene) {
     let paint = material(scene, plastic("door paint", [0.36, 0.47, 0.45], 0.3));
     let brass = material(scene, metal("brass", [0.88, 0.68, 0.36], 0.3));
@@ -109,7 +110,7 @@ fn table(scene: &mut Scene) {
     blocks(scene, "table", wood, &parts);
 }
 
-/// A teapot of metal, a glazed vase and a clay bowl with oranges in it, on the table.
+/// A metal teapot, a glazed vase and a clay bowl of oranges on the table.
 fn pots(scene: &mut Scene) {
     let silver = material(scene, metal("silver", [0.90, 0.88, 0.85], 0.32));
     let glaze = material(scene, plastic("glaze", [0.05, 0.22, 0.36], 0.18));
@@ -144,7 +145,7 @@ fn pots(scene: &mut Scene) {
     }
 }
 
-/// A framed landscape, a rug, a stool with a ball on it, and books on a wall board.
+/// A framed landscape, a rug, a stool with a ball on it, and books on a wall shelf.
 fn furnish(scene: &mut Scene) {
     let view = texture(scene, paint::landscape(192, 128));
     let canvas = Material { base_color_texture: Some(view), ..diffuse("canvas", [1.0; 3]) };
@@ -192,7 +193,7 @@ fn furnish(scene: &mut Scene) {
     }
 }
 
-/// Profiles (radius, y) in metres; a point given twice is a crease.
+/// Profiles for [`lathe`]: (radius, y) in metres; a point given twice is a crease.
 const TEAPOT: [[f64; 2]; 14] = [
     [0.0, 0.0],
     [0.07, 0.0],
@@ -234,7 +235,7 @@ const BOWL: [[f64; 2]; 9] = [
     [0.0, 0.02],
 ];
 
-/// Catmull-Rom through a profile, `steps` pieces a segment; creases stay.
+/// Catmull-Rom spline through a profile, with `steps` points per segment. It keeps creases.
 fn smooth(profile: &[[f64; 2]], steps: u32) -> Vec<[f64; 2]> {
     let last = profile.len() - 1;
     let mut fine = vec![profile[0]];
@@ -244,7 +245,7 @@ fn smooth(profile: &[[f64; 2]], steps: u32) -> Vec<[f64; 2]> {
             fine.push(b);
             continue;
         }
-        // Past an end or a crease the curve goes on straight.
+        // Beyond an end or a crease the control points continue in a straight line.
         let beyond = |p: [f64; 2], q: [f64; 2]| [2.0 * p[0] - q[0], 2.0 * p[1] - q[1]];
         let a = if i > 0 && profile[i - 1] != b { profile[i - 1] } else { beyond(b, c) };
         let d = if i + 2 <= last && profile[i + 2] != c { profile[i + 2] } else { beyond(c, b) };

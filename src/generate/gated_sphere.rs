@@ -8,8 +8,9 @@ use super::shapes::{icosphere, inside_out};
 use super::stage::{add, camera, diffuse, light, material};
 use crate::scene::{LightKind, Mesh, Scene};
 
-/// Flat facets seen from inside, camera and point light of intensity pi R^2 at the centre. The vertices lie slightly outside `radius`,
-/// so that the centroids of the facets are at `radius` on (area-weighted) average: flat facets cut the corner.
+/// A sphere of flat facets seen from inside, with the camera and a point light of intensity pi R^2 in W / sr at its centre. Flat
+/// facets lie inside the sphere of their vertices. So the vertices lie slightly outside `radius`: the centroids of the facets,
+/// weighted by area, then have the mean distance `radius`.
 pub fn build(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
     let mut scene = Scene::default();
     let radius = f64::from(radius);
@@ -23,7 +24,7 @@ pub fn build(radius: f32, subdivisions: u32, albedo: f32) -> Scene {
     scene
 }
 
-/// Mean distance of the facets' centroids from the origin, each weighted by its area.
+/// Mean distance of the facets' centroids from the origin, weighted by area.
 fn mean_centroid_distance(mesh: &Mesh) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
     for triangle in &mesh.triangles {

@@ -1,4 +1,4 @@
-//! A [`Scene`] as binary glTF 2.0: what the loader reads, and no more.
+//! Writes a [`Scene`] as binary glTF 2.0, with exactly the features that the loader reads.
 
 use std::collections::BTreeSet;
 
@@ -7,8 +7,8 @@ use serde_json::{Map, Value, json};
 
 use crate::scene::{AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Scene, Wrap};
 
-/// The file's bytes. Nodes are the instances, then the cameras, then the lights, each in the scene's order; images become PNG.
-/// Texture coordinate sets other than 0 do not exist, numbers are rounded to f32.
+/// The bytes of the file. Its nodes are the instances, then the cameras, then the lights, each in the scene's order. Images
+/// become PNG. All texture coordinates are set 0; numbers are rounded to f32.
 pub fn write(scene: &Scene) -> Vec<u8> {
     let mut file = File::default();
     let meshes: Vec<Value> = scene.meshes.iter().map(|m| file.mesh(m)).collect();
@@ -57,7 +57,7 @@ pub fn write(scene: &Scene) -> Vec<u8> {
     container(root.to_string().into_bytes(), file.binary)
 }
 
-/// Header and the two chunks, each padded to four bytes.
+/// The GLB header and the two chunks, each padded to a multiple of four bytes.
 fn container(mut json: Vec<u8>, mut binary: Vec<u8>) -> Vec<u8> {
     json.resize(json.len().next_multiple_of(4), b' ');
     binary.resize(binary.len().next_multiple_of(4), 0);
@@ -103,7 +103,7 @@ impl File {
             attributes.insert("TEXCOORD_0".into(), uv.into());
         }
         let indices = mesh.triangles.as_flattened();
-        // 65535 itself is the primitive restart value.
+        // Index 65535 is the primitive restart value.
         let small = mesh.positions.len() <= 65_535;
         let bytes: Vec<u8> = if small {
             indices.iter().flat_map(|&i| (i as u16).to_le_bytes()).collect()
@@ -195,7 +195,7 @@ impl File {
         out
     }
 
-    /// The light's node; a punctual light is also added to the list of the extension.
+    /// The node of the light. A punctual light is also added to the list of KHR_lights_punctual.
     fn light(&mut self, light: &Light, punctual: &mut Vec<Value>) -> Value {
         let transform = super::stage::look(light.position, light.direction);
         let described = |kind: &str, rgb: [f32; 3]| {
@@ -236,7 +236,7 @@ fn camera(camera: &Camera) -> Value {
     out
 }
 
-/// Keys for a node that may scale or shear; none for the identity.
+/// JSON keys for the transform of a node that may scale or shear; none for the identity.
 fn matrix(transform: &DAffine3) -> Value {
     if *transform == DAffine3::IDENTITY {
         return json!({});
@@ -245,7 +245,7 @@ fn matrix(transform: &DAffine3) -> Value {
     json!({"matrix": numbers(&columns.map(|x| x as f32))})
 }
 
-/// Keys for a node that is only turned and moved.
+/// JSON keys for the transform of a node that only rotates and translates.
 fn pose(transform: &DAffine3) -> Value {
     let rotation = DQuat::from_mat3(&transform.matrix3).normalize().to_array().map(|x| x as f32);
     let translation = transform.translation.to_array().map(|x| x as f32);
@@ -260,7 +260,7 @@ fn wrap(wrap: Wrap) -> u32 {
     }
 }
 
-/// The shortest decimal that reads back as the same f32; without this 0.4 prints as 0.4000000059604645.
+/// The shortest decimal that reads back as the same f32; otherwise 0.4 would print as 0.4000000059604645.
 fn number(x: f32) -> Value {
     let shortest: f64 = x.to_string().parse().expect("a printed float parses");
     json!(shortest)
@@ -270,7 +270,7 @@ fn numbers(xs: &[f32]) -> Value {
     xs.iter().map(|&x| number(x)).collect()
 }
 
-/// Two objects in one.
+/// Merges two JSON objects.
 fn with(mut object: Value, more: Value) -> Value {
     if let (Value::Object(object), Value::Object(more)) = (&mut object, more) {
         object.extend(more);

@@ -1,4 +1,4 @@
-//! `hundred-lamps`: a hall under a hundred spot lights of unequal power, with blocks on its floor that shade each other.
+//! `hundred-lamps`: a hall with a hundred spot lights of unequal power. Blocks on its floor cast shadows on each other.
 
 use glam::{DAffine3, DVec3};
 
@@ -7,12 +7,13 @@ use super::shapes::{cuboid, quad};
 use super::stage::{add, camera, diffuse, light, material, mesh, place, plastic, turned};
 use crate::scene::{LightKind, Scene};
 
-/// Lamps in a row, and rows.
+/// Number of rows of lamps, and of lamps per row.
 const ROWS: u32 = 10;
-/// Metres: sides of the floor, and the height of the hall.
+/// Side of the square floor in metres.
 const SIDE: f64 = 12.0;
+/// Height of the hall in metres.
 const HEIGHT: f64 = 4.0;
-/// W / sr: the intensities of the lamps lie between these two; half of the lamps have less than a tenth of the greatest.
+/// Range of the lamps' intensities in W / sr. Half of the lamps have less than a tenth of the highest intensity.
 const INTENSITY: [f64; 2] = [0.05, 10.0];
 
 pub fn build() -> Scene {
@@ -40,7 +41,7 @@ fn shell(scene: &mut Scene) {
     add(scene, "right wall", wall, quad(low + x, z, y, [1.0, 1.0]));
 }
 
-/// Turned blocks of many heights, one in the middle of every second square of the floor.
+/// Rotated blocks of different heights, one in the middle of every second square of the floor.
 fn blocks(scene: &mut Scene, pcg: &mut Pcg) {
     let paint = material(scene, diffuse("block", [0.62, 0.60, 0.55]));
     let half = DVec3::new(0.3, 0.0, 0.3);
@@ -54,7 +55,7 @@ fn blocks(scene: &mut Scene, pcg: &mut Pcg) {
     }
 }
 
-/// Spot lights just below the ceiling, each somewhere in its square of a grid, that lean as they like.
+/// Spot lights just below the ceiling. Each has a random position in its square of a grid, and a random tilt.
 fn lamps(scene: &mut Scene, pcg: &mut Pcg) {
     let square = SIDE / f64::from(ROWS);
     for n in 0..ROWS * ROWS {

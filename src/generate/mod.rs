@@ -1,7 +1,7 @@
-//! Scenes the project makes itself, as binary glTF: no download, no licence, the same bytes everywhere.
+//! Scenes that the project generates itself, as binary glTF: no download, no licence, the same bytes everywhere.
 //!
-//! A scene is first built as a plain [`Scene`] ([`build`], which tests use as it is) and then written ([`glb::write`]).
-//! Nothing here depends on time, platform or the mathematics library: trigonometry and random numbers are our own.
+//! [`build`] first makes a plain [`Scene`], which tests use directly; [`glb::write`] then writes it. Nothing here depends on the
+//! time, the platform or the mathematics library: this module has its own trigonometry and random numbers.
 
 mod clutter;
 mod cornell;
@@ -17,45 +17,46 @@ pub mod zoo;
 
 use crate::scene::Scene;
 
-/// Triangles that may be asked for.
+/// Maximum number of triangles that a user may request.
 const MAX_TRIANGLES: u32 = 10_000_000;
 
-/// Which scene to make, with what may vary.
+/// The scene to generate, with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// Box of 2 m with a ceiling light, a diffuse box and a rough metal box.
     CornellBox,
-    /// The same with another metal, and every face but the light's divided: the light travels the same ways.
+    /// The Cornell box with another roughness or finer triangles. All faces except the light's are divided, which does not change
+    /// the light transport.
     CornellBoxOf {
-        /// Of the metal box, 0 to 1; the square root of the width alpha of GGX.
+        /// Roughness of the metal box, 0 to 1: the square root of the GGX alpha.
         roughness: f32,
-        /// Least number of triangles: 34 times a power of four, and two of the light.
+        /// Lower bound on the number of triangles, which is 34 times a power of four, plus two for the light.
         triangles: u32,
     },
-    /// Closed diffuse sphere around a point light and a pinhole: the exact test of [`crate::oracle::sphere`].
+    /// Closed diffuse sphere around a point light and a pinhole, whose gated radiance [`crate::oracle::sphere`] gives exactly.
     GatedSphere {
-        /// Metres, > 0: the mean distance of the facets from the centre.
+        /// Mean distance of the facets from the centre in metres, > 0.
         radius: f32,
-        /// 20 * 4^n facets, at most 8.
+        /// Number n of subdivisions, at most 8; the sphere has 20 * 4^n facets.
         subdivisions: u32,
-        /// In [0, 1], the same in all channels.
+        /// Albedo in [0, 1], the same in all channels.
         albedo: f32,
     },
     /// Two rooms and a door ajar; the only light is a beam in the far room.
     DoorAjar,
-    /// Room of 6 x 3 x 5 m full of instanced shapes in every material.
+    /// Room of 6 x 3 x 5 m full of instanced shapes in many materials.
     ClutteredRoom {
-        /// Least number of triangles, instances counted.
+        /// Lower bound on the number of triangles, counted per instance.
         triangles: u32,
     },
-    /// Room of 4 x 3 x 4 m with every feature of materials, lit by emitters of one kind: for tests.
+    /// Room of 4 x 3 x 4 m with every feature of materials, lit by emitters of one kind. Tests use it.
     Zoo(zoo::Light),
     /// Hall of 12 x 4 x 12 m under a hundred spot lights of unequal power.
     HundredLamps,
 }
 
 impl Kind {
-    /// What [`Kind::parse`] understands.
+    /// The names that [`Kind::parse`] accepts.
     pub const NAMES: [&str; 8] = [
         "cornell-box",
         "gated-sphere",
@@ -67,8 +68,8 @@ impl Kind {
         "hundred-lamps",
     ];
 
-    /// The scene of that name with its usual parameters: sphere of 1 m, albedo 0.5, 81,920 facets; clutter of 200,000
-    /// triangles. `None` for any other name.
+    /// The scene of this name with its default parameters: a sphere of 1 m with albedo 0.5 and 81,920 facets; clutter of at least
+    /// 200,000 triangles. `None` for any other name.
     pub fn parse(name: &str) -> Option<Kind> {
         Some(match name {
             "cornell-box" => Kind::CornellBox,
@@ -83,14 +84,14 @@ impl Kind {
         })
     }
 
-    /// With another roughness or number of triangles, where they are given; an error names what the scene does not have or a
-    /// number that is out of range.
+    /// The scene with another roughness or number of triangles, where given. The error names the parameter that is out of range
+    /// or that the scene does not have.
     pub fn with(self, roughness: Option<f32>, triangles: Option<u32>) -> Result<Kind, String> {
         if let Some(roughness) = roughness.filter(|r| !(0.0..=1.0).contains(r)) {
             return Err(format!("the roughness is {roughness}; it must be from 0 to 1"));
         }
         if let Some(triangles) = triangles.filter(|&n| n > MAX_TRIANGLES) {
-            return Err(format!("{triangles} triangles are too many; ask for {MAX_TRIANGLES} at most"));
+            return Err(format!("{triangles} triangles are too many; use at most {MAX_TRIANGLES}"));
         }
         Ok(match (self, roughness, triangles) {
             (kind, None, None) => kind,
@@ -99,17 +100,15 @@ impl Kind {
                 triangles: triangles.unwrap_or(0),
             },
             (Kind::ClutteredRoom { .. }, None, Some(triangles)) => Kind::ClutteredRoom { triangles },
-            (kind, Some(_), _) => return Err(format!("{} has no roughness to choose; cornell-box has", kind.name())),
+            (kind, Some(_), _) => return Err(format!("{} has no roughness to set; use cornell-box", kind.name())),
             (kind, ..) => {
                 let name = kind.name();
-                return Err(format!(
-                    "{name} has no number of triangles to choose; cornell-box and cluttered-room have"
-                ));
+                return Err(format!("{name} has no number of triangles to set; use cornell-box or cluttered-room"));
             }
         })
     }
 
-    /// One of [`Kind::NAMES`].
+    /// Its name, one of [`Kind::NAMES`].
     pub fn name(self) -> &'static str {
         match self {
             Kind::CornellBox | Kind::CornellBoxOf { .. } => Kind::NAMES[0],
@@ -124,12 +123,12 @@ impl Kind {
     }
 }
 
-/// The scene as binary glTF; the same bytes on every machine.
+/// The scene as binary glTF, with the same bytes on every machine.
 pub fn scene(kind: Kind) -> Vec<u8> {
     glb::write(&build(kind))
 }
 
-/// The scene as plain data, as a loader would give it.
+/// The scene as plain data, as the loader would return it.
 pub fn build(kind: Kind) -> Scene {
     match kind {
         Kind::CornellBox => cornell::build(cornell::ROUGHNESS, 0),
@@ -142,7 +141,7 @@ pub fn build(kind: Kind) -> Scene {
     }
 }
 
-/// Triangles of all instances together.
+/// Number of triangles of all instances together.
 pub fn triangle_count(scene: &Scene) -> usize {
     scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len()).sum()
 }

@@ -1,8 +1,9 @@
-//! Arithmetic that gives the same bits on every platform: a random number generator and trigonometry from + and *.
+//! Arithmetic with the same bits on every platform: a random number generator, and trigonometry from additions and
+//! multiplications.
 
 use std::f64::consts::FRAC_PI_2;
 
-/// PCG-XSH-RR 64/32 (O'Neill 2014), one stream.
+/// The PCG-XSH-RR 64/32 generator (O'Neill 2014), one stream.
 #[derive(Debug, Clone)]
 pub struct Pcg {
     state: u64,
@@ -39,7 +40,7 @@ impl Pcg {
     }
 }
 
-/// Sine and cosine of an angle in radians, |angle| < 1e6, to about 1e-15: the standard library's differ by platform.
+/// Sine and cosine of an angle in radians, |angle| < 1e6, to about 1e-15. Those of the standard library differ between platforms.
 pub fn sin_cos(angle: f64) -> (f64, f64) {
     let quarter = (angle / FRAC_PI_2).round();
     let x = angle - quarter * FRAC_PI_2;

@@ -1,11 +1,11 @@
-//! Small pictures by formula, for textures.
+//! Small procedural images for textures.
 
 use std::f64::consts::TAU;
 
 use super::numbers::{Pcg, sin_cos};
 use crate::scene::Image;
 
-/// Square of two by two fields with a thin joint; sRGB bytes.
+/// Four tiles, two by two, with thin joints; sRGB bytes.
 pub fn tiles(size: u32, light: [u8; 3], dark: [u8; 3]) -> Image {
     let mut pcg = Pcg::new(11);
     fill(size, size, |x, y| {
@@ -17,7 +17,7 @@ pub fn tiles(size: u32, light: [u8; 3], dark: [u8; 3]) -> Image {
     })
 }
 
-/// Wooden boards, grain along v; sRGB bytes.
+/// Wooden boards with their grain along v; sRGB bytes.
 pub fn wood(size: u32, tone: [u8; 3]) -> Image {
     let mut pcg = Pcg::new(23);
     let boards: Vec<(f64, f64)> = (0..4).map(|_| (pcg.range(0.0, 60.0), pcg.range(0.85, 1.1))).collect();

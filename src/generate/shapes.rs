@@ -1,4 +1,4 @@
-//! Meshes by formula, in their own space, counter-clockwise seen from outside. Names and materials are the caller's.
+//! Procedural meshes in their own space, counter-clockwise as seen from outside. The caller sets names and materials.
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
@@ -8,8 +8,8 @@ use glam::{DAffine3, DVec3};
 use super::numbers::sin_cos;
 use crate::scene::Mesh;
 
-/// Parallelogram with `corner`, `corner + u`, `corner + v`; its front is where u x v points. An
-/// image stands upright in it: (0, 0) is at `corner + v`, `uv` at `corner + u`.
+/// Parallelogram with corners `corner`, `corner + u`, `corner + u + v` and `corner + v`; its front faces along u x v. Images
+/// appear upright: texture coordinates are (0, 0) at `corner + v` and `uv` at `corner + u`.
 pub fn quad(corner: DVec3, u: DVec3, v: DVec3, uv: [f32; 2]) -> Mesh {
     let corners = [corner, corner + u, corner + u + v, corner + v];
     Mesh {
@@ -20,7 +20,7 @@ pub fn quad(corner: DVec3, u: DVec3, v: DVec3, uv: [f32; 2]) -> Mesh {
     }
 }
 
-/// Closed box between two corners, flat faces, texture coordinates in metres on every face.
+/// Closed box between two corners with flat faces. Texture coordinates on every face are in metres.
 pub fn cuboid(min: DVec3, max: DVec3) -> Mesh {
     let size = max - min;
     let (x, y, z) = (DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z);
@@ -32,8 +32,8 @@ pub fn cuboid(min: DVec3, max: DVec3) -> Mesh {
     mesh
 }
 
-/// Every triangle split into four, `times` times; what lay in a plane stays there. Meshes with texture
-/// coordinates and without normals.
+/// Splits every triangle into four, `times` times, without changing the surface. The mesh must have texture coordinates and no
+/// normals.
 pub fn divided(mut mesh: Mesh, times: u32) -> Mesh {
     for _ in 0..times {
         let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
@@ -56,7 +56,7 @@ pub fn divided(mut mesh: Mesh, times: u32) -> Mesh {
     mesh
 }
 
-/// Icosahedron split `subdivisions` times, vertices on the sphere of `radius`: 20 * 4^n facets, flat.
+/// Icosahedron split `subdivisions` = n times, with its vertices on the sphere of `radius`: 20 * 4^n flat facets.
 pub fn icosphere(radius: f64, subdivisions: u32) -> Mesh {
     let golden = (1.0 + 5f64.sqrt()) / 2.0;
     let mut vertices = Vec::new();
@@ -96,8 +96,8 @@ pub fn icosphere(radius: f64, subdivisions: u32) -> Mesh {
     Mesh { positions, triangles, ..Mesh::default() }
 }
 
-/// Surface of revolution about the y axis. `profile` is (radius, y) from the bottom up along the outside; a point given twice is
-/// a crease, otherwise shading is smooth. Points of radius 0 close the shape.
+/// Surface of revolution about the y axis. `profile` lists (radius, y) from the bottom up along the outside. A point given twice
+/// is a crease; elsewhere shading is smooth. Points of radius 0 close the shape.
 pub fn lathe(profile: &[[f64; 2]], segments: u32) -> Mesh {
     let normals = profile_normals(profile);
     let mut mesh = Mesh::default();
@@ -118,7 +118,7 @@ pub fn lathe(profile: &[[f64; 2]], segments: u32) -> Mesh {
             }
             let a = column * rows + row;
             let b = a + rows;
-            // A pole makes one triangle, not two.
+            // At a pole one of the two triangles would be degenerate.
             if profile[row as usize][0] > 0.0 {
                 mesh.triangles.push([a, b, a + 1]);
             }
@@ -130,7 +130,7 @@ pub fn lathe(profile: &[[f64; 2]], segments: u32) -> Mesh {
     mesh
 }
 
-/// Outward (radial, y) normals of a profile: the mean of the two adjoining segments, one of them at creases and ends.
+/// Outward (radial, y) normals of a profile: the mean over the adjoining segments; at creases and ends there is only one.
 fn profile_normals(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let segment = |i: usize, j: usize| {
         let (dr, dy) = (profile[j][0] - profile[i][0], profile[j][1] - profile[i][1]);
@@ -143,13 +143,13 @@ fn profile_normals(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
             let before = if i > 0 { segment(i - 1, i) } else { [0.0, 0.0] };
             let after = if i < last { segment(i, i + 1) } else { [0.0, 0.0] };
             let sum = [before[0] + after[0], before[1] + after[1]];
-            // At a pole the normal is the axis itself.
+            // At a pole the normal lies along the axis.
             if profile[i][0] == 0.0 { [0.0, if i == 0 { -1.0 } else { 1.0 }] } else { sum }
         })
         .collect()
 }
 
-/// Smooth ball around the origin: 2 * segments * (rings - 1) triangles.
+/// Smooth ball around the origin, with 2 * segments * (rings - 1) triangles.
 pub fn ball(radius: f64, segments: u32, rings: u32) -> Mesh {
     let profile: Vec<[f64; 2]> = (0..=rings)
         .map(|i| {
@@ -160,13 +160,13 @@ pub fn ball(radius: f64, segments: u32, rings: u32) -> Mesh {
     lathe(&profile, segments)
 }
 
-/// Capped cylinder standing on y = 0: 4 * segments triangles.
+/// Capped cylinder that stands on y = 0, with 4 * segments triangles.
 pub fn cylinder(radius: f64, height: f64, segments: u32) -> Mesh {
     let (foot, head) = ([radius, 0.0], [radius, height]);
     lathe(&[[0.0, 0.0], foot, foot, head, head, [0.0, height]], segments)
 }
 
-/// Smooth torus around the y axis: 2 * around * across triangles.
+/// Smooth torus around the y axis, with 2 * around * across triangles.
 pub fn torus(major: f64, minor: f64, around: u32, across: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..=around {
@@ -190,7 +190,7 @@ pub fn torus(major: f64, minor: f64, around: u32, across: u32) -> Mesh {
     mesh
 }
 
-/// Adds `part`, moved by a transform without mirroring, to `mesh`; both must carry the same attributes.
+/// Adds `part` to `mesh`, transformed by `transform`, which must not mirror. Both meshes must have the same attributes.
 pub fn append(mesh: &mut Mesh, part: &Mesh, transform: DAffine3) {
     let first = mesh.positions.len() as u32;
     let rotate = transform.matrix3.inverse().transpose();
@@ -200,7 +200,7 @@ pub fn append(mesh: &mut Mesh, part: &Mesh, transform: DAffine3) {
     mesh.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + first)));
 }
 
-/// The same surface with its other side in front.
+/// The same surface with front and back exchanged.
 pub fn inside_out(mut mesh: Mesh) -> Mesh {
     mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     mesh.normals.iter_mut().for_each(|n| *n = n.map(|x| -x));
@@ -219,7 +219,7 @@ fn double(v: [f32; 3]) -> DVec3 {
 mod tests {
     use super::*;
 
-    /// Signed volume: positive when every face is counter-clockwise from outside.
+    /// Signed volume of a closed mesh: positive if every face is counter-clockwise as seen from outside.
     fn volume(mesh: &Mesh) -> f64 {
         let at = |i: u32| double(mesh.positions[i as usize]);
         mesh.triangles.iter().map(|&[a, b, c]| at(a).dot(at(b).cross(at(c))) / 6.0).sum()

@@ -1,4 +1,4 @@
-//! Short names for the helpers of [`crate::scene`] that furnish a scene, and rotations.
+//! Short names for the functions of [`crate::scene`] that build a scene, and rotations.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -41,7 +41,7 @@ pub fn texture(scene: &mut Scene, image: Image) -> u32 {
     scene.add_texture(image)
 }
 
-/// [`Scene::add_mesh`] under a name.
+/// [`Scene::add_mesh`] with a name.
 pub fn mesh(scene: &mut Scene, name: &str, material: u32, mesh: Mesh) -> u32 {
     scene.add_mesh(Mesh { name: name.to_owned(), material, ..mesh })
 }
@@ -51,12 +51,12 @@ pub fn place(scene: &mut Scene, node: &str, mesh: u32, transform: DAffine3) {
     scene.place(node, mesh, transform);
 }
 
-/// [`Scene::add_surface`] under a name.
+/// [`Scene::add_surface`] with a name.
 pub fn add(scene: &mut Scene, name: &str, material: u32, shape: Mesh) {
     scene.add_surface(Mesh { name: name.to_owned(), ..shape }, material);
 }
 
-/// Adds the camera `camera` at `eye`, looking at `target`, y up; `yfov` in radians.
+/// Adds a camera named `camera` at `eye` that looks at `target`, with y up; `yfov` in radians.
 pub fn camera(scene: &mut Scene, eye: DVec3, target: DVec3, yfov: f64, resolution: [u32; 2]) {
     scene.add_camera(Camera::looking_at("camera", eye, target, yfov, resolution));
 }
@@ -66,12 +66,12 @@ pub fn light(scene: &mut Scene, node: &str, position: DVec3, direction: DVec3, k
     scene.add_light(node, position, direction, kind);
 }
 
-/// Rotation about y by `angle` radians, counter-clockwise seen from above, then a move to `position`.
+/// Rotation about y by `angle` radians, counter-clockwise as seen from above, then translation to `position`.
 pub fn turned(position: DVec3, angle: f64) -> DAffine3 {
     DAffine3::from_mat3_translation(about(DVec3::Y, angle), position)
 }
 
-/// Rotation about a unit axis by `angle` radians (Rodrigues).
+/// Rotation about a unit axis by `angle` radians (Rodrigues' formula).
 pub fn about(axis: DVec3, angle: f64) -> DMat3 {
     let (sin, cos) = sin_cos(angle);
     let turn = |v: DVec3| v * cos + axis.cross(v) * sin + axis * (axis.dot(v) * (1.0 - cos));

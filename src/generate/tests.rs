@@ -1,6 +1,6 @@
 use super::*;
 
-/// Small enough to be quick.
+/// Every kind of scene, small enough for quick tests.
 fn kinds() -> [Kind; 8] {
     [
         Kind::CornellBox,
@@ -82,17 +82,17 @@ fn what_a_scene_does_not_have_cannot_be_chosen() {
 fn triangle_counts() {
     assert_eq!(triangle_count(&build(Kind::CornellBox)), 6 * 2 + 2 * 12);
     assert_eq!(triangle_count(&build(Kind::parse("gated-sphere").unwrap())), 81_920);
-    for (asked, got) in [(0, 36), (36, 36), (37, 138), (2_000, 2_178), (30_000, 34_818)] {
-        let scene = build(Kind::CornellBox.with(None, Some(asked)).unwrap());
-        assert_eq!(triangle_count(&scene), got, "{asked} asked for");
+    for (requested, actual) in [(0, 36), (36, 36), (37, 138), (2_000, 2_178), (30_000, 34_818)] {
+        let scene = build(Kind::CornellBox.with(None, Some(requested)).unwrap());
+        assert_eq!(triangle_count(&scene), actual, "{requested} requested");
     }
     let door = triangle_count(&build(Kind::DoorAjar));
     assert!((5_000..=20_000).contains(&door), "{door}");
-    for least in [20_000, 200_000] {
-        let room = build(Kind::ClutteredRoom { triangles: least });
+    for at_least in [20_000, 200_000] {
+        let room = build(Kind::ClutteredRoom { triangles: at_least });
         let stored: usize = room.meshes.iter().map(|m| m.triangles.len()).sum();
         let count = triangle_count(&room);
-        assert!(count >= least as usize && count < 2 * least as usize && stored < count, "{stored} {count}");
+        assert!(count >= at_least as usize && count < 2 * at_least as usize && stored < count, "{stored} {count}");
     }
 }
 

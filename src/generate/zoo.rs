@@ -1,5 +1,6 @@
-//! `zoo-area`, `zoo-punctual`, `zoo-beam`: one room with every feature at once: mask and blend, textures, smooth normals, mirrored and stretched instances, mixtures of
-//! metal and plastic, a solid of glass, an emissive texture, a point, a spot and a beam that passes a blended curtain.
+//! `zoo-area`, `zoo-punctual`, `zoo-beam`: one room with every feature. It has alpha masks and blending, textures, smooth
+//! normals, mirrored and stretched instances, mixtures of metal and plastic, a glass block and an emissive texture. The lights
+//! are a lamp with area, or a point and a spot, or a beam.
 
 use super::paint;
 use super::shapes::{cuboid, icosphere, quad, torus};
@@ -7,7 +8,7 @@ use super::stage::{add, camera, diffuse, glass, light, look, material, mesh, met
 use crate::scene::{AlphaMode, Image, LightKind, Material, Mesh, Scene};
 use glam::{DAffine3, DMat3, DVec3};
 
-/// Squares of `size` texels, covered and uncovered in turn.
+/// An image of `size` x `size` texels with alternating squares of high and low alpha.
 fn holes(size: u32) -> Image {
     let texel = |i: u32| {
         let (x, y) = (i % size, i / size);
@@ -16,7 +17,7 @@ fn holes(size: u32) -> Image {
     Image { width: size, height: size, rgba: (0..size * size).map(texel).collect() }
 }
 
-/// A sphere with normals, so that it is shaded smooth.
+/// A sphere with normals, for smooth shading.
 fn smooth_sphere(radius: f64, subdivisions: u32) -> Mesh {
     let mut sphere = icosphere(radius, subdivisions);
     sphere.normals = sphere.positions.iter().map(|p| glam::Vec3::from(*p).normalize().to_array()).collect();
@@ -42,7 +43,8 @@ fn things(scene: &mut Scene, specular: bool) {
     let sphere = smooth_sphere(0.45, 3);
     let mixed = material(scene, Material { metallic: 0.5, ..plastic("half metal", [0.8, 0.4, 0.2], 0.5) });
     let mixed = mesh(scene, "half metal", mixed, sphere.clone());
-    // Mirrored, stretched and turned: normals need the inverse transpose, windings their sign.
+    // A mirrored, stretched and rotated instance: its normals need the inverse transpose, its winding the sign of the
+    // determinant.
     let stretch = DMat3::from_diagonal(DVec3::new(-1.3, 0.7, 1.0)) * DMat3::from_rotation_y(0.7);
     place(scene, "stretched", mixed, DAffine3::from_mat3_translation(stretch, DVec3::new(-0.9, 0.5, -0.6)));
     let clear = material(scene, if specular { glass("glass") } else { plastic("block", [0.3, 0.5, 0.7], 0.2) });
@@ -68,19 +70,20 @@ fn things(scene: &mut Scene, specular: bool) {
     add(scene, "grid", grid, quad(DVec3::new(-0.4, 1.0, -1.0), DVec3::X * 1.2, DVec3::Y * 0.8, [2.0, 2.0]));
 }
 
-/// What shines in the room.
+/// The emitters of the room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Light {
-    /// A textured lamp; with a mirror and a glass block.
+    /// A textured lamp. The room also has a mirror and a glass block.
     Area,
-    /// A point and a spot. Their caustics are out of reach of the oracle's path tracer: nothing is specular.
+    /// A point light and a spot light. Nothing in the room is specular, because the oracle's path tracer cannot find their
+    /// caustics.
     Punctual,
-    /// A beam whose first hit is not specular; nothing is, as above.
+    /// A collimated beam. Nothing in the room is specular, as for `Punctual`.
     Beam,
 }
 
-fn lights(scene: &mut Scene, light_up: Light) {
-    match light_up {
+fn lights(scene: &mut Scene, emitters: Light) {
+    match emitters {
         Light::Area => {
             let glow = texture(scene, paint::tiles(16, [255, 200, 120], [30, 60, 90]));
             let lamp =
@@ -101,12 +104,12 @@ fn lights(scene: &mut Scene, light_up: Light) {
     }
 }
 
-/// The room, lit by `light_up`.
-pub fn zoo(light_up: Light) -> Scene {
+/// The room with these emitters.
+pub fn zoo(emitters: Light) -> Scene {
     let mut scene = Scene::default();
     room(&mut scene);
-    things(&mut scene, light_up == Light::Area);
-    lights(&mut scene, light_up);
+    things(&mut scene, emitters == Light::Area);
+    lights(&mut scene, emitters);
     camera(&mut scene, DVec3::new(0.4, 1.6, 1.8), DVec3::new(-0.1, 0.9, -0.8), 1.1, [32, 24]);
     scene
 }

@@ -1,23 +1,24 @@
-//! Means over square cells of an image in a few independent batches of iterations: what a comparison needs to tell noise from
-//! error. The variance of a cell is not the sum of its pixels' variances, since the pixels of an iteration share a light pool;
-//! here any union of cells has its own value in every batch, and so a variance that is right.
+//! Means over square cells of an image in a few independent batches of iterations. A comparison uses them to tell noise from
+//! error. The pixels of an iteration share a light pool, so the variance of a cell is not the sum of its pixels' variances. Here
+//! any union of cells has one value per batch, and the spread of these values gives its variance correctly.
 
 use crate::error::{Error, Result};
 
-/// Pixels along the side of a cell.
+/// Side of a cell in pixels.
 pub const CELL: usize = 16;
-/// Batches at most; when there are so many, neighbours are merged.
+/// Maximum number of batches. When another batch would exceed it, neighbours are merged in pairs.
 pub const MAX_BATCHES: usize = 32;
-/// Relative difference that rounding to 32 bits may cause between a cell's mean and that of its pixels.
+/// Tolerance for the relative difference between a cell's mean and the mean of its pixels, which are rounded to f32.
 const ROUNDING: f64 = 1e-5;
 
-/// Independent batches, each with its samples a pixel and, for every cell and channel, samples times the sum over pixels.
+/// Independent batches. Each has its samples per pixel and, for every cell and channel, that number times the sum over the
+/// pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CellBatches {
     width: usize,
     height: usize,
     batches: Vec<(f64, Vec<f64>)>,
-    /// Iterations a batch, and in the last one.
+    /// Number of iterations in a full batch, and in the last batch.
     each: u32,
     last: u32,
 }
@@ -27,12 +28,12 @@ impl CellBatches {
         CellBatches { width: width as usize, height: height as usize, batches: vec![], each: 1, last: 1 }
     }
 
-    /// Cells across and down; those at the right and lower edge may be smaller.
+    /// Number of cells across and down. Those at the right and lower edge may be smaller.
     pub fn grid(&self) -> [usize; 2] {
         [self.width.div_ceil(CELL), self.height.div_ceil(CELL)]
     }
 
-    /// Pixels of a cell, counted in rows.
+    /// Number of pixels of a cell; cells are counted row by row.
     pub fn pixels(&self, cell: usize) -> usize {
         let columns = self.grid()[0];
         let side = |at: usize, size: usize| CELL.min(size - at * CELL);
@@ -48,7 +49,7 @@ impl CellBatches {
         self.batches.is_empty()
     }
 
-    /// Adds an iteration: its means over `samples` samples a pixel, R, G, B interleaved.
+    /// Adds an iteration: the means over `samples` samples per pixel, R, G, B interleaved.
     pub fn add(&mut self, rgb: &[f32], samples: u32) {
         let [columns, rows] = self.grid();
         if self.last >= self.each {
@@ -84,8 +85,8 @@ impl CellBatches {
         self.last = self.each;
     }
 
-    /// Adds the batches of an independent part of the same render, and merges neighbours where they are too many. The next
-    /// iteration begins a batch of its own.
+    /// Adds the batches of an independent part of the same render, and merges neighbours if there are too many. The next
+    /// iteration begins a new batch.
     pub fn merge(&mut self, other: &CellBatches) {
         assert_eq!(self.grid(), other.grid(), "images of different sizes have different cells");
         self.batches.extend(other.batches.iter().cloned());
@@ -96,7 +97,7 @@ impl CellBatches {
         self.last = self.each;
     }
 
-    /// Mean over the pixels of `cells` in one channel, and the variance of that mean; needs two batches at least.
+    /// Mean over the pixels of `cells` in one channel, and the variance of that mean. Needs at least two batches.
     pub fn pooled(&self, cells: &[usize], channel: usize) -> (f64, f64) {
         let pixels: f64 = cells.iter().map(|&c| self.pixels(c) as f64).sum();
         let value = |(_, sums): &(f64, Vec<f64>)| cells.iter().map(|&c| sums[3 * c + channel]).sum::<f64>() / pixels;
@@ -106,7 +107,7 @@ impl CellBatches {
         (mean, spread / ((self.batches.len() as f64 - 1.0) * weight))
     }
 
-    /// Whether `rgb` are the pixels that the cells were taken from: every cell's mean is that of its pixels, within rounding.
+    /// Whether the cells were computed from the pixels `rgb`: the mean of every cell is that of its pixels, up to rounding.
     pub fn are_of(&self, rgb: &[f32]) -> bool {
         let mut pixels = CellBatches::new(self.width as u32, self.height as u32);
         pixels.add(rgb, 1);
@@ -117,7 +118,7 @@ impl CellBatches {
         })
     }
 
-    /// The same batches, moved by a constant per cell and channel so that their means are those of the pixels `rgb`.
+    /// The same batches, shifted by a constant per cell and channel, so that their means are those of the pixels `rgb`.
     pub fn moved_to(mut self, rgb: &[f32]) -> CellBatches {
         let mut pixels = CellBatches::new(self.width as u32, self.height as u32);
         pixels.add(rgb, 1);
@@ -133,7 +134,8 @@ impl CellBatches {
         self
     }
 
-    /// As numbers for a file: side of a cell, number of batches, then each batch's samples and means (cells in rows, R, G, B).
+    /// The batches as numbers for a file: side of a cell, number of batches, then the samples and means of each batch (cells row
+    /// by row, R, G, B).
     pub fn to_floats(&self) -> Vec<f32> {
         let mut floats = vec![CELL as f32, self.batches.len() as f32];
         for (weight, sums) in &self.batches {
@@ -144,7 +146,7 @@ impl CellBatches {
         floats
     }
 
-    /// Reads [`CellBatches::to_floats`] of an image of this size. Nothing is taken on trust.
+    /// Reads the numbers of [`CellBatches::to_floats`] for an image of this size. They come from a file, so it checks every one.
     pub fn from_floats(width: u32, height: u32, floats: &[f32]) -> Result<CellBatches> {
         let wrong = |what: &str| Error::Settings(format!("the batches of cells (tof:cellBatches) {what}"));
         let mut all = CellBatches::new(width, height);
@@ -152,7 +154,7 @@ impl CellBatches {
         let size = 1 + 3 * columns * rows;
         let [cell, count, data @ ..] = floats else { return Err(wrong("are missing")) };
         if *cell != CELL as f32 || !(0.0..=MAX_BATCHES as f32).contains(count) || data.len() != *count as usize * size {
-            return Err(wrong("do not fit the image: was it cropped or scaled after rendering?"));
+            return Err(wrong("do not fit the image; use the file as rendered, not cropped or scaled"));
         }
         if data.iter().any(|x| !x.is_finite()) || data.chunks_exact(size).any(|batch| batch[0] <= 0.0) {
             return Err(wrong("hold values that are not finite"));
@@ -173,7 +175,7 @@ mod tests {
 
     #[test]
     fn cells_pool_what_iterations_share() {
-        // 20 x 3 pixels are cells of 16 x 3 and 4 x 3; both rise and fall together.
+        // An image of 20 x 3 pixels has cells of 16 x 3 and 4 x 3. Both rise and fall together.
         let mut batches = CellBatches::new(20, 3);
         for (x, samples) in [(1.0, 4), (3.0, 4), (6.0, 2)] {
             batches.add(&[x; 180], samples);
@@ -241,7 +243,7 @@ mod tests {
         });
         let [a, b, c] = &mut parts;
         a.merge(b);
-        // 60 batches become 30 of two iterations, and the next iteration begins another.
+        // The 60 batches become 30 of two iterations each, and the next iteration begins another one.
         a.add(&[100.0; 6], 1);
         assert_eq!(a.len(), 31);
         a.merge(c);
@@ -255,7 +257,7 @@ mod tests {
         for i in 0..100 {
             batches.add(&[i as f32; 6], 1);
         }
-        // 32 and one more merge to 16 of two, 65 to 16 of four: 100 iterations are 25 batches of four.
+        // At 33 iterations, 32 batches merge to 16 of two; at 65, to 16 of four. So 100 iterations are 25 batches of four.
         assert_eq!(batches.len(), 25);
         assert!((batches.pooled(&[0], 0).0 - 49.5).abs() < 1e-9);
         let means: Vec<f32> = batches.to_floats()[2..].chunks(4).map(|b| b[1]).collect();

@@ -1,4 +1,4 @@
-//! The film as an EXR file, and EXR files as images to compare with.
+//! Writes the film as an EXR file, and reads EXR files as images to compare.
 
 use std::fs::File;
 use std::io::{self, BufReader};
@@ -17,28 +17,28 @@ use crate::image::fingerprint;
 use crate::settings::units::METRES_PER_NS;
 use crate::settings::{Crop, MAX_PIXELS, Responses, Settings};
 
-/// Most samples (pixels times channels) that are decoded: what the largest image of our own has. A header costs a few
-/// bytes and may claim any size, so this is checked before memory is reserved.
+/// Maximum number of values (pixels times channels) that taugate decodes: that of our own largest image. A header of a few bytes
+/// may claim any size, so this limit is checked before memory is allocated.
 const MAX_SAMPLES: u64 = 6 * MAX_PIXELS;
 
 const SPEED_OF_LIGHT_M_PER_S: f64 = METRES_PER_NS * 1e9;
 
-/// What a film file says about its own making.
+/// How a film file was rendered.
 #[derive(Debug, Clone)]
 pub struct Provenance {
-    /// Of the whole image.
+    /// Resolution of the whole image.
     pub resolution: [u32; 2],
-    /// Where the film lies in it.
+    /// Region of the image that the film covers.
     pub crop: Crop,
     pub responses: Responses,
     pub seed: u32,
     pub seconds: f64,
-    /// The resolved experiment as TOML, which renders the same again.
+    /// The resolved experiment as TOML, which reproduces the render.
     pub settings: String,
 }
 
 impl Provenance {
-    /// Of a render with `settings`, which took `seconds`; `experiment` is its TOML.
+    /// Provenance of a render with `settings` that took `seconds`; `experiment` is its TOML.
     pub fn new(settings: &Settings, seconds: f64, experiment: String) -> Provenance {
         Provenance {
             resolution: settings.resolution(),
@@ -51,21 +51,22 @@ impl Provenance {
     }
 }
 
-/// Name and version of this program, with the commit where the build was told one.
+/// Name and version of this program, with the commit if the build set `TAUGATE_COMMIT`.
 pub fn version() -> String {
     let commit = option_env!("TAUGATE_COMMIT").map(|c| format!(" ({c})")).unwrap_or_default();
     format!("taugate {}{commit}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Writes the film of a render with these settings, which took `elapsed`: mean and variance of every pixel, gate, seed and version. The
-/// attribute `tof:settings` holds the settings as an experiment file, without the scene's path and the camera's name, which they do not
-/// know. After [`crate::Renderer::restart`] the settings must name the seed and the gate that it was given.
+/// Writes the film of a render with these settings that took `elapsed`: mean and variance of every pixel, gate, seed and version.
+/// The attribute `tof:settings` holds the settings as an experiment file. It lacks the path of the scene and the name of the
+/// camera, which the settings do not contain. After [`crate::Renderer::restart`], `settings` must have the seed and the gate
+/// passed to it.
 pub fn write_film(path: &Path, film: &Film, settings: &Settings, elapsed: Duration) -> Result<()> {
     write(path, film, &Provenance::new(settings, elapsed.as_secs_f64(), settings.to_tables().to_toml()))
 }
 
-/// Writes mean and variance as one single-part EXR of 32-bit scan lines (ZIP): R, G, B and Variance.R, .G, .B. With
-/// fewer than two iterations the variance is 0, and `tof:varianceBatches` tells.
+/// Writes mean and variance as one single-part EXR of 32-bit scan lines (ZIP): R, G, B and Variance.R, .G, .B. With fewer than
+/// two iterations the variance is 0; readers can check `tof:varianceBatches` for this case.
 pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
     let mut channels = channels_of(&film.mean(), "");
     channels.extend(channels_of(&film.variance_of_mean(), "Variance."));
@@ -108,7 +109,7 @@ pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
     write_atomically(path, |writer| image.write().to_buffered(writer).map_err(into_io))
 }
 
-/// Writes R, G, B (interleaved, row 0 at the top) and nothing else.
+/// Writes R, G, B (interleaved, row 0 at the top) without variance or metadata.
 pub fn write_plain(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
     let channels = AnyChannels::sort(channels_of(rgb, "").into_iter().collect());
     let attributes = LayerAttributes { software_name: Some(text(&version())), ..LayerAttributes::default() };
@@ -132,7 +133,7 @@ fn floats(values: &[f32]) -> AttributeValue {
     AttributeValue::Custom { kind: text("floatvector"), bytes: values.iter().flat_map(|v| v.to_le_bytes()).collect() }
 }
 
-/// EXR texts are bytes; UTF-8 is what readers expect.
+/// An EXR text, which consists of bytes; readers expect UTF-8.
 fn text(string: &str) -> Text {
     Text::from_bytes_unchecked(string.bytes().collect())
 }
@@ -150,22 +151,23 @@ pub struct Picture {
     pub width: u32,
     pub height: u32,
     pub rgb: Vec<f32>,
-    /// Variance of `rgb` where the file has it.
+    /// Variance of `rgb`, if the file has it.
     pub variance: Option<Vec<f32>>,
-    /// `tof:cellBatches`, see [`crate::image::batches::CellBatches::to_floats`], and `tof:seed` where the file has them.
+    /// `tof:cellBatches` if the file has it, see [`crate::image::batches::CellBatches::to_floats`].
     pub cell_batches: Option<Vec<f32>>,
+    /// `tof:seed`, if the file has it.
     pub seed: Option<String>,
-    /// `tof:renderer`, the [`fingerprint::RENDERER`] that made it, where the file has it.
+    /// `tof:renderer`, the [`fingerprint::RENDERER`] of the program that rendered it, if the file has it.
     pub renderer: Option<String>,
-    /// Seconds of rendering (`renderTimeSeconds`) where the file has them.
+    /// Render time in seconds (`renderTimeSeconds`), if the file has it.
     pub seconds: Option<f64>,
-    /// Ends of the gate in metres of optical path where the file has them.
+    /// Ends of the gate in metres of optical path, if the file has them.
     pub gate: Option<[f64; 2]>,
-    /// First column and row in the whole film.
+    /// Column and row of the first pixel in the whole image.
     pub corner: [i32; 2],
 }
 
-/// Reads the channels R, G, B, and Variance.R, .G, .B if there, of a single-part EXR of any program.
+/// Reads a single-part EXR of any program: the channels R, G, B, and Variance.R, .G, .B if there.
 pub fn read_picture(path: &Path) -> Result<Picture> {
     check_header(path)?;
     let image = read()
@@ -192,7 +194,8 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
     };
     let rgb = interleave("").ok_or_else(|| {
         let names: Vec<_> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
-        let message = format!("has no channels R, G, B to compare, only {}", names.join(", "));
+        let message =
+            format!("has no channels R, G, B to compare, only {}; write it with these names", names.join(", "));
         Error::File { path: path.into(), message }
     })?;
     let attribute = |name: &str| layer.attributes.other.get(&text(name));
@@ -231,7 +234,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
     })
 }
 
-/// Refuses what the decoder would reserve too much memory for, or what is not one flat image.
+/// Fails if the decoder would allocate too much memory, or if the file is not one flat image.
 fn check_header(path: &Path) -> Result<()> {
     let fail = |message: String| Err(Error::File { path: path.into(), message });
     check_readable(path)?;
@@ -246,7 +249,9 @@ fn check_header(path: &Path) -> Result<()> {
     let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
     let channels = header.channels.list.len() as u64;
     if width.saturating_mul(height).saturating_mul(channels) > MAX_SAMPLES {
-        return fail(format!("claims {width} x {height} pixels of {channels} channels, more than is read; crop it"));
+        return fail(format!(
+            "has a header of {width} x {height} pixels with {channels} channels, more than taugate reads; crop the image"
+        ));
     }
     if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
         return fail("has subsampled channels; write it with R, G, B at full resolution".into());
@@ -257,6 +262,8 @@ fn check_header(path: &Path) -> Result<()> {
 fn unreadable(path: &Path, error: exr::error::Error) -> Error {
     match error {
         exr::error::Error::Io(error) => read_error(path, error),
-        other => Error::File { path: path.into(), message: format!("is not an EXR file that can be read: {other}") },
+        other => {
+            Error::File { path: path.into(), message: format!("is not an EXR file that taugate can read: {other}") }
+        }
     }
 }

@@ -1,7 +1,7 @@
-//! The film: per-pixel mean and variance over iterations, as sums that can be merged with those of another render.
+//! The film: mean and variance per pixel over iterations, as sums that can be merged with those of another render.
 //!
-//! Pixels of one iteration share a light-vertex pool and are correlated, but whole iterations are uncorrelated
-//! (where samples follow the error, later ones depend on earlier ones by their counts alone). So the variance comes from iterations
+//! The pixels of one iteration share a light-vertex pool, so they are correlated. Whole iterations are uncorrelated: with
+//! adaptive sampling, later iterations depend on earlier ones only by their sample counts. So the variance comes from iterations
 //! as batches, never from the samples of a pixel.
 
 #![warn(missing_docs)]
@@ -11,14 +11,14 @@ use rayon::prelude::*;
 use crate::image::batches::CellBatches;
 use crate::image::moments::Moments;
 
-/// Accumulated images of width x height pixels with R, G, B interleaved, row 0 at the top.
+/// Accumulated image of width x height pixels, with R, G, B interleaved and row 0 at the top.
 #[derive(Debug, Clone)]
 pub struct Film {
     width: u32,
     height: u32,
-    /// Moments of every channel over the iterations.
+    /// Moments over the iterations of every channel of every pixel.
     moments: Vec<Moments>,
-    /// The same of the image's mean over all pixels and channels.
+    /// Moments over the iterations of the image's mean over all pixels and channels.
     image: Moments,
     cells: CellBatches,
     samples: u64,
@@ -40,28 +40,28 @@ impl Film {
         }
     }
 
-    /// Pixels across.
+    /// Width in pixels.
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Pixels down.
+    /// Height in pixels.
     pub fn height(&self) -> u32 {
         self.height
     }
 
-    /// Iterations added so far: the batches behind [`Film::variance_of_mean`].
+    /// Number of iterations so far: the batches of [`Film::variance_of_mean`].
     pub fn iterations(&self) -> u32 {
         self.iterations
     }
 
-    /// Samples a pixel in all.
+    /// Average number of samples per pixel so far.
     pub fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// Adds one iteration's image of 3 * width * height channels, each the mean over that iteration's `samples` >= 1
-    /// samples a pixel. Values must be finite.
+    /// Adds the image of one iteration: 3 * width * height finite values. Each is a mean over the iteration's samples of that
+    /// pixel; `samples` >= 1 is their average number per pixel.
     ///
     /// # Panics
     /// If `rgb` does not have the film's size, or `samples` is 0.
@@ -78,8 +78,9 @@ impl Film {
         self.iterations += 1;
     }
 
-    /// Adds the iterations of `other`, an independent part of the same render: mean and variance are those of all iterations in
-    /// one film, to an ulp, in whatever order parts are merged. Cells have more iterations per batch where parts have many.
+    /// Adds the iterations of `other`, an independent part of the same render. Mean and variance become those of all iterations
+    /// in one film, to an ulp, in whatever order parts are merged. The batches of cells may become coarser than those of one
+    /// film.
     ///
     /// # Panics
     /// If the films have different sizes.
@@ -99,32 +100,33 @@ impl Film {
         self.moments.par_iter().map(|m| m.mean(weights) as f32).collect()
     }
 
-    /// Means over cells of pixels in independent batches.
+    /// Means over cells of pixels, in independent batches.
     #[doc(hidden)]
     pub fn cells(&self) -> &CellBatches {
         &self.cells
     }
 
-    /// Takes over how these cells vary; their means become those of the film. A film that joins renders has coarser batches than
-    /// the renders had.
+    /// Replaces the cells by `cells`, shifted so that their means are those of this film. A film that joins renders has coarser
+    /// batches than the renders had.
     #[doc(hidden)]
     pub fn set_cells(&mut self, cells: CellBatches) {
         assert_eq!(cells.grid(), self.cells.grid(), "the cells are of an image of another size");
         self.cells = cells.moved_to(&self.mean());
     }
 
-    /// The mean over all pixels and channels, and its standard error from the means of whole iterations: pixels of one are
-    /// correlated. No error with fewer than two iterations.
+    /// The mean over all pixels and channels, and its standard error. The error comes from the means of whole iterations, because
+    /// the pixels of one iteration are correlated. `None` instead of an error with fewer than two iterations.
     pub fn image_mean(&self) -> (f64, Option<f64>) {
         let weights = self.samples.max(1) as f64;
         let variance = self.image.spread(weights) * self.per_spread();
         (self.image.mean(weights), (self.iterations > 1).then(|| variance.sqrt()))
     }
 
-    /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i). It is unbiased for iterations of
-    /// equal length, and for others where the variance of an iteration is inverse to its samples. Adaptive samples break that
-    /// rule: a pixel with 4 times the average samples has them only from the second iteration on. With the lengths of
-    /// [`crate::render::schedule`] the estimate is then at most 7 % too large. Always finite; 0 with fewer than two iterations.
+    /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i) for n iterations with w_i samples. It
+    /// is unbiased for iterations of equal length, and for others if the variance of an iteration is inversely proportional to
+    /// its samples. Adaptive samples break that rule: a pixel with 4 times the average samples has them only from the second
+    /// iteration on. With the lengths of [`crate::render::schedule`] the estimate is then at most 7 % too large. Always finite; 0
+    /// with fewer than two iterations.
     pub fn variance_of_mean(&self) -> Vec<f32> {
         if self.iterations < 2 {
             return vec![0.0; self.moments.len()];
@@ -134,7 +136,7 @@ impl Film {
         self.moments.par_iter().map(variance).collect()
     }
 
-    /// Variance of the mean for a spread of 1.
+    /// Factor from the spread of a channel to the variance of its mean.
     fn per_spread(&self) -> f64 {
         1.0 / (f64::from(self.iterations.max(2) - 1) * self.samples.max(1) as f64)
     }
@@ -161,8 +163,8 @@ mod tests {
 
     #[test]
     fn weighted_batches_by_hand() {
-        // Batches 1, 3 of 4 samples and 6 of 2: mean (4 + 12 + 12) / 10 = 2.8,
-        // spread 4 * 1.8^2 + 4 * 0.2^2 + 2 * 3.2^2 = 33.6, variance of the mean 33.6 / (2 * 10) = 1.68.
+        // Batches of 4, 4 and 2 samples with means 1, 3 and 6: mean (4 + 12 + 12) / 10 = 2.8, spread
+        // 4 * 1.8^2 + 4 * 0.2^2 + 2 * 3.2^2 = 33.6, variance of the mean 33.6 / (2 * 10) = 1.68.
         let mut film = Film::new(1, 1);
         for (x, samples) in [(1.0, 4), (3.0, 4), (6.0, 2)] {
             film.add(&[x, 0.1, 1e18], samples);
@@ -173,7 +175,7 @@ mod tests {
         assert!(variance[1] < 1e-16 && variance[2].is_finite(), "{variance:?}");
     }
 
-    /// Iterations of noise in six channels, from those that hardly vary to those that are mostly black.
+    /// Iterations of noise in six channels, from nearly constant to mostly black.
     fn noise(count: u32) -> Vec<([f32; 6], u32)> {
         let mut state = 1_u64;
         let mut uniform = || {
@@ -203,19 +205,19 @@ mod tests {
             order.iter().for_each(|&i| film.merge(&parts[i]));
             same(&film, &whole);
         }
-        // By pairs, as a tree of machines would.
+        // In pairs, as a tree of machines would merge them.
         let [mut a, b, mut c, d, e] = parts.try_into().unwrap();
         a.merge(&b);
         c.merge(&d);
         c.merge(&e);
         a.merge(&c);
         same(&a, &whole);
-        // The sibling that must fail: an iteration less.
+        // A film with one iteration less must differ.
         let less = film_of(&iterations[..999]);
         assert!(less.mean()[0] != whole.mean()[0]);
     }
 
-    /// Equal to an ulp of f32, and in f64 to 1e-12.
+    /// Checks that the films are equal to an ulp of f32, and in f64 to 1e-12.
     fn same(a: &Film, b: &Film) {
         assert_eq!((a.iterations(), a.samples()), (b.iterations(), b.samples()));
         for (a, b) in [(a.mean(), b.mean()), (a.variance_of_mean(), b.variance_of_mean())] {
@@ -242,7 +244,7 @@ mod tests {
 
     #[test]
     fn the_error_of_the_image_mean_counts_correlated_pixels() {
-        // Batches of 4, 4 and 2 samples as above, in every pixel alike: the mean is no better known than that of one.
+        // Batches of 4, 4 and 2 samples as above, equal in every pixel: the mean of all pixels has the error of one pixel.
         let mut film = Film::new(5, 2);
         assert_eq!(film.image_mean(), (0.0, None));
         for (x, samples) in [(1.0, 4), (3.0, 4), (6.0, 2)] {
@@ -250,14 +252,14 @@ mod tests {
         }
         let (mean, error) = film.image_mean();
         assert!((mean - 2.8).abs() < 1e-12 && (error.unwrap() - 1.68f64.sqrt()).abs() < 1e-12, "{mean} {error:?}");
-        // The sibling that must fail: thirty values taken for independent.
+        // Treating the thirty values as independent must give too small an error.
         let naive = (f64::from(film.variance_of_mean()[0]) / 30.0).sqrt();
         assert!(naive < 0.2 * error.unwrap());
     }
 
     #[test]
     fn the_variance_estimate_is_unbiased_with_a_short_last_batch() {
-        // Samples are 0 or 1 with probability 1/2: variance 1/4 a sample, 1/40 for the mean of ten.
+        // Samples are 0 or 1 with probability 1/2, so the variance is 1/4 per sample and 1/40 for the mean of ten.
         // A linear congruential generator is random enough for 1 % over 100,000 channels.
         let mut state = 1_u64;
         let mut coin = || {
@@ -273,7 +275,7 @@ mod tests {
         let variance = film.variance_of_mean();
         let mean = variance.iter().map(|&v| f64::from(v)).sum::<f64>() / variance.len() as f64;
         assert!((mean / 0.025 - 1.0).abs() < 0.02, "{mean}");
-        // The sibling that must fail: unweighted batches would give 0.25 * (1/4 + 1/4 + 1/2) / 9 = 0.0278.
+        // Unweighted batches would give 0.25 * (1/4 + 1/4 + 1/2) / 9 = 0.0278, which the test must reject.
         assert!((mean / 0.0278 - 1.0).abs() > 0.05, "{mean}");
     }
 }

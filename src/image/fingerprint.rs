@@ -1,4 +1,4 @@
-//! Fingerprints: sixteen digits for everything that a result depends on.
+//! Fingerprints: 16 hexadecimal digits for everything that a result depends on.
 
 mod hash;
 #[cfg(test)]
@@ -6,8 +6,9 @@ mod sources;
 
 pub use hash::Hash;
 
-/// Sixteen digits for this renderer: its version and the code that decides an image, without comments. The build script computes
-/// them. Images of renderers with equal digits differ by noise alone; with different digits they may differ by more.
+/// Fingerprint of this renderer: 16 hexadecimal digits for its version and for the code, without comments, that determines an
+/// image. The build script computes it. Images from renderers with equal fingerprints differ only by noise; otherwise they may
+/// differ by more.
 pub const RENDERER: &str = env!("TAUGATE_RENDERER");
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Images: accumulation, files, and what a result depends on.
+//! Images: accumulation, files, and fingerprints of everything that a result depends on.
 
 pub mod batches;
 pub mod exr_file;

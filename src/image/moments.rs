@@ -1,10 +1,11 @@
 //! Weighted moments as sums, which merge by addition.
 //!
-//! Plain sums in f64 would lose the variance of channels that hardly vary. A spread of 1e-6 of the mean is 1e-12 of the sum of
-//! squares, and rounding in 10^5 additions leaves about 1e-14 of that sum unknown. So each sum carries its own rounding errors.
+//! Plain f64 sums would lose the variance of channels that hardly vary. A relative deviation of 1e-6 contributes 1e-12 of the sum
+//! of squares, and the rounding of 10^5 additions makes about 1e-14 of that sum uncertain. So each sum carries its own rounding
+//! errors.
 
-/// A sum that keeps the rounding error of each addition (Ogita, Rump and Oishi 2005, "Accurate Sum and Dot Product", Sum2): after n
-/// additions of values of one sign, `high + low` is exact to a part of about (2^-53 n)^2, in any order.
+/// A sum that keeps the rounding error of each addition (Sum2 of Ogita, Rump and Oishi 2005, "Accurate Sum and Dot Product").
+/// After n additions of values with one sign, the relative error of `high + low` is about (2^-53 n)^2, in any order.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Sum {
     high: f64,
@@ -14,7 +15,7 @@ struct Sum {
 impl Sum {
     fn add(&mut self, x: f64) {
         let sum = self.high + x;
-        // Knuth's TwoSum: the rounding error of that addition, exactly.
+        // Knuth's TwoSum: the exact rounding error of that addition.
         let part = sum - self.high;
         self.low += (self.high - (sum - part)) + (x - part);
         self.high = sum;
@@ -26,8 +27,8 @@ impl Sum {
     }
 }
 
-/// Sums of w x and w x^2 over the iterations, where iteration i has mean x_i over w_i samples. The sum of w is the same for all
-/// channels, so the caller keeps it.
+/// Sums of w x and w x^2 over the iterations, where x_i is the mean over the w_i samples of iteration i. The caller keeps the sum
+/// of w, which is the same for all channels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Moments {
     wx: Sum,
@@ -35,7 +36,8 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Products are exact for an f32 `x` and a `weight` of at most 5 significant bits.
+    /// Adds an iteration with mean `x` over `weight` samples. Its products are exact for an f32 `x` and a `weight` of at most 5
+    /// significant bits.
     pub fn add(&mut self, x: f64, weight: f64) {
         let wx = weight * x;
         self.wx.add(wx);
@@ -48,13 +50,14 @@ impl Moments {
         self.wxx.merge(other.wxx);
     }
 
-    /// The mean over all samples, `weights` of them.
+    /// The mean over all samples; `weights` is their number.
     pub fn mean(&self, weights: f64) -> f64 {
         (self.wx.high + self.wx.low) / weights
     }
 
-    /// Sum of w (x - mean)^2, at least 0, as (W sum w x^2 - (sum w x)^2) / W with products in twice the digits of f64. What rounding
-    /// leaves is below 1e-20 of the sum of squares for 10^5 iterations; where all x are equal it is 0.
+    /// Sum of w (x - mean)^2, at least 0; `weights` is the number W of samples. Computed as (W sum w x^2 - (sum w x)^2) / W with
+    /// products in twice the precision of f64. The rounding error is below 1e-20 of the sum of squares for 10^5 iterations, and 0
+    /// if all x are equal.
     pub fn spread(&self, weights: f64) -> f64 {
         let (squares, squares_error) = product(weights, self.wxx.high);
         let (square, square_error) = product(self.wx.high, self.wx.high);
@@ -64,7 +67,7 @@ impl Moments {
     }
 }
 
-/// The rounded product, and its rounding error exactly.
+/// The rounded product, and its exact rounding error.
 fn product(a: f64, b: f64) -> (f64, f64) {
     let rounded = a * b;
     (rounded, a.mul_add(b, -rounded))
@@ -91,12 +94,12 @@ mod tests {
 
     #[test]
     fn the_last_digit_of_f32_is_spread() {
-        // 1 and the next f32, half of the weight each: a spread of W (d / 2)^2.
+        // 1 and the next f32, each with half of the weight, have a spread of W (d / 2)^2.
         let d = f64::from(f32::EPSILON);
         let values: Vec<_> = (0..100_000).map(|i| (1.0 + d * f64::from(i % 2), 8.0)).collect();
         let (moments, weights) = of(&values);
         assert!((moments.spread(weights) / (weights * 0.25 * d * d) - 1.0).abs() < 1e-6, "{}", moments.spread(weights));
-        // The sibling that must fail: plain sums.
+        // Plain sums must fail this test.
         let plain = values.iter().fold([0.0; 2], |s, &(x, w)| [s[0] + w * x, s[1] + w * x * x]);
         let spread = plain[1] - plain[0] * plain[0] / weights;
         assert!((spread / (weights * 0.25 * d * d) - 1.0).abs() > 0.1, "{spread}");

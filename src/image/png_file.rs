@@ -1,4 +1,4 @@
-//! A tone-mapped 8-bit picture of a film, for looking at.
+//! A tone-mapped 8-bit picture of a film, for viewing.
 
 use std::io;
 use std::path::Path;
@@ -6,9 +6,10 @@ use std::path::Path;
 use crate::error::Result;
 use crate::files::write_atomically;
 
-/// Where the bright end of the picture goes: this percentile of the lit pixels' luminance (lamps may burn out)
-const PERCENTILE: f64 = 0.97;
-/// ... is mapped to this linear value, before the sRGB curve.
+/// Automatic exposure maps this quantile of the lit pixels' luminance to [`BRIGHT`]. Brighter pixels, such as lamps, may
+/// saturate.
+const QUANTILE: f64 = 0.97;
+/// Linear value of that quantile, before the sRGB curve.
 const BRIGHT: f32 = 0.9;
 
 /// Writes linear R, G, B (interleaved, row 0 at the top) as an sRGB picture with automatic exposure.
@@ -16,12 +17,12 @@ pub fn write(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
     write_atomically(path, |writer| encode(writer, width, height, rgb))
 }
 
-/// What [`write`] puts into the file.
+/// Encodes the picture that [`write`] writes.
 pub fn encode(writer: impl io::Write, width: u32, height: u32, rgb: &[f32]) -> io::Result<()> {
     encode_bytes(writer, width, height, &tone_map(rgb))
 }
 
-/// Writes 8-bit sRGB.
+/// Writes a picture of 8-bit sRGB bytes, R, G, B interleaved.
 pub fn write_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
     write_atomically(path, |writer| encode_bytes(writer, width, height, bytes))
 }
@@ -36,7 +37,7 @@ fn encode_bytes(writer: impl io::Write, width: u32, height: u32, bytes: &[u8]) -
     image.finish().map_err(into_io)
 }
 
-/// The kind of an error of the disk is kept: the message depends on it.
+/// Keeps the kind of a disk error, because the message to the user depends on it.
 fn into_io(error: png::EncodingError) -> io::Error {
     match error {
         png::EncodingError::IoError(error) => error,
@@ -44,12 +45,12 @@ fn into_io(error: png::EncodingError) -> io::Error {
     }
 }
 
-/// Exposes and encodes. A black image stays black; values that are not finite become black.
+/// Exposes automatically and encodes to sRGB bytes. A black image stays black; NaN becomes black.
 pub fn tone_map(rgb: &[f32]) -> Vec<u8> {
     expose(rgb, exposure(rgb))
 }
 
-/// As [`tone_map`] with a given exposure, for images that are to be compared.
+/// As [`tone_map`] with a given exposure, for images that are compared side by side.
 pub fn expose(rgb: &[f32], exposure: f32) -> Vec<u8> {
     rgb.iter().map(|&v| (255.0 * srgb(v * exposure) + 0.5) as u8).collect()
 }
@@ -61,12 +62,12 @@ pub fn exposure(rgb: &[f32]) -> f32 {
     if lit.is_empty() {
         return 1.0;
     }
-    let at = ((lit.len() - 1) as f64 * PERCENTILE).round() as usize;
+    let at = ((lit.len() - 1) as f64 * QUANTILE).round() as usize;
     let (_, &mut bright, _) = lit.select_nth_unstable_by(at, f32::total_cmp);
     (BRIGHT / bright).min(f32::MAX)
 }
 
-/// The sRGB transfer curve of a linear value, clipped to [0, 1].
+/// The sRGB transfer curve of a linear value, clamped to [0, 1]; NaN gives 0.
 fn srgb(linear: f32) -> f32 {
     if linear.is_nan() || linear <= 0.0 {
         0.0
@@ -90,7 +91,7 @@ mod tests {
     #[test]
     fn the_bright_end_is_where_it_should_be_at_any_scale() {
         for scale in [1e-30_f32, 1e-3, 1.0, 1e20] {
-            // 199 grey pixels and one a thousand times brighter, which must not darken the rest.
+            // 199 grey pixels, and one that is a thousand times brighter and must not darken the others.
             let mut image = vec![scale; 3 * 200];
             image[597..].fill(1000.0 * scale);
             let bytes = tone_map(&image);

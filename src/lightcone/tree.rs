@@ -1,7 +1,6 @@
 //! The hierarchy over light vertices (Sec. 5.2). Every node splits its vertices into equal halves along the dimension of greatest
 //! extent, among the three of space and travel time. Every node stores power buckets over travel time (Sec. 5.5.2). The 3D tree
-//! of
-//! emitter points is the same tree with all v_tau = 0.
+//! of emitter points is the same tree with all v_tau = 0.
 
 use rayon::join;
 
@@ -45,24 +44,20 @@ pub struct Tree {
 const MAX_SEQUENTIAL_ITEMS: usize = 4096;
 
 /// Lower bound on an item's power after scaling to a total of 1, so that no vertex gets probability 0 by underflow. Queries
-/// divide the
-/// power by the square of a large distance and multiply it by the smallest overlap. The result must still be a normal f32,
-/// because
-/// devices may flush subnormal numbers to 0.
+/// divide the power by the square of a large distance and multiply it by the smallest overlap. The result must still be a normal
+/// f32, because devices may flush subnormal numbers to 0.
 const MIN_POWER: f32 = 1e-20;
 
 impl Tree {
     /// Builds the tree over `items`, reorders them and scales their powers to a total of 1. It takes O(n log n) time and
-    /// allocates only
-    /// the nodes.
+    /// allocates only the nodes.
     pub fn build(items: &mut [Item], options: TreeOptions) -> Tree {
         Tree::build_with_separate_subtree(items, 0, options)
     }
 
     /// As [`Tree::build`], but the first `apart` items get a subtree of their own below the root. It is meant for a few items of
-    /// large
-    /// power. Without the subtree they would lie one by one in leaves full of other items, and queries could not choose among
-    /// them.
+    /// large power. Without the subtree they would lie one by one in leaves full of other items, and queries could not choose
+    /// among them.
     pub fn build_with_separate_subtree(items: &mut [Item], apart: usize, options: TreeOptions) -> Tree {
         if items.is_empty() {
             return Tree { nodes: vec![], root: NONE };
@@ -108,8 +103,7 @@ impl Builder {
             return summary;
         }
         // Balanced split along the dimension of greatest extent among all four (Sec. 5.2); ties by index, so that the order of
-        // the input
-        // does not matter.
+        // the input does not matter.
         let axis = (0..4).max_by(|&a, &b| (hi[a] - lo[a]).total_cmp(&(hi[b] - lo[b]))).unwrap_or(0);
         let half = items.len() / 2;
         items.select_nth_unstable_by(half, |a, b| a.point[axis].total_cmp(&b.point[axis]).then(a.index.cmp(&b.index)));

@@ -74,8 +74,7 @@ impl Camera {
 }
 
 /// The transform at `eye` whose -Z points along `direction` and whose Y is as close as possible to world Y. For a vertical
-/// `direction`
-/// its Y is as close as possible to world Z.
+/// `direction` its Y is as close as possible to world Z.
 pub fn look(eye: DVec3, direction: DVec3) -> DAffine3 {
     let z = -direction.normalize();
     let up = if z.y.abs() > 0.999 { DVec3::Z } else { DVec3::Y };

@@ -11,8 +11,7 @@ use super::{Camera, Image, Instance, Mesh, Scene};
 use crate::error::{Error, Result};
 
 /// Upper bound on the coordinates of a scene, in metres from the origin of the world. Beyond it the squares of lengths would
-/// overflow
-/// in the device's f32 numbers.
+/// overflow in the device's f32 numbers.
 pub const MAX_COORDINATE: f64 = 1e15;
 /// Tolerance for the length of unit vectors.
 const UNIT: f64 = 1e-3;
@@ -22,8 +21,7 @@ pub(super) type Checked = std::result::Result<(), String>;
 
 impl Scene {
     /// Checks the properties that the renderer relies on: indices are in range, numbers are finite and in their range, directions
-    /// have
-    /// unit length, transforms can be inverted. A scene from [`super::gltf::load`] has already passed.
+    /// have unit length, transforms can be inverted. A scene from [`super::gltf::load`] has already passed.
     pub fn check(&self) -> Result<()> {
         self.checked().map_err(|message| Error::Scene { path: PathBuf::from("the scene"), message })
     }

@@ -1,10 +1,8 @@
 //! Reads glTF 2.0 into a [`Scene`](super::Scene). Only this module and its submodules know glTF.
 //!
 //! The `gltf` crate only parses the JSON: its readers panic or return garbage on hostile files. So this module checks every
-//! index,
-//! size and number of the JSON structs itself. A file that loads has all the properties that [`crate::scene`] demands. Any other
-//! file
-//! gives an error that names the offending part and the remedy.
+//! index, size and number of the JSON structs itself. A file that loads has all the properties that [`crate::scene`] demands. Any
+//! other file gives an error that names the offending part and the remedy.
 
 mod accessor;
 mod camera;
@@ -34,8 +32,7 @@ pub fn load(path: &Path) -> Result<Scene> {
 }
 
 /// The bytes of the scene's file, then of the external buffers and images that it names, in its order. A missing external file
-/// gives an
-/// empty entry: [`load`] reports it. Fails if the scene's file cannot be read.
+/// gives an empty entry: [`load`] reports it. Fails if the scene's file cannot be read.
 pub fn files(path: &Path) -> Result<Vec<Vec<u8>>> {
     let wrong = |message: String| Error::Scene { path: path.into(), message };
     let bytes = resolve::read_file(path).map_err(wrong)?;

@@ -78,8 +78,7 @@ pub enum LightKind {
 
 impl LightKind {
     /// Radius in metres, around the light's position, of the region where all of its light starts. `None` for a directional
-    /// light, which
-    /// is infinitely far away and not rendered yet.
+    /// light, which is infinitely far away and not rendered yet.
     pub fn radius(&self) -> Option<f64> {
         match *self {
             LightKind::Point { .. } | LightKind::Spot { .. } => Some(0.0),

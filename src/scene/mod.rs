@@ -1,8 +1,7 @@
 //! The scene as plain data: the checked content of a glTF file, in metres and world space, before the renderer flattens anything.
 //!
 //! Only `gltf.rs` knows glTF; `build.rs` makes scenes from arrays. `check.rs` defines the properties that every scene must have.
-//! The
-//! loader checks them for a file, and the renderer checks them for every scene that it receives.
+//! The loader checks them for a file, and the renderer checks them for every scene that it receives.
 
 #![warn(missing_docs)]
 
@@ -40,8 +39,7 @@ pub struct Scene {
 
 impl Scene {
     /// Length in metres of the diagonal of a box around all instances; 0 without instances. The box contains the transformed box
-    /// of each
-    /// mesh, so it may be larger than the tightest box around the triangles.
+    /// of each mesh, so it may be larger than the tightest box around the triangles.
     pub fn diagonal(&self) -> f64 {
         let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         let corners = self.instances.iter().flat_map(|instance| {
@@ -74,8 +72,7 @@ pub struct Mesh {
     /// Texture coordinates (set 0), one per position, or empty.
     pub uvs: Vec<[f32; 2]>,
     /// Indices of the corners, counter-clockwise as seen from the front; each is below `positions.len()`. The loader has dropped
-    /// triangles
-    /// of zero area.
+    /// triangles of zero area.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`].
     pub material: u32,

@@ -1,28 +1,29 @@
-//! The filters of FLIP. All are sums of products of one filter across and one down, so they are applied one after the other;
-//! images go on beyond their edges as they end there.
+//! The filters of FLIP. Each is a sum of products of a horizontal and a vertical filter, which are applied one after the other.
+//! Beyond its edges an image continues with its edge pixels.
 
 use std::f64::consts::PI;
 
 use super::colour::Pixel;
 
-/// Pixels a degree of the visual field: a screen of 3,840 pixels and 0.7 m at a distance of 0.7 m.
+/// Pixels per degree of the visual field, for a screen of 3,840 pixels and 0.7 m width at a distance of 0.7 m.
 const PIXELS_PER_DEGREE: f64 = 3840.0 * PI / 180.0;
-/// Contrast sensitivity in space (Sec. 4.1.1): sums of Gaussians a sqrt(pi / b) exp(-pi^2 x^2 / b), x in degrees.
+/// Spatial contrast sensitivity (Sec. 4.1.1): sums of Gaussians a sqrt(pi / b) exp(-pi^2 x^2 / b), given as (a, b), with x in
+/// degrees.
 const ACHROMATIC: [(f64, f64); 1] = [(1.0, 0.0047)];
 const RED_GREEN: [(f64, f64); 1] = [(1.0, 0.0053)];
 const BLUE_YELLOW: [(f64, f64); 2] = [(34.1, 0.04), (13.5, 0.025)];
-/// The greatest b, which sets the radius of all three.
+/// The largest b, which determines the radius of all three filters.
 const WIDEST: f64 = 0.04;
 /// Width of the eye's edge detector in degrees, from peak to trough (Sec. 4.2).
 const DETECTOR: f64 = 0.082;
 
-/// A product of two filters, or one term of a sum of such.
+/// A product of a horizontal and a vertical filter.
 struct Separable {
     across: Vec<f32>,
     down: Vec<f32>,
 }
 
-/// How strongly an edge and a point show at a pixel.
+/// Strength of edge and point features at a pixel.
 #[derive(Clone, Copy)]
 pub struct Features {
     pub edge: f32,
@@ -30,9 +31,9 @@ pub struct Features {
 }
 
 pub struct Filters {
-    /// Terms for the three channels of the opponent space.
+    /// Terms of the sum for each channel of the opponent space.
     contrast: [Vec<Separable>; 3],
-    /// Across and down.
+    /// Horizontal and vertical derivative.
     edge: [Separable; 2],
     point: [Separable; 2],
 }
@@ -44,7 +45,7 @@ impl Filters {
         Filters { contrast, edge, point }
     }
 
-    /// An image of the opponent space as the eye resolves it.
+    /// Filters an image in the opponent space to the details that the eye resolves.
     pub fn contrast_sensitivity(&self, pixels: &[Pixel], width: usize) -> Vec<Pixel> {
         let mut out = vec![[0.0; 3]; pixels.len()];
         for (c, terms) in self.contrast.iter().enumerate() {
@@ -56,7 +57,7 @@ impl Filters {
         out
     }
 
-    /// Lengths of the edge and point responses across and down.
+    /// Magnitude per pixel of the horizontal and vertical responses, for edges and points.
     pub fn features(&self, plane: &[f32], width: usize) -> Vec<Features> {
         let length = |[across, down]: &[Separable; 2]| -> Vec<f32> {
             let (x, y) = (across.apply(plane, width), down.apply(plane, width));
@@ -66,7 +67,7 @@ impl Filters {
     }
 }
 
-/// The terms of one channel's filter; together they sum to 1.
+/// The terms of one channel's filter; their weights sum to 1.
 fn sensitivity(gaussians: &[(f64, f64)]) -> Vec<Separable> {
     let radius = (3.0 * (WIDEST / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil() as i32;
     let shape = |b: f64| samples(radius, |x| (-PI * PI * (x / PIXELS_PER_DEGREE).powi(2) / b).exp());
@@ -78,7 +79,8 @@ fn sensitivity(gaussians: &[(f64, f64)]) -> Vec<Separable> {
         .collect()
 }
 
-/// First and second derivative of a Gaussian, across and down; positive and negative weights sum to 1 and -1.
+/// Edge and point detectors: first and second derivative of a Gaussian, horizontal and vertical. Their positive weights sum to 1,
+/// their negative weights to -1.
 fn detectors() -> ([Separable; 2], [Separable; 2]) {
     let deviation = 0.5 * DETECTOR * PIXELS_PER_DEGREE;
     let radius = (3.0 * deviation).ceil() as i32;
@@ -100,7 +102,7 @@ fn detectors() -> ([Separable; 2], [Separable; 2]) {
     (edge, point)
 }
 
-/// `f` at -radius to radius.
+/// Values of `f` at -radius to radius in steps of 1.
 fn samples(radius: i32, f: impl Fn(f64) -> f64) -> Vec<f64> {
     (-radius..=radius).map(|x| f(f64::from(x))).collect()
 }

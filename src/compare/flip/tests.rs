@@ -1,11 +1,11 @@
-//! Against values of the published program (flip-evaluator 1.7, HDR, defaults) on images that a formula makes.
+//! Compares FLIP with values of the published program (flip-evaluator 1.7, HDR, defaults) on procedural images.
 
 use super::*;
 
 const WIDTH: usize = 40;
 const HEIGHT: usize = 28;
 
-/// `scale u^power` a channel, u from a linear congruential generator.
+/// `scale u^power` per channel, with u from a linear congruential generator.
 fn noise(seed: u64, power: i32, scale: f64) -> Vec<f32> {
     let mut state = seed;
     let mut next = || {
@@ -28,7 +28,7 @@ fn scaled(image: &[f32], factors: &[f32], from: f32, by: f32) -> Vec<f32> {
     image.iter().zip(factors).map(|(x, f)| x * (from + by * f)).collect()
 }
 
-/// Mean, value of the pixel 5,3, exposures.
+/// Checks the mean, the value of the pixel (5, 3), and the exposures.
 fn assert_published(image: &[f32], reference: &[f32], mean: f64, pixel: f32, exposures: (f64, f64, usize)) {
     let flip = hdr(image, reference, WIDTH);
     assert!((flip.mean() - mean).abs() < 2e-5, "{} instead of {mean}", flip.mean());
@@ -61,7 +61,7 @@ fn published_values_of_an_image_that_is_mostly_black() {
     image[3 * (3 * WIDTH + 5)..][..3].copy_from_slice(&[0.01, 0.02, 0.001]);
     assert_published(&image, &reference, 0.020067, 0.88252, (1.08330, 24.08330, 23));
 
-    // The same at a millionth of the brightness: not published, and no other error.
+    // At a millionth of the brightness the error must be the same. There is no published value for this image.
     let dark = |rgb: &[f32]| rgb.iter().map(|v| v * 1e-6).collect::<Vec<_>>();
     assert!((hdr(&dark(&image), &dark(&reference), WIDTH).mean() - 0.020067).abs() < 2e-5);
 }
@@ -71,7 +71,7 @@ fn the_greatest_difference_is_one() {
     let flat = |rgb: [f32; 3]| -> Vec<Pixel> { vec![rgb; WIDTH * HEIGHT] };
     let map = ldr(&flat([0.0, 0.0, 1.0]), &flat([0.0, 1.0, 0.0]), WIDTH, &Filters::new());
     assert!(map.iter().all(|v| (v - 1.0).abs() < 1e-4), "{}", map[0]);
-    // The published program says 0.996163 of a thousand times brighter green and blue.
+    // For green and blue that are a thousand times brighter, the published program gives 0.996163.
     let flat = |rgb: [f32; 3]| -> Vec<f32> { rgb.map(|v| 1000.0 * v).repeat(WIDTH * HEIGHT) };
     let mean = hdr(&flat([0.0, 0.0, 1.0]), &flat([0.0, 1.0, 0.0]), WIDTH).mean();
     assert!((mean - 0.996163).abs() < 2e-5, "{mean}");
@@ -86,7 +86,7 @@ fn odd_images() {
         let flip = hdr(&image, &reference, 1);
         assert!((0.0..=1.0).contains(&flip.mean()) && flip.mean() > 0.0, "{flip:?}");
     }
-    // One row and one column.
+    // Images of one column and of one row.
     for width in [1, 7] {
         assert!(hdr(&noisy[..21], &noisy[21..42], width).map.iter().all(|v| (0.0..=1.0).contains(v)));
     }

@@ -1,10 +1,10 @@
-//! A digest of the sources that decide an image. It belongs to the build script; here the unit tests alone use it.
+//! A digest of the sources that determine an image. The build script uses it; in this crate only the unit tests do.
 
 use std::path::{Path, PathBuf};
 
 use super::hash::Hash;
 
-/// Folders whose code decides what an image is, for given settings and scene bytes.
+/// Folders whose code determines an image, for given settings and scene bytes.
 pub const DECIDE: [&str; 10] = [
     "shaders",
     "src/bvh",
@@ -18,7 +18,8 @@ pub const DECIDE: [&str; 10] = [
     "src/wgsl",
 ];
 
-/// Sixteen digits for the code in [`DECIDE`] below `root`. Comments, white space and unit tests do not count.
+/// 16 hexadecimal digits for the version and the code in [`DECIDE`] below `root`. It ignores comments, white space and unit
+/// tests.
 pub fn digest(root: &Path, version: &str) -> std::io::Result<String> {
     let mut files = vec![];
     for folder in DECIDE {
@@ -32,13 +33,14 @@ pub fn digest(root: &Path, version: &str) -> std::io::Result<String> {
     Ok(hash.digits())
 }
 
-/// Every Rust and WGSL file in `folder` and below, under its name relative to the root. The name has `/` on every system.
+/// Collects all Rust and WGSL files in `folder` and below, with their names relative to the root. Names contain `/` on every
+/// system.
 fn collect(folder: &Path, name: &str, files: &mut Vec<(String, PathBuf)>) -> std::io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
         let own = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let name = format!("{name}/{own}");
-        // Editors leave hidden files.
+        // Editors leave hidden files behind.
         if own.starts_with('.') {
             continue;
         }
@@ -51,7 +53,7 @@ fn collect(folder: &Path, name: &str, files: &mut Vec<(String, PathBuf)>) -> std
     Ok(())
 }
 
-/// Rust or WGSL without comments, without white space outside strings, and without the unit tests at its end.
+/// The Rust or WGSL code of a file without comments, without white space outside strings, and without the unit tests at its end.
 fn code(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
@@ -84,14 +86,14 @@ fn ends_in_word(text: &str) -> bool {
     text.ends_with(|c: char| c.is_alphanumeric() || c == '_')
 }
 
-/// The number of `#` where `text` begins with the opening of a raw string.
+/// The number of `#` if `text` begins with the opening of a raw string.
 fn raw_quote(text: &str) -> Option<usize> {
     let after = text.strip_prefix('r')?;
     let hashes = after.len() - after.trim_start_matches('#').len();
     after[hashes..].starts_with('"').then_some(hashes)
 }
 
-/// Bytes of a string literal that begins with a quotation mark and ends with `close`.
+/// Length in bytes of a string literal that begins with a quotation mark and ends with `close`.
 fn string_length(text: &str, close: &str, escapes: bool) -> usize {
     let mut at = 1;
     while at < text.len() && !text[at..].starts_with(close) {
@@ -101,7 +103,7 @@ fn string_length(text: &str, close: &str, escapes: bool) -> usize {
     (at + close.len()).min(text.len())
 }
 
-/// Bytes of a block comment. Block comments nest in both languages.
+/// Length in bytes of a block comment. Block comments nest in both languages.
 fn block_length(text: &str) -> usize {
     let (mut at, mut depth) = (0, 0);
     while at < text.len() {

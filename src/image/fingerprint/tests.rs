@@ -3,7 +3,7 @@ use std::path::Path;
 use super::sources::{DECIDE, digest};
 use super::*;
 
-/// Code that decides nothing about an image with given settings, or whose effect the settings' own fingerprint covers.
+/// Code that does not affect an image with given settings, or whose effect the fingerprint of the settings covers.
 const ELSEWHERE: [&str; 11] = [
     "app",
     "bench",
@@ -22,7 +22,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A tree with one short file in every folder that counts; `text` is the file in `src/render`.
+/// The digest of a source tree with the file `text` in `src/render` and the files `more`, given by name and text.
 fn digits(text: &str, more: &[(&str, &str)]) -> String {
     let tree = tempfile::tempdir().unwrap();
     for folder in DECIDE {
@@ -48,7 +48,7 @@ fn every_folder_of_the_sources_either_decides_or_does_not() {
         let decides = DECIDE.contains(&format!("src/{name}").as_str());
         assert!(
             decides != ELSEWHERE.contains(&name.as_str()),
-            "src/{name} must stand in DECIDE if an image depends on it, else in this test's ELSEWHERE"
+            "src/{name} must be in DECIDE if an image depends on it, otherwise in this test's ELSEWHERE"
         );
     }
 }
@@ -74,7 +74,7 @@ fn code_counts_and_comments_do_not() {
     }
 }
 
-/// What looks like a comment or white space inside a string is neither.
+/// Inside a string, text that looks like a comment or white space is part of the code.
 #[test]
 fn strings_count_as_they_are() {
     let pairs = [

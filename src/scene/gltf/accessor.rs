@@ -9,8 +9,7 @@ use super::document::Document;
 /// Maximum number of elements of an accessor: three corners per triangle of the largest allowed scene.
 pub const MAX_ELEMENTS: u64 = 3 * super::mesh::MAX_TRIANGLES;
 /// Maximum number of elements of an accessor without a buffer view, whose elements are zeros: a file of a few bytes must not fill
-/// the
-/// memory.
+/// the memory.
 const MAX_ZEROS: u64 = 1 << 24;
 
 /// An accessor whose shape, component type and extent are checked.
@@ -27,8 +26,7 @@ struct Elements<'a> {
 
 impl Document<'_> {
     /// Vectors of `N` = 2 or 3 floats. Integers of 8 and 16 bits must be marked as normalized; they are mapped to [0, 1]. `what`
-    /// names
-    /// the accessor in messages.
+    /// names the accessor in messages.
     pub fn vectors<const N: usize>(
         &self,
         index: usize,

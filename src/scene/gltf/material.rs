@@ -267,8 +267,7 @@ impl Materials {
 }
 
 /// The affine map of KHR_texture_transform: scale, then rotation, then offset. The rotation is counter-clockwise as seen in the
-/// image,
-/// whose v axis points down.
+/// image, whose v axis points down.
 fn affine(transform: &TextureTransform, what: &str) -> Checked<DAffine2> {
     let (sin, cos) = f64::from(transform.rotation.0).sin_cos();
     let [x, y] = transform.scale.0.map(f64::from);

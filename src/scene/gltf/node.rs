@@ -18,8 +18,7 @@ impl Worlds {
 }
 
 /// Walks the default scene without recursion, or scene 0 if there is no default, or all root nodes if there is no scene. A node
-/// that is
-/// reached twice is an error.
+/// that is reached twice is an error.
 pub fn world_transforms(doc: &Document) -> Checked<Worlds> {
     let nodes = &doc.root.nodes;
     let mut worlds = vec![None; nodes.len()];

@@ -90,8 +90,7 @@ pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folder: &Path) -> Checked
 }
 
 /// The contents of the files that the buffers and images of a scene name. A file that cannot be read gives an empty entry; an
-/// unreadable
-/// scene gives an empty list.
+/// unreadable scene gives an empty list.
 pub fn external(bytes: &[u8], folder: &Path) -> Vec<Vec<u8>> {
     external_uris(bytes).iter().map(|uri| uri_bytes(uri, folder, "the scene").unwrap_or_default()).collect()
 }
