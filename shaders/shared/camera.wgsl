@@ -1,20 +1,23 @@
-// The pinhole camera: directions through it, and the pixels that see them.
+// The pinhole camera: the direction of a film point, and the pixel that sees a direction.
 #import frame
 #import math
 
-// Direction through the point `p` of the film, in pixels, row 0 at the top. Not normalised: depth 1 along the axis.
+// Direction from the pinhole through the film point `p`, in pixels of the whole film with row 0 at the top. Not normalised:
+// its component along the camera axis is 1.
 fn film_direction(p: vec2<f32>) -> vec3<f32> {
     let x = (2.0 * p.x / f32(frame.width) - 1.0) * frame.extent.x;
     let y = (1.0 - 2.0 * p.y / f32(frame.height)) * frame.extent.y;
     return frame.forward + x * frame.right + y * frame.up;
 }
 
-// Density per solid angle of directions drawn uniformly over one pixel; `cosine` to the axis.
+// Density per solid angle of directions that are sampled uniformly over the area of one pixel. `cosine` is the cosine of the
+// angle to the camera axis.
 fn pixel_pdf(cosine: f32) -> f32 {
     return 1.0 / (frame.pixel_area * cosine * cosine * cosine);
 }
 
-// Pixel that sees the direction `d`, or NONE: behind the sensor, off the film or off the crop.
+// Index, row-major over the crop, of the pixel that sees the direction `d` (of any length). NONE if `d` points behind the
+// sensor or outside the crop.
 fn pixel_of(d: vec3<f32>) -> u32 {
     let z = dot(d, frame.forward);
     if (z <= 0.0) {

@@ -1,6 +1,6 @@
-// What is constant during one iteration. Positions are in the render space of `render/space.rs`: its origin is a sensor, that of
-// this frame or one nearby. Lengths, travel times among them, count in its unit, a power of two of a metre; areas and fluxes follow it,
-// radiance does not.
+// Constants of one iteration. Positions are in the render space of `render/space.rs`: its origin is the sensor of this frame
+// or of a nearby one. Lengths and travel times (optical path, c = 1) are in the unit of render space, a power of two in
+// metres. Areas and fluxes follow that unit; radiance does not depend on it.
 
 struct Frame {
     // Camera axes in world space, unit length; the camera looks along `forward`.
@@ -14,86 +14,95 @@ struct Frame {
     extent: vec2<f32>,
     // Area of a pixel on that plane.
     pixel_area: f32,
-    // Light subpaths, stored or not, for each sensor sample of a pixel on average, or a part of that: the sample count of the t = 1
-    // strategies in the MIS weights.
+    // Sample count of the t = 1 strategies in the MIS weights: the number of light subpaths, stored or not, per sensor sample
+    // of an average pixel, times the estimator's weight for t = 1.
     splat_sample_count: f32,
-    // The gate [lo, hi) of optical path; hi is 3e38 for an open gate.
+    // The gate [gate_lo, gate_hi) of optical path. gate_hi is 3e38 for an open gate.
     gate_lo: f32,
     gate_hi: f32,
-    // Subpaths whose travel time cannot stay below this stop: what follows only makes them longer. 3e38 switches it off.
+    // A subpath stops if its travel time must reach this value, because longer paths miss the gate. 3e38 switches this off.
     cull_hi: f32,
-    // Rounding allowance of a travel time: bounds are widened by it so that no valid vertex is pruned.
+    // Rounding allowance of a travel time. Bounds are widened by it, so that rounding never prunes a valid vertex.
     rounding_allowance: f32,
-    // Box around everything that emits.
+    // Bounding box of all emitters.
     emitter_lo: vec3<f32>,
     iteration: u32,
     emitter_hi: vec3<f32>,
+    // Stored light subpaths per iteration (M).
     light_paths: u32,
+    // Maximum number of segments of a path.
     max_depth: u32,
+    // Queries per shade point and tree (K).
     queries: u32,
+    // Deterministic vertices; they come first in the pool.
     deterministic_count: u32,
     emitter_count: u32,
-    // Roots of the two trees: a node, a leaf reference, or NONE.
+    // Roots of the 3D and the 4D tree: the index of a node, a leaf reference, or NONE.
     tree3_root: u32,
     tree4_root: u32,
-    // 0 if the strategies do not take part in the MIS weights; else 1 / query_sample_count^2 for s = 0 and t = 1, which no query
-    // serves, and 1 for s >= 2.
+    // Factors of the strategies s = 0, t = 1 and s >= 2 in the MIS sums. A factor is 0 if the strategy is switched off.
+    // Otherwise it is 1 for s >= 2, and 1 / query_sample_count^2 for s = 0 and t = 1, because no query serves these two.
     keep_s0: f32,
     keep_t1: f32,
     keep_s2: f32,
+    // The crop, in pixels of the whole film.
     crop_x: u32,
     crop_y: u32,
     crop_width: u32,
     crop_height: u32,
-    // Number of a pixel's first sample in this iteration, over the whole render.
+    // Number of each pixel's first sample in this iteration, counted over the whole render.
     first_sample: u32,
-    // Emitter points in the pool; they follow the deterministic vertices.
+    // Number of emitter points in the pool; they follow the deterministic vertices.
     emitter_points: u32,
-    // Candidate slots a shade point.
+    // Candidate slots per shade point.
     slots: u32,
-    // The pinhole.
+    // Position of the pinhole.
     sensor: vec3<f32>,
-    // Samples that a vertex chosen by a query stands for in the MIS weights (`weights.wgsl`).
+    // Number of samples that a vertex chosen by a query counts for in the MIS weights (g in `weights.wgsl`).
     query_sample_count: f32,
-    // Of all light subpaths, the share whose vertices are stored: their throughput is that of the stored ones alone.
+    // Stored light subpaths over all light subpaths. Throughputs are normalised for the stored subpaths alone, so the splats
+    // of all subpaths are multiplied by this share.
     splat_share: f32,
 }
 
-// What changes from dispatch to dispatch.
+// Parameters of one dispatch.
 struct Dispatch {
-    // First path of the batch, counted over the light paths.
+    // Light subpaths: number of the batch's first path within the iteration.
     first: u32,
-    // Threads that have work, where the host knows it.
+    // Number of threads that have work, where the host knows this number.
     count: u32,
     bounce: u32,
-    // Index into `counters` of the length of the list the kernel works through.
+    // Index into `counters` of the length of the kernel's input list.
     counter: u32,
-    // Compaction: counters of the lists it makes; `list_b` NONE for one list of the entries' own numbers.
+    // Compaction: indices into `counters` of the lengths of the two output lists. `list_b` is NONE if there is one output
+    // list, which then holds the numbers of the entries themselves.
     list_a: u32,
     list_b: u32,
-    // First entry of the list that the dispatch works on.
+    // First entry of the input list that this dispatch processes.
     rank: u32,
-    // Light subpaths: NONE where each path samples its emitter. Otherwise the host fixes the emitters, this one for the first path,
-    // and the paths yield their deterministic vertices alone.
+    // Light subpaths: NONE if each path samples its emitter. Otherwise the host fixes the emitters: the first path starts
+    // from this one, each further path from the next one, and the paths yield their deterministic vertices only.
     emitter: u32,
 }
 
-// From here on `counters` holds the lengths of lists added up since the host last wrote them.
+// counters[COUNTER_TOTALS + i] is the sum of the lengths that list i has had since the host last wrote the counters.
 const COUNTER_TOTALS: u32 = 8u;
 
 @group(0) @binding(0) var<storage, read> frame: Frame;
 var<immediate> dispatch: Dispatch;
 
-// Threads a workgroup; the image does not depend on it.
+// Threads per workgroup. The image does not depend on it.
 override WORKGROUP: u32 = 64u;
-// What the host is shown of every contribution beside the image: nothing, its travel time, or its strategy and weight.
+// What the kernels report to the host for each contribution, in addition to the image: nothing (0), its travel time, or its
+// strategy and MIS weight.
 override OBSERVE: u32 = 0u;
 const OBSERVE_TIMES: u32 = 1u;
 const OBSERVE_STRATEGIES: u32 = 2u;
-// Switches that remove code the scene does not need.
+// Switches that remove code for features that the scene does not contain.
 override HAS_TEXTURES: bool = true;
 override HAS_ALPHA: bool = true;
 override HAS_GLOSSY: bool = true;
 override HAS_TRANSMISSION: bool = true;
-// Loops are left at their top: for drivers that lose what the last iteration of a loop has found (src/gpu/quirks.rs).
+// Whether loops exit at their top. Some drivers lose the results of the last iteration of a loop that exits at
+// its end (src/gpu/quirks.rs).
 override EXIT_AT_TOP: bool = false;

@@ -1,4 +1,5 @@
-// Materials as the host leaves them (src/render/material.rs): what is computed once per material is computed there.
+// Material records as the host writes them (src/render/material.rs). The host computes everything that depends
+// on the material alone.
 #import scene
 
 struct Material {
@@ -7,12 +8,13 @@ struct Material {
     opacity: f32,
     // Radiance, W / (m^2 sr).
     emission: vec3<f32>,
-    // Density of emitter samples on this surface, 1 / m^2: selection probability times 1 / area.
+    // Density of emitter samples per area of this surface: selection probability of a triangle over its area. 0 if it
+    // does not emit.
     emission_density: f32,
     metallic: f32,
-    // GGX alpha; below DELTA_ALPHA the lobe is a delta.
+    // GGX alpha. Below DELTA_ALPHA the lobe is a delta.
     alpha: f32,
-    // Reflectance of the dielectric coat along the normal; 0 is pure Lambert.
+    // Reflectance of the dielectric coat at normal incidence. 0: a Lambertian surface without coat.
     f0: f32,
     ior: f32,
     transmission: f32,
@@ -23,7 +25,7 @@ struct Material {
     // Indices into `textures`, or NONE.
     base_texture: u32,
     emission_texture: u32,
-    // Reflectance of the coat at grazing angles: KHR_materials_specular's factor.
+    // Reflectance of the coat at grazing angles: specularFactor of KHR_materials_specular.
     f90: f32,
     pad0: u32,
 }

@@ -1,9 +1,10 @@
-// Small helpers without a home elsewhere.
+// Small helper functions that belong to no other module.
 
 const PI: f32 = 3.14159265358979;
+// The index of nothing: a missing vertex, triangle, texture or list.
 const NONE: u32 = 0xffffffffu;
 
-// The driver's sine and cosine are right to the last digits. Vulkan promises 2^-11.
+// Whether the driver's sine and cosine are accurate to the last digits. Vulkan guarantees an absolute error of 2^-11 only.
 override EXACT_SINES: bool = false;
 
 fn square(x: f32) -> f32 {
@@ -18,13 +19,13 @@ fn luminance(c: vec3<f32>) -> f32 {
     return dot(c, vec3<f32>(0.2126, 0.7152, 0.0722));
 }
 
-// WGSL has no isNan; an exponent of all ones is infinite or not a number.
+// Whether all components are finite. WGSL has no isNan: a float whose exponent bits are all 1 is infinite or not a number.
 fn is_finite(v: vec3<f32>) -> bool {
     let e = bitcast<vec3<u32>>(v) & vec3<u32>(0x7f800000u);
     return all(e != vec3<u32>(0x7f800000u));
 }
 
-// Right-handed frame around the unit vector n (Duff et al. 2017, listing 3): columns tangent, bitangent, n.
+// Right-handed orthonormal frame around the unit vector n. Its columns are tangent, bitangent and n (Duff et al. 2017, listing 3).
 fn frame_around(n: vec3<f32>) -> mat3x3<f32> {
     let s = select(-1.0, 1.0, n.z >= 0.0);
     let a = -1.0 / (s + n.z);
@@ -36,12 +37,14 @@ fn frame_around(n: vec3<f32>) -> mat3x3<f32> {
     );
 }
 
-// Cosine and sine of phi, 0 to 2 pi. Directions that are made of them must have length 1.
+// Cosine and sine of phi, for phi in [0, 2 pi]. Both are accurate to float precision, because directions that are built from
+// them must have length 1.
 fn cosine_and_sine(phi: f32) -> vec2<f32> {
     if (EXACT_SINES) {
         return vec2<f32>(cos(phi), sin(phi));
     }
-    // Cephes (Moshier 1992): what is left of phi beyond quarters of a turn, pi / 2 subtracted in three parts, in polynomials.
+    // Cephes (Moshier 1992). First subtract the nearest multiple of pi / 2, in three parts so that no digits are lost. Then
+    // evaluate polynomials of the remainder.
     let quarter = floor(phi * (2.0 / PI) + 0.5);
     let x = ((phi - quarter * 1.5703125) - quarter * 4.8375129699707031e-4) - quarter * 7.5497899548918822e-8;
     let z = x * x;
@@ -51,20 +54,20 @@ fn cosine_and_sine(phi: f32) -> vec2<f32> {
     return select(turned, -turned, (u32(quarter) & 2u) != 0u);
 }
 
-// Cosine-distributed direction around +z; density cos / pi per solid angle.
+// Cosine-distributed unit direction around +z from two uniforms. Density per solid angle: cos(theta) / pi.
 fn cosine_hemisphere(u: vec2<f32>) -> vec3<f32> {
     let r = sqrt(u.x);
     let turn = cosine_and_sine(2.0 * PI * u.y);
     return vec3<f32>(r * turn.x, r * turn.y, sqrt(max(0.0, 1.0 - u.x)));
 }
 
-// Barycentric weights (of corner 1 and 2) of a uniformly distributed point of a triangle.
+// Barycentric weights of corners 1 and 2 of a uniformly distributed point of a triangle, from two uniforms.
 fn uniform_triangle(u: vec2<f32>) -> vec2<f32> {
     let r = sqrt(u.x);
     return vec2<f32>(1.0 - r, r * u.y);
 }
 
-// Unit vector from two 16-bit octahedral coordinates.
+// Unit vector from octahedral coordinates, stored as two signed 16-bit fractions in one word.
 fn decode_octahedral(packed: u32) -> vec3<f32> {
     let e = unpack2x16snorm(packed);
     let z = 1.0 - abs(e.x) - abs(e.y);
@@ -74,7 +77,8 @@ fn decode_octahedral(packed: u32) -> vec3<f32> {
     return normalize(vec3<f32>(x, y, z));
 }
 
-// The four bytes of a word, lowest first. Not unpack4xU8: that asks the device for 8-bit integers.
+// The four bytes of a word as floats from 0 to 255, lowest byte first. The builtin unpack4xU8 is not used, because it
+// requires 8-bit integers from the device.
 fn bytes_to_floats(v: u32) -> vec4<f32> {
     return vec4<f32>(vec4<u32>(v & 0xffu, (v >> 8u) & 0xffu, (v >> 16u) & 0xffu, v >> 24u));
 }

@@ -1,13 +1,14 @@
-// Random numbers as a function of where they are used: the same draw whatever the tile, crop or workgroup.
+// Random numbers are a pure function of where they are used: pixel or path, sample, depth, dimension. So a draw does not
+// depend on the tile, the crop or the workgroup size.
 
-// One stream a purpose, so that a light path and a pixel of the same number stay independent.
+// One stream per purpose, so that a light path and a pixel with the same number draw independent numbers.
 const STREAM_SENSOR: u32 = 0u;
 const STREAM_LIGHT: u32 = 1u;
 const STREAM_QUERY: u32 = 2u;
 const STREAM_ALPHA: u32 = 3u;
 const STREAM_STRATA: u32 = 4u;
 
-// Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", pcg4d.
+// Hash function pcg4d: four hashed words from four words (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering").
 fn pcg4d(key: vec4<u32>) -> vec4<u32> {
     var v = key * 1664525u + 1013904223u;
     v.x += v.y * v.w;
@@ -22,18 +23,19 @@ fn pcg4d(key: vec4<u32>) -> vec4<u32> {
     return v;
 }
 
-// Four independent words. `index` is a pixel or a light path, and `sample` counts its samples over the whole render. `depth` is the
-// bounce, and `dimension` the use within the bounce.
+// Four independent random words. `index` is the number of the pixel or of the light path. `sample` counts the pixel's samples
+// over the whole render; for a light path it is the iteration. `depth` is the bounce, and `dimension` numbers the uses within
+// the bounce. Both are below 2^14.
 fn random_words(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, seed: u32) -> vec4<u32> {
     return pcg4d(vec4<u32>(index, sample, (stream << 28u) | (depth << 14u) | dimension, seed));
 }
 
-// The same as four uniforms in [0, 1).
+// Four independent uniforms in [0, 1), in steps of 2^-24. Arguments: see `random_words`.
 fn random4(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, seed: u32) -> vec4<f32> {
     return vec4<f32>(random_words(stream, index, sample, depth, dimension, seed) >> vec4<u32>(8u)) * (1.0 / 16777216.0);
 }
 
-// Product of two words: its upper word and its lower one.
+// Product of two words as 64 bits. x: upper word, y: lower word.
 fn multiply_wide(a: u32, b: u32) -> vec2<u32> {
     let a_low = a & 0xffffu;
     let a_high = a >> 16u;
@@ -44,15 +46,15 @@ fn multiply_wide(a: u32, b: u32) -> vec2<u32> {
     return vec2<u32>(a_high * b_high + (first >> 16u) + (second >> 16u), a * b);
 }
 
-// The number below n that 64 random bits stand for, the upper word in x: floor(n bits / 2^64). Probabilities of two numbers differ by
-// 2^-64 at most.
+// Random integer below n from 64 random bits: floor(n bits / 2^64), with the upper word in `bits.x`. The probabilities of two
+// integers differ by at most 2^-64.
 fn random_below(bits: vec2<u32>, n: u32) -> u32 {
     let product = multiply_wide(bits.x, n);
     let carried = multiply_wide(bits.y, n).x;
     return product.x + select(0u, 1u, product.y > 0xffffffffu - carried);
 }
 
-// Output permutation of PCG (O'Neill 2014, RXS-M-XS 32): turns the state of a linear generator into random bits.
+// Output permutation of PCG (O'Neill 2014, RXS-M-XS 32): turns the state of a linear congruential generator into random bits.
 fn hash32(state: u32) -> u32 {
     let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
     return (word >> 22u) ^ word;

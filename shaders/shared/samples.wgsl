@@ -1,20 +1,23 @@
-// The samples of a tile, as the host lists them.
+// The sensor samples of a tile, as the host lists them.
 #import frame
 
-// x: column and row in the whole film. y: number of the sample among those of its pixel in this iteration, and how many the pixel
-// has. 16 bits each. Samples of a pixel follow each other, from 0 on.
+// One entry per sample, with two 16-bit numbers in each word, the first in the low half. x: column and row of the pixel in
+// the whole film. y: number of the sample within its pixel and iteration, and the pixel's number of samples in this
+// iteration. The samples of a pixel are consecutive and start with number 0.
 @group(2) @binding(8) var<storage, read> tile_samples: array<vec2<u32>>;
 
 struct SensorSample {
-    // Pixel of the whole film, and row-major.
+    // Column and row of the pixel in the whole film.
     pixel: vec2<u32>,
+    // Row-major index of the pixel in the whole film.
     index: u32,
-    // Number of the sample among those of the pixel: in this iteration, and over the whole render.
+    // Number of the sample within its pixel, counted in this iteration.
     number: u32,
+    // The same number, counted over the whole render.
     sample: u32,
 }
 
-// What sensor subpath `slot` of the tile samples.
+// The pixel and the sample that sensor subpath `slot` of the tile belongs to.
 fn sensor_sample(slot: u32) -> SensorSample {
     let s = tile_samples[slot];
     let number = s.y & 0xffffu;
@@ -22,7 +25,7 @@ fn sensor_sample(slot: u32) -> SensorSample {
     return SensorSample(pixel, pixel.y * frame.width + pixel.x, number, frame.first_sample + number);
 }
 
-// How many samples the pixel of sample `slot` has in this iteration.
+// Number of samples that the pixel of sample `slot` has in this iteration.
 fn samples_of_pixel(slot: u32) -> u32 {
     return tile_samples[slot].y >> 16u;
 }

@@ -1,34 +1,36 @@
-// The scene on the device: geometry, attributes, materials, textures, emitters. Group 0 lives here and in frame.wgsl.
+// The scene on the device: geometry, attributes, materials, textures, emitters. Declares group 0, together with frame.wgsl.
 #import frame
 #import math
 
-// Three corners in render space, in BVH order; lengths in the unit of `frame.wgsl`.
+// A triangle: three corners in render space. Triangles are in the order of the BVH.
 struct Triangle {
     v0: vec3<f32>,
     // Index into `instances`.
     instance: u32,
     v1: vec3<f32>,
-    // Index of its corners in `corners`, or NONE when it has neither normals nor texture coordinates.
+    // Index of the first of its three entries in `corners`; NONE if it has neither normals nor texture coordinates.
     corner: u32,
     v2: vec3<f32>,
-    // Index into `materials`, with TRIANGLE_ bits on top.
+    // Index into `materials`, with TRIANGLE_ bits above it.
     material: u32,
 }
 
+// The corners have normals, which are interpolated.
 const TRIANGLE_SMOOTH: u32 = 0x80000000u;
+// The surface may let a ray pass (alphaMode MASK and BLEND).
 const TRIANGLE_ALPHA: u32 = 0x40000000u;
-// The instance mirrors: the corners run clockwise seen from the front.
+// The instance mirrors the mesh: seen from the front, the corners run clockwise.
 const TRIANGLE_MIRRORED: u32 = 0x20000000u;
 const TRIANGLE_MATERIAL: u32 = 0x00ffffffu;
 
 struct VertexAttributes {
-    // Octahedral, 16 bits a coordinate, in mesh space.
+    // Octahedral coordinates in mesh space, 16 bits per coordinate.
     normal: u32,
     u: f32,
     v: f32,
 }
 
-// Columns of the inverse transpose of the instance's linear part.
+// The matrix that transforms normals: columns of the inverse transpose of the instance's linear part.
 struct InstanceNormals {
     x: vec3<f32>,
     pad0: f32,
@@ -47,31 +49,32 @@ struct TextureInfo {
     sampler: u32,
 }
 
-// One entry of the alias table over everything that emits.
+// One entry of the alias table over all emitters.
 struct Emitter {
-    // See emitter.wgsl.
+    // EMITTER_ constant of emitter.wgsl.
     kind: u32,
     // Triangles: index into `triangles`.
     triangle: u32,
-    // Alias table: keep this entry with probability `keep`, else take `other`.
+    // Alias table: this entry is kept with probability `keep`, otherwise `other` is taken.
     keep: f32,
     other: u32,
-    // Punctual lights and beams.
+    // Punctual lights and beams: position and unit direction.
     position: vec3<f32>,
-    // Probability with which a light subpath starts here.
+    // Probability that a light subpath starts from this emitter.
     select_pdf: f32,
     direction: vec3<f32>,
     // Spots: 1 - cosine of the outer half angle. Beams: radius.
     outer: f32,
-    // Intensity (point, spot) or power (beam), fluxes in the unit of `frame.wgsl`. Triangles: unused.
+    // Intensity (point, spot) or power (beam); fluxes are in the unit of `frame.wgsl`. Triangles: unused.
     strength: vec3<f32>,
     // Spots: 1 - cosine of the inner half angle.
     inner: f32,
 }
 
-// A texture_1d<u32> is a texel buffer here: an array of 16-byte words, read whole (src/gpu/spirv.rs says why). Where a device's texel
-// buffers are too small for it, the same array is a storage buffer (src/gpu/texels.rs).
-// Five texels a node.
+// Here, a texture_1d<u32> is a texel buffer: an array of 16-byte words, each of which is loaded whole (src/gpu/spirv.rs gives
+// the reason). If the array is larger than the device's texel buffers, the same array is a storage buffer
+// (src/gpu/texels.rs).
+// bvh_nodes: five texels per node.
 @group(0) @binding(1) var bvh_nodes: texture_1d<u32>;
 @group(0) @binding(2) var triangles: texture_1d<u32>;
 @group(0) @binding(3) var<storage, read> corners: array<u32>;
@@ -82,7 +85,8 @@ struct Emitter {
 @group(0) @binding(7) var textures: texture_1d<u32>;
 @group(0) @binding(8) var<storage, read> texels: array<u32>;
 @group(0) @binding(9) var emitters: texture_1d<u32>;
-// Directional albedo of the GGX lobe, ALBEDO_COLUMNS x ALBEDO_ROWS over the roots of (cosine, alpha): f0 * x + f90 * y.
+// Directional albedo of the GGX lobe with reflectances f0 (normal incidence) and f90 (grazing): f0 * x + f90 * y. The table
+// has ALBEDO_COLUMNS x ALBEDO_ROWS entries, over the square roots of cosine and alpha.
 @group(0) @binding(10) var<storage, read> albedo_table: array<vec2<f32>>;
 
 const ALBEDO_COLUMNS: u32 = 64u;

@@ -1,13 +1,14 @@
-// Textures from a storage buffer: wrap, filter, sRGB.
+// Texture lookup in a storage buffer: wrap modes, filter, sRGB decoding.
 #import scene
 
-// sRGB to linear (IEC 61966-2-1) of one channel in [0, 1].
+// Linear values of sRGB channels in [0, 1] (IEC 61966-2-1).
 fn srgb_to_linear(c: vec3<f32>) -> vec3<f32> {
     let low = c / 12.92;
     let high = pow((c + 0.055) / 1.055, vec3<f32>(2.4));
     return select(high, low, c <= vec3<f32>(0.04045));
 }
 
+// Texel coordinate `i` mapped into [0, size). `mode`: 0 repeat, 1 mirror, 2 clamp.
 fn wrap_texel(i: i32, size: i32, mode: u32) -> i32 {
     let clamped = clamp(i, 0, size - 1);
     let repeated = ((i % size) + size) % size;
@@ -16,7 +17,7 @@ fn wrap_texel(i: i32, size: i32, mode: u32) -> i32 {
     return select(select(repeated, mirrored, mode == 1u), clamped, mode == 2u);
 }
 
-// Linear RGB and alpha of texel (x, y), wrapped.
+// Linear RGB and alpha of texel (x, y). Coordinates outside the texture are wrapped.
 fn texel(info: TextureInfo, x: i32, y: i32) -> vec4<f32> {
     let i = wrap_texel(x, i32(info.width), info.sampler & 3u);
     let j = wrap_texel(y, i32(info.height), (info.sampler >> 2u) & 3u);
@@ -24,13 +25,13 @@ fn texel(info: TextureInfo, x: i32, y: i32) -> vec4<f32> {
     return vec4<f32>(srgb_to_linear(c.xyz), c.w);
 }
 
-// Linear RGB and alpha at texture coordinates uv; white where `index` is NONE.
+// Linear RGB and alpha at texture coordinates uv, filtered as the texture asks for; opaque white if `index` is NONE.
 fn sample_texture(index: u32, uv: vec2<f32>) -> vec4<f32> {
     if (index == NONE) {
         return vec4<f32>(1.0);
     }
     let info = load_texture(index);
-    // Coordinates are reduced to one period of the mirror mode so that the integer texel index cannot overflow.
+    // Coordinates are reduced to one period of the mirror mode, so that the integer texel index cannot overflow.
     let bounded = select(uv - 2.0 * floor(0.5 * uv), clamp(uv, vec2<f32>(-1.0), vec2<f32>(2.0)),
         vec2<bool>((info.sampler & 3u) == 2u, ((info.sampler >> 2u) & 3u) == 2u));
     let p = bounded * vec2<f32>(f32(info.width), f32(info.height));
