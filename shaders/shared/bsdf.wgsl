@@ -1,53 +1,55 @@
 // Surface scattering in the local frame of the shading normal (+z).
 //
-// A material mixes a conductor (weight metallic), a dielectric coat over a diffuse base, and glass (weight transmission
-// of what is not metal), all with one GGX lobe. `f` is written for the flow of light: `wl` points to where light comes
-// from, `wc` to where it goes (the sensor's side). Both point away from the surface. Densities are per solid angle.
+// A material mixes three parts, all with one GGX lobe: a conductor (weight metallic), and for the rest glass (weight
+// transmission) and a dielectric coat over a diffuse base. `f` follows the flow of light: `wl` points to where light comes
+// from, `wc` to where it goes (towards the sensor). Both point away from the surface. Densities are per solid angle.
 #import material
 
 struct Bsdf {
     base: vec3<f32>,
     metallic: f32,
     alpha: f32,
-    // Reflectance of the coat along the normal and at grazing angles.
+    // Reflectance of the coat at normal incidence and at grazing angles.
     f0: f32,
     f90: f32,
     transmission: f32,
     diffuse_scale: f32,
-    // Refractive index on the +z side over that on the -z side, and both.
+    // Refractive indices on the +z and the -z side.
     eta_above: f32,
     eta_below: f32,
-    // Nothing scatters: the back of a one-sided surface.
+    // The back of a one-sided surface, which scatters nothing.
     black: bool,
 }
 
 struct BsdfValue {
-    // Scattered radiance per incident irradiance, 1 / sr, without any cosine.
+    // Scattered radiance over incident irradiance, 1 / sr, without any cosine.
     f: vec3<f32>,
-    // Density with which sampling from wc would find wl, and from wl would find wc.
+    // Density of sampling wl if wc is known, and of sampling wc if wl is known.
     pdf_to_light: f32,
     pdf_to_sensor: f32,
 }
 
 struct BsdfSample {
     direction: vec3<f32>,
-    // f / pdf without cosines for smooth lobes; for delta lobes reflectance / probability.
+    // Smooth lobes: f / pdf, without cosines. Delta lobes: reflectance / probability of choosing it.
     weight: vec3<f32>,
-    // Density of the direction, and of the reverse choice; both 1 for delta lobes.
+    // Density of the direction, and of sampling the known direction in reverse. Both are 1 for delta lobes.
     pdf: f32,
     pdf_reverse: f32,
     delta: bool,
+    // False if the sample was lost; the other fields then have no meaning.
     valid: bool,
 }
 
-// Probabilities of sampling the three lobes.
+// Probabilities of sampling the three lobes. They sum to 1.
 struct Lobes {
     diffuse: f32,
     gloss: f32,
     glass: f32,
 }
 
-// `front`: the +z side of the frame is the front of the surface, where the refractive index is 1.
+// The BSDF of a material whose base colour at the point is `base`. `front`: the +z side of the frame is the front of the
+// surface, where the refractive index is 1.
 fn make_bsdf(material: u32, base: vec3<f32>, front: bool) -> Bsdf {
     let m = load_material(material);
     var b: Bsdf;
@@ -64,13 +66,14 @@ fn make_bsdf(material: u32, base: vec3<f32>, front: bool) -> Bsdf {
     return b;
 }
 
+// Schlick's Fresnel approximation, from f0 at normal incidence to 1 at grazing angles.
 fn schlick(f0: vec3<f32>, cosine: f32) -> vec3<f32> {
     let x = clamp(1.0 - cosine, 0.0, 1.0);
     let x2 = x * x;
     return f0 + (1.0 - f0) * (x2 * x2 * x);
 }
 
-// Unpolarised reflectance of a dielectric interface; `cosine` on the side of index `eta_i`, 1 in total reflection.
+// Reflectance of a dielectric interface for unpolarised light; 1 for total reflection. `cosine` is on the side with index `eta_i`.
 fn fresnel_dielectric(cosine: f32, eta_i: f32, eta_t: f32) -> f32 {
     let sin2_t = square(eta_i / eta_t) * max(0.0, 1.0 - cosine * cosine);
     if (sin2_t >= 1.0) {
@@ -82,7 +85,7 @@ fn fresnel_dielectric(cosine: f32, eta_i: f32, eta_t: f32) -> f32 {
     return 0.5 * (parallel * parallel + perpendicular * perpendicular);
 }
 
-// GGX distribution of normals (Walter et al. 2007, Eq. 33), from sin^2 so that narrow lobes keep their digits.
+// GGX distribution of normals (Walter et al. 2007, Eq. 33). It is computed from sin^2, so that narrow lobes lose no digits.
 fn ggx_d(h: vec3<f32>, alpha: f32) -> f32 {
     let a2 = alpha * alpha;
     let s = (h.x * h.x + h.y * h.y) / a2 + h.z * h.z;
@@ -95,12 +98,12 @@ fn ggx_lambda(w: vec3<f32>, alpha: f32) -> f32 {
     return 0.5 * (sqrt(1.0 + alpha * alpha * tan2) - 1.0);
 }
 
-// Density of visible normals from w, w.z > 0 (Heitz 2018, Eq. 3).
+// Density of the visible normal h, seen from w with w.z > 0 (Heitz 2018, Eq. 3).
 fn ggx_visible_pdf(w: vec3<f32>, h: vec3<f32>, alpha: f32) -> f32 {
     return ggx_d(h, alpha) * max(dot(w, h), 0.0) / (w.z * (1.0 + ggx_lambda(w, alpha)));
 }
 
-// Visible normal seen from w, w.z > 0 (Dupuy and Benyoub 2023, spherical caps).
+// Samples a visible normal, seen from w with w.z > 0 (Dupuy and Benyoub 2023, spherical caps).
 fn ggx_sample_visible(w: vec3<f32>, alpha: f32, u: vec2<f32>) -> vec3<f32> {
     let stretched = normalize(vec3<f32>(w.xy * alpha, w.z));
     let turn = cosine_and_sine(2.0 * PI * u.x);
@@ -110,14 +113,14 @@ fn ggx_sample_visible(w: vec3<f32>, alpha: f32, u: vec2<f32>) -> vec3<f32> {
     return normalize(vec3<f32>(cap.xy * alpha, cap.z));
 }
 
-// Schlick's term of the coat.
+// Schlick's Fresnel term of the coat, from f0 to f90.
 fn coat_fresnel(b: Bsdf, cosine: f32) -> f32 {
     let x = clamp(1.0 - cosine, 0.0, 1.0);
     let x2 = x * x;
     return b.f0 + (b.f90 - b.f0) * (x2 * x2 * x);
 }
 
-// Directional albedo of the coat's GGX lobe at `cosine`, in [0, 1].
+// Directional albedo of the coat's GGX lobe for a direction at `cosine` from the normal, in [0, 1].
 fn coat_albedo(b: Bsdf, cosine: f32) -> f32 {
     let size = vec2<u32>(ALBEDO_COLUMNS, ALBEDO_ROWS);
     let p = sqrt(clamp(vec2<f32>(cosine, b.alpha), vec2<f32>(0.0), vec2<f32>(1.0))) * vec2<f32>(size - 1u);
@@ -130,11 +133,12 @@ fn coat_albedo(b: Bsdf, cosine: f32) -> f32 {
     return clamp(b.f0 * ab.x + b.f90 * ab.y, 0.0, 1.0);
 }
 
+// Whether the GGX lobe is so narrow that it counts as a delta.
 fn is_delta(b: Bsdf) -> bool {
     return b.alpha < DELTA_ALPHA;
 }
 
-// Probabilities of the lobes for a direction at `cosine` from the normal; they add up to 1.
+// Probabilities of sampling the lobes if the known direction is at `cosine` from the normal.
 fn lobe_probabilities(b: Bsdf, cosine: f32) -> Lobes {
     if (!HAS_GLOSSY) {
         return Lobes(1.0, 0.0, 0.0);
@@ -151,7 +155,7 @@ fn lobe_probabilities(b: Bsdf, cosine: f32) -> Lobes {
     return Lobes(diffuse / sum, gloss / sum, glass / sum);
 }
 
-// Value and densities of the smooth lobes; zero where a direction grazes or the lobes are deltas.
+// Value and densities of the smooth lobes. A delta lobe adds nothing. All are 0 if a direction lies in the surface.
 fn bsdf_eval(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r = BsdfValue(vec3<f32>(0.0), 0.0, 0.0);
     if (b.black || wl.z == 0.0 || wc.z == 0.0) {
@@ -166,6 +170,7 @@ fn bsdf_eval(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     return r;
 }
 
+// `bsdf_eval` for wl and wc on the +z side.
 fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r: BsdfValue;
     if (!HAS_GLOSSY) {
@@ -177,7 +182,7 @@ fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
     let from_sensor = lobe_probabilities(b, wc.z);
     let from_light = lobe_probabilities(b, wl.z);
-    // Diffuse base under the coat: reciprocal, and the coat's albedo is what it does not get.
+    // The diffuse base under the coat gets the light that the coat does not reflect. This form is reciprocal.
     let base = (1.0 - coat_albedo(b, wl.z)) * (1.0 - coat_albedo(b, wc.z)) * b.diffuse_scale;
     r.f = plastic * base * b.base;
     r.pdf_to_light = from_sensor.diffuse * wl.z / PI;
@@ -200,14 +205,14 @@ fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     return r;
 }
 
-// Walter et al. 2007, Eqs. 16, 17 and 21.
+// `bsdf_eval` for wl and wc on opposite sides: rough refraction (Walter et al. 2007, Eqs. 16, 17 and 21).
 fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r = BsdfValue(vec3<f32>(0.0), 0.0, 0.0);
     let eta_l = select(b.eta_below, b.eta_above, wl.z > 0.0);
     let eta_c = select(b.eta_below, b.eta_above, wc.z > 0.0);
     var h = -(eta_l * wl + eta_c * wc);
     let length2 = dot(h, h);
-    // Equal indices: light goes straight on, a delta that this lobe does not hold.
+    // With equal indices light goes straight on. That delta is not part of this lobe.
     if (length2 < 1e-14) {
         return r;
     }
@@ -218,7 +223,8 @@ fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     if (l_h * wl.z <= 0.0 || c_h * wc.z <= 0.0) {
         return r;
     }
-    // From the thinner side, whichever way light runs: the other cosine follows from it without cancellation.
+    // The reflectance is computed from the side with the lower index, in both directions of light: there the other cosine
+    // follows without cancellation.
     let thin = select(c_h, l_h, eta_l < eta_c);
     let reflectance = fresnel_dielectric(abs(thin), min(eta_l, eta_c), max(eta_l, eta_c));
     let d = ggx_d(h, b.alpha);
@@ -229,7 +235,7 @@ fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     r.f = glass * b.base * (abs(l_h * c_h / (wl.z * wc.z)) * eta_c * eta_c * shape);
     let from_sensor = lobe_probabilities(b, abs(wc.z));
     let from_light = lobe_probabilities(b, abs(wl.z));
-    // Seen from below, everything is inverted through the point: w and the normal on its side, which is -h, too.
+    // `ggx_visible_pdf` needs w.z > 0. For a direction below the surface, w and the normal on its side (-h) are both negated.
     let up_c = select(-wc, wc, wc.z > 0.0);
     let up_l = select(-wl, wl, wl.z > 0.0);
     r.pdf_to_light = from_sensor.glass * (1.0 - reflectance) * ggx_visible_pdf(up_c, h, b.alpha)
@@ -239,8 +245,8 @@ fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     return r;
 }
 
-// Direction for the known direction `w`, w.z > 0. `to_light`: w points to the sensor's side and light is looked for;
-// else w points to the light's side. `u.w` picks the lobe, `u.z` reflection or refraction.
+// Samples a direction for the known direction `w`, w.z > 0. `to_light`: `w` is wc and the sample is wl; otherwise `w` is wl
+// and the sample is wc. `u.w` picks the lobe, `u.z` reflection or refraction, `u.xy` the direction or the visible normal.
 fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSample {
     var s: BsdfSample;
     s.valid = false;
@@ -263,7 +269,7 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
                 s.direction = refract(-w, h, b.eta_above / b.eta_below);
             }
         }
-        // A rough facet may reflect below the horizon or refract above it: that light is lost.
+        // A rough microfacet may reflect below the surface or refract above it. Such a sample is lost.
         if (s.direction.z == 0.0 || (s.direction.z < 0.0) != refracted) {
             return s;
         }
@@ -282,7 +288,8 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
     return s;
 }
 
-// Reflectance over probability of a mirror reflection or a smooth refraction that was chosen.
+// The sample of a delta lobe in `direction`: a mirror reflection if z > 0, else a smooth refraction. Its weight is the
+// reflectance, or transmittance, over the probability of choosing it.
 fn delta_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool, lobes: Lobes) -> BsdfSample {
     var s: BsdfSample;
     s.direction = direction;
@@ -297,7 +304,7 @@ fn delta_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool, lob
         let albedo = b.metallic * schlick(b.base, w.z) + plastic * coat_fresnel(b, w.z) + glass * reflectance;
         s.weight = albedo / max(lobes.gloss + lobes.glass * reflectance, 1e-30);
     } else {
-        // Radiance is squeezed into the smaller solid angle of the denser side; the flux of particles is not.
+        // Radiance is concentrated in the smaller solid angle of the denser side. The flux of light particles is not.
         let squeeze = select(1.0, square(b.eta_above / b.eta_below), to_light);
         s.weight = glass * (1.0 - reflectance) * squeeze * b.base
             / max(lobes.glass * (1.0 - reflectance), 1e-30);

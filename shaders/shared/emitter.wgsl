@@ -1,16 +1,17 @@
-// Where light begins: choosing an emitter, a point and a direction on it, and the light it sends along a direction.
+// Light subpaths start here: choice of an emitter, a point and a direction. Also the light that an emitter point
+// sends along a direction.
 #import surface
 #import path
 #import bsdf
 #import random
 
-// Kinds of entries of the emitter table.
+// Values of Emitter.kind.
 const EMITTER_TRIANGLE: u32 = 0u;
 const EMITTER_POINT: u32 = 1u;
 const EMITTER_SPOT: u32 = 2u;
 const EMITTER_BEAM: u32 = 3u;
 
-// How the light of a point on an emitter depends on the direction. Profiles up to EMIT_TWO_SIDED belong to surfaces.
+// Emission profiles: how the light of an emitter point depends on the direction. Profiles up to EMIT_TWO_SIDED belong to surfaces.
 const EMIT_ONE_SIDED: u32 = 0u;
 const EMIT_TWO_SIDED: u32 = 1u;
 const EMIT_POINT: u32 = 2u;
@@ -21,28 +22,29 @@ struct Emission {
     direction: vec3<f32>,
     // Density per solid angle of `direction`; 1 for beams, whose direction is fixed.
     pdf_direction: f32,
-    // Radiance (or intensity, or power) times cosine over all densities: what the subpath starts with.
+    // Initial throughput of the subpath: radiance (or intensity, or power) times cosine over all densities.
     throughput: vec3<f32>,
-    // Density per area of the point, selection included; surfaces only.
+    // Surfaces only: density per area of the point, probability of selecting the emitter included.
     density: f32,
-    // The triangle that emits, NONE for points and beams.
+    // The triangle that emits; NONE for punctual lights and beams.
     triangle: u32,
     beam: bool,
-    // The emitter point can be connected and goes to the 3D tree.
+    // The emitter point can be connected, and is stored for the 3D tree.
     stored: bool,
+    // All subpaths from this emitter start alike: see PATH_DETERMINISTIC.
     deterministic: bool,
 }
 
-// Alias method (Vose 1991): the words x and z pick an entry, y tosses its coin. A float has 24 bits: they would favour some of a
-// million entries by several per cent.
+// Chooses an emitter with the alias method (Vose 1991): words x and z choose an entry, word y chooses between the entry and
+// its alias. One float has 24 bits, which would favour some of a million entries by several per cent.
 fn choose_emitter(words: vec4<u32>) -> u32 {
     let i = random_below(words.xz, frame.emitter_count);
     let coin = f32(words.y) * (1.0 / 4294967296.0);
     return select(load_emitter(i).other, i, coin < load_emitter(i).keep);
 }
 
-// Light leaving a point of an emitter towards the unit direction `w`, times the cosine at the emitter (1 for points),
-// relative to the vertex's throughput; y: density per solid angle of that direction.
+// x: light that the emitter point v sends along `w` (unit), times the cosine at the emitter (1 for punctual lights), relative
+// to the throughput of v. y: density per solid angle of sampling `w`.
 fn emitter_profile(v: PathVertex, w: vec3<f32>) -> vec2<f32> {
     let cosine = dot(v.geometric, w);
     switch (v.material) {
@@ -60,26 +62,26 @@ fn emitter_profile(v: PathVertex, w: vec3<f32>) -> vec2<f32> {
             let outer = v.base_color.x;
             return vec2<f32>(spot_falloff(off, outer, v.base_color.y), select(0.0, 1.0 / (2.0 * PI * outer), off < outer));
         }
-        // Of a profile that no code knows: it sends nothing.
+        // An unknown profile sends no light.
         default: {
             return vec2<f32>(0.0);
         }
     }
 }
 
-// 1 - cosine of the angle between unit vectors, with all its digits where that is small. Cones are given by it: of a cosine near 1
-// floats hold next to nothing.
+// 1 - cosine of the angle between the unit vectors a and b, accurate to float precision for small angles. Cones are stored as
+// 1 - cosine, because a cosine near 1 has hardly any digits left in a float.
 fn cap_height(a: vec3<f32>, b: vec3<f32>) -> f32 {
     return 0.5 * dot(a - b, a - b);
 }
 
-// KHR_lights_punctual: 1 inside the inner cone, 0 outside the outer one; arguments are 1 - cosine.
+// Falloff of KHR_lights_punctual: 1 inside the inner cone, 0 outside the outer cone. Each argument is 1 - cosine.
 fn spot_falloff(off: f32, outer: f32, inner: f32) -> f32 {
     let x = clamp((outer - off) / max(outer - inner, 1e-20), 0.0, 1.0);
     return x * x;
 }
 
-// Uniform direction within the cone around `axis` whose half angle has 1 - cosine = `outer`, 0 to 2.
+// Uniformly distributed unit direction in the cone around `axis`. `outer` is 1 - cosine of the half angle, 0 to 2.
 fn uniform_cone(axis: vec3<f32>, outer: f32, u: vec2<f32>) -> vec3<f32> {
     let off = outer * u.x;
     let r = sqrt(max(0.0, off * (2.0 - off)));
@@ -87,7 +89,7 @@ fn uniform_cone(axis: vec3<f32>, outer: f32, u: vec2<f32>) -> vec3<f32> {
     return frame_around(axis) * vec3<f32>(r * turn.x, r * turn.y, 1.0 - off);
 }
 
-// First vertex and direction of a light subpath from emitter `number`.
+// Samples the first vertex and the first direction of a light subpath from emitter `number`.
 fn sample_emission(number: u32, a: vec4<f32>) -> Emission {
     let e = load_emitter(number);
     var r: Emission;
@@ -106,13 +108,14 @@ fn sample_emission(number: u32, a: vec4<f32>) -> Emission {
         case EMITTER_POINT, EMITTER_SPOT: {
             sample_punctual(e, a, &r);
         }
-        // Of a kind that no code knows: it sends nothing.
+        // An unknown kind sends no light.
         default: {}
     }
     return r;
 }
 
-// Sum of a point on a surface that emits: only s = 0 stands before s = 1, the sensor path finds this point. `density` per area.
+// Initial partial sum d_vcm of a point on an emitting surface. The only strategy shorter than s = 1 is s = 0, where the
+// sensor subpath hits this point. `density`: density per area of choosing the point.
 fn emitter_point_sum(density: f32) -> f32 {
     return frame.keep_s0 * mis(1.0 / density);
 }
@@ -164,6 +167,6 @@ fn sample_beam(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     (*r).pdf_direction = 1.0;
     (*r).throughput = e.strength / e.select_pdf;
     (*r).beam = true;
-    // Surfaces that let light pass by chance make the first hit random.
+    // With alpha, random choices at surfaces make the first hit random.
     (*r).deterministic = e.outer == 0.0 && !HAS_ALPHA;
 }

@@ -4,28 +4,30 @@
 #import gate
 
 struct Segment {
-    // Unit, from the first end to the second.
+    // Unit direction from the first end to the second.
     direction: vec3<f32>,
+    // Squared length.
     length2: f32,
 }
 
+// The segment from a to b, which must be different points.
 fn segment_between(a: vec3<f32>, b: vec3<f32>) -> Segment {
     let offset = b - a;
     let length2 = dot(offset, offset);
     return Segment(offset * inverseSqrt(length2), length2);
 }
 
-// Optical length of a segment of geometric length `distance` that leaves v along `w`.
+// Optical length of the segment that leaves v along `w` and has the geometric length `distance`.
 fn optical_length(v: PathVertex, w: vec3<f32>, distance: f32) -> f32 {
     return eta_towards(v, w) * distance;
 }
 
-// Travel time of the path that connects q along `w` to v at `distance`.
+// Travel time of the path that connects q to v, which lies at `distance` from q along `w`.
 fn connection_time(q: PathVertex, v: PathVertex, w: vec3<f32>, distance: f32) -> f32 {
     return travel_time(v.tau, optical_length(q, w, distance), q.tau);
 }
 
-// Whether nothing stands between two points, which `ray_end` has taken off their surfaces. `key`: see `trace`.
+// Whether no surface blocks the segment between two points, which `ray_end` has moved off their surfaces. `key`: see `trace`.
 fn is_unoccluded(a: vec3<f32>, b: vec3<f32>, key: vec4<u32>) -> bool {
     return trace(a, b - a, 1.0, true, NONE, key).triangle == NONE;
 }

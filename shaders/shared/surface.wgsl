@@ -1,11 +1,11 @@
-// From a hit to the point that is shaded.
+// The surface at a hit point: position, normals, material, texture coordinates.
 #import material
 #import texture
 
 struct Surface {
     position: vec3<f32>,
-    // Length by which a ray leaving the surface starts off it, along the geometric normal: several times the rounding
-    // error of the plane of this triangle.
+    // Distance along the geometric normal from the surface to the origin of a ray that leaves it: several times the rounding
+    // error of the triangle's plane.
     offset: f32,
     // Unit geometric normal, on the front side.
     geometric: vec3<f32>,
@@ -16,20 +16,20 @@ struct Surface {
     // TRIANGLE_ bits.
     flags: u32,
     uv: vec2<f32>,
-    // Its number.
+    // Index into `triangles`.
     triangle: u32,
 }
 
-// 2^-19: the plane of a triangle is known to about 6 x 2^-24 of its farthest corner. Five times that keeps rays
-// from leaking through it and from meeting the triangle that they leave.
+// 2^-19. The plane of a triangle is known to about 6 x 2^-24 of its largest coordinate. An offset of five times this error
+// keeps rays from leaking through the triangle and from hitting the triangle that they leave.
 const OFFSET_SCALE: f32 = 1.9073486e-6;
 
-// Point of triangle `index` with barycentric weights u, v of corners 1 and 2.
+// The surface at the point of triangle `index` with barycentric weights u and v of corners 1 and 2.
 fn surface_at(index: u32, u: f32, v: f32) -> Surface {
     let t = load_triangle(index);
     var s: Surface;
     s.triangle = index;
-    // From a corner along the edges: a coordinate that all corners share stays what it is, to the bit.
+    // Interpolated from corner 0 along the edges: a coordinate that all corners share keeps its exact bits.
     s.position = t.v0 + (u * (t.v1 - t.v0) + v * (t.v2 - t.v0));
     let reach = max(max(abs(t.v0), abs(t.v1)), abs(t.v2));
     s.offset = OFFSET_SCALE * max_component(reach);
@@ -52,7 +52,8 @@ fn surface_at(index: u32, u: f32, v: f32) -> Surface {
     return s;
 }
 
-// Unit normal of two edges of any size; across the longer one where they span nothing.
+// Unit normal of the plane of the edges a and b, which may have any length. If they span no plane: a unit vector
+// perpendicular to the longer edge.
 fn plane_normal(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     let size = max(max_component(abs(a)), max_component(abs(b)));
     let n = cross(a / size, b / size);
@@ -63,7 +64,8 @@ fn plane_normal(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return frame_around(normalize(select(b, a, dot(a, a) > dot(b, b)) / size))[0];
 }
 
-// Interpolated corner normals in world space, turned to the side of the geometric normal; that one where they cancel.
+// Unit shading normal in world space: the interpolated corner normals, flipped to the side of `geometric`. It is `geometric`
+// if the corner normals cancel.
 fn shading_normal(a: u32, b: u32, c: u32, weights: vec3<f32>, instance: u32, geometric: vec3<f32>) -> vec3<f32> {
     let local = weights.x * decode_octahedral(a) + weights.y * decode_octahedral(b) + weights.z * decode_octahedral(c);
     let m = load_instance(instance);
@@ -76,7 +78,7 @@ fn shading_normal(a: u32, b: u32, c: u32, weights: vec3<f32>, instance: u32, geo
     return select(n, -n, dot(n, geometric) < 0.0);
 }
 
-// Linear base colour and alpha at the point.
+// Linear base colour (xyz) and alpha (w) at the point.
 fn base_color(s: Surface) -> vec4<f32> {
     let m = load_material(s.material);
     let factor = vec4<f32>(m.base_color, m.opacity);
@@ -86,7 +88,7 @@ fn base_color(s: Surface) -> vec4<f32> {
     return factor * sample_texture(m.base_texture, s.uv);
 }
 
-// Radiance the surface emits towards its front (and back, when double-sided).
+// Radiance, W / (m^2 sr), that the surface emits from its front, and from its back if it is double-sided.
 fn emission(s: Surface) -> vec3<f32> {
     let m = load_material(s.material);
     if (!HAS_TEXTURES || m.emission_texture == NONE) {
@@ -95,7 +97,7 @@ fn emission(s: Surface) -> vec3<f32> {
     return m.emission * sample_texture(m.emission_texture, s.uv).xyz;
 }
 
-// Probability that the surface is there at all (alphaMode MASK and BLEND).
+// Probability that a ray hits the surface at this point and does not pass (alphaMode MASK and BLEND). Opaque materials: 1.
 fn coverage(s: Surface) -> f32 {
     let m = load_material(s.material);
     if ((m.flags & (MATERIAL_MASK | MATERIAL_BLEND)) == 0u) {
@@ -105,7 +107,7 @@ fn coverage(s: Surface) -> f32 {
     return select(alpha, select(0.0, 1.0, alpha >= m.alpha_cutoff), (m.flags & MATERIAL_MASK) != 0u);
 }
 
-// Origin of a ray that leaves `position` towards `direction`.
+// Origin of a ray that leaves `position` along `direction`: moved by `offset` along the normal, to the side of the ray.
 fn offset_origin(position: vec3<f32>, geometric: vec3<f32>, offset: f32, direction: vec3<f32>) -> vec3<f32> {
     return position + geometric * select(-offset, offset, dot(geometric, direction) >= 0.0);
 }

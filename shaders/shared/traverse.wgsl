@@ -1,4 +1,4 @@
-// Rays against the scene: a compressed wide BVH (Ylitie et al. 2017, 80-byte nodes) with watertight triangles.
+// Intersection of rays with the scene: a compressed wide BVH (Ylitie et al. 2017, 80-byte nodes) and watertight triangles.
 #import scene
 
 struct Hit {
@@ -6,26 +6,28 @@ struct Hit {
     // Barycentric weights of corners 1 and 2.
     u: f32,
     v: f32,
-    // Index into `triangles`, NONE for a miss.
+    // Index into `triangles`; NONE for a miss.
     triangle: u32,
 }
 
-// A place in the order in which a ray meets triangles: by distance, those at one distance by number. A ray goes on strictly after it, so
-// that a surface in the plane of one that it has passed is met too.
+// A position in the order in which a ray meets triangles: by distance, and at equal distance by index. A ray continues
+// strictly after it, so that the ray also meets a second surface in the plane of one that it has passed.
 struct LastHit {
     t: f32,
-    // NONE where nothing at this distance remains to be met.
+    // NONE if no triangle at this distance remains.
     triangle: u32,
 }
 
 const STACK_SIZE: u32 = 32u;
 
-// A ray's own coordinates: the greatest component of its direction comes last, what the others move with it is sheared off.
+// Coordinate axes of a ray. The axis of the largest direction component comes last; the other two are sheared so that the ray
+// runs along the last axis.
 struct RayAxes {
-    // Which component of the direction is the greatest.
+    // Index of the largest direction component.
     last: u32,
+    // The other two components, divided by the largest component.
     shear: vec2<f32>,
-    // Of the greatest component, in which the ray then advances by 1.
+    // 1 / largest component: along the scaled last axis the ray advances by 1 per unit of its parameter t.
     scale: f32,
 }
 
@@ -37,25 +39,27 @@ fn ray_axes(d: vec3<f32>) -> RayAxes {
     return RayAxes(last, turned.xy / turned.z, 1.0 / turned.z);
 }
 
-// Components in cyclic order, the given one last.
+// The components of p in cyclic order, so that component `last` comes last.
 fn turn_to_last(p: vec3<f32>, last: u32) -> vec3<f32> {
     return select(select(p, p.zxy, last == 1u), p.yzx, last == 0u);
 }
 
+// The point p, relative to the ray's origin, in the axes of the ray. z is the ray parameter at which the ray passes p.
 fn to_ray(p: vec3<f32>, axes: RayAxes) -> vec3<f32> {
     let turned = turn_to_last(p, axes.last);
     return vec3<f32>(turned.xy - axes.shear * turned.z, axes.scale * turned.z);
 }
 
-// Twice the area that two corners span with the ray, seen along it. Products round monotonically (the code is built without
-// contraction): the sign is that of the exact number, or the result is 0.
+// Twice the signed area of the triangle that the corners a and b span with the ray, seen along the ray. Products round
+// monotonically (the code is built without contraction), so the result has the sign of the exact number, or is 0.
 fn edge_area(a: vec3<f32>, b: vec3<f32>) -> f32 {
     return a.x * b.y - a.y * b.x;
 }
 
-// Watertight (after Woop et al. 2013): a corner has the same place across the ray in all triangles that share it, and on an
-// edge (area 0) both of its triangles are hit, so that no ray passes between triangles, at corners either. The distance is
-// a mean of the corners' with weights >= 0: slivers, whose plane is rounding, keep it.
+// Replaces `hit` by triangle `index` if the ray hits it nearer, but after `last_hit`. Watertight (after Woop et al. 2013): a
+// corner has the same position across the ray in all triangles that share it, and a ray through an edge (area 0) hits both
+// triangles of that edge. So no ray passes between triangles, not even at a corner. The distance is a weighted mean of the
+// distances of the corners, with weights >= 0. So it is accurate for slivers too, whose plane is lost in rounding.
 fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, last_hit: LastHit, origin_triangle: u32, hit: ptr<function, Hit>) {
     let triangle = load_triangle(index);
     let a = to_ray(triangle.v0 - o, axes);
@@ -71,7 +75,7 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, last_hit: LastHit
     var beyond = t > last_hit.t;
     var nearer = t < (*hit).t;
     if (HAS_ALPHA) {
-        // Only a ray that may pass surfaces has to tell apart those at one distance.
+        // Only a ray that may pass surfaces needs an order between triangles at equal distance.
         beyond |= (t == last_hit.t) & (index > last_hit.triangle);
         nearer |= (t == (*hit).t) & ((*hit).triangle != NONE) & (index < (*hit).triangle);
     }
@@ -83,9 +87,10 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, last_hit: LastHit
     }
 }
 
-// The hit of a ray that started beside `p`, off the surface it left, as the ray from `p` itself makes it: directions are drawn at
-// `p`, and hits of rays moved aside are not as dense as they say, by the offset over the distance, which far from the origin
-// is far from nothing. Where the ray from `p` passes the triangle, within an offset of its edge, the hit stays as it is.
+// Recomputes a hit for the ray from `p` itself. The traced ray started beside `p`, off the surface, but directions are
+// sampled at `p`. Offsetting the origin changes the density of the hit point by a relative error of about offset / distance.
+// The offset grows with the coordinates, so far from their origin this error counts. If the ray from `p` misses the triangle,
+// by less than the offset, the hit is unchanged.
 fn reintersect(hit: Hit, p: vec3<f32>, d: vec3<f32>) -> Hit {
     var again = hit;
     again.t = 3e38;
@@ -94,23 +99,25 @@ fn reintersect(hit: Hit, p: vec3<f32>, d: vec3<f32>) -> Hit {
     return again;
 }
 
-// Reciprocal that keeps zero components finite.
+// Reciprocal of each component; finite for components that are 0.
 fn safe_inverse(d: vec3<f32>) -> vec3<f32> {
     let tiny = vec3<f32>(1e-20);
     let signed_tiny = select(-tiny, tiny, d >= vec3<f32>(0.0));
     return 1.0 / select(d, signed_tiny, abs(d) < tiny);
 }
 
+// Byte `b` of the word x, 0 for the lowest.
 fn extract_byte(x: u32, b: u32) -> u32 {
     return (x >> (b * 8u)) & 0xffu;
 }
 
-// A plane's parameter is a sum whose terms may cancel: planes are moved outwards by what rounding can do to the terms, so that
-// flat boxes keep their hits (after Ize 2013), and by as much again for the shear of the corners. Near planes too: on an axis
-// along which the ray hardly moves their error may exceed all there is on the far plane's. 12 x 2^-24.
+// Slack of the slab test, 12 x 2^-24 of each term. The ray parameter of a plane is a sum whose terms may cancel. So planes
+// are moved outwards by the possible rounding error of the terms, and flat boxes keep their hits (after Ize 2013). The slack
+// is doubled for the shear of the triangle corners. Near planes are moved as well: on an axis along which the ray hardly
+// moves, the error of the near plane may exceed the slack of the far plane.
 const SLAB_SLACK: f32 = 7.2e-7;
 
-// A node's quantised planes in the ray's parameter: byte times scale plus origin, for near and far planes.
+// The quantised planes of a node as ray parameters: byte times scale plus origin, for near and far planes.
 struct Slabs {
     near_scale: vec3<f32>,
     near_origin: vec3<f32>,
@@ -120,8 +127,9 @@ struct Slabs {
     t_max: f32,
 }
 
-// Hit mask of four of the eight children: inner children in bits 24-31 by traversal priority, triangles in bits 0-23.
-// `near` and `far` hold the bytes of their planes an axis, `oct4` the ray's octant in every byte.
+// Hit mask of four of a node's eight children: inner children in bits 24 to 31 by traversal priority, triangles in
+// bits 0 to 23. `near` and `far` hold, for each axis, the bytes of the four near and far planes. `oct4` holds the
+// octant of the ray in every byte.
 fn intersect_four(meta4: u32, near: vec3<u32>, far: vec3<u32>, slabs: Slabs, oct4: u32) -> u32 {
     let inner4 = (meta4 & (meta4 << 1u)) & 0x10101010u;
     let inner_mask4 = (inner4 >> 4u) * 0xffu;
@@ -143,7 +151,8 @@ fn intersect_four(meta4: u32, near: vec3<u32>, far: vec3<u32>, slabs: Slabs, oct
     return a | b | c | d;
 }
 
-// Closest hit (or any hit) of o + t d after `last_hit` and before t_max. `d` need not have unit length. `origin_triangle`: see `trace`.
+// Closest hit of the ray o + t d after `last_hit` and before t_max, or some hit if `any_hit` is set. `d` need not have unit
+// length. `origin_triangle`: see `trace`.
 fn traverse(o: vec3<f32>, d: vec3<f32>, last_hit: LastHit, t_max: f32, any_hit: bool, origin_triangle: u32) -> Hit {
     var hit = Hit(t_max, 0.0, 0.0, NONE);
     let inverse = safe_inverse(d);
@@ -157,7 +166,7 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, last_hit: LastHit, t_max: f32, any_hit: 
     var leaves = vec2<u32>(0u, 0u);
     loop {
         if (nodes.y > 0x00ffffffu) {
-            // Nearest child of the current group by octant order; the rest of the group waits on the stack.
+            // The nearest child of the current group by octant order. The rest of the group waits on the stack.
             let bit = firstLeadingBit(nodes.y);
             let child_base = nodes.x;
             nodes.y &= ~(1u << bit);
@@ -183,7 +192,8 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, last_hit: LastHit, t_max: f32, any_hit: 
             let wider_origin = SLAB_SLACK * abs(origin);
             let slabs = Slabs(scale - wider_scale, origin - wider_origin, scale + wider_scale, origin + wider_origin, last_hit.t,
                 hit.t);
-            // Words of a plane: four low children, four high ones; minima first. The sign of the ray says which are near.
+            // The words of an axis are the lower planes of children 0 to 3 and 4 to 7, then their upper planes. The sign of
+            // the direction decides which planes are near.
             let x = select(n2, n2.zwxy, backwards.x);
             let y = select(n3, n3.zwxy, backwards.y);
             let z = select(n4, n4.zwxy, backwards.z);
@@ -195,7 +205,7 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, last_hit: LastHit, t_max: f32, any_hit: 
             leaves = nodes;
             nodes = vec2<u32>(0u, 0u);
         }
-        // Tested at the end: masked SIMD runs a loop's body once more for a condition at its top.
+        // The loop exits at its end: with a condition at the top, masked SIMD would run the body once more.
         loop {
             if (leaves.y != 0u) {
                 let bit = firstLeadingBit(leaves.y);

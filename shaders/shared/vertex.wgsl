@@ -1,14 +1,14 @@
-// A vertex of a subpath, whatever it is: a point on a surface or a point on an emitter. Evaluation, sampling, densities, cosines
-// and sides are asked for here alone, so that nothing else has to know whether a vertex has a normal.
+// A vertex of a subpath: a point on a surface or on an emitter. Only this module evaluates and samples vertices and computes
+// their densities, cosines and sides. So no other module needs to know whether a vertex has a normal.
 #import emitter
 
 // A vertex evaluated for one direction.
 struct Evaluation {
-    // Factor of the measurement contribution at this vertex, its cosine included.
+    // Factor of this vertex in the measurement contribution, cosine included.
     value: vec3<f32>,
-    // Density per solid angle of sampling the direction, and of sampling the direction to the previous vertex for a subpath that
-    // arrives along the direction.
+    // Density per solid angle of sampling the direction. For a light vertex, times its `select_pdf`.
     pdf: f32,
+    // Density per solid angle of sampling the direction to the previous vertex, for a subpath that arrives along the direction.
     pdf_reverse: f32,
     // See `vertex_cosine`.
     cosine: f32,
@@ -24,26 +24,27 @@ fn has_normal(v: PathVertex) -> bool {
     return (v.flags & VERTEX_EMITTER) == 0u || v.material <= EMIT_TWO_SIDED;
 }
 
-// Whether v exchanges light with one side of its surface only.
+// Whether v exchanges light with only one side of its surface.
 fn is_one_sided(v: PathVertex) -> bool {
     return !transmits(v) && ((v.flags & VERTEX_EMITTER) == 0u || v.material == EMIT_ONE_SIDED);
 }
 
-// Whether v can exchange light with what lies along `w`.
+// Whether v can exchange light with a point in the direction `w`.
 fn faces(v: PathVertex, w: vec3<f32>) -> bool {
     return !is_one_sided(v) || dot(v.geometric, w) > 0.0;
 }
 
-// Cosine that turns a density per solid angle which arrives at v along `w` (either sign) into one per area; 1 without a normal.
+// Absolute cosine between `w` and the geometric normal, 1 for a vertex without normal. It turns a density per solid angle
+// into a density per area.
 fn vertex_cosine(v: PathVertex, w: vec3<f32>) -> f32 {
     return select(1.0, abs(dot(v.geometric, w)), has_normal(v));
 }
 
-// Punctual lights are too many to be connected one by one: queries meet them in the trees.
+// Whether the trees contain the punctual lights, because there are too many to connect one by one.
 override QUERIED_PUNCTUAL: bool = true;
 
-// Light that v sends along `w` (unit), relative to its throughput: of a surface as if it were diffuse, `min_cosine` at least; of a
-// punctual light exactly, and so 0 outside the cone of a spot.
+// Light that v sends along `w` (unit), relative to its throughput. A surface counts as diffuse, with a cosine of at least
+// `min_cosine`. A punctual light is exact: the result is 0 outside the cone of a spot.
 fn outgoing_light(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
     if (QUERIED_PUNCTUAL && !has_normal(v)) {
         return emitter_profile(v, w).x;
@@ -51,7 +52,7 @@ fn outgoing_light(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
     return max(vertex_cosine(v, w), min_cosine);
 }
 
-// Refractive index of the medium that a segment leaving v along `w` travels in.
+// Refractive index of the medium in which a segment leaves v along `w`.
 fn eta_towards(v: PathVertex, w: vec3<f32>) -> f32 {
     if (!transmits(v) || dot(v.geometric, w) >= 0.0) {
         return v.eta;
@@ -59,39 +60,41 @@ fn eta_towards(v: PathVertex, w: vec3<f32>) -> f32 {
     return select(1.0, load_material(v.material).ior, (v.flags & VERTEX_FRONT) != 0u);
 }
 
-// Least and greatest refractive index of the media that segments leaving v travel in.
+// Minimum (x) and maximum (y) refractive index of the media in which segments leave v.
 fn eta_range(v: PathVertex) -> vec2<f32> {
     let other = eta_towards(v, -v.geometric);
     return vec2<f32>(min(v.eta, other), max(v.eta, other));
 }
 
-// Offset from v to the origin of a ray that leaves it along `w`: off the surface, so that the ray does not meet it again.
+// Offset from v, along the normal, to the origin of a ray that leaves v along `w`. It keeps the ray from hitting the surface again.
 fn ray_offset(v: PathVertex, w: vec3<f32>) -> vec3<f32> {
     return offset_origin(vec3<f32>(0.0), v.geometric, v.offset, w);
 }
 
-// Where a ray between v and a point along `w` starts or ends.
+// Point where a ray between v and a point along `w` starts or ends.
 fn ray_end(v: PathVertex, w: vec3<f32>) -> vec3<f32> {
     return offset_origin(v.position, v.geometric, v.offset, w);
 }
 
-// Can the vertex be connected: has its side of the material a lobe that is not a delta?
+// Whether v, a point on a surface, can be connected: its side of the material has a lobe that is not a delta.
 fn is_connectible(v: PathVertex) -> bool {
     let m = load_material(v.material);
     let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
     return !black && (m.alpha >= DELTA_ALPHA || (m.metallic < 1.0 && m.transmission < 1.0));
 }
 
-// The scattering at v, a point on a surface.
+// The BSDF at v, a point on a surface.
 fn vertex_bsdf(v: PathVertex) -> Bsdf {
     return make_bsdf(v.material, v.base_color, (v.flags & VERTEX_FRONT) != 0u);
 }
 
+// The direction w in the local frame of `normal` (+z).
 fn to_local(normal: vec3<f32>, w: vec3<f32>) -> vec3<f32> {
     return w * frame_around(normal);
 }
 
-// A shade point looking along `w` (unit) for light. Shading normals enter as cos(normal, light): Veach 1997, Eq. 5.18.
+// Evaluates the shade point q for light from the direction `w` (unit). The cosine is that of the shading normal
+// (Veach 1997, Eq. 5.18).
 fn evaluate_shade_point(q: PathVertex, w: vec3<f32>) -> Evaluation {
     let b = vertex_bsdf(q);
     let wc = to_local(q.normal, q.to_previous);
@@ -106,7 +109,7 @@ fn evaluate_shade_point(q: PathVertex, w: vec3<f32>) -> Evaluation {
     return c;
 }
 
-// A light vertex sending light along `w` (unit).
+// Evaluates the light vertex v for light that it sends along `w` (unit).
 fn evaluate_light_vertex(v: PathVertex, w: vec3<f32>) -> Evaluation {
     var c: Evaluation;
     if ((v.flags & VERTEX_EMITTER) != 0u) {
@@ -123,7 +126,8 @@ fn evaluate_light_vertex(v: PathVertex, w: vec3<f32>) -> Evaluation {
     let value = bsdf_eval(b, wl, wc);
     let side = dot(v.geometric, w);
     let consistent = side * wc.z > 0.0 && wl.z > 0.0;
-    // Veach 1997, Eq. 5.19: light is received over the geometric cosine and scattered over the shading one.
+    // Correction for shading normals (Veach 1997, Eq. 5.19): light arrives with the geometric cosine and is scattered with
+    // the shading cosine.
     let correction = abs(wl.z) / max(abs(dot(v.geometric, v.to_previous)), 1e-9);
     c.value = select(vec3<f32>(0.0), value.f * (abs(side) * correction), consistent);
     c.pdf = value.pdf_to_sensor * v.select_pdf;
@@ -132,10 +136,12 @@ fn evaluate_light_vertex(v: PathVertex, w: vec3<f32>) -> Evaluation {
     return c;
 }
 
-// A direction in which a subpath goes on from a vertex.
+// A sampled direction in which a subpath continues.
 struct Scatter {
     direction: vec3<f32>,
+    // Factor on the throughput of the subpath, cosines included.
     weight: vec3<f32>,
+    // Densities per solid angle, as in `Evaluation`.
     pdf: f32,
     pdf_reverse: f32,
     // Geometric cosine of the new direction.
@@ -144,7 +150,7 @@ struct Scatter {
     valid: bool,
 }
 
-// Next direction of a subpath at vertex v; `to_light` for sensor subpaths.
+// Samples the next direction of a subpath at the surface vertex v. `to_light`: true for sensor subpaths.
 fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
     let b = vertex_bsdf(v);
     let known = to_local(v.normal, v.to_previous);
@@ -161,8 +167,8 @@ fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
     s.pdf = sample.pdf;
     s.pdf_reverse = sample.pdf_reverse;
     s.delta = sample.delta;
-    // Delta lobes keep reflectance / probability: their cosines cancel with those of the measure, up to the same
-    // shading-normal correction as smooth ones.
+    // The weight of a delta lobe is reflectance / probability: the cosines of value and measure cancel. Only the
+    // shading-normal correction of smooth lobes remains.
     let known_ratio = known.z / max(abs(dot(v.geometric, v.to_previous)), 1e-9);
     let new_cosine = abs(sample.direction.z);
     let smooth_factor = select(known_ratio * s.cosine, new_cosine, to_light);

@@ -1,14 +1,20 @@
-// Closest hits and shadow rays, with surfaces that are only partly there.
+// Closest hits and shadow rays. Surfaces with alpha may let a ray pass.
 #import traverse
 #import surface
 #import random
 
-// Closest surface along o + t d. Surfaces with alpha let the ray pass with probability 1 - coverage; `key` makes the
-// choice of this ray independent of others, and a count the choice at each surface; not their numbers, which follow from the
-// rounding of the hierarchy. `d` need not have unit length. `origin_triangle` is the triangle that the ray leaves for good, NONE for
-// none: a plane is not hit from itself, whatever rounding makes of the distance of a needle that is seen along its face. Shadow
-// rays must meet the triangles of their ends: between the two sides of a wall, rounding may find a way along it.
-// The loop is the one place that traverses: a second call site would double the time that the driver takes to compile the kernel.
+// Closest surface that the ray o + t d hits for 0 < t < t_max, or some surface if `any_hit` is set. `d` may have any length.
+//
+// A surface with alpha lets the ray pass with probability 1 - coverage. `key` makes the random choices of this ray
+// independent of those of other rays. At each surface, the choice also depends on how many surfaces the ray has passed. It
+// does not depend on triangle indices, because rounding in the construction of the BVH may change these.
+//
+// `origin_triangle` is the triangle that the ray leaves and must not hit again, or NONE. Rounding could otherwise let the ray
+// hit this triangle: if it is a needle seen along its face, its distance may round to any value. Shadow rays pass NONE,
+// because they must be able to hit the triangles at their ends: otherwise rounding may let a ray slip through between the two
+// sides of a wall.
+//
+// The loop contains the only call of `traverse`. A second call would double the driver's time to compile the kernel.
 fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, origin_triangle: u32, key: vec4<u32>) -> Hit {
     var last_hit = LastHit(0.0, NONE);
     var count = 0u;
@@ -18,7 +24,7 @@ fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, origin_triangle:
         if (EXIT_AT_TOP && !goes_on) {
             break;
         }
-        // Any hit is not the nearest one: what an alpha surface lets pass must still meet what stands before it.
+        // With alpha, every call needs the nearest hit: once the ray has passed a farther surface, it cannot hit the nearer ones.
         hit = traverse(o, d, last_hit, t_max, any_hit && !HAS_ALPHA, origin_triangle);
         goes_on = HAS_ALPHA && lets_pass(hit, key, count);
         last_hit = LastHit(hit.t, hit.triangle);
@@ -30,7 +36,7 @@ fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, origin_triangle:
     return hit;
 }
 
-// Whether the surface at the hit lets this ray pass, which has passed `count` surfaces before.
+// Whether the surface at the hit lets this ray pass. `count` is the number of surfaces that the ray has passed before.
 fn lets_pass(hit: Hit, key: vec4<u32>, count: u32) -> bool {
     if (hit.triangle == NONE) {
         return false;

@@ -1,10 +1,10 @@
-// One step of a random walk, the same for light and sensor subpaths: to the next surface, and on from there.
+// One step of a random walk, for light and sensor subpaths alike: trace to the next surface, then choose the next direction.
 #import visibility
 #import partial_sums
 
-// Where a subpath arrived.
+// The hit at which a subpath arrived.
 struct Arrival {
-    // Without it the ray met nothing, and the rest has no meaning.
+    // False if the ray hit nothing; the other fields then have no meaning.
     found: bool,
     surface: Surface,
     vertex: PathVertex,
@@ -23,12 +23,13 @@ fn advance(state: ptr<function, PathState>, key: vec4<u32>) -> Arrival {
     return a;
 }
 
-// Whether every path on from v by way of `point`, or of one behind it, is too long for the gate. Exact: nothing that counts is lost.
+// Whether every path that continues from v to `point`, or to any point at least as far from v, is too long for the gate. The
+// test uses a lower bound of the travel time, so no path inside the gate is lost.
 fn is_too_late(v: PathVertex, point: vec3<f32>) -> bool {
     return v.tau + distance(v.position, point) >= frame.cull_hi;
 }
 
-// Moves `state` to the hit: travel time, partial MIS sums, and the vertex that stands there.
+// Moves `state` to the hit at `surface`: updates travel time and partial MIS sums. Returns the vertex at the hit.
 fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let segment = surface.position - (*state).position;
     let distance2 = dot(segment, segment);
@@ -38,7 +39,7 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let passes = HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0;
     mis_arrive(state, distance2, abs(side));
     if (passes) {
-        // The side that was hit says what the segment ran through, the same for subpaths from either end.
+        // The side that was hit determines the medium of the segment. Subpaths from either end find the same medium.
         (*state).eta = select(load_material(surface.material).ior, 1.0, side >= 0.0);
     }
     (*state).tau += (*state).eta * sqrt(distance2);
@@ -63,8 +64,9 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     return v;
 }
 
-// Sends `state` on from `v`; false if the subpath ends here. `u`: direction and lobe, `survival`: Russian roulette on the
-// throughput this bounce takes away, off for `survival` < 0.
+// Sends `state` on from v along a sampled direction. Returns false if the subpath ends here. `u` samples direction and lobe.
+// `survival` is the uniform of Russian roulette; the probability of survival is the throughput factor of this bounce, clamped
+// to [0.05, 1]. A negative `survival` switches roulette off.
 fn scatter(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec4<f32>, survival: f32) -> bool {
     let s = sample_vertex(v, to_light, u);
     if (!s.valid) {
