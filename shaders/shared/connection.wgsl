@@ -1,12 +1,14 @@
-// A connection between a shade point and a light vertex, before its visibility.
+// A connection between a shade point and a light vertex, before the visibility test.
 //
 // For q = q^(t) and v = v^(s) the contribution is (Eq. 25)
 //     w_{s,t} omega_t phi_j f_j(q) / (K P(j | q)),   f_j = f(q) cos f(v) cos V(q, v) / d^2,
-// inside the gate. w_{s,t} is the power heuristic (Eq. 27) over all strategies that are kept, see `weights.wgsl`.
+// if the travel time is inside the gate. w_{s,t} is the power heuristic (Eq. 27) over all strategies that are
+// kept: see `weights.wgsl`.
 #import weights
 #import segment
 
-// The contribution of the connection without w, V and the factor 1 / (K P(j | q)) of how v was chosen; w: its MIS weight.
+// xyz: contribution of connecting q and v without gate, visibility V, MIS weight, and the factor 1 / (K P(j | q)). w:
+// the MIS weight w_{s,t}.
 fn unshadowed(q: PathVertex, v: PathVertex) -> vec4<f32> {
     let segment = segment_between(q.position, v.position);
     let at_q = evaluate_shade_point(q, segment.direction);
