@@ -2,6 +2,6 @@
 struct Candidate {
     // Index into `light_vertices`, NONE for an empty slot.
     vertex: u32,
-    // 1 / (K P(j | q)), the factor of Eqs. 25 and 26; of lcs what resampling puts in its place.
+    // 1 / (K P(j | q)), the factor of Eqs. 25 and 26. For lcs: the resampling factor that replaces it.
     weight: f32,
 }

@@ -1,53 +1,56 @@
-// Importance of a light-tree node to a shade point: an estimate of what its vertices contribute through the gate, not a bound.
-// It is 0 only where no vertex can contribute; elsewhere any positive value is unbiased, and a tight
-// estimate leaves less noise than a conservative bound.
+// Importance of a light-tree node for a shade point: an estimate, not a bound, of what the node's vertices contribute through
+// the gate. It is 0 only where no vertex can contribute. Elsewhere any positive value keeps the result unbiased, and a tight
+// estimate gives less noise than a conservative bound.
 #import lightcone
 
-// Weight of a live bucket beyond its estimate. Errors of the uniform model multiply from level to level: with 0.01 rare vertices
-// shone far too bright (docs/notebook/importance-floor.md).
+// Share that is added to the estimate of each live bucket. Errors of the uniform model multiply from level to level: with
+// 0.01, rare vertices became far too bright (docs/notebook/importance-floor.md).
 const LIVE_BUCKET_SHARE: f32 = 0.3;
-// The same for the cosine.
+// Minimum of the cosine factor, for the same reason.
 const MIN_COSINE: f32 = 0.1;
-// Keeps products of small factors from becoming 0.
+// Minimum of a positive importance: products of small factors must not underflow to 0.
 const MIN_IMPORTANCE: f32 = 1e-36;
 
-// Ideas that a render may do without (`--importance`): any of them is unbiased on and off.
+// Terms of the importance, each of which `--importance` can switch off. The result is unbiased with and without each term.
 override BY_CENTRE: bool = true;
 override BY_COSINE: bool = true;
 override BY_OVERLAP: bool = true;
 override BY_GLOSS: bool = true;
 
-// A shade point as the importance sees it.
+// The properties of a shade point that the importance uses.
 struct Receiver {
     shell: Shell,
-    // Geometric normal on the side it was reached from.
+    // Unit geometric normal, on the side that the sensor subpath arrived from.
     normal: vec3<f32>,
-    // Light may come through the surface.
+    // Whether light may come through the surface.
     transmits: bool,
-    // Unit direction that the way to the sensor is mirrored into, and the squared width (radians) of the gloss around it.
+    // Centre of the glossy lobe: the mirrored unit direction to the sensor.
     mirrored: vec3<f32>,
+    // Squared width of the glossy lobe, in radians squared.
     spread: f32,
-    // Part of what it reflects that is gloss, 0 to 1.
+    // Glossy share of the reflected light, 0 to 1.
     gloss: f32,
 }
 
-// Share of the power of four buckets whose optical lengths lie in intervals of `length` from `start` on that meets the gate, 0 to 1,
-// and LIVE_BUCKET_SHARE more; 0 where none can. `density`: that of a length in its interval, at most.
+// For four buckets, the share of the power that meets the gate, 0 to 1, plus LIVE_BUCKET_SHARE; 0 where no light can meet the
+// gate. The optical lengths of a bucket lie in an interval that begins at its `start` and is `length` long. `density` is the
+// maximum density of an optical length in its interval.
 fn shares_through_gate(start: vec4<f32>, length: f32, density: f32, shell: Shell) -> vec4<f32> {
     let overlap = min(start + length, vec4<f32>(shell.hi)) - max(start, vec4<f32>(shell.lo));
     return select(vec4<f32>(0.0), min(overlap * density, vec4<f32>(1.0)) + LIVE_BUCKET_SHARE, overlap >= vec4<f32>(0.0));
 }
 
-// Power of the node times the probability that its light meets the gate: each bucket's travel time and the distance taken as
-// independent and uniform over their intervals. The density of their sum is a trapezium; its height stands for all of it, which
-// tells candidates apart as well as its integral does and costs less (docs/notebook/importance-floor.md).
+// Power of the node times the probability that its light meets the gate. `d`: range of the optical distance. In the
+// model, the travel time in a bucket and the distance are independent and uniform over their intervals, so the
+// density of their sum is a trapezium. The height of the trapezium replaces its integral: this ranks candidates as
+// well and costs less (docs/notebook/importance-floor.md).
 fn power_through_gate(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
     if (!BY_OVERLAP) {
-        // Live buckets count fully.
+        // Every live bucket counts with its full power.
         return bucket_power(c, d, shell);
     }
     let bucket_width = (c.tau_hi - c.tau_lo) / BUCKET_COUNT;
-    // Intervals of no width become short ones; they begin where they began.
+    // An interval of zero width becomes a short one with the same start.
     let min_width = 1e-4 * d.y + 1e-12;
     let spread = max(d.y - d.x, min_width);
     let bucket = max(bucket_width, min_width);
@@ -58,13 +61,13 @@ fn power_through_gate(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
         + dot(bytes_to_floats(c.buckets_high), shares_through_gate(start + 4.0 * bucket_width, length, density, shell)));
 }
 
-// Greatest cosine at a surface point q with unit normal n towards the box [lo, hi], d_min from q at least; negative where the whole
-// box lies behind the surface.
+// Maximum cosine between the unit normal n of a surface point q and a direction from q into the box [lo, hi]. `d_min` is the
+// minimum distance from q to the box. The result is negative if the whole box lies behind the surface.
 fn box_cosine(n: vec3<f32>, lo: vec3<f32>, hi: vec3<f32>, q: vec3<f32>, d_min: f32) -> f32 {
-    // The corner that is furthest in front. No offset of a vertex can round to more than that of the corner.
+    // The corner that is farthest along n. After rounding, no vertex of the box is farther along n than this corner.
     let corner = select(lo, hi, n > vec3<f32>(0.0)) - q;
     let height = dot(n, corner);
-    // What rounding may do to the height: a vertex in front must never be lost.
+    // Bound on the rounding error of the height: a box with a vertex in front of the surface must never be culled.
     let rounding = 1e-6 * dot(abs(corner), vec3<f32>(1.0));
     if (height + rounding < 0.0) {
         return -1.0;
@@ -72,28 +75,28 @@ fn box_cosine(n: vec3<f32>, lo: vec3<f32>, hi: vec3<f32>, q: vec3<f32>, d_min: f
     return clamp((height + rounding) / max(d_min, 1e-20), 0.0, 1.0);
 }
 
-// What a node's greatest cosine at the receiver makes of its power.
+// Factor of the importance for the maximum cosine of a node at the receiver.
 fn cosine_factor(cosine: f32) -> f32 {
     return select(1.0, max(cosine, MIN_COSINE), BY_COSINE);
 }
 
-// pi times the lobe of gloss, its cosine included, towards a node at `center` from the receiver: 1 / (w (1 + e^2 / w)^2) for a squared width
-// w and a chord e to the mirrored direction, the tails of GGX; over the sphere its integral is pi / (1 + w / 4). A node widens it by
-// its squared angular radius `radius2`.
+// pi times the glossy lobe, cosine included, towards a node with its centre at the offset `center` from the receiver. The
+// lobe is 1 / (w (1 + e^2 / w)^2) with the squared width w and the chord e to the mirrored direction: it has the tails of
+// GGX, and its integral over the sphere is pi / (1 + w / 4). A node widens the lobe by its squared angular radius `radius2`.
 fn gloss_factor(r: Receiver, center: vec3<f32>, radius2: f32) -> f32 {
     let chord2 = max(2.0 - 2.0 * dot(center, r.mirrored) * inverseSqrt(max(dot(center, center), 1e-20)), 0.0);
     let width = r.spread + radius2;
     return width / square(width + chord2);
 }
 
-// The squared distance a node's power is divided by: of its box's centre, or of the nearest point as `node_bound` has it, and
-// never below the box's half diagonal.
+// Squared distance by which a node's power is divided: to the centre of its box, or without BY_CENTRE to the nearest point of
+// the box as in `node_bound`. It is at least the squared half diagonal of the box.
 fn node_distance2(center: vec3<f32>, half_extent: vec3<f32>, d_min: f32) -> f32 {
     return max(select(d_min * d_min, dot(center, center), BY_CENTRE), dot(half_extent, half_extent));
 }
 
-// Importance of the node: power through the gate over its squared distance, times what the receiver makes of it. 0
-// behind the receiver whatever is switched off: culling is not importance.
+// Importance of the node: power through the gate over squared distance, times the factor of the receiver. It is 0 outside the
+// shell and behind the receiver, whatever `--importance` switches off: culling is not one of its terms.
 fn node_importance(c: TreeChild, r: Receiver) -> f32 {
     let distances = box_distances(r.shell.q, c.lo, c.hi);
     let d = vec2<f32>(distances.x * r.shell.eta_lo, distances.y * r.shell.eta_hi);

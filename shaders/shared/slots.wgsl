@@ -1,4 +1,4 @@
-// The candidate slots of a shade point, and the deterministic vertices that come first in them.
+// The candidate slots of a shade point. Deterministic vertices take the first slots.
 #import candidate
 #import random
 #import tree
@@ -11,21 +11,23 @@
 @group(2) @binding(3) var<storage, read_write> candidates: array<Candidate>;
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
 
-// Deterministic vertices evaluated one by one; of more, so many are drawn (bdpt, pt) or all stand in the trees.
+// Maximum number of deterministic vertices that are connected one by one. If there are more, this number of them is drawn
+// (bdpt, pt), or all of them are in the trees (lcs, lcs-paper).
 const DETERMINISTIC_SLOTS: u32 = 8u;
-// 2^32 / DETERMINISTIC_SLOTS: one draw in each part.
+// 2^32 / DETERMINISTIC_SLOTS: width of the strata of the draws.
 const DRAW_STRATUM: u32 = 0x20000000u;
 
+// Fills a slot; `vertex` is NONE for an empty slot. Compaction keeps the slots with mark 1.
 fn write_candidate(slot: u32, vertex: u32, weight: f32) {
     candidates[slot] = Candidate(vertex, weight);
     marks[slot] = select(1u, 0u, vertex == NONE);
 }
 
-// 2^-22: two points nearer than this part of their greatest coordinate are one point, as far as floats tell. Between them
-// densities per area have squares beyond all floats.
+// 2^-22. Two points whose distance is below this fraction of their largest coordinate count as one point: floats hardly tell
+// them apart, and squared densities per area between them overflow.
 const COINCIDENCE_TOLERANCE: f32 = 2.3841858e-7;
 
-// Whether connecting v to q can contribute: gate, depth, facing.
+// Whether connecting v to q can contribute. Tests coincidence, number of segments, gate and facing.
 fn can_connect(q: PathVertex, v: PathVertex) -> bool {
     let offset = v.position - q.position;
     let d2 = dot(offset, offset);
@@ -36,12 +38,13 @@ fn can_connect(q: PathVertex, v: PathVertex) -> bool {
         && gate_weight(connection_time(q, v, w, d)) > 0.0 && faces(q, w) && faces(v, -w);
 }
 
-// `vertex` if connecting it to q can contribute, else NONE.
+// `vertex` if connecting it to q can contribute, otherwise NONE.
 fn connectable_or_none(q: PathVertex, vertex: u32) -> u32 {
     return select(NONE, vertex, can_connect(q, load_light_vertex(vertex)));
 }
 
-// The deterministic vertex that number `u` of 2^32 draws goes to, and 1 / P. Integers make P exact.
+// The deterministic vertex whose interval of the cumulative distribution contains `u`, in units of 2^-32, and 1 / P. Integers
+// make P exact.
 fn draw_deterministic(u: u32) -> Candidate {
     var lo = 0u;
     var hi = frame.deterministic_count - 1u;
@@ -51,12 +54,13 @@ fn draw_deterministic(u: u32) -> Candidate {
         lo = select(middle, lo, above);
         hi = select(hi, middle - 1u, above);
     }
-    // Draws of the last vertex end at 2^32, which wraps to the 0 where those of the first one begin.
+    // The interval of the last vertex ends at 2^32. This wraps to 0, the start of the first interval.
     let next = (lo + 1u) % frame.deterministic_count;
     let draws = load_light_vertex(next).selection_cdf - load_light_vertex(lo).selection_cdf;
     return Candidate(lo, 4294967296.0 / f32(draws));
 }
 
+// Writes deterministic vertices to the slots from `slot` on. Returns the number of slots used.
 fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32) -> u32 {
     let n = frame.deterministic_count;
     if (n <= DETERMINISTIC_SLOTS) {
@@ -73,19 +77,19 @@ fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot:
     return DETERMINISTIC_SLOTS;
 }
 
-// The work item of a query kernel: a shade point and its candidate slots.
+// Work item of a query kernel: a shade point and its candidate slots.
 struct WorkItem {
     q: PathVertex,
-    // Pixel, number of the sample in it, and segments from the sensor: what random numbers depend on.
+    // Keys of the random numbers: pixel, number of the sample in the pixel, and segments from the sensor.
     index: u32,
     sample: u32,
     depth: u32,
-    // The first slot, and how many are used.
+    // The first slot, and the number of slots used.
     first: u32,
     used: u32,
 }
 
-// The shade point of a rank in the list, with its deterministic vertices in its first slots.
+// The shade point at a position in the list. Its deterministic vertices are written to its first slots.
 fn begin_work_item(rank: u32) -> WorkItem {
     let q = load_shade_point(list[rank]);
     let sensor = sensor_sample(q.owner);

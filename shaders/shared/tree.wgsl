@@ -1,21 +1,22 @@
-// Light vertices and the two trees over them (Sec. 5.4). Group 1 lives here.
+// Light vertices and the two trees over them (Sec. 5.4). Only this file declares group 1.
 #import frame
 #import path
 #import math
 
-// One child of an inner node: what a query must know of it before it goes there. 48 bytes; a node is two of them.
+// One child of an inner node: the facts by which a query decides whether to go there. 48 bytes; a node is two children.
 struct TreeChild {
     lo: vec3<f32>,
-    // N_tau^-: least travel time below the child.
+    // N_tau^-: minimum travel time of the vertices below the child.
     tau_lo: f32,
     hi: vec3<f32>,
-    // N_tau^+.
+    // N_tau^+: maximum travel time of the vertices below the child.
     tau_hi: f32,
-    // Power of the 8 travel-time buckets in units of `power_unit`, rounded up: never 0 for a bucket that holds a vertex.
+    // Power of the 8 travel-time buckets, one byte each, in units of `power_unit`. Powers are rounded up, so that a bucket
+    // with a vertex is never 0.
     buckets_low: u32,
     buckets_high: u32,
     power_unit: f32,
-    // Inner node, or LEAF_BIT with count - 1 in bits 27 to 30 and the first vertex below.
+    // Index of an inner node, or a leaf reference: LEAF_BIT, count - 1 in bits 27 to 30, and the index of the first vertex.
     child: u32,
 }
 
@@ -26,15 +27,15 @@ struct TreeNode {
 
 const LEAF_BIT: u32 = 0x80000000u;
 const LEAF_FIRST: u32 = 0x07ffffffu;
-// Bucket slots a node stores, and how many of them its travel times are divided into (B).
+// Number of buckets that a node stores, and the number B of buckets that its travel times are divided into.
 const BUCKETS: u32 = 8u;
 override BUCKET_COUNT: f32 = f32(BUCKETS);
 
-// Texels of PathVertex.
+// The vertices of the pool: seven texels per PathVertex.
 @group(1) @binding(0) var light_vertices: texture_1d<u32>;
-// 3D tree over emitter points (v_tau = 0) and 4D tree over scattered vertices, in one array: texels of TreeNode.
+// 3D tree over emitter points (v_tau = 0) and 4D tree over scattered vertices, in one array: six texels per TreeNode.
 @group(1) @binding(1) var tree_nodes: texture_1d<u32>;
-// bdpt: vertices of light path i are light_vertices[path_offsets[i] .. path_offsets[i + 1]].
+// bdpt: the vertices of light path i are light_vertices[path_offsets[i] .. path_offsets[i + 1]].
 @group(1) @binding(2) var<storage, read> path_offsets: array<u32>;
 
 fn load_light_vertex(index: u32) -> PathVertex {
