@@ -1,34 +1,38 @@
-// Stable compaction in three steps: running sums of chunks within their block, running sums of blocks, scatter. No atomics, so lists
-// keep their order. A block is what one workgroup counts: 64 chunks of 32 entries.
+// Stable compaction in three steps: prefix sums of chunks within their block, prefix sums of blocks, scatter. It uses no
+// atomics, so lists keep their order. A block is what one workgroup counts: 64 chunks of 32 entries.
 #import frame
 #import math
 
-// Texels of four entries. Bit 0: the entry goes to list_a, bit 1: to list_b.
+// One texel holds four entries. Bit 0: the entry goes to list_a, bit 1: the entry goes to list_b.
 @group(2) @binding(0) var marks: texture_1d<u32>;
-// What an entry stands for.
+// The path that each entry stands for.
 @group(2) @binding(1) var<storage, read> source: array<u32>;
-// Members of the chunks of the same block that come before each chunk; behind the last chunk, the same for blocks.
+// For each chunk: number of members in the earlier chunks of its block. After the last chunk, for each block: number of
+// members in the earlier blocks.
 @group(2) @binding(2) var<storage, read_write> chunk_counts: array<vec2<u32>>;
 @group(2) @binding(3) var<storage, read_write> list_a: array<u32>;
 @group(2) @binding(4) var<storage, read_write> list_b: array<u32>;
-// Lengths of lists, and their totals.
+// Lengths of the lists, and their totals: see COUNTER_TOTALS.
 @group(2) @binding(5) var<storage, read_write> counters: array<u32>;
-// Workgroups for indirect dispatches, three words each: for a thread per entry of a list, and from LISTS on for what compacts it.
+// Sizes of indirect dispatches in workgroups, three words per list: dispatches with one thread per entry of the list. From
+// LISTS on: the dispatches that compact the list.
 @group(2) @binding(6) var<storage, read_write> arguments: array<u32>;
 
 const CHUNK: u32 = 32u;
-// Threads of a workgroup that adds up.
+// Threads per workgroup of the kernels that add up.
 const SCAN_THREADS: u32 = 64u;
 
+// Number of lists that `counters` and `arguments` have room for.
 const LISTS: u32 = 4u;
 
-// Entries are paths of a list, or with one outgoing list the candidate slots of the shade points, which are the other outgoing list
-// of paths.
+// Number of entries to compact. With two output lists, the entries are the paths of the input list. With one output list, the
+// entries are the candidate slots of the shade points in the input list.
 fn entry_count() -> u32 {
     return counters[dispatch.counter] * select(1u, frame.slots, dispatch.list_b == NONE);
 }
 
-// The entries from `first` < n on, a bit each, that go to list_a (x) and to list_b (y); none from n on.
+// Members among the entries from `first` on, for `first` < n, one bit per entry: x for list_a, y for list_b. Entries from n
+// on are not members.
 fn chunk_members(first: u32, n: u32) -> vec2<u32> {
     var members = vec2<u32>(0u);
     for (var i = 0u; i < CHUNK; i += 4u) {
@@ -43,7 +47,7 @@ fn chunk_members(first: u32, n: u32) -> vec2<u32> {
 
 var<workgroup> partial: array<vec2<u32>, SCAN_THREADS>;
 
-// What the threads of a workgroup before this one have together, and what all of them have.
+// Sum over the threads of a workgroup before this thread, and sum over all threads of the workgroup.
 struct Sums {
     before: vec2<u32>,
     all: vec2<u32>,
@@ -64,14 +68,14 @@ fn chunks_of(entries: u32) -> u32 {
     return (entries + CHUNK - 1u) / CHUNK;
 }
 
-// Of `all` items, those in [x, y) are a thread's share.
+// The range [x, y) of `all` items that a thread works on.
 fn share_of(all: u32, thread: u32) -> vec2<u32> {
     let share = (all + SCAN_THREADS - 1u) / SCAN_THREADS;
     let lo = min(thread * share, all);
     return vec2<u32>(lo, min(lo + share, all));
 }
 
-// One thread, one chunk; one workgroup, one block: counts become positions within the block.
+// One thread counts one chunk, one workgroup one block: counts become positions within the block.
 @compute @workgroup_size(SCAN_THREADS)
 fn compact_count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32, @builtin(workgroup_id) block: vec3<u32>) {
     let n = entry_count();
@@ -89,8 +93,8 @@ fn compact_count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_in
     }
 }
 
-// One workgroup: counts of blocks become their first positions, totals become list lengths and dispatch sizes. 32 Mi entries, the
-// most that a tile on a card has with 32 slots per shade point, are 256 blocks per thread.
+// One workgroup: counts of blocks become their first positions, and totals become list lengths and dispatch sizes. A tile on
+// a card has at most 32 Mi entries, with 32 slots per shade point; this is 256 blocks per thread.
 @compute @workgroup_size(SCAN_THREADS)
 fn compact_scan(@builtin(local_invocation_index) thread: u32) {
     let chunks = chunks_of(entry_count());
@@ -109,7 +113,7 @@ fn compact_scan(@builtin(local_invocation_index) thread: u32) {
     set_lengths(thread, sums.all);
 }
 
-// One workgroup: the three steps at once, for lists so short that a dispatch costs more than they do.
+// One workgroup runs the three steps at once. For lists so short that further dispatches would cost more than the work.
 @compute @workgroup_size(SCAN_THREADS)
 fn compact_short(@builtin(local_invocation_index) thread: u32) {
     let n = entry_count();
@@ -126,7 +130,7 @@ fn compact_short(@builtin(local_invocation_index) thread: u32) {
     set_lengths(thread, sums.all);
 }
 
-// After a barrier behind which no thread reads lengths.
+// Call this after a barrier after which no thread reads list lengths.
 fn set_lengths(thread: u32, total: vec2<u32>) {
     if (thread == 0u) {
         set_length(dispatch.list_a, total.x);
@@ -150,7 +154,7 @@ fn set_workgroups(at: u32, threads: u32, size: u32) {
     arguments[3u * at + 2u] = 1u;
 }
 
-// One thread, one chunk.
+// One thread scatters one chunk.
 @compute @workgroup_size(SCAN_THREADS)
 fn compact_scatter(@builtin(global_invocation_id) id: vec3<u32>, @builtin(workgroup_id) block: vec3<u32>) {
     let n = entry_count();
@@ -160,7 +164,7 @@ fn compact_scatter(@builtin(global_invocation_id) id: vec3<u32>, @builtin(workgr
     }
 }
 
-// Writes the members of a chunk to their lists from `position` on; returns where the next ones go.
+// Writes the members of a chunk to their lists from `position` on. Returns the positions after the last members.
 fn scatter_chunk(first: u32, n: u32, position: vec2<u32>) -> vec2<u32> {
     let members = chunk_members(first, n);
     var to = position;
@@ -177,7 +181,7 @@ fn scatter_chunk(first: u32, n: u32, position: vec2<u32>) -> vec2<u32> {
     return to;
 }
 
-// What stands for an entry in the lists: paths their number, candidate slots their own.
+// What the lists store for an entry: its path if there are two output lists, otherwise the number of the entry, a slot.
 fn payload(entry: u32) -> u32 {
     if (dispatch.list_b == NONE) {
         return entry;

@@ -5,16 +5,16 @@
 #import tree
 #import samples
 
-// Path of each shade point that was queried, then slots of live candidates.
+// `shade_list`: the path of each shade point that was queried. `slot_list`: the slots of candidates that can contribute.
 @group(2) @binding(1) var<storage, read> shade_list: array<u32>;
 @group(2) @binding(2) var<storage, read> slot_list: array<u32>;
 @group(2) @binding(3) var<storage, read> counters: array<u32>;
 @group(2) @binding(4) var<storage, read> candidates: array<Candidate>;
-// Contribution of a slot to its pixel; w: travel time, negative where no ray was traced. To show strategies: without its
-// MIS weight, which stands in w.
+// xyz: contribution of a slot to its pixel. w: travel time, negative if no ray was traced. With OBSERVE_STRATEGIES, xyz is
+// without the MIS weight, which is in w.
 @group(2) @binding(5) var<storage, read_write> contributions: array<vec4<f32>>;
 
-// One thread, one candidate.
+// One thread connects one candidate.
 @compute @workgroup_size(WORKGROUP)
 fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     if (id.x >= counters[dispatch.counter]) {
@@ -32,12 +32,12 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let counted = select(contribution.w, 1.0, OBSERVE == OBSERVE_STRATEGIES);
     let value = contribution.xyz * (candidate.weight * counted * gate_weight(tau));
     if (!(max_component(abs(value)) > 0.0)) {
-        // Zero, or not a number: `gather` sorts them out.
+        // The value is zero or not a number: `gather` tells these cases apart.
         contributions[slot] = vec4<f32>(value, -1.0);
         return;
     }
 
-    // Visibility between the points as the surfaces' rounding leaves them.
+    // Visibility between the two points, both moved off their surfaces by the rounding offset.
     let sensor = sensor_sample(q.owner);
     let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
     let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);

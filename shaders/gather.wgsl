@@ -1,4 +1,4 @@
-// Adds the contributions of a shade point to its sensor subpath, slot by slot, so that the order never changes.
+// Adds the contributions of a shade point to its sensor subpath, slot by slot, so that the order of additions never changes.
 #import candidate
 #import frame
 #import math
@@ -8,10 +8,10 @@
 @group(2) @binding(2) var<storage, read> candidates: array<Candidate>;
 @group(2) @binding(3) var<storage, read> contributions: array<vec4<f32>>;
 @group(2) @binding(4) var<storage, read_write> radiance: array<vec4<f32>>;
-// A path's counts: samples dropped as non-finite, shadow rays, contributions inside the gate, connections tried.
+// Counts per path: samples dropped because they are not finite, shadow rays, contributions inside the gate, tried connections.
 @group(2) @binding(5) var<storage, read_write> tallies: array<vec4<u32>>;
 
-// One thread, one shade point.
+// One thread adds up the contributions of one shade point.
 @compute @workgroup_size(WORKGROUP)
 fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
     let rank = id.x;
@@ -23,7 +23,7 @@ fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
     var tally = vec4<u32>(0u);
     for (var i = 0u; i < frame.slots; i++) {
         let slot = rank * frame.slots + i;
-        // An empty slot has no weight; a connection that was ruled out keeps its own.
+        // An unused slot has weight 0. A connection that was ruled out keeps its weight, so it counts as tried.
         tally.w += select(0u, 1u, candidates[slot].weight > 0.0);
         if (candidates[slot].vertex == NONE) {
             continue;

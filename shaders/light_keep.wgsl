@@ -1,4 +1,4 @@
-// Lines up the vertices that light subpaths have just reached behind those of earlier bounces, so that the host reads them all at once.
+// Appends the vertices that light subpaths have just reached to those of earlier bounces. So the host reads all of them at once.
 #import path
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
@@ -9,10 +9,10 @@
 @group(2) @binding(4) var<storage, read> counters: array<u32>;
 @group(2) @binding(5) var<storage, read_write> kept_vertices: array<PathVertex>;
 @group(2) @binding(6) var<storage, read_write> kept_splats: array<vec4<f32>>;
-// The path in the batch, and the bits of its splat's weight.
+// Number of the path in the batch, and the bits of the splat's MIS weight.
 @group(2) @binding(7) var<storage, read_write> kept_paths: array<vec2<u32>>;
 
-// One thread, one vertex.
+// One thread copies one vertex.
 @compute @workgroup_size(WORKGROUP)
 fn light_keep(@builtin(global_invocation_id) id: vec3<u32>) {
     let count = counters[dispatch.counter];

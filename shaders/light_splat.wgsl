@@ -1,16 +1,17 @@
-// Strategy t = 1: every light vertex seen from the pinhole. The gate is tested before the ray is traced.
+// Strategy t = 1: connects every light vertex to the pinhole. The gate is tested before the shadow ray is traced.
 #import weights
 #import segment
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> list: array<u32>;
-// Light arriving at a pixel of the crop; w holds the pixel's bits, NONE for nothing. To show times: the travel time.
+// xyz: radiance of the pixel from this vertex. w: bits of the pixel's index in the crop, or NONE if there is no light. With
+// OBSERVE_TIMES, w holds the travel time.
 @group(2) @binding(2) var<storage, read_write> splats: array<vec4<f32>>;
-// MIS weights of the splats, which then go without; to show strategies only.
+// With OBSERVE_STRATEGIES only: MIS weights of the splats, which are then not contained in `splats`.
 @group(2) @binding(3) var<storage, read_write> splat_weights: array<f32>;
 @group(2) @binding(4) var<storage, read> counters: array<u32>;
 
-// One thread, one light vertex that was just reached.
+// One thread connects one light vertex that was just reached.
 @compute @workgroup_size(WORKGROUP)
 fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     if (id.x >= counters[dispatch.counter]) {
@@ -33,17 +34,17 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let c = evaluate_light_vertex(v, w);
     let cosine = dot(-w, frame.forward);
-    // Flux over area becomes mean radiance over the pixel (box filter): 1 / (d^2 pixel_area cos^3).
+    // Turns flux per area into mean radiance of the pixel (box filter): the factor is 1 / (d^2 pixel_area cos^3).
     let density = pixel_pdf(cosine);
-    // The one copy of a deterministic vertex that counts has all of its power.
+    // The only copy of a deterministic vertex carries the whole power.
     let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);
     let value = v.throughput * c.value * (counted * share * density / (d * d));
-    // What is not a number goes on: the host counts it.
+    // A value that is not a number passes this test, because the host counts such values.
     if (max_component(value) <= 0.0) {
         return;
     }
 
-    // Visibility, from the vertex to the pinhole.
+    // Visibility between the vertex and the pinhole.
     let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u) | 1u;
     let key = vec4<u32>(dispatch.first + slot, frame.iteration, dimension, frame.seed);
     if (!is_unoccluded(ray_end(v, w), frame.sensor, key)) {

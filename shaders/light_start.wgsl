@@ -1,14 +1,15 @@
-// Starts the light subpaths of an iteration: an emitter, a point on it, a direction. And, apart from those, one for each thin beam,
-// whose first vertices are the same in every subpath: they are kept once, however few subpaths draw the beam.
+// Starts the light subpaths of an iteration: an emitter, a point on it, and a direction. In a separate dispatch, it starts
+// one subpath for each thin beam. The first vertices of such a beam are the same in all its subpaths, so they are kept once,
+// however rarely other subpaths draw the beam.
 #import weights
 #import random
 
-// One entry per path of the batch; `list` names all of them.
+// One entry per path of the batch. `list` names all of them.
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 @group(2) @binding(1) var<storage, read_write> vertices: array<PathVertex>;
 @group(2) @binding(2) var<storage, read_write> list: array<u32>;
 
-// One thread, one light subpath.
+// One thread starts one light subpath.
 @compute @workgroup_size(WORKGROUP)
 fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = id.x;
@@ -36,7 +37,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     let lives = max_component(s.throughput) > 0.0 && (e.deterministic || !fixed_emitter);
     s.flags = (random << PATH_RANDOM_SHIFT) | select(0u, PATH_ALIVE, lives);
     if (e.deterministic) {
-        // The vertices that all paths of this emitter share carry the whole power once.
+        // The vertices that all paths of this emitter share are kept once, with the whole power.
         s.throughput = e.throughput * e.vertex.select_pdf;
         s.flags |= PATH_DETERMINISTIC;
     }

@@ -1,14 +1,14 @@
-// One segment of every living light subpath: trace, store the vertex, choose the next direction.
+// Traces one segment of every living light subpath: finds the next surface, stores the vertex, samples the next direction.
 #import walk
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
-// The vertex each path has just reached; VERTEX_VALID where it can be connected.
+// The vertex that each path has just reached. VERTEX_VALID is set if the vertex can be connected.
 @group(2) @binding(1) var<storage, read_write> vertices: array<PathVertex>;
-// Living paths of the batch, and in `counters` how many they are.
+// Living paths of the batch; `counters` holds their number.
 @group(2) @binding(2) var<storage, read> list: array<u32>;
 @group(2) @binding(3) var<storage, read> counters: array<u32>;
 
-// One thread, one light subpath.
+// One thread traces one light subpath.
 @compute @workgroup_size(WORKGROUP)
 fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (id.x >= counters[dispatch.counter]) {
@@ -24,7 +24,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
     let arrival = advance(&s, key);
-    // Whatever follows, the light still has to reach the sensor.
+    // However the path continues, its light still has to reach the sensor.
     if (!arrival.found || is_too_late(arrival.vertex, frame.sensor)) {
         return;
     }
@@ -40,19 +40,19 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         random = 0u;
     }
     v.flags |= random << VERTEX_RANDOM_SHIFT;
-    // What is deterministic is kept once, from the subpath whose emitter the host has fixed.
+    // Deterministic vertices are kept once, from the subpath whose emitter the host has fixed.
     let fixed_emitter = dispatch.emitter != NONE;
     if (is_connectible(v) && was_deterministic == fixed_emitter) {
         v.flags |= VERTEX_VALID;
     }
     vertices[slot] = v;
 
-    // Next direction. A vertex of depth d closes paths of at least d + 1 segments.
+    // Next direction. A vertex of depth d belongs to paths of at least d + 1 segments.
     if (depth + 1u >= frame.max_depth) {
         return;
     }
     if (was_deterministic) {
-        // From here on the paths differ: each carries its share.
+        // From here on the paths of a beam differ, so each path carries its share of the power.
         s.throughput *= 1.0 / (s.select_pdf * f32(frame.light_paths));
     }
     let u = random4(STREAM_LIGHT, path, frame.iteration, depth, 0u, frame.seed);

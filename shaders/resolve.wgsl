@@ -1,14 +1,14 @@
-// Means over the samples of a pixel.
+// Computes the mean over the samples of each pixel.
 #import math
 #import samples
 
 @group(2) @binding(0) var<storage, read> radiance: array<vec4<f32>>;
 @group(2) @binding(1) var<storage, read> tallies: array<vec4<u32>>;
-// Row-major over the crop; w: the sum of the samples' squared luminances.
+// Row-major over the crop. w: sum of the squared luminances of the samples.
 @group(2) @binding(2) var<storage, read_write> film: array<vec4<f32>>;
 @group(2) @binding(3) var<storage, read_write> film_tallies: array<vec4<u32>>;
 
-// One thread, one sample of the tile; the first of a pixel adds up those that follow.
+// One thread per sample of the tile. The thread of a pixel's first sample adds up all samples of the pixel.
 @compute @workgroup_size(WORKGROUP)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     if (id.x >= dispatch.count || sensor_sample(id.x).number != 0u) {
@@ -17,7 +17,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     var sum = vec3<f32>(0.0);
     var squares = 0.0;
     var tally = vec4<u32>(0u);
-    // Left at its top: SwiftShader loses the last iteration of a loop that is left at its end (src/gpu/quirks.rs).
+    // The loop exits at its top: SwiftShader loses the last iteration of a loop that exits at its end (src/gpu/quirks.rs).
     let end = id.x + samples_of_pixel(id.x);
     for (var path = id.x; path < end; path++) {
         let r = radiance[path].xyz;

@@ -1,4 +1,4 @@
-// Starts the sensor subpaths of a tile: a point in the pixel, the ray through it.
+// Starts the sensor subpaths of a tile: samples a point in the pixel, and the ray through this point.
 #import weights
 #import sobol
 #import samples
@@ -8,7 +8,7 @@
 @group(2) @binding(2) var<storage, read_write> list: array<u32>;
 @group(2) @binding(3) var<storage, read_write> tallies: array<vec4<u32>>;
 
-// One thread, one sample of one pixel.
+// One thread starts one sample of one pixel.
 @compute @workgroup_size(WORKGROUP)
 fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = id.x;

@@ -1,4 +1,5 @@
-// One segment of every living sensor subpath: trace, collect light that was hit, leave a shade point, go on.
+// Traces one segment of every living sensor subpath: finds the next surface, adds its emission, writes a shade point, and
+// samples the next direction.
 #import walk
 #import weights
 #import gate
@@ -9,17 +10,18 @@
 @group(2) @binding(1) var<storage, read_write> shade_points: array<PathVertex>;
 @group(2) @binding(2) var<storage, read> list: array<u32>;
 @group(2) @binding(3) var<storage, read> counters: array<u32>;
-// For each entry of `list`: MARK_ALIVE, MARK_SHADE.
+// For each entry of `list`: MARK_ALIVE and MARK_SHADE.
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
 @group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
 @group(2) @binding(6) var<storage, read_write> tallies: array<vec4<u32>>;
-// Light of the emitter that was hit, with its travel time in w or, without its MIS weight, that weight: see OBSERVE.
+// The emission at the hit, for OBSERVE only. OBSERVE_TIMES: with its MIS weight, and the travel time in w.
+// OBSERVE_STRATEGIES: without its MIS weight, which is in w.
 @group(2) @binding(7) var<storage, read_write> emitted: array<vec4<f32>>;
 
 const MARK_ALIVE: u32 = 1u;
 const MARK_SHADE: u32 = 2u;
 
-// One thread, one sensor subpath.
+// One thread traces one sensor subpath.
 @compute @workgroup_size(WORKGROUP)
 fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (id.x >= counters[dispatch.counter]) {
@@ -45,7 +47,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let depth = dispatch.bounce + 1u;
     q.flags |= depth;
 
-    // Strategy s = 0: the subpath has found an emitter by itself.
+    // Strategy s = 0: the subpath has hit an emitter.
     if (frame.keep_s0 > 0.0) {
         let light = emitter_hit(s, arrival.surface, q, depth) * vec4<f32>(vec3<f32>(gate_weight(q.tau)), 1.0);
         if (max_component(light.xyz) > 0.0) {
@@ -72,7 +74,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     shade_points[slot] = q;
 
-    // Next direction. The first bounces are always taken: they carry most of the image.
+    // Next direction. The first two bounces skip Russian roulette, because they carry most of the image.
     var u = random4(STREAM_SENSOR, sensor.index, sensor.sample, depth, 0u, frame.seed);
     if (depth == 1u) {
         u = vec4<f32>(stratified2(sensor.index, frame.iteration, sensor.number, PAIR_DIRECTION, frame.seed),
@@ -86,7 +88,8 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     marks[id.x] = mark;
 }
 
-// Light of the emitter at q towards the sensor; w: its weight against s >= 1 (Eq. 27).
+// xyz: light of the emitter at q towards the sensor, times the throughput; 0 if q does not emit there. w: MIS weight of s = 0
+// against s >= 1 (Eq. 27).
 fn emitter_hit(s: PathState, surface: Surface, q: PathVertex, depth: u32) -> vec4<f32> {
     let m = load_material(surface.material);
     let two_sided = (m.flags & MATERIAL_DOUBLE_SIDED) != 0u;

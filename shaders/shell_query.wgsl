@@ -1,12 +1,13 @@
-// Chooses the light vertices a shade point connects to.
+// Chooses the light vertices that a shade point connects to.
 //
 // pt:        one emitter point of the pool, uniformly.
-// bdpt:      every vertex of one light subpath, the same for all shade points of a sensor subpath.
-// lcs-paper: K independent traversals of each tree. At every node one of the two children is taken with probability
-//            proportional to its bound B(N, q) (Eq. 5), which is 0 where the child lies outside the light-cone shell
-//            (Eq. 19) and else shrinks with the part of the child that the shell misses (Eqs. 22 to 24). The traversal
-//            ends at a leaf, with P(j | q) the product of the probabilities, or at a dead node.
-// All:       deterministic vertices (punctual lights, the spot of a thin beam), one by one; of many, a draw or the trees.
+// bdpt:      every vertex of one light subpath, the same subpath for all shade points of a sensor subpath.
+// lcs-paper: K independent traversals of each tree. At every node, one of the two children is taken with a probability
+//            proportional to its bound B(N, q) (Eq. 5). The bound is 0 if the child lies outside the light-cone shell
+//            (Eq. 19). Otherwise it shrinks with the part of the child that the shell misses (Eqs. 22 to 24). The traversal
+//            ends at a leaf, where P(j | q) is the product of the probabilities, or at a dead node.
+// All:       deterministic vertices (punctual lights, the spot of a thin beam) one by one. If there are many, some of them
+//            are drawn, or the trees hold them.
 //
 // A candidate that cannot contribute (gate, depth, facing) is dropped here, before it costs a ray.
 #import query
@@ -17,7 +18,7 @@ const ESTIMATOR_BDPT: u32 = 1u;
 const ESTIMATOR_LCS_PAPER: u32 = 2u;
 override ESTIMATOR: u32 = 2u;
 
-// One thread, one shade point.
+// One thread serves one shade point.
 @compute @workgroup_size(WORKGROUP)
 fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
     let rank = dispatch.rank + id.x;
@@ -60,7 +61,7 @@ fn query_light_path(q: PathVertex, index: u32, sample: u32, slot: u32, used: u32
 fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used_before: u32) -> u32 {
     let shell = make_shell(q);
     var used = used_before;
-    // Both trees through one loop: a second traversal would double the kernel.
+    // One loop serves both trees: a second traversal would double the kernel's code.
     let trees = select(0u, 1u, frame.tree3_root != NONE) + select(0u, 1u, frame.tree4_root != NONE);
     let queries = frame.queries * trees;
     for (var k = 0u; k < queries; k++) {
@@ -72,7 +73,8 @@ fn query_trees(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, us
         if (vertex != NONE) {
             vertex = connectable_or_none(q, vertex);
         }
-        // 1 / P is at least 1, but 0 at a dead node, which was tried too.
+        // 1 / P is at least 1, except that it is 0 at a dead node. A dead node counts as a tried connection too, so its
+        // weight is not 0.
         write_candidate(slot + used, vertex, max(found.weight, 1.0) / f32(frame.queries));
         used += 1u;
     }

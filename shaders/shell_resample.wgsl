@@ -1,9 +1,9 @@
-// lcs: chooses one vertex of each tree for a shade point, out of K queries by importance, and so pays one shadow ray for K
-// candidates. Deterministic vertices need no choice. Bindings: shared/slots.wgsl.
+// lcs: chooses one vertex of each tree for a shade point, out of K queries by importance. So K candidates cost one shadow
+// ray. Deterministic vertices are all kept. Bindings: shared/slots.wgsl.
 #import resample
 #import receiver
 
-// One thread, one shade point.
+// One thread serves one shade point.
 @compute @workgroup_size(WORKGROUP)
 fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     let rank = dispatch.rank + id.x;
@@ -14,7 +14,7 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = item.q;
     var used = item.used;
     let receiver = make_receiver(q);
-    // Both trees through one loop: a second traversal would double the kernel.
+    // One loop serves both trees: a second traversal would double the kernel's code.
     for (var tree = 0u; tree < 2u; tree++) {
         let root = select(frame.tree4_root, frame.tree3_root, tree == 0u);
         if (root == NONE) {
@@ -22,7 +22,7 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         var rng = pcg4d(vec4<u32>(item.index, item.sample, (STREAM_QUERY << 28u) | (item.depth << 14u) | (16u + tree), frame.seed)).x;
         let found = resample(root, q, receiver, &rng);
-        // A query that finds nothing was tried too.
+        // A query that finds nothing counts as a tried connection too, so its weight is not 0.
         write_candidate(item.first + used, found.vertex, select(found.weight, 1.0, found.vertex == NONE));
         used += 1u;
     }
