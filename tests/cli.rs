@@ -288,7 +288,7 @@ fn images_of_different_gates_are_noted() {
     };
     assert_eq!(noted("a.exr"), "");
     assert!(noted("b.exr").contains("different gates: 1 m to 2 m, and 1.5 m to 2 m"));
-    assert!(noted("c.exr").contains("different crops"));
+    assert!(noted("c.exr").contains("different crops: one begins at column"));
 }
 
 /// A result that is lost is an error, a message that nobody reads is none.

@@ -114,7 +114,7 @@ fn a_folder_of_other_files_is_not_touched() {
 fn the_summary_says_how_well_the_image_is_known() {
     let here = folder();
     let said = render(here.path(), &["-o", "a.exr", "--gate", "7m..8m", "--stats", "a.json"], 0);
-    for part in ["mean ", " +- ", "connections inside the gate: ", "samples dropped as not finite: 0"] {
+    for part in ["mean ", " +- ", "connections inside the gate: ", "non-finite samples dropped: 0"] {
         assert!(said.contains(part), "{part:?} is missing in: {said}");
     }
     let numbers = |file: &str| -> serde_json::Value {
@@ -208,7 +208,7 @@ fn images_that_do_not_tell_their_noise_are_not_judged() {
     judge("late.exr", "a.exr", "z.png", "seed 1");
     judge("few.exr", "a.exr", "z.png", "2 iterations");
     judge("small.exr", "a.exr", "z.png", "differ in size");
-    judge("plain.exr", "a.exr", "z.png", "plain.exr: does not tell its noise");
+    judge("plain.exr", "a.exr", "z.png", "plain.exr: has no estimate of its noise");
     judge("nan.exr", "a.exr", "z.png", "nan.exr: pixel 19,15 is NaN");
     judge("few.exr", "a.exr", "z.jpg", ".png or .exr");
     judge("few.exr", "a.exr", "a.exr", "would overwrite a.exr");

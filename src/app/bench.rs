@@ -1,4 +1,4 @@
-//! `taugate bench`: a suite of scenes and variants, rendered in turns and compared with references.
+//! `taugate bench`: renders the scenes and variants of a suite in turns, and compares them with references.
 
 mod references;
 mod shown;
@@ -31,16 +31,16 @@ use super::progress::Progress;
 use crate::app::cli::BenchArgs;
 use shown::{SuiteProgress, command, text};
 
-/// A suite with what the flags change in it, and what is there of it.
+/// A suite after the changes by flags, and those of its scenes that are on this machine.
 struct Bench {
     suite: Suite,
     out: PathBuf,
     references: PathBuf,
-    /// Indices of the scenes that are on this machine, with their settings.
+    /// For each scene on this machine: its index in `suite.scenes`, and its entries.
     present: Vec<(usize, Vec<Entry>)>,
-    /// One sentence for every scene that is not.
+    /// One sentence for each scene that is not on this machine.
     skipped: Vec<String>,
-    /// What was typed, without --resume and --reference.
+    /// The command that the user typed, without --resume and --reference.
     command: String,
 }
 
@@ -81,7 +81,7 @@ impl Bench {
         }
         suite.repetitions = args.repetitions.unwrap_or(suite.repetitions);
         if let Some(resolution) = args.resolution {
-            // A sweep over pixels has its own.
+            // Scenes of a sweep over pixels keep their own resolution.
             let others = suite.scenes.iter_mut().filter(|scene| scene.sweep != Some(Sweep::Pixels));
             others.for_each(|scene| scene.experiment.camera.resolution = Some(resolution));
         }
@@ -113,7 +113,7 @@ impl Bench {
         self.out.join("results.csv")
     }
 
-    /// Results that were too good for their reference: they tell how good the next one must be.
+    /// Results that were too accurate for their reference. They decide how accurate the next reference must be.
     fn refused(&self) -> PathBuf {
         self.out.join("refused.csv")
     }
@@ -162,7 +162,7 @@ impl Bench {
         Ok(code)
     }
 
-    /// Every scene needs a reference, and by this renderer: what another one made may show something else.
+    /// Fails unless every entry has a reference by this version of the renderer. Another version may render another image.
     fn check_references(&self) -> Result<()> {
         for (at, entries) in self.present.iter().filter(|_| self.suite.errors) {
             let (scene, folder) = (&self.scene(*at).name, self.references.display());
@@ -170,8 +170,8 @@ impl Bench {
                 let wrong = match reference::read(&self.references, entry)? {
                     Some(Reference { current: true, .. }) => continue,
                     Some(_) => format!(
-                        "the reference for {scene} ({}) in {folder} is by another version of the renderer: its code or its version differs; \
-                         have it checked, and kept if it still holds, with: {}",
+                        "the reference for {scene} ({}) in {folder} is by another version of the renderer (its code or its version differs); \
+                         check it, and keep it if it still agrees, with: {}",
                         entry.variant,
                         self.remedy()
                     ),
@@ -187,7 +187,7 @@ impl Bench {
         Ok(())
     }
 
-    /// A gate that meets no light is a mistake, to be found before hours of work on the scenes before it.
+    /// Fails if a gate meets no light, so that the user learns of it before hours of work on other scenes.
     fn check_gates(&self, rows: &[Row]) -> Result<()> {
         for (at, entries) in &self.present {
             let scene = self.scene(*at);
@@ -199,14 +199,14 @@ impl Bench {
         Ok(())
     }
 
-    /// Rows of an earlier run that still hold.
+    /// Rows of an earlier run that are still valid: of the same scenes, settings, time and renderer.
     fn kept(&self, resume: bool, progress: &Progress) -> Result<Vec<Row>> {
         let path = self.results();
         if !path.exists() {
             return Ok(vec![]);
         }
         if !resume {
-            let message = "has the results of an earlier run; add --resume to go on, or choose another --out".into();
+            let message = "has the results of an earlier run; add --resume to continue, or choose another --out".into();
             return Err(Error::File { path, message });
         }
         let mut rows = table::read(&path)?;
@@ -222,7 +222,7 @@ impl Bench {
             let old = path.with_file_name("results.old.csv");
             std::fs::copy(&path, &old).map_err(|e| Error::File { path: old.clone(), message: e.to_string() })?;
             progress.line(&format!(
-                "note: {} of {all} rows of {} are by another version of the renderer, or of other settings or times, and do not count; \
+                "note: {} of {all} rows of {} are by another version of the renderer, or for other settings or times, and are ignored; \
                  {} keeps them",
                 all - rows.len(),
                 path.display(),
@@ -232,12 +232,12 @@ impl Bench {
         Ok(rows)
     }
 
-    /// Of scene, settings and time.
+    /// Identifies scene, settings, renderer and the suite's time.
     fn fingerprint(&self, entry: &Entry) -> String {
         format!("{}-{}s", entry.fingerprint, self.suite.seconds)
     }
 
-    /// Repetitions that are not complete.
+    /// Repetitions in which a row is missing for at least one entry.
     fn missing(&self, rows: &[Row], at: usize, entries: &[Entry]) -> Vec<u32> {
         let scene = &self.scene(at).name;
         let has = |repetition: u32, entry: &Entry| {
@@ -246,13 +246,13 @@ impl Bench {
         (0..self.suite.repetitions).filter(|&r| !entries.iter().all(|entry| has(r, entry))).collect()
     }
 
-    /// Seconds of rendering that are left to do.
+    /// Seconds of rendering that are left.
     fn work(&self, rows: &[Row]) -> f64 {
         let races = |(at, entries): &(usize, Vec<Entry>)| self.missing(rows, *at, entries).len() * entries.len();
         self.suite.seconds * self.present.iter().map(races).sum::<usize>() as f64
     }
 
-    /// All missing repetitions of a scene; finished ones are in the table at once.
+    /// Renders all missing repetitions of a scene, and writes the table after each.
     fn race_scene(
         &self,
         device: &Device,
@@ -285,7 +285,7 @@ impl Bench {
             match poor {
                 [None, _] => {}
                 [Some(all), None] if repetition == 0 => progress.line(&format!(
-                    "note: {}: {}; relMSE over all pixels is left out, the trimmed one stands; a better reference with: {}",
+                    "note: {}: {}; the report leaves out relMSE over all pixels and keeps trimmed relMSE; make a better reference with: {}",
                     scene.name,
                     nearness(all, summary::all),
                     self.remedy()
@@ -293,7 +293,7 @@ impl Bench {
                 [Some(_), None] => {}
                 [Some(_), Some(trimmed)] => {
                     progress.line(&format!(
-                        "refused: {}: {}, and so is it over all pixels; make a better one with: {}",
+                        "refused: {}: trimmed, {}; relMSE over all pixels fails too; make a better reference with: {}",
                         scene.name,
                         nearness(trimmed, summary::trimmed),
                         self.remedy()
@@ -357,7 +357,7 @@ impl Bench {
     }
 }
 
-/// The best of the results that came too near to the error of their reference.
+/// Of the results that are too accurate for their reference, the one with the smallest relMSE.
 fn too_near(rows: &[Row], part: fn(Means) -> f64) -> Option<&Row> {
     let near = rows.iter().filter(|row| !is_good(part(row.own), part(row.relmse)));
     near.min_by(|a, b| part(a.relmse).total_cmp(&part(b.relmse)))
@@ -365,7 +365,7 @@ fn too_near(rows: &[Row], part: fn(Means) -> f64) -> Option<&Row> {
 
 fn nearness(row: &Row, part: fn(Means) -> f64) -> String {
     format!(
-        "{} reached a relMSE of {:.2e}, and the reference's own is {:.2e}: it must be {MARGIN} times less and at most {MAX_REFERENCE_RELMSE}",
+        "{} reached a relMSE of {:.2e}; the relMSE of the reference itself is {:.2e}, but must be {MARGIN} times smaller and at most {MAX_REFERENCE_RELMSE}",
         row.variant,
         part(row.relmse),
         part(row.own)
@@ -378,7 +378,7 @@ enum Verdict {
     Refused,
 }
 
-/// Leaves the named scenes in the suite; all of them if nothing is named.
+/// Removes the scenes that are not in `names` from the suite. An empty `names` keeps all.
 fn choose(suite: &mut Suite, names: &[String]) -> Result<()> {
     let known = |name: &String| suite.scenes.iter().any(|scene| scene.name == *name);
     if let Some(name) = names.iter().find(|name| !known(name)) {
@@ -392,6 +392,6 @@ fn choose(suite: &mut Suite, names: &[String]) -> Result<()> {
 fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|e| Error::File {
         path: path.into(),
-        message: format!("this folder cannot be made: {e}; choose another --out"),
+        message: format!("this folder cannot be created: {e}; choose another --out"),
     })
 }

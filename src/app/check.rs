@@ -1,4 +1,4 @@
-//! `taugate devices --check`: does this device render what is known to be right?
+//! `taugate devices --check`: compares images that a device renders with known images.
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -6,9 +6,9 @@ use std::time::Instant;
 use taugate::internals::gpu::Device;
 use taugate::internals::self_check::{self, Verdict};
 
-/// Exit code where a check ended without an image, as for any other failure of a device.
+/// Exit code if a check ended without an image, the same as for any other error of a device.
 const DEVICE_FAILED: u8 = 4;
-/// Exit code where an image is wrong.
+/// Exit code if an image is wrong.
 const WRONG: u8 = 1;
 
 pub fn run(device: Option<&str>) -> anyhow::Result<ExitCode> {

@@ -1,4 +1,4 @@
-//! What can be typed: subcommands and flags. What they mean is settled in `taugate::internals::input::resolve`.
+//! The subcommands and flags that a user can type. `taugate::internals::input::resolve` turns them into settings.
 
 use std::path::PathBuf;
 
@@ -33,7 +33,7 @@ Examples:
   taugate render room.glb -o gated.exr --gate 42.2ns+-0.5ns --emitters beam --time 30s
   taugate render experiment.toml --seed 7
 
-Exit codes: 0 done, 2 wrong input or file, 3 non-finite samples with --strict, 4 device,
+Exit codes: 0 done, 2 wrong input or file, 3 non-finite samples with --strict, 4 device error,
 130 interrupted (the image so far is written)";
 
 /// Render a scene, gated or steady
@@ -57,7 +57,7 @@ pub struct RenderArgs {
 }
 
 impl RenderArgs {
-    /// The flags as an experiment; `scene` is left to the caller, who knows what `input` is.
+    /// The flags as an experiment. The caller sets `scene`: `input` may be a scene or an experiment file.
     pub fn into_experiment(self) -> Experiment {
         self.flags.0
     }
@@ -66,7 +66,8 @@ impl RenderArgs {
 /// Measure the error of an image against a reference
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 compared (within the threshold, no difference), 1 above the threshold or different, 2 error"
+    after_help = "Exit codes: 0 within the threshold and without a significant difference, 1 above the threshold or different, \
+                  2 error"
 )]
 pub struct CompareArgs {
     /// The image to judge
@@ -81,8 +82,8 @@ pub struct CompareArgs {
     #[arg(long, value_name = "X", help_heading = "Output")]
     pub max_relmse: Option<f64>,
 
-    /// Test whether the images differ by more than their noise, write the map of z (.exr: signed z; .png: red brighter,
-    /// blue darker) and exit with 1 if they do; both rendered by taugate, with different seeds
+    /// Test whether the images differ by more than their noise, write the map of z (.exr: signed z; .png: red is brighter,
+    /// blue is darker) and exit with 1 if they differ; taugate must have rendered both, with different seeds
     #[arg(long, value_name = "OUT.png|OUT.exr", help_heading = "Output")]
     pub z: Option<PathBuf>,
 
@@ -93,13 +94,14 @@ pub struct CompareArgs {
 
 const BENCH_EXAMPLES: &str = "\
 Examples:
-  taugate bench benches/suites/quick.toml --reference   render what to compare with, once
+  taugate bench benches/suites/quick.toml --reference   render the references, once
   taugate bench benches/suites/quick.toml               compare; the page is bench-quick/report.md
-  taugate bench benches/suites/fig6.toml --resume       go on after an interrupt
+  taugate bench benches/suites/fig6.toml --resume       continue after an interrupt
 
-References are kept in the folder references beside the results, under a hash of scene, gate and
-settings. Exit codes: 0 done, 1 a race was refused or a reference failed its check, 2 wrong input,
-4 device, 130 interrupted (what is finished is kept)";
+The folder references beside the results holds the references. Their names contain a hash of scene,
+gate and settings. Exit codes: 0 done, 1 results were refused because their reference is too noisy,
+or a reference failed its check, 2 wrong input, 4 device error, 130 interrupted (finished results
+are kept)";
 
 /// Compare how fast estimators converge on the scenes of a suite
 #[derive(Debug, Args)]
@@ -117,20 +119,21 @@ pub struct BenchArgs {
     #[arg(long, value_name = "WxH", help_heading = "Scene")]
     pub resolution: Option<Resolution>,
 
-    /// Rendering time of each variant, scene and repetition, instead of the suite's; references are made for it too
+    /// Rendering time per variant, scene and repetition, instead of the suite's; it also decides how accurate references
+    /// must be
     #[arg(long, value_name = "DURATION", help_heading = "Sampling")]
     pub time: Option<Seconds>,
 
-    /// How often everything is repeated with other seeds, instead of the suite's [default: 3]
+    /// Number of repetitions, each with another seed, instead of the suite's [default: 3]
     #[arg(long, value_name = "N", help_heading = "Sampling", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repetitions: Option<u32>,
 
-    /// Render the references that are missing or not good enough, and check them against another estimator
+    /// Render the references that are missing or not accurate enough, and check them against another estimator
     #[arg(long, help_heading = "Sampling", conflicts_with_all = ["resume", "repetitions"])]
     pub reference: bool,
 
-    /// With --reference, the longest that one may take; those that are there are extended, good or not [default: 40 times
-    /// the suite's time, and only those that are not good enough]
+    /// With --reference, the time limit per reference; references that exist are extended even if they are accurate enough
+    /// [default: 40 times the suite's time, without extending accurate references]
     #[arg(long, value_name = "DURATION", help_heading = "Sampling", requires = "reference")]
     pub reference_time: Option<Seconds>,
 
@@ -138,7 +141,7 @@ pub struct BenchArgs {
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     pub out: Option<PathBuf>,
 
-    /// Keep what results.csv has already, and measure what is missing
+    /// Keep the results in results.csv, and measure the missing ones
     #[arg(long, help_heading = "Output")]
     pub resume: bool,
 
@@ -151,7 +154,7 @@ pub struct BenchArgs {
     pub device: Option<String>,
 }
 
-/// Say what is in a scene, what rendering it takes, and when its light arrives
+/// Describe a scene: its contents, the memory of a render, and the times at which light arrives
 #[derive(Debug, Args)]
 pub struct InfoArgs {
     /// The scene (.glb, .gltf)
@@ -173,13 +176,13 @@ impl InfoArgs {
     }
 }
 
-/// List Vulkan devices and the limits that matter
+/// List the Vulkan devices and their limits
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 listed, or every check is ok, 1 a check found a wrong image, 2 wrong input, 4 the device failed"
+    after_help = "Exit codes: 0 listed, or all checks are ok, 1 a check found a wrong image, 2 wrong input, 4 device error"
 )]
 pub struct DevicesArgs {
-    /// Render small scenes whose images are known with every estimator on one device, and compare; takes about a minute
+    /// On one device, render small scenes with every estimator and compare with known images; takes about a minute
     #[arg(long, conflicts_with = "json", help_heading = "Check")]
     pub check: bool,
 
@@ -195,8 +198,8 @@ pub struct DevicesArgs {
 /// Write one of the project's own scenes
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
-    /// cornell-box, gated-sphere, door-ajar, cluttered-room, hundred-lamps, or zoo-area, zoo-punctual, zoo-beam (every
-    /// material in one room, lit by a lamp, by a point and a spot, or by a beam)
+    /// cornell-box, gated-sphere, door-ajar, cluttered-room, hundred-lamps, or zoo-area, zoo-punctual, zoo-beam (a room with
+    /// every material, lit by an area lamp, by a point and a spot light, or by a beam)
     #[arg(value_name = "NAME")]
     pub name: String,
 
@@ -204,7 +207,7 @@ pub struct GenerateArgs {
     #[arg(long, value_name = "R", help_heading = "Scene")]
     pub roughness: Option<f32>,
 
-    /// At least so many triangles, in cornell-box (by dividing its faces) or cluttered-room
+    /// Minimum number of triangles, for cornell-box (its faces are divided) or cluttered-room
     #[arg(long, value_name = "N", help_heading = "Scene")]
     pub triangles: Option<u32>,
 

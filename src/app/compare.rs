@@ -17,7 +17,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     if let Some(max) = args.max_relmse
         && (max.is_nan() || max < 0.0)
     {
-        return Err(Error::Settings(format!("--max-relmse is {max}; it must be a number from 0 up, like 0.05")).into());
+        return Err(Error::Settings(format!("--max-relmse is {max}; it must be 0 or more, such as 0.05")).into());
     }
     let image = read_finite(&args.image)?;
     let reference = read_finite(&args.reference)?;
@@ -39,7 +39,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     let flip = flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();
     let within = args.max_relmse.is_none_or(|max| result.relmse <= max);
     let verdict = args.z.as_ref().map(|out| z_map(args, out, &image, &reference)).transpose()?;
-    if let Some(note) = what_differs(&image, &reference) {
+    if let Some(note) = content_difference(&image, &reference) {
         super::say(&format!("note: {note}"));
     }
     if args.json {
@@ -53,7 +53,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     } else {
         let mut text = format!(
             "relMSE          {:.6e}\n                {RELMSE_FORMULA}; eps = {:.6e}\n  trimmed       {:.6e}  (without the worst {:.0} % of the pixels)\nMSE             {:.6e}\n\
-             FLIP            {flip:.6}  (HDR-FLIP, mean; 67 pixels a degree, ACES)\n\
+             FLIP            {flip:.6}  (HDR-FLIP, mean; 67 pixels per degree, ACES)\n\
              ratio of means  {:.6}  ({:.6e} / {:.6e})\n",
             result.relmse,
             result.eps,
@@ -73,12 +73,12 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(if within && agree { 0 } else { 1 }))
 }
 
-/// A sentence where the files say that they show different things.
-fn what_differs(image: &Picture, reference: &Picture) -> Option<String> {
+/// A sentence about the difference if the metadata of the files name different crops or gates.
+fn content_difference(image: &Picture, reference: &Picture) -> Option<String> {
     if image.corner != reference.corner {
         let [[x, y], [u, v]] = [image.corner, reference.corner];
         return Some(format!(
-            "the images are different crops: one begins at column {x}, row {y}, the other at {u}, {v}"
+            "the images show different crops: one begins at column {x}, row {y}, the other at column {u}, row {v}"
         ));
     }
     let [[lo, hi], [from, to]] = [image.gate?, reference.gate?];
@@ -86,7 +86,7 @@ fn what_differs(image: &Picture, reference: &Picture) -> Option<String> {
     differ.then(|| format!("the images show different gates: {lo} m to {hi} m, and {from} m to {to} m"))
 }
 
-/// Judges the images and writes the map.
+/// Tests whether the images differ by more than their noise, and writes the map of z.
 fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -> Result<Agreement, Error> {
     let extension = out.extension().unwrap_or_default().to_ascii_lowercase();
     if extension != "png" && extension != "exr" {
@@ -106,8 +106,8 @@ fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -
     let batches = |path: &Path, picture: &Picture| {
         let floats = picture.cell_batches.as_ref().ok_or_else(|| Error::File {
             path: path.into(),
-            message: "does not tell its noise (no attribute tof:cellBatches; variances of pixels are not enough, since pixels \
-                      share light paths); render it with this version of taugate"
+            message: "has no estimate of its noise (the attribute tof:cellBatches is missing; variances of single pixels are not \
+                      enough, because pixels share light paths); render it with this version of taugate"
                 .into(),
         })?;
         let cells = CellBatches::from_floats(picture.width, picture.height, floats)
@@ -117,8 +117,8 @@ fn z_map(args: &CompareArgs, out: &Path, image: &Picture, reference: &Picture) -
             false => Err(Error::File {
                 path: path.into(),
                 message:
-                    "its pixels were changed after rendering, or an earlier version extended it as a reference, so their noise is not \
-                     known; compare the file as taugate wrote it, or render it anew"
+                    "its pixels were changed after rendering, or an earlier version of taugate extended it as a reference, so their \
+                     noise is not known; compare the file that taugate wrote, or render it again"
                         .into(),
             }),
         }
@@ -137,13 +137,13 @@ fn describe(verdict: &Agreement) -> String {
     let Agreement { cell, tests, threshold, max_z, judged, .. } = verdict;
     let mut text = format!(
         "z               {} max |z| = {max_z:.2}, threshold {threshold:.2} for {tests} means (Sidak, {SIGNIFICANCE:e})\n                \
-         cells of {cell} x {cell} pixels a channel, {:.1} % of the light judged one by one\n",
+         cells of {cell} x {cell} pixels, per channel; {:.1} % of the light lies in cells that are tested one by one\n",
         if verdict.agree { "the two agree:" } else { "the two differ:" },
         100.0 * judged
     );
     for c in &verdict.worst {
         let place = match c.rest {
-            true => "all noisier cells as one".into(),
+            true => "all noisier cells together".into(),
             false => format!("x {}..{}, y {}..{}", c.x[0], c.x[1], c.y[0], c.y[1]),
         };
         text += &format!("  z = {:6.2}    {place}, {}: {:.6e} against {:.6e}\n", c.z, c.channel, c.mean, c.reference);
@@ -157,7 +157,7 @@ fn read_finite(path: &Path) -> Result<Picture, Error> {
         let (x, y) = (pixel % picture.width as usize, pixel / picture.width as usize);
         let value = picture.rgb[3 * pixel + channel];
         let message =
-            format!("pixel {x},{y} is {value} in {}; only finite images are compared", ["R", "G", "B"][channel]);
+            format!("pixel {x},{y} is {value} in {}; render an image without such pixels", ["R", "G", "B"][channel]);
         return Err(Error::File { path: path.into(), message });
     }
     Ok(picture)

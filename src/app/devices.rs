@@ -1,4 +1,4 @@
-//! `taugate devices`: what can render, and its limits.
+//! `taugate devices`: the Vulkan devices and their limits.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! Gates that no light can meet: refused with what the scene offers instead.
+//! Refuses gates that no light can meet, and suggests gates that show light.
 
 use taugate::Error;
 use taugate::internals::error::Result;
@@ -8,22 +8,22 @@ use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::units::{Gate, METRES_PER_NS};
 
-/// Width of a suggested gate as a part of the scene's diagonal.
+/// Width of a suggested gate as a fraction of the scene's diagonal.
 pub const SUGGESTED_PART: f64 = 0.02;
 
-/// Fails if bounds alone show that no path meets the gate.
+/// Fails if the travel-time bounds show that no path can meet the gate.
 pub fn check_gate(scene: &Scene, settings: &Settings, prepared: &PreparedScene, device: Option<&str>) -> Result<()> {
     let bounds = TravelTimeBounds::new(prepared, settings);
     if bounds.overlaps(&settings.responses().support()) {
         return Ok(());
     }
     let bound = bounds.explain_miss(&settings.responses().support(), travel);
-    // What the probe finds is help; that there is none must not hide the mistake.
+    // The probe only adds advice to the message. If the probe fails, the user must still read about the gate.
     let times = Device::open(device).and_then(|device| probe(&device, scene, settings, prepared));
     Err(refuse(settings, scene, &bound, times.ok().as_ref()))
 }
 
-/// The error for a render in which nothing fell inside the gate.
+/// The error for a render in which no sample fell inside the gate.
 pub fn nothing_inside(device: &Device, scene: &Scene, settings: &Settings) -> Error {
     let times = PreparedScene::new(scene, settings).and_then(|prepared| probe(device, scene, settings, &prepared));
     let found = "no sample fell inside, so the image would be black";
@@ -35,7 +35,7 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, times: Option<&Travel
     if let Some((first, last)) = times.and_then(TravelTimes::range) {
         let at = |p| travel(times.and_then(|t| t.percentile(p)).unwrap_or(first));
         message += &format!(
-            "; the feasible range, as probed, is {} to {}, 5 % of the light arrive by {}, half by {}, 95 % by {}",
+            "; the feasible range, found by a probe, is {} to {}; 5 % of the light has arrived by {}, half by {}, 95 % by {}",
             travel(first),
             travel(last),
             at(5.0),
@@ -43,21 +43,21 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, times: Option<&Travel
             at(95.0)
         );
     } else if times.is_some() {
-        message += "; a probe found no light at any time: see taugate info";
+        message += "; a probe found no light at any time; see taugate info";
     }
     if let Some(gate) = times.and_then(|t| suggestion(t, scene)) {
-        message += &format!(": try --gate {gate}");
+        message += &format!("; try --gate {gate}");
     }
-    Error::Settings(format!("{message} (--force renders it all the same)"))
+    Error::Settings(format!("{message} (--force renders anyway)"))
 }
 
-/// A gate around the median that is worth a try.
+/// A gate around the median travel time, [`SUGGESTED_PART`] of the scene's diagonal wide.
 pub fn suggestion(times: &TravelTimes, scene: &Scene) -> Option<Gate> {
     let (low, high) = bounds(scene)?;
     times.suggestion(SUGGESTED_PART * (high - low).length())
 }
 
-/// World bounds of all placed triangles.
+/// World-space bounds of all instances, in metres; `None` without triangles.
 pub fn bounds(scene: &Scene) -> Option<(glam::DVec3, glam::DVec3)> {
     let corners = scene.instances.iter().flat_map(|instance| {
         let positions = &scene.meshes[instance.mesh as usize].positions;
@@ -71,7 +71,7 @@ fn travel(tau: f64) -> String {
     format!("{} m ({} ns)", short(tau), short(tau / METRES_PER_NS))
 }
 
-/// About five digits; with an exponent where the number is astronomical.
+/// About five digits; with an exponent from 1e9 on.
 pub fn short(x: f64) -> String {
     if x.abs() >= 1e9 {
         return format!("{x:.4e}");

@@ -1,4 +1,4 @@
-//! The flags of an experiment: made from the tables of settings, and read back into an experiment.
+//! Makes the command-line flags from the tables of settings, and reads their values into an [`Experiment`].
 
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::error::Error;
@@ -7,21 +7,21 @@ use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
-/// The settings that `taugate info` asks for.
-const OF_INFO: [&str; 6] = ["camera", "resolution", "emitters", "max-depth", "light-paths", "device"];
+/// The settings that are flags of `taugate info`.
+const INFO_SETTINGS: [&str; 6] = ["camera", "resolution", "emitters", "max-depth", "light-paths", "device"];
 
-/// What the flags of `taugate render` say or, with `INFO`, those of `taugate info`.
+/// The values of the flags of `taugate render` or, with `INFO`, of `taugate info`.
 #[derive(Debug, Clone)]
 pub struct Flags<const INFO: bool>(pub Experiment);
 
 impl<const INFO: bool> Args for Flags<INFO> {
     fn augment_args(command: Command) -> Command {
-        let mut listed = Listed { args: vec![] };
-        Experiment::default().visit(&mut listed);
-        let asked_for = |arg: &Arg| !INFO || OF_INFO.contains(&arg.get_id().as_str());
-        // Diagnostics stand last in the help.
-        listed.args.sort_by_key(|arg| arg.get_help_heading() == Some("Diagnostics"));
-        command.args(listed.args.into_iter().filter(asked_for))
+        let mut list = FlagList { args: vec![] };
+        Experiment::default().visit(&mut list);
+        let is_flag = |arg: &Arg| !INFO || INFO_SETTINGS.contains(&arg.get_id().as_str());
+        // The help lists the group Diagnostics last.
+        list.args.sort_by_key(|arg| arg.get_help_heading() == Some("Diagnostics"));
+        command.args(list.args.into_iter().filter(is_flag))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -32,22 +32,22 @@ impl<const INFO: bool> Args for Flags<INFO> {
 impl<const INFO: bool> FromArgMatches for Flags<INFO> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
         let mut experiment = Experiment::default();
-        experiment.visit(&mut Typed { matches });
+        experiment.visit(&mut TypedValues { matches });
         Ok(Flags(experiment))
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), Error> {
-        self.0.visit(&mut Typed { matches });
+        self.0.visit(&mut TypedValues { matches });
         Ok(())
     }
 }
 
-/// Makes a flag of every setting.
-struct Listed {
+/// Makes one flag per setting.
+struct FlagList {
     args: Vec<Arg>,
 }
 
-impl Visitor for Listed {
+impl Visitor for FlagList {
     fn visit<T: Value>(&mut self, setting: &'static Setting, _: &mut Option<T>) {
         let mut arg = Arg::new(setting.name)
             .long(setting.name)
@@ -73,14 +73,15 @@ impl Visitor for Listed {
     }
 }
 
-/// Fills settings with what was typed.
-struct Typed<'m> {
+/// Fills settings with the values that the user typed.
+struct TypedValues<'m> {
     matches: &'m ArgMatches,
 }
 
-impl Visitor for Typed<'_> {
+impl Visitor for TypedValues<'_> {
     fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-        // A command that does not have the flag has no value of it, and a switch that was not typed has the value of clap's.
+        // `try_get_many` fails for flags that `taugate info` does not have. For a switch that was not typed, clap returns a
+        // default value; only values from the command line count.
         let values = self.matches.try_get_many::<T>(setting.name).ok().flatten();
         let values = values.filter(|_| self.matches.value_source(setting.name) == Some(ValueSource::CommandLine));
         *slot = values.into_iter().flatten().cloned().reduce(T::and);

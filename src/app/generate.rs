@@ -1,4 +1,4 @@
-//! `taugate generate`: the project's own scenes as files.
+//! `taugate generate`: writes the project's own scenes to files.
 
 use std::io::Write;
 use std::process::ExitCode;

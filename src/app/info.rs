@@ -1,4 +1,4 @@
-//! `taugate info`: what is in a scene, what a render of it takes, and when its light arrives.
+//! `taugate info`: the contents of a scene, the memory that a render needs, and the travel times of the light.
 
 mod text;
 
@@ -16,19 +16,19 @@ use taugate::internals::settings::units::METRES_PER_NS;
 use super::feasible;
 use crate::app::cli::InfoArgs;
 
-/// Parts of the light, in per cent, whose travel times are shown.
+/// Percentiles of the arriving light whose travel times the report lists.
 const PERCENTILES: [f64; 7] = [1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0];
-/// Buffers that are shown one by one.
+/// Number of buffers that the report lists, largest first.
 const LARGEST: usize = 8;
 
-/// Everything that is printed; with --json as it stands.
+/// Everything that the command prints. With --json, the keys are the names of these fields.
 #[derive(Serialize)]
 struct Report {
     triangles: usize,
     instances: usize,
     meshes: usize,
     mesh_triangles: usize,
-    /// Corners and diagonal, metres.
+    /// Lower corner, upper corner and length of the diagonal, in metres; none without triangles.
     bounds: Option<([f64; 3], [f64; 3], f64)>,
     cameras: Vec<Camera>,
     emitters: Vec<Emitter>,
@@ -39,7 +39,7 @@ struct Report {
     texels: u64,
     warnings: Vec<String>,
     render: Option<Render>,
-    /// Why a part is missing.
+    /// Reasons why parts of the report are missing.
     notes: Vec<String>,
 }
 
@@ -55,11 +55,11 @@ struct Camera {
 struct Emitter {
     node: String,
     kind: String,
-    /// Luminance-weighted; none for what is not selected or has no place.
+    /// Luminance-weighted power in W. None if --emitters leaves the emitter out, or if the scene cannot be prepared.
     watts: Option<f64>,
 }
 
-/// What depends on camera, emitters and sizes.
+/// The part of the report that depends on the settings.
 #[derive(Serialize)]
 struct Render {
     camera: String,
@@ -76,14 +76,14 @@ struct Memory {
     device: Option<String>,
     scene_bytes: u64,
     iteration_bytes: u64,
-    /// The light-vertex pool and its trees, an estimate.
+    /// Estimated size of the light-vertex pool and its trees.
     pool_bytes: u64,
     device_bytes: u64,
-    /// The program's own memory at its peak, an estimate.
+    /// Estimated peak of the program's memory on the host.
     host_bytes: u64,
     heap_bytes: Option<u64>,
     largest: Vec<Part>,
-    /// What does not fit and what to change.
+    /// The error if a buffer does not fit on the device, with the remedy.
     problem: Option<String>,
 }
 
@@ -91,12 +91,12 @@ struct Memory {
 struct Part {
     name: &'static str,
     bytes: u64,
-    /// The device's limit on a buffer of this kind.
+    /// The device's limit for a buffer of this kind, in bytes.
     allowed: Option<u64>,
     fits: Option<bool>,
 }
 
-/// Travel times of the light that reaches the sensor, as probed.
+/// Travel times of the light that reaches the sensor, measured by a probe. Emitters in view are left out.
 #[derive(Serialize)]
 struct Light {
     first: Arrival,
@@ -110,7 +110,7 @@ struct Arrival {
     percent: f64,
     metres: f64,
     nanoseconds: f64,
-    /// One-way range of a sensor beside the emitter.
+    /// Half of `metres`: the one-way range if the sensor is beside the emitter.
     depth_metres: f64,
 }
 
@@ -123,7 +123,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
             report.warnings.extend(resolved.warnings);
             add_render(&mut report, &scene, &resolved.settings, experiment.render.device.as_deref())?;
         }
-        // Only the scene can mend these; what it has is shown all the same.
+        // Only a change of the scene can remove these errors. The report still lists the contents.
         Err(Error::Scene { message, .. }) => report.notes.push(format!("cannot be rendered: {message}")),
         Err(error) => return Err(error.into()),
     }
@@ -135,7 +135,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What the file holds.
+/// The part of the report that depends on the scene file alone.
 fn contents(scene: &Scene) -> Report {
     let mut used = vec![false; scene.materials.len()];
     scene.instances.iter().for_each(|i| used[scene.meshes[i.mesh as usize].material as usize] = true);
@@ -173,7 +173,8 @@ fn contents(scene: &Scene) -> Report {
     }
 }
 
-/// What a render with these settings takes and sees. Fails on a wrong flag. Without any device a note says what is missing.
+/// Adds the part that depends on the settings. A device that the user named but that cannot be opened is an error. If no
+/// device at all can be opened, the report gets a note instead of travel times.
 fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: Option<&str>) -> anyhow::Result<()> {
     let prepared = match PreparedScene::new(scene, settings) {
         Ok(prepared) => prepared,

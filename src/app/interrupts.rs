@@ -1,21 +1,21 @@
-//! Ctrl-C, and what a queue or a system that shuts down sends (SIGTERM).
+//! Handles Ctrl-C and SIGTERM. Batch queues, and systems that shut down, send SIGTERM.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 #[cfg(unix)]
 use std::time::{Duration, Instant};
 
-/// Exit code of what was interrupted.
+/// Exit code of an interrupted command.
 pub const INTERRUPTED: u8 = 130;
 
-/// The interrupt that ends the process.
+/// Which interrupt ends the process.
 #[derive(Clone, Copy)]
 pub enum Interrupt {
-    /// While there is nothing to keep.
+    /// The first, while there is no result to keep.
     First,
-    /// While work goes on that can stop and keep what it has.
+    /// The second: the first stops the work and keeps its result so far.
     Second,
-    /// While files are written: half of one must not be left.
+    /// None, while files are written: no half-written file may remain.
     None,
 }
 
@@ -30,16 +30,17 @@ impl Interrupt {
     }
 }
 
-/// What was asked by interrupts, and which of them ends the process.
+/// Counts the interrupts, and ends the process at a chosen one.
 pub struct Interrupts {
-    /// Somebody interrupted: work stops where it can keep what it has.
+    /// True after the first interrupt. Loops that work for long check this flag and stop with their result so far.
     pub stop: Arc<AtomicBool>,
     count: Arc<AtomicU32>,
     last: Arc<AtomicU32>,
 }
 
 impl Interrupts {
-    /// Once a process. Until something else is said no interrupt ends it.
+    /// Installs the handlers; may be called once per process. At first no interrupt ends the process
+    /// ([`Interrupts::end_the_process_at`] changes this).
     pub fn new() -> anyhow::Result<Interrupts> {
         let last = Arc::new(AtomicU32::new(Interrupt::None.number()));
         let interrupts = Interrupts { stop: Arc::default(), count: Arc::default(), last };
@@ -55,18 +56,20 @@ impl Interrupts {
         Ok(interrupts)
     }
 
-    /// From now on `interrupt` ends the process, at once if it has come already.
+    /// From now on `interrupt` ends the process. If it has already arrived, the process ends at once.
     pub fn end_the_process_at(&self, interrupt: Interrupt) {
         self.last.store(interrupt.number(), Ordering::SeqCst);
         exit_if(self.count.load(Ordering::SeqCst) >= interrupt.number());
     }
 }
 
-/// Signals of one request: `timeout` of the GNU coreutils sends SIGTERM to its child and again to the whole group.
+/// SIGTERM signals within this time are one request: `timeout` of the GNU coreutils sends one to its child and another to
+/// the whole process group.
 #[cfg(unix)]
 const ONE_REQUEST: Duration = Duration::from_secs(1);
 
-/// `ctrlc` could do this too, but would take SIGHUP with it, and so end what nohup keeps alive.
+/// Calls `interrupt` on SIGTERM. The crate `ctrlc` could handle SIGTERM, but then it would also handle SIGHUP and end
+/// processes that nohup keeps alive.
 #[cfg(unix)]
 fn on_termination(mut interrupt: impl FnMut() + Send + 'static) -> anyhow::Result<()> {
     let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGTERM])?;

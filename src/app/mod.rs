@@ -1,4 +1,4 @@
-//! The commands. Only here and in `main` is anything printed: results to stdout, everything else to stderr.
+//! The commands. Only this module and `main` print: results to stdout, everything else to stderr.
 
 mod bench;
 mod check;
@@ -34,18 +34,18 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Prints a result. A reader that closed the pipe, such as `head`, has seen enough.
+/// Prints a result to stdout. A closed pipe is no error: its reader, such as `head`, wants no more.
 fn print(text: &str) -> anyhow::Result<()> {
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-            Err(e).context("the result cannot be written to where stdout leads")
+            Err(e).context("the result cannot be written to stdout; check where stdout is redirected")
         }
         _ => Ok(()),
     }
 }
 
-/// Says a line on stderr. Where nobody listens any more, because a pipe or a terminal was closed, work goes on.
+/// Prints a line to stderr. Errors are ignored: the work must go on after the user closes the pipe or the terminal.
 pub fn say(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }

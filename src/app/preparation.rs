@@ -1,10 +1,10 @@
-//! The clock of what comes before the first iteration.
+//! Measures the time that a render takes before its first iteration.
 
 use std::time::Instant;
 
 use taugate::internals::render::{Stage, Stats};
 
-/// Runs from its making on; knows where the time went.
+/// A clock that starts in `new` and records the seconds of each part of the preparation.
 pub struct Preparation {
     started: Instant,
     parts: Vec<(String, f64)>,
@@ -16,7 +16,7 @@ impl Preparation {
         Preparation { started: Instant::now(), parts: vec![], seconds: 0.0 }
     }
 
-    /// Runs `work` and remembers how long it took.
+    /// Runs `work` and records its wall time under the name `part`.
     pub fn timed<T>(&mut self, part: &str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
@@ -24,16 +24,17 @@ impl Preparation {
         result
     }
 
-    /// Stops the clock.
+    /// Records the total time.
     pub fn finish(&mut self) {
         self.seconds = self.started.elapsed().as_secs_f64();
     }
 
+    /// Seconds from `new` to `finish`; 0 before `finish`.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }
 
-    /// Parts as [`Stats::stages`] has them, with those of the renderer.
+    /// The stages of the preparation, in the form of [`Stats::stages`]: the parts timed here, then those the renderer timed.
     pub fn stages(&self, renderer: &Stats) -> Vec<Stage> {
         let own = renderer.prepare_seconds.iter().map(|(name, seconds)| (name.clone(), *seconds));
         Stage::list(self.parts.iter().cloned().chain(own), self.seconds)

@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use taugate::internals::render::Renderer;
 use taugate::internals::settings::Budget;
 
-/// Between plain lines.
+/// Time between two plain lines.
 const PERIOD: Duration = Duration::from_secs(5);
 
 pub enum Progress {
@@ -16,7 +16,7 @@ pub enum Progress {
     Lines { last: Instant },
 }
 
-/// How far a render is.
+/// How far a render has come.
 pub struct Position {
     pub samples: u64,
     pub elapsed: Duration,
@@ -72,7 +72,7 @@ impl Progress {
         self.show(position.done(budget), || position.describe(budget));
     }
 
-    /// Shows which part is done, 0 to 1, and a sentence about it.
+    /// Shows the fraction that is done, 0 to 1, and the text that `describe` returns.
     pub fn show(&mut self, done: f64, describe: impl Fn() -> String) {
         match self {
             Progress::Quiet => {}
@@ -98,7 +98,7 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish(&self) {
         if let Progress::Bar(bar) = self {
             bar.finish_and_clear();

@@ -24,9 +24,9 @@ use super::report::{Report, files, is_black};
 use super::{feasible, strategies};
 use crate::app::cli::RenderArgs;
 
-/// Non-finite samples under --strict.
+/// The error for non-finite samples with --strict.
 #[derive(Debug, thiserror::Error)]
-#[error("{dropped} samples were not finite, and --strict was given; no image was written. Without it they count as 0")]
+#[error("{dropped} samples were not finite, so --strict wrote no image; without --strict they count as 0")]
 pub struct NotFinite {
     dropped: u64,
 }
@@ -42,17 +42,17 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         check_outputs(&outputs)?;
         check_inputs(&outputs, &scene_path)?;
     }
-    // So far there is nothing to keep.
+    // There is no result to keep yet.
     interrupts.end_the_process_at(Interrupt::First);
 
-    // Load the scene and settle what is to be done.
+    // Load the scene and resolve the settings.
     let mut preparation = Preparation::new();
     let scene = preparation.timed("load scene", || gltf::load(&scene_path))?;
     let resolved = resolve::resolve(&experiment, &scene)?;
     let settings = &resolved.settings;
     let config = resolve::as_experiment(&experiment, settings, &scene);
     if print_config {
-        // So that it says the same from any folder.
+        // With absolute paths the experiment is valid in every folder.
         super::print(&config.with_absolute_paths()?.to_toml())?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -121,7 +121,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     report.write(&outputs)?;
     report.summarise(&outputs, &progress);
     if interrupted && outputs.strategy_images.is_some() {
-        strategies::tell_interrupted(&progress);
+        strategies::report_interrupted(&progress);
     }
     if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
         drop(renderer);
@@ -132,7 +132,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(if stop.load(Ordering::Relaxed) { INTERRUPTED } else { 0 }))
 }
 
-/// A mistake in the settings that the scene may be to blame for names its file.
+/// Adds the scene's file to an error of the settings, because the scene may be the cause.
 fn of_file(error: Error, scene: &Path) -> Error {
     match error {
         Error::Settings(message) => Error::Scene { path: scene.into(), message },
@@ -140,7 +140,7 @@ fn of_file(error: Error, scene: &Path) -> Error {
     }
 }
 
-/// What was typed, over the experiment file if one was named. Names a scene.
+/// The flags or, if the input is an experiment file, its keys with the flags in front. `scene` is set in the result.
 fn read_experiment(args: RenderArgs) -> Result<Experiment> {
     let input = args.input.clone();
     let mut typed = args.into_experiment();
@@ -161,21 +161,21 @@ fn read_experiment(args: RenderArgs) -> Result<Experiment> {
     Ok(typed)
 }
 
-/// An hour of rendering should not end in a folder that cannot be written to.
+/// Checks before the render that every output can be written, so that no long render is lost.
 fn check_outputs(outputs: &Outputs) -> Result<()> {
     files(outputs).try_for_each(|path| check_writable(path))?;
     let Some(folder) = &outputs.strategy_images else { return Ok(()) };
     strategies::check_folder(folder)?;
     match files(outputs).find(|file| lies_in(file, folder)) {
         Some(file) => Err(Error::Settings(format!(
-            "the folder of --strategy-images is replaced as a whole, and {} would be in it; choose another folder",
+            "the folder of --strategy-images is replaced as a whole, and {} would lie in this folder; choose another",
             file.display()
         ))),
         None => Ok(()),
     }
 }
 
-/// A picture may have the name of a texture.
+/// Refuses outputs that would overwrite a file of the scene, such as a texture.
 fn check_inputs(outputs: &Outputs, scene: &Path) -> Result<()> {
     let existing: Vec<_> = files(outputs).filter(|path| path.exists()).collect();
     if existing.is_empty() {
@@ -191,7 +191,7 @@ fn check_inputs(outputs: &Outputs, scene: &Path) -> Result<()> {
     }
 }
 
-/// Adds iterations until the budget is used or somebody interrupts; returns the samples of each.
+/// Adds iterations until the budget is used or an interrupt arrives. Returns the samples per pixel of each iteration.
 fn iterate(
     renderer: &mut Renderer,
     settings: &Settings,
@@ -204,7 +204,7 @@ fn iterate(
     loop {
         let (film, elapsed) = (renderer.film(), started.elapsed());
         let samples = next_samples(&settings.budget(), film.iterations(), film.samples(), elapsed);
-        // What is black for sure needs no more than a variance.
+        // If the image is certain to be black, two iterations are enough: they give a variance.
         let black = renderer.is_dark() && matches!(settings.budget(), Budget::Seconds(_)) && schedule.len() == 2;
         if samples == 0 || black || stop.load(Ordering::Relaxed) {
             return Ok(schedule);

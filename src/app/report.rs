@@ -1,4 +1,4 @@
-//! What a render leaves: its files, and the lines at the end.
+//! Writes the files of a render and prints its summary.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -15,43 +15,43 @@ use taugate::internals::settings::Settings;
 use super::preparation::Preparation;
 use super::progress::{Position, Progress, duration, rays};
 
-/// A render that has ended.
+/// A finished render.
 pub struct Report<'a> {
     pub renderer: &'a Renderer,
     pub settings: &'a Settings,
     pub provenance: &'a Provenance,
     pub preparation: &'a Preparation,
-    /// What was said before it began.
+    /// Warnings that were printed before the first iteration.
     pub warnings: &'a [String],
 }
 
-/// What --stats writes.
+/// The contents of the file that --stats writes.
 #[derive(Serialize)]
 struct Numbers<'a> {
     version: String,
     gate: String,
     samples_per_pixel: u64,
-    /// Of the pixels: fewer and more than that by --sampling adaptive.
-    least_samples_in_a_pixel: u64,
-    most_samples_in_a_pixel: u64,
+    /// The smallest and the largest number of samples in a pixel. They differ with --sampling adaptive.
+    min_samples_per_pixel: u64,
+    max_samples_per_pixel: u64,
     iterations: u32,
-    /// From the scene's file to the first iteration, and where they went.
+    /// Seconds from the loading of the scene to the first iteration, and their stages.
     prepare_seconds: f64,
     prepare_stages: Vec<Stage>,
-    /// All iterations, and where their time went; the last stage is what the others do not explain.
+    /// Seconds of all iterations, and their stages. The last stage is the time that the other stages do not explain.
     render_seconds: f64,
     stages: Vec<Stage>,
     rays_per_second: f64,
-    /// Over all pixels and channels; its standard error comes from whole iterations and is null with fewer than two.
+    /// Mean over all pixels and channels. The standard error is estimated from whole iterations; it is null with fewer than two.
     image_mean: f64,
     image_mean_standard_error: Option<f64>,
     /// How often the host waited for the device during iterations.
     waits: u64,
     /// Non-finite samples, which count as 0.
     samples_dropped: u64,
-    /// Part of the connections tried that survived gate, facing and depth; null if none was tried.
+    /// Fraction of the attempted connections that pass the tests of gate, facing and depth; null if none was attempted.
     connections_inside_gate: Option<f64>,
-    /// Contributions a sample, more than 1 where several bounces contribute.
+    /// Contributions inside the gate per sample; above 1 if several bounces of a path contribute.
     inside_gate_per_sample: f64,
     warnings: &'a [String],
     settings: &'a str,
@@ -91,13 +91,13 @@ impl Report<'_> {
     fn numbers(&self) -> Numbers<'_> {
         let (film, stats) = (self.renderer.film(), self.renderer.stats());
         let (image_mean, image_mean_standard_error) = film.image_mean();
-        let [least_samples_in_a_pixel, most_samples_in_a_pixel] = self.renderer.samples_in_pixels();
+        let [min_samples_per_pixel, max_samples_per_pixel] = self.renderer.samples_in_pixels();
         Numbers {
             version: exr_file::version(),
             gate: self.provenance.responses.support().to_string(),
             samples_per_pixel: film.samples(),
-            least_samples_in_a_pixel,
-            most_samples_in_a_pixel,
+            min_samples_per_pixel,
+            max_samples_per_pixel,
             iterations: film.iterations(),
             prepare_seconds: self.preparation.seconds(),
             prepare_stages: self.preparation.stages(stats),
@@ -116,7 +116,7 @@ impl Report<'_> {
         }
     }
 
-    /// What was rendered, how well it is known, and what must not be missed.
+    /// Prints warnings about the image, then what was rendered, its mean and the standard error of the mean.
     pub fn summarise(&self, outputs: &Outputs, progress: &Progress) {
         let (film, stats) = (self.renderer.film(), self.renderer.stats());
         if stats.dropped > 0 {
@@ -127,7 +127,7 @@ impl Report<'_> {
         }
         if is_black(self.renderer) {
             progress.line(
-                "warning: the image is black: taugate info shows when light arrives and which emitters there are",
+                "warning: the image is black; taugate info lists the emitters and the times at which light arrives",
             );
         }
         let spread = match self.renderer.samples_in_pixels() {
@@ -136,7 +136,7 @@ impl Report<'_> {
         };
         let names: Vec<String> = files(outputs).map(|path| path.display().to_string()).collect();
         progress.line(&format!(
-            "{}: {}x{}, {}, {}, {} samples a pixel{spread} in {}, {}",
+            "{}: {}x{}, {}, {}, {} samples per pixel{spread} in {}, {}",
             names.join(", "),
             film.width(),
             film.height(),
@@ -154,8 +154,8 @@ impl Report<'_> {
         };
         let share = stats.live_share().map_or("none tried".into(), |share| format!("{:.3} %", 100.0 * share));
         progress.line(&format!(
-            "mean {mean:.6e} {error}; connections inside the gate: {share}; contributions a sample: {:.4}; samples dropped as \
-             not finite: {}",
+            "mean {mean:.6e} {error}; connections inside the gate: {share}; contributions per sample: {:.4}; non-finite \
+             samples dropped: {}",
             stats.inside_gate_per_sample(),
             stats.dropped
         ));

@@ -1,4 +1,4 @@
-//! `--strategy-images`: the folder of images, one a strategy and weighting, written as a whole or not at all.
+//! `--strategy-images`: a folder with one image per strategy and weighting. The folder is written completely or not at all.
 
 use std::fs;
 use std::io;
@@ -21,13 +21,13 @@ pub struct Job<'a> {
     pub device: &'a Device,
     pub scene: &'a Scene,
     pub settings: &'a Settings,
-    /// Samples a pixel of each iteration.
+    /// Samples per pixel of each iteration.
     pub schedule: &'a [u32],
     pub interrupts: &'a Interrupts,
 }
 
-/// Fails unless the folder can be made anew: it does not exist and its parent can be written to, or holds strategy images
-/// alone.
+/// Checks that the program may create or replace the folder. The folder must either not exist or hold nothing but strategy
+/// images, and its parent must be writable.
 pub fn check_folder(folder: &Path) -> Result<()> {
     let fail = |message: String| Err(Error::File { path: folder.into(), message });
     match fs::read_dir(folder) {
@@ -38,7 +38,7 @@ pub fn check_folder(folder: &Path) -> Result<()> {
                 let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
                 if !is_file || !name.to_str().is_some_and(is_ours) {
                     let other = name.to_string_lossy();
-                    return fail(format!("holds '{other}', which is no strategy image; choose another folder"));
+                    return fail(format!("holds '{other}', which is not a strategy image; choose another folder"));
                 }
             }
         }
@@ -48,24 +48,25 @@ pub fn check_folder(folder: &Path) -> Result<()> {
     temporary_beside(&real_place(folder)?).map(drop)
 }
 
-/// Where the folder lies or will lie, from the root on: its name holds when the current directory is moved with it.
+/// Absolute path of the folder, which need not exist. A relative path could change its meaning when the folder is renamed,
+/// because the current directory may be inside.
 fn real_place(folder: &Path) -> Result<PathBuf> {
     let fail = |e: io::Error| {
-        let message = format!("cannot be written: {e}; choose a place that exists and is yours");
+        let message = format!("cannot be written: {e}; choose an existing place where you may write");
         Error::File { path: folder.into(), message }
     };
     if folder.exists() {
         return fs::canonicalize(folder).map_err(fail);
     }
     let Some(name) = folder.file_name() else {
-        return Err(Error::File { path: folder.into(), message: "is not the name of a folder; choose one".into() });
+        return Err(Error::File { path: folder.into(), message: "is not the name of a folder; choose another".into() });
     };
     let parent = folder.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
     Ok(fs::canonicalize(parent).map_err(fail)?.join(name))
 }
 
-/// What is said where there was no time for them.
-pub fn tell_interrupted(progress: &Progress) {
+/// Prints that an interrupt prevented the strategy images.
+pub fn report_interrupted(progress: &Progress) {
     progress.line("interrupted: no strategy images were written");
 }
 
@@ -80,32 +81,32 @@ fn is_ours(file: &str) -> bool {
     matches!(parts[..], [s, t, "weighted.exr" | "unweighted.exr"] if number(s, 's') && number(t, 't'))
 }
 
-/// A folder with another name beside `folder`, which is a [`real_place`].
+/// Creates a temporary folder beside `folder`, so that a rename can move it there. `folder` is a [`real_place`].
 fn temporary_beside(folder: &Path) -> Result<tempfile::TempDir> {
     let parent = folder.parent().unwrap_or(folder);
     let mut builder = tempfile::Builder::new();
     builder.prefix(".taugate-").suffix(".tmp");
     #[cfg(unix)]
     {
-        // The mode of any new folder, less the user's umask.
+        // The usual mode of a new folder, less the user's umask. By default a temporary folder is private.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(fs::Permissions::from_mode(0o777));
     }
     builder.tempdir_in(parent).map_err(|e| {
-        let message = format!("cannot be written: {e}; choose a place that exists and is yours");
+        let message = format!("cannot be written: {e}; choose an existing place where you may write");
         Error::File { path: folder.into(), message }
     })
 }
 
 impl Job<'_> {
-    /// Renders all strategies and writes them into `folder`; an interrupt leaves the folder as it was.
+    /// Renders all strategies and writes them into `folder`. After an interrupt the folder is unchanged.
     pub fn write(&self, folder: &Path, provenance: &Provenance, progress: &Progress) -> Result<()> {
         let prepared = PreparedScene::new(self.scene, self.settings)?;
         let mut images = StrategyImages::new(self.device, self.scene, self.settings, &prepared)?;
         self.interrupts.end_the_process_at(Interrupt::Second);
         for &samples in self.schedule {
             if self.interrupts.stop.load(Ordering::Relaxed) {
-                tell_interrupted(progress);
+                report_interrupted(progress);
                 return Ok(());
             }
             images.iterate(samples)?;
@@ -128,7 +129,7 @@ impl Job<'_> {
     }
 }
 
-/// Renames `fresh` to `folder`; what stood there is removed, or put back if that fails.
+/// Renames `fresh` to `folder`. An old folder of that name is removed, or restored if the rename fails.
 fn put_in_place(fresh: tempfile::TempDir, folder: &Path) -> io::Result<()> {
     let fresh = fresh.keep();
     let old = fresh.with_extension("old");
@@ -175,7 +176,7 @@ mod tests {
         assert!(check_folder(&thesis).is_err());
         fs::remove_file(&thesis).unwrap();
         fs::create_dir(folder.join(name(2, 3, "weighted"))).unwrap();
-        assert!(check_folder(&folder).is_err(), "a folder by the name of an image");
+        assert!(check_folder(&folder).is_err(), "a folder with the name of an image");
         fs::remove_dir(folder.join(name(2, 3, "weighted"))).unwrap();
         #[cfg(target_os = "linux")]
         {

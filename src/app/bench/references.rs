@@ -1,4 +1,4 @@
-//! `taugate bench --reference`.
+//! `taugate bench --reference`: renders, extends and checks the references of a suite.
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,10 +17,10 @@ use crate::app::cli::BenchArgs;
 use crate::app::interrupts::INTERRUPTED;
 use crate::app::progress::{Progress, duration};
 
-/// A reference may take this many times the suite's time, unless --reference-time says otherwise.
+/// Time limit of a reference without --reference-time, as a multiple of the suite's time.
 const TIME_LIMIT_FACTOR: f64 = 40.0;
 
-/// Renders every reference of the suite that is missing, and extends those that are not good enough for what is known.
+/// Renders every missing reference of the suite, and extends those that are not accurate enough for the results so far.
 pub fn make(
     bench: &Bench,
     args: &BenchArgs,
@@ -29,7 +29,7 @@ pub fn make(
     progress: &mut Progress,
 ) -> anyhow::Result<ExitCode> {
     if !bench.suite.errors {
-        let message = "this suite measures costs alone and needs no references: leave out --reference";
+        let message = "this suite measures costs only and needs no references; leave out --reference";
         return Err(Error::Settings(message.into()).into());
     }
     make_folder(&bench.references)?;
@@ -45,7 +45,7 @@ pub fn make(
             .filter(|(name, best)| args.reference_time.is_some() || !is_good(bench, entries, name, *best))
             .collect();
         if wanted.is_empty() {
-            progress.line(&format!("{}: the reference is there", scene.name));
+            progress.line(&format!("{}: its references are complete", scene.name));
             continue;
         }
         let job = Job::load(&bench.suite, scene)?;
@@ -71,7 +71,7 @@ pub fn make(
     Ok(code)
 }
 
-/// Names of the references that entries need, each once.
+/// Names of the references that the entries need, without repetitions.
 fn distinct(entries: &[Entry]) -> Vec<&str> {
     let mut names: Vec<&str> = vec![];
     for entry in entries {
@@ -82,7 +82,8 @@ fn distinct(entries: &[Entry]) -> Vec<&str> {
     names
 }
 
-/// The least relMSE that was measured against this reference by this version of the renderer, at any time.
+/// The smallest relMSE that this version of the renderer reached against this reference, with any time of the suite. `None`
+/// without results.
 fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Option<Means>> {
     let mut rows = vec![];
     for path in [bench.results(), bench.refused()].iter().filter(|path| path.exists()) {
@@ -95,48 +96,48 @@ fn best(bench: &Bench, scene: &str, entries: &[Entry], name: &str) -> Result<Opt
 }
 
 fn is_good(bench: &Bench, entries: &[Entry], name: &str, best: Option<Means>) -> bool {
-    let entry = entries.iter().find(|entry| entry.reference == name).expect("the name is one of theirs");
+    let entry = entries.iter().find(|entry| entry.reference == name).expect("an entry has this reference");
     let found = reference::read(&bench.references, entry).ok().flatten();
     let (best, good) = (best.unwrap_or(Means::INFINITE), quality::is_good);
     found.is_some_and(|r| r.current && good(r.own.all, best.all) && good(r.own.trimmed, best.trimmed))
 }
 
-/// Says how it went; whether all is well.
+/// Prints the outcome. Returns whether the reference was written.
 fn report_outcome(scene: &str, path: &str, report: &ReferenceReport, progress: &Progress) -> bool {
     let ReferenceReport { variant, seconds, before, other, samples, own, wanted, judge, agreement } = report;
     let taken = match *before > 0.0 {
-        true => format!("{} after {} before", duration(*seconds), duration(*before)),
+        true => format!("{}, added to {} before", duration(*seconds), duration(*before)),
         false => duration(*seconds),
     };
-    let differs = "what another version of the renderer made";
+    let old = "the reference by another version of the renderer";
     match other {
         OtherVersion::None => {}
         OtherVersion::Merged(agreement) => progress.line(&format!(
-            "{scene}: {differs} agrees with this one's (|z| at most {:.1} of {:.1}) and counts",
+            "{scene}: {old} agrees with this version (|z| at most {:.1} of {:.1}) and is extended",
             agreement.max_z, agreement.threshold
         )),
         OtherVersion::Rejected(agreement) => progress.line(&format!(
-            "{scene}: {differs} differs from this one's (|z| = {:.1}, where {:.1} is significant): it was begun anew, and the old one kept beside it",
+            "{scene}: {old} differs from this version (|z| = {:.1}, where {:.1} is significant); a new one was started, and the old one is kept beside it",
             agreement.max_z, agreement.threshold
         )),
-        OtherVersion::Unverified => progress.line(&format!("{scene}: {differs} cannot be checked: it was begun anew, and the old one kept beside it")),
+        OtherVersion::Unverified => progress.line(&format!("{scene}: {old} cannot be checked; a new one was started, and the old one is kept beside it")),
     }
     let Agreement { max_z, threshold, tests, .. } = agreement;
     if !agreement.agree {
         progress.line(&format!(
-            "{scene}: no reference was written: what {variant} rendered in {taken} differs from {judge} (|z| = {max_z:.1} in one of \
-             {tests} means of cells, where {threshold:.1} is significant)"
+            "{scene}: no reference was written, because the render by {variant} in {taken} differs from {judge} (|z| = {max_z:.1} in \
+             one of {tests} means of cells, where {threshold:.1} is significant)"
         ));
         return false;
     }
     progress.line(&format!(
-        "{path}: {scene} by {variant}, {samples} samples a pixel in {taken}, own relMSE {:.2e}, trimmed {:.2e}; agrees with {judge} (|z| at most {max_z:.1} of {threshold:.1} in {tests} means of cells)",
+        "{path}: {scene} by {variant}, {samples} samples per pixel in {taken}, own relMSE {:.2e}, trimmed {:.2e}; agrees with {judge} (|z| at most {max_z:.1} of {threshold:.1} in {tests} means of cells)",
         own.all, own.trimmed
     ));
     if own.all > wanted.all || own.trimmed > wanted.trimmed {
         progress.line(&format!(
-            "warning: {scene}: the time ended before the reference was good enough: its own relMSE should be {:.2e}, trimmed {:.2e} for \
-             this suite; --reference again goes on from here, with --reference-time for longer",
+            "warning: {scene}: the time limit ended the render before the reference was accurate enough: for this suite its own relMSE \
+             should be {:.2e}, trimmed {:.2e}; run --reference again to extend it, with --reference-time for a longer limit",
             wanted.all, wanted.trimmed
         ));
     }

@@ -1,4 +1,4 @@
-//! What `taugate bench` shows on the terminal: how far it is, and what came out.
+//! The terminal output of `taugate bench`: progress and results.
 
 use std::time::Instant;
 
@@ -7,11 +7,11 @@ use taugate::internals::bench::summary::{ErrorSummary, VariantSummary};
 use crate::app::cli::BenchArgs;
 use crate::app::progress::duration;
 
-/// How far the suite is.
+/// How far the suite has come.
 pub struct SuiteProgress {
     pub repetitions: u32,
     pub started: Instant,
-    /// Seconds of rendering, done and in all.
+    /// Seconds of rendering: those that are done, and the total.
     pub done: f64,
     pub all: f64,
 }
@@ -28,7 +28,7 @@ impl SuiteProgress {
     }
 }
 
-/// The lines of a scene for the terminal.
+/// The results of a scene, one line per variant.
 pub fn text(scene: &str, lines: &[VariantSummary]) -> String {
     let width = lines.iter().map(|line| line.variant.len()).max().unwrap_or(0);
     let mut text = if lines.is_empty() { String::new() } else { format!("{scene}\n") };
@@ -36,7 +36,7 @@ pub fn text(scene: &str, lines: &[VariantSummary]) -> String {
         if line.all.relmse.median.is_nan() {
             let cost = line.us_per_sample;
             text += &format!(
-                "  {:width$}  {:.3} us a sample of a pixel ({:.3} to {:.3})  {:.0} samples in {:.1} s\n",
+                "  {:width$}  {:.3} us per pixel sample ({:.3} to {:.3})  {:.0} samples in {:.1} s\n",
                 line.variant, cost.median, cost.min, cost.max, line.samples, line.seconds
             );
             continue;
@@ -56,14 +56,14 @@ pub fn text(scene: &str, lines: &[VariantSummary]) -> String {
 
 fn error(name: &str, figure: &ErrorSummary) -> String {
     let ratio =
-        figure.ratio.map_or(String::new(), |r| format!(" lower by {:.2} ({:.2} to {:.2})", r.median, r.min, r.max));
+        figure.ratio.map_or(String::new(), |r| format!(", {:.2} times lower ({:.2} to {:.2})", r.median, r.min, r.max));
     match figure.reliable {
         true => format!("{name} {:.3e}{ratio}", figure.relmse.median),
         false => format!("{name} -"),
     }
 }
 
-/// What was typed, without --resume and --reference.
+/// The command that the user typed, without --resume and --reference.
 pub fn command(args: &BenchArgs) -> String {
     let mut text = format!("taugate bench {}", args.suite.display());
     if !args.scenes.is_empty() {

@@ -1,4 +1,4 @@
-//! The report as lines of name and value.
+//! Formats the report as lines, each with a name and a value.
 
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ struct Lines(String);
 
 impl Lines {
     fn line(&mut self, name: &str, value: impl AsRef<str>) {
-        writeln!(self.0, "{name:<11} {}", value.as_ref()).expect("a string takes any text");
+        writeln!(self.0, "{name:<11} {}", value.as_ref()).expect("writing to a string cannot fail");
     }
 }
 
@@ -32,7 +32,7 @@ pub fn text(report: &Report) -> String {
 fn add_contents(lines: &mut Lines, r: &Report) {
     lines.line(
         "triangles",
-        format!("{} placed by {} instances of {} meshes ({})", r.triangles, r.instances, r.meshes, r.mesh_triangles),
+        format!("{} in {} instances; {} in {} meshes", r.triangles, r.instances, r.mesh_triangles, r.meshes),
     );
     let point = |p: &[f64; 3]| format!("({:.3}, {:.3}, {:.3})", p[0], p[1], p[2]);
     match &r.bounds {
@@ -44,7 +44,7 @@ fn add_contents(lines: &mut Lines, r: &Report) {
     for camera in &r.cameras {
         let size = camera.resolution.map(|[w, h]| format!(", {w}x{h} pixels")).unwrap_or_default();
         let (at, degrees) = (point(&camera.position), camera.degrees_high);
-        lines.line("camera", format!("{} at {at}, {degrees:.1} degrees high{size}", camera.name));
+        lines.line("camera", format!("{} at {at}, vertical field of view {degrees:.1} degrees{size}", camera.name));
     }
     for emitter in &r.emitters {
         let watts = emitter.watts.map(|w| format!(", {w:.4} W")).unwrap_or_default();
@@ -69,7 +69,7 @@ fn add_memory(lines: &mut Lines, render: &Render) {
     lines.line(
         "memory",
         format!(
-            "{} on the device: scene {}, work {}, light vertices about {}; host about {} in all",
+            "{} on the device (scene {}, working buffers {}, light vertices about {}); about {} on the host",
             mebibytes(m.device_bytes),
             mebibytes(m.scene_bytes),
             mebibytes(m.iteration_bytes),
@@ -106,7 +106,7 @@ fn add_travel_times(lines: &mut Lines, render: &Render) {
     let arrival = |a: &Arrival| {
         format!("{:>10} m  {:>10} ns  {:>10} m depth", short(a.metres), short(a.nanoseconds), short(a.depth_metres))
     };
-    lines.line("light", "has arrived by (travel time, one-way depth; emitters in view left out)");
+    lines.line("light", "share that has arrived by a travel time, and its one-way depth (without emitters in view)");
     lines.line("  first", arrival(&light.first));
     for a in &light.percentiles {
         lines.line(&format!("  {:.0} %", a.percent), arrival(a));
@@ -114,6 +114,6 @@ fn add_travel_times(lines: &mut Lines, render: &Render) {
     lines.line("  last seen", arrival(&light.last));
     if let Some(gate) = &light.suggested_gate {
         let percent = 100.0 * SUGGESTED_PART;
-        lines.line("try", format!("--gate {gate} ({percent:.0} % of the scene diagonal at the median)"));
+        lines.line("try", format!("--gate {gate} (at the median; as wide as {percent:.0} % of the scene's diagonal)"));
     }
 }
