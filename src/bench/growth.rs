@@ -1,4 +1,4 @@
-//! How the cost of a sample grows with the size of things: the exponent of a power law, fitted through logarithms.
+//! How the cost of a sample grows with the quantity that a sweep varies: the exponent of a fitted power law.
 
 use std::io::Write;
 use std::path::Path;
@@ -11,27 +11,27 @@ use super::table::Row;
 use crate::error::Result;
 use crate::files::write_atomically;
 
-/// A step of a sweep.
+/// One scene of a sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
     pub scene: String,
-    /// What the sweep varies, the median over the repetitions.
+    /// Value of the quantity that the sweep varies: the median over the repetitions.
     pub x: f64,
-    /// Microseconds a sample of a pixel at the end of the time.
+    /// Microseconds per pixel sample, measured at the end of the time.
     pub cost: Spread,
 }
 
-/// The cost of a variant over a sweep.
+/// The cost of one variant in all scenes of a sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Growth {
     pub sweep: Sweep,
     pub variant: String,
-    /// In the order of x.
+    /// Sorted by x; never empty.
     pub steps: Vec<Step>,
     pub power_law: Option<PowerLaw>,
 }
 
-/// Every sweep of the suite for every variant that was measured.
+/// The cost over every sweep of the suite, for every variant with rows.
 pub fn growth(suite: &Suite, rows: &[Row]) -> Vec<Growth> {
     let mut all = vec![];
     for sweep in Sweep::ALL {
@@ -56,13 +56,10 @@ fn step(rows: &[Row], scene: &str, variant: &str, sweep: Sweep) -> Option<Step> 
     Some(Step { scene: scene.into(), x, cost: Spread::of(ends.iter().map(|row| row.us_per_sample))? })
 }
 
-/// One line a sweep and variant: the range of x and of the cost, and the exponent.
+/// Writes a CSV file with one line per sweep and variant: the first and the last x, their costs, and the exponent.
 pub fn write(path: &Path, growths: &[Growth]) -> Result<()> {
     write_atomically(path, |out| {
-        writeln!(
-            out,
-            "sweep,variant,steps,least,most,us_per_sample_at_least,us_per_sample_at_most,exponent,standard_error"
-        )?;
+        writeln!(out, "sweep,variant,steps,from,to,us_per_sample_from,us_per_sample_to,exponent,standard_error")?;
         for Growth { sweep, variant, steps, power_law } in growths {
             let ((first, last), number) = (ends(steps), |x: Option<f64>| x.map_or("NaN".into(), |x| format!("{x:.4}")));
             let (exponent, error) =
@@ -82,26 +79,26 @@ pub fn write(path: &Path, growths: &[Growth]) -> Result<()> {
     })
 }
 
-/// Without the digits that rounding left.
+/// Rounds to six decimals, which removes the digits of rounding errors.
 fn short(x: f64) -> f64 {
     (x * 1e6).round() / 1e6
 }
 
-/// The steps of least and greatest x.
+/// The steps with the smallest and the largest x.
 fn ends(steps: &[Step]) -> (&Step, &Step) {
     (steps.first().expect("a growth has a step"), steps.last().expect("a growth has a step"))
 }
 
-/// The section of the page; empty without sweeps.
+/// The section of the report; empty without sweeps.
 pub fn section(growths: &[Growth]) -> String {
     if growths.is_empty() {
         return String::new();
     }
     let mut text = String::from(
-        "\n## Growth\n\nMicroseconds a sample of a pixel (everything counted: light paths, trees, sensor paths) as a power of what a \
-         sweep varies, by min squares through the logarithms; the exponent with its standard error. 0: the cost does not \
-         depend on it; 1: in proportion.\n\n\
-         | sweep | variant | steps | from | to | us a sample, from | to | exponent |\n|---|---|---|---|---|---|---|---|\n",
+        "\n## Growth\n\nA power law is fitted to the microseconds per pixel sample (light paths, trees and sensor paths included) \
+         against the quantity that a sweep varies, by least squares of the logarithms. Exponent 0: the cost does not depend on the \
+         quantity. Exponent 1: the cost is proportional to it. The number after +- is the standard error.\n\n\
+         | sweep | variant | steps | from | to | us per sample, from | to | exponent |\n|---|---|---|---|---|---|---|---|\n",
     );
     for Growth { sweep, variant, steps, power_law } in growths {
         let (first, last) = ends(steps);

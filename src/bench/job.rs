@@ -1,4 +1,4 @@
-//! One scene of a suite made ready: loaded, and its settings resolved for every variant.
+//! One scene of a suite, loaded, with the settings of every variant resolved.
 
 use super::suite::{Part, SceneEntry, Suite};
 use crate::error::{Error, Result};
@@ -13,15 +13,15 @@ use crate::settings::Settings;
 
 use super::timed_renderer::TimedRenderer;
 
-/// A scene through a gate, and the ways to render it.
+/// A scene with its gate, and the settings that render it.
 pub struct Job {
     pub name: String,
     pub scene: Scene,
-    /// Of the variants that find all of the scene's light.
+    /// One entry per variant that finds all light of the scene.
     pub entries: Vec<Entry>,
-    /// What the user should know about the settings, one sentence each, without repetitions.
+    /// Warnings about the settings, one sentence each, without repetitions.
     pub warnings: Vec<String>,
-    /// Of the scene's file and of all that it names.
+    /// Hash of the scene file and of the files it refers to.
     hash: Hash,
 }
 
@@ -30,16 +30,17 @@ pub struct Job {
 pub struct Entry {
     pub variant: String,
     pub settings: Settings,
-    /// The experiment that renders the same, as TOML without scene, seed and budget.
+    /// The experiment with these settings, as TOML without scene, seed, samples and time.
     pub config: String,
-    /// Fingerprint of scene, settings and renderer: rows of a table that carry it were measured with them.
+    /// Fingerprint of scene, settings and renderer. Rows of a table with this fingerprint were measured with the same three.
     pub fingerprint: String,
-    /// Name of the file that holds the truth for these settings. Variants of the same strategies and depth share one.
+    /// File name of the reference for these settings. Variants with the same strategies and maximum depth share one.
     pub reference: String,
 }
 
 impl Job {
-    /// Loads a scene. Errors name the place in the suite where the scene, its camera, emitters or gate are chosen.
+    /// Loads a scene. Errors name line and column of the scene in the suite file. Variants that would miss light are left out
+    /// with a warning.
     pub fn load(suite: &Suite, entry: &SceneEntry) -> Result<Job> {
         let wrong = |error: Error, part| suite.error_at(entry, part, &error.to_string());
         let files = match entry.generated {
@@ -57,20 +58,20 @@ impl Job {
             if job.sees_all(&resolved.settings) {
                 job.entries.push(job.entry(&variant.name, &experiment, resolved.settings));
             } else {
-                job.warnings.push(format!("{} is left out: it would miss the light of a beam", variant.name));
+                job.warnings.push(format!("{} is left out because it cannot find the light of a beam", variant.name));
             }
         }
         if job.entries.is_empty() {
             return Err(suite.error_at(
                 entry,
                 Part::Name,
-                "no variant finds the light of its beam; add one of bdpt or lcs",
+                "no variant finds the light of its beam; add a variant with bdpt or lcs",
             ));
         }
         Ok(job)
     }
 
-    /// Whether settings find all the light: not every estimator sees a beam.
+    /// Whether these settings find all light. Some estimators cannot find the light of a beam.
     fn sees_all(&self, settings: &Settings) -> bool {
         let selected = self.scene.lights.iter().filter(|light| settings.emitters().include(&light.node));
         let beams = selected.filter(|light| light.kind.needs_light_subpaths()).count();
@@ -83,7 +84,7 @@ impl Job {
         (config.render.seed, config.render.spp, config.render.time) = (None, None, None);
         let text = config.to_toml();
 
-        // The truth depends on what is looked at and on which paths count, not on how they are found.
+        // The expected image depends on scene, camera, gate and the set of paths, not on the estimator.
         let mut truth = config.clone();
         truth.render = crate::settings::table::RenderTable {
             strategies: Some(settings.strategies()),
@@ -100,7 +101,8 @@ impl Job {
         }
     }
 
-    /// The scene's hierarchy, which all entries share. Fails with the gate's place in the suite if no path can meet it.
+    /// Builds the BVH and the tables of the scene, which all entries share. If no path can meet the gate, the error names line
+    /// and column of the gate in the suite file.
     pub fn prepare(&self, suite: &Suite, scene: &SceneEntry) -> Result<PreparedScene> {
         let settings = &self.entries[0].settings;
         let prepared =

@@ -1,8 +1,9 @@
-//! Error against time: estimators and variants of their settings on the same scenes, in turns, compared with references.
+//! Measures error against time: estimators, or variants of their settings, render the same scenes in turns and are compared
+//! with references.
 //!
-//! A [`suite`] says what to compare, a [`job`] is one of its scenes made ready, a [`race`] renders it once, a [`table`]
-//! holds what was measured, a [`summary`] is what it amounts to, [`growth`] how costs
-//! follow the size of things, and a [`report`] shows it.
+//! A [`suite`] lists scenes and variants. A [`job`] is one scene, ready to render. A [`race`] renders a job once per
+//! repetition. A [`table`] holds the measurements, and a [`summary`] their medians and ratios. [`growth`] fits how costs
+//! depend on a quantity. A [`report`] presents everything.
 
 pub mod growth;
 pub mod job;

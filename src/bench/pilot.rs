@@ -1,4 +1,4 @@
-//! Short renders that tell which settings have the least error per second: they render the reference.
+//! Short renders that find the settings with the smallest error per second. These settings then render the reference.
 
 use super::job::{Entry, Job};
 use super::quality::{ReferenceTarget, relative};
@@ -8,21 +8,21 @@ use crate::gpu::Device;
 use crate::render::PreparedScene;
 use crate::settings::{Estimator, Settings};
 
-/// Seeds, far from those of races and references.
+/// First of the pilots' seeds, which differ from the seeds of races and references.
 const FIRST_SEED: u32 = 0x4000_0100;
-/// A pilot takes this part of a variant's time in the suite, within bounds in seconds.
+/// Time of a pilot: a fraction of a variant's time in the suite, and its lower and upper bound in seconds.
 const PILOT_TIME: (f64, f64, f64) = (0.25, 0.2, 15.0);
-/// Of settings that are chosen for a reference alone.
+/// [`frugal`] settings never reduce the number of light paths below this one.
 const MIN_LIGHT_PATHS: u32 = 256;
 
-/// Pixels across a block of the image that pilots are measured against.
+/// Side in pixels of the blocks in [`fastest`].
 const BLOCK: usize = 8;
 
-/// A short render that tells how fast settings converge.
+/// A short render, which measures how fast settings converge.
 pub struct Pilot {
     pub variant: String,
     pub settings: Settings,
-    /// Whether the suite measures these settings; others only serve to render the reference.
+    /// Whether the suite measures these settings. If not, they may only render the reference.
     pub measured: bool,
     variance: Vec<f32>,
     mean: Vec<f32>,
@@ -30,15 +30,17 @@ pub struct Pilot {
 }
 
 impl Pilot {
-    /// relMSE times seconds: what stays the same as a render goes on.
+    /// relMSE times seconds. The product stays constant while a render goes on.
     pub fn cost(&self, truth: &[f32]) -> Means {
         relative(&self.variance, truth).scaled(self.seconds)
     }
 }
 
-/// The pilot with the least cost, by all pixels and by most of them alike: rare bright samples count, but whether a short render
-/// has met one is luck. All are measured against one and the same image, the mean of all of them over blocks of pixels: in a
-/// single pixel the best pilot would be measured against the noise of the others, the worst against the best.
+/// The pilot with the smallest product of its costs, over all pixels and trimmed. Rare bright samples count, but a short
+/// render meets one only by luck.
+///
+/// All pilots are compared with the same image: the mean of all pilots over blocks of pixels. With single pixels, the noise
+/// of the other pilots would decide the error of the best one.
 pub fn fastest(pilots: &[Pilot]) -> &Pilot {
     let n = pilots.len() as f32;
     let mean: Vec<f32> = (0..pilots[0].mean.len()).map(|i| pilots.iter().map(|p| p.mean[i]).sum::<f32>() / n).collect();
@@ -50,7 +52,7 @@ pub fn fastest(pilots: &[Pilot]) -> &Pilot {
     pilots.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).expect("there is a pilot")
 }
 
-/// An RGB image of `width` pixels across, each block of [`BLOCK`] x [`BLOCK`] pixels (less at the edges) its mean.
+/// Replaces each block of [`BLOCK`] x [`BLOCK`] pixels (smaller at the edges) by its mean. The image is interleaved RGB.
 fn over_blocks(image: &[f32], width: usize) -> Vec<f32> {
     let height = image.len() / (3 * width);
     let mut out = vec![0.0; image.len()];
@@ -65,8 +67,9 @@ fn over_blocks(image: &[f32], width: usize) -> Vec<f32> {
     out
 }
 
-/// Renders every variant for a short while each, and what may be faster: `bdpt` and `lcs` by default, and with one light path a
-/// pixel, since small images cannot pay for more.
+/// Renders every variant for a short time, and settings that may be faster: estimators such as `bdpt` and `lcs` with their
+/// defaults and, because more are expensive for small images, with at most one light path per pixel. `None` if `watch` stops
+/// the work.
 pub fn pilots(
     device: &Device,
     job: &Job,
@@ -110,8 +113,8 @@ pub fn pilots(
     Ok(Some(pilots))
 }
 
-/// An entry's settings with another estimator as it is by default: what is looked at and which paths count stay the entry's, and
-/// so does a number of light paths that is not the default.
+/// The settings of an entry with another estimator and the defaults of that estimator. Camera, gate, emitters and the set of
+/// paths stay the same, and so does a number of light paths that is not the default.
 pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
     let plain =
         entry.settings.change().estimator(estimator).splat_paths(None).queries(None).buckets(None).leaf_size(None);
@@ -119,7 +122,7 @@ pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
     plain.build().expect("defaults are inside their limits")
 }
 
-/// With one light path a pixel at most.
+/// Settings with at most one light path per pixel, or at most [`MIN_LIGHT_PATHS`] in an image of fewer pixels.
 pub fn frugal(settings: Settings) -> Settings {
     let pixels = settings.crop().width() * settings.crop().height();
     let paths = settings.light_paths().min(pixels.max(MIN_LIGHT_PATHS));

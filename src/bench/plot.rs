@@ -8,7 +8,7 @@ use super::summary::Point;
 use crate::error::{Error, Result};
 
 const SIZE: (u32, u32) = (720, 440);
-/// Told apart in print and by colour-blind readers (Okabe and Ito).
+/// Colour-blind readers can distinguish these colours, also in print (Okabe and Ito).
 pub const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -20,7 +20,8 @@ pub const COLOURS: [RGBColor; 8] = [
     RGBColor(140, 140, 140),
 ];
 
-/// relMSE (or what `figure` calls it) against seconds, both logarithmic, with bars from least to most; `None` if there is nothing to draw.
+/// An SVG plot of the error against seconds, both logarithmic, with bars from minimum to maximum. `figure` names the error.
+/// `None` if there is nothing to draw.
 pub fn convergence(title: &str, figure: &str, curves: &[(String, Vec<Point>)]) -> Result<Option<String>> {
     let points = || curves.iter().flat_map(|(_, points)| points).filter(|p| p.relmse.min > 0.0);
     let span = |of: &dyn Fn(&Point) -> [f64; 2]| {
@@ -83,7 +84,7 @@ fn draw(
     Ok(())
 }
 
-/// 0.02, 5 or 1e-5; nothing at ticks between 1, 2 and 5, which would touch.
+/// A label such as 0.02, 5 or 1e-5. Only ticks at 1, 2 and 5 have labels; more labels would overlap.
 fn label(value: &f64) -> String {
     let text = format!("{value:.0e}");
     match text.as_bytes().first() {

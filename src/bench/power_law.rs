@@ -1,15 +1,15 @@
-//! Power laws through measured points.
+//! Fits power laws to measured points.
 
 /// A power law y = c x^exponent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PowerLaw {
     pub exponent: f64,
-    /// Standard error of the exponent from the residuals; `None` through two points.
+    /// Standard error of the exponent, from the residuals; `None` with two points.
     pub error: Option<f64>,
 }
 
-/// Least squares through the logarithms; points that are not positive and finite do not count. `None` with fewer than two
-/// different x.
+/// Least squares of the logarithms. Points that are not positive and finite are ignored. `None` with fewer than two different
+/// values of x.
 pub fn fit_power_law(points: impl IntoIterator<Item = (f64, f64)>) -> Option<PowerLaw> {
     let usable = |v: f64| v > 0.0 && v.is_finite();
     let logs: Vec<(f64, f64)> =
@@ -17,7 +17,7 @@ pub fn fit_power_law(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Pow
     let n = logs.len() as f64;
     let (x, y) = logs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
     let (xy, xx) = logs.iter().fold((0.0, 0.0), |(a, b), (u, v)| (a + (u - x) * (v - y), b + (u - x).powi(2)));
-    // Equal x differ by rounding.
+    // Rounding can make equal x differ.
     if xx < 1e-12 {
         return None;
     }

@@ -1,30 +1,32 @@
-//! How good a reference is, and how good it must be.
+//! How accurate a reference is, and how accurate it must be.
 
 use crate::compare::metrics::Means;
 
-/// A reference's own relMSE must be this many times below the best result it is compared with.
+/// The relMSE of a reference itself must be this many times smaller than the best result that is compared with it.
 pub const MARGIN: f64 = 20.0;
-/// Above this, a reference's own relMSE says nothing: the error of a dark pixel that is bright by chance is measured against
-/// that very brightness.
+/// Maximum relMSE of a reference itself. Larger values cannot be trusted: if a dark pixel is bright by chance, relMSE divides its
+/// error by this false brightness.
 pub const MAX_REFERENCE_RELMSE: f64 = 0.02;
 
-/// Whether a result of this relMSE may be compared with a reference of that own relMSE; asked of each of [`Means`] for itself.
+/// Whether a result with this `relmse` may be compared with a reference whose own relMSE is `own`. Each of [`Means`] is
+/// judged by itself.
 pub fn is_good(own: f64, relmse: f64) -> bool {
     own <= MAX_REFERENCE_RELMSE && own * MARGIN <= relmse
 }
 
-/// What a reference is to be good enough for.
+/// The results that a reference must be accurate enough for.
 #[derive(Debug, Clone, Copy)]
 pub struct ReferenceTarget {
-    /// Time of each variant in the suite.
+    /// Time of each variant in the suite, in seconds.
     pub seconds: f64,
-    /// Rendering stops after so many seconds in any case.
+    /// Time limit of the reference, in seconds.
     pub limit: f64,
-    /// The best relMSE that was measured so far, if any was.
+    /// The smallest relMSE measured so far; `None` without results.
     pub best: Option<Means>,
 }
 
-/// Means of squared errors over r^2 + eps, as relMSE has it; infinite for a black reference.
+/// relMSE from squared errors: means of `squared` / (r^2 + eps), with eps as in [`crate::compare::metrics`]. Infinite if the
+/// reference is black.
 pub fn relative(squared: &[f32], reference: &[f32]) -> Means {
     let mean = reference.iter().map(|&r| f64::from(r)).sum::<f64>() / reference.len() as f64;
     if mean <= 0.0 {

@@ -1,4 +1,4 @@
-//! Renders variants in turns, so that whatever else the machine does hurts all alike.
+//! Renders variants in turns, so that other load on the machine slows all of them equally.
 
 use super::job::{Entry, Job};
 use super::reference::Reference;
@@ -11,17 +11,17 @@ use crate::gpu::Device;
 use crate::image::film::Film;
 use crate::render::PreparedScene;
 
-/// Time points of a race: each is twice the one before, the last is the whole time.
+/// Number of time points of a race. Each time is twice the one before; the last is the whole time.
 pub const POINTS: u32 = 7;
-/// Turns that a renderer takes within the whole time, unless an iteration is longer.
+/// Number of turns of a renderer within the whole time; fewer if one iteration takes longer than a turn.
 const TURNS: f64 = 64.0;
 
-/// Seconds at which the error is measured.
+/// The times in seconds at which the error is measured.
 pub fn points(seconds: f64) -> Vec<f64> {
     (0..POINTS).rev().map(|k| seconds / f64::from(1u32 << k)).collect()
 }
 
-/// The variants of a scene, compiled.
+/// Renderers for all variants of a scene, with compiled kernels.
 pub struct Race<'a> {
     job: &'a Job,
     timed_renderers: Vec<TimedRenderer>,
@@ -29,7 +29,7 @@ pub struct Race<'a> {
 }
 
 impl<'a> Race<'a> {
-    /// `references`: one an entry of the job, of the size of its crop; `None` where only costs are measured.
+    /// `references`: one per entry of the job, with the size of its crop; `None` if only costs are measured.
     pub fn new(
         device: &Device,
         job: &'a Job,
@@ -40,8 +40,8 @@ impl<'a> Race<'a> {
         Ok(Race { timed_renderers: job.entries.iter().map(timed).collect::<Result<_>>()?, job, references })
     }
 
-    /// One repetition: every variant renders for `seconds`. After each turn `watch` hears how many seconds were rendered and
-    /// says whether to go on; `None` if it does not.
+    /// One repetition: every variant renders for `seconds`. `watch` is called after each turn with the seconds of that turn and
+    /// returns whether to continue. Returns one row per variant and time point, or `None` if `watch` stopped the work.
     pub fn run(
         &mut self,
         repetition: u32,
@@ -52,7 +52,7 @@ impl<'a> Race<'a> {
         let mut next = vec![0; self.timed_renderers.len()];
         let mut rows = vec![];
         self.timed_renderers.iter_mut().for_each(|timed| timed.restart(seed(repetition)));
-        // The one that is behind has the next turn.
+        // The renderer with the least time so far has the next turn.
         while let Some(at) = next_to_run(&self.timed_renderers, &next, points.len()) {
             let timed = &mut self.timed_renderers[at];
             let begin = timed.clock;
@@ -110,7 +110,7 @@ impl<'a> Race<'a> {
         })
     }
 
-    /// What every variant rendered in the last repetition, with its settings and seconds.
+    /// For every variant: its entry, its film of the last repetition, and the seconds of rendering.
     pub fn films(&self) -> impl Iterator<Item = (&Entry, &Film, f64)> {
         self.job
             .entries
@@ -125,7 +125,7 @@ fn next_to_run(timed_renderers: &[TimedRenderer], next: &[usize], points: usize)
     open.min_by(|&a, &b| timed_renderers[a].clock.total_cmp(&timed_renderers[b].clock))
 }
 
-/// Seeds of repetitions; references have others.
+/// Seed of a repetition. References use other seeds.
 pub fn seed(repetition: u32) -> u32 {
     1 + repetition
 }

@@ -1,11 +1,12 @@
-//! References: what the images of a suite are measured against, rendered until their own error no longer matters.
+//! References: the images that the results of a suite are compared with. They are rendered until their own error is negligible.
 //!
-//! A reference is the mean of two independent halves with seeds of their own. Half their difference is a sample of its error,
-//! so (a - b)^2 / 4 is an unbiased estimate of its squared error in every pixel; the file carries it as its variance layer.
+//! A reference is the mean of two independent halves a and b with different seeds. Half of their difference is a sample of its
+//! error, so (a - b)^2 / 4 is an unbiased estimate of the squared error in every pixel. The file stores this estimate as its
+//! variance layer.
 //!
-//! The settings that render it need not be of the suite: whatever has the least error per second in a short pilot does. What was
-//! rendered is never lost: a reference that is not good enough for a later race is extended by halves with other seeds. So is one
-//! that another version of the renderer made, if it agrees with what this one renders; else it stays beside the new one, as
+//! Short pilot renders choose the settings with the smallest error per second, which need not be settings of the suite. If a
+//! reference is not accurate enough for a later race, two more halves with other seeds are added. A reference by another
+//! version of the renderer is extended too if it agrees with this version. If not, it is kept beside the new one as
 //! `NAME.other.exr`.
 
 use std::path::{Path, PathBuf};
@@ -25,62 +26,63 @@ use crate::image::fingerprint;
 use crate::render::PreparedScene;
 use crate::settings::Estimator;
 
-/// Rendering goes on to this part of what is needed: the next race may be lucky, or the machine less busy. More would be dear, and
-/// a reference can be extended.
+/// Rendering continues until the error is this fraction of the required one, because the next race may reach a smaller error by
+/// luck or on a less busy machine. A smaller fraction would be expensive, and a reference can be extended later.
 const TARGET_FRACTION: f64 = 0.8;
-/// The error is looked at again when this much more was rendered.
+/// The error is estimated again after the rendering time has grown by this factor.
 const CHECK_INTERVAL: f64 = 1.05;
-/// Seeds, far from those of races; an extension adds [`EXTENSION`] to all of them.
+/// Seeds of the two halves, which differ from the seeds of races. Each extension adds [`EXTENSION`] to all seeds.
 const HALVES: [u32; 2] = [0x4000_0001, 0x4000_0002];
 const EXTENSION: u32 = 0x1000;
-/// Iterations of a half, and of the judge, at least: fewer do not tell their own noise.
+/// Minimum number of iterations of a half; the judge needs twice as many. With fewer, their noise cannot be estimated.
 const MIN_ITERATIONS: u32 = MAX_BATCHES as u32 / 2;
-/// The judge's seed and its part of the reference's time. One alarm in a thousand is false, so it counts only if the second and
-/// longer render raises it too.
+/// Seeds of the judge's renders, and their fractions of the reference's time. One alarm in a thousand is false, so the first
+/// alarm counts only if the second, longer render confirms it.
 const JUDGES: [(u32, f64); 2] = [(0x4000_0003, 0.25), (0x4000_0004, 1.0)];
-/// A reference by another version of the renderer is compared with a render of this part of its time: what it differs by without
-/// being noticed is less than the noise of that.
+/// A reference by another version of the renderer is compared with a render that takes this fraction of its time. A difference
+/// that stays undetected is smaller than the noise of that render.
 const VERSION_CHECK_FRACTION: f64 = 0.1;
 
-/// A reference from the folder of references.
+/// A reference, read from the folder of references.
 pub struct Reference {
     pub picture: Picture,
-    /// Its own relMSE, estimated from its halves.
+    /// relMSE of the reference itself, estimated from its halves.
     pub own: Means,
-    /// Whether this version of the renderer made it: see [`fingerprint::RENDERER`].
+    /// Whether this version of the renderer rendered it; see [`fingerprint::RENDERER`].
     pub current: bool,
 }
 
-/// How the making of a reference went.
+/// How the rendering of a reference ended.
 #[derive(Debug, Clone)]
 pub struct ReferenceReport {
-    /// Whose settings rendered it.
+    /// Name of the settings that rendered it.
     pub variant: String,
-    /// Seconds of rendering, both halves, and those of an earlier reference that was extended.
+    /// Seconds of rendering, both halves together.
     pub seconds: f64,
+    /// Seconds of an earlier reference that was extended; 0 without one.
     pub before: f64,
-    /// What became of a reference by another version of the renderer.
+    /// What happened to a reference by another version of the renderer.
     pub other: OtherVersion,
-    /// Samples a pixel; of an earlier reference what would have taken as long.
+    /// Samples per pixel. An earlier reference counts with as many samples as its seconds would render now.
     pub samples: u64,
     pub own: Means,
-    /// What [`ReferenceReport::own`] must be at most.
+    /// Upper bound that the suite requires for [`ReferenceReport::own`].
     pub wanted: Means,
-    /// The estimator that checked it and what it found. The reference was written if they agree.
+    /// The estimator that checked the reference, and the result. The reference was written if they agree.
     pub judge: Estimator,
     pub agreement: Agreement,
 }
 
-/// What became of a reference by another version of the renderer.
+/// What happened to a reference by another version of the renderer.
 #[derive(Debug, Clone)]
 pub enum OtherVersion {
     /// There was none.
     None,
-    /// It shows what this version renders, and counts.
+    /// It agrees with this version and was extended.
     Merged(Agreement),
-    /// It does not, and was left out.
+    /// It differs from this version and was left out.
     Rejected(Agreement),
-    /// It does not tell its own noise, and was left out.
+    /// It has no estimate of its noise and was left out.
     Unverified,
 }
 
@@ -96,8 +98,8 @@ pub fn read(folder: &Path, entry: &Entry) -> Result<Option<Reference>> {
     Ok(Some(Reference { picture, own, current }))
 }
 
-/// Renders, checks and writes the reference that `entries` share. `watch` hears which part is done and what is going on, and
-/// says whether to continue; `None` if it does not. Nothing is written if the check fails.
+/// Renders, checks and writes the reference that `entries` share. `watch` gets the fraction that is done and a description, and
+/// returns whether to continue. `None` if `watch` stopped the work. Nothing is written if the check fails.
 pub fn make(
     device: &Device,
     job: &Job,
@@ -111,7 +113,8 @@ pub fn make(
     let measured = || pilots.iter().filter(|pilot| pilot.measured);
     let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(Means::INFINITE, Means::min);
     let chosen = fastest(&pilots);
-    // Short renders are slower, with few samples an iteration: what the long one gained the others may gain too.
+    // Pilots are slower than long renders because their iterations have few samples. The long render of the chosen settings
+    // shows the gain, and the other settings may gain as much.
     let wanted = |truth: &[f32], own: Means, seconds: f64| {
         let (cheapest, chosen, known) = (cheapest(truth), chosen.cost(truth), target.best.unwrap_or(Means::INFINITE));
         let of = |of: fn(Means) -> f64| {
@@ -186,7 +189,7 @@ pub fn make(
     let (variant, samples, before) = (chosen.variant.clone(), film.samples(), before(&previous));
     let cells = cells_of(&halves);
 
-    // Another estimator is the judge of what is new.
+    // Another estimator, the judge, checks the new halves.
     let judge = chosen.settings.estimator().record().judge;
     let mut verdict = None;
     for (seed, part) in JUDGES {
@@ -200,7 +203,7 @@ pub fn make(
         }
     }
     let agreement = verdict.expect("there is a judge");
-    // Batches of one render, the longer: those of two estimators do not tell their noise together.
+    // Keep the batches of the longer render only. Batches of two estimators together would not estimate their noise.
     film.set_cells(previous.filter(|previous| previous.seconds > seconds).map_or(cells, |previous| previous.cells));
     if agreement.agree {
         if matches!(other, OtherVersion::Rejected(_) | OtherVersion::Unverified) {
@@ -212,26 +215,26 @@ pub fn make(
     Ok(Some(ReferenceReport { variant, seconds, before, other, samples, own, wanted: needed, judge, agreement }))
 }
 
-/// One turn of a timed renderer: a sixteenth of what it has rendered so far.
+/// Renders one turn: a sixteenth of the time so far, from 0.01 s to 2 s.
 fn advance(timed: &mut TimedRenderer) -> Result<()> {
     timed.run_until(timed.clock + (timed.clock / 16.0).clamp(0.01, 2.0))
 }
 
-/// A reference that was not good enough.
+/// A reference from an earlier run that was not accurate enough.
 struct PreviousReference {
-    /// Its mean more and less by its standard error: two batches with its mean and its variance.
+    /// Its mean plus and minus its standard error: two batches that have its mean and its variance.
     halves: [Vec<f32>; 2],
     seconds: f64,
-    /// How often it was extended.
+    /// Number of times it was extended.
     extensions: u32,
-    /// Few batches where the file does not have more.
+    /// The batches in the file; none if the file has no valid ones.
     cells: CellBatches,
-    /// Whether this version of the renderer made it.
+    /// Whether this version of the renderer rendered it.
     current: bool,
 }
 
 impl PreviousReference {
-    /// `None` if there is none, or it does not say what it takes to go on.
+    /// `None` if there is none, or if its file lacks the variance, the seconds or the seed that an extension needs.
     fn read(path: &Path) -> Result<Option<PreviousReference>> {
         if !path.exists() {
             return Ok(None);
@@ -247,8 +250,8 @@ impl PreviousReference {
         Ok(Some(PreviousReference { halves: two_batches(&rgb, &variance), seconds, extensions, cells, current }))
     }
 
-    /// Adds it to a film of `seconds`. It counts by its time: weights that followed the errors would favour halves that miss rare
-    /// bright samples.
+    /// Adds the reference to a film that took `seconds`, weighted by time. Weights from the estimated errors would favour halves
+    /// that miss rare bright samples.
     fn add_to(&self, film: &mut Film, seconds: f64) {
         let rate = film.samples() as f64 / seconds;
         for half in &self.halves {
@@ -257,7 +260,7 @@ impl PreviousReference {
     }
 }
 
-/// Two batches of this mean and this variance of it.
+/// Two batches with this mean, and with this variance of the mean.
 fn two_batches(mean: &[f32], variance: &[f32]) -> [Vec<f32>; 2] {
     [1.0, -1.0].map(|sign| mean.iter().zip(variance).map(|(&mean, &v)| mean + sign * v.sqrt()).collect())
 }
@@ -272,7 +275,7 @@ fn count(samples: f64) -> u32 {
     samples.round().clamp(1.0, f64::from(u32::MAX)) as u32
 }
 
-/// Both halves as one film with two batches, or four with those of an earlier reference.
+/// Both halves as a film with two batches, or with four if an earlier reference is added.
 fn join(halves: &[TimedRenderer], previous: Option<&PreviousReference>) -> Film {
     let first = halves[0].renderer.film();
     let mut film = Film::new(first.width(), first.height());
@@ -286,7 +289,7 @@ fn join(halves: &[TimedRenderer], previous: Option<&PreviousReference>) -> Film 
     film
 }
 
-/// Cells of an independent render with another estimator.
+/// Batches of cells of an independent render with another estimator. `None` if `watch` stops the work.
 fn judge_cells(
     device: &Device,
     job: &Job,
@@ -315,7 +318,7 @@ fn write(path: &Path, film: &Film, entry: &Entry, seconds: f64, variant: &str, s
     exr_file::write(path, film, &provenance)
 }
 
-/// Where references are kept: beside the folder of results, so that suites share them.
+/// The folder of references. It lies beside the folder of results, so that suites share references.
 pub fn folder(out: &Path) -> PathBuf {
     match out.parent() {
         Some(parent) if parent != Path::new("") => parent.join("references"),
@@ -327,7 +330,7 @@ pub fn folder(out: &Path) -> PathBuf {
 mod tests {
     use super::*;
 
-    /// Two batches of a mean and a variance are as good as the two that these came from.
+    /// Two batches made from a mean and a variance can replace the two batches that these came from.
     #[test]
     fn an_extended_reference_is_what_four_halves_make() {
         let halves: [&[f32]; 4] = [&[1.0, 5.0, 0.0], &[3.0, 4.0, 0.0], &[2.5, 0.0, 1.0], &[0.5, 8.0, 3.0]];

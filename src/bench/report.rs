@@ -1,4 +1,4 @@
-//! One page that shows a suite's results side by side, with a plot and a strip of crops for every scene.
+//! The report of a suite: one page with a table, a plot and a strip of crops for every scene.
 
 use std::fmt::Write;
 use std::io::Cursor;
@@ -18,35 +18,35 @@ use crate::error::{Error, Result};
 use crate::files::write_atomically;
 use crate::image::exr_file::{Picture, read_picture, version};
 
-/// What a page is made of.
+/// The contents of a page.
 pub struct Page<'a> {
     pub suite: &'a Suite,
     pub rows: &'a [Row],
-    /// Scenes with what was rendered in them.
+    /// Names of the scenes with their entries.
     pub scenes: &'a [(String, Vec<Entry>)],
     pub references: &'a Path,
-    /// One sentence each about what is missing.
+    /// One sentence for each scene that is missing.
     pub missing: &'a [String],
     /// Vulkan device and the number of host threads.
     pub machine: String,
-    /// What was typed.
+    /// The command that the user typed.
     pub command: String,
     pub seconds: f64,
     pub repetitions: u32,
 }
 
-/// The file that keeps the first repetition's image of a variant.
+/// File for a variant's image of the first repetition.
 pub fn image_path(out: &Path, scene: &str, variant: &str) -> PathBuf {
-    // No name has an @: without one `a-b` of `c` and `a` of `b-c` would be one file.
+    // Names cannot contain an @. With a - instead, scene `a-b` with variant `c` and scene `a` with `b-c` would share a file.
     out.join("images").join(format!("{}@{}.exr", plain(scene), plain(variant)))
 }
 
-/// Names without spaces, for files and links.
+/// The name with spaces replaced, for files and links.
 fn plain(name: &str) -> String {
     name.replace(' ', "-")
 }
 
-/// Writes `report.md` and its pictures into `out`; returns the page's path.
+/// Writes `report.md`, its pictures and `growth.csv` into `out`. Returns the path of the page.
 pub fn write(out: &Path, page: &Page) -> Result<PathBuf> {
     let mut text = header(page) + &against_the_paper(page);
     for (scene, entries) in page.scenes {
@@ -55,7 +55,7 @@ pub fn write(out: &Path, page: &Page) -> Result<PathBuf> {
             continue;
         }
         let _ = writeln!(text, "\n## {scene}\n");
-        let _ = writeln!(text, "{}\n", what(&entries[0]));
+        let _ = writeln!(text, "{}\n", image_and_gate(&entries[0]));
         if let Some(paper) = reported(page, scene) {
             let _ = writeln!(text, "The paper reports: {paper}.\n");
         }
@@ -66,7 +66,7 @@ pub fn write(out: &Path, page: &Page) -> Result<PathBuf> {
         }
         text += &crops(out, page, scene, entries)?;
         text += &table(&lines);
-        text += &truth(page, entries, &lines)?;
+        text += &reference_errors(page, entries, &lines)?;
     }
     let growths = growth::growth(page.suite, page.rows);
     if !growths.is_empty() {
@@ -87,42 +87,45 @@ fn header(page: &Page) -> String {
     let _ = writeln!(
         text,
         "`{command}`, {}, on {machine}.\n\n\
-         Every variant rendered for {seconds} s in each of {repetitions} repetitions, in turns with the others; time is the wall time of \
-         iterations, tree building included, loading, BVH and kernel compilation excluded. Numbers are medians over the \
-         repetitions with the least and greatest in brackets.",
+         In each of {repetitions} repetitions every variant rendered for {seconds} s, in turns with the others. Time is the wall time of \
+         iterations: it includes the building of the light trees, but not loading, the BVH and the compilation of kernels. Numbers are \
+         medians over the repetitions, with minimum and maximum in brackets.",
         version()
     );
     if suite.errors {
         let _ = writeln!(
             text,
-            "relMSE: {RELMSE_FORMULA}. Trimmed: the same without the {:.0} % of the pixels that are worst in each image, which a few rare \
-             bright samples (in the image or in its reference) rule; it says nothing of those, and little above 1, which is that of black. Where the error of the reference is not \
-             {MARGIN} times below all that was measured of a variant, the figure is left out: \"reference too poor\". FLIP: mean of \
-             HDR-FLIP. \"Lower by\": how many times lower relMSE is than that of the better of bdpt and pt in the same repetition. \
-             Slope: of relMSE against time (of the trimmed one where that is all there is), in logarithms; -1 where errors are \
-             independent noise.",
+            "relMSE: {RELMSE_FORMULA}. Trimmed relMSE leaves out the worst {:.0} % of the pixels of each image, where a few rare bright \
+             samples (in the image or in its reference) dominate. It says nothing about such samples, and little above 1, the value of a \
+             black image. \"Reference too noisy\": the error of the reference is not {MARGIN} times smaller than all errors of the \
+             variant, so the page leaves the number out. FLIP: mean of HDR-FLIP. \"Times lower\": relMSE of the better of bdpt and pt \
+             divided by relMSE of the variant, in the same repetition. Slope: exponent of relMSE (of trimmed relMSE if relMSE is left \
+             out) as a power of time; -1 if errors are independent noise.",
             100.0 * TRIMMED
         );
     }
-    let _ = writeln!(text, "Dead: queries that found nothing inside gate, depth and facing.");
+    let _ = writeln!(
+        text,
+        "Dead: share of the queries whose light vertex fails the tests of gate, depth and facing, or that find none."
+    );
     for sentence in page.missing {
         let _ = writeln!(text, "\n{sentence}.");
     }
     text
 }
 
-fn what(entry: &Entry) -> String {
+fn image_and_gate(entry: &Entry) -> String {
     let [width, height] = entry.settings.resolution();
     format!("{width} x {height} pixels, {}.", entry.settings.responses().describe())
 }
 
-/// What the paper says of a scene.
+/// The results that the paper reports for a scene, if the suite names any.
 fn reported<'a>(page: &Page<'a>, scene: &str) -> Option<&'a str> {
     let entry = page.suite.scenes.iter().find(|entry| entry.name == *scene)?;
     Some(entry.paper.as_str()).filter(|paper| !paper.is_empty())
 }
 
-/// Ratios beside what the paper reports, for the scenes of which it does; nothing without any.
+/// A table of ratios beside those that the paper reports. Empty if the paper reports none for the scenes of the suite.
 fn against_the_paper(page: &Page) -> String {
     let mut text = String::new();
     for (scene, _) in page.scenes {
@@ -140,12 +143,14 @@ fn against_the_paper(page: &Page) -> String {
         return text;
     }
     String::from(
-        "\n## Against the paper\n\nThe paper's figures are for its own machine, gates and references, over all pixels; \"-\" where a \
-         reference is too poor.\n\n| scene | variant | relMSE lower by | trimmed lower by | the paper reports |\n|---|---|---|---|---|\n",
+        "\n## Comparison with the paper\n\nThe paper measured over all pixels, with its own machine, gates and references. \"-\": the \
+         reference is too noisy.\n\n| scene | variant | relMSE, times lower | trimmed relMSE, times lower | the paper reports |\n\
+         |---|---|---|---|---|\n",
     ) + &text
 }
 
-/// The plot, of relMSE over all pixels if the reference is good enough for it; else of the trimmed one, where it is for that.
+/// Writes the plot of relMSE over all pixels or, if the reference is too noisy for this, of trimmed relMSE for the variants that
+/// it is accurate enough for. Returns the link to the plot.
 fn convergence(out: &Path, page: &Page, scene: &str, lines: &[VariantSummary]) -> Result<String> {
     let rows: Vec<&Row> = page.rows.iter().filter(|row| row.scene == *scene).collect();
     let over_all = lines.iter().all(|line| line.all.reliable);
@@ -159,7 +164,7 @@ fn convergence(out: &Path, page: &Page, scene: &str, lines: &[VariantSummary]) -
     Ok(format!("![{figure} against time]({name})\n\n"))
 }
 
-/// The strip of crops and what is in it; nothing where images are missing.
+/// Writes the strip of crops. Returns its link and caption, or nothing if the reference or all images are missing.
 fn crops(out: &Path, page: &Page, scene: &str, entries: &[Entry]) -> Result<String> {
     let Some(Reference { picture, .. }) = reference::read(page.references, &entries[0])? else {
         return Ok(String::new());
@@ -185,13 +190,13 @@ fn crops(out: &Path, page: &Page, scene: &str, entries: &[Entry]) -> Result<Stri
         .map_err(|e| Error::File { path: out.join(&name), message: format!("cannot be written: {e}") })?;
     write_atomically(&out.join(&name), |file| std::io::Write::write_all(file, bytes.get_ref()))?;
     Ok(format!(
-        "![crops]({name})\n\nFrom left to right: reference, {}. Below: how FLIP sees the error, black for none.\n\n",
+        "![crops]({name})\n\nFrom left to right: reference, {}. Below: FLIP error, black for no error.\n\n",
         names.join(", ")
     ))
 }
 
-/// How good the references are, one sentence each.
-fn truth(page: &Page, entries: &[Entry], lines: &[VariantSummary]) -> Result<String> {
+/// The errors of the references themselves, one paragraph per reference.
+fn reference_errors(page: &Page, entries: &[Entry], lines: &[VariantSummary]) -> Result<String> {
     let mut text = String::new();
     for (at, entry) in entries.iter().enumerate() {
         if entries[..at].iter().any(|previous| previous.reference == entry.reference) {
@@ -204,13 +209,13 @@ fn truth(page: &Page, entries: &[Entry], lines: &[VariantSummary]) -> Result<Str
         let min = |line: &VariantSummary| Means { all: line.all.relmse.min, trimmed: line.trimmed.relmse.min };
         let (names, errors): (Vec<&str>, Vec<Means>) =
             lines.iter().filter(shares).map(|line| (line.variant.as_str(), min(line))).unzip();
-        let whose = if names.len() == lines.len() { String::new() } else { format!(" of {}", names.join(", ")) };
+        let whose = if names.len() == lines.len() { String::new() } else { format!(" for {}", names.join(", ")) };
         let taken = picture.seconds.map_or(String::new(), |seconds| format!(" after {seconds:.0} s of rendering"));
         let best = errors.into_iter().fold(Means::INFINITE, Means::min);
         let _ = writeln!(
             text,
-            "\nThe reference{whose} has a relMSE of its own of {:.2e}{taken}, estimated from independent halves: {:.0} times below the \
-             best result; trimmed {:.2e}, {:.0} times. It is part of every relMSE above.",
+            "\nThe reference{whose} itself has a relMSE of {:.2e}{taken}, estimated from independent halves: {:.0} times lower than the \
+             best result. Its trimmed relMSE is {:.2e}, {:.0} times lower. Every relMSE above includes the error of the reference.",
             own.all,
             best.all / own.all,
             own.trimmed,
@@ -223,7 +228,7 @@ fn truth(page: &Page, entries: &[Entry], lines: &[VariantSummary]) -> Result<Str
 /// The table of a scene as Markdown.
 fn table(lines: &[VariantSummary]) -> String {
     let mut text = String::from(
-        "| variant | seconds | samples | relMSE | lower by | trimmed relMSE | lower by | FLIP | slope | light vertices | queries/s | rays/s | dead | dropped |\n\
+        "| variant | seconds | samples | relMSE | times lower | trimmed relMSE | times lower | FLIP | slope | light vertices | queries/s | rays/s | dead | dropped |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for line in lines {
@@ -249,7 +254,7 @@ fn table(lines: &[VariantSummary]) -> String {
 fn relmse(figure: &ErrorSummary) -> String {
     match figure.reliable {
         true => spread(&figure.relmse, &|x| format!("{x:.3e}")),
-        false => "reference too poor".into(),
+        false => "reference too noisy".into(),
     }
 }
 
@@ -257,10 +262,10 @@ fn ratio(figure: &ErrorSummary) -> String {
     figure.ratio.map_or("-".into(), |ratio| spread(&ratio, &|x| format!("{x:.2}")))
 }
 
-/// The table of a scene where only costs were measured.
+/// The table of a scene, as Markdown, if only costs were measured.
 fn costs(lines: &[VariantSummary]) -> String {
     let mut text = String::from(
-        "| variant | seconds | samples | us a sample of a pixel | light vertices | queries/s | rays/s | dead | dropped |\n\
+        "| variant | seconds | samples | us per pixel sample | light vertices | queries/s | rays/s | dead | dropped |\n\
          |---|---|---|---|---|---|---|---|---|\n",
     );
     for line in lines {

@@ -1,4 +1,4 @@
-//! Crops side by side: the reference and every variant above, their errors below.
+//! Crops side by side: the reference and every variant in the upper row, the errors in the lower row.
 
 use image::{Rgb, RgbImage};
 
@@ -6,16 +6,18 @@ use crate::compare::flip;
 use crate::image::exr_file::Picture;
 use crate::image::png_file;
 
-/// Pixels of a crop at most, and how wide a tile is drawn at least.
+/// Maximum width and height of a crop in pixels.
 const CROP: [u32; 2] = [160, 120];
+/// Minimum width in pixels of a crop in the strip.
 const TILE: u32 = 240;
-/// Pixels of white between tiles.
+/// White pixels between tiles.
 const GAP: u32 = 4;
-/// Candidates for the place of the crop, along each side.
+/// Steps between the candidate positions of the crop, along each side.
 const STEPS: u32 = 8;
 
-/// The upper row shows the reference and `images` (all of one size) at the exposure of the reference, the lower one how FLIP
-/// sees each, black for no error to white. Large images are cropped where the reference has most light and shade.
+/// The upper row shows the reference and `images`, all of the same size, with the exposure of the reference. The lower row shows
+/// the FLIP error of each image, from black (no error) to white. Large images are cropped where the reference has the highest
+/// contrast.
 pub fn strip(reference: &Picture, images: &[Picture]) -> RgbImage {
     let size = [reference.width.min(CROP[0]), reference.height.min(CROP[1])];
     let at = place(reference, size);
@@ -42,7 +44,7 @@ pub fn strip(reference: &Picture, images: &[Picture]) -> RgbImage {
     out
 }
 
-/// Black, violet, orange, white; ever brighter.
+/// Colour of an error from 0 to 1: black, violet, orange, white, with growing brightness.
 fn heat(error: f32) -> [u8; 3] {
     const STOPS: [[f32; 3]; 5] =
         [[0.0, 0.0, 0.0], [60.0, 15.0, 110.0], [180.0, 50.0, 120.0], [250.0, 150.0, 90.0], [255.0, 255.0, 240.0]];
@@ -52,7 +54,7 @@ fn heat(error: f32) -> [u8; 3] {
     [0, 1, 2].map(|c| (STOPS[from][c] + part * (STOPS[from + 1][c] - STOPS[from][c])) as u8)
 }
 
-/// Where a window of this size has the greatest contrast between its pixels, relative to their brightness.
+/// Corner of the window of this size with the highest sum of differences between neighbours, of cube roots of brightness.
 fn place(picture: &Picture, [w, h]: [u32; 2]) -> [u32; 2] {
     let steps = |all: u32, part: u32| (0..=STEPS).map(move |i| (all - part) * i / STEPS);
     let candidates = steps(picture.height, h).flat_map(|y| steps(picture.width, w).map(move |x| [x, y]));

@@ -1,9 +1,10 @@
-//! A suite: the scenes, gates and variants that are compared, as TOML.
+//! A suite: a TOML file with the scenes, gates and variants to compare.
 //!
-//! Every `[[scene]]` is rendered with every `[[variant]]`. A variant's `render` table has the keys of an experiment's, laid over
-//! those of the scene, laid over those of the suite. A scene is a file, or one that the project makes itself (`generate`).
-//! Scenes of one `sweep` differ in one quantity, and the growth of a sample's cost with it is fitted ([`super::growth`]). With
-//! `errors = false` only costs are measured, and no references are needed. What a scene says under `paper` stands beside its results.
+//! Every `[[scene]]` is rendered with every `[[variant]]`. The `render` table of a variant has the same keys as that of an
+//! experiment. Its values take precedence over those of the scene, and these over those of the suite. A scene is a file, or a
+//! scene of the project itself (`generate`). The scenes of one `sweep` differ in one quantity; [`super::growth`] fits how the
+//! cost of a sample depends on this quantity. With `errors = false` only costs are measured, and no references are needed. The
+//! report shows the text under `paper` beside the results of the scene.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -21,25 +22,25 @@ use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
 use crate::settings::units::{Depth, Gate, GatePrecision};
 use crate::settings::values::{Resolution, Seconds};
 
-/// A suite is a few pages of text.
+/// Larger files are refused: a suite is a few pages of text.
 const MAX_BYTES: u64 = 1 << 20;
-/// Seconds a variant, scene and repetition when the suite does not say.
+/// Default of [`Suite::seconds`].
 pub const DEFAULT_SECONDS: f64 = 30.0;
 pub const DEFAULT_REPETITIONS: u32 = 3;
 const MAX_REPETITIONS: u32 = 1000;
 
-/// What to compare.
+/// A suite that was read and checked.
 #[derive(Debug, Clone)]
 pub struct Suite {
     pub path: PathBuf,
     /// The file's name without its extension.
     pub name: String,
-    /// What the suite is for, shown in its report; empty if it does not say.
+    /// Purpose of the suite, for the report; may be empty.
     pub about: String,
-    /// Rendering time of each variant in each scene and repetition.
+    /// Rendering time per variant, scene and repetition.
     pub seconds: f64,
     pub repetitions: u32,
-    /// Whether images are compared with references, or only their cost is measured.
+    /// Whether images are compared with references. If not, only costs are measured.
     pub errors: bool,
     pub scenes: Vec<SceneEntry>,
     pub variants: Vec<Variant>,
@@ -50,26 +51,26 @@ pub struct Suite {
 #[derive(Debug, Clone)]
 pub struct SceneEntry {
     pub name: String,
-    /// What the scenes of its sweep differ in.
+    /// The quantity in which the scenes of its sweep differ; `None` if it belongs to no sweep.
     pub sweep: Option<Sweep>,
-    /// What the paper reports of it; empty if nothing is said.
+    /// The results that the paper reports for this scene; may be empty.
     pub paper: String,
-    /// For scenes that are not a file.
+    /// The generated scene; `None` for scene files.
     pub generated: Option<Kind>,
     /// Scene, camera, emitters, gate and the settings that all variants share.
     pub experiment: Experiment,
-    /// Where in the file the scene's path, its gate (or its name) and its name stand.
+    /// Byte ranges in the suite of the scene's path, its gate (or its name, without a gate) and its name; see [`Part`].
     at: [Range<usize>; 3],
 }
 
-/// A way to render.
+/// Settings to compare with others.
 #[derive(Debug, Clone)]
 pub struct Variant {
     pub name: String,
     render: RenderTable,
 }
 
-/// Which part of a scene a message is about.
+/// The part of a scene that a message is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     Path,
@@ -109,7 +110,7 @@ struct SceneTable {
     render: Option<Spanned<RenderTable>>,
 }
 
-/// As `taugate generate NAME` has them.
+/// The arguments of `taugate generate`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct GenerateTable {
@@ -125,23 +126,23 @@ struct VariantTable {
     render: Option<Spanned<RenderTable>>,
 }
 
-/// What is wrong, and where.
+/// Byte range of a mistake in the suite, and the message.
 type Mistake = (Range<usize>, String);
 
 impl Suite {
-    /// Reads a suite; scenes are taken from its own folder. Mistakes are reported with line and column.
+    /// Reads a suite. Paths of scenes are relative to the folder of the suite. Errors name line and column.
     pub fn read(path: &Path) -> Result<Suite> {
         let fail = |message: String| Error::File { path: path.into(), message };
         let length = std::fs::metadata(path).map_err(|e| fail(format!("cannot read the suite: {e}")))?.len();
         if length > MAX_BYTES {
-            return Err(fail(format!("{length} bytes are too many for a suite; is it something else?")));
+            return Err(fail(format!("{length} bytes are too many for a suite; check the name")));
         }
         let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot read the suite: {e}")))?;
         let text = String::from_utf8(bytes).map_err(|_| fail("this is not text in UTF-8; a suite is TOML".into()))?;
         Suite::parse(path, text)
     }
 
-    /// As [`Suite::read`] of a file with this text.
+    /// Like [`Suite::read`], for a file at `path` with this text.
     pub fn parse(path: &Path, text: String) -> Result<Suite> {
         let file: File = toml::from_str(&text).map_err(|e| {
             let span = e.span().unwrap_or(0..0);
@@ -154,30 +155,31 @@ impl Suite {
         Ok(Suite { path: path.into(), name, about, seconds, repetitions, errors, scenes, variants, text })
     }
 
-    /// The experiment of a scene and variant, without samples or time.
+    /// The experiment for a scene and a variant, without samples and time.
     pub fn experiment(&self, scene: &SceneEntry, variant: &Variant) -> Experiment {
         let top = Experiment { render: variant.render.clone(), ..Experiment::default() };
         top.over(scene.experiment.clone())
     }
 
-    /// `suite.toml:3:9: message` for a part of a scene.
+    /// An error with the position of a part of a scene, as in `suite.toml:3:9: message`.
     pub fn error_at(&self, scene: &SceneEntry, part: Part, message: &str) -> Error {
         located(&self.path, &self.text, &scene.at[part as usize], message)
     }
 }
 
 impl SceneEntry {
-    /// The scene's file, or the name of what is made.
+    /// Path of the scene file. For a generated scene, its name with `.glb`.
     pub fn path(&self) -> &Path {
         self.experiment.scene.as_deref().expect("every entry has a path")
     }
 
-    /// Whether the scene can be had: it is made, or its file is there.
+    /// Whether the scene is available: it is generated, or its file exists.
     pub fn exists(&self) -> bool {
         self.generated.is_some() || self.path().is_file()
     }
 
-    /// Whether the folder that should hold the scene is there at all: sets of scenes are fetched as a whole, or not.
+    /// Whether the folder of the scene exists. If the folder is missing, the user has not downloaded that set of scenes; if only the
+    /// file is missing, its name is wrong.
     pub fn folder_exists(&self) -> bool {
         self.path().parent().is_none_or(|folder| folder == Path::new("") || folder.is_dir())
     }
@@ -229,15 +231,15 @@ fn parts(file: File, folder: &Path) -> Result<Parts, Mistake> {
 
 fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<SceneEntry, Mistake> {
     if let (Some(_), Some(depth)) = (&table.gate, &table.depth) {
-        return Err((depth.span(), "gate and depth say the same thing in two ways: keep one".into()));
+        return Err((depth.span(), "gate and depth both set the gate; remove one of them".into()));
     }
     let gate_at = table.gate.as_ref().map(Spanned::span).or(table.depth.as_ref().map(Spanned::span));
     let gate = table.gate.map(Spanned::into_inner).or(table.depth.map(|depth| depth.into_inner().0));
     if let (Some(gate), Some(at)) = (gate, &gate_at)
         && let GatePrecision::TooThin { ulps } = gate.precision()
     {
-        let what = gate.describe();
-        let message = format!("the {what} is only {ulps:.1} steps of 32-bit travel times wide; make it wider");
+        let gate = gate.describe();
+        let message = format!("the {gate} is only {ulps:.1} steps of 32-bit travel times wide; make it wider");
         return Err((at.clone(), message));
     }
     let (path, path_at, generated) = match (table.scene, table.generate) {
@@ -266,7 +268,7 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
     Ok(SceneEntry { name, sweep, paper, generated, experiment: own.over(below), at })
 }
 
-/// What is to be made, and a path that stands for it in messages.
+/// The scene to generate, and a path that stands for it in messages.
 fn make(table: GenerateTable) -> Result<(PathBuf, Kind), String> {
     let GenerateTable { name, roughness, triangles } = table;
     let Some(kind) = Kind::parse(&name) else {
@@ -275,7 +277,7 @@ fn make(table: GenerateTable) -> Result<(PathBuf, Kind), String> {
     Ok((format!("{name}.glb").into(), kind.with(roughness, triangles)?))
 }
 
-/// A table of settings; what the bench itself decides cannot be set there.
+/// Checks a table of settings. It may not contain settings that the bench chooses itself.
 fn render(table: Option<Spanned<RenderTable>>) -> Result<RenderTable, Mistake> {
     let Some(table) = table else { return Ok(RenderTable::default()) };
     let RenderTable { spp, time, seed, device, strict, .. } = table.get_ref();
@@ -287,23 +289,28 @@ fn render(table: Option<Spanned<RenderTable>>) -> Result<RenderTable, Mistake> {
         ("strict", strict.is_some()),
     ];
     match taken.iter().find(|(_, there)| *there) {
-        Some((key, _)) => Err((table.span(), format!("'{key}' is for the bench to choose: remove it from this table"))),
+        Some((key, _)) => {
+            Err((table.span(), format!("the bench chooses '{key}' itself; remove the key from this table")))
+        }
         None => Ok(table.into_inner()),
     }
 }
 
-/// Names become parts of file names and columns of a table.
+/// Checks a name, which becomes part of file names and of the table, and that it is used once.
 fn unique(seen: &mut BTreeSet<String>, name: &Spanned<String>) -> Result<(), Mistake> {
     let text = name.get_ref();
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_.+ ".contains(c);
     if text.is_empty() || text.starts_with('.') || !text.chars().all(plain) {
-        let message = format!("'{text}' cannot be a name: use letters, digits, spaces and - _ . +");
+        let message = format!("'{text}' cannot be a name; use letters, digits, spaces and - _ . +");
         return Err((name.span(), message));
     }
-    // Files have them without spaces.
+    // File names have a - for each space.
     match seen.insert(text.replace(' ', "-")) {
         true => Ok(()),
-        false => Err((name.span(), format!("there are two of the name '{text}', as files have it: give each its own"))),
+        false => Err((
+            name.span(),
+            format!("the name '{text}' is taken (in file names a space becomes a -); choose another"),
+        )),
     }
 }
 
@@ -349,8 +356,8 @@ render = { queries = 2, light-paths = 200 }
             ("8m..8.5m", "8.5m..8m", "9:8: the gate is reversed"),
             ("8m..8.5m", "8m+0.001um", "9:8: the gate"),
             ("estimator = \"bdpt\"", "estimator = \"magic\"", "14:24: no estimator is called 'magic'"),
-            ("queries = 2", "spp = 2", "17:10: 'spp' is for the bench to choose"),
-            ("two queries", "bdpt", "16:8: there are two of the name 'bdpt'"),
+            ("queries = 2", "spp = 2", "17:10: the bench chooses 'spp' itself"),
+            ("two queries", "bdpt", "16:8: the name 'bdpt' is taken"),
             ("two queries", "a/b", "16:8: 'a/b' cannot be a name"),
             ("scene = \"scenes/box.glb\"\n", "", "7:8: a scene needs either scene"),
             ("scene = \"scenes/box.glb\"", "generate = { name = \"palace\" }", "8:12: no scene is called 'palace'"),

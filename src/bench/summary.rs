@@ -1,4 +1,4 @@
-//! What the rows amount to: medians over repetitions, ratios within them, slopes of convergence.
+//! Summaries of rows: medians over repetitions, ratios within repetitions, and slopes of convergence.
 
 use super::power_law::fit_power_law;
 use super::quality::is_good;
@@ -6,7 +6,7 @@ use super::table::Row;
 use crate::compare::metrics::Means;
 use crate::settings::Estimator;
 
-/// The median of some values and how far they spread.
+/// Median, minimum and maximum of some values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     pub median: f64,
@@ -15,8 +15,8 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// `None` without values. The median of an even number is the geometric mean of the middle two, since errors and their
-    /// ratios are compared by factors.
+    /// `None` without values. The median of an even number of values is the geometric mean of the middle two, because errors
+    /// and their ratios are compared as factors.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Spread> {
         let mut all: Vec<f64> = values.into_iter().collect();
         all.sort_by(f64::total_cmp);
@@ -27,40 +27,42 @@ impl Spread {
     }
 }
 
-/// A variant in a scene, at the end of its time.
+/// The results of a variant in a scene, at the end of its time: medians over the repetitions.
 #[derive(Debug, Clone)]
 pub struct VariantSummary {
     pub variant: String,
     pub seconds: f64,
     pub samples: f64,
-    /// relMSE over all pixels, and without the worst of them.
+    /// relMSE over all pixels.
     pub all: ErrorSummary,
+    /// relMSE without the worst pixels.
     pub trimmed: ErrorSummary,
     pub flip: Spread,
-    /// Exponent of relMSE against time; -1 for independent samples. `None` with fewer than two points.
+    /// Exponent of relMSE as a power of time: -1 for independent samples. `None` with fewer than two points.
     pub slope: Option<f64>,
     pub light_vertices: f64,
     pub queries_per_s: f64,
     pub rays_per_s: f64,
     pub dead_query_share: f64,
     pub dropped: u64,
-    /// Microseconds a sample of a pixel.
+    /// Microseconds per pixel sample.
     pub us_per_sample: Spread,
 }
 
-/// An error of a variant.
+/// One error measure of a variant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorSummary {
     pub relmse: Spread,
-    /// How many times lower it is than that of the better of bdpt and pt in the same repetition.
+    /// relMSE of the better of bdpt and pt, divided by relMSE of this variant in the same repetition: above 1 if this variant is
+    /// better.
     pub ratio: Option<Spread>,
-    /// Whether the reference is good enough for all that was measured of the variant; if not, the numbers are the reference's as much
-    /// as the variant's.
+    /// Whether the reference is accurate enough for all results of the variant. If not, the numbers measure the error of the
+    /// reference as well.
     pub reliable: bool,
 }
 
 impl ErrorSummary {
-    /// `None` if nothing was measured; without a ratio where this or a baseline is not reliable.
+    /// `None` without rows. The ratio is `None` if this variant or a baseline is not reliable.
     fn of(rows: &[&Row], ends: &[&Row], variant: &str, part: fn(Means) -> f64) -> Option<ErrorSummary> {
         let is_baseline = |row: &&&Row| is_baseline(&row.estimator);
         let baseline = |repetition: u32| {
@@ -80,7 +82,7 @@ impl ErrorSummary {
     }
 }
 
-/// Whether the estimator of this name is one that light-cone queries are compared with.
+/// Whether the estimator of this name is a baseline: light-cone queries are compared with bdpt and pt.
 pub fn is_baseline(estimator: &str) -> bool {
     estimator.parse::<Estimator>().is_ok_and(|estimator| !estimator.has_trees())
 }
@@ -102,7 +104,7 @@ pub struct Point {
     pub relmse: Spread,
 }
 
-/// The scene's variants in the order of the rows.
+/// Summaries of all variants in a scene, in the order of the rows.
 pub fn lines(rows: &[Row], scene: &str) -> Vec<VariantSummary> {
     let rows: Vec<&Row> = rows.iter().filter(|row| row.scene == scene).collect();
     let mut names: Vec<&str> = vec![];
@@ -115,7 +117,7 @@ pub fn lines(rows: &[Row], scene: &str) -> Vec<VariantSummary> {
     names.into_iter().filter_map(|name| line(name, &rows, &ends)).collect()
 }
 
-/// The rows at the end of a variant's time in a scene, one a repetition.
+/// The rows at the end of a variant's time in a scene, one per repetition.
 pub fn ends<'a>(rows: &'a [Row], scene: &str, variant: &str) -> Vec<&'a Row> {
     let mine: Vec<&Row> = rows.iter().filter(|row| row.scene == scene && row.variant == variant).collect();
     mine.iter().copied().filter(|row| is_last(row, &mine)).collect()
@@ -148,7 +150,7 @@ fn line(variant: &str, rows: &[&Row], ends: &[&Row]) -> Option<VariantSummary> {
     })
 }
 
-/// Median error at every time point of one variant, in order of time.
+/// Error of one variant at every time point, in the order of time.
 pub fn curve(rows: &[&Row], variant: &str, part: fn(Means) -> f64) -> Vec<Point> {
     let mine = || rows.iter().filter(|row| row.variant == variant);
     let last = mine().map(|row| row.point).max().unwrap_or(0);
@@ -161,7 +163,7 @@ pub fn curve(rows: &[&Row], variant: &str, part: fn(Means) -> f64) -> Vec<Point>
         .collect()
 }
 
-/// The first points, of a few samples, are left out where there are others.
+/// Slope of the last five points. Earlier points have too few samples.
 fn slope(curve: &[Point]) -> Option<f64> {
     let used = &curve[curve.len().saturating_sub(5)..];
     fit_power_law(used.iter().map(|p| (p.seconds, p.relmse.median))).map(|law| law.exponent)
@@ -227,7 +229,7 @@ pub(super) mod tests {
         let reliable: Vec<_> =
             lines.iter().map(|l| (l.all.reliable, l.all.ratio.is_some(), l.trimmed.reliable)).collect();
         assert_eq!(reliable, [(true, true, true), (true, true, true), (false, false, true)]);
-        // Against a baseline that cannot be told from its reference nothing is said.
+        // No ratio is reported against a baseline whose error is as small as that of its reference.
         let poor = rows.iter().cloned().map(|row| Row { own: Means { all: 0.019, trimmed: 0.0 }, ..row });
         let poor = super::lines(&poor.collect::<Vec<_>>(), "s");
         assert!(poor.iter().all(|l| l.all.ratio.is_none() && l.trimmed.ratio.is_some()), "{poor:?}");

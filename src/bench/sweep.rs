@@ -1,18 +1,18 @@
-//! What a sweep of scenes varies, and its value in a row of measurements.
+//! The quantity that a sweep of scenes varies, and its value in a row of measurements.
 
 use serde::Deserialize;
 
 use super::table::Row;
 
-/// What the scenes of a sweep differ in.
+/// The quantity in which the scenes of a sweep differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sweep {
-    /// Instances counted.
+    /// Triangles of all instances.
     Triangles,
-    /// Kept, an iteration.
+    /// Light vertices that are kept per iteration.
     LightVertices,
-    /// Metres.
+    /// Width of the gate in metres.
     GateWidth,
     Pixels,
 }
@@ -20,7 +20,7 @@ pub enum Sweep {
 impl Sweep {
     pub const ALL: [Sweep; 4] = [Sweep::Triangles, Sweep::LightVertices, Sweep::GateWidth, Sweep::Pixels];
 
-    /// As it is shown.
+    /// The name that reports show.
     pub fn name(self) -> &'static str {
         match self {
             Sweep::Triangles => "triangles",
@@ -30,7 +30,7 @@ impl Sweep {
         }
     }
 
-    /// The value that `row` has of it.
+    /// The value of the quantity in `row`.
     pub fn of(self, row: &Row) -> f64 {
         match self {
             Sweep::Triangles => row.triangles as f64,

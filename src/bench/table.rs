@@ -1,4 +1,4 @@
-//! What was measured, one row a scene, variant, repetition and time point, as CSV.
+//! The measurements as CSV, with one row per scene, variant, repetition and time point.
 
 use std::io::Write;
 use std::path::Path;
@@ -7,11 +7,21 @@ use crate::compare::metrics::Means;
 use crate::error::{Error, Result};
 use crate::files::{read_error, write_atomically};
 
-/// The columns in their order. `seconds`: of rendering, tree building included. `light_vertices`: kept, an iteration.
-/// `queries_per_s`: connections that shade points asked for. `dead_query_share`: of these, how many found nothing inside gate,
-/// depth and facing. `gate_m`: width of the gate, `inf` without one. `us_per_sample`: microseconds a sample of a pixel.
-/// `trimmed_relmse`: without the worst pixels ([`crate::compare::metrics::TRIMMED`]); `reference_...`: of the reference itself, estimated from
-/// its halves. relMSE and FLIP are NaN where only costs are measured.
+/// The columns in their order.
+///
+/// * `seconds`: rendering time, with the building of light trees.
+/// * `trimmed_relmse`: relMSE without the worst pixels ([`crate::compare::metrics::TRIMMED`]).
+/// * `reference_...`: relMSE of the reference itself, estimated from its halves.
+/// * `dropped`: non-finite samples.
+/// * `light_vertices`: light vertices that are kept per iteration.
+/// * `queries_per_s`: queries that shade points start, per second of rendering.
+/// * `dead_query_share`: fraction of the queries that find no light vertex inside gate, depth and facing.
+/// * `triangles`: triangles of all instances.
+/// * `gate_m`: width of the gate in metres, `inf` without a gate.
+/// * `us_per_sample`: microseconds per pixel sample.
+/// * `fingerprint`: hash of scene, settings, time and renderer.
+///
+/// relMSE and FLIP are NaN if only costs are measured.
 pub const COLUMNS: [&str; 22] = [
     "scene",
     "variant",
@@ -37,7 +47,7 @@ pub const COLUMNS: [&str; 22] = [
     "fingerprint",
 ];
 
-/// One measurement.
+/// One measurement; see [`COLUMNS`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     pub scene: String,
@@ -45,13 +55,13 @@ pub struct Row {
     pub estimator: String,
     /// From 0.
     pub repetition: u32,
-    /// Which of the [`super::race::points`] of time was reached, from 0.
+    /// Index of the time in [`super::race::points`] that was reached, from 0.
     pub point: u32,
     pub seconds: f64,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u64,
     pub relmse: Means,
-    /// Of the reference.
+    /// relMSE of the reference itself.
     pub own: Means,
     pub flip: f64,
     pub dropped: u64,
@@ -59,12 +69,12 @@ pub struct Row {
     pub queries_per_s: f64,
     pub rays_per_s: f64,
     pub dead_query_share: f64,
-    /// Of the scene, instances counted.
+    /// Triangles of all instances.
     pub triangles: u64,
     pub pixels: u64,
     pub gate_m: f64,
     pub us_per_sample: f64,
-    /// Of scene, settings, time and renderer.
+    /// Hash of scene, settings, time and renderer.
     pub fingerprint: String,
 }
 
@@ -115,7 +125,7 @@ impl Row {
     }
 }
 
-/// Writes all rows, whole or not at all.
+/// Writes all rows. After an error the old file is unchanged.
 pub fn write(path: &Path, rows: &[Row]) -> Result<()> {
     write_atomically(path, |out| {
         writeln!(out, "{}", COLUMNS.join(","))?;
@@ -123,7 +133,7 @@ pub fn write(path: &Path, rows: &[Row]) -> Result<()> {
     })
 }
 
-/// Reads what [`write`] wrote. Errors name the line.
+/// Reads a file that [`write`] wrote. Errors name the line.
 pub fn read(path: &Path) -> Result<Vec<Row>> {
     let text = std::fs::read_to_string(path).map_err(|e| read_error(path, e))?;
     let mut lines = text.lines().enumerate();

@@ -1,4 +1,4 @@
-//! A renderer with a clock: what runs in turns with others.
+//! A renderer with a clock, which can take turns with other renderers.
 
 use std::time::Instant;
 
@@ -9,10 +9,11 @@ use crate::render::{PreparedScene, Renderer, Stats};
 use crate::scene::Scene;
 use crate::settings::Settings;
 
-/// One renderer's progress since its last restart.
+/// A renderer, and the time it has rendered since its last restart.
 pub struct TimedRenderer {
     pub renderer: Renderer,
-    /// Wall time of all iterations, tree building included; building the BVH and compiling kernels are not.
+    /// Wall time of all iterations in seconds. It includes the building of light trees, but not the BVH and the compilation of
+    /// kernels.
     pub clock: f64,
     /// Statistics at the last restart.
     before: Stats,
@@ -20,7 +21,7 @@ pub struct TimedRenderer {
 }
 
 impl TimedRenderer {
-    /// Compiles everything, by rendering an iteration that is forgotten.
+    /// Renders one iteration and discards it, so that all kernels are compiled.
     pub fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<TimedRenderer> {
         let mut renderer = Renderer::from_prepared(device, scene, settings, prepared)?;
         renderer.iterate(1)?;
@@ -30,13 +31,14 @@ impl TimedRenderer {
         Ok(timed)
     }
 
+    /// Discards the film and sets the clock to 0.
     pub fn restart(&mut self, seed: u32) {
         self.renderer.restart(seed, self.settings.responses().clone()).expect("the settings were checked");
         self.before = self.renderer.stats().clone();
         self.clock = 0.0;
     }
 
-    /// Renders until the clock shows `end` or more, at least one iteration.
+    /// Renders at least one iteration, until the clock reaches `end`.
     pub fn run_until(&mut self, end: f64) -> Result<()> {
         loop {
             let samples = samples_in(self.renderer.film().iterations());
@@ -49,7 +51,7 @@ impl TimedRenderer {
         }
     }
 
-    /// A count of the statistics since the restart.
+    /// A counter of the statistics, counted since the restart.
     pub fn count(&self, of: impl Fn(&Stats) -> u64) -> u64 {
         of(self.renderer.stats()) - of(&self.before)
     }
