@@ -1,4 +1,4 @@
-//! Level 0: every kernel composes, validates and compiles; host twins and constants agree with WGSL. Needs no device.
+//! Every kernel composes, validates and compiles. Host twins and shared constants agree with WGSL. These tests need no device.
 
 use taugate::internals::gpu::shader::{self, Binding, Compiled, Source};
 use taugate::internals::render::material;
@@ -13,7 +13,7 @@ fn compile(path: &str, entry: &str, storage: &[String]) -> Result<Compiled, taug
     shader::compile(&Source::of_file(file, entry, &[])?, storage)
 }
 
-/// For devices whose texel buffers are too small for an array.
+/// Devices whose texel buffers are too small for an array use these variants.
 #[test]
 fn every_kernel_compiles_with_storage_buffers_for_its_texels() {
     let mut arrays = std::collections::BTreeSet::new();
@@ -22,7 +22,7 @@ fn every_kernel_compiles_with_storage_buffers_for_its_texels() {
         for entry in &module.entry_points {
             let usual = compile(path, &entry.name, &[]).unwrap_or_else(|e| panic!("{e}"));
             let texels: Vec<String> = usual.bindings.iter().filter(|b| b.texels).map(|b| b.name.clone()).collect();
-            // Each alone, and all of them.
+            // Each array alone as a storage buffer, then all arrays together.
             let sets = texels.iter().map(|name| vec![name.clone()]).chain([texels.clone()]);
             for storage in sets {
                 let variant = compile(path, &entry.name, &storage).unwrap_or_else(|e| panic!("{e}"));
@@ -31,12 +31,13 @@ fn every_kernel_compiles_with_storage_buffers_for_its_texels() {
                     .iter()
                     .map(|b| Binding { texels: b.texels && !storage.contains(&b.name), ..b.clone() })
                     .collect();
-                assert_eq!(variant.bindings, expected, "{path}: {}", entry.name);
+                assert_eq!(variant.bindings, expected, "{path}: {}: bindings with {storage:?} in storage", entry.name);
             }
             arrays.extend(texels);
         }
     }
-    assert!(arrays.contains("bvh_nodes") && arrays.contains("shade_points") && arrays.contains("marks"), "{arrays:?}");
+    let tested = |name| arrays.contains(name);
+    assert!(tested("bvh_nodes") && tested("shade_points") && tested("marks"), "arrays in texel buffers: {arrays:?}");
 }
 
 #[test]
@@ -56,7 +57,7 @@ fn every_kernel_compiles() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// All host twins of structs.
+/// The host twins of all shared structs.
 fn twins() -> Vec<layout::Twin> {
     [layout::twins(), material::twins()].concat()
 }
@@ -66,7 +67,8 @@ fn shared_constants() -> Vec<(&'static str, f64)> {
     [layout::constants::SHARED, material::SHARED].concat()
 }
 
-/// Compares every host twin that a module mentions with its reflection; returns the differences.
+/// Compares the structs of a module with their host twins: names of fields, offsets and sizes. Returns the number of
+/// structs that have a twin, and a line for each that differs.
 fn compare_layouts(module: &naga::Module, twins: &[layout::Twin]) -> (usize, Vec<String>) {
     let mut differences = vec![];
     let mut seen = 0;
@@ -126,16 +128,17 @@ fn shared_constants_agree() {
                 _ => continue,
             };
             if let Some((_, of_host)) = shared_constants().iter().find(|(of_host, _)| *of_host == name) {
-                assert_eq!(*of_host, value, "{name} in {path}");
+                assert_eq!(*of_host, value, "{path}: {name} has another value on the host");
                 found.insert(name.to_string());
             }
         }
     }
     let missing: Vec<_> = shared_constants().into_iter().filter(|(name, _)| !found.contains(*name)).collect();
-    assert!(missing.is_empty(), "not in any kernel: {missing:?}");
+    assert!(missing.is_empty(), "no kernel has the shared constants {missing:?}");
 }
 
-/// A struct that the host writes or reads has a twin: kernels find it in an array, or unpack it from texels.
+/// The host reads or writes every struct that is the element of a bound array or the result of a `load_*` function.
+/// Each of these structs has a host twin.
 #[test]
 fn structs_of_shared_arrays_have_twins() {
     let twins = twins();
@@ -158,24 +161,25 @@ fn structs_of_shared_arrays_have_twins() {
     }
 }
 
-/// Every device with Vulkan 1.1 must be able to load the kernels: no optional capability slips in through a builtin.
+/// Every device with Vulkan 1.1 can load the kernels: they declare no optional SPIR-V capability. A WGSL builtin could add one.
 #[test]
 fn kernels_ask_for_nothing_beyond_shaders() {
     const OP_CAPABILITY: u32 = (2 << 16) | 17;
-    // Shader, and SampledBuffer for texel buffers: both without a device feature behind them.
+    // Shader, and SampledBuffer for texel buffers. Neither needs a device feature.
     const ALLOWED: [u32; 2] = [1, 46];
     for (path, text) in kernels() {
         let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
         for entry in &module.entry_points {
             let words = compile(path, &entry.name, &[]).unwrap_or_else(|e| panic!("{e}")).words;
-            let asked: Vec<u32> = words
+            let declared: Vec<u32> = words
                 .windows(2)
                 .skip(5)
                 .take_while(|w| w[0] >> 16 != 3)
                 .filter(|w| w[0] == OP_CAPABILITY)
                 .map(|w| w[1])
                 .collect();
-            assert!(asked.iter().all(|c| ALLOWED.contains(c)), "{path}: {}: {asked:?}", entry.name);
+            let allowed = declared.iter().all(|c| ALLOWED.contains(c));
+            assert!(allowed, "{path}: {}: the SPIR-V capabilities are {declared:?}", entry.name);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-/// A GLB of the given JSON and BIN chunk, padded as the standard asks.
+/// A GLB file with this JSON chunk and this BIN chunk, both padded to multiples of 4 bytes.
 pub fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     let mut text = serde_json::to_vec(json).unwrap();
     text.resize(text.len().next_multiple_of(4), b' ');
@@ -19,7 +19,7 @@ pub fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     out
 }
 
-/// A glTF file under construction: `json` is free to be edited, the methods append data.
+/// A glTF file under construction. Tests may edit `json`; the methods append data.
 #[derive(Clone)]
 pub struct Glb {
     pub json: Value,
@@ -80,7 +80,7 @@ pub fn png() -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// One of everything: a textured triangle, a camera, a spot light and a beam below a moved root.
+/// A scene with a textured triangle, a camera, a spot light and a beam. They are children of a root node with a translation.
 ///
 /// Accessors: 0 positions, 1 indices, 2 normals, 3 texture coordinates. Nodes: 0 root, 1 tri, 2 eye, 3 lamp, 4 beam.
 pub fn complete() -> Glb {

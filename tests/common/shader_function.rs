@@ -1,13 +1,13 @@
-//! Runs functions of `shaders/` on the device: a kernel with holes, one thread an input.
+//! Runs functions of `shaders/` on the device, in a small kernel that is made from a template. Each thread handles one input.
 //!
-//! A spec says what to import, the fields of an input and of a result, and the lines between: `input` is the input,
-//! `result` the output. Fields are laid out as WGSL lays out structs; the host's records must have the same size.
+//! A [`ShaderFunction`] fills the template: the modules to import, the fields of an input and of a result, and the lines that
+//! compute `result` from `input`. WGSL determines the layout of the fields; the host's records must have the same size.
 
 use bytemuck::{AnyBitPattern, NoUninit};
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder, shader};
 use taugate::internals::wgsl::layout::Dispatch;
 
-/// The holes of the template.
+/// The parts that the template leaves open.
 #[derive(Clone, Copy)]
 pub struct ShaderFunction {
     pub imports: &'static [&'static str],
@@ -15,7 +15,7 @@ pub struct ShaderFunction {
     pub input: &'static str,
     /// Fields of `Result`.
     pub result: &'static str,
-    /// Reads `input`, fills `result`.
+    /// WGSL statements that read `input` and assign `result`.
     pub body: &'static str,
 }
 
@@ -43,7 +43,7 @@ fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
         )
     }
 
-    /// Size in bytes of `Input` and of `Result` on the device.
+    /// Sizes of `Input` and `Result` on the device, in bytes.
     fn sizes(&self) -> [usize; 2] {
         let (module, _) = self.parse();
         ["Input", "Result"].map(|wanted| {
@@ -56,7 +56,7 @@ fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
         shader::compose("test", &self.text()).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}\n{}", self.text()))
     }
 
-    /// Names of the functions that the body itself calls.
+    /// Names of the functions that the body calls directly.
     #[allow(dead_code, reason = "not every test lists functions")]
     pub fn called(&self) -> Vec<String> {
         let (module, _) = self.parse();
@@ -65,7 +65,7 @@ fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
         names
     }
 
-    /// Compiles the kernel for a device of its own. No device is a failure.
+    /// Opens a device and compiles the kernel for it. A test fails where there is no device.
     pub fn compile(&self, constants: &[(&str, f64)]) -> CompiledFunction {
         let device = open();
         let kernel = Kernel::from_source(&device, "test", &self.text(), "test_main", constants);
@@ -76,20 +76,20 @@ fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
         }
     }
 
-    /// Results for `inputs`; `buffers` by the names they have in WGSL.
-    #[allow(dead_code, reason = "some tests prepare once and run often")]
+    /// Compiles the kernel, runs it and returns one result per input. `buffers` are bound by their WGSL names.
+    #[allow(dead_code, reason = "some tests compile once and run often")]
     pub fn run<I: NoUninit, O: AnyBitPattern + NoUninit>(&self, inputs: &[I], buffers: &[Contents]) -> Vec<O> {
         self.compile(&[]).run(inputs, buffers)
     }
 }
 
-/// What a buffer holds, under the name it has in WGSL.
+/// The contents of a buffer, and the name of the buffer in WGSL.
 pub struct Contents {
     name: &'static str,
     bytes: Vec<u8>,
 }
 
-/// `data` for the buffer `name`.
+/// Contents of the buffer that WGSL calls `name`.
 pub fn contents<T: NoUninit>(name: &'static str, data: &[T]) -> Contents {
     Contents { name, bytes: bytemuck::cast_slice(data).to_vec() }
 }

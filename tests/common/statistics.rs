@@ -1,17 +1,19 @@
-//! Chi-square tests with a stated significance level, corrected for the number of tests.
+//! Chi-square tests with a given significance level, corrected for the number of tests.
 
 use taugate::internals::compare::statistics::ln_gamma;
 
 /// Significance level of a family of statistical tests.
 pub const SIGNIFICANCE: f64 = 1e-3;
 
-/// Level of each of `tests` tests so that the family keeps [`SIGNIFICANCE`] (Sidak).
+/// Significance level of each of `tests` tests, such that the whole family has the level [`SIGNIFICANCE`] (Sidak).
 pub fn level(tests: usize) -> f64 {
     1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / tests as f64)
 }
 
-/// p-value of counts against expected counts; cells that expect fewer than 5 are pooled into one. The expected counts add up
-/// to the observed ones. A hit where nothing is expected gives 0.
+/// p-value of Pearson's chi-square test of `observed` counts against `expected` counts. Both must have the same sum.
+///
+/// Cells with an expected count below 5 are pooled into one cell. Returns 0 if the pool expects fewer than 5 counts and
+/// observes over 12 more than it expects. Returns 1 if fewer than two cells remain.
 pub fn chi_square(observed: &[f64], expected: &[f64]) -> f64 {
     let (mut statistic, mut cells) = (0.0, 0);
     let mut pool = [0.0, 0.0];
@@ -30,13 +32,14 @@ pub fn chi_square(observed: &[f64], expected: &[f64]) -> f64 {
     if pool[1] >= 5.0 {
         add(pool[0], pool[1]);
     } else if pool[0] > 0.0 && pool[0] > pool[1] + 12.0 {
-        // Too few for a cell of their own; so many more than expected have p < 1e-5 (Poisson, mean below 5).
+        // The pool is too small for a cell. An excess of more than 12 has p < 1e-5 (Poisson with a mean below 5).
         return 0.0;
     }
     if cells < 2 { 1.0 } else { upper_gamma(0.5 * f64::from(cells - 1), 0.5 * statistic) }
 }
 
-/// Regularised upper incomplete gamma function Q(a, x): series below a + 1, continued fraction above (Numerical Recipes 6.2).
+/// Regularised upper incomplete gamma function Q(a, x). A series for x < a + 1, a continued fraction for larger x
+/// (Numerical Recipes, section 6.2).
 fn upper_gamma(a: f64, x: f64) -> f64 {
     if x <= 0.0 {
         return 1.0;
@@ -69,7 +72,7 @@ fn upper_gamma(a: f64, x: f64) -> f64 {
 
 #[test]
 fn chi_square_by_table() {
-    // 95 % and 99.9 % quantiles of the distribution.
+    // Quantiles at 95 % and 99.9 %, from a table.
     for (k, x, p) in [(1.0, 3.841, 0.05), (10.0, 18.307, 0.05), (100.0, 124.342, 0.05), (100.0, 149.449, 0.001)] {
         let got = upper_gamma(k / 2.0, x / 2.0);
         assert!((got / p - 1.0).abs() < 1e-3, "{k} {x}: {got}");

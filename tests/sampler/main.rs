@@ -1,5 +1,6 @@
-//! Level 3: the tree query. The probability of every vertex by an independent walk, against what the device returns, draws
-//! and sums; and that no vertex inside the gate is out of reach.
+//! Tests of the tree query. An independent walk on the host computes the probability of drawing each vertex. The tests compare
+//! that with the probabilities that the device returns, with how often the device draws each vertex, and with the mean of its
+//! estimates. Every vertex inside the gate must have a probability above 0.
 
 #[path = "../common/shader_function.rs"]
 mod shader_function;
@@ -39,7 +40,7 @@ const DRAW: ShaderFunction = ShaderFunction {
         result.vertex = found.vertex; result.weight = found.weight;",
 };
 
-/// Input of both kernels; `number` is the node or the root.
+/// Input of both kernels. `number` is the index of a node for `BOUNDS` and the reference of the root for `DRAW`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Input {
@@ -58,7 +59,7 @@ fn input(query: &Query, number: u32, spatial: bool, seed: u32) -> Input {
     Input { q: query.q, number, lo, hi, spatial: spatial.into(), seed, eta_hi: query.eta_hi, pad: [0; 3] }
 }
 
-/// The device's bounds of both children of every node of a pool.
+/// B(N, q) of both children of every node of a pool, as the device computes it.
 fn device_bounds(kernel: &CompiledFunction, pool: &Pool, query: &Query) -> Vec<[f64; 2]> {
     let inputs: Vec<Input> =
         (0..pool.nodes.len() as u32).map(|i| input(query, pool.first_node + i, pool.spatial, 0)).collect();
@@ -69,12 +70,13 @@ fn device_bounds(kernel: &CompiledFunction, pool: &Pool, query: &Query) -> Vec<[
     bounds.iter().map(|b| b.map(f64::from)).collect()
 }
 
+/// Probabilities of all ends of a traversal, from the device's bounds.
 fn ends(kernel: &CompiledFunction, pool: &Pool, query: &Query) -> Ends {
     let bounds = device_bounds(kernel, pool, query);
     walk(pool, |node| bounds[(node - pool.first_node) as usize])
 }
 
-/// Vertex (as a number of the pool's item) and 1 / P of `n` traversals; no vertex at dead ends.
+/// The results of `n` traversals: the index of the vertex among the pool's items (`None` at a dead end), and 1 / P.
 fn draw(kernel: &CompiledFunction, pool: &Pool, query: &Query, n: usize, pcg: &mut Pcg) -> Vec<(Option<usize>, f64)> {
     let inputs: Vec<Input> = (0..n).map(|_| input(query, pool.root, pool.spatial, pcg.next_u32())).collect();
     let buffers = tree_buffers(&pool.nodes);
@@ -82,7 +84,7 @@ fn draw(kernel: &CompiledFunction, pool: &Pool, query: &Query, n: usize, pcg: &m
     found.iter().map(|&end| item_and_weight(pool, end)).collect()
 }
 
-/// `descend` reads nodes alone; the modules it comes with name the rest.
+/// Buffers for `DRAW`. `descend` reads only the nodes, but the imported modules declare the other buffers.
 fn tree_buffers(nodes: &[TreeNode]) -> [Contents; 3] {
     let no_vertex: [PathVertex; 1] = Zeroable::zeroed();
     let no_material: [Material; 1] = Zeroable::zeroed();
@@ -93,7 +95,8 @@ fn item_and_weight(pool: &Pool, [vertex, weight]: [u32; 2]) -> (Option<usize>, f
     ((vertex != NONE).then(|| (vertex - pool.first_vertex) as usize), f32::from_bits(weight).into())
 }
 
-/// A gate about the travel time of one of the vertices, as wide as a tenth of all times.
+/// A random shade point, and a gate of 1 m near the travel time through one of the vertices. Travel times in [`room`] span
+/// about 10 m.
 fn query_of_room(pcg: &mut Pcg, pool: &Pool) -> Query {
     let q = [pcg.range(-4.0, 4.0) as f32, pcg.range(-2.0, 2.0) as f32, pcg.range(-4.0, 4.0) as f32];
     let about = pool.items[pcg.below(pool.items.len())].point;
@@ -102,12 +105,14 @@ fn query_of_room(pcg: &mut Pcg, pool: &Pool) -> Query {
     Query { q, gate: Gate { lo: tau + shift - 0.5, hi: tau + shift + 0.5 }, eta_hi: 1.0 }
 }
 
+/// How often each vertex was drawn; the last count is of dead ends.
 fn counts(found: &[(Option<usize>, f64)], items: usize) -> Vec<f64> {
     let mut counts = vec![0.0; items + 1];
     found.iter().for_each(|(item, _)| counts[item.unwrap_or(items)] += 1.0);
     counts
 }
 
+/// p-value of the counts of `n` traversals against the probabilities of the walk.
 fn p_value(counts: &[f64], ends: &Ends, n: usize) -> f64 {
     let expected: Vec<f64> = ends.items.iter().chain([&ends.dead]).map(|p| p * n as f64).collect();
     chi_square(counts, &expected)
@@ -132,40 +137,42 @@ fn draws_have_the_probabilities_of_the_walk() {
             let name = format!("{n} vertices, leaf {leaf}, spatial {spatial}, {query:?}");
             let ends = ends(&bounds, &pool, &query);
             let sum: f64 = ends.items.iter().sum();
-            assert!((sum + ends.dead - 1.0).abs() < 1e-5, "{name}: {sum} + {}", ends.dead);
+            assert!((sum + ends.dead - 1.0).abs() < 1e-5, "{name}: probabilities sum to {sum} + {}", ends.dead);
             let found = draw(&draws, &pool, &query, N, &mut pcg);
 
-            // P returned is P recomputed. A product of ten ratios in f32 is known to about 1e-6.
+            // The device returns the P of the walk. The product of ten ratios in f32 has a relative error of about 1e-6.
             for &(item, weight) in &found {
                 if let Some(j) = item {
-                    assert!((weight * ends.items[j] - 1.0).abs() < 1e-4, "{name}: {weight} {}", ends.items[j]);
+                    let p = ends.items[j];
+                    assert!((weight * p - 1.0).abs() < 1e-4, "{name}: 1 / P is {weight}, P of the walk {p}");
                 }
             }
             let p = p_value(&counts(&found, n), &ends, N);
             assert!(p > level, "{name}: p = {p:e}, level {level:e}");
 
-            // 1 / P averages to 1 for every valid vertex, and the estimator to the exhaustive sum.
+            // The expected value of the estimator f / P is the sum of f over all valid vertices.
             let f = |j: usize| if query.is_valid(&pool.items[j]) { 1.0 + (j % 5) as f64 } else { 0.0 };
             let exhaustive: f64 = (0..n).map(f).sum();
             let reached: f64 =
                 (0..n).filter(|&j| ends.items[j] > 0.0).map(|j| ends.items[j] * (f(j) / ends.items[j])).sum();
-            assert!((reached - exhaustive).abs() <= 1e-9 * exhaustive, "{name}: {reached} of {exhaustive}");
+            assert!((reached - exhaustive).abs() <= 1e-9 * exhaustive, "{name}: expected {reached}, sum {exhaustive}");
             let mean = found.iter().map(|&(item, weight)| item.map_or(0.0, |j| f(j) * weight)).sum::<f64>() / N as f64;
             let second: f64 = (0..n).filter(|&j| f(j) > 0.0).map(|j| f(j) * f(j) / ends.items[j]).sum();
             let error = ((second - exhaustive * exhaustive).max(0.0) / N as f64).sqrt();
-            // Rare vertices make the mean skew; where each is drawn often enough it is normal, and 4.5 sigma are p = 7e-6.
+            // Rare vertices skew the distribution of the mean. Where every vertex is drawn more than 25 times on average, the
+            // mean is nearly normal: a deviation of 4.5 sigma has p = 7e-6.
             let often = (0..n).all(|j| f(j) == 0.0 || ends.items[j] * N as f64 > 25.0);
             if often {
                 assert!(
                     (mean - exhaustive).abs() <= 4.5 * error + 1e-5 * exhaustive,
-                    "{name}: {mean} {exhaustive} {error}"
+                    "{name}: mean {mean} +- {error}, sum {exhaustive}"
                 );
             }
             valid += (0..n).filter(|&j| f(j) > 0.0).count();
             dead += ends.dead;
         }
     }
-    assert!(valid > 500 && dead > 0.01, "{valid} {dead}");
+    assert!(valid > 500 && dead > 0.01, "{valid} valid vertices, probability {dead} of dead ends");
 }
 
 #[test]
@@ -181,16 +188,16 @@ fn one_over_p_averages_to_one() {
         for (item, weight) in draw(&draws, &pool, &query, N, &mut pcg) {
             item.into_iter().for_each(|j| sums[j] += weight / N as f64);
         }
-        let level = 4.2; // sigma: 64 cells at a level of 1e-3 (Sidak), two-sided.
+        let level = 4.2; // Standard errors: two-sided, 64 vertices at a family level of 1e-3 (Sidak).
         for (j, item) in pool.items.iter().enumerate().filter(|(_, item)| query.is_valid(item)) {
             let error = ((1.0 / ends.items[j] - 1.0) / N as f64).sqrt();
             assert!(error < 0.2, "vertex {j} is too rare for this test: {}", ends.items[j]);
-            assert!((sums[j] - 1.0).abs() < level * error, "{item:?}: {} +- {error}", sums[j]);
+            assert!((sums[j] - 1.0).abs() < level * error, "{item:?}: mean {} +- {error}", sums[j]);
         }
     }
 }
 
-/// The statistics above notice probabilities that are 1 % off, and a gate that is 2 % off.
+/// The tests above would detect probabilities that are 1 % wrong, and a gate that is 2 % late.
 #[test]
 fn slightly_wrong_probabilities_are_rejected() {
     const N: usize = 2_000_000;
@@ -203,9 +210,9 @@ fn slightly_wrong_probabilities_are_rejected() {
         let counts = counts(&draw(&draws, &pool, &query, N, &mut pcg), 64);
         let level = level(4);
         let p = p_value(&counts, &right, N);
-        assert!(p > level, "{p:e}");
+        assert!(p > level, "spatial {spatial}: right probabilities have p = {p:e}");
 
-        // Half of the probability 1 % up, the other half 1 % down.
+        // Vertices with half of the total probability get 1 % more, the others 1 % less.
         let mut below = 0.0;
         let wrong: Vec<f64> = right
             .items

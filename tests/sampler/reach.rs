@@ -1,4 +1,4 @@
-//! Exhaustive: on thousands of small degenerate trees every vertex inside the gate can be drawn.
+//! In thousands of small degenerate trees, every vertex inside the gate has a probability above 0. The walk visits all vertices.
 
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::lightcone::tree::Item;
@@ -11,7 +11,7 @@ use crate::{BOUNDS, Input, device_bounds, input};
 
 const TREES: usize = 10_000;
 
-/// Pools that share one array of nodes, each with a query.
+/// Pools with one query each. Their nodes fit behind each other into one array.
 fn trees() -> Vec<(Pool, Query)> {
     let mut pcg = Pcg::new(91);
     let (mut first_node, mut first_vertex) = (0, 0);
@@ -28,7 +28,8 @@ fn trees() -> Vec<(Pool, Query)> {
         .collect()
 }
 
-/// Every valid vertex has P > 0, and the ends add up to 1. Returns how many are valid and how many out of reach.
+/// Asserts that every vertex inside the gate has P > 0, and that the probabilities of all ends sum to 1. Returns the number
+/// of vertices inside the gate and the number of vertices with P = 0.
 pub fn check(pool: &Pool, query: &Query, ends: &Ends) -> [usize; 2] {
     let mut valid = 0;
     for (item, p) in pool.items.iter().zip(&ends.items).filter(|(item, _)| query.is_valid(item)) {
@@ -42,13 +43,13 @@ pub fn check(pool: &Pool, query: &Query, ends: &Ends) -> [usize; 2] {
         );
     }
     let sum = ends.items.iter().sum::<f64>() + ends.dead;
-    assert!((sum - 1.0).abs() < 1e-5 || pool.root == NONE, "{sum}");
+    assert!((sum - 1.0).abs() < 1e-5 || pool.root == NONE, "the probabilities of all ends sum to {sum}");
     [valid, ends.items.iter().filter(|&&p| p == 0.0).count()]
 }
 
 fn totals(found: impl Iterator<Item = [usize; 2]>) {
     let [valid, dead] = found.fold([0, 0], |a, b| [a[0] + b[0], a[1] + b[1]]);
-    assert!(valid > 20_000 && dead > 10_000, "{valid} valid vertices, {dead} out of reach");
+    assert!(valid > 20_000 && dead > 10_000, "{valid} vertices inside their gates, {dead} with P = 0");
 }
 
 #[test]
@@ -84,8 +85,8 @@ fn an_empty_pool_has_no_root() {
     assert_eq!((pool.root, pool.nodes.len()), (NONE, 0));
 }
 
-/// Two vertices of the least power a tree keeps, at the very edge of the shell and far away: their bound once was a denormal
-/// number, which a device may flush to 0, and the one in the gate would be out of reach.
+/// Two far vertices have the smallest power that a tree keeps, and lie at the edge of the shell. Their bound was a denormal
+/// number, which a device may flush to 0: then the vertex inside the gate could not be drawn.
 #[test]
 fn bounds_of_the_weakest_vertices_are_normal_numbers() {
     let at = |x: f32, power: f32, index| Item { point: [x, 0.0, 0.0, 0.0], power, index };
@@ -96,7 +97,7 @@ fn bounds_of_the_weakest_vertices_are_normal_numbers() {
         let reach = f64::from(distance);
         let query = Query { q: [0.0; 3], gate: Gate { lo: reach * 0.99999, hi: reach * 1.00001 }, eta_hi: 1.0 };
         let bounds = device_bounds(&kernel, &pool, &query);
-        assert!(bounds[0][1] >= f64::from(f32::MIN_POSITIVE), "{distance} m: {bounds:?}");
+        assert!(bounds[0][1] >= f64::from(f32::MIN_POSITIVE), "{distance} m: bounds {bounds:?}");
         let ends = walk(&pool, |node| bounds[node as usize]);
         assert_eq!(check(&pool, &query, &ends)[0], 1);
     }

@@ -1,5 +1,6 @@
-//! Trees under stress: what a traversal returns against an independent walk, on thousands of trees and on one of a million
-//! vertices; input that is degenerate in one way each; and choices too rare for 24 random bits.
+//! Stress tests of tree traversals. Their probabilities agree with an independent walk in hundreds of random trees (thousands
+//! in an ignored test), in trees over degenerate input, and in trees over a million vertices. Children whose probability is
+//! near 2^-24 or below are drawn as often as they should be.
 
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::lightcone::tree::Item;
@@ -10,10 +11,10 @@ use crate::shader_function::{CompiledFunction, ShaderFunction, contents};
 use crate::walk::{Ends, Pool, Query, odd_items, odd_query, room, walk};
 use crate::{BOUNDS, DRAW, Input, input, item_and_weight, query_of_room, tree_buffers};
 
-/// Greatest relative error of 1 / P after twenty levels of f32.
+/// Maximum relative error of 1 / P: a product over about twenty levels in f32.
 const TOLERANCE: f64 = 1e-5;
 
-/// Pools that share one array of nodes, walked with the device's bounds, and drawn from.
+/// Pools with one query each. Their nodes fit behind each other into one array.
 struct Forest {
     trees: Vec<(Pool, Query)>,
     next_node: u32,
@@ -32,8 +33,9 @@ impl Forest {
         self.trees.push((pool, query));
     }
 
-    /// Every vertex inside a gate has P > 0, the ends add up to 1, and `draws` traversals of each tree return the P of the walk.
-    /// Returns the number of valid vertices and of draws that ended at one.
+    /// Asserts that every vertex inside a gate has P > 0, that the probabilities of all ends sum to 1, and that `draws`
+    /// traversals per tree return the P of a walk with the device's bounds. Returns the number of vertices inside their gates,
+    /// and the number of traversals that ended at a vertex.
     fn check(&self, draws: usize, pcg: &mut Pcg) -> [usize; 2] {
         let nodes: Vec<TreeNode> = self.trees.iter().flat_map(|(pool, _)| pool.nodes.iter().copied()).collect();
         let inputs: Vec<Input> = self
@@ -50,9 +52,9 @@ impl Forest {
             .map(|(pool, query)| input(query, pool.root, pool.spatial, pcg.next_u32()))
             .collect();
         let found: Vec<[u32; 2]> = DRAW.run(&seeds, &tree_buffers(&nodes));
-        // For drivers that lose what the last iteration of a loop has found.
+        // Some drivers lose values that the last iteration of a loop assigns. The renderer sets EXIT_AT_TOP on them.
         let at_top: Vec<[u32; 2]> = DRAW.compile(&[("EXIT_AT_TOP", 1.0)]).run(&seeds, &tree_buffers(&nodes));
-        assert!(found == at_top);
+        assert!(found == at_top, "EXIT_AT_TOP changes the result of a traversal");
         let [mut valid, mut drawn] = [0, 0];
         for ((pool, query), found) in planted().zip(found.chunks_exact(draws)) {
             let ends = walk(pool, |node| bounds[node as usize].map(f64::from));
@@ -63,7 +65,7 @@ impl Forest {
     }
 }
 
-/// Asserts that P returned is P recomputed; the number of draws that ended at a vertex.
+/// Asserts that traversals return the P of the walk. Returns the number of traversals that ended at a vertex.
 fn agreeing(pool: &Pool, query: &Query, ends: &Ends, found: &[[u32; 2]]) -> usize {
     let hits = found.iter().map(|&end| item_and_weight(pool, end));
     hits.filter_map(|(item, weight)| item.map(|j| (j, weight)))
@@ -91,7 +93,7 @@ fn odd_forest(trees: usize, seed: u64) -> Forest {
 #[test]
 fn hundreds_of_trees_return_the_probabilities_of_the_walk() {
     let [valid, drawn] = odd_forest(600, 101).check(32, &mut Pcg::new(102));
-    assert!(valid > 1_000 && drawn > 3_000, "{valid} {drawn}");
+    assert!(valid > 1_000 && drawn > 3_000, "{valid} vertices inside their gates, {drawn} draws of a vertex");
 }
 
 /// `cargo test --release --test sampler -- --ignored --nocapture ten_thousand`
@@ -100,10 +102,10 @@ fn hundreds_of_trees_return_the_probabilities_of_the_walk() {
 fn ten_thousand_trees_return_the_probabilities_of_the_walk() {
     let [valid, drawn] = odd_forest(10_000, 103).check(64, &mut Pcg::new(104));
     println!("{valid} vertices inside their gates, {drawn} draws of a vertex");
-    assert!(valid > 20_000 && drawn > 100_000, "{valid} {drawn}");
+    assert!(valid > 20_000 && drawn > 100_000, "{valid} vertices inside their gates, {drawn} draws of a vertex");
 }
 
-/// Inputs that are degenerate in one way each, 3D points and travel times alike.
+/// Lists of `n` vertices. Each list is degenerate in one way: in positions, travel times or powers.
 fn degenerate(pcg: &mut Pcg, n: usize) -> Vec<(&'static str, Vec<Item>)> {
     type MakeItem<'a> = &'a mut dyn FnMut(&mut Pcg, i32) -> ([f32; 4], f32);
     let mut make = |name, item: MakeItem| {
@@ -115,7 +117,7 @@ fn degenerate(pcg: &mut Pcg, n: usize) -> Vec<(&'static str, Vec<Item>)> {
     };
     let place = |pcg: &mut Pcg| [0, 1, 2, 3].map(|k| pcg.range(if k == 3 { 0.0 } else { -5.0 }, 5.0) as f32);
     let orders = |i: i32| 10f32.powi(-(i % 31));
-    // Halves pile up: the split by count is far from one by space or by power.
+    // Coordinates halve from vertex to vertex: a split by count is far from a split by space or by power.
     let piled = |i: i32| 2f32.powi(-(i % 100));
     vec![
         make("one place and time", &mut |_, _| ([1.0, -2.0, 0.5, 3.0], 1.0)),
@@ -131,8 +133,10 @@ fn degenerate(pcg: &mut Pcg, n: usize) -> Vec<(&'static str, Vec<Item>)> {
         make("powers over thirty orders", &mut |pcg, i| (place(pcg), orders(i))),
         make("denormal powers", &mut |pcg, i| (place(pcg), f32::from_bits(1 + (i % 7) as u32))),
         make("one power among denormals", &mut |pcg, i| (place(pcg), if i == 0 { 1e30 } else { 1e-44 })),
-        make("piled up", &mut |_, i| ([piled(i), -piled(i), 0.0, 5.0 * piled(i)], 1.0)),
-        make("piled up, power too", &mut |_, i| ([piled(i), piled(i), piled(i), 5.0 - 5.0 * piled(i)], orders(i))),
+        make("halving coordinates", &mut |_, i| ([piled(i), -piled(i), 0.0, 5.0 * piled(i)], 1.0)),
+        make("halving coordinates, powers over thirty orders", &mut |_, i| {
+            ([piled(i), piled(i), piled(i), 5.0 - 5.0 * piled(i)], orders(i))
+        }),
         make("a cluster and one far away", &mut |pcg, i| {
             let p = place(pcg);
             (if i == 0 { [1e6, 0.0, 0.0, 10.0] } else { p.map(|x| 1e-4 * x) }, 1.0)
@@ -159,7 +163,7 @@ fn degenerate_input_keeps_every_vertex_in_reach() {
         }
     }
     let [valid, drawn] = forest.check(64, &mut pcg);
-    assert!(valid > 3_000 && drawn > 10_000, "{valid} {drawn}");
+    assert!(valid > 3_000 && drawn > 10_000, "{valid} vertices inside their gates, {drawn} draws of a vertex");
 }
 
 #[test]
@@ -172,11 +176,11 @@ fn a_million_vertices() {
         let mut forest = Forest::new();
         forest.plant(items, 1, spatial, query);
         let [valid, drawn] = forest.check(20_000, &mut pcg);
-        assert!(valid > 10_000 && drawn > 5_000, "spatial {spatial}: {valid} {drawn}");
+        assert!(valid > 10_000 && drawn > 5_000, "spatial {spatial}: {valid} vertices inside the gate, {drawn} drawn");
     }
 }
 
-/// Draws of the left child in `rounds` traversals of each thread.
+/// How many of the `rounds` traversals of a thread end at the vertex `left`.
 const COUNT: ShaderFunction = ShaderFunction {
     imports: &["query"],
     input: "root: u32, left: u32, rounds: u32, seed: u32",
@@ -188,7 +192,8 @@ const COUNT: ShaderFunction = ShaderFunction {
         }",
 };
 
-/// Of a hundred million traversals, those that end at a vertex of share `share`, first or second in the tree.
+/// How many of a hundred million traversals end at the weaker vertex of a tree over two. `share` is its power relative to the
+/// power of the other vertex. `first` says whether the weaker vertex is the first child.
 fn rare_draws(kernel: &CompiledFunction, share: f32, first: bool) -> u32 {
     const THREADS: u32 = 20_000;
     const ROUNDS: u32 = 5_000;
@@ -202,15 +207,16 @@ fn rare_draws(kernel: &CompiledFunction, share: f32, first: bool) -> u32 {
     counts.iter().sum()
 }
 
-/// A uniform of 24 bits took a first child of share 1e-9 with probability 6e-8, and a second one of share 2e-8 never: P was not
-/// the probability with which vertices were drawn. Bounds are Poisson's at 1e-4.
+/// With random numbers of 24 bits, a first child of share 1e-9 was drawn with probability 6e-8, and a second child of share
+/// 2e-8 was never drawn. The returned P was wrong for both. The limits below have probability 1e-4 (Poisson).
 #[test]
 fn rare_children_are_drawn_as_rarely_as_they_should() {
     let kernel = COUNT.compile(&[]);
     for first in [true, false] {
         let [never, few] = [1e-9, 3e-7].map(|share| rare_draws(&kernel, share, first));
-        assert!(never <= 3, "first {first}: {never} of 0.1 expected draws");
-        assert!((12..=54).contains(&few), "first {first}: {few} of 30 expected draws");
-        assert!(rare_draws(&kernel, 1e-6, first) > 54, "first {first}: the counts notice a share three times as large");
+        assert!(never <= 3, "first {first}: {never} draws, 0.1 expected");
+        assert!((12..=54).contains(&few), "first {first}: {few} draws, 30 expected");
+        let many = rare_draws(&kernel, 1e-6, first);
+        assert!(many > 54, "first {first}: {many} draws at a share three times as large would pass");
     }
 }

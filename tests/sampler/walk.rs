@@ -1,4 +1,4 @@
-//! Trees over random vertices, and a walk that finds the probability of every leaf from the bounds of the nodes.
+//! Trees over random vertices, and a walk that computes the probability of drawing each vertex from the bounds of the nodes.
 
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
@@ -9,14 +9,14 @@ use taugate::internals::settings::units::Gate;
 use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST};
 use taugate::internals::wgsl::layout::{NONE, TreeChild, TreeNode};
 
-/// A tree in arrays that other trees share.
+/// A tree over light vertices. Its nodes and vertices may start anywhere in arrays that several trees share.
 pub struct Pool {
     pub items: Vec<Item>,
     pub nodes: Vec<TreeNode>,
     pub root: u32,
     pub first_node: u32,
     pub first_vertex: u32,
-    /// The 3D tree: all v_tau are 0.
+    /// Whether this is a 3D tree, in which v_tau of every vertex is 0.
     pub spatial: bool,
 }
 
@@ -28,40 +28,41 @@ impl Pool {
     }
 }
 
-/// A shade point with the gate less its own travel time.
+/// A shade point, and the gate minus the travel time of the sensor subpath.
 #[derive(Clone, Copy, Debug)]
 pub struct Query {
     pub q: [f32; 3],
     pub gate: Gate,
-    /// Greatest refractive index a connection may travel in; the least is 1.
+    /// Index of refraction on the far side of the shade point's surface; 1 for opaque surfaces. The near side has index 1.
     pub eta_hi: f32,
 }
 
 impl Query {
-    /// The gate as `make_shell` widens it.
+    /// Ends of the light-cone shell: the gate, widened for rounding as `make_shell` does it.
     pub fn shell(&self) -> [f32; 2] {
         let slack = rounding_allowance(self.gate, 0.0);
         [self.gate.lo as f32 - slack, (self.gate.hi as f32).min(3e38) + slack]
     }
 
+    /// Whether a connection to this vertex can meet the gate.
     pub fn is_valid(&self, item: &Item) -> bool {
         let v = DVec3::new(item.point[0].into(), item.point[1].into(), item.point[2].into());
         let q = DVec3::new(self.q[0].into(), self.q[1].into(), self.q[2].into());
-        // The connection runs through air or through the other medium: its length is stretched by either.
+        // The connection runs on either side of the surface. Its optical path is its length times eta of that side.
         let through = |eta: f64| lightcone::in_shell(self.gate, eta * v, item.point[3].into(), eta * q, 0.0);
         through(1.0) || through(self.eta_hi.into())
     }
 }
 
-/// What a traversal can end in.
+/// The probabilities of all ends of a traversal.
 pub struct Ends {
-    /// Probability of each item of the pool, its share of the leaf included.
+    /// P of each item of the pool: the probability of its leaf, divided by the number of items in the leaf.
     pub items: Vec<f64>,
-    /// Probability of ending at a node with two dead children.
+    /// Probability of a dead end: a node whose children both have a bound of 0.
     pub dead: f64,
 }
 
-/// Probabilities of all ends; `bounds` gives B(N, q) of a node's two children (Eq. 5).
+/// Computes the probabilities of all ends (Eq. 5). `bounds` returns B(N, q) of the two children of a node.
 pub fn walk(pool: &Pool, bounds: impl Fn(u32) -> [f64; 2]) -> Ends {
     let mut ends = Ends { items: vec![0.0; pool.items.len()], dead: 0.0 };
     let mut open = if pool.root == NONE { vec![] } else { vec![(pool.root, 1.0)] };
@@ -87,7 +88,8 @@ pub fn walk(pool: &Pool, bounds: impl Fn(u32) -> [f64; 2]) -> Ends {
     ends
 }
 
-/// B(N, q) by the oracle's equations; the shader's 1 / 1000 keeps nodes that are touched at one distance.
+/// B(N, q) by the oracle's equations. In the 3D tree, a node that the shell only touches keeps 1/1000 of its power, as in the
+/// shader.
 pub fn paper_bound(child: &TreeChild, query: &Query, spatial: bool) -> f64 {
     let wide = |v: [f32; 3]| DVec3::new(v[0].into(), v[1].into(), v[2].into());
     let (bounds, q) = (Bounds { min: wide(child.lo), max: wide(child.hi) }, wide(query.q));
@@ -107,7 +109,8 @@ pub fn paper_bound(child: &TreeChild, query: &Query, spatial: bool) -> f64 {
     power / (near * near).max(0.25 * (bounds.max - bounds.min).length_squared()).max(1e-20)
 }
 
-/// A room of vertices with a shade point and a gate that about a tenth of them meet.
+/// `n` vertices in a room of 8 m x 4 m x 8 m. Their travel times span 10 m (0 in a 3D tree), their powers three orders of
+/// magnitude.
 pub fn room(pcg: &mut Pcg, n: usize, spatial: bool) -> Vec<Item> {
     let mut place = |size: f64| pcg.range(-size, size) as f32;
     (0..n as u32)
@@ -118,8 +121,8 @@ pub fn room(pcg: &mut Pcg, n: usize, spatial: bool) -> Vec<Item> {
         .collect()
 }
 
-/// Small pools that are degenerate in every way: powers over 30 orders of magnitude, coincident vertices, one time, flat or
-/// empty boxes, sizes from centimetres to kilometres.
+/// Up to 40 vertices that may be degenerate in several ways: powers over 30 orders of magnitude, coincident vertices, equal
+/// travel times, boxes that are flat or a single point. Also returns the scale of the scene, from 0.01 m to 1000 m.
 pub fn odd_items(pcg: &mut Pcg, spatial: bool) -> (Vec<Item>, f64) {
     let n = [0, 1, 2, 3, 5, 8, 17, 40][pcg.below(8)];
     let scale = [0.01, 1.0, 30.0, 1000.0][pcg.below(4)];
@@ -143,7 +146,8 @@ pub fn odd_items(pcg: &mut Pcg, spatial: bool) -> (Vec<Item>, f64) {
     (items, scale)
 }
 
-/// A shade point at, in or far from the vertices; a gate about one of them, open, thin or anywhere.
+/// A shade point at a vertex, among the vertices or far from them. The gate lies near the travel time through one of the
+/// vertices; it may be thin, or have no end.
 pub fn odd_query(pcg: &mut Pcg, items: &[Item], scale: f64) -> Query {
     let mut q: [f32; 3] = std::array::from_fn(|_| (scale * pcg.range(-1.5, 1.5)) as f32);
     let mut near = scale * pcg.range(0.0, 3.0);
@@ -162,6 +166,6 @@ pub fn odd_query(pcg: &mut Pcg, items: &[Item], scale: f64) -> Query {
         2 => Gate { lo: near * (1.0 - 1e-4 * pcg.uniform()), hi: near * 1.0001 + 1e-6 },
         _ => Gate { lo: near * pcg.range(0.7, 1.0), hi: near * pcg.range(1.0, 1.3) + 1e-6 },
     };
-    // The device has the gate in f32.
+    // The device stores the gate in f32.
     Query { q, gate: Gate { lo: f64::from(gate.lo as f32), hi: f64::from(gate.hi as f32) }, eta_hi: 1.0 }
 }
