@@ -29,7 +29,7 @@ fn scattered(n: usize) -> Vec<Corners> {
     (0..n).map(|_| triangle()).collect()
 }
 
-/// `n` triangles of one height about a vertical axis, each turned by a random angle. Their centres lie within `apart` of each
+/// `n` triangles of equal size, each rotated about the vertical axis by a random angle. Their centres lie within `apart` of each
 /// other.
 fn cards(n: usize, apart: f32) -> Vec<Corners> {
     let mut next = random(2);

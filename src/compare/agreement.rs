@@ -23,9 +23,9 @@ const MAX_REPORTED_CELLS: usize = 5;
 /// One tested mean.
 #[derive(Debug, Clone, Serialize)]
 pub struct Cell {
-    /// Columns [x0, x1) of the cell; those of the whole image for the rest.
+    /// Columns [x0, x1) of the cell; all columns of the image for the rest.
     pub x: [usize; 2],
-    /// Rows [y0, y1) of the cell; those of the whole image for the rest.
+    /// Rows [y0, y1) of the cell; all rows of the image for the rest.
     pub y: [usize; 2],
     pub channel: &'static str,
     pub mean: f64,

@@ -14,7 +14,7 @@ pub const RELMSE_FORMULA: &str =
 /// images with a million pixels; the images of our suites have about ten thousand pixels.
 pub const TRIMMED: f64 = 0.01;
 
-/// A mean over all pixels and channels, and a trimmed mean. Rare bright samples ("fireflies") can dominate the former.
+/// A mean over all pixels and channels, and a trimmed mean. Rare bright samples ("fireflies") can dominate the mean over all.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Means {
     /// Mean over all pixels.

@@ -1,5 +1,5 @@
-//! `lcs`: light-cone shell queries by importance. Each tree gives K candidates per shade point; resampling keeps one of them for
-//! one shadow ray.
+//! `lcs`: light-cone shell queries by importance. Each tree gives up to K candidates per shade point; resampling keeps one of
+//! them for one shadow ray.
 
 use super::{Estimator, GateWidth, PoolOrder, Record, TreeDefaults};
 

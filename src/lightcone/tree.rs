@@ -176,7 +176,7 @@ fn leaf_reference(first: u32, count: usize) -> u32 {
     LEAF_BIT | ((count as u32 - 1) << 27) | first
 }
 
-/// Number of inner nodes of a balanced tree over `n` items: 0 up to the leaf size, otherwise 1 + those of both halves.
+/// Number of inner nodes of a balanced tree over `n` items: 0 up to the leaf size, otherwise 1 + the numbers of both halves.
 fn inner_nodes(n: usize, leaf_size: usize) -> usize {
     // The sizes of all nodes on one level differ by at most 1, so the counts for n and n + 1 suffice.
     fn pair(n: usize, leaf_size: usize) -> (usize, usize) {

@@ -110,7 +110,7 @@ fn check_camera(camera: &Camera) -> Checked {
     let is_near = translation.abs().max_element() <= MAX_COORDINATE;
     if !(is_near && turns.abs_diff_eq(glam::DMat3::IDENTITY, UNIT) && matrix3.determinant() > 0.0) {
         return Err(format!(
-            "{} has a transform that is more than a rotation and a translation of at most {MAX_COORDINATE:e} m",
+            "{} has an invalid transform; use a rotation and a translation of at most {MAX_COORDINATE:e} m",
             name()
         ));
     }
