@@ -1,23 +1,25 @@
-//! Directional albedo of the GGX lobe with Schlick's Fresnel term: what the diffuse base of a coated material does not get.
+//! Directional albedo of the GGX lobe with Schlick's Fresnel term: the fraction of the light that the coat reflects, so that it does
+//! not reach the diffuse base.
 
 use std::f64::consts::PI;
 
 use super::material::DELTA_ALPHA;
 use crate::wgsl::layout::constants::{ALBEDO_COLUMNS, ALBEDO_ROWS};
 
-/// `COLUMNS` x `ROWS` pairs (a, b) over (root of the cosine, roughness) in [0, 1], cosine fastest: albedo = a f0 + b f90. The root
-/// puts the columns where the albedo changes: narrow lobes lose light within an angle of about alpha from grazing.
+/// Table of `COLUMNS` x `ROWS` pairs (a, b) with albedo = a f0 + b f90. Columns are uniform in sqrt(cosine), rows in roughness =
+/// sqrt(alpha), both over [0, 1]; the column varies fastest. The square root gives more columns to small cosines, where the albedo of a
+/// narrow lobe changes: within an angle of about alpha from grazing.
 pub struct AlbedoTable {
     pub values: Vec<[f32; 2]>,
 }
 
 const COLUMNS: usize = ALBEDO_COLUMNS as usize;
 const ROWS: usize = ALBEDO_ROWS as usize;
-/// Of heights and of azimuths, half of which are the mirror images of the others.
+/// Number of strata of the height, and of the azimuth. Half of the azimuths mirror the other half and are skipped.
 const STRATA: usize = 32;
 
 impl AlbedoTable {
-    /// Integrates the lobe by stratified sampling of its visible normals (Heitz 2018), in f64.
+    /// Integrates the lobe in f64, by stratified sampling of its visible normals (Heitz 2018).
     pub fn new() -> AlbedoTable {
         use rayon::prelude::*;
         let azimuths: Vec<f64> = (0..STRATA / 2).map(|k| (2.0 * PI * (k as f64 + 0.5) / STRATA as f64).cos()).collect();
@@ -29,14 +31,14 @@ impl AlbedoTable {
         AlbedoTable { values }
     }
 
-    /// The table, integrated once a process.
+    /// The table, computed once per process.
     pub fn shared() -> &'static AlbedoTable {
         static TABLE: std::sync::OnceLock<AlbedoTable> = std::sync::OnceLock::new();
         TABLE.get_or_init(AlbedoTable::new)
     }
 
-    /// Albedo at `cosine` for GGX `alpha`, reflectance `f0` along the normal and `f90` at grazing angles, by the interpolation
-    /// of `coat_albedo`.
+    /// Directional albedo, in [0, 1], for the cosine between the direction and the normal, GGX `alpha`, and reflectance `f0` along the normal
+    /// and `f90` at grazing angles. Interpolates bilinearly, as `coat_albedo` does in WGSL.
     pub fn at(&self, cosine: f64, alpha: f64, f0: f64, f90: f64) -> f64 {
         let at = |v: f64, count: usize| v.clamp(0.0, 1.0).sqrt() * (count - 1) as f64;
         let (x, y) = (at(cosine, COLUMNS), at(alpha, ROWS));
@@ -50,7 +52,7 @@ impl AlbedoTable {
         (row(j) * (1.0 - fy) + row(j + 1) * fy).clamp(0.0, 1.0)
     }
 
-    /// Mean albedo over the hemisphere: 2 times the integral of albedo(mu) mu.
+    /// Cosine-weighted mean albedo over the hemisphere: 2 times the integral of albedo(mu) mu over mu from 0 to 1.
     pub fn mean(&self, alpha: f64, f0: f64, f90: f64) -> f64 {
         const STEPS: usize = 256;
         let mu = |k: usize| (k as f64 + 0.5) / STEPS as f64;
@@ -71,8 +73,8 @@ fn lobe_albedo(cosine: f64, alpha: f64, azimuths: &[f64]) -> [f32; 2] {
     }
     let cosine = cosine.max(1e-6);
     let w = [(1.0 - cosine * cosine).max(0.0).sqrt(), cosine];
-    // A visible normal is a point of a spherical cap about the stretched w, moved by it (Dupuy and Benyoub 2023). The cap is the
-    // same on both sides of the plane of incidence.
+    // A visible normal is a point on a spherical cap plus the stretched direction w (Dupuy and Benyoub 2023). The cap is symmetric
+    // about the plane of incidence.
     let length = (w[0] * alpha).hypot(w[1]);
     let stretched = [w[0] * alpha / length, w[1] / length];
     let own = 1.0 + lambda(w[1], alpha);
@@ -113,14 +115,14 @@ mod tests {
     #[test]
     fn limits_are_right() {
         let table = AlbedoTable::new();
-        // Smooth: Schlick's term itself.
+        // The albedo of a smooth coat is Schlick's term.
         assert!((table.at(1.0, 0.0, 0.04, 1.0) - 0.04).abs() < 1e-6);
         assert!((table.at(0.5, 0.0, 0.04, 1.0) - (0.04 + 0.96 / 32.0)).abs() < 1e-3);
-        // No coat, no albedo; a perfect one loses only what single scattering loses.
+        // Without a coat the albedo is 0. A perfect reflector loses only the light that would scatter more than once.
         assert_eq!(table.at(0.3, 0.2, 0.0, 0.0), 0.0);
         assert!(table.at(1.0, 0.04, 1.0, 1.0) > 0.98);
         assert!((0.3..0.7).contains(&table.at(1.0, 1.0, 1.0, 1.0)), "{}", table.at(1.0, 1.0, 1.0, 1.0));
-        // Mean of Schlick's term at normal reflectance f0: f0 + (1 - f0) / 21.
+        // The mean of Schlick's term is f0 + (1 - f0) / 21.
         assert!((table.mean(0.0, 0.04, 1.0) - (0.04 + 0.96 / 21.0)).abs() < 1e-3);
     }
 }

@@ -1,19 +1,19 @@
-//! Compaction of lists on the device: the entries that are marked, in their order.
+//! Compaction of lists on the device: keeps the marked entries of a list in their order.
 
 use crate::error::Result;
 use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
 use crate::wgsl::layout::Dispatch;
 use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, LISTS, SCAN_THREADS};
 
-/// Words that hold the lengths of lists, and the lengths added up.
+/// Number of u32 counters: the current length of each list, and the sum of its lengths so far.
 pub const COUNTERS: usize = (COUNTER_TOTALS + LISTS) as usize;
-/// Words that hold the sizes of dispatches over lists.
+/// Number of u32 values for indirect dispatches: two dispatch sizes per list.
 pub const ARGUMENTS: usize = 6 * LISTS as usize;
 
-/// Entries of a list that one workgroup compacts faster than three dispatches do.
+/// Maximum length of a list that one workgroup compacts faster than three dispatches do.
 const SHORT_LIST: usize = 1 << 13;
 
-/// Pairs of counts that the compaction of `entries` entries needs: one per chunk and one per block of chunks.
+/// Number of count pairs that the compaction of `entries` entries needs: one per chunk and one per block of chunks.
 pub fn chunk_counts(entries: usize) -> usize {
     let chunks = entries.div_ceil(CHUNK as usize);
     chunks + chunks.div_ceil(SCAN_THREADS as usize)
@@ -55,7 +55,8 @@ impl Compaction {
         })
     }
 
-    /// What a counters buffer and its arguments hold at first: `length` entries in `list`, whose kernel has `groups` workgroups.
+    /// Initial contents of the counters and of the dispatch arguments: `list` has `length` entries, and a dispatch over it has `groups`
+    /// workgroups. All other lists are empty.
     pub fn one_list(&self, list: u32, length: u32, groups: u32) -> ([u32; COUNTERS], [u32; ARGUMENTS]) {
         let (mut counters, mut arguments) = ([0; COUNTERS], [1; ARGUMENTS]);
         counters[list as usize] = length;
@@ -64,7 +65,8 @@ impl Compaction {
         (counters, arguments)
     }
 
-    /// Records the compaction of the list `lists.counter`, of `entries` entries at most. The device knows how many they are.
+    /// Records the compaction of the list `lists.counter` into `lists.list_a` and `lists.list_b`. `entries` is the maximum
+    /// number of entries to test; the device knows the actual number.
     pub fn record(
         &self,
         recorder: &mut Recorder,
@@ -83,7 +85,7 @@ impl Compaction {
     }
 }
 
-/// Where the size of a dispatch over a list stands, one thread per entry.
+/// Buffer and offset (in u32 values) of the size of an indirect dispatch over `list`, one thread per entry.
 pub fn indirect_over(arguments: &Buffer, list: u32) -> (&Buffer, u64) {
     (arguments, 3 * u64::from(list))
 }

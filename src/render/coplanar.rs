@@ -1,4 +1,5 @@
-//! Lamps that lie in the plane of another surface or lamp: where the two overlap a ray meets either, as rounding has it.
+//! Warnings about lamps that lie in the plane of another surface or lamp. Where the two overlap, rounding decides which one a ray
+//! hits.
 
 use std::collections::BTreeSet;
 
@@ -12,21 +13,22 @@ use crate::scene::Scene;
 use crate::wgsl::layout::Triangle;
 use crate::wgsl::layout::constants::TRIANGLE_MATERIAL;
 
-/// Distance that rounding does not tell from none, relative to the coordinates.
+/// Two planes at most this far apart, relative to the coordinates, count as one plane: rounding hides the distance.
 const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
-/// Overlap that is none, likewise: triangles that share an edge.
+/// Triangles that overlap by at most this much, relative to the coordinates, only share an edge.
 const TOUCHING: f64 = 64.0 * ROUNDING;
-/// Sentences at most.
+/// Maximum number of warnings about pairs.
 const MAX_REPORTED: usize = 10;
-/// What moves a lamp off a surface for sure, relative to the scene.
+/// Distance that separates a lamp from a surface in all cases, relative to the size of the scene.
 const APART: f64 = 1e-4;
 
-/// One sentence, with the remedy, for every pair of a lamp's node and the node of another surface in the same plane that overlaps the
-/// lamp. The sentences are sorted; beyond [`MAX_REPORTED`], one sentence gives the number of the others. Edges and corners in common are no
-/// overlap. Where the other surface shines too, a ray meets one of the two lamps and emitter sampling counts both.
+/// Returns one warning, with the remedy, per pair of nodes: a lamp, and another surface or lamp that overlaps it in the same plane.
+/// The warnings are sorted. After [`MAX_REPORTED`] of them, a last sentence gives the number of the other pairs. Triangles that only
+/// share edges or corners do not overlap.
 pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
     let shines = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
-    // Instance of the lamp, instance of the other surface, and whether that shines too: such a pair counts from either side.
+    // Instance of the lamp, instance of the other surface, whether the other surface is a lamp too. Two lamps are ordered by
+    // instance, so that their pair is listed once.
     let pairs: BTreeSet<(u32, u32, bool)> = geometry
         .triangles
         .par_iter()
@@ -61,23 +63,23 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     all
 }
 
-/// `distance`: metres that are enough between the two.
+/// `distance`: a sufficient distance between the two surfaces in metres.
 fn sentence((lamp, other, both_shine): (&str, &str, bool), distance: f64) -> String {
     match (both_shine, lamp == other) {
         (false, own) => {
             let surface = if own { "another of its own surfaces".to_string() } else { format!("'{other}'") };
             format!(
-                "the lamp '{lamp}' lies in the plane of {surface}: a ray meets one or the other, so the lamp is speckled where it \
-                 is seen; move it {distance:.0e} m or more in front of it"
+                "the lamp '{lamp}' lies in the plane of {surface}: a ray hits either of them by chance, so the image of the lamp is \
+                 speckled; move the lamp at least {distance:.0e} m in front of the other surface"
             )
         }
         (true, true) => format!(
-            "the lamp '{lamp}' has surfaces that overlap in one plane: a ray meets only one of them, but each lights the scene, so \
-             estimators differ; remove one, or move one {distance:.0e} m or more away"
+            "the lamp '{lamp}' has surfaces that overlap in one plane: a ray hits only one of them, but both light the scene, so \
+             the estimators disagree; remove one, or move one at least {distance:.0e} m away"
         ),
         (true, false) => format!(
-            "the lamps '{lamp}' and '{other}' overlap in one plane: a ray meets only one of them, but each lights the scene, so \
-             estimators differ; remove one, or move one {distance:.0e} m or more away"
+            "the lamps '{lamp}' and '{other}' overlap in one plane: a ray hits only one of them, but both light the scene, so \
+             the estimators disagree; remove one, or move one at least {distance:.0e} m away"
         ),
     }
 }
@@ -85,9 +87,9 @@ fn sentence((lamp, other, both_shine): (&str, &str, bool), distance: f64) -> Str
 /// A triangle with its plane.
 struct PlanarTriangle {
     corners: [DVec3; 3],
-    /// Of unit length; 0 for a triangle of no area.
+    /// Unit normal; 0 for a triangle without area.
     normal: DVec3,
-    /// Greatest coordinate.
+    /// Maximum absolute coordinate of the corners.
     size: f64,
 }
 
@@ -99,14 +101,15 @@ impl PlanarTriangle {
         PlanarTriangle { corners, normal: (b - a).cross(c - a).normalize_or_zero(), size }
     }
 
-    /// Whether all corners of `other` lie in this plane, within `rounding`.
+    /// Whether all corners of `other` lie at most `rounding` from this plane.
     fn holds(&self, other: &PlanarTriangle, rounding: f64) -> bool {
         self.normal != DVec3::ZERO
             && other.corners.iter().all(|&p| (p - self.corners[0]).dot(self.normal).abs() <= rounding)
     }
 }
 
-/// In one plane, and with more in common than an edge. A small triangle does not know its plane far away, so either may.
+/// Whether two triangles lie in one plane and share more than an edge. Far from a small triangle, its plane is not accurate, so
+/// it suffices that one triangle lies in the plane of the other.
 fn overlap(a: &PlanarTriangle, b: &PlanarTriangle) -> bool {
     let size = a.size.max(b.size);
     let plane = if b.holds(a, ROUNDING * size) {
@@ -120,7 +123,7 @@ fn overlap(a: &PlanarTriangle, b: &PlanarTriangle) -> bool {
     let y = plane.cross(x);
     let flat = |t: &PlanarTriangle| t.corners.map(|p| DVec2::new(x.dot(p - a.corners[0]), y.dot(p - a.corners[0])));
     let (a, b) = (flat(a), flat(b));
-    // Convex shapes are apart if they are along the normal of one of their edges.
+    // Separating axis test: two convex polygons are disjoint if their projections on the normal of some edge are disjoint.
     let apart_along = |normal: DVec2| {
         let span = |t: &[DVec2; 3]| {
             let d = t.map(|p| p.dot(normal));
@@ -133,7 +136,7 @@ fn overlap(a: &PlanarTriangle, b: &PlanarTriangle) -> bool {
     !edges.map(|e| e.perp().normalize_or_zero()).any(apart_along)
 }
 
-/// Calls `visit` with every triangle whose box meets the plane of `lamp` within its box.
+/// Calls `visit` with the triangles of every leaf whose box meets the plane of `lamp` inside the box of `lamp`.
 fn near<'g>(geometry: &'g Geometry, lamp: &PlanarTriangle, mut visit: impl FnMut(&'g Triangle)) {
     let slack = 4.0 * ROUNDING * lamp.size;
     let low = lamp.corners.into_iter().reduce(DVec3::min).expect("three corners") - slack;
@@ -170,8 +173,8 @@ mod tests {
     use crate::settings::Emitters;
     use glam::DAffine3;
 
-    /// The box of the given unit length with its lamp at `height`, moved by `aside`, all of it turned.
-    fn said(height: f64, aside: f64, scale: f64, emitters: &Emitters) -> Vec<String> {
+    /// The warnings for a Cornell box whose lamp is at `height` and moved sideways by `aside`. The whole scene is rotated and scaled.
+    fn warnings_of_box(height: f64, aside: f64, scale: f64, emitters: &Emitters) -> Vec<String> {
         let mut scene = build(Kind::CornellBox);
         let turn = DAffine3::from_mat3(scale * about(DVec3::new(0.48, 0.6, 0.64), 0.7));
         for i in &mut scene.instances {
@@ -189,18 +192,23 @@ mod tests {
     #[test]
     fn a_lamp_in_the_plane_of_the_ceiling_is_named() {
         for scale in [1e-3, 1.0, 1e4] {
-            let found = said(2.0, 0.0, scale, &Emitters::Scene);
+            let found = warnings_of_box(2.0, 0.0, scale, &Emitters::Scene);
             assert_eq!(found.len(), 1, "{scale}: {found:?}");
             assert!(found[0].contains("'light'") && found[0].contains("'ceiling'") && found[0].contains("in front"));
-            // What it asks for is enough, and so is what the box has.
+            // The distance in the warning is sufficient, and so is the lamp's usual height of 1.99 m.
             for height in [2.0 - 1e-4, 2.0 + 1e-4, 1.99] {
-                assert_eq!(said(height, 0.0, scale, &Emitters::Scene), Vec::<String>::new(), "{scale} {height}");
+                assert_eq!(
+                    warnings_of_box(height, 0.0, scale, &Emitters::Scene),
+                    Vec::<String>::new(),
+                    "{scale} {height}"
+                );
             }
         }
     }
 
-    /// Two lamps of the same size, `aside` from each other, the second one `turned` over or not.
-    fn said_of_two_lamps(double_sided: bool, turned: bool, aside: f64, height: f64) -> Vec<String> {
+    /// The warnings for two lamps of the same size, `aside` apart in the plane and `height` apart along its normal. The second
+    /// lamp faces the other way if `turned`.
+    fn warnings_of_two_lamps(double_sided: bool, turned: bool, aside: f64, height: f64) -> Vec<String> {
         let mut scene = Scene::default();
         let lamp = emitter("lamp", [1.0; 3]);
         let lamp = material(&mut scene, crate::scene::Material { double_sided, ..lamp });
@@ -219,15 +227,15 @@ mod tests {
         for (double_sided, turned, aside) in
             [(true, true, 0.0), (true, false, 0.5), (true, true, 0.5), (false, true, 0.0), (false, false, 0.5)]
         {
-            let found = said_of_two_lamps(double_sided, turned, aside, 0.0);
+            let found = warnings_of_two_lamps(double_sided, turned, aside, 0.0);
             assert_eq!(found.len(), 1, "{double_sided} {turned} {aside}: {found:?}");
             assert!(found[0].contains("'first'") && found[0].contains("'second'") && found[0].contains("move one"));
             for (aside, height) in [(1.0, 0.0), (aside, 1e-3)] {
-                assert_eq!(said_of_two_lamps(double_sided, turned, aside, height), Vec::<String>::new());
+                assert_eq!(warnings_of_two_lamps(double_sided, turned, aside, height), Vec::<String>::new());
             }
         }
-        // A copy in the same orientation is left out: nothing is left to overlap.
-        assert_eq!(said_of_two_lamps(true, false, 0.0, 0.0), Vec::<String>::new());
+        // A copy with the same orientation is dropped before, so no pair is left.
+        assert_eq!(warnings_of_two_lamps(true, false, 0.0, 0.0), Vec::<String>::new());
     }
 
     #[test]
@@ -242,7 +250,7 @@ mod tests {
         }
         let space = RenderSpace::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
         let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
-        // Each of the 14 overlaps the ceiling, and each two of them overlap.
+        // Each of the 14 lamps overlaps the ceiling, and every pair of lamps overlaps: 14 + 91 = 105 pairs.
         let found = warnings(&scene, &geometry, &space);
         assert_eq!(
             (found.len(), found.last().unwrap().as_str()),
@@ -252,8 +260,8 @@ mod tests {
 
     #[test]
     fn a_lamp_beside_the_ceiling_or_switched_off_is_not() {
-        assert_eq!(said(2.0, 5.0, 1.0, &Emitters::Scene), Vec::<String>::new());
-        assert_eq!(said(2.0, 0.0, 1.0, &Emitters::Nodes(vec!["another".into()])), Vec::<String>::new());
+        assert_eq!(warnings_of_box(2.0, 5.0, 1.0, &Emitters::Scene), Vec::<String>::new());
+        assert_eq!(warnings_of_box(2.0, 0.0, 1.0, &Emitters::Nodes(vec!["another".into()])), Vec::<String>::new());
     }
 
     #[test]

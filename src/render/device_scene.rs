@@ -7,13 +7,13 @@ use crate::error::Result;
 use crate::gpu::{Buffer, BufferDesc, Device};
 use crate::wgsl::layout::Frame;
 
-/// Buffers of group 0, by the names they have in WGSL.
+/// Buffers of group 0, with their names in WGSL.
 pub struct DeviceScene {
     frame: Buffer,
     buffers: Vec<(&'static str, Buffer)>,
 }
 
-/// An array of the scene: name in WGSL, what its buffer needs, contents.
+/// An array of the scene: name in WGSL, buffer descriptor, contents.
 type Part<'a> = (&'static str, BufferDesc, &'a [u8]);
 
 const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
@@ -47,12 +47,12 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
 }
 
 impl DeviceScene {
-    /// What the buffers of the scene will need.
+    /// Descriptors of the scene's buffers.
     pub fn buffer_descs(prepared: &PreparedScene) -> Vec<BufferDesc> {
         parts(prepared).into_iter().map(|(_, desc, _)| desc).collect()
     }
 
-    /// Uploads everything; fails with a remedy if a buffer exceeds what the device allows.
+    /// Uploads the scene. Fails, with the remedy, if a buffer exceeds a limit of the device.
     pub fn new(device: &Device, prepared: &PreparedScene) -> Result<DeviceScene> {
         let upload = |(wgsl, desc, data): Part| {
             let mut buffer = Buffer::from_desc(device, &desc)?;
@@ -64,19 +64,19 @@ impl DeviceScene {
         Ok(DeviceScene { frame, buffers })
     }
 
-    /// Sets what the kernels of the next dispatches are told about the iteration.
+    /// Writes the frame uniform, which the kernels of the next dispatches read.
     pub fn write_frame(&mut self, frame: &Frame) -> Result<()> {
         self.frame.write(0, &[*frame])
     }
 
-    /// Everything a kernel may ask for from group 0.
+    /// All buffers of group 0; a kernel may use any of them.
     pub fn bindings(&self) -> Vec<(&str, &Buffer)> {
         let mut all: Vec<_> = self.buffers.iter().map(|(name, buffer)| (*name, buffer)).collect();
         all.push(("frame", &self.frame));
         all
     }
 
-    /// Bytes on the device.
+    /// Total bytes of the scene's arrays on the device.
     pub fn bytes(&self) -> u64 {
         self.buffers.iter().map(|(_, b)| b.size()).sum()
     }

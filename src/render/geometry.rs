@@ -1,4 +1,4 @@
-//! The scene flattened for the device: triangles in device coordinates, attributes, materials, textures.
+//! The scene, flattened for the device: triangles in render space, attributes, materials, textures.
 
 use glam::{DMat3, DVec3};
 
@@ -12,26 +12,26 @@ use crate::settings::Emitters;
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{InstanceNormals, NONE, TextureInfo, Triangle, VertexAttributes};
 
-/// Arrays in the layout of `shared/scene.wgsl`.
+/// The arrays of the scene, in the layout of `shared/scene.wgsl`.
 pub struct Geometry {
     pub bvh: Bvh,
     pub triangles: Vec<Triangle>,
-    /// How many copies of triangles were left out, and the instance of the first of them.
+    /// Number of triangles that were dropped as copies, and the instance of the first of them.
     pub copies: Option<(usize, u32)>,
     pub corners: Vec<u32>,
     pub attributes: Vec<VertexAttributes>,
     pub instances: Vec<InstanceNormals>,
-    /// One for each (material, shines or not) that is used.
+    /// One device material per pair (material, whether its node is a selected emitter) in use.
     pub materials: Vec<Material>,
     pub textures: Vec<TextureInfo>,
     pub texels: Vec<u32>,
     pub features: Features,
-    /// Greatest refractive index that light travels in, >= 1.
+    /// Maximum refractive index of the transmissive materials, at least 1.
     pub max_ior: f32,
 }
 
 impl Geometry {
-    /// Flattens the scene into the coordinates of `space`.
+    /// Flattens the scene into the coordinates of `space`, drops copies of triangles and builds the BVH.
     pub fn new(scene: &Scene, space: &RenderSpace, emitters: &Emitters, albedo: &AlbedoTable) -> Geometry {
         let mut materials = MaterialSet::new(scene, emitters, albedo);
         let (corners, attributes, corner_base) = attributes(scene);
@@ -100,7 +100,8 @@ impl Geometry {
     }
 }
 
-/// Inverse transpose, scaled to keep f32 in range: only the direction matters.
+/// Columns of the inverse transpose of `linear`, scaled so that the largest entry is 1. Only the direction of the result matters;
+/// the scaling keeps the entries in the range of f32.
 fn normal_columns(linear: DMat3) -> InstanceNormals {
     let m = linear.inverse().transpose();
     let size = m.to_cols_array().iter().fold(0.0f64, |a, x| a.max(x.abs())).max(1e-300);
@@ -108,7 +109,8 @@ fn normal_columns(linear: DMat3) -> InstanceNormals {
     InstanceNormals { x: column(m.x_axis), pad0: 0.0, y: column(m.y_axis), pad1: 0.0, z: column(m.z_axis), pad2: 0.0 }
 }
 
-/// Corner indices of all meshes that have normals or texture coordinates, their vertices, and each mesh's first corner.
+/// For the meshes with normals or texture coordinates: the vertex index of every triangle corner, the vertices, and the index of the
+/// first corner per mesh (NONE for a mesh without either).
 fn attributes(scene: &Scene) -> (Vec<u32>, Vec<VertexAttributes>, Vec<u32>) {
     let (mut corners, mut attributes, mut bases) = (vec![], vec![], vec![]);
     for mesh in &scene.meshes {
@@ -128,7 +130,7 @@ fn attributes(scene: &Scene) -> (Vec<u32>, Vec<VertexAttributes>, Vec<u32>) {
     (corners, attributes, bases)
 }
 
-/// Unit vector as two 16-bit octahedral coordinates (Cigolle et al. 2014).
+/// Packs a unit vector as two 16-bit octahedral coordinates (Cigolle et al. 2014), x in the low half.
 pub fn octahedral(n: [f32; 3]) -> u32 {
     let sum = n[0].abs() + n[1].abs() + n[2].abs();
     let (mut x, mut y) = (n[0] / sum, n[1] / sum);

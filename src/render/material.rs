@@ -1,4 +1,4 @@
-//! Materials on the device: the record that kernels read, and how a material of the scene becomes one.
+//! Materials on the device: the record that the kernels read, and the conversion from a material of the scene.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use crate::wgsl::layout::constants::TRIANGLE_ALPHA;
 use crate::wgsl::layout::{NONE, host_twins, shared_constants};
 
 host_twins! {
-    /// `shared/material.wgsl`, which says what the fields are.
+    /// Twin of the struct in `shared/material.wgsl`, which documents the fields.
     Material {
         base_color: [f32; 3], opacity: f32,
         emission: [f32; 3], emission_density: f32,
@@ -23,22 +23,22 @@ shared_constants! {
     MATERIAL_DOUBLE_SIDED: u32 = 1,
     MATERIAL_MASK: u32 = 2,
     MATERIAL_BLEND: u32 = 4,
-    /// Below this GGX alpha a lobe is a delta.
+    /// A lobe whose GGX alpha is smaller is treated as a perfect mirror (a delta distribution).
     DELTA_ALPHA: f32 = 0.001,
 }
 
-/// What the kernels must be able to do for this scene; everything else is compiled out.
+/// Features that the kernels need for this scene. The code of all other features is removed when a kernel is compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Features {
     pub textures: bool,
     pub alpha: bool,
-    /// Any material that is not pure Lambert.
+    /// Whether any material is not purely Lambertian.
     pub glossy: bool,
     pub transmission: bool,
 }
 
 impl Features {
-    /// The override constants that remove the rest from the kernels.
+    /// Values of the WGSL `override` constants that switch each feature on (1) or off (0).
     pub fn constants(&self) -> [(&'static str, f64); 4] {
         [
             ("HAS_TEXTURES", self.textures),
@@ -50,16 +50,16 @@ impl Features {
     }
 }
 
-/// Materials as they are used, with the emission of nodes that are not selected switched off.
+/// The device materials that the scene uses. A material on a node that is not a selected emitter has no emission.
 pub struct MaterialSet<'a> {
     scene: &'a Scene,
     emitters: &'a Emitters,
     albedo: &'a AlbedoTable,
-    /// One for each (material, shines or not) that is used.
+    /// One device material per pair (material, whether its node is a selected emitter) in use.
     pub list: Vec<Material>,
     numbers: HashMap<(u32, bool), u32>,
     pub features: Features,
-    /// Greatest refractive index that light travels in, >= 1.
+    /// Maximum refractive index of the transmissive materials, at least 1.
     pub max_ior: f32,
 }
 
@@ -69,7 +69,7 @@ impl<'a> MaterialSet<'a> {
         MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), max_ior: 1.0 }
     }
 
-    /// Number of `material` on `node`, with the alpha bit where the surface may let rays pass.
+    /// Index in `list` of `material` on `node`, with the bit [`TRIANGLE_ALPHA`] if rays may pass through the surface.
     pub fn number(&mut self, material: u32, node: &str) -> u32 {
         let source = &self.scene.materials[material as usize];
         let shines = self.emitters.include(node);
@@ -90,7 +90,7 @@ impl<'a> MaterialSet<'a> {
 
     fn convert(&mut self, m: &scene::Material, shines: bool) -> Material {
         let f0 = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2) * m.specular;
-        // No difference of index, no coat.
+        // With ior = 1 or specular = 0 there is no coat.
         let f90 = if f0 > 0.0 { m.specular } else { 0.0 };
         let mut alpha = m.roughness * m.roughness;
         if alpha < DELTA_ALPHA || (m.transmission > 0.0 && (m.ior - 1.0).abs() < 1e-5) {
@@ -132,7 +132,7 @@ impl<'a> MaterialSet<'a> {
     }
 }
 
-/// Can the surface let light through by its alpha?
+/// Whether the alpha of the material may let light through the surface.
 fn is_partial(m: &scene::Material) -> bool {
     let opaque = match m.alpha_mode {
         AlphaMode::Opaque => f32::NEG_INFINITY,

@@ -1,4 +1,4 @@
-//! The memory a render will take, buffer by buffer, before anything is allocated.
+//! The memory that a render will need, buffer by buffer, computed before anything is allocated.
 
 use super::device_scene::DeviceScene;
 use super::light::LightTracer;
@@ -12,33 +12,35 @@ use crate::gpu::{BufferDesc, DeviceInfo};
 use crate::scene::Scene;
 use crate::settings::Settings;
 
-/// Vertices a light path is assumed to leave; scenes differ from 1 (outdoors) to over 10 (white rooms).
-const VERTICES_A_PATH: u32 = 4;
-/// Host bytes at most while the hierarchy over a triangle is built: corners, boxes, two node formats, order.
+/// Estimated number of stored vertices per light path. Scenes vary from 1 (outdoors) to more than 10 (white rooms).
+const VERTICES_PER_PATH: u32 = 4;
+/// Maximum number of host bytes per triangle while the BVH is built: corners, boxes, two node formats, order.
 const BUILD_BYTES: u64 = 320;
-/// Host bytes per pixel: the film's sums in twice the digits of f64, the image of an iteration.
+/// Host bytes per pixel: the double-double sums of the film, and the image of an iteration.
 const PIXEL_BYTES: u64 = 112;
-/// And what is known of it, with its samples, where these are not spread evenly.
+/// Additional host bytes per pixel for adaptive sampling: the sample statistics and the sample count.
 const ADAPTIVE_PIXEL_BYTES: u64 = 41;
-/// The program itself, the driver and its compiler.
+/// Host bytes of the program itself, the driver and the driver's compiler.
 const PROGRAM_BYTES: u64 = 120 << 20;
 
-/// What a render needs.
+/// The memory that a render needs.
 #[derive(Debug, Clone)]
 pub struct MemoryPlan {
     /// Buffers of the scene.
     pub scene: Vec<BufferDesc>,
-    /// Buffers that every iteration works in, for the most slots it may need.
+    /// Work buffers of an iteration, for the maximum number of candidate slots.
     pub iteration: Vec<BufferDesc>,
-    /// The light-vertex pool, an estimate.
+    /// Buffers of the light-vertex pool; their size is an estimate.
     pub pool: Vec<BufferDesc>,
-    /// The program's own memory at its peak, an estimate; with the buffers where the device is the CPU.
+    /// Estimate of the program's maximum memory. Includes the buffers if the device is the CPU.
     pub host_bytes: u64,
+    /// Buffers whose size is known before the first light path, for [`MemoryPlan::check`].
     certain: Vec<BufferDesc>,
 }
 
 impl MemoryPlan {
-    /// Without a device: as for software without limits.
+    /// The plan for `device`. Without a device, the plan is for a software device without limits. Fails if the estimator cannot render
+    /// the emitters.
     pub fn new(
         scene: &Scene,
         settings: &Settings,
@@ -50,11 +52,11 @@ impl MemoryPlan {
         let info = device.unwrap_or(&unlimited);
         let (scene_buffers, iteration) =
             (DeviceScene::buffer_descs(prepared), iteration_buffers(info, &plan, prepared));
-        let pool = pool_buffers(&plan, plan.light_paths.saturating_mul(VERTICES_A_PATH.min(plan.max_depth)));
+        let pool = pool_buffers(&plan, plan.light_paths.saturating_mul(VERTICES_PER_PATH.min(plan.max_depth)));
         let buffers = sum(&scene_buffers) + sum(&iteration) + sum(&pool);
         let triangles = prepared.triangles() as u64;
         let flat = sum(&scene_buffers) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
-        // The hierarchy is built before anything is uploaded.
+        // The BVH is built before anything is uploaded, so only the larger of the two sums counts below.
         let copies: u64 = iteration.iter().filter(|desc| desc.read_back).map(|desc| desc.bytes).sum();
         let on_host = if info.is_cpu() { buffers } else { 0 } + if info.drive.maps_memory { 0 } else { copies };
         let pixels = (PIXEL_BYTES + if plan.adaptive { ADAPTIVE_PIXEL_BYTES } else { 0 }) * plan.crop_pixels;
@@ -63,34 +65,34 @@ impl MemoryPlan {
         Ok(MemoryPlan { scene: scene_buffers, iteration, pool, host_bytes, certain })
     }
 
-    /// Bytes on the device in all.
+    /// Total bytes on the device.
     pub fn device_bytes(&self) -> u64 {
         sum(&self.scene) + sum(&self.iteration) + sum(&self.pool)
     }
 
-    /// All buffers, the largest first.
+    /// All buffers, sorted by size, the largest first.
     pub fn largest(&self) -> Vec<BufferDesc> {
         let mut all: Vec<BufferDesc> = [&self.scene[..], &self.iteration, &self.pool].concat();
         all.sort_by_key(|desc| std::cmp::Reverse(desc.bytes));
         all
     }
 
-    /// A sentence if the render will likely not fit, though only the light vertices of an iteration will tell: what is
-    /// estimated of them exceeds the device. None where it fits, or where [`MemoryPlan::check`] fails already.
+    /// A warning if the estimated light-vertex pool exceeds the device's limits, so that the render may fail after its light paths are
+    /// traced. `None` if everything fits, or if [`MemoryPlan::check`] already fails.
     pub fn warning(&self, device: &DeviceInfo) -> Option<String> {
         self.check(device).ok()?;
         let all = [&self.scene[..], &self.iteration, &self.pool].concat();
         let error = crate::gpu::buffer_desc::check_all(&all, device).err()?;
-        Some(format!("the render may stop when its light vertices are known: an estimate says that {error}"))
+        Some(format!("the render may stop once it knows the number of its light vertices; the estimate is: {error}"))
     }
 
-    /// Fails, with the flag to change, where the render certainly does not fit.
+    /// Fails if the render certainly does not fit the device. The error names the flag to change.
     pub fn check(&self, device: &DeviceInfo) -> Result<()> {
         crate::gpu::buffer_desc::check_all(&self.certain, device)
     }
 }
 
-/// Everything whose size is known before the first light path; of the pool only what no iteration can do without.
+/// Descriptors of all buffers whose size is known before the first light path is traced. For the pool this is the minimum size.
 pub(super) fn certain_buffers(info: &DeviceInfo, plan: &Plan, prepared: &PreparedScene) -> Vec<BufferDesc> {
     let emitters = &prepared.emitters;
     let every_path_starts_on_a_surface = emitters.has_area() && emitters.lights.is_empty();
@@ -109,13 +111,13 @@ fn iteration_buffers(info: &DeviceInfo, plan: &Plan, prepared: &PreparedScene) -
 
 fn pool_buffers(plan: &Plan, vertices: u32) -> Vec<BufferDesc> {
     let leaf_size = plan.leaf_size;
-    // Halving leaves them at least half full.
+    // The tree splits its vertices in halves, so every leaf is at least half full.
     let nodes = if leaf_size > 0 { vertices * 2 / (leaf_size + 1) } else { 0 };
     let offsets = if plan.estimator.pool_order == PoolOrder::ByPath { plan.light_paths as usize + 1 } else { 0 };
     DevicePool::buffer_descs(vertices as usize, nodes as usize, offsets)
 }
 
-/// What the loaded file holds in memory.
+/// Host bytes of the loaded scene: meshes and images.
 fn scene_bytes(scene: &Scene) -> u64 {
     let meshes = scene.meshes.iter().map(|m| {
         size_of_val(&m.positions[..])

@@ -1,4 +1,4 @@
-//! Surfaces that are so much larger than the rest of the scene that rays start off them by more than the rest measures.
+//! Warnings about surfaces that are so large that the offset of ray origins on them is visible at the scale of the rest of the scene.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,14 +10,16 @@ use crate::scene::Scene;
 use crate::wgsl::layout::Triangle;
 use crate::wgsl::layout::constants::OFFSET_SCALE;
 
-/// An offset of this part of what lies on a surface takes visible light from it.
+/// Maximum offset of a ray origin from a triangle, relative to the size of the rest of the scene. A larger offset visibly removes
+/// light.
 const MAX_OFFSET_FRACTION: f32 = 0.1;
-/// Sentences at most.
+/// Maximum number of warnings about nodes.
 const MAX_REPORTED: usize = 10;
 
-/// One sentence, with the remedy, for each node with triangles that swallow what lies near them.
+/// Returns one warning, with the remedy, per node with triangles whose ray offset is too large for the objects near them. After
+/// [`MAX_REPORTED`] of them, a last sentence gives the number of the other nodes.
 pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
-    // Boxes by the power of two below the greatest coordinate.
+    // Bounding boxes of the triangles and lights, grouped by the exponent of their maximum coordinate.
     let mut boxes: BTreeMap<i32, [Vec3; 2]> = BTreeMap::new();
     let mut enclose = |extent: f32, points: &[Vec3]| {
         let all = boxes.entry(extent.log2().floor() as i32).or_insert([Vec3::INFINITY, Vec3::NEG_INFINITY]);
@@ -31,7 +33,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
         enclose(position.abs().max_element(), &[position]);
     }
 
-    // From the pinhole outwards, up to the first gap.
+    // The rest of the scene: the groups from the pinhole (the origin) outwards, up to the first whose offset exceeds their size.
     let mut rest = [Vec3::ZERO; 2];
     let mut inner = 0;
     for (exponent, [lo, hi]) in &boxes {
@@ -60,15 +62,15 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     let metres = |length: f32| f64::from(length) * space.unit;
     let sentence = |node: &&str| {
         format!(
-            "'{node}' has triangles so large that light is lost where the rest of the scene, {:.2e} m in size, lies on it: make \
-             it smaller than {:.0e} m, or divide it into smaller triangles",
+            "'{node}' has triangles so large that light is lost where the rest of the scene, {:.2e} m in size, touches them: make \
+             the surface smaller than {:.0e} m, or divide it into smaller triangles",
             metres(size),
             metres(MAX_OFFSET_FRACTION / 10.0 / OFFSET_SCALE * size)
         )
     };
     let mut all: Vec<String> = nodes.iter().take(MAX_REPORTED).map(sentence).collect();
     if nodes.len() > MAX_REPORTED {
-        all.push(format!("and {} nodes more have triangles that are too large", nodes.len() - MAX_REPORTED));
+        all.push(format!("and {} more nodes have triangles that are too large", nodes.len() - MAX_REPORTED));
     }
     all
 }
@@ -81,7 +83,7 @@ fn extent(t: &Triangle) -> f32 {
     corners(t).iter().map(|p| p.abs().max_element()).fold(0.0, f32::max)
 }
 
-/// Whether rays start off a triangle with this reach by too much for what lies in a box.
+/// Whether the ray offset on a triangle with maximum coordinate `extent` is too large for the objects in the box.
 fn offset_exceeds(extent: f32, [lo, hi]: [Vec3; 2]) -> bool {
     OFFSET_SCALE * extent > MAX_OFFSET_FRACTION * (hi - lo).length()
 }
@@ -96,8 +98,9 @@ mod tests {
     use crate::settings::Emitters;
     use glam::DVec3;
 
-    /// The Cornell box on a floor with this side, each of its triangles split `times` times.
-    fn said(side: f64, height: f64, times: u32) -> Vec<String> {
+    /// The warnings for the Cornell box on a square floor with the given side length and height. Each floor triangle is split `times`
+    /// times.
+    fn warnings_of_floor(side: f64, height: f64, times: u32) -> Vec<String> {
         let mut scene = build(Kind::CornellBox);
         let grey = material(&mut scene, diffuse("grey", [0.5; 3]));
         let corner = DVec3::new(-0.5 * side, height, -0.5 * side);
@@ -110,18 +113,18 @@ mod tests {
 
     #[test]
     fn a_floor_that_swallows_the_room_is_named() {
-        let found = said(2e6, -0.01, 0);
+        let found = warnings_of_floor(2e6, -0.01, 0);
         assert_eq!(found.len(), 1, "{found:?}");
         assert!(found[0].contains("'country'") && found[0].contains("divide it"), "{found:?}");
-        // What it asks for is enough.
-        assert_eq!(said(2e4, -0.01, 0), Vec::<String>::new());
-        // Triangles under the room are small, or the surface is far away.
-        assert_eq!(said(2e6, -1e6, 0), Vec::<String>::new());
+        // The size in the warning is sufficient.
+        assert_eq!(warnings_of_floor(2e4, -0.01, 0), Vec::<String>::new());
+        // A floor far below the room needs no warning.
+        assert_eq!(warnings_of_floor(2e6, -1e6, 0), Vec::<String>::new());
         assert_eq!(build(Kind::CornellBox).lights.len(), 0);
     }
 
     #[test]
     fn a_floor_of_small_triangles_is_not() {
-        assert_eq!(said(2e6, -0.01, 9).len(), 0);
+        assert_eq!(warnings_of_floor(2e6, -0.01, 9).len(), 0);
     }
 }

@@ -1,4 +1,5 @@
-//! Phase 2 of Algorithm 1: the light-vertex pool of an iteration on the host, vertices as they come back from the device, sorted for the estimator.
+//! Phase 2 of Algorithm 1: the light-vertex pool of an iteration. The host collects the vertices that the device traced and sorts
+//! them for the estimator.
 
 use super::plan::Plan;
 use super::pool_layout::PoolLayout;
@@ -11,17 +12,17 @@ use crate::lightcone::tree::{Item, Tree, TreeOptions};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{NONE, PathVertex, TreeNode};
 
-/// Vertices in the order the kernels use: deterministic, emitter points, scattered.
+/// Light vertices of an iteration, by kind. The kernels expect this order: deterministic, emitter points, scattered.
 #[derive(Default)]
 pub struct LightPool {
-    /// Punctual lights of the scene; thin beams add the vertices of their common prefix.
+    /// Punctual lights of the scene, and for each beam of zero radius the vertices that all its subpaths share.
     pub deterministic: Vec<PathVertex>,
-    /// Emitter points (v_tau = 0) and scattered vertices, each with the number of its light path.
+    /// Emitter points (v_tau = 0) and scattered vertices, each with the index of its light path.
     pub emitter_points: Vec<(u32, PathVertex)>,
     pub scattered: Vec<(u32, PathVertex)>,
 }
 
-/// Vertices of a pool at most: the number of a leaf's first one is less than [`LEAF_FIRST`].
+/// Maximum number of vertices in a pool: the index of a leaf's first vertex must be less than [`LEAF_FIRST`].
 const MAX_VERTICES: usize = LEAF_FIRST as usize;
 
 /// The pool on the device: group 1 of the kernels.
@@ -31,7 +32,7 @@ pub struct DevicePool<A: Allocate = Device> {
     offsets: A::Buffer,
 }
 
-/// Arrays ready for upload.
+/// The arrays of a pool, ready for upload.
 pub struct SortedPool {
     pub vertices: Vec<PathVertex>,
     pub nodes: Vec<TreeNode>,
@@ -40,12 +41,13 @@ pub struct SortedPool {
 }
 
 impl LightPool {
-    /// Takes a vertex that was reached by light path `path`, whatever that is for a deterministic one.
+    /// Adds a vertex of light path `path`; the path index of a deterministic vertex is ignored. Drops a vertex that is too deep for a
+    /// connection with at most `max_depth` segments.
     pub fn push(&mut self, path: u32, vertex: &PathVertex, max_depth: u32) {
         if vertex.flags & VERTEX_DETERMINISTIC != 0 {
             self.deterministic.push(*vertex);
         } else if (vertex.flags & VERTEX_DEPTH) + 2 > max_depth {
-            // A connection adds itself and a sensor segment; what is deeper serves t = 1 alone.
+            // A connection adds two segments: to the shade point and from there to the sensor. Deeper vertices serve t = 1 only.
         } else if vertex.flags & VERTEX_EMITTER != 0 {
             self.emitter_points.push((path, *vertex));
         } else {
@@ -53,13 +55,13 @@ impl LightPool {
         }
     }
 
-    /// Orders the vertices for the estimator: builds the trees, or groups them by path. Errors: more vertices than references
-    /// to leaves have digits for.
+    /// Orders the vertices for the estimator: builds the trees, or groups the vertices by path. Fails if there are more than
+    /// [`MAX_VERTICES`].
     pub fn sort(&self, plan: &Plan, stats: &mut Stats) -> Result<SortedPool> {
         let count = self.deterministic.len() + self.emitter_points.len() + self.scattered.len();
         if count > MAX_VERTICES {
             return Err(Error::Settings(format!(
-                "an iteration has {count} light vertices and there is room for {MAX_VERTICES}: use fewer --light-paths"
+                "an iteration has {count} light vertices, but at most {MAX_VERTICES} are possible; use fewer --light-paths"
             )));
         }
         stats.deterministic_vertices += self.deterministic.len() as u64;
@@ -82,20 +84,20 @@ impl LightPool {
         }
     }
 
-    /// The deterministic vertices, ready for draws among them.
-    fn drawn(&self) -> Vec<PathVertex> {
+    /// The deterministic vertices with the CDF for drawing among them.
+    fn deterministic_with_cdf(&self) -> Vec<PathVertex> {
         let mut vertices = self.deterministic.clone();
         set_selection_cdf(&mut vertices);
         vertices
     }
 
     fn emitters_only(&self) -> SortedPool {
-        let mut vertices = self.drawn();
+        let mut vertices = self.deterministic_with_cdf();
         vertices.extend(self.emitter_points.iter().map(|(_, v)| *v));
         SortedPool { vertices, nodes: vec![], offsets: vec![], layout: self.layout() }
     }
 
-    /// Counting sort by light path; vertices of a path keep the order in which they were reached.
+    /// Counting sort by light path. The vertices of a path stay in the order of the path.
     fn by_path(&self, light_paths: u32) -> SortedPool {
         let first = self.deterministic.len() as u32;
         let mut offsets = vec![0u32; light_paths as usize + 1];
@@ -109,7 +111,7 @@ impl LightPool {
             offsets[i] += offsets[i - 1];
         }
         let mut next = offsets.clone();
-        let mut vertices = self.drawn();
+        let mut vertices = self.deterministic_with_cdf();
         vertices.resize(offsets[light_paths as usize] as usize, bytemuck::Zeroable::zeroed());
         for (path, vertex) in all() {
             let slot = &mut next[*path as usize];
@@ -119,10 +121,10 @@ impl LightPool {
         SortedPool { vertices, nodes: vec![], offsets, layout: PoolLayout { longest_path, ..self.layout() } }
     }
 
-    /// The 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4); for a single tree, the 4D tree over
-    /// all of them, which makes the same promise: a query's weight is 1 / P for the vertex it returns, whatever its kind.
-    /// Deterministic vertices that are too many to be connected one by one stand apart in the tree of their kind: lamps in the 3D
-    /// tree, which gives them a shadow ray of their own, and the spots of thin beams in the 4D tree.
+    /// Builds the 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4), or a single 4D tree over all of them.
+    /// Both are valid: the weight of a query is 1 / P of the vertex that it returns, of either kind. If the deterministic vertices are
+    /// too many to connect one by one, they form a separate subtree in the tree of their kind: lamps in the 3D tree, which gives them
+    /// a shadow ray of their own, and the spots of thin beams in the 4D tree.
     fn trees(&self, plan: &Plan) -> SortedPool {
         let in_trees = plan.queries_deterministic(self.deterministic.len() as u32);
         let (one_by_one, queried) = self.deterministic.split_at(if in_trees { 0 } else { self.deterministic.len() });
@@ -158,7 +160,7 @@ impl LightPool {
     }
 }
 
-/// Vertices that can contribute, as the tree sees them, and how many of them are among the first `apart`.
+/// Tree items of the vertices with a positive and finite power, and the number of these items among the first `apart` vertices.
 fn items(vertices: &[PathVertex], apart: usize) -> (usize, Vec<Item>) {
     let power = |v: &PathVertex| v.throughput.iter().fold(0.0f32, |a, &x| a.max(x));
     let items: Vec<Item> = vertices
@@ -187,19 +189,19 @@ impl<A: Allocate> DevicePool<A> {
 }
 
 impl DevicePool {
-    /// Buffers with room for a pool a little larger than this one: the next iteration's differs by chance.
+    /// Uploads `pool` into new buffers with some extra room, because the size of the pool varies from iteration to iteration.
     pub fn new(device: &Device, pool: &SortedPool) -> Result<DevicePool> {
         let mut buffers = DevicePool::allocate(device, pool.vertices.len(), pool.nodes.len(), pool.offsets.len())?;
         buffers.replace(pool)?;
         Ok(buffers)
     }
 
-    /// Descriptors of the buffers for a pool of this size.
+    /// Descriptors of the buffers for a pool of this size, extra room included.
     pub fn buffer_descs(vertices: usize, nodes: usize, offsets: usize) -> Vec<BufferDesc> {
         BufferList::of(|list| DevicePool::allocate(list, vertices, nodes, offsets))
     }
 
-    /// Writes the next pool over this one if it fits; false if it does not.
+    /// Overwrites the buffers with `pool`. Returns false, and writes nothing, if `pool` does not fit.
     pub fn replace(&mut self, pool: &SortedPool) -> Result<bool> {
         let fits = |buffer: &Buffer, bytes: usize| buffer.size() >= bytes as u64;
         if !fits(&self.vertices, size_of_val(&pool.vertices[..]))

@@ -1,4 +1,4 @@
-//! What the kernels must know of the light-vertex pool of an iteration.
+//! The layout of an iteration's light-vertex pool, for the kernels.
 
 use crate::estimators::PoolShape;
 use crate::wgsl::layout::NONE;
@@ -7,15 +7,15 @@ use crate::wgsl::layout::NONE;
 pub struct PoolLayout {
     pub deterministic: u32,
     pub emitter_points: u32,
-    /// Roots of the trees over emitter points and over scattered vertices; NONE where a tree is empty or not built.
+    /// Roots of the trees over emitter points and over scattered vertices; NONE for a tree that is empty or not built.
     pub tree3_root: u32,
     pub tree4_root: u32,
-    /// Vertices of the longest light path; 0 where the pool is not ordered by path.
+    /// Number of vertices of the longest light path; 0 if the pool is not ordered by path.
     pub longest_path: u32,
 }
 
 impl PoolLayout {
-    /// The part of the layout that decides how many candidate slots a shade point has.
+    /// The values that determine the number of candidate slots per shade point.
     pub fn shape(&self, queries: u32) -> PoolShape {
         PoolShape {
             has_emitter_points: self.emitter_points > 0,

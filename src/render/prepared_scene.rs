@@ -1,4 +1,4 @@
-//! A scene made ready for rendering on the host: flattened, its hierarchy built, its emitters collected.
+//! A scene that the host has prepared for rendering: it is flattened, its BVH is built, and its emitters are collected.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Light, Scene};
 use crate::settings::{Emitters, Settings};
 
-/// Everything that is uploaded, around the sensor of one camera and for one choice of emitters.
+/// All scene data for the upload, in the render space around one camera and with one selection of emitters.
 pub struct PreparedScene {
     pub(super) geometry: Geometry,
     pub(super) emitters: EmitterSet,
@@ -20,12 +20,15 @@ pub struct PreparedScene {
 }
 
 impl PreparedScene {
-    /// Fails if the scene breaks a promise of [`Scene::check`], has no such camera, or nothing emits.
+    /// Fails if [`Scene::check`] fails, if the camera or a selected emitter does not exist, if nothing emits, or if a gated render
+    /// selects a directional light.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<PreparedScene> {
         scene.check()?;
         let Some(camera) = scene.cameras.get(settings.camera()) else {
             let (camera, count) = (settings.camera(), scene.cameras.len());
-            return Err(Error::Settings(format!("there is no camera {camera}: the scene has {count}, counted from 0")));
+            return Err(Error::Settings(format!(
+                "camera {camera} does not exist; the scene has {count} of them, numbered from 0"
+            )));
         };
         check_emitters(scene, settings)?;
         let origin = camera.transform.translation;
@@ -35,27 +38,27 @@ impl PreparedScene {
         let emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut geometry);
         if emitters.table.is_empty() {
             return Err(Error::Settings(
-                "nothing emits light (a light of power 0 or a surface of no area does not): select other nodes with \
-                 --emitters, or give the scene a light with power"
+                "nothing emits light (a light of power 0 or an emissive surface without area does not count): select other \
+                 nodes with --emitters, or add a light to the scene"
                     .into(),
             ));
         }
         Ok(PreparedScene { geometry, emitters, albedo, space })
     }
 
-    /// Node and luminance-weighted power in W of everything that shines.
+    /// Luminance-weighted power in W of every node that emits, by node name.
     pub fn powers(&self) -> &BTreeMap<String, f64> {
         &self.emitters.powers
     }
 
-    /// What will look wrong though the file is right, one sentence each with the remedy: triangles that are listed twice,
-    /// surfaces that are far too large, lamps in the plane of another surface.
+    /// Warnings about a valid scene that will look wrong, one sentence each: copies of triangles, surfaces that are far too
+    /// large, lamps in the plane of another surface.
     pub fn warnings(&self, scene: &Scene) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
             let triangles = if count == 1 { "triangle is a copy of another" } else { "triangles are copies of others" };
             format!(
-                "{count} {triangles} in the same place and of the same material, and count once (first: node '{node}')"
+                "{count} {triangles} with the same position and material; copies are ignored (the first is in node '{node}')"
             )
         });
         let PreparedScene { geometry, space, .. } = self;
@@ -63,13 +66,13 @@ impl PreparedScene {
         copies.into_iter().chain(oversized).chain(coplanar::warnings(scene, geometry, space)).collect()
     }
 
-    /// Triangles as they are placed, without copies.
+    /// Number of triangles over all instances, without copies.
     pub fn triangles(&self) -> usize {
         self.geometry.triangles.len()
     }
 }
 
-/// Fails where a node that is to shine does not exist, or where light without travel time is to be gated.
+/// Fails if a selected emitter does not exist, or if a gated render selects a light at infinity, which has no travel time.
 fn check_emitters(scene: &Scene, settings: &Settings) -> Result<()> {
     let exists = |name: &String| {
         scene.lights.iter().any(|light| light.node == *name) || scene.instances.iter().any(|i| i.node == *name)
@@ -78,13 +81,14 @@ fn check_emitters(scene: &Scene, settings: &Settings) -> Result<()> {
         && let Some(unknown) = names.iter().find(|name| !exists(name))
     {
         return Err(Error::Settings(format!(
-            "no node '{unknown}' is in the scene, so it cannot shine; check its name"
+            "the scene has no node '{unknown}', so it cannot be an emitter; check the name"
         )));
     }
     let distant = |light: &&Light| light.kind.radius().is_none() && settings.emitters().include(&light.node);
     match scene.lights.iter().find(distant) {
         Some(light) if !settings.responses().are_steady() => Err(Error::Settings(format!(
-            "the light '{}' is infinitely far away, so its light has no travel time to gate; render without a gate, or without it",
+            "the light '{}' is infinitely far away, so its light has no travel time to gate; render without a gate, or select \
+             other emitters",
             light.node
         ))),
         _ => Ok(()),

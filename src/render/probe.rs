@@ -1,4 +1,4 @@
-//! The distribution of travel times: how much of the light that reaches the sensor has arrived by when.
+//! The distribution of travel times: the fraction of the light that has reached the sensor by a given time.
 
 use std::collections::BTreeMap;
 
@@ -12,24 +12,23 @@ use crate::scene::Scene;
 use crate::settings::units::Gate;
 use crate::settings::{Crop, Estimator, Sampling, Settings, Strategies};
 
-/// Rows of the image that is probed, light subpaths, samples a pixel and iteration, iterations.
+/// Size of the probe: image rows, light subpaths, samples per pixel and iteration, iterations.
 const ROWS: u32 = 64;
 const LIGHT_PATHS: u32 = 20_000;
 const SAMPLES: u32 = 2;
 const ITERATIONS: u32 = 4;
 
-/// Travel times in metres of optical path, each weighted by the luminance that arrives with it. Neighbouring times are
-/// kept together in steps of 2^-16 of their size.
+/// Histogram of travel times in metres of optical path, weighted by luminance. The relative width of a bin is at most 2^-16.
 #[derive(Debug, Clone, Default)]
 pub struct TravelTimes {
-    /// Weight and weight times travel time, by the leading bits of the travel time.
+    /// Sums of weight and of weight times travel time per bin. The key is the leading bits of the travel time.
     bins: BTreeMap<u32, (f64, f64)>,
     total: f64,
     range: Option<(f32, f32)>,
 }
 
 impl TravelTimes {
-    /// Adds light; nothing where `weight` is not positive or either is not finite.
+    /// Adds light of `weight` at travel time `tau`. Ignores it if `weight` is not positive, `tau` is negative, or either is not finite.
     pub fn add(&mut self, tau: f32, weight: f64) {
         if !(weight > 0.0 && weight.is_finite() && tau >= 0.0 && tau.is_finite()) {
             return;
@@ -41,15 +40,15 @@ impl TravelTimes {
         self.range = Some(self.range.map_or((tau, tau), |(lo, hi)| (lo.min(tau), hi.max(tau))));
     }
 
-    /// Least and greatest travel time that was seen; `None` if no light arrived.
+    /// Minimum and maximum travel time; `None` if no light arrived.
     pub fn range(&self) -> Option<(f64, f64)> {
         self.range.map(|(lo, hi)| (lo.into(), hi.into()))
     }
 
-    /// Least travel time by which `percent` of the light, 0 to 100, has arrived; `None` if none has.
+    /// Minimum travel time by which `percent` (0 to 100) of the light has arrived; `None` if no light arrived.
     pub fn percentile(&self, percent: f64) -> Option<f64> {
         let (lo, hi) = self.range()?;
-        // A sum in another order may miss the total by its rounding.
+        // The sum over the bins may be smaller than `total` by rounding, because it adds in another order.
         let wanted = self.total * (percent / 100.0).clamp(0.0, 1.0) * (1.0 - 1e-12);
         let mut sum = 0.0;
         let reached = self.bins.values().find(|(weight, _)| {
@@ -59,7 +58,7 @@ impl TravelTimes {
         Some(reached.map_or(hi, |(weight, moment)| (moment / weight).clamp(lo, hi)))
     }
 
-    /// A gate of `width` metres around the median, as one would type it.
+    /// A gate of `width` metres around the median, with ends rounded to a few digits. `None` if no light arrived.
     pub fn suggestion(&self, width: f64) -> Option<Gate> {
         let median = self.percentile(50.0)?;
         let step = 10f64.powf((width / 4.0).log10().floor());
@@ -71,7 +70,7 @@ impl TravelTimes {
     }
 }
 
-/// Renders a small steady-state image of what `settings` show, by all strategies, and collects its travel times.
+/// Renders a small image of the same view as `settings`, without a gate and with all strategies, and returns its travel times.
 pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<TravelTimes> {
     let settings = small(settings);
     let mut plan = Plan::new(scene, &settings, prepared)?;
@@ -85,7 +84,7 @@ pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &Pre
     Ok(times)
 }
 
-/// The same view in few pixels, without a gate.
+/// The settings of the probe: the same view with few pixels, without a gate.
 fn small(settings: &Settings) -> Settings {
     let [width, height] = settings.resolution();
     let scale = (f64::from(ROWS) / f64::from(height)).min(1.0);
@@ -97,7 +96,7 @@ fn small(settings: &Settings) -> Settings {
     let small = settings.change().estimator(Estimator::UNGATED).strategies(Strategies::All).gate(Gate::OPEN);
     let small = small.resolution(resolution).crop(Crop { x0, x1, y0, y1 }).sampling(Sampling::Uniform);
     let small = small.light_paths(settings.light_paths().min(LIGHT_PATHS)).splat_paths(None);
-    small.build().expect("a smaller image is inside the limits")
+    small.build().expect("settings of a smaller image are within the limits")
 }
 
 #[cfg(test)]
@@ -112,7 +111,7 @@ mod tests {
 
     #[test]
     fn percentiles_are_those_counted_by_hand() {
-        // Light 1, 2, 3, 4 at 4, 3, 2, 1 m: by 1 m 40 %, by 2 m 70 %, by 3 m 90 %, by 4 m all.
+        // Weights 1, 2, 3, 4 at 4, 3, 2, 1 m: 40 % has arrived by 1 m, 70 % by 2 m, 90 % by 3 m, all by 4 m.
         let t = times(&[(4.0, 1.0), (3.0, 2.0), (2.0, 3.0), (1.0, 4.0)]);
         assert_eq!(t.range(), Some((1.0, 4.0)));
         for (percent, tau) in [

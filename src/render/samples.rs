@@ -1,35 +1,36 @@
-//! How many samples each pixel gets in an iteration: as many everywhere, or more where earlier iterations found more error.
+//! Number of samples per pixel in an iteration: the same in every pixel, or more where earlier iterations found a larger error.
 
 use rayon::prelude::*;
 
 use super::emitters::luminance;
 
-/// Samples a pixel in one iteration at most, on average over the pixels.
+/// Maximum number of samples per pixel in one iteration, averaged over the pixels.
 pub const MAX_AVERAGE_SAMPLES: u32 = 16;
-/// No pixel has more than so many times the average.
+/// Maximum samples of one pixel, relative to the average.
 const MAX_SHARE: u32 = 4;
-/// And none less than this part of it, nor than one, whatever was found: where no light was seen there may be some.
+/// Minimum samples of one pixel, relative to the average; never less than one sample. A pixel that has seen no light so far may
+/// still receive some.
 const MIN_SHARE: f64 = 0.25;
-/// Samples in one pixel and iteration at most.
+/// Maximum number of samples in one pixel and iteration.
 pub const MAX_SAMPLES_PER_PIXEL: u32 = MAX_AVERAGE_SAMPLES * MAX_SHARE;
-/// Part of the image's mean below which an error counts as that part of it does: that of relMSE.
+/// Fraction of the image's mean luminance that regularises the relative error of dark pixels, as in relMSE.
 const DARK_FRACTION: f64 = 0.01;
-/// Part of the greatest error that every pixel is taken to have at least.
+/// Minimum error of a pixel, relative to the maximum error.
 const MIN_RELATIVE_ERROR: f64 = 1e-6;
-/// Passes over all pixels that look for the factor of their shares; it is found when no more of them have their most.
+/// Maximum number of passes of [`factor`] over all pixels.
 const MAX_PASSES: u32 = 64;
 
-/// Samples of the pixels of the crop in one iteration.
+/// Samples per pixel of the crop in one iteration.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SampleCounts {
-    /// As many in every pixel.
+    /// The same number in every pixel.
     Uniform(u32),
-    /// Row-major, 1 to [`MAX_SAMPLES_PER_PIXEL`] each.
+    /// Row-major over the crop; each from 1 to [`MAX_SAMPLES_PER_PIXEL`].
     PerPixel(Vec<u8>),
 }
 
 impl SampleCounts {
-    /// Of a pixel of the crop, row-major.
+    /// Samples of `pixel`, a row-major index in the crop.
     pub fn of(&self, pixel: u32) -> u32 {
         match self {
             SampleCounts::Uniform(samples) => *samples,
@@ -37,7 +38,7 @@ impl SampleCounts {
         }
     }
 
-    /// The greatest of all.
+    /// Maximum over all pixels.
     pub fn max(&self) -> u32 {
         match self {
             SampleCounts::Uniform(samples) => *samples,
@@ -46,30 +47,31 @@ impl SampleCounts {
     }
 }
 
-/// What a pixel's samples were so far.
+/// Sums over all samples of a pixel so far.
 #[derive(Debug, Clone, Copy, Default)]
 struct PixelStats {
     samples: f64,
-    /// Luminances of the samples and their squares, added up.
+    /// Sum of the samples' luminances.
     sum: f64,
+    /// Sum of the samples' squared luminances.
     squares: f64,
-    /// The pixel's luminance, that of t = 1 included, times the samples a pixel of its iteration.
+    /// Sum over iterations: luminance of the pixel, splats (t = 1) included, times the average samples per pixel.
     light: f64,
 }
 
-/// Gives samples to the pixels by the error that earlier iterations found in them. What an iteration renders stays unbiased:
-/// its counts are known before it begins, every pixel has a sample, and iterations are weighed by their average, never by the
-/// counts of a pixel.
+/// Distributes the samples of an iteration over the pixels according to the error that earlier iterations found. The image stays
+/// unbiased for three reasons: the counts are fixed before the iteration begins, every pixel has at least one sample, and the
+/// weight of an iteration is its average number of samples per pixel, never the count of one pixel.
 pub struct Allocation {
     width: usize,
     pixels: Vec<PixelStats>,
-    /// Samples a pixel so far, on average.
+    /// Samples per pixel so far, averaged over the pixels.
     samples: f64,
     iterations: u32,
 }
 
 impl Allocation {
-    /// For a crop of `width` pixels across.
+    /// An allocation without samples, for a crop with `width` columns and `pixels` pixels.
     pub fn new(width: u32, pixels: u64) -> Allocation {
         Allocation {
             width: width as usize,
@@ -84,8 +86,9 @@ impl Allocation {
         (self.samples, self.iterations) = (0.0, 0);
     }
 
-    /// Adds an iteration of `samples` samples a pixel, given to the pixels by `counts`. `film`: means of the sensor's samples,
-    /// w the sum of their squared luminances; `image`: RGB of the same with all other light.
+    /// Adds an iteration with `samples` samples per pixel on average, distributed as in `counts`. `film` has one entry per pixel:
+    /// the mean RGB of its camera samples, and in w the sum of their squared luminances. `image`: mean RGB per pixel with all other
+    /// light (t = 1) included.
     pub fn add(&mut self, film: &[[f32; 4]], image: &[f32], counts: &SampleCounts, samples: u32) {
         let samples = f64::from(samples);
         let pixels = self.pixels.iter_mut().zip(film).zip(image.chunks_exact(3));
@@ -100,16 +103,17 @@ impl Allocation {
         self.iterations += 1;
     }
 
-    /// Least and most samples that a pixel has had.
+    /// Minimum and maximum over the pixels of the samples so far.
     pub fn range(&self) -> [u64; 2] {
         let samples = || self.pixels.iter().map(|pixel| pixel.samples as u64);
         [samples().min().unwrap_or(0), samples().max().unwrap_or(0)]
     }
 
-    /// Counts for an iteration of `samples` samples a pixel, the same sum over the pixels to one or two: in proportion to
-    /// the root of the variance of a sample over the squared light of the pixel, both of 3 x 3 pixels together, within
-    /// bounds: the mean of relative errors, sum of variance over count and squared light, is least so (Neyman 1934, "On the Two
-    /// Different Aspects of the Representative Method", optimum allocation). As many everywhere until each pixel has two samples.
+    /// Counts for an iteration with `samples` samples per pixel on average. Their sum differs from `samples` times the number of
+    /// pixels by at most two. Each count is proportional to the square root of variance / luminance^2, within bounds. Both values are
+    /// estimated over 3 x 3 pixels. This minimises the mean relative error: the sum of variance / (count luminance^2) (Neyman
+    /// 1934, "On the Two Different Aspects of the Representative Method", optimum allocation). All counts are equal until each
+    /// pixel has two samples.
     pub fn counts(&self, samples: u32) -> SampleCounts {
         if samples == 1 || self.samples < 2.0 {
             return SampleCounts::Uniform(samples);
@@ -119,7 +123,7 @@ impl Allocation {
         if max_error == 0.0 {
             return SampleCounts::Uniform(samples);
         }
-        // Infinite errors count as the greatest finite one, and errors of 0 as a small part of it.
+        // Infinite errors are reduced to the maximum finite one. Errors of 0 are raised to a small fraction of it.
         errors.iter_mut().for_each(|error| *error = error.clamp(MIN_RELATIVE_ERROR * max_error, max_error));
         let wanted = f64::from(samples);
         let (min, max) = ((MIN_SHARE * wanted).max(1.0), f64::from(MAX_SHARE * samples));
@@ -127,8 +131,7 @@ impl Allocation {
         self.round_shares(errors.iter().map(|&error| (min + factor * error).min(max)))
     }
 
-    /// Root of the variance of a pixel's sample over the squared light, of 3 x 3 pixels together; infinite where squares are
-    /// beyond all floats.
+    /// Square root of variance / luminance^2 per pixel, both estimated over 3 x 3 pixels. Infinite if the sum of squares overflows.
     fn relative_errors(&self) -> Vec<f64> {
         let (width, height) = (self.width, self.pixels.len() / self.width);
         let light = self.pixels.iter().map(|f| f.light).sum::<f64>() / self.pixels.len() as f64;
@@ -151,8 +154,9 @@ impl Allocation {
         (0..self.pixels.len()).into_par_iter().with_min_len(1 << 12).map(error).collect()
     }
 
-    /// Whole numbers that differ from `shares` by less than one, their sums in every part of the image too: what is cut off a
-    /// pixel is given to the next. Where it begins changes from iteration to iteration, so that none is always cut.
+    /// Rounds `shares` to whole numbers, at least 1. Each pixel passes its rounding error on to the next pixel, so every count, and
+    /// the sum over every row-major range of pixels, differs from the exact value by at most one. The first carried error changes with
+    /// the iteration, so that no pixel is always rounded down.
     fn round_shares(&self, shares: impl Iterator<Item = f64>) -> SampleCounts {
         let golden = 0.618_033_988_749_895;
         let mut carried = (golden * f64::from(self.iterations)).fract() - 0.5;
@@ -165,8 +169,9 @@ impl Allocation {
     }
 }
 
-/// The factor f for which min(f error, most) has the average `wanted` < `max`; errors are positive. What pixels cannot take that
-/// have their most goes to the others in the next pass, so f only grows.
+/// The factor f for which min(f error, `max`) has the average `wanted` < `max`; errors are positive. Pixels at the upper bound return
+/// their excess, and the next pass shares it among the others in proportion. So f only grows, and the search ends when no further
+/// pixel reaches the bound.
 fn factor(errors: &[f64], wanted: f64, max: f64) -> f64 {
     let mut factor = 0.0;
     for _ in 0..MAX_PASSES {
@@ -191,7 +196,8 @@ fn factor(errors: &[f64], wanted: f64, max: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// 20 x 10 pixels after an iteration of four samples each: the sum of squares of each pixel's luminance, whose mean is 1.
+    /// 20 x 10 pixels after an iteration with four samples each. The mean luminance of each pixel is 1; `squares` gives the sum of
+    /// its squared luminances.
     fn after(squares: impl Fn(usize) -> f32) -> Allocation {
         let mut allocation = Allocation::new(20, 200);
         let film: Vec<[f32; 4]> = (0..200).map(|i| [1.0, 1.0, 1.0, squares(i)]).collect();
@@ -208,21 +214,21 @@ mod tests {
     fn samples_are_even_until_errors_are_known() {
         let fresh = Allocation::new(20, 200);
         assert_eq!(fresh.counts(4), SampleCounts::Uniform(4));
-        assert_eq!(after(|_| 4.0).counts(4), SampleCounts::Uniform(4), "no sample differs from another");
+        assert_eq!(after(|_| 4.0).counts(4), SampleCounts::Uniform(4), "all samples are equal");
         assert_eq!(after(|_| 9.0).counts(1), SampleCounts::Uniform(1));
-        assert!(counts(&after(|_| 9.0), 4).iter().all(|&n| n == 4), "as much error everywhere");
+        assert!(counts(&after(|_| 9.0), 4).iter().all(|&n| n == 4), "all pixels have the same error");
     }
 
     #[test]
     fn samples_go_where_the_error_is() {
-        // The left half has a variance of (40 - 4) / 3, the right one of (13 - 4) / 3: a root twice as great.
+        // The variance is (40 - 4) / 3 in the left half and (13 - 4) / 3 in the right half: the ratio of the roots is 2.
         let allocation = after(|i| if i % 20 < 10 { 40.0 } else { 13.0 });
         let pixel = counts(&allocation, 8);
         let sum = |columns: std::ops::Range<usize>| -> u32 {
             (0..200).filter(|i| columns.contains(&(i % 20))).map(|i| pixel[i]).sum()
         };
         assert!(sum(0..20).abs_diff(8 * 200) <= 1, "{}", sum(0..20));
-        // Nine columns each away from the border: 2 + 2 f and 2 + f have the mean 8, so f = 4.
+        // Nine columns per half, away from the border between the halves: 2 + 2 f and 2 + f have the mean 8, so f = 4.
         assert!(sum(0..9).abs_diff(10 * 90) <= 2 && sum(11..20).abs_diff(6 * 90) <= 2, "{} {}", sum(0..9), sum(11..20));
     }
 
@@ -233,7 +239,7 @@ mod tests {
             let [min, max] = [pixel.iter().min().unwrap(), pixel.iter().max().unwrap()];
             assert!(*min >= (samples / 4).max(1) && *max == 4 * samples, "{samples}: {min} to {max}");
             assert!(*max <= MAX_SAMPLES_PER_PIXEL);
-            // Nine pixels have that much, all others share the rest alike.
+            // Nine pixels have the maximum; all others share the rest evenly.
             let rest = f64::from(200 * samples - 9 * max) / 191.0;
             assert!(pixel.iter().all(|&n| n == *max || (f64::from(n) - rest).abs() < 1.0));
             assert!(pixel.iter().sum::<u32>().abs_diff(200 * samples) <= 1);

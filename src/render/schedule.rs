@@ -1,19 +1,20 @@
-//! How many samples each iteration takes: few enough that there are batches for the variance, enough to pay for its light paths.
+//! Number of samples per pixel in each iteration. Short iterations give more batches to estimate the variance from; long iterations
+//! share the cost of the light paths among more samples.
 //!
-//! The lengths depend on the number of the iteration alone. So a longer render begins with the bits of a shorter one, and a render
-//! of seconds with the bits of a render of samples. `docs/notebook/schedule.md` compares lengths.
+//! The length of an iteration depends on its index alone. So a longer render begins with the same bits as a shorter one, and a render
+//! with a budget of seconds with the same bits as a render with a budget of samples. `docs/notebook/schedule.md` compares lengths.
 
 use std::time::Duration;
 
 use crate::settings::Budget;
 
-/// A variance needs two iterations.
+/// The variance is estimated from at least two iterations.
 const MIN_ITERATIONS: u32 = 2;
 
 /// Samples per pixel in iteration `iteration`, counted from 0.
 ///
-/// The first 8 iterations have 2 samples each: 1 could not be shared among pixels by their error, and 16 samples in fewer
-/// iterations would tell too little of their variance. Iterations of 4 follow up to 64 samples, then iterations of 8.
+/// The first 8 iterations have 2 samples each. A single sample could not be distributed by error, and fewer iterations for the first
+/// 16 samples would estimate the variance too poorly. Iterations of 4 samples follow up to 64 samples, then iterations of 8.
 pub fn samples_in(iteration: u32) -> u32 {
     match iteration {
         0..8 => 2,
@@ -22,9 +23,9 @@ pub fn samples_in(iteration: u32) -> u32 {
     }
 }
 
-/// Samples per pixel in the next iteration, after `iterations` iterations with `done` samples; 0 when the budget is used. A budget of
-/// samples may cut the last iteration short. A budget of seconds ends with the iteration that comes nearest to it; the first
-/// two are rendered as long as there is time at all.
+/// Samples per pixel in the next iteration, after `iterations` iterations with `done` samples per pixel in total; 0 when the budget is
+/// used up. A budget of samples may shorten the last iteration. A budget of seconds ends after the iteration whose end is nearest to
+/// the budget. The first iteration always runs; the second one runs unless the time is over.
 pub fn next_samples(budget: &Budget, iterations: u32, done: u64, elapsed: Duration) -> u32 {
     let samples = samples_in(iterations);
     match *budget {
@@ -43,7 +44,7 @@ pub fn next_samples(budget: &Budget, iterations: u32, done: u64, elapsed: Durati
 mod tests {
     use super::*;
 
-    /// Samples of the iterations of a budget of samples.
+    /// Samples per pixel of each iteration, for a budget of `spp` samples.
     fn lengths(spp: u32) -> Vec<u32> {
         let (mut done, mut lengths) = (0, vec![]);
         loop {
@@ -73,17 +74,17 @@ mod tests {
             let short = lengths(spp);
             let (last, whole) = short.split_last().unwrap();
             assert_eq!(whole, &long[..whole.len()], "{spp} samples");
-            assert!(*last <= long[whole.len()], "{spp} samples: only the last iteration is cut, and never longer");
+            assert!(*last <= long[whole.len()], "{spp} samples: only the last iteration may be shortened");
         }
         let endless = |iteration| next_samples(&Budget::Seconds(1e9), iteration, 9, Duration::from_secs(1));
         assert!(long.iter().enumerate().all(|(i, &samples)| endless(i as u32) == samples));
     }
 
-    /// The variance that a film states of a pixel on average, over that of its mean, where the pixel has the average samples in the
-    /// first iteration and `share` times as many in all others (`Film::variance_of_mean`).
+    /// Expected variance that the film estimates (`Film::variance_of_mean`), divided by the true variance of the mean. The pixel has the
+    /// average number of samples in the first iteration and `share` times the average in all others.
     fn stated_over_true(lengths: &[u32], share: f64) -> f64 {
         let weights = || lengths.iter().map(|&samples| f64::from(samples));
-        // Of iteration i, for samples of variance 1.
+        // Variance of iteration i if each sample has variance 1.
         let variance = |i: usize, weight: f64| if i == 0 { 1.0 / weight } else { 1.0 / (share * weight) };
         let [all, n] = [weights().sum::<f64>(), lengths.len() as f64];
         let of_mean = weights().enumerate().map(|(i, w)| w * w * variance(i, w)).sum::<f64>() / (all * all);
@@ -101,7 +102,7 @@ mod tests {
                 assert!((0.96..1.07).contains(&ratio), "{iterations} iterations, {share} times the samples: {ratio}");
             }
         }
-        // The sibling that must fail: iterations that grow while the errors are learned.
+        // Counterexample: if the iterations grow while the errors are learned, the estimate is wrong.
         assert!(stated_over_true(&[1, 1, 2, 4, 8], 4.0) > 1.4);
     }
 
@@ -110,11 +111,11 @@ mod tests {
         let next = |iterations, done, seconds| {
             next_samples(&Budget::Seconds(16.0), iterations, done, Duration::from_secs_f64(seconds))
         };
-        assert_eq!(next(0, 0, 99.0), 2, "there is a first iteration whatever the time");
-        assert_eq!([next(1, 2, 15.9), next(1, 2, 16.0)], [2, 0], "and a second one before the time is over");
-        // A second per sample: iterations of 2 s, then of 4 s.
+        assert_eq!(next(0, 0, 99.0), 2, "the first iteration always runs");
+        assert_eq!([next(1, 2, 15.9), next(1, 2, 16.0)], [2, 0], "the second iteration runs unless the time is over");
+        // Each sample takes 1 s: the iterations take 2 s, then 4 s.
         assert_eq!([next(6, 12, 12.0), next(7, 14, 14.0), next(8, 16, 16.0)], [2, 2, 0]);
-        // 14.4 s and 15.2 s are nearer to 16 s than 18 s and 19 s are, 12.8 s is not.
+        // One more iteration would end 4 samples later. From 12.8 s its end is nearer to 16 s; from 14.4 s and 15.2 s it is not.
         assert_eq!([next(8, 16, 12.8), next(8, 16, 14.4), next(8, 16, 15.2)], [4, 0, 0]);
         assert_eq!([next(20, 64, 15.0), next(20, 64, 15.1)], [8, 0]);
     }

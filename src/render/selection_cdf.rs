@@ -1,12 +1,13 @@
-//! Draws among deterministic vertices, for estimators without trees: of more vertices than are connected one by one, each shade
-//! point draws some.
+//! The distribution for drawing deterministic vertices in estimators without trees. If there are too many vertices to connect each
+//! shade point to all of them, each shade point draws some.
 
 use crate::wgsl::layout::PathVertex;
 
-/// Fraction of the draws that ignores the power of the vertices: a weak lamp may be the only one that lights a shade point.
+/// Fraction of the probability that is uniform, without regard to power: a weak lamp may be the only one that lights a shade point.
 const UNIFORM_FRACTION: f64 = 0.5;
 
-/// Gives every vertex its interval of the cumulative distribution that `slots.wgsl: draw_deterministic` samples, at least 2^-32 long.
+/// Sets `selection_cdf` of every vertex to the start of its interval in the cumulative distribution, scaled by 2^32, that
+/// `slots.wgsl: draw_deterministic` samples. Every interval has a probability of at least 2^-32.
 pub fn set_selection_cdf(vertices: &mut [PathVertex]) {
     let shared = 2f64.powi(32) - vertices.len() as f64;
     let power = |v: &PathVertex| f64::from(v.throughput.iter().fold(0.0f32, |a, &x| a.max(x)));

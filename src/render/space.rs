@@ -1,62 +1,67 @@
-//! Render space, the coordinates of the device: where it begins and what it counts.
+//! Render space, the coordinate system of the device: its origin and its unit of length.
 
 use glam::{DVec3, Vec3};
 
 use crate::scene::Scene;
 use crate::settings::Emitters;
 
-/// A sensor is the origin, so that coordinates near it keep their digits wherever it stands; lengths count in a unit near
-/// the size of the scene, so that fourth powers of them (MIS weights are squared densities per area) neither overflow nor
-/// vanish in f32. The unit is a power of two: it changes no bit of a mantissa, and a scene twice as large is the same image.
+/// World space, translated and scaled. The origin is a sensor, so that f32 coordinates near the sensor are precise wherever it
+/// stands. The unit of length is near the size of the scene, so that fourth powers of lengths neither overflow nor underflow in f32
+/// (MIS weights are squared densities per area). The unit is a power of two, so scaling changes no bit of a mantissa, and a scene
+/// twice as large gives the same image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderSpace {
+    /// The origin in world space, in metres.
     pub origin: DVec3,
-    /// Metres a unit of the device, > 0.
+    /// Metres per unit, > 0.
     pub unit: f64,
 }
 
 impl RenderSpace {
-    /// Around `origin`, in metres.
+    /// Render space with its origin at `origin` and the metre as its unit.
     pub fn metres(origin: DVec3) -> RenderSpace {
         RenderSpace { origin, unit: 1.0 }
     }
 
-    /// Around `origin`, in the greatest power of two that no coordinate of the scene stays below.
+    /// Render space with its origin at `origin`. Its unit is the largest power of two (in metres) that is at most the maximum distance
+    /// of the scene from `origin` along an axis. 1 m for an empty scene.
     pub fn new(scene: &Scene, origin: DVec3, selected: &Emitters) -> RenderSpace {
         let size = max_coordinate(scene, origin, selected);
-        // Beyond these no f32 could hold the squares of lengths in metres on their way in.
+        // Beyond these exponents the square of the unit, which divides fluxes, would leave the range of f32.
         let exponent = if size > 0.0 { size.log2().floor().clamp(-60.0, 60.0) } else { 0.0 };
         RenderSpace { origin, unit: exponent.exp2() }
     }
 
-    /// A point of the world on the device.
+    /// The point `world` (m) in render space.
     pub fn point(&self, world: DVec3) -> Vec3 {
         ((world - self.origin) / self.unit).as_vec3()
     }
 
-    /// A sensor on the device. None where it stands so far from the origin that too many digits of what is near it are lost.
+    /// The sensor position `world` (m) in render space. `None` if the sensor is so far from the origin that coordinates near it would
+    /// be imprecise: the scene must be prepared again.
     pub fn sensor(&self, world: DVec3) -> Option<Vec3> {
         let sensor = self.point(world);
         (sensor.length() <= MAX_SENSOR_DISTANCE).then_some(sensor)
     }
 
-    /// A length or travel time in metres on the device.
+    /// A length or travel time in units of the render space.
     pub fn length(&self, metres: f64) -> f64 {
         metres / self.unit
     }
 
-    /// A flux or intensity (W, W / sr) on the device, where radiance stays what it is and areas count in square units.
+    /// A flux (W) or an intensity (W / sr) in render space. Radiance has the same value in both spaces; flux and intensity scale with
+    /// area.
     pub fn flux(&self, watts: f32) -> f32 {
         (f64::from(watts) / (self.unit * self.unit)) as f32
     }
 }
 
-/// Distance from the origin at which a sensor may stand, in units. Coordinates near it are rounded as those of surfaces that far away
-/// are for any camera: to a part of 2^-26 of the unit, with rays that start 2^-21 of it off their surfaces. Of the light of a Cornell
-/// box 1e-6 falls to other samples there, 1e-3 where the origin is 60 m away from the box of 2 m.
+/// Maximum distance of a sensor from the origin, in units. At this distance the rounding error of a coordinate is 2^-26 units and the
+/// offset of a ray origin from its surface is 2^-21 units. In a Cornell box of 2 m this moves 1e-6 of the light to other samples; an
+/// origin 60 m away from the box moves 1e-3.
 const MAX_SENSOR_DISTANCE: f32 = 0.25;
 
-/// Greatest distance along an axis from `origin` to the boxes around the meshes and to the lights.
+/// Maximum distance along an axis from `origin` to the bounding boxes of the meshes and to the selected lights, in metres.
 fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
     let boxes: Vec<Option<[DVec3; 2]>> = scene
         .meshes
@@ -91,7 +96,7 @@ mod tests {
 
     #[test]
     fn the_unit_is_the_power_of_two_below_the_size_of_the_scene() {
-        // The camera stands 3.9 m before the middle of a box of 2 m; its back is 4.9 m away.
+        // The camera is 3.9 m from the centre of a box of 2 m, so the back of the box is 4.9 m away.
         let mut scene = build(Kind::CornellBox);
         let space = |scene: &Scene| RenderSpace::new(scene, scene.cameras[0].transform.translation, &Emitters::Scene);
         assert_eq!(space(&scene).unit, 4.0);

@@ -1,4 +1,4 @@
-//! What a render did and where its time went.
+//! Counts of the work that a render did, and the time that each part of it took.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::error::{Error, Result};
 use crate::gpu::Recorder;
 
-/// Host stages of an iteration, as [`Stats::stages`] names them. They do not overlap.
+/// Names of the host stages of an iteration in [`Stats::stages`]. The stages do not overlap.
 pub(super) mod stage {
     pub const COMPILE: &str = "compile kernels";
     pub const ALLOCATE: &str = "allocate buffers";
@@ -25,12 +25,13 @@ pub(super) mod stage {
 pub struct Stage {
     pub name: String,
     pub seconds: f64,
-    /// Of the wall time.
+    /// Fraction of the wall time.
     pub share: f64,
 }
 
 impl Stage {
-    /// `parts` of `wall` seconds that do not overlap, the longest first, and what they leave as `unexplained`.
+    /// Stages from `parts` (name, seconds), which do not overlap, the longest first. The last stage, `unexplained`, is the rest
+    /// of the `wall` seconds.
     pub fn list(parts: impl IntoIterator<Item = (String, f64)>, wall: f64) -> Vec<Stage> {
         let stage = |(name, seconds)| Stage { name, seconds, share: seconds / wall.max(1e-9) };
         let mut all: Vec<Stage> = parts.into_iter().map(stage).collect();
@@ -41,50 +42,52 @@ impl Stage {
     }
 }
 
-/// Counts and seconds, added up over all iterations.
+/// Counts and seconds, summed over all iterations.
 #[derive(Debug, Clone, Default, serde::Serialize)]
 pub struct Stats {
     pub iterations: u64,
     /// Sensor subpaths.
     pub samples: u64,
     pub light_paths: u64,
-    /// Light vertices that were kept: emitter points, scattered, deterministic.
+    /// Stored light vertices of three kinds: emitter points, scattered vertices, deterministic vertices.
     pub emitter_vertices: u64,
     pub scattered_vertices: u64,
     pub deterministic_vertices: u64,
-    /// Rays that looked for the closest hit, those of light subpaths among them, and rays between two points.
+    /// Rays that find the closest hit, from sensor and light subpaths.
     pub closest_rays: u64,
+    /// The part of `closest_rays` that light subpaths traced.
     pub light_rays: u64,
+    /// Visibility rays between two points.
     pub shadow_rays: u64,
-    /// Shade points, connections tried there, and those that survived gate, facing and depth. A query of a tree that ends
-    /// at a dead node was tried.
     pub shade_points: u64,
+    /// Connections tried at shade points. A tree query that finds no vertex also counts as one connection tried.
     pub candidates: u64,
+    /// Candidates that pass the tests of gate, facing and depth.
     pub live_candidates: u64,
     /// Contributions that arrived inside the gate.
     pub inside_gate: u64,
     /// Contributions that were not finite and were dropped.
     pub dropped: u64,
-    /// Seconds on the device, by kernel: timestamps. Empty where the device has none.
+    /// Seconds on the device per kernel, from timestamps. Empty if the device has no timestamps.
     pub device_seconds: BTreeMap<String, f64>,
-    /// Seconds on the host during iterations, by stage, submits apart.
+    /// Seconds on the host during iterations, per stage, without the submits.
     pub host_seconds: BTreeMap<String, f64>,
-    /// Wall time of all submits, the wait for the device included.
+    /// Wall time of all submits in seconds, including the wait for the device.
     pub submit_seconds: f64,
-    /// Seconds before the first iteration, by stage.
+    /// Seconds before the first iteration, per stage.
     pub prepare_seconds: BTreeMap<String, f64>,
-    /// How often the host waited for the device during iterations.
+    /// Number of times that the host waited for the device during iterations.
     pub waits: u64,
-    /// Longest single submit.
+    /// Wall time of the longest submit in seconds.
     pub longest_submit: f64,
     pub scene_bytes: u64,
-    /// All device buffers at once, at most.
+    /// Maximum size of all device buffers at one time.
     pub device_bytes: u64,
     pub triangles: u64,
 }
 
 impl Stats {
-    /// Submits what was recorded and waits for it; returns the wall time.
+    /// Submits the recorded commands and waits for the device. Returns the wall time in seconds.
     pub(super) fn submit(&mut self, recorder: &mut Recorder) -> Result<f64> {
         let start = Instant::now();
         let timing = recorder.submit()?;
@@ -97,7 +100,7 @@ impl Stats {
         Ok(seconds)
     }
 
-    /// Runs `work` and adds its wall time to a stage of [`stage`].
+    /// Runs `work` and adds its wall time to `stage`, one of the names in [`stage`].
     pub(super) fn timed<T>(&mut self, stage: &str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
@@ -117,9 +120,9 @@ impl Stats {
         add(&mut self.prepare_seconds, stage, seconds);
     }
 
-    /// Where `wall` seconds of iterations went, the longest first: kernels by their timestamps, what submits took beyond
-    /// those, host work. None of them overlap. The last is what none of them explains, `unexplained`: it is negative if the
-    /// clocks of host and device disagree.
+    /// Divides the `wall` seconds of the iterations into stages that do not overlap, the longest first: each kernel by its
+    /// timestamps, the rest of the submits, and each host stage. The last stage, `unexplained`, is the remaining time. It is
+    /// negative if the clocks of host and device disagree.
     pub fn stages(&self, wall: f64) -> Vec<Stage> {
         let kernels: f64 = self.device_seconds.values().sum();
         let host = self.host_seconds.iter().map(|(name, &seconds)| (name.clone(), seconds));
@@ -128,29 +131,31 @@ impl Stats {
         Stage::list(host.chain(device).chain([waits]), wall)
     }
 
-    /// Part of the connections tried that survived gate, facing and depth, 0 to 1; none if none was tried.
+    /// Fraction of the tried connections that pass the tests of gate, facing and depth, in 0..=1. `None` if no connection was
+    /// tried.
     pub fn live_share(&self) -> Option<f64> {
         (self.candidates > 0).then(|| self.live_candidates as f64 / self.candidates as f64)
     }
 
-    /// Fails where the counts contradict each other, as only a device that computes wrongly lets them.
+    /// Fails if the counts contradict each other. Only a device that computes wrongly can cause this.
     pub(super) fn check(&self) -> Result<()> {
         let (tried, live, rays) = (self.candidates, self.live_candidates, self.shadow_rays);
         if rays <= live && live <= tried {
             return Ok(());
         }
         Err(Error::Device(format!(
-            "it computes wrongly: {tried} connections were tried, {live} of them are inside the gate, and {rays} of those were \
-             traced; run taugate devices --check, update the driver, or choose another --device"
+            "it computes wrongly: it counted {tried} tried connections, {live} of them inside the gate and {rays} shadow rays, and \
+             none of these numbers may exceed the one before; run taugate devices --check, update the driver, or choose \
+             another --device"
         )))
     }
 
-    /// Contributions inside the gate a sensor subpath, light vertices in view included.
+    /// Contributions inside the gate per sensor subpath. The splats of light vertices (t = 1) count too.
     pub fn inside_gate_per_sample(&self) -> f64 {
         self.inside_gate as f64 / self.samples.max(1) as f64
     }
 
-    /// Rays of both kinds.
+    /// Closest-hit rays and shadow rays together.
     pub fn rays(&self) -> u64 {
         self.closest_rays + self.shadow_rays
     }

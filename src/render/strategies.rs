@@ -1,4 +1,4 @@
-//! One image a strategy, with and without its MIS weight: what each way to join subpaths adds to the image.
+//! One image per strategy (s, t), with and without its MIS weight, which shows what each strategy adds to the image.
 
 use super::Renderer;
 use super::observe::Contribution;
@@ -10,30 +10,31 @@ use crate::image::film::Film;
 use crate::scene::Scene;
 use crate::settings::{Sampling, Settings, Strategies};
 
-/// Host bytes per pixel and strategy: two films of 32 bytes per channel, two images of an iteration.
+/// Host bytes per pixel and strategy: two films with 32 bytes per channel, and two images of an iteration.
 const PIXEL_BYTES: u64 = 2 * (96 + 12);
-/// Host bytes for all of them at most.
+/// Maximum number of host bytes for all strategies.
 const MAX_BYTES: u64 = 2 << 30;
 
-/// What strategy (s, t) makes of the image.
+/// The contributions of strategy (s, t) to the image.
 pub struct StrategyImage {
-    /// Vertices of the light and of the sensor subpath, the emitter's point and the pinhole included.
+    /// Number of vertices of the light subpath, the point on the emitter included.
     pub s: u32,
+    /// Number of vertices of the sensor subpath, the pinhole included.
     pub t: u32,
-    /// Contributions times their MIS weights: over all strategies these sum to the image.
+    /// Contributions times their MIS weights. The sum over all strategies is the image.
     pub weighted: Film,
-    /// Contributions of weight 1: what this strategy would render alone, of the paths that it can find.
+    /// Contributions with weight 1: the image that this strategy alone would render, from the paths that it can find.
     pub unweighted: Film,
 }
 
-/// A render of all strategies in progress: the same subpaths and connections as [`Renderer`] with the same settings.
+/// A render of strategy images in progress. It traces the same subpaths and connections as [`Renderer`] with the same settings.
 pub struct StrategyImages {
     renderer: Renderer,
     images: Vec<StrategyImage>,
 }
 
-/// The strategies (s, t) that are formed, sorted by the length of the paths, s + t - 1 segments, then by s. Of those a
-/// strategy may still find nothing: no ray hits a point light.
+/// The strategies (s, t) that the estimator forms, sorted by path length (s + t - 1 segments), then by s. A strategy in the list may
+/// still find no light in this scene: no ray hits a point light.
 pub fn strategies(settings: &Settings) -> Vec<(u32, u32)> {
     let (all, light_subpaths) =
         (settings.strategies() == Strategies::All, settings.estimator().record().light_subpaths);
@@ -44,7 +45,7 @@ pub fn strategies(settings: &Settings) -> Vec<(u32, u32)> {
 }
 
 impl StrategyImages {
-    /// Fails like [`Renderer::new`].
+    /// Fails where [`Renderer::new`] fails, and where [`StrategyImages::check`] does.
     pub fn new(
         device: &Device,
         scene: &Scene,
@@ -61,12 +62,12 @@ impl StrategyImages {
         Ok(StrategyImages { renderer, images: strategies(settings).into_iter().map(image).collect() })
     }
 
-    /// Fails if the images of all strategies take more than 2 GiB, or samples are not spread evenly: what others are spread by
-    /// is not known here.
+    /// Fails if the images of all strategies take more than 2 GiB, or if the sampling is adaptive: a render that observes
+    /// contributions measures no error per pixel.
     pub fn check(settings: &Settings) -> Result<()> {
         if settings.sampling() == Sampling::Adaptive {
             return Err(Error::Settings(
-                "--strategy-images needs as many samples in every pixel: give --sampling uniform".into(),
+                "--strategy-images needs the same number of samples in every pixel; add --sampling uniform".into(),
             ));
         }
         let count = strategies(settings).len() as u64;
@@ -75,15 +76,15 @@ impl StrategyImages {
             return Ok(());
         }
         Err(Error::Settings(format!(
-            "--strategy-images: images of {count} strategies take {} MiB, more than {} MiB; give a smaller --max-depth \
-             (now {}), a smaller --resolution or a --crop",
+            "--strategy-images: the images of {count} strategies take {} MiB, and the maximum is {} MiB; use a smaller \
+             --max-depth (now {}), a smaller --resolution or a --crop",
             bytes >> 20,
             MAX_BYTES >> 20,
             settings.max_depth()
         )))
     }
 
-    /// As [`Renderer::iterate`].
+    /// Renders one iteration with `samples` samples per pixel; see [`Renderer::iterate`].
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         let pixels = self.renderer.plan.crop_pixels as usize;
         let longest = self.renderer.plan.max_depth as usize + 2;
@@ -97,7 +98,8 @@ impl StrategyImages {
             if !(seen.rgb.iter().all(|x| x.is_finite()) && weight.is_finite()) {
                 return;
             }
-            let i = index[seen.s as usize * longest + seen.t as usize].expect("a strategy that is formed is listed");
+            let i = index[seen.s as usize * longest + seen.t as usize]
+                .expect("`strategies` lists every strategy that the kernels form");
             let [weighted, unweighted] = &mut sums[i];
             for (k, x) in seen.rgb.into_iter().enumerate() {
                 let at = 3 * seen.pixel as usize + k;
@@ -112,7 +114,7 @@ impl StrategyImages {
         Ok(())
     }
 
-    /// In the order of [`strategies`].
+    /// The images so far, in the order of [`strategies`].
     pub fn images(&self) -> &[StrategyImage] {
         &self.images
     }

@@ -1,4 +1,5 @@
-//! Which travel times a path can have at all: exact bounds from boxes alone, so nothing that renders is ever refused.
+//! Conservative bounds on the travel times of all paths, from bounding boxes alone. A gate outside the bounds is certainly dark, so
+//! no gate that receives light is ever refused.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -9,25 +10,25 @@ use crate::settings::Settings;
 use crate::settings::units::Gate;
 use crate::wgsl::layout::Triangle;
 
-/// Bounds are widened by this part of themselves: device travel times are sums of rounded f32 terms.
+/// Relative widening of the bounds: the device sums travel times in f32, with rounding.
 const SLACK: f64 = 1e-5;
-/// Punctual emitters that are looked at one by one; of more, their common box.
+/// Maximum number of lights without a surface whose boxes are used one by one. If there are more, their common box is used.
 const MAX_EMITTERS: usize = 64;
 
-/// Bounds on the travel time of every path, metres of optical path.
+/// Bounds on the travel time of every path, in metres of optical path.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct TravelTimeBounds {
-    /// No light arrives before. Infinite where no path exists.
+    /// No light arrives before this time. Infinite if no path exists.
     #[serde(rename = "least")]
     pub min: f64,
-    /// No light arrives at or after: `max_depth` times `max_segment`.
+    /// No light arrives at or after this time: `max_depth` times `max_segment`.
     #[serde(rename = "greatest")]
     pub max: f64,
-    /// Optical length of the longest possible segment.
+    /// Upper bound on the optical length of one segment.
     #[serde(rename = "segment")]
     pub max_segment: f64,
     pub max_depth: u32,
-    /// Greatest refractive index that light travels in.
+    /// Maximum refractive index of a transmissive material, at least 1.
     #[serde(skip)]
     max_ior: f64,
 }
@@ -39,8 +40,8 @@ struct Box3 {
 }
 
 impl TravelTimeBounds {
-    /// Bounds for paths of at most `settings.max_depth()` segments. Every refractive index is at least 1, so optical lengths
-    /// are at least Euclidean ones.
+    /// Bounds for paths with at most `settings.max_depth()` segments. The lower bound is a Euclidean length: every refractive index
+    /// is at least 1, so optical lengths are not shorter.
     pub fn new(prepared: &PreparedScene, settings: &Settings) -> TravelTimeBounds {
         let PreparedScene { geometry, emitters, space, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
@@ -54,7 +55,8 @@ impl TravelTimeBounds {
         TravelTimeBounds { min, max_segment, max_ior, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
     }
 
-    /// Bounds for a sensor `distance` metres away: by the triangle inequality, without another look at the scene.
+    /// Bounds for a sensor `distance` metres away from the present one. They follow from the triangle inequality alone, so they are
+    /// wider than bounds computed from the scene.
     pub fn moved(&self, distance: f64) -> TravelTimeBounds {
         let min = (self.min - distance).max(0.0);
         let max_segment = self.max_segment + distance * self.max_ior * (1.0 + SLACK);
@@ -65,12 +67,12 @@ impl TravelTimeBounds {
         TravelTimeBounds { max: f64::from(max_depth) * self.max_segment, max_depth, ..self }
     }
 
-    /// Can any light fall inside the gate, as far as these bounds tell?
+    /// Whether the gate overlaps the bounds. If not, no light can arrive inside the gate.
     pub fn overlaps(&self, gate: &Gate) -> bool {
         gate.hi > self.min && gate.lo < self.max
     }
 
-    /// For a gate that it does not meet: which bound says so, with lengths (metres) as `write` has them.
+    /// Explains why `gate` does not overlap the bounds. `write` formats a length in metres.
     pub fn explain_miss(&self, gate: &Gate, write: impl Fn(f64) -> String) -> String {
         match gate.hi <= self.min {
             true if self.min.is_infinite() => "no surface brings light to the sensor".into(),
@@ -96,14 +98,15 @@ impl Box3 {
         Box3 { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
     }
 
-    /// Least distance between points of the two boxes.
+    /// Minimum distance between the points of the two boxes; 0 if they overlap.
     fn distance(&self, other: &Box3) -> f64 {
         let gap = (self.lo - other.hi).max(other.lo - self.hi).max(Vec3::ZERO);
         gap.as_dvec3().length()
     }
 }
 
-/// The sensor may see these directly. The origin is the sensor that the scene was prepared for.
+/// Minimum distance from the sensor to an emissive triangle, which the sensor may see directly; infinite if there is none. The
+/// sensor that the scene was prepared for is the origin.
 fn nearest_emissive_triangle(prepared: &PreparedScene) -> f64 {
     let sensor = Box3::point(Vec3::ZERO);
     let triangles = prepared.emitters.triangles.iter();
@@ -111,7 +114,7 @@ fn nearest_emissive_triangle(prepared: &PreparedScene) -> f64 {
     distances.fold(f64::INFINITY, f64::min)
 }
 
-/// Lights without surface.
+/// Boxes of the lights without a surface; of more than [`MAX_EMITTERS`] lights, their common box.
 fn punctual_emitters(prepared: &PreparedScene) -> Vec<Box3> {
     let lights = prepared.emitters.lights.iter();
     let boxes: Vec<Box3> = lights.map(|&(p, radius)| Box3 { lo: p - radius, hi: p + radius }).collect();
@@ -121,7 +124,8 @@ fn punctual_emitters(prepared: &PreparedScene) -> Vec<Box3> {
     }
 }
 
-/// Such an emitter has no surface that the sensor could see: its light comes by another one.
+/// Minimum length of a path from the sensor over one surface to an emitter without a surface. The sensor cannot see such an emitter
+/// directly. Infinite if there is no such path.
 fn shortest_by_one_surface(geometry: &Geometry, emitters: &[Box3]) -> f64 {
     let sensor = Box3::point(Vec3::ZERO);
     let by = |t: &Triangle| {
@@ -144,7 +148,8 @@ mod tests {
     use crate::input::experiment::Experiment;
     use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Scene};
 
-    /// A triangle in the plane x = 2 before a sensor at the origin, as seen from a world in which the sensor is elsewhere.
+    /// A triangle in the plane x = 2 in front of the sensor, in coordinates relative to the sensor. In world space the sensor is not
+    /// at the origin.
     fn scene(emission: f32, transmission: f32, light: Option<DVec3>) -> Scene {
         let sensor = DVec3::new(100.0, 20.0, 3.0);
         let base = Material { emission: [emission; 3], transmission, ior: 1.5, ..material() };
@@ -192,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_point_light_is_seen_by_way_of_a_surface() {
-        // 2 m from the sensor to the wall, 1 m from there to the light; the box is 2 m in all three directions.
+        // 2 m from the sensor to the wall and 1 m from the wall to the light. The bounding box is 2 m in all three directions.
         let r = travel_time_bounds(&scene(0.0, 0.0, Some(DVec3::X)));
         assert!(close(r.min, 3.0) && r.min < 3.0, "{r:?}");
         assert!(close(r.max, 3.0 * 12f64.sqrt()), "{r:?}");
@@ -202,7 +207,7 @@ mod tests {
     fn an_emissive_surface_is_seen_directly() {
         let r = travel_time_bounds(&scene(1.0, 0.0, None));
         assert!(close(r.min, 2.0) && r.min < 2.0, "{r:?}");
-        // The nearer of the two counts.
+        // The nearer of the two emitters decides.
         assert_eq!(travel_time_bounds(&scene(1.0, 0.0, Some(DVec3::X))).min, r.min);
     }
 
@@ -219,7 +224,7 @@ mod tests {
         let there = here.moved(0.5);
         assert!(close(there.min, here.min - 0.5) && close(there.max_segment, here.max_segment + 0.75), "{there:?}");
         assert_eq!((here.moved(9.0).min, there.max), (0.0, 3.0 * there.max_segment));
-        // Where no path exists there is none from elsewhere.
+        // If no path exists, none exists for a moved sensor.
         let dark = TravelTimeBounds { min: f64::INFINITY, ..here };
         assert_eq!(dark.moved(1.0).min, f64::INFINITY);
     }

@@ -1,8 +1,9 @@
-//! The alias table by which light subpaths choose their emitter (Vose 1991).
+//! The alias table that light subpaths use to choose their emitter (Vose 1991).
 
 use crate::wgsl::layout::Emitter;
 
-/// Sets `keep` and `other` of every entry, so that entry i is chosen with probability `weights[i] / total`.
+/// Sets `keep` and `other` of every entry, so that entry i is chosen with probability `weights[i] / total`. `total` is the sum of
+/// the weights.
 pub fn fill(table: &mut [Emitter], weights: &[f64], total: f64) {
     let n = table.len() as f64;
     let mut scaled: Vec<f64> = weights.iter().map(|w| w / total * n).collect();

@@ -1,4 +1,4 @@
-//! Lights without surface: one record per kind says all that a render needs to know of a light.
+//! Lights without a surface. A [`LightRecord`] holds all that a render needs to know about a light of any kind.
 
 use std::f64::consts::PI;
 
@@ -10,71 +10,73 @@ use crate::scene::{Light, LightKind};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Emitter, PathVertex};
 
-/// A light as the renderer sees it, in device coordinates.
+/// A light as the renderer sees it, in render space.
 pub struct LightRecord {
-    /// Its entry on the device.
+    /// Entry of the device's emitter table.
     pub entry: Emitter,
-    /// Luminance-weighted power.
+    /// Luminance-weighted power: W in units of the render space.
     pub flux: f64,
-    /// All of its light starts within `radius` of `position`.
+    /// The light starts within `radius` of `position`.
     pub position: Vec3,
     pub radius: f32,
-    /// The light as a light vertex, for lights of which a point can be connected. Every subpath starts there, so it is kept once.
+    /// The light as a light vertex, if its position can be connected to shade points. All subpaths of the light start at this
+    /// vertex, so the pool stores it once.
     pub vertex: Option<PathVertex>,
-    /// All of its subpaths begin along the same ray, so the vertices of that ray are deterministic too.
+    /// All subpaths begin with the same ray, so the vertices on that ray are deterministic too.
     pub is_thin: bool,
 }
 
 impl LightRecord {
-    /// `None` for lights that are not rendered.
+    /// `None` for a light at infinity (a directional light), which is not rendered.
     pub fn new(light: &Light, space: &RenderSpace) -> Option<LightRecord> {
         let position = space.point(light.position);
-        let stand = Emitter {
+        let placed = Emitter {
             position: position.into(),
-            // Points may have any; directions that are made of it must have length 1.
+            // A point light may have any direction, even 0, but the kernels need a unit vector.
             direction: light.direction.try_normalize().unwrap_or(DVec3::NEG_Z).as_vec3().into(),
             ..bytemuck::Zeroable::zeroed()
         };
         let on_device = |watts: [f32; 3]| watts.map(|x| space.flux(x));
         match light.kind {
-            LightKind::Point { intensity } => Some(point(stand, on_device(intensity))),
+            LightKind::Point { intensity } => Some(point(placed, on_device(intensity))),
             LightKind::Spot { intensity, inner, outer } => {
-                Some(spot(stand, on_device(intensity), cap_height(inner), cap_height(outer)))
+                Some(spot(placed, on_device(intensity), cap_height(inner), cap_height(outer)))
             }
             LightKind::Beam { power, radius } => {
-                Some(beam(stand, on_device(power), space.length(radius.into()) as f32))
+                Some(beam(placed, on_device(power), space.length(radius.into()) as f32))
             }
             LightKind::Directional { .. } => None,
         }
     }
 }
 
-fn point(stand: Emitter, intensity: [f32; 3]) -> LightRecord {
-    let entry = Emitter { kind: EMITTER_POINT, strength: intensity, ..stand };
+fn point(placed: Emitter, intensity: [f32; 3]) -> LightRecord {
+    let entry = Emitter { kind: EMITTER_POINT, strength: intensity, ..placed };
     punctual(entry, EMIT_POINT, 4.0 * PI * luminance(intensity))
 }
 
 /// `inner` and `outer`: 1 - cosine of the half angles.
-fn spot(stand: Emitter, intensity: [f32; 3], inner: f64, outer: f64) -> LightRecord {
-    // 1 inside the inner cone, and the square of a ramp from 1 to 0 in the height of the cap from there to the outer one.
+fn spot(placed: Emitter, intensity: [f32; 3], inner: f64, outer: f64) -> LightRecord {
+    // The falloff is 1 inside the inner cone. From there to the outer cone it is the square of a ramp from 1 to 0, linear in the
+    // cosine; the integral of that square is 1/3 of the solid angle between the cones.
     let solid_angle = 2.0 * PI * (inner + (outer - inner) / 3.0);
     let flux = solid_angle * luminance(intensity);
     let [inner, outer] = [inner, outer].map(|height| height as f32);
-    punctual(Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..stand }, EMIT_SPOT, flux)
+    punctual(Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..placed }, EMIT_SPOT, flux)
 }
 
-fn beam(stand: Emitter, power: [f32; 3], radius: f32) -> LightRecord {
+fn beam(placed: Emitter, power: [f32; 3], radius: f32) -> LightRecord {
     LightRecord {
-        entry: Emitter { kind: EMITTER_BEAM, strength: power, outer: radius, ..stand },
+        entry: Emitter { kind: EMITTER_BEAM, strength: power, outer: radius, ..placed },
         flux: luminance(power),
-        position: stand.position.into(),
+        position: placed.position.into(),
         radius,
         vertex: None,
         is_thin: radius == 0.0,
     }
 }
 
-/// A light at a point, itself a vertex of depth 0 (s = 1) with the emission profile `profile`.
+/// A punctual light. Its light vertex has depth 0 (s = 1) and the emission profile `profile`.
 fn punctual(entry: Emitter, profile: u32, flux: f64) -> LightRecord {
     let vertex = PathVertex {
         position: entry.position,
@@ -91,7 +93,7 @@ fn punctual(entry: Emitter, profile: u32, flux: f64) -> LightRecord {
     LightRecord { entry, flux, position: entry.position.into(), radius: 0.0, vertex: Some(vertex), is_thin: false }
 }
 
-/// 1 - cosine of an angle in radians; what is left of a small one.
+/// 1 - cosine of `angle` in radians, as 2 sin^2(angle / 2), which stays accurate for small angles.
 fn cap_height(angle: f32) -> f64 {
     2.0 * (0.5 * f64::from(angle)).sin().powi(2)
 }
@@ -105,7 +107,7 @@ mod tests {
         LightRecord::new(&light, &RenderSpace { origin: DVec3::ZERO, unit: 2.0 })
     }
 
-    /// What the scene says about a kind for people and settings, the record says for the device.
+    /// The facts about each kind in `scene::LightKind` agree with the record for the device.
     #[test]
     fn records_agree_with_the_kinds_of_the_scene() {
         let white = [1.0; 3];
@@ -138,7 +140,7 @@ mod tests {
         assert!(close(flux(LightKind::Beam { power: [3.0; 3], radius: 0.1 }), 3.0));
     }
 
-    /// The falloff of KHR_lights_punctual, summed over rings of the sphere.
+    /// Integrates the falloff of KHR_lights_punctual numerically over rings of the sphere.
     #[test]
     fn the_flux_of_a_spot_is_the_integral_of_its_falloff() {
         for (inner, outer) in [(0.0f32, 0.01f32), (0.0, 0.5), (0.3, 0.5), (0.2, 1.5), (0.0, 3.1), (1.0, 1.01)] {

@@ -1,4 +1,4 @@
-//! Everything that emits, and the probabilities with which light subpaths start there.
+//! All emitters of the scene, and the probability that a light subpath starts at each of them.
 
 mod alias;
 mod light;
@@ -15,32 +15,32 @@ use crate::settings::Emitters;
 use crate::wgsl::layout::{Emitter, PathVertex};
 use light::LightRecord;
 
-/// Emitters as the kernels read them.
+/// The emitters in the layout that the kernels read.
 pub struct EmitterSet {
-    /// Alias table over flux: triangles, then lights without surface, thin ones last.
+    /// Alias table over flux: first triangles, then lights without a surface. Beams of zero radius are last.
     pub table: Vec<Emitter>,
-    /// Points and spots as light vertices: connected one by one at every shade point, or chosen from where they are many.
+    /// Point and spot lights as light vertices. Each shade point connects to all of them, or to a selection if they are many.
     pub deterministic: Vec<PathVertex>,
-    /// Box around all points that emit, in device coordinates.
+    /// Bounding box of all emitting points, in render space.
     pub lo: Vec3,
     pub hi: Vec3,
-    /// Triangles that emit, by number: their points go to the 3D tree.
+    /// Indices of the emissive triangles in [`Geometry::triangles`]. Their points go to the 3D tree.
     pub triangles: Vec<u32>,
-    /// Centre and radius of where each light without surface starts.
+    /// Bounding sphere (centre, radius) of the starting points of each light without a surface, in render space.
     pub lights: Vec<(Vec3, f32)>,
-    /// Lights whose subpaths all begin alike (beams of zero radius): the last of the table.
+    /// Number of beams of zero radius: all subpaths of such a beam begin with the same ray.
     pub thin_beams: u32,
-    /// Node and luminance-weighted power in W of every node that shines.
+    /// Luminance-weighted power in W of every node that emits, by node name.
     pub powers: BTreeMap<String, f64>,
 }
 
-/// Flux bounds the choice only; any positive weight is unbiased.
+/// Rec. 709 luminance. Emitters are selected in proportion to it; any positive weight keeps the estimate unbiased.
 pub(super) fn luminance(c: [f32; 3]) -> f64 {
     0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
 }
 
 impl EmitterSet {
-    /// Collects the emitters that are selected; sets `emission_density` of the materials. Empty if nothing emits.
+    /// Collects the selected emitters and sets `emission_density` of the materials in `geometry`. The set is empty if nothing emits.
     pub fn new(scene: &Scene, selected: &Emitters, space: &RenderSpace, geometry: &mut Geometry) -> EmitterSet {
         let mut set = EmitterSet {
             table: vec![],
@@ -72,17 +72,17 @@ impl EmitterSet {
         set
     }
 
-    /// Whether surfaces emit.
+    /// Whether any surface emits.
     pub fn has_area(&self) -> bool {
         !self.triangles.is_empty()
     }
 
-    /// Whether points of some emitter can be connected to points of surfaces.
+    /// Whether the points of at least one emitter can be connected to shade points. Points of beams cannot.
     pub fn has_connectable(&self) -> bool {
         self.has_area() || !self.deterministic.is_empty()
     }
 
-    /// Emissive triangles, weighted by flux. Returns the flux per area of each material.
+    /// Adds the emissive triangles, weighted by flux. Returns the flux per area of each material.
     fn add_triangles(&mut self, scene: &Scene, geometry: &Geometry, weights: &mut Vec<f64>) -> Vec<f64> {
         let exitances = triangle::exitances(scene, geometry);
         let mut by_instance = vec![0.0; geometry.instances.len()];

@@ -1,4 +1,4 @@
-//! Surfaces that emit: the entries of their triangles.
+//! Emissive triangles and their entries in the emitter table.
 
 use glam::Vec3;
 
@@ -9,17 +9,18 @@ use crate::scene::Scene;
 use crate::wgsl::layout::Emitter;
 use crate::wgsl::layout::constants::*;
 
-/// A triangle that shines.
+/// A triangle that emits light.
 pub struct EmissiveTriangle {
-    /// Its entry on the device.
+    /// Entry of the device's emitter table.
     pub entry: Emitter,
-    /// Luminance-weighted power.
+    /// Luminance-weighted power: W in units of the render space.
     pub flux: f64,
     pub corners: [Vec3; 3],
     pub instance: u32,
 }
 
-/// Flux per area of each material.
+/// Luminance-weighted radiant exitance (flux per area) of each material in `geometry.materials`, over both sides of a
+/// double-sided material. 0 for a material that does not emit.
 pub fn exitances(scene: &Scene, geometry: &Geometry) -> Vec<f64> {
     let materials = geometry.materials.iter();
     materials
@@ -30,8 +31,8 @@ pub fn exitances(scene: &Scene, geometry: &Geometry) -> Vec<f64> {
         .collect()
 }
 
-/// The triangles that shine, in the order of the scene: that of the hierarchy follows from rounding, and with it the first draw of
-/// every light path.
+/// The emissive triangles with an area, in the order of the scene file. The order decides which emitter each random number selects.
+/// The order in the BVH would depend on rounding.
 pub fn shining(geometry: &Geometry, exitances: &[f64]) -> Vec<EmissiveTriangle> {
     let exitance_of = |i: usize| exitances[(geometry.triangles[i].material & TRIANGLE_MATERIAL) as usize];
     let mut numbers: Vec<usize> = (0..geometry.triangles.len()).filter(|&i| exitance_of(i) > 0.0).collect();
@@ -50,7 +51,7 @@ pub fn shining(geometry: &Geometry, exitances: &[f64]) -> Vec<EmissiveTriangle> 
         .collect()
 }
 
-/// Mean luminance of a texture's texels, 1 without one.
+/// Mean luminance of the texels of `texture`; 1 if there is no texture.
 fn mean_texel(scene: &Scene, texture: u32) -> f64 {
     let Some(texture) = scene.textures.get(texture as usize) else { return 1.0 };
     let image = &scene.images[texture.image as usize];
