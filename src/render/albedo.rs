@@ -1,14 +1,14 @@
-//! Directional albedo of the GGX lobe with Schlick's Fresnel term: the fraction of the light that the coat reflects, so that it does
-//! not reach the diffuse base.
+//! Directional albedo of the GGX lobe with Schlick's Fresnel term: the fraction of the light that the coat reflects, so that
+//! it does not reach the diffuse base.
 
 use std::f64::consts::PI;
 
 use super::material::DELTA_ALPHA;
 use crate::wgsl::layout::constants::{ALBEDO_COLUMNS, ALBEDO_ROWS};
 
-/// Table of `COLUMNS` x `ROWS` pairs (a, b) with albedo = a f0 + b f90. Columns are uniform in sqrt(cosine), rows in roughness =
-/// sqrt(alpha), both over [0, 1]; the column varies fastest. The square root gives more columns to small cosines, where the albedo of a
-/// narrow lobe changes: within an angle of about alpha from grazing.
+/// Table of `COLUMNS` x `ROWS` pairs (a, b) with albedo = a f0 + b f90. Columns are uniform in sqrt(cosine), rows in
+/// roughness = sqrt(alpha), both over [0, 1]; the column varies fastest. The square root gives more columns to small cosines,
+/// where the albedo of a narrow lobe changes: within an angle of about alpha from grazing.
 pub struct AlbedoTable {
     pub values: Vec<[f32; 2]>,
 }
@@ -37,8 +37,8 @@ impl AlbedoTable {
         TABLE.get_or_init(AlbedoTable::new)
     }
 
-    /// Directional albedo, in [0, 1], for the cosine between the direction and the normal, GGX `alpha`, and reflectance `f0` along the normal
-    /// and `f90` at grazing angles. Interpolates bilinearly, as `coat_albedo` does in WGSL.
+    /// Directional albedo, in [0, 1], for the cosine between the direction and the normal, GGX `alpha`, and reflectance `f0`
+    /// along the normal and `f90` at grazing angles. Interpolates bilinearly, as `coat_albedo` does in WGSL.
     pub fn at(&self, cosine: f64, alpha: f64, f0: f64, f90: f64) -> f64 {
         let at = |v: f64, count: usize| v.clamp(0.0, 1.0).sqrt() * (count - 1) as f64;
         let (x, y) = (at(cosine, COLUMNS), at(alpha, ROWS));
@@ -73,8 +73,8 @@ fn lobe_albedo(cosine: f64, alpha: f64, azimuths: &[f64]) -> [f32; 2] {
     }
     let cosine = cosine.max(1e-6);
     let w = [(1.0 - cosine * cosine).max(0.0).sqrt(), cosine];
-    // A visible normal is a point on a spherical cap plus the stretched direction w (Dupuy and Benyoub 2023). The cap is symmetric
-    // about the plane of incidence.
+    // A visible normal is a point on a spherical cap plus the stretched direction w (Dupuy and Benyoub 2023). The cap is
+    // symmetric about the plane of incidence.
     let length = (w[0] * alpha).hypot(w[1]);
     let stretched = [w[0] * alpha / length, w[1] / length];
     let own = 1.0 + lambda(w[1], alpha);

@@ -55,8 +55,8 @@ impl Compaction {
         })
     }
 
-    /// Initial contents of the counters and of the dispatch arguments: `list` has `length` entries, and a dispatch over it has `groups`
-    /// workgroups. All other lists are empty.
+    /// Initial contents of the counters and of the dispatch arguments: `list` has `length` entries, and a dispatch over it
+    /// has `groups` workgroups. All other lists are empty.
     pub fn one_list(&self, list: u32, length: u32, groups: u32) -> ([u32; COUNTERS], [u32; ARGUMENTS]) {
         let (mut counters, mut arguments) = ([0; COUNTERS], [1; ARGUMENTS]);
         counters[list as usize] = length;

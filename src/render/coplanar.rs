@@ -1,5 +1,5 @@
-//! Warnings about lamps that lie in the plane of another surface or lamp. Where the two overlap, rounding decides which one a ray
-//! hits.
+//! Warnings about lamps that lie in the plane of another surface or lamp. Where the two overlap, rounding decides which one a
+//! ray hits.
 
 use std::collections::BTreeSet;
 
@@ -22,9 +22,9 @@ const MAX_REPORTED: usize = 10;
 /// Distance that separates a lamp from a surface in all cases, relative to the size of the scene.
 const APART: f64 = 1e-4;
 
-/// Returns one warning, with the remedy, per pair of nodes: a lamp, and another surface or lamp that overlaps it in the same plane.
-/// The warnings are sorted. After [`MAX_REPORTED`] of them, a last sentence gives the number of the other pairs. Triangles that only
-/// share edges or corners do not overlap.
+/// Returns one warning, with the remedy, per pair of nodes: a lamp, and another surface or lamp that overlaps it in the same
+/// plane. The warnings are sorted. After [`MAX_REPORTED`] of them, a last sentence gives the number of the other pairs.
+/// Triangles that only share edges or corners do not overlap.
 pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
     let shines = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
     // Instance of the lamp, instance of the other surface, whether the other surface is a lamp too. Two lamps are ordered by
@@ -173,7 +173,8 @@ mod tests {
     use crate::settings::Emitters;
     use glam::DAffine3;
 
-    /// The warnings for a Cornell box whose lamp is at `height` and moved sideways by `aside`. The whole scene is rotated and scaled.
+    /// The warnings for a Cornell box whose lamp is at `height` and moved sideways by `aside`. The whole scene is rotated and
+    /// scaled.
     fn warnings_of_box(height: f64, aside: f64, scale: f64, emitters: &Emitters) -> Vec<String> {
         let mut scene = build(Kind::CornellBox);
         let turn = DAffine3::from_mat3(scale * about(DVec3::new(0.48, 0.6, 0.64), 0.7));

@@ -1,21 +1,21 @@
-//! Removes triangles that a file lists more than once. A ray hits only one of the copies. If every copy of a lamp were an emitter,
-//! emitter sampling would count its light once per copy, but rays that hit the lamp would count it only once.
+//! Removes triangles that a file lists more than once. A ray hits only one of the copies. If every copy of a lamp were an
+//! emitter, emitter sampling would count its light once per copy, but rays that hit the lamp would count it only once.
 
 use rayon::prelude::*;
 
 use crate::bvh::hash::hash;
 use crate::wgsl::layout::Triangle;
 
-/// Shading data that distinguishes two triangles with the same corners and material: normal and texture coordinates per corner, and
-/// the matrix that transforms the normals to world space. Values that the material does not use are 0.
+/// Shading data that distinguishes two triangles with the same corners and material: normal and texture coordinates per
+/// corner, and the matrix that transforms the normals to world space. Values that the material does not use are 0.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct ShadingAttributes {
     pub corners: [[u32; 3]; 3],
     pub turn: [u32; 9],
 }
 
-/// Removes every triangle whose corners, orientation, material and shading attributes equal those of an earlier triangle. Returns the
-/// number of removed triangles and the instance of the first one; `None` if no triangle was removed.
+/// Removes every triangle whose corners, orientation, material and shading attributes equal those of an earlier triangle.
+/// Returns the number of removed triangles and the instance of the first one; `None` if no triangle was removed.
 pub fn drop_copies(
     triangles: &mut Vec<Triangle>,
     attributes: impl Fn(&Triangle) -> ShadingAttributes,
@@ -43,8 +43,8 @@ pub fn drop_copies(
     Some((copies.len(), first))
 }
 
-/// Key that is equal for triangles with the same corners, orientation and material: the bits of the corners, rotated so that the
-/// smallest comes first, then the material. Also returns the index of that smallest corner.
+/// Key that is equal for triangles with the same corners, orientation and material: the bits of the corners, rotated so that
+/// the smallest comes first, then the material. Also returns the index of that smallest corner.
 fn place(t: &Triangle) -> ([u32; 10], usize) {
     // Adding 0.0 turns -0.0 into 0.0, which is the same position with other bits.
     let corner = |p: [f32; 3]| p.map(|x| (x + 0.0).to_bits());
@@ -92,8 +92,8 @@ mod tests {
         let [a, b, c] = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
         let triangle =
             |[v0, v1, v2]: [[f32; 3]; 3], instance| Triangle { v0, instance, v1, corner: 0, v2, material: 5 };
-        // Instance 1 lists the same corners with the same texture coordinates, but starts at another corner. Instance 2 has other
-        // texture coordinates.
+        // Instance 1 lists the same corners with the same texture coordinates, but starts at another corner. Instance 2 has
+        // other texture coordinates.
         let coordinates = [[[7; 3], [8; 3], [9; 3]], [[8; 3], [9; 3], [7; 3]], [[7; 3], [8; 3], [1; 3]]];
         let attributes = |t: &Triangle| ShadingAttributes {
             corners: coordinates[t.instance as usize],

@@ -100,8 +100,8 @@ impl Geometry {
     }
 }
 
-/// Columns of the inverse transpose of `linear`, scaled so that the largest entry is 1. Only the direction of the result matters;
-/// the scaling keeps the entries in the range of f32.
+/// Columns of the inverse transpose of `linear`, scaled so that the largest entry is 1. Only the direction of the result
+/// matters; the scaling keeps the entries in the range of f32.
 fn normal_columns(linear: DMat3) -> InstanceNormals {
     let m = linear.inverse().transpose();
     let size = m.to_cols_array().iter().fold(0.0f64, |a, x| a.max(x.abs())).max(1e-300);
@@ -109,8 +109,8 @@ fn normal_columns(linear: DMat3) -> InstanceNormals {
     InstanceNormals { x: column(m.x_axis), pad0: 0.0, y: column(m.y_axis), pad1: 0.0, z: column(m.z_axis), pad2: 0.0 }
 }
 
-/// For the meshes with normals or texture coordinates: the vertex index of every triangle corner, the vertices, and the index of the
-/// first corner per mesh (NONE for a mesh without either).
+/// For the meshes with normals or texture coordinates: the vertex index of every triangle corner, the vertices, and the index
+/// of the first corner per mesh (NONE for a mesh without either).
 fn attributes(scene: &Scene) -> (Vec<u32>, Vec<VertexAttributes>, Vec<u32>) {
     let (mut corners, mut attributes, mut bases) = (vec![], vec![], vec![]);
     for mesh in &scene.meshes {

@@ -1,4 +1,4 @@
-//! Phase 1 of Algorithm 1: light subpaths, read back into the pool.
+//! Phase 1 of Algorithm 1: traces the light subpaths and reads their vertices back into the pool.
 
 mod device_loop;
 mod host_loop;
@@ -15,23 +15,24 @@ use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, Dev
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex};
 use device_loop::DeviceLoop;
 
-/// Light paths traced together: few enough for a short submit. The order of vertices and splats, and so the last bits of the
-/// image, depend on it: it is the same everywhere.
+/// Maximum number of light paths in a batch, small enough for a short submit. It is the same for all devices, because the
+/// order of vertices and splats depends on it, and with the order the last bits of the image.
 const BATCH: usize = 1 << 16;
 
-/// A light vertex as the sensor sees it (t = 1).
+/// Contribution of a light vertex that is connected to the pinhole (t = 1).
 pub struct Splat {
-    /// As it adds to the mean of its pixel.
+    /// Contribution to the mean of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
     pub rgb: [f32; 3],
-    /// Bits of the pixel within the crop; for [`Observe::Times`] the travel time.
+    /// The row-major index in the crop as the bits of an f32; with [`Observe::Times`] the travel time in units of the render
+    /// space.
     pub pixel_or_tau: f32,
-    /// MIS weight that `rgb` still lacks for [`Observe::Strategies`], else 1.
+    /// With [`Observe::Strategies`] the MIS weight; otherwise 1.
     pub weight: f32,
-    /// Vertices of the light subpath.
+    /// Number of vertices of the light subpath, the point on the emitter included.
     pub s: u32,
 }
 
-/// Splats that were found: inside the gate, and dropped because they are not finite.
+/// Numbers of splats inside the gate, and of splats that were dropped because they are not finite.
 #[derive(Default)]
 struct Tally {
     inside_gate: u64,
@@ -39,7 +40,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// Calls `visit` with a splat as the device left it, if there is one.
+    /// Counts the splat that the device wrote and passes it to `visit`. Does nothing if the pixel is NONE: there is no splat.
     fn show(&mut self, [r, g, b, pixel_or_tau]: [f32; 4], weight: f32, s: u32, visit: &mut impl FnMut(Splat)) {
         if pixel_or_tau.to_bits() == NONE {
             return;
@@ -62,19 +63,20 @@ impl Tally {
 struct Batch {
     first: u32,
     count: u32,
-    /// NONE where each path draws its emitter; else that of the first path, and only its deterministic vertices count.
+    /// NONE if each path samples its emitter. Otherwise the emitter of the first path; the next path has the next emitter,
+    /// and the batch yields only deterministic vertices.
     emitter: u32,
 }
 
 impl Batch {
-    /// What all dispatches of the batch share; its paths are listed under the first counter.
+    /// The constants that all dispatches of the batch share. The list of its paths has counter 0.
     fn constants(&self) -> Dispatch {
         let &Batch { first, count, emitter } = self;
         let none = Dispatch { list_a: NONE, list_b: NONE, ..bytemuck::Zeroable::zeroed() };
         Dispatch { first, count, emitter, counter: 0, ..none }
     }
 
-    /// Whether the vertices of a path of the batch are for connections, or for t = 1 alone.
+    /// Whether the pool stores the vertices of the path in `slot` for connections. Otherwise the path serves t = 1 only.
     fn is_stored(&self, plan: &Plan, slot: u32) -> bool {
         self.emitter != NONE || self.first + slot < plan.light_paths
     }
@@ -83,9 +85,9 @@ impl Batch {
 /// Phase 1, for all iterations.
 pub struct LightTracer {
     subpaths: Subpaths,
-    /// What it takes to trace without the host; none where the host follows every bounce.
+    /// Traces several bounces per submit; `None` if the host waits for every bounce.
     device_loop: Option<DeviceLoop>,
-    /// Punctual lights as light vertices: they are in every pool.
+    /// Punctual lights as light vertices, which every pool contains.
     punctual: Vec<PathVertex>,
 }
 
@@ -126,7 +128,7 @@ impl<A: Allocate> Buffers<A> {
 }
 
 impl Buffers {
-    /// Everything but the list, which may take turns with another.
+    /// All buffers except `list`, which [`DeviceLoop`] alternates with a second list.
     fn bindings(&self) -> [(&str, &Buffer); 5] {
         [
             ("states", &self.states),
@@ -139,7 +141,7 @@ impl Buffers {
 }
 
 impl Splat {
-    /// Adds it to the RGB image of the crop.
+    /// Adds the splat to the RGB image of the crop.
     pub fn add_to(&self, image: &mut [f32]) {
         let at = self.pixel_or_tau.to_bits() as usize * 3;
         (0..3).for_each(|k| image[at + k] += self.rgb[k]);
@@ -175,7 +177,7 @@ impl LightTracer {
         Ok(LightTracer { subpaths, device_loop, punctual: punctual.to_vec() })
     }
 
-    /// Paths that a batch holds at most.
+    /// Maximum number of paths in a batch.
     fn capacity(plan: &Plan) -> usize {
         BATCH.min(plan.traced_paths().max(plan.thin_beams.len() as u32) as usize)
     }
@@ -189,8 +191,8 @@ impl LightTracer {
         buffer_descs
     }
 
-    /// Traces all light subpaths of an iteration and returns their vertices; calls `visit` with what the sensor sees of them (t = 1), in
-    /// the order of the paths.
+    /// Traces all light subpaths of an iteration and returns the vertices for connections. Calls `visit` with the splat of
+    /// every vertex that the sensor sees (t = 1), in the same order on every device.
     pub fn run(&mut self, plan: &Plan, visit: &mut impl FnMut(Splat), stats: &mut Stats) -> Result<LightPool> {
         let mut pool = LightPool { deterministic: self.punctual.clone(), ..Default::default() };
         let thin = if plan.traces_light { plan.thin_beams.clone() } else { 0..0 };

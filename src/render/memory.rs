@@ -39,8 +39,8 @@ pub struct MemoryPlan {
 }
 
 impl MemoryPlan {
-    /// The plan for `device`. Without a device, the plan is for a software device without limits. Fails if the estimator cannot render
-    /// the emitters.
+    /// The plan for `device`. Without a device, the plan is for a software device without limits. Fails if the estimator
+    /// cannot render the emitters.
     pub fn new(
         scene: &Scene,
         settings: &Settings,
@@ -77,8 +77,8 @@ impl MemoryPlan {
         all
     }
 
-    /// A warning if the estimated light-vertex pool exceeds the device's limits, so that the render may fail after its light paths are
-    /// traced. `None` if everything fits, or if [`MemoryPlan::check`] already fails.
+    /// A warning if the estimated light-vertex pool exceeds the device's limits, so that the render may fail after its light
+    /// paths are traced. `None` if everything fits, or if [`MemoryPlan::check`] already fails.
     pub fn warning(&self, device: &DeviceInfo) -> Option<String> {
         self.check(device).ok()?;
         let all = [&self.scene[..], &self.iteration, &self.pool].concat();

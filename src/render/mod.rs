@@ -1,4 +1,5 @@
-//! Algorithm 1: light subpaths, trees, sensor subpaths with queries and connections, film.
+//! Algorithm 1: light subpaths, trees, sensor subpaths with queries and connections, film. [`Renderer::iterate`] runs these
+//! phases in order; each phase has its own file.
 
 pub mod albedo;
 mod compaction;
@@ -63,7 +64,7 @@ pub struct Renderer {
     scene: DeviceScene,
     light: LightTracer,
     sensor: SensorPhase,
-    /// None if samples are spread evenly.
+    /// `None` if every pixel has the same number of samples.
     allocation: Option<Allocation>,
     film: Film,
     stats: Stats,
@@ -73,13 +74,13 @@ pub struct Renderer {
 
 #[warn(missing_docs)]
 impl Renderer {
-    /// Flattens and uploads the scene, compiles the kernels. Errors: nothing emits, the scene does not fit the device, the
-    /// estimator cannot render these emitters.
+    /// Flattens and uploads the scene, and compiles the kernels. Fails if nothing emits, if the scene does not fit the
+    /// device, or if the estimator cannot render these emitters.
     pub fn new(device: &Device, scene: &Scene, settings: &Settings) -> Result<Renderer> {
         Renderer::with_tuning(device, scene, settings, Tuning::default())
     }
 
-    /// As [`Renderer::new`], with choices that change the speed and never the image.
+    /// As [`Renderer::new`], with `tuning` that changes the speed but never the image.
     #[doc(hidden)]
     pub fn with_tuning(device: &Device, scene: &Scene, settings: &Settings, tuning: Tuning) -> Result<Renderer> {
         let start = Instant::now();
@@ -93,7 +94,8 @@ impl Renderer {
         Ok(renderer)
     }
 
-    /// As [`Renderer::new`] from what was prepared for the same camera and emitters, which may be dropped afterwards.
+    /// As [`Renderer::new`], with a scene that is already prepared for the same emitters and the same camera or one nearby.
+    /// The renderer does not need `prepared` afterwards.
     #[doc(hidden)]
     pub fn from_prepared(
         device: &Device,
@@ -106,7 +108,7 @@ impl Renderer {
     }
 
     fn from_plan(device: &Device, plan: Plan, [width, height]: [u32; 2], prepared: &PreparedScene) -> Result<Renderer> {
-        // Before anything is allocated.
+        // Check the limits of the device before any allocation.
         buffer_desc::check_all(&memory::certain_buffers(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
         let scene = stats.prepared("upload scene", || DeviceScene::new(device, prepared))?;
@@ -123,13 +125,13 @@ impl Renderer {
         Ok(Renderer { device, plan, scene, light, sensor, allocation, film, stats, iterations: 0, first_sample: 0 })
     }
 
-    /// One iteration, Algorithm 1 of the paper: a fresh pool of light vertices and `samples` samples per pixel (1 to
-    /// 16), in every pixel or on average, added to the film. Errors: the samples are out of range, or what the device counted is
-    /// impossible.
+    /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light
+    /// vertices and `samples` samples per pixel (1 to 16): in every pixel, or on average if the sampling is adaptive. Fails
+    /// if `samples` is out of range, if a buffer does not fit the device, or if the device's counts contradict each other.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         if !(1..=MAX_AVERAGE_SAMPLES).contains(&samples) {
             return Err(Error::Settings(format!(
-                "an iteration has 1 to {MAX_AVERAGE_SAMPLES} samples per pixel, not {samples}; add more iterations for more samples"
+                "an iteration takes 1 to {MAX_AVERAGE_SAMPLES} samples per pixel, not {samples}; render more iterations instead"
             )));
         }
         if self.plan.dark {
@@ -139,15 +141,15 @@ impl Renderer {
         let iteration = self.next_iteration(samples);
         let waits = self.device.waits();
         let counts = match &self.allocation {
-            Some(allocation) => self.stats.timed(stage::ALLOT, || allocation.counts(samples)),
+            Some(allocation) => self.stats.timed(stage::ALLOCATE_SAMPLES, || allocation.counts(samples)),
             None => SampleCounts::Uniform(samples),
         };
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
 
-        // Phases 1 and 2: light tracing, hierarchy construction. The sensor sees the new vertices directly (t = 1).
+        // Phases 1 and 2: light tracing, hierarchy construction. New vertices that the sensor sees add to the image (t = 1).
         let pool = self.build_pool(&iteration, &mut |splat: Splat| splat.add_to(&mut image))?;
 
-        // Phase 3: sensor tracing and connection. The error that it finds decides where later samples go.
+        // Phase 3: sensor tracing and connection. The allocation learns the error per pixel for later iterations.
         let Renderer { device, plan, scene, sensor, allocation, film, stats, .. } = self;
         let learn = |seen: &[[f32; 4]], image: &[f32]| {
             if let Some(allocation) = allocation {
@@ -166,8 +168,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the hierarchy over their vertices. `visit` is called with each
-    /// vertex as the sensor sees it (t = 1).
+    /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the trees over their vertices. Calls `visit` with
+    /// the splat of every vertex that the sensor sees (t = 1).
     fn build_pool(&mut self, iteration: &Iteration, visit: &mut impl FnMut(Splat)) -> Result<SortedPool> {
         let Renderer { plan, scene, light, stats, .. } = self;
 
@@ -179,7 +181,7 @@ impl Renderer {
         vertices.sort(plan, stats)
     }
 
-    /// An iteration where no light can meet the gate: its samples are black without being traced.
+    /// Adds an iteration without tracing it: no light can arrive inside the gate, so all its samples are black.
     fn add_black_iteration(&mut self, samples: u32) {
         self.film.add(&vec![0.0f32; self.plan.crop_pixels as usize * 3], samples);
         self.stats.samples += self.plan.crop_pixels * u64::from(samples);
@@ -190,39 +192,42 @@ impl Renderer {
         Iteration { number: self.iterations, first_sample: self.first_sample, samples }
     }
 
-    /// `max`: the most samples that a pixel had.
+    /// `max`: the maximum number of samples in a pixel of the iteration.
     fn finish_iteration(&mut self, max: u32) {
         self.iterations += 1;
         self.first_sample += max;
         self.stats.iterations += 1;
     }
 
-    /// Forgets the film and starts anew with another seed and other responses; scene, kernels and statistics stay. Fails, and nothing
-    /// changes, where a gate is not an interval.
+    /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
+    /// statistics stay. Fails without any change if a gate does not have a finite start before its end.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
         let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
         if !responses.iter().all(|response| is_interval(response.gate())) {
-            return Err(Error::Settings("a gate must begin at a number and end after it, like 12.5m..12.8m".into()));
+            return Err(Error::Settings(
+                "a gate must start at a finite time and end later, such as 12.5m..12.8m".into(),
+            ));
         }
         self.plan.set(seed, responses);
-        self.forget();
+        self.clear();
         Ok(())
     }
 
-    /// Forgets the film and starts anew with another camera, through a film of the same size; scene, hierarchy, kernels and
-    /// statistics stay. False, and nothing changes, where the camera stands so far from the one that the scene was prepared for
-    /// that positions would lose digits: then it takes a new renderer. Fails where [`Scene::check`] would refuse the camera.
+    /// Clears the film and begins a new render with another camera and a film of the same size. The scene, the BVH, the
+    /// kernels and the statistics stay. Returns false without any change if `camera` is so far from the camera that the scene
+    /// was prepared for that positions would be imprecise; create a new renderer then. Fails if [`Scene::check`] would refuse
+    /// the camera.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
         camera.check()?;
         let moved = self.plan.set_camera(camera);
         if moved {
-            self.forget();
+            self.clear();
         }
         Ok(moved)
     }
 
-    fn forget(&mut self) {
+    fn clear(&mut self) {
         self.film = Film::new(self.film.width(), self.film.height());
         if let Some(allocation) = &mut self.allocation {
             allocation.restart();
@@ -230,17 +235,18 @@ impl Renderer {
         (self.iterations, self.first_sample) = (0, 0);
     }
 
-    /// Whether bounds say that no light can meet the gate: every sample is black, and none is traced.
+    /// Whether bounds show that no light can arrive inside the gate. If so, every sample is black and none is traced.
     pub fn is_dark(&self) -> bool {
         self.plan.dark
     }
 
-    /// Mean and variance so far, over the crop.
+    /// Mean and variance of the pixels of the crop so far.
     pub fn film(&self) -> &Film {
         &self.film
     }
 
-    /// Least and most samples that a pixel of the crop has had; both [`Film::samples`] where they are spread evenly.
+    /// Minimum and maximum number of samples of a pixel of the crop so far. Both equal [`Film::samples`] if the sampling is
+    /// uniform.
     pub fn samples_in_pixels(&self) -> [u64; 2] {
         match &self.allocation {
             Some(allocation) if !self.plan.dark => allocation.range(),
@@ -248,13 +254,13 @@ impl Renderer {
         }
     }
 
-    /// Counts and times so far.
+    /// Counts of work and times so far.
     #[doc(hidden)]
     pub fn stats(&self) -> &Stats {
         &self.stats
     }
 
-    /// The device buffers hold at least this much for the scene.
+    /// Size of the scene's device buffers in bytes.
     #[doc(hidden)]
     pub fn scene_bytes(&self) -> u64 {
         self.scene.bytes()

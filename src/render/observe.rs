@@ -1,4 +1,4 @@
-//! An iteration that forms no image: it shows every contribution, for travel times and for images of strategies.
+//! An iteration that reports every contribution instead of an image, for travel times and for strategy images.
 
 use super::Renderer;
 use super::light::Splat;
@@ -11,20 +11,21 @@ use crate::wgsl::layout::constants::VERTEX_DEPTH;
 
 /// A contribution to the image.
 pub struct Contribution {
-    /// As it adds to the mean of its pixel; for [`Observe::Strategies`] without its MIS weight.
+    /// Contribution to the mean of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
     pub rgb: [f32; 3],
-    /// Row-major within the crop; NONE where it is not known.
+    /// Row-major index in the crop. NONE for t = 1 with [`Observe::Times`], where the device does not report the pixel.
     pub pixel: u32,
-    /// Vertices of the light and of the sensor subpath, the pinhole included.
+    /// Number of vertices of the light subpath, the point on the emitter included.
     pub s: u32,
+    /// Number of vertices of the sensor subpath, the pinhole included.
     pub t: u32,
-    /// For [`Observe::Times`] the travel time, for [`Observe::Strategies`] the MIS weight.
+    /// With [`Observe::Times`] the travel time in units of the render space; with [`Observe::Strategies`] the MIS weight.
     pub tau_or_weight: f32,
 }
 
 impl Renderer {
-    /// The phases of [`Renderer::iterate`] for a plan that observes. `visit` is called with every contribution: its light as it adds to the
-    /// image, and its travel time or weight.
+    /// Runs the phases of [`Renderer::iterate`] for a plan that observes contributions, and calls `visit` with each
+    /// contribution. The film does not change.
     pub(super) fn observe(&mut self, samples: u32, visit: &mut impl FnMut(Contribution)) -> Result<()> {
         let iteration = self.next_iteration(samples);
 

@@ -1,4 +1,5 @@
-//! Warnings about surfaces that are so large that the offset of ray origins on them is visible at the scale of the rest of the scene.
+//! Warnings about surfaces that are so large that the offset of ray origins on them is visible at the scale of the rest of
+//! the scene.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,8 +11,8 @@ use crate::scene::Scene;
 use crate::wgsl::layout::Triangle;
 use crate::wgsl::layout::constants::OFFSET_SCALE;
 
-/// Maximum offset of a ray origin from a triangle, relative to the size of the rest of the scene. A larger offset visibly removes
-/// light.
+/// Maximum offset of a ray origin from a triangle, relative to the size of the rest of the scene. A larger offset visibly
+/// removes light.
 const MAX_OFFSET_FRACTION: f32 = 0.1;
 /// Maximum number of warnings about nodes.
 const MAX_REPORTED: usize = 10;
@@ -33,7 +34,8 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
         enclose(position.abs().max_element(), &[position]);
     }
 
-    // The rest of the scene: the groups from the pinhole (the origin) outwards, up to the first whose offset exceeds their size.
+    // The rest of the scene: the groups from the pinhole (the origin) outwards, up to the first whose offset exceeds their
+    // size.
     let mut rest = [Vec3::ZERO; 2];
     let mut inner = 0;
     for (exponent, [lo, hi]) in &boxes {
@@ -98,8 +100,8 @@ mod tests {
     use crate::settings::Emitters;
     use glam::DVec3;
 
-    /// The warnings for the Cornell box on a square floor with the given side length and height. Each floor triangle is split `times`
-    /// times.
+    /// The warnings for the Cornell box on a square floor with the given side length and height. Each floor triangle is split
+    /// `times` times.
     fn warnings_of_floor(side: f64, height: f64, times: u32) -> Vec<String> {
         let mut scene = build(Kind::CornellBox);
         let grey = material(&mut scene, diffuse("grey", [0.5; 3]));

@@ -1,4 +1,4 @@
-//! What the kernels are told: the frame of an iteration and the switches that are fixed for a render.
+//! The parameters of the kernels: the frame uniform of an iteration, and the constants that are fixed for a render.
 
 use std::ops::Range;
 
@@ -19,16 +19,16 @@ use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategie
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
 
-/// Stands for infinity on the device; sums of it with travel times stay finite.
+/// Represents infinity on the device. Its sum with any travel time is still finite.
 const OPEN: f32 = 3e38;
 
-/// Choices of speed. The image does not depend on them; a test holds that.
+/// Parameters that change the speed but never the image; a test checks this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tuning {
-    /// Threads a workgroup.
+    /// Threads per workgroup.
     pub workgroup: u32,
-    /// Sensor paths per tile: fixed, or adapted to the time that a submit takes. On a card the bounces that a submit of light paths
-    /// holds are fixed with them.
+    /// Maximum number of sensor paths in a tile. `None` adapts it to the time that submits take. On a graphics card a fixed
+    /// tile size also fixes the number of bounces per submit of light paths.
     pub tile: Option<usize>,
 }
 
@@ -38,33 +38,35 @@ impl Default for Tuning {
     }
 }
 
-/// What a render shows of every contribution (`Renderer::observe`).
+/// What the device reports about every contribution to `Renderer::observe`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observe {
+    /// Nothing: the device renders an image.
     Nothing,
-    /// Travel times.
+    /// The contribution and its travel time.
     Times,
-    /// Strategies: contributions without their MIS weights, and these.
+    /// The contribution without its MIS weight, and the MIS weight.
     Strategies,
 }
 
-/// What distinguishes an iteration: the random numbers of its samples depend on it.
+/// Identifies an iteration; the random numbers of its samples depend on it.
 #[derive(Debug, Clone, Copy)]
 pub struct Iteration {
+    /// Index of the iteration, from 0.
     pub number: u32,
-    /// Number of a pixel's first sample, over the whole render.
+    /// Index of the first sample of every pixel, counted over the whole render.
     pub first_sample: u32,
     /// Samples per pixel, on average.
     pub samples: u32,
 }
 
-/// Everything about a render that does not change from iteration to iteration.
+/// The parameters of a render that are the same in all iterations.
 pub struct Plan {
     pub estimator: &'static Record,
     pub light_paths: u32,
     splat_paths: u32,
     pub buckets: u32,
-    /// 0 without trees.
+    /// Maximum number of vertices in a leaf; 0 if the estimator builds no trees.
     pub leaf_size: u32,
     pub single_tree: bool,
     frontier: u32,
@@ -74,19 +76,19 @@ pub struct Plan {
     pub features: Features,
     pub crop: Crop,
     pub crop_pixels: u64,
-    /// Light subpaths are traced, not only started; t = 1 takes part.
+    /// Whether light subpaths have bounces. Otherwise they end at their first vertex, on the emitter.
     pub traces_light: bool,
+    /// Whether light vertices are connected to the pinhole (t = 1).
     pub splats: bool,
-    /// Numbers of the emitters whose subpaths all begin alike: beams of zero radius.
+    /// Indices in the emitter table of the beams of zero radius, whose subpaths all begin with the same ray.
     pub thin_beams: Range<u32>,
-    /// Deterministic vertices at most: punctual lights, and the spot of each thin beam, which may miss everything.
+    /// Maximum number of deterministic vertices: one per punctual light, and one per thin beam if the beam hits a surface.
     max_deterministic: u32,
     pub tuning: Tuning,
-    /// What the kernels report beside the image.
     pub observe: Observe,
     cull: bool,
     travel_time_bounds: TravelTimeBounds,
-    /// Bounds alone show that no light meets the gate: with culling there is nothing to trace.
+    /// Whether culling is on and the bounds show that no light can arrive inside the gate. Then there is nothing to trace.
     pub dark: bool,
     space: RenderSpace,
     responses: Responses,
@@ -139,7 +141,7 @@ impl Plan {
         let camera = &scene.cameras[settings.camera()];
         if !plan.aim(camera) {
             return Err(Error::Settings(format!(
-                "the camera '{}' stands too far from the one that the scene was prepared for; prepare the scene for this camera",
+                "the camera '{}' is too far from the camera that the scene was prepared for; prepare the scene for this camera",
                 camera.name
             )));
         }
@@ -147,8 +149,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Looks with another camera through the same film. False, and nothing changes, where it stands too far from the one that
-    /// the scene was prepared for.
+    /// Replaces the camera; the film stays the same size. Returns false without any change if `camera` is too far from the
+    /// camera that the scene was prepared for (see [`RenderSpace::sensor`]).
     pub fn set_camera(&mut self, camera: &Camera) -> bool {
         let is_near = self.aim(camera);
         if is_near {
@@ -157,7 +159,7 @@ impl Plan {
         is_near
     }
 
-    /// Places the sensor and points the film as `camera` has them; see [`Plan::set_camera`].
+    /// Sets the camera's position, axes and field of view in the frame. Returns false as [`Plan::set_camera`] does.
     fn aim(&mut self, camera: &Camera) -> bool {
         let Some(sensor) = self.space.sensor(camera.transform.translation) else { return false };
         let frame = &mut self.frame;
@@ -172,7 +174,7 @@ impl Plan {
         true
     }
 
-    /// Sets the seed and the responses, with the bounds that follow from their support and from where the sensor stands.
+    /// Sets the seed and the responses, and the travel-time bounds that follow from the gate and from the sensor's position.
     pub fn set(&mut self, seed: u32, responses: Responses) {
         let gate = responses.support();
         self.responses = responses;
@@ -190,12 +192,13 @@ impl Plan {
         self.frame.cull_hi = if self.cull && closed { hi + rounding_allowance } else { OPEN };
     }
 
-    /// Whether queries choose among so many deterministic vertices. Fewer are connected to every shade point, one by one.
+    /// Whether queries choose among `count` deterministic vertices. If `count` is small, each shade point connects to all of
+    /// them.
     pub fn queries_deterministic(&self, count: u32) -> bool {
         self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
     }
 
-    /// Candidate slots a shade point for a pool.
+    /// Number of candidate slots per shade point for a pool, at least 1.
     pub fn slots(&self, pool: &PoolLayout) -> u32 {
         debug_assert!(pool.longest_path <= self.max_depth);
         let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
@@ -203,7 +206,7 @@ impl Plan {
         (deterministic + chosen).max(1)
     }
 
-    /// Candidate slots a shade point at most, whatever the pool.
+    /// Maximum number of candidate slots per shade point over all possible pools.
     pub fn max_slots(&self, emitters: &EmitterSet) -> u32 {
         let punctual = emitters.deterministic.len() as u32;
         let queried = self.queries_deterministic(self.max_deterministic);
@@ -212,7 +215,8 @@ impl Plan {
             false => (emitters.has_area() || queried, self.traces_light || queried),
         };
         self.slots(&PoolLayout {
-            // Where thin beams miss everything, few enough may be left after all.
+            // Some thin beams may miss everything. If the punctual lights alone are few, each shade point may connect to all
+            // vertices.
             deterministic: if self.queries_deterministic(punctual) { 0 } else { self.max_deterministic },
             emitter_points: u32::from(emitters.has_area()),
             tree3_root: if spatial { 0 } else { NONE },
@@ -221,7 +225,8 @@ impl Plan {
         })
     }
 
-    /// The frame of an iteration: for the light subpaths, or with a pool and the slots per shade point for the sensor subpaths.
+    /// The frame uniform of an iteration. `pool` is `None` for the light subpaths. For the sensor subpaths it is the pool's
+    /// layout and the number of candidate slots per shade point.
     pub fn frame(&self, iteration: &Iteration, pool: Option<(&PoolLayout, u32)>) -> Frame {
         let &Iteration { number, first_sample, samples } = iteration;
         let mut frame = Frame {
@@ -241,12 +246,13 @@ impl Plan {
         frame
     }
 
-    /// Light subpaths an iteration: the stored ones, which come first, and those that the sensor alone sees (t = 1).
+    /// Number of light subpaths per iteration. The first `light_paths` of them are stored for connections; the others serve t
+    /// = 1 only.
     pub fn traced_paths(&self) -> u32 {
         self.light_paths + if self.splats { self.splat_paths } else { 0 }
     }
 
-    /// Override constants of all kernels.
+    /// Values of the WGSL `override` constants of all kernels.
     pub fn constants(&self) -> Vec<(&'static str, f64)> {
         let observe = match self.observe {
             Observe::Nothing => 0,
@@ -271,7 +277,7 @@ impl Plan {
     }
 }
 
-/// What all iterations and cameras share.
+/// The fields of the frame that are the same for all iterations and cameras; the other fields are 0 or NONE.
 fn frame(settings: &Settings, emitters: &EmitterSet, all: bool) -> Frame {
     let [width, height] = settings.resolution();
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
@@ -305,7 +311,8 @@ mod tests {
     use super::*;
     use crate::generate::{Kind, build};
 
-    /// The Cornell box with a second camera beside the first, seen by the second after it was prepared for the first.
+    /// Adds a second camera to the Cornell box, `offset` metres from the first. Prepares the scene for the first camera and
+    /// plans a render with the second.
     fn seen_from(offset: DVec3) -> (PreparedScene, Camera, Result<Plan>) {
         let mut scene = build(Kind::CornellBox);
         let mut beside = Camera { name: "beside".into(), ..scene.cameras[0].clone() };

@@ -1,5 +1,5 @@
-//! Phase 2 of Algorithm 1: the light-vertex pool of an iteration. The host collects the vertices that the device traced and sorts
-//! them for the estimator.
+//! Phase 2 of Algorithm 1: the light-vertex pool of an iteration. The host collects the vertices that the device traced and
+//! sorts them for the estimator.
 
 use super::plan::Plan;
 use super::pool_layout::PoolLayout;
@@ -41,13 +41,14 @@ pub struct SortedPool {
 }
 
 impl LightPool {
-    /// Adds a vertex of light path `path`; the path index of a deterministic vertex is ignored. Drops a vertex that is too deep for a
-    /// connection with at most `max_depth` segments.
+    /// Adds a vertex of light path `path`; the path index of a deterministic vertex is ignored. Drops a vertex that is too
+    /// deep for a connection with at most `max_depth` segments.
     pub fn push(&mut self, path: u32, vertex: &PathVertex, max_depth: u32) {
         if vertex.flags & VERTEX_DETERMINISTIC != 0 {
             self.deterministic.push(*vertex);
         } else if (vertex.flags & VERTEX_DEPTH) + 2 > max_depth {
-            // A connection adds two segments: to the shade point and from there to the sensor. Deeper vertices serve t = 1 only.
+            // A connection adds two segments: to the shade point and from there to the sensor. Deeper vertices serve t = 1
+            // only.
         } else if vertex.flags & VERTEX_EMITTER != 0 {
             self.emitter_points.push((path, *vertex));
         } else {
@@ -121,10 +122,10 @@ impl LightPool {
         SortedPool { vertices, nodes: vec![], offsets, layout: PoolLayout { longest_path, ..self.layout() } }
     }
 
-    /// Builds the 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4), or a single 4D tree over all of them.
-    /// Both are valid: the weight of a query is 1 / P of the vertex that it returns, of either kind. If the deterministic vertices are
-    /// too many to connect one by one, they form a separate subtree in the tree of their kind: lamps in the 3D tree, which gives them
-    /// a shadow ray of their own, and the spots of thin beams in the 4D tree.
+    /// Builds the 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4), or a single 4D tree over
+    /// all of them. Both are valid: the weight of a query is 1 / P of the vertex that it returns, of either kind. If the
+    /// deterministic vertices are too many to connect one by one, they form a separate subtree in the tree of their kind:
+    /// lamps in the 3D tree, which gives them a shadow ray of their own, and the spots of thin beams in the 4D tree.
     fn trees(&self, plan: &Plan) -> SortedPool {
         let in_trees = plan.queries_deterministic(self.deterministic.len() as u32);
         let (one_by_one, queried) = self.deterministic.split_at(if in_trees { 0 } else { self.deterministic.len() });

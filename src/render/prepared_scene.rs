@@ -20,8 +20,8 @@ pub struct PreparedScene {
 }
 
 impl PreparedScene {
-    /// Fails if [`Scene::check`] fails, if the camera or a selected emitter does not exist, if nothing emits, or if a gated render
-    /// selects a directional light.
+    /// Fails if [`Scene::check`] fails, if the camera or a selected emitter does not exist, if nothing emits, or if a gated
+    /// render selects a directional light.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<PreparedScene> {
         scene.check()?;
         let Some(camera) = scene.cameras.get(settings.camera()) else {

@@ -28,7 +28,8 @@ pub struct TravelTimes {
 }
 
 impl TravelTimes {
-    /// Adds light of `weight` at travel time `tau`. Ignores it if `weight` is not positive, `tau` is negative, or either is not finite.
+    /// Adds light of `weight` at travel time `tau`. Ignores it if `weight` is not positive, `tau` is negative, or either is
+    /// not finite.
     pub fn add(&mut self, tau: f32, weight: f64) {
         if !(weight > 0.0 && weight.is_finite() && tau >= 0.0 && tau.is_finite()) {
             return;

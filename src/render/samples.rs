@@ -59,9 +59,9 @@ struct PixelStats {
     light: f64,
 }
 
-/// Distributes the samples of an iteration over the pixels according to the error that earlier iterations found. The image stays
-/// unbiased for three reasons: the counts are fixed before the iteration begins, every pixel has at least one sample, and the
-/// weight of an iteration is its average number of samples per pixel, never the count of one pixel.
+/// Distributes the samples of an iteration over the pixels according to the error that earlier iterations found. The image
+/// stays unbiased for three reasons: the counts are fixed before the iteration begins, every pixel has at least one sample,
+/// and the weight of an iteration is its average number of samples per pixel, never the count of one pixel.
 pub struct Allocation {
     width: usize,
     pixels: Vec<PixelStats>,
@@ -86,9 +86,9 @@ impl Allocation {
         (self.samples, self.iterations) = (0.0, 0);
     }
 
-    /// Adds an iteration with `samples` samples per pixel on average, distributed as in `counts`. `film` has one entry per pixel:
-    /// the mean RGB of its camera samples, and in w the sum of their squared luminances. `image`: mean RGB per pixel with all other
-    /// light (t = 1) included.
+    /// Adds an iteration with `samples` samples per pixel on average, distributed as in `counts`. `film` has one entry per
+    /// pixel: the mean RGB of its camera samples, and in w the sum of their squared luminances. `image`: mean RGB per pixel
+    /// with all other light (t = 1) included.
     pub fn add(&mut self, film: &[[f32; 4]], image: &[f32], counts: &SampleCounts, samples: u32) {
         let samples = f64::from(samples);
         let pixels = self.pixels.iter_mut().zip(film).zip(image.chunks_exact(3));
@@ -109,11 +109,11 @@ impl Allocation {
         [samples().min().unwrap_or(0), samples().max().unwrap_or(0)]
     }
 
-    /// Counts for an iteration with `samples` samples per pixel on average. Their sum differs from `samples` times the number of
-    /// pixels by at most two. Each count is proportional to the square root of variance / luminance^2, within bounds. Both values are
-    /// estimated over 3 x 3 pixels. This minimises the mean relative error: the sum of variance / (count luminance^2) (Neyman
-    /// 1934, "On the Two Different Aspects of the Representative Method", optimum allocation). All counts are equal until each
-    /// pixel has two samples.
+    /// Counts for an iteration with `samples` samples per pixel on average. Their sum differs from `samples` times the number
+    /// of pixels by at most two. Each count is proportional to the square root of variance / luminance^2, within bounds. Both
+    /// values are estimated over 3 x 3 pixels. This minimises the mean relative error: the sum of variance / (count
+    /// luminance^2) (Neyman 1934, "On the Two Different Aspects of the Representative Method", optimum allocation). All
+    /// counts are equal until each pixel has two samples.
     pub fn counts(&self, samples: u32) -> SampleCounts {
         if samples == 1 || self.samples < 2.0 {
             return SampleCounts::Uniform(samples);
@@ -131,7 +131,8 @@ impl Allocation {
         self.round_shares(errors.iter().map(|&error| (min + factor * error).min(max)))
     }
 
-    /// Square root of variance / luminance^2 per pixel, both estimated over 3 x 3 pixels. Infinite if the sum of squares overflows.
+    /// Square root of variance / luminance^2 per pixel, both estimated over 3 x 3 pixels. Infinite if the sum of squares
+    /// overflows.
     fn relative_errors(&self) -> Vec<f64> {
         let (width, height) = (self.width, self.pixels.len() / self.width);
         let light = self.pixels.iter().map(|f| f.light).sum::<f64>() / self.pixels.len() as f64;
@@ -154,9 +155,9 @@ impl Allocation {
         (0..self.pixels.len()).into_par_iter().with_min_len(1 << 12).map(error).collect()
     }
 
-    /// Rounds `shares` to whole numbers, at least 1. Each pixel passes its rounding error on to the next pixel, so every count, and
-    /// the sum over every row-major range of pixels, differs from the exact value by at most one. The first carried error changes with
-    /// the iteration, so that no pixel is always rounded down.
+    /// Rounds `shares` to whole numbers, at least 1. Each pixel passes its rounding error on to the next pixel, so every
+    /// count, and the sum over every row-major range of pixels, differs from the exact value by at most one. The first
+    /// carried error changes with the iteration, so that no pixel is always rounded down.
     fn round_shares(&self, shares: impl Iterator<Item = f64>) -> SampleCounts {
         let golden = 0.618_033_988_749_895;
         let mut carried = (golden * f64::from(self.iterations)).fract() - 0.5;
@@ -169,9 +170,9 @@ impl Allocation {
     }
 }
 
-/// The factor f for which min(f error, `max`) has the average `wanted` < `max`; errors are positive. Pixels at the upper bound return
-/// their excess, and the next pass shares it among the others in proportion. So f only grows, and the search ends when no further
-/// pixel reaches the bound.
+/// The factor f for which min(f error, `max`) has the average `wanted` < `max`; errors are positive. Pixels at the upper
+/// bound return their excess, and the next pass shares it among the others in proportion. So f only grows, and the search
+/// ends when no further pixel reaches the bound.
 fn factor(errors: &[f64], wanted: f64, max: f64) -> f64 {
     let mut factor = 0.0;
     for _ in 0..MAX_PASSES {
@@ -196,8 +197,8 @@ fn factor(errors: &[f64], wanted: f64, max: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// 20 x 10 pixels after an iteration with four samples each. The mean luminance of each pixel is 1; `squares` gives the sum of
-    /// its squared luminances.
+    /// 20 x 10 pixels after an iteration with four samples each. The mean luminance of each pixel is 1; `squares` gives the
+    /// sum of its squared luminances.
     fn after(squares: impl Fn(usize) -> f32) -> Allocation {
         let mut allocation = Allocation::new(20, 200);
         let film: Vec<[f32; 4]> = (0..200).map(|i| [1.0, 1.0, 1.0, squares(i)]).collect();

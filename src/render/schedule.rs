@@ -1,8 +1,9 @@
-//! Number of samples per pixel in each iteration. Short iterations give more batches to estimate the variance from; long iterations
-//! share the cost of the light paths among more samples.
+//! Number of samples per pixel in each iteration. Short iterations give more batches to estimate the variance from; long
+//! iterations share the cost of the light paths among more samples.
 //!
-//! The length of an iteration depends on its index alone. So a longer render begins with the same bits as a shorter one, and a render
-//! with a budget of seconds with the same bits as a render with a budget of samples. `docs/notebook/schedule.md` compares lengths.
+//! The length of an iteration depends on its index alone. So a longer render begins with the same bits as a shorter one, and
+//! a render with a budget of seconds with the same bits as a render with a budget of samples. `docs/notebook/schedule.md`
+//! compares lengths.
 
 use std::time::Duration;
 
@@ -13,8 +14,9 @@ const MIN_ITERATIONS: u32 = 2;
 
 /// Samples per pixel in iteration `iteration`, counted from 0.
 ///
-/// The first 8 iterations have 2 samples each. A single sample could not be distributed by error, and fewer iterations for the first
-/// 16 samples would estimate the variance too poorly. Iterations of 4 samples follow up to 64 samples, then iterations of 8.
+/// The first 8 iterations have 2 samples each. A single sample could not be distributed by error, and fewer iterations for
+/// the first 16 samples would estimate the variance too poorly. Iterations of 4 samples follow up to 64 samples, then
+/// iterations of 8.
 pub fn samples_in(iteration: u32) -> u32 {
     match iteration {
         0..8 => 2,
@@ -23,9 +25,9 @@ pub fn samples_in(iteration: u32) -> u32 {
     }
 }
 
-/// Samples per pixel in the next iteration, after `iterations` iterations with `done` samples per pixel in total; 0 when the budget is
-/// used up. A budget of samples may shorten the last iteration. A budget of seconds ends after the iteration whose end is nearest to
-/// the budget. The first iteration always runs; the second one runs unless the time is over.
+/// Samples per pixel in the next iteration, after `iterations` iterations with `done` samples per pixel in total; 0 when the
+/// budget is used up. A budget of samples may shorten the last iteration. A budget of seconds ends after the iteration whose
+/// end is nearest to the budget. The first iteration always runs; the second one runs unless the time is over.
 pub fn next_samples(budget: &Budget, iterations: u32, done: u64, elapsed: Duration) -> u32 {
     let samples = samples_in(iterations);
     match *budget {
@@ -80,8 +82,8 @@ mod tests {
         assert!(long.iter().enumerate().all(|(i, &samples)| endless(i as u32) == samples));
     }
 
-    /// Expected variance that the film estimates (`Film::variance_of_mean`), divided by the true variance of the mean. The pixel has the
-    /// average number of samples in the first iteration and `share` times the average in all others.
+    /// Expected variance that the film estimates (`Film::variance_of_mean`), divided by the true variance of the mean. The
+    /// pixel has the average number of samples in the first iteration and `share` times the average in all others.
     fn stated_over_true(lengths: &[u32], share: f64) -> f64 {
         let weights = || lengths.iter().map(|&samples| f64::from(samples));
         // Variance of iteration i if each sample has variance 1.
@@ -115,7 +117,8 @@ mod tests {
         assert_eq!([next(1, 2, 15.9), next(1, 2, 16.0)], [2, 0], "the second iteration runs unless the time is over");
         // Each sample takes 1 s: the iterations take 2 s, then 4 s.
         assert_eq!([next(6, 12, 12.0), next(7, 14, 14.0), next(8, 16, 16.0)], [2, 2, 0]);
-        // One more iteration would end 4 samples later. From 12.8 s its end is nearer to 16 s; from 14.4 s and 15.2 s it is not.
+        // One more iteration would end 4 samples later. From 12.8 s its end is nearer to 16 s; from 14.4 s and 15.2 s it is
+        // not.
         assert_eq!([next(8, 16, 12.8), next(8, 16, 14.4), next(8, 16, 15.2)], [4, 0, 0]);
         assert_eq!([next(20, 64, 15.0), next(20, 64, 15.1)], [8, 0]);
     }

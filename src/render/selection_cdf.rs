@@ -1,9 +1,10 @@
-//! The distribution for drawing deterministic vertices in estimators without trees. If there are too many vertices to connect each
-//! shade point to all of them, each shade point draws some.
+//! The distribution for drawing deterministic vertices in estimators without trees. If there are too many vertices to connect
+//! each shade point to all of them, each shade point draws some.
 
 use crate::wgsl::layout::PathVertex;
 
-/// Fraction of the probability that is uniform, without regard to power: a weak lamp may be the only one that lights a shade point.
+/// Fraction of the probability that is uniform, without regard to power: a weak lamp may be the only one that lights a shade
+/// point.
 const UNIFORM_FRACTION: f64 = 0.5;
 
 /// Sets `selection_cdf` of every vertex to the start of its interval in the cumulative distribution, scaled by 2^32, that

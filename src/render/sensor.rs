@@ -1,4 +1,5 @@
-//! Phase 3 of Algorithm 1: sensor subpaths in tiles; at every bounce shade points, queries, connections.
+//! Phase 3 of Algorithm 1: sensor subpaths run in tiles. Each bounce traces them to shade points, queries light vertices for
+//! the shade points and connects them.
 
 mod bounce;
 mod buffers;
@@ -24,15 +25,15 @@ pub use observe::SensorContribution;
 pub use phase::SensorPhase;
 use tiles::{TileSample, Tiles};
 
-/// Counters of the lists: living paths (two, in turn), shade points, live candidates.
+/// Indices of the list counters: living paths (two lists that alternate between bounces), shade points, live candidates.
 const LIVING: [u32; 2] = [0, 1];
 const SHADE: u32 = 2;
 const CANDIDATES: u32 = 3;
 
-/// Workgroups a dispatch that every Vulkan device allows.
+/// Number of workgroups per dispatch that every Vulkan device allows.
 const MIN_GROUP_LIMIT: u32 = 65_535;
 
-/// Shade points a submit that queries them at least, and in steps of which: whole workgroups.
+/// Minimum number of shade points in a submit of queries. Larger batches are multiples of it, so they fill whole workgroups.
 const MIN_QUERY_BATCH: usize = 256;
 
 /// Kernels and buffers of the sensor subpaths.
@@ -43,15 +44,16 @@ pub struct SensorTracer {
     /// See [`Drive`](crate::gpu::Drive).
     waits_per_bounce: bool,
     slots: u32,
-    /// Paths a tile may hold, and how many it holds at present.
+    /// Maximum number of paths in a tile that the buffers allow.
     capacity: usize,
+    /// Maximum number of paths in the next tile, adapted to the time that submits take.
     tile: usize,
-    /// Shade points that are queried in one submit.
-    part: usize,
+    /// Number of shade points that one submit queries, adapted in the same way.
+    query_batch: usize,
 }
 
 impl SensorTracer {
-    /// Buffers for `slots` candidates a shade point.
+    /// Allocates the buffers for `slots` candidate slots per shade point.
     pub fn new(device: &Device, plan: &Plan, slots: u32, kernels: Kernels, stats: &mut Stats) -> Result<SensorTracer> {
         let capacity = SensorTracer::capacity(device.info(), plan, slots);
         let buffers = stats.timed(stage::ALLOCATE, || Buffers::new(device, plan, capacity, slots as usize))?;
@@ -64,23 +66,23 @@ impl SensorTracer {
             slots,
             capacity,
             tile,
-            part: MIN_QUERY_BATCH,
+            query_batch: MIN_QUERY_BATCH,
         })
     }
 
-    /// Frees the buffers, so that there is room for others.
+    /// Frees the buffers before larger ones are allocated, and keeps the compiled kernels.
     fn into_kernels(self) -> Kernels {
         self.kernels
     }
 
-    /// Paths a tile may hold.
+    /// Maximum number of paths in a tile.
     fn capacity(info: &DeviceInfo, plan: &Plan, slots: u32) -> usize {
-        // Enough to fill the machine, little enough for its limits and caches.
+        // Enough paths to use all cores; few enough for the limits and caches of the device.
         let wanted: u64 = if info.is_cpu() { 1 << 16 } else { 1 << 20 };
         let limit = info.largest_buffer();
         let by_vertices = limit / size_of::<PathVertex>() as u64;
         let by_slots = limit / (16 * u64::from(slots));
-        // Every slot may be a live candidate: the workgroups of one dispatch are limited too.
+        // Every slot may hold a live candidate, and one dispatch over the candidates must not exceed the limit on workgroups.
         let by_groups = u64::from(MIN_GROUP_LIMIT * plan.tuning.workgroup) / u64::from(slots);
         let all = plan.crop_pixels * u64::from(MAX_AVERAGE_SAMPLES);
         wanted.min(by_vertices).min(by_slots).min(by_groups).min(all).max(u64::from(MAX_SAMPLES_PER_PIXEL)) as usize
@@ -92,8 +94,8 @@ impl SensorTracer {
         BufferList::of(|list| Buffers::new(list, plan, capacity, slots as usize))
     }
 
-    /// Renders the samples that every pixel of the crop is given by `counts` and adds their means to `image` (RGB); `visit`: as in
-    /// [`Buffers::add_film`].
+    /// Renders `counts` samples per pixel of the crop and adds the mean of each pixel to `image` (RGB, row-major). `visit`: see
+    /// [`Buffers::add_film`]. Fails if the device's counts contradict each other.
     pub fn run(
         &mut self,
         plan: &Plan,

@@ -5,10 +5,10 @@ use glam::{DVec3, Vec3};
 use crate::scene::Scene;
 use crate::settings::Emitters;
 
-/// World space, translated and scaled. The origin is a sensor, so that f32 coordinates near the sensor are precise wherever it
-/// stands. The unit of length is near the size of the scene, so that fourth powers of lengths neither overflow nor underflow in f32
-/// (MIS weights are squared densities per area). The unit is a power of two, so scaling changes no bit of a mantissa, and a scene
-/// twice as large gives the same image.
+/// World space, translated and scaled. The origin is a sensor, so that f32 coordinates near the sensor are precise wherever
+/// it stands. The unit of length is near the size of the scene, so that fourth powers of lengths neither overflow nor
+/// underflow in f32 (MIS weights are squared densities per area). The unit is a power of two, so scaling changes no bit of a
+/// mantissa, and a scene twice as large gives the same image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderSpace {
     /// The origin in world space, in metres.
@@ -23,8 +23,8 @@ impl RenderSpace {
         RenderSpace { origin, unit: 1.0 }
     }
 
-    /// Render space with its origin at `origin`. Its unit is the largest power of two (in metres) that is at most the maximum distance
-    /// of the scene from `origin` along an axis. 1 m for an empty scene.
+    /// Render space with its origin at `origin`. Its unit is the largest power of two (in metres) that is at most the maximum
+    /// distance of the scene from `origin` along an axis. 1 m for an empty scene.
     pub fn new(scene: &Scene, origin: DVec3, selected: &Emitters) -> RenderSpace {
         let size = max_coordinate(scene, origin, selected);
         // Beyond these exponents the square of the unit, which divides fluxes, would leave the range of f32.
@@ -37,8 +37,8 @@ impl RenderSpace {
         ((world - self.origin) / self.unit).as_vec3()
     }
 
-    /// The sensor position `world` (m) in render space. `None` if the sensor is so far from the origin that coordinates near it would
-    /// be imprecise: the scene must be prepared again.
+    /// The sensor position `world` (m) in render space. `None` if the sensor is so far from the origin that coordinates near
+    /// it would be imprecise: the scene must be prepared again.
     pub fn sensor(&self, world: DVec3) -> Option<Vec3> {
         let sensor = self.point(world);
         (sensor.length() <= MAX_SENSOR_DISTANCE).then_some(sensor)
@@ -49,16 +49,16 @@ impl RenderSpace {
         metres / self.unit
     }
 
-    /// A flux (W) or an intensity (W / sr) in render space. Radiance has the same value in both spaces; flux and intensity scale with
-    /// area.
+    /// A flux (W) or an intensity (W / sr) in render space. Radiance has the same value in both spaces; flux and intensity
+    /// scale with area.
     pub fn flux(&self, watts: f32) -> f32 {
         (f64::from(watts) / (self.unit * self.unit)) as f32
     }
 }
 
-/// Maximum distance of a sensor from the origin, in units. At this distance the rounding error of a coordinate is 2^-26 units and the
-/// offset of a ray origin from its surface is 2^-21 units. In a Cornell box of 2 m this moves 1e-6 of the light to other samples; an
-/// origin 60 m away from the box moves 1e-3.
+/// Maximum distance of a sensor from the origin, in units. At this distance the rounding error of a coordinate is 2^-26 units
+/// and the offset of a ray origin from its surface is 2^-21 units. In a Cornell box of 2 m this moves 1e-6 of the light to
+/// other samples; an origin 60 m away from the box moves 1e-3.
 const MAX_SENSOR_DISTANCE: f32 = 0.25;
 
 /// Maximum distance along an axis from `origin` to the bounding boxes of the meshes and to the selected lights, in metres.

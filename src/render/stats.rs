@@ -15,7 +15,7 @@ pub(super) mod stage {
     pub const BUILD_TREES: &str = "build trees";
     pub const UPLOAD: &str = "upload";
     pub const READ_COUNTERS: &str = "read counters";
-    pub const ALLOT: &str = "allot samples";
+    pub const ALLOCATE_SAMPLES: &str = "allocate samples";
     pub const READ_FILM: &str = "read film";
     pub const ADD_TO_FILM: &str = "add to film";
 }

@@ -33,8 +33,8 @@ pub struct StrategyImages {
     images: Vec<StrategyImage>,
 }
 
-/// The strategies (s, t) that the estimator forms, sorted by path length (s + t - 1 segments), then by s. A strategy in the list may
-/// still find no light in this scene: no ray hits a point light.
+/// The strategies (s, t) that the estimator forms, sorted by path length (s + t - 1 segments), then by s. A strategy in the
+/// list may still find no light in this scene: no ray hits a point light.
 pub fn strategies(settings: &Settings) -> Vec<(u32, u32)> {
     let (all, light_subpaths) =
         (settings.strategies() == Strategies::All, settings.estimator().record().light_subpaths);

@@ -5,9 +5,9 @@ const TARGET_SECONDS: f64 = 0.035;
 /// Minimum number of paths in a tile.
 const MIN_TILE: usize = 1024;
 
-/// Number of paths for the next tile, so that its longest submit takes about the target time. The previous tile had `count` paths
-/// (at most `tile` were allowed), and its longest submit took `longest` seconds. `is_last`: the previous tile was the last of an
-/// image and may have been cut short. The image does not depend on the result.
+/// Number of paths for the next tile, so that its longest submit takes about the target time. The previous tile had `count`
+/// paths (at most `tile` were allowed), and its longest submit took `longest` seconds. `is_last`: the previous tile was the
+/// last of an image and may have been cut short. The image does not depend on the result.
 pub fn next_tile_size(tile: usize, count: usize, is_last: bool, longest: f64, capacity: usize) -> usize {
     let factor = size_factor(longest);
     // A fast last tile says nothing about a full tile, because it may have been cut short.

@@ -1,5 +1,5 @@
-//! Conservative bounds on the travel times of all paths, from bounding boxes alone. A gate outside the bounds is certainly dark, so
-//! no gate that receives light is ever refused.
+//! Conservative bounds on the travel times of all paths, from bounding boxes alone. A gate outside the bounds is certainly
+//! dark, so no gate that receives light is ever refused.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -40,8 +40,8 @@ struct Box3 {
 }
 
 impl TravelTimeBounds {
-    /// Bounds for paths with at most `settings.max_depth()` segments. The lower bound is a Euclidean length: every refractive index
-    /// is at least 1, so optical lengths are not shorter.
+    /// Bounds for paths with at most `settings.max_depth()` segments. The lower bound is a Euclidean length: every refractive
+    /// index is at least 1, so optical lengths are not shorter.
     pub fn new(prepared: &PreparedScene, settings: &Settings) -> TravelTimeBounds {
         let PreparedScene { geometry, emitters, space, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
@@ -55,8 +55,8 @@ impl TravelTimeBounds {
         TravelTimeBounds { min, max_segment, max_ior, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
     }
 
-    /// Bounds for a sensor `distance` metres away from the present one. They follow from the triangle inequality alone, so they are
-    /// wider than bounds computed from the scene.
+    /// Bounds for a sensor `distance` metres away from the present one. They follow from the triangle inequality alone, so
+    /// they are wider than bounds computed from the scene.
     pub fn moved(&self, distance: f64) -> TravelTimeBounds {
         let min = (self.min - distance).max(0.0);
         let max_segment = self.max_segment + distance * self.max_ior * (1.0 + SLACK);
@@ -124,8 +124,8 @@ fn punctual_emitters(prepared: &PreparedScene) -> Vec<Box3> {
     }
 }
 
-/// Minimum length of a path from the sensor over one surface to an emitter without a surface. The sensor cannot see such an emitter
-/// directly. Infinite if there is no such path.
+/// Minimum length of a path from the sensor over one surface to an emitter without a surface. The sensor cannot see such an
+/// emitter directly. Infinite if there is no such path.
 fn shortest_by_one_surface(geometry: &Geometry, emitters: &[Box3]) -> f64 {
     let sensor = Box3::point(Vec3::ZERO);
     let by = |t: &Triangle| {
@@ -148,8 +148,8 @@ mod tests {
     use crate::input::experiment::Experiment;
     use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Scene};
 
-    /// A triangle in the plane x = 2 in front of the sensor, in coordinates relative to the sensor. In world space the sensor is not
-    /// at the origin.
+    /// A triangle in the plane x = 2 in front of the sensor, in coordinates relative to the sensor. In world space the sensor
+    /// is not at the origin.
     fn scene(emission: f32, transmission: f32, light: Option<DVec3>) -> Scene {
         let sensor = DVec3::new(100.0, 20.0, 3.0);
         let base = Material { emission: [emission; 3], transmission, ior: 1.5, ..material() };

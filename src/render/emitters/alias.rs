@@ -2,8 +2,8 @@
 
 use crate::wgsl::layout::Emitter;
 
-/// Sets `keep` and `other` of every entry, so that entry i is chosen with probability `weights[i] / total`. `total` is the sum of
-/// the weights.
+/// Sets `keep` and `other` of every entry, so that entry i is chosen with probability `weights[i] / total`. `total` is the
+/// sum of the weights.
 pub fn fill(table: &mut [Emitter], weights: &[f64], total: f64) {
     let n = table.len() as f64;
     let mut scaled: Vec<f64> = weights.iter().map(|w| w / total * n).collect();

@@ -57,8 +57,8 @@ fn point(placed: Emitter, intensity: [f32; 3]) -> LightRecord {
 
 /// `inner` and `outer`: 1 - cosine of the half angles.
 fn spot(placed: Emitter, intensity: [f32; 3], inner: f64, outer: f64) -> LightRecord {
-    // The falloff is 1 inside the inner cone. From there to the outer cone it is the square of a ramp from 1 to 0, linear in the
-    // cosine; the integral of that square is 1/3 of the solid angle between the cones.
+    // The falloff is 1 inside the inner cone. From there to the outer cone it is the square of a ramp from 1 to 0, linear in
+    // the cosine; the integral of that square is 1/3 of the solid angle between the cones.
     let solid_angle = 2.0 * PI * (inner + (outer - inner) / 3.0);
     let flux = solid_angle * luminance(intensity);
     let [inner, outer] = [inner, outer].map(|height| height as f32);

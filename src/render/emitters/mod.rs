@@ -40,7 +40,8 @@ pub(super) fn luminance(c: [f32; 3]) -> f64 {
 }
 
 impl EmitterSet {
-    /// Collects the selected emitters and sets `emission_density` of the materials in `geometry`. The set is empty if nothing emits.
+    /// Collects the selected emitters and sets `emission_density` of the materials in `geometry`. The set is empty if nothing
+    /// emits.
     pub fn new(scene: &Scene, selected: &Emitters, space: &RenderSpace, geometry: &mut Geometry) -> EmitterSet {
         let mut set = EmitterSet {
             table: vec![],

@@ -31,8 +31,8 @@ pub fn exitances(scene: &Scene, geometry: &Geometry) -> Vec<f64> {
         .collect()
 }
 
-/// The emissive triangles with an area, in the order of the scene file. The order decides which emitter each random number selects.
-/// The order in the BVH would depend on rounding.
+/// The emissive triangles with an area, in the order of the scene file. The order decides which emitter each random number
+/// selects. The order in the BVH would depend on rounding.
 pub fn shining(geometry: &Geometry, exitances: &[f64]) -> Vec<EmissiveTriangle> {
     let exitance_of = |i: usize| exitances[(geometry.triangles[i].material & TRIANGLE_MATERIAL) as usize];
     let mut numbers: Vec<usize> = (0..geometry.triangles.len()).filter(|&i| exitance_of(i) > 0.0).collect();

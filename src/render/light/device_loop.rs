@@ -1,5 +1,5 @@
-//! Light subpaths where the host does not look at each bounce: the device lists the paths that go on and lines up the vertices of
-//! many bounces, and the host reads them together.
+//! Traces light subpaths without a wait for each bounce. The device lists the paths that continue and collects the vertices
+//! of many bounces in one buffer, which the host reads at once.
 
 use std::ops::Range;
 
@@ -8,11 +8,11 @@ use crate::render::compaction::{ARGUMENTS, CompactionBindings, chunk_counts, ind
 use crate::render::submit_size::size_factor;
 use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, VERTEX_DEPTH};
 
-/// Rounds of a submit at most: the start of the paths is one, each bounce another. 16 rounds of a full batch are vertices of 112 MiB,
-/// and beyond 16 bounces hardly a path lives.
+/// Maximum number of rounds per submit. Round 0 starts the paths; each further round is a bounce. The vertices of 16 rounds
+/// of a full batch take 112 MiB, and few paths live longer than 16 bounces.
 const MAX_ROUNDS: u32 = 16;
 
-/// Counters of the lists: living paths (two, in turn), and paths whose new vertices are kept.
+/// Indices of the list counters: living paths (two lists that alternate between rounds), and paths whose new vertices are kept.
 const LIVING: [u32; 2] = [0, 1];
 const KEPT: u32 = 2;
 
@@ -20,12 +20,13 @@ pub struct DeviceLoop {
     mark: Kernel,
     keep: Kernel,
     compaction: Arc<Compaction>,
-    /// What is bound to the kernels; `[1]` where the second list is traced.
+    /// Descriptor sets of the kernels: `[0]` for even and `[1]` for odd rounds.
     bound: [ParityBindings; 2],
     bound_keep: Bindings,
     buffers: LoopBuffers,
-    /// Rounds of a submit: as many as there is room for, and at present.
+    /// Maximum number of rounds per submit that the buffers allow.
     capacity: u32,
+    /// Number of rounds in the next submit, adapted to the time that submits take.
     rounds: u32,
 }
 
@@ -74,7 +75,7 @@ struct ParityBindings {
 }
 
 impl DeviceLoop {
-    /// `buffers`: what is bound to all kernels; `list`: the living paths of even rounds.
+    /// `buffers` are bound to all kernels. `list` holds the living paths of even rounds.
     pub fn new(
         device: &Device,
         plan: &Plan,
@@ -118,7 +119,7 @@ impl DeviceLoop {
         })
     }
 
-    /// Rounds that there is room for: each may leave a vertex per path.
+    /// Maximum number of rounds per submit: each round may produce one vertex per path.
     fn capacity(info: &DeviceInfo, plan: &Plan) -> u32 {
         let round = (LightTracer::capacity(plan) * size_of::<PathVertex>()) as u64;
         let max = if plan.traces_light { plan.max_depth.min(MAX_ROUNDS) } else { 1 };
@@ -129,7 +130,7 @@ impl DeviceLoop {
         BufferList::of(|list| LoopBuffers::new(list, info, plan))
     }
 
-    /// Traces a batch, many bounces per submit; then another submit brings what they left.
+    /// Traces a batch with many bounces per submit. After each such submit, a second one copies the new vertices to the host.
     pub fn run(
         &mut self,
         subpaths: &mut Subpaths,
@@ -151,13 +152,14 @@ impl DeviceLoop {
             })?;
             let total = |list: u32| counters[(COUNTER_TOTALS + list) as usize];
             let left = counters[LIVING[until as usize % 2] as usize];
-            // Paths that were only started have not been traced, nor have those that are left.
+            // Each list that a round consumed cost one ray per path. Round 0 traces no rays, and no round has consumed the
+            // last list.
             let before = if done == 0 { 0 } else { living };
             let rays = u64::from(before + total(LIVING[0]) + total(LIVING[1]) - left);
             stats.closest_rays += rays;
             stats.light_rays += rays;
-            self.bring(subpaths, total(KEPT) as usize, stats)?;
-            let kept = || self.take(plan, batch, total(KEPT) as usize, pool, visit);
+            self.read_back_kept(subpaths, total(KEPT) as usize, stats)?;
+            let kept = || self.collect_kept(plan, batch, total(KEPT) as usize, pool, visit);
             stats.timed(stage::READ_LIGHT, kept)?.add_to(stats);
             if plan.tuning.tile.is_none() {
                 self.rounds = ((f64::from(until - done) * size_factor(seconds)) as u32).clamp(1, self.capacity);
@@ -167,7 +169,7 @@ impl DeviceLoop {
         Ok(())
     }
 
-    /// Records the start of the paths (round 0) and bounces, for `living` paths at first.
+    /// Records the given rounds: the start of the paths (round 0) and bounces. `living` paths take part in the first of them.
     fn record(
         &mut self,
         subpaths: &mut Subpaths,
@@ -211,8 +213,8 @@ impl DeviceLoop {
         subpaths.recorder.read_back(&subpaths.buffers.counters, subpaths.buffers.counters.buffer().size())
     }
 
-    /// Brings the `count` vertices that were kept to the host.
-    fn bring(&self, subpaths: &mut Subpaths, count: usize, stats: &mut Stats) -> Result<()> {
+    /// Copies the `count` kept vertices to the host, with their splats and paths.
+    fn read_back_kept(&self, subpaths: &mut Subpaths, count: usize, stats: &mut Stats) -> Result<()> {
         if count == 0 {
             return Ok(());
         }
@@ -224,8 +226,9 @@ impl DeviceLoop {
         Ok(())
     }
 
-    /// Adds the `count` vertices to the pool and shows their splats, bounce by bounce in the order of the paths.
-    fn take(
+    /// Adds the `count` kept vertices to the pool and passes their splats to `visit`, bounce by bounce in the order of the
+    /// paths.
+    fn collect_kept(
         &self,
         plan: &Plan,
         batch: &Batch,
@@ -241,7 +244,7 @@ impl DeviceLoop {
                 if batch.is_stored(plan, slot) {
                     pool.push(batch.first + slot, vertex, plan.max_depth);
                 }
-                // Where a path starts it has no splat: the sensor sees the emitter by itself (s = 0).
+                // The first vertex of a path has no splat: sensor subpaths find emitters that are seen directly (s = 0).
                 let depth = vertex.flags & VERTEX_DEPTH;
                 if plan.splats && depth > 0 {
                     tally.show(splat, f32::from_bits(weight), depth + 1, visit);

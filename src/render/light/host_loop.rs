@@ -1,10 +1,10 @@
-//! Light subpaths as the host follows them bounce by bounce: it reads the new vertices and lists the paths that go on.
+//! Traces light subpaths with a wait for each bounce: the host reads the new vertices and lists the paths that continue.
 
 use super::*;
 use crate::wgsl::layout::constants::{PATH_ALIVE, VERTEX_VALID};
 
 impl Subpaths {
-    /// Traces a batch, one bounce per submit; the host reads each.
+    /// Traces a batch, one bounce per submit. After each bounce, the host reads the new vertices and splats.
     pub(super) fn run_bounces(
         &mut self,
         plan: &Plan,
@@ -50,7 +50,7 @@ impl Subpaths {
         Ok(())
     }
 
-    /// Vertices that were just reached by paths that are stored, in the order of the paths.
+    /// Adds the new vertices of stored paths to the pool, in the order of the paths.
     fn collect(&self, plan: &Plan, living: &[u32], batch: &Batch, pool: &mut LightPool) -> Result<()> {
         self.buffers.vertices.with::<PathVertex, _>(self.vertices_in_use(living), |vertices| {
             for &slot in living.iter().take_while(|&&slot| batch.is_stored(plan, slot)) {

@@ -4,8 +4,8 @@ use super::*;
 use crate::render::submit_size::size_factor;
 
 impl SensorTracer {
-    /// Traces the `living` paths of a bounce and queries the shade points they leave; what connects them is recorded only. Returns
-    /// how many paths go on, and the seconds of the submit that traced them.
+    /// Traces the `living` paths of a bounce and queries their new shade points. Records the connections, but does not submit
+    /// them. Returns the number of paths that continue and the seconds of the submit that traced them.
     pub(super) fn run_bounce(
         &mut self,
         bindings: &SensorBindings,
@@ -18,7 +18,8 @@ impl SensorTracer {
             self.record_counters()
         })?;
         let seconds = stats.submit(&mut self.recorder)?;
-        // A dispatch costs what tracing hundreds of paths does, even over an empty list: the host looks what there is to do.
+        // The host reads the list lengths here, because even a dispatch over an empty list costs as much as tracing hundreds
+        // of paths.
         let counters = self.read_counters(stats)?;
         let shade_points = counters[SHADE as usize];
         if shade_points > 0 {
@@ -28,7 +29,7 @@ impl SensorTracer {
         Ok((counters[LIVING[1 - constants.bounce as usize % 2] as usize], seconds))
     }
 
-    /// Records a bounce of a tile whose paths may all live.
+    /// Records a bounce without reading any list length: all paths of the tile may live.
     pub(super) fn record_bounce(&mut self, bindings: &SensorBindings, constants: &Dispatch) -> Result<()> {
         self.record_trace(bindings, constants, constants.count)?;
         let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
@@ -43,7 +44,8 @@ impl SensorTracer {
         self.record_connections(bindings, constants, constants.count)
     }
 
-    /// Traces the living paths of a bounce, `max` at most, and lists those that go on and the new shade points.
+    /// Records the tracing of the living paths of a bounce (at most `max`), and the lists of the continuing paths and of the
+    /// new shade points.
     fn record_trace(&mut self, bindings: &SensorBindings, constants: &Dispatch, max: u32) -> Result<()> {
         let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
         let parity = constants.bounce as usize % 2;
@@ -59,30 +61,32 @@ impl SensorTracer {
         k.compaction.record(r, &bindings.compact_paths[parity], &lists, max as usize, &b.arguments)
     }
 
-    /// Queries the `all` > 0 new shade points of a bounce. Queries of a few are recorded with the dispatches that follow; many are
-    /// split into submits of their own, so that a large tile makes no long submit.
+    /// Queries the `all` > 0 new shade points of a bounce. If they are few, the query joins the next submit. If they are
+    /// many, separate submits query them in batches, so that no submit takes long.
     fn query(&mut self, bindings: &SensorBindings, constants: &Dispatch, all: u32, stats: &mut Stats) -> Result<()> {
         let (mut done, all) = (0, all as usize);
         while done < all {
-            let part = self.part;
+            let batch = self.query_batch;
             let constants = Dispatch { counter: SHADE, rank: done as u32, ..*constants };
-            let groups = self.kernels.query.groups(part.min(all - done));
+            let groups = self.kernels.query.groups(batch.min(all - done));
             self.recorder.dispatch("shell_query", &self.kernels.query, &bindings.query, &constants, groups)?;
             if all <= MIN_QUERY_BATCH {
                 return Ok(());
             }
             let factor = size_factor(stats.submit(&mut self.recorder)?);
-            done += part;
+            done += batch;
+            // A last batch that was not full and took less than the target time says nothing about a full one.
             if factor < 1.0 || done <= all {
                 let max = self.capacity.max(MIN_QUERY_BATCH);
-                self.part = ((self.part as f64 * factor) as usize).clamp(MIN_QUERY_BATCH, max) / MIN_QUERY_BATCH
-                    * MIN_QUERY_BATCH;
+                let size = ((batch as f64 * factor) as usize).clamp(MIN_QUERY_BATCH, max);
+                self.query_batch = size / MIN_QUERY_BATCH * MIN_QUERY_BATCH;
             }
         }
         Ok(())
     }
 
-    /// Connects the shade points, `max` at most, to what was found for them and adds it to their paths.
+    /// Records the connections of the shade points (at most `max`) to their live candidates, and adds the contributions to the
+    /// radiance of their paths.
     fn record_connections(&mut self, bindings: &SensorBindings, constants: &Dispatch, max: u32) -> Result<()> {
         let at = |counter: u32| Dispatch { counter, ..*constants };
         let lists = Dispatch { list_a: CANDIDATES, list_b: NONE, ..at(SHADE) };

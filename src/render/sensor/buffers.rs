@@ -1,4 +1,4 @@
-//! Buffers of the sensor subpaths: what they need, their names in WGSL, and reading the film back.
+//! Buffers of the sensor subpaths: their sizes, their names in WGSL, and reading the film back.
 
 use super::TileSample;
 use crate::error::Result;
@@ -30,7 +30,7 @@ pub struct Buffers<A: Allocate = Device> {
 }
 
 impl<A: Allocate> Buffers<A> {
-    /// For `paths` paths with `slots` candidates a shade point.
+    /// Buffers for `paths` paths with `slots` candidate slots per shade point.
     pub fn new(to: &A, plan: &Plan, paths: usize, slots: usize) -> Result<Buffers<A>> {
         let few = "use a smaller --resolution or fewer --queries";
         let entries = paths * slots.max(1);
@@ -83,13 +83,14 @@ impl Buffers {
         ]
     }
 
-    /// Records that the submit ends with the film being there for [`Buffers::add_film`].
+    /// Records the copy of the film to the host, for [`Buffers::add_film`].
     pub fn read_film(&self, recorder: &mut Recorder) -> Result<()> {
         recorder.read_back(&self.film, self.film.buffer().size())?;
         recorder.read_back(&self.film_tallies, self.film_tallies.buffer().size())
     }
 
-    /// Adds the film to `image`, calls `visit` with what was added and the sum, and returns its tallies, added up.
+    /// Adds the film to `image` (RGB) and calls `visit` with the film and the resulting image. Returns the film's tallies,
+    /// summed over the pixels: dropped contributions, shadow rays, contributions inside the gate, candidates.
     pub fn add_film(&self, image: &mut [f32], visit: impl FnOnce(&[[f32; 4]], &[f32])) -> Result<[u64; 4]> {
         let pixels = image.len() / 3;
         self.film.with::<[f32; 4], _>(pixels, |film| {

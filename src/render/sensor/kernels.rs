@@ -1,4 +1,4 @@
-//! Kernels of the sensor subpaths, and what is bound to them.
+//! The kernels of the sensor subpaths and their descriptor sets.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::render::device_scene::DeviceScene;
 use crate::render::plan::Plan;
 use crate::render::pool::DevicePool;
 
-/// Compiled kernels; they do not depend on any buffer.
+/// The compiled kernels. They do not depend on any buffer.
 pub struct Kernels {
     pub start: Kernel,
     pub trace: Kernel,
@@ -21,7 +21,7 @@ pub struct Kernels {
     pub resolve: Kernel,
 }
 
-/// Descriptor sets for one pool; `[0]` where bounce numbers are even.
+/// Descriptor sets for one pool. Of two sets, `[0]` is for even and `[1]` for odd bounces.
 pub struct SensorBindings {
     pub start: Bindings,
     pub trace: [Bindings; 2],
@@ -48,7 +48,7 @@ impl Kernels {
         })
     }
 
-    /// Descriptor sets over the scene, a pool and the buffers of a tracer.
+    /// Creates the descriptor sets over the scene, a pool and the buffers of a tracer.
     pub fn bind(&self, b: &Buffers, scene: &DeviceScene, pool: &DevicePool) -> Result<SensorBindings> {
         let k = self;
         let shared = || {

@@ -1,4 +1,4 @@
-//! The sensor subpaths as they are observed: without a film, every contribution shown.
+//! Traces sensor subpaths without a film and reports every contribution to the host.
 
 use super::*;
 use crate::render::plan::Observe;
@@ -6,21 +6,21 @@ use crate::wgsl::layout::Candidate;
 
 /// A contribution of a sensor subpath.
 pub struct SensorContribution {
-    /// For [`Observe::Strategies`] without its MIS weight.
+    /// Value for one sample of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
     pub rgb: [f32; 3],
-    /// For [`Observe::Times`] the travel time, for [`Observe::Strategies`] the MIS weight.
+    /// With [`Observe::Times`] the travel time in units of the render space; with [`Observe::Strategies`] the MIS weight.
     pub tau_or_weight: f32,
-    /// Row-major in the crop.
+    /// Row-major index in the crop.
     pub pixel: u32,
-    /// Vertices of the sensor subpath, the pinhole included.
+    /// Number of vertices of the sensor subpath, the pinhole included.
     pub t: u32,
-    /// Light vertex of the pool it was connected to; none for an emitter that was hit.
+    /// Index in the pool of the connected light vertex; `None` if the subpath hit an emitter.
     pub vertex: Option<usize>,
 }
 
 impl SensorTracer {
-    /// As [`SensorTracer::run`] for a plan that observes, one submit per bounce. `visit` is called with every emitter that was hit and
-    /// every connection that was not blocked.
+    /// As [`SensorTracer::run`], for a plan that observes contributions. The host waits for each bounce. Calls `visit` with
+    /// every emitter hit and every connection that is not blocked.
     pub fn observe(
         &mut self,
         plan: &Plan,
@@ -47,7 +47,7 @@ impl SensorTracer {
         Ok(())
     }
 
-    /// Shows what the bounce has found of a tile.
+    /// Calls `visit` with the contributions that `bounce` has found for a tile.
     fn show(
         &self,
         plan: &Plan,
@@ -64,7 +64,7 @@ impl SensorTracer {
             SensorContribution { rgb: [r, g, b], tau_or_weight, pixel, t: bounce + 2, vertex }
         };
 
-        // Emitters that were hit, by the paths that were traced.
+        // Emitter hits of the traced paths.
         let traced = b.living[parity].to_vec::<u32>(length(LIVING[parity]))?;
         b.emitted.with::<[f32; 4], _>(self.capacity, |emitted| {
             let lit = traced.iter().map(|&path| (emitted[path as usize], path)).filter(|(e, _)| *e != [0.0; 4]);
@@ -74,7 +74,7 @@ impl SensorTracer {
         if length(SHADE) == 0 {
             return Ok(());
         }
-        // Connections; a negative value marks those for which no ray was traced.
+        // Connections. A negative fourth component marks a connection for which no shadow ray was traced.
         let slots = b.slot_list.to_vec::<u32>(length(CANDIDATES))?;
         let shade_list = b.shade_list.to_vec::<u32>(length(SHADE))?;
         let entries = self.capacity * self.slots as usize;

@@ -1,4 +1,5 @@
-//! What the sensor subpaths keep from iteration to iteration, made anew where a pool outgrows it.
+//! The objects of phase 3 that stay from iteration to iteration. They are created again if the pool of an iteration outgrows
+//! them.
 
 use std::sync::Arc;
 
@@ -14,7 +15,7 @@ pub struct SensorPhase {
     ready: Option<Ready>,
 }
 
-/// Sensor subpaths that can be traced: the pool of the iteration is on the device.
+/// Everything that sensor tracing needs; the pool of the iteration is on the device.
 pub struct Ready {
     tracer: SensorTracer,
     pool: DevicePool,
@@ -26,7 +27,8 @@ impl SensorPhase {
         SensorPhase { device: device.clone(), compaction, ready: None }
     }
 
-    /// Puts the pool and the frame of an iteration on the device; makes buffers and descriptor sets anew where they are too small.
+    /// Uploads the pool and the frame of an iteration. Creates new buffers and descriptor sets if the present ones are too
+    /// small.
     pub fn prepare(
         &mut self,
         plan: &Plan,
@@ -70,7 +72,7 @@ impl SensorPhase {
 }
 
 impl Ready {
-    /// As [`SensorTracer::run`].
+    /// See [`SensorTracer::run`].
     pub fn run(
         &mut self,
         plan: &Plan,
@@ -82,7 +84,7 @@ impl Ready {
         self.tracer.run(plan, &self.bindings, counts, image, visit, stats)
     }
 
-    /// As [`SensorTracer::observe`].
+    /// See [`SensorTracer::observe`].
     pub fn observe(
         &mut self,
         plan: &Plan,

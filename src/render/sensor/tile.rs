@@ -1,9 +1,9 @@
-//! A tile of sensor subpaths, from the samples to the film.
+//! Renders one tile of sensor subpaths, from its samples to the film.
 
 use super::*;
 use crate::render::submit_size::next_tile_size;
 
-/// Bounces that one submit holds at most where the host does not look at each: beyond them hardly a path lives.
+/// Maximum number of bounces per submit if the host does not wait for each bounce. Few paths live longer.
 const MAX_BOUNCES_PER_SUBMIT: u32 = 16;
 
 impl SensorTracer {
@@ -33,7 +33,7 @@ impl SensorTracer {
         Ok(())
     }
 
-    /// Records the start of a path for every sample; returns what all dispatches of the tile share.
+    /// Records the start of one path per sample. Returns the constants that all dispatches of the tile share.
     pub(super) fn start_tile(&mut self, bindings: &SensorBindings, samples: &[TileSample]) -> Result<Dispatch> {
         let (k, b) = (&self.kernels, &mut self.buffers);
         let count = samples.len() as u32;
@@ -48,7 +48,7 @@ impl SensorTracer {
         Ok(constants)
     }
 
-    /// Runs the bounces one by one, as long as there are paths. Returns the seconds of the longest submit that traced them.
+    /// Runs the bounces, one submit each, until no path lives. Returns the seconds of the longest submit that traced paths.
     fn run_bounces(
         &mut self,
         plan: &Plan,
@@ -68,8 +68,8 @@ impl SensorTracer {
         Ok(longest)
     }
 
-    /// Records all bounces, without looking at what one of them has left, in one submit if they are not very many; the last is
-    /// left to the caller. Returns the seconds of the longest.
+    /// Records all bounces without waiting for each of them. Submits after every [`MAX_BOUNCES_PER_SUBMIT`] bounces and
+    /// leaves the last submit to the caller. Returns the seconds of the longest submit made here, 0 if there was none.
     fn record_bounces(
         &mut self,
         plan: &Plan,
@@ -91,7 +91,7 @@ impl SensorTracer {
         Ok(longest)
     }
 
-    /// Records the means over the samples of each pixel, and reads the film with the last tile.
+    /// Records the kernel that averages the samples of each pixel. With the last tile, the submit also reads the film back.
     fn record_film(&mut self, bindings: &SensorBindings, constants: &Dispatch, is_last: bool) -> Result<()> {
         let resolve = &self.kernels.resolve;
         let groups = resolve.groups(constants.count as usize);

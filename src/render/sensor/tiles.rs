@@ -1,16 +1,16 @@
-//! The samples of an iteration, tile by tile.
+//! Divides the samples of an iteration into tiles.
 
 use crate::render::samples::SampleCounts;
 use crate::settings::Crop;
 
-/// Pixels along a block: samples run block by block, so that the paths of a tile stay near each other.
+/// Side of a block in pixels. Samples run block by block, so that the paths of a tile stay near each other.
 const BLOCK: u32 = 8;
 
-/// A sample of a tile, as `samples.wgsl` has it: its pixel in the whole film; its number among the pixel's, and how many those
-/// are, in 16 bits each.
+/// A sample of a tile, in the layout of `samples.wgsl`. Word 0: its pixel in the whole film (see [`film_pixel`]). Word 1: its
+/// index among the samples of the pixel (low 16 bits) and their number (high 16 bits).
 pub type TileSample = [u32; 2];
 
-/// Lists the samples of an iteration, whole pixels a tile.
+/// Lists the samples of an iteration, tile by tile. All samples of a pixel are in the same tile.
 pub struct Tiles<'a> {
     crop: Crop,
     counts: &'a SampleCounts,
@@ -28,7 +28,8 @@ impl<'a> Tiles<'a> {
         self.position == self.crop.width() * self.crop.height()
     }
 
-    /// The next tile: as many pixels as have `max` samples together, one at least; and whether it is the last. None after that.
+    /// The samples of the next tile, and whether it is the last one; `None` after the last. A tile holds at most `max`
+    /// samples, but always at least one pixel.
     pub fn next(&mut self, max: usize) -> Option<(&[TileSample], bool)> {
         self.samples.clear();
         while !self.is_empty() {
@@ -45,8 +46,8 @@ impl<'a> Tiles<'a> {
     }
 }
 
-/// Row-major pixel of the crop at a position in the order in which samples run: rows of blocks, blocks from left to right,
-/// rows in a block.
+/// Row-major index in the crop of the pixel at `position` in sample order: strips of blocks from top to bottom, blocks of a
+/// strip from left to right, pixels of a block row by row.
 fn pixel_at(crop: Crop, position: u32) -> u32 {
     let (width, height) = (crop.width(), crop.height());
     let (strip, in_strip) = (position / (BLOCK * width), position % (BLOCK * width));
@@ -56,7 +57,7 @@ fn pixel_at(crop: Crop, position: u32) -> u32 {
     (strip * BLOCK + in_block / columns) * width + block * BLOCK + in_block % columns
 }
 
-/// A pixel of the crop in the whole film, column and row in 16 bits each.
+/// Pixel of the whole film for a pixel of the crop: column in the low 16 bits, row in the high 16 bits.
 fn film_pixel(crop: Crop, pixel: u32) -> u32 {
     let (x, y) = (pixel % crop.width(), pixel / crop.width());
     (y + crop.y0) << 16 | (x + crop.x0)
