@@ -1,74 +1,76 @@
-//! The one error type of the library. A variant says who must act; the message names the file or flag and the remedy.
+//! The error type of the library. The variant tells who can solve the problem. The message names the file or flag and the
+//! remedy.
 
 #![warn(missing_docs)]
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What went wrong, sorted by who can mend it. `Display` is one sentence without a trailing full stop.
+/// An error of the library. Each variant stands for the person who can solve the problem. `Display` writes one sentence
+/// without a full stop at the end.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The scene file (or a file it refers to) must be changed.
+    /// The scene file, or a file it refers to, must be changed.
     #[error("{}: {message}", path.display())]
     Scene {
-        /// The scene file; `the scene` for one that was built from arrays.
+        /// The scene file, or `the scene` for a scene that was built from arrays.
         path: PathBuf,
-        /// What is wrong with it, and the remedy.
+        /// The problem, and the remedy.
         message: String,
     },
 
-    /// A setting must be changed: a flag, a key of the experiment file, an argument.
+    /// A setting must be changed: a flag, a key of the experiment file, or an argument.
     #[error("{0}")]
     Settings(String),
 
-    /// A kernel does not compile or its interface does not fit: a defect of taugate itself.
+    /// A kernel does not compile, or its bindings do not match. This is a defect of taugate.
     #[error("shader: {0}")]
     Shader(String),
 
-    /// No usable Vulkan device, too little memory, or the device was lost.
+    /// There is no usable Vulkan device, its memory is too small, or it was lost.
     #[error("device: {0}")]
     Device(String),
 
-    /// A file does not hold what it should.
+    /// A file has the wrong contents, or its name cannot be used.
     #[error("{}: {message}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it, and the remedy.
+        /// The problem, and the remedy.
         message: String,
     },
 
-    /// The system does not let a file be read or written.
+    /// The operating system cannot read or write a file.
     #[error("{}: {message}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What could not be done, why, and the remedy.
+        /// The action that failed, its cause, and the remedy.
         message: String,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
 }
 
-/// Who can mend an [`Error`].
+/// The person who can solve the problem behind an [`Error`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorKind {
-    /// Whoever made the scene.
+    /// The author of the scene.
     Scene,
-    /// Whoever chose the settings.
+    /// The user who chose the settings.
     Settings,
     /// The authors of taugate.
     Shader,
-    /// Whoever runs the machine: driver, device, memory.
+    /// The administrator of the machine: driver, device, memory.
     Device,
-    /// Whoever owns the file or the folder.
+    /// The owner of the file or the folder.
     File,
 }
 
 impl Error {
-    /// Who can mend it.
+    /// Returns who can solve the problem.
     pub fn kind(&self) -> ErrorKind {
         match self {
             Error::Scene { .. } => ErrorKind::Scene,

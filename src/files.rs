@@ -1,4 +1,4 @@
-//! Writing files so that a reader never sees half of one.
+//! Reads and writes files with clear errors. A reader never sees a half-written file.
 
 use std::fs::File;
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 
-/// Writes through a temporary file in the same folder that is flushed to disk and renamed at the end. On any error
-/// the temporary file is removed and what stood at `path` before is untouched.
+/// Writes a temporary file in the same folder, flushes it to disk and renames it to `path`. After an error the temporary
+/// file is removed, and an old file at `path` is unchanged.
 pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     let temporary = temporary_beside(path)?;
     let fail = |e: io::Error| write_error(path, e);
@@ -17,15 +17,17 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) ->
     writer.into_inner().map_err(|e| fail(e.into_error()))?.sync_all().map_err(fail)?;
     temporary.persist(path).map_err(|e| fail(e.error))?;
 
-    // The rename itself reaches the disk with the folder. Not every file system can do that, and the file is whole.
+    // The rename is safe on disk after the folder is flushed. Some file systems cannot flush a folder; the file is complete
+    // without it, so errors are ignored.
     let _ = File::open(folder_of(path)).and_then(|folder| folder.sync_all());
     Ok(())
 }
 
-/// Fails as [`write_atomically`] would before any work is done: missing folder, no permission, not a plain file.
+/// Fails if [`write_atomically`] would fail: missing folder, no permission, full disk, or no plain file. Programs call this
+/// function before long work.
 pub fn check_writable(path: &Path) -> Result<()> {
     let mut temporary = temporary_beside(path)?;
-    // One byte tells a full disk from one with room.
+    // Writing one byte fails if the disk is full.
     temporary.write_all(&[0]).map_err(|e| write_error(path, e))
 }
 
@@ -33,12 +35,12 @@ fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
     if path.file_name().is_none() {
         return Err(Error::File { path: path.into(), message: "this is not the name of a file".into() });
     }
-    // `Path` forgets a last slash, the system does not.
+    // `Path` ignores a slash at the end, but the operating system does not.
     if path.as_os_str().to_string_lossy().ends_with(std::path::is_separator) {
         return Err(Error::File { path: path.into(), message: "this is the name of a folder; name a file".into() });
     }
     match std::fs::metadata(path) {
-        // A device or a folder would be replaced, not written to.
+        // The rename would replace a device instead of writing to it.
         Ok(metadata) if !metadata.is_file() => {
             let message = "exists and is not a plain file; choose another name".into();
             return Err(Error::File { path: path.into(), message });
@@ -50,7 +52,7 @@ fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
     builder.prefix(".taugate-").suffix(".tmp");
     #[cfg(unix)]
     {
-        // The mode of any new file, less the user's umask; temporary files are private otherwise.
+        // The usual mode of a new file, less the user's umask. By default a temporary file is private.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
@@ -64,7 +66,8 @@ fn folder_of(path: &Path) -> PathBuf {
     }
 }
 
-/// Whether writing `file` would write to `other`, or into it where that is a folder, however the two are spelled.
+/// Whether `file` is the same file as `other`, or lies in the folder `other`. Both paths are resolved first, so links and
+/// relative paths do not matter.
 pub fn lies_in(file: &Path, other: &Path) -> bool {
     let real = |path: &Path| {
         let folder = std::fs::canonicalize(folder_of(path)).ok()?;
@@ -73,7 +76,7 @@ pub fn lies_in(file: &Path, other: &Path) -> bool {
     real(file).zip(real(other)).is_some_and(|(file, other)| file.starts_with(other))
 }
 
-/// What went wrong while writing `path`, with the remedy.
+/// The error for a failed write of `path`, with the remedy.
 fn write_error(path: &Path, error: io::Error) -> Error {
     let folder = folder_of(path);
     let folder = folder.display();
@@ -82,10 +85,10 @@ fn write_error(path: &Path, error: io::Error) -> Error {
             format!("cannot be written: the folder {folder} does not exist; create it or choose another name")
         }
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
-            format!("cannot be written: no permission in the folder {folder}; choose a folder of yours")
+            format!("cannot be written: no permission in the folder {folder}; choose a folder where you may write")
         }
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
-            format!("cannot be written: {folder} has no room left; free some or choose another disk")
+            format!("cannot be written: {folder} has no space left; free some space or choose another disk")
         }
         ErrorKind::InvalidFilename => "cannot be written: the name is too long or not allowed; choose another".into(),
         _ => format!("cannot be written: {error}"),
@@ -93,9 +96,9 @@ fn write_error(path: &Path, error: io::Error) -> Error {
     Error::io(path, message, error)
 }
 
-/// Bytes of a plain file that can be opened; else an error with the remedy.
+/// Returns the size in bytes of a plain file that can be opened. Otherwise returns an error with the remedy.
 pub fn check_readable(path: &Path) -> Result<u64> {
-    // A pipe would keep whoever opens it waiting.
+    // Opening a pipe would block.
     let metadata = std::fs::metadata(path).map_err(|e| read_error(path, e))?;
     if !metadata.is_file() {
         return Err(Error::File { path: path.into(), message: "is not a plain file; check the name".into() });
@@ -104,11 +107,11 @@ pub fn check_readable(path: &Path) -> Result<u64> {
     Ok(metadata.len())
 }
 
-/// What went wrong while reading `path`, with the remedy.
+/// The error for a failed read of `path`, with the remedy.
 pub(crate) fn read_error(path: &Path, error: io::Error) -> Error {
     let message = match error.kind() {
         ErrorKind::NotFound => "no such file; check the name".into(),
-        ErrorKind::PermissionDenied => "no permission to read this file".into(),
+        ErrorKind::PermissionDenied => "no permission to read this file; change its permissions".into(),
         _ => format!("cannot be read: {error}; check the name"),
     };
     Error::io(path, message, error)
@@ -131,7 +134,7 @@ mod tests {
             w.write_all(b"sec")?;
             Err(ErrorKind::StorageFull.into())
         });
-        assert!(error.unwrap_err().to_string().contains("no room left"));
+        assert!(error.unwrap_err().to_string().contains("no space left"));
         assert_eq!(std::fs::read(&path).unwrap(), b"first");
         assert_eq!(names(folder.path()), ["out.exr"]);
         write_atomically(&path, |w| w.write_all(b"third")).unwrap();

@@ -1,21 +1,21 @@
-//! taugate renders what a time-gated sensor sees: of all the light in a scene, only the photons whose total
-//! travel time falls inside a gate.
+//! taugate renders the image of a time-gated sensor: it shows only the photons whose total travel time falls inside a
+//! gate.
 //!
-//! A [`Scene`] comes from arrays or, with [`load_scene`], from a glTF file. [`Settings`] say what is measured and how. A [`Renderer`]
-//! adds iterations to a [`Film`] on a Vulkan [`Device`]; [`write_exr`] writes the film, and [`compare`] measures its error against a
-//! reference. A complete program, `examples/render_gate.rs`:
+//! A [`Scene`] is built from arrays or, with [`load_scene`], read from a glTF file. [`Settings`] choose camera, gate and
+//! estimator. A [`Renderer`] adds iterations to a [`Film`] on a Vulkan [`Device`]. [`write_exr`] writes the film, and
+//! [`compare`] measures its error against a reference. A complete program, `examples/render_gate.rs`:
 //!
 //! ```no_run
 #![doc = include_str!("../examples/render_gate.rs")]
 //! ```
 //!
-//! Lengths are metres. Travel times are metres of optical path, with the speed of light 1. The method is Algorithm 1 of
-//! "Light-Cone Shell Queries for Scalable Time-Gated Rendering"; `docs/ARCHITECTURE.md` is the map of the sources, and
-//! `docs/PAPER.md` says which function implements which equation.
+//! Lengths are in metres. Travel times are metres of optical path; the speed of light is 1. The method is Algorithm 1 of the
+//! paper "Light-Cone Shell Queries for Scalable Time-Gated Rendering". `docs/ARCHITECTURE.md` describes the sources, and
+//! `docs/PAPER.md` lists the function for each equation.
 
 #![warn(missing_docs)]
 
-// No part of the API, and documented for who changes them. Files with types of the API ask for more.
+// These modules are not part of the API. Files that define types of the API warn about missing docs themselves.
 #[allow(missing_docs)]
 mod bench;
 #[allow(missing_docs)]
@@ -67,7 +67,8 @@ pub use settings::{
     Budget, Crop, Emitters, Estimator, Importance, Response, Responses, Sampling, Settings, Strategies,
 };
 
-/// For the program, the tests and the benches of this package. No part of the API: anything here may change at any time.
+/// All modules, for the program, the tests and the benches of this package. They are not part of the API and may change at any
+/// time.
 #[doc(hidden)]
 #[allow(missing_docs)]
 pub mod internals {

@@ -1,4 +1,4 @@
-//! The command `taugate`: turns an error chain into one message and an exit code.
+//! The program `taugate`. `main` turns an error into one message and an exit code.
 
 mod app;
 
@@ -10,12 +10,12 @@ use taugate::{Error, ErrorKind};
 use crate::app::render::NotFinite;
 
 fn main() -> ExitCode {
-    // clap prints its own messages: 0 after --help, 2 after a mistake.
+    // clap prints its own messages and exits with 0 after --help, with 2 after a wrong flag.
     let cli = app::cli::Cli::parse();
     match app::run(cli) {
         Ok(code) => code,
         Err(error) => {
-            // A message of the library is whole: it says in its own words what the system said.
+            // A message of the library already contains the cause, so its sources are not printed again.
             match error.downcast_ref::<Error>() {
                 Some(error) => app::say(&format!("error: {error}")),
                 None => app::say(&format!("error: {error:#}")),
@@ -25,7 +25,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// 2: the user can mend it; 3: non-finite samples under --strict; 4: the device, or a defect of taugate's kernels.
+/// 2: the user can solve the problem; 3: non-finite samples with --strict; 4: device error, or a defect of taugate's kernels.
 fn exit_code(error: &anyhow::Error) -> u8 {
     if error.is::<NotFinite>() {
         return 3;

@@ -31,7 +31,7 @@ use super::progress::Progress;
 use crate::app::cli::BenchArgs;
 use shown::{SuiteProgress, command, text};
 
-/// A suite after the changes by flags, and those of its scenes that are on this machine.
+/// A suite, changed by the flags, with the scenes that are on this machine.
 struct Bench {
     suite: Suite,
     out: PathBuf,

@@ -140,7 +140,7 @@ fn of_file(error: Error, scene: &Path) -> Error {
     }
 }
 
-/// The flags or, if the input is an experiment file, its keys with the flags in front. `scene` is set in the result.
+/// The experiment to render. If the input is an experiment file, flags take precedence over its keys. `scene` is always set.
 fn read_experiment(args: RenderArgs) -> Result<Experiment> {
     let input = args.input.clone();
     let mut typed = args.into_experiment();

@@ -32,7 +32,7 @@ pub struct Entry {
     pub settings: Settings,
     /// The experiment with these settings, as TOML without scene, seed, samples and time.
     pub config: String,
-    /// Fingerprint of scene, settings and renderer. Rows of a table with this fingerprint were measured with the same three.
+    /// Fingerprint of scene, settings and renderer. Rows with the same fingerprint can be compared and kept.
     pub fingerprint: String,
     /// File name of the reference for these settings. Variants with the same strategies and maximum depth share one.
     pub reference: String,

@@ -67,9 +67,9 @@ fn over_blocks(image: &[f32], width: usize) -> Vec<f32> {
     out
 }
 
-/// Renders every variant for a short time, and settings that may be faster: estimators such as `bdpt` and `lcs` with their
-/// defaults and, because more are expensive for small images, with at most one light path per pixel. `None` if `watch` stops
-/// the work.
+/// Renders every variant for a short time. Also renders settings that may be faster: estimators such as `bdpt` and `lcs` with
+/// their defaults, and the same with at most one light path per pixel, which suits small images. `None` if `watch` stops the
+/// work.
 pub fn pilots(
     device: &Device,
     job: &Job,

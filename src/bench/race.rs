@@ -41,7 +41,8 @@ impl<'a> Race<'a> {
     }
 
     /// One repetition: every variant renders for `seconds`. `watch` is called after each turn with the seconds of that turn and
-    /// returns whether to continue. Returns one row per variant and time point, or `None` if `watch` stopped the work.
+    /// returns whether to continue. Returns the rows, at most one per variant and time point, or `None` if `watch` stopped the
+    /// work.
     pub fn run(
         &mut self,
         repetition: u32,
