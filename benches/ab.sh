@@ -3,9 +3,9 @@
 #
 #     benches/ab.sh OLD_BINARY NEW_BINARY SCENE...
 #
-# Each scene is rendered by every estimator, steady and through a gate at the median arrival, ROUNDS times (default 7) after one
-# round that is not counted. The ratio is NEW over OLD of render_seconds within a round: below 1 the new one is faster. The median
-# is printed with the least and the greatest. Environment: ROUNDS, RESOLUTION (160x120), SPP (16), ESTIMATORS, GATE. Needs python3.
+# Every estimator renders each scene without a gate and with a gate at the median arrival time, ROUNDS times (default 7) after one
+# round that does not count. The ratio is render_seconds of NEW / OLD in the same round: below 1, NEW is faster. The table shows its
+# median, minimum and maximum. Environment variables: ROUNDS, RESOLUTION (160x120), SPP (16), ESTIMATORS, GATE. Needs python3.
 set -euo pipefail
 
 [ $# -ge 3 ] && [ -x "$1" ] && [ -x "$2" ] || { sed -n '2,8s/^# \{0,1\}//p' "$0" >&2; exit 2; }
@@ -23,7 +23,7 @@ gate_of() { # The gate that `info` proposes, as A..B.
     "$old" info "$1" 2>/dev/null | sed -n 's/^try  *--gate \([^ ]*\).*/\1/p' | head -n 1
 }
 
-seconds() { # render_seconds of one render; empty where the binary refuses it.
+seconds() { # render_seconds of one render; empty if the binary cannot render the scene.
     local binary=$1
     shift
     "$binary" render "$@" -o "$folder/out.exr" --stats "$folder/out.json" --resolution "$resolution" --spp "$spp" --quiet \
@@ -31,7 +31,7 @@ seconds() { # render_seconds of one render; empty where the binary refuses it.
     python3 -c 'import json, sys; print(json.load(open(sys.argv[1]))["render_seconds"])' "$folder/out.json"
 }
 
-printf '%-28s %-10s %-22s %8s %8s   %s\n' scene estimator gate "old s" "new s" "new / old, median (least to greatest)"
+printf '%-28s %-10s %-22s %8s %8s   %s\n' scene estimator gate "old s" "new s" "new / old, median (min to max)"
 for scene in "$@"; do
     gates=("")
     gate=${GATE:-$(gate_of "$scene")}
@@ -42,7 +42,7 @@ for scene in "$@"; do
             [ -z "$gate" ] || flags+=(--gate "$gate")
             : >"$folder/times"
             for round in $(seq 0 "$rounds"); do
-                # Turns change places, so that neither is always the one behind.
+                # Alternate the order, so that neither binary always runs second.
                 if [ $((round % 2)) = 0 ]; then
                     a=$(seconds "$old" "$scene" "${flags[@]}")
                     b=$(seconds "$new" "$scene" "${flags[@]}")
@@ -61,7 +61,7 @@ import sys
 
 pairs = [tuple(map(float, line.split())) for line in open(sys.argv[1])]
 if not pairs:
-    print("one of the binaries does not render this")
+    print("one of the binaries cannot render this scene")
     sys.exit()
 ratios = [b / a for a, b in pairs]
 old, new = (statistics.median(side) for side in zip(*pairs))

@@ -1,12 +1,14 @@
 #!/bin/sh
-# All suites after each other: references, then races, each suite into a folder of its own under bench-all.
+# Runs all suites, one after the other. Each suite first renders its references, then its variants. Its results are in a folder
+# of its own in bench-all.
 #
 #     cargo build --release
 #     benches/all.sh [DIVISOR [REPETITIONS [SUITE...]]]
 #
-# Every suite gets its own time divided by DIVISOR. With 1 and three repetitions the races alone take some six hours, and references
-# as long again and more; they take up to forty times a suite's time each (twenty is what they need to be good enough), but suites
-# share them where scene, gate and size are the same. What is finished is kept: after an interrupt the same command goes on.
+# The rendering time of every suite is divided by DIVISOR. With DIVISOR 1 and three repetitions, the variants take about six hours,
+# and the references at least as long. A reference takes up to 40 times the time of its suite (about 20 times is enough to be
+# accurate). Suites share references with the same scene, gate and size. After an interrupt, the same command continues with the
+# unfinished parts.
 set -u
 divisor=${1:-1}
 [ $# -gt 0 ] && shift

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Rays a second against Embree on the same triangles with the same rays. Prints a Markdown table.
+"""Compares rays per second with Embree, for the same triangles and the same rays. Prints a Markdown table.
 
     pip install mitsuba numpy      # and a recent LLVM (Debian: libllvm19)
     python3 benches/embree.py [--triangles 200000] [--rounds 5]
 
-`cargo bench --bench throughput -- --rays FILE` traces the rays of the cluttered room and writes them; Mitsuba's Embree then traces the
-same ones in packets as wide as the processor's vectors, on all cores. Rounds alternate; medians, and the spread of the ratios. The
-part of the rays that hit is shown because both must agree on it to be comparable: rays between two points hit where they are blocked.
-Without Mitsuba the script says so and exits with 0.
+`cargo bench --bench throughput -- --rays FILE` traces rays in the cluttered room and writes them to FILE. Mitsuba's Embree then
+traces the same rays on all cores, in packets as wide as the processor's vectors. Rounds alternate. The table shows medians, and the
+range of the ratios. It also shows the fraction of rays that hit a triangle, which must be the same for both; a shadow ray hits if it
+is blocked. Without Mitsuba the script prints a message and exits with 0.
 """
 import argparse
 import os
@@ -27,12 +27,12 @@ if not mi.MI_ENABLE_EMBREE:
     print("skipped: this Mitsuba was built without Embree")
     sys.exit(0)
 
-# As the bench names them, in the order of its file; whether any hit will do, and whether neighbours run alike.
+# Name of the rays in the bench, in the order of its file; whether any hit is enough; whether neighbouring rays are coherent.
 KINDS = [("primary", False, True), ("shadow of primary", True, True), ("bounce", False, False), ("shadow of bounce", True, False)]
 
 
 def read(path):
-    """Corners (n, 3, 3), and the rays of each kind: origin, length, direction, padding."""
+    """Corners of the triangles (n, 3, 3), and the rays of each kind (n, 8): origin, length, direction, padding."""
     words = np.fromfile(path, np.uint32)
     at = 0
 
@@ -65,7 +65,7 @@ def ray_of(rays):
 
 
 def by_embree(scene, ray, any_hit, coherent):
-    """Millions of rays a second, and the part that hit."""
+    """Millions of rays per second, and the fraction that hit."""
     start = time.perf_counter()
     hit = scene.ray_test(ray, coherent=coherent) if any_hit else scene.ray_intersect_preliminary(ray, coherent).is_valid()
     dr.eval(hit)
@@ -91,7 +91,7 @@ def main():
         corners, batches = read(file)
         scene, rays = scene_of(corners), [ray_of(batch) for batch in batches]
         embree = lambda: [by_embree(scene, ray, *kind[1:]) for ray, kind in zip(rays, KINDS)]
-        # The hierarchy and the kernels are made at the first use.
+        # The first call builds the BVH and compiles the kernels.
         hits = [hit for _, hit in embree()]
         for number in range(options.rounds):
             if number > 0:

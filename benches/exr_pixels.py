@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Says whether EXR files hold the same channels with the same bits: exr_pixels.py A.exr B.exr. Exit code 0 or 1.
+"""Tests whether two EXR files have the same channels with the same bits: exr_pixels.py A.exr B.exr. Exit code 0 if equal, else 1.
 
-Attributes (render time, version) may differ. Both files must come from the same encoder, as taugate's do: their
-compressed scan lines are compared byte for byte.
+Attributes such as the render time and the version may differ. The script compares the compressed scan lines byte by byte, so both
+files must come from the same encoder.
 """
 
 import struct
 import sys
 
-# Attributes that decide what the bytes of the pixels mean.
+# Attributes that determine how to read the bytes of the pixels.
 MEANING = {b"channels", b"compression", b"dataWindow", b"lineOrder", b"type"}
 
 
@@ -25,7 +25,7 @@ def pixels(path):
         if name in MEANING:
             meaning[name] = data[at + 4 : at + 4 + size]
         at += 4 + size
-    # Behind the header stands the table of offsets; its first entry is where the scan lines begin.
+    # The table of offsets follows the header. Its first entry is the position of the first scan line.
     (first,) = struct.unpack_from("<Q", data, at + 1)
     return meaning, data[first:]
 

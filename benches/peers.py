@@ -1,21 +1,21 @@
 #!/usr/bin/env python3
-"""Error at equal time against mitransient, a transient renderer that shares no code with this one. Prints a Markdown page.
+"""Compares the error at equal time with mitransient, a transient renderer that shares no code with taugate. Prints a Markdown page.
 
     pip install mitransient mitsuba numpy      # and a recent LLVM (Debian: libllvm19)
     cargo build --release
     python3 benches/peers.py [--time 20] [--size 96] [--repetitions 3] > peers.md
 
-Scenes: the Cornell box, and staircase where the shared scenes are there, both with their area lights. Materials differ between
-the programs, so both get the same simplified scene, written to a temporary folder: every surface diffuse with its base colour
-(textures: their mean), flat normals, no transparency. All programs use every core of the machine, in turns, for the same wall time; loading, hierarchies and
-compilation are excluded (mitransient: after a first pass that is forgotten). Travel times run from the light to the pinhole on both
-sides; Mitsuba starts its rays on the near plane, which is moved to 1e-4.
+Scenes: the Cornell box and, if the shared scenes are on this machine, staircase, both with their area lights. The programs have
+different materials, so both render the same simplified scene from a temporary folder: diffuse surfaces with their base colour (the
+mean of a texture), flat normals, no transparency. The programs take turns, use all cores and render for the same wall time. Loading,
+the BVH and compilation are excluded; mitransient first renders one pass that is discarded. In both programs travel times run from the
+light to the pinhole. Mitsuba starts its rays on the near plane, so this plane is moved to 1e-4.
 
-The reference is the mean of two renders with other seeds, one by each program, of --reference times the time each. A quarter of
-their squared difference estimates its squared error; the page says what its own relMSE is, and warns where results are not at
-least 20 times above it. Both must show the same: means of cells of 16 x 16 pixels in independent batches, by Welch's test with
-Sidak's threshold at 1e-3; where they differ the page says so and the script ends with 1. Without mitransient it says so and exits
-with 0.
+The reference is the mean of two renders with different seeds, one by each program. Each takes --reference times the time of a
+result. A quarter of their squared difference estimates the squared error of the reference. The page states the relMSE of the
+reference itself, and warns if a result is less than 20 times above it. Both renders must agree: Welch's test compares the means of
+cells of 16 x 16 pixels in independent batches, with Sidak's threshold at 1e-3. If they differ, the page says so and the script exits
+with 1. Without mitransient it prints a message and exits with 0.
 """
 import argparse
 import json
@@ -43,7 +43,7 @@ PEER = "mitransient"
 MAX_DEPTH = 24
 MARGIN = 20.0
 CELL = 16
-# Independent renders behind taugate's half of the reference.
+# Number of independent renders in taugate's half of the reference.
 BATCHES = 16
 SIGNIFICANCE = 1e-3
 COMPONENTS = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -66,10 +66,10 @@ def write_glb(path, document, binary):
 
 
 def mean_colour(document, binary, texture, folder):
-    """Mean of a texture's linear R, G, B."""
+    """Mean linear RGB of a texture."""
     image = document["images"][document["textures"][texture]["source"]]
     if "bufferView" not in image:
-        sys.exit("peers.py reads textures inside the scene's own file only")
+        sys.exit("peers.py reads only textures that are inside the scene file; embed the textures")
     view = document["bufferViews"][image["bufferView"]]
     start = view.get("byteOffset", 0)
     path = os.path.join(folder, "texture" + {"image/png": ".png", "image/jpeg": ".jpg"}[image["mimeType"]])
@@ -80,7 +80,7 @@ def mean_colour(document, binary, texture, folder):
 
 
 def simplified(document, binary, folder):
-    """Every surface diffuse and flat, seen from both sides unless it emits."""
+    """The scene with diffuse materials and flat normals. Surfaces are double-sided unless they emit."""
     for material in document["materials"]:
         old = material.get("pbrMetallicRoughness", {})
         textured = old.get("baseColorTexture")
@@ -109,7 +109,7 @@ def accessor(document, binary, index):
     view = document["bufferViews"][a["bufferView"]]
     width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[a["type"]]
     if "byteStride" in view:
-        sys.exit("peers.py reads tightly packed accessors only")
+        sys.exit("peers.py reads only tightly packed accessors; export the scene without interleaving")
     start = view.get("byteOffset", 0) + a.get("byteOffset", 0)
     values = np.frombuffer(binary, COMPONENTS[a["componentType"]], a["count"] * width, start)
     return values.reshape(-1, width)
@@ -117,7 +117,7 @@ def accessor(document, binary, index):
 
 def node_matrix(node):
     if node.get("children"):
-        sys.exit("peers.py reads scenes without a hierarchy of nodes only")
+        sys.exit("peers.py reads only scenes whose nodes have no children; flatten the hierarchy")
     if "matrix" in node:
         return np.array(node["matrix"], dtype=float).reshape(4, 4).T
     x, y, z, w = node.get("rotation", [0.0, 0.0, 0.0, 1.0])
@@ -175,10 +175,10 @@ def mitsuba_mesh(name, corners, faces, material):
 
 
 class Peer:
-    """mitransient, rendering in passes of a sixteenth of the time."""
+    """mitransient, which renders in passes of about a sixteenth of the time."""
 
     def __init__(self, scene):
-        self.scene, self.pass_spp, self.seconds_a_sample = scene, 1, None
+        self.scene, self.pass_spp = scene, 1
         self.render_pass(1)
 
     def render_pass(self, seed):
@@ -186,7 +186,7 @@ class Peer:
         return np.array(frames, dtype=np.float64)[:, :, 0, :3]
 
     def tune(self, seconds):
-        """A pass of each size is compiled and timed before it counts."""
+        """Doubles the samples of a pass until it is long enough. This also compiles the kernels of that size."""
         while True:
             self.render_pass(2)
             start = time.perf_counter()
@@ -197,7 +197,7 @@ class Peer:
             self.pass_spp *= 2
 
     def render(self, seconds, seed):
-        """The image, what it took, its samples a pixel, and the means over cells of every pass."""
+        """Returns the image, the seconds, the samples per pixel, and the means over cells for every pass."""
         self.tune(seconds)
         total, batches, start = 0.0, [], time.perf_counter()
         while time.perf_counter() - start < seconds:
@@ -223,14 +223,14 @@ def relmse(image, reference):
 
 
 def cells(image):
-    """Means over cells of CELL x CELL pixels; those at the edges may be smaller."""
+    """Means over cells of CELL x CELL pixels; cells at the edges may be smaller."""
     rows, columns = range(0, image.shape[0], CELL), range(0, image.shape[1], CELL)
     return np.array([image[y:y + CELL, x:x + CELL].mean(axis=(0, 1)) for y in rows for x in columns])
 
 
 def agreement(a, b):
-    """Greatest |z| between two renders' means over cells, the threshold, the number of means, and the ratio of the whole means with
-    its error. `a` and `b` are batches of cells of channels. Cells known to less than 10 % are taken together."""
+    """Compares two renders. Returns the largest |z| of the means over cells, the threshold, the number of means, the ratio of the
+    image means and its error. `a` and `b` have the shape (batch, cell, channel). Cells with an error above 10 % are merged into one."""
     means, errors = [x.mean(axis=0) for x in (a, b)], [x.std(axis=0, ddof=1) / math.sqrt(len(x)) for x in (a, b)]
     noisy = (np.maximum(*errors) > 0.05 * (means[0] + means[1])).any(axis=1)
     groups = [[cell] for cell in np.flatnonzero(~noisy)] + ([np.flatnonzero(noisy)] if noisy.any() else [])
@@ -288,36 +288,36 @@ def compare(arguments, name, path, gate, folder):
             spent.setdefault(estimator, []).append(seconds)
 
     print(f"\n## {name}\n\n{size[0]} x {size[1]} pixels, gate {gate[0]} m to {gate[1]} m. Reference: {long:g} s by {arguments.judge} and "
-          f"{long:g} s by {PEER}, ratio of their means {ratio:.4f} +- {error:.4f}, own relMSE {own:.2e}. Means of cells: |z| at most "
-          f"{worst:.2f} in {tests}, where {threshold:.2f} is significant.\n")
-    print("| renderer | seconds | samples a pixel | relMSE | times lower than mitransient's |\n|---|---|---|---|---|")
+          f"{long:g} s by {PEER}, ratio of their means {ratio:.4f} +- {error:.4f}, own relMSE {own:.2e}. The largest |z| of {tests} "
+          f"means of cells is {worst:.2f}; {threshold:.2f} is significant.\n")
+    print("| renderer | seconds | samples per pixel | relMSE | times lower than mitransient's |\n|---|---|---|---|---|")
     for estimator in (*ESTIMATORS, PEER):
         ratios = [theirs / mine for theirs, mine in zip(errors[PEER], errors[estimator])]
         print(f"| {estimator} | {np.median(spent[estimator]):.1f} | {np.median(samples[estimator]):.0f} | "
               f"{spread(errors[estimator])} | {spread(ratios)} |")
     best = min(min(e) for e in errors.values())
     if own * MARGIN > best:
-        print(f"\nThe reference's own relMSE is only {best / own:.1f} times below the best result ({MARGIN:.0f} would be enough): ratios "
-              "above are too near 1; give more --reference.")
+        print(f"\nThe relMSE of the reference itself is only {best / own:.1f} times lower than the best result, instead of "
+              f"{MARGIN:.0f} times. So the ratios above are too near 1; raise --reference.")
     if worst > threshold:
-        print("\nThe programs do not show the same image: nothing above can be compared.")
+        print("\nThe images of the two programs differ, so the numbers above cannot be compared.")
     return worst <= threshold
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--binary", default=os.path.join(ROOT, "target/release/taugate"))
-    parser.add_argument("--time", type=float, default=20.0, help="seconds of each renderer and repetition")
+    parser.add_argument("--time", type=float, default=20.0, help="seconds per renderer and repetition")
     parser.add_argument("--size", type=int, default=96, help="pixels of the longer side")
     parser.add_argument("--repetitions", type=int, default=3)
     parser.add_argument("--reference", type=float, default=20.0, help="time of each half of the reference, in units of --time")
     parser.add_argument("--judge", default="bdpt", help="estimator of taugate's half of the reference")
-    parser.add_argument("--scene", action="append", help="cornell or staircase; all that are there unless given")
+    parser.add_argument("--scene", action="append", help="cornell or staircase (may be repeated); default: all that are on this machine")
     arguments = parser.parse_args()
     version = subprocess.run([arguments.binary, "--version"], check=True, capture_output=True, text=True).stdout.strip()
     print(f"# peers\n\n{version}, mitransient {mitransient.__version__}, mitsuba {mi.__version__} (llvm_ad_rgb, transient_path, "
-          f"max_depth {MAX_DEPTH}, rr_depth 5, box filters), {os.cpu_count()} cores. Each renders for {arguments.time:g} s, "
-          f"{arguments.repetitions} repetitions in turns; medians with the least and greatest in brackets. All surfaces diffuse. "
+          f"max_depth {MAX_DEPTH}, rr_depth 5, box filters), {os.cpu_count()} cores. Each renders for {arguments.time:g} s, in turns, in "
+          f"{arguments.repetitions} repetitions. Numbers are medians, with minimum and maximum in brackets. All surfaces are diffuse. "
           "relMSE: mean of (x - r)^2 / (r^2 + eps), eps = (1 % of the mean of r)^2.")
     wanted = arguments.scene or [name for name, _, _ in SCENES]
     unknown = [name for name in wanted if name not in [known for known, _, _ in SCENES]]

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Draws the plots of docs/PERFORMANCE.md into docs/pictures, from what docs/notebook holds.
+"""Draws the plots of docs/PERFORMANCE.md into docs/pictures, from the data in docs/notebook.
 
     pip install matplotlib
     python3 benches/plots.py                                             # draw from the notebook
-    python3 benches/plots.py --growth bench-all/scaling/results.csv      # first take the costs from a new run of the scaling suite
+    python3 benches/plots.py --growth bench-all/scaling/results.csv      # first update growth.csv from a new run of the scaling suite
 
-gate-width.svg: the table of docs/notebook/gate-width.md. growth.svg: docs/notebook/growth.csv, median costs relative to the first step of
-each sweep.
+gate-width.svg shows the table of docs/notebook/gate-width.md. growth.svg shows docs/notebook/growth.csv: median costs relative to the
+first step of each sweep.
 """
 import argparse
 import csv
@@ -23,7 +23,7 @@ DOCS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../docs")
 NOTEBOOK = os.path.join(DOCS, "notebook")
 PICTURES = os.path.join(DOCS, "pictures")
 ESTIMATORS = {"pt": "tab:gray", "bdpt": "tab:blue", "lcs-paper": "tab:green", "lcs": "tab:red"}
-# First word of the scene's name, name of the sweep, column of the results.
+# First word of the scene's name, name of the sweep, column in results.csv.
 SWEEPS = [
     ("triangles", "triangles", "triangles"),
     ("light", "light vertices", "light_vertices"),
@@ -42,11 +42,11 @@ def end_points(path):
 
 
 def growth_rows(path):
-    """(sweep, variant, x, microseconds per sample of a pixel), medians over the repetitions."""
+    """(sweep, variant, x, microseconds per pixel sample), as medians over the repetitions."""
     steps = {}
     for (scene, variant, _), row in end_points(path).items():
         for word, sweep, column in SWEEPS:
-            # Without light subpaths there are no light vertices to sweep.
+            # pt traces no light subpaths, so its number of light vertices does not change.
             if scene.split()[0] == word and not (sweep == "light vertices" and variant == "pt"):
                 step = steps.setdefault((sweep, variant, scene), [])
                 step.append((float(row[column]), float(row["us_per_sample"])))
@@ -64,7 +64,7 @@ def write_growth(path):
 
 def save(figure, name):
     figure.tight_layout()
-    # Without a date and with fixed identifiers the same figures give the same file.
+    # Without a date (and with a fixed svg.hashsalt), the same data gives the same file.
     figure.savefig(os.path.join(PICTURES, name), metadata={"Date": None})
     plt.close(figure)
 
@@ -87,12 +87,12 @@ def draw_growth():
 
 
 def gate_width_rows():
-    """(width, {estimator: (all pixels, without the worst 1 %)}) of the table in gate-width.md."""
+    """Rows of the table in gate-width.md: (width, {estimator: (ratio over all pixels, ratio without the worst 1 %)})."""
     with open(os.path.join(NOTEBOOK, "gate-width.md")) as file:
         for line in file:
             cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
             if re.match(r"[\d.]+ units", cells[0]):
-                # Spreads stand in brackets.
+                # Remove the ranges in brackets.
                 pairs = [[float(value) for value in re.sub(r"\([^)]*\)", "", cell).split(",")] for cell in cells[1:3]]
                 yield float(cells[0].split()[0]), dict(zip(("lcs-paper", "lcs"), pairs))
 

@@ -3,8 +3,8 @@
 #
 #     benches/same_bits.sh OLD_BINARY NEW_BINARY [PATTERN]
 #
-# PATTERN (a bash regular expression) picks some of the images by their arguments. Exit code 0: all are the same, 1: some differ,
-# 2: wrong arguments, 3: a binary does not render one. The scenes are made by NEW_BINARY, so OLD_BINARY needs to know only how to render. Needs python3.
+# PATTERN (a bash regular expression) selects images by their arguments. NEW_BINARY generates the scenes. Needs python3. Exit code
+# 0: all images are equal, 1: some images differ, 2: wrong arguments, 3: a binary cannot render an image.
 set -euo pipefail
 
 [ $# -ge 2 ] && [ -x "$1" ] && [ -x "$2" ] || { sed -n '2,7s/^# \{0,1\}//p' "$0" >&2; exit 2; }
@@ -20,8 +20,8 @@ for name in cornell-box door-ajar zoo-area zoo-punctual zoo-beam; do
     "$new" generate "$name" -o "$name.glb"
 done
 
-# Scene, then flags. Together: every estimator; area light, point, spot, beam; textures, alpha, glass, mirror, gloss; gated and
-# not; uniform and adaptive samples; the switches that change which kernels run.
+# Scene and flags of each image. The list covers every estimator; area, point, spot and beam lights; textures, alpha, glass, mirror
+# and gloss; with and without a gate; uniform and adaptive sampling; and the flags that select kernels.
 images=$(cat <<'LIST'
 cornell-box --estimator pt --spp 16
 cornell-box --estimator pt --gate 6.2m..6.5m --spp 16
@@ -58,12 +58,12 @@ count=0
 while read -r scene flags; do
     [[ "$scene $flags" =~ $pattern ]] || continue
     count=$((count + 1))
-    # The flags are meant to be split into words.
+    # The shell must split the flags into words.
     # shellcheck disable=SC2086
     for side in old new; do
         binary=${!side}
         "$binary" render "$scene.glb" -o "$side.exr" --resolution 48x40 --max-depth 12 --seed 7 --quiet $flags </dev/null ||
-            { echo "the $side binary does not render $scene $flags" >&2; exit 3; }
+            { echo "the $side binary cannot render $scene $flags" >&2; exit 3; }
     done
     if python3 "$here/exr_pixels.py" old.exr new.exr; then
         echo "same    $scene $flags"

@@ -1,9 +1,9 @@
-//! The cluttered room as loose triangles.
+//! The cluttered room as a list of triangles, without instances.
 
 use glam::DAffine3;
 use taugate::internals::generate::{Kind, build};
 
-/// Corners of all triangles, around the camera, and where it stands.
+/// Corners of all triangles, in coordinates with the camera at the origin, and the transform of the camera.
 pub fn cluttered_room(triangles: u32) -> (Vec<[[f32; 3]; 3]>, DAffine3) {
     let scene = build(Kind::ClutteredRoom { triangles });
     let camera = scene.cameras[0].transform;

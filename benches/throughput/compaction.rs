@@ -1,17 +1,19 @@
-//! Compaction of a list of slots: counts, prefix sums and scatter on the device against one loop on the host.
+//! Compaction of a list of slots: counts, prefix sums and scatter on the device, compared with one loop on the host.
 
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::internals::wgsl::layout::constants::{CHUNK, LISTS, SCAN_THREADS};
 use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE};
 
-/// Slots, and those of a hundred that are live.
+/// Number of slots.
 const SLOTS: usize = 1 << 20;
+/// Percentage of live slots.
 const LIVE: usize = 30;
-/// Words of `counters`.
+/// Number of words in `counters`.
 const COUNTERS: usize = 16;
-/// The counter of the slots, and that of the live ones.
+/// Index of the counter that holds the number of slots.
 const FROM: u32 = 2;
+/// Index of the counter that receives the number of live slots.
 const TO: u32 = 3;
 
 pub fn compare(device: &Device) {
@@ -22,16 +24,16 @@ pub fn compare(device: &Device) {
     counters[FROM as usize] = SLOTS as u32;
     let frame = Frame { slots: 1, ..bytemuck::Zeroable::zeroed() };
     let upload = |name, words: &[u32]| Buffer::from_slice(device, name, words, "").expect("upload");
-    let room = |name, words: usize| Buffer::new::<u32>(device, name, words, "").expect("room");
+    let empty = |name, words: usize| Buffer::new::<u32>(device, name, words, "").expect("buffer");
     let buffers = [
         ("frame", upload("frame", bytemuck::cast_slice(&[frame]))),
         ("marks", upload("marks", &marks)),
         ("counters", upload("counters", &counters)),
-        ("source", room("source", 1)),
-        ("chunk_counts", room("chunk counts", 2 * (chunks + chunks.div_ceil(SCAN_THREADS as usize)))),
-        ("list_a", room("live slots", SLOTS)),
-        ("list_b", room("other list", 1)),
-        ("arguments", room("arguments", 6 * LISTS as usize)),
+        ("source", empty("source", 1)),
+        ("chunk_counts", empty("chunk counts", 2 * (chunks + chunks.div_ceil(SCAN_THREADS as usize)))),
+        ("list_a", empty("live slots", SLOTS)),
+        ("list_b", empty("other list", 1)),
+        ("arguments", empty("arguments", 6 * LISTS as usize)),
     ];
     let named: Vec<(&str, &Buffer)> = buffers.iter().map(|(name, buffer)| (*name, buffer)).collect();
     let steps = ["compact_count", "compact_scan", "compact_scatter"].map(|entry| {
@@ -62,7 +64,7 @@ pub fn compare(device: &Device) {
     let there = buffers[5].1.to_vec::<u32>(live).expect("live slots");
     assert_eq!(buffers[2].1.to_vec::<u32>(COUNTERS).expect("counters")[TO as usize] as usize, live);
     let expected: Vec<u32> = (0..SLOTS as u32).filter(|&i| marks[i as usize] == 1).collect();
-    assert!(there == expected, "the device's list differs");
+    assert!(there == expected, "the list of the device differs from that of the host");
     super::report("compaction, one host thread", SLOTS, on_device, || {
         std::hint::black_box(on_host());
     });

@@ -1,5 +1,5 @@
-//! Queries by importance, as `lcs` makes them: stratified traversals from a frontier to leaves of 16, and a vertex of each. What
-//! shell_resample does besides, the BSDFs and MIS weight of one candidate a query, is left out on both sides.
+//! Queries by importance, as in `lcs`: stratified traversals from a frontier to leaves of 16 vertices, and the choice of one vertex
+//! per leaf. Both sides leave out the rest of shell_resample: the BSDFs and the MIS weight of one candidate per query.
 
 use std::collections::VecDeque;
 
@@ -13,8 +13,9 @@ use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE, PathVertex, TreeCh
 
 use super::points::{GATE, Point, hash32, next_bits};
 
-/// Queries a shade point, and vertices a leaf.
+/// Queries per shade point.
 const QUERIES: u32 = 16;
+/// Maximum number of vertices per leaf.
 const LEAF_SIZE: usize = 16;
 const MAX_DEPTH: u32 = 24;
 
@@ -57,7 +58,7 @@ fn bench_importance(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// A shade point with its gate less its travel time.
+/// A shade point: position, normal, and the ends of the gate minus q_tau.
 struct Receiver {
     q: Vec3,
     n: Vec3,
@@ -118,7 +119,7 @@ fn remap_uniform(u: f32, start: f32, part: f32, rng: &mut u32) -> f32 {
     (((u - start).max(0.0) + last_digit * fresh) / part).clamp(0.0, 1.0 - UNIFORM_STEP)
 }
 
-/// Subtrees with the sums of power and importance up to each.
+/// The subtrees of the frontier, each with the cumulative sums of power and importance.
 fn grow_frontier(nodes: &[TreeNode], root: u32, r: &Receiver) -> Vec<(u32, [f32; 2])> {
     let mut frontier = VecDeque::from([(root, [1.0f32; 2])]);
     let mut closed = 0;
@@ -126,7 +127,7 @@ fn grow_frontier(nodes: &[TreeNode], root: u32, r: &Receiver) -> Vec<(u32, [f32;
         if closed >= frontier.len() || frontier.len() >= MAX_SUBTREES as usize {
             break;
         }
-        let (current, weights) = frontier.pop_front().expect("it is not empty");
+        let (current, weights) = frontier.pop_front().expect("the frontier is not empty");
         if current & LEAF_BIT != 0 {
             frontier.push_back((current, weights));
             closed += 1;
@@ -227,7 +228,7 @@ fn vertex(point: &Point) -> PathVertex {
     }
 }
 
-/// Queries that find a vertex: a check of the twin, and the work it is timed by.
+/// Runs all queries on the host. Returns the number of queries that find a vertex, which should match the device.
 fn on_host(tree: &Tree, vertices: &[PathVertex], shade: &[Point]) -> u64 {
     let query = |(i, s): (usize, &Point)| {
         let r = Receiver { q: s.p, n: s.n, lo: GATE[0] - s.tau, hi: GATE[1] - s.tau };

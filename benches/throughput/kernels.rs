@@ -1,4 +1,4 @@
-//! Whole kernels in a render of the cluttered room: millions of their items a second by device timestamps.
+//! Throughput of whole kernels in a render of the cluttered room, in millions of work items per second, by device timestamps.
 
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::gpu::Device;
@@ -9,7 +9,7 @@ use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::values::Resolution;
 
-/// What a kernel works through, as [`Stats`] count it.
+/// A kernel, the name of its work items, and their number in [`Stats`].
 type Items = (&'static str, &'static str, fn(&Stats) -> u64);
 
 const ITEMS: [Items; 5] = [

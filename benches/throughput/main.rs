@@ -1,13 +1,16 @@
-//! The kernels against scalar Rust twins, interleaved in one run:
+//! Compares the throughput of kernels on the device with scalar Rust code on the host, in alternating rounds:
 //!
 //!     cargo bench --bench throughput [-- TRIANGLES]
-//!     cargo bench --bench throughput -- --rays FILE      # rays alone; FILE: what was traced, for benches/embree.py
+//!     cargo bench --bench throughput -- --rays FILE      # rays only; writes them to FILE, for benches/embree.py
 //!
-//! Rays (the traversal of light_trace, sensor_trace and connect): primary, one diffuse bounce and a shadow ray at each hit, in the
-//! cluttered room; host: obvhs' own traversal of the same hierarchy. Queries (shell_query) and queries by importance
-//! (shell_resample): the 4D tree over light vertices of that room; host: scalar twins of the shaders. Compaction; host: one loop.
-//! Hosts use all cores through rayon, but for the compaction. Medians of 7 rounds; the spread is that of the ratios. Last, what
-//! the whole kernels do in a render, shading included, for which there is no twin.
+//! * Rays (the traversal of light_trace, sensor_trace and connect): camera rays, one diffuse bounce, and a shadow ray at each hit,
+//!   in the cluttered room. Host: the traversal of obvhs, with the same BVH.
+//! * Queries (shell_query) and queries by importance (shell_resample), in the 4D tree over light vertices of that room. Host: a
+//!   scalar version of the shaders.
+//! * Compaction. Host: one loop.
+//!
+//! The host uses all cores through rayon, except for the compaction. Results are medians of 7 rounds, with the range of the ratios.
+//! At the end, the throughput of whole kernels in a render, with shading; the host has no code for them.
 
 #[path = "../common/flatten.rs"]
 mod flatten;
@@ -28,7 +31,7 @@ use taugate::internals::gpu::Device;
 const ROUNDS: usize = 7;
 
 fn main() {
-    // Cargo passes --bench.
+    // The first number is the triangle count. Cargo also passes the argument --bench.
     let triangles = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(200_000);
     let device = Device::open(None).expect("a Vulkan device");
     println!("device    {} ({})", device.info().name, device.info().driver);
@@ -49,7 +52,7 @@ fn main() {
     kernels::report(&device);
 }
 
-/// Runs both sides alternately and prints millions a second and their ratio.
+/// Runs both sides in turns. Prints millions of items per second, and the ratio of throughputs, device / host.
 fn report(what: &str, count: usize, mut on_device: impl FnMut(), mut on_host: impl FnMut()) {
     on_device();
     on_host();

@@ -1,4 +1,4 @@
-//! Light vertices and shade points of the room, for the benches of queries.
+//! Light vertices and shade points in the room, for the benches of queries.
 
 use glam::Vec3;
 use taugate::internals::generate::numbers::Pcg;
@@ -6,18 +6,20 @@ use taugate::internals::lightcone::tree::Item;
 
 use super::rays::{BenchRay, Room, cosine};
 
-/// Light vertices of the benches, and the gate in metres.
+/// Number of light vertices.
 pub const VERTICES: usize = 200_000;
+/// The gate in metres.
 pub const GATE: [f32; 2] = [9.0, 9.15];
 
-/// A vertex of a diffuse path: where, the normal towards the vertex before, the travel time so far, what is left of the power.
+/// A vertex of a diffuse path: its position, the normal on the side of the previous vertex, the travel time up to here in metres,
+/// and the remaining power.
 #[derive(Clone, Copy)]
 pub struct Point {
     pub p: Vec3,
     pub n: Vec3,
     pub tau: f32,
     pub power: f32,
-    /// Segments behind it.
+    /// Number of segments up to this vertex.
     pub depth: u32,
 }
 
@@ -27,7 +29,7 @@ impl Point {
     }
 }
 
-/// The vertices of a diffuse path of at most `depth` segments.
+/// Traces a diffuse path with at most `depth` segments and calls `reach` for each vertex.
 fn walk(room: &Room, mut ray: BenchRay, depth: u32, pcg: &mut Pcg, mut reach: impl FnMut(Point)) {
     let (mut tau, mut power) = (0.0, 1.0f32);
     for depth in 1..=depth {
@@ -39,7 +41,7 @@ fn walk(room: &Room, mut ray: BenchRay, depth: u32, pcg: &mut Pcg, mut reach: im
     }
 }
 
-/// Diffuse paths from the light.
+/// [`VERTICES`] vertices of diffuse paths from the light.
 pub fn light_vertices(room: &Room) -> Vec<Point> {
     let mut pcg = Pcg::new(5);
     let mut points = vec![];
@@ -52,7 +54,7 @@ pub fn light_vertices(room: &Room) -> Vec<Point> {
     points
 }
 
-/// First and second hits of a picture.
+/// First and second hits of camera rays in an image of 256 x 256 pixels.
 pub fn shade_points(room: &Room) -> Vec<Point> {
     let (mut pcg, mut points) = (Pcg::new(3), vec![]);
     for i in 0..256 * 256 {
@@ -68,13 +70,13 @@ pub fn hash32(state: u32) -> u32 {
     (word >> 22) ^ word
 }
 
-/// The next state of a query's generator, as bits.
+/// Advances the random number generator of a query; returns 32 random bits.
 pub fn next_bits(rng: &mut u32) -> u32 {
     *rng = rng.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     hash32(*rng)
 }
 
-/// A uniform in [0, 1) in steps of 2^-24.
+/// A uniform random number in [0, 1) in steps of 2^-24.
 pub fn uniform(rng: &mut u32) -> f32 {
     (next_bits(rng) >> 8) as f32 / 16_777_216.0
 }

@@ -1,4 +1,4 @@
-//! Light-cone shell queries: the tree kernel against a scalar twin in Rust.
+//! Light-cone shell queries: the tree kernel compared with a scalar version in Rust.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE, PathVertex, TreeCh
 
 use super::points::{GATE, Point, VERTICES, hash32, uniform};
 
-/// Queries a shade point.
+/// Queries per shade point.
 const QUERIES: u32 = 4;
 
 const KERNEL: &str = "
@@ -35,7 +35,7 @@ fn bench_queries(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// Shell of a shade point: position and gate minus q_tau.
+/// Light-cone shell of a shade point: its position, and the ends of the gate minus q_tau.
 struct Shell {
     q: Vec3,
     lo: f32,

@@ -1,4 +1,4 @@
-//! Closest hits and shadow rays: the traversal kernel against obvhs.
+//! Closest hits and shadow rays: the traversal kernel compared with obvhs.
 
 use std::path::Path;
 
@@ -29,7 +29,7 @@ fn bench_rays(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
-/// The cluttered room, flattened around its camera.
+/// The triangles of the cluttered room, in coordinates with the camera at the origin.
 pub struct Room {
     pub bvh: Bvh,
     pub triangles: Vec<Triangle>,
@@ -39,7 +39,7 @@ pub struct Room {
     forward: Vec3,
 }
 
-/// A ray as the kernel reads it.
+/// A ray, in the layout of the kernel's struct.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct BenchRay {
@@ -72,7 +72,7 @@ impl Room {
         }
     }
 
-    /// Closest triangle and distance, or None.
+    /// Index of the closest triangle and its distance; `None` if the ray hits nothing.
     pub fn closest(&self, r: &BenchRay) -> Option<(usize, f32)> {
         let mut hit = RayHit::none();
         self.bvh.host.ray_traverse(host_ray(r), &mut hit, |ray, i| self.intersect(ray, i));
@@ -83,7 +83,7 @@ impl Room {
         !self.bvh.host.ray_traverse_miss(host_ray(r), |ray, i| self.intersect(ray, i))
     }
 
-    /// Moeller and Trumbore's test on the triangles in leaf order.
+    /// Distance to triangle `i` in leaf order by the test of Moeller and Trumbore; infinite without a hit.
     fn intersect(&self, ray: &Ray, i: usize) -> f32 {
         let t = &self.triangles[i];
         let v0 = Vec3A::from(t.v0);
@@ -104,7 +104,7 @@ impl Room {
         if n.dot(towards) < 0.0 { -n } else { n }
     }
 
-    /// Where a ray lands, just off the surface, and the normal there.
+    /// Hit point of a ray, moved off the surface by 1e-4, and the normal there; `None` if the ray hits nothing.
     pub fn land(&self, r: &BenchRay) -> Option<(Vec3, Vec3)> {
         let (i, t) = self.closest(r)?;
         let n = self.normal(i, -Vec3::from(r.direction));
@@ -120,7 +120,7 @@ fn host_ray(r: &BenchRay) -> Ray {
     Ray::new(Vec3A::from(r.origin), Vec3A::from(r.direction), 0.0, r.t_max)
 }
 
-/// Cosine-distributed direction around n.
+/// Cosine-distributed direction around `n`.
 pub fn cosine(n: Vec3, pcg: &mut Pcg) -> Vec3 {
     let z = 2.0 * pcg.uniform() - 1.0;
     let (sin, cos) = (std::f64::consts::TAU * pcg.uniform()).sin_cos();
@@ -128,15 +128,15 @@ pub fn cosine(n: Vec3, pcg: &mut Pcg) -> Vec3 {
     (n + Vec3::new((r * cos) as f32, (r * sin) as f32, z as f32) * 0.999).normalize()
 }
 
-/// Rays of one kind, traced to their closest hit or to any.
+/// Rays of one kind. `any`: any hit is enough, otherwise the closest hit is found.
 struct Batch {
     name: &'static str,
     rays: Vec<BenchRay>,
     any: bool,
 }
 
-/// Primary rays of a picture of `side` x `side` pixels in blocks of 8 x 8, one diffuse bounce, and a shadow ray at each hit:
-/// in the order in which the renderer traces them.
+/// Camera rays of an image of `side` x `side` pixels, in blocks of 8 x 8 pixels as the renderer traces them; one diffuse bounce;
+/// and a shadow ray at each hit.
 fn mixed_rays(room: &Room, side: usize) -> [Batch; 4] {
     let mut pcg = Pcg::new(11);
     let mut batches = [("primary", false), ("shadow of primary", true), ("bounce", false), ("shadow of bounce", true)]
@@ -156,7 +156,7 @@ fn mixed_rays(room: &Room, side: usize) -> [Batch; 4] {
     batches
 }
 
-/// A batch on the device.
+/// A batch in buffers of the device, with its kernel.
 struct Uploaded {
     kernel: Kernel,
     bound: Bindings,
@@ -182,7 +182,7 @@ impl Uploaded {
     }
 }
 
-/// Hits of closest rays on the device that are not those of the host.
+/// Number of closest hits on the device that differ from the hits on the host.
 fn differing(room: &Room, batch: &Batch, uploaded: &Uploaded) -> usize {
     let hits = uploaded.hits.to_vec::<[f32; 2]>(batch.rays.len()).expect("hits");
     let differs = |(r, h): &(&BenchRay, &[f32; 2])| match room.closest(r) {
@@ -202,7 +202,8 @@ fn on_host(room: &Room, batch: &Batch) {
     assert!(hit > 0);
 }
 
-/// The triangles' corners, then the batches, as 32-bit words behind their number each: what another tracer needs to trace the same.
+/// Writes the corners of the triangles and then the batches, so that another program can trace the same rays. All values are
+/// 32-bit words; each array starts with its number of elements.
 fn write(file: &Path, room: &Room, batches: &[Batch]) {
     let corners: Vec<[[f32; 3]; 3]> = room.triangles.iter().map(|t| [t.v0, t.v1, t.v2]).collect();
     let mut bytes = (corners.len() as u32).to_ne_bytes().to_vec();
@@ -214,7 +215,7 @@ fn write(file: &Path, room: &Room, batches: &[Batch]) {
     std::fs::write(file, bytes).expect("the file of rays can be written");
 }
 
-/// `file`: where to write what is traced.
+/// Prints the throughput of each kind of ray. `file`: where to write the triangles and rays.
 pub fn compare(device: &Device, room: &Room, file: Option<&Path>) {
     let batches = mixed_rays(room, 512);
     if let Some(file) = file {
@@ -230,7 +231,7 @@ pub fn compare(device: &Device, room: &Room, file: Option<&Path>) {
     };
     run(&uploaded);
     let wrong: usize = [0, 2].map(|i| differing(room, &batches[i], &uploaded[i])).iter().sum();
-    println!("rays      {} of each kind; {wrong} closest hits differ from the host's", batches[0].rays.len());
+    println!("rays      {} primary rays; {wrong} closest hits differ between device and host", batches[0].rays.len());
     let total = batches.iter().map(|b| b.rays.len()).sum();
     super::report("mixed rays", total, || run(&uploaded), || batches.iter().for_each(|b| on_host(room, b)));
     for (batch, one) in batches.iter().zip(&uploaded) {
