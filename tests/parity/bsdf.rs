@@ -1,4 +1,5 @@
-//! `bsdf_eval` against f64: value and both densities, reciprocity; conductors and plastics against the oracle as well.
+//! `bsdf_eval` against f64: its value, both densities, and reciprocity. The oracle checks the values of opaque materials
+//! again.
 
 use std::f64::consts::{PI, TAU};
 
@@ -55,7 +56,8 @@ struct Got {
     parts: f32,
 }
 
-/// Random pairs, half of them near the mirror direction or Snell's, where narrow lobes live; some grazing, some exactly so.
+/// Random pairs of directions. Half of them are near the mirrored or refracted direction, where narrow lobes are. Some
+/// directions are close to grazing.
 fn inputs(n: usize) -> Vec<Input> {
     let set = set();
     let mut pcg = Pcg::new(41);
@@ -88,12 +90,14 @@ fn inputs(n: usize) -> Vec<Input> {
         .collect()
 }
 
-/// Relative tolerance of f and densities: narrow lobes (alpha 0.05) raise the rounding of a half vector to the power of
-/// their slope, 4 / alpha, and grazing directions divide it by their cosine.
+/// Relative tolerance of f and of densities. A narrow lobe amplifies the rounding error of the half vector by its slope,
+/// about 4 / alpha (alpha is at least 0.05 here). Grazing directions divide the error by their cosine.
 const TOLERANCE: f64 = 1e-3;
 
-/// Lesser cosine of a refraction to its facet, 1 for reflections. Near total reflection the shader finds it as the root of a
-/// difference that f32 knows to a few 1e-7: what passes, which is nearly nothing, has a relative error of 1e-6 over its square.
+/// The smaller cosine between the two directions of a refraction and the facet; 1 for reflections.
+///
+/// Near total reflection, the shader computes this cosine as the root of a difference, which f32 rounds by a few 1e-7. The
+/// relative error of the transmitted light is then 1e-6 over the squared cosine.
 fn facet_cosine(wl: DVec3, wc: DVec3, front: bool, ior: f64) -> f64 {
     if wl.z * wc.z > 0.0 {
         return 1.0;
@@ -110,7 +114,7 @@ fn values_and_densities_agree_with_f64() {
     let results: Vec<Got> = EVAL.run(&inputs, &set.buffers());
     let (mut reflected, mut refracted, mut oracle) = (0, 0, 0);
     for (g, r) in inputs.iter().zip(&results) {
-        // Of unit length in f64, too: near total reflection both ends of a refraction must agree on the half vector.
+        // Normalize again in f64: near total reflection, the half vector is sensitive to the lengths of both directions.
         let (wl, wc, front) = (dvec(&g.wl).normalize(), dvec(&g.wc).normalize(), g.front == 1);
         let base = g.base.map(f64::from);
         let reference = set.at(g.material as usize, base);
@@ -125,7 +129,7 @@ fn values_and_densities_agree_with_f64() {
         }
         assert_eq!(r.black, 0.0);
         let same = r.parts == r.f[0] || (wl.z < 0.0 && wc.z < 0.0);
-        assert!(same, "{g:?} {r:?}");
+        assert!(same, "bsdf_eval differs from its reflection or transmission part: {g:?} {r:?}");
         if wl.z < 0.0 && wc.z < 0.0 {
             continue;
         }
@@ -141,7 +145,7 @@ fn values_and_densities_agree_with_f64() {
                 );
             }
         }
-        // Reciprocity: radiance over the square of the index does not know the direction of light.
+        // Reciprocity: swapping the directions scales f by the squared ratio of the indices of refraction.
         let index = |z: f64| if (z > 0.0) == front { 1.0 } else { f64::from(m.ior) };
         let ratio = (index(wl.z) / index(wc.z)).powi(2);
         for k in 0..3 {
@@ -157,8 +161,8 @@ fn values_and_densities_agree_with_f64() {
             continue;
         }
         reflected += usize::from(f[0] > 0.0);
-        // The oracle tabulates the coat's albedo more finely towards grazing angles, where 32 linear cells are off by 0.003:
-        // the diffuse part may differ by 1 % of what an uncoated base would give.
+        // The oracle's table of the coat's albedo is finer towards grazing angles. There the 32 linear cells of the
+        // renderer's table are off by 0.003, so the diffuse part may differ by 1 % of an uncoated base.
         if m.transmission == 0.0 {
             let independent = set.prepared[g.material as usize].at(base).eval(wl, wc);
             let coated = if m.specular > 0.0 { f64::from(1.0 - m.metallic) } else { 0.0 };
@@ -169,7 +173,10 @@ fn values_and_densities_agree_with_f64() {
             oracle += 1;
         }
     }
-    assert!(reflected > 40_000 && refracted > 5_000 && oracle > 40_000, "{reflected} {refracted} {oracle}");
+    assert!(
+        reflected > 40_000 && refracted > 5_000 && oracle > 40_000,
+        "{reflected} reflections, {refracted} refractions, {oracle} compared with the oracle"
+    );
 }
 
 #[test]
@@ -189,7 +196,7 @@ fn exactly_grazing_directions_give_nothing() {
     assert!(results.iter().all(|r| r.f == [0.0; 3] && r.to_light == 0.0 && r.to_sensor == 0.0));
 }
 
-/// The density from the far side once took the half vector of a mirrored frame with the direction of an inverted one.
+/// A past bug: the reverse density mixed the half vector of a mirrored frame with the direction of an inverted frame.
 #[test]
 fn the_reverse_density_of_a_rough_refraction() {
     let set = set();
@@ -198,14 +205,15 @@ fn the_reverse_density_of_a_rough_refraction() {
     let input =
         Input { wl: wl.into(), material: rough_glass as u32, wc: wc.into(), front: 1, base: [1.0; 3], pad: 0.0 };
     let r: Vec<Got> = EVAL.run(&[input], &set.buffers());
-    // The same pair with the surface turned over: what was below is above.
+    // The same pair of directions with the surface turned upside down.
     let turn = |w: glam::Vec3| [w.x, -w.y, -w.z];
     let turned = Input { wl: turn(wc), wc: turn(wl), front: 0, ..input };
     let t: Vec<Got> = EVAL.run(&[turned], &set.buffers());
     assert!((r[0].to_sensor / t[0].to_light - 1.0).abs() < 1e-4, "{} {}", r[0].to_sensor, t[0].to_light);
 }
 
-/// KHR_materials_specular scales the whole coat, at grazing angles too; once only its normal reflectance was scaled.
+/// The specular factor of KHR_materials_specular scales the coat at all angles. A past bug scaled only its reflectance at
+/// normal incidence.
 #[test]
 fn specular_below_one_dims_the_coat_at_grazing_angles() {
     let set = set();

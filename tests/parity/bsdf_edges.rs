@@ -1,5 +1,6 @@
-//! All kinds of surfaces at the edges: alpha from the narrowest lobe that is not a delta to 1, directions to 0.1 degrees from
-//! grazing. Samples agree with evaluation, light may run either way, and a white furnace gains nothing.
+//! Edge cases of all kinds of surfaces: alpha from the narrowest lobe that is not a delta up to 1, and angles up to 0.1
+//! degrees from grazing. Samples agree with evaluation, the BSDF is reciprocal, and no surface reflects more light than it
+//! receives.
 
 use std::sync::OnceLock;
 
@@ -15,12 +16,12 @@ use crate::values::{dvec, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&EDGE];
 
-/// The narrowest alpha stays clear of DELTA_ALPHA, 0.001.
+/// The smallest alpha is just above DELTA_ALPHA, 0.001, below which a lobe is a delta.
 pub const ALPHAS: [f64; 5] = [1.05e-3, 0.01, 0.1, 0.5, 1.0];
-/// Degrees from the normal.
+/// Angles from the normal, in degrees.
 pub const ANGLES: [f64; 6] = [0.0, 45.0, 75.0, 85.0, 89.0, 89.9];
 
-/// White surfaces of every kind and alpha; Lambert, mirror and smooth glass last.
+/// White rough surfaces of every kind and alpha, then one diffuse surface and three smooth ones.
 pub fn edges() -> &'static Set {
     static SET: OnceLock<Set> = OnceLock::new();
     SET.get_or_init(|| {
@@ -71,7 +72,7 @@ pub struct Got {
     eval_reverse: f32,
 }
 
-/// A surface seen along one direction.
+/// A surface, and one known direction of light.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     pub material: usize,
@@ -81,9 +82,9 @@ pub struct View {
 }
 
 impl View {
-    /// The known direction, as the device gets it.
+    /// The known direction, rounded to f32 as on the device.
     pub fn w(&self) -> DVec3 {
-        // From the sine: the cosine of 89.9 degrees keeps its digits.
+        // Sine and cosine are computed separately, so that the cosine of 89.9 degrees keeps its digits.
         let (sine, cosine) = self.angle.to_radians().sin_cos();
         DVec3::new(sine * 0.6, sine * 0.8, cosine).as_vec3().as_dvec3()
     }
@@ -95,7 +96,7 @@ impl View {
     }
 }
 
-/// Every surface at every angle, glass from both sides and for both flows.
+/// Every surface at every angle. Glass is seen from both sides, and sampled towards the light and towards the sensor.
 pub fn views() -> Vec<View> {
     let mut views = vec![];
     for (material, m) in edges().kinds.iter().enumerate() {
@@ -110,7 +111,7 @@ pub fn views() -> Vec<View> {
     views
 }
 
-/// Samples of all views, one dispatch.
+/// Samples of all views, from one dispatch. Returns one list per view, with one sample per element of `uniforms`.
 pub fn sample(kernel: &CompiledFunction, views: &[View], uniforms: &[[f32; 4]]) -> Vec<Vec<Got>> {
     let inputs: Vec<Input> = views
         .iter()
@@ -152,19 +153,21 @@ fn samples_agree_with_evaluation_and_light_runs_either_way() {
             compared += 1;
             let (wl, wc) = if view.to_light { (d, view.w()) } else { (view.w(), d) };
             let (index_l, index_c) = (reference.index(wl, view.front), reference.index(wc, view.front));
-            // The length of a direction is off by about 1e-7, so the two cosines to the facet differ by as much over their size.
+            // The length of a direction has an error of about 1e-7. The two cosines to the facet then have a relative
+            // difference of 1e-7 over the cosine.
             let h = (index_l * wl + index_c * wc).normalize();
             let facet = h.dot(wl).abs().min(h.dot(wc).abs());
-            // Vulkan allows `inverseSqrt` 2 ULP, and `normalize` and `reflect` inherit them: reflection at a facet of length 1 + e
-            // returns a direction of length 1 + 4 e. The length of each direction says how far its two cosines are apart.
+            // Vulkan allows `inverseSqrt` an error of 2 ULP, and `normalize` and `reflect` inherit it. Reflection at a facet
+            // of length 1 + e returns a direction of length 1 + 4 e. So the length of a direction shows the error of its
+            // cosines.
             let off = (d.length() - 1.0).abs().max(1e-7);
-            // Towards total reflection Fresnel's terms rise as a root of what is left of the refracted cosine.
+            // Near total reflection, the Fresnel terms depend on the refracted cosine, which is a root of a small difference.
             let ior2 = f64::from(edges().kinds[view.material].ior).powi(2);
             let root = (1.0 - ior2 * (1.0 - facet * facet)).abs().sqrt().max(1e-4);
             let fresnel = if view.front { 0.0 } else { 20.0 * off * ior2 / root };
             let tolerance = 1e-5 + if d.z > 0.0 { 1e-6 / facet + fresnel } else { 1e-6 / (facet * facet) };
             let close = |a: f32, b: f64| (f64::from(a) - b).abs() <= tolerance * b.abs();
-            // Radiance over the square of the index does not know the direction of light.
+            // Reciprocity: swapping the directions scales f by the squared ratio of the indices of refraction.
             let ratio = (index_l / index_c).powi(2);
             let agrees = close(s.weight * s.pdf, s.f.into())
                 && close(s.pdf, s.eval_pdf.into())
@@ -172,15 +175,16 @@ fn samples_agree_with_evaluation_and_light_runs_either_way() {
             if !agrees || !close(s.swapped, ratio * f64::from(s.f)) {
                 wrong.push(format!("{}: {s:?}", view.name()));
             }
-            // The sibling that must fail: the squared index forgotten.
+            // Reciprocity without the squared ratio must fail.
             assert!(ratio == 1.0 || tolerance > 0.1 || !close(s.swapped, s.f.into()), "{s:?}");
         }
     }
     assert!(wrong.is_empty(), "{} of {compared}\n{}", wrong.len(), wrong[..wrong.len().min(20)].join("\n"));
-    assert!(compared > 200_000, "{compared}");
+    assert!(compared > 200_000, "only {compared} samples compared");
 }
 
-/// The share of light that leaves a surface; radiance that changes with the index is brought back.
+/// The fraction of light that leaves a surface. Samples towards the light carry radiance, which changes with the index of
+/// refraction; the sum undoes that change.
 fn albedo(view: &View, samples: &[Got]) -> f64 {
     let reference = edges().at(view.material, [1.0; 3]);
     let returned = samples.iter().filter(|s| s.valid == 1).map(|s| {
@@ -195,8 +199,9 @@ fn albedo(view: &View, samples: &[Got]) -> f64 {
     returned.sum::<f64>() / samples.len() as f64
 }
 
-/// A white surface under uniform light: nothing may come back brighter. Evenly spread samples know the mean to 1e-4; what
-/// smooth and diffuse surfaces return is all there is, rough ones lose what single scattering does not follow.
+/// White furnace: a white surface under uniform light may not be brighter than the light. Evenly spread samples have an error
+/// of 1e-4. Smooth and diffuse surfaces return all light. Rough surfaces lose the light that scatters several times between
+/// facets.
 #[test]
 fn a_white_furnace_gains_nothing_at_the_edges() {
     let uniforms: Vec<[f32; 4]> = even(1 << 15).collect();
@@ -218,7 +223,7 @@ fn a_white_furnace_gains_nothing_at_the_edges() {
     assert!(wrong.is_empty(), "{} of {}\n{}", wrong.len(), views.len(), wrong.join("\n"));
 }
 
-/// The sibling that must fail: a sampler whose weights are 0.5 % too great.
+/// The furnace test would detect a sampler whose weights are 0.5 % too large.
 #[test]
 fn a_furnace_that_gains_half_a_percent_is_noticed() {
     let uniforms: Vec<[f32; 4]> = even(1 << 15).collect();

@@ -1,4 +1,4 @@
-//! The parts of `shared/bsdf.wgsl`: Fresnel terms, GGX, the coat's albedo, the choice of lobes.
+//! Parts of `shared/bsdf.wgsl`: Fresnel terms, GGX, the albedo of the coat, and the probabilities of the lobes.
 
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::oracle::{bsdf, ggx};
@@ -9,7 +9,7 @@ use crate::values::{dvec, polar, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&FRESNEL, &GGX, &LOBES];
 
-/// Relative difference of f32 arithmetic from f64 where nothing cancels; everything here is smooth.
+/// Whether `got` is within a relative tolerance of `expected`.
 fn close(got: f32, expected: f64, tolerance: f64) -> bool {
     (f64::from(got) - expected).abs() <= tolerance * expected.abs()
 }
@@ -36,7 +36,7 @@ fn fresnel_terms() {
         let [cosine, eta_i, eta_t, f0] = g.map(f64::from);
         let critical = 1.0 - (eta_i / eta_t).powi(2) * (1.0 - cosine * cosine);
         let expected = bsdf::fresnel_dielectric(cosine, eta_t / eta_i);
-        // The refracted cosine is a square root: its error grows like 1 / root towards total reflection.
+        // The refracted cosine is a square root. Its error grows as 1 / root near total reflection.
         let tolerance = 1e-5 + 1e-6 / critical.abs().sqrt().max(1e-3);
         assert!((f64::from(r[0]) - expected).abs() <= tolerance, "{g:?}: {} {expected}", r[0]);
         assert!((0.0..=1.0 + 1e-6).contains(&r[0]));
@@ -60,7 +60,7 @@ fn ggx_agrees_with_f64() {
     for i in 0..30_000 {
         let alpha = [0.001, 0.01, 0.05, 0.3, 1.0][i % 5];
         let w = vec3(polar(if i % 7 == 0 { 2e-3 } else { pcg.range(1e-3, 1.0) }, pcg.range(0.0, 6.3)));
-        // Within a few widths of the lobe, where it has its power.
+        // h is within a few widths of the lobe, where most of the lobe's power is.
         let tan = alpha * pcg.uniform().powi(2) * 10.0;
         let h = vec3(polar(1.0 / (1.0 + tan * tan).sqrt(), pcg.range(0.0, 6.3)));
         let u = [pcg.uniform(), pcg.uniform()].map(|x| x as f32);
@@ -71,10 +71,10 @@ fn ggx_agrees_with_f64() {
         let (w, alpha, h) = (dvec(&g[..3]), f64::from(g[3]), dvec(&g[4..7]));
         assert!(close(r[0], ggx::distribution(alpha, h), 1e-5), "{g:?} {r:?}");
         let lambda = ggx::lambda(alpha, w);
-        // A root less one: the difference is known to a step of f32 at 1.
+        // Lambda is half of (root - 1), so rounding errors near 1 remain as an absolute error.
         assert!((f64::from(r[1]) - lambda).abs() <= 2e-7 + 1e-5 * lambda, "{g:?} {r:?} {lambda}");
         let pdf = ggx::distribution(alpha, h) * w.dot(h).max(0.0) / (w.z * (1.0 + lambda));
-        // The cosine to h is a sum of three products.
+        // The cosine to h is a sum of three products, with an absolute error of 3e-7.
         let tolerance = 2e-5 + 3e-7 / w.dot(h).abs().max(1e-9);
         assert!(close(r[2], pdf, tolerance) || w.dot(h).abs() < 1e-6, "{g:?} {r:?} {pdf}");
         let drawn = dvec(&r[4..7]);
@@ -111,7 +111,7 @@ fn lobes_and_the_albedo_of_the_coat() {
         let reference = set.at(g[4] as usize, [x, y, z]);
         let got = [r[0], r[1], r[2], r[3]].map(|v| f64::from(f32::from_bits(v)));
         let name = &set.kinds[g[4] as usize].name;
-        // The table's positions are known to 31 steps of f32.
+        // A position in the table is up to 31, where the error of f32 is about 2e-6.
         assert!((got[0] - reference.coat_albedo(cosine)).abs() < 1e-5, "{name} {cosine}: {got:?}");
         for (a, b) in got[1..].iter().zip(reference.lobes(cosine)) {
             assert!((a - b).abs() < 1e-4, "{name} {cosine}: {got:?} {:?}", reference.lobes(cosine));

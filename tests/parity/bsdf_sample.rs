@@ -1,4 +1,4 @@
-//! `bsdf_sample`: directions against the density by chi-square, weights against f / pdf, and the white furnace.
+//! `bsdf_sample`: directions against their density by chi-square, weights against f / pdf, and the white furnace.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -22,7 +22,7 @@ const SAMPLE: ShaderFunction = ShaderFunction {
         result.valid = u32(s.valid); result.delta = u32(s.delta);",
 };
 
-/// A direction that is asked for, and the surface it is asked of; shared with `bsdf_edges`.
+/// Input of one sample: random numbers, the known direction and the surface. `bsdf_edges` uses it too.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Input {
@@ -70,7 +70,7 @@ fn run(kernel: &CompiledFunction, case: Case, uniforms: impl Iterator<Item = [f3
     kernel.run(&inputs, &set().buffers())
 }
 
-/// Uniforms of 24 bits, as the kernels draw them.
+/// Uniform random numbers of 24 bits, as kernels draw them.
 pub fn random(seed: u64, n: usize) -> impl Iterator<Item = [f32; 4]> {
     let mut pcg = Pcg::new(seed);
     (0..n).map(move |_| [0; 4].map(|_| (pcg.next_u32() >> 8) as f32 / 16_777_216.0))
@@ -86,13 +86,14 @@ pub fn even(n: usize) -> impl Iterator<Item = [f32; 4]> {
 
 const BINS: usize = 32;
 
+/// Cell of a direction, in equal steps of cosine and azimuth.
 fn bin(d: DVec3) -> usize {
     let cell = |x: f64| ((x * BINS as f64) as usize).min(BINS - 1);
     let azimuth = d.y.atan2(d.x) / std::f64::consts::TAU;
     cell(0.5 + 0.5 * d.z) * BINS + cell(azimuth - azimuth.floor())
 }
 
-/// Probabilities of the cells of the sphere (cosine x azimuth), then of no direction at all.
+/// Probability of each cell of the sphere, by integrating `pdf` over solid angle. The last is that of no direction at all.
 fn expected(pdf: impl Fn(DVec3) -> f64) -> Vec<f64> {
     const STEPS: usize = 20;
     let mut cells = vec![0.0; BINS * BINS + 1];
@@ -145,7 +146,8 @@ fn directions_have_their_density() {
         let name = format!("{} alpha {:.2} from {}", set().kinds[case.material].name, reference.alpha, case.w);
         let p = p_value(reference, case.w);
         assert!(p > level, "{name}: p = {p:e}, level {level:e}");
-        // A lobe 4 % wider (15 % where it gets a tenth of the samples), or where there is none a density 3 % off, is noticed.
+        // Wrong densities must fail: a lobe that is 4 % wider, or 15 % for plastic, whose lobe gets a tenth of the samples.
+        // The diffuse surface has no lobe; there a density that is 3 % off must fail.
         let lambert = set().kinds[case.material].name == "lambert";
         let wrong = if lambert {
             let cells = expected(|d| reference.pdf(case.w, d, true) * (1.03 - 0.06 * f64::from(u8::from(d.z > 0.7))));
@@ -169,7 +171,7 @@ fn weights_are_value_over_density() {
             let (wl, wc) = if case.to_light { (d, case.w) } else { (case.w, d) };
             let (f, pdf) = (reference.f(wl, wc, case.front), reference.pdf(case.w, d, case.front));
             let reverse = reference.pdf(d, case.w, case.front);
-            // Directions on the horizon, or refracted along a facet, keep few digits.
+            // Directions near the horizon, and directions refracted along a facet, have large rounding errors.
             if d.z.abs() < 0.02 || pdf < 1e-4 {
                 continue;
             }
@@ -193,7 +195,7 @@ fn mirrors_and_smooth_glass_by_hand() {
         assert!(s.valid == 1 && s.delta == 1 && s.pdf == 1.0);
         assert!((dvec(&s.direction) - DVec3::new(-w.x, -w.y, w.z)).length() < 1e-6 && (s.weight[0] - 1.0).abs() < 1e-6);
     }
-    // Radiance from air into glass is squeezed by 1 / 1.5^2, from glass into air spread; the flux of particles is not.
+    // Radiance scales with the squared index of refraction when it crosses the surface; the flux of light particles does not.
     for (front, to_light, squeeze) in
         [(true, true, 1.0 / 2.25), (false, true, 2.25), (true, false, 1.0), (false, false, 1.0)]
     {
@@ -222,18 +224,19 @@ fn mirrors_and_smooth_glass_by_hand() {
     assert!(beyond.iter().all(|s| s.direction[2] > 0.0));
 }
 
-/// A white surface under uniform light: nothing may come back brighter, whatever the angle. 2^17 evenly spread samples know
-/// the mean to a few 1e-4 (weights of GGX are at most 1); 1e-3 is the most that may be gained.
+/// White furnace: a white surface under uniform light may not be brighter than the light at any angle. The mean of 2^17
+/// evenly spread samples has an error of a few 1e-4, because weights of GGX are at most 1. The test allows a gain of 1e-3.
 #[test]
 fn a_white_furnace_gains_nothing() {
     const N: usize = 1 << 17;
     let (set, kernel) = (set(), SAMPLE.compile(&[]));
     for (material, m) in set.kinds.iter().enumerate() {
-        // Grazing to 0.1 degrees.
+        // In degrees from the normal; the last is 0.1 degrees from grazing.
         for angle in [0.0f64, 30.0, 60.0, 80.0, 87.0, 89.0, 89.9] {
             let glass = m.transmission > 0.0;
             for (front, to_light) in [(true, true), (true, false), (false, false)] {
-                // Radiance changes with the index; without glass both directions are the same.
+                // Radiance changes where it enters glass, so glass is only sampled towards the sensor. Opaque surfaces are
+                // only seen from the front.
                 if (glass && to_light) || (!glass && !front) {
                     continue;
                 }
@@ -242,19 +245,21 @@ fn a_white_furnace_gains_nothing() {
                 let albedo = sum / N as f64;
                 let name = format!("{} alpha {:.2} at {angle} degrees, front {front}", m.name, m.roughness.powi(2));
                 assert!(albedo <= 1.0 + 1e-3, "{name}: {albedo}");
-                assert!(albedo >= least(m, angle), "{name}: {albedo}");
+                assert!(albedo >= minimum_albedo(m, angle), "{name}: {albedo}");
             }
         }
     }
 }
 
+/// The fraction of light that a sample returns.
 fn weight(s: &Got) -> f64 {
     let cosine = if s.delta == 1 { 1.0 } else { s.direction[2].abs() };
     f64::from(s.weight[0] * cosine)
 }
 
-/// What single scattering between facets may lose: nothing for smooth and diffuse surfaces, more than 0.7 never.
-fn least(m: &Material, angle: f64) -> f64 {
+/// Lower limit of the albedo. Diffuse and smooth surfaces lose nothing. Rough ones lose the light that scatters several times
+/// between facets, up to 70 %.
+fn minimum_albedo(m: &Material, angle: f64) -> f64 {
     let alpha = f64::from(m.roughness).powi(2);
     if m.specular == 0.0 || alpha < 1e-3 {
         0.99

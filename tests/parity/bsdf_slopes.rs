@@ -1,6 +1,7 @@
-//! Samplers against their densities at the edges, by chi-square in coordinates that fit every lobe: the slope of the half
-//! vector over alpha, m = tan(theta_h) / alpha, in cells of ln(1 + m^2) and azimuth. GGX falls off there as exp(-x) whatever
-//! its width, and a diffuse lobe is as smooth.
+//! Edge cases of BSDF sampling: directions against their density by chi-square, in coordinates that suit every lobe.
+//!
+//! The cells are in x = ln(1 + m^2) and in azimuth, where m = tan(theta_h) / alpha is the slope of the half vector over
+//! alpha. In x, GGX of any width falls off as exp(-x), and a diffuse lobe is smooth too.
 
 use std::f64::consts::TAU;
 
@@ -15,21 +16,22 @@ use crate::values::dvec;
 
 const RINGS: usize = 28;
 const SECTORS: usize = 16;
-/// Steps of the quadrature across a cell, each way.
+/// Steps of the quadrature across a cell, per dimension.
 const STEPS: usize = 32;
 const CELLS: usize = RINGS * SECTORS;
 
-/// Where a sample falls: reflections, then refractions, then everything else.
+/// The cells of a view: first the reflections, then the refractions, then one cell for everything else.
 struct Grid<'a> {
     view: View,
     reference: Reference<'a>,
     w: DVec3,
     alpha: f64,
-    /// Greatest ln(1 + m^2) of a cell.
+    /// Maximum of ln(1 + m^2) over all cells.
     end: f64,
 }
 
-/// `d` with its height kept: at grazing angles the half vector is a small difference, and rounding has moved the length.
+/// Normalizes `d`. Near the horizon it keeps z unchanged: there the half vector is sensitive to z, and dividing by a rounded
+/// length would change z.
 fn unit(d: DVec3) -> DVec3 {
     if d.z.abs() > 0.5 {
         return d.normalize();
@@ -42,13 +44,13 @@ impl<'a> Grid<'a> {
     fn new(view: View) -> Grid<'a> {
         let reference = edges().at(view.material, [1.0; 3]);
         let w = unit(view.w());
-        // No half vector of two directions above the surface is farther from the normal.
+        // The largest slope of a half vector between two directions above the surface.
         let reflected = (1.0 + (2.0 / (w.z * reference.alpha)).powi(2)).ln();
         let end = if edges().kinds[view.material].transmission > 0.0 { reflected.max(16.0) } else { reflected };
         Grid { view, reference, w, alpha: reference.alpha, end }
     }
 
-    /// The half vector of the known direction and `d`, up.
+    /// The half vector of the known direction and `d`, on the upper side.
     fn half(&self, d: DVec3) -> DVec3 {
         let h = if d.z > 0.0 {
             self.w + d
@@ -72,7 +74,7 @@ impl<'a> Grid<'a> {
         if ring >= RINGS { 2 * CELLS } else { usize::from(d.z < 0.0) * CELLS + ring * SECTORS + sector }
     }
 
-    /// Probabilities per solid angle of the half vector that a sample is its reflection, its refraction.
+    /// Densities of the reflection and of the refraction at the facet with normal `h`, per solid angle of `h`.
     fn density(&self, h: DVec3) -> [f64; 2] {
         let (w, front) = (self.w, self.view.front);
         let c = w.dot(h);
@@ -99,7 +101,7 @@ impl<'a> Grid<'a> {
         [reflected, self.reference.pdf(w, down, front) * spread]
     }
 
-    /// Probability of every cell; the last is all that is left.
+    /// Probability of every cell. The last cell gets the rest.
     fn expected(&self) -> Vec<f64> {
         let mut cells = vec![0.0; 2 * CELLS + 1];
         let (dx, dphi) = (self.end / (RINGS * STEPS) as f64, TAU / (SECTORS * STEPS) as f64);
@@ -122,7 +124,7 @@ impl<'a> Grid<'a> {
     }
 }
 
-/// p-value of the truth and of a density that is 6 % too great in every other sector, too small between.
+/// Two p-values: of the right density, and of a density that is alternately 6 % too large and 6 % too small.
 fn p_values(view: View, samples: &[Got]) -> [f64; 2] {
     let grid = Grid::new(view);
     let mut observed = vec![0.0; 2 * CELLS + 1];
@@ -137,6 +139,7 @@ fn p_values(view: View, samples: &[Got]) -> [f64; 2] {
         .map(|cells| chi_square(&observed, &cells.iter().map(|p| p * n).collect::<Vec<_>>()))
 }
 
+/// Asserts that `n` samples of each view agree with their density, and disagree with the wrong density.
 fn agree(views: &[View], n: usize) {
     let (kernel, level) = (kernel(), level(views.len()));
     let uniforms: Vec<[f32; 4]> = random(171, n).collect();
@@ -149,14 +152,14 @@ fn agree(views: &[View], n: usize) {
                 wrong.push(format!("{}: p = {right:e}, level {level:e}", view.name()));
             }
             if tilted > level {
-                wrong.push(format!("{}: a tilted density passes with p = {tilted:e}", view.name()));
+                wrong.push(format!("{}: the wrong density passes with p = {tilted:e}", view.name()));
             }
         }
     }
     assert!(wrong.is_empty(), "{} of {}\n{}", wrong.len(), views.len(), wrong.join("\n"));
 }
 
-/// Rough surfaces, each angle for light that runs one way.
+/// Views of rough and diffuse surfaces. The front is sampled towards the light, the back of glass towards the sensor.
 fn rough_views() -> Vec<View> {
     let rough =
         |view: &View| edges().kinds[view.material].roughness > 0.0 || edges().kinds[view.material].specular == 0.0;

@@ -1,4 +1,4 @@
-//! `shared/camera.wgsl`: the film and its pixels.
+//! `shared/camera.wgsl`: directions of film positions, pixels of directions, and the density of a pixel's directions.
 
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
@@ -47,8 +47,8 @@ fn pixels_invert_the_film() {
         let cosine = expected.normalize().dot(dvec(&f.forward));
         let pdf = f64::from(f32::from_bits(r[3]));
         assert!((pdf * f64::from(f.pixel_area) * cosine.powi(3) - 1.0).abs() < 2e-6);
-        assert_eq!(r[5], NONE, "behind the sensor");
-        // On the line between two pixels either will do.
+        assert_eq!(r[5], NONE, "a direction behind the sensor has a pixel");
+        // On the border of two pixels, both are right.
         if (px - px.round()).abs() < 1e-3 || (py - py.round()).abs() < 1e-3 {
             continue;
         }
@@ -60,7 +60,8 @@ fn pixels_invert_the_film() {
     assert!(on > 3000 && off > 3000);
 }
 
-/// The density of a pixel's directions integrates to 1 over its solid angle, cut into small triangles.
+/// The density of a pixel's directions integrates to 1 over the solid angle of the pixel, which is divided into small
+/// triangles.
 #[test]
 fn the_density_of_a_pixel_integrates_to_one() {
     const N: usize = 16;
@@ -88,7 +89,7 @@ fn the_density_of_a_pixel_integrates_to_one() {
     }
 }
 
-/// Van Oosterom and Strackee 1983.
+/// Solid angle of a triangle of unit vectors (Van Oosterom and Strackee 1983).
 fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     2.0 * (a.dot(b.cross(c)).abs() / (1.0 + a.dot(b) + b.dot(c) + c.dot(a))).atan()
 }

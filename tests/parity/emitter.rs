@@ -1,4 +1,4 @@
-//! `shared/emitter.wgsl`: the choice of an emitter, points and directions on it, profiles and spots.
+//! `shared/emitter.wgsl`: choosing an emitter, sampling points and directions, emission profiles and the falloff of spots.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,7 +17,7 @@ use crate::values::{directions, dvec, frame, polar, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&PROFILE, &CONE, &CHOICE, &START];
 
-/// All the emitter module may read, with these emitters and materials.
+/// All buffers that the module `emitter` declares.
 fn buffers(emitters: &[Emitter], triangles: &[Triangle], materials: &[Material]) -> Vec<Contents> {
     vec![
         frame(|f| (f.emitter_count, f.keep_s0) = (emitters.len() as u32, 1.0)),
@@ -40,7 +40,7 @@ const PROFILE: ShaderFunction = ShaderFunction {
         result.falloff = spot_falloff(cap_height(input.v.to_previous, input.w), input.v.base_color.x, input.v.base_color.y);",
 };
 
-/// Light and density of each profile by its definition; the densities integrate to 1 over the sphere.
+/// Each profile has the light and the density of its definition. The densities integrate to 1 over the sphere.
 #[test]
 fn profiles_integrate_to_one() {
     const N: usize = 256;
@@ -57,7 +57,7 @@ fn profiles_integrate_to_one() {
             base_color: [(1.0 - outer) as f32, (1.0 - inner) as f32, 0.0],
             ..Zeroable::zeroed()
         };
-        // Cosines in equal cells, an edge of which is the edge of the cone.
+        // Half of the cells in cosine are inside the cone and half are outside, so that no cell crosses its edge.
         let world = |d: DVec3| tangent * d.x + axis.cross(tangent) * d.y + axis * d.z;
         let cosine = |i: usize| {
             let x = (i as f64 + 0.5) / N as f64;
@@ -93,7 +93,7 @@ fn profiles_integrate_to_one() {
             assert!(kind < EMIT_SPOT || (f64::from(r[2]) - falloff).abs() < 1e-5, "{c} {r:?} {falloff}");
             sum += f64::from(r[1]) * area(k / 64);
         }
-        // The midpoint rule is exact for these.
+        // The densities are linear in the cosine within each half, so the midpoint rule is exact.
         assert!((sum - 1.0).abs() < 1e-4, "profile {kind}: {sum}");
     }
 }
@@ -109,7 +109,7 @@ const CONE: ShaderFunction = ShaderFunction {
 fn cones_are_filled_uniformly() {
     const N: usize = 200_000;
     let mut pcg = Pcg::new(121);
-    // 1 - cosine, down to half angles of 0.08 degrees.
+    // `outer` is 1 - cosine of the half angle, which is 0.08 degrees for the narrowest cone.
     for outer in [2.0f64, 1.0, 0.1, 1e-3, 1e-6] {
         let axis = directions(122, 1)[0];
         let a = vec3(axis);
@@ -120,7 +120,7 @@ fn cones_are_filled_uniformly() {
         let (x, mut counts) = (axis.any_orthonormal_vector(), vec![0.0; 256]);
         for r in &results {
             let d = dvec(&r[..3]);
-            // The rounding of axis and direction, over the sine of the half angle.
+            // The tolerance is the rounding error of axis and direction over the sine of the half angle.
             let off = 0.5 * (d.normalize() - axis).length_squared();
             assert!((d.length() - 1.0).abs() < 2e-6 && off < outer * (1.0 + 1e-6 / outer.sqrt()));
             let height = (off / outer * 16.0).clamp(0.0, 15.99) as usize;
@@ -129,7 +129,7 @@ fn cones_are_filled_uniformly() {
         }
         let p = chi_square(&counts, &[N as f64 / 256.0; 256]);
         assert!(p > level(4), "1 - cosine {outer}: {p:e}");
-        // One half 3 % denser, the other as much thinner.
+        // A density that is 3 % too large in one half and 3 % too small in the other must fail.
         let wrong: Vec<f64> = (0..256).map(|i| N as f64 / 256.0 * if i < 128 { 1.03 } else { 0.97 }).collect();
         assert!(chi_square(&counts, &wrong) < level(4));
     }
@@ -153,7 +153,7 @@ fn the_alias_table_is_read_as_it_is_meant() {
         expected[e.other as usize] += f64::from(1.0 - e.keep) / 5.0;
     }
     let word = |x: f64| (x * 4_294_967_296.0) as u32;
-    // A lattice of the golden ratio.
+    // A two-dimensional lattice (golden ratio).
     let inputs: Vec<[u32; 4]> = (0..N)
         .map(|i| [word(i as f64 / N as f64), word((i as f64 * 0.618_033_988_749_895).fract()), 0, 0])
         .chain([[u32::MAX; 4]])
@@ -162,11 +162,12 @@ fn the_alias_table_is_read_as_it_is_meant() {
     let results: Vec<u32> = CHOICE.run(&inputs, &buffers);
     for (i, p) in expected.iter().enumerate() {
         let share = results.iter().filter(|&&r| r == i as u32).count() as f64 / N as f64;
-        assert!((share - p).abs() < 1e-3, "emitter {i}: {share} {p}");
+        assert!((share - p).abs() < 1e-3, "emitter {i}: chosen with probability {share}, {p} expected");
     }
 }
 
-/// One number for the entry and its coin left the coin of 131,072 entries 128 sides: what has a thousandth came up eight times too often.
+/// A past bug: one random number chose both the entry of the alias table and whether to keep it. With 131,072 entries the
+/// second choice had only 128 values, and an entry with `keep` = 0.001 was kept eight times too often.
 #[test]
 fn coins_are_as_fine_among_many_emitters() {
     const N: usize = 1 << 20;
@@ -178,24 +179,26 @@ fn coins_are_as_fine_among_many_emitters() {
     let inputs: Vec<[u32; 4]> = (0..N).map(|_| [0; 4].map(|_| pcg.next_u32())).collect();
     let results: Vec<u32> = CHOICE.run(&inputs, &[contents("emitters", &table), frame(|f| f.emitter_count = ENTRIES)]);
     let (found, expected) = (results.iter().filter(|&&r| r % 2 == 0).count() as f64, N as f64 * 0.5e-3);
-    assert!((found - expected).abs() < 5.0 * expected.sqrt(), "{found} of {expected}");
+    assert!((found - expected).abs() < 5.0 * expected.sqrt(), "{found} rare emitters, {expected} expected");
 }
 
-/// With 24 bits each of a million and a half entries came up for 10 or for 11 of the words, 6 % too rarely or 4 % too often.
+/// A past bug: with random numbers of 24 bits, 10 or 11 of the numbers led to each of 1.5 million entries. Entries were
+/// chosen up to 6 % too rarely or 4 % too often.
 #[test]
 fn a_million_emitters_are_chosen_uniformly() {
     const ENTRIES: u32 = (3 << 19) + 7;
     let table: Vec<Emitter> = (0..ENTRIES).map(|i| Emitter { keep: 1.0, other: i, ..Zeroable::zeroed() }).collect();
     let mut pcg = Pcg::new(125);
     let entries: Vec<u32> = (0..2000).map(|_| 1 + pcg.below(ENTRIES as usize - 1) as u32).collect();
-    // Of the 2^64 values of two words those from i / ENTRIES on belong to entry i: the first of them, and the last of entry i - 1.
+    // Two words have 2^64 values, of which entry i owns those from i / ENTRIES * 2^64 on. The inputs are the first value of
+    // entry i and the last value of entry i - 1.
     let words = |value: u128| [(value >> 32) as u32, 0, value as u32, 0];
     let first = |i: u32| (u128::from(i) << 64).div_ceil(u128::from(ENTRIES));
     let inputs: Vec<[u32; 4]> = entries.iter().flat_map(|&i| [words(first(i)), words(first(i) - 1)]).collect();
     let results: Vec<u32> = CHOICE.run(&inputs, &[contents("emitters", &table), frame(|f| f.emitter_count = ENTRIES)]);
     let expected: Vec<u32> = entries.iter().flat_map(|&i| [i, i - 1]).collect();
     let wrong = results.iter().zip(&expected).filter(|(got, expected)| got != expected).count();
-    assert_eq!(wrong, 0, "of {}", results.len());
+    assert_eq!(wrong, 0, "wrong entries of {}", results.len());
 }
 
 const START: ShaderFunction = ShaderFunction {
@@ -214,7 +217,7 @@ const BEAM: u32 = 1;
 const STORED: u32 = 2;
 const DETERMINISTIC: u32 = 4;
 
-/// Samples of a table with one emitter, every number also read as bits: (f32, u32) views of position, pdf, ...
+/// `n` samples of one emitter. Each is a `Result` as 16 floats; `flags` and `kind` are the bits of theirs.
 fn start(emitter: Emitter, flags: u32, n: usize) -> Vec<[f32; 16]> {
     let mut pcg = Pcg::new(123);
     let triangle =
@@ -250,7 +253,7 @@ fn surfaces_emit_from_uniform_points() {
             let (p, d) = (dvec(&s[..3]), dvec(&s[4..7]));
             let (u, v) = (p.x / 4.0, p.y / 2.0);
             assert!((p.z - 5.0).abs() < 1e-6 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 + 1e-6);
-            // Four triangles of the midpoints, on either side.
+            // Eight cells: the midpoints of the edges divide the triangle into four parts, each with two sides.
             let part = if u > 0.5 {
                 0
             } else if v > 0.5 {
@@ -262,7 +265,7 @@ fn surfaces_emit_from_uniform_points() {
             };
             counts[part + if d.z > 0.0 { 0 } else { 4 }] += 1.0;
             assert!((f64::from(s[3]) * sides * PI - d.z.abs()).abs() < 1e-5, "density of the direction {s:?}");
-            // Radiance cos / (density cos / pi); phi is radiance / density; d_vcm the square of 1 / density.
+            // The throughput is radiance * cos / (density * cos / pi), phi is radiance / density, and d_vcm is 1 / density^2.
             assert!(
                 (f64::from(s[8]) - 2.0 * PI * sides / 0.125).abs() < 1e-3
                     && s[11] == 16.0
@@ -306,14 +309,14 @@ fn punctual_lights_and_beams_carry_their_power() {
     // Each component has variance 1/3.
     assert!(drift.abs().max_element() < 4.5 * (1.0 / 3.0 / N as f64).sqrt(), "{drift}");
 
-    // A spot's intensity integrates over its cone: falloff of the squared ramp has mean 1/3 on [outer, inner].
+    // The flux of a spot is its intensity, integrated over its cone. The falloff has a mean of 1/3 between the two angles.
     let spot = start(Emitter { kind: EMITTER_SPOT, outer: 0.5, inner: 0.2, ..place }, 0, N);
     let flux = 3.0 * TAU * (0.2 + 0.3 / 3.0) / 0.25;
-    // Relative deviation below 1, so 4.5 sigma are at most 0.02.
+    // The relative standard deviation of a sample is below 1, so 4.5 standard errors are at most 0.02.
     assert!((mean(&spot) / flux - 1.0).abs() < 4.5 / (N as f64).sqrt(), "{} {flux}", mean(&spot));
     assert!(spot.iter().all(|s| dvec(&s[4..7]).dot(axis) > 0.5 - 1e-6 && (f64::from(s[3]) - 1.0 / PI).abs() < 1e-6));
 
-    // The same for one of 0.08 degrees, which cosines would hardly tell from a ray.
+    // A spot with a half angle of 0.08 degrees, whose cosine is 1 to within a few steps of f32.
     let narrow = start(Emitter { kind: EMITTER_SPOT, outer: 1e-6, inner: 4e-7, ..place }, 0, N);
     let flux = 3.0 * TAU * (4e-7 + 6e-7 / 3.0) / 0.25;
     assert!((mean(&narrow) / flux - 1.0).abs() < 4.5 / (N as f64).sqrt(), "{} {flux}", mean(&narrow));
@@ -328,12 +331,12 @@ fn punctual_lights_and_beams_carry_their_power() {
             assert!((dvec(&s[4..7]) - axis).length() < 1e-6 && s[8] == 12.0 && s[13].to_bits() == wanted);
             within_half += f64::from(u8::from(offset.length() < 0.5 * f64::from(radius))) / N as f64;
         }
-        // A disk's inner half holds a quarter.
+        // A disk of half the radius has a quarter of the area.
         assert!(radius == 0.0 || (within_half - 0.25).abs() < 4.5 * (0.1875 / N as f64).sqrt(), "{within_half}");
     }
 }
 
-/// The host never makes one. If the two sides ever disagree, the emitter must be dark, not a spot light.
+/// The host never writes an unknown kind. If host and shaders ever disagree, the emitter must be dark, not a spot light.
 #[test]
 fn an_emitter_of_a_kind_without_code_sends_nothing() {
     let unknown = Emitter { kind: 1000, select_pdf: 1.0, strength: [1.0; 3], outer: 0.5, ..Zeroable::zeroed() };

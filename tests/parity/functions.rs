@@ -1,5 +1,5 @@
-//! No function of `shaders/shared/` is forgotten: reflection lists them, and each is called by the body of a test kernel or
-//! has a reason here not to be.
+//! Every function of `shaders/shared/` is tested. Reflection lists the functions. The body of a test kernel calls each of
+//! them, or the list below says which test covers it.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use taugate::internals::wgsl::SOURCES;
 
 use crate::shader_function::ShaderFunction;
 
-/// Tested through what calls them, or elsewhere.
+/// Functions that no test kernel calls, and the tests that cover them.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("shading_normal", "surface_at is compared with the oracle on smooth meshes"),
     ("sample_triangle", "sample_emission on a triangle"),
@@ -31,37 +31,37 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("lets_pass", "the shares of veils in trace; decals in one plane in tests/stress"),
     ("traverse", "trace is its only caller and is compared with exhaustion"),
     ("safe_inverse", "trace along the axes"),
-    ("extract_byte", "trace: nodes would be misread"),
+    ("extract_byte", "trace, which would misread nodes"),
     ("descend", "tests/sampler"),
     ("live_buckets", "bucket_power"),
     ("live_powers", "bucket_power"),
     ("shares_through_gate", "power_through_gate"),
     ("push_subtree", "the frequencies of descend_by_importance"),
-    ("unshadowed", "images against closed forms and the oracle: it is all of `connect` but visibility"),
+    ("unshadowed", "images against closed forms and the oracle; pairs runs the whole kernel `connect`"),
     ("can_connect", "as unshadowed"),
     ("connectable_or_none", "as unshadowed"),
     ("write_candidate", "as unshadowed"),
-    ("query_deterministic", "as unshadowed: images by points, spots and beams"),
-    ("draw_deterministic", "as unshadowed: images by many lamps"),
+    ("query_deterministic", "images of scenes with point lights, spot lights and beams"),
+    ("draw_deterministic", "images of scenes with many lamps"),
     ("begin_work_item", "as unshadowed"),
     ("clear_slots", "as unshadowed"),
-    ("transmits", "media of connections in scatter, by eta_towards"),
+    ("transmits", "eta_towards, in scatter"),
     ("has_normal", "vertex_cosine"),
     ("is_one_sided", "faces"),
     ("vertex_bsdf", "evaluate_shade_point and evaluate_light_vertex"),
     ("segment_between", "as unshadowed"),
     ("connection_time", "travel_time and optical_length, at the edges of shells"),
-    ("is_unoccluded", "as unshadowed: shadow rays of images with occluders"),
+    ("is_unoccluded", "images of scenes with occluders"),
     ("advance", "trace, reintersect and arrive; images"),
     ("is_too_late", "images with and without --no-cull"),
-    ("vertex_importance", "images by lcs against closed forms and the oracle: a wrong probability is a bias"),
+    ("vertex_importance", "images by lcs against closed forms and the oracle: a wrong probability would bias them"),
     ("outgoing_light", "as vertex_importance"),
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),
-    ("target_function", "as unshadowed: images by lcs"),
-    ("total_power", "leaves that come up with the probability they report"),
-    ("sensor_sample", "crops that are parts of whole images, in determinism; tiles list their samples in a unit test"),
-    ("samples_of_pixel", "as sensor_sample; a lit triangle in estimators"),
+    ("target_function", "as vertex_importance"),
+    ("total_power", "frequencies of the leaves in importance"),
+    ("sensor_sample", "crops against whole images in estimators/determinism; a unit test of the samples of tiles"),
+    ("samples_of_pixel", "as sensor_sample; images of a lit triangle in estimators"),
     ("random_vertices", "weights of a path sum to 1"),
     ("sample_count_ratios", "weights of a path sum to 1"),
     ("unpack_vertex", "load_light_vertex and load_shade_point"),
@@ -92,7 +92,7 @@ fn all() -> Vec<&'static ShaderFunction> {
     .concat()
 }
 
-/// Names of all functions of the shared modules.
+/// Names of all functions that the shared modules declare.
 fn declared() -> BTreeSet<String> {
     let shared = SOURCES.iter().filter(|(path, _)| path.starts_with("shared/"));
     shared
@@ -109,8 +109,13 @@ fn every_shared_function_is_tested() {
     let declared = declared();
     let excused: BTreeSet<String> = ELSEWHERE.iter().map(|(name, _)| name.to_string()).collect();
     let forgotten: Vec<_> = declared.iter().filter(|f| !called.contains(*f) && !excused.contains(*f)).collect();
-    assert!(forgotten.is_empty(), "neither called by a test kernel nor listed with a reason: {forgotten:?}");
+    assert!(forgotten.is_empty(), "no test kernel calls {forgotten:?}; test them, or add them to ELSEWHERE");
     let stale: Vec<_> = excused.iter().filter(|f| !declared.contains(*f) || called.contains(*f)).collect();
-    assert!(stale.is_empty(), "listed, but gone or tested: {stale:?}");
-    assert!(declared.len() > 60 && called.len() > 40, "{} {}", declared.len(), called.len());
+    assert!(stale.is_empty(), "remove from ELSEWHERE: {stale:?} no longer exist or have a test kernel");
+    assert!(
+        declared.len() > 60 && called.len() > 40,
+        "{} functions declared, {} called by test kernels",
+        declared.len(),
+        called.len()
+    );
 }

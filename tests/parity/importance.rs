@@ -1,4 +1,4 @@
-//! `shared/importance.wgsl` and the traversal by it (`shared/resample.wgsl`) against f64.
+//! `shared/importance.wgsl` against f64, and the tree traversal that samples by importance (`shared/resample.wgsl`).
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -15,7 +15,7 @@ use crate::values::{direction, dvec, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&IMPORTANCE, &COSINE, &DESCEND, &SWITCHED, &REFILL];
 
-/// [`Input`] in WGSL.
+/// The fields of [`Input`] in WGSL.
 const INPUT: &str = "c: TreeChild, q: vec3<f32>, lo: f32, normal: vec3<f32>, hi: f32";
 
 const IMPORTANCE: ShaderFunction = ShaderFunction {
@@ -48,7 +48,7 @@ struct Got {
     pad: u32,
 }
 
-/// Children of trees over a few vertices, with their vertices, and gates about one of them.
+/// Children of trees over a few vertices, with their vertices and a gate near the travel time through one of them.
 fn cases(n: usize) -> Vec<(Input, Vec<Item>)> {
     let mut pcg = Pcg::new(5);
     let mut cases = vec![];
@@ -82,7 +82,7 @@ fn options(leaf_size: usize) -> TreeOptions {
     TreeOptions { leaf_size, buckets: 8, first_node: 0, first_vertex: 0 }
 }
 
-/// The model of `power_through_gate` in f64, and what its f32 inputs may be off by.
+/// `power_through_gate` in f64, and the part of the power that rounding of the times may change.
 fn expected_power(g: &Input) -> (f64, f64) {
     let (c, q) = (&g.child, dvec(&g.q));
     let (lo, hi) = (dvec(&c.lo), dvec(&c.hi));
@@ -100,7 +100,7 @@ fn expected_power(g: &Input) -> (f64, f64) {
             sum += f64::from(byte) * f64::from(c.power_unit) * ((overlap / spread.max(bucket)).min(1.0) + 0.3);
         }
     }
-    // A time of 20 m is known to 2e-6; the distribution's slope is at most 1 / the longer interval.
+    // A time of 20 m has a rounding error of 2e-6 m. The slope of the distribution is at most 1 / the longer interval.
     let shift = 1e-5 / spread.max(bucket).max(1e-9);
     (sum, shift)
 }
@@ -115,7 +115,7 @@ fn power_through_the_gate_is_that_of_overlapping_intervals() {
         let (expected, shift) = expected_power(g);
         assert!(r.power.is_finite() && r.power >= 0.0, "{g:?} {r:?}");
         let total = f64::from(g.child.power_unit) * 8.0 * 255.0;
-        // Whether a bucket at the very edge is live, rounding decides.
+        // Rounding decides whether a bucket at the edge of the gate is live, so a few cases may differ.
         if (f64::from(r.power) - expected).abs() <= (shift + 1e-3) * total {
             compared += 1;
         }
@@ -125,7 +125,8 @@ fn power_through_the_gate_is_that_of_overlapping_intervals() {
     assert!(live > inputs.len() / 3);
 }
 
-/// Times that differ by their rounding alone fill all buckets, which short intervals had moved out of a thin gate.
+/// Travel times that differ only by rounding fill all buckets. A past bug: the intervals of such short buckets were
+/// lengthened, which moved the later buckets out of a thin gate.
 #[test]
 fn a_node_of_one_time_counts_as_a_whole() {
     let mut pcg = Pcg::new(7);
@@ -145,13 +146,13 @@ fn a_node_of_one_time_counts_as_a_whole() {
     let results: Vec<Got> = IMPORTANCE.run(&inputs, &[]);
     for (g, r) in inputs.iter().zip(&results) {
         let bytes = [g.child.buckets_low.to_le_bytes(), g.child.buckets_high.to_le_bytes()].concat();
-        // Every bucket that holds something is live.
+        // Every bucket with power is live.
         let live = bytes.iter().map(|&byte| f32::from(byte)).sum::<f32>() * g.child.power_unit * 0.3;
         assert!(bytes.iter().filter(|&&byte| byte > 0).count() > 3 && r.power >= live, "{g:?} {r:?}");
     }
 }
 
-/// A node is dropped only when no vertex of it can contribute.
+/// The importance of a node is 0 only if none of its vertices can contribute.
 #[test]
 fn a_node_that_can_contribute_is_important() {
     let cases = cases(20_000);
@@ -163,7 +164,8 @@ fn a_node_that_can_contribute_is_important() {
         let contributes = items.iter().any(|i| {
             let offset = dvec(&i.point[..3]) - q;
             let tau = offset.length() + f64::from(i.point[3]);
-            // The caller widens the shell by what rounding may do; here vertices at the edge are left out.
+            // The renderer widens the shell for rounding. These shells are not widened, so the test ignores vertices within
+            // 1e-5 m of the gate's ends.
             offset.dot(dvec(&g.normal)) > 0.0 && tau > f64::from(g.lo) + 1e-5 && tau < f64::from(g.hi) - 1e-5
         });
         assert!(!contributes || (r.importance > 0.0 && r.pruned == 0), "{g:?} {r:?}");
@@ -199,20 +201,20 @@ fn the_cosine_of_a_box_bounds_that_of_its_points() {
     for (g, &cosine) in inputs.iter().zip(&results) {
         let (n, lo, hi) = (dvec(&g[..3]), dvec(&g[4..7]), dvec(&g[8..11]));
         let (c, e) = (0.5 * (lo + hi), 0.5 * (hi - lo));
-        let mut greatest: f64 = -1.0;
+        let mut largest: f64 = -1.0;
         for _ in 0..20 {
-            let corner = DVec3::new(pcg.range(-1.0, 1.0), pcg.range(-1.0, 1.0), pcg.range(-1.0, 1.0));
-            greatest = greatest.max((c + corner * e).normalize_or_zero().dot(n));
+            let inside = DVec3::new(pcg.range(-1.0, 1.0), pcg.range(-1.0, 1.0), pcg.range(-1.0, 1.0));
+            largest = largest.max((c + inside * e).normalize_or_zero().dot(n));
         }
         assert!(cosine <= 1.0, "{g:?}: {cosine}");
-        assert!(greatest <= 0.0 || f64::from(cosine) >= greatest - 1e-5, "{g:?}: {cosine} {greatest}");
+        assert!(largest <= 0.0 || f64::from(cosine) >= largest - 1e-5, "{g:?}: bound {cosine}, cosine {largest}");
         behind += usize::from(cosine < 0.0);
     }
-    assert!(behind > 2000, "{behind}");
+    assert!(behind > 2000, "only {behind} boxes behind the surface");
 }
 
-/// The corner that is furthest in front is 10 cm from q, which is 10 m from the sensor, and less above its surface than coordinates can
-/// tell.
+/// A corner of the box is 10 cm from q, and q is 10 m from the sensor. The corner is above the surface of q by at most 1e-6
+/// m, about one step of f32 coordinates.
 #[test]
 fn a_box_with_a_point_in_front_is_not_behind() {
     let mut pcg = Pcg::new(8);
@@ -230,7 +232,7 @@ fn a_box_with_a_point_in_front_is_not_behind() {
     }
     let results: Vec<f32> = COSINE.run(&inputs, &[]);
     for (g, cosine) in inputs.iter().zip(results) {
-        assert!(cosine >= 0.0, "{g:?}: {cosine}");
+        assert!(cosine >= 0.0, "{g:?}: the bound of the cosine is {cosine}");
     }
 }
 
@@ -261,7 +263,7 @@ struct Switched {
     cosine: f32,
 }
 
-/// Every idea can be switched off by itself: what stands in its place is as documented, and never 0 where a vertex may count.
+/// Each factor of the importance can be switched off by itself. The documented value then replaces it.
 #[test]
 fn what_is_switched_off_takes_no_part() {
     let inputs: Vec<Input> = cases(2_000).into_iter().map(|c| c.0).collect();
@@ -309,8 +311,10 @@ const REFILL: ShaderFunction = ShaderFunction {
     body: "var rng = input.seed; result.rest = remap_uniform(input.u, input.start, input.part, &rng);",
 };
 
-/// Of a u that has all digits of a float the stretched one is uniform down to 0; of one from which something was taken, in
-/// between the steps that were left.
+/// `remap_uniform` stretches u from [start, start + part) to [0, 1), and draws the digits that u lacks.
+///
+/// Near 0, u has all digits of a float and the result is uniform. Elsewhere u has a step of up to 2^-24, and the result must
+/// also be uniform within a step.
 #[test]
 fn what_is_refilled_is_uniform() {
     const N: usize = 200_000;
@@ -330,7 +334,7 @@ fn what_is_refilled_is_uniform() {
         };
         let p = fits(&|r| r / range);
         assert!(p > level(8), "from {start} on {part}, {range}: {p:e}");
-        // Within the steps that u had, 2^-24 in [0.5, 1).
+        // The result within a step of u, which is 2^-24 in [0.5, 1).
         let p = fits(&|r| (r * f64::from(part) * 2f64.powi(24)).fract());
         assert!(start == 0.0 || p > level(8), "steps from {start} on {part}, {range}: {p:e}");
     }
@@ -365,8 +369,8 @@ struct Descent {
     pad: u32,
 }
 
-/// Every leaf comes up as often as 1 / weight says, for uniforms that are stratified: 1 / P averages to 1 at each of them. None that
-/// holds a vertex which can contribute is missing.
+/// With stratified random numbers, every leaf is drawn with the probability 1 / weight that the traversal returns. Every leaf
+/// with a vertex that can contribute is drawn.
 #[test]
 fn leaves_come_up_with_the_probability_they_report() {
     const N: usize = 200_000;
@@ -414,21 +418,21 @@ fn leaves_come_up_with_the_probability_they_report() {
         };
         for (index, item) in items.iter().enumerate().filter(|(_, item)| contributes(item)) {
             contributing += 1;
-            assert!(covered(index), "{item:?} of {vertices} never came up");
+            assert!(covered(index), "{item:?} of {vertices} was never drawn");
         }
         for (leaf, (count, weight)) in leaves {
             let expected = N as f64 / weight;
             if expected >= 100.0 {
                 let z = (count as f64 - expected) / expected.sqrt();
-                assert!(z.abs() < 5.0, "leaf {leaf:x} of {vertices}: {count} times, {expected:.1} expected");
+                assert!(z.abs() < 5.0, "leaf {leaf:x} of {vertices} vertices: {count} draws, {expected:.1} expected");
                 worst = worst.max(z.abs());
                 compared += 1;
-                // The same 3 % off.
+                // The test would detect probabilities that are 3 % wrong.
                 let z = (count as f64 - 1.03 * expected) / expected.sqrt();
                 off += usize::from(z.abs() >= 5.0);
             }
         }
     }
     assert!(compared > 50 && contributing > 500, "{compared} leaves, {contributing} vertices, worst {worst}");
-    assert!(off > 5, "{off} leaves would show 3 %");
+    assert!(off > 5, "only {off} leaves detect an error of 3 %");
 }

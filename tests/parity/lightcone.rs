@@ -1,4 +1,4 @@
-//! `shared/lightcone.wgsl`: the bounds of a node against the light-cone shell (Eqs. 18 to 24).
+//! `shared/lightcone.wgsl`: pruning nodes, and the bounds of their power in the light-cone shell (Eqs. 18 to 24).
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -56,7 +56,8 @@ struct Case {
     items: Vec<Item>,
 }
 
-/// Children of trees over a few vertices, with shells of all kinds: degenerate boxes, one time, q inside, thin gates.
+/// Children of trees over a few vertices, with their vertices and a shell. They include degenerate boxes, equal travel times,
+/// shade points inside the box, and thin gates.
 fn cases(n: usize) -> Vec<Case> {
     let mut pcg = Pcg::new(11);
     let mut cases = vec![];
@@ -81,7 +82,7 @@ fn cases(n: usize) -> Vec<Case> {
             _ => direction(&mut pcg) * pcg.range(0.0, 20.0),
         };
         let eta_hi = if pcg.below(4) == 0 { 1.5 } else { 1.0 };
-        // Near the travel times of the node, or anywhere.
+        // The gate starts near the travel time through a vertex, or anywhere.
         let about = pcg.below(items.len());
         let near = (dvec(&items[about].point[..3]) - q).length() + f64::from(items[about].point[3]);
         let lo = if pcg.below(4) == 0 { pcg.range(0.0, 60.0) } else { near + 3.0 * pcg.range(-1.0, 1.0).powi(3) };
@@ -99,9 +100,11 @@ fn cases(n: usize) -> Vec<Case> {
     cases
 }
 
-/// Times and distances of the cases are below 100 m; a bound sums a few of them, so it is known to a few steps of 2^-17.
+/// Rounding error of a bound, in metres. Times and distances are below 100 m, where f32 has steps of 2^-17 m; a bound adds a
+/// few of them.
 const EPSILON: f64 = 4e-5;
 
+/// The power of each travel-time bucket.
 fn powers(c: &TreeChild) -> [f64; 8] {
     let bytes = [c.buckets_low.to_le_bytes(), c.buckets_high.to_le_bytes()].concat();
     std::array::from_fn(|i| f64::from(bytes[i]) * f64::from(c.power_unit))
@@ -120,14 +123,14 @@ fn bounds_agree_with_the_paper_in_f64() {
         let q = dvec(&g.q);
         let (near, far) = lightcone::distances(q, node.bounds);
         let far = far * f64::from(g.eta_hi);
-        // Both ends are exact in f32: a difference, a length and a product stay within four steps of 2^-24.
+        // The inputs are exact in f32. A difference, a length and a product have a relative error below four steps of 2^-24.
         assert!((f64::from(r.d[0]) - near).abs() <= 2.5e-7 * near, "{r:?} {near}");
         assert!((f64::from(r.d[1]) - far).abs() <= 2.5e-7 * far, "{r:?} {far}");
         inside += usize::from(near == 0.0);
         let bytes = [c.buckets_low.to_le_bytes(), c.buckets_high.to_le_bytes()].concat();
         assert_eq!(r.first, f32::from(bytes[0]) + 256.0 * f32::from(bytes[7]));
 
-        // Eq. 19 may be decided otherwise only within rounding of the boundary.
+        // Eq. 19. The device may decide differently only where the boundary is closer than the rounding error.
         let gate = Gate { lo: g.lo.into(), hi: g.hi.into() };
         let beyond = (gate.lo - node.tau[1] - far).max(node.tau[0] + near - gate.hi);
         if beyond.abs() > EPSILON {
@@ -142,14 +145,14 @@ fn bounds_agree_with_the_paper_in_f64() {
         if g.eta_hi == 1.0 {
             compare_powers(g, r, node, gate, q, (near, far));
         }
-        // B(N, q): power over the squared distance, that of the box where q is inside or close.
+        // B(N, q) is power over squared distance. The squared distance is at least the squared half diagonal of the box.
         let half2 = 0.25 * (node.bounds.max - node.bounds.min).length_squared();
         let least2 = (near * near).max(half2).max(1e-20);
-        // A node of the 3D tree has all its power in the buckets that its one travel time makes valid.
+        // A node of a 3D tree has one travel time, so the power of all its buckets is valid; the spatial overlap scales it.
         let buckets = f64::from(r.buckets);
         for (bound, power) in [(r.bound3, buckets * f64::from(r.overlap)), (r.bound4, buckets)] {
             let expected = power / least2;
-            // d_min is known to EPSILON / 10.
+            // The error of d_min is EPSILON / 10.
             let tolerance = 1e-4 + if near * near > half2 { EPSILON * 0.2 / near } else { 0.0 };
             assert!(
                 (f64::from(bound) / expected - 1.0).abs() < tolerance || expected == 0.0,
@@ -157,18 +160,23 @@ fn bounds_agree_with_the_paper_in_f64() {
             );
         }
     }
-    assert!(pruned > 2_000 && kept > 5_000 && inside > 1_000, "{pruned} {kept} {inside}");
+    assert!(
+        pruned > 2_000 && kept > 5_000 && inside > 1_000,
+        "{pruned} nodes pruned, {kept} kept, {inside} with q inside the box"
+    );
 }
 
+/// Compares the effective power of a node with the oracle's.
 fn compare_powers(g: &Input, r: &Got, node: Extent, gate: Gate, q: DVec3, (near, far): (f64, f64)) {
-    // Eq. 22. The shader keeps 1 / 1000 of a node that is touched at one distance, and all of one of a single distance.
+    // Eq. 22. The shader keeps 1/1000 of the power of a node that the shell only touches, and all power of a node whose
+    // distances from q are all equal.
     let share = lightcone::effective_power_3d(gate, 1.0, node.bounds, q, 0.0);
     let tolerance = 1e-5 + EPSILON / (far - near).max(1e-9);
     assert!(r.overlap > 0.0 && r.overlap <= 1.0 + 1e-6, "{r:?}");
     if tolerance < 0.1 {
         assert!((f64::from(r.overlap) - share.max(1e-3)).abs() <= tolerance, "{r:?} {share} {tolerance}");
     }
-    // Eqs. 23 and 24: buckets at the gate's ends may be decided either way within rounding, all others as in f64.
+    // Eqs. 23 and 24. The device may keep or drop a bucket that is within rounding of the gate's ends.
     let buckets = powers(&g.child);
     let wide = Gate { lo: gate.lo - EPSILON, hi: gate.hi + EPSILON };
     let narrow = Gate { lo: gate.lo + EPSILON, hi: gate.hi - EPSILON };
@@ -181,7 +189,8 @@ fn compare_powers(g: &Input, r: &Got, node: Extent, gate: Gate, q: DVec3, (near,
 #[test]
 fn a_node_with_a_valid_vertex_has_the_power_of_its_bucket() {
     let cases = cases(40_000);
-    // The renderer widens the shell by more than rounding; here the vertex stays clear of the edge by as much.
+    // The renderer widens the shell by more than the rounding error. These shells are not widened, so the test ignores
+    // vertices that are within EPSILON of the gate's ends.
     let inputs: Vec<Input> = cases.iter().map(|c| c.input).collect();
     let results: Vec<Got> = BOUNDS.run(&inputs, &[]);
     let mut valid = 0;
@@ -200,5 +209,5 @@ fn a_node_with_a_valid_vertex_has_the_power_of_its_bucket() {
             assert!(r.bound4 > 0.0 && f64::from(r.buckets) >= f64::from(item.power) * (1.0 - 1e-6), "{item:?} {r:?}");
         }
     }
-    assert!(valid > 10_000, "{valid}");
+    assert!(valid > 10_000, "only {valid} vertices inside their gates");
 }

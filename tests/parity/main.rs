@@ -1,4 +1,4 @@
-//! Level 2: every function of `shaders/shared/` that holds a formula, run on the device against f64.
+//! Every function of `shaders/shared/` with a formula runs on the device and is compared with f64 on the host.
 
 #[path = "../common/shader_function.rs"]
 mod shader_function;

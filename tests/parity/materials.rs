@@ -1,4 +1,4 @@
-//! Materials on the device and what f64 says of them: f and the densities of sampling, each lobe written out.
+//! Materials for the device, and a reference in f64 for their BSDF values and sampling densities.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -18,7 +18,7 @@ use crate::shader_function::{Contents, contents};
 
 pub const ALPHAS: [f64; 3] = [0.05, 0.3, 1.0];
 
-/// All the kinds there are; every material is double-sided. `specular` below 1 scales the whole coat.
+/// Materials of all kinds; all are double-sided.
 pub fn kinds() -> Vec<Material> {
     let rough = |alpha: f64| alpha.sqrt() as f32;
     let white = [1.0; 3];
@@ -36,7 +36,7 @@ pub fn kinds() -> Vec<Material> {
     all
 }
 
-/// The materials as the renderer hands them to the device, and its albedo table.
+/// Materials as the renderer writes them for the device, and its albedo table.
 pub struct Set {
     pub kinds: Vec<Material>,
     pub device: Vec<DeviceMaterial>,
@@ -71,11 +71,13 @@ impl Set {
         [contents("materials", &self.device), contents("albedo_table", &self.albedo.values)]
     }
 
+    /// Index of the material with this name and alpha.
     pub fn named(&self, name: &str, alpha: f64) -> usize {
         let fits = |m: &Material| m.name == name && (f64::from(m.roughness).powi(2) - alpha).abs() < 1e-3;
-        self.kinds.iter().position(fits).unwrap_or_else(|| panic!("{name} {alpha}"))
+        self.kinds.iter().position(fits).unwrap_or_else(|| panic!("there is no material {name} with alpha {alpha}"))
     }
 
+    /// The reference for a material where its base colour is `base`.
     pub fn at(&self, material: usize, base: [f64; 3]) -> Reference<'_> {
         let m = &self.kinds[material];
         let f0 = f64::from((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
@@ -83,7 +85,7 @@ impl Set {
     }
 }
 
-/// One material at a point, in f64.
+/// The BSDF of a material in f64. Directions are in the local frame, with the surface normal along +z.
 #[derive(Clone, Copy)]
 pub struct Reference<'a> {
     set: &'a Set,
@@ -95,12 +97,13 @@ pub struct Reference<'a> {
 }
 
 impl Reference<'_> {
+    /// Weights of metal, of coat over diffuse, and of glass.
     fn shares(&self) -> [f64; 3] {
         let (metal, glass) = (f64::from(self.m.metallic), f64::from(self.m.transmission));
         [metal, (1.0 - metal) * (1.0 - glass), (1.0 - metal) * glass]
     }
 
-    /// Refractive index on the side of `w`.
+    /// Index of refraction on the side of `w`.
     pub fn index(&self, w: DVec3, front: bool) -> f64 {
         if (w.z > 0.0) == front { 1.0 } else { self.ior }
     }
@@ -109,7 +112,7 @@ impl Reference<'_> {
         self.alpha < 1e-3
     }
 
-    /// Directional albedo of the coat by the renderer's table.
+    /// Directional albedo of the coat, from the renderer's table.
     pub fn coat_albedo(&self, cosine: f64) -> f64 {
         f64::from(self.m.specular) * self.set.albedo.at(cosine, self.alpha, self.f0, 1.0)
     }
@@ -129,7 +132,7 @@ impl Reference<'_> {
         if sum > 0.0 { lobes.map(|l| l / sum) } else { [1.0, 0.0, 0.0] }
     }
 
-    /// f for light from `wl` scattered to `wc`; `front`: index 1 is on the +z side.
+    /// f for light that arrives from `wl` and leaves towards `wc`, per colour channel. `front`: the +z side has index 1.
     pub fn f(&self, wl: DVec3, wc: DVec3, front: bool) -> [f64; 3] {
         let [metal, plastic, glass] = self.shares();
         let above = if front { 1.0 } else { self.ior };
@@ -152,7 +155,8 @@ impl Reference<'_> {
         })
     }
 
-    /// Density with which `w` finds `other`; a `w` below the surface is turned up, and with it the medium.
+    /// Density of sampling `other` where `w` is known, per solid angle. If `w` is below the surface, the function turns the
+    /// surface upside down.
     pub fn pdf(&self, w: DVec3, other: DVec3, front: bool) -> f64 {
         if w.z < 0.0 {
             let turn = |d: DVec3| DVec3::new(d.x, -d.y, -d.z);
@@ -168,7 +172,7 @@ impl Reference<'_> {
         diffuse * other.z / PI + (gloss + glass * reflectance) * lobe
     }
 
-    /// Rough refraction (Walter et al. 2007) in the paper's letters: o is where the light goes, i where it comes from.
+    /// Rough refraction in the notation of Walter et al. 2007: light arrives from `i` and leaves towards `o`.
     fn refraction(&self, i: DVec3, o: DVec3, front: bool) -> Option<Refraction> {
         if self.is_delta() {
             return None;
@@ -197,6 +201,6 @@ impl Reference<'_> {
 
 struct Refraction {
     f: f64,
-    /// Density of i for a path that comes along o.
+    /// Density of sampling `i` where `o` is known, per solid angle.
     pdf_from_c: f64,
 }

@@ -26,7 +26,7 @@ fn frames_are_orthonormal_and_right_handed() {
     for (input, f) in inputs.iter().zip(&frames) {
         let [t, b, n] = [dvec(&f[0..3]), dvec(&f[4..7]), dvec(&f[8..11])];
         assert_eq!(n, dvec(&input[..3]));
-        // A few f32 roundings; the listing is accurate to 3e-7 all over the sphere.
+        // `frame_around` has an error of 3e-7 over the whole sphere; products and lengths add a few roundings.
         let worst = [t.dot(b), t.dot(n), b.dot(n), t.length() - 1.0, b.length() - 1.0, (t.cross(b) - n).length()];
         assert!(worst.iter().all(|x| x.abs() < 2e-6), "{n}: {worst:?}");
     }
@@ -39,12 +39,12 @@ const TURNS: ShaderFunction = ShaderFunction {
     body: "result.turn = cosine_and_sine(input.phi);",
 };
 
-/// SwiftShader's own are wrong by 1e-4, and Vulkan allows 5e-4.
+/// The built-in functions may have an error of 5e-4 in Vulkan, and those of SwiftShader have an error of 1e-4.
 #[test]
 fn sines_are_right_on_every_device() {
     let quarters = (0..=4).map(|quarter| (f64::from(quarter) * std::f64::consts::FRAC_PI_2) as f32);
     let angles: Vec<f32> = (0..100_000).map(|i| i as f32 * (TAU as f32 / 1e5)).chain(quarters).collect();
-    // As the device is known to be, and as every device is taken to be of which nothing is known.
+    // With the setting for this device, then with the setting for unknown devices.
     for constants in [&[][..], &[("EXACT_SINES", 0.0)]] {
         let turns: Vec<[f32; 2]> = TURNS.compile(constants).run(&angles, &[]);
         for (&angle, [cosine, sine]) in angles.iter().zip(turns) {
@@ -126,7 +126,7 @@ fn small_helpers() {
         if r[3] == 1 {
             assert_eq!(f32::from_bits(r[1]), v[0].max(v[1]).max(v[2]));
             let y = 0.2126 * f64::from(v[0]) + 0.7152 * f64::from(v[1]) + 0.0722 * f64::from(v[2]);
-            // Devices may flush terms below the least normal number to 0.
+            // Devices may flush denormal terms to 0.
             let flushed = 3.0 * f64::from(f32::MIN_POSITIVE);
             let tolerance = 1e-6 * f64::from(v[0].abs().max(v[1].abs()).max(v[2].abs())) + flushed;
             let got = f64::from(f32::from_bits(r[2]));
@@ -141,7 +141,7 @@ fn small_helpers() {
     }
 }
 
-/// Jarzynski and Olano's listing.
+/// The hash function pcg4d (Jarzynski and Olano 2020).
 fn pcg4d(key: [u32; 4]) -> [u32; 4] {
     let mut v = key.map(|k| k.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
     let mix = |v: &mut [u32; 4]| {
@@ -155,7 +155,7 @@ fn pcg4d(key: [u32; 4]) -> [u32; 4] {
     v
 }
 
-/// O'Neill's RXS-M-XS 32.
+/// The output function RXS-M-XS of PCG, 32 bits (O'Neill 2014).
 fn pcg_output(state: u32) -> u32 {
     let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
     (word >> 22) ^ word

@@ -1,6 +1,7 @@
-//! Pairs of a shade point and a light vertex at one place, nearly so, in one plane and behind each other, through the whole
-//! kernels `shell_query`, `shell_resample` and `connect`: nothing that is not finite, nothing negative, and where something
-//! arrives it is the f64 value of Eq. 25 with its MIS weight.
+//! Degenerate pairs of a shade point and a light vertex: at one place, close together, in one plane, or behind each other.
+//!
+//! The pairs run through the whole kernels `shell_query`, `shell_resample` and `connect`. Contributions must be finite and
+//! not negative. If they are not 0, they must equal Eq. 25 with its MIS weight in f64.
 
 use std::f64::consts::PI;
 
@@ -22,10 +23,10 @@ use crate::values::{direction, dvec, vec3};
 const BASE: f32 = 0.5;
 const QUERIES: u32 = 8;
 
-/// Distances of a pair, in units of the scene.
+/// Distances between the vertices of a pair, in metres.
 const DISTANCES: [f64; 9] = [0.0, 1e-7, 3e-7, 1e-6, 1e-5, 1e-4, 1e-3, 0.1, 1.0];
 
-/// A vertex of a diffuse surface that was reached from the side of its normal.
+/// A vertex on a diffuse surface. The path reached it from the side of its normal.
 fn vertex(position: DVec3, normal: DVec3, sums: [f32; 2], pcg: &mut Pcg) -> PathVertex {
     let mut to_previous = direction(pcg);
     to_previous *= to_previous.dot(normal).signum();
@@ -47,8 +48,9 @@ fn vertex(position: DVec3, normal: DVec3, sums: [f32; 2], pcg: &mut Pcg) -> Path
     }
 }
 
-/// Shade points and their partners: pairs in general position, in one plane, behind each other, in a corner, and level with the
-/// pinhole with all but one coordinate in common. All of them are at one of few places, so that they are near others too.
+/// Shade points, and for each a light vertex: facing each other, in one plane, behind each other, or in a corner. In a fifth
+/// of the pairs, both vertices are level with the pinhole and differ only in z. All pairs share twelve places, so that
+/// vertices of different pairs are close too.
 fn pairs() -> (Vec<PathVertex>, Vec<PathVertex>) {
     let mut pcg = Pcg::new(191);
     let (mut points, mut lights) = (vec![], vec![]);
@@ -68,7 +70,7 @@ fn pairs() -> (Vec<PathVertex>, Vec<PathVertex>) {
         let middle = places[pcg.below(12)];
         let q = if near_pinhole { DVec3::new(middle.x, middle.y, 0.0) } else { middle };
         let q = q.as_vec3().as_dvec3();
-        // After a mirror both sums may be 0.
+        // After a mirror, both partial sums may be 0.
         let sums = [[0.0, 0.0], [0.7, 0.0], [0.4, 2.0]][pcg.below(3)];
         points.push(PathVertex {
             owner: i,
@@ -76,7 +78,7 @@ fn pairs() -> (Vec<PathVertex>, Vec<PathVertex>) {
         });
         let mut light = vertex(q + distance * w, at_v.normalize(), sums, &mut pcg);
         if i % 7 == 0 {
-            // A point of an emitter.
+            // A vertex on an emitter.
             (light.flags, light.material, light.tau) = (VERTEX_EMITTER | VERTEX_VALID, 0, 0.0);
         }
         lights.push(light);
@@ -84,7 +86,7 @@ fn pairs() -> (Vec<PathVertex>, Vec<PathVertex>) {
     (points, lights)
 }
 
-/// Eq. 25 for two diffuse vertices, with its MIS weight; and the lesser of the two cosines.
+/// Eq. 25 with its MIS weight, for two diffuse vertices. Also returns the smaller of the two cosines.
 fn exact(q: &PathVertex, v: &PathVertex) -> (DVec3, f64) {
     let offset = dvec(&v.position) - dvec(&q.position);
     let (d2, w) = (offset.length_squared(), offset.normalize_or_zero());
@@ -104,7 +106,7 @@ fn exact(q: &PathVertex, v: &PathVertex) -> (DVec3, f64) {
     (phi * (f_q * f_v / d2 * weight), cos_q.min(cos_v))
 }
 
-/// The kernels with all they need.
+/// A device, and the scene buffers and constants of the kernels.
 struct Bench {
     device: Device,
     scene: Vec<Contents>,
@@ -112,7 +114,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// `material` for all vertices; no surface stands between any pair.
+    /// A scene with one far surface, so that nothing occludes any pair. All vertices have `material`.
     fn new(material: Material, glossy: bool) -> Bench {
         let mut scene = Scene::default();
         let number = stage::material(&mut scene, material);
@@ -134,7 +136,7 @@ impl Bench {
         }
     }
 
-    /// Runs `kernel` on one entry a thread; gives the contents of `out`.
+    /// Runs `kernel` with `threads` threads. Returns the contents of the buffers that `out` names.
     fn run(&self, kernel: &'static str, threads: usize, extra: &[Contents], out: &[&'static str]) -> Vec<Vec<u8>> {
         let compiled = Kernel::new(&self.device, kernel, kernel, &self.constants).unwrap_or_else(|e| panic!("{e}"));
         let owned: Vec<(&str, Buffer)> = (self.scene.iter().chain(extra))
@@ -153,7 +155,7 @@ impl Bench {
         out.iter().map(read).collect()
     }
 
-    /// Contributions of all slots of all shade points.
+    /// Runs `connect`. Returns the contributions of all slots of all shade points.
     fn connect(
         &self,
         frame: Frame,
@@ -178,7 +180,8 @@ impl Bench {
         bytemuck::pod_collect_to_vec(&out[0])
     }
 
-    /// What a query kernel chooses for every shade point, out of trees with leaves of `leaf_size`.
+    /// Runs a query kernel. Returns the candidates in all slots of all shade points. `lights` is sorted into the order of the
+    /// trees, and the tree fields of `frame` are filled in.
     fn query(
         &self,
         kernel: &'static str,
@@ -217,7 +220,7 @@ impl Bench {
     }
 }
 
-/// Samples of as many pixels, one each, in blocks of 8 x 8.
+/// One sample per pixel, in the order of a tile: blocks of 8 x 8 pixels.
 fn one_each(pixels: usize) -> Vec<[u32; 2]> {
     let film_pixel = |i: u32| (i % 64 / 8) << 16 | (i / 64 * 8 + i % 8);
     (0..pixels as u32).map(|i| [film_pixel(i), 0]).collect()
@@ -249,13 +252,13 @@ fn frame() -> Frame {
     }
 }
 
-/// What is wrong with a contribution; counts those that were compared.
+/// Describes what is wrong with a contribution, or returns `None`. Adds 1 to `compared` if the contribution is not 0.
 fn fault(q: &PathVertex, v: &PathVertex, factor: f64, got: [f32; 4], compared: &mut usize) -> Option<String> {
     let (want, cosine) = exact(q, v);
     let want = want * factor;
     let got_light = dvec(&got[..3]);
     let finite = got.iter().all(|x| x.is_finite());
-    let about = || format!("{got:?} and not {want} (cosine {cosine:e})\nq {q:?}\nv {v:?}");
+    let about = || format!("got {got:?}, expected {want} (cosine {cosine:e})\nq {q:?}\nv {v:?}");
     if !finite || got_light.min_element() < 0.0 {
         return Some(about());
     }
@@ -263,18 +266,20 @@ fn fault(q: &PathVertex, v: &PathVertex, factor: f64, got: [f32; 4], compared: &
         return None;
     }
     *compared += 1;
-    // A cosine is known to 3e-7; value and weight hold at most its sixth power.
+    // A cosine has an absolute error of 3e-7. Value and weight depend on at most its sixth power.
     let error = 1e-5 + 2e-6 / cosine.abs().max(1e-30);
     let near = (got_light - want).abs().max_element() <= error * want.abs().max_element();
     (!near && cosine > 1e-5 || cosine < -1e-5).then(about)
 }
 
-fn assert_few(name: &str, wrong: &[String]) {
+/// Asserts that `wrong` is empty, and prints at most three of its lines.
+fn assert_none(name: &str, wrong: &[String]) {
     let shown = wrong[..wrong.len().min(3)].join("\n");
     assert!(wrong.is_empty(), "{name}: {} wrong\n{shown}", wrong.len());
 }
 
-/// Pairs that are one point as far as floats tell never reach `connect` (`slots.wgsl: can_connect`).
+/// Whether `connect` may get this pair. Pairs whose positions differ only by rounding are dropped before
+/// (`slots.wgsl: can_connect`).
 fn apart(q: &PathVertex, v: &PathVertex) -> bool {
     let size = dvec(&q.position).abs().max_element();
     (dvec(&q.position) - dvec(&v.position)).length() > 0.5f64.powi(22) * size
@@ -292,9 +297,9 @@ fn near_pairs_connect_as_in_f64() {
     let mut compared = 0;
     let wrong: Vec<String> =
         (0..points.len()).filter_map(|i| fault(&points[i], &lights[i], 2.5, got[i], &mut compared)).collect();
-    eprintln!("{compared} compared");
-    assert_few("connect", &wrong);
-    assert!(compared > points.len() / 4, "{compared}");
+    eprintln!("{compared} contributions compared");
+    assert_none("connect", &wrong);
+    assert!(compared > points.len() / 4, "only {compared} contributions compared");
 }
 
 #[test]
@@ -313,13 +318,13 @@ fn near_pairs_pass_the_query_kernels() {
             near += usize::from((dvec(&q.position) - dvec(&v.position)).length() < 2e-3);
             wrong.extend(fault(q, v, c.weight.into(), got[slot], &mut compared));
         }
-        eprintln!("{kernel}: {compared} compared, {near} near pairs");
-        assert_few(kernel, &wrong);
-        assert!(compared > points.len() && near > 50, "{kernel}: {compared} compared, {near} near");
+        eprintln!("{kernel}: {compared} contributions compared, {near} close pairs");
+        assert_none(kernel, &wrong);
+        assert!(compared > points.len() && near > 50, "{kernel}: {compared} compared, {near} close pairs");
     }
 }
 
-/// With glossy and transparent materials there is no closed form at hand: nothing infinite, nothing negative.
+/// For glossy and transparent materials the test has no closed form. It only asserts finite values that are not negative.
 #[test]
 fn near_pairs_of_any_material_stay_finite() {
     let (points, lights) = pairs();
@@ -346,7 +351,7 @@ fn near_pairs_of_any_material_stay_finite() {
                     format!("{c:?} {g:?} {:?} {:?}", points[slot / frame.slots as usize], lights.get(c.vertex as usize))
                 })
                 .collect();
-            assert_few(&format!("{name}, {kernel}"), &wrong);
+            assert_none(&format!("{name}, {kernel}"), &wrong);
             let crosses = |(slot, (c, g)): (usize, (&Candidate, &[f32; 4]))| {
                 let q = &points[slot / frame.slots as usize];
                 let through = |v: &PathVertex| (dvec(&v.position) - dvec(&q.position)).dot(dvec(&q.geometric)) < 0.0;
@@ -357,7 +362,7 @@ fn near_pairs_of_any_material_stay_finite() {
     }
 }
 
-/// The sibling that must fail: a contribution 1 % too large.
+/// The tests above would detect contributions that are 1 % too large.
 #[test]
 fn a_wrong_contribution_is_noticed() {
     let (points, lights) = pairs();
@@ -370,8 +375,8 @@ fn a_wrong_contribution_is_noticed() {
     assert!(wrong.count() > points.len() / 8);
 }
 
-/// In a corner a millionth of the scene large around the pinhole, squares of densities would overflow, and meet the sum 0 that a
-/// mirror leaves (`weights.wgsl: connection_weight`).
+/// Both vertices are within 4e-6 m of the pinhole, and 1e-11 m apart. Squared densities would overflow to infinity there, and
+/// a partial sum of 0 times infinity is not a number (`weights.wgsl: connection_weight`).
 #[test]
 fn densities_stay_finite_in_a_tiny_corner_near_the_pinhole() {
     let mut pcg = Pcg::new(192);

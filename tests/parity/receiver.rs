@@ -1,4 +1,4 @@
-//! What the importance knows of a shade point: `shared/receiver.wgsl`, and the lobe of `shared/importance.wgsl`.
+//! The shade point as the importance sees it: `shared/receiver.wgsl`, and the glossy lobe of `shared/importance.wgsl`.
 
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
@@ -20,7 +20,8 @@ const GLOSS: ShaderFunction = ShaderFunction {
         result.factor = gloss_factor(receiver, input.center, input.radius2);",
 };
 
-/// Against its formula, and pi / (1 + w / 4) over the sphere: nodes in all directions get no more than the lobe reflects.
+/// The factor equals its formula and integrates to pi / (1 + width / 4) over the sphere. So nodes in all directions together
+/// get no more than the lobe reflects.
 #[test]
 fn gloss_has_the_lobe_of_its_width() {
     let mut pcg = Pcg::new(11);
@@ -31,7 +32,7 @@ fn gloss_has_the_lobe_of_its_width() {
             let [c, m] = [w * distance, axis].map(vec3);
             [c[0], c[1], c[2], radius2 as f32, m[0], m[1], m[2], spread as f32]
         };
-        // Rings of equal area about the axis.
+        // One direction in each of `rings` rings of equal area around the axis.
         let rings = 20_000;
         let tangent = axis.any_orthonormal_vector();
         let towards = |i: usize| {
@@ -62,8 +63,8 @@ const RECEIVER: ShaderFunction = ShaderFunction {
         result.lobe = lobe_probabilities(b, dot(input.q.normal, input.q.to_previous)).gloss;",
 };
 
-/// The lobe stands around the mirrored direction, twice as wide as the facets are tilted, with the part of what scatters that gloss
-/// does; whatever is in the scene beside it.
+/// A receiver has the mirrored direction, a lobe twice as wide as the slopes of the facets, and the probability of the glossy
+/// lobe (at most 0.9).
 #[test]
 fn a_receiver_has_the_gloss_of_its_material() {
     let mut pcg = Pcg::new(12);
@@ -82,5 +83,5 @@ fn a_receiver_has_the_gloss_of_its_material() {
         glossy += usize::from(r[7] > 0.3);
         through += usize::from(r[8].to_bits() == 1);
     }
-    assert!(glossy > 500 && through > 200, "{glossy} {through}");
+    assert!(glossy > 500 && through > 200, "{glossy} glossy receivers, {through} that transmit");
 }

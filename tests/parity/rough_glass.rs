@@ -1,4 +1,5 @@
-//! The oracle's rough glass, which only samples facets, against the lobe of Walter et al. in f64, which the device evaluates.
+//! Rough glass of the oracle, which samples facets, against the lobe of Walter et al. 2007, which the device evaluates. Both
+//! are computed in f64.
 
 use std::f64::consts::TAU;
 
@@ -8,7 +9,8 @@ use taugate::internals::generate::numbers::Pcg;
 use crate::materials::{Reference, set};
 use crate::values::polar;
 
-/// Power reflected and power sent through, each once more weighted with how far it leans to +x: by the lobe, over a grid.
+/// Integrates the lobe over a grid of directions. Returns the reflected power, the reflected power weighted with (1 + x) / 2
+/// of its direction, then both for the transmitted power.
 fn by_lobe(reference: &Reference, wo: DVec3, front: bool) -> [f64; 4] {
     const STEPS: [usize; 2] = [800, 400];
     let mut sums = [0.0; 4];
@@ -17,7 +19,7 @@ fn by_lobe(reference: &Reference, wo: DVec3, front: bool) -> [f64; 4] {
         let cos = 2.0 * (row as f64 + 0.5) / STEPS[0] as f64 - 1.0;
         let w = polar(cos.abs(), TAU * (column as f64 + 0.5) / STEPS[1] as f64);
         let wi = DVec3::new(w.x, w.y, cos);
-        // Of radiance: without the square of the index it is of power.
+        // f is for radiance. Without the squared ratio of the indices it is for power.
         let squeeze = (reference.index(wi, front) / reference.index(wo, front)).powi(2);
         let power = reference.f(wi, wo, front)[0] * cos.abs() * squeeze * 2.0 * TAU / (STEPS[0] * STEPS[1]) as f64;
         let side = if cos > 0.0 { 0 } else { 2 };
@@ -50,10 +52,11 @@ fn facets_and_lobe_send_the_same_light_to_the_same_sides() {
             for k in 0..4 {
                 let error = ((squares[k] - sums[k] * sums[k]) / f64::from(n)).sqrt();
                 let off = (sums[k] - expected[k]).abs();
-                let place = format!("alpha {alpha}, cos {cos}, front {front}, {k}: {} and {}", sums[k], expected[k]);
-                assert!(off < 4.5 * error + 2e-3 * expected[k], "{place} +- {error}");
-                // The sibling that must fail: a tenth more.
-                assert!((sums[k] - 1.1 * expected[k]).abs() > 4.5 * error + 2e-3 * expected[k], "{place}: too noisy");
+                let case = format!("alpha {alpha}, cos {cos}, front {front}, {k}: {}, lobe {}", sums[k], expected[k]);
+                assert!(off < 4.5 * error + 2e-3 * expected[k], "{case} +- {error}");
+                // An error of 10 % must fail.
+                let wrong = (sums[k] - 1.1 * expected[k]).abs();
+                assert!(wrong > 4.5 * error + 2e-3 * expected[k], "{case}: too noisy to detect an error of 10 %");
             }
         }
     }

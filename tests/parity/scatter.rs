@@ -1,4 +1,5 @@
-//! `shared/vertex.wgsl`, `partial_sums.wgsl` and `walk.wgsl`: connections and steps in world space, with shading normals.
+//! `shared/vertex.wgsl`, `partial_sums.wgsl` and `walk.wgsl`: connections and steps of a path in world space, at vertices
+//! with shading normals.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -18,12 +19,12 @@ const CONNECT: ShaderFunction = ShaderFunction {
     imports: &["vertex"],
     input: "v: PathVertex, w: vec3<f32>, pad: f32",
     result:
-        "q_value: vec3<f32>, q_pdf: f32, l_value: vec3<f32>, l_pdf: f32, local: vec3<f32>, medium: f32, q_reverse: f32,
+        "q_value: vec3<f32>, q_pdf: f32, l_value: vec3<f32>, l_pdf: f32, local: vec3<f32>, eta: f32, q_reverse: f32,
         l_reverse: f32, q_cosine: f32, l_cosine: f32",
     body: "let q = evaluate_shade_point(input.v, input.w); let l = evaluate_light_vertex(input.v, input.w);
         result.q_value = q.value; result.q_pdf = q.pdf; result.q_reverse = q.pdf_reverse; result.q_cosine = q.cosine;
         result.l_value = l.value; result.l_pdf = l.pdf; result.l_reverse = l.pdf_reverse; result.l_cosine = l.cosine;
-        result.local = to_local(input.v.normal, input.w); result.medium = eta_towards(input.v, input.w);",
+        result.local = to_local(input.v.normal, input.w); result.eta = eta_towards(input.v, input.w);",
 };
 
 #[repr(C)]
@@ -42,13 +43,14 @@ struct Connected {
     l_value: [f32; 3],
     l_pdf: f32,
     local: [f32; 3],
-    medium: f32,
+    eta: f32,
     q_reverse: f32,
     l_reverse: f32,
     q_cosine: f32,
     l_cosine: f32,
 }
 
+/// The buffers that the imported modules declare; only the materials and the albedo table have real contents.
 pub fn buffers() -> Vec<Contents> {
     let mut all: Vec<Contents> = set().buffers().into();
     all.extend([contents("textures", &[0u32; 4]), contents("texels", &[0u32]), contents("emitters", &[0u32; 16])]);
@@ -56,7 +58,8 @@ pub fn buffers() -> Vec<Contents> {
     all
 }
 
-/// A vertex with a shading normal up to 0.4 rad off; lobes not narrower than 0.3, where directions in f32 are exact enough.
+/// A random vertex whose shading normal deviates by up to 0.4 rad from its geometric normal. The material is diffuse or has a
+/// wide lobe (roughness above 0.4), because narrow lobes amplify the rounding of directions.
 pub fn vertex(pcg: &mut Pcg) -> PathVertex {
     let set = set();
     let wide: Vec<u32> = (0..set.kinds.len() as u32).filter(|&i| set.kinds[i as usize].roughness > 0.4).collect();
@@ -95,7 +98,7 @@ fn connections_agree_with_f64() {
         let v = &g.v;
         let (normal, geometric) = (dvec(&v.normal).normalize(), dvec(&v.geometric));
         let (before, w) = (dvec(&v.to_previous).normalize(), dvec(&g.w).normalize());
-        // Isotropic lobes: any frame about the normal will do.
+        // Lobes are isotropic, so any frame around the normal is right.
         let tangent = normal.any_orthonormal_vector();
         let local = |d: DVec3| DVec3::new(d.dot(tangent), d.dot(normal.cross(tangent)), d.dot(normal));
         let (known, new) = (local(before), local(w));
@@ -104,9 +107,9 @@ fn connections_agree_with_f64() {
         let side = w.dot(geometric);
         let ior = f64::from(set.kinds[v.material as usize].ior);
         let front = v.flags & FRONT != 0;
-        // An opaque surface has one medium, that of the segment which arrived.
+        // At an opaque surface, both segments have the same eta.
         let through = set.kinds[v.material as usize].transmission > 0.0;
-        let medium = match (through, (side >= 0.0) == front) {
+        let eta = match (through, (side >= 0.0) == front) {
             (false, _) => f64::from(v.eta),
             (true, outside) => {
                 if outside {
@@ -116,14 +119,14 @@ fn connections_agree_with_f64() {
                 }
             }
         };
-        assert!(side.abs() < 1e-6 || (f64::from(r.medium) - medium).abs() < 1e-6, "{g:?} {r:?}");
+        assert!(side.abs() < 1e-6 || (f64::from(r.eta) - eta).abs() < 1e-6, "{g:?} {r:?}");
         assert!([r.q_cosine, r.l_cosine].iter().all(|c| (f64::from(*c) - side.abs()).abs() < 1e-6));
-        // Close to a horizon the sides themselves are rounding.
+        // Near a horizon, rounding decides on which side of the surface a direction is.
         if [known.z, new.z, side, before.dot(geometric)].iter().any(|c| c.abs() < 0.02) {
             continue;
         }
         let reference = set.at(v.material as usize, v.base_color.map(f64::from));
-        // Light leaks through no surface: both normals must see both directions alike (Veach 1997, Sec. 5.3).
+        // No light leaks through a surface: a direction must be on the same side of both normals (Veach 1997, section 5.3).
         let open = known.z > 0.0 && side * new.z > 0.0;
         let received = before.dot(geometric).abs();
         let (toward_q, toward_w) = (reference.f(new, known, front), reference.f(known, new, front));
@@ -140,7 +143,7 @@ fn connections_agree_with_f64() {
             assert!(close(r.l_pdf, along * f64::from(v.select_pdf)) && close(r.l_reverse, back), "{g:?} {r:?}");
         }
     }
-    assert!(compared > 8_000, "{compared}");
+    assert!(compared > 8_000, "only {compared} connections compared");
 }
 
 const STEP: ShaderFunction = ShaderFunction {
@@ -188,8 +191,8 @@ struct Stepped {
     pad: [u32; 2],
 }
 
-/// What a step carries on is what a connection along it would carry, over its density; Russian roulette divides by the
-/// probability of going on.
+/// The weight of a sampled step is the value of a connection in the same direction over its density. Russian roulette divides
+/// the throughput by the survival probability.
 #[test]
 fn steps_agree_with_connections() {
     let mut pcg = Pcg::new(142);
@@ -217,21 +220,21 @@ fn steps_agree_with_connections() {
             let expected = f64::from(r.value[k]) / f64::from(r.connect_pdf);
             assert!((f64::from(r.weight[k]) - expected).abs() < 5e-3 * expected + 1e-5, "{g:?} {r:?}");
         }
-        let greatest = r.weight.iter().copied().fold(0.0, f32::max);
-        let keep = if g.survival < 0.0 { 1.0 } else { greatest.clamp(0.05, 1.0) };
-        assert_eq!(r.departed == 1, greatest > 0.0 && g.survival < keep, "{g:?} {r:?}");
+        let largest = r.weight.iter().copied().fold(0.0, f32::max);
+        let keep = if g.survival < 0.0 { 1.0 } else { largest.clamp(0.05, 1.0) };
+        assert_eq!(r.departed == 1, largest > 0.0 && g.survival < keep, "{g:?} {r:?}");
         if r.departed == 0 {
             stopped += 1;
             continue;
         }
         assert!((r.state.throughput[1] / (2.0 * r.weight[1] / keep) - 1.0).abs() < 1e-5, "{r:?}");
-        assert_eq!(r.state.flags, 1, "the path is deterministic no longer");
+        assert_eq!(r.state.flags, 1, "the path must no longer be deterministic");
         assert_eq!(r.state.direction, r.direction);
-        // Georgiev 2012, Eqs. 35 and 36, squared.
+        // Georgiev 2012, Eqs. 35 and 36, with squared densities.
         let d_vcm = 1.0 / f64::from(r.pdf).powi(2);
         assert!((f64::from(r.state.d_vcm) / d_vcm - 1.0).abs() < 1e-5);
     }
-    assert!(compared > 10_000 && stopped > 500, "{compared} {stopped}");
+    assert!(compared > 10_000 && stopped > 500, "{compared} steps compared, {stopped} stopped");
 }
 
 #[test]
@@ -319,7 +322,8 @@ fn arriving_and_leaving_update_time_and_sums() {
         let on_arrival = [d_vcm * length.powi(4) / facing.powi(2), d_vc / facing.powi(2)];
         let close = |got: f64, expected: f64, tolerance: f64| (got - expected).abs() <= tolerance * expected.abs();
         assert!((0..2).all(|k| close(got[k], left[k], 1e-5) && close(got[2 + k], met[k], 1e-5)), "{g:?} {got:?}");
-        // The path's length is found again from positions of 20 m: to 1e-6 m, of at least 0.1 m; its cosine to 1e-7.
+        // `arrive` computes the length from positions of up to 20 m, with an error of 1e-6 m; lengths are at least 0.1 m. The
+        // cosine has an error of 1e-7.
         let tolerance = 1e-4 + 1e-6 / facing.abs();
         assert!(
             close(got[5], on_arrival[0], tolerance + 1e-5 / length) && close(got[6], on_arrival[1], tolerance),
@@ -328,7 +332,7 @@ fn arriving_and_leaving_update_time_and_sums() {
         let material = &set().kinds[bits[19] as usize];
         let transmits = material.transmission > 0.0;
         assert_eq!(r[7] & VERTEX_TRANSMITS != 0, transmits, "{g:?}");
-        // What lets light through says by its side what the segment ran in.
+        // At a transmitting surface, the side that the path hits determines eta of the segment.
         let eta = match (transmits, facing <= 0.0) {
             (false, _) => g[3],
             (true, true) => 1.0,

@@ -1,4 +1,4 @@
-//! A vertex that `gate_weight` accepts is never pruned, however close to the gate's edge its travel time rounds.
+//! No vertex that `gate_weight` accepts is pruned, even if its travel time is within rounding of the gate's edge.
 
 use bytemuck::{Pod, Zeroable};
 use taugate::internals::generate::numbers::Pcg;
@@ -36,7 +36,7 @@ fn the_gate_is_half_open() {
     let input: Vec<[f32; 3]> = inputs.iter().map(|i| i.0).collect();
     let open: Vec<u32> = GATE.run(&input, &[frame_with_gate(gate)]);
     assert_eq!(open, inputs.map(|i| i.1));
-    // An empty gate contains nothing, abutting ones share nothing.
+    // An empty gate accepts nothing. Two gates that touch accept no travel time twice.
     let closed: Vec<u32> = GATE.run(&input, &[frame_with_gate(Gate { lo: 8.0, hi: 8.0 })]);
     assert!(closed.iter().all(|&o| o == 0));
     let next: Vec<u32> = GATE.run(&input, &[frame_with_gate(Gate { lo: 12.0, hi: f64::INFINITY })]);
@@ -77,7 +77,8 @@ struct Got {
     tau: f32,
 }
 
-/// Nodes of one to four vertices; q_tau puts one vertex within a few roundings of `edge`.
+/// Nodes with one to four vertices. For one of the vertices, q_tau is chosen such that the travel time of the path is within
+/// a few rounding steps of `edge`.
 fn cases(edge: f64, spatial: bool, buckets: u32, n: usize) -> Vec<Input> {
     let mut pcg = Pcg::new(21);
     let mut cases = vec![];
@@ -110,6 +111,7 @@ fn cases(edge: f64, spatial: bool, buckets: u32, n: usize) -> Vec<Input> {
     cases
 }
 
+/// Asserts that no accepted vertex is pruned at one end of a gate, in both trees and with 8 and 5 buckets.
 fn check(gate: Gate, edge: f64) {
     let kernels = [8u32, 5].map(|buckets| (buckets, EDGE.compile(&[("BUCKET_COUNT", buckets.into())])));
     for ((buckets, kernel), spatial) in kernels.iter().flat_map(|k| [(k, true), (k, false)]) {
@@ -120,7 +122,11 @@ fn check(gate: Gate, edge: f64) {
             [frame_with_gate(gate), contents("materials", &[material]), contents("light_vertices", &no_vertex)];
         let results: Vec<Got> = kernel.run(&inputs, &buffers);
         let open = results.iter().filter(|r| r.open == 1).count();
-        assert!(open > 4_000 && open < 16_000, "{open} of {} at the edge {edge} of {gate:?}", inputs.len());
+        assert!(
+            open > 4_000 && open < 16_000,
+            "the gate accepts {open} of {} vertices at the edge {edge} of {gate:?}",
+            inputs.len()
+        );
         let bound = |r: &Got| if spatial { r.bound3 } else { r.bound4 };
         assert!(results.iter().all(|r| bound(r).is_finite()));
         let dropped: Vec<_> = results.iter().filter(|r| r.open == 1 && bound(r) <= 0.0).collect();

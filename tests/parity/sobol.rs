@@ -1,5 +1,5 @@
-//! `shared/sobol.wgsl`: against the generator matrices, one point a stratum, digits scrambled from the top down, uniform and
-//! independent numbers.
+//! `shared/sobol.wgsl`: Sobol points against the generator matrices, and nested scrambling. Every stratum gets one point, and
+//! points of different pixels are uniform and independent.
 
 use bytemuck::{Pod, Zeroable};
 use taugate::internals::generate::numbers::Pcg;
@@ -16,14 +16,15 @@ const SOBOL: ShaderFunction = ShaderFunction {
     body: "result.point = sobol2(input.number); result.scrambled = owen_scramble(input.number, input.seed);",
 };
 
-/// Numbers at both ends of every power of two, and others.
+/// Powers of two, one less than those, and random numbers.
 fn numbers() -> Vec<u32> {
     let mut pcg = Pcg::new(31);
     let edges = (0..32).flat_map(|k| [1u32 << k, (1 << k) - 1, u32::MAX >> k]);
     edges.chain((0..5000).map(|_| pcg.next_u32())).collect()
 }
 
-/// Sobol's first two dimensions by their direction numbers (Joe and Kuo 2008): 1 on the diagonal, then v_k = v_(k-1) ^ v_(k-1) / 2.
+/// The first two dimensions of Sobol's sequence from their direction numbers (Joe and Kuo 2008). The first dimension has the
+/// unit matrix; the second has v_k = v_(k-1) ^ (v_(k-1) / 2).
 fn by_directions(number: u32) -> [u32; 2] {
     let (mut x, mut y, mut direction) = (0, 0, 1u32 << 31);
     for k in 0..32 {
@@ -36,7 +37,7 @@ fn by_directions(number: u32) -> [u32; 2] {
     [x, y]
 }
 
-/// The same hash on the digits in their own order, one at a time: in the reversed word a digit weighs 2^place.
+/// `owen_scramble` on the host, with its own reversal of digits: in the reversed word, digit `place` has the value 2^place.
 fn scrambled(x: u32, [a, b]: [u32; 2]) -> u32 {
     let reversed: u32 = (0..32).map(|place| (x >> (31 - place) & 1) << place).sum();
     let mix = |v: u32, factor: u32| v ^ v.wrapping_mul(factor);
@@ -55,7 +56,7 @@ fn points_and_scrambling_are_those_of_the_scalar_twins() {
     }
 }
 
-/// Two words that share their first k digits, and no more, share just these afterwards.
+/// If exactly the first k digits of two words are equal, exactly the first k digits of the scrambled words are equal.
 #[test]
 fn scrambling_is_nested() {
     let mut pcg = Pcg::new(33);
@@ -93,14 +94,15 @@ struct Pairs {
     other: [f32; 2],
 }
 
-/// Members 0 to `members` of `sets` sets of various keys.
+/// The first `members` samples of each of `count` sets. A set has the samples of one pixel in one iteration; each set has
+/// another pixel, and the iteration and the seed vary.
 fn sets(count: u32, members: u32) -> Vec<Pairs> {
     let inputs: Vec<[u32; 4]> =
         (0..count * members).map(|i| [i / members, i / members % 7, i % members, 3 + i / members % 5]).collect();
     STRATIFIED.run(&inputs, &[])
 }
 
-/// Does every elementary interval of area 1 / n hold one of the n points?
+/// Whether every elementary interval of area 1 / n contains exactly one of the n points.
 fn is_a_net(points: &[[f32; 2]]) -> bool {
     let digits = points.len().ilog2();
     (0..=digits).all(|a| {
@@ -122,15 +124,15 @@ fn every_stratum_holds_one_point() {
         for k in 0..=8 {
             let of = |pair: fn(&Pairs) -> [f32; 2]| of_a_set[..1 << k].iter().map(pair).collect::<Vec<_>>();
             assert!(is_a_net(&of(|p| p.pixel)) && is_a_net(&of(|p| p.direction)) && is_a_net(&of(|p| p.lobe)), "{k}");
-            // The sibling that must fail: independent numbers.
+            // Independent random numbers must fail.
             scattered += usize::from(k >= 4 && is_a_net(&of(|p| p.other)));
         }
     }
-    assert_eq!(scattered, 0);
+    assert_eq!(scattered, 0, "sets of independent numbers that pass");
 }
 
-/// Members by themselves are uniform, and so are the first pair's x with the second's, the second's y with the third's, and two
-/// members that a net does not tie together: the same number of the next set.
+/// Each sample of a set is uniform over many sets. Coordinates of different pairs are independent, and so are samples with
+/// the same number in two sets.
 #[test]
 fn numbers_are_uniform_and_sets_independent() {
     const SIDE: usize = 16;
@@ -156,7 +158,7 @@ fn numbers_are_uniform_and_sets_independent() {
             let p = test(&points);
             assert!(p > least, "member {number}, {which}: p = {p:.1e}");
         }
-        // The sibling that must fail: numbers a little denser towards 0.
+        // Numbers that are slightly denser towards 0 must fail.
         let skewed: Vec<[f32; 2]> = members.iter().map(|p| p.pixel.map(|u| u.powf(1.03))).collect();
         assert!(test(&skewed) < least);
     }

@@ -1,4 +1,4 @@
-//! Structs read from texel buffers: every field is where the host put it.
+//! Kernels unpack structs from texel buffers. Each field must have the value that the host wrote.
 
 use bytemuck::{Pod, Zeroable};
 use taugate::internals::generate::numbers::Pcg;
@@ -9,7 +9,7 @@ use taugate::internals::wgsl::layout::{
 
 use crate::shader_function::{ShaderFunction, contents};
 
-/// A kernel that loads `input.index`.
+/// Defines a kernel that loads the struct at `input.index`.
 macro_rules! loads {
     ($name:ident, $module:literal, $type:literal, $call:literal) => {
         const $name: ShaderFunction = ShaderFunction {
@@ -36,10 +36,10 @@ pub const KERNELS: &[&ShaderFunction] =
 
 const COUNT: usize = 37;
 
-/// Records of finite floats, and what `kernel` finds in them.
+/// Returns random records, and the same records as `kernel` reads them.
 fn round_trip<T: Pod>(kernel: &ShaderFunction, buffer: &'static str) -> (Vec<T>, Vec<T>) {
     let mut pcg = Pcg::new(7);
-    // No infinities and no NaNs, whose bits a device need not keep.
+    // Finite floats only: a device may change the bits of a NaN.
     let mut word = || (pcg.uniform() * f64::from(u32::MAX)) as u32 & 0xbf7f_ffff;
     let words: Vec<u32> = (0..COUNT * size_of::<T>() / 4).map(|_| word()).collect();
     let written: Vec<T> = bytemuck::cast_slice(&words).to_vec();
@@ -66,7 +66,7 @@ fn structs_are_read_back_as_they_were_written() {
     same::<TreeNode>(&TREE_NODE, "tree_nodes", |_| ());
 }
 
-/// A struct of another size, so it does not go through the same helper.
+/// The buffer holds `TreeNode` but the kernel returns `TreeChild`, so the helper above does not fit.
 #[test]
 fn the_second_child_of_a_tree_node() {
     let node = |k: u32| {

@@ -1,4 +1,4 @@
-//! `shared/texture.wgsl` and the parts of `surface.wgsl` that read textures, against the oracle's look-ups.
+//! `shared/texture.wgsl` and the parts of `surface.wgsl` that read textures, against the oracle's texture look-ups.
 
 use glam::{DAffine3, DVec2, DVec3};
 use taugate::internals::generate::numbers::Pcg;
@@ -15,7 +15,8 @@ use crate::shader_function::{Contents, ShaderFunction, contents};
 
 pub const KERNELS: &[&ShaderFunction] = &[&SAMPLE, &PARTS, &SURFACE];
 
-/// Every wrap mode both ways, nearest and bilinear, on images of awkward sizes; a material for some of them.
+/// Textures with every pair of wrap modes and both filters, on images of 1 x 1, 5 x 3 and 8 x 8 texels. Three materials, one
+/// per alpha mode, use some of them.
 fn scene() -> Scene {
     let mut pcg = Pcg::new(101);
     let mut scene = Scene::default();
@@ -87,7 +88,7 @@ fn textures_agree_with_the_oracle() {
         if let Some(t) = texture.map(|t| &scene.textures[t as usize]) {
             let image = &scene.images[t.image as usize];
             let p = uv * DVec2::new(image.width.into(), image.height.into());
-            // The nearest texel of a point between two is either.
+            // Between two texels, both are the nearest.
             let between = (p - p.round()).abs().min_element() < 1e-4;
             if !t.linear && between {
                 continue;
@@ -95,7 +96,7 @@ fn textures_agree_with_the_oracle() {
         }
         compared += 1;
         for k in 0..4 {
-            // A position of at most 400 texels is known to 3e-5 of one; neighbours differ by up to 1.
+            // Positions are up to 400 texels, with an error of 3e-5 texels. Neighbouring texels differ by up to 1.
             assert!((f64::from(r[k]) - expected[k]).abs() < 1e-4, "{uv} of {:?}: {r:?} {expected:?}", texture);
         }
     }
@@ -135,7 +136,7 @@ fn wrapping_texels_and_srgb() {
     for (g, r) in inputs.iter().zip(&results) {
         assert_eq!(r[4] as i32, wrap(g[0] as i32, g[1] as i32, g[2]), "{g:?}");
         let expected = linear(f32::from_bits(g[3]).into());
-        // pow is an exponential of a logarithm: 2^-16 is what the specification asks of it here.
+        // The Vulkan specification allows `pow` an error of about 2^-16 here.
         assert!((f64::from(f32::from_bits(r[5])) - expected).abs() < 1.6e-5, "{g:?}");
         let info: &TextureInfo = &geometry.textures[g[6] as usize];
         let x = wrap(g[4] as i32, info.width as i32, info.sampler & 3) as u32;

@@ -1,4 +1,4 @@
-//! Rays through the wide hierarchy, and the surfaces they hit, against the oracle's exhaustive search in f64.
+//! Rays through the wide BVH, and the surfaces that they hit, against the oracle's exhaustive search in f64.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DMat3, DVec3};
@@ -31,7 +31,7 @@ const TRACE: ShaderFunction = ShaderFunction {
         }",
 };
 
-/// A ray that starts `aside` of `o`, and its hit once more from `o`.
+/// Traces a ray from `o + aside`, then intersects the triangle that it hit with a ray from `o`.
 const AGAIN: ShaderFunction = ShaderFunction {
     imports: &["visibility"],
     input: "o: vec3<f32>, pad: f32, d: vec3<f32>, pad2: f32, aside: vec3<f32>, pad3: f32",
@@ -90,8 +90,11 @@ fn offset_rays_are_reintersected_from_their_vertex() {
         assert!(off(&r.again) < 1e-4, "{g:?} {r:?}");
         assert!(r.t > 0.0 && (o + f64::from(r.t) * d - dvec(&r.again)).length() < 1e-4, "{g:?} {r:?}");
     }
-    // Without it most hits lie aside; only those within 0.02 m of an edge stay there.
-    assert!(met > 800 && kept * 4 < met && aside * 10 > 9 * met, "{met} {kept} {aside}");
+    // The first hits lie aside of the ray from `o`. Only hits within 0.02 m of an edge may keep their position.
+    assert!(
+        met > 800 && kept * 4 < met && aside * 10 > 9 * met,
+        "{met} hits corrected, {kept} kept, {aside} were aside"
+    );
 }
 
 #[repr(C)]
@@ -120,13 +123,13 @@ struct Got {
     pad3: [f32; 2],
 }
 
-/// The same surface with normals that point into it.
+/// The same mesh with its shading normals reversed.
 fn opposed(mut mesh: Mesh) -> Mesh {
     mesh.normals.iter_mut().for_each(|n| *n = n.map(|x| -x));
     mesh
 }
 
-/// Smooth and flat shapes strewn about, squeezed, turned and mirrored, some with opposed normals.
+/// Smooth and flat shapes at random places, scaled, rotated and mirrored. Some have reversed shading normals.
 fn scene() -> Scene {
     let mut pcg = Pcg::new(131);
     let mut scene = Scene::default();
@@ -148,9 +151,10 @@ fn scene() -> Scene {
     scene
 }
 
+/// The buffers of a scene. Coordinates are in metres, relative to `origin`.
 pub fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
     let g = Geometry::new(scene, &RenderSpace::metres(origin), &Emitters::Scene, &AlbedoTable::new());
-    // An empty list still needs an element to be bound.
+    // A buffer needs at least one element to be bound.
     let padded = |list: &[u32]| if list.is_empty() { vec![0] } else { list.to_vec() };
     vec![
         contents("bvh_nodes", &g.bvh.nodes),
@@ -164,6 +168,7 @@ pub fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
     ]
 }
 
+/// Traces rays with an origin, a direction and a maximum distance. `any`: a shadow ray, which stops at any hit.
 fn trace(kernel: &CompiledFunction, rays: &[(DVec3, DVec3, f32)], any: bool, buffers: &[Contents]) -> Vec<Got> {
     let inputs: Vec<Input> =
         rays.iter().map(|(o, d, t_max)| Input { o: vec3(*o), t_max: *t_max, d: vec3(*d), any: any.into() }).collect();
@@ -173,7 +178,7 @@ fn trace(kernel: &CompiledFunction, rays: &[(DVec3, DVec3, f32)], any: bool, buf
 #[test]
 fn closest_hits_and_surfaces_agree_with_exhaustion() {
     let (scene, origin) = (scene(), DVec3::new(100.0, -50.0, 20.0));
-    // The sensor may stand anywhere: coordinates on the device are relative to it.
+    // Device coordinates are relative to the sensor. Moving the sensor and the scene together must not change the hits.
     let mut moved = scene.clone();
     moved.instances.iter_mut().for_each(|i| i.transform.translation += origin);
     let exact = Exact::new(&scene);
@@ -188,11 +193,11 @@ fn closest_hits_and_surfaces_agree_with_exhaustion() {
     let (mut hits, mut smooth, mut at_edges) = (0, 0, 0);
     let mut shortened = vec![];
     for ((o, d, _), r) in rays.iter().zip(&results) {
-        // Exact rays start a hair off their origin; these start in the air.
+        // By default, rays of the oracle ignore hits near their origin. These rays start in the air, so 0 is right.
         let ray = Ray { t_min: 0.0, ..Ray::new(*o, *d) };
         let expected = exact.closest_by_exhaustion(&ray);
         let Some(hit) = expected.filter(|_| r.hit == 1) else {
-            // Silhouettes may be missed on one side only.
+            // Close to a silhouette, rounding decides whether a ray hits.
             at_edges += usize::from(expected.is_some() || r.hit == 1);
             continue;
         };
@@ -203,7 +208,7 @@ fn closest_hits_and_surfaces_agree_with_exhaustion() {
         hits += 1;
         let s = exact.surface(&hit);
         assert!((dvec(&r.position) - s.position).length() < 1e-4, "{r:?} {s:?}");
-        // Thin triangles at the poles of balls know their plane to 1e-4.
+        // The normals of thin triangles at the poles of balls have an error of 1e-4.
         let geometric = dvec(&r.geometric);
         assert!((geometric - s.geometric).length() < 2e-4, "{r:?} {s:?}");
         let side = if s.shading.dot(s.geometric) < 0.0 { -1.0 } else { 1.0 };
@@ -213,8 +218,11 @@ fn closest_hits_and_surfaces_agree_with_exhaustion() {
         assert!(r.offset > 0.0 && r.offset < 1e-4 && r.left >= 0.0);
         shortened.extend([(*o, *d, r.t * 0.999), (*o, *d, r.t * 1.001)]);
     }
-    assert!(hits > 1000 && smooth > 300 && at_edges <= 6, "{hits} {smooth} {at_edges}");
-    // Shadow rays: a hit before t_max, or none.
+    assert!(
+        hits > 1000 && smooth > 300 && at_edges <= 6,
+        "{hits} hits, {smooth} on smooth surfaces, {at_edges} differ at edges"
+    );
+    // Shadow rays that end just before and just behind the closest hit.
     let shadows = trace(&kernel, &shortened, true, &buffers);
     assert!(shadows.iter().enumerate().all(|(i, r)| r.hit == i as u32 % 2));
 }
@@ -233,7 +241,7 @@ fn alpha_lets_its_share_of_rays_through() {
     let rays = vec![(DVec3::new(0.3, 0.1, 0.0), DVec3::Z, 3e38); N];
     let results = trace(&TRACE.compile(&[("HAS_TEXTURES", 0.0)]), &rays, false, &buffers(&scene, DVec3::ZERO));
     let share = |test: fn(&Got) -> bool| results.iter().filter(|r| test(r)).count() as f64 / N as f64;
-    // 4.5 sigma of a share of 40,000.
+    // 4.5 standard errors of a share.
     let error = 4.5 * 0.5 / (N as f64).sqrt();
     assert!((share(|r| r.hit == 1 && r.t < 1.5) - 0.3).abs() < error);
     assert!((share(|r| r.hit == 1 && r.t > 1.5) - 0.7 * 0.3).abs() < error);

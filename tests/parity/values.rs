@@ -1,4 +1,4 @@
-//! Random and degenerate inputs, and conversions.
+//! Random and degenerate inputs, conversions, and frames for test kernels.
 
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
@@ -24,7 +24,8 @@ pub fn direction(pcg: &mut Pcg) -> DVec3 {
     DVec3::new(r * angle.cos(), r * angle.sin(), z)
 }
 
-/// `n` unit vectors, the poles, the axes and near misses of both first; rounded to f32, which moves them by 1e-7.
+/// The six axis directions, 18 directions close to them, then `n` random unit vectors. All are rounded to f32, which moves
+/// them by up to about 1e-7.
 pub fn directions(seed: u64, n: usize) -> Vec<DVec3> {
     let mut pcg = Pcg::new(seed);
     let mut all = vec![];
@@ -39,20 +40,20 @@ pub fn directions(seed: u64, n: usize) -> Vec<DVec3> {
     all.iter().map(|d| d.as_vec3().as_dvec3()).collect()
 }
 
-/// Unit vector at a cosine and an azimuth.
+/// The unit vector whose z coordinate is `cosine`, at the angle `azimuth` around the z axis.
 pub fn polar(cosine: f64, azimuth: f64) -> DVec3 {
     let r = (1.0 - cosine * cosine).max(0.0).sqrt();
     DVec3::new(r * azimuth.cos(), r * azimuth.sin(), cosine)
 }
 
-/// A frame with `change` made to an empty one.
+/// The buffer `frame`: zeros and a `query_sample_count` of 1, then changed by `change`.
 pub fn frame(change: impl FnOnce(&mut Frame)) -> Contents {
     let mut frame = Frame { query_sample_count: 1.0, ..bytemuck::Zeroable::zeroed() };
     change(&mut frame);
     contents("frame", &[frame])
 }
 
-/// The frame's account of a gate, as a render makes it; 3e38 stands for infinity.
+/// The buffer `frame` with the fields of a gate, filled in as a render does it. 3e38 stands for infinity.
 pub fn frame_with_gate(gate: Gate) -> Contents {
     frame(|f| {
         (f.gate_lo, f.gate_hi) = (gate.lo as f32, (gate.hi as f32).min(3e38));

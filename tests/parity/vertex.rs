@@ -1,4 +1,4 @@
-//! `shared/vertex.wgsl`: sides, cosines, media and ray origins of every kind of vertex.
+//! `shared/vertex.wgsl`: sides, cosines, indices of refraction and ray origins of every kind of vertex.
 
 use bytemuck::{Pod, Zeroable};
 use taugate::internals::generate::numbers::Pcg;
@@ -39,7 +39,7 @@ struct Got {
     pad: [f32; 2],
 }
 
-/// A vertex of every kind: whether it has a normal, and whether it exchanges light with both sides.
+/// A vertex of every kind, whether it has a normal, and whether it exchanges light on both sides.
 fn kinds() -> Vec<(PathVertex, bool, bool)> {
     let glass =
         set().kinds.iter().position(|m| m.transmission > 0.0).expect("a material that lets light through") as u32;
@@ -80,7 +80,7 @@ fn every_kind_of_vertex_knows_its_sides() {
         let transmits = v.flags & VERTEX_TRANSMITS != 0;
         let other = if transmits { set().kinds[v.material as usize].ior } else { 1.0 };
         assert_eq!(r.eta, [1.0, other.max(1.0)], "{g:?} {r:?}");
-        // Off the surface, to the side that `w` points to; a vertex without a surface stays.
+        // The ray starts beside the surface, on the side of `w`. A vertex without a surface has no offset.
         let step = f64::from(g.v.offset) * side.signum() * dvec(&g.v.geometric);
         assert!((dvec(&r.step) - step).length() < 1e-9, "{g:?} {r:?}");
         assert!((dvec(&r.end) - dvec(&g.v.position) - step).length() < 1e-6, "{g:?} {r:?}");

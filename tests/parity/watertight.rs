@@ -1,5 +1,6 @@
-//! Rays where geometry is at its worst: aimed at shared edges and corners of closed meshes from inside, along slivers, through
-//! coincident and empty triangles, and leaving a surface at every scale.
+//! Rays against difficult geometry: shared edges and corners of closed meshes, slivers, coincident triangles, and triangles
+//! without area. Closed meshes do not leak, and rays that leave a surface do not hit it again, at scales from 1 mm to 1000
+//! km.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3};
@@ -13,7 +14,7 @@ use crate::values::{direction, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&BOUNCE];
 
-/// The first hit, and what a ray that leaves it along `next` hits.
+/// Finds the first hit of a ray, then the first hit of a second ray that leaves the surface along `next`.
 const BOUNCE: ShaderFunction = ShaderFunction {
     imports: &["visibility"],
     input: "o: vec3<f32>, pad: f32, d: vec3<f32>, pad2: f32, next: vec3<f32>, pad3: f32",
@@ -60,14 +61,15 @@ struct Got {
 
 const NONE: u32 = u32::MAX;
 
-/// Every triangle with corners of its own.
+/// The same mesh with no shared corners: every triangle has its own.
 fn unwelded(mesh: &Mesh) -> Mesh {
     let positions: Vec<[f32; 3]> = mesh.triangles.iter().flatten().map(|&c| mesh.positions[c as usize]).collect();
     let triangles = (0..mesh.triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     Mesh { positions, triangles, ..Mesh::default() }
 }
 
-/// A sliver along the first edge of every triangle, its width 1e-6 of its length; the mesh stays closed.
+/// Divides every triangle into three. One is a sliver along the first edge, about 1e-6 times as wide as long. The mesh stays
+/// closed.
 fn slivered(mesh: &Mesh) -> Mesh {
     let mut out = Mesh { positions: mesh.positions.clone(), ..Mesh::default() };
     for &[a, b, c] in &mesh.triangles {
@@ -81,7 +83,7 @@ fn slivered(mesh: &Mesh) -> Mesh {
     out
 }
 
-/// Closed convex meshes about the origin, of size 1.
+/// Closed convex meshes around the origin, with a radius of about 1.
 fn closed() -> Vec<(&'static str, Mesh)> {
     let ball = shapes::icosphere(1.0, 3);
     let mut flat = ball.clone();
@@ -100,7 +102,7 @@ fn closed() -> Vec<(&'static str, Mesh)> {
 
 const SCALES: [f64; 4] = [1e-3, 1.0, 1e3, 1e6];
 
-/// A mesh at a scale, the sensor a few sizes away, and its corners as the device has them.
+/// A scaled mesh at a few times its size from the sensor, and its corners as the device stores them.
 struct Placed {
     buffers: Vec<Contents>,
     corners: Vec<[DVec3; 3]>,
@@ -123,7 +125,7 @@ fn placed(mesh: &Mesh, scale: f64) -> Placed {
     Placed { buffers: buffers(&scene, DVec3::ZERO), corners, centre }
 }
 
-/// Rays from inside towards shared corners, edges and faces, in turn.
+/// Rays from inside a closed mesh. Their targets are in turn a shared corner, a shared edge and a face.
 fn aimed(placed: &Placed, n: usize, pcg: &mut Pcg) -> Vec<Input> {
     (0..n)
         .map(|i| {
@@ -134,12 +136,12 @@ fn aimed(placed: &Placed, n: usize, pcg: &mut Pcg) -> Vec<Input> {
                 1 => a + s * (b - a),
                 _ => a + s * (1.0 - t) * (b - a) + s * t * (c - a),
             };
-            // Between the centre and a corner: inside, as the mesh is convex about its centre.
+            // The origin lies between the centre and a corner. It is inside, because the mesh is convex.
             let far = placed.corners[pcg.below(placed.corners.len())][0];
             let o = placed.centre + 0.5 * pcg.uniform() * (far - placed.centre);
             let mut next = direction(pcg);
             if pcg.below(3) == 0 {
-                // Nearly along the face.
+                // The second ray leaves almost parallel to the face.
                 let normal = (b - a).cross(c - a).normalize_or(DVec3::Z);
                 next = (next - next.dot(normal) * normal + 1e-3 * pcg.range(-1.0, 1.0) * normal).normalize();
             }
@@ -148,7 +150,8 @@ fn aimed(placed: &Placed, n: usize, pcg: &mut Pcg) -> Vec<Input> {
         .collect()
 }
 
-/// Rays that left a closed mesh, and rays that left a surface and hit it again.
+/// One line per mesh and scale with faults: rays that leave a closed mesh, hits that are not finite, and rays that leave a
+/// triangle and hit it again.
 fn faults(kernel: &CompiledFunction, rays: usize, seed: u64) -> Vec<String> {
     let mut pcg = Pcg::new(seed);
     let mut wrong = vec![];
@@ -178,7 +181,7 @@ fn closed_meshes_do_not_leak_and_surfaces_do_not_hit_themselves() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// `cargo test --release --test parity -- --ignored a_million_rays`: 42,000 each for six meshes at four scales.
+/// 42,000 rays for each of six meshes at four scales. `cargo test --release --test parity -- --ignored a_million_rays`
 #[test]
 #[ignore = "takes a minute"]
 fn a_million_rays_do_not_leak() {
@@ -186,7 +189,7 @@ fn a_million_rays_do_not_leak() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// The sibling that must fail: without forty of its 1280 triangles a mesh leaks.
+/// The test above would detect leaks: a mesh without 40 of its 1280 triangles leaks.
 #[test]
 fn missing_triangles_are_noticed() {
     let mut mesh = shapes::icosphere(1.0, 3);
@@ -196,7 +199,7 @@ fn missing_triangles_are_noticed() {
     assert!(results.iter().any(|r| r.first == NONE));
 }
 
-/// Coincident sheets are one surface to every ray; a triangle without area is none, and hides nothing.
+/// Five coincident sheets act as one surface. Triangles without area hide nothing.
 #[test]
 fn coincident_and_empty_triangles() {
     let quad = shapes::quad(DVec3::new(-1.0, -1.0, 3.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0, 1.0]);
@@ -216,7 +219,7 @@ fn coincident_and_empty_triangles() {
     let mut pcg = Pcg::new(184);
     let inputs: Vec<Input> = (0..20_000)
         .map(|i| {
-            // Half of them at what has no area, the rest at the sheets.
+            // Half of the rays aim at triangles without area, the other half at the sheets.
             let target = match i % 4 {
                 0 => DVec3::new(0.3, 0.1, 2.0),
                 1 => DVec3::new(pcg.range(-0.7, 0.7), 0.0, 2.5),

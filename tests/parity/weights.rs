@@ -1,7 +1,7 @@
-//! `shared/weights.wgsl`: the MIS weights of all strategies that are kept sum to 1 on every path.
+//! `shared/weights.wgsl`: on every path, the MIS weights of all kept strategies sum to 1.
 //!
-//! A path of given vertices is walked from both ends with the kernels' own functions; every way to join the two subpaths is
-//! weighed. No sampling is involved, so the sum holds to rounding, and one strategy too few is noticed.
+//! The test kernel walks a path of given vertices from both ends with the functions of the renderer, and computes the weight
+//! of every strategy. No sampling is involved, so the sum is 1 up to rounding, and a missing strategy shows.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -14,7 +14,7 @@ use crate::values::{direction, frame, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&WEIGHTS];
 
-/// Segments of a path at most.
+/// Maximum number of segments of a path.
 const LONGEST: usize = 6;
 
 const WEIGHTS: ShaderFunction = ShaderFunction {
@@ -106,11 +106,11 @@ struct Path {
     select_pdf: f32,
 }
 
-/// The emitter is: a surface that shines to one side or both, a point; a beam with or without a radius.
+/// Kinds of emitters: a surface that emits on one side or on both, a point, a beam with a radius and a beam without one.
 const KINDS: [u32; 5] = [0, 1, 2, 4, 5];
 
-/// A path whose vertices all see their neighbours from the front, with shading normals a little off and every fourth vertex a
-/// mirror.
+/// A random path. Both neighbours of every vertex are in front of its surface. Shading normals differ from the geometric
+/// ones, and a quarter of the vertices are mirrors.
 fn path(pcg: &mut Pcg, kind: u32, segments: usize) -> Path {
     let set = set();
     let wide: Vec<u32> = (0..set.kinds.len() as u32).filter(|&i| set.kinds[i as usize].roughness > 0.4).collect();
@@ -127,7 +127,7 @@ fn path(pcg: &mut Pcg, kind: u32, segments: usize) -> Path {
     for i in 0..segments {
         let ahead = (places[i + 1] - places[i]).normalize();
         let behind = if i == 0 { ahead } else { (places[i - 1] - places[i]).normalize() };
-        // Between the two directions, and so in front of both.
+        // Both neighbours are in front of a surface with this normal.
         let between = (ahead + behind).normalize();
         let facing = |n: DVec3| n.dot(ahead) > 0.05 && n.dot(behind) > 0.05;
         let near = |pcg: &mut Pcg| {
@@ -144,12 +144,13 @@ fn path(pcg: &mut Pcg, kind: u32, segments: usize) -> Path {
     path
 }
 
-/// Kept strategies: s = 0, t = 1, s >= 2.
+/// Strategies that a render keeps: s = 0, t = 1, and s >= 2 (s = 1 is always kept).
 const KEPT: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]];
 
-/// `sample_count`: samples that a vertex of a light subpath stands for.
+/// The weights of all strategies for every path, indexed by s; -1 where a strategy is not formed. `sample_count` is the
+/// number of samples that the connection strategy takes at a random light vertex.
 fn weights(kept: [f32; 3], sample_count: f32, paths: &[Path]) -> Vec<[f32; 8]> {
-    // Before the frame of `buffers`, so that it counts.
+    // Of two buffers with one name, the first is bound; `buffers` also has a frame.
     let mut all = vec![frame(|f| {
         f.forward = [0.0, 0.0, -1.0];
         (f.pixel_area, f.splat_sample_count) = (0.05, 3.0);
@@ -160,7 +161,8 @@ fn weights(kept: [f32; 3], sample_count: f32, paths: &[Path]) -> Vec<[f32; 8]> {
     WEIGHTS.run(paths, &all)
 }
 
-/// Paths whose weights, without those of strategy `without`, do not sum to 1, and how many were formed with it.
+/// Indices of the paths whose weights do not sum to 1 if the strategy s = `without` is left out, and the number of paths for
+/// which that strategy was formed. If `length` is given, only paths with so many segments count.
 fn wrong(
     results: &[[f32; 8]],
     segments: &[usize],
@@ -176,7 +178,7 @@ fn wrong(
         formed += usize::from(without.is_none_or(|s| w[s] >= 0.0));
         let kept = w.iter().enumerate().filter(|(s, x)| **x >= 0.0 && Some(*s) != without);
         let sum: f64 = kept.map(|(_, &x)| f64::from(x)).sum();
-        // Not a number offends too.
+        // NaN compares false, so it needs its own test.
         sum.is_nan() || (sum - 1.0).abs() > 1e-4
     };
     ((0..results.len()).filter(offends).collect(), formed)
@@ -187,7 +189,7 @@ fn weights_of_a_path_sum_to_one() {
     let mut pcg = Pcg::new(151);
     let segments: Vec<usize> = (0..6000).map(|i| if i % 60 == 0 { 1 } else { 2 + pcg.below(LONGEST - 1) }).collect();
     let kinds: Vec<u32> = (0..6000).map(|_| KINDS[pcg.below(KINDS.len())]).collect();
-    // Only surfaces are seen by a path of one segment; a beam's first vertex needs a second segment.
+    // A path of one segment sees the emitter itself, which must be a surface.
     let kinds: Vec<u32> = kinds.iter().zip(&segments).map(|(&kind, &k)| if k == 1 { kind % 2 } else { kind }).collect();
     let paths: Vec<Path> = kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k)).collect();
     for (kept, sample_count) in KEPT.into_iter().flat_map(|kept| [1.0, 4.0].map(|sample_count| (kept, sample_count))) {
@@ -200,13 +202,13 @@ fn weights_of_a_path_sum_to_one() {
             offenders.len()
         );
         assert!(formed > 1000, "{kept:?}: only {formed} paths");
-        // The siblings that must fail: one strategy less.
+        // Leaving out one strategy must fail.
         for k in 1..=LONGEST {
             for s in 0..=k {
                 let (offenders, formed) = wrong(&results, &segments, Some(s), Some(k));
-                assert!(formed == 0 || !offenders.is_empty(), "{kept:?}: s = {s} of {k} segments is not missed");
+                assert!(formed == 0 || !offenders.is_empty(), "{kept:?}: s = {s} of {k} segments may be missing");
                 let all = kept == KEPT[0] && (s, k) != (1, 1);
-                assert!(!all || formed > 50, "s = {s} of {k} segments was formed {formed} times");
+                assert!(!all || formed > 50, "s = {s} of {k} segments was formed only {formed} times");
             }
         }
     }
