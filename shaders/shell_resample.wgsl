@@ -1,5 +1,5 @@
 // lcs: chooses one vertex of each tree for a shade point, out of K queries by importance. So K candidates cost one shadow
-// ray. Deterministic vertices are all kept. Bindings: shared/slots.wgsl.
+// ray. The deterministic vertices in the first slots are all kept. Bindings: shared/slots.wgsl.
 #import resample
 #import receiver
 

@@ -1,56 +1,59 @@
-// The frontier of a tree as a shade point sees it: subtrees that together hold every vertex that can contribute. K queries start
-// among them instead of at the root: the importance of a small box tells more than a chain of guesses from great ones, and the
-// upper levels are paid for once.
+// The frontier of a tree for a shade point: subtrees that together hold every vertex that can contribute. K queries start at
+// these subtrees instead of at the root. The importance of a small box is more accurate than a chain of choices between large
+// boxes, and the upper levels of the tree are paid for once per shade point.
 #import importance
 #import query
 
-// Subtrees at most, 1 to MAX_SUBTREES (`--frontier`); 1: the root alone.
+// Maximum number of subtrees, 1 to MAX_SUBTREES (`--frontier`). With 1, the frontier is the root alone.
 override FRONTIER: u32 = 32u;
 const MAX_SUBTREES: u32 = 32u;
-// Upper bound on the subtrees that are visited: twice those that fill the frontier, since many prove to be dead.
+// Upper bound on the number of visited subtrees: twice the number that fills the frontier, because many prove to be dead.
 const MAX_VISITS: u32 = 64u;
-// A subtree counts for so much of the frontier's power beyond its own: choices by power find each of them whatever digits floats lack.
+// Fraction of the frontier's power that is added to the power of each subtree. So choices by power can reach every subtree,
+// even if its own power is too small for the digits of the prefix sum.
 const MIN_SHARE: f32 = 1.0 / 1024.0;
 
-// Step of a uniform in [0, 1): 1 minus it is the largest one.
+// Step of a uniform in [0, 1): the largest uniform is 1 minus this step.
 const UNIFORM_STEP: f32 = 1.0 / 16777216.0;
 
-// Part of the queries that go by power alone wherever a node is not pruned. Errors of the importance multiply from level to
-// level; a vertex that it all but misses is found with this part of its share of the power, so that none shines far too bright.
+// Share of the queries that choose by power alone among the children that are not pruned. Errors of the importance multiply
+// from level to level. A vertex with a far too small importance is still found with this fraction of its share of the power,
+// so that it does not become far too bright.
 const POWER_PROBABILITY: f32 = 1.0 / 16.0;
 
 struct Frontier {
-    // A ring, from `first` on.
+    // A ring buffer that begins at `first`.
     nodes: array<u32, MAX_SUBTREES>,
-    // Power and importance of each subtree; `grow_frontier` turns them into prefix sums.
+    // Power (x) and importance (y) of each subtree. `grow_frontier` turns them into prefix sums.
     weights: array<vec2<f32>, MAX_SUBTREES>,
     first: u32,
     count: u32,
-    // Every subtree is a leaf.
+    // True only if every subtree is a leaf. A full frontier may leave it false.
     only_leaves: bool,
 }
 
-// A traversal of a light tree, from where it starts.
+// The start of a traversal of a light tree.
 struct Traversal {
     node: u32,
-    // How it chooses: by power, or by importance.
+    // Whether the traversal chooses children by power instead of by importance.
     by_power: bool,
-    // The uniform that the next choice uses.
+    // The uniform for the next choice.
     u: f32,
-    // Probabilities of the choices so far, by power and by importance.
+    // Probability of the choices so far if they are made by power (x), and if they are made by importance (y).
     p: vec2<f32>,
 }
 
-// `u` in [start, start + part), stretched to [0, 1). The digits that the stretching uncovers, those below the last of `u`, are drawn.
+// Maps `u` from [start, start + part) to [0, 1). The mapping needs digits below the last digit of `u`; these are drawn from `rng`.
 fn remap_uniform(u: f32, start: f32, part: f32, rng: ptr<function, u32>) -> f32 {
     let fresh = next_fine_uniform(rng);
-    // From u to the next float: 2^-23 of the power of two below it.
+    // Distance from u to the next float: 2^-23 times the largest power of two up to u.
     let last_digit = bitcast<f32>(bitcast<u32>(u) & 0x7f800000u) * 1.1920929e-7;
     let stretched = clamp((max(u - start, 0.0) + last_digit * fresh) / part, 0.0, 1.0 - UNIFORM_STEP);
-    // Of a small part hardly any digit is left.
+    // If the part is small, u has hardly any digits left. The result is then a fresh uniform.
     return select(stretched, min(fresh, 1.0 - UNIFORM_STEP), part < 1.0 / 256.0);
 }
 
+// Appends a subtree to the ring. `weights`: its power and its importance.
 fn push_subtree(f: ptr<function, Frontier>, node: u32, weights: vec2<f32>) {
     let at = ((*f).first + (*f).count) % MAX_SUBTREES;
     (*f).nodes[at] = node;
@@ -58,13 +61,13 @@ fn push_subtree(f: ptr<function, Frontier>, node: u32, weights: vec2<f32>) {
     (*f).count += 1u;
 }
 
-// Opens subtrees breadth first from `root` on until there are enough; those of importance 0 are left out. Empty where no vertex can
-// contribute; a root that is a leaf is all of its frontier.
+// Opens subtrees breadth first from `root` on until there are enough, and leaves out subtrees with importance 0. The frontier
+// is empty if no vertex can contribute. If the root is a leaf, this leaf is the frontier.
 fn grow_frontier(f: ptr<function, Frontier>, root: u32, receiver: Receiver) {
     (*f).first = 0u;
     (*f).count = 0u;
     push_subtree(f, root, vec2<f32>(1.0));
-    // Leaves met in a row: when there is nothing else, nothing is left to open.
+    // Number of leaves met in a row. If it reaches the number of subtrees, all subtrees are leaves.
     var closed = 0u;
     for (var visit = 0u; visit < MAX_VISITS && closed < (*f).count && (*f).count < FRONTIER; visit++) {
         let current = (*f).nodes[(*f).first];
@@ -99,7 +102,8 @@ fn grow_frontier(f: ptr<function, Frontier>, root: u32, receiver: Receiver) {
     }
 }
 
-// The subtree of a frontier that is not empty at the uniform `u`. Stratified values of `u` lead to different parts of the tree.
+// Chooses a subtree of a frontier that is not empty, at the uniform `u`. Stratified values of `u` lead to different
+// parts of the tree.
 fn sample_frontier(f: ptr<function, Frontier>, u: f32, rng: ptr<function, u32>) -> Traversal {
     let by_power = u < POWER_PROBABILITY;
     let start_of_mode = select(POWER_PROBABILITY, 0.0, by_power);

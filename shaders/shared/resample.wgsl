@@ -1,15 +1,17 @@
-// Queries of a light tree by importance: to a leaf, to a vertex of it, and K of them to one vertex worth a shadow ray.
+// Queries of a light tree by importance (lcs): from a subtree to a leaf, from the leaf to one of its vertices, and from K
+// such vertices to the one that gets a shadow ray.
 #import frontier
 #import slots
 #import connection
 
-// A query from where it starts: a leaf and 1 / P(leaf | q), or NONE at a dead node; P is that of both ways to choose children together.
+// Follows a traversal from its start to a leaf. Returns the leaf and 1 / P(leaf | q), or NONE at a dead node. P contains both
+// kinds of choices, by power and by importance.
 fn descend_by_importance(start: Traversal, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
     var current = start.node;
     var u = start.u;
     var p = start.p;
     if ((current & LEAF_BIT) == 0u) {
-        // Left at the end, as in `descend`.
+        // The loop exits at its end, as in `descend`.
         loop {
             if (EXIT_AT_TOP && (current & LEAF_BIT) != 0u) {
                 break;
@@ -18,7 +20,8 @@ fn descend_by_importance(start: Traversal, receiver: Receiver, rng: ptr<function
             let importance = vec2<f32>(node_importance(node.left, receiver), node_importance(node.right, receiver));
             let power = select(vec2<f32>(0.0), vec2<f32>(total_power(node.left), total_power(node.right)), importance > vec2<f32>(0.0));
             let weights = select(importance, power, start.by_power);
-            // The lesser child at the low end, where floats are fine: rare children are drawn as rarely as P says.
+            // The less likely child takes the low end of the uniform, where floats are finest. So rare children are drawn
+            // with exactly the probability that P contains.
             let lesser = min(weights.x, weights.y) / (weights.x + weights.y);
             let take_lesser = u < lesser;
             let take_left = take_lesser == (weights.x < weights.y);
@@ -35,18 +38,19 @@ fn descend_by_importance(start: Traversal, receiver: Receiver, rng: ptr<function
     return Candidate(current, 1.0 / (POWER_PROBABILITY * p.x + (1.0 - POWER_PROBABILITY) * p.y));
 }
 
-// What v would contribute to q if both were diffuse and saw each other; 0 if it cannot contribute.
+// Contribution of v to q if both were diffuse and saw each other; 0 if v cannot contribute.
 fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
     let segment = segment_between(q.position, v.position);
     let w = segment.direction;
-    // Glossy surfaces and those that let light through return more than a cosine's worth at grazing angles.
+    // At grazing angles, glossy and transmitting surfaces return more light than the cosine says.
     let min_cosine = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
     let cosines = max(vertex_cosine(q, w), min_cosine) * outgoing_light(v, -w, min_cosine);
     let sent = max(max_component(v.throughput) * cosines / segment.length2, MIN_IMPORTANCE);
     return select(0.0, sent, can_connect(q, v) && cosines > 0.0);
 }
 
-// One vertex of a leaf by `vertex_importance`; `weight` comes in as 1 / P(leaf | q) and goes out as 1 / P(j | q).
+// Chooses a vertex of a leaf by `vertex_importance`; NONE if none can contribute. The weight of `leaf` is 1 / P(leaf | q),
+// the weight of the result is 1 / P(j | q).
 fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Candidate {
     let count = ((leaf.vertex >> 27u) & 15u) + 1u;
     let first = leaf.vertex & LEAF_FIRST;
@@ -56,7 +60,8 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     for (var i = 0u; i < count; i++) {
         let importance = vertex_importance(q, load_light_vertex(first + i));
         sum += importance;
-        // Below 1, so that the first that counts is taken; fine, so that a rare one is taken as rarely as its weight says.
+        // The uniform is below 1, so that the first vertex that can contribute is taken. It is fine, so that a rare vertex is
+        // taken with exactly the probability that its weight contains.
         if (min(next_fine_uniform(rng), 1.0 - UNIFORM_STEP) * sum < importance) {
             chosen.vertex = first + i;
             chosen_importance = importance;
@@ -68,7 +73,7 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     return chosen;
 }
 
-// Target function of the resampling: the contribution of the connection of q and v as `connect` counts it, but for the visibility.
+// Target function of the resampling: the contribution of the connection of q and v as `connect` computes it, without visibility.
 fn target_function(q: PathVertex, v: PathVertex) -> f32 {
     let segment = segment_between(q.position, v.position);
     let tau = connection_time(q, v, segment.direction, sqrt(segment.length2));
@@ -76,9 +81,9 @@ fn target_function(q: PathVertex, v: PathVertex) -> f32 {
     return (open.x + open.y + open.z) * (open.w * gate_weight(tau));
 }
 
-// K stratified queries of one tree, resampled by the unshadowed contribution (Talbot et al. 2005): one vertex, and the factor
-// that takes the place of 1 / (K P(j | q)). Where at most K leaves can contribute, each of them gives one candidate instead:
-// P(leaf | q) = 1, and their contributions add up.
+// Resampling of K stratified queries of one tree by their unshadowed contribution (Talbot et al. 2005). Returns one vertex,
+// and the factor that replaces 1 / (K P(j | q)). If at most K leaves can contribute, each of them gives one candidate
+// instead: P(leaf | q) = 1, and the contributions of the leaves add up.
 fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
     var chosen = Candidate(NONE, 0.0);
     var chosen_target = 0.0;
@@ -107,7 +112,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         let target_value = target_function(q, load_light_vertex(candidate.vertex));
         let weight = target_value * candidate.weight;
         if (!(weight < 3e38)) {
-            // Not a number, or not finite: taken as it is, so that it is counted.
+            // The weight is not a number or not finite. The candidate is returned unchanged, so that it is counted.
             return candidate;
         }
         sum += weight;
