@@ -1,4 +1,4 @@
-//! `taugate bench` from outside: a tiny suite from reference to report, resumed, and what it refuses.
+//! Runs `taugate bench` as a user does: a tiny suite from reference to report, resuming it, and the mistakes that bench refuses.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -30,7 +30,7 @@ fn succeeds(folder: &Path, arguments: &[&str]) -> (String, String) {
     (out, messages)
 }
 
-/// A folder with the Cornell box and a suite of one scene that is there and one that is not.
+/// A folder with the Cornell box and a suite of two scenes: the box, and a scene whose file is missing.
 fn folder(time: &str, gate: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let box_file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box.glb");
@@ -78,7 +78,8 @@ fn a_suite_from_reference_to_report_and_on() {
     fails(here.path(), &bench(&[]), 2, "make it with: taugate bench s.toml --out out --reference");
     assert!(!here.path().join("out").exists(), "nothing is written without a reference");
 
-    // A reference for a suite of ten times the time leaves room for a machine that is faster while it compares.
+    // The reference is made for ten times the suite's time. It is then precise enough even if the machine runs faster during
+    // the comparison.
     edit(here.path(), "60ms", "600ms");
     let (_, messages) = succeeds(here.path(), &bench(&["--reference", "--reference-time", "40s"]));
     edit(here.path(), "600ms", "60ms");
@@ -97,12 +98,12 @@ fn a_suite_from_reference_to_report_and_on() {
     assert_eq!(csv.lines().next().unwrap(), COLUMNS.join(","));
     let first = table::read(&results).unwrap();
     for variant in ["bdpt", "lcs"] {
-        let mine: Vec<_> = first.iter().filter(|row| row.variant == variant).collect();
-        assert!(mine.windows(2).all(|w| w[0].seconds < w[1].seconds && w[0].point < w[1].point), "{mine:?}");
-        let last = mine.last().unwrap();
+        let rows: Vec<_> = first.iter().filter(|row| row.variant == variant).collect();
+        assert!(rows.windows(2).all(|w| w[0].seconds < w[1].seconds && w[0].point < w[1].point), "{rows:?}");
+        let last = rows.last().unwrap();
         assert!(last.seconds >= 0.06 && last.relmse.all > 0.0 && last.flip > 0.0 && last.flip < 1.0, "{last:?}");
-        let honest = last.own.all > 0.0 && last.own.trimmed <= last.own.all;
-        assert!(honest && last.relmse.trimmed > 0.0 && last.relmse.trimmed <= last.relmse.all, "{last:?}");
+        let own_is_valid = last.own.all > 0.0 && last.own.trimmed <= last.own.all;
+        assert!(own_is_valid && last.relmse.trimmed > 0.0 && last.relmse.trimmed <= last.relmse.all, "{last:?}");
         assert!(last.light_vertices > 0.0 && last.queries_per_s > 0.0 && last.rays_per_s > 0.0, "{last:?}");
         assert!((0.0..1.0).contains(&last.dead_query_share) && last.samples > 0 && last.dropped == 0, "{last:?}");
     }
@@ -122,24 +123,24 @@ fn a_suite_from_reference_to_report_and_on() {
         assert!(page.contains(part), "{part} is missing in: {page}");
     }
 
-    // The second repetition is added to the first, which stays as it was.
+    // Bench adds the second repetition and keeps the rows of the first.
     fails(here.path(), &bench(&[]), 2, "add --resume");
     succeeds(here.path(), &bench(&["--resume"]));
     let both = table::read(&results).unwrap();
     assert_eq!(both[..first.len()], first[..]);
     assert!(both[first.len()..].iter().all(|row| row.repetition == 1) && both.len() > first.len());
-    // All is there: nothing is rendered, whatever was measured stays.
+    // Every repetition is already there: bench renders nothing and keeps all rows.
     succeeds(here.path(), &bench(&["--resume"]));
     assert_eq!(table::read(&results).unwrap(), both);
 
-    // Other settings are other results.
+    // Changed settings give rows with a new fingerprint.
     edit(here.path(), "queries = 2", "queries = 3");
     succeeds(here.path(), &bench(&["--resume", "--repetitions", "1"]));
     let changed = table::read(&results).unwrap();
-    let of = |variant: &str| changed.iter().find(|row| row.variant == variant).unwrap().fingerprint.clone();
-    assert_ne!(of("lcs"), first.iter().find(|row| row.variant == "lcs").unwrap().fingerprint);
+    let fingerprint = |variant: &str| changed.iter().find(|row| row.variant == variant).unwrap().fingerprint.clone();
+    assert_ne!(fingerprint("lcs"), first.iter().find(|row| row.variant == "lcs").unwrap().fingerprint);
 
-    // Another gate needs another reference.
+    // A reference is valid for one gate only.
     edit(here.path(), "7.5m..8.5m", "7.5m..8.4m");
     fails(here.path(), &bench(&["--resume"]), 2, "there is no reference for the box");
 }
@@ -154,7 +155,7 @@ fn a_reference_that_is_too_noisy_is_refused() {
     assert!(message.contains("refused: the box") && message.contains("--reference"), "{message}");
     assert!(!here.path().join("bench-s/results.csv").exists());
 
-    // What was rendered is not lost.
+    // The next run adds to the samples of the refused reference.
     let file = || reference(here.path());
     let own = |picture: &Picture| picture.variance.as_ref().unwrap().iter().map(|&v| f64::from(v)).sum::<f64>();
     let first = read_picture(&file()).unwrap();
@@ -170,8 +171,8 @@ fn reference(folder: &Path) -> std::path::PathBuf {
     std::fs::read_dir(folder.join("references")).unwrap().next().unwrap().unwrap().path()
 }
 
-/// Writes a reference again: its image times `scale` in `batches` batches of `noise` times its standard error, and
-/// `change` to each of them.
+/// Replaces a reference by `batches` batches of its image times `scale`. The standard error of their mean is `noise` times
+/// that of the reference. `change` then edits each batch, given its index.
 fn rewrite(path: &Path, [scale, noise]: [f32; 2], batches: u32, change: impl Fn(u32, &mut [f32])) {
     let Picture { width, height, rgb, variance, seed, .. } = read_picture(path).unwrap();
     let mut film = Film::new(width, height);
@@ -190,11 +191,11 @@ fn rewrite(path: &Path, [scale, noise]: [f32; 2], batches: u32, change: impl Fn(
     exr_file::write(path, &film, &provenance).unwrap();
 }
 
-/// As if other shaders had rendered it.
-fn disown(path: &Path) {
-    let (mut bytes, mine) = (std::fs::read(path).unwrap(), taugate::internals::image::fingerprint::RENDERER);
-    let at = bytes.windows(mine.len()).position(|w| w == mine.as_bytes()).expect("the file says what rendered it");
-    bytes[at..at + mine.len()].fill(b'0');
+/// Overwrites the renderer's fingerprint in the file, as if other shaders had rendered it.
+fn forget_renderer(path: &Path) {
+    let (mut bytes, fingerprint) = (std::fs::read(path).unwrap(), taugate::internals::image::fingerprint::RENDERER);
+    let at = bytes.windows(fingerprint.len()).position(|w| w == fingerprint.as_bytes()).expect("a fingerprint");
+    bytes[at..at + fingerprint.len()].fill(b'0');
     std::fs::write(path, bytes).unwrap();
 }
 
@@ -205,28 +206,29 @@ fn a_reference_by_another_version_is_checked_before_it_counts() {
     succeeds(here.path(), make);
     let file = reference(here.path());
     let first = read_picture(&file).unwrap();
-    disown(&file);
+    forget_renderer(&file);
     fails(here.path(), &bench(&[]), 2, "is by another version of the renderer (its code or its version differs)");
     let (_, messages) = succeeds(here.path(), make);
     assert!(messages.contains("agrees with this version") && messages.contains(" before, own relMSE"), "{messages}");
     let second = read_picture(&file).unwrap();
-    // The seconds of the first, and those that checked it: a tenth.
+    // The new total is the time of the first reference plus the time of its check, a tenth of it.
     assert!(second.seconds.unwrap() > 1.09 * first.seconds.unwrap(), "{:?} {:?}", first.seconds, second.seconds);
 
-    // The sibling that must fail: twice as bright.
+    // Negative control: a reference that is twice as bright.
     rewrite(&file, [2.0, 1.0], 16, |_, _| {});
-    disown(&file);
+    forget_renderer(&file);
     let (_, messages) = succeeds(here.path(), make);
     assert!(messages.contains("differs from this version") && messages.contains("a new one was started"), "{messages}");
     assert!(!messages.contains(" before, own relMSE"), "{messages}");
-    // One that does not tell its noise is not trusted either.
+    // Two batches are too few for an error estimate: bench cannot check this reference and starts a new one.
     rewrite(&file, [1.0, 1.0], 2, |_, _| {});
-    disown(&file);
+    forget_renderer(&file);
     let (_, messages) = succeeds(here.path(), make);
     assert!(messages.contains("cannot be checked; a new one was started"), "{messages}");
 }
 
-/// One bright pixel in one half of the reference: nothing is known of relMSE over all pixels, all of that without the worst.
+/// One pixel of the reference is bright in one batch and dark in the other. The reference is then too noisy for the relMSE over
+/// all pixels, but good enough for the trimmed relMSE, which leaves out the worst pixels.
 #[test]
 fn each_figure_is_refused_for_itself() {
     let here = folder("60ms", "7.5m..8.5m");
@@ -239,7 +241,7 @@ fn each_figure_is_refused_for_itself() {
     let page = std::fs::read_to_string(here.path().join("out/report.md")).unwrap();
     assert!(page.contains("| reference too noisy | - |") && page.contains("![trimmed relMSE against time]"), "{page}");
 
-    // The sibling that must fail: as much noise in many pixels.
+    // Negative control: the same noise in many pixels spoils the trimmed relMSE too.
     rewrite(&reference(here.path()), [1.0, 0.1], 2, |batch, image| {
         (0..48).for_each(|i| pixel(5.0)(batch, &mut image[3 * i..]))
     });
@@ -269,7 +271,7 @@ fn a_suite_of_costs_needs_no_reference_and_fits_its_sweeps() {
         assert!(row.relmse.all.is_nan() && row.us_per_sample > 0.0 && row.pixels == 64, "{row:?}");
         assert!((row.gate_m - 0.5).abs() < 1e-9 && [36, 138, 2178].contains(&row.triangles), "{row:?}");
         let cost = 1e6 * row.seconds / (row.samples * row.pixels) as f64;
-        // Seconds are written to a tenth of a millisecond.
+        // The file states seconds to a tenth of a millisecond.
         assert!((row.us_per_sample / cost - 1.0).abs() < 0.01 + 5e-5 / row.seconds, "{row:?}");
     }
     let growth = std::fs::read_to_string(here.path().join("out/growth.csv")).unwrap();
@@ -280,7 +282,7 @@ fn a_suite_of_costs_needs_no_reference_and_fits_its_sweeps() {
     assert_eq!(table::read(&here.path().join("out/results.csv")).unwrap().len(), rows.len());
 }
 
-/// A reference belongs to the scene as it is, wherever its bytes are kept.
+/// A reference is bound to the content of its scene, including the buffers and images in other files.
 #[test]
 fn references_follow_the_files_that_a_scene_names() {
     let here = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! The program from outside: help, exit codes and messages. Nothing here needs a device.
+//! Runs the program as a user does: help, exit codes and messages. These tests need no device.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -12,7 +12,7 @@ fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
 }
 
-/// Runs what must fail with `code` and one message on stderr that contains `part`; returns the message.
+/// Runs a command that must fail with `code` and one message on stderr that contains `part`. Returns the message.
 fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) -> String {
     let output = taugate(folder, arguments);
     let message = String::from_utf8(output.stderr).unwrap();
@@ -34,7 +34,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// An image of one colour in two iterations.
+/// Writes an image of one grey value, accumulated in two iterations.
 fn write_exr(path: &Path, width: u32, height: u32, value: f32) {
     let mut film = Film::new(width, height);
     let image = vec![value; 3 * (width * height) as usize];
@@ -168,7 +168,7 @@ fn compare_measures_and_judges() {
     write_exr(&here.path().join("a.exr"), 5, 4, 1.1);
     write_exr(&here.path().join("r.exr"), 5, 4, 1.0);
 
-    // (0.1)^2 / (1 + 1e-4) everywhere.
+    // Each pixel contributes (1.1 - 1)^2 / (1^2 + 1e-4).
     let output = taugate(here.path(), &["compare", "a.exr", "r.exr", "--json"]);
     assert!(output.status.success());
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -186,7 +186,7 @@ fn compare_measures_and_judges() {
             && text.contains("ratio of means"),
         "{text}"
     );
-    let code = |most: &str| taugate(here.path(), &["compare", "a.exr", "r.exr", "--max-relmse", most]).status.code();
+    let code = |max: &str| taugate(here.path(), &["compare", "a.exr", "r.exr", "--max-relmse", max]).status.code();
     assert_eq!((code("0.02"), code("0.005"), code("-1"), code("nan")), (Some(0), Some(1), Some(2), Some(2)));
 }
 
@@ -225,22 +225,22 @@ fn a_generated_scene_is_described_and_resolved() {
     let config = run(&["render", "box.glb", "--depth", "1m..2m", "--resolution", "8x6", "--print-config"]);
     assert!(config.contains("gate = \"2m..4m\"") && config.contains("resolution = \"8x6\""), "{config}");
     std::fs::write(here.path().join("e.toml"), &config).unwrap();
-    assert_eq!(run(&["render", "e.toml", "--print-config"]), config, "a printed experiment says the same again");
-    // Switches of a file hold where they are not typed, and typed ones where the file has none.
+    assert_eq!(run(&["render", "e.toml", "--print-config"]), config, "a printed experiment prints itself");
+    // A switch is on if the experiment file sets it, or if the command line does.
     for (switch, flag, text) in [
         ("force = true", "--force", "scene = \"box.glb\"\n[gate]\nforce = true\n"),
         ("no-cull = true", "--no-cull", "scene = \"box.glb\"\n[render]\nno-cull = true\n"),
         ("strict = true", "--strict", "scene = \"box.glb\"\n[render]\nstrict = true\n"),
     ] {
         std::fs::write(here.path().join("switch.toml"), text).unwrap();
-        assert!(run(&["render", "switch.toml", "--print-config"]).contains(switch), "{switch} of a file");
+        assert!(run(&["render", "switch.toml", "--print-config"]).contains(switch), "{switch} from the file");
         assert!(run(&["render", "box.glb", flag, "--print-config"]).contains(switch), "{flag}");
-        assert!(!run(&["render", "box.glb", "--print-config"]).contains(switch), "{switch} without either");
+        assert!(!run(&["render", "box.glb", "--print-config"]).contains(switch), "{switch}, which nobody set");
     }
     std::fs::remove_file(here.path().join("switch.toml")).unwrap();
     std::fs::create_dir(here.path().join("sub")).unwrap();
     std::fs::write(here.path().join("sub/e.toml"), &config).unwrap();
-    assert_eq!(run(&["render", "sub/e.toml", "--print-config"]), config, "wherever it lies");
+    assert_eq!(run(&["render", "sub/e.toml", "--print-config"]), config, "the file may be in another folder");
     std::fs::remove_dir_all(here.path().join("sub")).unwrap();
 
     fails(here.path(), &["generate", "palace", "-o", "p.glb"], 2, "choose one of cornell-box");
@@ -266,7 +266,8 @@ fn a_generated_scene_is_described_and_resolved() {
     assert_eq!(names(here.path()), ["box.glb", "e.toml"]);
 }
 
-/// What the files know of what they show is compared too, in a note: an image may well be held against another gate's.
+/// `compare` notes on stderr when the files state different gates or crops. It is no error: a user may compare two gates on
+/// purpose.
 #[test]
 fn images_of_different_gates_are_noted() {
     let here = folder();
@@ -281,17 +282,17 @@ fn images_of_different_gates_are_noted() {
     write("a.exr", Gate { lo: 1.0, hi: 2.0 }, 0);
     write("b.exr", Gate { lo: 1.5, hi: 2.0 }, 0);
     write("c.exr", Gate { lo: 1.0, hi: 2.0 }, 4);
-    let noted = |other: &str| {
+    let notes = |other: &str| {
         let output = taugate(here.path(), &["compare", "a.exr", other]);
         assert!(output.status.success(), "{output:?}");
         String::from_utf8(output.stderr).unwrap()
     };
-    assert_eq!(noted("a.exr"), "");
-    assert!(noted("b.exr").contains("different gates: 1 m to 2 m, and 1.5 m to 2 m"));
-    assert!(noted("c.exr").contains("different crops: one begins at column"));
+    assert_eq!(notes("a.exr"), "");
+    assert!(notes("b.exr").contains("different gates: 1 m to 2 m, and 1.5 m to 2 m"));
+    assert!(notes("c.exr").contains("different crops: one begins at column"));
 }
 
-/// A result that is lost is an error, a message that nobody reads is none.
+/// It is an error if stdout cannot be written, because a result is lost. It is none if stderr cannot be written.
 #[test]
 #[cfg(target_os = "linux")]
 fn full_disks_and_closed_terminals_behind_the_streams() {
@@ -306,11 +307,11 @@ fn full_disks_and_closed_terminals_behind_the_streams() {
     let lost = command(&["compare", "a.exr", "a.exr"]).stdout(full()).output().unwrap();
     assert_eq!(lost.status.code(), Some(2), "{lost:?}");
     assert!(String::from_utf8_lossy(&lost.stderr).contains("stdout"), "{lost:?}");
-    let unread = command(&["render", "nothing.glb", "-o", "x.exr"]).stderr(full()).status().unwrap();
-    assert_eq!(unread.code(), Some(2));
+    let unheard = command(&["render", "nothing.glb", "-o", "x.exr"]).stderr(full()).status().unwrap();
+    assert_eq!(unheard.code(), Some(2));
 }
 
-/// Images carry their settings as text.
+/// Images store their settings, and with them the scene's name, as UTF-8 text.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_name_that_is_no_text_is_refused_before_the_work() {
@@ -328,7 +329,7 @@ fn a_name_that_is_no_text_is_refused_before_the_work() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("not UTF-8; rename it"), "{output:?}");
 }
 
-/// Whatever it is called, a file that the scene reads is not written to.
+/// However the user spells the path, an output never overwrites a file that the scene reads.
 #[test]
 fn what_the_scene_reads_is_not_overwritten() {
     let here = folder();
@@ -341,7 +342,7 @@ fn what_the_scene_reads_is_not_overwritten() {
     }
     fails(here.path(), &["render", "room.gltf", "-o", "wood floor.exr", "--png"], 2, "that the scene room.gltf reads");
     assert_eq!(std::fs::read(here.path().join("wood floor.png")).unwrap(), b"a texture");
-    // Another name gets as far as the scene itself.
+    // With another name the command goes on to load the scene, which fails for another reason.
     fails(here.path(), &["render", "room.gltf", "-o", "out.exr", "--png"], 2, "room.gltf: ");
     assert_eq!(names(here.path()), ["room.gltf", "wood floor.png"]);
 }

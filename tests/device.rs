@@ -1,4 +1,4 @@
-//! Devices: what keeps what alive, who may work at the same time, and what narrow limits change.
+//! Devices: the lifetimes of buffers and kernels, use from several threads, and devices with narrow limits.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -51,7 +51,7 @@ fn all_may_go_to_another_thread_and_a_device_be_shared() {
 fn bindings_keep_their_buffers_alive() {
     let device = open();
     let kernel = kernel(&device);
-    // Index checks bring a buffer of their own.
+    // Kernels with index checks own a buffer, so the count does not start at 0.
     let before = device.bytes_in_use();
     let words = zeros(&device);
     let bindings = kernel.bind(&[("words", &words)]).unwrap();
@@ -60,7 +60,7 @@ fn bindings_keep_their_buffers_alive() {
     let mut recorder = Recorder::new(&device).unwrap();
     dispatch(&mut recorder, &kernel, &bindings);
     drop(bindings);
-    assert_eq!(device.bytes_in_use() - before, WORDS as u64 * 4, "recorded, but not done");
+    assert_eq!(device.bytes_in_use() - before, WORDS as u64 * 4, "the recorded work still needs the buffer");
     recorder.submit().unwrap();
     assert_eq!(device.bytes_in_use(), before);
 }
@@ -130,7 +130,8 @@ fn taugate(folder: &Path, texels: &str, arguments: &[&str]) -> Output {
     command.args(arguments).current_dir(folder).env("TAUGATE_MAX_TEXELS", texels).output().expect("taugate starts")
 }
 
-/// Devices with texel buffers of 65,536 texels, the least that Vulkan allows, were refused or went wrong without a word.
+/// Vulkan guarantees texel buffers of only 65,536 texels. Devices with this limit were refused, or gave wrong images without a
+/// message.
 #[test]
 fn arrays_too_large_for_texel_buffers_are_read_as_storage_buffers() {
     let here = tempfile::tempdir().unwrap();
@@ -139,7 +140,7 @@ fn arrays_too_large_for_texel_buffers_are_read_as_storage_buffers() {
         assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     };
     run("", &["generate", "cornell-box", "-o", "box.glb"]);
-    // The least that Vulkan allows, for which some arrays are too large; one texel, for which all are.
+    // Some arrays are larger than 65,536 texels, the limit that Vulkan guarantees; all arrays are larger than one texel.
     for (estimator, texels) in [("pt", "1"), ("bdpt", "65536"), ("lcs-paper", "1"), ("lcs", "65536")] {
         let image = |texels: &str| {
             let settings = ["--resolution", "32x24", "--spp", "4", "--light-paths", "20000", "--gate", "5m..7m"];

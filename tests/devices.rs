@@ -1,4 +1,4 @@
-//! `taugate devices --check` from outside: what a user of an unknown card sees. Needs a device.
+//! Runs `taugate devices --check`, the command for a user whose graphics card nobody has tested. Needs a device.
 
 use std::process::{Command, Output};
 

@@ -1,4 +1,4 @@
-//! The example in `examples/` does what it says.
+//! The example in `examples/` renders the image that its comments describe.
 
 #[allow(dead_code, reason = "the test calls `render` alone")]
 #[path = "../examples/render_gate.rs"]

@@ -1,4 +1,4 @@
-//! Image files: what is written is read back, and hostile files are refused before memory is reserved.
+//! Image files: the program reads back the files that it writes, and refuses hostile files before it reserves memory for them.
 
 use std::path::Path;
 use std::time::Duration;
@@ -15,7 +15,7 @@ use taugate::internals::settings::{Budget, Crop, Estimator, Settings};
 
 const SETTINGS: &str = "scene = \"röom.glb\"\n\n[gate]\ngate = \"12.5m..12.8m\"\n";
 
-/// A film of 6 x 4 pixels in two iterations that differ, as a crop of 10 x 8.
+/// Writes a film of 6 x 4 pixels, a crop of 10 x 8, with two iterations that differ. Returns the film.
 fn write(path: &Path) -> Film {
     let mut film = Film::new(6, 4);
     let image = |scale: f32| -> Vec<f32> { (0..72).map(|i| scale * i as f32).collect() };
@@ -77,7 +77,8 @@ fn an_exr_is_read_back_with_its_metadata() {
 
 #[test]
 fn a_header_that_claims_a_huge_image_is_refused() {
-    // The size lives in the windows: two corners, inclusive, as four little-endian integers behind the type name.
+    // An EXR states its size in two windows. Each holds two inclusive corners, as four little-endian integers after the type
+    // name.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.exr");
     write(&path);
@@ -106,7 +107,7 @@ fn damaged_files_give_errors_not_panics() {
         std::fs::write(&damaged, &bytes).unwrap();
         let _ = read_picture(&damaged);
         std::fs::write(&damaged, &whole[..at]).unwrap();
-        assert!(read_picture(&damaged).is_err(), "{at} of {} bytes are read", whole.len());
+        assert!(read_picture(&damaged).is_err(), "a file cut to {at} of {} bytes is accepted", whole.len());
     }
 }
 
@@ -128,7 +129,7 @@ fn a_png_has_the_size_and_a_black_image_is_black() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
-/// Who uses the library has no experiment file: the settings in the image are those that were given.
+/// A program that uses the library has no experiment file: `write_exr` stores its settings in the form of one.
 #[test]
 fn write_exr_notes_the_settings_as_an_experiment() {
     let folder = tempfile::tempdir().unwrap();
@@ -145,7 +146,7 @@ fn write_exr_notes_the_settings_as_an_experiment() {
     let meta = MetaData::read_from_file(&path, true).unwrap();
     let attributes = &meta.headers[0].own_attributes.other;
     let (_, value) = attributes.iter().find(|(key, _)| key.bytes() == b"tof:settings").expect("the attribute");
-    let AttributeValue::Text(text) = value else { panic!("no text: {value:?}") };
+    let AttributeValue::Text(text) = value else { panic!("not text: {value:?}") };
     let experiment = Experiment::parse(&text.to_string()).unwrap();
     let scene = build(Kind::CornellBox);
     assert_eq!(resolve(&experiment, &scene).unwrap().settings, settings, "{text}");

@@ -1,10 +1,11 @@
-//! The commands in README and in the guide do what the text says. Needs a device.
+//! Runs the commands of README.md and docs/GUIDE.md. Needs a device.
 //!
-//! The word behind the opening fence of a code block says what the test does with it:
+//! The words after the opening fence of a code block tell the test what to do with the block:
 //!
-//! * `sh`: runs it, and it must succeed. `sh fails`: it must fail, with the text of the next block in its message.
-//! * `sh no-run`: nothing, for commands that take minutes, install something or need cargo. Their number is checked.
-//! * `toml NAME`: writes the file that the commands below it read.
+//! * `sh`: run the commands; they must succeed.
+//! * `sh fails`: run the commands; they must fail, and their message must contain the text of the next block.
+//! * `sh no-run`: nothing. For commands that take minutes, install something or need cargo. The tests check their number.
+//! * `toml NAME`: write the block to the file NAME, which later commands read.
 //! * `text`, `json`, `python`: nothing.
 #![cfg(unix)]
 
@@ -13,9 +14,9 @@ use std::process::{Command, Output};
 
 /// A fenced code block.
 struct Block {
-    /// Behind the opening fence.
+    /// The words after the opening fence.
     info: String,
-    /// Of the opening fence, counted from 1.
+    /// Line number of the opening fence, counted from 1.
     line: usize,
     text: String,
 }
@@ -42,7 +43,7 @@ fn blocks(document: &str) -> Vec<Block> {
                 block.text.push('\n');
                 open = Some(block);
             }
-            // An indented command would be shown as code and run by nobody.
+            // Markdown shows an indented command as code, but this test would not run it.
             (None, None) => assert!(
                 !line.starts_with("    taugate"),
                 "{document}:{}: put this command into a block that begins with ```sh",
@@ -54,7 +55,7 @@ fn blocks(document: &str) -> Vec<Block> {
     blocks
 }
 
-/// A folder with the shipped scenes, as a user sees it in the root of the repository.
+/// A folder with a copy of `scenes/`, in which the commands of the documents work as in the root of the repository.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("scenes")).unwrap();
@@ -73,7 +74,7 @@ fn shell(folder: &Path, commands: &str) -> Output {
     Command::new("sh").args(["-e", "-c", commands]).env("PATH", path).current_dir(folder).output().expect("sh starts")
 }
 
-/// Runs the commands of a document in their order, in one folder. Returns how many blocks are marked `no-run`.
+/// Runs the commands of a document in order, in one folder. Returns the number of blocks marked `no-run`.
 fn run(document: &str) -> usize {
     let here = folder();
     let mut not_run = 0;
@@ -90,9 +91,11 @@ fn run(document: &str) -> usize {
                 let message = String::from_utf8_lossy(&output.stderr);
                 assert!(!output.status.success(), "{place}: this succeeds:\n{text}");
                 let expected = blocks.next().filter(|block| block.info == "text");
-                let expected = expected.unwrap_or_else(|| panic!("{place}: its message must follow in a text block"));
+                let expected = expected.unwrap_or_else(|| {
+                    panic!("{place}: add a ```text block with the expected message after this block")
+                });
                 for part in expected.text.lines() {
-                    assert!(message.contains(part), "{place}: {text}says {message}not {part:?}");
+                    assert!(message.contains(part), "{place}: {text}prints {message}without {part:?}");
                 }
             }
             ["sh", "no-run"] => not_run += 1,
@@ -114,7 +117,7 @@ fn the_commands_of_the_guide_work() {
     assert_eq!(run("docs/GUIDE.md"), 7, "code blocks of docs/GUIDE.md that are not run");
 }
 
-/// Links to files lead to files, and links within a page to one of its headings.
+/// Every link to a file leads to an existing file, and every link within a page to one of its headings.
 #[test]
 fn links_lead_somewhere() {
     for document in ["README.md", "docs/GUIDE.md"] {
@@ -133,7 +136,7 @@ fn links_lead_somewhere() {
     }
 }
 
-/// One screen and a half; all else belongs into the guide.
+/// The README fits on one and a half screens; everything else belongs in the guide.
 #[test]
 fn readme_is_short() {
     let words = read("README.md").split_whitespace().count();

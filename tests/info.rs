@@ -1,4 +1,4 @@
-//! `taugate info` and the gates that no light can meet, from outside. Needs a device.
+//! Runs `taugate info`, and renders with gates that no light reaches. Needs a device.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -17,7 +17,7 @@ fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
 }
 
-/// A folder with one of the project's own scenes in it.
+/// A folder with one of the generated scenes as `scene.glb`.
 fn scene(name: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     assert!(taugate(folder.path(), &["generate", name, "-o", "scene.glb"]).status.success());
@@ -30,7 +30,7 @@ fn info(folder: &Path, more: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// A render that must fail with `code`, naming all of `parts`, and leave nothing.
+/// Runs a render that must fail with `code` and a message that contains all `parts`, and must write no file.
 fn refused(folder: &Path, more: &[&str], code: i32, parts: &[&str]) {
     let arguments = [&["render", "scene.glb", "-o", "out.exr", "--png", "--stats", "out.json"], more].concat();
     let output = taugate(folder, &arguments);
@@ -39,7 +39,7 @@ fn refused(folder: &Path, more: &[&str], code: i32, parts: &[&str]) {
     for part in parts {
         assert!(message.contains(part), "{more:?}: expected {part:?} in: {message}");
     }
-    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 1, "{more:?} leaves something");
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 1, "{more:?} leaves a file behind");
 }
 
 #[test]
@@ -63,14 +63,14 @@ fn info_shows_emitters_memory_and_travel_times() {
         assert!(text.contains(part), "expected {part:?} in:\n{text}");
     }
 
-    // The suggested gate is one that renders.
+    // The gate that info suggests gives an image.
     let gate = text.split("--gate ").nth(1).and_then(|rest| rest.split_whitespace().next()).expect("a suggestion");
     let render = ["render", "scene.glb", "-o", "out.exr", "--resolution", "32x32", "--spp", "1", "--gate", gate];
     let output = taugate(here.path(), &render);
     assert!(output.status.success(), "{gate}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// A lamp in the plane of the ceiling is speckled: both commands say so, and what to do.
+/// A lamp in the plane of the ceiling renders with speckles. Both commands warn and give the remedy.
 #[test]
 fn a_lamp_in_the_plane_of_another_surface_is_named() {
     let mut scene = build(Kind::CornellBox);
@@ -83,13 +83,13 @@ fn a_lamp_in_the_plane_of_another_surface_is_named() {
     assert_eq!(found.len(), 1, "{found:?}");
     let render = ["render", "scene.glb", "-o", "out.exr", "--resolution", "8x8", "--spp", "1", "--stats", "out.json"];
     let output = taugate(here.path(), &render);
-    let said = String::from_utf8(output.stderr).unwrap();
-    for text in [&found[0].to_string(), &said] {
+    let message = String::from_utf8(output.stderr).unwrap();
+    for text in [&found[0].to_string(), &message] {
         assert!(text.contains("'light' lies in the plane of 'ceiling'") && text.contains("in front"), "{text}");
     }
     let json = std::fs::read_to_string(here.path().join("out.json")).unwrap();
     assert_eq!(warnings(&serde_json::from_str(&json).unwrap()), found);
-    // As it is shipped, the lamp hangs a centimetre below.
+    // In the generated scene the lamp is a centimetre below the ceiling, so there is no warning.
     let shipped = self::scene("cornell-box");
     assert!(warnings(&info(shipped.path(), &[])).is_empty());
 }
@@ -103,13 +103,13 @@ fn travel_times_of_the_gated_sphere_are_the_known_ones() {
         let all = light["percentiles"].as_array().unwrap();
         all.iter().find(|a| a["percent"] == p).unwrap()["metres"].as_f64().unwrap()
     };
-    // R = 1, albedo 0.5: the direct return, half of the light, comes at 2 R, up to the depth of the flat facets.
+    // R = 1, albedo 0.5: the direct return, half of the light, arrives at 2 R, or slightly earlier because facets are flat.
     let first = light["first"]["metres"].as_f64().unwrap();
     assert!((first - 2.0).abs() < 1e-3, "{first}");
     assert!(percentile(1.0) >= first && percentile(25.0) < 2.001);
-    // By 3.5 m 64.6 % has arrived, by 4 m 77.0 % by the closed form of `oracle/sphere.rs`: 75 % at 3.92 m.
+    // By the closed form of `oracle/sphere.rs`, 64.6 % of the light has arrived by 3.5 m and 77.0 % by 4 m: 75 % by 3.92 m.
     assert!((percentile(75.0) - 3.92).abs() < 0.06, "{}", percentile(75.0));
-    // The bounds hold what was seen.
+    // The bounds on travel times contain all measured travel times.
     let bound = |name: &str| json["render"]["possible"][name].as_f64().unwrap();
     assert!(bound("least") > 1.9 && bound("least") <= first);
     assert!(bound("greatest") > light["last"]["metres"].as_f64().unwrap());
@@ -127,11 +127,12 @@ fn gates_no_light_can_meet_are_refused_with_the_feasible_range() {
     };
     refused("0.1m..0.5m", "none arrives before 1.9");
     refused("500m..501m", "no path of 24 segments (--max-depth)");
-    // Within the bounds, but after the last light there is: known only when it was rendered.
+    // This gate is within the bounds, but all light arrives earlier: the program learns this only by rendering.
     refused("80m..80.1m", "no sample fell inside");
 }
 
-/// Before the first light that there can be, and after the last, nothing is traced unless culling is switched off.
+/// With `--force`, a gate outside the bounds on travel times gives a black image. The renderer traces nothing for it, unless
+/// `--no-cull` switches the bounds off.
 #[test]
 fn force_writes_the_black_image() {
     let here = scene("gated-sphere");
@@ -150,7 +151,7 @@ fn force_writes_the_black_image() {
         assert_eq!(rays > 0, traced, "{gate} {more:?}: {rays} rays");
         assert_eq!(stats["renderer"]["samples"], 1024);
     }
-    // Time is not spent on black.
+    // A budget of time is not spent on a black image.
     let minute = ["--resolution", "32x32", "--time", "60s", "--force", "--gate", "500m..501m"];
     let start = Instant::now();
     assert!(taugate(here.path(), &[&files[..], &minute[..]].concat()).status.success());
@@ -160,7 +161,7 @@ fn force_writes_the_black_image() {
 #[test]
 fn a_render_that_does_not_fit_is_refused_before_it_starts() {
     let here = scene("cornell-box");
-    // How many vertices the paths leave is not known before they are traced; 7 GiB are likely, more than a buffer may have.
+    // The number of light vertices is known only after tracing. The estimate is 7 GiB, more than one buffer may have.
     let json = info(here.path(), &["--resolution", "32x32", "--light-paths", "16777216"]);
     let largest = &json["render"]["memory"]["largest"][0];
     assert_eq!(
@@ -168,13 +169,14 @@ fn a_render_that_does_not_fit_is_refused_before_it_starts() {
         (Some("light vertices"), Some(false)),
         "{largest}"
     );
-    // The film and its tallies, of 1 GiB each: more than lavapipe allows a buffer, and than SwiftShader has in all.
+    // The film and its tallies need 1 GiB each. lavapipe allows no buffer of this size, and SwiftShader's whole memory is too
+    // small.
     let film = ["--resolution", "8192x8192"];
     let device = Device::open(None).unwrap();
     let part = match device.info() {
         device if device.largest_buffer() < 1 << 30 => "the film pixels need 1024 MiB",
         device if device.heap_bytes <= 2 << 30 => "the largest part are the film tallies with 1024 MiB",
-        _ => return, // There is room.
+        _ => return, // The device has enough memory.
     };
     refused(here.path(), &film, 4, &[part, "--resolution"]);
     let json = info(here.path(), &film);
@@ -182,7 +184,7 @@ fn a_render_that_does_not_fit_is_refused_before_it_starts() {
     assert!(problem.contains(part), "{problem}");
 }
 
-/// Where buffers are as small as Vulkan lets them be, nobody has to ask for fewer light paths than the default.
+/// The default number of light paths fits a device with the smallest buffers that Vulkan allows.
 #[test]
 fn default_light_paths_fit_the_smallest_device() {
     let scene = build(Kind::CornellBox);
@@ -199,7 +201,7 @@ fn default_light_paths_fit_the_smallest_device() {
     }
 }
 
-/// What the light vertices will need is estimated before they are traced, and said if it is too much.
+/// The program estimates the memory of the light vertices before it traces them, and warns if it is likely too much.
 #[test]
 fn a_pool_that_is_likely_too_large_is_warned_about() {
     let scene = build(Kind::CornellBox);
@@ -208,17 +210,18 @@ fn a_pool_that_is_likely_too_large_is_warned_about() {
     let settings = resolve(&experiment, &scene).unwrap().settings;
     let prepared = PreparedScene::new(&scene, &settings).unwrap();
     let warning = |max_texels: u64| {
-        // Kernels see as much as texels as in a storage buffer.
+        // The same limit in bytes for texel buffers (16 bytes per texel) and storage buffers.
         let device = DeviceInfo { max_texels, max_storage_buffer_range: max_texels * 16, ..DeviceInfo::unlimited() };
         let plan = MemoryPlan::new(&scene, &settings, &prepared, Some(&device)).unwrap();
         (plan.warning(&device), plan.check(&device).is_ok())
     };
-    // A vertex is seven texels; every path leaves one for certain, four are the estimate, and there is room for an eighth more.
+    // A vertex takes seven texels. Every path leaves at least one vertex, the estimate is four, and an eighth is added as
+    // reserve.
     assert_eq!(warning(40 << 20), (None, true));
-    let (said, fits) = warning(20 << 20);
-    let said = said.expect("a warning");
-    assert!(fits && said.contains("light vertices need 504 MiB") && said.contains("--light-paths"), "{said}");
-    assert_eq!(warning(7 << 20), (None, false), "what is certain is refused instead");
+    let (message, fits) = warning(20 << 20);
+    let message = message.expect("a warning");
+    assert!(fits && message.contains("light vertices need 504 MiB") && message.contains("--light-paths"), "{message}");
+    assert_eq!(warning(7 << 20), (None, false), "the plan must refuse what does not fit for certain");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Ctrl-C, or SIGTERM, at any moment of a render: a whole image or none, and nothing half-written.
+//! Interrupts renders by Ctrl-C or SIGTERM at various moments: the program writes complete files or none.
 
 #![cfg(unix)]
 
@@ -9,15 +9,15 @@ use std::time::{Duration, Instant};
 
 use taugate::internals::image::exr_file::read_picture;
 
-/// Ctrl-C, and what batch systems and shutdowns send.
+/// SIGINT comes from Ctrl-C, SIGTERM from batch systems and at shutdown.
 const SIGNALS: [(&str, libc::c_int); 2] = [("-INT", libc::SIGINT), ("-TERM", libc::SIGTERM)];
 
-/// The command ends by signals until it says otherwise, even where whoever runs the tests ignores them, as a script does for a job
-/// in its background: what is ignored is inherited.
+/// Resets the handling of the signals, so that they end the command until it installs its own handlers. A process inherits
+/// ignored signals, and scripts ignore them for jobs in the background, so the process that runs the tests may ignore them.
 fn with_default_signals(command: &mut Command) -> &mut Command {
     let reset = || {
         for (_, number) in SIGNALS {
-            // SAFETY: may be called between fork and exec, and the default has no handler that could be wrong.
+            // SAFETY: `signal` may be called between fork and exec, and the default action needs no handler.
             unsafe { libc::signal(number, libc::SIG_DFL) };
         }
         Ok(())
@@ -52,16 +52,20 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Interrupts a render of `room.glb` after `delay` ms, and checks what it left; whether that was an image.
+/// Interrupts a render of `room.glb` after `delay` ms and checks the files that it leaves. Returns whether it left an image.
 fn leaves_an_image(here: &Path, delay: u64, (name, number): (&str, i32)) -> bool {
     let mut child = start(here, "1h");
     std::thread::sleep(Duration::from_millis(delay));
-    let asked = Instant::now();
+    let signalled = Instant::now();
     let status = interrupt(&mut child, name);
-    // Before the program has said what to do with it, the signal itself ends the process.
+    // Until the program has installed its handler, the signal itself ends the process.
     let ended = status.code() == Some(130) || status.signal() == Some(number);
     assert!(ended, "{name} after {delay} ms: {status:?}");
-    assert!(asked.elapsed() < Duration::from_secs(30), "{name} after {delay} ms: it took {:?}", asked.elapsed());
+    assert!(
+        signalled.elapsed() < Duration::from_secs(30),
+        "{name} after {delay} ms: it took {:?}",
+        signalled.elapsed()
+    );
     match names(here).iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["room.glb"] => false,
         ["out.exr", "out.json", "out.png", "room.glb"] => {
@@ -82,16 +86,16 @@ fn leaves_an_image(here: &Path, delay: u64, (name, number): (&str, i32)) -> bool
 fn an_interrupt_leaves_a_whole_image_or_none() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    // Large enough that loading it takes a while.
+    // The scene is so large that loading takes a while: some signals arrive before the first image.
     let generate = ["generate", "cluttered-room", "-o", "room.glb"];
     assert!(Command::new(env!("CARGO_BIN_EXE_taugate")).args(generate).current_dir(here).status().unwrap().success());
     let images = [0, 10, 30, 60, 120, 250, 500, 1000, 4000].map(|delay| leaves_an_image(here, delay, SIGNALS[0]));
     let without = images.iter().filter(|image| !**image).count();
     assert!(without >= 3, "the scene is loaded too fast for this test: {without}");
-    // However busy the machine is, an image comes in the end, and either signal leaves it.
+    // On a busy machine the first image may take long, so the delays grow. Each signal must leave an image in the end.
     for signal in SIGNALS {
         leaves_an_image(here, 0, signal);
-        let came = [1000, 4000, 16_000, 60_000].iter().any(|&delay| leaves_an_image(here, delay, signal));
-        assert!(came, "{signal:?} left no image");
+        let image = [1000, 4000, 16_000, 60_000].iter().any(|&delay| leaves_an_image(here, delay, signal));
+        assert!(image, "{signal:?} left no image");
     }
 }

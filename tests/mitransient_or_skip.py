@@ -1,4 +1,4 @@
-"""Imports mitransient with the LLVM it needs; says so and exits with 0 where Python lacks it."""
+"""Imports mitransient. If it is not installed, prints a note and exits with 0."""
 from mitsuba_or_skip import modules
 
 mi, np, mitransient = modules("numpy", "mitransient")

@@ -1,4 +1,4 @@
-"""Imports Mitsuba, in its LLVM variant, and what goes with it; says so and exits with 0 where Python lacks them."""
+"""Imports Mitsuba's LLVM variant and other modules. If one is not installed, prints a note and exits with 0."""
 import importlib
 import os
 import sys
@@ -9,7 +9,7 @@ for library in ("/usr/lib/x86_64-linux-gnu/libLLVM-19.so", "/usr/lib/x86_64-linu
 
 
 def modules(*names):
-    """Mitsuba, then the modules of these names, in their order."""
+    """Returns the module mitsuba, then the modules with the given names in their order."""
     try:
         mi = importlib.import_module("mitsuba")
         mi.set_variant("llvm_ad_rgb")

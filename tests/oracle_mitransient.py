@@ -5,10 +5,13 @@
     cargo build --release
     python3 tests/oracle_mitransient.py [--estimator lcs-paper]
 
-A diffuse Cornell box with an area light, described once below, goes to taugate as glTF and to Mitsuba as meshes. Both
-measure travel times from the light to the pinhole in metres; Mitsuba starts its rays on the near plane, which is moved to
-1e-4. Sixteen gates, cells of 8 x 8 pixels, variances from independent seeds on both sides. Exit code 0: every |z| < 4, and a
-gate shifted by 2 % of the range is told apart; 1: not so. Without mitransient it says so and exits with 0.
+The scene is a diffuse Cornell box with an area light, described once below. taugate reads it as glTF, Mitsuba as meshes.
+Both measure travel times from the light to the pinhole in metres. Mitsuba starts its rays on the near plane, so the script
+moves the near plane to 1e-4. The script compares sixteen gates in cells of 8 x 8 pixels, with variances from independent
+seeds of both renderers.
+
+Exit code 0: every |z| is below 4, and gates shifted by 2 % of the range differ by more. Exit code 1: otherwise. If
+mitransient is not installed, the script prints a note and exits with 0.
 """
 import argparse
 import base64
@@ -40,7 +43,7 @@ def box(low, high):
             quad((x0, y1, z1), (w, 0, 0), (0, 0, -d)), quad((x0, y0, z0), (w, 0, 0), (0, 0, d))]
 
 
-# Name, reflectance, quads whose corners run counter-clockwise seen from the front.
+# Name, reflectance, and quads. Seen from the front, the corners of a quad are in counter-clockwise order.
 OBJECTS = [
     ("white", (0.73, 0.73, 0.73), [quad((-1, 0, 1), (2, 0, 0), (0, 0, -2)), quad((-1, 2, -1), (2, 0, 0), (0, 0, 2)),
                                    quad((-1, 0, -1), (2, 0, 0), (0, 2, 0))]),
@@ -111,13 +114,13 @@ def mitsuba_scene():
 
 
 def cells(image):
-    """Means of the channels over the cells of an image."""
+    """Means over the pixels and channels of each cell of an image: (row, column)."""
     n = SIZE // CELL
     return image.mean(axis=-1).reshape(n, CELL, n, CELL).mean(axis=(1, 3))
 
 
 def reference():
-    """Cells of every gate for each seed: (seed, gate, row, column)."""
+    """Cells of Mitsuba's images: (seed, gate, row, column)."""
     scene, found = mitsuba_scene(), []
     for seed in range(SEEDS):
         _, frames = mi.render(scene, spp=256, seed=seed)
@@ -127,6 +130,7 @@ def reference():
 
 
 def ours(binary, scene, estimator, shift):
+    """Cells of taugate's images through the gates moved by `shift` metres: (seed, gate, row, column)."""
     found = []
     for seed in range(SEEDS):
         row = []

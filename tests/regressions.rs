@@ -1,4 +1,4 @@
-//! What hostile use has found, one test each, named after what went wrong.
+//! Bugs that were found by using the program in hostile ways: one test per bug, named after it.
 
 #[path = "common/glb.rs"]
 mod glb;
@@ -66,7 +66,7 @@ fn a_scene_whose_lights_have_no_power_is_named() {
     assert!(output.status.code() == Some(2) && message.contains(expected), "{message}");
 }
 
-/// Whoever opens a pipe waits for somebody to write to it.
+/// A program that opens a pipe waits until another program writes to it. Inputs that are pipes must be refused instead.
 #[cfg(unix)]
 #[test]
 fn pipes_are_refused_rather_than_waited_for() {
@@ -88,7 +88,8 @@ fn pipes_are_refused_rather_than_waited_for() {
     }
 }
 
-/// Writing to a full disk; `/dev/full` is one where it exists, but outputs must be plain files.
+/// The encoder passes on the error of a full disk. The test gives it `/dev/full` directly, because the program accepts only plain
+/// files as outputs.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_picture_on_a_full_disk_keeps_the_kind_of_the_error() {

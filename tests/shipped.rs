@@ -1,4 +1,4 @@
-//! The scenes in `scenes/` are what the generator writes, and their experiments can be read.
+//! The scenes in `scenes/` equal those that the generator writes, and the experiment files there can be read.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,10 @@ fn shipped_scenes_are_what_the_generator_writes() {
         let kind = Kind::parse(name).expect("a kind");
         let path = folder().join(name).with_extension("glb");
         let shipped = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        assert!(shipped == scene(kind), "{name}.glb differs: cargo run -- generate {name} -o scenes/{name}.glb");
+        assert!(
+            shipped == scene(kind),
+            "{name}.glb differs: write it again with: cargo run -- generate {name} -o scenes/{name}.glb"
+        );
     }
 }
 
@@ -23,6 +26,6 @@ fn shipped_scenes_are_what_the_generator_writes() {
 fn shipped_experiments_can_be_read() {
     for name in ["cornell-gated.toml", "door-gated.toml"] {
         let experiment = Experiment::read(&folder().join(name)).unwrap_or_else(|e| panic!("{e}"));
-        assert!(experiment.scene.is_some_and(|s| s.exists()), "{name} names a scene that is there");
+        assert!(experiment.scene.is_some_and(|s| s.exists()), "{name} must name a scene that exists");
     }
 }

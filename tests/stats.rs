@@ -1,14 +1,15 @@
-//! `--stats`: the stages of a render explain its wall time.
+//! `--stats`: the times of a render's stages add up to its wall time.
 
 use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
 
-/// Wall time that nobody owns: a thread that another program keeps waiting, between two clocks. Tiny renders have little else.
+/// Allowed wall time outside all stages: another program may suspend a thread between two stages. In tiny renders this can be
+/// most of the wall time.
 const SLACK_SECONDS: f64 = 0.02;
 
-/// Whether stages, the unexplained left out, add up to `wall` within 5 % below and clock error above.
+/// Whether the stages without "unexplained" add up to `wall`: at most 5 % and the slack below, at most the clock error above.
 fn explain(stages: &[(String, f64)], wall: f64) -> bool {
     let sum: f64 = stages.iter().filter(|(name, _)| name != "unexplained").map(|(_, seconds)| seconds).sum();
     sum >= 0.95 * wall - SLACK_SECONDS && sum <= 1.001 * wall
@@ -44,16 +45,16 @@ fn stages_explain_the_wall_time() {
             assert!(explain(&stages, wall), "{estimator}: {wall} s: {stages:?}");
             assert_eq!(stages.last().unwrap().0, "unexplained");
             let all: f64 = stages.iter().map(|(_, seconds)| seconds).sum();
-            assert!((all - wall).abs() < 1e-9, "with the remainder they add up: {all} {wall}");
+            assert!((all - wall).abs() < 1e-9, "all stages together take {all} s, not {wall} s");
             let longest = &stages[0].0;
-            // The siblings that must fail: without the longest stage, and with it twice.
+            // Negative controls: the longest stage missing, and the longest stage counted twice.
             let without: Vec<_> = stages.iter().filter(|(name, _)| name != longest).cloned().collect();
             let twice: Vec<_> = stages.iter().chain(&stages[..1]).cloned().collect();
             assert!(!explain(&without, wall) && !explain(&twice, wall), "{longest}: {stages:?}");
         }
         assert!(
             stats["waits"].as_u64().unwrap() >= stats["iterations"].as_u64().unwrap(),
-            "{estimator}: hardly a wait"
+            "{estimator}: fewer waits than iterations"
         );
         let names: Vec<String> = stages(&stats["stages"]).into_iter().map(|(name, _)| name).collect();
         let expected = ["kernel sensor_trace", "kernel connect", "submits and waits", "compile kernels", "build trees"];

@@ -1,11 +1,13 @@
 #!/bin/sh
-# Runs the tests on SwiftShader, a second Vulkan driver beside Mesa's: other rounding, other limits, another compiler.
-# Debian's package chromium-common and Google Chrome ship it; SWIFTSHADER_ICD names its vk_swiftshader_icd.json elsewhere.
-# Usage: tests/swiftshader.sh [ARGUMENTS OF CARGO TEST], from the root of the repository. It is slow: name a --test.
+# Runs the tests on SwiftShader, a Vulkan driver with other rounding, other limits and another compiler than Mesa's lavapipe.
+# Debian's package chromium-common and Google Chrome contain SwiftShader. If its vk_swiftshader_icd.json is in another place,
+# set SWIFTSHADER_ICD to the path of this file.
+# Usage, from the root of the repository: tests/swiftshader.sh [ARGUMENTS OF CARGO TEST]
+# All tests together are slow on SwiftShader: choose some with --test NAME.
 set -eu
 
 if [ -n "${SWIFTSHADER_ICD:-}" ]; then
-    [ -r "$SWIFTSHADER_ICD" ] || { echo "SWIFTSHADER_ICD names $SWIFTSHADER_ICD, which cannot be read" >&2; exit 1; }
+    [ -r "$SWIFTSHADER_ICD" ] || { echo "SWIFTSHADER_ICD is $SWIFTSHADER_ICD, which cannot be read; set it to the path of vk_swiftshader_icd.json" >&2; exit 1; }
     icd=$SWIFTSHADER_ICD
 else
     icd=
@@ -14,7 +16,7 @@ else
     done
 fi
 if [ -z "$icd" ]; then
-    echo "skipped: no SwiftShader; install chromium-common, or set SWIFTSHADER_ICD to its vk_swiftshader_icd.json"
+    echo "skipped: SwiftShader was not found; install chromium-common, or set SWIFTSHADER_ICD to the path of vk_swiftshader_icd.json"
     exit 0
 fi
 echo "driver: $icd"

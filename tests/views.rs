@@ -1,4 +1,4 @@
-//! What a render shows beside its image: strategies, numbers and comparisons, from outside.
+//! Runs the program for its other results beside the image: images of strategies, statistics and comparisons.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -9,7 +9,7 @@ fn taugate(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
 }
 
-/// Runs what must end with `code`; returns stdout and stderr.
+/// Runs a command that must exit with `code`. Returns stdout and stderr.
 fn run(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {
     let output = taugate(folder, arguments);
     let text = |bytes| String::from_utf8(bytes).unwrap();
@@ -42,12 +42,12 @@ fn render(folder: &Path, more: &[&str], code: i32) -> String {
 fn strategy_images_add_up_to_the_image() {
     let here = folder();
     for (gate, estimator) in [("6m..8m", "bdpt"), ("0m..inf", "lcs-paper")] {
-        let said = render(
+        let message = render(
             here.path(),
             &["-o", "a.exr", "--estimator", estimator, "--gate", gate, "--strategy-images", "pyramid"],
             0,
         );
-        assert!(said.contains("pyramid: 8 strategies"), "{said}");
+        assert!(message.contains("pyramid: 8 strategies"), "{message}");
         let image = read_picture(&here.path().join("a.exr")).unwrap().rgb;
         let mut sum = vec![0.0f64; image.len()];
         let files = names(&here.path().join("pyramid"));
@@ -62,7 +62,7 @@ fn strategy_images_add_up_to_the_image() {
             assert!((f64::from(*x) - s).abs() < 2e-5 * (s + mean), "{x} {s}");
         }
     }
-    // With and without the flag: the same image.
+    // The image is the same with and without the flag.
     let with = std::fs::read(here.path().join("a.exr")).unwrap();
     render(here.path(), &["-o", "b.exr", "--estimator", "lcs-paper", "--gate", "0m..inf"], 0);
     let pixels = |file: &str| read_picture(&here.path().join(file)).unwrap().rgb;
@@ -70,7 +70,7 @@ fn strategy_images_add_up_to_the_image() {
     assert_eq!(names(here.path()), ["a.exr", "b.exr", "box.glb", "pyramid"], "nothing else is left behind");
 }
 
-/// The folder is put in place of what has its name: the image was lost in it.
+/// The folder of strategy images replaces any file or folder of the same name. The image was lost when it was in that folder.
 #[test]
 fn strategy_images_do_not_replace_the_image() {
     let here = folder();
@@ -78,8 +78,8 @@ fn strategy_images_do_not_replace_the_image() {
     for (image, folder) in
         [("a.exr", "a.exr"), ("p/a.exr", "p"), ("p/s01_t02_weighted.exr", "./p"), ("p/a.exr", "p/../p")]
     {
-        let said = render(here.path(), &["-o", image, "--strategy-images", folder], 2);
-        assert!(said.contains("replaced as a whole") && said.contains(image), "{said}");
+        let message = render(here.path(), &["-o", image, "--strategy-images", folder], 2);
+        assert!(message.contains("replaced as a whole") && message.contains(image), "{message}");
     }
     assert_eq!((names(here.path()), names(&here.path().join("p")).len()), (vec!["box.glb".into(), "p".into()], 0));
 }
@@ -89,10 +89,10 @@ fn a_folder_of_other_files_is_not_touched() {
     let here = folder();
     std::fs::create_dir(here.path().join("mine")).unwrap();
     std::fs::write(here.path().join("mine/thesis.tex"), "years of work").unwrap();
-    let said = render(here.path(), &["-o", "a.exr", "--strategy-images", "mine"], 2);
-    assert!(said.contains("holds 'thesis.tex'"), "{said}");
-    let said = render(here.path(), &["-o", "a.exr", "--strategy-images", "no/where"], 2);
-    assert!(said.contains("cannot be written"), "{said}");
+    let message = render(here.path(), &["-o", "a.exr", "--strategy-images", "mine"], 2);
+    assert!(message.contains("holds 'thesis.tex'"), "{message}");
+    let message = render(here.path(), &["-o", "a.exr", "--strategy-images", "no/where"], 2);
+    assert!(message.contains("cannot be written"), "{message}");
     let deep = [
         "--estimator",
         "bdpt",
@@ -105,31 +105,31 @@ fn a_folder_of_other_files_is_not_touched() {
         "--strategy-images",
         "p",
     ];
-    let said = run(here.path(), &[&["render", "box.glb"], &deep[..]].concat(), 2).1;
-    assert!(said.contains("323 strategies") && said.contains("--max-depth"), "{said}");
+    let message = run(here.path(), &[&["render", "box.glb"], &deep[..]].concat(), 2).1;
+    assert!(message.contains("323 strategies") && message.contains("--max-depth"), "{message}");
     assert_eq!(names(here.path()), ["box.glb", "mine"]);
 }
 
 #[test]
 fn the_summary_says_how_well_the_image_is_known() {
     let here = folder();
-    let said = render(here.path(), &["-o", "a.exr", "--gate", "7m..8m", "--stats", "a.json"], 0);
+    let message = render(here.path(), &["-o", "a.exr", "--gate", "7m..8m", "--stats", "a.json"], 0);
     for part in ["mean ", " +- ", "connections inside the gate: ", "non-finite samples dropped: 0"] {
-        assert!(said.contains(part), "{part:?} is missing in: {said}");
+        assert!(message.contains(part), "{part:?} is missing in: {message}");
     }
     let numbers = |file: &str| -> serde_json::Value {
         serde_json::from_slice(&std::fs::read(here.path().join(file)).unwrap()).unwrap()
     };
     let of = |value: &serde_json::Value, key: &str| value[key].as_f64().unwrap_or_else(|| panic!("{key}: {value}"));
     let n = numbers("a.json");
-    // Queries choose what meets the gate; what does not choose seldom does.
+    // Queries choose connections that meet the gate. bdpt does not choose, and few of its connections meet the gate.
     render(here.path(), &["-o", "b.exr", "--gate", "7m..8m", "--estimator", "bdpt", "--stats", "b.json"], 0);
-    let [queried, met] = [&n, &numbers("b.json")].map(|n| of(n, "connections_inside_gate"));
-    assert!(met > 0.0 && met < 0.5, "a thin gate lets few connections through: {met}");
-    assert!(queried > met && queried <= 1.0, "queries do not choose by the gate: {queried}, {met}");
+    let [lcs, bdpt] = [&n, &numbers("b.json")].map(|n| of(n, "connections_inside_gate"));
+    assert!(bdpt > 0.0 && bdpt < 0.5, "a thin gate must let few connections of bdpt through: {bdpt}");
+    assert!(lcs > bdpt && lcs <= 1.0, "queries do not choose by the gate: {lcs} of lcs, {bdpt} of bdpt");
     assert!(of(&n, "inside_gate_per_sample") > 0.0 && n["samples_dropped"] == 0);
 
-    // The standard error is the spread of the means of other seeds, which share nothing.
+    // The standard error equals the spread of the means of independent seeds.
     let means: Vec<[f64; 2]> = (1..=8)
         .map(|seed| {
             let seed = seed.to_string();
@@ -143,18 +143,18 @@ fn the_summary_says_how_well_the_image_is_known() {
     let spread = means.iter().map(|m| (m[0] - mean).powi(2)).sum::<f64>() / (count - 1.0);
     let claimed = means.iter().map(|m| m[1]).sum::<f64>() / count;
     eprintln!("mean {mean:.5}, spread {:.2e}, claimed {:.2e}", spread.sqrt(), claimed.sqrt());
-    // F distribution with 7 and 120 degrees of freedom: 1e-3 to both sides.
+    // F distribution with 7 and 120 degrees of freedom: a probability of 1e-3 beyond each end.
     assert!((0.08..3.8).contains(&(spread / claimed)), "{spread} against {claimed}");
 
-    // A gate near the resolution of travel times is named again at the end, and in the numbers.
-    let said = render(here.path(), &["-o", "c.exr", "--gate", "7m+0.1mm", "--stats", "c.json", "--force"], 0);
-    assert_eq!(said.matches("steps of 32-bit travel times").count(), 2, "{said}");
+    // A gate near the resolution of travel times gives a warning at the start, again at the end, and in the statistics.
+    let message = render(here.path(), &["-o", "c.exr", "--gate", "7m+0.1mm", "--stats", "c.json", "--force"], 0);
+    assert_eq!(message.matches("steps of 32-bit travel times").count(), 2, "{message}");
     assert!(numbers("c.json")["warnings"][0].as_str().unwrap().contains("32-bit travel times"));
 
-    // One iteration: no error can be known.
+    // One iteration gives no estimate of the error.
     let one = ["--resolution", "8x8", "--spp", "1", "-o", "d.exr", "--stats", "d.json"];
-    let said = run(here.path(), &[&["render", "box.glb"], &one[..]].concat(), 0).1;
-    assert!(said.contains("unknown error") && numbers("d.json")["image_mean_standard_error"].is_null(), "{said}");
+    let message = run(here.path(), &[&["render", "box.glb"], &one[..]].concat(), 0).1;
+    assert!(message.contains("unknown error") && numbers("d.json")["image_mean_standard_error"].is_null(), "{message}");
 }
 
 #[test]
@@ -167,16 +167,16 @@ fn a_comparison_gives_a_verdict_and_a_map() {
     image("b.exr", "2", &["--gate", "6m..8m"]);
     image("late.exr", "3", &["--gate", "6.8m..8m"]);
     let compare = |arguments: &[&str], code: i32| run(here.path(), &[&["compare"], arguments].concat(), code);
-    let (said, _) = compare(&["b.exr", "a.exr", "--z", "same.png"], 0);
+    let (message, _) = compare(&["b.exr", "a.exr", "--z", "same.png"], 0);
     assert!(
-        said.contains("the two agree: max |z| = ") && said.contains("threshold") && said.contains("y 0.."),
-        "{said}"
+        message.contains("the two agree: max |z| = ") && message.contains("threshold") && message.contains("y 0.."),
+        "{message}"
     );
-    let (said, _) = compare(&["late.exr", "a.exr", "--z", "map.exr"], 1);
-    assert!(said.contains("the two differ: max |z| = "), "{said}");
+    let (message, _) = compare(&["late.exr", "a.exr", "--z", "map.exr"], 1);
+    assert!(message.contains("the two differ: max |z| = "), "{message}");
     let map = read_picture(&here.path().join("map.exr")).unwrap();
     assert_eq!((map.width, map.height), (20, 16));
-    // The early light is missing: darker, so z is negative.
+    // late.exr misses the early light: it is darker, so z is negative.
     assert!(map.rgb.iter().all(|&z| z <= 4.0) && map.rgb.iter().any(|&z| z < -4.0));
     let (json, _) = compare(&["late.exr", "a.exr", "--z", "map.png", "--json"], 1);
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -192,8 +192,8 @@ fn a_comparison_gives_a_verdict_and_a_map() {
 fn images_that_do_not_tell_their_noise_are_not_judged() {
     let here = folder();
     let judge = |a: &str, b: &str, z: &str, part: &str| {
-        let said = run(here.path(), &["compare", a, b, "--z", z], 2).1;
-        assert!(said.starts_with("error: ") && said.contains(part), "{part:?}: {said}");
+        let message = run(here.path(), &["compare", a, b, "--z", z], 2).1;
+        assert!(message.starts_with("error: ") && message.contains(part), "{part:?}: {message}");
     };
     render(here.path(), &["-o", "a.exr", "--seed", "1"], 0);
     render(here.path(), &["-o", "late.exr", "--seed", "1", "--gate", "0m..6.5m"], 0);
@@ -212,7 +212,7 @@ fn images_that_do_not_tell_their_noise_are_not_judged() {
     judge("nan.exr", "a.exr", "z.png", "nan.exr: pixel 19,15 is NaN");
     judge("few.exr", "a.exr", "z.jpg", ".png or .exr");
     judge("few.exr", "a.exr", "a.exr", "would overwrite a.exr");
-    // The attributes say what was rendered, the pixels something else.
+    // Pixels that were changed after rendering no longer belong to the error estimate in the attributes.
     render(here.path(), &["-o", "b.exr", "--seed", "2"], 0);
     double(&here.path().join("b.exr"), &here.path().join("doubled.exr"));
     judge("doubled.exr", "a.exr", "z.png", "doubled.exr: its pixels were changed after rendering");
@@ -220,7 +220,7 @@ fn images_that_do_not_tell_their_noise_are_not_judged() {
     assert_eq!(names(here.path()).iter().filter(|name| name.starts_with('z')).count(), 0);
 }
 
-/// The same file with every sample twice as large.
+/// Writes a copy of an EXR file with all samples doubled.
 fn double(from: &Path, to: &Path) {
     use exr::prelude::*;
     let mut image =

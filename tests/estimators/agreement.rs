@@ -1,4 +1,4 @@
-//! Level 4: the estimators agree with each other and with the oracle's path tracer, which is another algorithm in f64.
+//! The estimators agree with each other and with the oracle, a path tracer in f64 that shares no code with them.
 
 use std::sync::OnceLock;
 
@@ -18,7 +18,7 @@ fn gate(lo: f64, hi: f64) -> Gate {
     Gate { lo, hi }
 }
 
-/// The oracle's cells of one bin: mean and variance.
+/// Mean and variance of each cell of one bin of the oracle's image.
 fn oracle_cells(film: &Film, bin: usize) -> Vec<(f64, f64)> {
     let width = film.resolution[0] as usize;
     let columns = width.div_ceil(CELL);
@@ -26,7 +26,7 @@ fn oracle_cells(film: &Film, bin: usize) -> Vec<(f64, f64)> {
     for (i, p) in film.bins[bin].iter().enumerate() {
         let (mean, variance, n) = &mut sums[i / width / CELL * columns + i % width / CELL];
         *mean += p.mean.iter().sum::<f64>() / 3.0;
-        // The channels of a pixel are fully correlated at worst.
+        // Upper bound: the channels of a pixel may be fully correlated.
         *variance += p.variance.iter().map(|v| v.sqrt() / 3.0).sum::<f64>().powi(2);
         *n += 1;
     }
@@ -38,7 +38,7 @@ fn against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [
     against(name, &estimators(scene), scene, gates, &oracle(scene, gates, resolution, 800))
 }
 
-/// All that can see by what shines in the scene.
+/// The estimators that can render the scene's emitters: `pt` cannot render beams.
 fn estimators(scene: &Scene) -> Vec<Estimator> {
     let mut estimators = vec![Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
     let only_beams = scene.lights.iter().all(|l| matches!(l.kind, taugate::internals::scene::LightKind::Beam { .. }));
@@ -48,26 +48,26 @@ fn estimators(scene: &Scene) -> Vec<Estimator> {
     estimators
 }
 
-/// What the oracle sees through the gates, with `spp` samples a pixel.
+/// The oracle's image through each gate, with `spp` samples per pixel.
 pub fn oracle(scene: &Scene, gates: &[(f64, f64)], resolution: [u32; 2], spp: u32) -> Film {
     let (camera, emitters, bins) = (0, Emitters::Scene, gates.to_vec());
     let s = path_tracer::Settings { camera, resolution, spp, seed: 7, max_depth: MAX_DEPTH, bins, emitters };
     path_tracer::render(scene, &s)
 }
 
-/// The image of one gate alone.
+/// The part of `film` that belongs to one gate.
 pub fn bin(film: &Film, bin: usize) -> Film {
     Film { resolution: film.resolution, bins: vec![film.bins[bin].clone()] }
 }
 
-/// Cells in which images of `scene` differ from `truth`, as text.
+/// Compares images of `scene` with `truth` and describes each cell in which they differ significantly.
 pub fn against(name: &str, estimators: &[Estimator], scene: &Scene, gates: &[(f64, f64)], truth: &Film) -> Vec<String> {
     let mut wrong = vec![];
     for &estimator in estimators {
         let s = settings(estimator, truth.resolution).max_depth(MAX_DEPTH).build().unwrap();
         let mut renderer = renderer(scene, &s);
-        // Few paths of pt meet a gate by chance: of 4 samples a cell has a hundred in the last gate of the Cornell box, whose
-        // weights differ so much that their mean is not yet normal.
+        // Few paths of pt fall into a gate. With 4 samples per pixel, a cell has about a hundred paths in the last gate of the
+        // Cornell box; their weights vary so much that the mean is not yet normally distributed.
         let samples = if estimator == Estimator::Pt { 16 } else { 4 };
         for (bin, &(lo, hi)) in gates.iter().enumerate() {
             let cells = Cells::measure(&mut renderer, gate(lo, hi), CELL, 1, samples, 500);
@@ -80,7 +80,7 @@ pub fn against(name: &str, estimators: &[Estimator], scene: &Scene, gates: &[(f6
                 total / expected.len() as f64
             );
             for (i, (mean, variance)) in expected.into_iter().enumerate() {
-                // A dark cell's variance is known too badly to be tested.
+                // The variance of a dark cell is too uncertain for a test.
                 if mean * 100.0 < total / cells.batches.len() as f64 {
                     continue;
                 }
@@ -103,7 +103,7 @@ pub fn assert_none(wrong: Vec<String>) {
 
 const CORNELL_GATES: [(f64, f64); 4] = [(6.5, 7.0), (8.0, 8.3), (14.0, 16.0), (0.0, f64::INFINITY)];
 
-/// The oracle's images of the box through its gates, and through the first moved by a fifth of its width.
+/// The oracle's images of the box through its gates. One more bin is the first gate, shifted by a fifth of its width.
 fn cornell_truth() -> &'static Film {
     static TRUTH: OnceLock<Film> = OnceLock::new();
     TRUTH.get_or_init(|| {
@@ -118,7 +118,7 @@ fn cornell_box_agrees_with_the_oracle() {
     assert_none(against("cornell", &estimators(&scene), &scene, &CORNELL_GATES, cornell_truth()));
 }
 
-/// The sibling that must fail: the oracle's bins are shifted by a fifth of their width.
+/// Negative control: the oracle's bin is shifted by a fifth of its width.
 #[test]
 fn shifted_bins_are_rejected() {
     let scene = build(Kind::CornellBox);
@@ -150,7 +150,7 @@ fn a_room_with_every_feature_agrees_with_the_oracle() {
     }
 }
 
-/// Means of whole images through a gate of 1 m from `lo` and through none, against the oracle within their errors.
+/// Compares means of whole images with the oracle, through the gate [`lo`, `lo` + 1 m) and without a gate.
 fn whole_images(name: &str, scene: &Scene, lo: f64) {
     let gates = [(lo, lo + 1.0), (0.0, f64::INFINITY)];
     let truth = oracle(scene, &gates, [24, 16], 2_500);
@@ -172,7 +172,7 @@ fn whole_images(name: &str, scene: &Scene, lo: f64) {
     }
 }
 
-/// The long proof. `cargo test --release --test estimators -- --ignored --nocapture whole_images`
+/// The long version, with smaller errors. `cargo test --release --test estimators -- --ignored --nocapture whole_images`
 #[test]
 #[ignore = "takes minutes"]
 fn whole_images_agree_with_the_oracle() {
@@ -189,7 +189,7 @@ fn whole_images_of_rough_glass_agree_with_the_oracle() {
     whole_images("rough glass", &rough_glass::scene(1.0), rough_glass::GATES[1].0);
 }
 
-/// Sets of strategies against bdpt with all of them, in the box.
+/// Compares each set of strategies with all strategies of `bdpt`, in the Cornell box.
 fn strategies_agree(sets: &[(Estimator, Strategies)]) {
     let scene = build(Kind::CornellBox);
     let cells = |estimator, strategies| {
@@ -202,13 +202,13 @@ fn strategies_agree(sets: &[(Estimator, Strategies)]) {
     }
 }
 
-/// The paper's strategies alone (s >= 1, t >= 2) cover all of these images but emitters seen directly.
+/// The paper's strategies (s >= 1, t >= 2) find all light of these images: no emitter is seen directly through this gate.
 #[test]
 fn the_papers_strategies_agree_with_all_strategies() {
     strategies_agree(&[Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs].map(|e| (e, Strategies::Paper)));
 }
 
-/// What the oracle says of all strategies in the same box, said by bdpt.
+/// Compares `lcs-paper` and `lcs` with `bdpt`, all with all strategies.
 /// `cargo test --release --test estimators -- --ignored --nocapture all_strategies_agree`
 #[test]
 #[ignore = "the oracle covers it"]
@@ -216,7 +216,7 @@ fn all_strategies_agree() {
     strategies_agree(&[Estimator::LcsPaper, Estimator::Lcs].map(|e| (e, Strategies::All)));
 }
 
-/// Abutting gates add up to the steady image: with the same seed every path is in exactly one of them.
+/// The images of abutting gates add up to the ungated image: with the same seed every path falls into exactly one gate.
 #[test]
 fn abutting_gates_partition_the_steady_image() {
     let scene = build(Kind::CornellBox);

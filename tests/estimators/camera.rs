@@ -1,4 +1,4 @@
-//! A camera that moves in a renderer which was prepared for another one.
+//! Moving the camera of a renderer that was prepared for another position.
 
 use glam::DVec3;
 use taugate::internals::generate::shapes::cuboid;
@@ -13,10 +13,10 @@ use super::cells::{Cells, disagreements, renderer, settings};
 
 const SIZE: [u32; 2] = [24, 16];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
-/// Greatest part of the light that may move when all coordinates round differently: a ray or a choice at an edge falls to the other
-/// side, and one path of 1,536 is another one.
+/// Largest fraction of the light that may change when all coordinates round differently. A ray or a random choice at an edge may
+/// fall to the other side, and each of the 1,536 paths of an iteration is a visible part of the image.
 const ROUNDING: f64 = 2e-3;
-/// The unit of render space in the Cornell box, and the distance that a sensor may stand from its origin, in metres.
+/// The unit of render space in the Cornell box, in metres, and the maximum distance of a sensor from the origin of render space.
 const UNIT: f64 = 4.0;
 const FARTHEST: f64 = UNIT / 4.0;
 
@@ -24,7 +24,7 @@ fn short(estimator: Estimator) -> Settings {
     settings(estimator, SIZE).max_depth(8).light_paths(500).build().unwrap()
 }
 
-/// The Cornell box with a block of glass and a lamp of each kind.
+/// The Cornell box with its area light, a glass block, a point light and a beam.
 fn mixed() -> Scene {
     let mut scene = build(Kind::CornellBox);
     let clear = material(&mut scene, glass("glass"));
@@ -36,20 +36,20 @@ fn mixed() -> Scene {
     scene
 }
 
-/// The camera of the scene, `metres` away from where it stands.
+/// The scene's camera, moved by `metres`.
 fn moved(scene: &Scene, metres: f64) -> Camera {
     let mut camera = scene.cameras[0].clone();
     camera.transform.translation += metres * DVec3::new(0.6, -0.3, 0.74).normalize();
     camera
 }
 
-/// A renderer that was prepared for a camera `metres` away, and then got that of the scene.
+/// A renderer that was prepared for a camera `metres` away, and then received the scene's own camera.
 fn from_elsewhere(scene: &Scene, settings: &Settings, metres: f64) -> Renderer {
     let elsewhere = Scene { cameras: vec![moved(scene, metres)], ..scene.clone() };
     let mut renderer = renderer(&elsewhere, settings);
     renderer.iterate(1).unwrap_or_else(|e| panic!("{e}"));
-    assert!(renderer.set_camera(&scene.cameras[0]).unwrap(), "{metres} m are not too far");
-    assert_eq!(renderer.film().iterations(), 0, "the film starts anew");
+    assert!(renderer.set_camera(&scene.cameras[0]).unwrap(), "the renderer refuses a move by {metres} m");
+    assert_eq!(renderer.film().iterations(), 0, "the film is not empty after the move");
     renderer
 }
 
@@ -59,7 +59,7 @@ fn image(renderer: &mut Renderer) -> Vec<f32> {
     renderer.film().mean()
 }
 
-/// Part of the light of `a` that is elsewhere in `b`.
+/// Sum of the absolute differences of `a` and `b`, relative to the sum of `a`.
 fn difference(a: &[f32], b: &[f32]) -> f64 {
     let sum = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).sum::<f64>();
     sum(&mut a.iter().zip(b).map(|(x, y)| (x - y).abs())) / sum(&mut a.iter().copied())
@@ -85,7 +85,7 @@ fn a_moved_camera_sees_what_one_there_sees() {
         let difference = difference(&usual, &there);
         assert!(difference < ROUNDING, "{estimator:?}: {difference:e}");
     }
-    // Trees are others where vertices swap places, so the means tell.
+    // Rounding may swap light vertices in the order of a tree, so images of lcs differ and only their means can be compared.
     let settings = short(Estimator::Lcs);
     let usual = Cells::measure(&mut renderer(&scene, &settings), GATE, 8, 1, 4, 1);
     let mut renderer = from_elsewhere(&scene, &settings, 0.99 * FARTHEST);
@@ -93,7 +93,7 @@ fn a_moved_camera_sees_what_one_there_sees() {
     assert!(found.is_empty(), "{found:?}");
 }
 
-/// The siblings that must fail: a camera a centimetre beside its place.
+/// Negative control: a camera that is a centimetre off.
 #[test]
 fn a_camera_beside_its_place_is_noticed() {
     let scene = mixed();
@@ -116,7 +116,7 @@ fn a_camera_too_far_away_is_refused() {
     assert!(renderer.set_camera(&moved(&scene, 0.99 * FARTHEST)).unwrap());
 }
 
-/// What no light could reach from the first camera may be lit for the next one.
+/// The bounds on travel times follow the camera: a gate may be dark for the first camera and lit for the next.
 #[test]
 fn a_moved_camera_has_its_own_bounds() {
     let scene = build(Kind::CornellBox);
@@ -125,7 +125,7 @@ fn a_moved_camera_has_its_own_bounds() {
         camera.transform.translation.z += metres;
         camera
     };
-    // The lamp is seen after some 4 m of travel; half a metre further back nothing arrives so early.
+    // Light from the lamp travels about 4 m to the camera. For a camera 0.9 m further back, no light arrives in this gate.
     let nearest = DVec3::new(0.0, 1.98, 0.25).distance(scene.cameras[0].transform.translation);
     let gate = Gate { lo: 0.0, hi: nearest + 0.2 };
     let settings = short(Estimator::Bdpt).change().gate(gate).build().unwrap();

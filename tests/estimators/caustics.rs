@@ -1,5 +1,6 @@
-//! Caustics: light that a ball of glass gathers and a mirror throws onto a diffuse floor, through gates. No connection reaches
-//! it: it is found by t = 1 (a light vertex on the floor, seen from the pinhole) and s = 0 (the lamp, met through the glass).
+//! Gated caustics: a glass ball focuses light, and a mirror reflects light, onto a diffuse floor. No connection finds these
+//! paths. They are found by t = 1 (a light vertex on the floor, connected to the pinhole) and s = 0 (a camera path that hits the
+//! lamp through the glass).
 
 use std::sync::OnceLock;
 
@@ -15,8 +16,8 @@ use taugate::internals::settings::{Estimator, Strategies};
 
 const RADIUS: f64 = 0.4;
 const SIZE: [u32; 2] = [24, 16];
-/// Around the time at which the light behind the ball arrives at the pinhole: 2.75 m from the floor, 2 m of the way from the
-/// lamp, and half of the ball's diameter more.
+/// A gate around the arrival of the light that is focused by the ball. Its path is 2.75 m from the floor to the pinhole, 2 m from
+/// the lamp to the floor, and half the ball's diameter more because glass slows light.
 const CAUSTIC: (f64, f64) = (5.0, 5.3);
 
 /// The ball stands between a small lamp and the floor; the mirror stands upright beside it.
@@ -50,14 +51,15 @@ fn caustics_agree_with_bdpt() {
         eprintln!("{estimator}: {:?}, bdpt {:?}", got.whole(), truth.whole());
         assert_none(disagreements(&truth, &got));
     }
-    // The sibling that must fail: without s = 0 and t = 1 there are no caustics.
+    // Negative control: without s = 0 and t = 1 there are no caustics.
     assert!(!disagreements(&truth, &cells(Estimator::LcsPaper, Strategies::Paper, 400)).is_empty());
 }
 
 const GATES: [(f64, f64); 2] = [CAUSTIC, (0.0, f64::INFINITY)];
 
-/// The oracle's images, the last through a gate that the caustic would meet were glass no slower than air, by half of the way in
-/// the ball. It meets the lamp through the glass by chance: with 3,200 samples a pixel over a hundred times a cell.
+/// The oracle's images. The last gate is the first one moved earlier by half the ball's diameter: the caustic would arrive there
+/// if glass did not slow light. The oracle hits the lamp through the glass by chance: over a hundred times per cell with 3,200
+/// samples per pixel.
 fn truth() -> &'static Film {
     static TRUTH: OnceLock<Film> = OnceLock::new();
     TRUTH.get_or_init(|| {
@@ -66,14 +68,14 @@ fn truth() -> &'static Film {
     })
 }
 
-/// `pt` meets the lamp no better, and has fewer samples.
+/// `pt` is left out: it hits the lamp by chance too, and takes fewer samples than the oracle.
 #[test]
 fn caustics_agree_with_the_oracle() {
     let estimators = [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
     assert_none(against("caustics", &estimators, &scene(), &GATES, truth()));
 }
 
-/// The sibling that must fail.
+/// Negative control: the gate in which the caustic would arrive without the delay in glass.
 #[test]
 fn caustics_without_their_delay_are_rejected() {
     let early = bin(truth(), GATES.len());

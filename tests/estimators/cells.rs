@@ -1,4 +1,4 @@
-//! Rendering for tests: settings, batches of independent seeds, pooled cells and their z-tests.
+//! Helpers for statistical tests: settings, images of independent seeds, means over cells of pixels, and z-tests of these means.
 
 use taugate::internals::compare::statistics::sidak_threshold;
 use taugate::internals::gpu::Device;
@@ -7,9 +7,9 @@ use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Budget, Estimator, Sampling, Settings, SettingsBuilder};
 
-/// Significance of every family of tests, corrected for its number of cells (Sidak).
+/// Significance level of a test over all its cells together (Sidak's correction).
 pub const SIGNIFICANCE: f64 = 1e-3;
-/// Independent seeds behind every variance.
+/// Number of independent seeds from which each variance is estimated.
 pub const SEEDS: u32 = 32;
 
 pub fn device() -> Device {
@@ -29,14 +29,15 @@ pub fn tuned(scene: &Scene, settings: &Settings, tuning: Tuning) -> Renderer {
     Renderer::with_tuning(&device(), scene, settings, tuning).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Luminance-like means (average of the channels) of square cells, one value a seed.
+/// Means over square cells of pixels, averaged over the three channels: one value per cell and seed.
 pub struct Cells {
     /// `[cell][seed]`
     pub batches: Vec<Vec<f64>>,
 }
 
 impl Cells {
-    /// `SEEDS` independent images of `iterations` x `samples` samples, pooled over cells of `cell` x `cell` pixels.
+    /// Renders `SEEDS` independent images with `iterations` x `samples` samples per pixel and averages each over cells of
+    /// `cell` x `cell` pixels.
     pub fn measure(
         renderer: &mut Renderer,
         gate: Gate,
@@ -71,7 +72,8 @@ impl Cells {
         b.iter().map(|x| (x - m).powi(2)).sum::<f64>() / ((b.len() - 1) * b.len()) as f64
     }
 
-    /// Mean of all cells and its standard error, from the seeds (cells share a light pool and are correlated).
+    /// Mean of all cells and its standard error. The error comes from the spread of the seeds, because cells share a light
+    /// pool and are correlated.
     pub fn whole(&self) -> (f64, f64) {
         let n = self.batches[0].len();
         let of_seed = |s: usize| self.batches.iter().map(|b| b[s]).sum::<f64>() / self.batches.len() as f64;
@@ -85,7 +87,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Means of cells of `cell` x `cell` pixels over all channels; partial cells at the edges count too.
+/// Means over cells of `cell` x `cell` pixels and all channels, row by row. Cells at the right and lower edge may be smaller.
 pub fn pool(rgb: &[f32], width: usize, cell: usize) -> Vec<f64> {
     let height = rgb.len() / 3 / width;
     let columns = width.div_ceil(cell);
@@ -98,15 +100,15 @@ pub fn pool(rgb: &[f32], width: usize, cell: usize) -> Vec<f64> {
     sums.into_iter().map(|(sum, n)| sum / n as f64).collect()
 }
 
-/// |z| above which one of `cells` normal values is significant (Sidak); Student's t for `SEEDS` - 1 degrees of freedom is
-/// accounted for by widening with its kurtosis (Fisher's expansion to first order).
+/// The |z| above which one of `cells` values is significant, with Sidak's correction. The normal quantile is widened to that of
+/// Student's t with `SEEDS` - 1 degrees of freedom (the first two terms of the Cornish-Fisher expansion).
 pub fn threshold(cells: usize) -> f64 {
     let z = sidak_threshold(SIGNIFICANCE, cells);
     let nu = f64::from(SEEDS - 1);
     z + (z.powi(3) + z) / (4.0 * nu) + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
 }
 
-/// Cells in which two independent measurements differ significantly, as text; empty if they agree.
+/// Describes the cells in which two independent measurements differ significantly. Empty if they agree.
 pub fn disagreements(a: &Cells, b: &Cells) -> Vec<String> {
     assert_eq!(a.batches.len(), b.batches.len());
     let limit = threshold(a.batches.len());

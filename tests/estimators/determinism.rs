@@ -1,4 +1,4 @@
-//! The same seed gives the same bits: rerun, crop, tile, workgroup size.
+//! The same seed gives the same bits when a render is repeated, cropped, or run with other tile and workgroup sizes.
 
 use std::time::Duration;
 
@@ -33,7 +33,10 @@ fn rerun_tile_and_workgroup_give_the_same_bits() {
         let settings = settings(estimator, SIZE).sampling(sampling).build().unwrap();
         let first = image(renderer(&scene, &settings), 5);
         assert!(first == image(renderer(&scene, &settings), 5), "{estimator:?}, {sampling}: rerun");
-        assert!(first != image(renderer(&scene, &settings), 6), "{estimator:?}, {sampling}: another seed must differ");
+        assert!(
+            first != image(renderer(&scene, &settings), 6),
+            "{estimator:?}, {sampling}: seed 6 gives the same image"
+        );
         for (name, tuning) in [
             ("tile of 100 paths", Tuning { tile: Some(100), ..usual }),
             ("workgroups of 32", Tuning { workgroup: 32, ..usual }),
@@ -88,7 +91,7 @@ fn a_longer_render_begins_with_the_bits_of_a_shorter_one() {
                 renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
             }
             let film = renderer.film();
-            assert_eq!(film.samples(), 24, "eight iterations of 2 samples, two of 4");
+            assert_eq!(film.samples(), 24, "not eight iterations of 2 samples and two of 4");
             [film.mean(), film.variance_of_mean()].map(|image| image.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
         };
         let short = film(Budget::Spp(24), 10);

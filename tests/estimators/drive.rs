@@ -1,4 +1,5 @@
-//! However the host drives the device, the image is the same bits; a card is asked for little.
+//! The image has the same bits however the host drives the device. On a graphics card the host waits rarely and allocates nothing
+//! per iteration.
 
 use super::cells::settings;
 use taugate::internals::generate::zoo::Light;
@@ -13,9 +14,10 @@ use taugate::internals::settings::{Estimator, Sampling, Settings};
 const SIZE: [u32; 2] = [20, 14];
 const GATE: Gate = Gate { lo: 7.0, hi: 12.0 };
 const SAMPLES: [u32; 3] = [2, 3, 2];
-/// Paths of a tile: an iteration has several. Without it, tiles and the bounces of a submit follow the time that they take.
+/// Paths per tile, so few that an iteration has several tiles. With `None`, the renderer adapts tiles and bounces per submit to
+/// the time that they take.
 const TILE: Option<usize> = Some(150);
-/// Each half of the difference between a card and a CPU by itself.
+/// Drives that differ from `Drive::CPU` and `Drive::CARD` in one property each.
 const HALVES: [Drive; 2] =
     [Drive { maps_memory: true, waits_per_bounce: false }, Drive { maps_memory: false, waits_per_bounce: true }];
 
@@ -30,7 +32,7 @@ fn renderer(device: &Device, scene: &Scene, settings: &Settings, tile: Option<us
     renderer
 }
 
-/// Everything a render says that does not depend on clocks.
+/// The bits of the image, and the statistics that do not depend on timing.
 fn result(drive: Drive, scene: &Scene, settings: &Settings, tile: Option<usize>) -> (Vec<u32>, [u64; 7]) {
     let device = open(drive);
     let mut renderer = renderer(&device, scene, settings, tile);
@@ -48,7 +50,7 @@ fn assert_same(scene: &Scene, settings: &Settings, drives: &[Drive]) {
     for &drive in drives {
         let found = result(drive, scene, settings, TILE);
         let (estimator, sampling) = (settings.estimator(), settings.sampling());
-        assert!(found.0 == expected.0, "{estimator:?}, {sampling}, {drive:?}: other bits");
+        assert!(found.0 == expected.0, "{estimator:?}, {sampling}, {drive:?}: the bits differ");
         assert_eq!(found.1, expected.1, "{estimator:?}, {sampling}, {drive:?}");
     }
 }
@@ -93,8 +95,8 @@ fn a_card_waits_once_per_tile_and_allocates_nothing() {
         for _ in 0..4 {
             renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));
         }
-        // 280 pixels of two samples are four tiles of 75 pixels at most; the light subpaths take a submit, and bringing their
-        // vertices another.
+        // An iteration takes two samples of 280 pixels: four tiles of at most 75 pixels. It waits once per tile, once for tracing
+        // the light subpaths, and once for reading their vertices back.
         assert_eq!(renderer.stats().waits - waits, 4 * (4 + 2), "{estimator:?}");
         assert_eq!(device.allocations(), allocations, "{estimator:?}");
     }
@@ -112,7 +114,7 @@ fn what_is_observed_is_the_same_on_a_card() {
         let bits = |film: &Film| film.mean().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         let image = |part: &StrategyImage| (part.s, part.t, bits(&part.weighted), bits(&part.unweighted));
         let times = probe(&device, &scene, &settings, &prepared).unwrap_or_else(|e| panic!("{e}"));
-        assert!(times.range().is_some(), "nothing was observed");
+        assert!(times.range().is_some(), "the probe found no light");
         let times = [5.0, 50.0, 95.0].map(|percent| times.percentile(percent));
         (strategies.images().iter().map(image).collect::<Vec<_>>(), times)
     };

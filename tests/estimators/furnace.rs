@@ -1,5 +1,5 @@
-//! The furnace: a closed room that absorbs nothing. A flash of the energy Q fills its volume V evenly after some bounces, and from
-//! then on the radiance that arrives anywhere within a gate of width w is Q w / (4 pi V), whatever the shape of the room.
+//! Furnace test: a closed room that absorbs nothing. After some bounces, a flash with energy Q fills the volume V evenly. From
+//! then on, the radiance that arrives at any point within a gate of width w is Q w / (4 pi V), whatever the shape of the room.
 
 use std::f64::consts::PI;
 
@@ -14,7 +14,7 @@ use taugate::internals::settings::units::Gate;
 
 use super::cells::{Cells, renderer, settings, threshold};
 
-/// By how much the energy may be off.
+/// Largest allowed relative error of the energy.
 const LOSS: f64 = 0.005;
 
 fn volume(mesh: &Mesh) -> f64 {
@@ -22,7 +22,7 @@ fn volume(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(|&[a, b, c]| at(a).dot(at(b).cross(at(c))) / 6.0).sum::<f64>().abs()
 }
 
-/// Four white walls, one that is a mirror, and one that shines.
+/// A room with four white walls, a wall that is a mirror and a wall that emits, and the radiance per metre of gate.
 fn room() -> (Scene, f64) {
     let mut scene = Scene::default();
     let white = material(&mut scene, diffuse("white", [1.0; 3]));
@@ -41,21 +41,22 @@ fn room() -> (Scene, f64) {
     (scene, energy / (4.0 * PI * size.element_product()))
 }
 
-/// The sphere of the closed form, its point light of intensity pi in the centre, and radiance a metre of gate.
+/// The sphere of the closed form with a point light of intensity pi in its centre, and the radiance per metre of gate.
 fn sphere(albedo: f32) -> (Scene, f64) {
     let scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 5, albedo });
     let truth = 4.0 * PI * PI / (4.0 * PI * volume(&scene.meshes[0]));
     (scene, truth)
 }
 
-/// The sphere's chords are 4/3 m long on average, the room's 4 V / S = 0.78 m: over 100 reflections.
+/// Chords have a mean length of 4/3 m in the sphere and of 4 V / S = 0.78 m in the room, so light in these gates has been
+/// reflected over 100 times.
 const SPHERE_GATE: Gate = Gate { lo: 140.0, hi: 142.0 };
 const ROOM_GATE: Gate = Gate { lo: 84.0, hi: 94.0 };
 
 /// Mean over the image relative to the truth, minus 1, and its standard error.
 fn excess((scene, per_metre): &(Scene, f64), gate: Gate, estimator: Estimator, long: bool) -> (f64, f64) {
     let start = std::time::Instant::now();
-    // Pixels a side, light paths and samples for a noise well below what is allowed.
+    // Pixels per side, light paths and samples per pixel that keep the noise well below `LOSS`.
     let (side, light_paths, samples) = match (estimator, long) {
         (Estimator::Pt, false) => (16, 1, 8),
         (Estimator::Pt, true) => (32, 10_000, 8),
@@ -78,7 +79,7 @@ fn excess((scene, per_metre): &(Scene, f64), gate: Gate, estimator: Estimator, l
 
 fn keeps_its_energy(scene: &(Scene, f64), gate: Gate, estimator: Estimator, long: bool) {
     let (off, error) = excess(scene, gate, estimator, long);
-    assert!(error < 0.5 * LOSS, "{estimator}: too noisy to tell, {error}");
+    assert!(error < 0.5 * LOSS, "{estimator}: the standard error {error} is too large for this test");
     assert!(off.abs() < LOSS && off.abs() < threshold(4) * error, "{estimator}: {off:+.4} +- {error:.4}");
 }
 
@@ -113,9 +114,9 @@ fn a_room_with_a_lamp_and_a_mirror_loses_nothing() {
     }
 }
 
-/// The sibling that must fail: walls that keep a thousandth of the light, a tenth after a hundred reflections.
+/// Negative control: the walls absorb a thousandth of the light per reflection, a tenth in a hundred reflections.
 #[test]
-fn walls_that_keep_a_thousandth_are_noticed() {
+fn walls_that_absorb_a_thousandth_are_noticed() {
     let (off, error) = excess(&sphere(0.999), SPHERE_GATE, Estimator::Lcs, false);
     assert!(off < -LOSS - threshold(1) * error);
 }

@@ -1,4 +1,5 @@
-//! More lamps than are connected one by one: queries or draws choose among them, and the image stays the sum over all lamps.
+//! Scenes with more lamps than the estimators connect one by one. Queries or random draws then choose among the lamps, and the
+//! image must stay the sum over all lamps.
 
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
@@ -15,7 +16,8 @@ use super::cells::{Cells, renderer, settings, threshold};
 
 const ALBEDO: f32 = 0.5;
 
-/// The gated sphere with its light divided among `count` points of unequal power in the same place.
+/// The gated sphere with its point light replaced by `count` point lights at the same position, of unequal power and the same
+/// total.
 fn sphere_of(count: usize) -> Scene {
     let mut scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: ALBEDO });
     let whole = scene.lights.remove(0);
@@ -30,7 +32,7 @@ fn sphere_of(count: usize) -> Scene {
     scene
 }
 
-/// z of the mean image of `count` points in the gate [2 + a, 2 + b), whose truth is `times` that of the closed form.
+/// z-score of the mean image with `count` point lights in the gate [2 + a, 2 + b), against `times` the closed form.
 fn z_of_sphere(count: usize, estimator: Estimator, [a, b]: [f64; 2], times: f64) -> f64 {
     let gate = Gate { lo: 2.0 + a, hi: 2.0 + b };
     let truth = times * gated_radiance(1.0, f64::from(ALBEDO), gate.lo, gate.hi);
@@ -41,7 +43,7 @@ fn z_of_sphere(count: usize, estimator: Estimator, [a, b]: [f64; 2], times: f64)
 }
 
 const COUNTS: [usize; 2] = [9, 100];
-/// The direct return, the next bounce, and later ones.
+/// Gates around the direct return, the next bounce, and later bounces.
 const GATES: [[f64; 2]; 3] = [[-0.05, 0.25], [0.5, 1.0], [2.0, 3.0]];
 
 #[test]
@@ -55,7 +57,7 @@ fn many_points_in_one_place_agree_with_the_closed_form() {
     }
 }
 
-/// The sibling that must fail: probabilities that are off by 3 %.
+/// Negative control: a truth that is off by 3 %, as if probabilities of lamps were.
 #[test]
 fn probabilities_off_by_three_percent_are_rejected() {
     for estimator in Estimator::ALL {
@@ -64,7 +66,7 @@ fn probabilities_off_by_three_percent_are_rejected() {
     }
 }
 
-/// A room with points, spots and thin beams in turn, one of each kind in three lamps. A mirror throws some of the beams back.
+/// A room with `lamps` lamps: spots, thin beams and points in turn. A mirror reflects some of the beams.
 fn room(lamps: usize) -> Scene {
     let mut scene = Scene::default();
     let wall = material(&mut scene, diffuse("wall", [0.7, 0.65, 0.6]));
@@ -100,7 +102,8 @@ fn room_settings(estimator: Estimator) -> Settings {
     settings(estimator, [24, 16]).max_depth(6).build().unwrap()
 }
 
-/// The room's cells by bdpt in groups of lamps that are few enough to be connected one by one, added up: mean and variance.
+/// Mean and variance of the room's cells, as the sum of `bdpt` images of groups of lamps. A group is so small that `bdpt`
+/// connects its lamps one by one.
 fn sum_over_groups(lamps: usize, gate: Gate) -> Vec<(f64, f64)> {
     let scene = room(lamps);
     let mut sums = vec![];
@@ -116,7 +119,7 @@ fn sum_over_groups(lamps: usize, gate: Gate) -> Vec<(f64, f64)> {
     sums
 }
 
-/// Greatest |z| among the cells of a render with all lamps.
+/// Largest |z| among the cells of a render with all lamps, against `truth`.
 fn max_z(lamps: usize, settings: &Settings, gate: Gate, truth: &[(f64, f64)]) -> f64 {
     let cells = Cells::measure(&mut renderer(&room(lamps), settings), gate, 8, 1, 8, 900);
     let z = |i: usize| (cells.mean(i) - truth[i].0) / (cells.variance(i) + truth[i].1).sqrt();
@@ -130,8 +133,8 @@ fn max_z(lamps: usize, settings: &Settings, gate: Gate, truth: &[(f64, f64)]) ->
     greatest
 }
 
-/// All that can see by beams.
-fn ways() -> [Settings; 4] {
+/// Settings of all estimators that can render beams, `lcs` with one tree and with two.
+fn settings_under_test() -> [Settings; 4] {
     let [bdpt, paper, lcs] = [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs].map(room_settings);
     let two = lcs.change().single_tree(false).build().unwrap();
     [bdpt, paper, lcs, two]
@@ -141,19 +144,19 @@ fn ways() -> [Settings; 4] {
 fn the_image_by_many_lamps_is_the_sum_of_images_by_few() {
     for (lamps, gate) in [(9, Gate::OPEN), (27, Gate { lo: 5.0, hi: 5.6 })] {
         let truth = sum_over_groups(lamps, gate);
-        for settings in ways() {
+        for settings in settings_under_test() {
             let z = max_z(lamps, &settings, gate, &truth);
             assert!(z < threshold(8 * truth.len()), "{lamps} lamps, {}, {gate:?}: |z| = {z:.2}", settings.estimator());
         }
     }
 }
 
-/// The sibling that must fail: one lamp more than were added up.
+/// Negative control: the sum lacks one lamp.
 #[test]
 fn one_lamp_more_is_noticed() {
     let gate = Gate { lo: 5.0, hi: 5.6 };
     let truth = sum_over_groups(26, gate);
-    for settings in ways() {
+    for settings in settings_under_test() {
         let z = max_z(27, &settings, gate, &truth);
         assert!(z > threshold(truth.len()), "{}: |z| = {z:.2} against a wrong truth", settings.estimator());
     }
@@ -167,7 +170,7 @@ fn a_hundred_spot_lights_agree_with_the_oracle() {
     assert_none(against("hundred lamps", &Estimator::ALL, &scene, &gates, &truth));
 }
 
-/// Mean over cells of the relative variance of a render of the hall.
+/// Relative variance of a cell in a render of the hall with a hundred lamps, averaged over all cells.
 fn relative_variance(estimator: Estimator, gate: Gate) -> f64 {
     let mut renderer = renderer(&build(Kind::HundredLamps), &room_settings(estimator));
     let cells = Cells::measure(&mut renderer, gate, 2, 1, 8, 700);
@@ -176,18 +179,18 @@ fn relative_variance(estimator: Estimator, gate: Gate) -> f64 {
     (0..count).map(|i| cells.variance(i) / cells.mean(i).hypot(floor).powi(2)).sum::<f64>() / count as f64
 }
 
-/// Of a hundred spot lights, queries find those that light a shade point through the gate: with as many samples, lcs has a fifth
-/// of the variance of bdpt at most.
+/// Among a hundred spot lights, queries find those that light a shade point through the gate. With the same number of samples,
+/// the variance of `lcs` is at most a fifth of that of `bdpt`.
 #[test]
 fn queries_find_the_lamps_that_count() {
     for gate in [Gate::OPEN, Gate { lo: 12.0, hi: 12.5 }] {
         let [bdpt, lcs] = [Estimator::Bdpt, Estimator::Lcs].map(|estimator| relative_variance(estimator, gate));
         eprintln!("{gate:?}: bdpt {bdpt:.3e}, lcs {lcs:.3e}, {:.1} times", bdpt / lcs);
-        assert!(lcs * 5.0 < bdpt, "{gate:?}: {lcs} against {bdpt} of bdpt");
+        assert!(lcs * 5.0 < bdpt, "{gate:?}: variance {lcs} of lcs, {bdpt} of bdpt");
     }
 }
 
-/// A hundred beams of no radius: each leaves one spot of light, and queries find the near ones.
+/// A hundred beams of zero radius: each lights one point, and queries find the points near a shade point.
 #[test]
 fn a_projector_of_dots_agrees_with_the_sum_of_its_parts() {
     let mut scene = room(0);
@@ -207,7 +210,7 @@ fn a_projector_of_dots_agrees_with_the_sum_of_its_parts() {
             *sum = (sum.0 + part.mean(i), sum.1 + part.variance(i));
         }
     }
-    for settings in ways() {
+    for settings in settings_under_test() {
         let all = cells(&settings);
         for (i, (mean, variance)) in sums.iter().enumerate().filter(|(_, sum)| sum.0 > 0.0) {
             let z = (all.mean(i) - mean) / (all.variance(i) + variance).sqrt();

@@ -1,4 +1,4 @@
-//! Levels 4 and 5 of the ladder: whole renders against closed forms, against each other, against the oracle, bit for bit.
+//! Whole renders, compared with closed forms, with each other and with the oracle; and renders that must agree bit for bit.
 
 mod agreement;
 mod camera;

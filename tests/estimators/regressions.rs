@@ -1,4 +1,4 @@
-//! One test a bug, named after it.
+//! One test per bug, named after the bug.
 
 use glam::DVec3;
 use taugate::internals::generate::shapes::{append, cuboid, quad};
@@ -8,7 +8,8 @@ use taugate::internals::settings::{Emitters, Estimator, Sampling};
 
 use super::cells::{renderer, settings};
 
-/// A shadow ray took any hit; when that was a veil it let pass, it went on from there and missed the walls before the veil.
+/// A shadow ray accepted any hit, not the nearest one. When it hit a translucent veil it went on behind the veil, and missed the
+/// wall in front of it.
 #[test]
 fn a_veil_behind_a_wall_does_not_open_the_wall() {
     let mut scene = Scene::default();
@@ -16,7 +17,7 @@ fn a_veil_behind_a_wall_does_not_open_the_wall() {
     let sheet =
         |y: f64, half: f64| quad(DVec3::new(-half, y, -half), DVec3::X * 2.0 * half, DVec3::Z * 2.0 * half, [1.0, 1.0]);
     add(&mut scene, "floor", white, sheet(0.0, 1.0));
-    // Many small triangles, so that the hierarchy's order is not that of the ray.
+    // The wall has many small triangles, so that the BVH is not traversed in the order along the ray.
     let mut wall = Mesh::default();
     for i in 0..900 {
         let corner = DVec3::new(f64::from(i % 30) * 0.2 - 3.0, 0.5, f64::from(i / 30) * 0.2 - 3.0);
@@ -29,21 +30,22 @@ fn a_veil_behind_a_wall_does_not_open_the_wall() {
     let lamp = material(&mut scene, emitter("lamp", [50.0; 3]));
     add(&mut scene, "lamp", lamp, sheet(2.0, 0.5));
     camera(&mut scene, DVec3::new(0.0, 0.4, 0.9), DVec3::new(0.0, 0.0, 0.0), 0.9, [16, 16]);
-    // The lamp, a point of the floor, the pinhole: the wall stands between the first two.
+    // Paths have two segments: lamp, floor, pinhole. The wall stands between lamp and floor.
     let s = settings(Estimator::Pt, [16, 16]).max_depth(2).build().unwrap();
     let mut renderer = renderer(&scene, &s);
     renderer.iterate(16).unwrap_or_else(|e| panic!("{e}"));
     assert!(renderer.film().mean().iter().all(|&x| x == 0.0), "light came through the wall");
 }
 
-/// The spot of a beam of no radius was kept only in iterations in which one of the light paths had drawn the beam, with its share of all power.
+/// The spot of a beam of zero radius existed only in iterations in which some light path had drawn the beam. The beam is drawn in
+/// proportion to its power, so next to a strong lamp its light was lost.
 #[test]
 fn a_thin_beam_keeps_its_light_beside_a_far_stronger_lamp() {
     let mut scene = Scene::default();
     let white = material(&mut scene, diffuse("white", [0.8; 3]));
     add(&mut scene, "floor", white, quad(DVec3::new(-2.0, 0.0, -2.0), DVec3::Z * 4.0, DVec3::X * 4.0, [1.0, 1.0]));
     add(&mut scene, "wall", white, quad(DVec3::new(-2.0, 0.0, -2.0), DVec3::X * 4.0, DVec3::Y * 4.0, [1.0, 1.0]));
-    // None of the lamp's light leaves the box around it.
+    // The box encloses the lamp: no light leaves it.
     add(&mut scene, "box", white, cuboid(DVec3::splat(9.0), DVec3::splat(11.0)));
     let lamp = LightKind::Point { intensity: [1e5; 3] };
     light(&mut scene, "lamp", DVec3::splat(10.0), DVec3::NEG_Y, lamp);
@@ -52,7 +54,7 @@ fn a_thin_beam_keeps_its_light_beside_a_far_stronger_lamp() {
     camera(&mut scene, DVec3::new(0.0, 1.5, 3.0), DVec3::new(0.0, 0.5, 0.0), 0.9, [16, 16]);
     for estimator in [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs] {
         let mean = |emitters: Emitters| {
-            // Light, spot, another surface, pinhole.
+            // Paths have at most three segments: light, spot, another surface, pinhole.
             let s = settings(estimator, [16, 16]).max_depth(3).light_paths(64).emitters(emitters).build().unwrap();
             let mut renderer = renderer(&scene, &s);
             (0..8).for_each(|_| renderer.iterate(8).unwrap_or_else(|e| panic!("{e}")));
@@ -66,7 +68,7 @@ fn a_thin_beam_keeps_its_light_beside_a_far_stronger_lamp() {
     }
 }
 
-/// A cutoff above 1 hides all of a surface; it was drawn as opaque where its alpha was 1.
+/// A mask with a cutoff above 1 hides the whole surface. The surface was opaque where its alpha was 1.
 #[test]
 fn a_mask_that_no_alpha_reaches_is_not_there() {
     let mut scene = Scene::default();
@@ -83,13 +85,13 @@ fn a_mask_that_no_alpha_reaches_is_not_there() {
     assert!(renderer.film().mean().iter().all(|&x| x == 1.0), "{:?}", renderer.film().mean());
 }
 
-/// A kernel added up the samples of a pixel in a loop that threads left at different places. SwiftShader then lost samples where
-/// pixels have unequal numbers of them: lamps were up to 18 % too dark.
+/// A kernel added up the samples of a pixel in a loop whose threads took different exits. SwiftShader then lost samples of pixels
+/// with unequal sample counts: lamps were up to 18 % too dark.
 #[test]
 fn pixels_that_see_a_lamp_alone_show_all_of_it() {
     let mut scene = Scene::default();
     let lamp = material(&mut scene, emitter("lamp", [1.0; 3]));
-    // Its edges, where pixels are given more samples, are 7.5 pixels from the centre.
+    // The lamp's edges are 7.5 pixels from the centre. Adaptive sampling gives the pixels on an edge more samples.
     let half = 2.0 * (0.25f64).tan() * 7.5 / 12.0;
     add(
         &mut scene,
@@ -101,8 +103,8 @@ fn pixels_that_see_a_lamp_alone_show_all_of_it() {
     let s = settings(Estimator::Pt, [24, 24]).max_depth(1).sampling(Sampling::Adaptive).build().unwrap();
     let mut renderer = renderer(&scene, &s);
     (0..4).for_each(|_| renderer.iterate(16).unwrap_or_else(|e| panic!("{e}")));
-    let [least, most] = renderer.samples_in_pixels();
-    assert!(least < most, "{least} samples in every pixel");
+    let [min, max] = renderer.samples_in_pixels();
+    assert!(min < max, "{min} samples in every pixel");
     let mean = renderer.film().mean();
     for y in 5..19 {
         for x in 5..19 {

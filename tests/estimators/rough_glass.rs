@@ -1,5 +1,5 @@
-//! Rough glass in whole images: a ball and a pane whose facets bend light, before a lit room and before a lamp. The oracle goes
-//! through facets one by one and never evaluates the lobe; the estimators evaluate it in every connection.
+//! Images of rough glass: a ball in front of a lit room, and a pane in front of a lamp. The oracle samples one microfacet after
+//! the other and never evaluates the BSDF; the estimators evaluate the BSDF in every connection.
 
 use super::agreement::{against, assert_none, oracle};
 use super::cells::{Cells, disagreements, renderer, settings};
@@ -11,11 +11,12 @@ use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
 const SIZE: [u32; 2] = [24, 16];
-/// The lamp behind the pane and what is seen through the glass first; then light that has been scattered before or since.
+/// The first gate holds the lamp behind the pane and the earliest light through the glass. Light in the second gate was scattered
+/// once more, before or after the glass.
 pub const GATES: [(f64, f64); 2] = [(3.8, 4.6), (4.6, 5.6)];
 const ESTIMATORS: [Estimator; 3] = [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
 
-/// alpha of the glass is 0.25 (the ball) and 0.5 (the pane), times `rougher`.
+/// The microfacet roughness alpha is 0.25 for the ball and 0.5 for the pane, times `rougher`.
 pub fn scene(rougher: f32) -> Scene {
     let mut scene = Scene::default();
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
@@ -42,7 +43,7 @@ fn rough_glass_agrees_with_the_oracle() {
     let gates = [GATES[0], GATES[1], (0.0, f64::INFINITY)];
     let truth = oracle(&scene(1.0), &gates, SIZE, 800);
     assert_none(against("rough glass", &ESTIMATORS, &scene(1.0), &gates, &truth));
-    // The sibling that must fail: glass that is a quarter rougher.
+    // Negative control: alpha is a quarter larger.
     assert!(!against("rougher glass", &[Estimator::Lcs], &scene(1.25), &gates[..1], &truth).is_empty());
 }
 
@@ -57,6 +58,6 @@ fn estimators_agree_on_rough_glass() {
     for estimator in [Estimator::LcsPaper, Estimator::Lcs] {
         assert_none(disagreements(&truth, &cells(estimator, 1.0, 200)));
     }
-    // The sibling that must fail.
+    // Negative control: alpha is a quarter larger.
     assert!(!disagreements(&truth, &cells(Estimator::Lcs, 1.25, 400)).is_empty());
 }

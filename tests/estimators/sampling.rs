@@ -1,4 +1,4 @@
-//! Samples that follow the error of earlier iterations never change the image on average, and its variance is known.
+//! Adaptive sampling does not change the expected image, and the error that a render states is right.
 
 use super::cells::{Cells, SEEDS, device, disagreements, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};
@@ -41,7 +41,7 @@ fn adaptive_samples_agree_with_the_closed_form() {
     }
 }
 
-/// The error that a render states of its image's mean is what seeds differ by.
+/// The standard error that a render states for its image's mean equals the spread of the means of different seeds.
 #[test]
 fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
     let scene = build(Kind::CornellBox);
@@ -56,7 +56,8 @@ fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
     }
     let mean = means.iter().sum::<f64>() / means.len() as f64;
     let found = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (means.len() - 1) as f64;
-    // A variance of 32 values is off by 60 % at four standard deviations, and so is that of the stated ones by a fourth of it.
+    // A variance estimated from 32 values has a standard deviation of a quarter of it. The mean of the stated variances is more
+    // than twice as precise.
     let ratio = stated / found;
     assert!((0.45..2.2).contains(&ratio), "stated over found: {ratio:.2}");
 }
@@ -72,8 +73,8 @@ fn adaptive_renders_take_the_samples_they_say() {
     assert_eq!(renderer.film().samples(), 24);
     let traced = renderer.stats().samples;
     assert!(traced.abs_diff(24 * 24 * 24) <= 5, "{traced} samples");
-    let [least, most] = renderer.samples_in_pixels();
-    assert!((8..16).contains(&least) && (41..=96).contains(&most), "{least} to {most}");
+    let [min, max] = renderer.samples_in_pixels();
+    assert!((8..16).contains(&min) && (41..=96).contains(&max), "{min} to {max} samples per pixel");
 }
 
 #[test]

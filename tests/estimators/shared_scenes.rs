@@ -1,4 +1,5 @@
-//! The benchmark scenes beside the project: estimators agree there too. Skipped with a message where the folder is absent.
+//! The estimators agree in the benchmark scenes too. These scenes are not in the repository: the tests read them from
+//! `../shared/scenes`, or from the folder that `TAUGATE_SHARED_SCENES` names, and skip scenes that are missing.
 
 use std::path::PathBuf;
 
@@ -7,19 +8,19 @@ use taugate::internals::scene::gltf;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Emitters, Estimator};
 
-/// Path of a benchmark scene if it is there.
+/// Path of a benchmark scene, or `None` with a printed note if the file is missing.
 fn scene_path(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("TAUGATE_SHARED_SCENES")
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/scenes"), PathBuf::from);
     let path = folder.join(name).join("scene.glb");
     if !path.exists() {
-        println!("skipped: {name} is not beside the project");
+        println!("skipped: {} is missing", path.display());
         return None;
     }
     Some(path)
 }
 
-/// `bdpt`, `lcs-paper` and `lcs` on a small image through one gate.
+/// Compares `lcs-paper` and `lcs` with `bdpt` on a small image through one gate.
 fn estimators_agree(name: &str, emitters: Emitters, gate: Gate, resolution: [u32; 2]) {
     let Some(path) = scene_path(name) else { return };
     let scene = gltf::load(&path).unwrap_or_else(|e| panic!("{e}"));

@@ -1,4 +1,4 @@
-//! Level 5: the gated integrating sphere, whose radiance in any gate is known in closed form (`oracle::sphere`).
+//! The gated integrating sphere, whose radiance in any gate is known in closed form (`oracle::sphere`).
 
 use super::cells::{Cells, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};
@@ -8,7 +8,7 @@ use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
 const ALBEDO: f32 = 0.5;
-/// Gates after the direct return at 2 R, in units of R (the closed form of `oracle/sphere.rs`); the first holds the direct return itself.
+/// Gates relative to the direct return at 2 R, in units of R. The first gate holds the direct return.
 const GATES: [(f64, f64); 9] =
     [(-0.05, 0.25), (0.25, 0.5), (0.5, 1.0), (1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 6.0), (6.0, 8.0)];
 
@@ -17,7 +17,7 @@ fn sphere(radius: f32, estimator: Estimator) -> Renderer {
     renderer(&scene, &settings(estimator, [16, 16]).build().unwrap())
 }
 
-/// z-scores of all gates against the closed form; `stretch` 1 is the truth.
+/// z-score and relative error of each gate against the closed form of the gate times `stretch`.
 fn z_scores(radius: f32, estimator: Estimator, gates: &[(f64, f64)], stretch: f64, samples: u32) -> Vec<(f64, f64)> {
     let mut renderer = sphere(radius, estimator);
     let r = f64::from(radius);
@@ -66,7 +66,7 @@ fn a_sphere_of_a_hundred_metres_agrees_with_the_closed_form() {
     }
 }
 
-/// The sibling that must fail: a gate that is off by 2 %.
+/// Negative control: a gate that is off by 2 %.
 #[test]
 fn a_gate_off_by_two_percent_is_rejected() {
     for estimator in Estimator::ALL {
@@ -75,7 +75,7 @@ fn a_gate_off_by_two_percent_is_rejected() {
     }
 }
 
-/// The long proof: bias below 0.5 % in every gate. `cargo test --release --test estimators -- --ignored --nocapture bias`
+/// The long version: bias below 0.5 % in every gate. `cargo test --release --test estimators -- --ignored --nocapture bias`
 fn bias_is_small(estimator: Estimator) {
     let scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: ALBEDO });
     let s = settings(estimator, [64, 64]).light_paths(20_000).build().unwrap();

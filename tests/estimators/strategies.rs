@@ -1,5 +1,5 @@
-//! Level 6: an image a strategy. Weighted ones add up to the image; every strategy that finds all of its paths renders the
-//! same light alone.
+//! One image per strategy. The MIS-weighted images add up to the image. Unweighted, all strategies that find every path of a
+//! length give the same image on average.
 
 use super::cells::{device, renderer, settings};
 use taugate::internals::generate::zoo::{Light, zoo};
@@ -10,10 +10,10 @@ use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Settings, Strategies};
 
 const SAMPLES: [u32; 2] = [2, 3];
-/// Part of the light that the sum of all strategies may be off by, and that any strategy holds more of.
-const NOTICED: f64 = 2e-6;
+/// Allowed relative error of the sum over all strategies. Every strategy with any light contributes more than this.
+const TOLERANCE: f64 = 2e-6;
 
-/// The image and the images of its strategies, with the same seed.
+/// Renders the image, and the images of its strategies with the same seed.
 fn both(scene: &Scene, settings: &Settings) -> (Vec<f32>, StrategyImages) {
     let mut whole = renderer(scene, settings);
     let prepared = PreparedScene::new(scene, settings).unwrap();
@@ -26,7 +26,7 @@ fn both(scene: &Scene, settings: &Settings) -> (Vec<f32>, StrategyImages) {
     (whole.film().mean(), parts)
 }
 
-/// Greatest difference of the image and the sum of `parts`, relative to the image's mean and to the pixel.
+/// Largest difference between the image and the sum of `parts`, relative to the pixel's value plus the image's mean.
 fn difference<'a>(image: &[f32], parts: impl Iterator<Item = &'a StrategyImage>) -> f64 {
     let mut sum = vec![0.0f64; image.len()];
     for part in parts {
@@ -39,7 +39,7 @@ fn difference<'a>(image: &[f32], parts: impl Iterator<Item = &'a StrategyImage>)
     image.iter().zip(&sum).map(relative).fold(0.0, f64::max)
 }
 
-/// One query: with more, `lcs` gives strategies of few light vertices hardly any weight.
+/// Small settings with one query per shade point: with more queries, MIS gives the other strategies of `lcs` hardly any weight.
 fn small(estimator: Estimator, strategies: Strategies, gate: Gate) -> Settings {
     settings(estimator, [24, 20])
         .strategies(strategies)
@@ -68,8 +68,8 @@ fn weighted_strategies_sum_to_the_image() {
         let (image, parts) = both(&scene, &small(estimator, kept, gate));
         let all = difference(&image, parts.images().iter());
         eprintln!("{name} {estimator:?} {kept:?}: {all:.1e}");
-        assert!(all < NOTICED, "{name} {estimator:?} {kept:?}: {all:.1e} off");
-        // The sibling that must fail: any strategy that adds light is missed.
+        assert!(all < TOLERANCE, "{name} {estimator:?} {kept:?}: {all:.1e} off");
+        // Negative control: the sum without any one strategy that has light must differ.
         let mut lit = 0;
         for left_out in parts.images() {
             let light: f64 = left_out.weighted.mean().iter().map(|&x| f64::from(x)).sum();
@@ -79,14 +79,15 @@ fn weighted_strategies_sum_to_the_image() {
                 lit += 1;
                 let rest = parts.images().iter().filter(|i| (i.s, i.t) != (left_out.s, left_out.t));
                 let off = difference(&image, rest);
-                assert!(off > NOTICED, "{name} {estimator:?} without ({}, {}): {off:.1e}", left_out.s, left_out.t);
+                assert!(off > TOLERANCE, "{name} {estimator:?} without ({}, {}): {off:.1e}", left_out.s, left_out.t);
             }
         }
         assert!(lit >= 4, "{name} {estimator:?}: only {lit} strategies find light");
     }
 }
 
-/// In a diffuse box with a large lamp every strategy finds all paths of its length: unweighted, they agree on average.
+/// In a diffuse box with a large lamp, every strategy finds all paths of its length. The unweighted images therefore agree on
+/// average.
 #[test]
 fn strategies_of_one_length_agree_unweighted() {
     let scene = build(Kind::CornellBox);
@@ -97,22 +98,26 @@ fn strategies_of_one_length_agree_unweighted() {
     for _ in 0..128 {
         parts.iterate(4).unwrap();
     }
-    let of = |s: u32, t: u32| {
+    let mean_of = |s: u32, t: u32| {
         let image = parts.images().iter().find(|i| (i.s, i.t) == (s, t)).unwrap();
         image.unweighted.image_mean()
     };
     for k in [2, 3] {
-        let (reference, error) = of(1, k);
+        let (reference, error) = mean_of(1, k);
         let error = error.unwrap();
         for s in (0..=k).filter(|&s| s != 1) {
-            let (mean, own) = of(s, k + 1 - s);
+            let (mean, own) = mean_of(s, k + 1 - s);
             let z = (mean - reference) / own.unwrap().hypot(error);
             eprintln!("({s}, {}): {mean:.5} against {reference:.5}, z = {z:.2}", k + 1 - s);
-            // 1e-3 for five comparisons, with Student's t for over 100 degrees of freedom.
+            // Significance 1e-3 for five comparisons, Student's t with over 100 degrees of freedom.
             assert!(z.abs() < 4.1, "({s}, {}): {mean} against {reference}, z = {z:.2}", k + 1 - s);
-            // The sibling that must fail: a fifth more light, where the lamp is not left to chance (s = 0).
+            // Negative control: 20 % more light. With s = 0, rays hit the lamp by chance and are noisier: 60 % more.
             let more = if s == 0 { 1.6 } else { 1.2 };
-            assert!(((more * mean - reference) / (more * own.unwrap()).hypot(error)).abs() > 4.1, "too noisy to tell");
+            assert!(
+                ((more * mean - reference) / (more * own.unwrap()).hypot(error)).abs() > 4.1,
+                "({s}, {}): too noisy",
+                k + 1 - s
+            );
         }
     }
 }
@@ -120,10 +125,11 @@ fn strategies_of_one_length_agree_unweighted() {
 #[test]
 fn the_strategies_that_are_listed() {
     let count = |estimator, kept| strategies(&small(estimator, kept, Gate::OPEN)).len();
-    // Of k segments k + 1, without (1, 1): 2 + ... + 7 - 1; s <= 1 and t >= 2: two a length, one of the shortest.
+    // bdpt: k + 1 strategies for paths of k = 1 to 6 segments, without (1, 1): 2 + ... + 7 - 1. pt (s <= 1, t >= 2): two for each
+    // length, but one for the shortest.
     assert_eq!(count(Estimator::Bdpt, Strategies::All), 26);
     assert_eq!(count(Estimator::Pt, Strategies::All), 11);
-    // s >= 1 and t >= 2 of k segments: k - 1.
+    // The paper's strategies (s >= 1, t >= 2): k - 1 for paths of k segments.
     assert_eq!(count(Estimator::LcsPaper, Strategies::Paper), 15);
     assert_eq!(count(Estimator::Lcs, Strategies::Paper), 15);
     let huge = settings(Estimator::Bdpt, [64, 64]).max_depth(254).build().unwrap();

@@ -1,4 +1,5 @@
-//! How the trees are built (one or two, size of the leaves) and what queries choose by never changes the image on average.
+//! The expected image depends neither on how trees are built (one or two, leaf size) nor on the importance that queries sample
+//! by.
 
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};
@@ -9,8 +10,8 @@ use taugate::internals::settings::{Estimator, Importance, Settings};
 
 const ALBEDO: f64 = 0.5;
 
-/// The gated sphere with a wall that shines with radiance 1 instead of its point light: points on the emitter and scattered
-/// vertices lie side by side, so one tree over both mixes them in every node.
+/// The gated sphere without its point light; the wall emits radiance 1 instead. Emitter points and scattered light vertices lie
+/// on the same wall, so a single tree mixes both in every node.
 fn glowing_sphere() -> Scene {
     let mut scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: ALBEDO as f32 });
     scene.lights.clear();
@@ -20,13 +21,13 @@ fn glowing_sphere() -> Scene {
     scene
 }
 
-/// Radiance at the centre in [1 + a, 1 + b): sum over n >= 0 of rho^n F_n, where the point light's is rho^n F_(n - 1) from n = 1
-/// on, one radius later.
+/// Radiance at the centre in [1 + a, 1 + b): the sum over n >= 0 of rho^n F_n. For the point light it is the sum over n >= 1 of
+/// rho^n F_(n - 1), one radius later.
 fn truth(a: f64, b: f64) -> f64 {
     gated_radiance(1.0, ALBEDO, 2.0 + a, 2.0 + b) / ALBEDO
 }
 
-/// z of the mean image in the gate [1 + a, 1 + b), whose truth is that of a gate `stretch` times as late.
+/// z-score of the mean image in the gate [1 + a, 1 + b), against the closed form of this gate with its ends times `stretch`.
 fn z(scene: &Scene, settings: &Settings, [a, b]: [f64; 2], stretch: f64) -> f64 {
     let gate = Gate { lo: 1.0 + a, hi: 1.0 + b };
     let (mean, error) = Cells::measure(&mut renderer(scene, settings), gate, 12, 1, 8, 300).whole();
@@ -40,7 +41,7 @@ fn single(estimator: Estimator, resolution: [u32; 2]) -> Settings {
 }
 
 const TREES: [Estimator; 2] = [Estimator::LcsPaper, Estimator::Lcs];
-/// Before the first scattered light arrives, while both kinds of vertices contribute, and long after.
+/// Before the first scattered light arrives, while emitter points and scattered vertices both contribute, and long after.
 const GATES: [[f64; 2]; 3] = [[0.5, 1.0], [1.5, 1.7], [3.0, 4.0]];
 
 #[test]
@@ -54,7 +55,7 @@ fn a_single_tree_agrees_with_the_closed_form() {
     }
 }
 
-/// The sibling that must fail: a gate that is off by 2 %.
+/// Negative control: a gate that is off by 2 %.
 #[test]
 fn a_single_tree_and_a_gate_off_by_two_percent_are_rejected() {
     let scene = glowing_sphere();
@@ -106,8 +107,9 @@ fn a_single_tree_agrees_with_two() {
     }
 }
 
-/// All positions of the switches but the one that everything else is tested in; of gloss, which the sphere is without, off.
-fn positions() -> Vec<Importance> {
+/// All combinations of the switches of the importance except the default, which the other tests use. `gloss` is off: the sphere
+/// has no glossy surface.
+fn combinations() -> Vec<Importance> {
     let bit = |n: u32, k: u32| n >> k & 1 == 1;
     (0..7).map(|n| Importance { centre: bit(n, 0), cosine: bit(n, 1), overlap: bit(n, 2), gloss: false }).collect()
 }
@@ -119,12 +121,12 @@ fn by(importance: Importance, resolution: [u32; 2]) -> Settings {
 #[test]
 fn any_importance_agrees_with_the_closed_form() {
     let scene = glowing_sphere();
-    for importance in positions() {
+    for importance in combinations() {
         let z = z(&scene, &by(importance, [12, 12]), GATES[1], 1.0);
-        assert!(z.abs() < threshold(positions().len()), "{importance}: z = {z:.2}");
+        assert!(z.abs() < threshold(combinations().len()), "{importance}: z = {z:.2}");
     }
     let late = z(&scene, &by(Importance::NONE, [12, 12]), GATES[1], 1.02);
-    assert!(late.abs() > threshold(1), "a gate off by 2 % passes with z = {late:.2}");
+    assert!(late.abs() > threshold(1), "a gate that is off by 2 % passes with z = {late:.2}");
 }
 
 #[test]
@@ -135,9 +137,9 @@ fn any_importance_agrees_with_all_of_it() {
         Cells::measure(&mut renderer(&scene, &s), Gate { lo, hi: lo + 0.3 }, 8, 1, 8, seed)
     };
     let all = measure(Importance::ALL, 8.0, 40);
-    // None, and each one alone.
+    // No switch, and each switch alone.
     let gloss = Importance { gloss: true, ..Importance::NONE };
-    for importance in [positions()[0], positions()[1], positions()[2], positions()[4], gloss] {
+    for importance in [combinations()[0], combinations()[1], combinations()[2], combinations()[4], gloss] {
         let wrong = disagreements(&all, &measure(importance, 8.0, 80));
         assert!(wrong.is_empty(), "{importance}:\n{}", wrong.join("\n"));
     }

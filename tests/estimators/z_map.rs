@@ -1,4 +1,5 @@
-//! `compare --z`: two renders of the same agree, whatever they have in common within an iteration; a small error is found.
+//! `compare --z`: two renders of the same scene agree although the pixels of an iteration are correlated, and small errors are
+//! found.
 
 use super::cells::{renderer, settings};
 use taugate::internals::compare::agreement::{Agreement, SIGNIFICANCE, agreement};
@@ -13,8 +14,8 @@ use taugate::internals::settings::units::Gate;
 const SIZE: [u32; 2] = [48, 48];
 const GATE: Gate = Gate { lo: 6.5, hi: 7.5 };
 
-fn made(scene: &Scene, estimator: Estimator) -> Renderer {
-    // Few light paths: what pixels share within an iteration counts.
+fn prepared(scene: &Scene, estimator: Estimator) -> Renderer {
+    // With few light paths, the pixels of an iteration are strongly correlated.
     let s = settings(estimator, SIZE).light_paths(500).max_depth(8).build().unwrap();
     renderer(scene, &s)
 }
@@ -25,12 +26,13 @@ fn batches(renderer: &mut Renderer, gate: Gate, seed: u32, iterations: u32, samp
     renderer.film().cells().clone()
 }
 
-/// Pairs of other seeds that differ at the stated level, and at 5 %; of how many.
+/// Compares `pairs` pairs of renders with different seeds per estimator. Returns how many pairs differ at the stated significance
+/// and at 5 %, and the number of pairs.
 fn alarms(pairs: u32, estimators: &[Estimator], samples: u32) -> [usize; 3] {
     let scene = build(Kind::CornellBox);
     let mut counts = [0; 3];
     for &estimator in estimators {
-        let mut r = made(&scene, estimator);
+        let mut r = prepared(&scene, estimator);
         for pair in 0..pairs {
             let mut one = |seed| batches(&mut r, GATE, seed, 16, samples);
             let (a, b) = (one(2 * pair), one(2 * pair + 1));
@@ -48,11 +50,11 @@ fn alarms(pairs: u32, estimators: &[Estimator], samples: u32) -> [usize; 3] {
 #[test]
 fn renders_of_the_same_agree() {
     let [significant, at_five_percent, pairs] = alarms(8, &[Estimator::Bdpt, Estimator::LcsPaper], 2);
-    // Binomial: 1e-3 is exceeded by two of 16 at 1e-3, by six at 5 %.
+    // Binomial distribution of 16 pairs: more than one alarm at 1e-3, or more than five at 5 %, have a probability below 1e-3.
     assert!(significant <= 1 && at_five_percent <= 5 && pairs == 16, "{significant} {at_five_percent}");
 }
 
-/// The long proof of the rate of false alarms.
+/// The long version: the rate of false alarms over 120 pairs.
 /// `cargo test --release --test estimators -- --ignored --nocapture rate_of_false`
 #[test]
 #[ignore = "takes minutes"]
@@ -61,17 +63,17 @@ fn the_rate_of_false_alarms_is_as_stated() {
     assert!(significant <= 2 && at_five_percent <= 15 && pairs == 120, "{significant} {at_five_percent}");
 }
 
-/// The siblings that must fail: a gate off by 2 %, light off by 3 %.
+/// Negative controls: a gate that is off by 2 %, and light that is off by 3 %.
 #[test]
 fn small_errors_are_found() {
     let scene = build(Kind::CornellBox);
     let mut bright = build(Kind::CornellBox);
     bright.materials.iter_mut().for_each(|m| m.emission = m.emission.map(|e| 1.03 * e));
-    let mut r = made(&scene, Estimator::Bdpt);
+    let mut r = prepared(&scene, Estimator::Bdpt);
     let truth = batches(&mut r, GATE, 1, 24, 16);
     let right = batches(&mut r, GATE, 2, 24, 16);
     let late = batches(&mut r, Gate { lo: GATE.lo * 1.02, hi: GATE.hi * 1.02 }, 3, 24, 16);
-    let brighter = batches(&mut made(&bright, Estimator::Bdpt), GATE, 4, 24, 16);
+    let brighter = batches(&mut prepared(&bright, Estimator::Bdpt), GATE, 4, 24, 16);
     let judge = |name: &str, b: &CellBatches| -> Agreement {
         let found = agreement(SIZE, b, &truth).unwrap();
         eprintln!("{name}: max |z| {:.2} of {} means, threshold {:.2}", found.max_z, found.tests, found.threshold);
@@ -82,12 +84,13 @@ fn small_errors_are_found() {
     assert!(!judge("light off by 3 %", &brighter).agree);
 }
 
-/// Why cells have batches of their own: the variances of their pixels, added up, tell another tale.
+/// Why cells record their own batches: pixels are correlated, so the variances of pixels add up to less than the variance of
+/// their cell.
 #[test]
 fn the_variances_of_pixels_are_not_enough() {
     let scene = build(Kind::CornellBox);
-    let mut r = made(&scene, Estimator::LcsPaper);
-    // 32 batches know a variance to a quarter: eight seeds, to a tenth.
+    let mut r = prepared(&scene, Estimator::LcsPaper);
+    // A variance from 32 batches has a relative error of a quarter, the mean over eight seeds of a tenth.
     let (mut shared, mut added) = (0.0, 0.0);
     for seed in 5..13 {
         let cells = batches(&mut r, GATE, seed, 32, 2);
