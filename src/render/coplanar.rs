@@ -1,5 +1,5 @@
 //! Warnings about lamps that lie in the plane of another surface or lamp. Where the two overlap, rounding decides which one a
-//! ray hits.
+//! ray hits. If both are lamps, a ray hits only one of them, but emitter sampling counts the light of both.
 
 use std::collections::BTreeSet;
 
@@ -26,19 +26,19 @@ const APART: f64 = 1e-4;
 /// plane. The warnings are sorted. After [`MAX_REPORTED`] of them, a last sentence gives the number of the other pairs.
 /// Triangles that only share edges or corners do not overlap.
 pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<String> {
-    let shines = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
+    let emits = |t: &Triangle| geometry.materials[(t.material & TRIANGLE_MATERIAL) as usize].emission != [0.0; 3];
     // Instance of the lamp, instance of the other surface, whether the other surface is a lamp too. Two lamps are ordered by
     // instance, so that their pair is listed once.
     let pairs: BTreeSet<(u32, u32, bool)> = geometry
         .triangles
         .par_iter()
-        .filter(|t| shines(t))
+        .filter(|t| emits(t))
         .map(|t| (t, PlanarTriangle::new(t)))
         .filter(|(_, lamp)| lamp.normal != DVec3::ZERO)
         .flat_map_iter(|(t, lamp)| {
             let mut found = BTreeSet::new();
             near(geometry, &lamp, |other| {
-                let pair = match shines(other) {
+                let pair = match emits(other) {
                     true => (t.instance.min(other.instance), t.instance.max(other.instance), true),
                     false => (t.instance, other.instance, false),
                 };
@@ -51,7 +51,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
         .collect();
     let node = |instance: u32| scene.instances[instance as usize].node.as_str();
     let named: BTreeSet<(&str, &str, bool)> =
-        pairs.into_iter().map(|(lamp, other, both_shine)| (node(lamp), node(other), both_shine)).collect();
+        pairs.into_iter().map(|(lamp, other, both_emit)| (node(lamp), node(other), both_emit)).collect();
     let distance = APART * space.unit;
     let mut all: Vec<String> = named.iter().take(MAX_REPORTED).map(|&pair| sentence(pair, distance)).collect();
     if named.len() > MAX_REPORTED {
@@ -64,8 +64,8 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
 }
 
 /// `distance`: a sufficient distance between the two surfaces in metres.
-fn sentence((lamp, other, both_shine): (&str, &str, bool), distance: f64) -> String {
-    match (both_shine, lamp == other) {
+fn sentence((lamp, other, both_emit): (&str, &str, bool), distance: f64) -> String {
+    match (both_emit, lamp == other) {
         (false, own) => {
             let surface = if own { "another of its own surfaces".to_string() } else { format!("'{other}'") };
             format!(

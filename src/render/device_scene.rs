@@ -60,11 +60,11 @@ impl DeviceScene {
             Ok((wgsl, buffer))
         };
         let buffers = parts(prepared).into_iter().map(upload).collect::<Result<_>>()?;
-        let frame = Buffer::new::<Frame>(device, "frame", 1, "this cannot happen")?;
+        let frame = Buffer::new::<Frame>(device, "frame", 1, "choose another --device")?;
         Ok(DeviceScene { frame, buffers })
     }
 
-    /// Writes the frame uniform, which the kernels of the next dispatches read.
+    /// Writes the frame, which the kernels of the next dispatches read.
     pub fn write_frame(&mut self, frame: &Frame) -> Result<()> {
         self.frame.write(0, &[*frame])
     }

@@ -11,7 +11,7 @@ use crate::wgsl::layout::Triangle;
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct ShadingAttributes {
     pub corners: [[u32; 3]; 3],
-    pub turn: [u32; 9],
+    pub normal_matrix: [u32; 9],
 }
 
 /// Removes every triangle whose corners, orientation, material and shading attributes equal those of an earlier triangle.
@@ -21,12 +21,12 @@ pub fn drop_copies(
     attributes: impl Fn(&Triangle) -> ShadingAttributes,
 ) -> Option<(usize, u32)> {
     let mut keys: Vec<(u64, u32)> =
-        triangles.par_iter().enumerate().map(|(i, t)| (hash(place(t).0.map(u64::from)), i as u32)).collect();
+        triangles.par_iter().enumerate().map(|(i, t)| (hash(position_key(t).0.map(u64::from)), i as u32)).collect();
     keys.par_sort_unstable();
     let identity = |t: &Triangle| {
-        let (place, first) = place(t);
-        let ShadingAttributes { corners, turn } = attributes(t);
-        (place, [0, 1, 2].map(|k| corners[(first + k) % 3]), turn)
+        let (key, first) = position_key(t);
+        let ShadingAttributes { corners, normal_matrix } = attributes(t);
+        (key, [0, 1, 2].map(|k| corners[(first + k) % 3]), normal_matrix)
     };
     let mut copies = vec![];
     for run in keys.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() > 1) {
@@ -45,12 +45,12 @@ pub fn drop_copies(
 
 /// Key that is equal for triangles with the same corners, orientation and material: the bits of the corners, rotated so that
 /// the smallest comes first, then the material. Also returns the index of that smallest corner.
-fn place(t: &Triangle) -> ([u32; 10], usize) {
+fn position_key(t: &Triangle) -> ([u32; 10], usize) {
     // Adding 0.0 turns -0.0 into 0.0, which is the same position with other bits.
     let corner = |p: [f32; 3]| p.map(|x| (x + 0.0).to_bits());
     let [a, b, c] = [t.v0, t.v1, t.v2].map(corner);
-    let turns = [([a, b, c], 0), ([b, c, a], 1), ([c, a, b], 2)];
-    let ([a, b, c], first) = turns.into_iter().min().expect("three turns");
+    let rotations = [([a, b, c], 0), ([b, c, a], 1), ([c, a, b], 2)];
+    let ([a, b, c], first) = rotations.into_iter().min().expect("three rotations");
     let mut all = [t.material; 10];
     all[..3].copy_from_slice(&a);
     all[3..6].copy_from_slice(&b);

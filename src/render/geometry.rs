@@ -77,7 +77,7 @@ impl Geometry {
             let columns: [f32; 9] = bytemuck::cast([x, y, z]);
             ShadingAttributes {
                 corners: if t.corner == NONE { [[0; 3]; 3] } else { [0, 1, 2].map(corner) },
-                turn: if smooth { columns.map(f32::to_bits) } else { [0; 9] },
+                normal_matrix: if smooth { columns.map(f32::to_bits) } else { [0; 9] },
             }
         };
         let copies = drop_copies(&mut triangles, shading_attributes);

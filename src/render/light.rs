@@ -41,7 +41,7 @@ struct Tally {
 
 impl Tally {
     /// Counts the splat that the device wrote and passes it to `visit`. Does nothing if the pixel is NONE: there is no splat.
-    fn show(&mut self, [r, g, b, pixel_or_tau]: [f32; 4], weight: f32, s: u32, visit: &mut impl FnMut(Splat)) {
+    fn report(&mut self, [r, g, b, pixel_or_tau]: [f32; 4], weight: f32, s: u32, visit: &mut impl FnMut(Splat)) {
         if pixel_or_tau.to_bits() == NONE {
             return;
         }

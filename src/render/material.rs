@@ -23,7 +23,7 @@ shared_constants! {
     MATERIAL_DOUBLE_SIDED: u32 = 1,
     MATERIAL_MASK: u32 = 2,
     MATERIAL_BLEND: u32 = 4,
-    /// A lobe whose GGX alpha is smaller is treated as a perfect mirror (a delta distribution).
+    /// A lobe with a smaller GGX alpha is treated as perfectly smooth (a delta distribution).
     DELTA_ALPHA: f32 = 0.001,
 }
 
@@ -72,14 +72,14 @@ impl<'a> MaterialSet<'a> {
     /// Index in `list` of `material` on `node`, with the bit [`TRIANGLE_ALPHA`] if rays may pass through the surface.
     pub fn number(&mut self, material: u32, node: &str) -> u32 {
         let source = &self.scene.materials[material as usize];
-        let shines = self.emitters.include(node);
-        let number = match self.numbers.get(&(material, shines)) {
+        let is_emitter = self.emitters.include(node);
+        let number = match self.numbers.get(&(material, is_emitter)) {
             Some(&n) => n,
             None => {
                 let n = self.list.len() as u32;
-                let converted = self.convert(source, shines);
+                let converted = self.convert(source, is_emitter);
                 self.list.push(converted);
-                self.numbers.insert((material, shines), n);
+                self.numbers.insert((material, is_emitter), n);
                 n
             }
         };
@@ -88,7 +88,7 @@ impl<'a> MaterialSet<'a> {
         number | alpha
     }
 
-    fn convert(&mut self, m: &scene::Material, shines: bool) -> Material {
+    fn convert(&mut self, m: &scene::Material, is_emitter: bool) -> Material {
         let f0 = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2) * m.specular;
         // With ior = 1 or specular = 0 there is no coat.
         let f90 = if f0 > 0.0 { m.specular } else { 0.0 };
@@ -96,7 +96,7 @@ impl<'a> MaterialSet<'a> {
         if alpha < DELTA_ALPHA || (m.transmission > 0.0 && (m.ior - 1.0).abs() < 1e-5) {
             alpha = 0.0;
         }
-        let emission = if shines { m.emission } else { [0.0; 3] };
+        let emission = if is_emitter { m.emission } else { [0.0; 3] };
         let emission_texture = if emission == [0.0; 3] { None } else { m.emission_texture };
         self.features.textures |= m.base_color_texture.is_some() || emission_texture.is_some();
         self.features.glossy |= m.metallic > 0.0 || f0 > 0.0 || m.transmission > 0.0;

@@ -34,8 +34,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
         enclose(position.abs().max_element(), &[position]);
     }
 
-    // The rest of the scene: the groups from the pinhole (the origin) outwards, up to the first whose offset exceeds their
-    // size.
+    // The rest of the scene: the groups from the pinhole (the origin) outwards, up to the first with too large an offset.
     let mut rest = [Vec3::ZERO; 2];
     let mut inner = 0;
     for (exponent, [lo, hi]) in &boxes {

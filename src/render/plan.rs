@@ -1,4 +1,5 @@
-//! The parameters of the kernels: the frame uniform of an iteration, and the constants that are fixed for a render.
+//! The parameters of the kernels: the frame of an iteration (`shared/frame.wgsl`), and the constants that are fixed for a
+//! render.
 
 use std::ops::Range;
 
@@ -76,7 +77,7 @@ pub struct Plan {
     pub features: Features,
     pub crop: Crop,
     pub crop_pixels: u64,
-    /// Whether light subpaths have bounces. Otherwise they end at their first vertex, on the emitter.
+    /// Whether light subpaths are traced beyond their first vertex, the one on the emitter.
     pub traces_light: bool,
     /// Whether light vertices are connected to the pinhole (t = 1).
     pub splats: bool,
@@ -135,7 +136,7 @@ impl Plan {
             frame,
         };
         if plan.single_tree && plan.queries_deterministic(emitters.deterministic.len() as u32) {
-            // Lamps have a tree of their own beside the single one: both share its K.
+            // Lamps have their own tree beside the single tree, and the K queries are divided between the two.
             plan.frame.queries = plan.frame.queries.div_ceil(2);
         }
         let camera = &scene.cameras[settings.camera()];
@@ -192,8 +193,7 @@ impl Plan {
         self.frame.cull_hi = if self.cull && closed { hi + rounding_allowance } else { OPEN };
     }
 
-    /// Whether queries choose among `count` deterministic vertices. If `count` is small, each shade point connects to all of
-    /// them.
+    /// Whether queries choose among `count` deterministic vertices. Otherwise each shade point connects to all of them.
     pub fn queries_deterministic(&self, count: u32) -> bool {
         self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
     }
@@ -215,8 +215,8 @@ impl Plan {
             false => (emitters.has_area() || queried, self.traces_light || queried),
         };
         self.slots(&PoolLayout {
-            // Some thin beams may miss everything. If the punctual lights alone are few, each shade point may connect to all
-            // vertices.
+            // If thin beams miss everything, only the punctual lights are left, and they may be few enough for one-by-one
+            // slots.
             deterministic: if self.queries_deterministic(punctual) { 0 } else { self.max_deterministic },
             emitter_points: u32::from(emitters.has_area()),
             tree3_root: if spatial { 0 } else { NONE },
@@ -225,8 +225,8 @@ impl Plan {
         })
     }
 
-    /// The frame uniform of an iteration. `pool` is `None` for the light subpaths. For the sensor subpaths it is the pool's
-    /// layout and the number of candidate slots per shade point.
+    /// The frame of an iteration. `pool` is `None` for the light subpaths. For the sensor subpaths it is the pool's layout and
+    /// the number of candidate slots per shade point.
     pub fn frame(&self, iteration: &Iteration, pool: Option<(&PoolLayout, u32)>) -> Frame {
         let &Iteration { number, first_sample, samples } = iteration;
         let mut frame = Frame {
@@ -246,8 +246,8 @@ impl Plan {
         frame
     }
 
-    /// Number of light subpaths per iteration. The first `light_paths` of them are stored for connections; the others serve t
-    /// = 1 only.
+    /// Number of light subpaths per iteration. The first `light_paths` of them are stored for connections. The others serve
+    /// only the strategies with t = 1.
     pub fn traced_paths(&self) -> u32 {
         self.light_paths + if self.splats { self.splat_paths } else { 0 }
     }

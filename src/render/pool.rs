@@ -47,8 +47,7 @@ impl LightPool {
         if vertex.flags & VERTEX_DETERMINISTIC != 0 {
             self.deterministic.push(*vertex);
         } else if (vertex.flags & VERTEX_DEPTH) + 2 > max_depth {
-            // A connection adds two segments: to the shade point and from there to the sensor. Deeper vertices serve t = 1
-            // only.
+            // A connection adds two segments, to the shade point and to the sensor. Deeper vertices serve only t = 1.
         } else if vertex.flags & VERTEX_EMITTER != 0 {
             self.emitter_points.push((path, *vertex));
         } else {
@@ -130,21 +129,21 @@ impl LightPool {
         let in_trees = plan.queries_deterministic(self.deterministic.len() as u32);
         let (one_by_one, queried) = self.deterministic.split_at(if in_trees { 0 } else { self.deterministic.len() });
         let (mut spatial, mut all): (Vec<_>, Vec<_>) = queried.iter().partition(|v| v.flags & VERTEX_EMITTER != 0);
-        let (apart3, apart4) = (spatial.len(), all.len());
+        let (separate3, separate4) = (spatial.len(), all.len());
         all.extend(self.scattered.iter().map(|(_, v)| *v));
         let emitter_points = if plan.single_tree { &mut all } else { &mut spatial };
         emitter_points.extend(self.emitter_points.iter().map(|(_, v)| *v));
-        let (apart3, mut items3) = items(&spatial, apart3);
-        let (apart4, mut items4) = items(&all, apart4);
+        let (separate3, mut items3) = items(&spatial, separate3);
+        let (separate4, mut items4) = items(&all, separate4);
         let first3 = one_by_one.len() as u32;
         let first4 = first3 + items3.len() as u32;
         let (leaf_size, buckets) = (plan.leaf_size as usize, plan.buckets);
         let options = TreeOptions { leaf_size, buckets, first_node: 0, first_vertex: first3 };
-        let tree3 = Tree::build_with_separate_subtree(&mut items3, apart3, options);
+        let tree3 = Tree::build_with_separate_subtree(&mut items3, separate3, options);
         let first_node = tree3.nodes.len() as u32;
         let tree4 = Tree::build_with_separate_subtree(
             &mut items4,
-            apart4,
+            separate4,
             TreeOptions { first_node, first_vertex: first4, ..options },
         );
         let mut vertices = one_by_one.to_vec();
@@ -161,8 +160,9 @@ impl LightPool {
     }
 }
 
-/// Tree items of the vertices with a positive and finite power, and the number of these items among the first `apart` vertices.
-fn items(vertices: &[PathVertex], apart: usize) -> (usize, Vec<Item>) {
+/// Tree items of the vertices with a positive and finite power, and the number of these items among the first `separate`
+/// vertices.
+fn items(vertices: &[PathVertex], separate: usize) -> (usize, Vec<Item>) {
     let power = |v: &PathVertex| v.throughput.iter().fold(0.0f32, |a, &x| a.max(x));
     let items: Vec<Item> = vertices
         .iter()
@@ -174,7 +174,7 @@ fn items(vertices: &[PathVertex], apart: usize) -> (usize, Vec<Item>) {
             index: i as u32,
         })
         .collect();
-    (items.partition_point(|item| (item.index as usize) < apart), items)
+    (items.partition_point(|item| (item.index as usize) < separate), items)
 }
 
 impl<A: Allocate> DevicePool<A> {

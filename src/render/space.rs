@@ -6,8 +6,8 @@ use crate::scene::Scene;
 use crate::settings::Emitters;
 
 /// World space, translated and scaled. The origin is a sensor, so that f32 coordinates near the sensor are precise wherever
-/// it stands. The unit of length is near the size of the scene, so that fourth powers of lengths neither overflow nor
-/// underflow in f32 (MIS weights are squared densities per area). The unit is a power of two, so scaling changes no bit of a
+/// it stands. The unit of length is near the size of the scene. MIS weights square densities per area, and with this unit such
+/// fourth powers of lengths neither overflow nor underflow in f32. The unit is a power of two, so scaling changes no bit of a
 /// mantissa, and a scene twice as large gives the same image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderSpace {
@@ -57,8 +57,8 @@ impl RenderSpace {
 }
 
 /// Maximum distance of a sensor from the origin, in units. At this distance the rounding error of a coordinate is 2^-26 units
-/// and the offset of a ray origin from its surface is 2^-21 units. In a Cornell box of 2 m this moves 1e-6 of the light to
-/// other samples; an origin 60 m away from the box moves 1e-3.
+/// and the offset of a ray origin from its surface is 2^-21 units. In a Cornell box of 2 m, 1e-6 of the light then falls on
+/// other samples than with the sensor at the origin. With an origin 60 m away from the box it would be 1e-3.
 const MAX_SENSOR_DISTANCE: f32 = 0.25;
 
 /// Maximum distance along an axis from `origin` to the bounding boxes of the meshes and to the selected lights, in metres.

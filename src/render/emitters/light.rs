@@ -14,7 +14,7 @@ use crate::wgsl::layout::{Emitter, PathVertex};
 pub struct LightRecord {
     /// Entry of the device's emitter table.
     pub entry: Emitter,
-    /// Luminance-weighted power: W in units of the render space.
+    /// Luminance-weighted power in render space, see [`RenderSpace::flux`].
     pub flux: f64,
     /// The light starts within `radius` of `position`.
     pub position: Vec3,

@@ -87,7 +87,7 @@ impl EmitterSet {
     fn add_triangles(&mut self, scene: &Scene, geometry: &Geometry, weights: &mut Vec<f64>) -> Vec<f64> {
         let exitances = triangle::exitances(scene, geometry);
         let mut by_instance = vec![0.0; geometry.instances.len()];
-        for t in triangle::shining(geometry, &exitances) {
+        for t in triangle::emissive_triangles(geometry, &exitances) {
             by_instance[t.instance as usize] += t.flux;
             self.triangles.push(t.entry.triangle);
             self.table.push(t.entry);
@@ -103,8 +103,8 @@ impl EmitterSet {
     fn add_lights(&mut self, scene: &Scene, selected: &Emitters, space: &RenderSpace, weights: &mut Vec<f64>) {
         let lights = scene.lights.iter().filter(|light| selected.include(&light.node));
         let records = lights.filter_map(|light| Some((&light.node, LightRecord::new(light, space)?)));
-        let shining = records.filter(|(_, record)| record.flux > 0.0);
-        let (thin, others): (Vec<_>, Vec<_>) = shining.partition(|(_, record)| record.is_thin);
+        let emitting = records.filter(|(_, record)| record.flux > 0.0);
+        let (thin, others): (Vec<_>, Vec<_>) = emitting.partition(|(_, record)| record.is_thin);
         self.thin_beams = thin.len() as u32;
         for (node, record) in others.into_iter().chain(thin) {
             self.enclose(record.position, record.radius);

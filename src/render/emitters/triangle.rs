@@ -13,7 +13,7 @@ use crate::wgsl::layout::constants::*;
 pub struct EmissiveTriangle {
     /// Entry of the device's emitter table.
     pub entry: Emitter,
-    /// Luminance-weighted power: W in units of the render space.
+    /// Luminance-weighted power in render space; times the square of the unit it is in W.
     pub flux: f64,
     pub corners: [Vec3; 3],
     pub instance: u32,
@@ -33,7 +33,7 @@ pub fn exitances(scene: &Scene, geometry: &Geometry) -> Vec<f64> {
 
 /// The emissive triangles with an area, in the order of the scene file. The order decides which emitter each random number
 /// selects. The order in the BVH would depend on rounding.
-pub fn shining(geometry: &Geometry, exitances: &[f64]) -> Vec<EmissiveTriangle> {
+pub fn emissive_triangles(geometry: &Geometry, exitances: &[f64]) -> Vec<EmissiveTriangle> {
     let exitance_of = |i: usize| exitances[(geometry.triangles[i].material & TRIANGLE_MATERIAL) as usize];
     let mut numbers: Vec<usize> = (0..geometry.triangles.len()).filter(|&i| exitance_of(i) > 0.0).collect();
     numbers.sort_unstable_by_key(|&i| geometry.bvh.order[i]);

@@ -152,8 +152,7 @@ impl DeviceLoop {
             })?;
             let total = |list: u32| counters[(COUNTER_TOTALS + list) as usize];
             let left = counters[LIVING[until as usize % 2] as usize];
-            // Each list that a round consumed cost one ray per path. Round 0 traces no rays, and no round has consumed the
-            // last list.
+            // A bounce traces one ray per path of its list. Round 0 traces no rays, and the last list is not traced yet.
             let before = if done == 0 { 0 } else { living };
             let rays = u64::from(before + total(LIVING[0]) + total(LIVING[1]) - left);
             stats.closest_rays += rays;
@@ -247,7 +246,7 @@ impl DeviceLoop {
                 // The first vertex of a path has no splat: sensor subpaths find emitters that are seen directly (s = 0).
                 let depth = vertex.flags & VERTEX_DEPTH;
                 if plan.splats && depth > 0 {
-                    tally.show(splat, f32::from_bits(weight), depth + 1, visit);
+                    tally.report(splat, f32::from_bits(weight), depth + 1, visit);
                 }
             }
         })?;

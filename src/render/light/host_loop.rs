@@ -42,7 +42,7 @@ impl Subpaths {
             stats.light_rays += living.len() as u64;
             stats.timed(stage::READ_LIGHT, || self.collect(plan, &living, batch, pool))?;
             if plan.splats {
-                let tally = stats.timed(stage::READ_LIGHT, || self.show_splats(plan, &living, bounce + 2, visit))?;
+                let tally = stats.timed(stage::READ_LIGHT, || self.report_splats(plan, &living, bounce + 2, visit))?;
                 tally.add_to(stats);
             }
             living = stats.timed(stage::READ_LIGHT, || self.survivors(&living))?;
@@ -72,7 +72,7 @@ impl Subpaths {
         living.last().map_or(0, |&slot| slot as usize + 1)
     }
 
-    fn show_splats(&self, plan: &Plan, living: &[u32], s: u32, visit: &mut impl FnMut(Splat)) -> Result<Tally> {
+    fn report_splats(&self, plan: &Plan, living: &[u32], s: u32, visit: &mut impl FnMut(Splat)) -> Result<Tally> {
         let n = self.vertices_in_use(living);
         let mut tally = Tally::default();
         let weighs = plan.observe == Observe::Strategies;
@@ -80,7 +80,7 @@ impl Subpaths {
         self.buffers.splats.with::<[f32; 4], _>(n, |splats| {
             for &slot in living {
                 let weight = weights.get(slot as usize).copied().unwrap_or(1.0);
-                tally.show(splats[slot as usize], weight, s, visit);
+                tally.report(splats[slot as usize], weight, s, visit);
             }
         })?;
         Ok(tally)

@@ -38,7 +38,7 @@ impl SensorTracer {
                 (living, _) = self.run_bounce(bindings, &constants, living, &mut Stats::default())?;
                 self.record_counters()?;
                 self.recorder.submit()?;
-                self.show(plan, tile, bounce, visit)?;
+                self.report(plan, tile, bounce, visit)?;
                 if living == 0 {
                     break;
                 }
@@ -48,7 +48,7 @@ impl SensorTracer {
     }
 
     /// Calls `visit` with the contributions that `bounce` has found for a tile.
-    fn show(
+    fn report(
         &self,
         plan: &Plan,
         tile: &[TileSample],

@@ -1,5 +1,4 @@
-//! The objects of phase 3 that stay from iteration to iteration. They are created again if the pool of an iteration outgrows
-//! them.
+//! The objects of phase 3 that stay from iteration to iteration. A pool that outgrows them replaces them with larger ones.
 
 use std::sync::Arc;
 
