@@ -1,4 +1,4 @@
-//! What good files become.
+//! Good files: the scenes that the reader makes of them.
 
 use std::path::PathBuf;
 
@@ -145,7 +145,7 @@ fn texture_transforms_are_baked_into_the_coordinates() {
     let info = &mut glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
     info["extensions"] = json!({ "KHR_texture_transform": transform });
     let uvs = read(&glb).meshes[0].uvs.clone();
-    // Scaled, then turned counter-clockwise on a v axis that points down, then moved.
+    // Coordinates are scaled, then rotated counter-clockwise (the v axis points down), then translated.
     for (uv, want) in uvs.iter().zip([[10.0, 20.0], [10.0, 18.0], [13.0, 20.0]]) {
         assert!((uv[0] - want[0]).abs() < 1e-5 && (uv[1] - want[1]).abs() < 1e-5, "{uvs:?}");
     }
@@ -205,7 +205,7 @@ fn factors_out_of_range_are_moved_to_its_edge_with_a_warning() {
         check_promises(&scene);
         assert!(scene.warnings.len() == 1 && scene.warnings[0].ends_with(word), "{pointer}: {:?}", scene.warnings);
     }
-    // Many of them: one sentence.
+    // Many such factors give one warning together.
     for _ in 0..20 {
         glb.push("materials", json!({ "name": "Neon", "pbrMetallicRoughness": { "baseColorFactor": [2, 0, 0, 1] } }));
     }
@@ -259,16 +259,16 @@ fn deep_pngs_and_jpegs_beside_the_scene_are_read() {
     }
 }
 
-/// Shared scenes beside the repository, if any; `TAUGATE_SHARED_SCENES` names another folder.
+/// Reads the benchmark scenes in `../shared/scenes`, or in the folder that `TAUGATE_SHARED_SCENES` names, if the folder exists.
 #[test]
 fn shared_scenes_are_read() {
     let folder = std::env::var_os("TAUGATE_SHARED_SCENES")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/scenes"), PathBuf::from);
     if !folder.is_dir() {
-        println!("skipped: there are no shared scenes");
+        println!("skipped: {} is missing", folder.display());
         return;
     }
-    // Name, cameras, lights and beams.
+    // Name of the scene, number of cameras, number of punctual lights and beams.
     let known = [
         ("bedroom", 1, 1),
         ("city", 2, 1),
@@ -285,8 +285,8 @@ fn shared_scenes_are_read() {
         check_promises(&scene);
         let facts = std::fs::read(folder.join(name).join("scene.json")).unwrap();
         let facts: Value = serde_json::from_slice(&facts).unwrap();
-        let of = |instance: &Instance| scene.meshes[instance.mesh as usize].triangles.len() as u64;
-        let triangles: u64 = scene.instances.iter().map(of).sum();
+        let count = |instance: &Instance| scene.meshes[instance.mesh as usize].triangles.len() as u64;
+        let triangles: u64 = scene.instances.iter().map(count).sum();
         let degenerate = facts["degenerate_triangles"].as_u64().unwrap();
         assert_eq!(triangles, facts["triangles"].as_u64().unwrap() - degenerate, "{name}");
         assert_eq!((scene.cameras.len(), scene.lights.len()), (cameras, lights), "{name}");

@@ -1,11 +1,11 @@
-//! Bad files are refused by name, with a remedy, and never panic.
+//! Bad files: the reader refuses them with a message that names the bad part and the remedy, and never panics.
 
 use base64::Engine;
 use taugate::internals::scene::gltf::load;
 
 use super::*;
 
-/// A change to the complete scene and the words its refusal must contain.
+/// Name of a case, a change to the complete scene, and the words that the reader's message must contain.
 type Case = (&'static str, fn(&mut Glb), &'static [&'static str]);
 
 const HUGE: u64 = u64::MAX - 8;
@@ -103,7 +103,7 @@ fn light(glb: &mut Glb) -> &mut Value {
     &mut glb.json["extensions"]["KHR_lights_punctual"]["lights"][0]
 }
 
-/// Replaces `count` positions, all of them at index `at`.
+/// Makes the positions sparse: `count` replaced elements, all with the index `at`.
 fn sparse(glb: &mut Glb, count: usize, at: u8) {
     let indices = glb.view(&[at; 4]);
     let values = glb.view(&[0; 48]);
@@ -123,7 +123,7 @@ fn hostile_files_are_refused_by_name() {
         for word in *words {
             assert!(message.contains(word), "{name}: `{word}` is not in: {message}");
         }
-        assert!(!message.contains("reader failed"), "{name}: panicked");
+        assert!(!message.contains("reader failed"), "{name}: the reader panicked");
         assert!(message.contains("; ") && !message.ends_with('.'), "{name}: no remedy in: {message}");
     }
 }
@@ -166,11 +166,11 @@ fn deep_chains_are_walked_without_recursion() {
     assert!(refusal(emitter.as_bytes()).contains("`tri`"));
 }
 
-/// Neither a panic nor a scene that breaks a promise.
-fn survive(bytes: &[u8], what: impl Fn() -> String) {
+/// Reads any bytes: the reader must not panic, and a scene that it accepts must keep its promises. `name` is for the message.
+fn survive(bytes: &[u8], name: impl Fn() -> String) {
     match load_slice(bytes, Path::new("test.glb")) {
         Ok(scene) => check_promises(&scene),
-        Err(error) => assert!(!error.to_string().contains("reader failed"), "{}", what()),
+        Err(error) => assert!(!error.to_string().contains("reader failed"), "{}: the reader panicked", name()),
     }
 }
 
@@ -179,7 +179,7 @@ fn truncation_at_every_length_is_survived() {
     let bytes = complete().build();
     for length in 0..bytes.len() {
         assert!(refusal(&bytes[..length]).len() > 10);
-        // The same with the header telling the truth, so that the cut reaches the chunks.
+        // With the right length in the header, the reader goes on and meets the cut in a chunk.
         let mut cut = bytes[..length].to_vec();
         if length >= 12 {
             cut[8..12].copy_from_slice(&(length as u32).to_le_bytes());
@@ -200,7 +200,7 @@ fn random_bytes_are_survived() {
         let mut flipped = bytes.clone();
         for _ in 0..1 + random(3) {
             let at = random(flipped.len());
-            // Digits for digits keep the JSON whole and reach further in.
+            // Replacing a digit by a digit keeps the JSON valid, so that the reader gets further.
             flipped[at] = if flipped[at].is_ascii_digit() { b'0' + random(10) as u8 } else { random(256) as u8 };
         }
         survive(&flipped, || format!("round {round}"));

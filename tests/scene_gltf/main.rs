@@ -1,4 +1,4 @@
-//! The glTF reader: what good files become, and that bad ones are refused by name and never panic.
+//! The glTF reader: it converts good files to the right scene, and refuses bad files with a message that names the bad part.
 
 #[path = "../common/glb.rs"]
 mod glb;
@@ -21,13 +21,13 @@ fn read(glb: &Glb) -> Scene {
 
 fn refusal(bytes: &[u8]) -> String {
     match load_slice(bytes, Path::new("test.glb")) {
-        Ok(_) => panic!("was accepted"),
+        Ok(_) => panic!("the file was accepted"),
         Err(Error::Scene { message, .. }) => message,
         Err(other) => panic!("wrong kind of error: {other}"),
     }
 }
 
-/// A file with one mesh of one primitive, `extra` merged into the primitive.
+/// A file with one mesh of one primitive. The members of `extra` are added to the primitive.
 fn single(positions: &[[f32; 3]], extra: Value) -> Glb {
     let mut glb = Glb::new();
     let position = glb.floats(positions);
@@ -38,7 +38,7 @@ fn single(positions: &[[f32; 3]], extra: Value) -> Glb {
     glb
 }
 
-/// The promises of `scene/mod.rs` that every accepted file must keep.
+/// Checks that a scene keeps the promises of `src/scene/mod.rs`, as the scene of every accepted file must.
 fn check_promises(scene: &Scene) {
     assert!(!scene.materials.is_empty() && !scene.instances.is_empty());
     for mesh in &scene.meshes {
@@ -68,7 +68,7 @@ fn check_promises(scene: &Scene) {
     }
 }
 
-/// The complete scene as `.gltf`, its buffer behind `uri`.
+/// The complete scene as `.gltf` text, whose buffer is at `uri`.
 fn text(uri: &str) -> Vec<u8> {
     let mut glb = complete();
     glb.json["buffers"][0]["uri"] = json!(uri);

@@ -1,16 +1,16 @@
-//! A hundred thousand iterations in one film: nothing is lost.
+//! A film keeps its precision over a hundred thousand iterations.
 
 use taugate::internals::image::film::Film;
 
-/// Levels from far below to far above 1 and spreads down to the last bits of the values.
+/// Level and spread of each channel: levels from far below to far above 1, and spreads down to the last bits of the level.
 const CHANNELS: [(f32, f32); 6] = [(1.0, 0.5), (1.0, 1e-3), (1.0, 1e-6), (1e-12, 1e-13), (3e9, 1e9), (1e18, 1e12)];
 
-/// Values of iteration `i` in {level - spread, level, level + spread}, in a period of 5 that is not balanced.
+/// Value in iteration `i`: level, level - spread or level + spread, with a period of 5 whose mean is not the level.
 fn value((level, spread): (f32, f32), i: u32) -> f32 {
     level + spread * [1.0, -1.0, 0.0, 1.0, 1.0][i as usize % 5]
 }
 
-/// Exact mean and variance of the mean, by two passes over one period in f64: iterations are whole periods of equal weight.
+/// Exact mean and variance of the mean, from two passes in f64 over one period. `iterations` must be a multiple of the period.
 fn exact(channel: (f32, f32), iterations: u32) -> (f64, f64) {
     let values: Vec<f64> = (0..5).map(|i| f64::from(value(channel, i))).collect();
     let mean = values.iter().sum::<f64>() / 5.0;
@@ -35,7 +35,7 @@ fn a_hundred_thousand_iterations_lose_nothing() {
     }
 }
 
-/// Short iterations among long ones: samples count alike wherever they stand.
+/// Iterations with different sample counts: every sample has the same weight in the mean.
 #[test]
 fn uneven_iterations_count_by_their_samples() {
     let mut film = Film::new(1, 1);

@@ -1,5 +1,5 @@
-//! Index checks (`TAUGATE_BOUNDS_CHECKS`): they change no image, and they find what is out of range. The variable is read
-//! where kernels are made, so each case runs in a process of its own.
+//! Index checks (`TAUGATE_BOUNDS_CHECKS`): they change no image, and they find indices out of range. The program reads the
+//! variable when it compiles kernels, so each case runs in a process of its own.
 
 use std::process::{Command, Output};
 
@@ -13,7 +13,7 @@ use super::shader_function::{ShaderFunction, contents};
 use super::{image, sum};
 use taugate::internals::generate::zoo::{Light, zoo};
 
-/// Runs one of the ignored tests below in another process.
+/// Runs one of the ignored tests below in another process, with or without index checks.
 fn run(test: &str, checked: bool) -> Output {
     let mut command = Command::new(std::env::current_exe().expect("the path of this test"));
     command.args(["--ignored", "--exact", "--nocapture", test]);
@@ -24,7 +24,7 @@ fn run(test: &str, checked: bool) -> Output {
     command.output().expect("starting this test again")
 }
 
-/// Lines of the images of a process.
+/// The lines with the bits of images that such a process prints.
 fn images(test: &str, checked: bool) -> Vec<String> {
     let output = run(test, checked);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -34,7 +34,7 @@ fn images(test: &str, checked: bool) -> Vec<String> {
     lines
 }
 
-/// Prints the bits of a small image.
+/// Renders a small image and prints its bits.
 fn print_image(scene: &Scene, estimator: Estimator) {
     let s = settings(estimator, [12, 8]).max_depth(8).light_paths(200).build().unwrap();
     let mut renderer = renderer(scene, &s);
@@ -52,7 +52,7 @@ fn helper_some_images() {
 #[test]
 #[ignore = "helper of index_checks_change_no_bit_of_any_estimator"]
 fn helper_all_images() {
-    // Together these hold everything the kernels can do.
+    // Together these renders use every feature of the kernels.
     for light in [Light::Area, Light::Punctual, Light::Beam] {
         for estimator in Estimator::ALL.into_iter().filter(|&e| e != Estimator::Pt || light != Light::Beam) {
             print_image(&zoo(light), estimator);
@@ -73,7 +73,7 @@ fn index_checks_change_no_bit_of_any_estimator() {
     assert_eq!(plain, images("checks::helper_all_images", true));
 }
 
-/// Runs `body` with an index over a buffer of zeros.
+/// Runs the shader code `body` with `index`. `buffer` holds two elements of `bytes_each` zero bytes.
 fn read(imports: &'static [&'static str], body: &'static str, buffer: &'static str, bytes_each: usize, index: u32) {
     let function = ShaderFunction { imports, input: "index: u32", result: "value: u32", body };
     let _: Vec<u32> = function.run(&[index], &[contents(buffer, &vec![0u8; 2 * bytes_each])]);
@@ -81,8 +81,8 @@ fn read(imports: &'static [&'static str], body: &'static str, buffer: &'static s
 
 const TEXELS: (&[&str], &str) = (&["tree"], "result.value = load_tree_node(input.index).left.child;");
 const WORDS: (&[&str], &str) = (&["tree"], "result.value = path_offsets[input.index];");
-const OWN: (&[&str], &str) =
-    (&["tree"], "var own = array<u32, 2>(); own[input.index] = path_offsets[0]; result.value = own[0];");
+const LOCAL: (&[&str], &str) =
+    (&["tree"], "var local = array<u32, 2>(); local[input.index] = path_offsets[0]; result.value = local[0];");
 
 #[test]
 #[ignore = "helper of an_index_out_of_range_is_found"]
@@ -96,7 +96,7 @@ fn helper_texels_outside() {
     read(TEXELS.0, TEXELS.1, "tree_nodes", 96, 2);
 }
 
-// Buffers have at least 16 bytes: four words.
+// A buffer has at least 16 bytes, which are four words, so index 3 is inside.
 #[test]
 #[ignore = "helper of an_index_out_of_range_is_found"]
 fn helper_words_inside() {
@@ -111,20 +111,20 @@ fn helper_words_outside() {
 
 #[test]
 #[ignore = "helper of an_index_out_of_range_is_found"]
-fn helper_own_inside() {
-    read(OWN.0, OWN.1, "path_offsets", 8, 1);
+fn helper_local_inside() {
+    read(LOCAL.0, LOCAL.1, "path_offsets", 8, 1);
 }
 
 #[test]
 #[ignore = "helper of an_index_out_of_range_is_found"]
-fn helper_own_outside() {
-    read(OWN.0, OWN.1, "path_offsets", 8, 2);
+fn helper_local_outside() {
+    read(LOCAL.0, LOCAL.1, "path_offsets", 8, 2);
 }
 
 #[test]
 fn an_index_out_of_range_is_found() {
     for (kind, place) in
-        [("texels", "shaders/shared/tree.wgsl:"), ("words", "shaders/test.wgsl:"), ("own", "shaders/test.wgsl:")]
+        [("texels", "shaders/shared/tree.wgsl:"), ("words", "shaders/test.wgsl:"), ("local", "shaders/test.wgsl:")]
     {
         let inside = run(&format!("checks::helper_{kind}_inside"), true);
         assert!(inside.status.success(), "{kind}: {}", String::from_utf8_lossy(&inside.stderr));

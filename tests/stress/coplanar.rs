@@ -1,5 +1,5 @@
-//! Surfaces in one place: every wall twice, walls that change places within rounding, a wall that two rooms share, a lamp in the
-//! plane of the ceiling. Nothing leaks, nothing is dark that was lit, nothing is infinite.
+//! Coincident surfaces: doubled walls, walls that lie within rounding of each other, a wall that two rooms share, a lamp in the
+//! plane of the ceiling. No light may leak or get lost, and no contribution may be infinite.
 
 use glam::{DAffine3, DVec3};
 use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
@@ -15,7 +15,8 @@ use super::{image, sum};
 
 const GATE: Gate = Gate { lo: 6.0, hi: 9.0 };
 
-/// Everything turned about the origin, so that no plane lies along an axis and each triangle knows its own to rounding only.
+/// The scene rotated about the origin. No plane is parallel to an axis then, and coordinates give the planes of triangles only up
+/// to rounding.
 fn turned(mut scene: Scene) -> Scene {
     let turn = DAffine3::from_mat3(about(DVec3::new(0.48, 0.6, 0.64), 0.7));
     scene.instances.iter_mut().for_each(|i| i.transform = turn * i.transform);
@@ -23,14 +24,15 @@ fn turned(mut scene: Scene) -> Scene {
     scene
 }
 
-/// The same surface cut along the other diagonal of its quads, and turned over.
+/// The same surface with its quads split along the other diagonal, and with the opposite winding.
 fn recut(mesh: &Mesh) -> Mesh {
     let pairs = mesh.triangles.chunks_exact(2);
     let triangles = pairs.flat_map(|p| [[p[0][0], p[1][2], p[0][1]], [p[0][1], p[1][2], p[1][1]]]).collect();
     Mesh { triangles, ..mesh.clone() }
 }
 
-/// Every surface but the lamp once more, moved by `shift` along its first normal.
+/// Adds a copy of every surface except the lamp. `change` edits the copy, and `shift` moves it along the normal of its first
+/// triangle, in metres.
 fn doubled(mut scene: Scene, change: impl Fn(&Mesh) -> Mesh, shift: f64) -> Scene {
     for i in 0..scene.instances.len() {
         let Instance { mesh, transform, node } = scene.instances[i].clone();
@@ -52,7 +54,7 @@ fn doubled(mut scene: Scene, change: impl Fn(&Mesh) -> Mesh, shift: f64) -> Scen
 }
 
 fn render(scene: &Scene, estimator: Estimator, gate: Gate) -> Vec<f32> {
-    // Few candidates: the more there are, the more of them are alike.
+    // Few queries: with many, the candidates of a shade point are so similar that the last bit decides which one is chosen.
     let s = settings(estimator, [24, 24])
         .max_depth(6)
         .light_paths(500)
@@ -66,7 +68,7 @@ fn render(scene: &Scene, estimator: Estimator, gate: Gate) -> Vec<f32> {
     out
 }
 
-/// Part of the light of `a` that is elsewhere in `b`.
+/// Sum of the absolute differences of `a` and `b`, relative to the sum of `a`.
 fn difference(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(x, y)| f64::from((x - y).abs())).sum::<f64>() / sum(a)
 }
@@ -82,7 +84,8 @@ fn every_wall_twice_is_the_same_image() {
         ("1e-6 behind, turned over", recut, -1e-6),
         ("1e-5 before", same, 1e-5),
     ];
-    // lcs chooses among candidates by what they contribute: where two are alike, by the last bit of a position.
+    // lcs chooses among candidates by their contribution. If two contributions are nearly equal, the last bit of a position
+    // decides, so lcs is allowed a larger change.
     for (estimator, changes, moves) in [(Estimator::Bdpt, &changes[..], 2e-4), (Estimator::Lcs, &changes[..2], 2e-2)] {
         let usual = render(&turned(build(Kind::CornellBox)), estimator, GATE);
         for &(name, change, shift) in changes {
@@ -92,13 +95,13 @@ fn every_wall_twice_is_the_same_image() {
             assert!(moved < moves && gain.abs() < 2e-3, "{estimator}, {name}: {moved:e} moved, {gain:e} in all");
         }
     }
-    // The sibling that must fail: walls that stand apart.
+    // Negative control: the copies are a millimetre away.
     let apart = render(&turned(doubled(build(Kind::CornellBox), same, 1e-3)), Estimator::Bdpt, GATE);
     assert!(difference(&render(&turned(build(Kind::CornellBox)), Estimator::Bdpt, GATE), &apart) > 2e-4);
 }
 
-/// Two rooms back to back, so that their walls at x = 1 are in one place; a lamp in one, the pinhole in the other. `door`: the walls
-/// between them are missing.
+/// Two adjacent rooms whose walls at x = 1 coincide. The lamp is in one room, the pinhole in the other. `door`: both walls at x =
+/// 1 are missing.
 fn two_rooms(door: bool) -> Scene {
     let mut scene = Scene::default();
     let white = material(&mut scene, diffuse("white", [0.9; 3]));
@@ -121,12 +124,12 @@ fn a_wall_that_two_rooms_share_does_not_leak() {
     for estimator in Estimator::ALL {
         assert_eq!(sum(&render(&two_rooms(false), estimator, Gate::OPEN)), 0.0, "{estimator}");
     }
-    // The sibling that must fail.
+    // Negative control: rooms without the wall between them.
     assert!(sum(&render(&two_rooms(true), Estimator::Lcs, Gate::OPEN)) > 0.0);
 }
 
-/// A closed room with the pinhole, a lamp before its wall at x = 1, outside, and decals in the plane of that wall. `hole`: without the
-/// wall, so that the decals alone stand between.
+/// A closed room with the pinhole inside and a lamp outside, behind the wall at x = 1. Translucent decals lie in the plane of
+/// this wall. `hole`: the wall is missing, and only the decals are between lamp and pinhole.
 fn room_with_decals(decals: usize, hole: bool) -> Scene {
     let mut scene = Scene::default();
     let white = material(&mut scene, diffuse("white", [0.9; 3]));
@@ -149,7 +152,7 @@ fn room_with_decals(decals: usize, hole: bool) -> Scene {
     scene
 }
 
-/// A ray that has passed a decal must still meet the wall at the same distance, behind however many decals.
+/// A ray that passes through decals must still hit the wall, which is at the same distance as the decals.
 #[test]
 fn decals_in_the_plane_of_a_wall_do_not_leak() {
     for decals in [1, 3] {
@@ -162,12 +165,12 @@ fn decals_in_the_plane_of_a_wall_do_not_leak() {
             assert_eq!(by_oracle(&scene), 0.0, "{decals} decals {name}, by the oracle");
         }
     }
-    // The sibling that must fail.
+    // Negative control: a room without the wall.
     let open = room_with_decals(1, true);
     assert!(sum(&render(&open, Estimator::Lcs, Gate::OPEN)) > 0.0 && by_oracle(&open) > 0.0);
 }
 
-/// All light of the image by the oracle's path tracer.
+/// Sum over the pixels and channels of the image that the oracle renders.
 fn by_oracle(scene: &Scene) -> f64 {
     let settings = path_tracer::Settings {
         resolution: [24, 24],
@@ -182,7 +185,8 @@ fn by_oracle(scene: &Scene) -> f64 {
     film.bins[0].iter().map(|pixel| pixel.mean.iter().sum::<f64>()).sum()
 }
 
-/// Where the lamp is exactly in the plane of the ceiling either is hit, as rounding has it. What the lamp lights stays lit.
+/// If the lamp is exactly in the plane of the ceiling, rounding decides which of them a ray hits. The lamp must still light the
+/// room.
 #[test]
 fn a_lamp_in_the_plane_of_the_ceiling_shines() {
     let lit = |height: f64, estimator| {
@@ -196,12 +200,12 @@ fn a_lamp_in_the_plane_of_the_ceiling_shines() {
     let bdpt = lit(2.0, Estimator::Bdpt);
     let lcs = lit(2.0, Estimator::Lcs);
     println!("a tenth of a millimetre below {below:?}, in the plane {:?}, lcs {:?}", bdpt.whole(), lcs.whole());
-    // The lamp is black and the ceiling is not: where it is hit more light is left.
+    // The lamp reflects no light. Rays that hit the ceiling in its place reflect some, so a small gain is allowed.
     assert!((bdpt.whole().0 / below.0 - 1.0).abs() < 0.03);
     assert!(disagreements(&bdpt, &lcs).is_empty());
 }
 
-/// Every triangle of the named node once more, `times` in all.
+/// The scene with every triangle of the named node listed `times` times.
 fn listed(mut scene: Scene, node: &str, times: usize) -> Scene {
     let instance = scene.instances.iter().find(|i| i.node == node).expect("the node is in the scene");
     let mesh = &mut scene.meshes[instance.mesh as usize];
@@ -209,7 +213,8 @@ fn listed(mut scene: Scene, node: &str, times: usize) -> Scene {
     scene
 }
 
-/// Emitter sampling would see each copy of a lamp, a ray only one of them: `pt` and `bdpt` would disagree.
+/// If the scene kept duplicates of a lamp, emitter sampling would count each of them and a ray only one: `pt` and `bdpt` would
+/// disagree.
 #[test]
 fn a_lamp_listed_twice_shines_once() {
     for estimator in Estimator::ALL {
@@ -219,7 +224,7 @@ fn a_lamp_listed_twice_shines_once() {
     }
 }
 
-/// Files exist that list one primitive thousands of times.
+/// Some glTF files list one primitive thousands of times.
 #[test]
 fn a_wall_listed_thirty_thousand_times_is_one_wall() {
     let once = render(&build(Kind::CornellBox), Estimator::Lcs, GATE);
@@ -227,7 +232,7 @@ fn a_wall_listed_thirty_thousand_times_is_one_wall() {
     assert!(sum(&once) > 0.0 && once == often);
 }
 
-/// Not copies, but so near to each other that no hierarchy tells them apart.
+/// Walls that are no exact copies, but so close to each other that no BVH can separate them.
 #[test]
 fn a_thousand_walls_within_rounding_are_one_wall() {
     let usual = render(&turned(build(Kind::CornellBox)), Estimator::Bdpt, GATE);
@@ -238,7 +243,7 @@ fn a_thousand_walls_within_rounding_are_one_wall() {
         another.transform.translation.y += 1e-10 * f64::from(k - 500);
         scene.instances.push(another);
     }
-    let crowded = render(&turned(scene), Estimator::Bdpt, GATE);
-    let (moved, gain) = (difference(&usual, &crowded), sum(&crowded) / sum(&usual) - 1.0);
+    let stacked = render(&turned(scene), Estimator::Bdpt, GATE);
+    let (moved, gain) = (difference(&usual, &stacked), sum(&stacked) / sum(&usual) - 1.0);
     assert!(moved < 2e-4 && gain.abs() < 2e-3, "{moved:e} moved, {gain:e} in all");
 }

@@ -1,4 +1,4 @@
-//! Gates whose edges lie on a path length, or wholly outside the scene.
+//! Gates whose ends equal the length of a path, and gates outside the travel times of the scene.
 
 use glam::DVec3;
 use taugate::internals::generate::shapes::{cuboid, quad};
@@ -12,16 +12,17 @@ use super::cells::{renderer, settings};
 use super::wall::{ALBEDO, wall};
 use super::{image, sum};
 
-/// A view so narrow that all its rays have the same length in f32.
+/// A field of view so narrow that all its rays have the same length in f32.
 const NARROW: f64 = 1e-5;
 
-/// `n` f32 steps beyond `x`.
+/// The f32 number `n` steps above `x` (below, if `n` is negative).
 fn step(x: f64, n: i32) -> f64 {
     let moved = |bits: u32| f64::from(f32::from_bits((bits as i32 + n) as u32));
     moved((x as f32).to_bits())
 }
 
-/// The light that arrives after exactly `tau`, through gates with an edge there: it counts at `lo`, it does not at `hi`.
+/// All light of the scene has the travel time `tau`. Checks gates with an end at `tau`: the light counts if `tau` is `lo`, and
+/// does not if `tau` is `hi`.
 fn edges_are_half_open(scene: &Scene, estimator: Estimator, tau: f64, radiance: f64) {
     let s = settings(estimator, [2, 2]).max_depth(6).light_paths(100).build().unwrap();
     let mut renderer = renderer(scene, &s);
@@ -42,7 +43,7 @@ fn edges_are_half_open(scene: &Scene, estimator: Estimator, tau: f64, radiance: 
     }
 }
 
-/// Also shows that travel times are measured between points on surfaces: the rays start off them.
+/// The test also shows that a travel time is measured between points on surfaces, although rays start at offset points.
 #[test]
 fn a_path_exactly_at_an_edge_counts_at_the_beginning_only() {
     for distance in [2.0, 3.0, 1000.0] {

@@ -1,6 +1,6 @@
-//! Numerical stress: scale and place, gates down to a few f32 steps, convergence, accumulation, index checks.
+//! Numerical stress: scenes of any scale and position, gates of a few f32 steps, convergence, accumulation, index checks.
 //!
-//! A small part runs always; the rest is ignored: `cargo test --release --test stress -- --ignored --skip helper --nocapture`
+//! Some tests always run. This runs the others: `cargo test --release --test stress -- --ignored --skip helper --nocapture`
 
 #[path = "../estimators/cells.rs"]
 #[allow(dead_code, reason = "shared with the estimators' tests")]
@@ -23,7 +23,7 @@ mod wall;
 use taugate::internals::render::Renderer;
 use taugate::internals::settings::units::Gate;
 
-/// Mean image of `iterations` x `samples` samples.
+/// Mean image of `iterations` iterations with `samples` samples per pixel each.
 fn image(renderer: &mut Renderer, seed: u32, gate: Gate, iterations: u32, samples: u32) -> Vec<f32> {
     renderer.restart(seed, gate).unwrap();
     for _ in 0..iterations {

@@ -1,4 +1,4 @@
-//! A thousand gates that abut add up to the image without a gate.
+//! The images of a thousand abutting gates add up to the ungated image.
 
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::Renderer;
@@ -8,7 +8,8 @@ use taugate::internals::settings::{Estimator, Strategies};
 use super::cells::{renderer, settings, threshold};
 use super::{image, sum};
 
-/// `n` gates that together cover every travel time; all but the first and the last divide the light of the box.
+/// `n` gates that together cover every travel time. Their inner ends lie between 3 m and 18 m, where most light of the box
+/// arrives.
 fn abutting(n: u32) -> Vec<Gate> {
     let edge = |i: u32| match i {
         0 => 0.0,
@@ -23,7 +24,8 @@ fn cornell(estimator: Estimator, max_depth: u32, light_paths: u32) -> Renderer {
     renderer(&build(Kind::CornellBox), &s)
 }
 
-/// Greatest difference of a pixel between the sum over gates and the ungated image of the same seed, relative to the mean.
+/// Largest difference of a pixel between the sum over `gates` and the ungated image with the same seed, relative to the image's
+/// mean.
 fn worst(estimator: Estimator, gates: &[Gate]) -> f64 {
     let mut renderer = cornell(estimator, 6, 100);
     let whole = image(&mut renderer, 7, Gate::OPEN, 1, 2);
@@ -42,7 +44,7 @@ fn worst(estimator: Estimator, gates: &[Gate]) -> f64 {
 #[test]
 fn a_hundred_gates_add_up() {
     assert!(worst(Estimator::Bdpt, &abutting(100)) < 1e-5);
-    // The sibling that must fail: one gate is missing.
+    // Negative control: forty gates are missing.
     assert!(worst(Estimator::Bdpt, &abutting(100)[..60]) > 1e-5);
 }
 
@@ -54,9 +56,9 @@ fn a_thousand_gates_add_up_with_the_same_seed() {
     }
 }
 
-/// Sum over `n` gates of the light of the image, that of the image without a gate, and the standard error of their difference.
-/// Only without t = 1, whose rare bright pixels hide what queries do, is the error small.
-/// Gates are independent of each other and each is rendered with `seeds` seeds of its own, so that variances add up.
+/// Returns the light in the image of each of `n` gates, the light of the ungated image, and the standard error of the difference
+/// between the sum of the first and the second. Each gate is rendered with `seeds` seeds of its own, so that the variances of the
+/// gates add up. The error is small only without t = 1, because rare bright pixels of this strategy dominate the variance.
 fn totals(estimator: Estimator, strategies: Strategies, n: u32, seeds: u32, whole_seeds: u32) -> (Vec<f64>, f64, f64) {
     let s = settings(estimator, [8, 8]).max_depth(4).light_paths(2000).strategies(strategies).build().unwrap();
     let mut renderer = renderer(&build(Kind::CornellBox), &s);
@@ -83,7 +85,7 @@ fn totals(estimator: Estimator, strategies: Strategies, n: u32, seeds: u32, whol
 fn thirty_gates_add_up_with_resampled_queries() {
     let (parts, whole, error) = totals(Estimator::Lcs, Strategies::Paper, 30, 32, 64);
     assert!(error < 0.02 * whole && ((parts.iter().sum::<f64>() - whole) / error).abs() < threshold(1));
-    // The sibling that must fail: the brightest gate is missing.
+    // Negative control: the brightest gate is missing.
     let brightest = parts.iter().copied().fold(0.0, f64::max);
     assert!((parts.iter().sum::<f64>() - brightest - whole) / error < -threshold(1));
 }

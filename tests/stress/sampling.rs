@@ -1,4 +1,4 @@
-//! Convergence over a million samples, and independence of seeds, pixels and iterations.
+//! Convergence over up to a million samples per pixel, and independence of seeds, pixels and iterations.
 
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::Renderer;
@@ -9,8 +9,8 @@ use super::cells::{renderer, settings, threshold};
 use super::image;
 use super::wall::{gated_pixels, wall};
 
-/// Slope of log relMSE against log samples, up to 16 x 4^`steps` samples a pixel, over the pixels of a film of `side`^2 that a
-/// ring crosses: each has its closed form, and with `pt` each is independent of the others.
+/// Slope of log relMSE over log samples per pixel, up to 16 x 4^`steps` samples. The image has `side` x `side` pixels; the relMSE
+/// covers the pixels that the edge of the gated ring crosses. Each pixel has a closed form, and with `pt` pixels are independent.
 fn slope(side: u32, steps: u32) -> f64 {
     const YFOV: f64 = 1.2;
     let gate = Gate { lo: 4.3, hi: 4.9 };
@@ -30,7 +30,7 @@ fn slope(side: u32, steps: u32) -> f64 {
             renderer.iterate(16).unwrap_or_else(|e| panic!("{e}"));
         }
         let mean = renderer.film().mean();
-        // Rows of the film run downwards, but the ring is symmetric.
+        // The order of rows does not matter, because the ring is symmetric.
         let errors = crossed.iter().map(|&i| (f64::from(mean[3 * i]) / truth[i] - 1.0).powi(2));
         let relmse = errors.sum::<f64>() / crossed.len() as f64;
         println!("{samples} samples: relMSE {relmse:.3e}, times samples {:.3}", relmse * samples as f64);
@@ -44,21 +44,22 @@ fn slope(side: u32, steps: u32) -> f64 {
     slope
 }
 
-/// With p pixels a point is known to sqrt(2 / p), and the slope over four factors of 4 to about 0.03.
+/// The relMSE of p pixels has a relative standard error of sqrt(2 / p), so the slope over four factors of 4 has one of about
+/// 0.03.
 #[test]
 fn errors_fall_with_the_samples() {
     assert!((slope(20, 4) + 1.0).abs() < 0.1);
 }
 
-/// 1,048,576 samples of each pixel.
+/// 1,048,576 samples per pixel.
 #[test]
 #[ignore = "takes minutes"]
 fn a_million_samples_still_converge() {
     assert!((slope(14, 8) + 1.0).abs() < 0.1);
 }
 
-/// z-scores against independence of `images[i]` and `images[i + lag]` (all at once round the ring) for every lag. Images of a
-/// pair may have correlated pixels, pairs may not: the error comes from the pairs.
+/// For every lag, the z-score of the correlation between `images[i]` and `images[i + lag]`, over all i with wrap-around. Pixels
+/// of an image may be correlated, so the standard error comes from the spread of the pairs.
 fn lag_scores(images: &[Vec<f32>], lags: &[usize]) -> Vec<f64> {
     let n = images.len();
     let channels = images[0].len();
@@ -66,7 +67,7 @@ fn lag_scores(images: &[Vec<f32>], lags: &[usize]) -> Vec<f64> {
         (0..channels).map(|c| images.iter().map(|x| f64::from(x[c])).sum::<f64>() / n as f64).collect();
     let deviation: Vec<Vec<f64>> =
         images.iter().map(|x| x.iter().zip(&mean).map(|(&v, m)| f64::from(v) - m).collect()).collect();
-    // Deviations from the mean of n images have covariance -variance / n even when they are independent.
+    // Deviations from the mean of n independent images have the covariance -variance / n.
     let variance = deviation.iter().flatten().map(|d| d * d).sum::<f64>() / (n - 1) as f64;
     let score = |lag: &usize| {
         let product = |i: usize| dot(&deviation[i], &deviation[(i + lag) % n]) + variance / n as f64;
@@ -79,7 +80,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Mean over its standard error.
+/// The mean of the values, divided by its standard error.
 fn z_score(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -99,7 +100,7 @@ fn seeds(estimator: Estimator, n: u32) -> Vec<Vec<f32>> {
     (0..n).map(|seed| image(&mut renderer, seed, GATE, 1, 1)).collect()
 }
 
-/// Single iterations of one seed, from the running mean.
+/// Images of single iterations of one seed, computed as differences of the running mean.
 fn iterations(estimator: Estimator, n: u32) -> Vec<Vec<f32>> {
     let mut renderer = cornell(estimator);
     renderer.restart(5, GATE).unwrap();
@@ -124,7 +125,7 @@ fn independent(name: &str, scores: &[f64]) {
 fn neighbouring_seeds_are_independent() {
     let images = seeds(Estimator::Pt, 256);
     independent("pt, seeds", &lag_scores(&images, &LAGS));
-    // The sibling that must fail: a tenth of the next seed in every image.
+    // Negative control: every image contains a tenth of the next seed's image.
     let leak = |i: usize| {
         images[i].iter().zip(&images[(i + 1) % images.len()]).map(|(a, b)| a + 0.1 * b).collect::<Vec<f32>>()
     };
@@ -141,7 +142,7 @@ fn seeds_and_iterations_of_every_estimator_are_independent() {
     }
 }
 
-/// With `pt` nothing is shared between pixels.
+/// With `pt`, pixels share no random numbers and no light paths.
 #[test]
 #[ignore = "takes a minute"]
 fn pixels_are_independent_and_64_seeds_have_a_64th_of_the_variance() {
@@ -169,14 +170,14 @@ fn pixels_are_independent_and_64_seeds_have_a_64th_of_the_variance() {
     };
     let of_means: Vec<f64> = centred.iter().map(groups).collect();
     let ratio = 64.0 * of_means.iter().sum::<f64>() / single;
-    // Each pixel's variance of 32 means is known to sqrt(2 / 31) of itself.
+    // The variance of a pixel, estimated from 32 means, has a relative standard error of sqrt(2 / 31).
     let error = 64.0 * of_means.iter().map(|v| v * v * 2.0 / 31.0).sum::<f64>().sqrt() / single;
     println!("64 x variance of the mean of 64 seeds / variance of one = {ratio:.3} +- {error:.3}");
     assert!((ratio - 1.0).abs() < 4.0 * error && error < 0.1);
 }
 
-/// Samples of an iteration are stratified together, those of two are not: the spread between iterations tells the error. (Sequences
-/// that run on through the iterations read 4.)
+/// The samples of one iteration are stratified together; different iterations are independent. The spread of iterations therefore
+/// gives the right error. If one low-discrepancy sequence ran on through all iterations, the ratio in this test would be 4.
 #[test]
 fn the_variance_between_iterations_is_that_between_seeds() {
     const SEEDS: u32 = 128;
@@ -189,7 +190,8 @@ fn the_variance_between_iterations_is_that_between_seeds() {
         })
         .collect();
     let n = f64::from(SEEDS);
-    // Of a pixel: the variance it reports on average, and that of its mean. With `pt` pixels are independent.
+    // For each pixel: the mean of the reported variances, and the variance of its mean over the seeds. With `pt`, pixels are
+    // independent.
     let channel = |c: usize| {
         let mean = films.iter().map(|f| f64::from(f.0[c])).sum::<f64>() / n;
         let reported = films.iter().map(|f| f64::from(f.1[c])).sum::<f64>() / n;

@@ -1,4 +1,4 @@
-//! The same scene a thousand times larger, smaller, or far from the origin of its world is the same image.
+//! A scene gives the same image when it is scaled up or down, or moved far from the origin of world space.
 
 use glam::{DAffine3, DVec3};
 use taugate::internals::generate::shapes::cuboid;
@@ -15,15 +15,17 @@ use taugate::internals::generate::zoo::{Light, zoo};
 
 const SIZE: [u32; 2] = [24, 16];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
-/// Greatest part of the light that may move when all coordinates round differently: a ray or a choice at an edge falls to the
-/// other side, and one path of 1,536 is another one. For estimators without trees: in a tree of light vertices the halves change
-/// where two of them swap places, and with them what many queries find.
+/// Largest fraction of the light that may change when all coordinates round differently. A ray or a random choice at an edge may
+/// fall to the other side, and each of the 1,536 paths of an image is a visible part of it. The limit holds for estimators
+/// without trees: if rounding swaps two light vertices, nodes of the tree change, and with them the results of many queries.
 const ROUNDING: f64 = 2e-3;
-/// Iterations that tell whether the mean is the same, and how well they must know it.
+/// Number of independent iterations from which the change of the mean is estimated.
 const ITERATIONS: u32 = 64;
+/// Largest allowed standard error of the relative change of the mean.
 const PRECISE: f64 = 0.02;
 
-/// The scene `scale` times as large, then moved: radiance of surfaces stays, intensity and power grow with the area.
+/// The scene scaled by `scale`, then moved by `shift`. Intensity and power are multiplied by `scale` squared, so that radiance
+/// stays the same.
 fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
     let mut out = scene.clone();
     let move_to = |p: DVec3| p * scale + shift;
@@ -49,7 +51,7 @@ fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
     out
 }
 
-/// Cornell box with its lamp, a point, a beam, a mirror and a block of glass.
+/// The Cornell box with its area light, a point light, a beam, a mirror and a glass block.
 fn mixed() -> Scene {
     let mut scene = build(Kind::CornellBox);
     let mirror = material(&mut scene, metal("mirror", [0.9; 3], 0.0));
@@ -68,7 +70,7 @@ fn mixed() -> Scene {
     scene
 }
 
-/// Images of independent iterations.
+/// Images of independent iterations, through the gate scaled by `scale`.
 fn render(scene: &Scene, estimator: Estimator, scale: f64) -> Vec<Vec<f32>> {
     let s = settings(estimator, SIZE).max_depth(8).light_paths(500).build().unwrap();
     let mut renderer = Renderer::new(&device(), scene, &s).unwrap_or_else(|e| panic!("{e}"));
@@ -79,12 +81,12 @@ fn render(scene: &Scene, estimator: Estimator, scale: f64) -> Vec<Vec<f32>> {
     out
 }
 
-/// Part of the light of `a` that is elsewhere in `b`.
+/// Sum of the absolute differences of `a` and `b`, relative to the sum of `a`.
 fn difference(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(x, y)| f64::from((x - y).abs())).sum::<f64>() / sum(a)
 }
 
-/// Relative difference of the means of two sets of images with the same seeds, and its standard error.
+/// Relative change of the mean from `usual` to `there`, two sets of images with the same seeds, and its standard error.
 fn gain(usual: &[Vec<f32>], there: &[Vec<f32>]) -> (f64, f64) {
     let n = usual.len() as f64;
     let mean = usual.iter().map(|image| sum(image)).sum::<f64>() / n;
@@ -114,8 +116,9 @@ fn near(scene: &Scene, name: &str, estimator: Estimator, places: &[(f64, f64)]) 
     }
 }
 
-/// Places at which all estimators and emitters are tried.
+/// Upper bound on the number of comparisons over all estimators and scenes, for the significance threshold.
 const TESTS: usize = PLACES.len() * 16;
+/// Scale of the scene, and its distance from the origin of world space in metres.
 const PLACES: [(f64, f64); 7] = [(1e-3, 0.0), (1e3, 0.0), (1e6, 0.0), (1e9, 0.0), (1.0, 1e3), (1.0, 1e5), (1e-3, 1e5)];
 
 #[test]
@@ -123,7 +126,8 @@ fn a_scene_far_away_or_vast_is_the_same_image() {
     near(&mixed(), "mixed", Estimator::LcsPaper, &[(1e9, 0.0), (1.0, 1e5)]);
 }
 
-/// 11 contributions were dropped as non-finite at 1e9: the fourth power of a distance overflowed in the MIS sums.
+/// At scale 1e9 the fourth power of a distance overflowed in the MIS sums, and 11 contributions were dropped as non-finite.
+/// Scaling by a power of two changes no mantissa, so the image must keep its bits.
 #[test]
 fn powers_of_two_change_no_bit() {
     let scene = zoo(Light::Area);
@@ -133,7 +137,7 @@ fn powers_of_two_change_no_bit() {
     assert!(bits(&usual) == bits(&far), "{:e}", difference(&usual[0], &far[0]));
 }
 
-/// The sibling that must fail: a gate that is off by a thousandth.
+/// Negative control: gates that are off by a thousandth (pt) and by a tenth (lcs).
 #[test]
 fn a_gate_that_is_scaled_wrongly_is_noticed() {
     let scene = mixed();

@@ -1,4 +1,4 @@
-//! Thin gates have the right energy: rings on a plane a kilometre away, where a travel time has few f32 steps.
+//! Thin gates have the right energy. They show rings on a plane almost a kilometre away, where f32 travel times are coarse.
 
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
@@ -7,21 +7,22 @@ use super::cells::{renderer, settings, threshold};
 use super::wall::{gated_pixels, wall};
 use super::{image, sum};
 
-/// Not a power of two, and twice it stays within one binade over the view.
+/// Distance of the plane in metres. It is no power of two, and all travel times in view (about twice the distance) have the same
+/// f32 exponent.
 const DISTANCE: f64 = 870.0;
-/// Light of the whole view spreads over about 700 steps of 2^-13 m.
+/// Field of view in radians. The light in view arrives over about 700 f32 steps of 2^-13 m.
 const YFOV: f64 = 0.0195;
-/// f32 steps between 1024 m and 2048 m.
+/// Distance of neighbouring f32 numbers between 1024 m and 2048 m, in metres.
 const STEP: f64 = 1.0 / 8192.0;
 
-/// Bias of the mean over `gates` and its standard error; the gates are `width` steps wide and begin `phase` of a step off the
-/// numbers that f32 has.
+/// Relative bias of the mean over `gates` gates, and its standard error. Gates are `width` f32 steps wide and begin the fraction
+/// `phase` of a step above an f32 number.
 fn bias(estimator: Estimator, width: f64, phase: f64, gates: u32, seeds: u32, iterations: u32) -> (f64, f64) {
     let s = settings(estimator, [32, 32]).max_depth(2).light_paths(16).build().unwrap();
     let mut renderer = renderer(&wall(DISTANCE, YFOV, [32, 32]), &s);
     let mut ratios = vec![0.0; seeds as usize];
     for i in 0..gates {
-        // Over the rings that lie wholly in view.
+        // The gates are spread over the rings that are completely in view.
         let lo = 2.0 * DISTANCE + STEP * (8.0 + f64::from(i) * 300.0 / f64::from(gates) + phase).floor() + STEP * phase;
         let gate = Gate { lo, hi: lo + width * STEP };
         let truth: f64 = 3072.0 * gated_pixels(DISTANCE, YFOV, 1, gate.lo, gate.hi)[0];
@@ -49,8 +50,8 @@ fn a_gate_of_256_steps_has_its_energy() {
     }
 }
 
-/// Single gates differ by up to a step of the squared distance, a quarter of a step of time: the mean over many gates counts.
-/// Edges between two f32 numbers are rounded to one of them.
+/// A single gate may be off by a rounding step of the squared distance, which is a quarter of a step of time, so the test
+/// averages over many gates. Ends of gates between two f32 numbers are rounded to one of them.
 #[test]
 #[ignore = "takes a minute"]
 fn energy_of_gates_down_to_16_steps() {
@@ -67,7 +68,7 @@ fn energy_of_gates_down_to_16_steps() {
         let (bias, _) = bias(Estimator::Pt, 256.0, phase, 4, 32, 2);
         assert!(bias.abs() < 0.005, "phase {phase}: {bias}");
     }
-    // The sibling that must fail: a gate closed at both ends is one step wider, 6 % of 16.
+    // Negative control: a gate that is closed at both ends is one step wider, 6 % of 16 steps.
     let (bias, error) = bias(Estimator::Pt, 17.0, 0.0, 64, 32, 1);
     assert!((bias + 1.0) * 17.0 / 16.0 - 1.0 > threshold(1) * error + 0.005);
 }

@@ -1,5 +1,5 @@
-//! Thin gates have the right energy where the light vertices stand in trees: points on a lamp (the 3D tree) and points that
-//! the lamp lights (the 4D tree), six kilometres from the pinhole. The truth is an integral over f64, by a lattice.
+//! Thin gates have the right energy when light vertices come from the trees: points on a lamp (the 3D tree) and points that the
+//! lamp lights (the 4D tree), six kilometres from the pinhole. The truth is an integral in f64, computed with a lattice rule.
 
 use std::f64::consts::PI;
 
@@ -14,17 +14,18 @@ use taugate::internals::settings::{Estimator, Settings};
 
 use super::cells::{Cells, device, renderer, settings, threshold};
 
-/// From the pinhole to the wall that it sees; travel times lie between 4096 m and 8192 m.
+/// Distance from the pinhole to the wall in view, in metres. All travel times are between 4096 m and 8192 m.
 const DISTANCE: f64 = 6000.0;
-/// f32 steps there; gates are 256 of them wide, an eighth of a metre.
+/// Distance of neighbouring f32 numbers between 4096 m and 8192 m, in metres.
 const STEP: f64 = 1.0 / 2048.0;
+/// Width of a gate in f32 steps: an eighth of a metre.
 const STEPS: f64 = 256.0;
-/// Half of what is seen of the wall.
+/// Half the side of the square of the wall that is in view, in metres.
 const SEEN: f64 = 0.5;
 const ALBEDO: f32 = 0.5;
 const RADIANCE: f32 = 4.0;
 
-/// A rectangle: a corner, its sides, and the normal of its front.
+/// A rectangle: a corner, its two sides from there, and the normal of its front.
 struct Sheet {
     corner: DVec3,
     sides: [DVec3; 2],
@@ -45,17 +46,17 @@ impl Sheet {
     }
 }
 
-/// What stands at the far end: all that the pinhole sees of it is a part of one wall.
+/// The scene at the far end. The pinhole sees only a part of one wall.
 #[derive(Clone, Copy, PartialEq, Debug)]
 enum Far {
     /// A lamp that shines onto the wall.
     Lamp,
-    /// A lamp that shines past the wall onto another one beside it, which lights it.
+    /// A lamp that shines only onto another wall beside the first. Light scattered there reaches the first wall.
     Scattered,
 }
 
 impl Far {
-    /// Distances from the wall are multiples of the f32 steps: what is rounded is what is measured, not where things stand.
+    /// Distances from the wall are multiples of the f32 steps. Positions are therefore exact, and only travel times are rounded.
     fn lamp(self) -> Sheet {
         match self {
             Far::Lamp => Sheet::new([-0.2, 0.6, 0.6875], DVec3::Y * 0.4, DVec3::X * 0.4),
@@ -63,8 +64,8 @@ impl Far {
         }
     }
 
-    /// So large that little light meets its edges: rays leave a surface by 2^-19 of the distance from the pinhole, here a
-    /// centimetre, and open edges catch or lose what falls so near them.
+    /// The wall is so large that little light reaches its edges. Rays start 2^-19 of the distance from the pinhole above a
+    /// surface, here a centimetre, so light that falls closer than this to an open edge may be wrongly caught or lost.
     fn other_wall() -> Sheet {
         Sheet::new([-1.0, -1.5, 0.0], DVec3::Y * 5.0, DVec3::Z * 3.0)
     }
@@ -73,29 +74,30 @@ impl Far {
         let mut scene = Scene::default();
         let grey = material(&mut scene, diffuse("grey", [ALBEDO; 3]));
         let shine = material(&mut scene, emitter("lamp", [RADIANCE; 3]));
-        let mut stand = |name, material, s: Sheet| {
+        let mut put = |name, material, s: Sheet| {
             let local = s.corner + DISTANCE * DVec3::Z;
             let shape = quad(local, s.sides[0], s.sides[1], [1.0; 2]);
-            // Placed far away by its node: corners in a file are in f32.
+            // The node's transform moves the shape away, because vertex positions are in f32 and the transform is in f64.
             let index = mesh(&mut scene, name, material, shape);
             let there = DAffine3::from_translation(-DISTANCE * DVec3::Z);
             place(&mut scene, name, index, there);
         };
-        stand("wall", grey, Sheet::new([-1.0, -0.6, 0.0], DVec3::X * 1.6, DVec3::Y * 1.2));
+        put("wall", grey, Sheet::new([-1.0, -0.6, 0.0], DVec3::X * 1.6, DVec3::Y * 1.2));
         if self == Far::Scattered {
-            stand("other wall", grey, Far::other_wall());
+            put("other wall", grey, Far::other_wall());
         }
-        stand("lamp", shine, self.lamp());
+        put("lamp", shine, self.lamp());
         camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 2.0 * (SEEN / DISTANCE).atan(), [16, 16]);
         scene
     }
 
-    /// Segments of the paths.
+    /// Number of segments of the paths that carry all light.
     fn depth(self) -> u32 {
         if self == Far::Lamp { 2 } else { 3 }
     }
 
-    /// Radiance and travel time of the path through a point of the unit cube: film, lamp, other wall.
+    /// Radiance and travel time of the path for a point of the unit cube. Pairs of coordinates give the point on the film, the
+    /// point on the lamp, and the direction from the lamp to the other wall.
     fn path(self, p: &[f64; 6]) -> (f64, f64) {
         let lamp = self.lamp();
         let seen = DVec3::new(SEEN * (2.0 * p[0] - 1.0), SEEN * (2.0 * p[1] - 1.0), -DISTANCE);
@@ -110,7 +112,7 @@ impl Far {
             let (g, d) = geometry(from, lamp.normal, seen, DVec3::Z);
             return (emitted * g * scatter, d + seen.length());
         }
-        // A direction from the lamp, as dense as its light: the cosine and the square of the distance are gone.
+        // The direction from the lamp has a density proportional to the cosine, which cancels the geometry term.
         let (sine, angle) = (p[4].sqrt(), 2.0 * PI * p[5]);
         let w = DVec3::new(-(1.0 - p[4]).sqrt(), sine * angle.cos(), sine * angle.sin());
         let other = Far::other_wall();
@@ -121,7 +123,7 @@ impl Far {
             return (0.0, 0.0);
         }
         let (g2, d2) = geometry(between, other.normal, seen, DVec3::Z);
-        // The lamp stands between some points of the walls.
+        // The lamp may block the segment between the walls.
         let crossing = between + (seen - between) * ((lamp.corner.x - between.x) / (seen.x - between.x)) - lamp.corner;
         let part = lamp.sides.map(|side| crossing.dot(side) / side.length_squared());
         if part.iter().all(|p| (0.0..1.0).contains(p)) {
@@ -130,7 +132,7 @@ impl Far {
         (emitted * PI * g2 * scatter * scatter, d1 + d2 + seen.length())
     }
 
-    /// Gates at the front, about the middle and at the end of the light, on numbers that f32 has.
+    /// Gates at the beginning, near the middle and at the end of the light. Their ends are f32 numbers.
     fn gates(self) -> [Gate; 3] {
         let starts = if self == Far::Lamp { [0.9, 1.05, 1.25] } else { [1.7, 1.95, 2.3] };
         starts.map(|after| {
@@ -139,8 +141,9 @@ impl Far {
         })
     }
 
-    /// Mean radiance of the image in each gate, `wider` times as wide: Kronecker's lattice with Roberts' generalised golden
-    /// ratio, eight random shifts of `points` points, which agree to `precise` of it.
+    /// Mean radiance of the image in each gate, with gates `wider` times as wide. The integral uses Kronecker's lattice with
+    /// Roberts' generalised golden ratio, eight shifts of `points` points each. Panics if the standard error over the shifts
+    /// exceeds `precise` times the mean.
     fn truth(self, points: u32, wider: f64, precise: f64) -> [f64; 3] {
         let ratio = (0..60).fold(2.0f64, |x, _| (1.0 + x).powf(1.0 / 7.0));
         let step: [f64; 6] = std::array::from_fn(|k| ratio.powi(-(k as i32) - 1));
@@ -163,7 +166,7 @@ impl Far {
         std::array::from_fn(|gate| {
             let mean = all.iter().map(|s| s[gate]).sum::<f64>() / 8.0;
             let error = (all.iter().map(|s| (s[gate] - mean).powi(2)).sum::<f64>() / 56.0).sqrt();
-            assert!(error < precise * mean, "{self:?}: the lattice is off by {:.3} %", 100.0 * error / mean);
+            assert!(error < precise * mean, "{self:?}: the lattice has an error of {:.3} %", 100.0 * error / mean);
             mean
         })
     }
@@ -173,7 +176,7 @@ fn far_settings(far: Far, estimator: Estimator, light_paths: u32) -> Settings {
     settings(estimator, [16, 16]).max_depth(far.depth()).light_paths(light_paths).build().unwrap()
 }
 
-/// Bias of the mean over the gates and its standard error.
+/// Relative bias of the mean over the gates, and its standard error.
 fn bias(far: Far, estimator: Estimator, truth: &[f64; 3], light_paths: u32, iterations: u32) -> (f64, f64) {
     let mut renderer = renderer(&far.scene(), &far_settings(far, estimator, light_paths));
     let (mut off, mut variance) = (0.0, 0.0);
@@ -202,18 +205,19 @@ fn gates_of_256_steps_have_their_energy_through_the_trees() {
         let wider = far.truth(1 << 20, 1.1, 1e-3);
         for estimator in ESTIMATORS {
             let (off, error) = bias(far, estimator, &truth, 4000, 1);
-            // 0.5 % is asked; lcs is precise enough to see the lattice's error and travel times rounded to the nearest step.
+            // The requirement is 0.5 %. lcs is so precise that the errors of the lattice and of rounded travel times are visible.
             let allowed = 0.005_f64.max(threshold(6) * error);
             assert!(error < 0.02 && off.abs() < allowed, "{far:?} {estimator}: {off} +- {error}");
-            // The sibling that must fail: were a tenth of the gate missing.
+            // Negative control: against gates that are a tenth wider, the light in the right gates is too little.
             let ratio = truth.iter().zip(&wider).map(|(t, w)| t / w).sum::<f64>() / 3.0;
-            let missed = (1.0 + off) * ratio - 1.0;
-            assert!(missed < -threshold(1) * error, "{far:?} {estimator}: too noisy to tell");
+            let control = (1.0 + off) * ratio - 1.0;
+            assert!(control < -threshold(1) * error, "{far:?} {estimator}: too noisy to tell");
         }
     }
 }
 
-/// Asserts what both long tests do: a bias, measured with its error against the truth of all gates, of at most 0.5 %.
+/// Asserts that `measure` returns a bias of at most 0.5 %, or one within its standard error, for every scene and estimator.
+/// `measure` receives the truth of all gates.
 fn assert_small(measure: impl Fn(Far, Estimator, &[f64; 3]) -> (f64, f64)) {
     let mut wrong = vec![];
     for far in [Far::Lamp, Far::Scattered] {
@@ -235,7 +239,8 @@ fn the_bias_of_256_steps_is_small_through_the_trees() {
     assert_small(|far, estimator, truth| bias(far, estimator, truth, 20_000, 8));
 }
 
-/// The same of the trees' own strategy alone, with weight 1: a point of the lamp, or one that it lights, joined to the wall.
+/// The same for the strategy that uses the trees, alone and with MIS weight 1: it connects a point on the lamp, or a point that
+/// the lamp lights, to the wall in view.
 #[test]
 #[ignore = "takes minutes"]
 fn the_trees_alone_have_the_energy_through_the_trees() {
@@ -248,7 +253,7 @@ fn the_trees_alone_have_the_energy_through_the_trees() {
         for _ in 0..512 {
             parts.iterate(16).expect("an iteration");
         }
-        let own = parts.images().iter().find(|i| (i.s, i.t) == (far.depth() - 1, 2)).expect("it is formed");
+        let own = parts.images().iter().find(|i| (i.s, i.t) == (far.depth() - 1, 2)).expect("the strategy exists");
         let (mean, error) = own.unweighted.image_mean();
         let (off, error) = (mean / truth - 1.0, error.expect("512 iterations") / truth);
         println!("{far:?} {estimator} ({}, 2): {:+.3} % +- {:.3} %", own.s, 100.0 * off, 100.0 * error);
