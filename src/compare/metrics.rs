@@ -81,7 +81,7 @@ pub fn compare(image: &[f32], reference: &[f32]) -> Result<Comparison> {
     let (mean, reference_mean) = (mean_of(image), mean_of(reference));
     if reference_mean == 0.0 {
         return Err(Error::Settings(
-            "the reference has a mean of 0, so a relative error is undefined; choose a gate in which light arrives"
+            "the reference is black (its mean is 0), so a relative error is undefined; choose a gate in which light arrives"
                 .into(),
         ));
     }
