@@ -217,7 +217,7 @@ const BEAM: u32 = 1;
 const STORED: u32 = 2;
 const DETERMINISTIC: u32 = 4;
 
-/// `n` samples of one emitter. Each is a `Result` as 16 floats; `flags` and `kind` are the bits of theirs.
+/// `n` samples of one emitter. Each is a `Result` as 16 floats; the integers `flags` and `kind` are stored as bits of floats.
 fn start(emitter: Emitter, flags: u32, n: usize) -> Vec<[f32; 16]> {
     let mut pcg = Pcg::new(123);
     let triangle =
@@ -316,7 +316,7 @@ fn punctual_lights_and_beams_carry_their_power() {
     assert!((mean(&spot) / flux - 1.0).abs() < 4.5 / (N as f64).sqrt(), "{} {flux}", mean(&spot));
     assert!(spot.iter().all(|s| dvec(&s[4..7]).dot(axis) > 0.5 - 1e-6 && (f64::from(s[3]) - 1.0 / PI).abs() < 1e-6));
 
-    // A spot with a half angle of 0.08 degrees, whose cosine is 1 to within a few steps of f32.
+    // A spot with a half angle of 0.08 degrees, whose cosine differs from 1 by only 1e-6.
     let narrow = start(Emitter { kind: EMITTER_SPOT, outer: 1e-6, inner: 4e-7, ..place }, 0, N);
     let flux = 3.0 * TAU * (4e-7 + 6e-7 / 3.0) / 0.25;
     assert!((mean(&narrow) / flux - 1.0).abs() < 4.5 / (N as f64).sqrt(), "{} {flux}", mean(&narrow));

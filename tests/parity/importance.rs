@@ -213,8 +213,8 @@ fn the_cosine_of_a_box_bounds_that_of_its_points() {
     assert!(behind > 2000, "only {behind} boxes behind the surface");
 }
 
-/// A corner of the box is 10 cm from q, and q is 10 m from the sensor. The corner is above the surface of q by at most 1e-6
-/// m, about one step of f32 coordinates.
+/// A corner of the box is 10 cm from q, and q is 10 m from the sensor. The corner is above the surface of q, but by less than
+/// 1e-6 m: about one step of f32 coordinates.
 #[test]
 fn a_box_with_a_point_in_front_is_not_behind() {
     let mut pcg = Pcg::new(8);

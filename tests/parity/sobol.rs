@@ -16,7 +16,7 @@ const SOBOL: ShaderFunction = ShaderFunction {
     body: "result.point = sobol2(input.number); result.scrambled = owen_scramble(input.number, input.seed);",
 };
 
-/// Powers of two, one less than those, and random numbers.
+/// Powers of two, powers of two minus 1, and random numbers.
 fn numbers() -> Vec<u32> {
     let mut pcg = Pcg::new(31);
     let edges = (0..32).flat_map(|k| [1u32 << k, (1 << k) - 1, u32::MAX >> k]);
