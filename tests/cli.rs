@@ -292,7 +292,7 @@ fn images_of_different_gates_are_noted() {
     assert!(notes("c.exr").contains("different crops: one begins at column"));
 }
 
-/// It is an error if stdout cannot be written, because a result is lost. It is none if stderr cannot be written.
+/// The program fails if it cannot write to stdout, because a result is lost. It goes on if it cannot write messages to stderr.
 #[test]
 #[cfg(target_os = "linux")]
 fn full_disks_and_closed_terminals_behind_the_streams() {

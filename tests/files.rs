@@ -77,8 +77,7 @@ fn an_exr_is_read_back_with_its_metadata() {
 
 #[test]
 fn a_header_that_claims_a_huge_image_is_refused() {
-    // An EXR states its size in two windows. Each holds two inclusive corners, as four little-endian integers after the type
-    // name.
+    // An EXR states its size in two windows. Each holds two inclusive corners, as four little-endian integers after its type.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.exr");
     write(&path);
@@ -129,7 +128,7 @@ fn a_png_has_the_size_and_a_black_image_is_black() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
-/// A program that uses the library has no experiment file: `write_exr` stores its settings in the form of one.
+/// A program that uses the library has no experiment file: `write_exr` stores its settings as the text of such a file.
 #[test]
 fn write_exr_notes_the_settings_as_an_experiment() {
     let folder = tempfile::tempdir().unwrap();

@@ -169,8 +169,7 @@ fn a_render_that_does_not_fit_is_refused_before_it_starts() {
         (Some("light vertices"), Some(false)),
         "{largest}"
     );
-    // The film and its tallies need 1 GiB each. lavapipe allows no buffer of this size, and SwiftShader's whole memory is too
-    // small.
+    // The film and its tallies need 1 GiB each. lavapipe allows no buffer of this size, and SwiftShader has less memory in all.
     let film = ["--resolution", "8192x8192"];
     let device = Device::open(None).unwrap();
     let part = match device.info() {
@@ -215,8 +214,7 @@ fn a_pool_that_is_likely_too_large_is_warned_about() {
         let plan = MemoryPlan::new(&scene, &settings, &prepared, Some(&device)).unwrap();
         (plan.warning(&device), plan.check(&device).is_ok())
     };
-    // A vertex takes seven texels. Every path leaves at least one vertex, the estimate is four, and an eighth is added as
-    // reserve.
+    // A vertex takes seven texels. Every path leaves at least one vertex, the estimate is four, plus a reserve of an eighth.
     assert_eq!(warning(40 << 20), (None, true));
     let (message, fits) = warning(20 << 20);
     let message = message.expect("a warning");

@@ -1,4 +1,4 @@
-//! The estimators agree with each other and with the oracle, a path tracer in f64 that shares no code with them.
+//! The estimators agree with each other and with the oracle, a path tracer in f64 with another algorithm.
 
 use std::sync::OnceLock;
 

@@ -18,7 +18,7 @@ const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
 const ROUNDING: f64 = 2e-3;
 /// The unit of render space in the Cornell box, in metres, and the maximum distance of a sensor from the origin of render space.
 const UNIT: f64 = 4.0;
-const FARTHEST: f64 = UNIT / 4.0;
+const MAX_DISTANCE: f64 = UNIT / 4.0;
 
 fn short(estimator: Estimator) -> Settings {
     settings(estimator, SIZE).max_depth(8).light_paths(500).build().unwrap()
@@ -48,7 +48,7 @@ fn from_elsewhere(scene: &Scene, settings: &Settings, metres: f64) -> Renderer {
     let elsewhere = Scene { cameras: vec![moved(scene, metres)], ..scene.clone() };
     let mut renderer = renderer(&elsewhere, settings);
     renderer.iterate(1).unwrap_or_else(|e| panic!("{e}"));
-    assert!(renderer.set_camera(&scene.cameras[0]).unwrap(), "the renderer refuses a move by {metres} m");
+    assert!(renderer.set_camera(&scene.cameras[0]).unwrap(), "the renderer refused a move by {metres} m");
     assert_eq!(renderer.film().iterations(), 0, "the film is not empty after the move");
     renderer
 }
@@ -81,14 +81,14 @@ fn a_moved_camera_sees_what_one_there_sees() {
     let scene = mixed();
     for estimator in [Estimator::Pt, Estimator::Bdpt] {
         let usual = image(&mut renderer(&scene, &short(estimator)));
-        let there = image(&mut from_elsewhere(&scene, &short(estimator), 0.99 * FARTHEST));
+        let there = image(&mut from_elsewhere(&scene, &short(estimator), 0.99 * MAX_DISTANCE));
         let difference = difference(&usual, &there);
         assert!(difference < ROUNDING, "{estimator:?}: {difference:e}");
     }
     // Rounding may swap light vertices in the order of a tree, so images of lcs differ and only their means can be compared.
     let settings = short(Estimator::Lcs);
     let usual = Cells::measure(&mut renderer(&scene, &settings), GATE, 8, 1, 4, 1);
-    let mut renderer = from_elsewhere(&scene, &settings, 0.99 * FARTHEST);
+    let mut renderer = from_elsewhere(&scene, &settings, 0.99 * MAX_DISTANCE);
     let found = disagreements(&usual, &Cells::measure(&mut renderer, GATE, 8, 1, 4, 1001));
     assert!(found.is_empty(), "{found:?}");
 }
@@ -111,9 +111,9 @@ fn a_camera_too_far_away_is_refused() {
     let mut renderer = renderer(&scene, &short(Estimator::Bdpt));
     renderer.iterate(1).unwrap_or_else(|e| panic!("{e}"));
     let before = renderer.film().mean();
-    assert!(!renderer.set_camera(&moved(&scene, 1.01 * FARTHEST)).unwrap());
+    assert!(!renderer.set_camera(&moved(&scene, 1.01 * MAX_DISTANCE)).unwrap());
     assert_eq!((renderer.film().iterations(), renderer.film().mean()), (1, before));
-    assert!(renderer.set_camera(&moved(&scene, 0.99 * FARTHEST)).unwrap());
+    assert!(renderer.set_camera(&moved(&scene, 0.99 * MAX_DISTANCE)).unwrap());
 }
 
 /// The bounds on travel times follow the camera: a gate may be dark for the first camera and lit for the next.

@@ -32,7 +32,7 @@ fn rerun_tile_and_workgroup_give_the_same_bits() {
     {
         let settings = settings(estimator, SIZE).sampling(sampling).build().unwrap();
         let first = image(renderer(&scene, &settings), 5);
-        assert!(first == image(renderer(&scene, &settings), 5), "{estimator:?}, {sampling}: rerun");
+        assert!(first == image(renderer(&scene, &settings), 5), "{estimator:?}, {sampling}: the second render differs");
         assert!(
             first != image(renderer(&scene, &settings), 6),
             "{estimator:?}, {sampling}: seed 6 gives the same image"

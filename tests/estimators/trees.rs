@@ -1,5 +1,4 @@
-//! The expected image depends neither on how trees are built (one or two, leaf size) nor on the importance that queries sample
-//! by.
+//! The expected image depends neither on the trees (one or two, leaf size) nor on the importance by which queries sample.
 
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};

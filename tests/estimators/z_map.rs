@@ -51,7 +51,7 @@ fn alarms(pairs: u32, estimators: &[Estimator], samples: u32) -> [usize; 3] {
 fn renders_of_the_same_agree() {
     let [significant, at_five_percent, pairs] = alarms(8, &[Estimator::Bdpt, Estimator::LcsPaper], 2);
     // Binomial distribution of 16 pairs: more than one alarm at 1e-3, or more than five at 5 %, have a probability below 1e-3.
-    assert!(significant <= 1 && at_five_percent <= 5 && pairs == 16, "{significant} {at_five_percent}");
+    assert!(significant <= 1 && at_five_percent <= 5 && pairs == 16, "{significant} and {at_five_percent} alarms");
 }
 
 /// The long version: the rate of false alarms over 120 pairs.
@@ -60,7 +60,7 @@ fn renders_of_the_same_agree() {
 #[ignore = "takes minutes"]
 fn the_rate_of_false_alarms_is_as_stated() {
     let [significant, at_five_percent, pairs] = alarms(40, &[Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper], 2);
-    assert!(significant <= 2 && at_five_percent <= 15 && pairs == 120, "{significant} {at_five_percent}");
+    assert!(significant <= 2 && at_five_percent <= 15 && pairs == 120, "{significant} and {at_five_percent} alarms");
 }
 
 /// Negative controls: a gate that is off by 2 %, and light that is off by 3 %.
@@ -101,5 +101,5 @@ fn the_variances_of_pixels_are_not_enough() {
         added += pixels.iter().skip(1).step_by(3).map(|&v| f64::from(v)).sum::<f64>() / (n * n);
     }
     eprintln!("variance of the mean {shared:.2e}; from pixels {added:.2e}; ratio {:.2}", shared / added);
-    assert!(shared > 1.2 * added, "{shared} {added}");
+    assert!(shared > 1.2 * added, "variance of the mean {shared:.2e}; from pixels {added:.2e}");
 }

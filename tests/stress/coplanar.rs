@@ -100,8 +100,8 @@ fn every_wall_twice_is_the_same_image() {
     assert!(difference(&render(&turned(build(Kind::CornellBox)), Estimator::Bdpt, GATE), &apart) > 2e-4);
 }
 
-/// Two adjacent rooms whose walls at x = 1 coincide. The lamp is in one room, the pinhole in the other. `door`: both walls at x =
-/// 1 are missing.
+/// Two adjacent rooms whose walls at x = 1 coincide. The lamp is in one room, the pinhole in the other. `door`: these two
+/// walls are missing.
 fn two_rooms(door: bool) -> Scene {
     let mut scene = Scene::default();
     let white = material(&mut scene, diffuse("white", [0.9; 3]));

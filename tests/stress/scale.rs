@@ -103,14 +103,14 @@ fn near(scene: &Scene, name: &str, estimator: Estimator, places: &[(f64, f64)]) 
         let there = render(&placed(scene, scale, shift), estimator, scale);
         let moved = difference(&usual[0], &there[0]);
         let (gain, error) = gain(&usual, &there);
-        let what = format!(
+        let summary = format!(
             "{name}, {estimator:?}: scale {scale:e}, at {distance:e} m: {moved:.1e} moved, {gain:+.1e} +- {error:.1e} in all"
         );
-        println!("{what}");
+        println!("{summary}");
         match estimator {
-            Estimator::Pt | Estimator::Bdpt => assert!(moved < ROUNDING, "{what}"),
+            Estimator::Pt | Estimator::Bdpt => assert!(moved < ROUNDING, "{summary}"),
             Estimator::LcsPaper | Estimator::Lcs => {
-                assert!(error < PRECISE && gain.abs() <= 1e-6 + threshold(TESTS) * error, "{what}")
+                assert!(error < PRECISE && gain.abs() <= 1e-6 + threshold(TESTS) * error, "{summary}")
             }
         }
     }
