@@ -23,8 +23,8 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut BufWriter<File>) ->
     Ok(())
 }
 
-/// Fails if [`write_atomically`] would fail: missing folder, no permission, full disk, or no plain file. Programs call this
-/// function before long work.
+/// Fails if [`write_atomically`] would fail: missing folder, no permission, full disk, or no plain file. Call this function
+/// before long work.
 pub fn check_writable(path: &Path) -> Result<()> {
     let mut temporary = temporary_beside(path)?;
     // Writing one byte fails if the disk is full.
@@ -40,7 +40,7 @@ fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile> {
         return Err(Error::File { path: path.into(), message: "this is the name of a folder; name a file".into() });
     }
     match std::fs::metadata(path) {
-        // The rename would replace a device instead of writing to it.
+        // The rename would replace a device or a folder instead of writing to it.
         Ok(metadata) if !metadata.is_file() => {
             let message = "exists and is not a plain file; choose another name".into();
             return Err(Error::File { path: path.into(), message });

@@ -55,7 +55,8 @@ struct Camera {
 struct Emitter {
     node: String,
     kind: String,
-    /// Luminance-weighted power in W. None if --emitters leaves the emitter out, or if the scene cannot be prepared.
+    /// Luminance-weighted power in W. None for a directional light, for an emitter that --emitters leaves out, and if the
+    /// scene cannot be prepared.
     watts: Option<f64>,
 }
 

@@ -104,10 +104,7 @@ fn header(page: &Page) -> String {
             100.0 * TRIMMED
         );
     }
-    let _ = writeln!(
-        text,
-        "Dead: share of the queries whose light vertex fails the tests of gate, depth and facing, or that find none."
-    );
+    let _ = writeln!(text, "Dead: share of the queries that find no light vertex inside gate, depth and facing.");
     for sentence in page.missing {
         let _ = writeln!(text, "\n{sentence}.");
     }
