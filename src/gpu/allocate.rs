@@ -1,5 +1,5 @@
-//! Buffers and the list of their descriptors, from one function: it is generic over [`Allocate`]. With a [`Device`] it allocates the
-//! buffers, with a [`BufferList`] it lists what it would allocate.
+//! One function can both allocate buffers and list their descriptors, if the function is generic over [`Allocate`]. With a
+//! [`Device`], the function allocates. With a [`BufferList`], the function only lists the descriptors.
 
 use std::cell::RefCell;
 
@@ -9,11 +9,11 @@ use super::device::Device;
 use super::read_back::ReadBack;
 use crate::error::Result;
 
-/// Takes descriptors of buffers.
+/// Accepts descriptors of buffers, either to allocate the buffers or to list the descriptors.
 pub trait Allocate {
-    /// Stands for a buffer: [`Buffer`], or nothing.
+    /// [`Buffer`], or the empty type `()` if nothing is allocated.
     type Buffer;
-    /// Stands for a buffer that the host reads after submits: [`ReadBack`], or nothing.
+    /// A buffer that the host reads after submits: [`ReadBack`], or the empty type `()` if nothing is allocated.
     type ReadBack;
 
     fn buffer(&self, desc: BufferDesc) -> Result<Self::Buffer>;
@@ -33,14 +33,14 @@ impl Allocate for Device {
     }
 }
 
-/// Descriptors in the order in which they were taken.
+/// Descriptors in the order of the calls.
 #[derive(Default)]
 pub struct BufferList {
     descs: RefCell<Vec<BufferDesc>>,
 }
 
 impl BufferList {
-    /// What `make` would allocate.
+    /// Descriptors of all buffers that `make` would allocate, in the order of its calls.
     pub fn of<T>(make: impl FnOnce(&BufferList) -> Result<T>) -> Vec<BufferDesc> {
         let list = BufferList::default();
         make(&list).map(|_| list.descs.into_inner()).expect("nothing is allocated that could fail")

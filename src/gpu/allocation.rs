@@ -1,4 +1,4 @@
-//! Device memory with the buffer that it is bound to.
+//! Device memory, and the buffer that is bound to it.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -9,28 +9,29 @@ use super::drive::CACHED;
 use super::shared::Shared;
 use crate::error::{Error, Result};
 
-/// Memory that the device can work with, and the buffer that it is bound to.
+/// Memory that the device can access, and the one buffer that is bound to this memory.
 pub(super) struct Allocation {
     pub shared: Arc<Shared>,
     pub handle: vk::Buffer,
     memory: vk::DeviceMemory,
-    /// Where the host reads and writes it; none where it goes through staging memory.
+    /// Address at which the host reads and writes the memory. `None`: the host copies through staging memory.
     pub mapping: Option<*mut u8>,
     pub size: u64,
     pub name: &'static str,
-    /// What it adds to the device's sum of bytes: nothing for memory of the host, or before there is memory.
+    /// Bytes that this allocation adds to [`Shared::bytes`]. 0 for host memory, and before the memory is allocated.
     counted: u64,
 }
 
-// SAFETY: the mapping is an address that stays valid until `drop`. A buffer's is written with `&mut Buffer` alone, of which there
-// is one per allocation, and touched only under `host_access`, while the device works on nothing; that of staging memory is
-// touched under its lock, while no submit uses it.
+// SAFETY: the mapping is an address that stays valid until `drop`. The mapping of a buffer is written only through `&mut Buffer`,
+// and each allocation has one `Buffer`. The host reads and writes the mapping only under `host_access`, while the device is idle.
+// The mapping of staging memory is used under the lock of the staging memory, while no submit uses the memory.
 unsafe impl Send for Allocation {}
 // SAFETY: as above.
 unsafe impl Sync for Allocation {}
 
 impl Allocation {
-    /// `wanted`: [`super::drive::FOR_HOST`], which is mapped, or memory of the device, which is mapped where the device is driven so.
+    /// `wanted`: the properties of the memory. [`super::drive::FOR_HOST`] is always mapped. Device memory is mapped if the drive
+    /// of the device says so ([`super::Drive::maps_memory`]) and the memory is host-cached.
     pub fn new(
         shared: &Arc<Shared>,
         name: &'static str,
@@ -53,7 +54,7 @@ impl Allocation {
             counted: 0,
         };
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
-        // SAFETY: handles belong to this device; memory is bound once, before any use.
+        // SAFETY: the handles belong to this device. The memory is bound once, before any use.
         unsafe {
             new.handle = shared.device.create_buffer(&info, None).map_err(|e| shared.error("creating a buffer", e))?;
             let requirements = shared.device.get_buffer_memory_requirements(new.handle);
@@ -63,7 +64,12 @@ impl Allocation {
                 .then(|| find(wanted | CACHED))
                 .flatten()
                 .or_else(|| find(wanted))
-                .ok_or_else(|| Error::Device(format!("{} has no memory for {name}", shared.info.name)))?;
+                .ok_or_else(|| {
+                    Error::Device(format!(
+                        "{} has no memory type for the buffer {name}; choose another device with --device",
+                        shared.info.name
+                    ))
+                })?;
             let allocate = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(kind);
             new.memory = shared
                 .device
@@ -102,7 +108,8 @@ impl Drop for Allocation {
     fn drop(&mut self) {
         let shared = &self.shared;
         shared.bytes.fetch_sub(self.counted, Ordering::Relaxed);
-        // SAFETY: bindings and recorders hold what they use, and every submit was waited for: the device no longer uses it.
+        // SAFETY: bindings and recorders keep the allocations that they use alive, and the host waited for every submit. So the
+        // device no longer uses this memory.
         unsafe {
             shared.device.destroy_buffer(self.handle, None);
             shared.device.free_memory(self.memory, None);

@@ -12,18 +12,19 @@ use super::pipeline::Pipeline;
 use super::shader::Binding;
 use crate::error::{Error, Result};
 
-/// Buffers bound to a kernel. They live as long as this does, and as a recorder that works with it.
+/// Buffers bound to a kernel. The bindings keep the buffers alive; a recorder that uses the bindings does so too, until its
+/// submit has ended.
 pub struct Bindings {
     pub(super) bound: Arc<DescriptorSets>,
 }
 
-/// Descriptor sets, and what they refer to.
+/// Descriptor sets, and the objects that they refer to.
 pub(super) struct DescriptorSets {
     pub pipeline: Arc<Pipeline>,
     pool: vk::DescriptorPool,
     views: Vec<vk::BufferView>,
     pub sets: Vec<vk::DescriptorSet>,
-    /// Kept alive; nobody reads it.
+    /// Never read; the field keeps the bound buffers alive.
     _buffers: Vec<Arc<Allocation>>,
 }
 
@@ -43,7 +44,7 @@ impl DescriptorSets {
             sets: vec![],
             _buffers: vec![],
         };
-        // SAFETY: structures outlive the calls; the pool frees its sets when it is destroyed.
+        // SAFETY: the structures outlive the calls. The pool frees its sets when the pool is destroyed.
         unsafe {
             bound.pool = shared
                 .device
@@ -72,11 +73,11 @@ impl DescriptorSets {
 
     fn write(&mut self, binding: &Binding, buffer: &Arc<Allocation>) -> Result<()> {
         let shared = &self.pipeline.device.shared;
-        assert!(Arc::ptr_eq(shared, &buffer.shared), "{}: a buffer of another device", binding.name);
+        assert!(Arc::ptr_eq(shared, &buffer.shared), "{} is a buffer of another device", binding.name);
         let limit = shared.info.max_storage_buffer_range;
         if !binding.texels && buffer.size > limit {
             return Err(Error::Device(format!(
-                "the {} take {}, and kernels of {} see {} of a storage buffer; choose another with --device",
+                "the {} take {}, but a storage buffer on {} has at most {}; choose another device with --device",
                 binding.name,
                 mebibytes(buffer.size),
                 shared.info.name,
@@ -88,7 +89,7 @@ impl DescriptorSets {
             .dst_binding(binding.binding)
             .descriptor_type(binding.descriptor_type());
         let range = [vk::DescriptorBufferInfo { buffer: buffer.handle, offset: 0, range: vk::WHOLE_SIZE }];
-        // SAFETY: the sets are not in use yet; the view and the buffer live as long as the sets.
+        // SAFETY: the sets are not in use yet. The view and the buffer live as long as the sets.
         unsafe {
             if binding.texels {
                 let info = vk::BufferViewCreateInfo::default()
@@ -111,7 +112,8 @@ impl DescriptorSets {
 impl Drop for DescriptorSets {
     fn drop(&mut self) {
         let d = &self.pipeline.device.shared.device;
-        // SAFETY: as above; the buffers go after the views.
+        // SAFETY: the device no longer uses the sets: recorders keep them alive until their submit has ended. The buffers are
+        // dropped after the views.
         unsafe {
             d.destroy_descriptor_pool(self.pool, None);
             for &view in &self.views {

@@ -1,5 +1,6 @@
-//! Index checks for debugging: a kernel compares every computed index, into a buffer, a texel buffer or an array of its own,
-//! with the length, and notes where one is too large. (`ReadZeroSkipWrite` makes such an access harmless and says nothing.)
+//! Index checks for debugging. A kernel compares every computed index with the length of the buffer, texel buffer or local array,
+//! and stores the number of the place where an index is too large. (naga's policy `ReadZeroSkipWrite` makes an access out of
+//! range harmless, but does not report it.)
 
 use std::collections::HashMap;
 
@@ -8,17 +9,19 @@ use naga::{
     Module, ResourceBinding, Scalar, ScalarKind, Span, Statement, StorageAccess, Type, TypeInner, valid,
 };
 
-/// Name of the word that holds the number of a place whose index was out of range, 0 while there was none.
+/// Name of the storage variable (one u32) that holds the number of a place whose index was out of range; 0 if there is none.
 pub const VIOLATION: &str = "violation";
-/// A group that no kernel uses.
+/// Bind group of [`VIOLATION`]; no kernel uses this group otherwise.
 const GROUP: u32 = 3;
 
-/// Set to make every access checked; the images must not change (a test compares them).
+/// Whether `TAUGATE_BOUNDS_CHECKS` is set, which adds the checks to every kernel. Images are the same bits with and without
+/// checks; a test compares them.
 pub fn checked() -> bool {
     std::env::var_os("TAUGATE_BOUNDS_CHECKS").is_some()
 }
 
-/// Adds the checks to `module`, whose analysis is `info`. Returns what `describe` says of the places, number 1 first.
+/// Adds the checks to `module`; `info` is the validator's analysis of `module`. Returns the result of `describe` for each place
+/// that is checked; place number 1 comes first.
 pub fn instrument(module: &mut Module, info: &valid::ModuleInfo, describe: impl Fn(Span) -> String) -> Vec<String> {
     let word = Type { name: None, inner: TypeInner::Scalar(Scalar::U32) };
     let ty = module.types.insert(word, Span::UNDEFINED);
@@ -69,7 +72,7 @@ fn guard_function(
     function.body = with_guards(body, &mut guards);
 }
 
-/// Index and length of an access by a computed index; none of constant indices, which are checked when a kernel is parsed.
+/// Index and length of an access with a computed index. `None` for a constant index: naga checks constant indices when it parses.
 fn indexed(
     module: &Module,
     info: &valid::FunctionInfo,
@@ -97,7 +100,7 @@ fn indexed(
     }
 }
 
-/// `if (index >= length) { violation = number; }`
+/// Statements for `if (index >= length) { violation = number; }`.
 fn guard(
     function: &mut Function,
     index: Handle<Expression>,
@@ -113,7 +116,7 @@ fn guard(
     let first = function.expressions.len();
     let mut add = |expression: Expression| function.expressions.append(expression, Span::UNDEFINED);
     let right = constant.unwrap_or_else(|| add(length));
-    // A negative index is a large one.
+    // As an unsigned number, a negative index is a large one.
     let left = if signed { add(Expression::As { expr: index, kind: ScalarKind::Uint, convert: None }) } else { index };
     let condition = add(Expression::Binary { op: BinaryOperator::GreaterEqual, left, right });
     let range = function.expressions.range_from(first);
@@ -121,7 +124,7 @@ fn guard(
     vec![Statement::Emit(range), Statement::If { condition, accept: note, reject: Block::new() }]
 }
 
-/// The block with each guard behind the statement that evaluates its access.
+/// Copies `block` and inserts each guard after the statement that evaluates the guarded access.
 fn with_guards(block: Block, guards: &mut HashMap<Handle<Expression>, Vec<Statement>>) -> Block {
     let mut out = Block::new();
     for (statement, span) in block.span_into_iter() {

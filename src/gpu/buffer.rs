@@ -1,4 +1,4 @@
-//! Storage buffers: device memory, written and read by the host through a mapping where there is one, else by copies.
+//! Storage buffers: device memory that the host writes and reads, through a mapping if there is one, else with copies.
 
 use std::sync::Arc;
 
@@ -11,26 +11,27 @@ use super::device::Device;
 use super::drive::FOR_HOST;
 use crate::error::Result;
 
-/// A storage buffer. Its contents are undefined until written. What it is bound to keeps its memory alive, but the host reads
-/// and writes it through this one handle: `&mut` to write.
+/// A storage buffer. Its contents are undefined until they are written. Bindings keep the memory of the buffer alive, but the
+/// host reads and writes the buffer through this one handle, and needs `&mut` to write.
 pub struct Buffer {
     device: Device,
     pub(super) allocation: Arc<Allocation>,
 }
 
 impl Buffer {
-    /// `count` elements of `T`, or room for them; see [`BufferDesc::of`].
+    /// A buffer for `count` elements of `T`, of at least 16 bytes; see [`BufferDesc::of`]. Fails if the buffer exceeds a limit of
+    /// the device; `remedy` ends the error message.
     pub fn new<T>(device: &Device, name: &'static str, count: usize, remedy: &'static str) -> Result<Buffer> {
         Buffer::from_desc(device, &BufferDesc::of::<T>(name, count, remedy))
     }
 
-    /// The buffer that was planned as `desc`.
+    /// The buffer that `desc` describes. Fails if the buffer exceeds a limit of the device.
     pub fn from_desc(device: &Device, desc: &BufferDesc) -> Result<Buffer> {
         desc.check(device.info())?;
         Buffer::allocate(device, desc.name, desc.bytes, vk::MemoryPropertyFlags::DEVICE_LOCAL)
     }
 
-    /// A buffer that holds a copy of `data`.
+    /// A buffer that holds a copy of `data`; see [`Buffer::new`] for `remedy` and errors.
     pub fn from_slice<T: NoUninit>(
         device: &Device,
         name: &'static str,
@@ -42,7 +43,7 @@ impl Buffer {
         Ok(buffer)
     }
 
-    /// Memory of the host, `size` bytes of it, for what the device copies there.
+    /// A buffer of `size` bytes in host memory, as the target of copies by the device.
     pub(super) fn on_host(device: &Device, name: &'static str, size: u64) -> Result<Buffer> {
         Buffer::allocate(device, name, size, FOR_HOST)
     }
@@ -52,7 +53,7 @@ impl Buffer {
         Ok(Buffer { device: device.clone(), allocation })
     }
 
-    /// Whether the host reads and writes the device's memory where it lies.
+    /// Whether the host reads and writes the device's memory in place.
     pub(super) fn is_mapped(&self) -> bool {
         self.allocation.mapping.is_some()
     }
@@ -62,8 +63,8 @@ impl Buffer {
         self.allocation.size
     }
 
-    /// Writes `data` from element `first` on, before the device does what is submitted from now on. Waits for submits of other
-    /// threads.
+    /// Writes `data` from element `first` on; every later submit sees it. Waits for submits of other threads. Panics if the range
+    /// does not lie inside the buffer.
     pub fn write<T: NoUninit>(&mut self, first: usize, data: &[T]) -> Result<()> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let offset = self.offset::<T>(first, bytes.len(), "write");
@@ -71,13 +72,14 @@ impl Buffer {
             return self.device.staging().write(&self.allocation, offset, bytes);
         };
         let _idle = self.device.shared.host_access();
-        // SAFETY: `offset` checked the range, the mapping covers the whole buffer, the device works on nothing, and `&mut self`
-        // keeps other host threads away.
+        // SAFETY: `offset` checked the range, the mapping covers the whole buffer, the device is idle, and `&mut self` keeps
+        // other host threads away.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), address.add(offset as usize), bytes.len()) };
         Ok(())
     }
 
-    /// Reads `into.len()` elements from element `first` on. Waits for submits of other threads.
+    /// Reads `into.len()` elements from element `first` on. Waits for submits of other threads. Panics if the range does not lie
+    /// inside the buffer.
     pub fn read<T: AnyBitPattern + NoUninit>(&self, first: usize, into: &mut [T]) -> Result<()> {
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(into);
         let offset = self.offset::<T>(first, bytes.len(), "read");
@@ -90,25 +92,25 @@ impl Buffer {
         Ok(())
     }
 
-    /// Shows `look` the first `count` elements where they lie, or a copy where the device's memory is not mapped. The device
-    /// waits for `look`, which must neither submit work nor touch a buffer.
+    /// Calls `look` with the first `count` elements: in place if the device's memory is mapped, else with a copy. No submit
+    /// starts until `look` returns. `look` must neither submit work nor access a buffer, because it holds the lock of the queue.
     pub fn with<T: AnyBitPattern + NoUninit, R>(&self, count: usize, look: impl FnOnce(&[T]) -> R) -> Result<R> {
         self.offset::<T>(count, 0, "read");
         let Some(address) = self.allocation.mapping else { return Ok(look(&self.to_vec(count)?)) };
         let _idle = self.device.shared.host_access();
-        // SAFETY: `offset` checked the range, mappings are page-aligned, any bit pattern is valid for T, the device works on
-        // nothing, and `&self` keeps writers away.
+        // SAFETY: `offset` checked the range, mappings are page-aligned, any bit pattern is valid for T, the device is idle, and
+        // `&self` keeps writers away.
         Ok(look(unsafe { std::slice::from_raw_parts(address.cast::<T>(), count) }))
     }
 
-    /// `count` elements from the beginning.
+    /// A copy of the first `count` elements.
     pub fn to_vec<T: AnyBitPattern + NoUninit>(&self, count: usize) -> Result<Vec<T>> {
         let mut data = vec![T::zeroed(); count];
         self.read(0, &mut data)?;
         Ok(data)
     }
 
-    /// Offset of element `first`, from which `bytes` bytes lie inside the buffer.
+    /// Offset in bytes of element `first`. Panics if the `bytes` bytes from there do not lie inside the buffer.
     fn offset<T>(&self, first: usize, bytes: usize, doing: &str) -> u64 {
         let offset = first.checked_mul(size_of::<T>());
         let end = offset.and_then(|offset| offset.checked_add(bytes));
@@ -122,14 +124,16 @@ impl Buffer {
 mod tests {
     use super::*;
 
-    /// The buffer stayed behind where no memory fitted. The validation layers report that when the device closes.
+    /// The buffer object once leaked when no memory type fitted. The validation layers report such a leak when the device closes.
     #[test]
     fn nothing_is_left_of_a_buffer_without_memory() {
         let device = Device::open(None).unwrap_or_else(|e| panic!("this test needs a Vulkan device: {e}"));
-        // No type of memory has every property.
+        // No memory type has every property.
         let wanted = vk::MemoryPropertyFlags::from_raw(u32::MAX);
-        let Err(error) = Buffer::allocate(&device, "words", 64, wanted) else { panic!("memory of every kind") };
-        assert!(error.to_string().contains("has no memory for words"), "{error}");
+        let Err(error) = Buffer::allocate(&device, "words", 64, wanted) else {
+            panic!("no memory type has all properties")
+        };
+        assert!(error.to_string().contains("has no memory type for the buffer words"), "{error}");
         assert_eq!(device.bytes_in_use(), 0);
     }
 }

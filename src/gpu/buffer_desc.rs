@@ -1,51 +1,54 @@
-//! Descriptors of buffers, which exist before the buffers do, and whether a device can hold them.
+//! Descriptors of buffers that are not allocated yet, and the check whether a device can hold the buffers.
 
 use super::info::DeviceInfo;
 use crate::error::{Error, Result};
 
-/// A buffer before it is allocated. `name` appears in messages, `remedy` says what the user can change when it is too large.
+/// A buffer before it is allocated. `name` (a plural, such as "triangles") appears in messages. `remedy` tells the user what to
+/// change if the buffer is too large.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BufferDesc {
     pub name: &'static str,
     pub bytes: u64,
     pub remedy: &'static str,
-    /// Kernels only ever read it, as texels: in a texel buffer or a storage buffer, whichever may be larger on the device.
+    /// Kernels only read the buffer, as texels of 16 bytes. It is a texel buffer or a storage buffer, so the larger limit
+    /// applies.
     pub texels: bool,
-    /// The host reads it after submits: where memory is not mapped, the host holds a copy.
+    /// The host reads the buffer after submits. If device memory is not mapped, the host has a copy of it.
     pub read_back: bool,
 }
 
 impl BufferDesc {
-    /// `count` elements of `T`; at least 16 bytes, so that empty lists can be bound.
+    /// A storage buffer for `count` elements of `T`, of at least 16 bytes, so that an empty list can be bound.
     pub fn of<T>(name: &'static str, count: usize, remedy: &'static str) -> BufferDesc {
         let bytes = (count as u64).saturating_mul(size_of::<T>() as u64).max(16);
         BufferDesc { name, bytes, remedy, texels: false, read_back: false }
     }
 
-    /// As [`BufferDesc::of`], for a buffer that kernels see as `texture_1d<u32>` alone. `T` is a multiple of 16 bytes.
+    /// As [`BufferDesc::of`], for a buffer that kernels only read as `texture_1d<u32>`. The size of `T` is a multiple of 16
+    /// bytes.
     pub fn of_texels<T>(name: &'static str, count: usize, remedy: &'static str) -> BufferDesc {
         debug_assert_eq!(size_of::<T>() % 16, 0, "{name}");
         BufferDesc { texels: true, ..BufferDesc::of::<T>(name, count, remedy) }
     }
 
-    /// As it is, for a buffer that the host reads after submits.
+    /// This descriptor for a buffer that the host reads after submits.
     pub fn read_back(self) -> BufferDesc {
         BufferDesc { read_back: true, ..self }
     }
 
-    /// Bytes that `device` allows.
+    /// Maximum size of this buffer on `device`, in bytes.
     pub fn limit(&self, device: &DeviceInfo) -> u64 {
         let storage = device.largest_buffer();
         if self.texels { storage.max(device.largest_texel_buffer()) } else { storage }
     }
 
-    /// Fails where the device's limits on one buffer or one allocation are lower.
+    /// Fails if the buffer is larger than `device` allows for one buffer or one allocation.
     pub fn check(&self, device: &DeviceInfo) -> Result<()> {
         if self.bytes <= self.limit(device) {
             return Ok(());
         }
         Err(Error::Device(format!(
-            "the {} need {}, and {} allows {} a buffer; {}",
+            "the {} need {}, but {} allows at most {} per buffer; {}",
             self.name,
             mebibytes(self.bytes),
             device.name,
@@ -55,14 +58,14 @@ impl BufferDesc {
     }
 }
 
-/// Checks every buffer by itself and all of them together against the device's memory. The remedy named for the sum is that
-/// of the largest buffer.
+/// Checks every buffer against the limits of `device`, and the sum of all buffers against its memory. If the sum is too large,
+/// the message gives the remedy of the largest buffer.
 pub fn check_all(buffer_descs: &[BufferDesc], device: &DeviceInfo) -> Result<()> {
     buffer_descs.iter().try_for_each(|desc| desc.check(device))?;
     let total: u64 = buffer_descs.iter().map(|desc| desc.bytes).sum();
     match buffer_descs.iter().max_by_key(|desc| desc.bytes) {
         Some(largest) if total > device.heap_bytes => Err(Error::Device(format!(
-            "this render needs {} on the device, and {} has {}; the largest part are the {} with {}: {}",
+            "this render needs {} of device memory, but {} has {}; the largest part are the {} with {}: {}",
             mebibytes(total),
             device.name,
             mebibytes(device.heap_bytes),
@@ -74,7 +77,7 @@ pub fn check_all(buffer_descs: &[BufferDesc], device: &DeviceInfo) -> Result<()>
     }
 }
 
-/// `12.5 MiB`, without the decimal from 100 up.
+/// A size as text, such as `12.5 MiB`; from 100 MiB on without the decimal, such as `512 MiB`.
 pub fn mebibytes(bytes: u64) -> String {
     let mebi = bytes as f64 / f64::from(1 << 20);
     if mebi < 100.0 { format!("{mebi:.1} MiB") } else { format!("{mebi:.0} MiB") }
@@ -110,9 +113,9 @@ mod tests {
     fn texels_have_a_limit_of_their_own() {
         let desc = BufferDesc::of_texels::<[u32; 4]>("triangles", 1 << 20, "fewer");
         let narrow = DeviceInfo { max_texels: 1 << 19, ..device(1, u64::MAX, 0) };
-        assert!(desc.check(&narrow).unwrap_err().to_string().contains("allows 8.0 MiB"));
+        assert!(desc.check(&narrow).unwrap_err().to_string().contains("at most 8.0 MiB"));
         assert!(desc.check(&DeviceInfo { max_texels: 1 << 20, ..narrow.clone() }).is_ok());
-        // Where texel buffers are small, storage buffers take their place.
+        // If texel buffers are too small, a storage buffer takes their place.
         assert!(desc.check(&DeviceInfo { max_storage_buffer_range: 16 << 20, ..narrow }).is_ok());
     }
 

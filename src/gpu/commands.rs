@@ -1,4 +1,4 @@
-//! A command buffer that is recorded, submitted and waited for, again and again.
+//! A command buffer that the host records, submits and waits for, repeatedly.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -8,7 +8,7 @@ use ash::vk;
 use super::shared::Shared;
 use crate::error::Result;
 
-/// One command buffer. The device works on it during a submit only.
+/// One command buffer. The device executes it only during [`Commands::submit`].
 pub(super) struct Commands {
     shared: Arc<Shared>,
     pool: vk::CommandPool,
@@ -30,7 +30,7 @@ impl Commands {
         let pool = vk::CommandPoolCreateInfo::default()
             .queue_family_index(shared.queue_family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
-        // SAFETY: structures outlive the calls; the pool frees its command buffer when it is destroyed.
+        // SAFETY: the structures outlive the calls. The pool frees its command buffer when the pool is destroyed.
         unsafe {
             commands.pool = shared
                 .device
@@ -53,23 +53,24 @@ impl Commands {
         self.recording
     }
 
-    /// Begins to record. The last submit was waited for, so the command buffer is free.
+    /// Begins to record. The command buffer is free, because `submit` waits until the device has finished.
     pub fn begin(&mut self) -> Result<()> {
         let shared = &self.shared;
         let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: `&mut self` makes this the only user of the pool, and the device does not work on the command buffer.
+        // SAFETY: `&mut self` makes this the only user of the pool, and the device does not execute the command buffer.
         unsafe { shared.device.begin_command_buffer(self.buffer, &once) }.map_err(|e| shared.error("recording", e))?;
         self.recording = true;
         Ok(())
     }
 
-    /// What follows with `after` waits for what was recorded, or submitted before, with `before`: stages, and their accesses.
+    /// Records a memory barrier between pairs of pipeline stages and accesses. Later commands with the stages and accesses of
+    /// `after` wait for earlier commands (recorded or submitted) with those of `before`.
     pub fn barrier(
         &self,
         before: (vk::PipelineStageFlags, vk::AccessFlags),
         after: (vk::PipelineStageFlags, vk::AccessFlags),
     ) {
-        assert!(self.recording, "a barrier without recording");
+        assert!(self.recording, "a barrier needs a recording");
         let memory = [vk::MemoryBarrier::default().src_access_mask(before.1).dst_access_mask(after.1)];
         // SAFETY: recording has begun.
         unsafe {
@@ -78,8 +79,9 @@ impl Commands {
         }
     }
 
-    /// Submits what was recorded, after what `first` has recorded, and waits until the device has done both; all they wrote is
-    /// then visible to the host and to later submits. Whatever the result, the device no longer uses anything that was recorded.
+    /// Submits the commands recorded in `first` and then those recorded here, and waits until the device has executed both. All
+    /// writes are then visible to the host and to later submits. The device no longer uses anything that was recorded, even if
+    /// this function returns an error.
     pub fn submit(&mut self, first: Option<&mut Commands>) -> Result<()> {
         let mut commands = vec![];
         if let Some(first) = first {
@@ -89,14 +91,15 @@ impl Commands {
         let submit = [vk::SubmitInfo::default().command_buffers(&commands)];
         let shared = &self.shared;
         let queue = shared.submitting();
-        // SAFETY: the command buffers are complete; the lock makes this the queue's only user. The last submit has ended, so the fence
-        // may be reset. It is reset before the submit, because a wait that failed may have left it signalled.
+        // SAFETY: the command buffers are complete, and the lock makes this the queue's only user. The last submit has ended, so
+        // the fence may be reset. The reset comes before the submit, because a failed wait may have left the fence signalled.
         unsafe {
             shared.device.reset_fences(&[self.fence]).map_err(|e| shared.error("resetting a fence", e))?;
             shared.device.queue_submit(*queue, &submit, self.fence).map_err(|e| shared.error("submitting work", e))?;
             shared.waits.fetch_add(1, Ordering::Relaxed);
             if let Err(e) = shared.device.wait_for_fences(&[self.fence], true, u64::MAX) {
-                // The device may still be at work, and buffers must not go before it is done. It is if it was lost.
+                // The device may still execute the commands, and buffers must outlive them. A lost device executes nothing, so an
+                // error of this wait can be ignored.
                 let _ = shared.device.queue_wait_idle(*queue);
                 return Err(shared.error("waiting for the device", e));
             }
@@ -104,9 +107,9 @@ impl Commands {
         Ok(())
     }
 
-    /// Ends the recording; what it writes is visible to the host and to whatever is submitted after it.
+    /// Ends the recording with a barrier, so that the host and all later submits see the writes of the recorded commands.
     fn finish(&mut self) -> Result<vk::CommandBuffer> {
-        assert!(self.recording, "submit without recording");
+        assert!(self.recording, "a submit needs a recording");
         self.barrier(
             (
                 vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER,
@@ -135,7 +138,7 @@ impl Commands {
 impl Drop for Commands {
     fn drop(&mut self) {
         let d = &self.shared.device;
-        // SAFETY: every submit was waited for.
+        // SAFETY: `submit` has waited for the device, so the device uses neither object.
         unsafe {
             d.destroy_fence(self.fence, None);
             d.destroy_command_pool(self.pool, None);
@@ -148,7 +151,7 @@ mod tests {
     use super::*;
     use crate::gpu::{Buffer, Device};
 
-    /// A failed wait may leave the fence signalled. The next submit must wait all the same.
+    /// A failed wait may leave the fence signalled. The next submit must still wait for the device.
     #[test]
     fn a_submit_waits_though_the_fence_was_left_signalled() {
         let device = Device::open(None).unwrap_or_else(|e| panic!("this test needs a Vulkan device: {e}"));
@@ -156,7 +159,7 @@ mod tests {
         let buffer = Buffer::from_slice(&device, "numbers", &vec![1u32; count], "").unwrap();
         let shared = &device.shared;
         let mut commands = Commands::new(shared).unwrap();
-        // SAFETY: the fence is unsignalled, the lock makes this the queue's only user, and nothing is left to do afterwards.
+        // SAFETY: the fence is unsignalled, the lock makes this the queue's only user, and the queue is idle afterwards.
         unsafe {
             let queue = shared.submitting();
             shared.device.queue_submit(*queue, &[], commands.fence).unwrap();
@@ -165,7 +168,7 @@ mod tests {
         commands.begin().unwrap();
         let transfer = (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE);
         for value in 2..=9 {
-            // SAFETY: recording has begun; the buffer has the transfer usage and outlives the submit.
+            // SAFETY: recording has begun. The buffer has the transfer usage and outlives the submit.
             unsafe {
                 shared.device.cmd_fill_buffer(commands.buffer, buffer.allocation.handle, 0, vk::WHOLE_SIZE, value);
             }

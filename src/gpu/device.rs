@@ -15,8 +15,8 @@ use super::shared::Shared;
 use super::staging::Staging;
 use crate::error::{Error, Result};
 
-/// An open device with one compute queue. Cheap to clone; the last clone closes it. Threads may share it: their submits run
-/// one after the other.
+/// An open device with one compute queue. Clones are cheap and share the device; dropping the last clone closes the device.
+/// Threads may share a device: their submits run one after the other.
 #[derive(Clone)]
 pub struct Device {
     pub(super) shared: Arc<Shared>,
@@ -24,19 +24,21 @@ pub struct Device {
 }
 
 impl Device {
-    /// Devices in the driver's order.
+    /// All devices, in the order of the Vulkan loader, usable or not (see [`DeviceInfo::unusable`]). Fails if the machine has no
+    /// Vulkan loader or no driver.
     pub fn list() -> Result<Vec<DeviceInfo>> {
         let instance = Instance::open()?;
         Ok(instance.devices()?.into_iter().map(|(_, info)| info).collect())
     }
 
-    /// Opens the device that `selector` names by number or by part of its name. Without a selector: a discrete card before
-    /// an integrated one, and software last.
+    /// Opens the device that `selector` gives by its number in [`Device::list`] or by a part of its name (upper and lower case
+    /// are the same). Without a selector, opens the first usable device of the preferred [`DeviceKind`]: a discrete card before
+    /// an integrated one, software last. Fails if no device matches, or if the device is unusable.
     pub fn open(selector: Option<&str>) -> Result<Device> {
         Device::open_with_drive(selector, None)
     }
 
-    /// As [`Device::open`], driven otherwise than its memory asks for.
+    /// As [`Device::open`], but the host drives the device as `drive` says. `None`: as the device's memory suggests.
     pub fn open_with_drive(selector: Option<&str>, drive: Option<Drive>) -> Result<Device> {
         let instance = Instance::open()?;
         let (physical, infos): (Vec<_>, Vec<_>) = instance.devices()?.into_iter().unzip();
@@ -45,38 +47,38 @@ impl Device {
         open_physical(instance, physical[index], DeviceInfo { drive: drive.unwrap_or(info.drive), ..info.clone() })
     }
 
-    /// What the device is, and its limits.
+    /// Name, kind and limits of the device.
     pub fn info(&self) -> &DeviceInfo {
         &self.shared.info
     }
 
-    /// Bytes of all buffers that exist now.
+    /// Size of all device buffers that exist now, in bytes. Staging memory and copies in host memory are not included.
     pub fn bytes_in_use(&self) -> u64 {
         self.shared.bytes.load(Ordering::Relaxed)
     }
 
-    /// How often the host has waited for the device.
+    /// Number of times that the host has waited for the device since the device was opened.
     pub fn waits(&self) -> u64 {
         self.shared.waits.load(Ordering::Relaxed)
     }
 
-    /// How often memory that the device works with has been allocated.
+    /// Number of memory allocations since the device was opened, staging memory included.
     pub fn allocations(&self) -> u64 {
         self.shared.allocations.load(Ordering::Relaxed)
     }
 
     pub(super) fn staging(&self) -> MutexGuard<'_, Staging> {
-        // A panic elsewhere leaves whole copies behind.
+        // A poisoned lock is no problem: a panic of another thread leaves only complete copies in the staging memory.
         self.staging.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Submits `commands` after the writes that wait, and waits for the device.
+    /// Submits the writes that wait in staging memory, then `commands`, and waits for the device.
     pub(super) fn submit(&self, commands: &mut Commands) -> Result<()> {
         let mut staging = self.staging();
         if staging.has_writes() {
             return staging.submit_before(commands);
         }
-        // Other threads may write meanwhile.
+        // Without pending writes the lock is not needed, so other threads may write to staging memory during this submit.
         drop(staging);
         commands.submit(None)
     }
@@ -93,14 +95,13 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
             of.get_physical_device_properties(physical),
         )
     };
-    let family = families
-        .iter()
-        .position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE))
-        .ok_or_else(|| Error::Device(format!("{} has no compute queue; choose another with --device", info.name)))?;
+    let family = families.iter().position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE)).ok_or_else(|| {
+        Error::Device(format!("{} has no compute queue; choose another device with --device", info.name))
+    })?;
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family as u32).queue_priorities(&priorities)];
     let create = vk::DeviceCreateInfo::default().queue_create_infos(&queues);
-    // SAFETY: every structure outlives the call; the family has one queue at least.
+    // SAFETY: every structure outlives the call. The family has at least one queue.
     let (device, queue) = unsafe {
         let device = of.create_device(physical, &create, None).map_err(|e| device_error("opening the device", e))?;
         let queue = device.get_device_queue(family as u32, 0);

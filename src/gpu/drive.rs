@@ -1,43 +1,45 @@
-//! How the host drives a device.
+//! How the host drives a device, depending on the device's memory.
 
 use ash::vk;
 
 use crate::error::{Error, Result};
 
-/// Memory for data that the host reads and writes.
+/// Properties of memory that the host can map: host-visible and coherent.
 pub(super) const FOR_HOST: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
     vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw() | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw(),
 );
-/// Memory that the host reads at full speed.
+/// Properties of memory that the host reads at full speed: as [`FOR_HOST`], and host-cached.
 pub(super) const CACHED: vk::MemoryPropertyFlags =
     vk::MemoryPropertyFlags::from_raw(FOR_HOST.as_raw() | vk::MemoryPropertyFlags::HOST_CACHED.as_raw());
 
-/// Set to `card` or `cpu` to drive every device that way, whatever it is: for tests, and for trying out a new device.
+/// Environment variable: `card` or `cpu` forces that drive on every device, for tests and to try out a new device.
 const FORCED: &str = "TAUGATE_DRIVE";
 
-/// How the host drives a device. The image does not depend on it; a test holds that.
+/// How the host drives a device. The image is the same bits with every drive; a test compares them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Drive {
-    /// The host reads and writes the device's memory where it lies. Else data is copied, through staging memory that is made once.
+    /// True: the host reads and writes the device's memory in place. False: data is copied through staging memory.
     pub maps_memory: bool,
-    /// The host looks at what a bounce has left before it records the next one, and leaves out dispatches that have nothing to do.
-    /// Else all bounces are recorded at once, and the device reads the sizes of its dispatches from its own memory.
+    /// True: after each bounce the host reads how many paths and shade points are left, and omits empty dispatches. False: the
+    /// host records all bounces at once, and the device reads the sizes of its dispatches from its own memory.
     pub waits_per_bounce: bool,
 }
 
 impl Drive {
-    /// For memory that the host reaches at full speed: a wait is cheap, and an empty dispatch costs what tracing hundreds of paths
-    /// does.
+    /// For memory that the host reads at full speed. A wait for the device is cheap, but an empty dispatch costs as much as
+    /// tracing hundreds of paths.
     pub const CPU: Drive = Drive { maps_memory: true, waits_per_bounce: true };
-    /// For memory behind a bus: a wait costs more than an empty dispatch.
+    /// For memory behind a bus. A wait for the device costs more than an empty dispatch.
     pub const CARD: Drive = Drive { maps_memory: false, waits_per_bounce: false };
 
-    /// For a device whose memory the host reads at full speed (`is_cached`) or not.
+    /// Drive of a device. `is_cached`: the host reads the device's memory at full speed. `is_cpu`: the device is a software
+    /// implementation on the host.
     pub(super) fn of(is_cached: bool, is_cpu: bool) -> Drive {
         Drive { maps_memory: is_cached, waits_per_bounce: is_cached || is_cpu }
     }
 
-    /// What the user forces on every device, if anything.
+    /// Drive that the environment variable `TAUGATE_DRIVE` forces, if any. Fails if the variable has another value than `card`,
+    /// `cpu` or the empty string.
     pub(super) fn forced() -> Result<Option<Drive>> {
         match std::env::var_os(FORCED) {
             None => Ok(None),
@@ -51,7 +53,7 @@ fn parse(value: &str) -> Result<Option<Drive>> {
         "" => Ok(None),
         "card" => Ok(Some(Drive::CARD)),
         "cpu" => Ok(Some(Drive::CPU)),
-        _ => Err(Error::Device(format!("{FORCED} is {value}; set it to card or cpu, or unset it"))),
+        _ => Err(Error::Device(format!("{FORCED} is {value}; set {FORCED} to card or cpu, or unset it"))),
     }
 }
 
@@ -73,6 +75,6 @@ mod tests {
         assert_eq!(parse("cpu").unwrap(), Some(Drive::CPU));
         assert_eq!(parse("").unwrap(), None);
         let message = parse("gpu").unwrap_err().to_string();
-        assert!(message.contains("TAUGATE_DRIVE is gpu; set it to card or cpu"), "{message}");
+        assert!(message.contains("TAUGATE_DRIVE is gpu; set TAUGATE_DRIVE to card or cpu"), "{message}");
     }
 }

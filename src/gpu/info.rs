@@ -1,4 +1,4 @@
-//! What is known of a device before it is opened, and which device to open.
+//! Properties of a device that are known before it is opened, and the choice of the device to open.
 
 #![warn(missing_docs)]
 
@@ -8,7 +8,7 @@ use super::drive::{CACHED, Drive};
 use super::quirks::Quirks;
 use crate::error::{Error, Result};
 
-/// What a device is, the kind to prefer first.
+/// Kind of a device, in order of preference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DeviceKind {
@@ -16,62 +16,62 @@ pub enum DeviceKind {
     Discrete,
     /// A graphics processor beside the CPU.
     Integrated,
-    /// A card that a virtual machine is lent.
+    /// A graphics card that a virtual machine sees.
     Virtual,
-    /// What Vulkan has no name for.
+    /// A device of a kind that Vulkan has no name for.
     Other,
     /// A software implementation such as lavapipe.
     Software,
 }
 
-/// What a user needs to know to choose a device, and the limits that decide whether a scene fits.
+/// The properties that a user needs to choose a device, and the limits that decide whether a scene fits.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct DeviceInfo {
-    /// As its driver calls it.
+    /// Name of the device, from its driver.
     pub name: String,
     /// Name and version of the driver.
     pub driver: String,
-    /// Version of Vulkan, such as `1.3.255`.
+    /// Version of Vulkan that the driver supports, such as `1.3.255`.
     pub api_version: String,
-    /// Whether it is a card or software.
+    /// Graphics card or software.
     pub kind: DeviceKind,
-    /// Size of the largest device-local heap, bytes.
+    /// Size of the largest device-local heap, in bytes.
     pub heap_bytes: u64,
-    /// Largest storage buffer a kernel can see, bytes.
+    /// Maximum size of a storage buffer that is bound to a kernel, in bytes.
     pub max_storage_buffer_range: u64,
-    /// Texels of the largest texel buffer a kernel can see.
+    /// Maximum size of a texel buffer that is bound to a kernel, in texels (of 16 bytes).
     pub max_texels: u64,
-    /// Largest single allocation, bytes.
+    /// Maximum size of one allocation, in bytes.
     pub max_allocation: u64,
-    /// Invocations that run in step.
+    /// Number of invocations in a subgroup.
     pub subgroup_size: u32,
-    /// Most invocations in a workgroup.
+    /// Maximum number of invocations in a workgroup.
     pub max_workgroup_invocations: u32,
-    /// What kernels must know of its driver.
+    /// Properties of the driver that kernels must know.
     pub quirks: Quirks,
-    /// How the host drives it.
+    /// How the host drives the device.
     pub drive: Drive,
-    /// Why taugate cannot render on it; none where it can.
+    /// The reason why taugate cannot render on the device; `None` if it can.
     pub unusable: Option<&'static str>,
 }
 
 impl DeviceInfo {
-    /// Kernels run on the host's cores, in its memory.
+    /// Whether kernels run on the host's cores, in the host's memory.
     pub fn is_cpu(&self) -> bool {
         self.kind == DeviceKind::Software
     }
 
-    /// Bytes of the largest storage buffer that can be both allocated and bound.
+    /// Maximum size in bytes of a storage buffer that can be both allocated and bound.
     pub fn largest_buffer(&self) -> u64 {
         self.max_storage_buffer_range.min(self.max_allocation)
     }
 
-    /// Bytes of the largest buffer that can be allocated and read as 16-byte texels.
+    /// Maximum size in bytes of a buffer that can be both allocated and read as 16-byte texels.
     pub fn largest_texel_buffer(&self) -> u64 {
         self.max_texels.saturating_mul(16).min(self.max_allocation)
     }
 
-    /// Stands in where there is no device: software without limits.
+    /// A placeholder if there is no device: software without limits.
     pub fn unlimited() -> DeviceInfo {
         DeviceInfo {
             name: "no device".into(),
@@ -91,15 +91,16 @@ impl DeviceInfo {
     }
 }
 
-/// Set to a number of texels to see no more in a texel buffer of any device: what exceeds it is read as a storage buffer.
+/// Environment variable: maximum number of texels in a texel buffer of any device. Larger arrays are read from storage buffers.
 const MAX_TEXELS: &str = "TAUGATE_MAX_TEXELS";
 
-/// Texels that the user lets a texel buffer have.
+/// Maximum number of texels in a texel buffer that the environment variable `TAUGATE_MAX_TEXELS` allows; `u64::MAX` if it is not
+/// set. Fails if the variable is not a number.
 pub(super) fn max_texels_forced() -> Result<u64> {
     match std::env::var(MAX_TEXELS) {
-        Ok(value) if !value.is_empty() => value
-            .parse()
-            .map_err(|_| Error::Device(format!("{MAX_TEXELS} is {value}; set it to a number of texels, or unset it"))),
+        Ok(value) if !value.is_empty() => value.parse().map_err(|_| {
+            Error::Device(format!("{MAX_TEXELS} is {value}; set {MAX_TEXELS} to a number of texels, or unset it"))
+        }),
         _ => Ok(u64::MAX),
     }
 }
@@ -168,19 +169,22 @@ pub(super) fn describe(instance: &ash::Instance, physical: vk::PhysicalDevice) -
     }
 }
 
-/// Number of the device that `selector` names by number or by part of its name, or without one of the preferred kind.
+/// Index in `infos` of the device that `selector` gives, by number or by a part of its name. Without a selector, index of the
+/// first usable device of the preferred kind. Fails if no device matches, or if the device is unusable.
 pub(super) fn choose(infos: &[DeviceInfo], selector: Option<&str>) -> Result<usize> {
     if infos.is_empty() {
-        return Err(Error::Device("no Vulkan device on this machine; run ./setup.sh for the software one".into()));
+        return Err(Error::Device(
+            "no Vulkan device on this machine; run ./setup.sh to install the software device".into(),
+        ));
     }
     let Some(selector) = selector else {
-        // Among devices of one kind the first.
+        // `min_by_key` returns the first device of the preferred kind.
         let usable = infos.iter().enumerate().filter(|(_, d)| d.unusable.is_none());
         return usable.min_by_key(|(_, d)| d.kind).map(|(index, _)| index).ok_or_else(|| {
             let reasons: Vec<String> =
                 infos.iter().map(|d| format!("{}: {}", d.name, d.unusable.unwrap_or_default())).collect();
             Error::Device(format!(
-                "no device can be used ({}); run ./setup.sh for the software one",
+                "no device can be used ({}); run ./setup.sh to install the software device",
                 reasons.join(", ")
             ))
         });
@@ -189,12 +193,12 @@ pub(super) fn choose(infos: &[DeviceInfo], selector: Option<&str>) -> Result<usi
     let by_name = || infos.iter().position(|d| d.name.to_lowercase().contains(&selector.to_lowercase()));
     let index = by_number.or_else(by_name).ok_or_else(|| {
         let names: Vec<String> = infos.iter().enumerate().map(|(i, d)| format!("{i}: {}", d.name)).collect();
-        Error::Device(format!("no device matches --device {selector}; there are {}", names.join(", ")))
+        Error::Device(format!("no device matches --device {selector}; choose one of {}", names.join(", ")))
     })?;
     match infos[index].unusable {
         Some(reason) => {
             let name = &infos[index].name;
-            Err(Error::Device(format!("{name} cannot be used: {reason}; choose another with --device")))
+            Err(Error::Device(format!("{name} cannot be used: {reason}; choose another device with --device")))
         }
         None => Ok(index),
     }
@@ -211,7 +215,7 @@ mod tests {
     #[test]
     fn a_discrete_card_comes_before_an_integrated_one_and_software_last() {
         use DeviceKind::*;
-        // In the driver's order, the least wanted first; two of the best kind.
+        // The least preferred device comes first. Two devices are of the best kind.
         let kinds = [Software, Other, Virtual, Integrated, Discrete, Discrete];
         let infos = kinds.map(|kind| device("device", kind, None));
         for n in 1..=5 {

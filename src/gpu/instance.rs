@@ -1,4 +1,4 @@
-//! Starting Vulkan, and the devices that there are.
+//! The Vulkan instance, and the list of devices.
 
 use std::ffi::CStr;
 
@@ -8,7 +8,7 @@ use super::drive::Drive;
 use super::info::{DeviceInfo, describe, max_texels_forced};
 use crate::error::{Error, Result};
 
-/// A Vulkan instance; with the validation layers where the user asked for them.
+/// A Vulkan instance, with the validation layers if the user asked for them.
 pub(super) struct Instance {
     pub handle: ash::Instance,
     debug: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
@@ -16,14 +16,14 @@ pub(super) struct Instance {
     entry: ash::Entry,
 }
 
-/// Set to a non-empty value to load the validation layers; a message of theirs aborts the process.
+/// Environment variable: if it is not empty, the validation layers are loaded, and their first message aborts the process.
 const VALIDATE: &str = "TAUGATE_VALIDATE";
 
-/// The error of a Vulkan call, with a remedy where there is one.
+/// Converts the error of a Vulkan call, with a remedy if there is one. `doing` says which step failed, such as "submitting work".
 pub(super) fn device_error(doing: &str, e: vk::Result) -> Error {
     match e {
         vk::Result::ERROR_DEVICE_LOST => Error::Device(format!(
-            "the device was lost while {doing}; try --device with another one or a smaller --resolution"
+            "the device was lost while {doing}; choose another device with --device, or try a smaller --resolution"
         )),
         vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
             Error::Device(format!("out of memory while {doing}; try a smaller --resolution or fewer --light-paths"))
@@ -56,7 +56,7 @@ impl Instance {
         // SAFETY: `info` and all it points to live until the call returns.
         let handle = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
             vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
-                Error::Device("no Vulkan driver on this machine; run ./setup.sh for the software one".into())
+                Error::Device("no Vulkan driver on this machine; run ./setup.sh to install the software driver".into())
             }
             e => device_error("starting Vulkan", e),
         })?;
@@ -77,7 +77,7 @@ impl Instance {
         Ok(instance)
     }
 
-    /// All devices, in the driver's order.
+    /// All devices in the order of the Vulkan loader, with the environment variables for drive and texel buffers applied.
     pub fn devices(&self) -> Result<Vec<(vk::PhysicalDevice, DeviceInfo)>> {
         // SAFETY: the instance is alive.
         let devices =
@@ -94,7 +94,8 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // SAFETY: what was made from the instance is destroyed: `Shared` destroys its device in `drop`, before its fields.
+        // SAFETY: everything made from the instance is already destroyed: `Shared` destroys its device in `drop`, before its
+        // fields are dropped.
         unsafe {
             if let Some((loader, messenger)) = &self.debug {
                 loader.destroy_debug_utils_messenger(*messenger, None);

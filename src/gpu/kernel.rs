@@ -1,4 +1,4 @@
-//! Kernels: compiled entry points, with a variant for every set of arrays that are too large for texel buffers.
+//! Kernels: compiled entry points. A kernel has a variant for every set of arrays that are too large for texel buffers.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,19 +11,20 @@ use crate::error::Result;
 
 /// A compiled entry point.
 pub struct Kernel {
-    /// With a texel buffer for every array that is read as texels.
+    /// The pipeline that reads every array of texels from a texel buffer.
     usual: Arc<Pipeline>,
-    /// With storage buffers for arrays that were too large.
+    /// Pipelines that read some arrays of texels from storage buffers, because the arrays are too large for texel buffers.
     variants: Mutex<Vec<Arc<Pipeline>>>,
 }
 
 impl Kernel {
-    /// Compiles `entry` of `shaders/<file>.wgsl`. Override constants the file does not have are left out.
+    /// Compiles entry point `entry` of `shaders/<file>.wgsl`. `constants` are values of override constants; those that the file
+    /// does not declare are ignored. Fails if the source is wrong or the driver cannot compile it.
     pub fn new(device: &Device, file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Result<Kernel> {
         Kernel::compile(device, Source::of_file(file, entry, constants)?)
     }
 
-    /// As [`Kernel::new`], from a text that imports modules of `shaders/`; `path` stands for it in messages.
+    /// As [`Kernel::new`], from a text that may import modules of `shaders/`. `path` is the name of the text in messages.
     pub fn from_source(
         device: &Device,
         path: &'static str,
@@ -41,13 +42,13 @@ impl Kernel {
         Ok(Kernel { usual: Arc::new(usual), variants: Mutex::default() })
     }
 
-    /// Workgroups that give every one of `threads` threads a place.
+    /// Minimum number of workgroups for `threads` threads.
     pub fn groups(&self, threads: usize) -> u32 {
         (threads as u32).div_ceil(self.usual.workgroup)
     }
 
-    /// Binds every buffer the kernel uses. `buffers` may hold more than that; a name that is missing is an error. Where a buffer
-    /// is larger than the device's texel buffers may be, a variant of the kernel reads it as a storage buffer.
+    /// Binds the buffers that the kernel uses, by name. `buffers` may hold more buffers; a missing name is an error. If a buffer
+    /// is larger than the device's maximum for texel buffers, a variant of the kernel reads it as a storage buffer.
     pub fn bind(&self, buffers: &[(&str, &Buffer)]) -> Result<Bindings> {
         let pipeline = self.variant_for(buffers)?;
         Ok(Bindings { bound: Arc::new(DescriptorSets::new(&pipeline, buffers)?) })
@@ -70,7 +71,7 @@ impl Kernel {
         Ok(variant)
     }
 
-    /// Whether the bindings belong to this kernel.
+    /// Whether `bound` was made by this kernel.
     pub(super) fn is_bound_by(&self, bound: &DescriptorSets) -> bool {
         Arc::ptr_eq(&self.usual.source, &bound.pipeline.source)
     }

@@ -1,4 +1,5 @@
-//! Vulkan compute: device, buffers, kernels. All the unsafe code is here, and nothing here knows rendering.
+//! Vulkan compute: device, buffers, kernels. All unsafe code of the project is in this module. Nothing in it knows about
+//! rendering.
 
 mod allocate;
 mod allocation;

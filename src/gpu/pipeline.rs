@@ -17,11 +17,11 @@ impl Binding {
     }
 }
 
-/// The Vulkan objects of a kernel, which its bindings keep alive.
+/// The Vulkan objects of a kernel. Bindings of the kernel keep them alive.
 pub(super) struct Pipeline {
     pub device: Device,
     pub source: Arc<Source>,
-    /// Arrays that are read as texels and bound as storage buffers.
+    /// Names of the arrays of texels that this variant reads from storage buffers.
     pub storage: Vec<String>,
     pub handle: vk::Pipeline,
     pub layout: vk::PipelineLayout,
@@ -29,7 +29,8 @@ pub(super) struct Pipeline {
     pub bindings: Vec<Binding>,
     pub constants_size: u32,
     pub workgroup: u32,
-    /// With index checks: the word the kernel writes when one fails, and what its numbers stand for.
+    /// With index checks: the buffer to which the kernel writes the number of the place where a check failed, and a description
+    /// of each place.
     pub violation: Option<(Buffer, Vec<String>)>,
 }
 
@@ -56,7 +57,7 @@ impl Pipeline {
             workgroup: compiled.workgroup,
             violation,
         };
-        // SAFETY: structures outlive the calls; the module is destroyed after the pipeline was made from it.
+        // SAFETY: the structures outlive the calls. The module is destroyed after the pipeline is made from it.
         unsafe {
             for group in 0..groups {
                 let of_group: Vec<_> = new
@@ -104,7 +105,7 @@ impl Pipeline {
         Ok(new)
     }
 
-    /// Ends the process, as a message of the validation layers does, if the kernel found an index out of range.
+    /// Aborts the process if the kernel found an index out of range.
     fn report_violation(&self) {
         let Some((word, places)) = &self.violation else { return };
         let mut number = [0u32];
@@ -119,7 +120,8 @@ impl Drop for Pipeline {
     fn drop(&mut self) {
         self.report_violation();
         let d = &self.device.shared.device;
-        // SAFETY: recorders hold what they use until the device is done with it, so nothing uses the pipeline any more.
+        // SAFETY: recorders keep the pipelines that they use alive until their submit has ended, so the device no longer uses
+        // this pipeline.
         unsafe {
             d.destroy_pipeline(self.handle, None);
             d.destroy_pipeline_layout(self.layout, None);

@@ -1,14 +1,16 @@
-//! Drivers that do less than kernels would like, or more than Vulkan promises.
+//! Properties of drivers that kernels must know: defects, and accuracy beyond Vulkan's guarantees.
 
 use ash::vk;
 
-/// What is known of a driver. Each field sets an override constant, whose default is right for a driver of which nothing is known.
+/// Known properties of a driver. Each field sets an override constant of kernels. The defaults are safe for an unknown driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Quirks {
-    /// Sine and cosine are right to the last digits; Vulkan promises 2^-11. Else kernels compute their own.
+    /// Sine and cosine are accurate to the last digits of f32, while Vulkan guarantees an absolute error of 2^-11. If false,
+    /// kernels compute sine and cosine themselves.
     pub exact_sines: bool,
-    /// A loop must be left at its top. SwiftShader repeats the last iteration of threads that have left a loop while others go on,
-    /// and reads 0 from storage buffers for them: the result of a loop that is left at its end is lost.
+    /// Kernels must leave a loop at its top. SwiftShader repeats the last iteration for threads that have left a loop while other
+    /// threads continue. In the repetition these threads read 0 from storage buffers, so a loop that ends at its end loses its
+    /// result.
     pub exit_at_top: bool,
 }
 
@@ -23,7 +25,7 @@ impl Quirks {
         }
     }
 
-    /// Override constants of kernels.
+    /// Names and values of the override constants of kernels.
     pub(super) fn constants(self) -> [(&'static str, f64); 2] {
         [("EXACT_SINES", self.exact_sines.into()), ("EXIT_AT_TOP", self.exit_at_top.into())]
     }

@@ -7,18 +7,19 @@ use super::buffer_desc::BufferDesc;
 use super::device::Device;
 use crate::error::Result;
 
-/// A buffer that submits end with making readable ([`Recorder::read_back`](super::Recorder::read_back)). Where the device's memory
-/// is not mapped they copy it to memory of the host, so that reading needs no submit of its own.
+/// A buffer that the host reads after submits. If the device's memory is not mapped,
+/// [`Recorder::read_back`](super::Recorder::read_back) adds a copy to host memory to the submit, so that reading needs no submit
+/// of its own.
 pub struct ReadBack {
     pub(super) buffer: Buffer,
-    /// What the host sees; none where it sees the buffer itself.
+    /// The copy in host memory; `None` if the host reads the buffer in place.
     pub(super) copy: Option<Buffer>,
 }
 
 impl ReadBack {
-    /// The buffer that was planned as `desc`.
+    /// The buffer that `desc` describes, and its copy in host memory if one is needed. Panics if `desc.read_back` is false.
     pub fn from_desc(device: &Device, desc: &BufferDesc) -> Result<ReadBack> {
-        assert!(desc.read_back, "{} is not planned to be read back", desc.name);
+        assert!(desc.read_back, "the descriptor of {} does not say read_back", desc.name);
         let buffer = Buffer::from_desc(device, desc)?;
         let copy = match buffer.is_mapped() {
             true => None,
@@ -31,12 +32,13 @@ impl ReadBack {
         &self.buffer
     }
 
-    /// Writes `data` from the beginning on.
+    /// Writes `data` to the beginning of the buffer; see [`Buffer::write`].
     pub fn write<T: NoUninit>(&mut self, data: &[T]) -> Result<()> {
         self.buffer.write(0, data)
     }
 
-    /// Shows `look` the first `count` elements as the last submit left them; see [`Buffer::with`].
+    /// Calls `look` with the first `count` elements, as they were at the last
+    /// [`Recorder::read_back`](super::Recorder::read_back); see [`Buffer::with`].
     pub fn with<T: AnyBitPattern + NoUninit, R>(&self, count: usize, look: impl FnOnce(&[T]) -> R) -> Result<R> {
         self.copy.as_ref().unwrap_or(&self.buffer).with(count, look)
     }

@@ -1,4 +1,4 @@
-//! One command buffer at a time: dispatches in order, each seeing what the ones before it wrote.
+//! Records dispatches into a command buffer. They run in order, and each dispatch sees all writes of earlier dispatches.
 
 use std::sync::Arc;
 
@@ -13,18 +13,19 @@ use super::kernel::Kernel;
 use super::read_back::ReadBack;
 use crate::error::Result;
 
-/// Seconds the device spent on the dispatches that carried a label, over one submit.
+/// For each label, the seconds that the device spent on the dispatches with this label during one submit. Empty if the device has
+/// no timestamps.
 pub type Timing = Vec<(&'static str, f64)>;
 
 const MAX_QUERIES: u32 = 2048;
 
-/// Records dispatches and submits them together. Reused from submit to submit.
+/// Records dispatches and submits them together. A recorder is reused for many submits.
 pub struct Recorder {
     device: Device,
     commands: Commands,
     queries: vk::QueryPool,
     labels: Vec<&'static str>,
-    /// What is recorded, alive until the device has done it.
+    /// Keeps everything that is recorded alive until the device has executed it.
     kept: Vec<Arc<dyn Send + Sync>>,
 }
 
@@ -33,7 +34,7 @@ impl Recorder {
         let commands = Commands::new(&device.shared)?;
         let shared = &device.shared;
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_QUERIES);
-        // SAFETY: `info` outlives the call; `drop` destroys the pool.
+        // SAFETY: `info` outlives the call. `drop` destroys the pool.
         let queries = unsafe { shared.device.create_query_pool(&info, None) }
             .map_err(|e| shared.error("creating a query pool", e))?;
         Ok(Recorder { device: device.clone(), commands, queries, labels: vec![], kept: vec![] })
@@ -44,7 +45,7 @@ impl Recorder {
             return Ok(());
         }
         self.commands.begin()?;
-        // SAFETY: recording has begun; the results of the last submit were read.
+        // SAFETY: recording has begun. `submit` has already read the results of the last submit.
         unsafe {
             let d = &self.device.shared.device;
             d.cmd_reset_query_pool(self.commands.buffer, self.queries, 0, MAX_QUERIES);
@@ -54,7 +55,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// `groups` workgroups of `kernel`; nothing for 0. `constants` are its immediates.
+    /// Records a dispatch of `groups` workgroups of `kernel`; records nothing for 0. `constants` are the immediates of the
+    /// kernel. The time of the dispatch counts for `label`.
     pub fn dispatch<P: NoUninit>(
         &mut self,
         label: &'static str,
@@ -74,7 +76,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// As [`Recorder::dispatch`], the number of workgroups read by the device from word `word` of `arguments`.
+    /// As [`Recorder::dispatch`], but the device reads the number of workgroups (3 words) from word `word` of `arguments` on.
     pub fn dispatch_indirect<P: NoUninit>(
         &mut self,
         label: &'static str,
@@ -84,15 +86,16 @@ impl Recorder {
         (arguments, word): (&Buffer, u64),
     ) -> Result<()> {
         let allocation = &arguments.allocation;
-        assert!(Arc::ptr_eq(&self.device.shared, &allocation.shared), "arguments of another device");
+        assert!(Arc::ptr_eq(&self.device.shared, &allocation.shared), "the arguments are on another device");
         assert!(
             word * 4 + size_of::<vk::DispatchIndirectCommand>() as u64 <= allocation.size,
-            "arguments past the end"
+            "the arguments lie past the end of their buffer"
         );
         self.begin()?;
         self.bind(kernel, bindings, constants);
         self.kept.push(allocation.clone());
-        // SAFETY: as above; the arguments lie inside the buffer, which has the indirect usage and is kept.
+        // SAFETY: pipeline, sets and immediates are bound. The arguments lie inside the buffer, which has the indirect usage and
+        // is kept alive.
         unsafe {
             self.device.shared.device.cmd_dispatch_indirect(self.commands.buffer, allocation.handle, word * 4);
         }
@@ -103,11 +106,11 @@ impl Recorder {
     fn bind<P: NoUninit>(&mut self, kernel: &Kernel, bindings: &Bindings, constants: &P) {
         let bound = &bindings.bound;
         let pipeline = &bound.pipeline;
-        assert!(kernel.is_bound_by(bound), "bindings of another kernel");
-        assert!(Arc::ptr_eq(&self.device.shared, &pipeline.device.shared), "a kernel of another device");
+        assert!(kernel.is_bound_by(bound), "the bindings belong to another kernel");
+        assert!(Arc::ptr_eq(&self.device.shared, &pipeline.device.shared), "the kernel belongs to another device");
         let (d, commands) = (&self.device.shared.device, self.commands.buffer);
         let bytes: &[u8] = bytemuck::bytes_of(constants);
-        // SAFETY: recording has begun; the handles belong to this device and to each other, and are kept until it is done.
+        // SAFETY: recording has begun. The handles belong to this device and to each other, and `kept` keeps them alive.
         unsafe {
             d.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, pipeline.handle);
             if !bound.sets.is_empty() {
@@ -133,11 +136,12 @@ impl Recorder {
         );
     }
 
-    /// The first `bytes` bytes of `read_back`, as what was recorded so far leaves them, are there for the host after the submit.
+    /// Makes the first `bytes` bytes of `read_back` readable for the host after the submit, in the state after the dispatches
+    /// that are recorded so far.
     pub fn read_back(&mut self, read_back: &ReadBack, bytes: u64) -> Result<()> {
         let Some(copy) = &read_back.copy else { return Ok(()) };
         let (from, to) = (&read_back.buffer.allocation, &copy.allocation);
-        assert!(Arc::ptr_eq(&self.device.shared, &from.shared), "a buffer of another device");
+        assert!(Arc::ptr_eq(&self.device.shared, &from.shared), "{} is a buffer of another device", from.name);
         assert!(bytes <= from.size && from.size <= to.size, "{}: read past the end", from.name);
         self.begin()?;
         self.commands.barrier(
@@ -145,13 +149,14 @@ impl Recorder {
             (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_READ),
         );
         let region = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes }];
-        // SAFETY: recording has begun; the range lies inside both buffers, which have the transfer usages and are kept.
+        // SAFETY: recording has begun. The range lies inside both buffers, which have the transfer usages and are kept alive.
         unsafe { self.device.shared.device.cmd_copy_buffer(self.commands.buffer, from.handle, to.handle, &region) };
         self.kept.extend([from.clone() as Arc<dyn Send + Sync>, to.clone()]);
         Ok(())
     }
 
-    /// The time from the stamp before to the moment when everything recorded so far has passed `stage` belongs to `label`.
+    /// Records a timestamp that the device writes when all commands so far have passed `stage`. The time since the previous
+    /// timestamp counts for `label`. Does nothing if the device has no timestamps, or if the query pool is full.
     fn stamp(&mut self, label: &'static str, stage: vk::PipelineStageFlags) {
         let n = self.labels.len() as u32;
         if n < MAX_QUERIES && self.device.shared.timestamp_ns > 0.0 {
@@ -161,7 +166,8 @@ impl Recorder {
         }
     }
 
-    /// Submits what was recorded, waits for it, and says how long each label took.
+    /// Submits the recorded commands, waits for the device, and returns the time of each label. Does nothing if nothing is
+    /// recorded.
     pub fn submit(&mut self) -> Result<Timing> {
         if !self.commands.is_recording() {
             return Ok(vec![]);
@@ -179,7 +185,7 @@ impl Recorder {
             return Ok(vec![]);
         }
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-        // SAFETY: these queries were written by the submit that has just finished.
+        // SAFETY: the submit that has just ended wrote these queries.
         unsafe { shared.device.get_query_pool_results(self.queries, 0, &mut ticks, flags) }
             .map_err(|e| shared.error("reading timestamps", e))?;
         let mut timing: Timing = vec![];
@@ -196,7 +202,7 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // SAFETY: every submit was waited for.
+        // SAFETY: `submit` has waited for the device, so the device does not use the pool.
         unsafe { self.device.shared.device.destroy_query_pool(self.queries, None) };
     }
 }

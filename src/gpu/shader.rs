@@ -1,4 +1,4 @@
-//! WGSL to SPIR-V: `#import`, error positions, override constants, bindings.
+//! Compiles WGSL to SPIR-V: resolves `#import`, maps errors to source positions, sets override constants, lists bindings.
 
 use std::collections::HashMap;
 
@@ -10,18 +10,19 @@ use super::{bounds, spirv, texels};
 use crate::error::{Error, Result};
 use crate::wgsl::SOURCES;
 
-/// Source of the module `name`, wherever it lies.
+/// Path and source of the file `name` (without path and ending) in `shaders/` or a folder below it.
 fn source(name: &str) -> Option<(&'static str, &'static str)> {
     SOURCES.iter().find(|(path, _)| path.rsplit('/').next() == Some(name)).copied()
 }
 
-/// One shader with its imports in place, and where each line came from.
+/// A shader with its imports inserted, and the origin (file and line number) of each line.
 pub struct Composed {
     pub text: String,
     origin: Vec<(&'static str, u32)>,
 }
 
-/// Puts the imports of `text` (file `path`) in front, each module once.
+/// Replaces every `#import` of `text` (file `path`) by the source of the module; each module is inserted once. Fails if a module
+/// does not exist or imports itself.
 pub fn compose(path: &'static str, text: &str) -> Result<Composed> {
     let mut composed = Composed { text: String::new(), origin: vec![] };
     include(path, text, &mut vec![], &mut vec![], &mut composed)?;
@@ -67,7 +68,7 @@ impl Composed {
         }
     }
 
-    /// Parses and validates; errors name file, line and column of the original source.
+    /// Parses and validates the text. Errors give file, line and column of the original source.
     pub fn parse(&self) -> Result<(naga::Module, naga::valid::ModuleInfo)> {
         let mut options = naga::front::wgsl::Options::new();
         options.capabilities = CAPABILITIES;
@@ -91,27 +92,28 @@ pub struct Binding {
     pub name: String,
     pub group: u32,
     pub binding: u32,
-    /// Read as 16-byte texels (`texture_1d<u32>`), not as a storage buffer.
+    /// The kernel reads the buffer as 16-byte texels (`texture_1d<u32>`), not as a storage buffer.
     pub texels: bool,
 }
 
-/// A compiled entry point and what it expects to be bound.
+/// A compiled entry point, and the buffers and immediates that it needs.
 pub struct Compiled {
+    /// The SPIR-V module.
     pub words: Vec<u32>,
-    /// Every buffer the entry point uses.
+    /// Every buffer that the entry point uses.
     pub bindings: Vec<Binding>,
-    /// Bytes of immediates, 0 without any.
+    /// Size of the immediates in bytes; 0 if there are none.
     pub constants_size: u32,
-    /// Threads a workgroup.
+    /// Threads per workgroup.
     pub workgroup: u32,
-    /// With index checks: what stands where an index may be found out of range, number 1 first.
+    /// With index checks: source position of every place that is checked; place number 1 comes first. Else empty.
     pub places: Vec<String>,
 }
 
-/// What a kernel is compiled from.
+/// Source text, entry point and constants of a kernel.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// Stands for the text in messages.
+    /// Name of the text in messages.
     path: &'static str,
     text: String,
     pub entry: String,
@@ -120,20 +122,20 @@ pub struct Source {
 }
 
 impl Source {
-    /// Entry point `entry` of kernel file `file`. Override constants that the file does not have are left out.
+    /// Entry point `entry` of kernel file `file`. Override constants that the file does not declare are ignored. Fails if there
+    /// is no such file.
     pub fn of_file(file: &str, entry: &str, constants: &[(&str, f64)]) -> Result<Source> {
         let (path, text) = source(file).ok_or_else(|| Error::Shader(format!("no kernel file named {file}")))?;
         Ok(Source::new(path, text, entry, constants))
     }
 
-    /// As [`Source::of_file`], for a kernel that is not one of the files: `text` may import modules, `path` stands for it in
-    /// messages.
+    /// As [`Source::of_file`], for a kernel that is not in `shaders/`. `text` may import modules; `path` is its name in messages.
     pub fn new(path: &'static str, text: &str, entry: &str, constants: &[(&str, f64)]) -> Source {
         let constants = constants.iter().map(|(name, value)| (name.to_string(), *value)).collect();
         Source { path, text: text.into(), entry: entry.into(), constants }
     }
 
-    /// Sets the override constant `name`, unless it has a value.
+    /// Sets the override constant `name` to `value` if it has no value yet.
     pub fn with_default(mut self, name: &str, value: f64) -> Source {
         if self.constants.iter().all(|(other, _)| other != name) {
             self.constants.push((name.into(), value));
@@ -142,7 +144,8 @@ impl Source {
     }
 }
 
-/// Compiles `source`; of the arrays that it reads as texels, those named in `storage` become storage buffers.
+/// Compiles `source`. The arrays of texels that `storage` names become storage buffers. Fails if the source or an import is
+/// wrong, or if there is no such entry point.
 pub fn compile(source: &Source, storage: &[String]) -> Result<Compiled> {
     let Source { path, text, entry, constants } = source;
     let mut composed = compose(path, text)?;
@@ -157,7 +160,7 @@ pub fn compile(source: &Source, storage: &[String]) -> Result<Compiled> {
     let (module, _) =
         naga::back::pipeline_constants::process_overrides(&module, &info, stage, &wanted.into_iter().collect())
             .map_err(|e| Error::Shader(format!("shaders/{path}.wgsl: {e}")))?;
-    // Without what this entry point does not use: drivers compile everything they are given.
+    // Remove everything that this entry point does not use, because drivers compile the whole module.
     let mut module = module.into_owned();
     module.entry_points.retain(|e| e.name == *entry);
     if module.entry_points.is_empty() {
@@ -205,7 +208,7 @@ pub fn compile(source: &Source, storage: &[String]) -> Result<Compiled> {
     Ok(Compiled { words, bindings, constants_size, workgroup, places })
 }
 
-/// Spelled out because naga's defaults differ between debug and release builds.
+/// Every option is given explicitly, because naga's defaults differ between debug and release builds.
 fn writer_options() -> spv::Options<'static> {
     let policy = if bounds::checked() { BoundsCheckPolicy::ReadZeroSkipWrite } else { BoundsCheckPolicy::Unchecked };
     spv::Options {
@@ -214,7 +217,7 @@ fn writer_options() -> spv::Options<'static> {
         bounds_check_policies: BoundsCheckPolicies {
             index: policy,
             buffer: policy,
-            // naga has no check for texel buffers.
+            // naga cannot check texel buffers.
             image_load: BoundsCheckPolicy::Unchecked,
             binding_array: policy,
         },

@@ -1,4 +1,4 @@
-//! What everything on a device shares: its handles, its queue, and its counters.
+//! State of an open device that all its buffers, kernels and recorders share: handles, queue and counters.
 
 use std::sync::atomic::AtomicU64;
 use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -9,10 +9,10 @@ use super::info::DeviceInfo;
 use super::instance::{Instance, device_error};
 use crate::error::Error;
 
-/// An open device; the last that holds it closes it.
+/// An open device. Dropping the last reference closes the device.
 pub(super) struct Shared {
     pub device: ash::Device,
-    /// Who submits holds it for writing until the device is done; who reads or writes a buffer on the host, for reading.
+    /// A submit holds the lock for writing until the device has finished. A host access to a buffer holds it for reading.
     pub queue: RwLock<vk::Queue>,
     pub queue_family: u32,
     pub memory: vk::PhysicalDeviceMemoryProperties,
@@ -20,10 +20,11 @@ pub(super) struct Shared {
     /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
     pub timestamp_ns: f64,
     pub info: DeviceInfo,
-    /// Memory of all buffers that exist.
+    /// Size of all device buffers that exist, in bytes.
     pub bytes: AtomicU64,
-    /// How often the host waited for the device, and how often memory was allocated.
+    /// Number of times that the host has waited for the device.
     pub waits: AtomicU64,
+    /// Number of memory allocations.
     pub allocations: AtomicU64,
     // Dropped after `drop` has destroyed the device.
     pub _instance: Instance,
@@ -34,13 +35,14 @@ impl Shared {
         device_error(doing, e)
     }
 
-    /// The queue, for one submit and the wait for it: nobody else submits, and no host thread touches a buffer meanwhile.
+    /// Locks the queue for one submit and the wait for it. Meanwhile no other thread submits, and no host thread accesses a
+    /// buffer.
     pub fn submitting(&self) -> RwLockWriteGuard<'_, vk::Queue> {
-        // A panic elsewhere leaves no work behind: whoever submits waits before the guard goes.
+        // A poisoned lock is no problem: each submit waits for the device before it drops the guard, so no work is left.
         self.queue.write().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Held while the host reads or writes buffers: the device works on nothing meanwhile.
+    /// Locks the queue while the host reads or writes buffers. The device is idle as long as the guard lives.
     pub fn host_access(&self) -> RwLockReadGuard<'_, vk::Queue> {
         self.queue.read().unwrap_or_else(PoisonError::into_inner)
     }
@@ -48,8 +50,8 @@ impl Shared {
 
 impl Drop for Shared {
     fn drop(&mut self) {
-        // SAFETY: buffers, kernels and recorders hold a clone of the `Arc`, so nothing of theirs is left, and every submit was
-        // waited for.
+        // SAFETY: buffers, kernels and recorders hold a clone of the `Arc`, so all of them are already destroyed. Every submit
+        // has waited for the device.
         unsafe {
             self.device.destroy_pipeline_cache(self.cache, None);
             self.device.destroy_device(None);

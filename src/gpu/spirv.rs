@@ -1,9 +1,9 @@
-//! What WGSL and naga cannot say, said in the finished SPIR-V: no contraction, and texel buffers.
+//! Edits the finished SPIR-V, for two features that WGSL and naga do not have: NoContraction and texel buffers.
 
 /// Words before the first instruction.
 const HEADER: usize = 5;
 
-/// Instructions as (opcode, words); the words begin with the instruction's own first word.
+/// Iterates over all instructions as (opcode, words). The words include the first one, which holds length and opcode.
 fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
     let mut at = HEADER;
     std::iter::from_fn(move || {
@@ -15,8 +15,8 @@ fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
     })
 }
 
-/// Decorates every float operation with NoContraction, which naga does not emit: a fused multiply-add at one of two
-/// triangles that share an edge would open a gap between them.
+/// Decorates every float operation with NoContraction, which naga does not emit. Without the decoration, a driver may use a fused
+/// multiply-add for one of two triangles that share an edge, and rays could pass between them.
 pub fn forbid_contraction(words: &[u32]) -> Vec<u32> {
     const DECORATE: u32 = 71;
     const NO_CONTRACTION: u32 = 42;
@@ -27,7 +27,7 @@ pub fn forbid_contraction(words: &[u32]) -> Vec<u32> {
     let mut out = words[..HEADER].to_vec();
     let mut decorated = false;
     for (operation, instruction) in instructions(words) {
-        // Decorations end where the types begin.
+        // In SPIR-V all decorations come before the first type.
         if !decorated && TYPES.contains(&operation) {
             out.extend(float_operations().flat_map(|(_, f)| [(3 << 16) | DECORATE, f[2], NO_CONTRACTION]));
             decorated = true;
@@ -37,9 +37,9 @@ pub fn forbid_contraction(words: &[u32]) -> Vec<u32> {
     out
 }
 
-/// Turns one-dimensional sampled images into uniform texel buffers, for which WGSL has no type: a `texture_1d<u32>` is an
-/// array of 16-byte texels in an ordinary buffer. lavapipe fetches a texel a lane with one 128-bit load and no branch, where a
-/// storage buffer costs a branch, a bounds check and an insertion for each of its words.
+/// Turns one-dimensional sampled images into uniform texel buffers, for which WGSL has no type. So a `texture_1d<u32>` is an
+/// array of 16-byte texels in an ordinary buffer. The reason is speed: for each thread, lavapipe fetches a texel with one 128-bit
+/// load and no branch. From a storage buffer, each word costs a branch, a bounds check and an insertion into the vector.
 pub fn texel_buffers(words: &[u32]) -> Vec<u32> {
     const CAPABILITY: u32 = 17;
     const SAMPLED_1D: u32 = 43;
@@ -63,7 +63,7 @@ pub fn texel_buffers(words: &[u32]) -> Vec<u32> {
                 out.push(DIM_BUFFER);
                 out.extend_from_slice(&instruction[4..]);
             }
-            // The only images there are.
+            // Kernels have no other images, so every fetch and every size query is of a texel buffer.
             IMAGE_FETCH => {
                 out.push(((FETCH_WITHOUT_LEVEL as u32) << 16) | IMAGE_FETCH);
                 out.extend_from_slice(&instruction[1..FETCH_WITHOUT_LEVEL]);

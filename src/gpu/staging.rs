@@ -1,4 +1,4 @@
-//! Memory of the host through which data comes to device memory that is not mapped, and back. It is made once per device.
+//! Host memory for copies to and from device memory that is not mapped. It is allocated once per device.
 
 use std::sync::Arc;
 
@@ -10,25 +10,25 @@ use super::drive::FOR_HOST;
 use super::shared::Shared;
 use crate::error::Result;
 
-/// Bytes that one submit can move: enough for all that an iteration writes between two submits but a large pool, and no burden on
-/// the host.
+/// Size of the staging memory in bytes, which one submit can copy at most. It is small for the host, but large enough for
+/// everything that an iteration writes between two submits, except a large pool of light vertices.
 const SIZE: u64 = 16 << 20;
-/// Copies begin at multiples of this.
+/// Every copy begins at a multiple of this number of bytes.
 const ALIGNMENT: u64 = 16;
 
-/// Staging memory of a device. Writes wait here for the next submit, which begins with them.
+/// Staging memory of a device. Writes wait here for the next submit, which executes them first.
 pub(super) struct Staging {
     shared: Arc<Shared>,
-    /// None until a copy needs it: where all memory is mapped, none does.
+    /// `None` until the first copy. If all memory is mapped, there are no copies.
     area: Option<Area>,
 }
 
 struct Area {
     memory: Allocation,
     commands: Commands,
-    /// Bytes at its beginning that hold data to be copied.
+    /// Number of bytes, from the beginning of the memory, that hold data to be copied.
     used: u64,
-    /// Where they go, alive until the device has copied them.
+    /// The targets of the copies, kept alive until the device has copied the data.
     targets: Vec<Arc<Allocation>>,
 }
 
@@ -37,12 +37,12 @@ impl Staging {
         Staging { shared, area: None }
     }
 
-    /// Whether writes wait for the next submit.
+    /// Whether there are writes that wait for the next submit.
     pub fn has_writes(&self) -> bool {
         self.area.as_ref().is_some_and(|area| area.commands.is_recording())
     }
 
-    /// Submits the writes that wait and `commands` behind them; waits for the device.
+    /// Submits the pending writes, then `commands`, and waits for the device.
     pub fn submit_before(&mut self, commands: &mut Commands) -> Result<()> {
         let area = self.area()?;
         let done = commands.submit(Some(&mut area.commands));
@@ -50,8 +50,8 @@ impl Staging {
         done
     }
 
-    /// Writes `bytes` to `to` from `offset` on, before the next submit does anything else. They lie inside, and come at once if
-    /// there is room.
+    /// Writes `bytes` to `to` from `offset` on. The next submit executes the write first; if the staging memory is full, this
+    /// function submits. Panics if the range does not lie inside `to`.
     pub fn write(&mut self, to: &Arc<Allocation>, offset: u64, bytes: &[u8]) -> Result<()> {
         let mut written = 0;
         while written < bytes.len() {
@@ -66,7 +66,8 @@ impl Staging {
         Ok(())
     }
 
-    /// Reads `into.len()` bytes of `from` from `offset` on, which lie inside; waits for the device.
+    /// Reads `into.len()` bytes of `from` from `offset` on, and waits for the device. Panics if the range does not lie inside
+    /// `from`.
     pub fn read(&mut self, from: &Arc<Allocation>, offset: u64, into: &mut [u8]) -> Result<()> {
         self.flush()?;
         let mut read = 0;
@@ -77,7 +78,7 @@ impl Staging {
         Ok(())
     }
 
-    /// Submits what waits here.
+    /// Submits the pending writes, if there are any, and waits for the device.
     fn flush(&mut self) -> Result<()> {
         let area = self.area()?;
         if !area.commands.is_recording() {
@@ -102,15 +103,15 @@ impl Staging {
 }
 
 impl Area {
-    /// Copies `bytes`, for which there is room, and records their way to `to`.
+    /// Copies `bytes` to the staging memory and records the copy from there to `to`. Panics if there is no room.
     fn put(&mut self, to: &Arc<Allocation>, offset: u64, bytes: &[u8]) -> Result<()> {
         let size = bytes.len() as u64;
         assert!(self.used + size <= SIZE && offset + size <= to.size, "{}: write past the end", to.name);
         let address = self.address();
-        // SAFETY: the range was checked; `&mut self` keeps other host threads away, and no submit works on the memory.
+        // SAFETY: the range was checked. `&mut self` keeps other host threads away, and no submit uses the memory.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), address.add(self.used as usize), bytes.len()) };
         self.begin()?;
-        // It may go over a write that came before it.
+        // This write may overlap an earlier one, and must come after it.
         let transfer = vk::PipelineStageFlags::TRANSFER;
         self.commands.barrier((transfer, vk::AccessFlags::TRANSFER_WRITE), (transfer, vk::AccessFlags::TRANSFER_WRITE));
         self.record_copy((&self.memory, self.used), (to, offset), size);
@@ -119,14 +120,14 @@ impl Area {
         Ok(())
     }
 
-    /// Fills `into`, which is no larger than the memory, from `from`. Nothing may wait here.
+    /// Fills `into` from `from`. Panics if `into` is larger than the staging memory. The caller has flushed all pending writes.
     fn take(&mut self, from: &Arc<Allocation>, offset: u64, into: &mut [u8]) -> Result<()> {
         let size = into.len() as u64;
         assert!(size <= SIZE && offset + size <= from.size, "{}: read past the end", from.name);
         self.begin()?;
         self.record_copy((from, offset), (&self.memory, 0), size);
         self.commands.submit(None)?;
-        // SAFETY: the range was checked, and the device has written it; `&mut self` as in `put`.
+        // SAFETY: the range was checked, and the device has written it. `&mut self` keeps other host threads away.
         unsafe { std::ptr::copy_nonoverlapping(self.address(), into.as_mut_ptr(), into.len()) };
         Ok(())
     }
@@ -135,10 +136,11 @@ impl Area {
         if self.commands.is_recording() { Ok(()) } else { self.commands.begin() }
     }
 
-    /// Records a copy of `size` bytes between allocations and offsets, whose ranges the callers have checked.
+    /// Records a copy of `size` bytes from one (allocation, offset) to another. The callers have checked the ranges.
     fn record_copy(&self, from: (&Allocation, u64), to: (&Allocation, u64), size: u64) {
         let region = [vk::BufferCopy { src_offset: from.1, dst_offset: to.1, size }];
-        // SAFETY: recording has begun; both ranges lie inside, both buffers have the transfer usages and outlive the submit.
+        // SAFETY: recording has begun. Both ranges lie inside their buffers, which have the transfer usages and outlive the
+        // submit.
         unsafe {
             let device = &self.memory.shared.device;
             device.cmd_copy_buffer(self.commands.buffer, from.0.handle, to.0.handle, &region);
@@ -179,18 +181,18 @@ fn triple(@builtin(global_invocation_id) id: vec3<u32>) {
         let count = (5 * SIZE / 2 / 4) as usize;
         let mut expected: Vec<u32> = (0..count as u32).collect();
         let mut buffer = Buffer::from_slice(&device, "numbers", &expected, "").unwrap();
-        // Over what may still wait, at an odd place.
+        // Overwrite a part that may still wait for its submit, at an offset that is not aligned.
         buffer.write(7, &[1u32; 1001]).unwrap();
         expected[7..1008].fill(1);
         assert!(buffer.to_vec::<u32>(count).unwrap() == expected);
         let mut part = [0u32; 5];
         buffer.read(1005, &mut part).unwrap();
         assert_eq!(part, [1, 1, 1, 1008, 1009]);
-        assert_eq!(device.bytes_in_use(), 4 * count as u64, "staging memory is the host's");
+        assert_eq!(device.bytes_in_use(), 4 * count as u64, "staging memory does not count as device memory");
         assert!(buffer.with::<u32, _>(count, |seen| seen == expected).unwrap());
     }
 
-    /// Writes go before what was recorded earlier, as in memory that is mapped. Nothing is allocated, and one wait is enough.
+    /// Writes run before dispatches that were recorded earlier, as with mapped memory. A submit allocates nothing and waits once.
     #[test]
     fn a_submit_brings_what_was_written_and_takes_what_is_read() {
         for drive in [Drive::CPU, Drive::CARD] {

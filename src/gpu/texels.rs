@@ -1,9 +1,11 @@
-//! Texel buffers as storage buffers, for devices whose texel buffers are small.
+//! Replaces texel buffers by storage buffers, for devices whose texel buffers are small.
 //!
-//! Vulkan promises texel buffers of 65,536 texels and storage buffers of 128 MiB. A kernel therefore has variants: an array that is
-//! larger than a texel buffer may be is declared as `array<vec4<u32>>` and indexed instead of fetched. The values are the same.
+//! Vulkan guarantees only 65,536 texels per texel buffer, but 128 MiB per storage buffer. A kernel therefore has variants: an
+//! array that is too large for a texel buffer is declared as `array<vec4<u32>>`, and indexed instead of fetched. The values are
+//! the same.
 
-/// `text` with the arrays `names`, declared as `var NAME: texture_1d<u32>;`, as storage buffers. Lines stay where they are.
+/// Returns `text` with the arrays `names`, which are declared as `var NAME: texture_1d<u32>;`, changed to storage buffers. Line
+/// numbers do not change.
 pub fn as_storage(text: &str, names: &[String]) -> String {
     names.iter().fold(text.to_string(), |text, name| {
         let declared = format!("var {name}: texture_1d<u32>;");
@@ -12,7 +14,7 @@ pub fn as_storage(text: &str, names: &[String]) -> String {
     })
 }
 
-/// Makes `name[INDEX]` of every `textureLoad(name, INDEX, 0)`.
+/// Replaces every `textureLoad(name, INDEX, 0)` by `name[INDEX]`.
 fn with_indices(text: &str, name: &str) -> String {
     let opening = format!("textureLoad({name}, ");
     let mut parts = text.split(&opening);
@@ -25,7 +27,7 @@ fn with_indices(text: &str, name: &str) -> String {
     out
 }
 
-/// Where the parenthesis that was opened before `text` closes.
+/// Position in `text` of the `)` that closes a parenthesis which was opened before `text`; the length of `text` if there is none.
 fn closing(text: &str) -> usize {
     let mut open = 1;
     let at = text.find(|c| {

@@ -1,13 +1,13 @@
-//! Host twins of the structs in `shaders/`: same names, same order. WGSL is the source of truth; a test reflects every
-//! kernel and compares names, offsets and sizes, so nothing here has to be kept in step by hand. The twin of `Material` is in
-//! `render/material.rs`, beside the code that fills it in.
+//! Host twins of the structs in `shaders/`: same names, same order of fields. WGSL is the source of truth: a test reflects every
+//! kernel and compares names, offsets and sizes, and fails if a twin differs. The twin of `Material` is in `render/material.rs`,
+//! beside the code that fills it in.
 
 pub const NONE: u32 = u32::MAX;
 
-/// What the layout test compares: name of the struct, its size, and name and offset of every field.
+/// Layout of a struct, for the layout test: name, size in bytes, and name and offset in bytes of every field.
 pub type Twin = (&'static str, usize, Vec<(&'static str, usize)>);
 
-/// Declares twins, and `twins()`, which describes all of them for the test.
+/// Declares host twins, and the function `twins()`, which returns the layout of each for the test.
 macro_rules! host_twins {
     ($($(#[$doc:meta])* $name:ident { $($field:ident: $type:ty),* $(,)? })*) => {
         $(
@@ -17,7 +17,7 @@ macro_rules! host_twins {
             pub struct $name { $(pub $field: $type),* }
         )*
 
-        /// The twins of this file, for the layout test.
+        /// Layouts of the twins of this file, for the layout test.
         pub fn twins() -> Vec<$crate::wgsl::layout::Twin> {
             vec![$((stringify!($name), size_of::<$name>(), vec![$((stringify!($field), std::mem::offset_of!($name, $field))),*])),*]
         }
@@ -25,12 +25,12 @@ macro_rules! host_twins {
 }
 pub(crate) use host_twins;
 
-/// Declares constants with the values that they have in WGSL, and `SHARED`, which lists them for the test.
+/// Declares constants with the same values as in WGSL, and `SHARED`, which lists them for the test.
 macro_rules! shared_constants {
     ($($(#[$doc:meta])* $name:ident: $type:ty = $value:expr),* $(,)?) => {
         $($(#[$doc])* pub const $name: $type = $value;)*
 
-        /// Name and value of the constants of this file. f64 holds every u32 and f32.
+        /// Names and values of the constants of this file. An f64 represents every u32 and f32 exactly.
         pub const SHARED: &[(&str, f64)] = &[$((stringify!($name), $name as f64)),*];
     };
 }
@@ -96,7 +96,7 @@ host_twins! {
     Candidate { vertex: u32, weight: f32 }
 }
 
-/// Constants the host shares with the kernels; checked by the same test.
+/// Constants that the host shares with the kernels; the layout test compares their values.
 pub mod constants {
     super::shared_constants! {
         STACK_SIZE: u32 = 32,
@@ -110,7 +110,8 @@ pub mod constants {
         EMITTER_BEAM: u32 = 3,
         ALBEDO_COLUMNS: u32 = 64,
         ALBEDO_ROWS: u32 = 32,
-        /// Distance from a triangle at which the rays that leave it start, relative to its farthest coordinate.
+        /// Distance between a triangle and the origin of a ray that leaves it, relative to the largest coordinate of the
+        /// triangle.
         OFFSET_SCALE: f32 = 1.0 / (1 << 19) as f32,
         PATH_ALIVE: u32 = 1,
         VERTEX_DEPTH: u32 = 0xff,

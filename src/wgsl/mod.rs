@@ -2,12 +2,12 @@
 
 pub mod layout;
 
-/// Every WGSL file, by its name without path and ending.
+/// Expands to pairs of path (without `shaders/` and `.wgsl`) and text.
 macro_rules! sources {
     ($($path:literal),* $(,)?) => { &[$(($path, include_str!(concat!("../../shaders/", $path, ".wgsl")))),*] };
 }
 
-/// Kernels first, then modules without an entry point.
+/// Path and text of every WGSL file: first the kernels, then the modules without an entry point.
 pub const SOURCES: &[(&str, &str)] = sources![
     "light_start",
     "light_trace",
