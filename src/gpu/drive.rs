@@ -53,7 +53,7 @@ fn parse(value: &str) -> Result<Option<Drive>> {
         "" => Ok(None),
         "card" => Ok(Some(Drive::CARD)),
         "cpu" => Ok(Some(Drive::CPU)),
-        _ => Err(Error::Device(format!("{FORCED} is {value}; set {FORCED} to card or cpu, or unset it"))),
+        _ => Err(Error::Device(format!("{FORCED} is {value}; set it to card or cpu, or unset it"))),
     }
 }
 
@@ -75,6 +75,6 @@ mod tests {
         assert_eq!(parse("cpu").unwrap(), Some(Drive::CPU));
         assert_eq!(parse("").unwrap(), None);
         let message = parse("gpu").unwrap_err().to_string();
-        assert!(message.contains("TAUGATE_DRIVE is gpu; set TAUGATE_DRIVE to card or cpu"), "{message}");
+        assert!(message.contains("TAUGATE_DRIVE is gpu; set it to card or cpu"), "{message}");
     }
 }

@@ -98,9 +98,9 @@ const MAX_TEXELS: &str = "TAUGATE_MAX_TEXELS";
 /// set. Fails if the variable is not a number.
 pub(super) fn max_texels_forced() -> Result<u64> {
     match std::env::var(MAX_TEXELS) {
-        Ok(value) if !value.is_empty() => value.parse().map_err(|_| {
-            Error::Device(format!("{MAX_TEXELS} is {value}; set {MAX_TEXELS} to a number of texels, or unset it"))
-        }),
+        Ok(value) if !value.is_empty() => value
+            .parse()
+            .map_err(|_| Error::Device(format!("{MAX_TEXELS} is {value}; set it to a number of texels, or unset it"))),
         _ => Ok(u64::MAX),
     }
 }

@@ -1,7 +1,7 @@
-//! The experiment file: what to render and how, as TOML. Every key has the name of its flag.
+//! The experiment file: the scene and the settings of a render, as TOML. Every key has the name of its flag.
 //!
-//! The same structure carries what was typed on the command line, so that flags are laid over the file by
-//! [`Experiment::over`] and the resolved settings of a render are printed as an experiment that renders the same again.
+//! The same structure also holds the flags of the command line. [`Experiment::over`] merges flags and file. The resolved settings
+//! of a render can be printed as an experiment file, which renders the same image again.
 
 use std::path::{Path, PathBuf};
 
@@ -13,10 +13,10 @@ use crate::files::{check_readable, read_error};
 use crate::settings::setting::{Setting, Value, Visitor};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, OutputTable, RenderTable};
 
-/// Experiment files are a page of text; anything larger is some other file.
+/// Maximum size of an experiment file in bytes. A real experiment is a page of text, so a larger file is something else.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// What was asked for. `None` means that nothing was said.
+/// The settings that the user gave. `None`: the user did not give this setting.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Experiment {
@@ -31,7 +31,7 @@ pub struct Experiment {
     pub medium: Medium,
 }
 
-/// Holds the place of fog and smoke: the table is known, and refused.
+/// Reserves the table `[medium]` for fog and smoke, which are not supported yet: any such table is refused.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Medium;
 
@@ -43,12 +43,15 @@ impl<'de> Deserialize<'de> for Medium {
 }
 
 impl Experiment {
-    /// Reads an experiment file. Relative paths in it are taken from its own folder.
+    /// Reads an experiment file. Relative paths in the file are relative to its folder. An empty file name counts as not given.
+    /// Fails if the file cannot be read, is not text, or is not a valid experiment; the message gives line and column.
     pub fn read(path: &Path) -> Result<Experiment> {
         let fail = |message: String| Error::File { path: path.into(), message };
         let length = check_readable(path)?;
         if length > MAX_BYTES {
-            return Err(fail(format!("{length} bytes are too many for an experiment file; is it something else?")));
+            return Err(fail(format!(
+                "{length} bytes are too many for an experiment; give an experiment (.toml) or a scene (.glb, .gltf)"
+            )));
         }
         let bytes = std::fs::read(path).map_err(|e| read_error(path, e))?;
         let text = String::from_utf8(bytes).map_err(|_| {
@@ -67,30 +70,30 @@ impl Experiment {
         Ok(experiment)
     }
 
-    /// Reads the text of an experiment; paths stay as written.
+    /// Parses the text of an experiment. Paths stay as written.
     pub fn parse(text: &str) -> Result<Experiment, ParseError> {
         let experiment: Experiment = toml::from_str(text).map_err(|e| {
             let (line, column) = position(text, e.span().map_or(0, |span| span.start));
             ParseError { line, column, message: e.message().replace('\n', ", ") }
         })?;
-        // The two pairs that exclude each other are reported where the second of them stands.
+        // If two keys exclude each other, the error points to the later one.
         let exclusive = |first: &str, second: &str, message: &str| {
             let at = [first, second].iter().filter_map(|key| key_offset(text, key)).max();
             let (line, column) = position(text, at.unwrap_or(0));
             ParseError { line, column, message: message.into() }
         };
         if experiment.gate.gate.is_some() && experiment.gate.depth.is_some() {
-            return Err(exclusive("gate", "depth", "gate and depth say the same thing in two ways: keep one"));
+            return Err(exclusive("gate", "depth", "gate and depth both set the gate: keep one"));
         }
         if experiment.render.spp.is_some() && experiment.render.time.is_some() {
-            return Err(exclusive("spp", "time", "spp and time are two ways to end a render: keep one"));
+            return Err(exclusive("spp", "time", "spp and time both limit the render: keep one"));
         }
         Ok(experiment)
     }
 
-    /// This where it says something, `below` elsewhere.
+    /// Merges two experiments: the settings of `self`, and those of `below` that `self` does not give.
     pub fn over(self, mut below: Experiment) -> Experiment {
-        // Alternatives go together: a depth typed as a flag replaces the file's gate.
+        // Two keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
         if self.gate.gate.is_some() || self.gate.depth.is_some() {
             (below.gate.gate, below.gate.depth) = (None, None);
         }
@@ -108,7 +111,7 @@ impl Experiment {
         }
     }
 
-    /// Shows the settings of all tables to `visitor`.
+    /// Calls `visitor` with every setting of every table.
     pub fn visit(&mut self, visitor: &mut impl Visitor) {
         let Experiment { scene: _, camera, emitter, gate, render, output, medium: Medium } = self;
         camera.visit(visitor);
@@ -118,7 +121,7 @@ impl Experiment {
         output.visit(visitor);
     }
 
-    /// Shows every path to `look`, up to the first error.
+    /// Calls `look` with every path, up to the first error.
     fn each_path(&mut self, mut look: impl FnMut(&mut PathBuf) -> Result<()>) -> Result<()> {
         struct Paths<F>(F, Result<()>);
         impl<F: FnMut(&mut PathBuf) -> Result<()>> Visitor for Paths<F> {
@@ -134,7 +137,7 @@ impl Experiment {
         paths.1
     }
 
-    /// Fails where a path cannot be written down as text, which images and printed experiments do.
+    /// Fails if a path is not UTF-8, because images and printed experiments store paths as text.
     pub fn check_paths(&self) -> Result<()> {
         self.clone().each_path(|path| match path.to_str() {
             Some(_) => Ok(()),
@@ -142,7 +145,7 @@ impl Experiment {
         })
     }
 
-    /// The same with paths from the root on. Fails where there is no current folder.
+    /// Makes all paths absolute. Fails if there is no current folder, or if a path is not UTF-8.
     pub fn with_absolute_paths(mut self) -> Result<Experiment> {
         self.each_path(|path| {
             *path = std::path::absolute(&*path).map_err(|e| read_error(path, e))?;
@@ -155,13 +158,13 @@ impl Experiment {
     /// The experiment as TOML.
     ///
     /// # Panics
-    /// If a path is not UTF-8: [`Experiment::check_paths`] tells.
+    /// If a path is not UTF-8, see [`Experiment::check_paths`].
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("an experiment is plain text, numbers and tables")
     }
 }
 
-/// Takes an empty file name for none.
+/// Replaces empty file names by `None`.
 struct WithoutEmptyNames;
 
 impl Visitor for WithoutEmptyNames {
@@ -170,7 +173,7 @@ impl Visitor for WithoutEmptyNames {
     }
 }
 
-/// What is wrong with an experiment's text, and where (counted from 1, columns in characters).
+/// An error in the text of an experiment, with its position: line and column count from 1, columns in characters.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}, column {column}: {message}")]
 pub struct ParseError {
@@ -179,13 +182,14 @@ pub struct ParseError {
     pub message: String,
 }
 
+/// Line and column of byte `offset` in `text`. Both count from 1; columns are in characters.
 pub(crate) fn position(text: &str, offset: usize) -> (usize, usize) {
     let before = text.get(..offset).unwrap_or(text);
     let line_start = before.rfind('\n').map_or(0, |at| at + 1);
     (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
 }
 
-/// Where a line begins with `key =`, for pointing at it.
+/// Offset in bytes of the first line that sets `key` (`key =`), without its indentation; `None` if no line does.
 fn key_offset(text: &str, key: &str) -> Option<usize> {
     text.split_inclusive('\n')
         .scan(0, |at, line| {

@@ -1,4 +1,4 @@
-//! From what a user asked for to [`crate::settings::Settings`]: experiment files, defaults, checks.
+//! Turns the user's input into [`crate::settings::Settings`]: experiment files, defaults, checks.
 
 pub mod experiment;
 pub mod resolve;

@@ -1,4 +1,4 @@
-//! From what was asked for to what is done: experiment and scene become [`Settings`]. All checks live here.
+//! Resolves an experiment and a scene to [`Settings`]: fills in defaults from the scene, and checks names and the gate.
 
 mod defaults;
 
@@ -12,11 +12,11 @@ use crate::settings::units::{Gate, GatePrecision};
 use crate::settings::values::{Png, Resolution};
 use crate::settings::*;
 
-/// Settings of a render and what the user should know about them.
+/// The settings of a render, and warnings for the user.
 #[derive(Debug, Clone)]
 pub struct Resolved {
     pub settings: Settings,
-    /// One sentence each.
+    /// One sentence per warning.
     pub warnings: Vec<String>,
 }
 
@@ -26,11 +26,12 @@ pub struct Outputs {
     pub exr: PathBuf,
     pub png: Option<PathBuf>,
     pub stats: Option<PathBuf>,
-    /// A folder.
+    /// Folder for the images of the strategies.
     pub strategy_images: Option<PathBuf>,
 }
 
-/// Names the files that a render writes. Needs no scene, so that a mistake is found at once.
+/// The files that a render writes. Fails if there is no output file, or if a file has the wrong extension. The function needs no
+/// scene, so a mistake is found before the scene is loaded.
 pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     let wanted = &experiment.output;
     let exr = wanted.output.clone().ok_or_else(|| settings("no output file: add -o OUT.exr"))?;
@@ -44,20 +45,21 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         Some(Png::File(path)) if has(path, "png") => Some(path.clone()),
         Some(Png::File(path)) => return Err(settings(format!("the picture {} must end in .png", path.display()))),
     };
-    // Any other name could be the scene, the experiment or the image, however it is spelled.
+    // With the extension .json the file cannot overwrite the scene, the experiment or an image.
     let stats = wanted.stats.clone();
     if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
-        return Err(settings(format!("the numbers of --stats, {}, must end in .json", path.display())));
+        return Err(settings(format!("the --stats file {} must end in .json", path.display())));
     }
     Ok(Outputs { exr, png, stats, strategy_images: wanted.strategy_images.clone() })
 }
 
-/// Settles everything that was left open: flags and file (already merged) beat the scene, which beats the defaults.
+/// Fills in all settings. `experiment` (flags and file, already merged) has priority over the scene, and the scene over the
+/// defaults. Fails if a name is unknown, if a value is outside its limits, or if the scene has no camera or no light.
 pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let mut warnings = Vec::new();
     let Experiment { render, .. } = experiment;
     let gate = gate(&experiment.gate, &mut warnings)?;
-    // What only the scene can mend names its file.
+    // The user can correct these mistakes only in the scene, so the message names the scene's file.
     let unfit = |message: &str| Error::Scene {
         path: experiment.scene.clone().unwrap_or_else(|| "the scene".into()),
         message: message.into(),
@@ -84,7 +86,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         .camera(camera)
         .emitters(emitters);
     if experiment.output.strategy_images.is_some() && render.sampling.is_none() {
-        // Images of strategies need the same number of samples in every pixel.
+        // Images of strategies need the same number of samples per pixel.
         settings = settings.sampling(Sampling::Uniform);
     }
     let settings = settings.build()?;
@@ -100,7 +102,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     Ok(Resolved { settings, warnings })
 }
 
-/// The experiment that resolves to exactly these settings, with every open choice filled in.
+/// The experiment that resolves to exactly `settings`, with all defaults filled in.
 pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene) -> Experiment {
     let Tables { camera, emitter, gate, render } = settings.to_tables();
     let mut full = experiment.clone();
@@ -122,7 +124,7 @@ fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
         GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => {
             return Err(settings(format!(
                 "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness would be mostly \
-                 rounding; make it wider, or add --force",
+                 rounding error; make the gate wider, or add --force",
                 gate.describe()
             )));
         }
@@ -131,12 +133,12 @@ fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
     Ok(gate)
 }
 
-/// What to know of a gate whose width is near the resolution of 32-bit travel times.
+/// A warning if the width of `gate` is near the resolution of 32-bit travel times, else `None`.
 pub fn gate_warning(gate: &Gate) -> Option<String> {
     match gate.precision() {
         GatePrecision::Fine => None,
         GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => Some(format!(
-            "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be off by {:.1} %",
+            "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be wrong by {:.1} %",
             gate.describe(),
             100.0 / ulps.max(1.0)
         )),
@@ -165,7 +167,7 @@ fn resolution(table: &CameraTable, camera: &Camera) -> Result<[u32; 2]> {
     Ok(resolution)
 }
 
-/// The nodes that could emit, each once, in the scene's order: lights, then emissive meshes.
+/// Names of all nodes that emit, without repetition, in the order of the scene: first lights, then emissive meshes.
 pub fn emitting_nodes(scene: &Scene) -> Vec<&str> {
     let emissive = |mesh: u32| {
         let material = scene.meshes[mesh as usize].material as usize;
@@ -196,14 +198,14 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate) -> Result<Emitters
         })?),
     };
 
-    // Light from infinitely far away has no travel time.
+    // The light of a directional light comes from infinitely far away, so it has no travel time.
     let selected = |node: &str| emitters.include(node);
     let distant = |node: &str| scene.lights.iter().any(|l| l.node == node && l.kind.radius().is_none());
     if let Some(sun) = candidates.iter().copied().find(|node| !gate.is_open() && selected(node) && distant(node)) {
         let others: Vec<&str> = candidates.iter().copied().filter(|node| !distant(node)).collect();
         let remedy = match others[..] {
-            [] => "render without a gate, or add a light that has a place".to_string(),
-            _ => format!("render without a gate, or choose with --emitters from {}", list(&others)),
+            [] => "render without a gate, or add a light that has a position".to_string(),
+            _ => format!("render without a gate, or choose other lights with --emitters from {}", list(&others)),
         };
         return Err(settings(format!(
             "the directional light '{sun}' is infinitely far away, so its light has no travel time to gate; {remedy}"
@@ -212,14 +214,16 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate) -> Result<Emitters
     Ok(emitters)
 }
 
-/// The candidates that `typed` names one after the other. A name with commas in it may be typed in parts, as a list with commas
-/// leaves it; whole names go first. Fails with the first part that is in none.
+/// The candidates that `typed` names, in order. A list that is split at its commas also splits a name that contains commas, so
+/// several parts in sequence may spell one name. A name without commas has priority. Fails with the first part that is in no
+/// name.
 fn whole_names(typed: &[String], candidates: &[&str]) -> Result<Vec<String>, String> {
     let spells = |name: &str, parts: &[String]| match parts {
         [whole] if whole == name => true,
         _ => name.split(',').map(str::trim).eq(parts.iter().map(String::as_str)),
     };
-    // For every position, from the last: where the name that begins there ends, if all that follows can be named.
+    // For each position, from last to first: the end of the name that begins there, and the name. `None` if no name begins there
+    // such that all later parts spell names too.
     let mut ends = vec![None; typed.len() + 1];
     ends[typed.len()] = Some((typed.len(), ""));
     for from in (0..typed.len()).rev() {
@@ -241,7 +245,7 @@ fn whole_names(typed: &[String], candidates: &[&str]) -> Result<Vec<String>, Str
     Ok(names)
 }
 
-/// Names for a message: the first dozen.
+/// Names as text for a message: the first 12, and how many more there are.
 fn list(names: &[&str]) -> String {
     let shown: Vec<&str> = names.iter().take(12).copied().collect();
     match names.len().saturating_sub(shown.len()) {

@@ -1,4 +1,4 @@
-//! How [`Settings`] are made: everything is chosen in any order and checked at the end.
+//! The builder of [`Settings`]: values are chosen in any order, and checked at the end.
 
 #![warn(missing_docs)]
 
@@ -10,7 +10,7 @@ use crate::settings::{
     Budget, Crop, DEFAULT_WIDTH, Emitters, Estimator, MAX_SECONDS, Responses, Settings, check_resolution,
 };
 
-/// Settings that are not checked yet, see [`Settings`].
+/// Settings that are not checked yet; see [`Settings`].
 #[derive(Debug, Clone)]
 pub struct SettingsBuilder {
     pub(super) camera: usize,
@@ -18,7 +18,7 @@ pub struct SettingsBuilder {
     pub(super) crop: Option<Crop>,
     pub(super) emitters: Emitters,
     pub(super) responses: Responses,
-    /// Without `device` and `strict`, which are not about the image.
+    /// `device` and `strict` are always `None`, because the image does not depend on them.
     pub(super) render: RenderTable,
 }
 
@@ -36,20 +36,20 @@ impl Default for SettingsBuilder {
 }
 
 impl SettingsBuilder {
-    /// All settings of `[render]` at once, in place of those that were chosen before.
+    /// Replaces all settings of `[render]` that were chosen before.
     #[doc(hidden)]
     pub fn table(self, render: &RenderTable) -> SettingsBuilder {
         SettingsBuilder { render: RenderTable { device: None, strict: None, ..render.clone() }, ..self }
     }
 
-    /// How paths are found; nothing chosen is `bdpt`, which finds all light of any scene.
+    /// The estimator. The default is `bdpt`, which finds all light of any scene.
     pub fn estimator(mut self, estimator: Estimator) -> SettingsBuilder {
         self.render.estimator = Some(estimator);
         self
     }
 
-    /// Travel times that count; [`Gate::OPEN`] for the steady state. A gate of fewer than 16 steps of 32-bit travel times is accepted,
-    /// and its brightness is mostly rounding.
+    /// The travel times that count; [`Gate::OPEN`] (the default) is the steady state. A gate of fewer than 16 steps of 32-bit
+    /// travel times is accepted, but its brightness is mostly rounding error.
     pub fn gate(self, gate: Gate) -> SettingsBuilder {
         SettingsBuilder { responses: gate.into(), ..self }
     }
@@ -59,7 +59,7 @@ impl SettingsBuilder {
         SettingsBuilder { resolution, ..self }
     }
 
-    /// The part to render; nothing chosen is the whole image.
+    /// The part of the image to render. The default is the whole image.
     pub fn crop(self, crop: impl Into<Option<Crop>>) -> SettingsBuilder {
         SettingsBuilder { crop: crop.into(), ..self }
     }
@@ -78,18 +78,18 @@ impl SettingsBuilder {
         SettingsBuilder { camera, ..self }
     }
 
-    /// Which emitters of the scene shine.
+    /// The emitters of the scene that are switched on. The default is all.
     pub fn emitters(self, emitters: Emitters) -> SettingsBuilder {
         SettingsBuilder { emitters, ..self }
     }
 
-    /// Fails with what is outside its limits.
+    /// Checks the settings. Fails if a value is outside its limits; the message names the flag and the limits.
     pub fn build(self) -> Result<Settings> {
         self.responses.check()?;
         check_resolution("the resolution", self.resolution)?;
         self.render.check()?;
         if self.render.time.is_some_and(|Seconds(seconds)| !(seconds > 0.0 && seconds <= MAX_SECONDS)) {
-            return Err(Error::Settings("--time must be over 0 and at most a year".into()));
+            return Err(Error::Settings("--time must be more than 0 and at most a year".into()));
         }
         let [width, height] = self.resolution;
         let is_inside = |crop: Crop| crop.x0 < crop.x1 && crop.x1 <= width && crop.y0 < crop.y1 && crop.y1 <= height;

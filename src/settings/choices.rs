@@ -1,4 +1,4 @@
-//! Choices that a render has: their names, and how they are read.
+//! Settings that are choices between named alternatives, and how they are parsed and printed.
 
 use std::fmt;
 use std::str::FromStr;
@@ -6,12 +6,12 @@ use std::str::FromStr;
 use crate::error::{Error, Result};
 use crate::estimators::Estimator;
 
-/// Which (s, t) strategies take part.
+/// The set of (s, t) strategies that the estimator uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Strategies {
-    /// s >= 0, t >= 1.
+    /// All strategies: s >= 0, t >= 1.
     All,
-    /// The paper's s >= 1, t >= 2 (Sec. 6.1).
+    /// The strategies of the paper (Sec. 6.1): s >= 1, t >= 2.
     Paper,
 }
 
@@ -31,17 +31,17 @@ impl Strategies {
 /// How samples are spread over the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sampling {
-    /// As many in every pixel.
+    /// Every pixel has the same number of samples.
     Uniform,
-    /// More where earlier iterations found more error, the same on average.
+    /// Pixels in which earlier iterations found more error have more samples; the average number is the same.
     Adaptive,
 }
 
 impl Sampling {
-    /// Both ways.
+    /// Both modes.
     pub const ALL: [Sampling; 2] = [Sampling::Uniform, Sampling::Adaptive];
 
-    /// How samples are spread when nothing says it.
+    /// The default for an estimator.
     pub fn default_of(estimator: Estimator) -> Sampling {
         if estimator.record().adaptive { Sampling::Adaptive } else { Sampling::Uniform }
     }
@@ -55,23 +55,26 @@ impl Sampling {
     }
 }
 
-/// What the importance of a tree node goes by beside its power (`lcs` alone). The image is the same on average in every position.
+/// The factors of a tree node's importance beside its power, for the estimator `lcs`. The mean of the image does not depend on
+/// them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Importance {
-    /// The distance of the node's centre; else that of its nearest point. Neither below half its diagonal.
+    /// True: use the distance to the node's centre. False: use the distance to its nearest point. Both are at least half the
+    /// diagonal of the node's box.
     pub centre: bool,
-    /// The greatest cosine at the shade point; else none. Nodes behind the shade point are culled in any case.
+    /// Include the maximum cosine at the shade point. Nodes behind the shade point are always culled.
     pub cosine: bool,
-    /// How much of every bucket meets the gate; else buckets count fully that can meet it.
+    /// True: weight every power bucket by the fraction of it that meets the gate. False: every bucket that can meet the gate
+    /// counts fully.
     pub overlap: bool,
-    /// The lobe of gloss at the shade point; else it reflects as a diffuse surface.
+    /// Include the glossy lobe at the shade point. Without it, the shade point counts as a diffuse surface.
     pub gloss: bool,
 }
 
 impl Importance {
-    /// Every part.
+    /// All factors.
     pub const ALL: Importance = Importance { centre: true, cosine: true, overlap: true, gloss: true };
-    /// No part: power alone.
+    /// No factor: the power alone.
     pub const NONE: Importance = Importance { centre: false, cosine: false, overlap: false, gloss: false };
 
     fn parts(self) -> [(&'static str, bool); 4] {
@@ -79,26 +82,26 @@ impl Importance {
     }
 }
 
-/// When a render stops.
+/// The budget after which a render stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Budget {
     /// Samples per pixel, >= 1.
     Spp(u32),
-    /// Seconds of rendering after load and kernel compilation, > 0.
+    /// Seconds of rendering, > 0. The time to load the scene and to compile kernels does not count.
     Seconds(f64),
 }
 
-/// Which emitters of the file shine.
+/// The emitters that are switched on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Emitters {
     /// Everything in the scene that emits.
     Scene,
-    /// Only what stands on these nodes, by name.
+    /// Only the emitters on the nodes with these names.
     Nodes(Vec<String>),
 }
 
 impl Emitters {
-    /// Whether what stands on the node of this name shines.
+    /// Whether the emitters on the node with this name are switched on.
     pub fn include(&self, node: &str) -> bool {
         match self {
             Emitters::Scene => true,
@@ -121,12 +124,12 @@ pub struct Crop {
 }
 
 impl Crop {
-    /// Pixels across.
+    /// Width in pixels.
     pub fn width(&self) -> u32 {
         self.x1 - self.x0
     }
 
-    /// Pixels down.
+    /// Height in pixels.
     pub fn height(&self) -> u32 {
         self.y1 - self.y0
     }
@@ -163,7 +166,7 @@ impl FromStr for Importance {
                 "gloss" => importance.gloss = true,
                 _ => {
                     return Err(Error::Settings(format!(
-                        "no part of the importance is called '{name}': give all, none, or some of centre,cosine,overlap,gloss"
+                        "'{name}' is not a factor of the importance: give all, none, or some of centre,cosine,overlap,gloss"
                     )));
                 }
             }
@@ -182,9 +185,10 @@ impl FromStr for Sampling {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Sampling> {
-        Sampling::ALL.into_iter().find(|s| s.name() == text).ok_or_else(|| {
-            Error::Settings(format!("no way to spread samples is called '{text}': choose uniform or adaptive"))
-        })
+        Sampling::ALL
+            .into_iter()
+            .find(|s| s.name() == text)
+            .ok_or_else(|| Error::Settings(format!("'{text}' is not a sampling mode: choose uniform or adaptive")))
     }
 }
 
@@ -201,6 +205,6 @@ impl FromStr for Strategies {
         Strategies::ALL
             .into_iter()
             .find(|s| s.name() == text)
-            .ok_or_else(|| Error::Settings(format!("no set of strategies is called '{text}': choose all or paper")))
+            .ok_or_else(|| Error::Settings(format!("'{text}' is not a set of strategies: choose all or paper")))
     }
 }

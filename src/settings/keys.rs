@@ -1,10 +1,10 @@
-//! Keys of tables are written with dashes; underscores count as dashes.
+//! Keys of tables have dashes. This module lets users write underscores instead.
 
 use serde::de::value::StringDeserializer;
 use serde::de::{DeserializeSeed, Deserializer, MapAccess, Visitor};
 use serde::forward_to_deserialize_any;
 
-/// A deserializer of a table, or a part of one, that replaces underscores in the table's keys by dashes.
+/// Wraps a deserializer of a table, or a part of one, and replaces underscores in the table's keys by dashes.
 pub struct Dashed<T>(pub T);
 
 impl<'de, D: Deserializer<'de>> Deserializer<'de> for Dashed<D> {

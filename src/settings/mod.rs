@@ -1,4 +1,4 @@
-//! What a render is asked to do: a [`Settings`] is checked where it is built, and nobody validates it again.
+//! The settings of a render. [`SettingsBuilder::build`] checks them once, so other code need not check them again.
 
 #![warn(missing_docs)]
 
@@ -24,44 +24,45 @@ use crate::wgsl::layout::constants::MAX_SUBTREES;
 
 /// Samples per pixel when neither `spp` nor `time` is given.
 pub const DEFAULT_SPP: u32 = 64;
-/// Path segments at most. Long enough that a white room loses under 1 % of its light.
+/// Default for the maximum number of segments of a path. A white room loses less than 1 % of its light.
 pub const DEFAULT_MAX_DEPTH: u32 = 24;
-/// Light subpaths per iteration whose vertices are stored, M of the paper, when nothing says how many: one per pixel, at least this and at
-/// most as many as the estimator's record says.
+/// Minimum of the default for M, the number of light subpaths per iteration whose vertices are stored. The default is one per
+/// pixel, clamped to this minimum and to the maximum in the estimator's record.
 pub const MIN_DEFAULT_LIGHT_PATHS: u32 = 4096;
-/// Power buckets per node, B of the paper.
+/// Default for B of the paper, the number of power buckets per node.
 pub const DEFAULT_BUCKETS: u32 = 8;
-/// Seed when nothing says which.
+/// Default seed.
 pub const DEFAULT_SEED: u32 = 0;
-/// Strategies when nothing says which.
+/// Default set of strategies.
 pub const DEFAULT_STRATEGIES: Strategies = Strategies::All;
-/// Pixels across when neither flags nor the camera say how many.
+/// Default width of the image in pixels, if neither flags nor the camera give a resolution.
 pub const DEFAULT_WIDTH: u32 = 512;
 
-/// Pixels along one side at most.
+/// Maximum number of pixels along one side of the image.
 pub const MAX_SIDE: u32 = 16_384;
-/// Pixels in an image at most: 64 Mi.
+/// Maximum number of pixels in an image: 64 Mi.
 pub const MAX_PIXELS: u64 = 1 << 26;
-/// Samples per pixel at most.
+/// Maximum number of samples per pixel.
 pub const MAX_SPP: u32 = 1 << 24;
-/// Vertices count their segments in 8 bits.
+/// Maximum of the setting `max_depth`: a vertex stores its number of segments in 8 bits.
 pub const MAX_DEPTH: u32 = 254;
-/// Light subpaths per iteration at most.
+/// Maximum number of light subpaths per iteration.
 pub const MAX_LIGHT_PATHS: u32 = 1 << 24;
-/// Tree queries per shade point at most.
+/// Maximum number of tree queries per shade point and tree.
 pub const MAX_QUERIES: u32 = 64;
-/// The node layout has room for eight bucket powers.
+/// Maximum number of power buckets per node: the layout of a node has room for eight.
 pub const MAX_BUCKETS: u32 = 8;
-/// A reference to a leaf has four bits for its size.
+/// Maximum number of light vertices in a leaf: a reference to a leaf stores the number in four bits.
 pub const MAX_LEAF_SIZE: u32 = 16;
-/// A frontier has room for so many subtrees.
+/// Maximum number of subtrees in a frontier.
 pub const MAX_FRONTIER: u32 = MAX_SUBTREES;
-/// A year, in seconds.
+/// Maximum time of a render: a year, in seconds.
 pub const MAX_SECONDS: f64 = 365.0 * 86_400.0;
 
-/// Settings of a render. What was left open has the default of the estimator.
+/// Settings of a render. A setting that was not chosen has the default of the estimator.
 ///
-/// The default is a steady render of 512 x 512 pixels with 64 samples each, by the estimator that finds all light of any scene.
+/// [`Settings::default`] is a steady-state render of 512 x 512 pixels with 64 samples per pixel and the estimator `bdpt`, which
+/// finds all light of any scene.
 ///
 /// ```
 /// use taugate::{Budget, Estimator, Settings};
@@ -80,22 +81,23 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Nothing chosen yet: what stays open has its default.
+    /// A builder in which nothing is chosen yet, so that all settings have their defaults.
     pub fn builder() -> SettingsBuilder {
         SettingsBuilder::default()
     }
 
-    /// A builder of settings that differ from these. What was left open stays open: another estimator brings its defaults.
+    /// A builder that starts from these settings. A setting that was not chosen stays so: with another estimator it has the
+    /// default of that estimator.
     pub fn change(&self) -> SettingsBuilder {
         self.chosen.clone()
     }
 
-    /// How paths are found.
+    /// The estimator.
     pub fn estimator(&self) -> Estimator {
         self.chosen.render.estimator.unwrap_or(Estimator::UNGATED)
     }
 
-    /// What the sensor measures.
+    /// The responses that the sensor measures.
     pub fn responses(&self) -> &Responses {
         &self.chosen.responses
     }
@@ -105,7 +107,7 @@ impl Settings {
         self.chosen.resolution
     }
 
-    /// The part that is rendered; with uniform samples its pixels have the values that they have in the whole image.
+    /// The part of the image that is rendered. With uniform sampling its pixels have the same values as in the whole image.
     pub fn crop(&self) -> Crop {
         let [x1, y1] = self.chosen.resolution;
         self.chosen.crop.unwrap_or(Crop { x0: 0, y0: 0, x1, y1 })
@@ -122,12 +124,13 @@ impl Settings {
         self.chosen.camera
     }
 
-    /// Which emitters of the scene shine.
+    /// The emitters of the scene that are switched on.
     pub fn emitters(&self) -> &Emitters {
         &self.chosen.emitters
     }
 
-    /// The settings of `[render]` that the image depends on, all filled in; those that the estimator does not use stay open.
+    /// The settings of `[render]` that the image depends on, with defaults filled in. Settings that the estimator does not use
+    /// are `None`.
     #[doc(hidden)]
     pub fn to_table(&self) -> RenderTable {
         let mut table = self.values();
@@ -139,7 +142,8 @@ impl Settings {
         table
     }
 
-    /// All that the image depends on, as an experiment has it, filled in. The name of the camera stays open: the scene knows it.
+    /// All settings that the image depends on, as tables of an experiment, with defaults filled in. The name of the camera is
+    /// `None`, because only the scene knows the name.
     #[doc(hidden)]
     pub fn to_tables(&self) -> Tables {
         let responses = self.responses();
@@ -156,7 +160,7 @@ impl Settings {
     }
 }
 
-/// Settings are equal that render the same, whether a value was chosen or is the default.
+/// Settings are equal if they render the same image. A chosen value equals the same default value.
 impl PartialEq for Settings {
     fn eq(&self, other: &Settings) -> bool {
         let view = |s: &Settings| (s.resolution(), s.crop(), s.camera());
@@ -167,7 +171,7 @@ impl PartialEq for Settings {
     }
 }
 
-/// Fails if an image cannot have this size; `source` says where the size comes from.
+/// Fails if an image cannot have this width and height in pixels. `source` says where the size comes from, for the message.
 pub fn check_resolution(source: &str, [width, height]: [u32; 2]) -> Result<()> {
     let fits = |side: u32| (1..=MAX_SIDE).contains(&side);
     if fits(width) && fits(height) && u64::from(width) * u64::from(height) <= MAX_PIXELS {

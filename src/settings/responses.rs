@@ -1,9 +1,9 @@
-//! What a sensor measures: responses over travel time.
+//! Responses: the weight that a sensor gives to light as a function of its travel time.
 
 use crate::error::Result;
 use crate::settings::units::Gate;
 
-/// A response of the sensor: light whose travel time is inside the gate counts fully, all other light not at all.
+/// A response of the sensor. Light whose travel time is inside the gate has weight 1, all other light has weight 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Response {
     name: String,
@@ -11,7 +11,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// What the response is called among others.
+    /// Name of the response.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -32,30 +32,30 @@ impl Responses {
         self.0.iter()
     }
 
-    /// The smallest gate around all responses: light outside it counts for none of them.
+    /// The smallest gate that contains the gates of all responses. Light outside this gate counts for no response.
     pub fn support(&self) -> Gate {
         let around = |a: Gate, b: Gate| Gate { lo: a.lo.min(b.lo), hi: a.hi.max(b.hi) };
         self.iter().map(Response::gate).reduce(around).expect("there is a response")
     }
 
-    /// Fails with what is wrong with a gate, see [`Gate::new`].
+    /// Fails if a gate is invalid, with the message of [`Gate::new`].
     pub(crate) fn check(&self) -> Result<()> {
         self.iter().try_for_each(|response| Gate::new(response.gate.lo, response.gate.hi).map(drop))
     }
 
-    /// Whether light counts whenever it arrives.
+    /// Whether light of every travel time counts fully in every response: the steady state.
     pub fn are_steady(&self) -> bool {
         self.iter().all(|response| response.gate.is_open())
     }
 
-    /// All gates in words, see [`Gate::describe`].
+    /// All gates as text, separated by semicolons; see [`Gate::describe`].
     pub fn describe(&self) -> String {
         self.iter().map(|response| response.gate.describe()).collect::<Vec<_>>().join("; ")
     }
 }
 
 impl Default for Responses {
-    /// The steady state.
+    /// One response, the steady state.
     fn default() -> Responses {
         Gate::OPEN.into()
     }

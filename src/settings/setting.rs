@@ -1,4 +1,4 @@
-//! What is known about a setting, and the macro that makes a table of settings from one listing.
+//! The description of a setting, and the macro that generates a table of settings from one list.
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -9,19 +9,19 @@ use crate::settings::Estimator;
 /// One setting: a flag of the command line, and the key of the same name in an experiment file.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting {
-    /// The key and, after two dashes, the flag.
+    /// The key in experiment files. The flag is two dashes and this name.
     pub name: &'static str,
     /// The letter of the short flag.
     pub short: Option<char>,
-    /// Heading of the help under which the flag stands.
+    /// Heading in the help text under which the flag is listed.
     pub heading: &'static str,
-    /// Stands for the value in the help.
+    /// Placeholder for the value in the help text.
     pub value: &'static str,
     pub help: &'static str,
     pub form: Form,
-    /// The setting that says the same in another way: at most one of the two can be given.
+    /// Name of a setting that excludes this one: the user can give at most one of the two.
     pub excludes: Option<&'static str>,
-    /// The least and the greatest count that is accepted.
+    /// Minimum and maximum of the accepted values, both included, for a setting that is a count.
     pub limits: Option<(u32, u32)>,
     used_by: fn(Estimator) -> bool,
 }
@@ -96,17 +96,17 @@ impl Setting {
         Setting { limits: Some((min, max)), ..self }
     }
 
-    /// Only estimators for which `used_by` holds ask for the setting.
+    /// Restricts the setting to the estimators for which `used_by` is true.
     pub const fn only_for(self, used_by: fn(Estimator) -> bool) -> Setting {
         Setting { used_by, ..self }
     }
 
-    /// Whether an image of this estimator depends on the setting.
+    /// Whether the images of `estimator` depend on the setting.
     pub fn is_used_by(&self, estimator: Estimator) -> bool {
         (self.used_by)(estimator)
     }
 
-    /// Fails if `count` is outside the limits.
+    /// Fails if `count` is outside the limits; the message names the flag and the limits.
     pub fn check(&self, count: u32) -> Result<()> {
         let bounds = match self.limits {
             Some((min, max)) if !(min..=max).contains(&count) => match min {
@@ -118,7 +118,7 @@ impl Setting {
         Err(Error::Settings(format!("--{} is {count}; it must be {bounds}", self.name)))
     }
 
-    /// What to tell a user who gave the setting to an estimator that does not use it.
+    /// A note for a user who gave the setting although `estimator` does not use it; `None` if `estimator` uses it.
     pub fn without_effect(&self, estimator: Estimator) -> Option<String> {
         if self.is_used_by(estimator) {
             return None;
@@ -130,32 +130,32 @@ impl Setting {
             [some @ .., last] => format!("{} and {last}", some.join(", ")),
             [] => "no estimator".into(),
         };
-        Some(format!("--{} is for {users}; {estimator} renders as without it", self.name))
+        Some(format!("--{} is only for {users}; {estimator} ignores it", self.name))
     }
 }
 
-/// A type that settings have.
+/// A type of values that a setting can have.
 pub trait Value: Clone + Send + Sync + 'static {
-    /// Reads a word of the command line.
+    /// Parses a word of the command line.
     fn parse(word: &OsStr) -> Result<Self, String>;
 
-    /// What [`Setting::limits`] bound.
+    /// The number that must be inside [`Setting::limits`]; `None` for a type without limits.
     fn count(&self) -> Option<u32> {
         None
     }
 
-    /// The file that the value names.
+    /// The path of the file that the value names; `None` if the value names no file.
     fn path(&mut self) -> Option<&mut PathBuf> {
         None
     }
 
-    /// Two values of a [`Form::Repeated`] flag, as one.
+    /// Combines two values of a [`Form::Repeated`] flag: `self`, and `later`, which the user gave after it.
     fn and(self, later: Self) -> Self {
         later
     }
 }
 
-/// Implements [`Value`] through `FromStr`, with further methods where some are given.
+/// Implements [`Value`] with `FromStr`. A type may have further methods of [`Value`] in braces.
 macro_rules! value_from_text {
     ($($type:ty $({ $($more:item)+ })?),+ $(,)?) => {$(
         impl $crate::settings::setting::Value for $type {
@@ -185,17 +185,17 @@ impl Value for PathBuf {
     }
 }
 
-/// Looks at every setting of a table in turn.
+/// Visits every setting of a table in turn.
 pub trait Visitor {
-    /// `slot` holds what was typed, if anything was.
+    /// `slot` holds the value that the user gave, or `None`.
     fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>);
 }
 
-/// Makes the struct of a table from its listing: documentation, which is also the help, then `field: type, setting;`. A field is
-/// `None` where nothing was typed.
+/// Generates the struct of a table from a list of settings. Each entry is a doc comment, which is also the help text, and `field:
+/// type, setting;`. A field is `None` if the user did not give the setting.
 ///
-/// With `impl Settings for`, fields that have a default, `field: type = |settings| default, setting;`, become values of
-/// [`crate::settings::Settings`], chosen by methods of its builder.
+/// With `impl Settings for`, an entry may have a default: `field: type = |settings| default, setting;`. The macro then also
+/// generates a method of [`crate::settings::Settings`] that returns the value, and a method of its builder that sets it.
 macro_rules! table {
     ($(#[doc = $about:literal])+ impl Settings for $table:ident {
         $($(#[doc = $help:literal])+ $field:ident: $type:ty $(= $default:expr)?, $setting:expr;)+
@@ -207,7 +207,7 @@ macro_rules! table {
         impl $crate::settings::Settings {
             $($crate::settings::setting::value!(get $field: $type, [$($default)?], $setting, [$($help),+]);)+
 
-            /// The values of all settings that have a default and that the estimator uses.
+            /// The values of all settings that have a default; `None` for those that the estimator does not use.
             pub(super) fn values(&self) -> $table {
                 let mut table = $table::default();
                 $($crate::settings::setting::value!(fill self, table, $field, [$($default)?], $setting);)+
@@ -230,7 +230,7 @@ macro_rules! table {
         }
 
         impl $table {
-            /// Shows all settings to `visitor`.
+            /// Calls `visitor` with every setting.
             pub fn visit(&mut self, visitor: &mut impl $crate::settings::setting::Visitor) {
                 $({
                     const SETTING: &$crate::settings::setting::Setting = &$setting.help(concat!($($help),+));
@@ -238,7 +238,7 @@ macro_rules! table {
                 })+
             }
 
-            /// This where it says something, `below` elsewhere.
+            /// Merges two tables: the settings of `self`, and those of `below` that `self` does not give.
             pub fn over(self, below: $table) -> $table {
                 $table { $($field: self.$field.or(below.$field)),+ }
             }
@@ -259,7 +259,7 @@ macro_rules! table {
 }
 pub(crate) use table;
 
-/// Parts of [`table`] for one field: nothing for a field without a default.
+/// The parts that [`table`] generates for one field with a default. Generates nothing for a field without a default.
 macro_rules! value {
     (get $field:ident: $type:ty, [$default:expr], $setting:expr, [$($help:literal),+]) => {
         $(#[doc = $help])+

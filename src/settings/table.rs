@@ -1,6 +1,6 @@
-//! All settings, one listing each: key and flag, type, help, limits, and the estimators that use it.
+//! All settings. Each entry gives key and flag, type, help text, limits, and the estimators that use the setting.
 //!
-//! Experiment files, the command line, merging, limits and notes about settings without effect follow from these tables.
+//! Experiment files, the command line, merging, checks of limits, and notes about settings without effect use these tables.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,8 @@ use crate::settings::*;
 
 const BARE_TRUE: Form = Form::Optional { bare: "true", equals: true };
 
-/// Enough that the trees know the light, and no more than sensor paths can pay for.
+/// One light subpath per pixel, within bounds: enough for trees that represent the light well, but not more than are worth their
+/// time.
 fn default_light_paths(settings: &Settings) -> u32 {
     let [width, height] = settings.resolution();
     (width * height).clamp(MIN_DEFAULT_LIGHT_PATHS, settings.estimator().record().max_default_light_paths)
@@ -25,24 +26,24 @@ fn traces_light(estimator: Estimator) -> bool {
 }
 
 table! {
-    /// `[camera]`: what the sensor sees.
+    /// `[camera]`: the camera and the image size.
     CameraTable {
-        /// Camera of the file to look through; where several have one name, NAME#2 is the second of them [default: the first]
+        /// Name of the camera in the scene; NAME#2 is the second camera of this name [default: the first camera]
         camera: String, Setting::scene("camera", "NAME");
 
-        /// Image size in pixels [default: what the camera says, else 512 wide]
+        /// Image size in pixels [default: the resolution of the camera, else 512 pixels wide]
         resolution: Resolution, Setting::scene("resolution", "WxH");
 
-        /// Render only the pixels x0 <= x < x1, y0 <= y < y1, with the values they have in the whole image (by --sampling
-        /// adaptive but for noise)
+        /// Render only the pixels x0 <= x < x1, y0 <= y < y1; they have the same values as in the whole image (with --sampling
+        /// adaptive, the same except for noise)
         crop: Crop, Setting::scene("crop", "x0,x1,y0,y1");
     }
 }
 
 table! {
-    /// `[emitter]`: what shines.
+    /// `[emitter]`: the emitters that are switched on.
     EmitterTable {
-        /// What shines: scene for everything that emits, or names of nodes; may be repeated
+        /// Emitters that are switched on: scene for all, or names of nodes; may be repeated [default: scene]
         emitters: Emitters, Setting::scene("emitters", "scene|NODE,...").form(Form::Repeated);
     }
 }
@@ -50,14 +51,14 @@ table! {
 table! {
     /// `[gate]`: the travel times that count. At most one of `gate` and `depth`.
     GateTable {
-        /// Travel times that count, half-open: A..B, CENTER+-HALF or A+WIDTH with um, mm, cm, m, km (optical path) or
-        /// ps, ns, us (time), such as 12.5m..12.8m [default: all, the steady state]
+        /// Travel times that count, from A up to but not including B: A..B, CENTER+-HALF or A+WIDTH with um, mm, cm, m, km
+        /// (optical path) or ps, ns, us (time), such as 12.5m..12.8m [default: all travel times, the steady state]
         gate: Gate, Setting::gate("gate", "A..B").form(Form::Signed);
 
-        /// The gate as one-way range: half the optical path, lengths only
+        /// The gate as a range of depths (one way): half the optical path, in units of length
         depth: Depth, Setting::gate("depth", "A..B").form(Form::Signed).excludes("gate");
 
-        /// Render a gate that is thinner than 16 steps of 32-bit travel times, or that no light meets
+        /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
         force: bool, Setting::gate("force", "").form(Form::Switch);
     }
 }
@@ -65,65 +66,67 @@ table! {
 table! {
     /// `[render]`: how the image is computed. At most one of `spp` and `time`.
     impl Settings for RenderTable {
-        /// How paths are found: pt (path tracing), bdpt (bidirectional), lcs-paper (light-cone shell queries),
-        /// lcs (the same by importance, resampled) [default: lcs; bdpt through a gate wider
-        /// than 0.4 of the scene's diagonal; without one pt, or bdpt where there are mirrors,
-        /// glass, sharp gloss or a beam]
+        /// Estimator: pt (path tracing), bdpt (bidirectional path tracing), lcs-paper (light-cone shell queries of the paper),
+        /// lcs (light-cone shell queries with importance and resampling) [default with a gate: lcs, or bdpt if the gate is wider
+        /// than 0.4 times the scene's diagonal; default without a gate: pt, or bdpt if the scene has mirrors, glass, sharp gloss
+        /// or a beam]
         estimator: Estimator, Setting::sampling("estimator", "NAME");
 
-        /// Ways to join subpaths: all, or those of the paper (no emitter hit by chance, none seen by the sensor directly)
-        /// [default: all]
+        /// Strategies (s, t) that connect subpaths: all, or paper (s >= 1 and t >= 2: no sensor path that hits an emitter, no
+        /// light vertex that connects to the camera) [default: all]
         strategies: Strategies = |_| DEFAULT_STRATEGIES, Setting::sampling("strategies", "all|paper");
 
         /// Samples per pixel [default: 64]
         spp: u32, Setting::sampling("spp", "N").within(1, MAX_SPP);
 
-        /// Render for this long instead, such as 30s, 5min or 2h
+        /// Render for this time instead of a number of samples, such as 30s, 5min or 2h
         time: Seconds, Setting::sampling("time", "DURATION").excludes("spp");
 
-        /// Same seed, same image, to the bit [default: 0]
+        /// Seed of the random numbers; the same seed gives the same image, bit by bit [default: 0]
         seed: u32 = |_| DEFAULT_SEED, Setting::sampling("seed", "N");
 
-        /// Most segments of a path [default: 24]
+        /// Maximum number of segments of a path [default: 24]
         max_depth: u32 = |_| DEFAULT_MAX_DEPTH, Setting::sampling("max-depth", "N").within(1, MAX_DEPTH);
 
-        /// Light subpaths per iteration whose vertices are kept [default: one per pixel, 4096 to 50000; lcs: to 8192]
+        /// Light subpaths per iteration whose vertices are stored [default: one per pixel, at least 4096 and at most 50000; lcs:
+        /// at most 8192]
         light_paths: u32 = default_light_paths, Setting::sampling("light-paths", "N").within(1, MAX_LIGHT_PATHS);
 
-        /// Further light subpaths per iteration that only the sensor sees; for caustics [default: 0]
+        /// Additional light subpaths per iteration, which only connect to the camera (t = 1); for caustics [default: 0]
         splat_paths: u32 = |_| 0, Setting::sampling("splat-paths", "N").within(0, MAX_LIGHT_PATHS).only_for(traces_light);
 
-        /// Tree queries per shade point, 1 to 64 [default: 1; lcs: 16]
+        /// Queries per shade point and tree, 1 to 64 [default: 1; lcs: 16]
         queries: u32 = |s| s.estimator().default_queries(), Setting::sampling("queries", "N").within(1, MAX_QUERIES).only_for(Estimator::has_trees);
 
-        /// Temporal power buckets per tree node, 1 to 8 [default: 8]
+        /// Travel-time buckets of power per tree node, 1 to 8 [default: 8]
         buckets: u32 = |_| DEFAULT_BUCKETS, Setting::sampling("buckets", "N").within(1, MAX_BUCKETS).only_for(Estimator::has_trees);
 
-        /// Most light vertices in a leaf of a tree, 1 to 16 [default: lcs-paper: 1; lcs: 16]
+        /// Maximum number of light vertices in a leaf of a tree, 1 to 16 [default: lcs-paper: 1; lcs: 16]
         leaf_size: u32 = |s| s.estimator().leaf_size(), Setting::sampling("leaf-size", "N").within(1, MAX_LEAF_SIZE).only_for(Estimator::has_trees);
 
-        /// lcs: subtrees that the queries of a shade point start among, 1 (the whole tree) to 32; same image on average [default: 32]
+        /// Maximum number of subtrees from which the queries of a shade point start, 1 (the whole tree) to 32; the mean image is
+        /// the same [default: 32]
         frontier: u32 = |_| MAX_FRONTIER, Setting::sampling("frontier", "N").within(1, MAX_FRONTIER).only_for(Estimator::by_importance);
 
-        /// One tree over points on emitters and scattered light together, instead of one each; same image on average
-        /// [default: false; lcs: true]
+        /// Build one tree over emitter points and scattered light together, instead of a tree for each; the mean image is the
+        /// same [default: false; lcs: true]
         single_tree: bool = |s| s.estimator().default_single_tree(), Setting::sampling("single-tree", "true|false").form(BARE_TRUE).only_for(Estimator::has_trees);
 
-        /// What lcs judges nodes of a tree by beside power: all, none, or some of centre,cosine,overlap,gloss (distance of the
-        /// centre, greatest cosine, part of a bucket inside the gate, lobe of gloss); same image on average [default: all]
+        /// Factors of a tree node's importance beside its power: all, none, or some of centre,cosine,overlap,gloss (distance to
+        /// the centre, maximum cosine, part of a bucket inside the gate, glossy lobe); the mean image is the same [default: all]
         importance: Importance = |_| Importance::ALL, Setting::sampling("importance", "NAME,...").only_for(Estimator::by_importance);
 
-        /// How samples are spread over the image: uniform, or adaptive: more where earlier ones found more error
+        /// Distribution of samples over the image: uniform, or adaptive (more samples for pixels with more error so far)
         /// [default: adaptive; lcs-paper: uniform]
         sampling: Sampling = |s| Sampling::default_of(s.estimator()), Setting::sampling("sampling", "NAME");
 
-        /// Also follow subpaths that can no longer meet the gate; same image on average, slower
+        /// Also trace subpaths that can no longer meet the gate; slower, and the mean image is the same
         no_cull: bool = |_| false, Setting::sampling("no-cull", "").form(Form::Switch);
 
-        /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind]
+        /// Vulkan device, by index or a part of its name; see taugate devices [default: a device of the fastest kind]
         device: String, Setting::diagnostics("device", "INDEX|NAME");
 
-        /// Fail on the first sample that is not finite, instead of dropping and counting it
+        /// Fail at the first sample that is not finite; else such samples are dropped and counted
         strict: bool, Setting::diagnostics("strict", "").form(Form::Switch);
     }
 }
@@ -131,23 +134,24 @@ table! {
 table! {
     /// `[output]`: the files that a render writes.
     OutputTable {
-        /// Image file (.exr): R, G, B, their variance and the settings
+        /// Image file (.exr): R, G, B, their variance, and the settings
         output: PathBuf, Setting::output("output", "OUT.exr").short('o');
 
-        /// Also write a tone-mapped picture [default name: the output with .png]
+        /// Also write a tone-mapped picture [default name: the output file with .png]
         png: Png, Setting::output("png", "FILE.png").form(Form::Optional { bare: "", equals: false });
 
-        /// Also write numbers about the render: rays, times, mean and its error, dropped samples, part inside the gate
+        /// Also write statistics: rays, times, the mean and its error, dropped samples, the fraction of light inside the gate
         stats: PathBuf, Setting::output("stats", "FILE.json");
 
-        /// Also render the image once more and write what each strategy adds to it into this folder: for s vertices from the
-        /// light and t from the sensor s02_t03_weighted.exr (by MIS; these add up to the image) and _unweighted.exr
+        /// Also render the image again and write the contribution of each strategy to this folder: for s = 2 light vertices and t
+        /// = 3 sensor vertices, s02_t03_weighted.exr (with MIS weights; the sum over all strategies is the image) and
+        /// s02_t03_unweighted.exr
         strategy_images: PathBuf, Setting::output("strategy-images", "DIR");
     }
 }
 
 impl RenderTable {
-    /// Fails where a count is outside its limits.
+    /// Fails if a value is outside its limits.
     pub fn check(&self) -> Result<()> {
         struct Check(Result<()>);
         impl Visitor for Check {
@@ -162,7 +166,7 @@ impl RenderTable {
         check.0
     }
 
-    /// A note for every setting that was typed and that the estimator does not use.
+    /// A note for every setting that the user gave and that `estimator` does not use.
     pub fn without_effect(&self, estimator: Estimator) -> Vec<String> {
         struct Notes(Estimator, Vec<String>);
         impl Visitor for Notes {
@@ -176,7 +180,7 @@ impl RenderTable {
     }
 }
 
-/// The tables of an experiment that say what an image shows.
+/// The tables of an experiment on which an image depends.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Tables {
     pub camera: CameraTable,
@@ -186,7 +190,7 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// The experiment as TOML.
+    /// The tables as TOML.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("tables are plain text and numbers")
     }
@@ -197,7 +201,7 @@ mod tests {
     use super::*;
     use crate::input::experiment::Experiment;
 
-    /// Key and flag are one name, so it must be the key under which the file has the value; and every flag needs its help.
+    /// The name of every setting must be its key in experiment files. Every setting must have a help text.
     #[test]
     fn names_are_the_keys_of_the_file_and_all_have_help() {
         struct Fill(Vec<String>);
@@ -226,12 +230,12 @@ mod tests {
     fn notes_name_the_estimators_that_use_a_setting() {
         let setting = Setting::sampling("splat-paths", "N").only_for(traces_light);
         assert_eq!(setting.without_effect(Estimator::Bdpt), None);
-        let note = "--splat-paths is for bdpt, lcs-paper and lcs; pt renders as without it";
+        let note = "--splat-paths is only for bdpt, lcs-paper and lcs; pt ignores it";
         assert_eq!(setting.without_effect(Estimator::Pt).as_deref(), Some(note));
         let note = Setting::sampling("frontier", "N")
             .only_for(Estimator::by_importance)
             .without_effect(Estimator::Bdpt)
             .unwrap();
-        assert!(note.starts_with("--frontier is for lcs; bdpt"), "{note}");
+        assert!(note.starts_with("--frontier is only for lcs; bdpt"), "{note}");
     }
 }

@@ -14,7 +14,7 @@ fn what_is_left_open_follows_the_estimator() {
     assert_eq!((lcs.queries(), lcs.leaf_size(), lcs.single_tree(), lcs.light_paths()), (16, 16, true, 8192));
     let few = lcs.change().resolution([80, 80]).queries(3).leaf_size(2).build().unwrap();
     assert_eq!((few.queries(), few.leaf_size(), few.light_paths(), few.crop().width()), (3, 2, 6400, 80));
-    // What an estimator does not use has its default.
+    // A setting that the estimator does not use has its default.
     let pt = few.change().estimator(Estimator::Pt).splat_paths(9).build().unwrap();
     assert_eq!((pt.queries(), pt.leaf_size(), pt.splat_paths()), (1, 0, 0));
     assert_eq!((pt.to_table().queries, pt.to_table().spp), (None, Some(64)));
@@ -38,7 +38,7 @@ fn settings_outside_their_limits_are_not_built() {
         (builder().max_depth(0), "--max-depth is 0; it must be from 1 to 254"),
         (builder().splat_paths(MAX_LIGHT_PATHS + 1), "--splat-paths is 16777217; it must be at most 16777216"),
         (builder().budget(Budget::Spp(0)), "--spp is 0"),
-        (builder().budget(Budget::Seconds(f64::NAN)), "--time must be over 0"),
+        (builder().budget(Budget::Seconds(f64::NAN)), "--time must be more than 0"),
         (builder().resolution([0, 5]), "--resolution"),
         (builder().crop(crop), "does not lie inside the image of 512x512"),
         (builder().gate(Gate { lo: 2.0, hi: 1.0 }), "reversed"),

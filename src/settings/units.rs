@@ -1,4 +1,4 @@
-//! Travel times and ranges with their units: parsing and printing of gates.
+//! Gates: travel times and depths with their units, parsed and printed.
 
 #![warn(missing_docs)]
 
@@ -10,38 +10,38 @@ use crate::error::{Error, Result};
 /// A half-open interval of travel time [lo, hi), in metres of optical path (c = 1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gate {
-    /// The first travel time that counts, >= 0.
+    /// Begin of the gate: the first travel time that counts, >= 0.
     pub lo: f64,
-    /// Infinite for an open gate.
+    /// End of the gate, which does not count itself. Infinite for a gate without an end.
     pub hi: f64,
 }
 
 /// Speed of light in vacuum, metres per nanosecond (exact).
 pub const METRES_PER_NS: f64 = 0.299_792_458;
 
-/// Travel times in metres that gates may begin and end at: f32 reaches a little farther.
+/// Maximum travel time in metres at which a gate may begin or end (except infinity). f32 represents somewhat larger numbers.
 const MAX_TRAVEL_TIME: f64 = 1e30;
 
-/// Below this many f32 steps a gate is refused: its brightness would be wrong by several per cent.
+/// A gate with a width of fewer f32 steps is refused, because its brightness would be wrong by several per cent.
 pub const REFUSED_ULPS: f64 = 16.0;
-/// Below this many f32 steps a gate is rendered with a warning.
+/// A gate with a width of fewer f32 steps is rendered with a warning.
 pub const COARSE_ULPS: f64 = 256.0;
 
 const HOW_TO_WRITE: &str = "write it like 12.5m..12.8m, 41.7ns..42.7ns, 12.65m+-0.15m or 12.5m+0.3m";
 
-/// How a gate compares with the resolution of f32 travel times at its far end.
+/// Width of a gate, in steps between neighbouring f32 travel times at the end of the gate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum GatePrecision {
-    /// So many that rounding does not show.
+    /// At least [`COARSE_ULPS`] steps, or infinite: rounding is not visible.
     Fine,
-    /// Under [`COARSE_ULPS`] steps wide: rounding is visible in the brightness.
+    /// Fewer than [`COARSE_ULPS`] steps: rounding is visible in the brightness.
     Coarse {
-        /// Steps of 32-bit travel times in the gate.
+        /// Width in f32 steps.
         ulps: f64,
     },
-    /// Under [`REFUSED_ULPS`] steps wide: mostly rounding.
+    /// Fewer than [`REFUSED_ULPS`] steps: the brightness is mostly rounding error.
     TooThin {
-        /// Steps of 32-bit travel times in the gate.
+        /// Width in f32 steps.
         ulps: f64,
     },
 }
@@ -55,13 +55,13 @@ impl Gate {
         self.hi == f64::INFINITY && self.lo <= 0.0
     }
 
-    /// Whether light of travel time `tau` (metres) counts; the twin of `gate_weight` on the device.
+    /// Whether light of travel time `tau` (metres) counts. The function on the device is `gate_weight`.
     pub fn contains(&self, tau: f64) -> bool {
         self.lo <= tau && tau < self.hi
     }
 
-    /// The gate [lo, hi) in metres if some travel time can be inside. A negative `lo` is raised to 0, since no travel
-    /// time is negative; `hi` may be infinite.
+    /// The gate [lo, hi), in metres. A negative `lo` is set to 0, because no travel time is negative; `hi` may be infinite. Fails
+    /// if no travel time can be inside the gate, or if an end is NaN or beyond 1e30 m.
     pub fn new(lo: f64, hi: f64) -> Result<Gate> {
         if lo.is_nan() || hi.is_nan() {
             return Err(refuse("a gate cannot contain NaN", HOW_TO_WRITE));
@@ -80,8 +80,8 @@ impl Gate {
         }
         if lo > MAX_TRAVEL_TIME || (hi > MAX_TRAVEL_TIME && hi.is_finite()) {
             return Err(refuse(
-                "the gate is farther away than any light counts (1e30 m)",
-                "end it with inf, like 12.5m..inf",
+                "the gate begins or ends beyond the maximum travel time of 1e30 m",
+                "for a gate without an end write inf, like 12.5m..inf",
             ));
         }
         if hi <= 0.0 {
@@ -90,21 +90,22 @@ impl Gate {
         Ok(Gate { lo: lo.max(0.0), hi })
     }
 
-    /// A gate in optical path length or time: `A..B`, `CENTER+-HALF` or `A+WIDTH`, each with a unit. In `A..B` one side
-    /// may inherit the unit of the other, and `B` may be `inf`.
+    /// Parses a gate in optical path length or time: `A..B`, `CENTER+-HALF` or `A+WIDTH`, with units. If only one of the two
+    /// numbers has a unit, the unit counts for both. In `A..B`, `B` may be `inf`.
     pub fn parse(text: &str) -> Result<Gate> {
         let (lo, hi) = interval(text, "gate", HOW_TO_WRITE, &PATH_UNITS, PATH_UNIT_NAMES)?;
         Gate::new(lo, hi)
     }
 
-    /// A gate given as one-way range of a sensor beside the emitter: tau = 2 depth. Lengths only.
+    /// Parses a gate that is given as a range of depths (one way), for a sensor beside the emitter: tau = 2 depth. The units are
+    /// lengths.
     pub fn parse_depth(text: &str) -> Result<Gate> {
         let example = "write it like 6.25m..6.4m";
         let (lo, hi) = interval(text, "depth", example, &LENGTH_UNITS, LENGTH_UNIT_NAMES)?;
         Gate::new(2.0 * lo, 2.0 * hi)
     }
 
-    /// Compares the width with the distance of neighbouring f32 numbers at `hi`.
+    /// Compares the width with the difference between neighbouring f32 numbers at `hi`.
     #[doc(hidden)]
     pub fn precision(&self) -> GatePrecision {
         if self.hi.is_infinite() {
@@ -121,7 +122,7 @@ impl Gate {
         }
     }
 
-    /// The gate as path, time and depth: `gate 12.5-12.8 m = 41.696-42.696 ns = 6.25-6.4 m depth`.
+    /// The gate as text, in optical path, time and depth: `gate 12.5-12.8 m = 41.696-42.696 ns = 6.25-6.4 m depth`.
     pub fn describe(&self) -> String {
         if self.is_open() {
             return "no gate (steady state)".into();
@@ -133,7 +134,7 @@ impl Gate {
     }
 }
 
-/// What [`Gate::parse`] reads back to the same bits.
+/// Prints text that [`Gate::parse`] parses to the same bits.
 impl fmt::Display for Gate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.hi.is_infinite() {
@@ -151,7 +152,7 @@ impl FromStr for Gate {
     }
 }
 
-/// A gate that was written as one-way range.
+/// A gate that is parsed and printed as a range of depths (one way). The gate itself is in metres of optical path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Depth(pub Gate);
 
@@ -169,7 +170,7 @@ impl fmt::Display for Depth {
     }
 }
 
-/// A unit's name and its size in metres of optical path.
+/// Name of a unit, and its size in metres of optical path.
 type Unit = (&'static str, f64);
 
 const LENGTH_UNITS: [Unit; 7] =
@@ -191,23 +192,23 @@ const PATH_UNITS: [Unit; 12] = [
 ];
 const PATH_UNIT_NAMES: &str = "um, mm, cm, m or km (optical path), ps, ns or us (time)";
 
-/// A number and, where one was written, its unit.
+/// A number, and the size of its unit in metres if the user wrote a unit.
 struct Quantity {
     value: f64,
     unit: Option<f64>,
 }
 
-/// Both ends in metres, not yet checked against each other.
+/// Parses both ends of an interval, in metres, without comparing them. `what` and `example` are for messages.
 fn interval(text: &str, what: &str, example: &str, units: &[Unit], unit_names: &str) -> Result<(f64, f64)> {
     let text = text.trim();
     let quantity = |side: &str| quantity(side, text, example, units, unit_names);
     let no_unit = || Error::Settings(format!("the {what} '{text}' has no unit: add {unit_names}; {example}"));
 
     if text.contains("...") {
-        let message = format!("the {what} '{text}' has three dots in a row: write two between its ends; {example}");
+        let message = format!("the {what} '{text}' has three dots: write two dots between its ends; {example}");
         return Err(Error::Settings(message));
     }
-    // Longest separators first, so that `+-` is not taken for the `+` of a width.
+    // Test for `+-` before `+`, because `+-` also contains a `+`.
     if let Some((a, b)) = text.split_once("..") {
         let (a, b) = (quantity(a)?, quantity(b)?);
         let unit_a = a.unit.or(b.unit).ok_or_else(no_unit)?;
@@ -241,7 +242,7 @@ fn quantity(side: &str, text: &str, example: &str, units: &[Unit], unit_names: &
         return Err(Error::Settings(format!("the interval '{text}' lacks an end; {example}, or 12.5m..inf")));
     }
     if side.eq_ignore_ascii_case("inf") {
-        // Infinity is the same in every unit but does not lend one to the other side.
+        // Infinity needs no unit, and gives no unit to the other end.
         return Ok(Quantity { value: f64::INFINITY, unit: None });
     }
 
@@ -256,7 +257,7 @@ fn quantity(side: &str, text: &str, example: &str, units: &[Unit], unit_names: &
         return Ok(Quantity { value, unit: None });
     }
     let unit = units.iter().find(|(name, _)| *name == unit).map(|(_, metres)| *metres).ok_or_else(|| {
-        Error::Settings(format!("'{unit}' in '{text}' is not a unit that fits here: use {unit_names}; {example}"))
+        Error::Settings(format!("'{unit}' in '{text}' is not a unit for this setting: use {unit_names}; {example}"))
     })?;
     Ok(Quantity { value, unit: Some(unit) })
 }
@@ -265,17 +266,17 @@ fn refuse(what: &str, remedy: &str) -> Error {
     Error::Settings(format!("{what}; {remedy}"))
 }
 
-/// The shortest decimal number that is read back to the same bits; with an exponent where it would be long.
+/// The shortest decimal number that parses to the same bits, with an exponent if the number would be long.
 pub(crate) fn number(x: f64) -> String {
     if is_long(x) { format!("{x:e}") } else { format!("{x}") }
 }
 
-/// Whether digits before or behind the point would have to be counted.
+/// Whether a number has so many digits before or after the decimal point that a reader would have to count them.
 fn is_long(x: f64) -> bool {
     x != 0.0 && x.is_finite() && !(1e-6..1e9).contains(&x.abs())
 }
 
-/// `lo-hi` with as many decimals as show the width to three digits, at least three.
+/// `lo-hi` as text. The number of decimals shows the width to three digits, and is at least three.
 fn span(lo: f64, hi: f64) -> String {
     let width = if hi.is_finite() { hi - lo } else { lo };
     let decimals = (2.0 - width.log10().floor()).clamp(3.0, 12.0) as usize;

@@ -1,4 +1,4 @@
-//! Values as they are typed on the command line and in experiment files: one grammar for both, through `FromStr`.
+//! Values of settings, parsed from text. The command line and experiment files share one grammar, through `FromStr`.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -13,7 +13,7 @@ use crate::settings::setting::{Value, value_from_text};
 use crate::settings::units::{Depth, Gate, number};
 use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
 
-/// Width and height in pixels, `640x480`.
+/// Width and height in pixels, such as `640x480`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resolution(pub [u32; 2]);
 
@@ -46,7 +46,7 @@ impl FromStr for Crop {
             text.split(',').map(|n| n.trim().parse()).collect::<Result<_, _>>().map_err(|_| wrong(""))?;
         match numbers[..] {
             [x0, x1, y0, y1] if x0 < x1 && y0 < y1 => Ok(Crop { x0, y0, x1, y1 }),
-            [_, _, _, _] => Err(wrong(" because nothing is inside")),
+            [_, _, _, _] => Err(wrong(" because it contains no pixel")),
             _ => Err(wrong(" because it does not have four numbers")),
         }
     }
@@ -58,7 +58,7 @@ impl fmt::Display for Crop {
     }
 }
 
-/// A duration in seconds, `30s`, `500ms`, `5min` or `1.5h`.
+/// A duration in seconds, such as `30s`, `500ms`, `5min` or `1.5h`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Seconds(pub f64);
 
@@ -86,8 +86,8 @@ impl fmt::Display for Seconds {
 impl FromStr for Emitters {
     type Err = Error;
 
-    /// `scene`, or node names with commas between them. Those of a name that contains commas itself are put together again
-    /// where the scene is known, see [`crate::input::resolve::resolve`].
+    /// Parses `scene`, or node names with commas between them. A name that contains commas is split here;
+    /// [`crate::input::resolve::resolve`], which knows the names in the scene, joins its parts again.
     fn from_str(text: &str) -> Result<Emitters> {
         if text.trim() == "scene" {
             return Ok(Emitters::Scene);
@@ -105,8 +105,7 @@ fn emitter_names(names: Vec<String>) -> Result<Emitters> {
     Ok(Emitters::Nodes(names))
 }
 
-/// Serialises through `Display` and deserialises through `FromStr`, so that flag and key share one grammar and one
-/// message.
+/// Serialises with `Display` and deserialises with `FromStr`, so that flag and key have the same grammar and the same messages.
 macro_rules! serde_as_text {
     ($($type:ty),+) => {$(
         impl Serialize for $type {
@@ -134,11 +133,11 @@ value_from_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Importance, 
     }
 });
 
-/// Whether and where the tone-mapped picture goes: `png = true` or `png = "picture.png"`.
+/// Whether to write a tone-mapped picture, and its file name: `png = true` or `png = "picture.png"`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, serde::Deserialize)]
 #[serde(untagged, expecting = "expected true, false or a file name")]
 pub enum Png {
-    /// Beside the output, with the extension .png.
+    /// Whether to write the picture under the default name: the output file with the extension .png.
     Wanted(bool),
     File(PathBuf),
 }

@@ -1,14 +1,14 @@
-//! What is done when nothing says it.
+//! Choice of the default estimator.
 
 use crate::estimators::{Conditions, GateWidth};
 use crate::scene::{Light, Material, Scene};
 use crate::settings::units::Gate;
 use crate::settings::*;
 
-/// Part of the scene's diagonal from which on a gate is wide.
+/// A gate is wide if its width is larger than this fraction of the scene's diagonal.
 const WIDE_GATE: f64 = 0.4;
 
-/// The estimator whose record says that it suits this gate and scene.
+/// The estimator whose record fits this gate, this scene and these emitters.
 pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
     let is_beam = |light: &Light| light.kind.needs_light_subpaths() && emitters.include(&light.node);
     let width = if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
@@ -25,10 +25,10 @@ pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estim
     })
 }
 
-/// Roughness below which gloss gathers light so sharply that `pt` seldom finds it.
+/// Roughness below which a glossy surface focuses light so sharply that `pt` seldom finds the light.
 const SHARP: f32 = 0.3;
 
-/// Whether glass, or a sharp mirror or gloss, can gather light.
+/// Whether the scene has a material that can focus light: glass, or metal or gloss of low roughness.
 fn focuses_light(scene: &Scene) -> bool {
     let focuses =
         |m: &Material| m.transmission > 0.0 || (m.roughness < SHARP && (m.metallic > 0.0 || m.specular > 0.0));

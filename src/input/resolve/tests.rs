@@ -4,7 +4,7 @@ use super::*;
 use crate::generate::stage::diffuse;
 use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh};
 
-/// Two cameras; a sun, a beam and a glowing lamp among nodes that do not emit.
+/// A scene with two cameras, a sun, a beam, an emissive lamp, and a wall that does not emit.
 fn scene() -> Scene {
     let camera = |name: &str, aspect, resolution| Camera {
         name: name.into(),
@@ -45,7 +45,7 @@ fn message(toml: &str, scene: &Scene) -> String {
 
 #[test]
 fn defaults_fill_what_nobody_said() {
-    // Without a gate there is nothing that queries could choose better by.
+    // Without a gate, light-cone queries have no advantage.
     let s = settings_of("");
     assert_eq!(
         (s.estimator(), s.strategies(), s.responses().support()),
@@ -122,8 +122,8 @@ fn mistakes_name_the_flag_and_the_remedy() {
         ("emitter.emitters = 'wall'", "may name sun, beam, lamp"),
         ("emitter.emitters = 'beam,nothing'", "no node 'nothing'"),
         ("gate.gate = '1m..2m'", "directional light 'sun' is infinitely far away"),
-        ("gate.gate = '1m..2m'\nemitter.emitters = 'sun'", "choose with --emitters from beam, lamp"),
-        ("gate.gate = '100m+0.0001mm'\nemitter.emitters = 'beam'", "make it wider, or add --force"),
+        ("gate.gate = '1m..2m'\nemitter.emitters = 'sun'", "choose other lights with --emitters from beam, lamp"),
+        ("gate.gate = '100m+0.0001mm'\nemitter.emitters = 'beam'", "make the gate wider, or add --force"),
     ];
     for (toml, part) in table {
         let message = message(toml, &scene());
@@ -151,7 +151,7 @@ fn names_with_commas_may_be_typed_in_parts() {
     assert_eq!(chosen("emitter.emitters = 'a,b,c'"), ["a,b,c"]);
     assert_eq!(chosen("emitter.emitters = 'a , b,c,beam'"), ["a,b,c", "beam"]);
     assert_eq!(chosen("emitter.emitters = ['lamp, left', 'b']"), ["lamp, left", "b"]);
-    // Whole names go first.
+    // Names without commas have priority.
     assert_eq!(chosen("emitter.emitters = 'lamp, left'"), ["lamp", "left"]);
     scene.instances.retain(|instance| instance.node != "left");
     let message = |toml: &str| message(toml, &scene);
@@ -209,9 +209,9 @@ fn importance_is_for_lcs() {
     let many = "queries = 64, frontier = 3, buckets = 2, leaf-size = 3, single-tree = true, splat-paths = 9";
     let of_pt = warned(&format!("render = {{ estimator = 'pt', {many} }}"));
     for flag in ["queries", "frontier", "buckets", "leaf-size", "single-tree", "splat-paths"] {
-        assert!(of_pt.contains(&format!("--{flag} is for")), "{of_pt}");
+        assert!(of_pt.contains(&format!("--{flag} is only for")), "{of_pt}");
     }
-    assert!(!warned(&format!("render = {{ estimator = 'lcs', {many} }}")).contains("is for"));
+    assert!(!warned(&format!("render = {{ estimator = 'lcs', {many} }}")).contains("is only for"));
     for importance in [Importance::ALL, Importance::NONE, some] {
         assert_eq!(importance.to_string().parse::<Importance>().unwrap(), importance);
     }

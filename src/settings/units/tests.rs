@@ -62,8 +62,8 @@ fn bad_gates() {
         ("nanm..12m", "not a number"),
         ("1m..NaN", "not a number"),
         ("1e999m..2m", "not a number"),
-        ("0m..1e300m", "farther away"),
-        ("1e31m..inf", "farther away"),
+        ("0m..1e300m", "beyond the maximum"),
+        ("1e31m..inf", "beyond the maximum"),
         ("-3m..-1m", "at or before 0"),
         ("-3m..0m", "at or before 0"),
         ("1furlong..2m", "'furlong'"),
@@ -103,7 +103,7 @@ fn the_gate_is_described_in_three_units() {
 
 #[test]
 fn thin_gates_are_told_apart_by_f32_steps() {
-    // One f32 step in [8, 16) is 2^-20.
+    // Neighbouring f32 numbers in [8, 16) differ by 2^-20.
     let step = 1.0 / f64::from(1 << 20);
     let wide = |n: f64| Gate { lo: 12.5, hi: 12.5 + n * step }.precision();
     assert_eq!(wide(256.0), GatePrecision::Fine);
