@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs what a fresh Debian machine lacks to run taugate without a GPU: the Vulkan loader and Mesa's drivers, among
-# them lavapipe, which renders on the CPU. Does nothing where a loader and a driver are there. Safe to run again.
+# Installs the packages that a fresh Debian machine needs to run taugate without a GPU: the Vulkan loader, and Mesa's drivers with
+# lavapipe, which renders on the CPU. Does nothing if a loader and a driver are installed. It is safe to run this script again.
 set -eu
 
 say() { echo "setup: $*"; }
@@ -13,7 +13,7 @@ has_loader() {
 }
 
 has_driver() {
-    # A driver named in the environment is a choice that was made already.
+    # A driver that the environment names counts as installed.
     [ -z "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] || return 0
     for file in /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json /usr/local/share/vulkan/icd.d/*.json; do
         [ -e "$file" ] && return 0
@@ -28,11 +28,11 @@ if [ -z "$missing" ]; then
     say "a Vulkan loader and driver are installed; nothing to do"
     exit 0
 fi
-missing=$(echo $missing) # without leading space
+missing=$(echo $missing) # remove a leading space
 
 if ! command -v apt-get >/dev/null 2>&1; then
-    say "this machine has no apt-get; install the Vulkan loader (libvulkan.so.1) and a Vulkan driver by hand," >&2
-    say "such as Mesa's lavapipe, and run this again" >&2
+    say "this machine has no apt-get; install the Vulkan loader (libvulkan.so.1) and a Vulkan driver, such as Mesa's" >&2
+    say "lavapipe, with the package manager of this machine" >&2
     exit 1
 fi
 
@@ -55,7 +55,7 @@ is_bookworm() {
 
 has_backports() { apt-cache policy 2>/dev/null | grep -q "n=$suite"; }
 
-# The mirror that this machine already takes Debian 12 from.
+# Prints the mirror from which this machine gets Debian 12.
 debian_uri() {
     for file in /etc/apt/sources.list.d/*.sources; do
         [ -r "$file" ] || continue
@@ -76,19 +76,19 @@ if is_bookworm && ! has_backports && [ ! -e "$list" ]; then
         say "adding the suite $suite of $uri, whose driver is up to twice as fast"
         printf 'Types: deb\nURIs: %s\nSuites: %s\nComponents: main\nSigned-By: %s\n' \
             "$uri" "$suite" /usr/share/keyrings/debian-archive-keyring.gpg | $as_root tee "$list" >/dev/null
-        # Only this suite, so that trouble elsewhere is not blamed on it. apt reports a suite that does not answer as a
-        # warning and succeeds, so look at what came of it.
+        # Update only this suite, so that errors of other suites do not matter here. apt succeeds with a warning if the mirror
+        # does not have the suite, so the script tests the result.
         $as_root apt-get update -o Dir::Etc::sourcelist="$list" -o Dir::Etc::sourceparts=- \
             -o APT::Get::List-Cleanup=0 || true
         if ! has_backports; then
-            say "$suite cannot be had from there; taking the stock driver"
+            say "the mirror does not have $suite; using the driver of Debian 12"
             $as_root rm -f "$list"
         fi
     fi
 fi
 
 say "updating the package lists"
-$as_root apt-get update || say "not all package lists could be updated; going on with those there are"
+$as_root apt-get update || say "some package lists could not be updated; continuing with the existing lists"
 
 from=
 if is_bookworm && has_backports; then
@@ -97,11 +97,11 @@ if is_bookworm && has_backports; then
 else
     say "installing $missing"
 fi
-# The list and the option are meant to be split into words.
+# $from and $missing are unquoted, because the shell must split them into words.
 # shellcheck disable=SC2086
 if ! $as_root apt-get install -y --no-install-recommends $from $missing; then
     [ -n "$from" ] || { say "the packages could not be installed" >&2; exit 1; }
-    say "that failed; taking the stock packages"
+    say "$suite failed; installing the packages of Debian 12"
     # shellcheck disable=SC2086
     $as_root apt-get install -y --no-install-recommends $missing
 fi

@@ -1,4 +1,4 @@
-//! Renders what a sensor sees of a wall through a gate, and writes it as an EXR file.
+//! Renders a wall as a time-gated sensor sees it, and writes the image to an EXR file.
 
 use std::path::Path;
 use std::time::Instant;
@@ -6,7 +6,7 @@ use std::time::Instant;
 use taugate::glam::DVec3;
 use taugate::{Camera, Device, Gate, LightKind, Material, Mesh, Renderer, Scene, Settings, write_exr};
 
-/// Writes the image and returns its mean.
+/// Renders the image, writes it to `out`, and returns its mean radiance.
 pub fn render(out: &Path) -> taugate::Result<f64> {
     // A wall 3 m in front of the sensor, and a lamp 1 m beside it.
     let mut scene = Scene::default();
@@ -16,7 +16,7 @@ pub fn render(out: &Path) -> taugate::Result<f64> {
     scene.add_light("lamp", DVec3::X, DVec3::NEG_Z, LightKind::Point { intensity: [10.0; 3] });
     scene.add_camera(Camera::looking_at("sensor", DVec3::ZERO, DVec3::NEG_Z, 0.8, [64, 64]));
 
-    // Light that travelled 6.2 m to 6.3 m comes from a ring on the wall.
+    // Light with an optical path between 6.2 m and 6.3 m comes from a ring on the wall.
     let settings = Settings::builder().gate(Gate::new(6.2, 6.3)?).resolution([64, 64]).build()?;
     let mut renderer = Renderer::new(&Device::open(None)?, &scene, &settings)?;
     let start = Instant::now();

@@ -43,7 +43,7 @@ impl Allocation {
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
-        // From here on `drop` destroys what exists; Vulkan ignores null handles.
+        // From here on, `drop` destroys the objects that exist, even after an error. Vulkan ignores null handles.
         let mut new = Allocation {
             shared: shared.clone(),
             handle: vk::Buffer::null(),

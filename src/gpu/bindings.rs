@@ -36,7 +36,7 @@ impl DescriptorSets {
             .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count });
         let sets = pipeline.sets.len().max(1) as u32;
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(sets).pool_sizes(&sizes);
-        // From here on `drop` destroys what exists; Vulkan ignores null handles.
+        // From here on, `drop` destroys the objects that exist, even after an error. Vulkan ignores null handles.
         let mut bound = DescriptorSets {
             pipeline: pipeline.clone(),
             pool: vk::DescriptorPool::null(),

@@ -19,7 +19,7 @@ pub(super) struct Commands {
 
 impl Commands {
     pub fn new(shared: &Arc<Shared>) -> Result<Commands> {
-        // From here on `drop` destroys what exists; Vulkan ignores null handles.
+        // From here on, `drop` destroys the objects that exist, even after an error. Vulkan ignores null handles.
         let mut commands = Commands {
             shared: shared.clone(),
             pool: vk::CommandPool::null(),

@@ -108,7 +108,7 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
         (device, queue)
     };
     let has_timestamps = families[family].timestamp_valid_bits == 64;
-    // From here on `drop` destroys what exists.
+    // From here on, `drop` destroys the device, even after an error.
     let mut shared = Shared {
         device,
         queue: RwLock::new(queue),

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 pub enum DeviceKind {
     /// A graphics card with memory of its own.
     Discrete,
-    /// A graphics processor beside the CPU.
+    /// A graphics processor that shares the CPU's memory.
     Integrated,
     /// A graphics card that a virtual machine sees.
     Virtual,

@@ -44,7 +44,7 @@ impl Pipeline {
             false => Some((Buffer::from_slice(device, bounds::VIOLATION, &[0u32; 4], "")?, compiled.places)),
         };
         let entry_name = CString::new(&*source.entry).map_err(|e| Error::Shader(e.to_string()))?;
-        // From here on `drop` destroys what exists; Vulkan ignores null handles.
+        // From here on, `drop` destroys the objects that exist, even after an error. Vulkan ignores null handles.
         let mut new = Pipeline {
             device: device.clone(),
             source,

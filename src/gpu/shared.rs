@@ -17,7 +17,7 @@ pub(super) struct Shared {
     pub queue_family: u32,
     pub memory: vk::PhysicalDeviceMemoryProperties,
     pub cache: vk::PipelineCache,
-    /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
+    /// Nanoseconds per timestamp tick; 0 if the queue has no timestamps.
     pub timestamp_ns: f64,
     pub info: DeviceInfo,
     /// Size of all device buffers that exist, in bytes.
@@ -26,7 +26,7 @@ pub(super) struct Shared {
     pub waits: AtomicU64,
     /// Number of memory allocations.
     pub allocations: AtomicU64,
-    // Dropped after `drop` has destroyed the device.
+    // Never read. `drop` destroys the device first; then this field destroys the instance.
     pub _instance: Instance,
 }
 

@@ -1,14 +1,20 @@
-//! Scattering at a surface: Lambert, plastic, GGX metal, mirror, glass smooth and rough, and the mixtures glTF can ask for.
+//! Scattering at a surface: Lambert, plastic, GGX metal, mirror, smooth and rough glass, and the mixtures that glTF allows.
 //!
-//! Local frame: z is the shading normal on the viewer's side; directions point away from the surface. With m metallic and t transmission,
+//! In the local frame, z is the shading normal on the viewer's side, and directions point away from the surface. With m the
+//! metallic factor and t the transmission factor,
 //!
 //!   f = m conductor + (1 - m) ((1 - t) plastic + t dielectric).
 //!
-//! Conductor: GGX with Schlick's Fresnel factor from the base colour. Plastic: GGX with F0 = ((n - 1) / (n + 1))^2 over a
-//! diffuse base that gets what the lobe leaves, (1 - E(i)) (1 - E(o)) / (1 - E_avg), which is reciprocal and conserves energy;
-//! both Fresnel terms are scaled by `specular`. GGX lobes with alpha below [`MIRROR_ALPHA`] are perfect mirrors.
-//! Dielectric: facets of smooth glass, GGX as the rest, unpolarised Fresnel; each crossing is tinted with the base colour. It is only
-//! sampled and never evaluated: what it sends where follows from facets, Snell and Fresnel alone, without Walter's Jacobian.
+//! Conductor: GGX with Schlick's Fresnel factor from the base colour.
+//!
+//! Plastic: a GGX coat with F0 = ((n - 1) / (n + 1))^2 over a diffuse base. The base is scaled by the light that the coat leaves,
+//! (1 - E(i)) (1 - E(o)) / (1 - E_avg), which is reciprocal and conserves energy. `specular` scales both Fresnel terms.
+//!
+//! Dielectric: GGX microfacets of smooth glass with unpolarised Fresnel reflectance. Each crossing multiplies by the base colour.
+//! The dielectric is only sampled, never evaluated: its directions follow from facets, Snell and Fresnel, without Walter's
+//! Jacobian.
+//!
+//! Every GGX lobe with alpha below [`MIRROR_ALPHA`] is a perfect mirror (or smooth glass).
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,12 +23,12 @@ use glam::DVec3;
 use super::ggx;
 use crate::scene::Material;
 
-/// Below this a GGX lobe is a mirror.
+/// A GGX lobe with a smaller alpha counts as a perfect mirror.
 pub const MIRROR_ALPHA: f64 = 1e-3;
 
 const ENTRIES: usize = 64;
 
-/// A material with what is computed once: the directional albedo of its plastic lobe.
+/// A material with values that are computed once: the directional albedo of its plastic coat.
 #[derive(Debug, Clone)]
 pub struct PreparedMaterial {
     alpha: f64,
@@ -31,12 +37,12 @@ pub struct PreparedMaterial {
     metallic: f64,
     transmission: f64,
     ior: f64,
-    /// E at cosine (i / 63)^2: finest at grazing angles, where E changes fast.
+    /// Entry i is the albedo E at cosine (i / 63)^2. The entries are densest at grazing angles, where E changes fast.
     albedo: [f64; ENTRIES],
     mean_albedo: f64,
 }
 
-/// A material at a point: [`PreparedMaterial`] with the base colour there.
+/// A material at a point: a [`PreparedMaterial`] with the base colour of the point.
 #[derive(Debug, Clone, Copy)]
 pub struct Bsdf<'a> {
     material: &'a PreparedMaterial,
@@ -47,14 +53,14 @@ pub struct Bsdf<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Sample {
     pub wi: DVec3,
-    /// f cos / p, p being the density (or probability) with which `wi` was drawn. Refraction: for power, without the
-    /// square of the relative index that radiance gains.
+    /// f cos / p, where p is the density (or probability) with which `wi` was drawn. For refraction, the weight applies to power.
+    /// For radiance, the caller multiplies by the square of the ratio of indices.
     pub weight: [f64; 3],
-    /// Per steradian; 0 for mirrors and glass, where it is not known.
+    /// Density per steradian; 0 for mirrors and glass, whose density is not known.
     pub pdf: f64,
-    /// Mirror or glass, smooth or rough: no other strategy makes this direction by this lobe.
+    /// The direction comes from a mirror or from smooth or rough glass. No other strategy can evaluate these lobes.
     pub delta: bool,
-    /// Goes through the surface.
+    /// The direction goes through the surface.
     pub refracted: bool,
 }
 
@@ -91,12 +97,13 @@ impl PreparedMaterial {
         self.alpha < MIRROR_ALPHA
     }
 
-    /// Schlick's factor of the plastic's coat at cosine `c` to the half vector.
+    /// Schlick's Fresnel factor of the plastic's coat; `c` is the cosine to the half vector.
     fn coat(&self, c: f64) -> f64 {
         self.specular * (self.f0 + (1.0 - self.f0) * (1.0 - c).clamp(0.0, 1.0).powi(5))
     }
 
-    /// Part of the light from cosine `mu` that the coat reflects: the mean of F G2 / G1 over visible normals.
+    /// Fraction of the light from a direction with cosine `mu` that the coat reflects: the mean of F G2 / G1 over visible
+    /// normals.
     fn integrate_albedo(&self, mu: f64) -> f64 {
         if self.is_mirror() || self.specular == 0.0 {
             return self.coat(mu);
@@ -116,7 +123,7 @@ impl PreparedMaterial {
         sum / (STEPS * STEPS) as f64
     }
 
-    /// E at a cosine in [0, 1], from the table.
+    /// The albedo E at a cosine in [0, 1], interpolated from the table.
     fn albedo(&self, mu: f64) -> f64 {
         let x = mu.clamp(0.0, 1.0).sqrt() * (ENTRIES - 1) as f64;
         let i = (x as usize).min(ENTRIES - 2);
@@ -124,7 +131,8 @@ impl PreparedMaterial {
         self.albedo[i] * (1.0 - f) + self.albedo[i + 1] * f
     }
 
-    /// E_avg = 2 * integral of E mu over [0, 1]; with mu = t^2 that is 4 * integral of E t^3, exact by Gauss in each cell.
+    /// E_avg = 2 * integral of E mu over [0, 1]. With mu = t^2 this is 4 * integral of E t^3. Gauss quadrature is exact in each
+    /// cell of the table, where E is linear in t.
     fn integrate_mean(&self) -> f64 {
         let cell = 1.0 / (ENTRIES - 1) as f64;
         let gauss = [(-(0.6f64.sqrt()), 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.6f64.sqrt(), 5.0 / 18.0)];
@@ -140,7 +148,7 @@ impl PreparedMaterial {
 }
 
 impl Bsdf<'_> {
-    /// Reflects only as a mirror or glass: nothing to connect to.
+    /// Whether the material scatters only as a mirror or glass, so that no connection to this point has a contribution.
     pub fn only_delta(&self) -> bool {
         let m = self.material;
         let (opaque_plastic, metal) = ((1.0 - m.metallic) * (1.0 - m.transmission), m.metallic);
@@ -148,7 +156,7 @@ impl Bsdf<'_> {
         !rough && (opaque_plastic == 0.0 || self.base.iter().all(|&b| b == 0.0))
     }
 
-    /// f(wi, wo) per steradian, no cosine; mirrors and glass are 0 here. Symmetric.
+    /// f(wi, wo) per steradian, without the cosine. Mirrors and glass count as 0. The function is symmetric.
     pub fn eval(&self, wi: DVec3, wo: DVec3) -> [f64; 3] {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return [0.0; 3];
@@ -161,7 +169,7 @@ impl Bsdf<'_> {
         [0, 1, 2].map(|k| diffuse * self.base[k] + lobe * fresnel[k])
     }
 
-    /// Factor of the GGX lobe at cosine `c` to the half vector: coat and conductor together.
+    /// Fresnel factor of the GGX lobe, for coat and conductor together; `c` is the cosine to the half vector.
     fn fresnel(&self, c: f64) -> [f64; 3] {
         let m = self.material;
         let coat = (1.0 - m.metallic) * (1.0 - m.transmission) * m.coat(c);
@@ -169,7 +177,7 @@ impl Bsdf<'_> {
         self.base.map(|b| coat + m.metallic * (b + (1.0 - b) * grazing))
     }
 
-    /// Probabilities of drawing from the GGX (or mirror) lobe, the diffuse base, and the dielectric; all 0 for black.
+    /// Probabilities of sampling the GGX (or mirror) lobe, the diffuse base, and the dielectric. All are 0 for a black material.
     fn choices(&self, wo: DVec3) -> [f64; 3] {
         let m = self.material;
         let brightest = self.base.iter().copied().fold(0.0, f64::max);
@@ -179,15 +187,15 @@ impl Bsdf<'_> {
         let dielectric = (1.0 - m.metallic) * m.transmission;
         let mut lobe = plastic * e + m.metallic * brightest.max(0.05);
         if lobe > 0.0 {
-            // Highlights from grazing light are brighter than their share at `wo`.
+            // For light at grazing angles, the lobe is brighter than its albedo at `wo` suggests.
             lobe = lobe.max(0.15 * diffuse);
         }
         let sum = lobe + diffuse + dielectric;
         if sum > 0.0 { [lobe, diffuse, dielectric].map(|p| p / sum) } else { [0.0; 3] }
     }
 
-    /// Density per steradian with which [`Bsdf::sample`] draws `wi`, mirrors and glass left out. Integrates over the sphere to
-    /// the probability that neither of these is drawn.
+    /// Density per steradian with which [`Bsdf::sample`] draws `wi`, without mirrors and glass. Its integral over the sphere is
+    /// the probability that neither a mirror nor glass is drawn.
     pub fn pdf(&self, wi: DVec3, wo: DVec3) -> f64 {
         if wo.z <= 0.0 {
             return 0.0;
@@ -197,7 +205,8 @@ impl Bsdf<'_> {
         lobe * rough + diffuse * wi.z.max(0.0) / PI
     }
 
-    /// Draws a direction; `inside` says that the viewer is behind the surface (only glass cares). `None` is a path that ends.
+    /// Samples a direction from three uniform numbers. `inside`: the viewer is behind the surface, which matters only for glass.
+    /// `None`: the path ends.
     pub fn sample(&self, wo: DVec3, inside: bool, u: [f64; 3]) -> Option<Sample> {
         if wo.z <= 0.0 {
             return None;
@@ -229,11 +238,12 @@ impl Bsdf<'_> {
         Some(Sample { wi, weight, pdf, delta: false, refracted: false })
     }
 
-    /// Mirrors at a visible facet or refracts there, with the probability of Fresnel's equations. Of what a facet sends on, other
-    /// facets let through G2 / G1; what it mirrors into the surface, or refracts back out of it, is lost.
+    /// Samples a visible facet, and reflects or refracts there with the probabilities of Fresnel's equations. The weight includes
+    /// G2 / G1, the fraction that other facets do not block. A reflection into the surface, or a refraction back out of it, is
+    /// lost.
     fn sample_glass(&self, wo: DVec3, inside: bool, u: [f64; 3], chosen: f64) -> Option<Sample> {
         let m = self.material;
-        // The numbers that chose glass are uniform below `chosen`: once more uniform, they choose a facet's part.
+        // Given that glass was chosen, `u[0]` is uniform in [0, chosen). After rescaling, it chooses reflection or refraction.
         let (choice, share) = (u[0] / chosen, (1.0 - m.metallic) * m.transmission / chosen);
         let facet = if m.is_mirror() { DVec3::Z } else { ggx::sample_normal(m.alpha, wo, u[1], u[2]) };
         let relative = if inside { 1.0 / m.ior } else { m.ior };
@@ -259,8 +269,8 @@ impl Bsdf<'_> {
     }
 }
 
-/// Reflectance of unpolarised light at a smooth boundary; `relative` is the index beyond over the index on the side of the light, `cos`
-/// in [0, 1]. 1 under total reflection.
+/// Fresnel reflectance of a smooth boundary for unpolarised light, in [0, 1]; 1 for total reflection. `relative` is the index
+/// beyond the boundary over the index on the side of the light; `cos` is in [0, 1].
 pub fn fresnel_dielectric(cos: f64, relative: f64) -> f64 {
     let sin2 = (1.0 - cos * cos) / (relative * relative);
     if sin2 >= 1.0 {

@@ -1,4 +1,5 @@
-//! Emitters that a path can be joined to: luminous triangles, point and spot lights; and beams, which only shine one way.
+//! Emitters: emissive triangles, point and spot lights, to which a path can be connected; and beams, which emit in one direction
+//! only.
 
 use std::f64::consts::PI;
 
@@ -12,31 +13,33 @@ use crate::scene::{Light, LightKind};
 /// Direct light from one sampled emitter.
 pub struct LightSample {
     pub position: DVec3,
-    /// Unit vector from the vertex.
+    /// Unit vector from the vertex to the emitter.
     pub wi: DVec3,
     pub distance: f64,
-    /// Radiance times cosine over density: to be multiplied with f cos at the vertex and visibility.
+    /// Radiance times cosine over density. The caller multiplies by f cos at the vertex, and by visibility.
     pub weight: [f64; 3],
-    /// Density per steradian, selection included; `None` for lights that cannot be hit.
+    /// Density per steradian, including the probability of choosing the emitter. `None` for lights that no ray can hit.
     pub pdf: Option<f64>,
 }
 
-/// Point and spot lights one by one, and all luminous triangles together as one emitter, chosen uniformly.
+/// All emitters of a scene. [`EmitterSet::sample`] chooses uniformly between the point and spot lights and one further choice,
+/// which stands for all emissive triangles together.
 pub struct EmitterSet<'a> {
     world: &'a World<'a>,
     punctual: Vec<&'a Light>,
     pub beams: Vec<&'a Light>,
-    /// Luminous triangles and the area up to and including each.
+    /// Emissive triangles, each with the sum of areas up to and including it.
     luminous: Vec<(u32, f64)>,
 }
 
 impl<'a> EmitterSet<'a> {
     /// # Panics
-    /// If a directional light is to shine: it has no travel time.
+    /// If a directional light is switched on, because its light has no travel time.
     pub fn new(world: &'a World<'a>) -> EmitterSet<'a> {
         let shining = || world.scene.lights.iter().filter(|l| world.shines(&l.node));
         let is_beam = |l: &&Light| matches!(l.kind, LightKind::Beam { .. });
-        assert!(!shining().any(|l| matches!(l.kind, LightKind::Directional { .. })), "no travel time");
+        let has_directional = shining().any(|l| matches!(l.kind, LightKind::Directional { .. }));
+        assert!(!has_directional, "a directional light has no travel time");
         let mut luminous = Vec::new();
         let mut area = 0.0;
         for (i, triangle) in world.geometry.triangles.iter().enumerate() {
@@ -55,14 +58,15 @@ impl<'a> EmitterSet<'a> {
         self.punctual.len() + usize::from(!self.luminous.is_empty())
     }
 
-    /// Density per steradian with which [`EmitterSet::sample`] would have drawn the luminous point that `vertex` is, from `distance` away.
+    /// Density per steradian with which [`EmitterSet::sample`] draws the emissive point `vertex`, seen from `vertex.wo` at
+    /// `distance`.
     pub fn pdf(&self, vertex: &Vertex, distance: f64) -> f64 {
         let Some(&(_, area)) = self.luminous.last() else { return 0.0 };
         let cos = vertex.normal.dot(vertex.wo).abs();
         distance * distance / (cos * area * self.choices() as f64)
     }
 
-    /// One emitter, uniformly chosen, as seen from `from`; visibility is not tested. `None` if it sends nothing there.
+    /// Samples one emitter, as seen from `from`, without a test of visibility. `None` if no light of the sample goes to `from`.
     pub fn sample(&self, from: DVec3, pcg: &mut Pcg) -> Option<LightSample> {
         if self.choices() == 0 {
             return None;
@@ -91,7 +95,7 @@ impl<'a> EmitterSet<'a> {
     }
 }
 
-/// Radiant intensity of a point or spot light in a direction away from it.
+/// Radiant intensity of a point or spot light in direction `away`, a unit vector from the light. `None` if no light goes there.
 fn intensity(light: &Light, away: DVec3) -> Option<[f64; 3]> {
     match light.kind {
         LightKind::Point { intensity } => Some(intensity.map(f64::from)),
@@ -105,40 +109,42 @@ fn intensity(light: &Light, away: DVec3) -> Option<[f64; 3]> {
     }
 }
 
-/// Where a beam, perhaps after mirrors and glass, first meets something rough: an emitter in its own right.
+/// A spot of a beam: a point that the beam hits, directly or after mirrors and glass, and where it scatters. Sensor paths connect
+/// to spots as to emitters.
 pub struct BeamSpot<'a> {
-    /// Seen from where the beam comes.
+    /// The vertex, seen from the direction of the incident beam.
     pub vertex: Vertex<'a>,
-    /// Power that arrives over the density of the point: to be multiplied with f at the vertex and [`BeamSpot::towards`]' cosine.
+    /// Incident power over the density of the point. [`BeamSpot::towards`] multiplies it by f and by the cosines.
     power: [f64; 3],
     pub tau: f64,
-    /// Segments from the beam to here.
+    /// Number of segments from the beam's origin to the spot.
     pub segments: u32,
-    /// Index of the medium that the spot shines into.
+    /// Index of refraction on the side into which the spot reflects light.
     pub eta: f64,
-    /// Density per area of this point, if a sensor path that ends here could find the beam by itself.
+    /// Density per area of the point, if a sensor path that hits this point can also find the beam by [`straight`]. Else `None`.
     pub density: Option<f64>,
 }
 
 impl BeamSpot<'_> {
-    /// Radiance times area cosine over density, towards a unit vector `w`: to be divided by the squared distance.
+    /// Radiance towards the unit vector `w`, times the cosine at the spot, over the density per area. The caller divides by the
+    /// squared distance.
     pub fn towards(&self, w: DVec3) -> [f64; 3] {
         let v = &self.vertex;
-        // Light meets the shading normal's cosine where the sampled area has the geometric one.
+        // The scattered light has the cosine to the shading normal, but the sampled area has the cosine to the geometric normal.
         let cosines = v.cos(v.wo) / v.normal.dot(v.wo) * v.normal.dot(w).max(0.0);
         let f = v.eval(w);
         [0, 1, 2].map(|k| self.power[k] * f[k] * cosines)
     }
 }
 
-/// Radius and power of a beam.
+/// Radius in metres and power of a beam. Panics if `light` is not a beam.
 pub fn beam(light: &Light) -> (f64, [f64; 3]) {
     let LightKind::Beam { power, radius } = light.kind else { panic!("not a beam") };
     (f64::from(radius), power.map(f64::from))
 }
 
-/// Follows one ray of a beam, through at most `max_depth` segments, as long as it is mirrored or refracted; a spot at every vertex
-/// that also scatters.
+/// Traces one ray of a beam for at most `max_depth` segments, as long as mirrors reflect it or glass refracts it. Returns a spot
+/// for every vertex that also scatters.
 pub fn spots<'a>(world: &'a World<'a>, light: &Light, max_depth: u32, pcg: &mut Pcg) -> Vec<BeamSpot<'a>> {
     let (radius, mut power) = beam(light);
     let x = light.direction.any_orthonormal_vector();
@@ -174,7 +180,8 @@ pub fn spots<'a>(world: &'a World<'a>, light: &Light, max_depth: u32, pcg: &mut 
     found
 }
 
-/// Light of a beam with a radius that falls straight onto a vertex: distance to the disk and f cos times irradiance.
+/// Light of a beam that falls on a vertex directly: the distance to the disk of the beam, and f cos times irradiance. `None` if
+/// the radius is 0, if the vertex is outside the beam, or if the beam is occluded.
 pub fn straight(world: &World, light: &Light, vertex: &Vertex, pcg: &mut Pcg) -> Option<(f64, [f64; 3])> {
     let (radius, power) = beam(light);
     let distance = (vertex.position - light.position).dot(light.direction);

@@ -1,16 +1,16 @@
-//! The scene as f64 triangles in world space, a tree of boxes over them, and rays.
+//! The scene as triangles in world space, a bounding volume hierarchy over them, and rays. All numbers are f64.
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
 use crate::scene::Scene;
 
-/// A triangle in world space; counter-clockwise about `normal`, mirrored instances included.
+/// A triangle in world space. Seen against `normal`, its corners are counter-clockwise, except in mirrored instances.
 #[derive(Debug, Clone, Copy)]
 pub struct Triangle {
     corner: DVec3,
     edge1: DVec3,
     edge2: DVec3,
-    /// Unit normal of the front.
+    /// Unit normal of the front side.
     pub normal: DVec3,
     /// Index into `Scene::instances`.
     pub instance: u32,
@@ -23,7 +23,7 @@ impl Triangle {
         self.edge1.cross(self.edge2).length() / 2.0
     }
 
-    /// Lowest and highest coordinates.
+    /// Minimum and maximum coordinates.
     fn bounds(&self) -> (DVec3, DVec3) {
         let (b, c) = (self.corner + self.edge1, self.corner + self.edge2);
         (self.corner.min(b).min(c), self.corner.max(b).max(c))
@@ -34,7 +34,7 @@ impl Triangle {
         self.corner + self.edge1 * u + self.edge2 * v
     }
 
-    /// Moeller-Trumbore, both sides: (t, u, v) with t_min < t < t_max.
+    /// Intersection from either side (Moeller-Trumbore): (t, u, v) with t_min < t < t_max.
     fn intersect(&self, ray: &Ray) -> Option<(f64, f64, f64)> {
         let p = ray.direction.cross(self.edge2);
         let determinant = self.edge1.dot(p);
@@ -46,13 +46,13 @@ impl Triangle {
         let q = s.cross(self.edge1);
         let v = ray.direction.dot(q) / determinant;
         let t = self.edge2.dot(q) / determinant;
-        // Neighbours overlap by a hair, so that no ray passes between them.
+        // Triangles are enlarged by 1e-12, so that no ray passes between neighbours.
         let inside = u >= -1e-12 && v >= -1e-12 && u + v <= 1.0 + 1e-12;
         (inside && t > ray.t_min && t < ray.t_max).then_some((t, u, v))
     }
 }
 
-/// Points origin + t direction, t_min < t < t_max; the direction is a unit vector.
+/// The points origin + t direction with t_min < t < t_max. The direction is a unit vector.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {
     pub origin: DVec3,
@@ -62,19 +62,19 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// A ray that starts on a surface (or anywhere) and has no end.
+    /// A ray without an end. The origin may lie on a surface: t_min excludes that surface.
     pub fn new(origin: DVec3, direction: DVec3) -> Ray {
         Ray { origin, direction, t_min: 1e-9 * (1.0 + origin.abs().max_element()), t_max: f64::INFINITY }
     }
 
-    /// The open segment between two points; both may lie on surfaces.
+    /// The open segment between two points, which may lie on surfaces.
     pub fn between(a: DVec3, b: DVec3) -> Ray {
         let ray = Ray::new(a, (b - a).normalize());
         Ray { t_max: (b - a).length() - ray.t_min, ..ray }
     }
 }
 
-/// Where a ray meets a triangle.
+/// Intersection of a ray with a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     pub t: f64,
@@ -84,13 +84,13 @@ pub struct Hit {
     pub v: f64,
 }
 
-/// A point of a surface with all that shading needs.
+/// A point of a surface, with everything that shading needs.
 #[derive(Debug, Clone, Copy)]
 pub struct Surface {
     pub position: DVec3,
-    /// Unit normal of the triangle's front.
+    /// Unit geometric normal of the front side.
     pub geometric: DVec3,
-    /// Interpolated unit normal, the geometric one for flat meshes; front side.
+    /// Unit shading normal of the front side: interpolated, or the geometric normal if the mesh has no normals.
     pub shading: DVec3,
     pub uv: DVec2,
     /// Index into `Scene::materials`.
@@ -101,17 +101,17 @@ pub struct Surface {
 struct Node {
     min: DVec3,
     max: DVec3,
-    /// Inner node (count 0): its children are `first` and the next. Leaf: its slice of `order`.
+    /// Inner node (count 0): index of the first child; the second child follows it. Leaf: start of its slice of `order`.
     first: u32,
     count: u32,
 }
 
-/// Levels from which nodes are halved, so that the tree is never much deeper.
+/// From this depth on, nodes are split into equal halves, which bounds the depth of the tree.
 const MEDIAN_SPLIT_DEPTH: usize = 32;
-/// Nodes that wait at most: one a level.
+/// Maximum number of nodes on the traversal stack. The traversal adds at most one node per level.
 const MAX_STACK: usize = 64;
 
-/// All triangles of all instances.
+/// All triangles of all instances, without degenerate ones, and the tree over them.
 pub struct Geometry<'a> {
     pub scene: &'a Scene,
     pub triangles: Vec<Triangle>,
@@ -149,14 +149,15 @@ impl<'a> Geometry<'a> {
         geometry
     }
 
-    /// Fills node `node` for `order[start..end]`, `depth` levels down: leaves of up to 2, else where rays cost least.
+    /// Builds the subtree for `order[start..end]` in node `node` at depth `depth`. A leaf has at most 2 triangles; other nodes
+    /// are split where the surface-area cost is lowest.
     fn split(&mut self, node: usize, start: usize, end: usize, centres: &[DVec3], depth: usize) {
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for &i in &self.order[start..end] {
             let (low, high) = self.triangles[i as usize].bounds();
             (min, max) = (min.min(low), max.max(high));
         }
-        // Corners are rounded; a box must not lose an edge to that.
+        // Enlarge the box, because rounding of corners could put an edge outside.
         let slack = (max.abs().max(min.abs()) + 1.0) * 1e-12;
         (min, max) = (min - slack, max + slack);
         if end - start <= 2 {
@@ -180,7 +181,8 @@ impl<'a> Geometry<'a> {
             .sort_unstable_by(|&a, &b| centres[a as usize][axis].total_cmp(&centres[b as usize][axis]).then(a.cmp(&b)));
     }
 
-    /// Axis to sort by and how many come first, so that the areas of the two boxes, each times its triangles, add up to least.
+    /// The split of lowest cost: the axis to sort by, and the number of triangles in the first child. The cost is the sum over
+    /// both children of the surface area of the box times the number of triangles.
     fn cheapest_split(&mut self, start: usize, end: usize, centres: &[DVec3]) -> (usize, usize) {
         let n = end - start;
         let mut best = (f64::INFINITY, 0, n / 2);
@@ -205,7 +207,7 @@ impl<'a> Geometry<'a> {
         (best.1, best.2)
     }
 
-    /// The nearest hit.
+    /// The nearest hit, if any.
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
         self.closest_but(ray, &[])
     }
@@ -220,7 +222,7 @@ impl<'a> Geometry<'a> {
         self.walk(ray, true, &[]).is_some()
     }
 
-    /// The nearest hit without the tree, to test the tree.
+    /// The nearest hit, found without the tree, for tests of the tree.
     pub fn closest_by_exhaustion(&self, ray: &Ray) -> Option<Hit> {
         let all = (0..self.triangles.len() as u32).filter_map(|i| self.hit(i, ray));
         all.min_by(|a, b| a.t.total_cmp(&b.t))
@@ -237,7 +239,7 @@ impl<'a> Geometry<'a> {
         let inverse = ray.direction.recip();
         let mut ray = *ray;
         let mut best = None;
-        // Nodes yet to be looked at and where the ray enters them, the nearest last.
+        // Stack of nodes to visit, each with the distance at which the ray enters it. The nearest node is last.
         let mut open = [(0u32, f64::NEG_INFINITY); MAX_STACK];
         let mut count = 1;
         while count > 0 {
@@ -273,7 +275,7 @@ impl<'a> Geometry<'a> {
         best
     }
 
-    /// What a ray has hit.
+    /// The surface point of a hit.
     pub fn surface(&self, hit: &Hit) -> Surface {
         let triangle = &self.triangles[hit.triangle as usize];
         let instance = &self.scene.instances[triangle.instance as usize];
@@ -302,13 +304,13 @@ impl<'a> Geometry<'a> {
     }
 }
 
-/// Where the ray enters a node's box, if it does.
+/// Distance at which the ray enters the node's box; `None` if the ray misses the box.
 fn entry(node: &Node, ray: &Ray, inverse: DVec3) -> Option<f64> {
     let (mut near, mut far) = (ray.t_min, ray.t_max);
     for axis in 0..3 {
         let a = (node.min[axis] - ray.origin[axis]) * inverse[axis];
         let b = (node.max[axis] - ray.origin[axis]) * inverse[axis];
-        // 0 * infinity, on the plane of a face: min and max ignore the NaN.
+        // A ray in the plane of a face gives 0 * infinity = NaN, which min and max ignore.
         near = near.max(a.min(b));
         far = far.min(a.max(b));
     }
@@ -332,7 +334,7 @@ mod tests {
             let ray = Ray::new(origin, (to - origin).normalize());
             let hit = geometry.closest(&ray);
             assert_eq!(hit, geometry.closest_by_exhaustion(&ray));
-            // The room is closed.
+            // The room is closed, so every ray hits something.
             let hit = hit.expect("a hit");
             assert!(geometry.any(&Ray { t_max: hit.t + 1e-6, ..ray }));
             assert!(!geometry.any(&Ray { t_max: hit.t, ..ray }));

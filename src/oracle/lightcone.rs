@@ -1,19 +1,19 @@
-//! The paper's sections 4 and 5, equation by equation, in f64. Times and lengths in metres of optical path, c = 1.
+//! The equations of the paper's sections 4 and 5, in f64. Times and lengths are in metres of optical path, with c = 1.
 //!
-//! Gates are half-open, [lo, hi), where the paper's are closed; a gate with hi <= lo is empty and contains nothing.
+//! Gates are half-open, [lo, hi), while the paper's gates are closed. A gate with hi <= lo is empty.
 
 use glam::DVec3;
 
 use crate::settings::units::Gate;
 
-/// Axis-aligned box, min <= max in every axis; may be a point.
+/// Axis-aligned box with min <= max on every axis. It may be a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     pub min: DVec3,
     pub max: DVec3,
 }
 
-/// A node's extent in space and accumulated travel time [lo, hi] (closed), lo <= hi.
+/// Extent of a node in space, and in accumulated travel time: the closed interval [lo, hi] with lo <= hi.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
     pub bounds: Bounds,
@@ -35,17 +35,17 @@ pub fn in_shell(gate: Gate, v: DVec3, v_tau: f64, q: DVec3, q_tau: f64) -> bool 
     in_gate(gate, connection_tau(v, v_tau, q, q_tau))
 }
 
-/// Inner and outer radius of the shell at `v_tau` (Eqs. 8 and 9). The outer one is negative where no connection can be valid.
+/// Inner and outer radius of the shell at `v_tau` (Eqs. 8 and 9). The outer radius is negative if no connection can be valid.
 pub fn shell_radii(gate: Gate, v_tau: f64, q_tau: f64) -> (f64, f64) {
     ((gate.lo - v_tau - q_tau).max(0.0), gate.hi - v_tau - q_tau)
 }
 
-/// The accumulated travel time that puts a vertex at `v` on the cone of one travel time (Eq. 10).
+/// The v_tau of a light vertex at `v` on the light cone of total travel time `tau` (Eq. 10).
 pub fn cone_v_tau(tau: f64, v: DVec3, q: DVec3, q_tau: f64) -> f64 {
     tau - q_tau - (v - q).length()
 }
 
-/// Least and greatest distance of `q` to a box (d_min and d_max of Eq. 18); d_min is 0 inside.
+/// Minimum and maximum distance from `q` to a box (d_min and d_max of Eq. 18). d_min is 0 inside the box.
 pub fn distances(q: DVec3, bounds: Bounds) -> (f64, f64) {
     let (mut near, mut far) = (0.0, 0.0);
     for axis in 0..3 {
@@ -58,22 +58,22 @@ pub fn distances(q: DVec3, bounds: Bounds) -> (f64, f64) {
     (near.sqrt(), far.sqrt())
 }
 
-/// Closed interval that holds the travel time of every connection from `q` into the node (Eq. 18).
+/// Closed interval that contains the travel time of every connection between `q` and the node (Eq. 18).
 pub fn tau_range(node: Extent, q: DVec3, q_tau: f64) -> (f64, f64) {
     let (d_min, d_max) = distances(q, node.bounds);
     (node.tau[0] + d_min + q_tau, node.tau[1] + d_max + q_tau)
 }
 
-/// Whether no descendant of the node can make a valid connection (Eq. 19). Conservative: false says nothing. A node that only
-/// touches hi is pruned, because the gate is half-open.
+/// Whether the node is pruned, because no vertex in it has a valid connection (Eq. 19). The test is conservative: if it is false,
+/// the node may still have no valid vertex. A node that only touches hi is pruned, because the gate is half-open.
 pub fn pruned(gate: Gate, node: Extent, q: DVec3, q_tau: f64) -> bool {
     let (min_tau, max_tau) = tau_range(node, q, q_tau);
     max_tau < gate.lo || min_tau >= gate.hi || gate.hi <= gate.lo
 }
 
-/// Effective power of a node of the 3D tree, where all v_tau are 0 (Eqs. 20 to 22), in [0, power]. Where the equation is 0/0, all
-/// distances being the same, it is all or nothing. Zero does not prove that the node is dead: the one
-/// distance that is valid may be at the end of the range; [`pruned`] decides that.
+/// Effective power of a node of the 3D tree, where all v_tau are 0 (Eqs. 20 to 22), in [0, power]. If all distances are equal,
+/// the equation is 0/0, and the result is 0 or `power`. A node with result 0 may still have a valid vertex at the end of the
+/// range of distances; only [`pruned`] excludes valid vertices.
 pub fn effective_power_3d(gate: Gate, power: f64, bounds: Bounds, q: DVec3, q_tau: f64) -> f64 {
     let (d_min, d_max) = distances(q, bounds);
     if d_min == d_max {
@@ -83,13 +83,14 @@ pub fn effective_power_3d(gate: Gate, power: f64, bounds: Bounds, q: DVec3, q_ta
     power * (overlap / (d_max - d_min)).clamp(0.0, 1.0)
 }
 
-/// Bucket b of a node's travel times, `count` equal parts (Sec. 5.5.2); closed, the last one ends at the node's end.
+/// Closed interval of bucket b, one of `count` equal parts of a node's travel times (Sec. 5.5.2). The last bucket ends exactly at
+/// the node's end.
 pub fn bucket_interval(tau: [f64; 2], count: usize, b: usize) -> [f64; 2] {
     let edge = |i: usize| tau[0] + (tau[1] - tau[0]) * i as f64 / count as f64;
     [edge(b), if b + 1 == count { tau[1] } else { edge(b + 1) }]
 }
 
-/// The bucket that holds a vertex; 0 where the index is 0/0 because the node has but one time.
+/// Index of the bucket that contains `v_tau`. The result is 0 if the node has only one time, which makes the index 0/0.
 pub fn bucket_index(tau: [f64; 2], count: usize, v_tau: f64) -> usize {
     let width = tau[1] - tau[0];
     if width <= 0.0 {
@@ -98,13 +99,13 @@ pub fn bucket_index(tau: [f64; 2], count: usize, v_tau: f64) -> usize {
     (((v_tau - tau[0]) / width * count as f64) as usize).min(count - 1)
 }
 
-/// Whether bucket b can hold a valid vertex (Eq. 23, half-open).
+/// Whether bucket b can contain a valid vertex (Eq. 23, with a half-open gate).
 pub fn bucket_valid(gate: Gate, node: Extent, count: usize, b: usize, q: DVec3, q_tau: f64) -> bool {
     let bucket = Extent { tau: bucket_interval(node.tau, count, b), ..node };
     !pruned(gate, bucket, q, q_tau)
 }
 
-/// Effective power of a node of the 4D tree: the power of its valid buckets (Eq. 24).
+/// Effective power of a node of the 4D tree: the sum of its valid buckets (Eq. 24).
 pub fn effective_power_4d(gate: Gate, node: Extent, buckets: &[f64], q: DVec3, q_tau: f64) -> f64 {
     let valid = |b: &usize| bucket_valid(gate, node, buckets.len(), *b, q, q_tau);
     (0..buckets.len()).filter(valid).map(|b| buckets[b]).sum()
@@ -152,10 +153,10 @@ mod tests {
         let at = |lo, hi| pruned(GATE, node(lo, hi), DVec3::ZERO, 1.0);
         assert_eq!(tau_range(node(2.0, 3.0), DVec3::ZERO, 1.0), (8.0, 9.0));
         assert!(at(2.0, 3.0));
-        // It reaches lo exactly: one valid time.
+        // The node reaches lo exactly, so one time is valid.
         assert!(!at(2.0, 4.0));
         assert!(!at(5.0, 8.0));
-        // It starts at hi exactly: no valid time in a half-open gate.
+        // The node starts at hi exactly, so no time is valid in a half-open gate.
         assert!(at(6.0, 8.0));
         assert!(pruned(EMPTY, node(0.0, 100.0), DVec3::ZERO, 1.0));
     }
@@ -192,15 +193,15 @@ mod tests {
         assert_eq!(effective_power_3d(GATE, 4.0, UNIT, q, 1.0), 4.0);
         assert_eq!(effective_power_3d(GATE, 4.0, UNIT, q, 5.0), 0.0);
         assert_eq!(effective_power_3d(EMPTY, 4.0, UNIT, q, 1.0), 0.0);
-        // 0/0: all vertices at one place.
+        // All vertices are at one point, so the equation is 0/0.
         let one = point(DVec3::ZERO);
         assert_eq!(effective_power_3d(GATE, 4.0, one, q, 0.0), 4.0);
         assert_eq!(effective_power_3d(GATE, 4.0, one, q, 2.0), 0.0);
         assert_eq!(effective_power_3d(EMPTY, 4.0, one, q, 0.0), 0.0);
-        // q inside the box.
+        // q is inside the box.
         let inside = effective_power_3d(Gate { lo: 0.0, hi: 0.5 }, 4.0, UNIT, DVec3::splat(0.5), 0.0);
         assert!((inside - 4.0 * 0.5 / 0.75f64.sqrt()).abs() < 1e-12);
-        // An open gate takes everything.
+        // With an open gate, the effective power is the whole power.
         assert_eq!(effective_power_3d(Gate::OPEN, 4.0, UNIT, q, 1.0), 4.0);
     }
 
@@ -215,12 +216,12 @@ mod tests {
         assert_eq!(bucket_index([2.0, 2.0], 4, 2.0), 0);
 
         let node = Extent { bounds: point(DVec3::new(0.0, 0.0, 5.0)), tau: [2.0, 10.0] };
-        // Total times [7.5, 9.5), [9.5, 11.5), [11.5, 13.5), [13.5, 15.5): the gate meets the middle two.
+        // The buckets have total times [7.5, 9.5), [9.5, 11.5), [11.5, 13.5), [13.5, 15.5). The gate overlaps the middle two.
         let power = effective_power_4d(GATE, node, &[1.0, 2.0, 4.0, 8.0], DVec3::ZERO, 0.5);
         assert_eq!(power, 6.0);
         assert_eq!(effective_power_4d(GATE, node, &[15.0], DVec3::ZERO, 0.5), 15.0);
         assert_eq!(effective_power_4d(EMPTY, node, &[15.0], DVec3::ZERO, 0.5), 0.0);
-        // All at one time: every bucket is that time, and the power is in the first.
+        // If all vertices have one time, every bucket is that time, and the first bucket has all the power.
         let one = Extent { tau: [5.0, 5.0], ..node };
         assert_eq!(effective_power_4d(GATE, one, &[3.0, 0.0], DVec3::ZERO, 0.5), 3.0);
     }

@@ -1,7 +1,8 @@
-//! The same mathematics again: slow, f64, obviously right. For tests only.
+//! A second implementation of the renderer's mathematics, slow but simple, in f64. It serves tests, and `self_check` uses
+//! [`sphere`].
 //!
-//! The renderer is judged by what stands here, so nothing is shared with it beyond the [`crate::scene::Scene`]: [`sphere`]
-//! is a closed form, [`path_tracer`] another algorithm, [`lightcone`] the paper's equations once more.
+//! Tests compare the renderer with this module, so the two share only plain data such as [`crate::scene::Scene`]. [`sphere`] is a
+//! closed form, [`path_tracer`] another algorithm, [`lightcone`] a second version of the paper's equations.
 
 pub mod bsdf;
 mod emitter;

@@ -1,11 +1,16 @@
-//! A path tracer with explicit light sampling that sorts radiance by travel time: the second opinion on every image.
+//! A path tracer with explicit light sampling, which sorts radiance into bins of travel time. Tests compare images with it.
 //!
-//! Each sample traces one sensor path. At every vertex one emitter is sampled; luminous surfaces are also found by chance, and the
-//! two are weighted by the balance heuristic. A beam has neither position nor direction to spare, so its first rough hit, the
-//! spot, is found from the beam and joined to every sensor vertex. A beam with a radius may also be met by going back along it from
-//! a vertex that lies in the spot: that is the other half of a balance heuristic, and all there is where the vertex before was
-//! the pinhole, a mirror or glass. A spot that cannot be met that way (radius 0, or a mirror or glass in front of the beam) is
-//! projected into the image. Not found: such a spot, or a point light, seen through a mirror or glass, smooth or rough.
+//! Each sample traces one sensor path. At every vertex, the tracer samples one emitter. Paths also hit emissive surfaces by
+//! chance. The balance heuristic weights these two strategies.
+//!
+//! A beam emits in one direction only, so no vertex can sample it as an emitter. Instead, the tracer follows the beam to its
+//! spot, the first point that scatters, and connects the spot to every sensor vertex. If the beam has a radius and its spot is
+//! hit directly, there is a second strategy: a sensor vertex inside the spot adds the light that arrives straight from the beam.
+//! The balance heuristic weights the two. If the vertex before is the pinhole, a mirror or glass, only the second strategy
+//! exists.
+//!
+//! If the second strategy is impossible (radius 0, or a mirror or glass in front of the beam), the spot is also projected into
+//! the image. The tracer does not find such a spot, or a point light, if the sensor sees it through a mirror or glass.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -18,7 +23,7 @@ use crate::scene::{Camera, Scene};
 use crate::settings::Emitters;
 use crate::settings::units::Gate;
 
-/// What to render.
+/// Settings of a render.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// Index into `Scene::cameras`.
@@ -27,21 +32,21 @@ pub struct Settings {
     pub resolution: [u32; 2],
     pub spp: u32,
     pub seed: u64,
-    /// Greatest number of path segments, both ends included.
+    /// Maximum number of segments of a path, including the segments at the sensor and at the emitter.
     pub max_depth: u32,
-    /// Half-open intervals of travel time [lo, hi) in metres; they may overlap.
+    /// Bins: half-open intervals of travel time [lo, hi) in metres, which may overlap.
     pub bins: Vec<(f64, f64)>,
     pub emitters: Emitters,
 }
 
-/// Radiance of a pixel in a bin, and the variance of that estimate (not of a sample).
+/// Estimated radiance of a pixel in a bin, and the variance of this estimate (not of a sample).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pixel {
     pub mean: [f64; 3],
     pub variance: [f64; 3],
 }
 
-/// One image a bin, row 0 at the top.
+/// One image per bin; row 0 is at the top.
 #[derive(Debug, Clone)]
 pub struct Film {
     pub resolution: [u32; 2],
@@ -49,7 +54,7 @@ pub struct Film {
 }
 
 impl Film {
-    /// Mean over pixels and channels of a bin.
+    /// Mean of a bin over pixels and channels.
     pub fn average(&self, bin: usize) -> f64 {
         let pixels = &self.bins[bin];
         pixels.iter().flat_map(|p| p.mean).sum::<f64>() / (3 * pixels.len()) as f64
@@ -68,7 +73,7 @@ impl Sums {
         }
     }
 
-    /// Mean over `n` samples and its variance; n = 1 has no variance to speak of and gives 0.
+    /// Mean over `n` samples and variance of this mean. For n = 1 the variance is 0, because it cannot be estimated.
     fn over(&self, n: f64) -> Pixel {
         let mean = self.0.map(|s| s / n);
         let spread = |k: usize| (self.1[k] / n - mean[k] * mean[k]).max(0.0) / (n - 1.0).max(1.0);
@@ -76,7 +81,7 @@ impl Sums {
     }
 }
 
-/// Contributions of one sample to its own pixel.
+/// Sums of the contributions of one sample to its own pixel, one per bin.
 struct SampleBins<'s> {
     settings: &'s Settings,
     bins: Vec<DVec3>,
@@ -92,13 +97,12 @@ impl SampleBins<'_> {
     }
 }
 
-/// A spot seen by the pinhole: pixel, travel time and value.
+/// A spot that the pinhole sees: pixel, travel time and value.
 type Splat = (usize, f64, DVec3);
 
-/// Renders all bins at once. The same settings give the same bits, however many threads there are.
+/// Renders all bins at once. The same settings give the same bits with any number of threads.
 ///
-/// # Panics
-/// If a directional light is to shine: it has no travel time.
+/// # Panics If a directional light is switched on, because its light has no travel time.
 pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let world = World::new(scene, &settings.emitters);
     let emitters = EmitterSet::new(&world);
@@ -107,7 +111,7 @@ pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let count = (width * height) as usize;
     let traced: Vec<(Vec<Sums>, Vec<Splat>)> = (0..count).into_par_iter().map(|i| tracer.pixel(i)).collect();
 
-    // Splats fall anywhere in the image: every sample of every pixel had its chance.
+    // A splat of any sample may fall on any pixel, so a pixel averages over the samples of all pixels.
     let mut splatted = vec![vec![Sums::default(); count]; settings.bins.len()];
     for &(pixel, tau, value) in traced.iter().flat_map(|(_, splats)| splats) {
         for (bin, &(lo, hi)) in splatted.iter_mut().zip(&settings.bins) {
@@ -126,7 +130,7 @@ pub fn render(scene: &Scene, settings: &Settings) -> Film {
     Film { resolution: settings.resolution, bins }
 }
 
-/// A pinhole with its image plane at distance 1.
+/// A pinhole camera with its image plane at distance 1.
 struct Pinhole<'a> {
     camera: &'a Camera,
     resolution: [f64; 2],
@@ -146,14 +150,15 @@ impl<'a> Pinhole<'a> {
         self.camera.transform.translation
     }
 
-    /// Ray through image coordinates in pixels.
+    /// The camera ray through image coordinates in pixels.
     fn ray(&self, x: f64, y: f64) -> Ray {
         let [w, h] = self.resolution;
         let local = DVec3::new((2.0 * x / w - 1.0) * self.half[0], (1.0 - 2.0 * y / h) * self.half[1], -1.0);
         Ray::new(self.eye(), self.camera.transform.transform_vector3(local).normalize())
     }
 
-    /// The pixel in which a point is seen, and pixel means per steradian: 1 / (pixel area cos^3).
+    /// The pixel in which the camera sees a point, and the factor 1 / (pixel area cos^3), which turns radiance times solid angle
+    /// into the mean over the pixel. `None` if the point is outside the image.
     fn project(&self, point: DVec3) -> Option<(usize, f64)> {
         let p = self.camera.transform.inverse().transform_point3(point);
         let [w, h] = self.resolution;
@@ -199,7 +204,7 @@ impl Tracer<'_> {
     fn path(&self, mut ray: Ray, spots: &[BeamSpot], sample_bins: &mut SampleBins, pcg: &mut Pcg) {
         let mut throughput = DVec3::ONE;
         let (mut tau, mut eta) = (0.0, 1.0);
-        // Density per steradian of the last direction; none after the pinhole, a mirror or glass.
+        // Density per steradian of the last direction; `None` after the pinhole, a mirror or glass.
         let mut last: Option<f64> = None;
         for segments in 1..=self.settings.max_depth {
             let Some(vertex) = self.world.trace(ray, pcg) else { return };
@@ -224,7 +229,7 @@ impl Tracer<'_> {
             throughput *= DVec3::from(sample.weight);
             if sample.refracted {
                 let beyond = if vertex.inside { 1.0 } else { self.world.ior(&vertex) };
-                // Radiance is compressed with the square of the index.
+                // Radiance scales with the square of the index of refraction.
                 throughput *= (eta / beyond) * (eta / beyond);
                 eta = beyond;
             }
@@ -236,7 +241,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Light of one sampled emitter.
+    /// Adds the light of one sampled emitter.
     fn emitter(&self, end: &PathEnd, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
         let Some(light) = self.emitters.sample(end.vertex.position, pcg) else { return };
         let f = DVec3::from(end.vertex.eval(light.wi)) * end.vertex.cos(light.wi);
@@ -247,11 +252,11 @@ impl Tracer<'_> {
         sample_bins.add(end.tau + end.eta * light.distance, end.throughput * f * DVec3::from(light.weight) * weight);
     }
 
-    /// Light of beams that fall straight onto the vertex.
+    /// Adds the light of beams that fall on the vertex directly.
     fn beams(&self, end: &PathEnd, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
         for beam in &self.emitters.beams {
             let Some((distance, value)) = emitter::straight(self.world, beam, end.vertex, pcg) else { continue };
-            // Against a spot joined to the vertex before; both densities per area.
+            // The other strategy connects the previous vertex to a spot. Both densities are per area.
             let weight = end.last.map_or(1.0, |(pdf, length)| {
                 let radius = emitter::beam(beam).0;
                 let joined = -end.vertex.normal.dot(beam.direction) / (std::f64::consts::PI * radius * radius);
@@ -262,7 +267,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// The spot of a beam, joined to the vertex.
+    /// Adds the light of a beam's spot, connected to the vertex.
     fn connect(&self, end: &PathEnd, beam_spot: &BeamSpot, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
         let to = beam_spot.vertex.position - end.vertex.position;
         let distance = to.length();
@@ -285,7 +290,7 @@ impl Tracer<'_> {
         sample_bins.add(end.tau + end.eta * distance + beam_spot.tau, end.throughput * value * weight);
     }
 
-    /// A spot that no sensor path can meet, as the pinhole sees it.
+    /// Projects a spot that no sensor path can find into the image. `None` if the pinhole does not see the spot.
     fn splat(&self, beam_spot: &BeamSpot, pcg: &mut Pcg) -> Option<Splat> {
         if beam_spot.density.is_some() || beam_spot.segments + 1 > self.settings.max_depth {
             return None;
@@ -298,20 +303,20 @@ impl Tracer<'_> {
     }
 }
 
-/// The end of a sensor path so far.
+/// The current end of a sensor path.
 struct PathEnd<'v> {
     vertex: &'v Vertex<'v>,
     throughput: DVec3,
     /// Travel time from the vertex to the pinhole.
     tau: f64,
-    /// Index of the medium on the viewer's side.
+    /// Index of refraction on the viewer's side.
     eta: f64,
     segments: u32,
-    /// Density per steradian and length of the last segment, if it was drawn from a density.
+    /// Density per steradian and length of the last segment; `None` after the pinhole, a mirror or glass.
     last: Option<(f64, f64)>,
 }
 
-/// SplitMix64's finaliser, so that neighbouring pixels and seeds are unrelated.
+/// SplitMix64's finaliser, which makes the random numbers of neighbouring pixels and seeds independent.
 fn scramble(x: u64) -> u64 {
     let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,25 +1,25 @@
-//! The gated integrating sphere in closed form: what a pinhole sees from the centre of a diffuse sphere (radius R, albedo rho) lit
-//! by a point light of intensity pi R^2 beside it.
+//! The gated integrating sphere in closed form: the radiance at a pinhole in the centre of a diffuse sphere (radius R, albedo
+//! rho). A point light of intensity pi R^2 beside the pinhole lights the sphere.
 //!
-//! Points of a Lambert sphere lie uniformly as seen from any of its points, so the chords of a path are independent with density
-//! c / (2 R^2) on [0, 2R], and every order of reflection returns rho times the one before. With S(x) the radiance that has
-//! arrived by travel time 2R + x,
+//! Light from any point of a Lambert sphere is distributed uniformly over the sphere. So the chords of a path are independent,
+//! with density c / (2 R^2) on [0, 2R], and each reflection multiplies the light by rho. Let S(x) be the radiance that has
+//! arrived by travel time 2R + x:
 //!
 //!   S(x) = sum over n >= 1 of rho^n F_{n-1}(x),   F_0 a step at 0, F_k the k-fold convolution of c / (2 R^2),
 //!
-//! which is the renewal equation S(x) = rho + rho * integral over [0, 2] of S(x - c) c / 2 dc (lengths in units of R, S = 0 for
-//! x < 0). Differentiated twice it reads
+//! This is the renewal equation S(x) = rho + rho * integral over [0, 2] of S(x - c) c / 2 dc, with lengths in units of R and S =
+//! 0 for x < 0. Its second derivative is
 //!
 //!   S''(x) = rho / 2 * (S(x) - S(x - 2)) - rho S'(x - 2),
 //!
-//! solved here exactly, one interval of length 2 after the other, by power series. S jumps by rho at 0 (the direct
-//! return), S' falls by rho^2 at 2 (no chord is longer than the diameter); elsewhere both are continuous.
+//! Power series solve this equation exactly, on one interval of length 2 after the other. S jumps by rho at 0 (the direct
+//! return), and S' falls by rho^2 at 2 (no chord is longer than the diameter). Everywhere else, both are continuous.
 
-/// Enough coefficients for |y| <= 2: the last term is below 1e-30.
+/// Number of coefficients: for |y| <= 2, the last term is below 1e-30.
 const TERMS: usize = 48;
 
-/// Radiance that arrives with travel time in [lo, hi), metres, any number of reflections. The direct return arrives at exactly
-/// 2 R, so it counts if lo <= 2R < hi. Relative error below 1e-9 for gates wider than 1e-4 R.
+/// Radiance that arrives with travel time in [lo, hi), in metres, after any number of reflections. The direct return arrives at
+/// exactly 2R, so it counts if lo <= 2R < hi. The relative error is below 1e-9 for gates wider than 1e-4 R.
 pub fn gated_radiance(radius: f64, albedo: f64, lo: f64, hi: f64) -> f64 {
     let scaled = |tau: f64| (tau - 2.0 * radius) / radius;
     let (a, b) = (scaled(lo), scaled(hi).max(scaled(lo)));
@@ -30,7 +30,7 @@ pub fn gated_radiance(radius: f64, albedo: f64, lo: f64, hi: f64) -> f64 {
     arrived_before(albedo, b) - arrived_before(albedo, a)
 }
 
-/// S just below x: what arrives before travel time 2R + xR.
+/// Limit of S from below x: the radiance that arrives before travel time 2R + xR.
 fn arrived_before(albedo: f64, x: f64) -> f64 {
     if x <= 0.0 {
         return 0.0;
@@ -45,12 +45,13 @@ fn arrived_before(albedo: f64, x: f64) -> f64 {
     value(&now, x - 2.0 * interval as f64)
 }
 
-/// S on (0, 2]: it starts at rho with slope 0, and nothing is older.
+/// Coefficients of S on (0, 2]: S starts at rho with slope 0, and is 0 before.
 fn first_interval(albedo: f64) -> [f64; TERMS] {
     series(albedo, albedo, 0.0, &[0.0; TERMS])
 }
 
-/// Coefficients a_n of S at y past the start of an interval, `b` those of the interval before.
+/// Coefficients a_n of the power series of S in y, the distance from the start of the interval. `b` are the coefficients of the
+/// previous interval; `start` and `slope` are S and S' at the start.
 fn series(albedo: f64, start: f64, slope: f64, b: &[f64; TERMS]) -> [f64; TERMS] {
     let mut a = [0.0; TERMS];
     a[0] = start;
@@ -74,8 +75,8 @@ fn derivative(a: &[f64; TERMS], y: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// F_k(x) for R = 1 by the binomial expansion of its Laplace transform
-    /// ((1 - e^{-2s} (1 + 2s)) / (2 s^2))^k / s: exact, but it cancels badly for large k.
+    /// F_k(x) for R = 1, from the binomial expansion of its Laplace transform ((1 - e^{-2s} (1 + 2s)) / (2 s^2))^k / s. It is
+    /// exact, but its terms cancel badly for large k.
     fn convolution(k: u32, x: f64) -> f64 {
         let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
         let choose = |n: u32, j: u32| factorial(n) / factorial(j) / factorial(n - j);
@@ -96,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_of_the_design() {
+    fn known_values_agree() {
         let table = [
             (0.25, 0.5, 0.011795),
             (0.5, 1.0, 0.048106),
@@ -125,17 +126,17 @@ mod tests {
 
     #[test]
     fn edges() {
-        // Half-open: the direct return belongs to the gate that starts with it.
+        // Gates are half-open, so the direct return belongs to the gate that starts at its time.
         assert_eq!(gated_radiance(1.0, 0.5, 1.0, 2.0), 0.0);
         assert!((gated_radiance(1.0, 0.5, 2.0, 2.0 + 1e-9) - 0.5).abs() < 1e-9);
         assert_eq!(gated_radiance(1.0, 0.5, 3.0, 3.0), 0.0);
         assert_eq!(gated_radiance(1.0, 0.5, 4.0, 3.0), 0.0);
         assert!((gated_radiance(1.0, 0.5, 0.0, f64::INFINITY) - 1.0).abs() < 1e-12);
         assert!((gated_radiance(1.0, 0.5, 0.0, 60.0) - 1.0).abs() < 1e-9);
-        // Scale invariance.
+        // The radiance does not depend on the scale.
         let (small, large) = (gated_radiance(1.0, 0.5, 2.5, 3.0), gated_radiance(100.0, 0.5, 250.0, 300.0));
         assert!((small / large - 1.0).abs() < 1e-9);
-        // A thin gate is the density: rho^2 c / 2 and more.
+        // A thin gate measures the density of S, which is rho^2 c / 2 plus higher orders of rho.
         let thin = gated_radiance(1.0, 0.01, 3.0, 3.0 + 1e-4) / 1e-4;
         assert!((thin / (1e-4 * 0.5) - 1.0).abs() < 5e-3, "{thin}");
     }

@@ -1,10 +1,11 @@
-//! Texture look-ups: repeat, mirror or clamp; nearest or bilinear, on linear values.
+//! Texture look-ups with repeat, mirror or clamp, nearest or bilinear. Filtering works on linear values.
 
 use glam::DVec2;
 
 use crate::scene::{Scene, Wrap};
 
-/// Linear RGBA at a texture coordinate, (0, 0) being the outer corner of the first texel; white without a texture.
+/// Linear RGBA at a texture coordinate, where (0, 0) is the outer corner of the first texel. Without a texture, the result is
+/// white.
 pub fn sample(scene: &Scene, texture: Option<u32>, uv: DVec2) -> [f64; 4] {
     let Some(texture) = texture else { return [1.0; 4] };
     let texture = &scene.textures[texture as usize];
@@ -33,7 +34,7 @@ pub fn sample(scene: &Scene, texture: Option<u32>, uv: DVec2) -> [f64; 4] {
     sum
 }
 
-/// The sRGB transfer function.
+/// Decodes an sRGB byte to a linear value in [0, 1].
 fn linear(byte: u8) -> f64 {
     let s = f64::from(byte) / 255.0;
     if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }

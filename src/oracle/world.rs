@@ -1,4 +1,4 @@
-//! What rays meet: vertices of paths with their scattering, and coverage by alpha.
+//! The scene as rays see it: path vertices with their BSDFs, and coverage by alpha.
 
 use glam::DVec3;
 
@@ -9,7 +9,7 @@ use crate::generate::numbers::Pcg;
 use crate::scene::{AlphaMode, Scene};
 use crate::settings::Emitters;
 
-/// Geometry, materials, and who may shine.
+/// Geometry, materials, and the emitters that are switched on.
 pub struct World<'a> {
     pub scene: &'a Scene,
     pub geometry: Geometry<'a>,
@@ -17,19 +17,19 @@ pub struct World<'a> {
     emitters: &'a Emitters,
 }
 
-/// A surface point seen from some side, ready to scatter.
+/// A surface point seen from one side, with its BSDF.
 pub struct Vertex<'a> {
     pub position: DVec3,
     /// Unit geometric normal on the viewer's side.
     pub normal: DVec3,
     /// Unit vector to the viewer.
     pub wo: DVec3,
-    /// The viewer is behind the surface.
+    /// Whether the viewer is behind the surface.
     pub inside: bool,
     pub surface: Surface,
-    /// Axes of the shading frame, z being the shading normal.
+    /// Axes x, y and z of the shading frame; z is the shading normal.
     frame: [DVec3; 3],
-    /// Seen from the back of a one-sided material: black, yet opaque.
+    /// Whether this is the back of a one-sided material, which is black but opaque.
     black: bool,
     bsdf: Bsdf<'a>,
 }
@@ -40,7 +40,7 @@ impl<'a> World<'a> {
         World { scene, geometry: Geometry::new(scene), prepared, emitters }
     }
 
-    /// Whether what stands on that node may shine.
+    /// Whether the emitters on this node are switched on.
     pub fn shines(&self, node: &str) -> bool {
         match self.emitters {
             Emitters::Scene => true,
@@ -48,13 +48,13 @@ impl<'a> World<'a> {
         }
     }
 
-    /// The next vertex along a ray; surfaces with alpha are there with their coverage for probability.
+    /// The next vertex along a ray. A surface with alpha is present for this ray with a probability equal to its coverage.
     pub fn trace(&self, ray: Ray, pcg: &mut Pcg) -> Option<Vertex<'_>> {
         let surface = self.first_there(&ray, pcg)?;
         Some(self.vertex(surface, -ray.direction))
     }
 
-    /// Whether nothing stands between two points.
+    /// Whether no surface is between two points. Surfaces with alpha are present at random, as in [`World::trace`].
     pub fn visible(&self, a: DVec3, b: DVec3, pcg: &mut Pcg) -> bool {
         let ray = Ray::between(a, b);
         let all_opaque = self.scene.materials.iter().all(|m| m.alpha_mode == AlphaMode::Opaque);
@@ -64,8 +64,8 @@ impl<'a> World<'a> {
         self.first_there(&ray, pcg).is_none()
     }
 
-    /// The nearest surface that is there for this ray. A ray passes a triangle once, so it goes on by leaving out those that it has
-    /// passed: another may lie at the same distance.
+    /// The nearest surface that is present for this ray. A ray can cross a triangle only once. So the search continues without
+    /// the triangles that the ray has passed, because another triangle may lie at the same distance.
     fn first_there(&self, ray: &Ray, pcg: &mut Pcg) -> Option<Surface> {
         let mut passed = vec![];
         loop {
@@ -78,7 +78,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Part of the surface that is there: 1, 0 or, for blended materials, alpha.
+    /// Coverage of the surface at this point: 1 or 0, or alpha for blended materials.
     pub fn coverage(&self, surface: &Surface) -> f64 {
         let material = &self.scene.materials[surface.material as usize];
         let alpha = || {
@@ -112,7 +112,7 @@ impl<'a> World<'a> {
             inside,
             surface,
             frame: [x, z.cross(x), z],
-            // Glass has an inside, whatever the file says about its sides.
+            // The back of glass is the inside of a solid, so it is never black, even if the material is single-sided.
             black: inside && !material.double_sided && material.transmission == 0.0,
             bsdf: self.prepared[surface.material as usize].at(base),
         }
@@ -122,7 +122,7 @@ impl<'a> World<'a> {
         self.prepared[vertex.surface.material as usize].ior()
     }
 
-    /// Radiance that a surface emits towards `to` (a vector from it, any length).
+    /// Radiance that a surface emits in direction `to`, a vector of any length that points away from the surface.
     pub fn emitted(&self, surface: &Surface, to: DVec3) -> [f64; 3] {
         let material = &self.scene.materials[surface.material as usize];
         let front = surface.geometric.dot(to) > 0.0;
@@ -136,12 +136,12 @@ impl<'a> World<'a> {
 }
 
 impl Vertex<'_> {
-    /// Nothing can be connected to this vertex.
+    /// Whether no connection to this vertex has a contribution.
     pub fn only_delta(&self) -> bool {
         self.black || self.bsdf.only_delta()
     }
 
-    /// f(wi, wo) without cosine; 0 unless `wi` is on the viewer's side of the surface.
+    /// f(wi, wo) without the cosine; 0 if `wi` is not on the viewer's side of the surface.
     pub fn eval(&self, wi: DVec3) -> [f64; 3] {
         if self.black || self.normal.dot(wi) <= 0.0 {
             return [0.0; 3];
@@ -149,17 +149,17 @@ impl Vertex<'_> {
         self.bsdf.eval(self.local(wi), self.local(self.wo))
     }
 
-    /// Cosine of a direction to the shading normal, at least 0.
+    /// Cosine between a direction and the shading normal, clamped to at least 0.
     pub fn cos(&self, w: DVec3) -> f64 {
         self.frame[2].dot(w).max(0.0)
     }
 
-    /// Density per steradian of [`Vertex::sample`], mirrors and glass left out.
+    /// Density per steradian of [`Vertex::sample`], without mirrors and glass.
     pub fn pdf(&self, wi: DVec3) -> f64 {
         if self.black { 0.0 } else { self.bsdf.pdf(self.local(wi), self.local(self.wo)) }
     }
 
-    /// Draws the direction from which the viewer is lit, in world space.
+    /// Samples a direction of incident light, in world space. `None`: the path ends.
     pub fn sample(&self, pcg: &mut Pcg) -> Option<Sample> {
         if self.black {
             return None;
@@ -167,7 +167,7 @@ impl Vertex<'_> {
         let u = [pcg.uniform(), pcg.uniform(), pcg.uniform()];
         let sample = self.bsdf.sample(self.local(self.wo), self.inside, u)?;
         let wi = self.frame[0] * sample.wi.x + self.frame[1] * sample.wi.y + self.frame[2] * sample.wi.z;
-        // The shading normal must not turn reflection into transmission.
+        // A shading normal must not turn reflection into transmission, so such a sample ends the path.
         let through = self.normal.dot(wi) < 0.0;
         (through == sample.refracted).then_some(Sample { wi, ..sample })
     }

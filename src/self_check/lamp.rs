@@ -1,4 +1,5 @@
-//! A triangle of radiance 1, seen directly: every sample of a pixel inside it is exactly 1, and so is their mean.
+//! Checks a triangle that emits radiance 1 and is seen directly. For a pixel inside the triangle, every sample is exactly 1, and
+//! so is the mean.
 
 use std::f64::consts::FRAC_PI_3;
 
@@ -12,12 +13,12 @@ use crate::render::Renderer;
 use crate::scene::{Mesh, Scene};
 
 pub const RADIANCE: f32 = 1.0;
-/// Corners in the plane at distance 1 from the camera, counter-clockwise.
+/// Corners of the triangle in the plane at distance 1 from the camera, counter-clockwise.
 const CORNERS: [DVec2; 3] = [DVec2::new(-0.45, -0.4), DVec2::new(0.45, -0.35), DVec2::new(0.05, 0.45)];
 const YFOV: f64 = FRAC_PI_3;
-/// Pixels along a side.
+/// Width and height of the image in pixels.
 const SIDE: u32 = 24;
-/// Rounding of positions in 32 bits moves an edge less than this.
+/// Upper bound on the distance by which rounding to 32 bits moves an edge.
 const MARGIN: f64 = 1e-4;
 
 fn scene() -> Scene {
@@ -29,7 +30,7 @@ fn scene() -> Scene {
     scene
 }
 
-/// Whether pixel (x, y) lies inside the triangle as a whole.
+/// Whether the whole pixel (x, y) lies inside the triangle.
 fn is_inner(x: u32, y: u32) -> bool {
     let inside = |point: DVec2| {
         (0..3).all(|i| {

@@ -1,5 +1,5 @@
-//! The mean over an image, tested against what is known of it: a closed form, or the mean of long renders that other tests
-//! compare with an independent path tracer.
+//! Checks the mean over an image against a closed form, or against the stored mean of long renders. Other tests compare such
+//! renders with an independent path tracer.
 
 use glam::{DAffine3, DVec3};
 
@@ -15,33 +15,35 @@ use crate::scene::{AlphaMode, LightKind, Material, Scene};
 use crate::settings::Estimator;
 use crate::settings::units::Gate;
 
-/// Probability that a device without fault fails any of the tests (Sidak).
+/// Probability that a correct device fails at least one of the tests (Sidak).
 const SIGNIFICANCE: f64 = 1e-3;
 /// Upper bound on the number of tests.
 const TESTS: usize = 80;
-/// Relative error of means in 32 bits, and of the sphere's flat facets.
+/// Relative error of the means that is allowed for 32-bit arithmetic, and for the flat facets of the sphere.
 const ROUNDING: f64 = 2e-4;
-/// Lamps of the sphere that is lit by many: more than are connected one by one.
+/// Number of lamps in the sphere with many lamps: more than the estimators connect one by one.
 const LAMPS: usize = 12;
-/// Distance of these lamps from the centre, relative to the radius. They stand in opposite pairs, so that the closed form is off by
-/// about its square.
+/// Distance of these lamps from the centre, relative to the radius. The lamps stand in opposite pairs, so the relative error of
+/// the closed form is about the square of this distance.
 const ASIDE: f64 = 0.01;
-/// Part of the light that the veil in the sphere lets pass, and its distance from the wall relative to the radius.
+/// Fraction of the light that passes through the veil in the sphere.
 const PASSES: f64 = 0.75;
+/// Distance of the veil from the wall, relative to the radius.
 const VEIL: f64 = 1e-4;
-/// Iterations, which the standard error comes from, and samples per pixel in each.
+/// Number of iterations, from which the standard error is estimated.
 const ITERATIONS: u32 = 24;
+/// Samples per pixel in each iteration.
 const SAMPLES: u32 = 2;
 const SEED: u32 = 4;
 
-/// A scene and what is known of its images through some gates.
+/// A scene, and the expected means of its images through some gates.
 pub struct Case {
     pub name: &'static str,
     pub scene: Scene,
     pub expected: Vec<ExpectedMean>,
 }
 
-/// Mean over pixels and channels of the image through a gate, with its standard error.
+/// Expected mean over pixels and channels of the image through a gate, and the standard error of this mean (0 for a closed form).
 #[derive(Clone, Copy)]
 pub struct ExpectedMean {
     pub gate: Gate,
@@ -49,7 +51,7 @@ pub struct ExpectedMean {
     pub error: f64,
 }
 
-/// Everything that is compared by its mean.
+/// All scenes whose means are checked.
 pub fn cases() -> Vec<Case> {
     let case = |name, kind, expected| Case { name, scene: build(kind), expected };
     let stored = |lo, hi, mean, error| ExpectedMean { gate: Gate { lo, hi }, mean, error };
@@ -58,31 +60,36 @@ pub fn cases() -> Vec<Case> {
     };
     let unfolded = |albedo| Kind::GatedSphere { radius: 1.0, subdivisions: 5, albedo };
     let open = Gate::OPEN;
-    // Means of `bdpt` and of `lcs` (without a gate: `pt`), 2,048 samples per pixel each, weighted by their variances.
+    // The stored means combine `bdpt` and `lcs` (without a gate: `bdpt` and `pt`), each with 2,048 samples per pixel, weighted by
+    // their inverse variances.
     vec![
         case("the sphere", unfolded(0.5), sphere(0.5, &[(1.95, 2.25), (3.0, 3.5), (5.0, 6.0)])),
-        // Light passes the veil twice per reflection.
+        // Light passes through the veil twice per reflection.
         Case {
             name: "the sphere behind a veil",
             scene: behind_a_veil(build(unfolded(0.8))),
             expected: sphere(0.8 * PASSES * PASSES, &[(1.95, 3.5)]),
         },
         Case {
-            name: "the sphere by twelve lamps",
+            name: "the sphere lit by twelve lamps",
             scene: by_many_lamps(build(unfolded(0.5))),
             expected: sphere(0.5, &[(1.95, 3.5)]),
         },
         case(
-            "the zoo by a lamp",
+            "the zoo lit by a lamp",
             Kind::Zoo(Light::Area),
             vec![stored(open.lo, open.hi, 2.9892e-2, 4.7e-5), stored(7.4, 7.8, 1.6064e-3, 4.5e-6)],
         ),
-        case("the zoo by a point and a spot", Kind::Zoo(Light::Punctual), vec![stored(5.0, 8.0, 1.41081e-2, 6.6e-6)]),
-        case("the zoo by a beam", Kind::Zoo(Light::Beam), vec![stored(7.0, 8.0, 1.33640e-2, 1.17e-5)]),
+        case(
+            "the zoo lit by a point and a spot",
+            Kind::Zoo(Light::Punctual),
+            vec![stored(5.0, 8.0, 1.41081e-2, 6.6e-6)],
+        ),
+        case("the zoo lit by a beam", Kind::Zoo(Light::Beam), vec![stored(7.0, 8.0, 1.33640e-2, 1.17e-5)]),
     ]
 }
 
-/// The sphere with a black, partly transparent surface just before its wall.
+/// The sphere with a black, partly transparent surface just in front of its wall.
 fn behind_a_veil(mut scene: Scene) -> Scene {
     let black = stage::diffuse("veil", [0.0; 3]);
     let base_color = [0.0, 0.0, 0.0, (1.0 - PASSES) as f32];
@@ -93,7 +100,7 @@ fn behind_a_veil(mut scene: Scene) -> Scene {
     scene
 }
 
-/// The sphere with its lamp divided among [`LAMPS`] of different power about the centre: opposite ones are alike.
+/// The sphere with its lamp divided into [`LAMPS`] lamps around the centre. Opposite lamps have the same power; pairs differ.
 fn by_many_lamps(mut scene: Scene) -> Scene {
     let lamp = scene.lights.pop().expect("the sphere has a lamp");
     let LightKind::Point { intensity } = lamp.kind else { panic!("the lamp of the sphere is a point") };
@@ -118,7 +125,7 @@ impl Case {
         estimator.sees_beams() || !has_beam
     }
 
-    /// Renders the scene through each gate with the same kernels; shows `done` what was found.
+    /// Renders the scene through each gate with the same kernels, and calls `done` with the name and the result of each check.
     pub fn check(&self, device: &Device, method: Method, done: &mut dyn FnMut(&str, Result<Verdict>)) {
         let renderer = method
             .settings(&self.scene, "light-paths = 2000")

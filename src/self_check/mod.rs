@@ -1,7 +1,8 @@
-//! Small scenes whose images are known, rendered on a device that nobody has tried yet: `taugate devices --check`.
+//! Checks of a device that may be untested so far: `taugate devices --check`. Each check renders a small scene whose image is
+//! known.
 //!
-//! Every estimator renders each of them, with as many samples in every pixel and with samples that follow the error. A driver that
-//! miscompiles a kernel is found by its images; it need not report an error.
+//! Every estimator renders every scene, with uniform and with adaptive sampling. So the checks find a driver that miscompiles a
+//! kernel, even if the driver reports no error.
 
 mod bits;
 mod lamp;
@@ -14,24 +15,24 @@ use crate::input::resolve::resolve;
 use crate::scene::Scene;
 use crate::settings::{Estimator, Sampling, Settings};
 
-/// What a check found. The texts are clauses for one line of output.
+/// Result of a check. Each text is a clause for one line of output.
 #[derive(Debug)]
 pub enum Verdict {
     Right(String),
-    /// The image is wrong: what was expected and what was found.
+    /// The image is wrong. The text gives the expected and the actual values.
     Wrong(String),
-    /// There is no image.
+    /// The render failed, so there is no image.
     Failed(Error),
 }
 
-/// A check that was done.
+/// A finished check: its name, and its result.
 #[derive(Debug)]
 pub struct Outcome {
     pub name: String,
     pub verdict: Verdict,
 }
 
-/// How a scene is rendered.
+/// An estimator with a sampling mode.
 #[derive(Clone, Copy)]
 struct Method {
     estimator: Estimator,
@@ -39,14 +40,14 @@ struct Method {
 }
 
 impl Method {
-    /// Every estimator, sampling uniformly and adaptively.
+    /// Every estimator with every sampling mode.
     fn all() -> impl Iterator<Item = Method> {
         Estimator::ALL
             .into_iter()
             .flat_map(|estimator| Sampling::ALL.into_iter().map(move |sampling| Method { estimator, sampling }))
     }
 
-    /// Settings of a small render; `keys` are further lines of an experiment's `[render]`.
+    /// Settings of a small render. `keys` are additional lines for the table `[render]` of the experiment.
     fn settings(self, scene: &Scene, keys: &str) -> Result<Settings> {
         let Method { estimator, sampling } = self;
         let text = format!("[render]\nestimator = '{estimator}'\nsampling = '{sampling}'\n{keys}\n");
@@ -55,7 +56,7 @@ impl Method {
     }
 }
 
-/// Runs all checks on a device; calls `visit` with each of them as soon as it is done.
+/// Runs all checks on `device`, and calls `visit` after each check.
 pub fn check(device: &Device, visit: &mut dyn FnMut(Outcome)) {
     let cases = means::cases();
     for method in Method::all() {

@@ -64,7 +64,7 @@ impl SettingsBuilder {
         SettingsBuilder { crop: crop.into(), ..self }
     }
 
-    /// When the render stops.
+    /// The number of samples per pixel (64 by default), or the time, after which the render stops.
     pub fn budget(mut self, budget: Budget) -> SettingsBuilder {
         (self.render.spp, self.render.time) = match budget {
             Budget::Spp(spp) => (Some(spp), None),

@@ -28,7 +28,7 @@ impl Strategies {
     }
 }
 
-/// How samples are spread over the image.
+/// Distribution of samples over the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sampling {
     /// Every pixel has the same number of samples.
@@ -94,7 +94,7 @@ pub enum Budget {
 /// The emitters that are switched on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Emitters {
-    /// Everything in the scene that emits.
+    /// All emitters of the scene.
     Scene,
     /// Only the emitters on the nodes with these names.
     Nodes(Vec<String>),

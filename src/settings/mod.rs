@@ -113,7 +113,7 @@ impl Settings {
         self.chosen.crop.unwrap_or(Crop { x0: 0, y0: 0, x1, y1 })
     }
 
-    /// When the render stops.
+    /// The number of samples per pixel, or the time, after which the render stops.
     pub fn budget(&self) -> Budget {
         let RenderTable { spp, time, .. } = self.chosen.render;
         time.map_or(Budget::Spp(spp.unwrap_or(DEFAULT_SPP)), |time| Budget::Seconds(time.0))

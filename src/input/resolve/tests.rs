@@ -16,7 +16,7 @@ fn scene() -> Scene {
     let material = |emission| Material { emission: [emission; 3], ..diffuse("", [1.0; 3]) };
     let light = |node: &str, kind| Light { node: node.into(), position: DVec3::ZERO, direction: DVec3::NEG_Z, kind };
     let instance = |mesh, node: &str| Instance { mesh, transform: DAffine3::IDENTITY, node: node.into() };
-    // The diagonal is 2 sqrt(3) m.
+    // The diagonal of the scene is 2 sqrt(3) m, and 0.4 times this is 1.386 m.
     let mesh = |material| Mesh { material, positions: vec![[-1.0; 3], [1.0; 3]], ..Mesh::default() };
     Scene {
         meshes: vec![mesh(0), mesh(1)],

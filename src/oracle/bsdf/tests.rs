@@ -35,7 +35,8 @@ fn reciprocal() {
     }
 }
 
-/// Integral over the sphere by the midpoint rule, finer about the direction in which the lobe peaks.
+/// Integral of `f` over the sphere with the midpoint rule. The cells are finer around `peak`, the direction in which the lobe
+/// peaks.
 fn over_sphere(peak: DVec3, f: impl Fn(DVec3) -> f64) -> f64 {
     let x = peak.any_orthonormal_vector();
     let y = peak.cross(x);
@@ -116,6 +117,6 @@ fn glass_by_hand() {
     assert!(bsdf.only_delta());
     let through = bsdf.sample(direction(0.5, 0.0), false, [0.9, 0.5, 0.5]).unwrap();
     assert!(through.refracted && through.weight == [1.0; 3] && (through.wi.length() - 1.0).abs() < 1e-12);
-    // Snell: sin 60 degrees / 1.5.
+    // Snell's law: the sine is sin 60 degrees / 1.5.
     assert!((through.wi.x + 0.75f64.sqrt() / 1.5).abs() < 1e-12);
 }
