@@ -104,16 +104,17 @@ table! {
         /// Maximum number of light vertices in a leaf of a tree, 1 to 16 [default: lcs-paper: 1; lcs: 16]
         leaf_size: u32 = |s| s.estimator().leaf_size(), Setting::sampling("leaf-size", "N").within(1, MAX_LEAF_SIZE).only_for(Estimator::has_trees);
 
-        /// Maximum number of subtrees from which the queries of a shade point start, 1 (the whole tree) to 32; the mean image is
-        /// the same [default: 32]
+        /// For lcs: maximum number of subtrees from which the queries of a shade point start, 1 (the whole tree) to 32; the mean
+        /// image is the same [default: 32]
         frontier: u32 = |_| MAX_FRONTIER, Setting::sampling("frontier", "N").within(1, MAX_FRONTIER).only_for(Estimator::by_importance);
 
         /// Build one tree over emitter points and scattered light together, instead of a tree for each; the mean image is the
         /// same [default: false; lcs: true]
         single_tree: bool = |s| s.estimator().default_single_tree(), Setting::sampling("single-tree", "true|false").form(BARE_TRUE).only_for(Estimator::has_trees);
 
-        /// Factors of a tree node's importance beside its power: all, none, or some of centre,cosine,overlap,gloss (distance to
-        /// the centre, maximum cosine, part of a bucket inside the gate, glossy lobe); the mean image is the same [default: all]
+        /// For lcs: factors of a tree node's importance beside its power: all, none, or some of centre,cosine,overlap,gloss
+        /// (distance to the centre, maximum cosine, part of a bucket inside the gate, glossy lobe); the mean image is the same
+        /// [default: all]
         importance: Importance = |_| Importance::ALL, Setting::sampling("importance", "NAME,...").only_for(Estimator::by_importance);
 
         /// Distribution of samples over the image: uniform, or adaptive (more samples for pixels with more error so far)
