@@ -9,8 +9,8 @@ pub struct Quirks {
     /// kernels compute sine and cosine themselves.
     pub exact_sines: bool,
     /// Kernels must leave a loop at its top. SwiftShader repeats the last iteration for threads that have left a loop while other
-    /// threads continue. In the repetition these threads read 0 from storage buffers, so a loop that ends at its end loses its
-    /// result.
+    /// threads continue. In the repetition these threads read 0 from storage buffers. So a thread that leaves a loop at the end
+    /// of the body loses its result.
     pub exit_at_top: bool,
 }
 

@@ -37,8 +37,8 @@ impl ReadBack {
         self.buffer.write(0, data)
     }
 
-    /// Calls `look` with the first `count` elements, as they were at the last
-    /// [`Recorder::read_back`](super::Recorder::read_back); see [`Buffer::with`].
+    /// Calls `look` with the first `count` elements, as the last submit with [`Recorder::read_back`](super::Recorder::read_back)
+    /// left them; see [`Buffer::with`].
     pub fn with<T: AnyBitPattern + NoUninit, R>(&self, count: usize, look: impl FnOnce(&[T]) -> R) -> Result<R> {
         self.copy.as_ref().unwrap_or(&self.buffer).with(count, look)
     }
