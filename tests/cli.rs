@@ -257,7 +257,7 @@ fn a_generated_scene_is_described_and_resolved() {
     wrong("--crop", "0,9999,0,5", "inside the image");
     wrong("--spp", "0", "--spp is 0");
     wrong("--gate", "100m+0.0001mm", "--force");
-    wrong("--gate", "0m..1e300m", "end it with inf");
+    wrong("--gate", "0m..1e300m", "for a gate without an end write inf");
     let config = run(&["render", "box.glb", "--gate", "1m..1e30m", "--print-config"]);
     assert!(config.contains("gate = \"1m..1e30m\""), "{config}");
     let twice = |a: &str, b: &str| run(&["render", "box.glb", "--print-config", "--emitters", a, "--emitters", b]);

@@ -104,7 +104,7 @@ fn threads_share_a_queue() {
 }
 
 #[test]
-#[should_panic(expected = "bindings of another kernel")]
+#[should_panic(expected = "the bindings belong to another kernel")]
 fn bindings_of_another_kernel_are_refused() {
     let device = open();
     let (one, other) = (kernel(&device), kernel(&device));
