@@ -28,8 +28,6 @@ struct Frontier {
     weights: array<vec2<f32>, MAX_SUBTREES>,
     first: u32,
     count: u32,
-    // True only if every subtree is a leaf. A full frontier may leave it false.
-    only_leaves: bool,
 }
 
 // The start of a traversal of a light tree.
@@ -89,7 +87,6 @@ fn grow_frontier(f: ptr<function, Frontier>, root: u32, receiver: Receiver) {
             push_subtree(f, node.right.child, vec2<f32>(total_power(node.right), importance.y));
         }
     }
-    (*f).only_leaves = closed == (*f).count;
     var power = 0.0;
     for (var i = 0u; i < (*f).count; i++) {
         power += (*f).weights[((*f).first + i) % MAX_SUBTREES].x;

@@ -82,8 +82,7 @@ fn target_function(q: PathVertex, v: PathVertex) -> f32 {
 }
 
 // Resampling of K stratified queries of one tree by their unshadowed contribution (Talbot et al. 2005). Returns one vertex,
-// and the factor that replaces 1 / (K P(j | q)). If at most K leaves can contribute, each of them gives one candidate
-// instead: P(leaf | q) = 1, and the contributions of the leaves add up.
+// and the factor that replaces 1 / (K P(j | q)).
 fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
     var chosen = Candidate(NONE, 0.0);
     var chosen_target = 0.0;
@@ -93,15 +92,10 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
     if (frontier.count == 0u) {
         return chosen;
     }
-    let every_leaf = frontier.only_leaves && frontier.count <= frame.queries;
-    let candidate_count = select(frame.queries, frontier.count, every_leaf);
     let jitter = min(next_fine_uniform(rng), 1.0 - UNIFORM_STEP);
-    for (var k = 0u; k < candidate_count; k++) {
-        var leaf = Candidate(frontier.nodes[(frontier.first + k) % MAX_SUBTREES], 1.0);
-        if (!every_leaf) {
-            let start = sample_frontier(&frontier, (f32(k) + jitter) / f32(frame.queries), rng);
-            leaf = descend_by_importance(start, receiver, rng);
-        }
+    for (var k = 0u; k < frame.queries; k++) {
+        let start = sample_frontier(&frontier, (f32(k) + jitter) / f32(frame.queries), rng);
+        let leaf = descend_by_importance(start, receiver, rng);
         if (leaf.vertex == NONE) {
             continue;
         }
@@ -122,7 +116,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         }
     }
     if (chosen.vertex != NONE) {
-        chosen.weight = sum / (chosen_target * select(f32(frame.queries), 1.0, every_leaf));
+        chosen.weight = sum / (chosen_target * f32(frame.queries));
     }
     return chosen;
 }
