@@ -5,13 +5,14 @@
 #import tree
 #import samples
 
-// `shade_list`: the path of each shade point that was queried. `slot_list`: the slots of candidates that can contribute.
+// `shade_list`: the sensor subpath of each shade point that was queried. `slot_list`: the indices of candidates that can
+// contribute.
 @group(2) @binding(1) var<storage, read> shade_list: array<u32>;
 @group(2) @binding(2) var<storage, read> slot_list: array<u32>;
 @group(2) @binding(3) var<storage, read> counters: array<u32>;
 @group(2) @binding(4) var<storage, read> candidates: array<Candidate>;
-// xyz: contribution of a slot to its pixel. w: travel time, negative if no ray was traced. With OBSERVE_STRATEGIES, xyz is
-// without the MIS weight, which is in w.
+// xyz: contribution of a candidate to its pixel. w: travel time. With OBSERVE_STRATEGIES, w is the MIS weight, and xyz does
+// not contain it. In both cases w is -1 if no ray was traced.
 @group(2) @binding(5) var<storage, read_write> contributions: array<vec4<f32>>;
 
 // One thread connects one candidate.
@@ -32,7 +33,7 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let counted = select(contribution.w, 1.0, OBSERVE == OBSERVE_STRATEGIES);
     let value = contribution.xyz * (candidate.weight * counted * gate_weight(tau));
     if (!(max_component(abs(value)) > 0.0)) {
-        // The value is zero or not a number: `gather` tells these cases apart.
+        // The value is zero or not a number, so no ray is needed. `gather` counts the second case as dropped.
         contributions[slot] = vec4<f32>(value, -1.0);
         return;
     }

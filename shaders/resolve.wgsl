@@ -4,7 +4,7 @@
 
 @group(2) @binding(0) var<storage, read> radiance: array<vec4<f32>>;
 @group(2) @binding(1) var<storage, read> tallies: array<vec4<u32>>;
-// Row-major over the crop. w: sum of the squared luminances of the samples.
+// One entry per pixel of the crop, row-major. xyz: mean of the samples. w: sum of their squared luminances.
 @group(2) @binding(2) var<storage, read_write> film: array<vec4<f32>>;
 @group(2) @binding(3) var<storage, read_write> film_tallies: array<vec4<u32>>;
 

@@ -73,7 +73,7 @@ fn edit(folder: &Path, from: &str, to: &str) {
 }
 
 #[test]
-fn a_suite_from_reference_to_report_and_on() {
+fn a_suite_runs_from_reference_to_report_and_resumes() {
     let here = folder("60ms", "7.5m..8.5m");
     fails(here.path(), &bench(&[]), 2, "make it with: taugate bench s.toml --out out --reference");
     assert!(!here.path().join("out").exists(), "nothing is written without a reference");
@@ -171,8 +171,8 @@ fn reference(folder: &Path) -> std::path::PathBuf {
     std::fs::read_dir(folder.join("references")).unwrap().next().unwrap().unwrap().path()
 }
 
-/// Replaces a reference by `batches` batches of its image times `scale`. The standard error of their mean is `noise` times
-/// that of the reference. `change` then edits each batch, given its index.
+/// Replaces a reference with a new one of `batches` batches. Their mean is the old image times `scale`, and the standard error of
+/// the mean is `noise` times the old standard error. `change` then edits each batch; its first argument is the index of the batch.
 fn rewrite(path: &Path, [scale, noise]: [f32; 2], batches: u32, change: impl Fn(u32, &mut [f32])) {
     let Picture { width, height, rgb, variance, seed, .. } = read_picture(path).unwrap();
     let mut film = Film::new(width, height);
@@ -211,7 +211,7 @@ fn a_reference_by_another_version_is_checked_before_it_counts() {
     let (_, messages) = succeeds(here.path(), make);
     assert!(messages.contains("agrees with this version") && messages.contains(" before, own relMSE"), "{messages}");
     let second = read_picture(&file).unwrap();
-    // The new total is the time of the first reference plus the time of its check, a tenth of it.
+    // The new total is the time of the first reference plus the time of the check, which is a tenth of the first time.
     assert!(second.seconds.unwrap() > 1.09 * first.seconds.unwrap(), "{:?} {:?}", first.seconds, second.seconds);
 
     // Negative control: a reference that is twice as bright.
@@ -230,7 +230,7 @@ fn a_reference_by_another_version_is_checked_before_it_counts() {
 /// One pixel of the reference is bright in one batch and dark in the other. The reference is then too noisy for the relMSE over
 /// all pixels, but good enough for the trimmed relMSE, which leaves out the worst pixels.
 #[test]
-fn each_figure_is_refused_for_itself() {
+fn relmse_and_trimmed_relmse_are_refused_separately() {
     let here = folder("60ms", "7.5m..8.5m");
     succeeds(here.path(), &bench(&["--reference", "--reference-time", "500ms"]));
     let pixel = |by: f32| move |batch: u32, image: &mut [f32]| image[100] += by * if batch == 0 { 1.0 } else { -1.0 };
@@ -310,7 +310,7 @@ fn references_follow_the_files_that_a_scene_names() {
 }
 
 #[test]
-fn path_tracing_is_left_out_where_a_beam_is() {
+fn path_tracing_is_left_out_in_scenes_with_a_beam() {
     let here = tempfile::tempdir().unwrap();
     let door = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/door-ajar.glb");
     let suite = |variants: &[&str]| {

@@ -223,8 +223,8 @@ fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     if (l_h * wl.z <= 0.0 || c_h * wc.z <= 0.0) {
         return r;
     }
-    // The reflectance is computed from the side with the lower index, in both directions of light: there the other cosine
-    // follows without cancellation.
+    // Always use the cosine on the side with the lower index: computing the other cosine from it loses no digits. The
+    // reflectance is the same from both sides.
     let thin = select(c_h, l_h, eta_l < eta_c);
     let reflectance = fresnel_dielectric(abs(thin), min(eta_l, eta_c), max(eta_l, eta_c));
     let d = ggx_d(h, b.alpha);

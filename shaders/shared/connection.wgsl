@@ -7,8 +7,8 @@
 #import weights
 #import segment
 
-// xyz: contribution of connecting q and v without gate, visibility V, MIS weight, and the factor 1 / (K P(j | q)). w:
-// the MIS weight w_{s,t}.
+// xyz: contribution of the connection of q and v. The caller multiplies it by the gate, the visibility V, the MIS weight and
+// 1 / (K P(j | q)). w: the MIS weight w_{s,t}.
 fn unshadowed(q: PathVertex, v: PathVertex) -> vec4<f32> {
     let segment = segment_between(q.position, v.position);
     let at_q = evaluate_shade_point(q, segment.direction);

@@ -64,7 +64,7 @@ fn total_power(c: TreeChild) -> f32 {
 
 // B(N, q) of the paper: effective power over the squared minimum distance; 0 if the node is pruned. `spatial`: the node
 // belongs to the 3D tree. The distance is never taken below the half diagonal of the box: 1 / d_min^2 is infinite inside the
-// box and far too large just outside it. So the baseline is better than with the paper's formula.
+// box and far too large just outside it. With this floor, `lcs-paper` has less noise than with the paper's formula.
 fn node_bound(c: TreeChild, shell: Shell, spatial: bool) -> f32 {
     let distances = box_distances(shell.q, c.lo, c.hi);
     let d = vec2<f32>(distances.x * shell.eta_lo, distances.y * shell.eta_hi);

@@ -8,7 +8,7 @@ struct Evaluation {
     value: vec3<f32>,
     // Density per solid angle of sampling the direction. For a light vertex, times its `select_pdf`.
     pdf: f32,
-    // Density per solid angle of sampling the direction to the previous vertex, for a subpath that arrives along the direction.
+    // The same for a subpath that travels in reverse: it arrives along the direction and samples the previous vertex.
     pdf_reverse: f32,
     // See `vertex_cosine`.
     cosine: f32,
@@ -93,7 +93,7 @@ fn to_local(normal: vec3<f32>, w: vec3<f32>) -> vec3<f32> {
     return w * frame_around(normal);
 }
 
-// Evaluates the shade point q for light from the direction `w` (unit). The cosine is that of the shading normal
+// Evaluates the shade point q for light from the direction `w` (unit). The cosine in `value` is that of the shading normal
 // (Veach 1997, Eq. 5.18).
 fn evaluate_shade_point(q: PathVertex, w: vec3<f32>) -> Evaluation {
     let b = vertex_bsdf(q);

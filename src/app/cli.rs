@@ -82,8 +82,9 @@ pub struct CompareArgs {
     #[arg(long, value_name = "X", help_heading = "Output")]
     pub max_relmse: Option<f64>,
 
-    /// Test whether the images differ by more than their noise, write the map of z (.exr: signed z; .png: red is brighter,
-    /// blue is darker) and exit with 1 if they differ; taugate must have rendered both, with different seeds
+    /// Test whether the images differ by more than their noise, and exit with 1 if they do; OUT is a map of the differences
+    /// in standard errors (.exr: signed; .png: red where A is brighter, blue where A is darker); taugate must have rendered
+    /// both images, with different seeds
     #[arg(long, value_name = "OUT.png|OUT.exr", help_heading = "Output")]
     pub z: Option<PathBuf>,
 
@@ -98,10 +99,10 @@ Examples:
   taugate bench benches/suites/quick.toml               compare; the page is bench-quick/report.md
   taugate bench benches/suites/fig6.toml --resume       continue after an interrupt
 
-The folder references beside the results holds the references. Their names contain a hash of scene,
-gate and settings. Exit codes: 0 done, 1 results were refused because their reference is too noisy,
-or a reference failed its check, 2 wrong input, 4 device error, 130 interrupted (finished results
-are kept)";
+The references are stored in the folder references/ next to the folder of results. Their names
+contain a hash of scene, gate and settings. Exit codes: 0 done, 1 results were refused because their
+reference is too noisy, or a reference failed its check, 2 wrong input, 4 device error,
+130 interrupted (finished results are kept)";
 
 /// Compare how fast estimators converge on the scenes of a suite
 #[derive(Debug, Args)]
@@ -149,7 +150,8 @@ pub struct BenchArgs {
     #[arg(short, long, help_heading = "Output")]
     pub quiet: bool,
 
-    /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind]
+    /// Vulkan device by index or part of its name, see taugate devices
+    /// [default: the fastest kind of device]
     #[arg(long, value_name = "INDEX|NAME", help_heading = "Diagnostics")]
     pub device: Option<String>,
 }
@@ -170,7 +172,7 @@ pub struct InfoArgs {
 }
 
 impl InfoArgs {
-    /// The flags as an experiment over the scene.
+    /// The scene and the flags as an experiment.
     pub fn experiment(&self) -> Experiment {
         Experiment { scene: Some(self.scene.clone()), ..self.flags.0.clone() }
     }
@@ -186,7 +188,7 @@ pub struct DevicesArgs {
     #[arg(long, conflicts_with = "json", help_heading = "Check")]
     pub check: bool,
 
-    /// Device to check, by index or part of its name [default: the fastest kind]
+    /// Device to check, by index or part of its name [default: the fastest kind of device]
     #[arg(long, value_name = "INDEX|NAME", requires = "check", help_heading = "Check")]
     pub device: Option<String>,
 

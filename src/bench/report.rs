@@ -22,7 +22,7 @@ use crate::image::exr_file::{Picture, read_picture, version};
 pub struct Page<'a> {
     pub suite: &'a Suite,
     pub rows: &'a [Row],
-    /// Names of the scenes with their entries.
+    /// Name of each scene, with one entry per variant.
     pub scenes: &'a [(String, Vec<Entry>)],
     pub references: &'a Path,
     /// One sentence for each scene that is missing.
@@ -95,16 +95,20 @@ fn header(page: &Page) -> String {
     if suite.errors {
         let _ = writeln!(
             text,
-            "relMSE: {RELMSE_FORMULA}. Trimmed relMSE leaves out the worst {:.0} % of the pixels of each image, where a few rare bright \
-             samples (in the image or in its reference) dominate. It says nothing about such samples, and little above 1, the value of a \
-             black image. \"Reference too noisy\": the error of the reference is not {MARGIN} times smaller than all errors of the \
-             variant, so the page leaves the number out. FLIP: mean of HDR-FLIP. \"Times lower\": relMSE of the better of bdpt and pt \
-             divided by relMSE of the variant, in the same repetition. Slope: exponent of relMSE (of trimmed relMSE if relMSE is left \
-             out) as a power of time; -1 if errors are independent noise.",
+            "relMSE: {RELMSE_FORMULA}. Trimmed relMSE leaves out the worst {:.0} % of the pixels of each image, where a few rare \
+             bright samples (in the image or in its reference) dominate. This number does not show such samples. A black image has a relMSE \
+             of about 1: do not compare larger values. \"Reference too noisy\": the error of the reference is not {MARGIN} times \
+             smaller than all errors of the variant, so the page leaves the number out. FLIP: mean of HDR-FLIP. \"Times lower\": \
+             relMSE of the better of bdpt and pt divided by relMSE of the variant, in the same repetition. Slope: exponent of \
+             relMSE (of trimmed relMSE if relMSE is left out) as a power of time; -1 if errors are independent noise.",
             100.0 * TRIMMED
         );
     }
-    let _ = writeln!(text, "Dead: share of the queries that find no light vertex inside gate, depth and facing.");
+    let _ = writeln!(
+        text,
+        "Light vertices: number per iteration. Queries: connections tried at shade points. Dead: share of the queries without a light \
+         vertex that passes the tests of gate, maximum depth and facing. Dropped: number of samples that were not finite."
+    );
     for sentence in page.missing {
         let _ = writeln!(text, "\n{sentence}.");
     }
@@ -146,8 +150,8 @@ fn against_the_paper(page: &Page) -> String {
     ) + &text
 }
 
-/// Writes the plot of relMSE over all pixels or, if the reference is too noisy for this, of trimmed relMSE for the variants that
-/// it is accurate enough for. Returns the link to the plot.
+/// Writes the plot of relMSE over all pixels. If the reference is too noisy for a variant, the plot shows trimmed relMSE instead,
+/// for the variants whose trimmed relMSE is reliable. Returns the link to the plot.
 fn convergence(out: &Path, page: &Page, scene: &str, lines: &[VariantSummary]) -> Result<String> {
     let rows: Vec<&Row> = page.rows.iter().filter(|row| row.scene == *scene).collect();
     let over_all = lines.iter().all(|line| line.all.reliable);

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use crate::scene::{AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Scene, Wrap};
 
 /// The bytes of the file. Its nodes are the instances, then the cameras, then the lights, each in the scene's order. Images
-/// become PNG. All texture coordinates are set 0; numbers are rounded to f32.
+/// become PNG. All textures use TEXCOORD_0. Numbers are rounded to f32.
 pub fn write(scene: &Scene) -> Vec<u8> {
     let mut file = File::default();
     let meshes: Vec<Value> = scene.meshes.iter().map(|m| file.mesh(m)).collect();

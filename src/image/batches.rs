@@ -11,8 +11,8 @@ pub const MAX_BATCHES: usize = 32;
 /// Tolerance for the relative difference between a cell's mean and the mean of its pixels, which are rounded to f32.
 const ROUNDING: f64 = 1e-5;
 
-/// Independent batches. Each has its samples per pixel and, for every cell and channel, that number times the sum over the
-/// pixels.
+/// Independent batches. Each batch is a pair: its number of samples per pixel, and one value per cell and channel. The value is
+/// the sum over the pixels of the cell, times the number of samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CellBatches {
     width: usize,
@@ -146,7 +146,7 @@ impl CellBatches {
         floats
     }
 
-    /// Reads the numbers of [`CellBatches::to_floats`] for an image of this size. They come from a file, so it checks every one.
+    /// Reads the numbers of [`CellBatches::to_floats`] for an image of this size. The numbers come from a file, so all of them are checked.
     pub fn from_floats(width: u32, height: u32, floats: &[f32]) -> Result<CellBatches> {
         let wrong = |what: &str| Error::Settings(format!("the batches of cells (tof:cellBatches) {what}"));
         let mut all = CellBatches::new(width, height);
@@ -157,7 +157,7 @@ impl CellBatches {
             return Err(wrong("do not fit the image; use the file as rendered, not cropped or scaled"));
         }
         if data.iter().any(|x| !x.is_finite()) || data.chunks_exact(size).any(|batch| batch[0] <= 0.0) {
-            return Err(wrong("hold values that are not finite"));
+            return Err(wrong("hold values that are not finite, or a batch without samples"));
         }
         for batch in data.chunks_exact(size) {
             let weight = f64::from(batch[0]);

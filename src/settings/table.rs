@@ -124,7 +124,7 @@ table! {
         /// Also trace subpaths that can no longer meet the gate; slower, and the mean image is the same
         no_cull: bool = |_| false, Setting::sampling("no-cull", "").form(Form::Switch);
 
-        /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind]
+        /// Vulkan device by index or part of its name, see taugate devices [default: the fastest kind of device]
         device: String, Setting::diagnostics("device", "INDEX|NAME");
 
         /// Fail at the first sample that is not finite; else such samples are dropped and counted

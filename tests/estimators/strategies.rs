@@ -1,5 +1,5 @@
-//! One image per strategy. The MIS-weighted images add up to the image. Unweighted, all strategies that find every path of a
-//! length give the same image on average.
+//! One image per strategy. The MIS-weighted images add up to the rendered image. Without MIS weights, all strategies that can
+//! find all paths with k segments have the same expected image.
 
 use super::cells::{device, renderer, settings};
 use taugate::internals::generate::zoo::{Light, zoo};

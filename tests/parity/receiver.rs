@@ -1,4 +1,5 @@
-//! The shade point as the importance sees it: `shared/receiver.wgsl`, and the glossy lobe of `shared/importance.wgsl`.
+//! The shade point as input of the importance of tree nodes: `shared/receiver.wgsl`, and the glossy lobe of
+//! `shared/importance.wgsl`.
 
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
@@ -20,8 +21,8 @@ const GLOSS: ShaderFunction = ShaderFunction {
         result.factor = gloss_factor(receiver, input.center, input.radius2);",
 };
 
-/// The factor equals its formula and integrates to pi / (1 + width / 4) over the sphere. So nodes in all directions together
-/// get no more than the lobe reflects.
+/// The factor equals its formula and integrates to pi / (1 + width / 4) over the sphere. This is less than pi, the integral of
+/// the cosine of a diffuse surface, so a glossy surface does not count more light.
 #[test]
 fn gloss_has_the_lobe_of_its_width() {
     let mut pcg = Pcg::new(11);

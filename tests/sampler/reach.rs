@@ -11,7 +11,7 @@ use crate::{BOUNDS, Input, device_bounds, input};
 
 const TREES: usize = 10_000;
 
-/// Pools with one query each. Their nodes fit behind each other into one array.
+/// Trees with one query each. The nodes of all trees are concatenated in one array.
 fn trees() -> Vec<(Pool, Query)> {
     let mut pcg = Pcg::new(91);
     let (mut first_node, mut first_vertex) = (0, 0);

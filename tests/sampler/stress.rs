@@ -1,6 +1,6 @@
-//! Stress tests of tree traversals. Their probabilities agree with an independent walk in hundreds of random trees (thousands
-//! in an ignored test), in trees over degenerate input, and in trees over a million vertices. Children whose probability is
-//! near 2^-24 or below are drawn as often as they should be.
+//! Stress tests of tree traversals. A traversal returns the same probability as an independent walk in hundreds of random trees
+//! (thousands in an ignored test), in trees over degenerate input, and in trees over a million vertices. Children whose
+//! probability is near 2^-24 or below are drawn as often as they should be.
 
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::lightcone::tree::Item;
@@ -14,7 +14,7 @@ use crate::{BOUNDS, DRAW, Input, input, item_and_weight, query_of_room, tree_buf
 /// Maximum relative error of 1 / P: a product over about twenty levels in f32.
 const TOLERANCE: f64 = 1e-5;
 
-/// Pools with one query each. Their nodes fit behind each other into one array.
+/// Trees with one query each. The nodes of all trees are concatenated in one array.
 struct Forest {
     trees: Vec<(Pool, Query)>,
     next_node: u32,
@@ -33,9 +33,10 @@ impl Forest {
         self.trees.push((pool, query));
     }
 
-    /// Asserts that every vertex inside a gate has P > 0, that the probabilities of all ends sum to 1, and that `draws`
-    /// traversals per tree return the P of a walk with the device's bounds. Returns the number of vertices inside their gates,
-    /// and the number of traversals that ended at a vertex.
+    /// Computes the probabilities of all vertices by a walk, with the node bounds from the device. Asserts that every vertex
+    /// inside a gate has P > 0, and that the probabilities of all vertices and dead ends sum to 1. Asserts that `draws`
+    /// traversals per tree return the P of the walk. Returns the number of vertices inside their gates, and the number of
+    /// traversals that ended at a vertex.
     fn check(&self, draws: usize, pcg: &mut Pcg) -> [usize; 2] {
         let nodes: Vec<TreeNode> = self.trees.iter().flat_map(|(pool, _)| pool.nodes.iter().copied()).collect();
         let inputs: Vec<Input> = self
@@ -52,7 +53,7 @@ impl Forest {
             .map(|(pool, query)| input(query, pool.root, pool.spatial, pcg.next_u32()))
             .collect();
         let found: Vec<[u32; 2]> = DRAW.run(&seeds, &tree_buffers(&nodes));
-        // Some drivers lose values that the last iteration of a loop assigns. The renderer sets EXIT_AT_TOP on them.
+        // Some drivers lose values that the last iteration of a loop assigns. The renderer sets EXIT_AT_TOP for these drivers.
         let at_top: Vec<[u32; 2]> = DRAW.compile(&[("EXIT_AT_TOP", 1.0)]).run(&seeds, &tree_buffers(&nodes));
         assert!(found == at_top, "EXIT_AT_TOP changes the result of a traversal");
         let [mut valid, mut drawn] = [0, 0];
@@ -117,7 +118,7 @@ fn degenerate(pcg: &mut Pcg, n: usize) -> Vec<(&'static str, Vec<Item>)> {
     };
     let place = |pcg: &mut Pcg| [0, 1, 2, 3].map(|k| pcg.range(if k == 3 { 0.0 } else { -5.0 }, 5.0) as f32);
     let orders = |i: i32| 10f32.powi(-(i % 31));
-    // Coordinates halve from vertex to vertex: a split by count is far from a split by space or by power.
+    // Each coordinate is half of the previous one, so most vertices lie in a tiny corner of the box.
     let piled = |i: i32| 2f32.powi(-(i % 100));
     vec![
         make("one place and time", &mut |_, _| ([1.0, -2.0, 0.5, 3.0], 1.0)),
@@ -180,20 +181,20 @@ fn a_million_vertices() {
     }
 }
 
-/// How many of the `rounds` traversals of a thread end at the vertex `left`.
+/// How many of the `rounds` traversals of a thread end at `vertex`.
 const COUNT: ShaderFunction = ShaderFunction {
     imports: &["query"],
-    input: "root: u32, left: u32, rounds: u32, seed: u32",
-    result: "left: u32",
+    input: "root: u32, vertex: u32, rounds: u32, seed: u32",
+    result: "count: u32",
     body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1e9, 1.0, 1.0);
         var rng = input.seed;
         for (var i = 0u; i < input.rounds; i++) {
-            result.left += u32(descend(input.root, shell, false, &rng).vertex == input.left);
+            result.count += u32(descend(input.root, shell, false, &rng).vertex == input.vertex);
         }",
 };
 
-/// How many of a hundred million traversals end at the weaker vertex of a tree over two. `share` is its power relative to the
-/// power of the other vertex. `first` says whether the weaker vertex is the first child.
+/// How many of a hundred million traversals end at the weaker vertex in a tree with two vertices. `share` is its power relative
+/// to the power of the other vertex. `first` says whether the weaker vertex is the first child.
 fn rare_draws(kernel: &CompiledFunction, share: f32, first: bool) -> u32 {
     const THREADS: u32 = 20_000;
     const ROUNDS: u32 = 5_000;
@@ -208,7 +209,8 @@ fn rare_draws(kernel: &CompiledFunction, share: f32, first: bool) -> u32 {
 }
 
 /// With random numbers of 24 bits, a first child of share 1e-9 was drawn with probability 6e-8, and a second child of share
-/// 2e-8 was never drawn. The returned P was wrong for both. The limits below have probability 1e-4 (Poisson).
+/// 2e-8 was never drawn. The returned P was wrong for both. A correct traversal fails one of these assertions with a probability
+/// of about 1e-4 per share and child (Poisson).
 #[test]
 fn rare_children_are_drawn_as_rarely_as_they_should() {
     let kernel = COUNT.compile(&[]);
