@@ -24,7 +24,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
     let arrival = advance(&s, key);
-    // However the path continues, its light still has to reach the sensor.
+    // Stop if the light arrives after the gate even on the straight line to the sensor.
     if (!arrival.found || is_too_late(arrival.vertex, frame.sensor)) {
         return;
     }
@@ -40,7 +40,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         random = 0u;
     }
     v.flags |= random << VERTEX_RANDOM_SHIFT;
-    // Deterministic vertices are kept once, from the subpath whose emitter the host has fixed.
+    // A deterministic vertex is the same in all subpaths, so it is stored only once: by the subpath whose emitter the host chose.
     let fixed_emitter = dispatch.emitter != NONE;
     if (is_connectible(v) && was_deterministic == fixed_emitter) {
         v.flags |= VERTEX_VALID;

@@ -36,7 +36,8 @@ struct Emission {
 }
 
 // Chooses an emitter with the alias method (Vose 1991): words x and z choose an entry, word y chooses between the entry and
-// its alias. One float has 24 bits, which would favour some of a million entries by several per cent.
+// its alias. A single float instead of x and z has only 24 bits: with a million entries, some entries would be chosen several
+// per cent too often.
 fn choose_emitter(words: vec4<u32>) -> u32 {
     let i = random_below(words.xz, frame.emitter_count);
     let coin = f32(words.y) * (1.0 / 4294967296.0);

@@ -17,7 +17,7 @@ pub struct Step {
     pub scene: String,
     /// Value of the quantity that the sweep varies: the median over the repetitions.
     pub x: f64,
-    /// Microseconds per pixel sample, measured at the end of the time.
+    /// Microseconds per pixel sample, at the last time point of each repetition.
     pub cost: Spread,
 }
 
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn sweeps_are_fitted_a_variant() {
+    fn sweeps_are_fitted_per_variant() {
         let text = r#"
 errors = false
 [[scene]]

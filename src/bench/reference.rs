@@ -113,8 +113,8 @@ pub fn make(
     let measured = || pilots.iter().filter(|pilot| pilot.measured);
     let cheapest = |truth: &[f32]| measured().map(|p| p.cost(truth)).fold(Means::INFINITE, Means::min);
     let chosen = fastest(&pilots);
-    // Pilots are slower than long renders because their iterations have few samples. The long render of the chosen settings
-    // shows the gain, and the other settings may gain as much.
+    // Pilots are slower than long renders because their iterations have few samples. The long render shows by which factor the
+    // chosen settings improved. Assume that the other settings would improve by the same factor.
     let wanted = |truth: &[f32], own: Means, seconds: f64| {
         let (cheapest, chosen, known) = (cheapest(truth), chosen.cost(truth), target.best.unwrap_or(Means::INFINITE));
         let of = |of: fn(Means) -> f64| {
@@ -203,7 +203,8 @@ pub fn make(
         }
     }
     let agreement = verdict.expect("there is a judge");
-    // Keep the batches of the longer render only. Batches of two estimators together would not estimate their noise.
+    // Keep the batches of the longer render only. The two renders may have different estimators, and then the spread of all
+    // batches together would not give the noise of their mean.
     film.set_cells(previous.filter(|previous| previous.seconds > seconds).map_or(cells, |previous| previous.cells));
     if agreement.agree {
         if matches!(other, OtherVersion::Rejected(_) | OtherVersion::Unverified) {
@@ -222,7 +223,7 @@ fn advance(timed: &mut TimedRenderer) -> Result<()> {
 
 /// A reference from an earlier run that was not accurate enough.
 struct PreviousReference {
-    /// Its mean plus and minus its standard error: two batches that have its mean and its variance.
+    /// Two batches that have the mean and the variance of the reference: the mean plus and minus its standard error.
     halves: [Vec<f32>; 2],
     seconds: f64,
     /// Number of times it was extended.
@@ -330,7 +331,7 @@ pub fn folder(out: &Path) -> PathBuf {
 mod tests {
     use super::*;
 
-    /// Two batches made from a mean and a variance can replace the two batches that these came from.
+    /// A film that is extended from the mean and variance in a file equals the film of all four original halves.
     #[test]
     fn an_extended_reference_is_what_four_halves_make() {
         let halves: [&[f32]; 4] = [&[1.0, 5.0, 0.0], &[3.0, 4.0, 0.0], &[2.5, 0.0, 1.0], &[0.5, 8.0, 3.0]];

@@ -38,7 +38,8 @@ pub struct VariantSummary {
     /// relMSE without the worst pixels.
     pub trimmed: ErrorSummary,
     pub flip: Spread,
-    /// Exponent of relMSE as a power of time: -1 for independent samples. `None` with fewer than two points.
+    /// Exponent of relMSE as a power of time: -1 for independent samples. Exponent of trimmed relMSE if relMSE is not reliable.
+    /// `None` with fewer than two points.
     pub slope: Option<f64>,
     pub light_vertices: f64,
     pub queries_per_s: f64,

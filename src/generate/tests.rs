@@ -68,7 +68,7 @@ fn a_divided_box_is_the_same_box() {
 }
 
 #[test]
-fn what_a_scene_does_not_have_cannot_be_chosen() {
+fn options_that_a_scene_lacks_are_refused() {
     let wrong = |kind: Kind, roughness, triangles| kind.with(roughness, triangles).unwrap_err();
     assert!(wrong(Kind::DoorAjar, Some(0.5), None).contains("door-ajar has no roughness"));
     assert!(wrong(Kind::DoorAjar, None, Some(5)).contains("door-ajar has no number"));

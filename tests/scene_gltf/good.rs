@@ -12,7 +12,7 @@ use super::*;
 #[test]
 fn a_complete_file_is_read() {
     let scene = read(&complete());
-    check_promises(&scene);
+    check_invariants(&scene);
     assert_eq!(scene.warnings, Vec::<String>::new());
 
     let mesh = &scene.meshes[0];
@@ -70,7 +70,7 @@ fn nested_nodes_compose_and_share_their_mesh() {
         { "mesh": 0, "scale": [1.0, 0.0, 1.0] },
     ]);
     let scene = read(&glb);
-    check_promises(&scene);
+    check_invariants(&scene);
     assert_eq!(scene.meshes.len(), 1);
     let [plain, mirror] = &scene.instances[..] else { panic!("{:?}", scene.instances) };
     assert_eq!(plain.node, "node 1");
@@ -202,7 +202,7 @@ fn factors_out_of_range_are_moved_to_its_edge_with_a_warning() {
         let mut wrong = glb.clone();
         *wrong.json["materials"][0].pointer_mut(pointer).unwrap() = value;
         let scene = read(&wrong);
-        check_promises(&scene);
+        check_invariants(&scene);
         assert!(scene.warnings.len() == 1 && scene.warnings[0].ends_with(word), "{pointer}: {:?}", scene.warnings);
     }
     // Many such factors give one warning together.
@@ -224,14 +224,14 @@ fn a_primitive_without_material_gets_the_default() {
 fn buffers_come_from_data_uris_and_files() {
     let data = base64::engine::general_purpose::STANDARD.encode(complete().bin);
     let scene = load_slice(&text(&format!("data:application/octet-stream;base64,{data}")), Path::new("a.gltf"));
-    check_promises(&scene.unwrap());
+    check_invariants(&scene.unwrap());
 
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("data")).unwrap();
     std::fs::write(folder.path().join("data/a b.bin"), complete().bin).unwrap();
     let path = folder.path().join("scene.gltf");
     std::fs::write(&path, text("data/a%20b.bin")).unwrap();
-    check_promises(&load(&path).unwrap());
+    check_invariants(&load(&path).unwrap());
 
     std::fs::write(&path, text("absent.bin")).unwrap();
     let message = load(&path).unwrap_err().to_string();
@@ -282,7 +282,7 @@ fn shared_scenes_are_read() {
         let start = std::time::Instant::now();
         let scene = load(&folder.join(name).join("scene.glb")).unwrap();
         println!("{name}: {:?}, {:?}", start.elapsed(), scene.warnings);
-        check_promises(&scene);
+        check_invariants(&scene);
         let facts = std::fs::read(folder.join(name).join("scene.json")).unwrap();
         let facts: Value = serde_json::from_slice(&facts).unwrap();
         let count = |instance: &Instance| scene.meshes[instance.mesh as usize].triangles.len() as u64;

@@ -139,7 +139,7 @@ fn instances_that_multiply_beyond_the_limit_are_refused() {
 }
 
 #[test]
-fn zeros_without_a_view_are_counted_before_they_are_made() {
+fn accessors_without_a_view_are_checked_before_memory_is_allocated() {
     let mut glb = complete();
     for count in [1_000_000_000_000u64, 100_000_000] {
         glb.json["accessors"][0] = json!({ "componentType": 5126, "type": "VEC3", "count": count });
@@ -160,16 +160,16 @@ fn deep_chains_are_walked_without_recursion() {
     let data = base64::engine::general_purpose::STANDARD.encode(complete().bin);
     let chain = chain.replacen("\"buffers\":[{", &format!("\"buffers\":[{{\"uri\":\"data:;base64,{data}\","), 1);
     let plain = chain.replacen("\"name\":\"tri\"", &format!("\"name\":\"tri\",\"extras\":{{\"a\":{nested}}}"), 1);
-    check_promises(&load_slice(plain.as_bytes(), Path::new("a.gltf")).unwrap());
+    check_invariants(&load_slice(plain.as_bytes(), Path::new("a.gltf")).unwrap());
     let emitter =
         chain.replacen("\"name\":\"tri\"", &format!("\"name\":\"tri\",\"extras\":{{\"emitter\":{nested}}}"), 1);
     assert!(refusal(emitter.as_bytes()).contains("`tri`"));
 }
 
-/// Reads any bytes: the reader must not panic, and a scene that it accepts must keep its promises. `name` is for the message.
+/// Reads any bytes. The reader must not panic, and a scene that the reader accepts must be valid. `name` is for the message.
 fn survive(bytes: &[u8], name: impl Fn() -> String) {
     match load_slice(bytes, Path::new("test.glb")) {
-        Ok(scene) => check_promises(&scene),
+        Ok(scene) => check_invariants(&scene),
         Err(error) => assert!(!error.to_string().contains("reader failed"), "{}: the reader panicked", name()),
     }
 }

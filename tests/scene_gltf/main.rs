@@ -38,8 +38,8 @@ fn single(positions: &[[f32; 3]], extra: Value) -> Glb {
     glb
 }
 
-/// Checks that a scene keeps the promises of `src/scene/mod.rs`, as the scene of every accepted file must.
-fn check_promises(scene: &Scene) {
+/// Checks the rules that `src/scene/mod.rs` states for every scene.
+fn check_invariants(scene: &Scene) {
     assert!(!scene.materials.is_empty() && !scene.instances.is_empty());
     for mesh in &scene.meshes {
         assert!(!mesh.triangles.is_empty());
