@@ -60,8 +60,8 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     for (var i = 0u; i < count; i++) {
         let importance = vertex_importance(q, load_light_vertex(first + i));
         sum += importance;
-        // The uniform is below 1, so that the first vertex that can contribute is taken. It is fine, so that a rare vertex is
-        // taken with exactly the probability that its weight contains.
+        // The uniform is below 1, so that the first vertex that can contribute is taken. The uniform has steps of 2^-32,
+        // so that a rare vertex is taken with exactly the probability that its weight contains.
         if (min(next_fine_uniform(rng), 1.0 - UNIFORM_STEP) * sum < importance) {
             chosen.vertex = first + i;
             chosen_importance = importance;
@@ -106,7 +106,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         let target_value = target_function(q, load_light_vertex(candidate.vertex));
         let weight = target_value * candidate.weight;
         if (!(weight < 3e38)) {
-            // The weight is not a number or not finite. The candidate is returned unchanged, so that it is counted.
+            // The weight is not a number or not finite. The candidate is returned unchanged, so that it is counted as dropped.
             return candidate;
         }
         sum += weight;

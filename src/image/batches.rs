@@ -146,7 +146,8 @@ impl CellBatches {
         floats
     }
 
-    /// Reads the numbers of [`CellBatches::to_floats`] for an image of this size. The numbers come from a file, so all of them are checked.
+    /// Reads the numbers of [`CellBatches::to_floats`] for an image of this size. The numbers come from a file, so all of them
+    /// are checked.
     pub fn from_floats(width: u32, height: u32, floats: &[f32]) -> Result<CellBatches> {
         let wrong = |what: &str| Error::Settings(format!("the batches of cells (tof:cellBatches) {what}"));
         let mut all = CellBatches::new(width, height);

@@ -93,7 +93,8 @@ fn bin(d: DVec3) -> usize {
     cell(0.5 + 0.5 * d.z) * BINS + cell(azimuth - azimuth.floor())
 }
 
-/// Probability of each cell of the sphere, by integrating `pdf` over solid angle. The last is that of no direction at all.
+/// Probability of each cell of the sphere, by integrating `pdf` over solid angle. The last entry is the probability of a
+/// lost sample.
 fn expected(pdf: impl Fn(DVec3) -> f64) -> Vec<f64> {
     const STEPS: usize = 20;
     let mut cells = vec![0.0; BINS * BINS + 1];

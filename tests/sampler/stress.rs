@@ -118,7 +118,7 @@ fn degenerate(pcg: &mut Pcg, n: usize) -> Vec<(&'static str, Vec<Item>)> {
     };
     let place = |pcg: &mut Pcg| [0, 1, 2, 3].map(|k| pcg.range(if k == 3 { 0.0 } else { -5.0 }, 5.0) as f32);
     let orders = |i: i32| 10f32.powi(-(i % 31));
-    // Each coordinate is half of the previous one, so most vertices lie in a tiny corner of the box.
+    // The coordinates halve from each vertex to the next, so most vertices lie in a tiny corner of the box.
     let piled = |i: i32| 2f32.powi(-(i % 100));
     vec![
         make("one place and time", &mut |_, _| ([1.0, -2.0, 0.5, 3.0], 1.0)),
