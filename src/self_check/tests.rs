@@ -14,7 +14,7 @@ fn a_lamp_that_is_not_as_bright_as_expected_is_found() {
     assert!(matches!(lamp::check(&device(), METHOD, almost).unwrap(), Verdict::Wrong(_)));
 }
 
-/// The sibling that must fail: every expected mean is wrong by a fifth.
+/// Negative control: every expected mean is a fifth too large.
 #[test]
 fn means_off_by_a_fifth_are_found() {
     for case in means::cases() {

@@ -65,7 +65,7 @@ fn a_crop_is_a_part_of_the_whole_image() {
 }
 
 #[test]
-fn a_render_resumed_with_more_samples_is_the_longer_render() {
+fn each_iteration_adds_its_samples() {
     let scene = build(Kind::CornellBox);
     let settings = settings(Estimator::LcsPaper, SIZE).build().unwrap();
     let mut renderer = renderer(&scene, &settings);
