@@ -1,5 +1,5 @@
-// Stable compaction in three steps: prefix sums of chunks within their block, prefix sums of blocks, scatter. It uses no
-// atomics, so lists keep their order. A block is what one workgroup counts: 64 chunks of 32 entries.
+// Stable compaction in three steps: counts of chunks, their prefix sums, scatter. It uses no atomics, so lists keep their
+// order.
 #import frame
 #import math
 
@@ -7,8 +7,7 @@
 @group(2) @binding(0) var marks: texture_1d<u32>;
 // The path that each entry stands for.
 @group(2) @binding(1) var<storage, read> source: array<u32>;
-// For each chunk: number of members in the earlier chunks of its block. After the last chunk, for each block: number of
-// members in the earlier blocks.
+// For each chunk: number of its members, after `compact_scan` the number of members in the earlier chunks.
 @group(2) @binding(2) var<storage, read_write> chunk_counts: array<vec2<u32>>;
 @group(2) @binding(3) var<storage, read_write> list_a: array<u32>;
 @group(2) @binding(4) var<storage, read_write> list_b: array<u32>;
@@ -19,7 +18,7 @@
 @group(2) @binding(6) var<storage, read_write> arguments: array<u32>;
 
 const CHUNK: u32 = 32u;
-// Threads per workgroup of the kernels that add up.
+// Threads in the workgroup of the kernels that add up.
 const SCAN_THREADS: u32 = 64u;
 
 // Number of lists that `counters` and `arguments` have room for.
@@ -68,37 +67,28 @@ fn chunks_of(entries: u32) -> u32 {
     return (entries + CHUNK - 1u) / CHUNK;
 }
 
-// The range [x, y) of `all` items that a thread works on.
-fn share_of(all: u32, thread: u32) -> vec2<u32> {
-    let share = (all + SCAN_THREADS - 1u) / SCAN_THREADS;
-    let lo = min(thread * share, all);
-    return vec2<u32>(lo, min(lo + share, all));
+// The range [x, y) of chunks that a thread of the only workgroup works on.
+fn share_of_chunks(thread: u32) -> vec2<u32> {
+    let chunks = chunks_of(entry_count());
+    let share = (chunks + SCAN_THREADS - 1u) / SCAN_THREADS;
+    let lo = min(thread * share, chunks);
+    return vec2<u32>(lo, min(lo + share, chunks));
 }
 
-// One thread counts one chunk, one workgroup one block: counts become positions within the block.
-@compute @workgroup_size(SCAN_THREADS)
-fn compact_count(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32, @builtin(workgroup_id) block: vec3<u32>) {
+// One thread counts one chunk.
+@compute @workgroup_size(WORKGROUP)
+fn compact_count(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = entry_count();
     let first = id.x * CHUNK;
-    var count = vec2<u32>(0u);
     if (first < n) {
-        count = countOneBits(chunk_members(first, n));
-    }
-    let sums = sums_over_threads(thread, count);
-    if (first < n) {
-        chunk_counts[id.x] = sums.before;
-    }
-    if (thread == 0u) {
-        chunk_counts[chunks_of(n) + block.x] = sums.all;
+        chunk_counts[id.x] = countOneBits(chunk_members(first, n));
     }
 }
 
-// One workgroup: counts of blocks become their first positions, and totals become list lengths and dispatch sizes. A tile on
-// a card has at most 32 Mi entries, with 32 slots per shade point; this is 256 blocks per thread.
+// One workgroup: counts of chunks become their first positions, and totals become list lengths and dispatch sizes.
 @compute @workgroup_size(SCAN_THREADS)
 fn compact_scan(@builtin(local_invocation_index) thread: u32) {
-    let chunks = chunks_of(entry_count());
-    let share = chunks + share_of((chunks + SCAN_THREADS - 1u) / SCAN_THREADS, thread);
+    let share = share_of_chunks(thread);
     var sum = vec2<u32>(0u);
     for (var i = share.x; i < share.y; i++) {
         sum += chunk_counts[i];
@@ -117,7 +107,7 @@ fn compact_scan(@builtin(local_invocation_index) thread: u32) {
 @compute @workgroup_size(SCAN_THREADS)
 fn compact_short(@builtin(local_invocation_index) thread: u32) {
     let n = entry_count();
-    let share = share_of(chunks_of(n), thread);
+    let share = share_of_chunks(thread);
     var sum = vec2<u32>(0u);
     for (var i = share.x; i < share.y; i++) {
         sum += countOneBits(chunk_members(i * CHUNK, n));
@@ -143,24 +133,24 @@ fn set_lengths(thread: u32, total: vec2<u32>) {
 fn set_length(list: u32, length: u32) {
     counters[list] = length;
     counters[COUNTER_TOTALS + list] += length;
-    set_workgroups(list, length, WORKGROUP);
+    set_workgroups(list, length);
     let entries = length * select(1u, frame.slots, list == dispatch.list_b);
-    set_workgroups(LISTS + list, chunks_of(entries), SCAN_THREADS);
+    set_workgroups(LISTS + list, chunks_of(entries));
 }
 
-fn set_workgroups(at: u32, threads: u32, size: u32) {
-    arguments[3u * at] = (threads + size - 1u) / size;
+fn set_workgroups(at: u32, threads: u32) {
+    arguments[3u * at] = (threads + WORKGROUP - 1u) / WORKGROUP;
     arguments[3u * at + 1u] = 1u;
     arguments[3u * at + 2u] = 1u;
 }
 
 // One thread scatters one chunk.
-@compute @workgroup_size(SCAN_THREADS)
-fn compact_scatter(@builtin(global_invocation_id) id: vec3<u32>, @builtin(workgroup_id) block: vec3<u32>) {
+@compute @workgroup_size(WORKGROUP)
+fn compact_scatter(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = entry_count();
     let first = id.x * CHUNK;
     if (first < n) {
-        scatter_chunk(first, n, chunk_counts[chunks_of(n) + block.x] + chunk_counts[id.x]);
+        scatter_chunk(first, n, chunk_counts[id.x]);
     }
 }
 

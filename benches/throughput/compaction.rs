@@ -2,7 +2,7 @@
 
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
-use taugate::internals::wgsl::layout::constants::{CHUNK, LISTS, SCAN_THREADS};
+use taugate::internals::wgsl::layout::constants::{CHUNK, LISTS};
 use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE};
 
 /// Number of slots.
@@ -30,7 +30,7 @@ pub fn compare(device: &Device) {
         ("marks", upload("marks", &marks)),
         ("counters", upload("counters", &counters)),
         ("source", empty("source", 1)),
-        ("chunk_counts", empty("chunk counts", 2 * (chunks + chunks.div_ceil(SCAN_THREADS as usize)))),
+        ("chunk_counts", empty("chunk counts", 2 * chunks)),
         ("list_a", empty("live slots", SLOTS)),
         ("list_b", empty("other list", 1)),
         ("arguments", empty("arguments", 6 * LISTS as usize)),

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
 use crate::wgsl::layout::Dispatch;
-use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, LISTS, SCAN_THREADS};
+use crate::wgsl::layout::constants::{CHUNK, COUNTER_TOTALS, LISTS};
 
 /// Number of u32 counters: the current length of each list, and the sum of its lengths so far.
 pub const COUNTERS: usize = (COUNTER_TOTALS + LISTS) as usize;
@@ -13,10 +13,9 @@ pub const ARGUMENTS: usize = 6 * LISTS as usize;
 /// Maximum length of a list that one workgroup compacts faster than three dispatches do.
 const SHORT_LIST: usize = 1 << 13;
 
-/// Number of count pairs that the compaction of `entries` entries needs: one per chunk and one per block of chunks.
+/// Number of count pairs that the compaction of `entries` entries needs: one per chunk.
 pub fn chunk_counts(entries: usize) -> usize {
-    let chunks = entries.div_ceil(CHUNK as usize);
-    chunks + chunks.div_ceil(SCAN_THREADS as usize)
+    entries.div_ceil(CHUNK as usize)
 }
 
 /// Kernels of `compact.wgsl`.

@@ -128,7 +128,6 @@ pub mod constants {
         LEAF_FIRST: u32 = 0x07ff_ffff,
         BUCKETS: u32 = 8,
         CHUNK: u32 = 32,
-        SCAN_THREADS: u32 = 64,
         LISTS: u32 = 4,
         COUNTER_TOTALS: u32 = 8,
         ESTIMATOR_PT: u32 = 0,
