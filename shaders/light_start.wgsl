@@ -41,6 +41,9 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
         s.throughput = e.throughput * e.vertex.select_pdf;
         s.flags |= PATH_DETERMINISTIC;
     }
+    if (HAS_PARALLEL && e.parallel) {
+        s.flags |= PATH_PARALLEL;
+    }
     if (!e.beam) {
         s.shift = ray_offset(e.vertex, e.direction);
         start_light_sums(&s, e);

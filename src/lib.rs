@@ -41,6 +41,8 @@ mod lightcone;
 #[allow(missing_docs)]
 mod oracle;
 #[allow(missing_docs)]
+mod printable;
+#[allow(missing_docs)]
 mod render;
 #[allow(missing_docs)]
 mod scene;
@@ -76,6 +78,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, error, estimators, files, generate, gpu, image, input, lightcone, oracle, render, scene, self_check, settings, wgsl,
+        bench, bvh, compare, error, estimators, files, generate, gpu, image, input, lightcone, oracle, printable, render, scene, self_check, settings, wgsl,
     }
 }

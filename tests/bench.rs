@@ -352,7 +352,7 @@ fn mistakes_name_their_place() {
             "resolution = \"12x12\"\nemitters = [\"sun\"]",
             "s.toml:8:8: no node 'sun' emits light",
         ),
-        ("resolution = \"12x12\"", "resolutoin = \"12x12\"", "s.toml:11:1: unknown field `resolutoin`"),
+        ("resolution = \"12x12\"", "resolutoin = \"12x12\"", "s.toml:11:1: [[scene]] has no key resolutoin"),
     ];
     let good = std::fs::read_to_string(here.path().join("s.toml")).unwrap();
     for (from, to, part) in cases {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use taugate::internals::generate::{Kind, build, glb};
 use taugate::internals::image::exr_file::{self, Provenance};
 use taugate::internals::image::film::Film;
 use taugate::internals::settings::Crop;
@@ -98,6 +99,15 @@ fn bad_flags_are_refused_with_an_example() {
         ("--crop", "1,2,3", "x0,x1,y0,y1"),
         ("--emitters", "beam,,lamp", "node names"),
         ("--spp", "-1", "--spp"),
+        ("--look-from", "1,2", "3 numbers"),
+        ("--look-at", "-1,2,x", "like 1,2.5,-3"),
+        ("--up", "up", "3 numbers"),
+        ("--fov", "180", "between 0 and 180"),
+        ("--principal-point", "1", "2 numbers"),
+        ("--headlamp", "0", "a number above 0"),
+        ("--headlamp-offset", "1", "3 numbers"),
+        ("--lamp", "1,2,3", "4 numbers"),
+        ("--lamp", "1,2,3,-1", "an intensity above 0"),
     ];
     for (flag, value, part) in table {
         let argument = format!("{flag}={value}");
@@ -125,7 +135,7 @@ fn experiment_mistakes_have_line_and_column() {
     let experiment = |text: &str| std::fs::write(here.path().join("e.toml"), text).unwrap();
     let fails = |part: &str| fails(here.path(), &["render", "e.toml"], 2, part);
     experiment("scene = \"a.glb\"\n[render]\nssp = 4\n");
-    fails("e.toml:3:1: unknown field `ssp`");
+    fails("e.toml:3:1: [render] has no key ssp");
     experiment("scene = \"a.glb\"\n[gate]\ngate = \"1..2\"\n");
     fails("e.toml:3:8: the gate '1..2' has no unit");
     experiment("scene = \"a.glb\"\n[medium]\n");
@@ -311,6 +321,59 @@ fn full_disks_and_closed_terminals_behind_the_streams() {
     assert_eq!(unheard.code(), Some(2));
 }
 
+/// Text that comes from files must not command the terminal, wherever the program prints it.
+#[test]
+fn files_cannot_command_the_terminal() {
+    let here = folder();
+    let hostile = "x\u{1b}[2J\u{9b}31m\u{202e}y";
+    let harmless = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        let text = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
+        let bad: Vec<char> = text.chars().filter(|&c| (c.is_control() && c != '\n') || c == '\u{202e}').collect();
+        assert!(bad.is_empty(), "{arguments:?} prints {bad:?}: {}", text.escape_debug());
+        assert!(text.contains("31m"), "{arguments:?} does not print the text: {text}");
+    };
+    // Names of all kinds in a scene, and names that messages quote.
+    let mut scene = build(Kind::CornellBox);
+    for instance in &mut scene.instances {
+        instance.node = format!("{}{hostile}", instance.node);
+    }
+    scene.meshes.iter_mut().for_each(|mesh| mesh.name += hostile);
+    scene.materials.iter_mut().for_each(|material| material.name += hostile);
+    scene.cameras[0].name += hostile;
+    std::fs::write(here.path().join("scene.glb"), glb::write(&scene)).unwrap();
+    harmless(&["info", "scene.glb", "--resolution", "8x8"]);
+    harmless(&["info", "scene.glb", "--resolution", "8x8", "--json"]);
+    harmless(&["render", "scene.glb", "-o", "a.exr", "--camera", "nobody"]);
+    harmless(&["render", "scene.glb", "-o", "a.exr", "--emitters", "nobody"]);
+    harmless(&["render", "scene.glb", "--print-config"]);
+    let wrong =
+        format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"extensionsRequired\": [\"{}\"]}}", "x\\u009b31m\\u202e");
+    std::fs::write(here.path().join("wrong.gltf"), wrong).unwrap();
+    harmless(&["info", "wrong.gltf"]);
+
+    // Experiments and suites. TOML may hold these characters as codes.
+    let escaped = "x\\u001b[2J\\u009b31m\\u202ey";
+    for line in
+        ["[render]\nestimator = \"NAME\"", "[camera]\ncamera = \"NAME\"", "\"NAME\" = 1", "[gate]\ngate = \"NAME\""]
+    {
+        let text = format!("scene = \"scene.glb\"\n{}\n", line.replace("NAME", escaped));
+        std::fs::write(here.path().join("e.toml"), text).unwrap();
+        harmless(&["render", "e.toml", "-o", "a.exr"]);
+    }
+    let suite = format!("time = \"1s\"\n[[variant]]\nname = \"pt\"\nrender = {{ estimator = \"{escaped}\" }}\n");
+    std::fs::write(here.path().join("suite.toml"), suite).unwrap();
+    harmless(&["bench", "suite.toml"]);
+
+    // Channels of an image.
+    use exr::prelude::*;
+    let name = Text::from_bytes_unchecked(hostile.bytes().collect());
+    let channel = AnyChannel::new(name, FlatSamples::F32(vec![0.0; 16]));
+    let image = Image::from_channels((4, 4), AnyChannels::sort(std::iter::once(channel).collect()));
+    image.write().to_file(here.path().join("odd.exr")).unwrap();
+    harmless(&["compare", "odd.exr", "odd.exr"]);
+}
+
 /// Images store their settings, and with them the scene's name, as UTF-8 text.
 #[test]
 #[cfg(target_os = "linux")]
@@ -345,4 +408,58 @@ fn what_the_scene_reads_is_not_overwritten() {
     // With another name the command goes on to load the scene, which fails for another reason.
     fails(here.path(), &["render", "room.gltf", "-o", "out.exr", "--png"], 2, "room.gltf: ");
     assert_eq!(names(here.path()), ["room.gltf", "wood floor.png"]);
+}
+
+/// The experiment that the program prints describes the camera and the lights that it added, with all their numbers.
+#[test]
+fn a_scene_without_camera_and_light_is_completed() {
+    use taugate::internals::generate::{Kind, build, glb};
+    let here = folder();
+    let mut scene = build(Kind::CornellBox);
+    scene.cameras.clear();
+    scene.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
+    std::fs::write(here.path().join("dark.glb"), glb::write(&scene)).unwrap();
+    let printed = |arguments: &[&str]| {
+        let output = taugate(here.path(), &[&["render", "-o", "x.exr", "--print-config"], arguments].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let lamps = ["--headlamp", "5", "--lamp", "-1,1,0.5,2", "--lamp", "0,1,0,3", "--emitters", "lamp-2,headlamp"];
+    let place = ["--look-from", "-0.5,1,3", "--up", "-1,0,0", "--fov", "50", "--principal-point", "-0.1,0.5"];
+    let table = [
+        (&[][..], &["camera = \"auto\"", "look-from = [", "fov = 40.0", "headlamp = "][..]),
+        (&place, &["camera = \"look\"", "look-from = [-0.5, 1.0, 3.0]", "up = [-1.0, 0.0, 0.0]"]),
+        (&lamps, &["headlamp = 5.0", "lamp = [[-1.0, 1.0, 0.5, 2.0], [0.0, 1.0, 0.0, 3.0]]"]),
+    ];
+    for (flags, parts) in table {
+        let first = printed(&[&["dark.glb"], flags].concat());
+        for part in parts {
+            assert!(first.contains(part), "expected {part:?} in:\n{first}");
+        }
+        std::fs::write(here.path().join("e.toml"), &first).unwrap();
+        assert_eq!(printed(&["e.toml"]), first);
+    }
+    fails(
+        here.path(),
+        &["render", "dark.glb", "-o", "x.exr", "--emitters", "sun"],
+        2,
+        "(--headlamp and --lamp add lights)",
+    );
+}
+
+#[test]
+fn a_scene_without_surfaces_is_described_but_not_rendered() {
+    let here = folder();
+    let empty = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{}] }"#;
+    std::fs::write(here.path().join("empty.gltf"), empty).unwrap();
+    fails(
+        here.path(),
+        &["render", "empty.gltf", "-o", "a.exr"],
+        2,
+        "has no surfaces; export a scene with visible meshes",
+    );
+    let text = String::from_utf8(taugate(here.path(), &["info", "empty.gltf"]).stdout).unwrap();
+    for part in ["the scene has no triangles", "cannot be rendered: has no surfaces"] {
+        assert!(text.contains(part), "{text}");
+    }
 }

@@ -1,12 +1,20 @@
 //! Image files: the program reads back the files that it writes, and refuses hostile files before it reserves memory for them.
 
+#[cfg(target_os = "linux")]
+#[path = "common/peak.rs"]
+mod peak;
+
 use std::path::Path;
 use std::time::Duration;
 
-use exr::prelude::{AttributeValue, MetaData};
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes,
+    MetaData, SampleType, Vec2, WritableImage, f16,
+};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::image::exr_file::{self, Provenance, read_picture};
 use taugate::internals::image::film::Film;
+use taugate::internals::image::layers::{Layers, Plane};
 use taugate::internals::image::png_file;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::resolve;
@@ -75,6 +83,41 @@ fn an_exr_is_read_back_with_its_metadata() {
     assert_eq!(text("tof:settings"), SETTINGS);
 }
 
+/// Auxiliary layers are channels beside the image, which `compare` reads as before.
+#[test]
+fn auxiliary_layers_stand_beside_the_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plain, path] = ["plain.exr", "out.exr"].map(|name| folder.path().join(name));
+    let film = write(&plain);
+    let provenance = Provenance {
+        resolution: [10, 8],
+        crop: Crop { x0: 3, x1: 9, y0: 2, y1: 6 },
+        responses: Gate::OPEN.into(),
+        seed: 0,
+        seconds: 1.5,
+        settings: SETTINGS.into(),
+    };
+    let channels = vec![
+        ("depth.Z", Plane::Floats((0..24).map(|i| i as f32).collect())),
+        ("object.ID", Plane::Ids((0..24).map(|i| i % 3).collect())),
+    ];
+    let objects = [(1, "Größe \"x\"".to_string()), (2, "wall".into())].into();
+    exr_file::write_with_layers(&path, &film, &provenance, &Layers { channels, objects }).unwrap();
+    let (with, without) = (read_picture(&path).unwrap(), read_picture(&plain).unwrap());
+    assert_eq!((with.rgb, with.variance), (without.rgb, without.variance));
+
+    let meta = MetaData::read_from_file(&path, true).unwrap();
+    let header = &meta.headers[0];
+    let names: Vec<(String, SampleType)> =
+        header.channels.list.iter().map(|c| (c.name.to_string(), c.sample_type)).collect();
+    assert_eq!(names[6], ("depth.Z".into(), SampleType::F32));
+    assert_eq!(names[7], ("object.ID".into(), SampleType::U32));
+    let (_, value) = header.own_attributes.other.iter().find(|(key, _)| key.bytes() == b"tof:objects").unwrap();
+    let AttributeValue::Text(text) = value else { panic!("not text: {value:?}") };
+    let names: serde_json::Value = serde_json::from_slice(text.bytes()).unwrap();
+    assert_eq!(names, serde_json::json!({ "1": "Größe \"x\"", "2": "wall" }));
+}
+
 #[test]
 fn a_header_that_claims_a_huge_image_is_refused() {
     // An EXR states its size in two windows. Each holds two inclusive corners, as four little-endian integers after its type.
@@ -110,6 +153,85 @@ fn damaged_files_give_errors_not_panics() {
     }
 }
 
+/// Writes an image of `side` x `side` pixels.
+fn write_channels(path: &Path, side: usize, channels: Vec<(String, FlatSamples)>, blocks: Blocks) {
+    let encoding = Encoding { compression: Compression::ZIP16, blocks, ..Encoding::UNCOMPRESSED };
+    let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(name.as_str(), samples)).collect();
+    let layer = Layer::new((side, side), LayerAttributes::default(), encoding, AnyChannels::sort(channels));
+    Image::from_layer(layer).write().to_file(path).unwrap();
+}
+
+/// `count` channels for data that taugate does not need, then R, G and B.
+fn with_others(side: usize, count: usize) -> Vec<(String, FlatSamples)> {
+    let others = (0..count).map(|c| format!("other.{c:03}"));
+    let names = others.chain(["R", "G", "B"].map(String::from));
+    names.enumerate().map(|(c, name)| (name, FlatSamples::F32(vec![c as f32; side * side]))).collect()
+}
+
+#[test]
+fn images_of_other_programs_have_other_types_tiles_and_channels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tiles.exr");
+    let side = 37;
+    let at = |c: usize| (0..side * side).map(move |i| c * 1000 + i % 500);
+    let channels = || {
+        vec![
+            ("R".to_string(), FlatSamples::F16(at(0).map(|i| f16::from_f32(i as f32)).collect())),
+            ("G".to_string(), FlatSamples::U32(at(1).map(|i| i as u32).collect())),
+            ("depth".to_string(), FlatSamples::F32(at(9).map(|i| i as f32).collect())),
+            ("B".to_string(), FlatSamples::F32(at(2).map(|i| i as f32).collect())),
+            ("Variance.R".to_string(), FlatSamples::F32(at(3).map(|i| i as f32).collect())),
+            ("Variance.G".to_string(), FlatSamples::F32(at(4).map(|i| i as f32).collect())),
+        ]
+    };
+    let interleaved = |first: usize| -> Vec<f32> {
+        (0..side * side).flat_map(|i| [0, 1, 2].map(|c| ((first + c) * 1000 + i % 500) as f32)).collect()
+    };
+    write_channels(&path, side, channels(), Blocks::Tiles(Vec2(16, 8)));
+    let picture = read_picture(&path).unwrap();
+    assert!((picture.width, picture.height) == (37, 37) && picture.rgb == interleaved(0));
+    // Without the variance of blue, the variance is not known.
+    assert!(picture.variance.is_none());
+    let mut all = channels();
+    all.push(("Variance.B".to_string(), FlatSamples::F32(at(5).map(|i| i as f32).collect())));
+    write_channels(&path, side, all, Blocks::ScanLines);
+    assert!(read_picture(&path).unwrap().variance == Some(interleaved(3)));
+
+    write_channels(&path, side, with_others(side, 2).split_off(1), Blocks::ScanLines);
+    assert!(read_picture(&path).is_ok());
+    write_channels(&path, side, with_others(side, 2)[..4].to_vec(), Blocks::ScanLines);
+    let message = read_picture(&path).unwrap_err().to_string();
+    assert!(message.contains("has no channels R, G, B to compare, only G, R, other.000, other.001;"), "{message}");
+}
+
+#[test]
+fn a_tile_with_too_much_data_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tile.exr");
+    write_channels(&path, 1024, with_others(1024, 15), Blocks::Tiles(Vec2(1024, 1024)));
+    let message = read_picture(&path).unwrap_err().to_string();
+    assert!(message.contains("blocks of 72 MiB") && message.contains("smaller tiles"), "{message}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "a helper of the test below, which starts it with an image"]
+fn helper_peak() {
+    peak::helper(|path| read_picture(path).map_or_else(|e| e.to_string(), |picture| picture.rgb.len().to_string()));
+}
+
+/// All channels of a small file were once decoded, whether taugate needs them or not.
+#[cfg(target_os = "linux")]
+#[test]
+fn channels_that_are_not_needed_take_no_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("many.exr");
+    write_channels(&path, 1024, with_others(1024, 60), Blocks::ScanLines);
+    // All channels take 252 MiB, the three that are needed 12 MiB.
+    let (peak, report) = peak::peak("helper_peak", &path);
+    assert!(report == (3 << 20).to_string() && peak < 100, "{peak} MiB: {report}");
+}
+
 #[test]
 fn a_png_has_the_size_and_a_black_image_is_black() {
     let folder = tempfile::tempdir().unwrap();
@@ -121,10 +243,14 @@ fn a_png_has_the_size_and_a_black_image_is_black() {
         let info = reader.next_frame(&mut pixels).unwrap();
         (info.width, info.height, pixels)
     };
-    png_file::write(&path, 3, 2, &[0.0; 18]).unwrap();
+    png_file::write(&path, 3, 2, &[0.0; 18], 1.0).unwrap();
     assert_eq!(decode(&path), (3, 2, vec![0; 18]));
-    png_file::write(&path, 3, 2, &[1e-9; 18]).unwrap();
+    let grey = [1e-9; 18];
+    png_file::write(&path, 3, 2, &grey, png_file::exposure(&grey)).unwrap();
     assert_eq!(decode(&path), (3, 2, vec![243; 18]));
+    // Half of full white is 188 in sRGB.
+    png_file::write(&path, 3, 2, &[0.125; 18], 4.0).unwrap();
+    assert_eq!(decode(&path), (3, 2, vec![188; 18]));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 

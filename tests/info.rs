@@ -107,7 +107,7 @@ fn travel_times_of_the_gated_sphere_are_the_known_ones() {
     let first = light["first"]["metres"].as_f64().unwrap();
     assert!((first - 2.0).abs() < 1e-3, "{first}");
     assert!(percentile(1.0) >= first && percentile(25.0) < 2.001);
-    // By the closed form of `oracle/sphere.rs`, 64.6 % of the light has arrived by 3.5 m and 77.0 % by 4 m: 75 % by 3.92 m.
+    // In the closed form of `oracle/sphere.rs`, 75 % of the light has arrived by 3.92 m (64.6 % by 3.5 m, 77.0 % by 4 m).
     assert!((percentile(75.0) - 3.92).abs() < 0.06, "{}", percentile(75.0));
     // The bounds on travel times contain all measured travel times.
     let bound = |name: &str| json["render"]["possible"][name].as_f64().unwrap();
@@ -264,4 +264,177 @@ fn wrong_flags_of_info_are_refused() {
         let message = String::from_utf8(output.stderr).unwrap();
         assert!(output.status.code() == Some(2) && message.contains(part), "{flag}: {message}");
     }
+}
+
+/// `info` suggests nothing that `render` refuses, and a scene without camera and light renders in one command.
+#[test]
+fn a_scene_without_camera_and_light_is_described_and_rendered() {
+    let mut scene = build(Kind::CornellBox);
+    scene.cameras.clear();
+    scene.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
+    let here = tempfile::tempdir().unwrap();
+    std::fs::write(here.path().join("scene.glb"), taugate::internals::generate::glb::write(&scene)).unwrap();
+    let json = info(here.path(), &["--look-from", "0,1,3", "--resolution", "32x32"]);
+    assert_eq!((&json["cameras"][0]["name"], &json["emitters"][0]["node"]), (&"look".into(), &"headlamp".into()));
+    assert!(json["notes"][0].as_str().unwrap().contains("--headlamp"), "{}", json["notes"]);
+    let gate = json["render"]["light"]["suggested_gate"].as_str().unwrap();
+    let small = ["render", "scene.glb", "-o", "out.exr", "--resolution", "32x32", "--spp", "2"];
+    for more in [&[][..], &["--look-from", "0,1,3", "--gate", gate]] {
+        let output = taugate(here.path(), &[&small[..], more].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success() && !message.contains("black"), "{message}");
+        assert!(message.contains("note: the scene has no light that can be rendered"), "{message}");
+        assert_eq!(message.contains("note: the scene has no camera"), more.is_empty(), "{message}");
+    }
+}
+/// A pixel of the lamp and a pixel of the back wall. The first light at the wall comes from the lamp, by the shortest way.
+#[test]
+fn a_pixel_has_an_object_and_its_own_times() {
+    let here = scene("cornell-box");
+    let small = ["--resolution", "64x64", "--pixel"];
+    let at = |pixel: &str| info(here.path(), &[&small[..], &[pixel]].concat());
+    let wall = at("32,20");
+    let shown = &wall["render"]["pixel"];
+    assert_eq!((&shown["column"], &shown["row"], &shown["object"]["node"]), (&32.into(), &20.into(), &"back".into()));
+    let of = |name: &str| shown["object"][name].as_f64().unwrap();
+    // The camera is 4.9 m before the back wall.
+    assert!((of("axial_metres") - 4.9).abs() < 1e-3 && of("distance_metres") >= of("axial_metres"), "{shown}");
+    let position: Vec<f64> =
+        shown["object"]["position"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+    assert!((position[2] + 1.0).abs() < 1e-3, "{position:?}");
+    let first = wall["render"]["light"]["first"]["metres"].as_f64().unwrap();
+    let first_of_all = info(here.path(), &small[..2])["render"]["light"]["first"]["metres"].as_f64().unwrap();
+    assert!(first > first_of_all && first > 4.9 + 0.9 && first < 4.9 + 1.6, "{first} {first_of_all}");
+    assert_eq!(wall["render"]["crop"], "32,33,20,21");
+
+    let output = taugate(here.path(), &["info", "scene.glb", "--resolution", "64x64", "--pixel", "32,20"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        text.contains("32,20 shows node 'back' (mesh back[0], material ") && text.contains("; in this pixel)"),
+        "{text}"
+    );
+    assert!(text.contains("m from the camera, "), "{text}");
+    for (arguments, part) in [
+        (&["--pixel", "64,0"][..], "--pixel 64,0 is outside the image of 64x64"),
+        (&["--pixel", "6"], "like 120,80"),
+        (&["--pixel", "6,6", "--crop", "0,1,0,1"], "cannot be used with"),
+        (&["--crop", "0,65,0,1"], "does not lie inside the image"),
+    ] {
+        let output = taugate(here.path(), &[&["info", "scene.glb", "--resolution", "64x64"], arguments].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && message.contains(part), "{arguments:?}: {message}");
+    }
+}
+
+/// A crop of the back wall, which the lamp lights from 0.82 m away and which is 4.97 m from the camera.
+#[test]
+fn a_crop_has_its_own_times() {
+    let here = scene("cornell-box");
+    let arguments = ["--resolution", "64x64", "--crop", "24,40,16,24"];
+    let json = info(here.path(), &arguments);
+    let first = json["render"]["light"]["first"]["metres"].as_f64().unwrap();
+    assert!((5.75..6.0).contains(&first) && json["render"]["crop"] == "24,40,16,24", "{first}");
+    let output = taugate(here.path(), &[&["info", "scene.glb"], &arguments[..]].concat());
+    assert!(String::from_utf8(output.stdout).unwrap().contains("; in the crop)"));
+}
+
+#[test]
+fn a_map_shows_when_light_arrives() {
+    let here = scene("gated-sphere");
+    let maps = ["--resolution", "32x24", "--crop", "4,20,2,14", "--map", "a.png", "--map", "a.exr"];
+    let json = info(here.path(), &maps);
+    let map = &json["render"]["map"];
+    assert_eq!((&map["files"], &map["pixels"]), (&serde_json::json!(["a.png", "a.exr"]), &192.into()));
+    assert_eq!(map["lit_pixels"], 192);
+    // Every pixel sees the wall of the sphere, 1 m from lamp and camera.
+    let [first, last] = ["first", "last"].map(|name| map["scale"][name]["metres"].as_f64().unwrap());
+    assert!((first - 2.0).abs() < 1e-3 && (last - 2.0).abs() < 1e-3, "{first} {last}");
+    let file = std::io::BufReader::new(std::fs::File::open(here.path().join("a.png")).unwrap());
+    let reader = png::Decoder::new(file).read_info().unwrap();
+    assert_eq!((reader.info().width, reader.info().height), (16, 12));
+    let meta = exr::prelude::MetaData::read_from_file(here.path().join("a.exr"), true).unwrap();
+    let window = meta.headers[0].data_window();
+    assert_eq!(meta.headers[0].channels.list[0].name.to_string(), "arrival.Z");
+    assert_eq!((window.position.0, window.position.1, window.size.0, window.size.1), (4, 2, 16, 12));
+
+    let output = taugate(here.path(), &[&["info", "scene.glb"], &maps[..]].concat());
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        text.contains("a.png, a.exr: first light per pixel, from ") && text.contains(" in dark blue to "),
+        "{text}"
+    );
+    for (file, part) in [("a.jpg", "must end in .png or .exr"), ("no/a.png", "does not exist")] {
+        let output = taugate(here.path(), &["info", "scene.glb", "--map", file]);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && message.contains(part), "{file}: {message}");
+    }
+}
+
+/// The text report lists some emitters, the JSON report all of them.
+#[test]
+fn long_lists_are_cut() {
+    let here = scene("hundred-lamps");
+    let output = taugate(here.path(), &["info", "scene.glb", "--resolution", "16x16"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(text.lines().filter(|line| line.starts_with("emitter ")).count(), 21, "{text}");
+    assert!(text.contains("emitter     ... and 80 more, listed by --json"), "{text}");
+    let json = info(here.path(), &["--resolution", "16x16"]);
+    assert_eq!(json["emitters"].as_array().unwrap().len(), 100);
+}
+
+/// A floor that is seen from below is black. `info` says how much of the view is, and a gated render says why it sees nothing.
+#[test]
+fn surfaces_that_are_black_from_behind_are_named() {
+    let mut box_scene = build(Kind::CornellBox);
+    for material in box_scene.materials.iter_mut().filter(|material| material.emission == [0.0; 3]) {
+        material.double_sided = false;
+    }
+    let here = tempfile::tempdir().unwrap();
+    std::fs::write(here.path().join("scene.glb"), taugate::internals::generate::glb::write(&box_scene)).unwrap();
+    // From behind the back wall, the whole view is the back of this wall.
+    let view = ["--look-from", "0,1,-3", "--look-at", "0,1,0", "--fov", "20", "--resolution", "64x64"];
+    let report = info(here.path(), &view);
+    assert_eq!(report["render"]["black_backs"], 1.0, "{report}");
+    assert!(report["notes"].to_string().contains("--double-sided makes both sides reflect"), "{report}");
+    refused(
+        here.path(),
+        &[&view[..], &["--gate", "4m..8m", "--spp", "1"]].concat(),
+        2,
+        &["100 % of the surface in view"],
+    );
+
+    let both = info(here.path(), &[&view[..], &["--double-sided"]].concat());
+    assert_eq!(both["render"]["black_backs"], 0.0, "{both}");
+    // From inside, the box shows its fronts.
+    assert_eq!(info(here.path(), &["--resolution", "64x64"])["render"]["black_backs"], 0.0);
+}
+
+/// The light of a sun has no travel time, so the report suggests no gate for it.
+#[test]
+fn info_lists_a_sun_and_suggests_no_gate_for_it() {
+    let mut scene = build(Kind::CornellBox);
+    let kind = taugate::internals::scene::LightKind::Directional { irradiance: [3.0, 2.0, 1.0] };
+    scene.add_light("sun", glam::DVec3::ZERO, glam::DVec3::NEG_Z, kind);
+    let here = tempfile::tempdir().unwrap();
+    let written =
+        |scene| std::fs::write(here.path().join("scene.glb"), taugate::internals::generate::glb::write(scene));
+    let small = ["--resolution", "32x32"];
+    written(&scene).unwrap();
+    // With a lamp, the report is about the light of the lamp.
+    let both = info(here.path(), &small);
+    let lamp = info(here.path(), &[&small[..], &["--emitters", "light"]].concat());
+    let kind = both["emitters"][0]["kind"].as_str().unwrap();
+    assert!(kind.contains("(3, 2, 1) W/m^2") && both["emitters"][0]["watts"].is_null(), "{kind}");
+    assert_eq!(both["render"]["possible"], lamp["render"]["possible"]);
+    assert!(lamp["render"]["light"]["suggested_gate"].is_string());
+    assert_eq!(both["render"]["light"], lamp["render"]["light"]);
+    let alone = info(here.path(), &[&small[..], &["--emitters", "sun"]].concat());
+    assert!(alone["render"]["possible"].is_null() && alone["render"]["light"].is_null(), "{alone}");
+    assert!(alone["notes"][0].as_str().unwrap().contains("no travel time"), "{alone}");
+    refused(
+        here.path(),
+        &["--emitters", "sun", "--gate", "1m..2m"],
+        2,
+        &["'sun' is infinitely far away", "from light"],
+    );
 }

@@ -1,7 +1,9 @@
-//! Interrupts renders by Ctrl-C or SIGTERM at various moments: the program writes complete files or none.
+//! Interrupts renders by signals at various moments, and takes their folders away: the program writes complete files or none, and
+//! no finished image is lost.
 
 #![cfg(unix)]
 
+use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -9,8 +11,8 @@ use std::time::{Duration, Instant};
 
 use taugate::internals::image::exr_file::read_picture;
 
-/// SIGINT comes from Ctrl-C, SIGTERM from batch systems and at shutdown.
-const SIGNALS: [(&str, libc::c_int); 2] = [("-INT", libc::SIGINT), ("-TERM", libc::SIGTERM)];
+/// SIGINT comes from Ctrl-C, SIGTERM from batch systems and at shutdown, SIGHUP from a terminal that is gone.
+const SIGNALS: [(&str, libc::c_int); 3] = [("-INT", libc::SIGINT), ("-TERM", libc::SIGTERM), ("-HUP", libc::SIGHUP)];
 
 /// Resets the handling of the signals, so that they end the command until it installs its own handlers. A process inherits
 /// ignored signals, and scripts ignore them for jobs in the background, so the process that runs the tests may ignore them.
@@ -39,9 +41,13 @@ fn start(folder: &Path, budget: &str) -> Child {
         .expect("taugate starts")
 }
 
-fn interrupt(child: &mut Child, signal: &str) -> ExitStatus {
+fn send(child: &Child, signal: &str) {
     let kill = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill starts");
     assert!(kill.success());
+}
+
+fn interrupt(child: &mut Child, signal: &str) -> ExitStatus {
+    send(child, signal);
     child.wait().expect("it ends")
 }
 
@@ -98,4 +104,149 @@ fn an_interrupt_leaves_a_whole_image_or_none() {
         let image = [1000, 4000, 16_000, 60_000].iter().any(|&delay| leaves_an_image(here, delay, signal));
         assert!(image, "{signal:?} left no image");
     }
+}
+
+/// `taugate` in `folder`. Its files that do not fit elsewhere go to the folder `spare` inside `folder`.
+fn taugate(folder: &Path, arguments: &[&str]) -> Command {
+    let spare = folder.join("spare");
+    std::fs::create_dir_all(&spare).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
+    command.args(arguments).current_dir(folder).env("TMPDIR", spare);
+    command
+}
+
+/// A folder with a small scene `box.glb`.
+fn with_box() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(taugate(folder.path(), &["generate", "cornell-box", "-o", "box.glb"]).status().unwrap().success());
+    folder
+}
+
+/// The path in a message that says where the render is saved.
+fn saved_in(message: &str) -> &str {
+    let path = message.split("saved in ").nth(1).unwrap_or_else(|| panic!("nothing is saved: {message}"));
+    path.trim_end().split(", ").next().unwrap()
+}
+
+#[test]
+fn a_hangup_does_not_end_a_render_that_nohup_keeps_alive() {
+    let folder = with_box();
+    let ignore = || {
+        // SAFETY: `signal` may be called between fork and exec.
+        unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
+        Ok(())
+    };
+    let mut command =
+        taugate(folder.path(), &["render", "box.glb", "-o", "out.exr", "--resolution", "32x32", "--time", "6s", "-q"]);
+    // SAFETY: `ignore` allocates nothing and takes no lock.
+    let mut child = unsafe { command.pre_exec(ignore) }.spawn().unwrap();
+    let started = Instant::now();
+    while started.elapsed() < Duration::from_secs(5) {
+        send(&child, "-HUP");
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    assert!(child.try_wait().unwrap().is_none(), "it ended too soon");
+    assert!(child.wait().unwrap().success());
+    assert!(folder.path().join("out.exr").exists());
+}
+
+/// The first line on stderr is a warning that comes after the outputs were checked: from then on, they can vanish.
+#[test]
+fn a_render_whose_folder_vanishes_is_saved_elsewhere() {
+    let folder = with_box();
+    std::fs::create_dir(folder.path().join("gone")).unwrap();
+    let arguments = ["render", "box.glb", "-o", "gone/out.exr", "--png", "--resolution", "32x32", "--time", "2s"];
+    let thin = ["--gate", "8m+100um", "--force"];
+    let mut child = taugate(folder.path(), &[&arguments[..], &thin].concat())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("taugate starts");
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    stderr.read_line(&mut line).unwrap();
+    assert!(line.contains("steps of 32-bit"), "{line}");
+    std::fs::remove_dir_all(folder.path().join("gone")).unwrap();
+    let mut message = String::new();
+    stderr.read_to_string(&mut message).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(2), "{message}");
+    assert!(message.contains("the folder gone does not exist"), "{message}");
+    let saved = Path::new(saved_in(&message));
+    assert!(saved.starts_with(folder.path().join("spare")), "{message}");
+    assert_eq!(read_picture(saved).unwrap().width, 32);
+    assert!(saved.with_extension("png").exists());
+}
+
+/// The limit is set while the render runs: the software driver keeps the memory of the device in files, which a limit from the start
+/// would affect as well.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_limit_of_file_sizes_gives_a_message_and_leaves_nothing_behind() {
+    let folder = with_box();
+    let render = ["render", "box.glb", "-o", "out.exr", "--stats", "out.json", "--resolution", "96x96", "--time", "8s"];
+    let mut child = taugate(folder.path(), &render).stderr(Stdio::piped()).spawn().expect("taugate starts");
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    stderr.read_line(&mut line).unwrap();
+    assert!(line.contains("samples"), "a line of progress: {line}");
+    // The image takes more, the statistics less.
+    let limit = Command::new("prlimit").args(["--pid", &child.id().to_string(), "--fsize=40000"]).status();
+    if !limit.is_ok_and(|status| status.success()) {
+        println!("skipped: prlimit is missing");
+        child.kill().unwrap();
+        child.wait().unwrap();
+        return;
+    }
+    let mut message = String::new();
+    stderr.read_to_string(&mut message).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(2), "{message}");
+    assert!(message.contains("ulimit -f") && message.contains("out.exr is lost"), "{message}");
+    assert_eq!(names(folder.path()), ["box.glb", "out.json", "spare"]);
+    assert!(names(&folder.path().join("spare")).is_empty());
+}
+
+/// Needs the right to mount a file system in a namespace of its own.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_render_that_meets_a_full_disk_is_saved_elsewhere() {
+    let folder = with_box();
+    std::fs::create_dir(folder.path().join("disk")).unwrap();
+    let inside = |command: &str| {
+        let mount = format!("mount -t tmpfs -o size=40k none disk && {command}");
+        Command::new("unshare")
+            .args(["-rm", "sh", "-c", &mount, env!("CARGO_BIN_EXE_taugate")])
+            .current_dir(folder.path())
+            .env("TMPDIR", folder.path().join("spare"))
+            .output()
+    };
+    if !inside("true").is_ok_and(|output| output.status.success()) {
+        println!("skipped: this process may not mount a file system");
+        return;
+    }
+    let output = inside("\"$0\" render box.glb -o disk/out.exr --resolution 96x96 --spp 1").unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("disk has no space left"), "{message}");
+    assert_eq!(read_picture(Path::new(saved_in(&message))).unwrap().width, 96);
+}
+
+/// SIGKILL leaves a temporary file. The next render to the same name removes it.
+#[test]
+fn what_a_killed_render_leaves_is_removed_by_the_next() {
+    let folder = with_box();
+    let left_over = folder.path().join(".taugate-out.exr-1-abcdef.tmp");
+    std::fs::write(&left_over, "half").unwrap();
+    let render = ["render", "box.glb", "-o", "out.exr", "--resolution", "16x16", "--spp", "1", "-q"];
+    assert!(taugate(folder.path(), &render).status().unwrap().success());
+    assert_eq!(names(folder.path()), ["box.glb", "out.exr", "spare"]);
+}
+
+/// Without this check, the picture would replace the image.
+#[test]
+fn two_outputs_that_are_links_to_one_file_are_refused() {
+    let folder = with_box();
+    std::os::unix::fs::symlink("out.exr", folder.path().join("out.png")).unwrap();
+    let output = taugate(folder.path(), &["render", "box.glb", "-o", "out.exr", "--png"]).output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("out.exr and out.png are links to one file"), "{message}");
 }

@@ -231,3 +231,58 @@ fn double(from: &Path, to: &Path) {
     }
     image.unwrap().write().to_file(to).unwrap();
 }
+
+/// `--aov` adds layers to the image file and changes nothing else. `compare` reads the file.
+#[test]
+fn auxiliary_layers_do_not_change_the_image() {
+    let here = folder();
+    let gate = ["--gate", "6m..8m", "--crop", "2,18,1,15"];
+    render(here.path(), &[&gate[..], &["-o", "a.exr"]].concat(), 0);
+    render(here.path(), &[&gate[..], &["-o", "b.exr", "--aov", "all"]].concat(), 0);
+    let pixels = |file: &str| read_picture(&here.path().join(file)).unwrap();
+    assert_eq!((pixels("a.exr").rgb, pixels("a.exr").variance), (pixels("b.exr").rgb, pixels("b.exr").variance));
+    run(here.path(), &["compare", "a.exr", "b.exr", "--max-relmse", "0"], 0);
+    let channel = |name: &str| -> Vec<f32> {
+        use exr::prelude::*;
+        let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+        let image = image.all_attributes().from_file(here.path().join("b.exr")).unwrap();
+        let layer = image.layer_data.channel_data;
+        let found = layer.list.iter().find(|channel| channel.name.to_string() == name).expect(name);
+        found.sample_data.values_as_f32().collect()
+    };
+    // The box is 2 m wide, and the camera stands 3.9 m before its centre. No light arrives from the lamp's own black surface. The
+    // depth is that of the pixel's centre; another part of the pixel may show a surface up to 1.5 m nearer.
+    let (depth, arrival) = (channel("depth.Z"), channel("arrival.Z"));
+    assert_eq!((depth.len(), arrival.len()), (16 * 14, 16 * 14));
+    assert!(depth.iter().all(|&z| (2.9..6.0).contains(&z)), "{depth:?}");
+    assert!(arrival.iter().zip(&depth).all(|(&tau, &z)| tau == 0.0 || (tau > z - 1.5 && tau < 30.0)), "{arrival:?}");
+    assert!(arrival.iter().filter(|&&tau| tau == 0.0).count() <= 6, "{arrival:?}");
+    assert!(channel("object.ID").iter().all(|&id| (1.0..9.0).contains(&id)));
+
+    render(here.path(), &["-o", "c.exr", "--aov", "depth,colour"], 2);
+    assert!(!here.path().join("c.exr").exists());
+}
+
+#[test]
+fn pictures_with_one_exposure_can_be_compared() {
+    let here = folder();
+    let png = |file: &str| {
+        let file = std::io::BufReader::new(std::fs::File::open(here.path().join(file)).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        pixels
+    };
+    let mean = |file: &str| png(file).iter().map(|&x| f64::from(x)).sum::<f64>();
+    let message = render(here.path(), &["-o", "a.exr", "--png"], 0);
+    let stops = message.split("auto; --exposure ").nth(1).and_then(|rest| rest.split(' ').next()).expect(&message);
+    assert!(message.contains(&format!("a.png: exposure +{stops} EV")), "{message}");
+    // The same exposure gives the same picture, up to the digits of the message; a stop less is darker.
+    render(here.path(), &["-o", "b.exr", "--png", "--exposure", stops], 0);
+    assert!(png("a.png").iter().zip(png("b.png")).all(|(a, b)| a.abs_diff(b) <= 2));
+    let less = format!("{}", stops.parse::<f64>().unwrap() - 1.0);
+    let message = render(here.path(), &["-o", "c.exr", "--png", "--exposure", &less], 0);
+    assert!(mean("c.png") < 0.9 * mean("a.png") && message.contains("c.png: exposure "), "{message}");
+    let message = render(here.path(), &["-o", "d.exr", "--exposure", "-1"], 2);
+    assert!(message.contains("--exposure is for the picture: add --png"), "{message}");
+}

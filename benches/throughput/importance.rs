@@ -261,7 +261,18 @@ pub fn compare(device: &Device, light: &[Point], shade: &[Point]) {
         tree3_root: NONE,
         ..bytemuck::Zeroable::zeroed()
     };
-    let plain = ["HAS_TEXTURES", "HAS_ALPHA", "HAS_GLOSSY", "HAS_TRANSMISSION"].map(|name| (name, 0.0));
+    let plain = [
+        "HAS_TEXTURES",
+        "HAS_SURFACE_TEXTURES",
+        "HAS_NORMAL_MAPS",
+        "HAS_SPECULAR_COLORS",
+        "HAS_CLEARCOAT",
+        "HAS_VERTEX_COLORS",
+        "HAS_ALPHA",
+        "HAS_GLOSSY",
+        "HAS_TRANSMISSION",
+    ]
+    .map(|name| (name, 0.0));
     let kernel = Kernel::from_source(device, "bench", KERNEL, "bench_importance", &plain).expect("kernel");
     let upload = |name, bytes: &[u8]| Buffer::from_slice(device, name, bytes, "").expect("upload");
     let points: Vec<PathVertex> = shade.iter().map(vertex).collect();

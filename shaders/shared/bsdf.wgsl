@@ -1,17 +1,24 @@
 // Surface scattering in the local frame of the shading normal (+z).
 //
 // A material mixes three parts, all with one GGX lobe: a conductor (weight metallic), and for the rest glass (weight
-// transmission) and a dielectric coat over a diffuse base. `f` follows the flow of light: `wl` points to where light comes
-// from, `wc` to where it goes (towards the sensor). Both point away from the surface. Densities are per solid angle.
+// transmission) and a dielectric coat over a diffuse base. A clear coat with a GGX lobe of its own may lie over the mix. `f`
+// follows the flow of light: `wl` points to where light comes from, `wc` to where it goes (towards the sensor). Both point
+// away from the surface. Densities are per solid angle.
 #import material
+#import point
 
 struct Bsdf {
     base: vec3<f32>,
     metallic: f32,
     alpha: f32,
-    // Reflectance of the coat at normal incidence and at grazing angles.
+    // Reflectance of the coat at normal incidence (the largest channel) and at grazing angles.
     f0: f32,
     f90: f32,
+    // Reflectance of the coat at normal incidence, per channel.
+    f0_color: vec3<f32>,
+    // Strength of the clear coat, and its GGX alpha.
+    clearcoat: f32,
+    clearcoat_alpha: f32,
     transmission: f32,
     diffuse_scale: f32,
     // Refractive indices on the +z and the -z side.
@@ -41,11 +48,12 @@ struct BsdfSample {
     valid: bool,
 }
 
-// Probabilities of sampling the three lobes. They sum to 1.
+// Probabilities of sampling the four lobes. They sum to 1.
 struct Lobes {
     diffuse: f32,
     gloss: f32,
     glass: f32,
+    clearcoat: f32,
 }
 
 // The BSDF of a material whose base colour at the point is `base`. `front`: the +z side of the frame is the front of the
@@ -58,11 +66,28 @@ fn make_bsdf(material: u32, base: vec3<f32>, front: bool) -> Bsdf {
     b.alpha = m.alpha;
     b.f0 = m.f0;
     b.f90 = m.f90;
+    b.f0_color = select(vec3<f32>(m.f0), m.f0_color, HAS_SPECULAR_COLORS);
+    b.clearcoat = select(0.0, m.clearcoat, HAS_CLEARCOAT);
+    b.clearcoat_alpha = m.clearcoat_alpha;
     b.transmission = select(0.0, m.transmission, HAS_TRANSMISSION);
     b.diffuse_scale = m.diffuse_scale;
     b.eta_above = select(m.ior, 1.0, front);
     b.eta_below = select(1.0, m.ior, front);
     b.black = !front && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && b.transmission == 0.0;
+    return b;
+}
+
+// As `make_bsdf`, for a material whose properties vary over the surface.
+fn make_varying_bsdf(material: u32, p: PointProperties, front: bool) -> Bsdf {
+    var b = make_bsdf(material, p.base, front);
+    b.metallic = p.metallic;
+    b.alpha = p.alpha;
+    // The mean albedos of the rows follow the table. With them, the scale agrees with that of a material with constant alpha.
+    let row = sqrt(min(p.alpha, 1.0)) * f32(ALBEDO_ROWS - 1u);
+    let i = min(u32(row), ALBEDO_ROWS - 2u);
+    let means = ALBEDO_COLUMNS * ALBEDO_ROWS + i;
+    let mean = mix(albedo_table[means], albedo_table[means + 1u], row - f32(i));
+    b.diffuse_scale = 1.0 / (PI * (1.0 - (b.f0 * mean.x + b.f90 * mean.y)));
     return b;
 }
 
@@ -114,26 +139,57 @@ fn ggx_sample_visible(w: vec3<f32>, alpha: f32, u: vec2<f32>) -> vec3<f32> {
 }
 
 // Schlick's Fresnel term of the coat, from f0 to f90.
-fn coat_fresnel(b: Bsdf, cosine: f32) -> f32 {
+fn coat_fresnel(b: Bsdf, cosine: f32) -> vec3<f32> {
     let x = clamp(1.0 - cosine, 0.0, 1.0);
     let x2 = x * x;
-    return b.f0 + (b.f90 - b.f0) * (x2 * x2 * x);
+    return b.f0_color + (b.f90 - b.f0_color) * (x2 * x2 * x);
 }
 
-// Directional albedo of the coat's GGX lobe for a direction at `cosine` from the normal, in [0, 1].
-fn coat_albedo(b: Bsdf, cosine: f32) -> f32 {
+// Directional albedo of a GGX lobe for a direction at `cosine` from the normal. The albedo is x f0 + y f90.
+fn lobe_albedo(alpha: f32, cosine: f32) -> vec2<f32> {
     let size = vec2<u32>(ALBEDO_COLUMNS, ALBEDO_ROWS);
-    let p = sqrt(clamp(vec2<f32>(cosine, b.alpha), vec2<f32>(0.0), vec2<f32>(1.0))) * vec2<f32>(size - 1u);
+    let p = sqrt(clamp(vec2<f32>(cosine, alpha), vec2<f32>(0.0), vec2<f32>(1.0))) * vec2<f32>(size - 1u);
     let i = min(vec2<u32>(p), size - 2u);
     let f = p - vec2<f32>(i);
     let row = i.y * ALBEDO_COLUMNS + i.x;
     let low = mix(albedo_table[row], albedo_table[row + 1u], f.x);
     let high = mix(albedo_table[row + ALBEDO_COLUMNS], albedo_table[row + ALBEDO_COLUMNS + 1u], f.x);
-    let ab = mix(low, high, f.y);
+    return mix(low, high, f.y);
+}
+
+// Directional albedo of the coat, in [0, 1]: that of the channel in which the coat reflects most. The base under the coat
+// gets the same part of the light in all channels, so that it does not take the complementary colour.
+fn coat_albedo(b: Bsdf, cosine: f32) -> f32 {
+    let ab = lobe_albedo(b.alpha, cosine);
     return clamp(b.f0 * ab.x + b.f90 * ab.y, 0.0, 1.0);
 }
 
-// Whether the GGX lobe is so narrow that it counts as a delta.
+// Reflectance of the clear coat at normal incidence: its index of refraction is 1.5.
+const CLEARCOAT_F0: f32 = 0.04;
+
+// Whether the surface has a clear coat.
+fn is_coated(b: Bsdf) -> bool {
+    return HAS_CLEARCOAT && b.clearcoat > 0.0;
+}
+
+// Directional albedo of the clear coat, in [0, 1].
+fn clearcoat_albedo(b: Bsdf, cosine: f32) -> f32 {
+    let ab = lobe_albedo(b.clearcoat_alpha, cosine);
+    return b.clearcoat * clamp(CLEARCOAT_F0 * ab.x + ab.y, 0.0, 1.0);
+}
+
+// Schlick's Fresnel term of the clear coat.
+fn clearcoat_fresnel(b: Bsdf, cosine: f32) -> f32 {
+    return b.clearcoat * schlick(vec3<f32>(CLEARCOAT_F0), cosine).x;
+}
+
+// Factor on what lies under the clear coat: the light that the coat lets in along one direction and out along the other.
+// The product is reciprocal, and with the albedo of the coat it is at most 1 in a white furnace.
+fn clearcoat_passes(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> f32 {
+    return (1.0 - clearcoat_albedo(b, abs(wl.z))) * (1.0 - clearcoat_albedo(b, abs(wc.z)));
+}
+
+// Whether the GGX lobe under the clear coat is so narrow that it counts as a delta.
 fn is_delta(b: Bsdf) -> bool {
     return b.alpha < DELTA_ALPHA;
 }
@@ -141,7 +197,7 @@ fn is_delta(b: Bsdf) -> bool {
 // Probabilities of sampling the lobes if the known direction is at `cosine` from the normal.
 fn lobe_probabilities(b: Bsdf, cosine: f32) -> Lobes {
     if (!HAS_GLOSSY) {
-        return Lobes(1.0, 0.0, 0.0);
+        return Lobes(1.0, 0.0, 0.0, 0.0);
     }
     let plastic = (1.0 - b.metallic) * (1.0 - b.transmission);
     let coat = coat_albedo(b, cosine);
@@ -149,10 +205,16 @@ fn lobe_probabilities(b: Bsdf, cosine: f32) -> Lobes {
     let gloss = plastic * coat + b.metallic * luminance(schlick(b.base, cosine));
     let glass = (1.0 - b.metallic) * b.transmission;
     let sum = diffuse + gloss + glass;
-    if (sum <= 0.0) {
-        return Lobes(1.0, 0.0, 0.0);
+    if (is_coated(b)) {
+        let albedo = clearcoat_albedo(b, cosine);
+        let total = albedo + (1.0 - albedo) * sum;
+        let under = (1.0 - albedo) / total;
+        return Lobes(diffuse * under, gloss * under, glass * under, albedo / total);
     }
-    return Lobes(diffuse / sum, gloss / sum, glass / sum);
+    if (sum <= 0.0) {
+        return Lobes(1.0, 0.0, 0.0, 0.0);
+    }
+    return Lobes(diffuse / sum, gloss / sum, glass / sum, 0.0);
 }
 
 // Value and densities of the smooth lobes. A delta lobe adds nothing. All are 0 if a direction lies in the surface.
@@ -162,15 +224,36 @@ fn bsdf_eval(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
         return r;
     }
     if (wl.z > 0.0 && wc.z > 0.0) {
-        return bsdf_eval_reflection(b, wl, wc);
+        r = bsdf_eval_reflection(b, wl, wc);
+    } else if (HAS_TRANSMISSION && wl.z * wc.z < 0.0 && b.transmission > 0.0 && !is_delta(b)) {
+        r = bsdf_eval_transmission(b, wl, wc);
     }
-    if (HAS_TRANSMISSION && wl.z * wc.z < 0.0 && b.transmission > 0.0 && !is_delta(b)) {
-        return bsdf_eval_transmission(b, wl, wc);
+    if (is_coated(b)) {
+        return add_clearcoat(b, r, wl, wc);
     }
     return r;
 }
 
-// `bsdf_eval` for wl and wc on the +z side.
+// Value and densities with the clear coat. `under`: the same without it, with densities that already include the probability
+// of not sampling the coat.
+fn add_clearcoat(b: Bsdf, under: BsdfValue, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
+    var r = under;
+    r.f *= clearcoat_passes(b, wl, wc);
+    if (b.clearcoat_alpha < DELTA_ALPHA || wl.z <= 0.0 || wc.z <= 0.0) {
+        return r;
+    }
+    let h = normalize(wl + wc);
+    let shape = ggx_d(h, b.clearcoat_alpha) / (4.0 * wl.z * wc.z);
+    let masking = 1.0 / (1.0 + ggx_lambda(wl, b.clearcoat_alpha) + ggx_lambda(wc, b.clearcoat_alpha));
+    r.f += clearcoat_fresnel(b, max(dot(wl, h), 0.0)) * masking * shape;
+    let to_light = ggx_visible_pdf(wc, h, b.clearcoat_alpha) / max(4.0 * dot(wc, h), 1e-12);
+    let to_sensor = ggx_visible_pdf(wl, h, b.clearcoat_alpha) / max(4.0 * dot(wl, h), 1e-12);
+    r.pdf_to_light += lobe_probabilities(b, wc.z).clearcoat * to_light;
+    r.pdf_to_sensor += lobe_probabilities(b, wl.z).clearcoat * to_sensor;
+    return r;
+}
+
+// `bsdf_eval` for wl and wc on the +z side, without the clear coat.
 fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r: BsdfValue;
     if (!HAS_GLOSSY) {
@@ -205,7 +288,7 @@ fn bsdf_eval_reflection(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     return r;
 }
 
-// `bsdf_eval` for wl and wc on opposite sides: rough refraction (Walter et al. 2007, Eqs. 16, 17 and 21).
+// `bsdf_eval` for wl and wc on opposite sides, without the clear coat: rough refraction (Walter et al. 2007, Eqs. 16, 17 and 21).
 fn bsdf_eval_transmission(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r = BsdfValue(vec3<f32>(0.0), 0.0, 0.0);
     let eta_l = select(b.eta_below, b.eta_above, wl.z > 0.0);
@@ -257,13 +340,15 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
     if (u.w < lobes.diffuse) {
         s.direction = cosine_hemisphere(u.xy);
     } else {
+        let coat = is_coated(b) && u.w >= 1.0 - lobes.clearcoat;
+        let alpha = select(b.alpha, b.clearcoat_alpha, coat);
         var h = vec3<f32>(0.0, 0.0, 1.0);
-        if (!is_delta(b)) {
-            h = ggx_sample_visible(w, b.alpha, u.xy);
+        if (alpha >= DELTA_ALPHA) {
+            h = ggx_sample_visible(w, alpha, u.xy);
         }
         s.direction = reflect(-w, h);
         var refracted = false;
-        if (HAS_TRANSMISSION && u.w >= lobes.diffuse + lobes.gloss) {
+        if (HAS_TRANSMISSION && !coat && u.w >= lobes.diffuse + lobes.gloss) {
             refracted = u.z >= fresnel_dielectric(max(dot(w, h), 0.0), b.eta_above, b.eta_below);
             if (refracted) {
                 s.direction = refract(-w, h, b.eta_above / b.eta_below);
@@ -273,8 +358,8 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
         if (s.direction.z == 0.0 || (s.direction.z < 0.0) != refracted) {
             return s;
         }
-        if (is_delta(b)) {
-            return delta_sample(b, w, s.direction, to_light, lobes);
+        if (alpha < DELTA_ALPHA) {
+            return delta_sample(b, w, s.direction, to_light, lobes, coat);
         }
     }
     let wl = select(w, s.direction, to_light);
@@ -289,14 +374,18 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
 }
 
 // The sample of a delta lobe in `direction`: a mirror reflection if z > 0, else a smooth refraction. Its weight is the
-// reflectance, or transmittance, over the probability of choosing it.
-fn delta_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool, lobes: Lobes) -> BsdfSample {
+// reflectance, or transmittance, over the probability of choosing it. `coat`: the clear coat was chosen.
+fn delta_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool, lobes: Lobes, coat: bool) -> BsdfSample {
     var s: BsdfSample;
     s.direction = direction;
     s.delta = true;
     s.pdf = 1.0;
     s.pdf_reverse = 1.0;
     s.valid = true;
+    if (coat) {
+        s.weight = vec3<f32>(clearcoat_fresnel(b, w.z) / max(lobes.clearcoat, 1e-30));
+        return s;
+    }
     let glass = (1.0 - b.metallic) * b.transmission;
     let reflectance = fresnel_dielectric(w.z, b.eta_above, b.eta_below);
     if (direction.z > 0.0) {
@@ -308,6 +397,9 @@ fn delta_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool, lob
         let squeeze = select(1.0, square(b.eta_above / b.eta_below), to_light);
         s.weight = glass * (1.0 - reflectance) * squeeze * b.base
             / max(lobes.glass * (1.0 - reflectance), 1e-30);
+    }
+    if (is_coated(b)) {
+        s.weight *= clearcoat_passes(b, w, direction);
     }
     return s;
 }

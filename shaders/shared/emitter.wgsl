@@ -10,17 +10,21 @@ const EMITTER_TRIANGLE: u32 = 0u;
 const EMITTER_POINT: u32 = 1u;
 const EMITTER_SPOT: u32 = 2u;
 const EMITTER_BEAM: u32 = 3u;
+const EMITTER_SUN: u32 = 4u;
 
 // Emission profiles: how the light of an emitter point depends on the direction. Profiles up to EMIT_TWO_SIDED belong to surfaces.
 const EMIT_ONE_SIDED: u32 = 0u;
 const EMIT_TWO_SIDED: u32 = 1u;
 const EMIT_POINT: u32 = 2u;
 const EMIT_SPOT: u32 = 3u;
+// A point so far away that its light is parallel in the whole scene. Its subpaths start on a disk beside the scene.
+const EMIT_SUN: u32 = 4u;
 
 struct Emission {
     vertex: PathVertex,
     direction: vec3<f32>,
-    // Density per solid angle of `direction`; 1 for beams, whose direction is fixed.
+    // Density per solid angle of `direction`; 1 for beams, whose direction is fixed. Suns: density per area of the point on
+    // the disk, which parallel light carries unchanged to every surface that faces it.
     pdf_direction: f32,
     // Initial throughput of the subpath: radiance (or intensity, or power) times cosine over all densities.
     throughput: vec3<f32>,
@@ -29,6 +33,8 @@ struct Emission {
     // The triangle that emits; NONE for punctual lights and beams.
     triangle: u32,
     beam: bool,
+    // See PATH_PARALLEL.
+    parallel: bool,
     // The emitter point can be connected, and is stored for the 3D tree.
     stored: bool,
     // All subpaths from this emitter start alike: see PATH_DETERMINISTIC.
@@ -60,8 +66,11 @@ fn emitter_profile(v: PathVertex, w: vec3<f32>) -> vec2<f32> {
         }
         case EMIT_SPOT: {
             let off = cap_height(v.to_previous, w);
-            let outer = v.base_color.x;
-            return vec2<f32>(spot_falloff(off, outer, v.base_color.y), select(0.0, 1.0 / (2.0 * PI * outer), off < outer));
+            let outer = bitcast<f32>(v.base_color.x);
+            return vec2<f32>(spot_falloff(off, outer, bitcast<f32>(v.base_color.y)), select(0.0, 1.0 / (2.0 * PI * outer), off < outer));
+        }
+        case EMIT_SUN: {
+            return vec2<f32>(1.0, bitcast<f32>(v.base_color.y));
         }
         // An unknown profile sends no light.
         default: {
@@ -103,7 +112,7 @@ fn sample_emission(number: u32, a: vec4<f32>) -> Emission {
         case EMITTER_TRIANGLE: {
             sample_triangle(e, a, &r);
         }
-        case EMITTER_BEAM: {
+        case EMITTER_BEAM, EMITTER_SUN: {
             sample_beam(e, a, &r);
         }
         case EMITTER_POINT, EMITTER_SPOT: {
@@ -159,15 +168,18 @@ fn sample_punctual(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     (*r).throughput = e.strength * (falloff / ((*r).pdf_direction * e.select_pdf));
 }
 
+// A point on the disk of a beam or a sun, and their only direction.
 fn sample_beam(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     let radius = e.outer * sqrt(a.x);
     let turn = cosine_and_sine(2.0 * PI * a.y);
     let disk = frame_around(e.direction) * vec3<f32>(radius * turn.x, radius * turn.y, 0.0);
     (*r).vertex.position = e.position + disk;
     (*r).direction = e.direction;
-    (*r).pdf_direction = 1.0;
+    let sun = HAS_PARALLEL && e.kind == EMITTER_SUN;
+    (*r).pdf_direction = select(1.0, 1.0 / (PI * e.outer * e.outer), sun);
     (*r).throughput = e.strength / e.select_pdf;
-    (*r).beam = true;
+    (*r).beam = !sun;
+    (*r).parallel = sun;
     // With alpha, random choices at surfaces make the first hit random.
     (*r).deterministic = e.outer == 0.0 && !HAS_ALPHA;
 }

@@ -63,11 +63,13 @@ struct Frame {
     // Stored light subpaths over all light subpaths. Throughputs are normalised for the stored subpaths alone, so the splats
     // of all subpaths are multiplied by this share.
     splat_share: f32,
+    // From the centre of the film to the principal point, the point where the camera axis meets the film. In pixels, y down.
+    principal_offset: vec2<f32>,
 }
 
 // Parameters of one dispatch.
 struct Dispatch {
-    // Light subpaths: number of the batch's first path within the iteration.
+    // Light subpaths: number of the batch's first path within the iteration. First surfaces: number of the first pixel.
     first: u32,
     // Number of threads that have work, where the host knows this number.
     count: u32,
@@ -100,9 +102,17 @@ const OBSERVE_TIMES: u32 = 1u;
 const OBSERVE_STRATEGIES: u32 = 2u;
 // Switches that remove code for features that the scene does not contain.
 override HAS_TEXTURES: bool = true;
+// Roughness or metalness vary over a surface.
+override HAS_SURFACE_TEXTURES: bool = true;
+override HAS_NORMAL_MAPS: bool = true;
+override HAS_VERTEX_COLORS: bool = true;
 override HAS_ALPHA: bool = true;
 override HAS_GLOSSY: bool = true;
 override HAS_TRANSMISSION: bool = true;
+// Whether subpaths may start with parallel rays (PATH_PARALLEL).
+override HAS_PARALLEL: bool = true;
+override HAS_SPECULAR_COLORS: bool = true;
+override HAS_CLEARCOAT: bool = true;
 // Whether loops exit at their top. Some drivers lose the results of the last iteration of a loop that exits at
 // its end (src/gpu/quirks.rs).
 override EXIT_AT_TOP: bool = false;

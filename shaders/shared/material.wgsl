@@ -14,7 +14,7 @@ struct Material {
     metallic: f32,
     // GGX alpha. Below DELTA_ALPHA the lobe is a delta.
     alpha: f32,
-    // Reflectance of the dielectric coat at normal incidence. 0: a Lambertian surface without coat.
+    // Reflectance of the dielectric coat at normal incidence, in the channel where it is largest.
     f0: f32,
     ior: f32,
     transmission: f32,
@@ -25,8 +25,18 @@ struct Material {
     // Indices into `textures`, or NONE.
     base_texture: u32,
     emission_texture: u32,
-    // Reflectance of the coat at grazing angles: specularFactor of KHR_materials_specular.
+    // Reflectance of the coat at grazing angles: specularFactor of KHR_materials_specular. 0: a surface without coat.
     f90: f32,
+    // Index into `textures`, or NONE: green multiplies the roughness, blue the metalness.
+    surface_texture: u32,
+    // Index into `textures`, or NONE, and the factor on its red and green channels.
+    normal_texture: u32,
+    normal_scale: f32,
+    // Strength of the clear coat over everything else, and its GGX alpha.
+    clearcoat: f32,
+    clearcoat_alpha: f32,
+    // Reflectance of the dielectric coat at normal incidence, per channel.
+    f0_color: vec3<f32>,
     pad0: u32,
 }
 
@@ -36,12 +46,16 @@ const MATERIAL_BLEND: u32 = 4u;
 const DELTA_ALPHA: f32 = 0.001;
 
 fn load_material(index: u32) -> Material {
-    let color = bitcast<vec4<f32>>(textureLoad(materials, 5u * index, 0));
-    let light = bitcast<vec4<f32>>(textureLoad(materials, 5u * index + 1u, 0));
-    let lobes = bitcast<vec4<f32>>(textureLoad(materials, 5u * index + 2u, 0));
-    let rest = textureLoad(materials, 5u * index + 3u, 0);
-    let images = textureLoad(materials, 5u * index + 4u, 0);
+    let color = bitcast<vec4<f32>>(textureLoad(materials, 7u * index, 0));
+    let light = bitcast<vec4<f32>>(textureLoad(materials, 7u * index + 1u, 0));
+    let lobes = bitcast<vec4<f32>>(textureLoad(materials, 7u * index + 2u, 0));
+    let rest = textureLoad(materials, 7u * index + 3u, 0);
+    let images = textureLoad(materials, 7u * index + 4u, 0);
+    let bumps = textureLoad(materials, 7u * index + 5u, 0);
+    let specular = textureLoad(materials, 7u * index + 6u, 0);
     let numbers = bitcast<vec3<f32>>(rest.xyz);
     return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
-        numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w);
+        numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w,
+        bumps.x, bitcast<f32>(bumps.y), bitcast<f32>(bumps.z), bitcast<f32>(bumps.w),
+        bitcast<vec3<f32>>(specular.xyz), specular.w);
 }

@@ -31,6 +31,9 @@ struct PathState {
 const PATH_ALIVE: u32 = 1u;
 // The path has made no random choice yet: it follows a beam of zero radius, or the reflection of this beam by mirrors.
 const PATH_DETERMINISTIC: u32 = 2u;
+// The ray belongs to a bundle of parallel rays, such as those of a sun. The density of their next vertices per area does not fall
+// with the distance.
+const PATH_PARALLEL: u32 = 4u;
 // Light subpaths: from this bit on, the number of vertices that are not deterministic, at most 3.
 const PATH_RANDOM_SHIFT: u32 = 4u;
 
@@ -53,8 +56,10 @@ struct PathVertex {
     to_previous: vec3<f32>,
     // VERTEX_ bits. The low byte is the number of segments between the vertex and the start of its subpath.
     flags: u32,
-    // Base colour at the point. Spots: 1 - cosine of the outer (x) and inner (y) half angles.
-    base_color: vec3<f32>,
+    // Base colour at the point, as the bits of floats. If other properties of the material vary too: the words of
+    // `pack_point`. Spots: the bits of 1 - cosine of the outer (x) and inner (y) half angles. Suns, y: bits of the
+    // density per solid angle of the light subpaths, seen from `position`.
+    base_color: vec3<u32>,
     // Refractive index of the medium on the side of `to_previous`.
     eta: f32,
     // See Surface.offset.
@@ -80,6 +85,8 @@ const VERTEX_RANDOM_SHIFT: u32 = 12u;
 const VERTEX_VALID: u32 = 0x800u;
 // The material lets light through, so light can leave on either side.
 const VERTEX_TRANSMITS: u32 = 0x4000u;
+// A normal map has turned the shading normal.
+const VERTEX_BUMPED: u32 = 0x8000u;
 
 // Unpacks a vertex from its seven texels.
 fn unpack_vertex(texels: array<vec4<u32>, 7>) -> PathVertex {
@@ -88,10 +95,10 @@ fn unpack_vertex(texels: array<vec4<u32>, 7>) -> PathVertex {
     let normal = bitcast<vec4<f32>>(texels[2]);
     let geometric = bitcast<vec4<f32>>(texels[3]);
     let previous = texels[4];
-    let color = bitcast<vec4<f32>>(texels[5]);
+    let color = texels[5];
     let rest = texels[6];
     return PathVertex(place.xyz, place.w, bitcast<vec3<f32>>(carried.xyz), carried.w, normal.xyz, normal.w,
-        geometric.xyz, geometric.w, bitcast<vec3<f32>>(previous.xyz), previous.w, color.xyz, color.w,
+        geometric.xyz, geometric.w, bitcast<vec3<f32>>(previous.xyz), previous.w, color.xyz, bitcast<f32>(color.w),
         bitcast<f32>(rest.x), bitcast<f32>(rest.y), rest.z, rest.w);
 }
 

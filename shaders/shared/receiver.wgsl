@@ -12,9 +12,10 @@ fn make_receiver(q: PathVertex) -> Receiver {
     var r = Receiver(make_shell(q), q.geometric, !is_one_sided(q), q.normal, 1.0, 0.0);
     if (HAS_GLOSSY && BY_GLOSS) {
         let b = vertex_bsdf(q);
-        let cosine = dot(q.normal, q.to_previous);
+        let normal = scattering_normal(q, q.to_previous);
+        let cosine = dot(normal, q.to_previous);
         let lobes = lobe_probabilities(b, cosine);
-        r.mirrored = 2.0 * cosine * q.normal - q.to_previous;
+        r.mirrored = 2.0 * cosine * normal - q.to_previous;
         // A mirrored direction turns by twice the angle that the normal turns by.
         r.spread = max(4.0 * b.alpha * b.alpha, MIN_LOBE_WIDTH2);
         r.gloss = select(min(lobes.gloss, 1.0 - MIN_DIFFUSE), 0.0, is_delta(b));

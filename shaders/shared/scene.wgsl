@@ -19,6 +19,8 @@ struct Triangle {
 const TRIANGLE_SMOOTH: u32 = 0x80000000u;
 // The surface may let a ray pass (alphaMode MASK and BLEND).
 const TRIANGLE_ALPHA: u32 = 0x40000000u;
+// The corners have vertex colours or tangents, which are in `details`.
+const TRIANGLE_DETAILED: u32 = 0x10000000u;
 // The instance mirrors the mesh: seen from the front, the corners run clockwise.
 const TRIANGLE_MIRRORED: u32 = 0x20000000u;
 const TRIANGLE_MATERIAL: u32 = 0x00ffffffu;
@@ -29,6 +31,18 @@ struct VertexAttributes {
     u: f32,
     v: f32,
 }
+
+// What only some meshes have. The index is that of `attributes`.
+struct VertexDetails {
+    // Linear vertex colour, 16 bits per channel: red and green, then blue and alpha.
+    red_green: u32,
+    blue_alpha: u32,
+    // Tangent for the normal map: octahedral coordinates in mesh space. TANGENT_MIRRORED replaces their bit 16.
+    tangent: u32,
+}
+
+// The green channel of the normal map points against cross(normal, tangent).
+const TANGENT_MIRRORED: u32 = 0x10000u;
 
 // The matrix that transforms normals: columns of the inverse transpose of the instance's linear part.
 struct InstanceNormals {
@@ -41,7 +55,7 @@ struct InstanceNormals {
 }
 
 struct TextureInfo {
-    // First texel in `texels`.
+    // First word in `texels`.
     first: u32,
     width: u32,
     height: u32,
@@ -63,7 +77,8 @@ struct Emitter {
     // Probability that a light subpath starts from this emitter.
     select_pdf: f32,
     direction: vec3<f32>,
-    // Spots: 1 - cosine of the outer half angle. Beams: radius.
+    // Spots: 1 - cosine of the outer half angle. Beams and suns: radius of the disk
+    // on which light subpaths start.
     outer: f32,
     // Intensity (point, spot) or power (beam); fluxes are in the unit of `frame.wgsl`. Triangles: unused.
     strength: vec3<f32>,
@@ -83,11 +98,14 @@ struct Emitter {
 // See material.wgsl.
 @group(0) @binding(6) var materials: texture_1d<u32>;
 @group(0) @binding(7) var textures: texture_1d<u32>;
-@group(0) @binding(8) var<storage, read> texels: array<u32>;
+// Four texels per word, row by row: texel k of a texture is component k % 4 of word `TextureInfo.first` + k / 4.
+@group(0) @binding(8) var texels: texture_1d<u32>;
 @group(0) @binding(9) var emitters: texture_1d<u32>;
 // Directional albedo of the GGX lobe with reflectances f0 (normal incidence) and f90 (grazing): f0 * x + f90 * y. The table
-// has ALBEDO_COLUMNS x ALBEDO_ROWS entries, over the square roots of cosine and alpha.
+// has ALBEDO_COLUMNS x ALBEDO_ROWS entries, over the square roots of cosine and alpha. Then come ALBEDO_ROWS entries: the
+// cosine-weighted mean of each row over the hemisphere.
 @group(0) @binding(10) var<storage, read> albedo_table: array<vec2<f32>>;
+@group(0) @binding(11) var<storage, read> details: array<VertexDetails>;
 
 const ALBEDO_COLUMNS: u32 = 64u;
 const ALBEDO_ROWS: u32 = 32u;

@@ -1,5 +1,5 @@
 // The surface at a hit point: position, normals, material, texture coordinates.
-#import material
+#import point
 #import texture
 
 struct Surface {
@@ -18,6 +18,11 @@ struct Surface {
     uv: vec2<f32>,
     // Index into `triangles`.
     triangle: u32,
+    // Linear vertex colour and alpha; white if the mesh has none.
+    color: vec4<f32>,
+    // Tangent for the normal map in world space, of any length, and the sign of its bitangent. Only set for meshes with a
+    // normal map.
+    tangent: vec4<f32>,
 }
 
 // 2^-19. The plane of a triangle is known to about 6 x 2^-24 of its largest coordinate. An offset of five times this error
@@ -39,17 +44,46 @@ fn surface_at(index: u32, u: f32, v: f32) -> Surface {
     s.geometric = facing * plane_normal(t.v1 - t.v0, t.v2 - t.v0);
     s.normal = s.geometric;
     s.uv = vec2<f32>(0.0);
+    s.color = vec4<f32>(1.0);
     if (t.corner != NONE) {
-        let a = attributes[corners[t.corner]];
-        let b = attributes[corners[t.corner + 1u]];
-        let c = attributes[corners[t.corner + 2u]];
+        let numbers = vec3<u32>(corners[t.corner], corners[t.corner + 1u], corners[t.corner + 2u]);
+        let a = attributes[numbers.x];
+        let b = attributes[numbers.y];
+        let c = attributes[numbers.z];
         let w = 1.0 - u - v;
         s.uv = w * vec2<f32>(a.u, a.v) + u * vec2<f32>(b.u, b.v) + v * vec2<f32>(c.u, c.v);
         if ((t.material & TRIANGLE_SMOOTH) != 0u) {
             s.normal = shading_normal(a.normal, b.normal, c.normal, vec3<f32>(w, u, v), t.instance, s.geometric);
         }
+        if ((HAS_VERTEX_COLORS || HAS_NORMAL_MAPS) && (t.material & TRIANGLE_DETAILED) != 0u) {
+            add_details(&s, numbers, vec3<f32>(w, u, v), t.instance, facing);
+        }
     }
     return s;
+}
+
+// Adds what `details` holds for the three corners. `facing` is -1 in mirrored instances.
+fn add_details(s: ptr<function, Surface>, numbers: vec3<u32>, weights: vec3<f32>, instance: u32, facing: f32) {
+    let a = details[numbers.x];
+    let b = details[numbers.y];
+    let c = details[numbers.z];
+    if (HAS_VERTEX_COLORS) {
+        (*s).color = weights.x * unpack_color(a) + weights.y * unpack_color(b) + weights.z * unpack_color(c);
+    }
+    if (HAS_NORMAL_MAPS) {
+        let local = weights.x * decode_octahedral(a.tangent) + weights.y * decode_octahedral(b.tangent)
+            + weights.z * decode_octahedral(c.tangent);
+        // Tangents need the matrix of the instance. Up to a positive factor, it is the matrix of cofactors of the matrix for
+        // normals, or minus that matrix in mirrored instances.
+        let n = load_instance(instance);
+        let world = cross(n.y, n.z) * local.x + cross(n.z, n.x) * local.y + cross(n.x, n.y) * local.z;
+        let side = select(facing, -facing, (a.tangent & TANGENT_MIRRORED) != 0u);
+        (*s).tangent = vec4<f32>(facing * world, side);
+    }
+}
+
+fn unpack_color(d: VertexDetails) -> vec4<f32> {
+    return vec4<f32>(unpack2x16unorm(d.red_green), unpack2x16unorm(d.blue_alpha));
 }
 
 // Unit normal of the plane of the edges a and b, which may have any length. If they span no plane: a unit vector
@@ -81,11 +115,60 @@ fn shading_normal(a: u32, b: u32, c: u32, weights: vec3<f32>, instance: u32, geo
 // Linear base colour (xyz) and alpha (w) at the point.
 fn base_color(s: Surface) -> vec4<f32> {
     let m = load_material(s.material);
-    let factor = vec4<f32>(m.base_color, m.opacity);
+    var factor = vec4<f32>(m.base_color, m.opacity);
+    if (HAS_VERTEX_COLORS) {
+        factor *= s.color;
+    }
     if (!HAS_TEXTURES) {
         return factor;
     }
     return factor * sample_texture(m.base_texture, s.uv);
+}
+
+// What a vertex at the point stores in `base_color`.
+fn point_words(s: Surface) -> vec3<u32> {
+    let base = base_color(s).xyz;
+    let m = load_material(s.material);
+    if (!varies(m)) {
+        return bitcast<vec3<u32>>(base);
+    }
+    let factors = sample_encoded(m.surface_texture, s.uv, ENCODING_DATA);
+    return pack_point(PointProperties(base, m.metallic * factors.z, m.alpha * square(factors.y)));
+}
+
+// Minimum cosine between a normal of a normal map and the geometric normal: the map tilts a normal by up to 84 degrees.
+const MIN_BUMP_COSINE: f32 = 0.1;
+
+// The unit shading normal with the normal map, on the side of `geometric`. It is `normal`, bit by bit, where the map is flat.
+fn bumped_normal(s: Surface) -> vec3<f32> {
+    if (!HAS_NORMAL_MAPS) {
+        return s.normal;
+    }
+    let m = load_material(s.material);
+    if (m.normal_texture == NONE) {
+        return s.normal;
+    }
+    let texel = sample_encoded(m.normal_texture, s.uv, ENCODING_NORMAL);
+    let slope = m.normal_scale * texel.xy;
+    let along = s.tangent.xyz - s.normal * dot(s.normal, s.tangent.xyz);
+    let length2 = dot(along, along);
+    if (all(slope == vec2<f32>(0.0)) || !(length2 > 1e-20 * dot(s.tangent.xyz, s.tangent.xyz))) {
+        return s.normal;
+    }
+    let tangent = along * inverseSqrt(length2);
+    let bitangent = s.tangent.w * cross(s.normal, tangent);
+    let n = normalize(slope.x * tangent + slope.y * bitangent + max(texel.z, 1e-3) * s.normal);
+    let height = dot(n, s.geometric);
+    if (height >= MIN_BUMP_COSINE) {
+        return n;
+    }
+    let across = n - height * s.geometric;
+    let across2 = dot(across, across);
+    if (across2 < 1e-12) {
+        return s.geometric;
+    }
+    let sine = sqrt(1.0 - MIN_BUMP_COSINE * MIN_BUMP_COSINE);
+    return MIN_BUMP_COSINE * s.geometric + sine * inverseSqrt(across2) * across;
 }
 
 // Radiance, W / (m^2 sr), that the surface emits from its front, and from its back if it is double-sided.

@@ -1,4 +1,4 @@
-// Texture lookup in a storage buffer: wrap modes, filter, sRGB decoding.
+// Texture lookup: wrap modes, filter, decoding of colours and data.
 #import scene
 
 // Linear values of sRGB channels in [0, 1] (IEC 61966-2-1).
@@ -17,16 +17,35 @@ fn wrap_texel(i: i32, size: i32, mode: u32) -> i32 {
     return select(select(repeated, mirrored, mode == 1u), clamped, mode == 2u);
 }
 
-// Linear RGB and alpha of texel (x, y). Coordinates outside the texture are wrapped.
-fn texel(info: TextureInfo, x: i32, y: i32) -> vec4<f32> {
+// What the bytes of a texture mean. Colours: sRGB, with linear alpha. Data: four linear channels. Normals: as data, but
+// from about -1 to 1. A byte of 128 means exactly 0, so that a flat normal map changes nothing.
+const ENCODING_COLOR: u32 = 0u;
+const ENCODING_DATA: u32 = 1u;
+const ENCODING_NORMAL: u32 = 2u;
+
+// The decoded channels of texel (x, y). Coordinates outside the texture are wrapped.
+fn texel(info: TextureInfo, x: i32, y: i32, encoding: u32) -> vec4<f32> {
     let i = wrap_texel(x, i32(info.width), info.sampler & 3u);
     let j = wrap_texel(y, i32(info.height), (info.sampler >> 2u) & 3u);
-    let c = unpack4x8unorm(texels[info.first + u32(j) * info.width + u32(i)]);
-    return vec4<f32>(srgb_to_linear(c.xyz), c.w);
+    let k = u32(j) * info.width + u32(i);
+    let word = textureLoad(texels, info.first + (k >> 2u), 0)[k & 3u];
+    if (encoding == ENCODING_NORMAL) {
+        return (bytes_to_floats(word) - 128.0) / 127.0;
+    }
+    let c = unpack4x8unorm(word);
+    if (encoding == ENCODING_COLOR) {
+        return vec4<f32>(srgb_to_linear(c.xyz), c.w);
+    }
+    return c;
 }
 
 // Linear RGB and alpha at texture coordinates uv, filtered as the texture asks for; opaque white if `index` is NONE.
 fn sample_texture(index: u32, uv: vec2<f32>) -> vec4<f32> {
+    return sample_encoded(index, uv, ENCODING_COLOR);
+}
+
+// As `sample_texture`, for any encoding. `encoding` should be a constant, so that the compiler removes the other cases.
+fn sample_encoded(index: u32, uv: vec2<f32>, encoding: u32) -> vec4<f32> {
     if (index == NONE) {
         return vec4<f32>(1.0);
     }
@@ -36,7 +55,7 @@ fn sample_texture(index: u32, uv: vec2<f32>) -> vec4<f32> {
         vec2<bool>((info.sampler & 3u) == 2u, ((info.sampler >> 2u) & 3u) == 2u));
     let p = bounded * vec2<f32>(f32(info.width), f32(info.height));
     if ((info.sampler & 16u) == 0u) {
-        return texel(info, i32(floor(p.x)), i32(floor(p.y)));
+        return texel(info, i32(floor(p.x)), i32(floor(p.y)), encoding);
     }
     let base = floor(p - 0.5);
     let f = p - 0.5 - base;
@@ -45,7 +64,7 @@ fn sample_texture(index: u32, uv: vec2<f32>) -> vec4<f32> {
         let dx = k & 1;
         let dy = k >> 1u;
         let w = select(1.0 - f.x, f.x, dx == 1) * select(1.0 - f.y, f.y, dy == 1);
-        sum += w * texel(info, i32(base.x) + dx, i32(base.y) + dy);
+        sum += w * texel(info, i32(base.x) + dx, i32(base.y) + dy, encoding);
     }
     return sum;
 }

@@ -80,12 +80,18 @@ fn ray_end(v: PathVertex, w: vec3<f32>) -> vec3<f32> {
 fn is_connectible(v: PathVertex) -> bool {
     let m = load_material(v.material);
     let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
-    return !black && (m.alpha >= DELTA_ALPHA || (m.metallic < 1.0 && m.transmission < 1.0));
+    let lobe = metallic_and_alpha(m, v.base_color);
+    let rough_coat = HAS_CLEARCOAT && m.clearcoat > 0.0 && m.clearcoat_alpha >= DELTA_ALPHA;
+    return !black && (lobe.y >= DELTA_ALPHA || (lobe.x < 1.0 && m.transmission < 1.0) || rough_coat);
 }
 
 // The BSDF at v, a point on a surface.
 fn vertex_bsdf(v: PathVertex) -> Bsdf {
-    return make_bsdf(v.material, v.base_color, (v.flags & VERTEX_FRONT) != 0u);
+    let front = (v.flags & VERTEX_FRONT) != 0u;
+    if (HAS_SURFACE_TEXTURES && varies(load_material(v.material))) {
+        return make_varying_bsdf(v.material, unpack_point(v.base_color), front);
+    }
+    return make_bsdf(v.material, bitcast<vec3<f32>>(v.base_color), front);
 }
 
 // The direction w in the local frame of `normal` (+z).
@@ -93,18 +99,57 @@ fn to_local(normal: vec3<f32>, w: vec3<f32>) -> vec3<f32> {
     return w * frame_around(normal);
 }
 
+// A normal map may turn the shading normal of v away from the sensor's side of a path, although the surface faces that side.
+// Without a rule, such points would be black. The rule: where light leaves v along a direction that the turned normal faces,
+// v scatters with the turned normal; elsewhere v scatters as a flat surface. Only the direction `wc` in which light leaves
+// matters, so all strategies find the same value for a path. No light is gained: for each `wc`, v scatters with one BSDF.
+fn faces_bump(v: PathVertex, w: vec3<f32>) -> bool {
+    return dot(v.normal, w) * dot(v.geometric, w) > 0.0;
+}
+
+// The normal with which v scatters light that leaves along `wc`.
+fn scattering_normal(v: PathVertex, wc: vec3<f32>) -> vec3<f32> {
+    let flat = HAS_NORMAL_MAPS && (v.flags & VERTEX_BUMPED) != 0u && !faces_bump(v, wc);
+    return select(v.normal, v.geometric, flat);
+}
+
+// Probability that a light subpath, which arrives from `wl` and does not know wc yet, samples wc with the turned normal. With
+// the angle a between the normals, a Lambert surface scatters (1 + cos a) / 2 of its light with the turned normal, and a flat
+// sample hits the remaining directions with probability (1 - cos a) / 2. The result, 1 / (1 + tan(a / 2)), gives the sum of
+// both the smallest variance.
+fn bump_probability(v: PathVertex, wl: vec3<f32>) -> f32 {
+    if (!HAS_NORMAL_MAPS || (v.flags & VERTEX_BUMPED) == 0u) {
+        return 1.0;
+    }
+    if (!faces_bump(v, wl)) {
+        return 0.0;
+    }
+    let cosine = clamp(dot(v.normal, v.geometric), 0.0, 1.0);
+    return 1.0 / (1.0 + sqrt((1.0 - cosine) / (1.0 + cosine)));
+}
+
+// Probability that a light subpath which arrives from `wl` samples with the normal that `wc` needs.
+fn normal_probability(v: PathVertex, wl: vec3<f32>, wc: vec3<f32>) -> f32 {
+    if (!HAS_NORMAL_MAPS || (v.flags & VERTEX_BUMPED) == 0u) {
+        return 1.0;
+    }
+    let bump = bump_probability(v, wl);
+    return select(1.0 - bump, bump, faces_bump(v, wc));
+}
+
 // Evaluates the shade point q for light from the direction `w` (unit). The cosine in `value` is that of the shading normal
 // (Veach 1997, Eq. 5.18).
 fn evaluate_shade_point(q: PathVertex, w: vec3<f32>) -> Evaluation {
     let b = vertex_bsdf(q);
-    let wc = to_local(q.normal, q.to_previous);
-    let wl = to_local(q.normal, w);
+    let normal = scattering_normal(q, q.to_previous);
+    let wc = to_local(normal, q.to_previous);
+    let wl = to_local(normal, w);
     let value = bsdf_eval(b, wl, wc);
     let consistent = dot(q.geometric, w) * wl.z > 0.0 && wc.z > 0.0;
     var c: Evaluation;
     c.value = select(vec3<f32>(0.0), value.f * abs(wl.z), consistent);
     c.pdf = value.pdf_to_light;
-    c.pdf_reverse = value.pdf_to_sensor;
+    c.pdf_reverse = value.pdf_to_sensor * normal_probability(q, w, q.to_previous);
     c.cosine = vertex_cosine(q, w);
     return c;
 }
@@ -121,8 +166,9 @@ fn evaluate_light_vertex(v: PathVertex, w: vec3<f32>) -> Evaluation {
         return c;
     }
     let b = vertex_bsdf(v);
-    let wl = to_local(v.normal, v.to_previous);
-    let wc = to_local(v.normal, w);
+    let normal = scattering_normal(v, w);
+    let wl = to_local(normal, v.to_previous);
+    let wc = to_local(normal, w);
     let value = bsdf_eval(b, wl, wc);
     let side = dot(v.geometric, w);
     let consistent = side * wc.z > 0.0 && wl.z > 0.0;
@@ -130,7 +176,7 @@ fn evaluate_light_vertex(v: PathVertex, w: vec3<f32>) -> Evaluation {
     // the shading cosine.
     let correction = abs(wl.z) / max(abs(dot(v.geometric, v.to_previous)), 1e-9);
     c.value = select(vec3<f32>(0.0), value.f * (abs(side) * correction), consistent);
-    c.pdf = value.pdf_to_sensor * v.select_pdf;
+    c.pdf = value.pdf_to_sensor * normal_probability(v, v.to_previous, w) * v.select_pdf;
     c.pdf_reverse = value.pdf_to_light;
     c.cosine = abs(side);
     return c;
@@ -153,26 +199,46 @@ struct Scatter {
 // Samples the next direction of a subpath at the surface vertex v. `to_light`: true for sensor subpaths.
 fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
     let b = vertex_bsdf(v);
-    let known = to_local(v.normal, v.to_previous);
-    let sample = bsdf_sample(b, known, to_light, u);
+    var normal = scattering_normal(v, v.to_previous);
+    var numbers = u;
+    var probability = 1.0;
+    if (HAS_NORMAL_MAPS && !to_light && (v.flags & VERTEX_BUMPED) != 0u) {
+        // Chooses a normal. The rest of the number then chooses the lobe.
+        let bump = bump_probability(v, v.to_previous);
+        let turned = u.w < bump;
+        normal = select(v.geometric, v.normal, turned);
+        probability = select(1.0 - bump, bump, turned);
+        numbers.w = min(select(u.w - bump, u.w, turned) / probability, 0.99999994);
+    }
+    let known = to_local(normal, v.to_previous);
+    let sample = bsdf_sample(b, known, to_light, numbers);
     var s: Scatter;
     s.valid = false;
     if (!sample.valid) {
         return s;
     }
-    s.direction = normalize(frame_around(v.normal) * sample.direction);
+    s.direction = normalize(frame_around(normal) * sample.direction);
     let side = dot(v.geometric, s.direction);
     s.valid = side * sample.direction.z > 0.0;
     s.cosine = abs(side);
     s.pdf = sample.pdf;
     s.pdf_reverse = sample.pdf_reverse;
     s.delta = sample.delta;
+    if (HAS_NORMAL_MAPS && (v.flags & VERTEX_BUMPED) != 0u) {
+        if (to_light) {
+            s.pdf_reverse *= normal_probability(v, s.direction, v.to_previous);
+        } else {
+            // The other normal is responsible for the direction.
+            s.valid = s.valid && all(normal == scattering_normal(v, s.direction));
+            s.pdf *= probability;
+        }
+    }
     // The weight of a delta lobe is reflectance / probability: the cosines of value and measure cancel. Only the
     // shading-normal correction of smooth lobes remains.
     let known_ratio = known.z / max(abs(dot(v.geometric, v.to_previous)), 1e-9);
     let new_cosine = abs(sample.direction.z);
     let smooth_factor = select(known_ratio * s.cosine, new_cosine, to_light);
     let delta_factor = select(known_ratio * s.cosine / new_cosine, 1.0, to_light);
-    s.weight = sample.weight * select(smooth_factor, delta_factor, s.delta);
+    s.weight = sample.weight * (select(smooth_factor, delta_factor, s.delta) / probability);
     return s;
 }

@@ -3,6 +3,9 @@
 #import surface
 #import random
 
+// Whether a surface with alpha stops a ray if it covers at least half of the point, instead of by chance.
+override AT_HALF_COVERAGE: bool = false;
+
 // Closest surface that the ray o + t d hits for 0 < t < t_max, or some surface if `any_hit` is set. `d` may have any length.
 //
 // A surface with alpha lets the ray pass with probability 1 - coverage. `key` makes the random choices of this ray
@@ -43,6 +46,9 @@ fn lets_pass(hit: Hit, key: vec4<u32>, count: u32) -> bool {
     }
     if ((load_triangle(hit.triangle).material & TRIANGLE_ALPHA) == 0u) {
         return false;
+    }
+    if (AT_HALF_COVERAGE) {
+        return coverage(surface_at(hit.triangle, hit.u, hit.v)) < 0.5;
     }
     let draw = pcg4d(vec4<u32>(key.xyz, key.w ^ (count * 0x9e3779b9u)));
     return f32(draw.x >> 8u) * (1.0 / 16777216.0) >= coverage(surface_at(hit.triangle, hit.u, hit.v));

@@ -37,7 +37,11 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let side = dot(surface.geometric, towards);
     let flip = select(1.0, -1.0, side < 0.0);
     let passes = HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0;
-    mis_arrive(state, distance2, abs(side));
+    let is_parallel = HAS_PARALLEL && ((*state).flags & PATH_PARALLEL) != 0u;
+    mis_arrive(state, select(distance2, 1.0, is_parallel), abs(side));
+    if (HAS_PARALLEL) {
+        (*state).flags &= ~PATH_PARALLEL;
+    }
     if (passes) {
         // The side that was hit determines the medium of the segment. Subpaths from either end find the same medium.
         (*state).eta = select(load_material(surface.material).ior, 1.0, side >= 0.0);
@@ -51,13 +55,15 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     v.tau = (*state).tau;
     v.throughput = (*state).throughput;
     v.material = surface.material;
-    v.normal = surface.normal * flip;
+    let normal = bumped_normal(surface);
+    v.normal = normal * flip;
     v.d_vcm = (*state).d_vcm;
     v.geometric = surface.geometric * flip;
     v.d_vc = (*state).d_vc;
     v.to_previous = towards;
-    v.flags = select(0u, VERTEX_FRONT, side >= 0.0) | select(0u, VERTEX_TRANSMITS, passes);
-    v.base_color = base_color(surface).xyz;
+    v.flags = select(0u, VERTEX_FRONT, side >= 0.0) | select(0u, VERTEX_TRANSMITS, passes)
+        | select(0u, VERTEX_BUMPED, HAS_NORMAL_MAPS && any(normal != surface.normal));
+    v.base_color = point_words(surface);
     v.eta = (*state).eta;
     v.offset = surface.offset;
     v.select_pdf = 1.0;
@@ -82,7 +88,9 @@ fn scatter(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: ve
     (*state).eta = eta_towards(v, s.direction);
     (*state).shift = ray_offset(v, s.direction);
     mis_scatter(state, s, select(sample_count_ratio(v) * v.select_pdf, 1.0, to_light));
-    if (!(s.delta && load_material(v.material).metallic >= 1.0)) {
+    let m = load_material(v.material);
+    let is_mirror = metallic_and_alpha(m, v.base_color).x >= 1.0 && !(HAS_CLEARCOAT && m.clearcoat > 0.0);
+    if (!(s.delta && is_mirror)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
     }
     return true;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use taugate::internals::input::experiment::Experiment;
-use taugate::internals::settings::values::{Resolution, Seconds};
+use taugate::internals::settings::values::{Pixel, Resolution, Seconds};
 
 use crate::app::flags::Flags;
 
@@ -156,8 +156,15 @@ pub struct BenchArgs {
     pub device: Option<String>,
 }
 
+const INFO_EXAMPLES: &str = "\
+Examples:
+  taugate info room.glb
+  taugate info room.glb --pixel 120,80                 what is there, and when its light arrives
+  taugate info room.glb --resolution 256x256 --map arrival.png";
+
 /// Describe a scene: its contents, the memory of a render, and the times at which light arrives
 #[derive(Debug, Args)]
+#[command(after_help = INFO_EXAMPLES)]
 pub struct InfoArgs {
     /// The scene (.glb, .gltf)
     #[arg(value_name = "SCENE")]
@@ -165,6 +172,16 @@ pub struct InfoArgs {
 
     #[command(flatten)]
     flags: Flags<true>,
+
+    /// Name the object at the centre of this pixel (column and row of the whole image, from 0), and print when light arrives in
+    /// the pixel alone
+    #[arg(long, value_name = "X,Y", help_heading = "Scene", conflicts_with = "crop")]
+    pub pixel: Option<Pixel>,
+
+    /// Write a map of the first arrival of light in each pixel: a picture in colours, whose scale is printed (.png), or metres of
+    /// optical path (.exr); may be repeated
+    #[arg(long, value_name = "FILE.png|FILE.exr", help_heading = "Output")]
+    pub map: Vec<PathBuf>,
 
     /// Print JSON
     #[arg(long, help_heading = "Output")]

@@ -8,7 +8,7 @@ use taugate::internals::compare::agreement::{Agreement, SIGNIFICANCE, agreement,
 use taugate::internals::compare::flip;
 use taugate::internals::compare::metrics::{self, RELMSE_FORMULA, TRIMMED};
 use taugate::internals::image::batches::CellBatches;
-use taugate::internals::image::exr_file::{Picture, read_picture, write_plain};
+use taugate::internals::image::exr_file::{Picture, read_picture, read_size, write_plain};
 use taugate::internals::image::png_file;
 
 use crate::app::cli::CompareArgs;
@@ -19,21 +19,19 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     {
         return Err(Error::Settings(format!("--max-relmse is {max}; it must be 0 or more, such as 0.05")).into());
     }
-    let image = read_finite(&args.image)?;
-    let reference = read_finite(&args.reference)?;
-    let size = |p: &Picture| (p.width, p.height);
-    if size(&image) != size(&reference) {
+    // A small file may hold a huge image, so compare the sizes before decoding.
+    let [[width, height], [reference_width, reference_height]] = [read_size(&args.image)?, read_size(&args.reference)?];
+    if [width, height] != [reference_width, reference_height] {
         return Err(Error::Settings(format!(
-            "the images differ in size: {} is {}x{}, {} is {}x{}; render both with the same --resolution and --crop",
+            "the images differ in size: {} is {width}x{height}, {} is {reference_width}x{reference_height}; render both with \
+             the same --resolution and --crop",
             args.image.display(),
-            image.width,
-            image.height,
             args.reference.display(),
-            reference.width,
-            reference.height
         ))
         .into());
     }
+    let image = read_finite(&args.image)?;
+    let reference = read_finite(&args.reference)?;
 
     let result = metrics::compare(&image.rgb, &reference.rgb)?;
     let flip = flip::hdr(&image.rgb, &reference.rgb, image.width as usize).mean();

@@ -3,7 +3,7 @@
 use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
-use taugate::internals::render::{PreparedScene, TravelTimeBounds, TravelTimes, probe};
+use taugate::internals::render::{PreparedScene, TravelTimeBounds, TravelTimes, black_backs, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::units::{Gate, METRES_PER_NS};
@@ -19,18 +19,37 @@ pub fn check_gate(scene: &Scene, settings: &Settings, prepared: &PreparedScene, 
     }
     let bound = bounds.explain_miss(&settings.responses().support(), travel);
     // The probe only adds advice to the message. If the probe fails, the user must still read about the gate.
-    let times = Device::open(device).and_then(|device| probe(&device, scene, settings, prepared));
-    Err(refuse(settings, scene, &bound, times.ok().as_ref()))
+    let probed = Device::open(device).and_then(|device| Probed::new(&device, scene, settings, prepared));
+    Err(refuse(settings, scene, &bound, probed.ok().as_ref()))
 }
 
 /// The error for a render in which no sample fell inside the gate.
 pub fn nothing_inside(device: &Device, scene: &Scene, settings: &Settings) -> Error {
-    let times = PreparedScene::new(scene, settings).and_then(|prepared| probe(device, scene, settings, &prepared));
+    let probed =
+        PreparedScene::new(scene, settings).and_then(|prepared| Probed::new(device, scene, settings, &prepared));
     let found = "no sample fell inside, so the image would be black";
-    refuse(settings, scene, found, times.ok().as_ref())
+    refuse(settings, scene, found, probed.ok().as_ref())
 }
 
-fn refuse(settings: &Settings, scene: &Scene, found: &str, times: Option<&TravelTimes>) -> Error {
+/// When light arrives. If none does, also the reason that black backs of surfaces may be.
+struct Probed {
+    times: TravelTimes,
+    backs: Option<String>,
+}
+
+impl Probed {
+    fn new(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Probed> {
+        let times = probe(device, scene, settings, prepared)?;
+        let backs = match times.range() {
+            Some(_) => None,
+            None => black_backs(device, scene, settings, prepared)?.describe(),
+        };
+        Ok(Probed { times, backs })
+    }
+}
+
+fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probed>) -> Error {
+    let times = probed.map(|probed| &probed.times);
     let mut message = format!("the {} meets no light: {found}", settings.responses().describe());
     if let Some((first, last)) = times.and_then(TravelTimes::range) {
         let at = |p| travel(times.and_then(|t| t.percentile(p)).unwrap_or(first));
@@ -44,6 +63,9 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, times: Option<&Travel
         );
     } else if times.is_some() {
         message += "; a probe found no light at any time; see taugate info";
+    }
+    if let Some(backs) = probed.and_then(|probed| probed.backs.as_ref()) {
+        message += &format!("; {backs}");
     }
     if let Some(gate) = times.and_then(|t| suggestion(t, scene)) {
         message += &format!("; try --gate {gate}");

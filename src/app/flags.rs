@@ -8,7 +8,25 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 6] = ["camera", "resolution", "emitters", "max-depth", "light-paths", "device"];
+const INFO_SETTINGS: [&str; 17] = [
+    "camera",
+    "look-from",
+    "look-at",
+    "up",
+    "fov",
+    "principal-point",
+    "resolution",
+    "crop",
+    "emitters",
+    "headlamp",
+    "headlamp-offset",
+    "lamp",
+    "double-sided",
+    "allow-path",
+    "max-depth",
+    "light-paths",
+    "device",
+];
 
 /// The values of the flags of `taugate render` or, with `INFO`, of `taugate info`.
 #[derive(Debug, Clone)]
@@ -58,6 +76,7 @@ impl Visitor for FlagList {
             Form::Value => arg.value_name(setting.value),
             Form::Signed => arg.value_name(setting.value).allow_hyphen_values(true),
             Form::Repeated => arg.value_name(setting.value).action(ArgAction::Append),
+            Form::SignedRepeated => arg.value_name(setting.value).action(ArgAction::Append).allow_hyphen_values(true),
             Form::Switch => arg.num_args(0).default_missing_value("true"),
             Form::Optional { bare, equals } => {
                 arg.value_name(setting.value).num_args(0..=1).require_equals(equals).default_missing_value(bare)

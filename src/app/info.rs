@@ -1,19 +1,28 @@
 //! `taugate info`: the contents of a scene, the memory that a render needs, and the travel times of the light.
 
+mod map;
+mod pixel;
 mod text;
 
+use std::collections::HashMap;
 use std::process::ExitCode;
 
 use serde::Serialize;
 use taugate::Error;
 use taugate::internals::gpu::{BufferDesc, Device, DeviceInfo};
 use taugate::internals::input::resolve::{emitting_nodes, resolve};
-use taugate::internals::render::{MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, probe};
-use taugate::internals::scene::Scene;
-use taugate::internals::settings::Settings;
+use taugate::internals::input::scenery;
+use taugate::internals::render::{
+    BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, probe,
+};
+use taugate::internals::scene::{Light as SceneLight, Scene};
 use taugate::internals::settings::units::METRES_PER_NS;
+use taugate::internals::settings::{Crop, Settings};
 
-use super::feasible;
+use map::Map;
+use pixel::Shown;
+
+use super::{feasible, render};
 use crate::app::cli::InfoArgs;
 
 /// Percentiles of the arriving light whose travel times the report lists.
@@ -39,7 +48,7 @@ struct Report {
     texels: u64,
     warnings: Vec<String>,
     render: Option<Render>,
-    /// Reasons why parts of the report are missing.
+    /// Choices that the program made for the user, and reasons why parts of the report are missing.
     notes: Vec<String>,
 }
 
@@ -55,7 +64,7 @@ struct Camera {
 struct Emitter {
     node: String,
     kind: String,
-    /// Luminance-weighted power in W. None for a directional light, for an emitter that --emitters leaves out, and if the
+    /// Luminance-weighted power in W. None for a directional light, whose irradiance is in `kind`, for an emitter that --emitters leaves out, and if the
     /// scene cannot be prepared.
     watts: Option<f64>,
 }
@@ -68,8 +77,17 @@ struct Render {
     max_depth: u32,
     light_paths: u32,
     memory: Memory,
-    possible: TravelTimeBounds,
+    /// None if all light comes from infinitely far away.
+    possible: Option<TravelTimeBounds>,
+    /// The part of the image whose light is measured, if it is not the whole image: x0,x1,y0,y1.
+    crop: Option<String>,
     light: Option<Light>,
+    /// Fraction of the visible surface that is a black back; none if it was not measured.
+    black_backs: Option<f64>,
+    /// The object that --pixel asked for.
+    pixel: Option<Shown>,
+    /// The files of --map.
+    map: Option<Map>,
 }
 
 #[derive(Serialize)]
@@ -107,7 +125,7 @@ struct Light {
 }
 
 #[derive(Serialize)]
-struct Arrival {
+pub struct Arrival {
     percent: f64,
     metres: f64,
     nanoseconds: f64,
@@ -116,16 +134,23 @@ struct Arrival {
 }
 
 pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
-    let scene = taugate::internals::scene::gltf::load(&args.scene)?;
+    map::check(&args.map)?;
+    let mut experiment = args.experiment();
+    let allowed = experiment.input.allowed();
+    render::check_inputs(args.map.iter(), &args.scene, &allowed)?;
+    let mut scene = taugate::internals::scene::gltf::load_with(&args.scene, &allowed)?;
+    let notes = scenery::apply(&mut experiment, &mut scene)?;
     let mut report = contents(&scene);
-    let experiment = args.experiment();
+    report.notes = notes;
     match resolve(&experiment, &scene) {
         Ok(resolved) => {
             report.warnings.extend(resolved.warnings);
-            add_render(&mut report, &scene, &resolved.settings, experiment.render.device.as_deref())?;
+            add_render(&mut report, &scene, &resolved.settings, args)?;
         }
         // Only a change of the scene can remove these errors. The report still lists the contents.
-        Err(Error::Scene { message, .. }) => report.notes.push(format!("cannot be rendered: {message}")),
+        Err(Error::Scene { message, .. }) if !needs_render(args) => {
+            report.notes.push(format!("cannot be rendered: {message}"))
+        }
         Err(error) => return Err(error.into()),
     }
     super::print(&if args.json {
@@ -136,18 +161,22 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Whether the user wants something that only a scene and a device that can render give.
+fn needs_render(args: &InfoArgs) -> bool {
+    args.pixel.is_some() || !args.map.is_empty()
+}
+
 /// The part of the report that depends on the scene file alone.
 fn contents(scene: &Scene) -> Report {
     let mut used = vec![false; scene.materials.len()];
     scene.instances.iter().for_each(|i| used[scene.meshes[i.mesh as usize].material as usize] = true);
     let materials = scene.materials.iter().zip(used).filter(|(_, used)| *used).map(|(m, _)| m.name.clone());
-    let emitters = emitting_nodes(scene).into_iter().map(|node| {
-        let light = scene.lights.iter().find(|light| light.node == node);
-        Emitter {
-            node: node.into(),
-            kind: light.map_or("emissive mesh".into(), |light| light.kind.describe()),
-            watts: None,
-        }
+    // The first light of a node decides its kind.
+    let lights: HashMap<&str, &SceneLight> = scene.lights.iter().rev().map(|l| (l.node.as_str(), l)).collect();
+    let emitters = emitting_nodes(scene).into_iter().map(|node| Emitter {
+        node: node.into(),
+        kind: lights.get(node).map_or("emissive mesh".into(), |light| light.kind.describe()),
+        watts: None,
     });
     let cameras = scene.cameras.iter().map(|camera| Camera {
         name: camera.name.clone(),
@@ -175,10 +204,17 @@ fn contents(scene: &Scene) -> Report {
 }
 
 /// Adds the part that depends on the settings. A device that the user named but that cannot be opened is an error. If no
-/// device at all can be opened, the report gets a note instead of travel times.
-fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: Option<&str>) -> anyhow::Result<()> {
+/// device at all can be opened, the report gets a note instead of travel times, unless --pixel or --map needs the device.
+fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &InfoArgs) -> anyhow::Result<()> {
+    let experiment = args.experiment();
+    let device = experiment.render.device.as_deref();
+    let part = match args.pixel {
+        Some(pixel) => &pixel::crop_to(settings, pixel)?,
+        None => settings,
+    };
     let prepared = match PreparedScene::new(scene, settings) {
         Ok(prepared) => prepared,
+        Err(error) if needs_render(args) => return Err(error.into()),
         Err(error) => {
             report.notes.push(format!("cannot be rendered: {error}"));
             return Ok(());
@@ -189,32 +225,61 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, device: O
     }
     report.warnings.extend(prepared.warnings(scene));
     let opened = match Device::open(device) {
-        Err(error) if device.is_some() => return Err(error.into()),
+        Err(error) if device.is_some() || needs_render(args) => return Err(error.into()),
         opened => opened,
     };
     let info = opened.as_ref().ok().map(Device::info);
     let plan = MemoryPlan::new(scene, settings, &prepared, info)?;
-    let times = opened
-        .as_ref()
-        .map_err(|e| e.to_string())
-        .and_then(|device| probe(device, scene, settings, &prepared).map_err(|e| e.to_string()));
+    // The light of a sun has no travel time, so travel times are those of the other lights.
+    let others = if prepared.has_sun() { PreparedScene::without_suns(scene, part) } else { None };
+    let timed = match &others {
+        Some((part, prepared)) => Some((part, prepared)),
+        None => (!prepared.has_sun()).then_some((part, &prepared)),
+    };
+    let measure = |(part, prepared): (&Settings, &PreparedScene)| {
+        let device = opened.as_ref().map_err(|e| e.to_string())?;
+        probe(device, scene, part, prepared).map_err(|e| e.to_string())
+    };
+    let times = timed.map(measure);
     let light = match &times {
-        Ok(times) => light(times, scene),
-        Err(_) => None,
+        Some(Ok(times)) => light(times, scene),
+        _ => None,
     };
     match times {
-        Err(error) => report.notes.push(format!("travel times were not measured: {error}")),
-        Ok(_) if light.is_none() => report.notes.push("no light reaches the sensor".into()),
-        Ok(_) => {}
+        None => report.notes.push("all light comes from infinitely far away, so it has no travel time to gate".into()),
+        Some(Err(error)) => report.notes.push(format!("travel times were not measured: {error}")),
+        Some(Ok(_)) if light.is_none() => {
+            let place = if args.pixel.is_some() { "this pixel" } else { "the sensor" };
+            report.notes.push(format!("no light reaches {place}"));
+        }
+        Some(Ok(_)) => {}
     }
+    let (mut backs, mut shown, mut written) = (None, None, None);
+    if let Ok(device) = &opened {
+        let measured = black_backs(device, scene, part, &prepared).ok();
+        report.notes.extend(measured.iter().filter_map(BlackBacks::describe));
+        backs = measured.map(|backs| backs.fraction);
+        if args.pixel.is_some() {
+            shown = Some(pixel::shown(device, scene, part, &prepared)?);
+        }
+        if !args.map.is_empty() {
+            written = Some(map::write(&args.map, device, scene, part, &prepared)?);
+        }
+    }
+    let [width, height] = settings.resolution();
+    let whole = Crop { x0: 0, x1: width, y0: 0, y1: height };
     report.render = Some(Render {
         camera: scene.cameras[settings.camera()].name.clone(),
         resolution: settings.resolution(),
         max_depth: settings.max_depth(),
         light_paths: settings.light_paths(),
         memory: memory(&plan, info),
-        possible: TravelTimeBounds::new(&prepared, settings),
+        possible: timed.map(|(part, prepared)| TravelTimeBounds::new(prepared, part)),
+        crop: (part.crop() != whole).then(|| part.crop().to_string()),
         light,
+        black_backs: backs,
+        pixel: shown,
+        map: written,
     });
     Ok(())
 }
@@ -251,6 +316,6 @@ fn light(times: &TravelTimes, scene: &Scene) -> Option<Light> {
     })
 }
 
-fn arrival(percent: f64, metres: f64) -> Arrival {
+pub fn arrival(percent: f64, metres: f64) -> Arrival {
     Arrival { percent, metres, nanoseconds: metres / METRES_PER_NS, depth_metres: metres / 2.0 }
 }

@@ -1,9 +1,13 @@
-//! Handles Ctrl-C and SIGTERM. Batch queues, and systems that shut down, send SIGTERM.
+//! Handles Ctrl-C and the signals that ask a process to end. Batch queues, and systems that shut down, send SIGTERM. SIGHUP
+//! comes when a terminal or an ssh connection is lost.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 #[cfg(unix)]
 use std::time::{Duration, Instant};
+
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGTERM, SIGXCPU, SIGXFSZ};
 
 /// Exit code of an interrupted command.
 pub const INTERRUPTED: u8 = 130;
@@ -51,7 +55,7 @@ impl Interrupts {
             exit_if(count >= last.load(Ordering::SeqCst));
         };
         #[cfg(unix)]
-        on_termination(interrupt.clone())?;
+        on_termination(interrupts.stop.clone(), interrupt.clone())?;
         ctrlc::set_handler(interrupt)?;
         Ok(interrupts)
     }
@@ -63,26 +67,54 @@ impl Interrupts {
     }
 }
 
-/// SIGTERM signals within this time are one request: `timeout` of the GNU coreutils sends one to its child and another to
-/// the whole process group.
+/// Signals within this time are one request: `timeout` of the GNU coreutils sends one SIGTERM to its child and another to the
+/// whole process group, and systemd sends SIGHUP after SIGTERM.
 #[cfg(unix)]
 const ONE_REQUEST: Duration = Duration::from_secs(1);
 
-/// Calls `interrupt` on SIGTERM. The crate `ctrlc` could handle SIGTERM, but then it would also handle SIGHUP and end
-/// processes that nohup keeps alive.
+/// Calls `interrupt` on SIGTERM, SIGHUP and SIGXCPU. The crate `ctrlc` could handle SIGTERM and SIGHUP, but then it would also
+/// end processes that nohup keeps alive.
+///
+/// SIGHUP says that the terminal is gone, and SIGXCPU that a limit of processor time is near. Neither shows that a user is
+/// impatient, so they never count as a second interrupt, which would end the process without a result.
 #[cfg(unix)]
-fn on_termination(mut interrupt: impl FnMut() + Send + 'static) -> anyhow::Result<()> {
-    let mut signals = signal_hook::iterator::Signals::new([signal_hook::consts::SIGTERM])?;
+fn on_termination(stop: Arc<AtomicBool>, mut interrupt: impl FnMut() + Send + 'static) -> anyhow::Result<()> {
+    let mut numbers = vec![SIGTERM, SIGXCPU];
+    if !is_ignored(SIGHUP) {
+        numbers.push(SIGHUP);
+    }
+    let mut signals = signal_hook::iterator::Signals::new(numbers)?;
     std::thread::spawn(move || {
         let mut last: Option<Instant> = None;
-        for _ in signals.forever() {
-            if last.is_none_or(|last| last.elapsed() > ONE_REQUEST) {
+        for number in signals.forever() {
+            let is_late = number != SIGTERM && stop.load(Ordering::SeqCst);
+            if !is_late && last.is_none_or(|last| last.elapsed() > ONE_REQUEST) {
                 last = Some(Instant::now());
                 interrupt();
             }
         }
     });
     Ok(())
+}
+
+/// Whether the process ignores the signal `number`. A process inherits this from its parent: nohup makes it ignore SIGHUP.
+#[cfg(unix)]
+fn is_ignored(number: libc::c_int) -> bool {
+    let mut action = std::mem::MaybeUninit::<libc::sigaction>::zeroed();
+    // SAFETY: a null pointer as the new action changes nothing, and `action` has room for the present action. All its bits may
+    // be zero, so it is initialised even if the call fails.
+    let action = unsafe {
+        libc::sigaction(number, std::ptr::null(), action.as_mut_ptr());
+        action.assume_init()
+    };
+    action.sa_sigaction == libc::SIG_IGN
+}
+
+/// Makes a write beyond the limit of file sizes (`ulimit -f`) fail with an error. By default, the signal SIGXFSZ ends the
+/// process, and its work is lost.
+#[cfg(unix)]
+pub fn outlive_size_limits() -> std::io::Result<()> {
+    signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
 }
 
 fn exit_if(enough: bool) {

@@ -14,16 +14,20 @@ mod preparation;
 mod progress;
 pub mod render;
 mod report;
+mod rescue;
 mod strategies;
 
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;
 
 use anyhow::Context;
+use taugate::internals::printable::escaped;
 
 use crate::app::cli::{Cli, Command};
 
 pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
+    #[cfg(unix)]
+    interrupts::outlive_size_limits()?;
     match cli.command {
         Command::Render(args) => render::run(*args),
         Command::Compare(args) => compare::run(&args),
@@ -34,8 +38,18 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Prints a result to stdout. A closed pipe is no error: its reader, such as `head`, wants no more.
+/// Prints a result to stdout: plain text or JSON, without characters that a terminal obeys. A closed pipe is no error: its
+/// reader, such as `head`, wants no more.
 fn print(text: &str) -> anyhow::Result<()> {
+    print_exactly(&escaped(text))
+}
+
+/// As [`print`], for TOML, in which a code would not always stand for the character. A terminal still gets codes.
+fn print_toml(text: &str) -> anyhow::Result<()> {
+    if std::io::stdout().is_terminal() { print(text) } else { print_exactly(text) }
+}
+
+fn print_exactly(text: &str) -> anyhow::Result<()> {
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
@@ -45,7 +59,8 @@ fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Prints a line to stderr. Errors are ignored: the work must go on after the user closes the pipe or the terminal.
+/// Prints a line to stderr, without characters that a terminal obeys. Errors are ignored: the work must go on after the user
+/// closes the pipe or the terminal.
 pub fn say(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+    let _ = writeln!(std::io::stderr().lock(), "{}", escaped(line));
 }

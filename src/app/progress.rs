@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use taugate::internals::printable::escaped;
 use taugate::internals::render::Renderer;
 use taugate::internals::settings::Budget;
 
@@ -78,7 +79,7 @@ impl Progress {
             Progress::Quiet => {}
             Progress::Bar(bar) => {
                 bar.set_position((1000.0 * done) as u64);
-                bar.set_message(describe());
+                bar.set_message(escaped(&describe()).into_owned());
             }
             Progress::Lines { last } => {
                 if last.elapsed() >= PERIOD {

@@ -1,6 +1,6 @@
 //! `taugate render`: from the command line to the files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -10,11 +10,14 @@ use taugate::internals::error::Result;
 use taugate::internals::files::{check_writable, lies_in};
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
+use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
+use taugate::internals::input::scenery;
 use taugate::internals::render::schedule::next_samples;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages};
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers};
 use taugate::internals::scene::gltf;
+use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::{Budget, Settings};
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
@@ -33,27 +36,29 @@ pub struct NotFinite {
 
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
-    let experiment = read_experiment(args)?;
+    let mut experiment = read_experiment(args)?;
     experiment.check_paths()?;
     let interrupts = Interrupts::new()?;
     let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
+    let allowed = experiment.input.allowed();
     if !print_config {
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
-        check_inputs(&outputs, &scene_path)?;
+        check_inputs(files(&outputs), &scene_path, &allowed)?;
     }
     // There is no result to keep yet.
     interrupts.end_the_process_at(Interrupt::First);
 
     // Load the scene and resolve the settings.
     let mut preparation = Preparation::new();
-    let scene = preparation.timed("load scene", || gltf::load(&scene_path))?;
+    let mut scene = preparation.timed("load scene", || gltf::load_with(&scene_path, &allowed))?;
+    let notes = scenery::apply(&mut experiment, &mut scene)?;
     let resolved = resolve::resolve(&experiment, &scene)?;
     let settings = &resolved.settings;
     let config = resolve::as_experiment(&experiment, settings, &scene);
     if print_config {
         // With absolute paths the experiment is valid in every folder.
-        super::print(&config.with_absolute_paths()?.to_toml())?;
+        super::print_toml(&config.with_absolute_paths()?.to_toml())?;
         return Ok(ExitCode::SUCCESS);
     }
     let outputs = resolve::outputs(&experiment)?;
@@ -64,6 +69,9 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
 
     // Prepare the device.
     let mut progress = Progress::new(quiet);
+    for note in &notes {
+        progress.line(&format!("note: {note}"));
+    }
     for warning in scene.warnings.iter().chain(&resolved.warnings) {
         progress.line(&format!("warning: {warning}"));
     }
@@ -83,6 +91,11 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     if let Some(warning) = plan.warning(device.info()) {
         progress.line(&format!("warning: {warning}"));
     }
+    // The layers come before the image, so that two copies of the scene are never on the device.
+    let layers = match outputs.aov {
+        none if none == Aov::default() => Layers::default(),
+        aov => preparation.timed("auxiliary layers", || layers(&device, &scene, settings, &prepared, aov))?,
+    };
     let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
     drop(prepared);
     preparation.finish();
@@ -114,6 +127,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         renderer: &renderer,
         settings,
         provenance: &provenance,
+        layers: &layers,
         preparation: &preparation,
         warnings: &warnings,
     };
@@ -164,6 +178,15 @@ fn read_experiment(args: RenderArgs) -> Result<Experiment> {
 /// Checks before the render that every output can be written, so that no long render is lost.
 fn check_outputs(outputs: &Outputs) -> Result<()> {
     files(outputs).try_for_each(|path| check_writable(path))?;
+    let paths: Vec<_> = files(outputs).collect();
+    let mut pairs = paths.iter().enumerate().flat_map(|(i, path)| paths[..i].iter().map(move |other| (path, other)));
+    if let Some((path, other)) = pairs.find(|(path, other)| lies_in(path, other)) {
+        return Err(Error::Settings(format!(
+            "{} and {} are links to one file, so one would replace the other; choose another name",
+            other.display(),
+            path.display()
+        )));
+    }
     let Some(folder) = &outputs.strategy_images else { return Ok(()) };
     strategies::check_folder(folder)?;
     match files(outputs).find(|file| lies_in(file, folder)) {
@@ -175,13 +198,13 @@ fn check_outputs(outputs: &Outputs) -> Result<()> {
     }
 }
 
-/// Refuses outputs that would overwrite a file of the scene, such as a texture.
-fn check_inputs(outputs: &Outputs, scene: &Path) -> Result<()> {
-    let existing: Vec<_> = files(outputs).filter(|path| path.exists()).collect();
+/// Refuses outputs that would overwrite a file of the scene, such as a texture. `allowed` is that of [`gltf::load_with`].
+pub fn check_inputs<'a>(outputs: impl Iterator<Item = &'a PathBuf>, scene: &Path, allowed: &[PathBuf]) -> Result<()> {
+    let existing: Vec<_> = outputs.filter(|path| path.exists()).collect();
     if existing.is_empty() {
         return Ok(());
     }
-    let inputs = gltf::paths(scene);
+    let inputs = gltf::paths(scene, allowed);
     match existing.into_iter().find(|output| inputs.iter().any(|input| lies_in(output, input))) {
         Some(output) => {
             let message = format!("is a file that the scene {} reads; choose another name", scene.display());

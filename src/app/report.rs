@@ -4,22 +4,26 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::Serialize;
-use taugate::internals::error::Result;
 use taugate::internals::files::write_atomically;
 use taugate::internals::image::exr_file::{self, Provenance};
+use taugate::internals::image::layers::Layers;
 use taugate::internals::image::png_file;
 use taugate::internals::input::resolve::{Outputs, gate_warning};
 use taugate::internals::render::{Renderer, Stage, Stats};
 use taugate::internals::settings::Settings;
+use taugate::internals::settings::exposure::Exposure;
 
 use super::preparation::Preparation;
 use super::progress::{Position, Progress, duration, rays};
+use super::rescue::Rescue;
 
 /// A finished render.
 pub struct Report<'a> {
     pub renderer: &'a Renderer,
     pub settings: &'a Settings,
     pub provenance: &'a Provenance,
+    /// Auxiliary layers of the image file.
+    pub layers: &'a Layers,
     pub preparation: &'a Preparation,
     /// Warnings that were printed before the first iteration.
     pub warnings: &'a [String],
@@ -75,17 +79,30 @@ impl Report<'_> {
         Position::of(self.renderer, Duration::from_secs_f64(self.seconds()))
     }
 
-    pub fn write(&self, outputs: &Outputs) -> Result<()> {
+    /// Writes all files. Each file that cannot be written is saved elsewhere if possible; the error says where.
+    pub fn write(&self, outputs: &Outputs) -> anyhow::Result<()> {
         let film = self.renderer.film();
-        exr_file::write(&outputs.exr, film, self.provenance)?;
+        let mut rescue = Rescue::default();
+        rescue.write(&outputs.exr, |path| exr_file::write_with_layers(path, film, self.provenance, self.layers));
         if let Some(path) = &outputs.png {
-            png_file::write(path, film.width(), film.height(), &film.mean())?;
+            let exposure = self.exposure(outputs);
+            rescue.write(path, |path| png_file::write(path, film.width(), film.height(), &film.mean(), exposure));
         }
         if let Some(path) = &outputs.stats {
             let numbers = self.numbers();
-            write_atomically(path, |writer| Ok(serde_json::to_writer_pretty(writer, &numbers)?))?;
+            rescue.write(path, |path| {
+                write_atomically(path, |writer| Ok(serde_json::to_writer_pretty(writer, &numbers)?))
+            });
         }
-        Ok(())
+        rescue.finish()
+    }
+
+    /// The factor by which the picture multiplies linear values.
+    fn exposure(&self, outputs: &Outputs) -> f32 {
+        match outputs.exposure {
+            Exposure::Auto => png_file::exposure(&self.renderer.film().mean()),
+            Exposure::Stops(stops) => stops.exp2() as f32,
+        }
     }
 
     fn numbers(&self) -> Numbers<'_> {
@@ -127,7 +144,7 @@ impl Report<'_> {
         }
         if is_black(self.renderer) {
             progress.line(
-                "warning: the image is black; taugate info lists the emitters and the times at which light arrives",
+                "warning: the image is black; taugate info lists the emitters, the times at which light arrives, and surfaces that are black from behind",
             );
         }
         let spread = match self.renderer.samples_in_pixels() {
@@ -146,6 +163,14 @@ impl Report<'_> {
             duration(self.seconds()),
             rays(self.position().rays_per_second()),
         ));
+        if let Some(png) = &outputs.png {
+            let stops = self.exposure(outputs).log2();
+            let repeat = match outputs.exposure {
+                Exposure::Auto => format!(" (auto; --exposure {stops:.2} gives other pictures the same)"),
+                Exposure::Stops(_) => String::new(),
+            };
+            progress.line(&format!("{}: exposure {stops:+.2} EV{repeat}", png.display()));
+        }
         let (mean, error) = film.image_mean();
         let error = match error {
             Some(error) if mean > 0.0 => format!("+- {error:.1e} ({:.2} %)", 100.0 * error / mean),

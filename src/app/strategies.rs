@@ -7,6 +7,7 @@ use std::sync::atomic::Ordering;
 
 use taugate::Error;
 use taugate::internals::error::Result;
+use taugate::internals::files::{remove_left_over, temporary_folder};
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::{self, Provenance};
 use taugate::internals::render::{PreparedScene, StrategyImages};
@@ -27,7 +28,7 @@ pub struct Job<'a> {
 }
 
 /// Checks that the program may create or replace the folder. The folder must either not exist or hold nothing but strategy
-/// images, and its parent must be writable.
+/// images, and its parent must be writable. Also removes what renders that were killed left beside the folder.
 pub fn check_folder(folder: &Path) -> Result<()> {
     let fail = |message: String| Err(Error::File { path: folder.into(), message });
     match fs::read_dir(folder) {
@@ -45,7 +46,9 @@ pub fn check_folder(folder: &Path) -> Result<()> {
         Err(e) if e.kind() == io::ErrorKind::NotFound && !folder.is_symlink() => {}
         Err(_) => return fail("exists and is not a folder that can be read; choose another name".into()),
     }
-    temporary_beside(&real_place(folder)?).map(drop)
+    let place = real_place(folder)?;
+    remove_left_over(&place);
+    temporary_beside(&place).map(drop)
 }
 
 /// Absolute path of the folder, which need not exist. A relative path could change its meaning when the folder is renamed,
@@ -81,18 +84,9 @@ fn is_ours(file: &str) -> bool {
     matches!(parts[..], [s, t, "weighted.exr" | "unweighted.exr"] if number(s, 's') && number(t, 't'))
 }
 
-/// Creates a temporary folder beside `folder`, so that a rename can move it there. `folder` is a [`real_place`].
-fn temporary_beside(folder: &Path) -> Result<tempfile::TempDir> {
-    let parent = folder.parent().unwrap_or(folder);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".taugate-").suffix(".tmp");
-    #[cfg(unix)]
-    {
-        // The usual mode of a new folder, less the user's umask. By default a temporary folder is private.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o777));
-    }
-    builder.tempdir_in(parent).map_err(|e| {
+/// Creates a temporary folder beside `folder`, so that a rename can move it there, and its lock. `folder` is a [`real_place`].
+fn temporary_beside(folder: &Path) -> Result<(tempfile::TempDir, Option<fs::File>)> {
+    temporary_folder(folder).map_err(|e| {
         let message = format!("cannot be written: {e}; choose an existing place where you may write");
         Error::File { path: folder.into(), message }
     })
@@ -114,7 +108,7 @@ impl Job<'_> {
 
         self.interrupts.end_the_process_at(Interrupt::None);
         let place = real_place(folder)?;
-        let fresh = temporary_beside(&place)?;
+        let (fresh, _lock) = temporary_beside(&place)?;
         for image in images.images() {
             for (film, weighting) in [(&image.weighted, "weighted"), (&image.unweighted, "unweighted")] {
                 exr_file::write(&fresh.path().join(name(image.s, image.t, weighting)), film, provenance)?;
@@ -162,7 +156,7 @@ mod tests {
         fs::write(folder.join(name(2, 13, "weighted")), "old").unwrap();
         check_folder(&folder).unwrap();
 
-        let fresh = temporary_beside(&folder).unwrap();
+        let (fresh, _lock) = temporary_beside(&folder).unwrap();
         fs::write(fresh.path().join(name(0, 2, "unweighted")), "new").unwrap();
         put_in_place(fresh, &folder).unwrap();
         let names = |path: &Path| -> Vec<_> { fs::read_dir(path).unwrap().map(|e| e.unwrap().file_name()).collect() };

@@ -6,7 +6,7 @@ use crate::generate;
 use crate::gpu::Device;
 use crate::image::fingerprint::{self, Hash};
 use crate::input::experiment::Experiment;
-use crate::input::resolve;
+use crate::input::{resolve, scenery};
 use crate::render::{PreparedScene, TravelTimeBounds};
 use crate::scene::{Scene, gltf};
 use crate::settings::Settings;
@@ -19,7 +19,7 @@ pub struct Job {
     pub scene: Scene,
     /// One entry per variant that finds all light of the scene.
     pub entries: Vec<Entry>,
-    /// Warnings about the settings, one sentence each, without repetitions.
+    /// Notes about the scene and warnings about the settings, one sentence each, without repetitions.
     pub warnings: Vec<String>,
     /// Hash of the scene file and of the files it refers to.
     hash: Hash,
@@ -47,11 +47,14 @@ impl Job {
             Some(kind) => vec![generate::scene(kind)],
             None => gltf::files(entry.path()).map_err(|e| wrong(e, Part::Path))?,
         };
-        let scene = gltf::load_slice(&files[0], entry.path()).map_err(|e| wrong(e, Part::Path))?;
+        let mut scene = gltf::load_slice(&files[0], entry.path()).map_err(|e| wrong(e, Part::Path))?;
+        let mut own = entry.experiment.clone();
+        let warnings = scenery::apply(&mut own, &mut scene).map_err(|e| wrong(e, Part::Name))?;
         let hash = files.iter().fold(Hash::new(), |hash, bytes| hash.with(bytes));
-        let mut job = Job { name: entry.name.clone(), scene, entries: vec![], warnings: vec![], hash };
+        let mut job = Job { name: entry.name.clone(), scene, entries: vec![], warnings, hash };
         for variant in &suite.variants {
-            let experiment = suite.experiment(entry, variant);
+            let (camera, emitter) = (own.camera.clone(), own.emitter.clone());
+            let experiment = Experiment { camera, emitter, ..suite.experiment(entry, variant) };
             let resolved = resolve::resolve(&experiment, &job.scene).map_err(|e| wrong(e, Part::Name))?;
             job.warnings
                 .extend(resolved.warnings.into_iter().filter(|w| !job.warnings.contains(w)).collect::<Vec<_>>());
@@ -128,5 +131,44 @@ impl Job {
         prepared: &PreparedScene,
     ) -> Result<TimedRenderer> {
         TimedRenderer::new(device, &self.scene, settings, prepared)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// The names of the references of a suite with these keys in its scene.
+    fn reference(keys: &str) -> String {
+        let text = format!(
+            "[[scene]]\nname = 'box'\ngenerate = {{ name = 'cornell-box' }}\nresolution = '8x8'\n{keys}\n[[variant]]\nname = 'bdpt'\n"
+        );
+        let suite = Suite::parse(Path::new("s.toml"), text).unwrap_or_else(|e| panic!("{keys}: {e}"));
+        let mut job = Job::load(&suite, &suite.scenes[0]).unwrap_or_else(|e| panic!("{keys}: {e}"));
+        job.entries.remove(0).reference
+    }
+
+    #[test]
+    fn another_camera_or_light_has_another_reference() {
+        let light = "[[scene.light]]\ntype = 'point'\nposition = [0, 1, 0]\nintensity = 1";
+        let keys = [
+            "",
+            "camera = 'auto'",
+            "look-from = [0, 1, 3]",
+            "look_at = [0, 1.5, 0]",
+            "up = [1, 0, 0]",
+            "fov = 30",
+            "principal-point = [0.4, 0.5]",
+            "headlamp = true",
+            "headlamp = 3.5",
+            "headlamp-offset = [0, 0, 1]",
+            "lamp = [0, 1, 0, 2]",
+            light,
+        ];
+        let names: std::collections::BTreeSet<String> = keys.iter().map(|keys| reference(keys)).collect();
+        assert_eq!(names.len(), keys.len(), "{names:?}");
+        assert!(names.contains(&reference("")));
     }
 }

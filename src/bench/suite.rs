@@ -10,14 +10,18 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 
 use super::sweep::Sweep;
 use crate::error::{Error, Result};
 use crate::generate::Kind;
 use crate::input::experiment::{Experiment, position};
+use crate::input::light_table::LightTable;
+use crate::input::plain::plain;
 use crate::settings::Emitters;
+use crate::settings::keys::Dashed;
+use crate::settings::numbers::{Fov, Headlamp, Lamps, Numbers};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
 use crate::settings::units::{Depth, Gate, GatePrecision};
 use crate::settings::values::{Resolution, Seconds};
@@ -94,7 +98,7 @@ struct File {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+#[serde(remote = "Self", deny_unknown_fields, rename_all = "kebab-case")]
 struct SceneTable {
     name: Spanned<String>,
     scene: Option<Spanned<PathBuf>>,
@@ -103,11 +107,27 @@ struct SceneTable {
     #[serde(default)]
     paper: String,
     camera: Option<String>,
+    look_from: Option<Numbers<3>>,
+    look_at: Option<Numbers<3>>,
+    up: Option<Numbers<3>>,
+    fov: Option<Fov>,
+    principal_point: Option<Numbers<2>>,
     resolution: Option<Resolution>,
     emitters: Option<Emitters>,
+    headlamp: Option<Headlamp>,
+    headlamp_offset: Option<Numbers<3>>,
+    lamp: Option<Lamps>,
+    #[serde(default)]
+    light: Vec<LightTable>,
     gate: Option<Spanned<Gate>>,
     depth: Option<Spanned<Depth>>,
     render: Option<Spanned<RenderTable>>,
+}
+
+impl<'de> Deserialize<'de> for SceneTable {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<SceneTable, D::Error> {
+        SceneTable::deserialize(Dashed(deserializer))
+    }
 }
 
 /// The arguments of `taugate generate`.
@@ -146,7 +166,7 @@ impl Suite {
     pub fn parse(path: &Path, text: String) -> Result<Suite> {
         let file: File = toml::from_str(&text).map_err(|e| {
             let span = e.span().unwrap_or(0..0);
-            located(path, &text, &span, e.message())
+            located(path, &text, &span, &plain(e.message(), &text, span.start, |_| None))
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let parts = parts(file, folder).map_err(|(span, message)| located(path, &text, &span, &message))?;
@@ -231,7 +251,7 @@ fn parts(file: File, folder: &Path) -> Result<Parts, Mistake> {
 
 fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<SceneEntry, Mistake> {
     if let (Some(_), Some(depth)) = (&table.gate, &table.depth) {
-        return Err((depth.span(), "gate and depth both set the gate; remove one of them".into()));
+        return Err((depth.span(), "gate and depth both set the gate: keep one".into()));
     }
     let gate_at = table.gate.as_ref().map(Spanned::span).or(table.depth.as_ref().map(Spanned::span));
     let gate = table.gate.map(Spanned::into_inner).or(table.depth.map(|depth| depth.into_inner().0));
@@ -257,8 +277,23 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
     let at = [path_at, gate_at.unwrap_or(table.name.span()), table.name.span()];
     let own = Experiment {
         scene: Some(path),
-        camera: CameraTable { camera: table.camera, resolution: table.resolution, crop: None },
-        emitter: EmitterTable { emitters: table.emitters },
+        camera: CameraTable {
+            camera: table.camera,
+            look_from: table.look_from,
+            look_at: table.look_at,
+            up: table.up,
+            fov: table.fov,
+            principal_point: table.principal_point,
+            resolution: table.resolution,
+            crop: None,
+        },
+        emitter: EmitterTable {
+            emitters: table.emitters,
+            headlamp: table.headlamp,
+            headlamp_offset: table.headlamp_offset,
+            lamp: table.lamp,
+        },
+        light: table.light,
         gate: GateTable { gate, ..GateTable::default() },
         render: render(table.render)?,
         ..Experiment::default()
@@ -351,8 +386,8 @@ render = { queries = 2, light-paths = 200 }
     #[test]
     fn mistakes_are_reported_where_they_stand() {
         let table = [
-            ("max-depth = 9", "max-dept = 9", "5:1: unknown field `max-dept`"),
-            ("gate = ", "gat = ", "9:1: unknown field `gat`"),
+            ("max-depth = 9", "max-dept = 9", "5:1: [render] has no key max-dept"),
+            ("gate = ", "gat = ", "9:1: [[scene]] has no key gat"),
             ("8m..8.5m", "8.5m..8m", "9:8: the gate is reversed"),
             ("8m..8.5m", "8m+0.001um", "9:8: the gate"),
             ("estimator = \"bdpt\"", "estimator = \"magic\"", "14:24: no estimator is called 'magic'"),
@@ -366,9 +401,9 @@ render = { queries = 2, light-paths = 200 }
                 "generate = { name = \"door-ajar\", triangles = 5 }",
                 "8:12: door-ajar has no number of triangles",
             ),
-            ("gate = \"8m", "sweep = \"moons\"\ngate = \"8m", "9:9: unknown variant `moons`"),
+            ("gate = \"8m", "sweep = \"moons\"\ngate = \"8m", "9:9: sweep cannot be \"moons\""),
             ("about = \"a test\"", "repetitions = 0", "2:15: repetitions must be"),
-            ("[[variant]]\nname = \"bdpt\"", "[[varian]]\nname = \"bdpt\"", "12:3: unknown field `varian`"),
+            ("[[variant]]\nname = \"bdpt\"", "[[varian]]\nname = \"bdpt\"", "12:3: the file has no key varian"),
         ];
         for (from, to, part) in table {
             let text = GOOD.replacen(from, to, 1);

@@ -102,6 +102,14 @@ impl File {
             let uv = self.floats(mesh.uvs.as_flattened(), "VEC2", mesh.uvs.len());
             attributes.insert("TEXCOORD_0".into(), uv.into());
         }
+        if !mesh.colors.is_empty() {
+            let color = self.floats(mesh.colors.as_flattened(), "VEC4", mesh.colors.len());
+            attributes.insert("COLOR_0".into(), color.into());
+        }
+        if !mesh.tangents.is_empty() {
+            let tangent = self.floats(mesh.tangents.as_flattened(), "VEC4", mesh.tangents.len());
+            attributes.insert("TANGENT".into(), tangent.into());
+        }
         let indices = mesh.triangles.as_flattened();
         // Index 65535 is the primitive restart value.
         let small = mesh.positions.len() <= 65_535;
@@ -158,7 +166,13 @@ impl File {
         if let Some(texture) = m.base_color_texture {
             pbr["baseColorTexture"] = json!({"index": texture});
         }
+        if let Some(texture) = m.surface_texture {
+            pbr["metallicRoughnessTexture"] = json!({"index": texture});
+        }
         let mut out = json!({"name": m.name, "pbrMetallicRoughness": pbr, "doubleSided": m.double_sided});
+        if let Some(texture) = m.normal_texture {
+            out["normalTexture"] = json!({"index": texture, "scale": number(m.normal_scale)});
+        }
         match m.alpha_mode {
             AlphaMode::Opaque => {}
             AlphaMode::Mask(cutoff) => {
@@ -180,8 +194,17 @@ impl File {
                 out["emissiveTexture"] = json!({"index": texture});
             }
         }
-        if m.specular != 1.0 {
-            extend("KHR_materials_specular", json!({"specularFactor": number(m.specular)}));
+        if m.specular != 1.0 || m.specular_color != [1.0; 3] {
+            let mut specular = json!({"specularFactor": number(m.specular)});
+            if m.specular_color != [1.0; 3] {
+                specular["specularColorFactor"] = numbers(&m.specular_color);
+            }
+            extend("KHR_materials_specular", specular);
+        }
+        if m.clearcoat != 0.0 {
+            let roughness = number(m.clearcoat_roughness);
+            let coat = json!({"clearcoatFactor": number(m.clearcoat), "clearcoatRoughnessFactor": roughness});
+            extend("KHR_materials_clearcoat", coat);
         }
         if m.ior != 1.5 {
             extend("KHR_materials_ior", json!({"ior": number(m.ior)}));
@@ -232,6 +255,9 @@ fn camera(camera: &Camera) -> Value {
     let mut out = json!({"type": "perspective", "name": camera.name, "perspective": perspective});
     if let Some([width, height]) = camera.resolution {
         out["extras"] = json!({"width": width, "height": height});
+    }
+    if camera.principal_point != Camera::CENTRED {
+        out["extras"]["principal_point"] = json!(camera.principal_point);
     }
     out
 }

@@ -5,21 +5,28 @@ use std::io::{self, BufReader};
 use std::path::Path;
 use std::time::Duration;
 
+use exr::meta::BlockDescription;
+use exr::meta::header::Header;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
-    MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage, read,
+    MetaData, ReadChannels, ReadLayers, ReadSpecificChannel, Text, Vec2, WritableImage, read,
 };
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error, write_atomically};
 use crate::image::film::Film;
 use crate::image::fingerprint;
+use crate::image::layers::{Layers, Plane};
 use crate::settings::units::METRES_PER_NS;
 use crate::settings::{Crop, MAX_PIXELS, Responses, Settings};
 
-/// Maximum number of values (pixels times channels) that taugate decodes: that of our own largest image. A header of a few bytes
-/// may claim any size, so this limit is checked before memory is allocated.
-const MAX_SAMPLES: u64 = 6 * MAX_PIXELS;
+/// Maximum size in bytes of a decoded block of an EXR file: a tile or some rows, with all channels. The decoder holds one block
+/// per thread. A block of our own largest image has 16 MiB
+/// with all auxiliary layers.
+const MAX_BLOCK_BYTES: u64 = 64 << 20;
+/// Names of the channels that taugate reads. The variance may be missing.
+const COLOR_CHANNELS: [&str; 3] = ["R", "G", "B"];
+const VARIANCE_CHANNELS: [&str; 3] = ["Variance.R", "Variance.G", "Variance.B"];
 
 const SPEED_OF_LIGHT_M_PER_S: f64 = METRES_PER_NS * 1e9;
 
@@ -68,8 +75,15 @@ pub fn write_film(path: &Path, film: &Film, settings: &Settings, elapsed: Durati
 /// Writes mean and variance as one single-part EXR of 32-bit scan lines (ZIP): R, G, B and Variance.R, .G, .B. With fewer than
 /// two iterations the variance is 0; readers can check `tof:varianceBatches` for this case.
 pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
+    write_with_layers(path, film, provenance, &Layers::default())
+}
+
+/// As [`write`], with further channels. The attribute `tof:objects` names the objects: a JSON object from the ids in `object.ID`
+/// to names.
+pub fn write_with_layers(path: &Path, film: &Film, provenance: &Provenance, layers: &Layers) -> Result<()> {
     let mut channels = channels_of(&film.mean(), "");
     channels.extend(channels_of(&film.variance_of_mean(), "Variance."));
+    channels.extend(planes_of(layers));
 
     let Provenance { resolution, crop, responses, .. } = provenance;
     let gate = responses.support();
@@ -97,25 +111,43 @@ pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
         ]
         .map(|(name, value)| (text(name), value)),
     );
+    if !layers.objects.is_empty() {
+        let names = serde_json::to_string(&layers.objects).expect("a map of numbers and names is valid JSON");
+        attributes.other.insert(text("tof:objects"), AttributeValue::Text(text(&names)));
+    }
+    write_image(path, *resolution, [film.width(), film.height()], attributes, channels)
+}
 
-    let layer = Layer::new(
-        (film.width() as usize, film.height() as usize),
-        attributes,
-        Encoding { compression: exr::prelude::Compression::ZIP16, ..Encoding::UNCOMPRESSED },
-        AnyChannels::sort(channels.into_iter().collect()),
-    );
-    let mut image = Image::from_layer(layer);
+/// Writes layers alone, of the pixels of a crop of an image of this resolution.
+pub fn write_layers(path: &Path, resolution: [u32; 2], crop: Crop, layers: &Layers) -> Result<()> {
+    let attributes = LayerAttributes {
+        layer_position: Vec2(crop.x0 as i32, crop.y0 as i32),
+        software_name: Some(text(&version())),
+        ..LayerAttributes::default()
+    };
+    write_image(path, resolution, [crop.width(), crop.height()], attributes, planes_of(layers).collect())
+}
+
+/// Writes one single-part EXR of scan lines (ZIP) with a data window of `size` in a display window of `resolution`.
+fn write_image(
+    path: &Path,
+    resolution: [u32; 2],
+    size: [u32; 2],
+    attributes: LayerAttributes,
+    channels: Vec<AnyChannel<FlatSamples>>,
+) -> Result<()> {
+    let encoding = Encoding { compression: exr::prelude::Compression::ZIP16, ..Encoding::UNCOMPRESSED };
+    let channels = AnyChannels::sort(channels.into_iter().collect());
+    let size = (size[0] as usize, size[1] as usize);
+    let mut image = Image::from_layer(Layer::new(size, attributes, encoding, channels));
     image.attributes.display_window = IntegerBounds::new((0, 0), Vec2(resolution[0] as usize, resolution[1] as usize));
     write_atomically(path, |writer| image.write().to_buffered(writer).map_err(into_io))
 }
 
 /// Writes R, G, B (interleaved, row 0 at the top) without variance or metadata.
 pub fn write_plain(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
-    let channels = AnyChannels::sort(channels_of(rgb, "").into_iter().collect());
     let attributes = LayerAttributes { software_name: Some(text(&version())), ..LayerAttributes::default() };
-    let encoding = Encoding { compression: exr::prelude::Compression::ZIP16, ..Encoding::UNCOMPRESSED };
-    let image = Image::from_layer(Layer::new((width as usize, height as usize), attributes, encoding, channels));
-    write_atomically(path, |writer| image.write().to_buffered(writer).map_err(into_io))
+    write_image(path, [width, height], [width, height], attributes, channels_of(rgb, ""))
 }
 
 /// Splits interleaved R, G, B into three channels.
@@ -126,6 +158,13 @@ fn channels_of(rgb: &[f32], prefix: &str) -> Vec<AnyChannel<FlatSamples>> {
         .enumerate()
         .map(|(c, name)| AnyChannel::new(text(&format!("{prefix}{name}")), plane(c)))
         .collect()
+}
+
+fn planes_of(layers: &Layers) -> impl Iterator<Item = AnyChannel<FlatSamples>> {
+    layers.channels.iter().map(|(name, plane)| match plane {
+        Plane::Floats(values) => AnyChannel::new(text(name), FlatSamples::F32(values.clone())),
+        Plane::Ids(ids) => AnyChannel::new(text(name), FlatSamples::U32(ids.clone())),
+    })
 }
 
 /// An attribute of the standard type `floatvector`.
@@ -167,37 +206,35 @@ pub struct Picture {
     pub corner: [i32; 2],
 }
 
-/// Reads a single-part EXR of any program: the channels R, G, B, and Variance.R, .G, .B if there.
+/// Reads a single-part EXR of any program: the channels R, G, B, and Variance.R, .G, .B if there. Other channels take no memory:
+/// they are decoded block by block, and dropped.
 pub fn read_picture(path: &Path) -> Result<Picture> {
-    check_header(path)?;
+    read_size(path)?;
+    let [r, g, b] = COLOR_CHANNELS;
+    let [variance_r, variance_g, variance_b] = VARIANCE_CHANNELS;
     let image = read()
         .no_deep_data()
         .largest_resolution_level()
-        .all_channels()
+        .specific_channels()
+        .required(r)
+        .required(g)
+        .required(b)
+        .optional(variance_r, 0.0)
+        .optional(variance_g, 0.0)
+        .optional(variance_b, 0.0)
+        .collect_pixels(
+            |size, (_, _, _, r, g, b)| Values::new(size, r.is_some() && g.is_some() && b.is_some()),
+            |values: &mut Values, at, (r, g, b, variance_r, variance_g, variance_b): (f32, f32, f32, f32, f32, f32)| {
+                values.set(at, [r, g, b], [variance_r, variance_g, variance_b]);
+            },
+        )
         .first_valid_layer()
         .all_attributes()
         .from_file(path)
         .map_err(|e| unreadable(path, e))?;
     let layer = image.layer_data;
     let (width, height) = (layer.size.width(), layer.size.height());
-
-    let interleave = |prefix: &str| -> Option<Vec<f32>> {
-        let mut rgb = vec![0.0; 3 * width * height];
-        for (c, name) in ["R", "G", "B"].iter().enumerate() {
-            let wanted = format!("{prefix}{name}");
-            let channel = layer.channel_data.list.iter().find(|channel| channel.name.bytes() == wanted.as_bytes())?;
-            for (pixel, value) in rgb.chunks_exact_mut(3).zip(channel.sample_data.values_as_f32()) {
-                pixel[c] = value;
-            }
-        }
-        Some(rgb)
-    };
-    let rgb = interleave("").ok_or_else(|| {
-        let names: Vec<_> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
-        let message =
-            format!("has no channels R, G, B to compare, only {}; write it with these names", names.join(", "));
-        Error::File { path: path.into(), message }
-    })?;
+    let Values { rgb, variance, .. } = layer.channel_data.pixels;
     let attribute = |name: &str| layer.attributes.other.get(&text(name));
     let cell_batches = attribute("tof:cellBatches").and_then(|value| match value {
         AttributeValue::Custom { kind, bytes } if kind.bytes() == b"floatvector" => {
@@ -223,8 +260,8 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
     Ok(Picture {
         width: width as u32,
         height: height as u32,
-        variance: interleave("Variance."),
         rgb,
+        variance,
         cell_batches,
         seed,
         renderer,
@@ -234,8 +271,32 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
     })
 }
 
-/// Fails if the decoder would allocate too much memory, or if the file is not one flat image.
-fn check_header(path: &Path) -> Result<()> {
+/// The values of an image while its blocks are read: R, G, B interleaved, row by row.
+struct Values {
+    width: usize,
+    rgb: Vec<f32>,
+    variance: Option<Vec<f32>>,
+}
+
+impl Values {
+    fn new(size: Vec2<usize>, has_variance: bool) -> Values {
+        let zeros = || vec![0.0; 3 * size.area()];
+        Values { width: size.width(), rgb: zeros(), variance: has_variance.then(zeros) }
+    }
+
+    fn set(&mut self, at: Vec2<usize>, rgb: [f32; 3], variance: [f32; 3]) {
+        let first = 3 * (at.y() * self.width + at.x());
+        self.rgb[first..first + 3].copy_from_slice(&rgb);
+        if let Some(values) = &mut self.variance {
+            values[first..first + 3].copy_from_slice(&variance);
+        }
+    }
+}
+
+/// Width and height of an image that [`read_picture`] accepts, by its header. Fails if the decoder would allocate too much memory,
+/// if the file is not one flat image, or if it has no channels R, G, B. A header of a few bytes may claim any size, so this is
+/// checked before memory is allocated.
+pub fn read_size(path: &Path) -> Result<[u32; 2]> {
     let fail = |message: String| Err(Error::File { path: path.into(), message });
     check_readable(path)?;
     let file = File::open(path).map_err(|e| read_error(path, e))?;
@@ -247,16 +308,38 @@ fn check_header(path: &Path) -> Result<()> {
         return fail("is a deep image, which cannot be compared; flatten it".into());
     }
     let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
-    let channels = header.channels.list.len() as u64;
-    if width.saturating_mul(height).saturating_mul(channels) > MAX_SAMPLES {
+    if width.saturating_mul(height) > MAX_PIXELS {
         return fail(format!(
-            "has a header of {width} x {height} pixels with {channels} channels, more than taugate reads; crop the image"
+            "has a header of {width} x {height} pixels, but taugate reads at most {} megapixels; crop the image",
+            MAX_PIXELS >> 20
         ));
+    }
+    if block_bytes(header) > MAX_BLOCK_BYTES {
+        return fail(format!(
+            "has blocks of {} MiB, but taugate reads at most {} MiB; write it with smaller tiles or fewer channels",
+            block_bytes(header) >> 20,
+            MAX_BLOCK_BYTES >> 20
+        ));
+    }
+    let names = || header.channels.list.iter().map(|channel| channel.name.to_string());
+    if !COLOR_CHANNELS.iter().all(|wanted| names().any(|name| name == *wanted)) {
+        let names = names().collect::<Vec<_>>().join(", ");
+        return fail(format!("has no channels R, G, B to compare, only {names}; write it with these names"));
     }
     if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
         return fail("has subsampled channels; write it with R, G, B at full resolution".into());
     }
-    Ok(())
+    Ok([width as u32, height as u32])
+}
+
+/// Maximum size of a decoded block in bytes, all channels included.
+fn block_bytes(header: &Header) -> u64 {
+    let Vec2(width, height) = header.layer_size;
+    let (columns, rows) = match &header.blocks {
+        BlockDescription::Tiles(tiles) => (tiles.tile_size.width().min(width), tiles.tile_size.height().min(height)),
+        BlockDescription::ScanLines => (width, header.compression.scan_lines_per_block().min(height)),
+    };
+    (columns as u64 * rows as u64).saturating_mul(header.channels.bytes_per_pixel as u64)
 }
 
 fn unreadable(path: &Path, error: exr::error::Error) -> Error {

@@ -1,8 +1,10 @@
 //! Images: accumulation, files, and fingerprints of everything that a result depends on.
 
+pub mod arrival_map;
 pub mod batches;
 pub mod exr_file;
 pub mod film;
 pub mod fingerprint;
+pub mod layers;
 mod moments;
 pub mod png_file;

@@ -12,14 +12,14 @@ const QUANTILE: f64 = 0.97;
 /// Linear value of that quantile, before the sRGB curve.
 const BRIGHT: f32 = 0.9;
 
-/// Writes linear R, G, B (interleaved, row 0 at the top) as an sRGB picture with automatic exposure.
-pub fn write(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
-    write_atomically(path, |writer| encode(writer, width, height, rgb))
+/// Writes linear R, G, B (interleaved, row 0 at the top), times the factor `exposure`, as an sRGB picture.
+pub fn write(path: &Path, width: u32, height: u32, rgb: &[f32], exposure: f32) -> Result<()> {
+    write_atomically(path, |writer| encode(writer, width, height, rgb, exposure))
 }
 
 /// Encodes the picture that [`write`] writes.
-pub fn encode(writer: impl io::Write, width: u32, height: u32, rgb: &[f32]) -> io::Result<()> {
-    encode_bytes(writer, width, height, &tone_map(rgb))
+pub fn encode(writer: impl io::Write, width: u32, height: u32, rgb: &[f32], exposure: f32) -> io::Result<()> {
+    encode_bytes(writer, width, height, &expose(rgb, exposure))
 }
 
 /// Writes a picture of 8-bit sRGB bytes, R, G, B interleaved.
@@ -45,17 +45,12 @@ fn into_io(error: png::EncodingError) -> io::Error {
     }
 }
 
-/// Exposes automatically and encodes to sRGB bytes. A black image stays black; NaN becomes black.
-pub fn tone_map(rgb: &[f32]) -> Vec<u8> {
-    expose(rgb, exposure(rgb))
-}
-
-/// As [`tone_map`] with a given exposure, for images that are compared side by side.
+/// Multiplies linear values by `exposure` and encodes them to sRGB bytes. NaN becomes black.
 pub fn expose(rgb: &[f32], exposure: f32) -> Vec<u8> {
     rgb.iter().map(|&v| (255.0 * srgb(v * exposure) + 0.5) as u8).collect()
 }
 
-/// The factor that brings the 97th percentile of the lit pixels' luminance to 0.9; 1 for a black image.
+/// The automatic exposure: the factor that brings the 97th percentile of the lit pixels' luminance to 0.9; 1 for a black image.
 pub fn exposure(rgb: &[f32]) -> f32 {
     let luminance = |p: &[f32]| 0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2];
     let mut lit: Vec<f32> = rgb.chunks_exact(3).map(luminance).filter(|&y| y > 0.0 && y.is_finite()).collect();
@@ -82,10 +77,14 @@ fn srgb(linear: f32) -> f32 {
 mod tests {
     use super::*;
 
+    fn auto(rgb: &[f32]) -> Vec<u8> {
+        expose(rgb, exposure(rgb))
+    }
+
     #[test]
     fn black_and_odd_values_are_black() {
-        assert_eq!(tone_map(&[0.0; 6]), [0; 6]);
-        assert_eq!(tone_map(&[f32::NAN, -1.0, 0.0]), [0; 3]);
+        assert_eq!(auto(&[0.0; 6]), [0; 6]);
+        assert_eq!(auto(&[f32::NAN, -1.0, 0.0]), [0; 3]);
     }
 
     #[test]
@@ -94,7 +93,7 @@ mod tests {
             // 199 grey pixels, and one that is a thousand times brighter and must not darken the others.
             let mut image = vec![scale; 3 * 200];
             image[597..].fill(1000.0 * scale);
-            let bytes = tone_map(&image);
+            let bytes = auto(&image);
             assert_eq!(bytes[0], (255.0 * srgb(0.9)).round() as u8, "{scale}");
             assert_eq!(bytes[599], 255, "{scale}");
         }

@@ -10,8 +10,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
+use crate::input::light_table::LightTable;
+use crate::input::plain::{plain, table_of};
 use crate::settings::setting::{Setting, Value, Visitor};
-use crate::settings::table::{CameraTable, EmitterTable, GateTable, OutputTable, RenderTable};
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, OutputTable, RenderTable};
 
 /// Maximum size of an experiment file in bytes. A real experiment is a page of text, so a larger file is something else.
 const MAX_BYTES: u64 = 1 << 20;
@@ -24,11 +26,15 @@ pub struct Experiment {
     pub scene: Option<PathBuf>,
     pub camera: CameraTable,
     pub emitter: EmitterTable,
+    pub input: InputTable,
     pub gate: GateTable,
     pub render: RenderTable,
     pub output: OutputTable,
     #[serde(skip_serializing)]
     pub medium: Medium,
+    /// Lights to add to those of the scene.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub light: Vec<LightTable>,
 }
 
 /// Reserves the table `[medium]` for fog and smoke, which are not supported yet: any such table is refused.
@@ -73,8 +79,9 @@ impl Experiment {
     /// Parses the text of an experiment. Paths stay as written.
     pub fn parse(text: &str) -> Result<Experiment, ParseError> {
         let experiment: Experiment = toml::from_str(text).map_err(|e| {
-            let (line, column) = position(text, e.span().map_or(0, |span| span.start));
-            ParseError { line, column, message: e.message().replace('\n', ", ") }
+            let at = e.span().map_or(0, |span| span.start);
+            let (line, column) = position(text, at);
+            ParseError { line, column, message: plain(e.message(), text, at, table_of) }
         })?;
         // If two keys exclude each other, the error points to the later one.
         let exclusive = |first: &str, second: &str, message: &str| {
@@ -91,7 +98,8 @@ impl Experiment {
         Ok(experiment)
     }
 
-    /// Merges two experiments: the settings of `self`, and those of `below` that `self` does not give.
+    /// Merges two experiments: the settings of `self`, and those of `below` that `self` does not give. The list of lights counts
+    /// as one setting.
     pub fn over(self, mut below: Experiment) -> Experiment {
         // Two keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
         if self.gate.gate.is_some() || self.gate.depth.is_some() {
@@ -100,22 +108,30 @@ impl Experiment {
         if self.render.spp.is_some() || self.render.time.is_some() {
             (below.render.spp, below.render.time) = (None, None);
         }
+        // The place of another camera says nothing about a camera that is given by its name.
+        if self.camera.camera.is_some() {
+            let CameraTable { camera, resolution, crop, .. } = below.camera;
+            below.camera = CameraTable { camera, resolution, crop, ..CameraTable::default() };
+        }
         Experiment {
             scene: self.scene.or(below.scene),
             camera: self.camera.over(below.camera),
             emitter: self.emitter.over(below.emitter),
+            input: self.input.over(below.input),
             gate: self.gate.over(below.gate),
             render: self.render.over(below.render),
             output: self.output.over(below.output),
             medium: Medium,
+            light: if self.light.is_empty() { below.light } else { self.light },
         }
     }
 
     /// Calls `visitor` with every setting of every table.
     pub fn visit(&mut self, visitor: &mut impl Visitor) {
-        let Experiment { scene: _, camera, emitter, gate, render, output, medium: Medium } = self;
+        let Experiment { scene: _, camera, emitter, input, gate, render, output, medium: Medium, light: _ } = self;
         camera.visit(visitor);
         emitter.visit(visitor);
+        input.visit(visitor);
         gate.visit(visitor);
         render.visit(visitor);
         output.visit(visitor);
@@ -126,8 +142,10 @@ impl Experiment {
         struct Paths<F>(F, Result<()>);
         impl<F: FnMut(&mut PathBuf) -> Result<()>> Visitor for Paths<F> {
             fn visit<T: Value>(&mut self, _: &'static Setting, slot: &mut Option<T>) {
-                if let (Ok(()), Some(path)) = (&self.1, slot.as_mut().and_then(T::path)) {
-                    self.1 = (self.0)(path);
+                for path in slot.iter_mut().flat_map(T::paths) {
+                    if self.1.is_ok() {
+                        self.1 = (self.0)(path);
+                    }
                 }
             }
         }
@@ -169,7 +187,7 @@ struct WithoutEmptyNames;
 
 impl Visitor for WithoutEmptyNames {
     fn visit<T: Value>(&mut self, _: &'static Setting, slot: &mut Option<T>) {
-        slot.take_if(|value| value.path().is_some_and(|path| path.as_os_str().is_empty()));
+        slot.take_if(|value| value.paths().iter().any(|path| path.as_os_str().is_empty()));
     }
 }
 
@@ -207,8 +225,9 @@ fn key_offset(text: &str, key: &str) -> Option<usize> {
 mod tests {
     use super::*;
     use crate::settings::Emitters;
+    use crate::settings::numbers::{Fov, Numbers};
     use crate::settings::units::{Depth, Gate};
-    use crate::settings::values::Png;
+    use crate::settings::values::{Folders, Png};
 
     const FULL: &str = r#"
 scene = "room.glb"
@@ -218,6 +237,9 @@ resolution = "640x480"
 crop = "0,10,0,20"
 [emitter]
 emitters = ["beam", "lamp, left"]
+[input]
+double-sided = true
+allow-path = "../textures"
 [gate]
 depth = "6.25m..6.4m"
 [render]
@@ -237,20 +259,21 @@ png = true
         assert_eq!(read.gate.depth, Some(Depth(Gate { lo: 12.5, hi: 12.8 })));
         assert_eq!(read.emitter.emitters, Some(Emitters::Nodes(vec!["beam".into(), "lamp, left".into()])));
         assert_eq!(read.output.png, Some(Png::Wanted(true)));
+        assert_eq!(read.input.allow_path, Some(Folders(vec!["../textures".into()])));
         assert_eq!(Experiment::parse(&read.to_toml()).unwrap(), read);
     }
 
     #[test]
     fn mistakes_are_reported_where_they_stand() {
         let table = [
-            ("scene = \"a.glb\"\nscne = 1\n", 2, 1, "unknown field `scne`"),
-            ("[render]\nspp = 4\n  sppp = 5\n", 3, 3, "unknown field `sppp`"),
-            ("[render]\nmax_dept = 5\n", 2, 1, "unknown field `max-dept`"),
-            ("\n[render]\nmax-depth = 5\nmax_depth = 6\n", 2, 1, "duplicate field `max-depth`"),
-            ("[render]\nmax_depth = -1\n", 2, 13, "invalid value"),
-            ("render = 3\n", 1, 10, "invalid type"),
-            ("[render]\nspp = -4\n", 2, 7, "invalid value"),
-            ("[render]\nspp = \"four\"\n", 2, 7, "invalid type"),
+            ("scene = \"a.glb\"\nscne = 1\n", 2, 1, "no key scne"),
+            ("[render]\nspp = 4\n  sppp = 5\n", 3, 3, "no key sppp"),
+            ("[render]\nmax_dept = 5\n", 2, 1, "no key max-dept"),
+            ("\n[render]\nmax-depth = 5\nmax_depth = 6\n", 2, 1, "max-depth twice"),
+            ("[render]\nmax_depth = -1\n", 2, 13, "a whole number"),
+            ("render = 3\n", 1, 10, "write [render]"),
+            ("[render]\nspp = -4\n", 2, 7, "the number -4"),
+            ("[render]\nspp = \"four\"\n", 2, 7, "the text"),
             ("[render]\nestimator = \"magic\"\n", 2, 13, "choose pt, bdpt, lcs-paper or lcs"),
             ("[gate]\ngate = \"1..2\"\n", 2, 8, "no unit"),
             ("[gate]\ngate = \"1m..2m\"\ndepth = \"1m..2m\"\n", 3, 1, "keep one"),
@@ -260,11 +283,35 @@ png = true
             ("scene = \"a.glb\n", 1, 15, "invalid basic string"),
             ("[emitter]\nemitters = 3\n", 2, 12, "list of node names"),
             ("[output]\npng = 3\n", 2, 7, "true, false or a file name"),
+            ("[camera]\nlook-from = [1, 2]\n", 2, 13, "not a list of 3 numbers"),
+            ("[camera]\nup = true\n", 2, 6, "must be numbers"),
+            ("[camera]\nfov = 200\n", 2, 7, "between 0 and 180"),
+            ("[emitter]\nheadlamp = false\n", 2, 12, "remove the key"),
+            ("[emitter]\nlamp = [[1, 2, 3]]\n", 2, 8, "X,Y,Z,INTENSITY"),
+            ("\n[[light]]\ntype = \"point\"\nposition = [1, 2, 3]\n", 2, 1, "needs an intensity"),
         ];
         for (text, line, column, part) in table {
             let error = Experiment::parse(text).expect_err(text);
             assert!(error.message.contains(part), "{text}: {error}");
             assert_eq!((error.line, error.column), (line, column), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn lists_and_text_are_alike() {
+        let of = |text: &str| Experiment::parse(text).unwrap_or_else(|e| panic!("{text}: {e}"));
+        for (text, list) in [
+            ("camera.resolution = '640x480'", "camera.resolution = [640, 480]"),
+            ("camera.crop = '0,10,0,20'", "camera.crop = [0, 10, 0, 20]"),
+            ("camera.up = '0,0,1'", "camera.up = [0, 0, 1]"),
+            ("emitter.emitters = 'a,b'", "emitter.emitters = ['a', 'b']"),
+            ("emitter.lamp = '0,1,2,3'", "emitter.lamp = [[0, 1, 2, 3]]"),
+            ("input.allow-path = 'a'", "input.allow-path = ['a']"),
+            ("render.importance = 'centre,gloss'", "render.importance = ['centre', 'gloss']"),
+            ("render.importance = 'all'", "render.importance = ['all']"),
+            ("output.aov = 'depth,normal'", "output.aov = ['depth', 'normal']"),
+        ] {
+            assert_eq!(of(text), of(list), "{text}");
         }
     }
 
@@ -288,15 +335,28 @@ png = true
         assert_eq!((merged.render.spp, merged.render.time), (Some(3), None));
         assert_eq!((merged.render.seed, merged.render.max_depth), (Some(9), Some(7)));
         assert_eq!(merged.camera.camera.as_deref(), Some("front"));
+
+        let file = Experiment::parse("camera = { camera = 'auto', look-from = '1,2,3', crop = '0,1,0,1' }").unwrap();
+        let mut flags = Experiment::default();
+        flags.camera.fov = Some(Fov(30.0));
+        assert_eq!(flags.clone().over(file.clone()).camera.look_from, Some(Numbers([1.0, 2.0, 3.0])));
+        flags.camera.camera = Some("front".into());
+        let merged = flags.over(file).camera;
+        assert_eq!((merged.look_from, merged.fov, merged.crop.is_some()), (None, Some(Fov(30.0)), true));
     }
 
     #[test]
     fn paths_are_taken_from_the_folder_of_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("e.toml");
-        std::fs::write(&path, "scene = \"s/a.glb\"\n[output]\noutput = \"/abs.exr\"\npng = \"p.png\"\n").unwrap();
+        std::fs::write(
+            &path,
+            "scene = \"s/a.glb\"\ninput.allow-path = ['t', '/u']\n[output]\noutput = \"/abs.exr\"\npng = \"p.png\"\n",
+        )
+        .unwrap();
         let read = Experiment::read(&path).unwrap();
         assert_eq!(read.scene, Some(folder.path().join("s/a.glb")));
+        assert_eq!(read.input.allow_path, Some(Folders(vec![folder.path().join("t"), "/u".into()])));
         assert_eq!(read.output.output, Some("/abs.exr".into()));
         assert_eq!(read.output.png, Some(Png::File(folder.path().join("p.png"))));
     }

@@ -1,4 +1,8 @@
-//! Turns the user's input into [`crate::settings::Settings`]: experiment files, defaults, checks.
+//! Turns the user's input into [`crate::settings::Settings`]: experiment files, defaults, checks. Adds
+//! cameras and lights to the scene.
 
 pub mod experiment;
+pub mod light_table;
+pub mod plain;
 pub mod resolve;
+pub mod scenery;

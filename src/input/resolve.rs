@@ -2,11 +2,14 @@
 
 mod defaults;
 
+use std::collections::HashSet;
 use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
 use crate::scene::{Camera, Scene};
+use crate::settings::aov::Aov;
+use crate::settings::exposure::Exposure;
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable, Tables};
 use crate::settings::units::{Gate, GatePrecision};
 use crate::settings::values::{Png, Resolution};
@@ -21,10 +24,14 @@ pub struct Resolved {
 }
 
 /// The files that a render writes.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Outputs {
     pub exr: PathBuf,
+    /// Auxiliary layers of the image file.
+    pub aov: Aov,
     pub png: Option<PathBuf>,
+    /// Exposure of the picture `png`.
+    pub exposure: Exposure,
     pub stats: Option<PathBuf>,
     /// Folder for the images of the strategies.
     pub strategy_images: Option<PathBuf>,
@@ -45,16 +52,21 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         Some(Png::File(path)) if has(path, "png") => Some(path.clone()),
         Some(Png::File(path)) => return Err(settings(format!("the picture {} must end in .png", path.display()))),
     };
+    if wanted.exposure.is_some() && png.is_none() {
+        return Err(settings("--exposure is for the picture: add --png"));
+    }
     // With the extension .json the file cannot overwrite the scene, the experiment or an image.
     let stats = wanted.stats.clone();
     if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
         return Err(settings(format!("the --stats file {} must end in .json", path.display())));
     }
-    Ok(Outputs { exr, png, stats, strategy_images: wanted.strategy_images.clone() })
+    let (aov, exposure) = (wanted.aov.unwrap_or_default(), wanted.exposure.unwrap_or_default());
+    Ok(Outputs { exr, aov, png, exposure, stats, strategy_images: wanted.strategy_images.clone() })
 }
 
 /// Fills in all settings. `experiment` (flags and file, already merged) has priority over the scene, and the scene over the
-/// defaults. Fails if a name is unknown, if a value is outside its limits, or if the scene has no camera or no light.
+/// defaults. [`super::scenery::apply`] has already added cameras and lights. Fails if a name is unknown, if a value is outside its
+/// limits, or if the scene has no camera or no light.
 pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let mut warnings = Vec::new();
     let Experiment { render, .. } = experiment;
@@ -64,18 +76,18 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         path: experiment.scene.clone().unwrap_or_else(|| "the scene".into()),
         message: message.into(),
     };
+    if scene.instances.is_empty() {
+        return Err(unfit("has no surfaces; export a scene with visible meshes (points and lines are not rendered)"));
+    }
     if scene.cameras.is_empty() {
-        return Err(unfit("has no camera; add one and export it (in Blender: tick Cameras)"));
+        return Err(unfit("has no camera; add one with --camera auto or --look-from X,Y,Z"));
     }
     if emitting_nodes(scene).is_empty() {
-        return Err(unfit(
-            "has nothing that emits light; add a lamp, an emissive material or a beam node and export it (in Blender: \
-             tick Punctual Lights)",
-        ));
+        return Err(unfit("has nothing that emits light; add a light with --headlamp or --lamp X,Y,Z,INTENSITY"));
     }
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
-    let emitters = emitters(&experiment.emitter, scene, &gate)?;
+    let emitters = emitters(&experiment.emitter, scene, &gate, &mut warnings)?;
     let estimator = render.estimator.unwrap_or_else(|| defaults::estimator(gate, scene, &emitters));
     let mut settings = Settings::builder()
         .table(render)
@@ -93,9 +105,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     warnings.extend(render.without_effect(estimator));
     for light in scene.lights.iter().filter(|light| settings.emitters().include(&light.node)) {
         let node = &light.node;
-        if light.kind.radius().is_none() {
-            warnings.push(format!("the directional light '{node}' is not rendered yet; its light is missing"));
-        } else if light.kind.needs_light_subpaths() && !estimator.sees_beams() {
+        if light.kind.needs_light_subpaths() && !estimator.sees_beams() {
             warnings.push(estimator.beam_refusal(&format!("the beam '{node}'")));
         }
     }
@@ -106,8 +116,13 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
 pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene) -> Experiment {
     let Tables { camera, emitter, gate, render } = settings.to_tables();
     let mut full = experiment.clone();
-    full.camera = CameraTable { camera: Some(scene.cameras[settings.camera()].name.clone()), ..camera };
-    full.emitter = emitter;
+    full.camera = CameraTable {
+        camera: Some(scene.cameras[settings.camera()].name.clone()),
+        resolution: camera.resolution,
+        crop: camera.crop,
+        ..full.camera
+    };
+    full.emitter = EmitterTable { emitters: emitter.emitters, ..full.emitter };
     full.gate = GateTable { force: experiment.gate.force, ..gate };
     full.render = RenderTable { device: experiment.render.device.clone(), strict: experiment.render.strict, ..render };
     full
@@ -117,8 +132,13 @@ fn settings(message: impl Into<String>) -> Error {
     Error::Settings(message.into())
 }
 
+/// The gate that the user chose, unchecked.
+pub(super) fn chosen_gate(table: &GateTable) -> Gate {
+    table.gate.or(table.depth.map(|depth| depth.0)).unwrap_or(Gate::OPEN)
+}
+
 fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
-    let gate = table.gate.or(table.depth.map(|depth| depth.0)).unwrap_or(Gate::OPEN);
+    let gate = chosen_gate(table);
     match gate.precision() {
         GatePrecision::Fine => {}
         GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => {
@@ -146,9 +166,13 @@ pub fn gate_warning(gate: &Gate) -> Option<String> {
 }
 
 fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {
-    let Some(name) = &table.camera else { return Ok(0) };
-    scene.cameras.iter().position(|camera| camera.name == *name).ok_or_else(|| {
-        let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    table.camera.as_ref().map_or(Ok(0), |name| find_camera(name, scene))
+}
+
+/// Index of the camera `name`. A camera that the user added comes last, and has priority over one of the same name in the file.
+pub(super) fn find_camera(name: &str, scene: &Scene) -> Result<usize> {
+    scene.cameras.iter().rposition(|camera| camera.name == name).ok_or_else(|| {
+        let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).chain(["auto"]).collect();
         settings(format!("no camera is called '{name}'; choose one of {}", list(&names)))
     })
 }
@@ -175,43 +199,51 @@ pub fn emitting_nodes(scene: &Scene) -> Vec<&str> {
     };
     let lights = scene.lights.iter().map(|light| light.node.as_str());
     let meshes = scene.instances.iter().filter(|i| emissive(i.mesh)).map(|i| i.node.as_str());
-    let mut nodes = Vec::new();
-    for node in lights.chain(meshes) {
-        if !nodes.contains(&node) {
-            nodes.push(node);
-        }
-    }
-    nodes
+    let mut seen = HashSet::new();
+    lights.chain(meshes).filter(|node| seen.insert(*node)).collect()
 }
 
-fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate) -> Result<Emitters> {
+/// The nodes that emit. A gated render leaves out directional lights, with a warning, because their light has no travel time.
+fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate, warnings: &mut Vec<String>) -> Result<Emitters> {
     let candidates = emitting_nodes(scene);
     let emitters = table.emitters.clone().unwrap_or(Emitters::Scene);
     let emitters = match emitters {
         Emitters::Scene => Emitters::Scene,
+        // A list with this word means the same as the word, unless it is the name of a node.
+        Emitters::Nodes(names) if names == ["scene"] && !candidates.contains(&"scene") => Emitters::Scene,
         Emitters::Nodes(names) if names.is_empty() => {
             return Err(settings(format!("no emitter is selected; choose from {}", list(&candidates))));
         }
         Emitters::Nodes(names) => Emitters::Nodes(whole_names(&names, &candidates).map_err(|unknown| {
             let candidates = list(&candidates);
-            settings(format!("no node '{unknown}' emits light; --emitters may name {candidates}"))
+            settings(format!(
+                "no node '{unknown}' emits light; --emitters may name {candidates} (--headlamp and --lamp add lights)"
+            ))
         })?),
     };
 
-    // The light of a directional light comes from infinitely far away, so it has no travel time.
-    let selected = |node: &str| emitters.include(node);
-    let distant = |node: &str| scene.lights.iter().any(|l| l.node == node && l.kind.radius().is_none());
-    if let Some(sun) = candidates.iter().copied().find(|node| !gate.is_open() && selected(node) && distant(node)) {
-        let others: Vec<&str> = candidates.iter().copied().filter(|node| !distant(node)).collect();
-        let remedy = match others[..] {
-            [] => "render without a gate, or add a light that has a position".to_string(),
-            _ => format!("render without a gate, or choose other lights with --emitters from {}", list(&others)),
-        };
-        return Err(settings(format!(
-            "the directional light '{sun}' is infinitely far away, so its light has no travel time to gate; {remedy}"
-        )));
+    let suns: HashSet<&str> =
+        scene.lights.iter().filter(|light| light.kind.is_sun()).map(|light| light.node.as_str()).collect();
+    let is_sun = |node: &&str| suns.contains(*node);
+    let (suns, others): (Vec<&str>, Vec<&str>) =
+        candidates.iter().filter(|node| emitters.include(node)).partition(|n| is_sun(n));
+    let (false, Some(sun)) = (gate.is_open(), suns.first()) else { return Ok(emitters) };
+    if !others.is_empty() {
+        warnings.push(format!(
+            "directional lights are infinitely far away and have no travel time, so this gated render leaves out {}",
+            list(&suns)
+        ));
+        return Ok(Emitters::Nodes(others.into_iter().map(String::from).collect()));
     }
-    Ok(emitters)
+    let positioned: Vec<&str> = candidates.iter().copied().filter(|node| !is_sun(node)).collect();
+    let remedy = match positioned[..] {
+        [] => "add a light that has a position (--headlamp, --lamp)".to_string(),
+        _ => format!("choose other lights with --emitters from {}", list(&positioned)),
+    };
+    Err(settings(format!(
+        "the directional light '{sun}' is infinitely far away, so its light has no travel time to gate; render without a gate, or \
+         {remedy}"
+    )))
 }
 
 /// The candidates that `typed` names, in order. A list that is split at its commas also splits a name that contains commas, so

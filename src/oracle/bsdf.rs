@@ -10,6 +10,11 @@
 //! Plastic: a GGX coat with F0 = ((n - 1) / (n + 1))^2 over a diffuse base. The base is scaled by the light that the coat leaves,
 //! (1 - E(i)) (1 - E(o)) / (1 - E_avg), which is reciprocal and conserves energy. `specular` scales both Fresnel terms.
 //!
+//! `specular_color` scales F0 per channel, up to 1; E is the albedo of the channel with the largest F0.
+//!
+//! A clear coat of strength c lies over f: a GGX lobe with F = c (0.04 + 0.96 (1 - cos)^5) and the albedo C. What lies under it is
+//! scaled by (1 - C(i)) (1 - C(o)).
+//!
 //! Dielectric: GGX microfacets of smooth glass with unpolarised Fresnel reflectance. Each crossing multiplies by the base colour.
 //! The dielectric is only sampled, never evaluated: its directions follow from facets, Snell and Fresnel, without Walter's
 //! Jacobian.
@@ -28,25 +33,49 @@ pub const MIRROR_ALPHA: f64 = 1e-3;
 
 const ENTRIES: usize = 64;
 
+/// Number of coats that are prepared for a material whose roughness varies. They are spread evenly over the roughness.
+const LEVELS: usize = 25;
+
 /// A material with values that are computed once: the directional albedo of its plastic coat.
 #[derive(Debug, Clone)]
 pub struct PreparedMaterial {
     alpha: f64,
-    f0: f64,
+    f0: [f64; 3],
     specular: f64,
     metallic: f64,
     transmission: f64,
     ior: f64,
-    /// Entry i is the albedo E at cosine (i / 63)^2. The entries are densest at grazing angles, where E changes fast.
-    albedo: [f64; ENTRIES],
-    mean_albedo: f64,
+    /// One coat, or, if the roughness varies, `LEVELS` coats from roughness 0 to the roughness factor.
+    coats: Vec<Coat>,
+    clearcoat: Option<Clearcoat>,
 }
 
-/// A material at a point: a [`PreparedMaterial`] with the base colour of the point.
+/// A clear coat over the whole material.
+#[derive(Debug, Clone)]
+struct Clearcoat {
+    strength: f64,
+    alpha: f64,
+    coat: Coat,
+}
+
+/// The albedo of the plastic's coat for one GGX alpha.
+#[derive(Debug, Clone)]
+struct Coat {
+    /// Entry i is the albedo E at cosine (i / 63)^2. The entries are densest at grazing angles, where E changes fast.
+    albedo: [f64; ENTRIES],
+    mean: f64,
+}
+
+/// A material at a point: a [`PreparedMaterial`] with the base colour, metalness and roughness of the point.
 #[derive(Debug, Clone, Copy)]
 pub struct Bsdf<'a> {
     material: &'a PreparedMaterial,
     base: [f64; 3],
+    metallic: f64,
+    alpha: f64,
+    /// The two coats with the nearest roughness, and the weight of the second.
+    coats: [&'a Coat; 2],
+    fraction: f64,
 }
 
 /// A direction drawn by [`Bsdf::sample`].
@@ -69,19 +98,22 @@ impl PreparedMaterial {
         let ior = f64::from(material.ior);
         let mut prepared = PreparedMaterial {
             alpha: f64::from(material.roughness).powi(2),
-            f0: ((ior - 1.0) / (ior + 1.0)).powi(2),
+            f0: material.specular_color.map(|color| (((ior - 1.0) / (ior + 1.0)).powi(2) * f64::from(color)).min(1.0)),
             specular: f64::from(material.specular),
             metallic: f64::from(material.metallic),
             transmission: f64::from(material.transmission),
             ior,
-            albedo: [0.0; ENTRIES],
-            mean_albedo: 0.0,
+            coats: vec![],
+            clearcoat: (material.clearcoat > 0.0).then(|| Clearcoat::new(material)),
         };
-        for i in 0..ENTRIES {
-            let mu = (i as f64 / (ENTRIES - 1) as f64).powi(2).max(1e-6);
-            prepared.albedo[i] = prepared.integrate_albedo(mu);
-        }
-        prepared.mean_albedo = prepared.integrate_mean();
+        let levels: Vec<f64> = match material.surface_texture {
+            None => vec![1.0],
+            Some(_) => (0..LEVELS).map(|i| i as f64 / (LEVELS - 1) as f64).collect(),
+        };
+        prepared.coats = levels
+            .into_iter()
+            .map(|roughness| Coat::new(prepared.alpha * roughness.powi(2), |c| prepared.brightest_fresnel(c)))
+            .collect();
         prepared
     }
 
@@ -89,35 +121,86 @@ impl PreparedMaterial {
         self.ior
     }
 
+    /// The material where its base colour is `base` and its roughness and metalness are those of the factors.
     pub fn at(&self, base: [f64; 3]) -> Bsdf<'_> {
-        Bsdf { material: self, base }
+        self.at_point(base, 1.0, 1.0)
+    }
+
+    /// The material where its base colour is `base`, and where a texture multiplies the factors of roughness and metalness.
+    pub fn at_point(&self, base: [f64; 3], roughness: f64, metallic: f64) -> Bsdf<'_> {
+        let level = roughness * (self.coats.len() - 1) as f64;
+        let low = (level as usize).min(self.coats.len().saturating_sub(2));
+        let coats = [&self.coats[low], &self.coats[(low + 1).min(self.coats.len() - 1)]];
+        let (metallic, alpha) = (self.metallic * metallic, self.alpha * roughness.powi(2));
+        Bsdf { material: self, base, metallic, alpha, coats, fraction: level - low as f64 }
+    }
+
+    /// Schlick's Fresnel factor of the plastic's coat; `c` is the cosine to the half vector.
+    fn fresnel(&self, c: f64) -> [f64; 3] {
+        self.f0.map(|f0| self.specular * schlick(f0, c))
+    }
+
+    /// The Fresnel factor in the channel where it is largest.
+    fn brightest_fresnel(&self, c: f64) -> f64 {
+        self.fresnel(c).into_iter().fold(0.0, f64::max)
+    }
+}
+
+/// Schlick's Fresnel factor, from `f0` at normal incidence to 1 at grazing angles.
+fn schlick(f0: f64, c: f64) -> f64 {
+    f0 + (1.0 - f0) * (1.0 - c).clamp(0.0, 1.0).powi(5)
+}
+
+impl Clearcoat {
+    fn new(material: &Material) -> Clearcoat {
+        let alpha = f64::from(material.clearcoat_roughness).powi(2);
+        let strength = f64::from(material.clearcoat);
+        Clearcoat { strength, alpha, coat: Coat::new(alpha, |c| strength * schlick(0.04, c)) }
     }
 
     fn is_mirror(&self) -> bool {
         self.alpha < MIRROR_ALPHA
     }
 
-    /// Schlick's Fresnel factor of the plastic's coat; `c` is the cosine to the half vector.
-    fn coat(&self, c: f64) -> f64 {
-        self.specular * (self.f0 + (1.0 - self.f0) * (1.0 - c).clamp(0.0, 1.0).powi(5))
+    /// Schlick's Fresnel factor; `c` is the cosine to the half vector.
+    fn fresnel(&self, c: f64) -> f64 {
+        self.strength * schlick(0.04, c)
+    }
+
+    /// Factor on what lies under the coat, for a direction of light on each side of it.
+    fn passes(&self, a: DVec3, b: DVec3) -> f64 {
+        (1.0 - self.coat.albedo(a.z.abs())) * (1.0 - self.coat.albedo(b.z.abs()))
+    }
+}
+
+impl Coat {
+    /// The albedo of a GGX lobe with the Fresnel factor `fresnel` of the cosine to the half vector.
+    fn new(alpha: f64, fresnel: impl Fn(f64) -> f64) -> Coat {
+        let mut coat = Coat { albedo: [0.0; ENTRIES], mean: 0.0 };
+        for i in 0..ENTRIES {
+            let mu = (i as f64 / (ENTRIES - 1) as f64).powi(2).max(1e-6);
+            coat.albedo[i] = Coat::integrate_albedo(alpha, mu, &fresnel);
+        }
+        coat.mean = coat.integrate_mean();
+        coat
     }
 
     /// Fraction of the light from a direction with cosine `mu` that the coat reflects: the mean of F G2 / G1 over visible
     /// normals.
-    fn integrate_albedo(&self, mu: f64) -> f64 {
-        if self.is_mirror() || self.specular == 0.0 {
-            return self.coat(mu);
+    fn integrate_albedo(alpha: f64, mu: f64, fresnel: impl Fn(f64) -> f64) -> f64 {
+        if alpha < MIRROR_ALPHA || fresnel(0.0) == 0.0 {
+            return fresnel(mu);
         }
         const STEPS: usize = 64;
         let wo = DVec3::new((1.0 - mu * mu).sqrt(), 0.0, mu);
         let mut sum = 0.0;
         for i in 0..STEPS * STEPS {
             let (u1, u2) = ((i / STEPS) as f64 + 0.5, (i % STEPS) as f64 + 0.5);
-            let h = ggx::sample_normal(self.alpha, wo, u1 / STEPS as f64, u2 / STEPS as f64);
+            let h = ggx::sample_normal(alpha, wo, u1 / STEPS as f64, u2 / STEPS as f64);
             let wi = 2.0 * wo.dot(h) * h - wo;
             if wi.z > 0.0 {
-                let (own, other) = (ggx::lambda(self.alpha, wo), ggx::lambda(self.alpha, wi));
-                sum += self.coat(wo.dot(h)) * (1.0 + own) / (1.0 + own + other);
+                let (own, other) = (ggx::lambda(alpha, wo), ggx::lambda(alpha, wi));
+                sum += fresnel(wo.dot(h)) * (1.0 + own) / (1.0 + own + other);
             }
         }
         sum / (STEPS * STEPS) as f64
@@ -148,11 +231,27 @@ impl PreparedMaterial {
 }
 
 impl Bsdf<'_> {
+    fn is_mirror(&self) -> bool {
+        self.alpha < MIRROR_ALPHA
+    }
+
+    /// The directional albedo of the coat, interpolated between the two nearest coats.
+    fn albedo(&self, mu: f64) -> f64 {
+        let [a, b] = self.coats.map(|coat| coat.albedo(mu));
+        a + self.fraction * (b - a)
+    }
+
+    fn mean_albedo(&self) -> f64 {
+        let [a, b] = self.coats.map(|coat| coat.mean);
+        a + self.fraction * (b - a)
+    }
+
     /// Whether the material scatters only as a mirror or glass, so that no connection to this point has a contribution.
     pub fn only_delta(&self) -> bool {
         let m = self.material;
-        let (opaque_plastic, metal) = ((1.0 - m.metallic) * (1.0 - m.transmission), m.metallic);
-        let rough = !m.is_mirror() && (metal > 0.0 || opaque_plastic * m.specular > 0.0);
+        let (opaque_plastic, metal) = ((1.0 - self.metallic) * (1.0 - m.transmission), self.metallic);
+        let rough = !self.is_mirror() && (metal > 0.0 || opaque_plastic * m.specular > 0.0)
+            || m.clearcoat.as_ref().is_some_and(|top| !top.is_mirror());
         !rough && (opaque_plastic == 0.0 || self.base.iter().all(|&b| b == 0.0))
     }
 
@@ -162,36 +261,52 @@ impl Bsdf<'_> {
             return [0.0; 3];
         }
         let m = self.material;
-        let left = (1.0 - m.albedo(wi.z)) * (1.0 - m.albedo(wo.z)) / (1.0 - m.mean_albedo);
-        let diffuse = (1.0 - m.metallic) * (1.0 - m.transmission) * left / PI;
-        let lobe = if m.is_mirror() { 0.0 } else { ggx::lobe(m.alpha, wi, wo) };
-        let fresnel = self.fresnel(wi.dot((wi + wo).normalize()));
-        [0, 1, 2].map(|k| diffuse * self.base[k] + lobe * fresnel[k])
+        let left = (1.0 - self.albedo(wi.z)) * (1.0 - self.albedo(wo.z)) / (1.0 - self.mean_albedo());
+        let diffuse = (1.0 - self.metallic) * (1.0 - m.transmission) * left / PI;
+        let lobe = if self.is_mirror() { 0.0 } else { ggx::lobe(self.alpha, wi, wo) };
+        let c = wi.dot((wi + wo).normalize());
+        let fresnel = self.fresnel(c);
+        let under = [0, 1, 2].map(|k| diffuse * self.base[k] + lobe * fresnel[k]);
+        match &m.clearcoat {
+            None => under,
+            Some(top) => {
+                let lobe = if top.is_mirror() { 0.0 } else { ggx::lobe(top.alpha, wi, wo) };
+                under.map(|f| f * top.passes(wi, wo) + lobe * top.fresnel(c))
+            }
+        }
+    }
+
+    /// Factor of the clear coat on light that goes from `a` to `b` or back; 1 without a clear coat.
+    fn passes(&self, a: DVec3, b: DVec3) -> f64 {
+        self.material.clearcoat.as_ref().map_or(1.0, |top| top.passes(a, b))
     }
 
     /// Fresnel factor of the GGX lobe, for coat and conductor together; `c` is the cosine to the half vector.
     fn fresnel(&self, c: f64) -> [f64; 3] {
         let m = self.material;
-        let coat = (1.0 - m.metallic) * (1.0 - m.transmission) * m.coat(c);
-        let grazing = (1.0 - c).clamp(0.0, 1.0).powi(5);
-        self.base.map(|b| coat + m.metallic * (b + (1.0 - b) * grazing))
+        let plastic = (1.0 - self.metallic) * (1.0 - m.transmission);
+        let coat = m.fresnel(c);
+        [0, 1, 2].map(|k| plastic * coat[k] + self.metallic * schlick(self.base[k], c))
     }
 
-    /// Probabilities of sampling the GGX (or mirror) lobe, the diffuse base, and the dielectric. All are 0 for a black material.
-    fn choices(&self, wo: DVec3) -> [f64; 3] {
+    /// Probabilities of sampling the GGX (or mirror) lobe, the diffuse base, the dielectric, and the clear coat. All are 0 for a
+    /// black material.
+    fn choices(&self, wo: DVec3) -> [f64; 4] {
         let m = self.material;
         let brightest = self.base.iter().copied().fold(0.0, f64::max);
-        let plastic = (1.0 - m.metallic) * (1.0 - m.transmission);
-        let e = m.albedo(wo.z);
+        let plastic = (1.0 - self.metallic) * (1.0 - m.transmission);
+        let e = self.albedo(wo.z);
         let diffuse = plastic * (1.0 - e) * brightest;
-        let dielectric = (1.0 - m.metallic) * m.transmission;
-        let mut lobe = plastic * e + m.metallic * brightest.max(0.05);
+        let dielectric = (1.0 - self.metallic) * m.transmission;
+        let mut lobe = plastic * e + self.metallic * brightest.max(0.05);
         if lobe > 0.0 {
             // For light at grazing angles, the lobe is brighter than its albedo at `wo` suggests.
             lobe = lobe.max(0.15 * diffuse);
         }
-        let sum = lobe + diffuse + dielectric;
-        if sum > 0.0 { [lobe, diffuse, dielectric].map(|p| p / sum) } else { [0.0; 3] }
+        // Clear coats, too, are brighter for light at grazing angles.
+        let clearcoat = m.clearcoat.as_ref().map_or(0.0, |top| top.coat.albedo(wo.z).max(0.1 * top.strength));
+        let sum = lobe + diffuse + dielectric + clearcoat;
+        if sum > 0.0 { [lobe, diffuse, dielectric, clearcoat].map(|p| p / sum) } else { [0.0; 4] }
     }
 
     /// Density per steradian with which [`Bsdf::sample`] draws `wi`, without mirrors and glass. Its integral over the sphere is
@@ -200,9 +315,13 @@ impl Bsdf<'_> {
         if wo.z <= 0.0 {
             return 0.0;
         }
-        let [lobe, diffuse, _] = self.choices(wo);
-        let rough = if self.material.is_mirror() { 0.0 } else { ggx::pdf(self.material.alpha, wi, wo) };
-        lobe * rough + diffuse * wi.z.max(0.0) / PI
+        let [lobe, diffuse, _, clearcoat] = self.choices(wo);
+        let rough = if self.is_mirror() { 0.0 } else { ggx::pdf(self.alpha, wi, wo) };
+        let top = match &self.material.clearcoat {
+            Some(top) if !top.is_mirror() => ggx::pdf(top.alpha, wi, wo),
+            _ => 0.0,
+        };
+        lobe * rough + diffuse * wi.z.max(0.0) / PI + clearcoat * top
     }
 
     /// Samples a direction from three uniform numbers. `inside`: the viewer is behind the surface, which matters only for glass.
@@ -211,18 +330,23 @@ impl Bsdf<'_> {
         if wo.z <= 0.0 {
             return None;
         }
-        let m = self.material;
-        let [lobe, diffuse, dielectric] = self.choices(wo);
+        let [lobe, diffuse, dielectric, clearcoat] = self.choices(wo);
         if u[0] < dielectric {
             return self.sample_glass(wo, inside, u, dielectric);
         }
+        let mirrored = DVec3::new(-wo.x, -wo.y, wo.z);
+        let mirror = |weight| Some(Sample { wi: mirrored, weight, pdf: 0.0, delta: true, refracted: false });
         let wi = if u[0] < dielectric + lobe {
-            if m.is_mirror() {
-                let weight = self.fresnel(wo.z).map(|f| f / lobe);
-                let wi = DVec3::new(-wo.x, -wo.y, wo.z);
-                return Some(Sample { wi, weight, pdf: 0.0, delta: true, refracted: false });
+            if self.is_mirror() {
+                return mirror(self.fresnel(wo.z).map(|f| self.passes(wo, mirrored) * f / lobe));
             }
-            let h = ggx::sample_normal(m.alpha, wo, u[1], u[2]);
+            let h = ggx::sample_normal(self.alpha, wo, u[1], u[2]);
+            2.0 * wo.dot(h) * h - wo
+        } else if let Some(top) = self.material.clearcoat.as_ref().filter(|_| u[0] < dielectric + lobe + clearcoat) {
+            if top.is_mirror() {
+                return mirror([top.fresnel(wo.z) / clearcoat; 3]);
+            }
+            let h = ggx::sample_normal(top.alpha, wo, u[1], u[2]);
             2.0 * wo.dot(h) * h - wo
         } else if diffuse > 0.0 {
             let (radius, angle) = (u[1].sqrt(), TAU * u[2]);
@@ -244,8 +368,8 @@ impl Bsdf<'_> {
     fn sample_glass(&self, wo: DVec3, inside: bool, u: [f64; 3], chosen: f64) -> Option<Sample> {
         let m = self.material;
         // Given that glass was chosen, `u[0]` is uniform in [0, chosen). After rescaling, it chooses reflection or refraction.
-        let (choice, share) = (u[0] / chosen, (1.0 - m.metallic) * m.transmission / chosen);
-        let facet = if m.is_mirror() { DVec3::Z } else { ggx::sample_normal(m.alpha, wo, u[1], u[2]) };
+        let (choice, share) = (u[0] / chosen, (1.0 - self.metallic) * m.transmission / chosen);
+        let facet = if self.is_mirror() { DVec3::Z } else { ggx::sample_normal(self.alpha, wo, u[1], u[2]) };
         let relative = if inside { 1.0 / m.ior } else { m.ior };
         let cos = wo.dot(facet);
         let refracted = choice >= fresnel_dielectric(cos, relative);
@@ -258,12 +382,13 @@ impl Bsdf<'_> {
         if wi.z == 0.0 || (wi.z < 0.0) != refracted {
             return None;
         }
-        let passed = if m.is_mirror() {
+        let passed = if self.is_mirror() {
             1.0
         } else {
-            let own = 1.0 + ggx::lambda(m.alpha, wo);
-            own / (own + ggx::lambda(m.alpha, wi))
+            let own = 1.0 + ggx::lambda(self.alpha, wo);
+            own / (own + ggx::lambda(self.alpha, wi))
         };
+        let passed = passed * self.passes(wo, wi);
         let weight = self.base.map(|b| share * passed * if refracted { b } else { 1.0 });
         Some(Sample { wi, weight, pdf: 0.0, delta: true, refracted })
     }

@@ -1,5 +1,5 @@
-//! Emitters: emissive triangles, point and spot lights, to which a path can be connected; and beams, which emit in one direction
-//! only.
+//! Emitters: emissive triangles, point and spot lights and suns, to which a path can be connected; and beams, which emit in one
+//! direction only.
 
 use std::f64::consts::PI;
 
@@ -22,24 +22,22 @@ pub struct LightSample {
     pub pdf: Option<f64>,
 }
 
-/// All emitters of a scene. [`EmitterSet::sample`] chooses uniformly between the point and spot lights and one further choice,
+/// All emitters of a scene. [`EmitterSet::sample`] chooses uniformly between the punctual lights, suns included, and one more,
 /// which stands for all emissive triangles together.
 pub struct EmitterSet<'a> {
     world: &'a World<'a>,
     punctual: Vec<&'a Light>,
+    /// Length in metres of a shadow ray that leaves the scene.
+    outside: f64,
     pub beams: Vec<&'a Light>,
     /// Emissive triangles, each with the sum of areas up to and including it.
     luminous: Vec<(u32, f64)>,
 }
 
 impl<'a> EmitterSet<'a> {
-    /// # Panics
-    /// If a directional light is switched on, because its light has no travel time.
     pub fn new(world: &'a World<'a>) -> EmitterSet<'a> {
         let shining = || world.scene.lights.iter().filter(|l| world.shines(&l.node));
         let is_beam = |l: &&Light| matches!(l.kind, LightKind::Beam { .. });
-        let has_directional = shining().any(|l| matches!(l.kind, LightKind::Directional { .. }));
-        assert!(!has_directional, "a directional light has no travel time");
         let mut luminous = Vec::new();
         let mut area = 0.0;
         for (i, triangle) in world.geometry.triangles.iter().enumerate() {
@@ -51,7 +49,7 @@ impl<'a> EmitterSet<'a> {
             }
         }
         let (beams, punctual) = shining().partition(is_beam);
-        EmitterSet { world, punctual, beams, luminous }
+        EmitterSet { world, punctual, outside: 2.0 * world.scene.diagonal(), beams, luminous }
     }
 
     fn choices(&self) -> usize {
@@ -74,6 +72,11 @@ impl<'a> EmitterSet<'a> {
         let chosen = pcg.below(self.choices());
         let share = self.choices() as f64;
         if let Some(light) = self.punctual.get(chosen) {
+            if let LightKind::Directional { irradiance } = light.kind {
+                let (wi, distance) = (-light.direction, self.outside);
+                let weight = irradiance.map(|e| f64::from(e) * share);
+                return Some(LightSample { position: from + wi * distance, wi, distance, weight, pdf: None });
+            }
             let distance = (light.position - from).length();
             let wi = (light.position - from) / distance;
             let weight = intensity(light, -wi)?.map(|i| i * share / (distance * distance));

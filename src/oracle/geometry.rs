@@ -1,6 +1,6 @@
 //! The scene as triangles in world space, a bounding volume hierarchy over them, and rays. All numbers are f64.
 
-use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3, Vec4};
 
 use crate::scene::Scene;
 
@@ -93,6 +93,10 @@ pub struct Surface {
     /// Unit shading normal of the front side: interpolated, or the geometric normal if the mesh has no normals.
     pub shading: DVec3,
     pub uv: DVec2,
+    /// Linear vertex colour and alpha; white if the mesh has none.
+    pub color: [f64; 4],
+    /// Tangent and bitangent for the normal map, of any length; `None` if the mesh has no tangents.
+    pub tangents: Option<[DVec3; 2]>,
     /// Index into `Scene::materials`.
     pub material: u32,
     pub instance: u32,
@@ -293,11 +297,26 @@ impl<'a> Geometry<'a> {
         if !mesh.uvs.is_empty() {
             uv = corners.iter().zip(weights).map(|(&i, w)| Vec2::from(mesh.uvs[i]).as_dvec2() * w).sum();
         }
+        let mut color = [1.0; 4];
+        if !mesh.colors.is_empty() {
+            color = [0, 1, 2, 3].map(|k| (0..3).map(|c| f64::from(mesh.colors[corners[c]][k]) * weights[c]).sum());
+        }
+        let tangents = (!mesh.tangents.is_empty()).then(|| {
+            // The bitangent is made in the space of the mesh, then transformed as the direction that it is.
+            let matrix = instance.transform.matrix3;
+            let normal = matrix.transpose() * shading;
+            let of = |i: usize| Vec4::from(mesh.tangents[i]).truncate().as_dvec3();
+            let tangent: DVec3 = corners.iter().zip(weights).map(|(&i, w)| of(i) * w).sum();
+            let bitangent = normal.cross(tangent) * f64::from(mesh.tangents[corners[0]][3]);
+            [matrix * tangent, matrix * bitangent]
+        });
         Surface {
             position: triangle.point(hit.u, hit.v),
             geometric: triangle.normal,
             shading,
             uv,
+            color,
+            tangents,
             material: mesh.material,
             instance: triangle.instance,
         }

@@ -5,6 +5,7 @@
 //! closed form, [`path_tracer`] another algorithm, [`lightcone`] a second version of the paper's equations.
 
 pub mod bsdf;
+mod bump;
 mod emitter;
 pub mod geometry;
 pub mod ggx;

@@ -102,9 +102,12 @@ type Splat = (usize, f64, DVec3);
 
 /// Renders all bins at once. The same settings give the same bits with any number of threads.
 ///
-/// # Panics If a directional light is switched on, because its light has no travel time.
+/// # Panics If a directional light is switched on and a bin is a gate: its light has no travel time.
 pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let world = World::new(scene, &settings.emitters);
+    let has_sun = scene.lights.iter().any(|light| light.kind.is_sun() && world.shines(&light.node));
+    let steady = |&(lo, hi): &(f64, f64)| lo <= 0.0 && hi == f64::INFINITY;
+    assert!(!has_sun || settings.bins.iter().all(steady), "a directional light has no travel time");
     let emitters = EmitterSet::new(&world);
     let tracer = Tracer { world: &world, emitters: &emitters, settings, pinhole: Pinhole::new(scene, settings) };
     let [width, height] = settings.resolution;
@@ -136,6 +139,8 @@ struct Pinhole<'a> {
     resolution: [f64; 2],
     /// Half the size of the image plane.
     half: [f64; 2],
+    /// Image coordinates of the principal point minus those of the image's centre, in pixels.
+    shift: [f64; 2],
 }
 
 impl<'a> Pinhole<'a> {
@@ -143,7 +148,8 @@ impl<'a> Pinhole<'a> {
         let camera = &scene.cameras[settings.camera];
         let resolution = settings.resolution.map(f64::from);
         let tan = (camera.yfov / 2.0).tan();
-        Pinhole { camera, resolution, half: [tan * resolution[0] / resolution[1], tan] }
+        let shift = [0, 1].map(|k| (camera.principal_point[k] - 0.5) * resolution[k]);
+        Pinhole { camera, resolution, half: [tan * resolution[0] / resolution[1], tan], shift }
     }
 
     fn eye(&self) -> DVec3 {
@@ -153,6 +159,7 @@ impl<'a> Pinhole<'a> {
     /// The camera ray through image coordinates in pixels.
     fn ray(&self, x: f64, y: f64) -> Ray {
         let [w, h] = self.resolution;
+        let (x, y) = (x - self.shift[0], y - self.shift[1]);
         let local = DVec3::new((2.0 * x / w - 1.0) * self.half[0], (1.0 - 2.0 * y / h) * self.half[1], -1.0);
         Ray::new(self.eye(), self.camera.transform.transform_vector3(local).normalize())
     }
@@ -162,8 +169,8 @@ impl<'a> Pinhole<'a> {
     fn project(&self, point: DVec3) -> Option<(usize, f64)> {
         let p = self.camera.transform.inverse().transform_point3(point);
         let [w, h] = self.resolution;
-        let x = (p.x / -p.z / self.half[0] + 1.0) / 2.0 * w;
-        let y = (1.0 - p.y / -p.z / self.half[1]) / 2.0 * h;
+        let x = (p.x / -p.z / self.half[0] + 1.0) / 2.0 * w + self.shift[0];
+        let y = (1.0 - p.y / -p.z / self.half[1]) / 2.0 * h + self.shift[1];
         if p.z >= 0.0 || !(0.0..w).contains(&x) || !(0.0..h).contains(&y) {
             return None;
         }

@@ -7,12 +7,15 @@
 //!
 //!   S(x) = sum over n >= 1 of rho^n F_{n-1}(x),   F_0 a step at 0, F_k the k-fold convolution of c / (2 R^2),
 //!
-//! This is the renewal equation S(x) = rho + rho * integral over [0, 2] of S(x - c) c / 2 dc, with lengths in units of R and S =
-//! 0 for x < 0. Its second derivative is
+//! With lengths in units of R, S solves the renewal equation
+//!
+//!   S(x) = rho + rho * integral over [0, 2] of S(x - c) c / 2 dc,   S(x) = 0 for x < 0.
+//!
+//! Differentiating it twice gives
 //!
 //!   S''(x) = rho / 2 * (S(x) - S(x - 2)) - rho S'(x - 2),
 //!
-//! Power series solve this equation exactly, on one interval of length 2 after the other. S jumps by rho at 0 (the direct
+//! Power series solve this equation exactly: first on [0, 2], then on [2, 4], and so on. S jumps by rho at 0 (the direct
 //! return), and S' falls by rho^2 at 2 (no chord is longer than the diameter). Everywhere else, both are continuous.
 
 /// Number of coefficients: for |y| <= 2, the last term is below 1e-30.

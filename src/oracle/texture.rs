@@ -1,20 +1,35 @@
 //! Texture look-ups with repeat, mirror or clamp, nearest or bilinear. Filtering works on linear values.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use crate::scene::{Scene, Wrap};
 
 /// Linear RGBA at a texture coordinate, where (0, 0) is the outer corner of the first texel. Without a texture, the result is
 /// white.
 pub fn sample(scene: &Scene, texture: Option<u32>, uv: DVec2) -> [f64; 4] {
+    filtered(scene, texture, uv, |[r, g, b, a]| [linear(r), linear(g), linear(b), f64::from(a) / 255.0])
+}
+
+/// As [`sample`], for a texture whose four channels are linear.
+pub fn sample_data(scene: &Scene, texture: Option<u32>, uv: DVec2) -> [f64; 4] {
+    filtered(scene, texture, uv, |texel| texel.map(|byte| f64::from(byte) / 255.0))
+}
+
+/// As [`sample`], for a normal map: x, y and z from about -1 to 1, where a byte of 128 means exactly 0.
+pub fn sample_normal(scene: &Scene, texture: Option<u32>, uv: DVec2) -> DVec3 {
+    let [x, y, z, _] = filtered(scene, texture, uv, |texel| texel.map(|byte| (f64::from(byte) - 128.0) / 127.0));
+    DVec3::new(x, y, z)
+}
+
+/// Filters texels after decoding them with `decode`.
+fn filtered(scene: &Scene, texture: Option<u32>, uv: DVec2, decode: impl Fn([u8; 4]) -> [f64; 4]) -> [f64; 4] {
     let Some(texture) = texture else { return [1.0; 4] };
     let texture = &scene.textures[texture as usize];
     let image = &scene.images[texture.image as usize];
     let texel = |x: i64, y: i64| {
         let x = wrap(x, i64::from(image.width), texture.wrap[0]);
         let y = wrap(y, i64::from(image.height), texture.wrap[1]);
-        let [r, g, b, a] = image.rgba[(y * i64::from(image.width) + x) as usize];
-        [linear(r), linear(g), linear(b), f64::from(a) / 255.0]
+        decode(image.rgba[(y * i64::from(image.width) + x) as usize])
     };
     let (x, y) = (uv.x * f64::from(image.width), uv.y * f64::from(image.height));
     if !texture.linear {

@@ -83,7 +83,7 @@ impl<'a> World<'a> {
         let material = &self.scene.materials[surface.material as usize];
         let alpha = || {
             let texel = texture::sample(self.scene, material.base_color_texture, surface.uv)[3];
-            texel * f64::from(material.base_color[3])
+            texel * f64::from(material.base_color[3]) * surface.color[3]
         };
         match material.alpha_mode {
             AlphaMode::Opaque => 1.0,
@@ -100,10 +100,14 @@ impl<'a> World<'a> {
     fn vertex(&self, surface: Surface, wo: DVec3) -> Vertex<'_> {
         let material = &self.scene.materials[surface.material as usize];
         let texel = texture::sample(self.scene, material.base_color_texture, surface.uv);
-        let base = [0, 1, 2].map(|k| texel[k] * f64::from(material.base_color[k]));
+        let base = [0, 1, 2].map(|k| texel[k] * f64::from(material.base_color[k]) * surface.color[k]);
+        let [_, roughness, metallic, _] = texture::sample_data(self.scene, material.surface_texture, surface.uv);
         let inside = surface.geometric.dot(wo) < 0.0;
         let side = if inside { -1.0 } else { 1.0 };
-        let z = surface.shading * side;
+        let bumped = surface.bumped(self.scene) * side;
+        // A surface that a normal map turns away from the viewer scatters as if it were flat.
+        let turned_away = bumped != surface.shading * side && bumped.dot(wo) <= 0.0;
+        let z = if turned_away { surface.geometric * side } else { bumped };
         let x = z.any_orthonormal_vector();
         Vertex {
             position: surface.position,
@@ -114,7 +118,7 @@ impl<'a> World<'a> {
             frame: [x, z.cross(x), z],
             // The back of glass is the inside of a solid, so it is never black, even if the material is single-sided.
             black: inside && !material.double_sided && material.transmission == 0.0,
-            bsdf: self.prepared[surface.material as usize].at(base),
+            bsdf: self.prepared[surface.material as usize].at_point(base, roughness, metallic),
         }
     }
 

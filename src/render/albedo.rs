@@ -9,6 +9,8 @@ use crate::wgsl::layout::constants::{ALBEDO_COLUMNS, ALBEDO_ROWS};
 /// Table of `COLUMNS` x `ROWS` pairs (a, b) with albedo = a f0 + b f90. Columns are uniform in sqrt(cosine), rows in
 /// roughness = sqrt(alpha), both over [0, 1]; the column varies fastest. The square root gives more columns to small cosines,
 /// where the albedo of a narrow lobe changes: within an angle of about alpha from grazing.
+///
+/// Then come `ROWS` pairs, one per row: the cosine-weighted mean over the hemisphere, see [`AlbedoTable::mean`].
 pub struct AlbedoTable {
     pub values: Vec<[f32; 2]>,
 }
@@ -28,7 +30,14 @@ impl AlbedoTable {
             .into_par_iter()
             .map(|i| lobe_albedo(square(i % COLUMNS, COLUMNS), square(i / COLUMNS, ROWS), &azimuths))
             .collect();
-        AlbedoTable { values }
+        let mut table = AlbedoTable { values };
+        let means = (0..ROWS).map(|row| {
+            let mean = |f0: f64, f90: f64| table.mean(square(row, ROWS), f0, f90) as f32;
+            [mean(1.0, 0.0), mean(0.0, 1.0)]
+        });
+        let means: Vec<_> = means.collect();
+        table.values.extend(means);
+        table
     }
 
     /// The table, computed once per process.

@@ -2,9 +2,11 @@
 
 use bytemuck::NoUninit;
 
+use super::geometry::TexelLayout;
 use super::prepared_scene::PreparedScene;
 use crate::error::Result;
 use crate::gpu::{Buffer, BufferDesc, Device};
+use crate::scene::Scene;
 use crate::wgsl::layout::Frame;
 
 /// Buffers of group 0, with their names in WGSL.
@@ -37,29 +39,43 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         texels("triangles", "triangles", &geometry.triangles, MESHES),
         part("corners", "triangle corners", &geometry.corners, MESHES),
         part("attributes", "vertex attributes", &geometry.attributes, MESHES),
+        part("details", "vertex colours and tangents", &geometry.details, MESHES),
         texels("instances", "instances", &geometry.instances, MESHES),
         texels("materials", "materials", &geometry.materials, MESHES),
         texels("textures", "textures", &geometry.textures, IMAGES),
-        part("texels", "texels", &geometry.texels, IMAGES),
         texels("emitters", "emitters", &emitters.table, MESHES),
         part("albedo_table", "albedo table", &albedo.values, MESHES),
     ]
 }
 
+/// Descriptor of the array of texels, which the host uploads from the images of the scene.
+fn texels_desc(prepared: &PreparedScene) -> BufferDesc {
+    BufferDesc::of_texels::<[u8; TexelLayout::WORD]>("texels", prepared.geometry.texels.words, IMAGES)
+}
+
 impl DeviceScene {
     /// Descriptors of the scene's buffers.
     pub fn buffer_descs(prepared: &PreparedScene) -> Vec<BufferDesc> {
-        parts(prepared).into_iter().map(|(_, desc, _)| desc).collect()
+        let copied = parts(prepared).into_iter().map(|(_, desc, _)| desc);
+        copied.chain([texels_desc(prepared)]).collect()
     }
 
-    /// Uploads the scene. Fails, with the remedy, if a buffer exceeds a limit of the device.
-    pub fn new(device: &Device, prepared: &PreparedScene) -> Result<DeviceScene> {
+    /// Bytes of the arrays that the host keeps in the layout of the device: all but the texels.
+    pub fn host_bytes(prepared: &PreparedScene) -> u64 {
+        parts(prepared).iter().map(|(_, _, data)| data.len() as u64).sum()
+    }
+
+    /// Uploads the scene. `prepared` was made from `scene`. Fails, with the remedy, if a buffer exceeds a limit of the device.
+    pub fn new(device: &Device, scene: &Scene, prepared: &PreparedScene) -> Result<DeviceScene> {
         let upload = |(wgsl, desc, data): Part| {
             let mut buffer = Buffer::from_desc(device, &desc)?;
             buffer.write(0, data)?;
             Ok((wgsl, buffer))
         };
-        let buffers = parts(prepared).into_iter().map(upload).collect::<Result<_>>()?;
+        let mut buffers = parts(prepared).into_iter().map(upload).collect::<Result<Vec<_>>>()?;
+        let mut texels = Buffer::from_desc(device, &texels_desc(prepared))?;
+        prepared.geometry.texels.write(scene, |offset, bytes| texels.write(offset, bytes))?;
+        buffers.push(("texels", texels));
         let frame = Buffer::new::<Frame>(device, "frame", 1, "choose another --device")?;
         Ok(DeviceScene { frame, buffers })
     }

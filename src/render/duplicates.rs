@@ -6,11 +6,11 @@ use rayon::prelude::*;
 use crate::bvh::hash::hash;
 use crate::wgsl::layout::Triangle;
 
-/// Shading data that distinguishes two triangles with the same corners and material: normal and texture coordinates per
-/// corner, and the matrix that transforms the normals to world space. Values that the material does not use are 0.
+/// Shading data that distinguishes two triangles with the same corners and material: normal, texture coordinates, colour and
+/// tangent per corner, and the matrix that transforms the normals to world space. Values that the material does not use are 0.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct ShadingAttributes {
-    pub corners: [[u32; 3]; 3],
+    pub corners: [[u32; 6]; 3],
     pub normal_matrix: [u32; 9],
 }
 
@@ -94,7 +94,7 @@ mod tests {
             |[v0, v1, v2]: [[f32; 3]; 3], instance| Triangle { v0, instance, v1, corner: 0, v2, material: 5 };
         // Instance 1 lists the same corners with the same texture coordinates, but starts at another corner. Instance 2 has
         // other texture coordinates.
-        let coordinates = [[[7; 3], [8; 3], [9; 3]], [[8; 3], [9; 3], [7; 3]], [[7; 3], [8; 3], [1; 3]]];
+        let coordinates = [[[7; 6], [8; 6], [9; 6]], [[8; 6], [9; 6], [7; 6]], [[7; 6], [8; 6], [1; 6]]];
         let attributes = |t: &Triangle| ShadingAttributes {
             corners: coordinates[t.instance as usize],
             ..ShadingAttributes::default()

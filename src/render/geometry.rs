@@ -7,10 +7,10 @@ use super::duplicates::{ShadingAttributes, drop_copies};
 use super::material::{Features, Material, MaterialSet};
 use super::space::RenderSpace;
 use crate::bvh::{self, Bvh};
-use crate::scene::{Scene, Wrap};
+use crate::scene::{Image, Mesh, Scene, Wrap};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::*;
-use crate::wgsl::layout::{InstanceNormals, NONE, TextureInfo, Triangle, VertexAttributes};
+use crate::wgsl::layout::{InstanceNormals, NONE, TextureInfo, Triangle, VertexAttributes, VertexDetails};
 
 /// The arrays of the scene, in the layout of `shared/scene.wgsl`.
 pub struct Geometry {
@@ -20,11 +20,14 @@ pub struct Geometry {
     pub copies: Option<(usize, u32)>,
     pub corners: Vec<u32>,
     pub attributes: Vec<VertexAttributes>,
+    /// As long as `attributes`, or empty if no mesh has vertex colours or tangents.
+    pub details: Vec<VertexDetails>,
     pub instances: Vec<InstanceNormals>,
     /// One device material per pair (material, whether its node is a selected emitter) in use.
     pub materials: Vec<Material>,
     pub textures: Vec<TextureInfo>,
-    pub texels: Vec<u32>,
+    /// Where the texels of the scene's images lie on the device. The texels are not copied before the upload.
+    pub texels: TexelLayout,
     pub features: Features,
     /// Maximum refractive index of the transmissive materials, at least 1.
     pub max_ior: f32,
@@ -35,6 +38,7 @@ impl Geometry {
     pub fn new(scene: &Scene, space: &RenderSpace, emitters: &Emitters, albedo: &AlbedoTable) -> Geometry {
         let mut materials = MaterialSet::new(scene, emitters, albedo);
         let (corners, attributes, corner_base) = attributes(scene);
+        let details = details(scene);
         let mut triangles = vec![];
         let mut instances = vec![];
         for instance in &scene.instances {
@@ -50,12 +54,15 @@ impl Geometry {
                     space.point(world).to_array()
                 })
                 .collect();
-            let mut material = materials.number(mesh.material, &instance.node);
+            let mut material = materials.number(mesh, &instance.node);
             if linear.determinant() < 0.0 {
                 material |= TRIANGLE_MIRRORED;
             }
             if !mesh.normals.is_empty() {
                 material |= TRIANGLE_SMOOTH;
+            }
+            if is_detailed(mesh) {
+                material |= TRIANGLE_DETAILED;
             }
             let base = corner_base[instance.mesh as usize];
             for (i, t) in mesh.triangles.iter().enumerate() {
@@ -67,17 +74,25 @@ impl Geometry {
         let shading_attributes = |t: &Triangle| {
             let material = &materials.list[(t.material & TRIANGLE_MATERIAL) as usize];
             let smooth = t.material & TRIANGLE_SMOOTH != 0;
-            let textured = material.base_texture != NONE || material.emission_texture != NONE;
+            let Material { base_texture, emission_texture, surface_texture, normal_texture, .. } = *material;
+            let textures = [base_texture, emission_texture, surface_texture, normal_texture];
+            let textured = textures.iter().any(|&texture| texture != NONE);
             let corner = |k: u32| {
-                let VertexAttributes { normal, u, v } = attributes[corners[(t.corner + k) as usize] as usize];
+                let vertex = corners[(t.corner + k) as usize] as usize;
+                let VertexAttributes { normal, u, v } = attributes[vertex];
+                let VertexDetails { red_green, blue_alpha, tangent } = details.get(vertex).copied().unwrap_or(PLAIN);
                 let bits = |x: f32| if textured { x.to_bits() } else { 0 };
-                [if smooth { normal } else { 0 }, bits(u), bits(v)]
+                [if smooth { normal } else { 0 }, bits(u), bits(v), red_green, blue_alpha, tangent]
             };
             let InstanceNormals { x, y, z, .. } = instances[t.instance as usize];
             let columns: [f32; 9] = bytemuck::cast([x, y, z]);
             ShadingAttributes {
-                corners: if t.corner == NONE { [[0; 3]; 3] } else { [0, 1, 2].map(corner) },
-                normal_matrix: if smooth { columns.map(f32::to_bits) } else { [0; 9] },
+                corners: if t.corner == NONE { [[0; 6]; 3] } else { [0, 1, 2].map(corner) },
+                normal_matrix: if smooth || material.normal_texture != NONE {
+                    columns.map(f32::to_bits)
+                } else {
+                    [0; 9]
+                },
             }
         };
         let copies = drop_copies(&mut triangles, shading_attributes);
@@ -90,6 +105,7 @@ impl Geometry {
             copies,
             corners,
             attributes,
+            details,
             instances,
             textures,
             texels,
@@ -109,12 +125,46 @@ fn normal_columns(linear: DMat3) -> InstanceNormals {
     InstanceNormals { x: column(m.x_axis), pad0: 0.0, y: column(m.y_axis), pad1: 0.0, z: column(m.z_axis), pad2: 0.0 }
 }
 
-/// For the meshes with normals or texture coordinates: the vertex index of every triangle corner, the vertices, and the index
-/// of the first corner per mesh (NONE for a mesh without either).
+/// Whether the mesh has any attribute besides positions.
+fn has_attributes(mesh: &Mesh) -> bool {
+    !mesh.normals.is_empty() || !mesh.uvs.is_empty() || !mesh.colors.is_empty()
+}
+
+/// Whether the mesh has vertex colours or tangents.
+fn is_detailed(mesh: &Mesh) -> bool {
+    !mesh.colors.is_empty() || (!mesh.tangents.is_empty() && has_attributes(mesh))
+}
+
+/// A vertex without colour and tangent.
+const PLAIN: VertexDetails = VertexDetails { red_green: u32::MAX, blue_alpha: u32::MAX, tangent: 0 };
+
+/// The details of all vertices, in the order of [`attributes`]; empty if no mesh has any.
+fn details(scene: &Scene) -> Vec<VertexDetails> {
+    if !scene.meshes.iter().any(is_detailed) {
+        return vec![];
+    }
+    let pack = |low: f32, high: f32| {
+        let [low, high] = [low, high].map(|x| (x.clamp(0.0, 1.0) * 65535.0).round() as u32);
+        low | high << 16
+    };
+    let vertex = |mesh: &Mesh, i: usize| {
+        let [r, g, b, a] = mesh.colors.get(i).copied().unwrap_or([1.0; 4]);
+        let tangent = mesh.tangents.get(i).map_or(0, |&[x, y, z, w]| {
+            let mirrored = if w < 0.0 { TANGENT_MIRRORED } else { 0 };
+            octahedral([x, y, z]) & !TANGENT_MIRRORED | mirrored
+        });
+        VertexDetails { red_green: pack(r, g), blue_alpha: pack(b, a), tangent }
+    };
+    let meshes = scene.meshes.iter().filter(|mesh| has_attributes(mesh));
+    meshes.flat_map(|mesh| (0..mesh.positions.len()).map(move |i| vertex(mesh, i))).collect()
+}
+
+/// For the meshes with attributes: the vertex index of every triangle corner, the vertices, and the index of the first corner
+/// per mesh (NONE for a mesh without attributes).
 fn attributes(scene: &Scene) -> (Vec<u32>, Vec<VertexAttributes>, Vec<u32>) {
     let (mut corners, mut attributes, mut bases) = (vec![], vec![], vec![]);
     for mesh in &scene.meshes {
-        if mesh.normals.is_empty() && mesh.uvs.is_empty() {
+        if !has_attributes(mesh) {
             bases.push(NONE);
             continue;
         }
@@ -141,16 +191,42 @@ pub fn octahedral(n: [f32; 3]) -> u32 {
     pack(x) | (pack(y) << 16)
 }
 
-fn textures(scene: &Scene, needed: bool) -> (Vec<TextureInfo>, Vec<u32>) {
+/// Where the texels of each image lie in the array `texels` of `shared/scene.wgsl`, which consists of words of four texels.
+#[derive(Debug, Clone, Default)]
+pub struct TexelLayout {
+    /// First word of each image of the scene; empty if no material uses a texture.
+    first: Vec<u32>,
+    /// Number of words of all images.
+    pub words: usize,
+}
+
+impl TexelLayout {
+    /// Bytes per word of the device's array.
+    pub const WORD: usize = 16;
+
+    fn new(images: &[Image]) -> TexelLayout {
+        let mut layout = TexelLayout::default();
+        for image in images {
+            // A scene whose words exceed 32 bits fits no device, and is refused before the upload.
+            layout.first.push(u32::try_from(layout.words).unwrap_or(u32::MAX));
+            layout.words += image.rgba.len().div_ceil(4);
+        }
+        layout
+    }
+
+    /// Calls `write` with the texels of each image, and with their offset in bytes in the device's array. After an image, up to
+    /// 12 bytes stay unwritten; no kernel reads them.
+    pub fn write<E>(&self, scene: &Scene, mut write: impl FnMut(usize, &[u8]) -> Result<(), E>) -> Result<(), E> {
+        let mut images = self.first.iter().zip(&scene.images);
+        images.try_for_each(|(&first, image)| write(Self::WORD * first as usize, image.rgba.as_flattened()))
+    }
+}
+
+fn textures(scene: &Scene, needed: bool) -> (Vec<TextureInfo>, TexelLayout) {
     if !needed {
-        return (vec![], vec![]);
+        return (vec![], TexelLayout::default());
     }
-    let mut texels = vec![];
-    let mut first = vec![];
-    for image in &scene.images {
-        first.push(texels.len() as u32);
-        texels.extend(image.rgba.iter().map(|&c| u32::from_le_bytes(c)));
-    }
+    let texels = TexelLayout::new(&scene.images);
     let wrap = |w: Wrap| match w {
         Wrap::Repeat => 0,
         Wrap::Mirror => 1,
@@ -159,7 +235,7 @@ fn textures(scene: &Scene, needed: bool) -> (Vec<TextureInfo>, Vec<u32>) {
     let infos = scene.textures.iter().map(|t| {
         let image = &scene.images[t.image as usize];
         let sampler = wrap(t.wrap[0]) | (wrap(t.wrap[1]) << 2) | (u32::from(t.linear) << 4);
-        TextureInfo { first: first[t.image as usize], width: image.width, height: image.height, sampler }
+        TextureInfo { first: texels.first[t.image as usize], width: image.width, height: image.height, sampler }
     });
-    (infos.collect(), texels)
+    (infos.collect::<Vec<_>>(), texels)
 }

@@ -15,7 +15,9 @@ host_twins! {
         emission: [f32; 3], emission_density: f32,
         metallic: f32, alpha: f32, f0: f32, ior: f32,
         transmission: f32, diffuse_scale: f32, alpha_cutoff: f32, flags: u32,
-        base_texture: u32, emission_texture: u32, f90: f32, pad0: u32,
+        base_texture: u32, emission_texture: u32, f90: f32, surface_texture: u32,
+        normal_texture: u32, normal_scale: f32, clearcoat: f32, clearcoat_alpha: f32,
+        f0_color: [f32; 3], pad0: u32,
     }
 }
 
@@ -31,20 +33,31 @@ shared_constants! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Features {
     pub textures: bool,
+    /// Whether roughness or metalness vary over a surface.
+    pub surface_textures: bool,
+    pub normal_maps: bool,
+    pub vertex_colors: bool,
     pub alpha: bool,
     /// Whether any material is not purely Lambertian.
     pub glossy: bool,
     pub transmission: bool,
+    pub specular_colors: bool,
+    pub clearcoat: bool,
 }
 
 impl Features {
     /// Values of the WGSL `override` constants that switch each feature on (1) or off (0).
-    pub fn constants(&self) -> [(&'static str, f64); 4] {
+    pub fn constants(&self) -> [(&'static str, f64); 9] {
         [
             ("HAS_TEXTURES", self.textures),
+            ("HAS_SURFACE_TEXTURES", self.surface_textures),
+            ("HAS_NORMAL_MAPS", self.normal_maps),
+            ("HAS_VERTEX_COLORS", self.vertex_colors),
             ("HAS_ALPHA", self.alpha),
             ("HAS_GLOSSY", self.glossy),
             ("HAS_TRANSMISSION", self.transmission),
+            ("HAS_SPECULAR_COLORS", self.specular_colors),
+            ("HAS_CLEARCOAT", self.clearcoat),
         ]
         .map(|(name, on)| (name, if on { 1.0 } else { 0.0 }))
     }
@@ -55,9 +68,9 @@ pub struct MaterialSet<'a> {
     scene: &'a Scene,
     emitters: &'a Emitters,
     albedo: &'a AlbedoTable,
-    /// One device material per pair (material, whether its node is a selected emitter) in use.
+    /// One device material per triple (material, whether its node is a selected emitter, whether its mesh has tangents) in use.
     pub list: Vec<Material>,
-    numbers: HashMap<(u32, bool), u32>,
+    numbers: HashMap<(u32, bool, bool), u32>,
     pub features: Features,
     /// Maximum refractive index of the transmissive materials, at least 1.
     pub max_ior: f32,
@@ -69,39 +82,51 @@ impl<'a> MaterialSet<'a> {
         MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), max_ior: 1.0 }
     }
 
-    /// Index in `list` of `material` on `node`, with the bit [`TRIANGLE_ALPHA`] if rays may pass through the surface.
-    pub fn number(&mut self, material: u32, node: &str) -> u32 {
+    /// Index in `list` of the material of `mesh` on `node`, with the bit [`TRIANGLE_ALPHA`] if rays may pass through the surface.
+    pub fn number(&mut self, mesh: &scene::Mesh, node: &str) -> u32 {
+        let material = mesh.material;
         let source = &self.scene.materials[material as usize];
-        let is_emitter = self.emitters.include(node);
-        let number = match self.numbers.get(&(material, is_emitter)) {
+        let key = (material, self.emitters.include(node), !mesh.tangents.is_empty());
+        let number = match self.numbers.get(&key) {
             Some(&n) => n,
             None => {
                 let n = self.list.len() as u32;
-                let converted = self.convert(source, is_emitter);
+                let converted = self.convert(source, key.1, key.2);
                 self.list.push(converted);
-                self.numbers.insert((material, is_emitter), n);
+                self.numbers.insert(key, n);
                 n
             }
         };
-        let alpha = if is_partial(source) { TRIANGLE_ALPHA } else { 0 };
+        let alpha = if is_partial(source, mesh) { TRIANGLE_ALPHA } else { 0 };
         self.features.alpha |= alpha != 0;
+        self.features.vertex_colors |= !mesh.colors.is_empty();
         number | alpha
     }
 
-    fn convert(&mut self, m: &scene::Material, is_emitter: bool) -> Material {
-        let f0 = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2) * m.specular;
+    fn convert(&mut self, m: &scene::Material, is_emitter: bool, has_tangents: bool) -> Material {
+        let normal_texture = m.normal_texture.filter(|_| has_tangents);
+        let uncolored = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
+        let f0_color = m.specular_color.map(|color| (uncolored * color).min(1.0) * m.specular);
+        let f0 = f0_color.into_iter().fold(0.0, f32::max);
         // With ior = 1 or specular = 0 there is no coat.
-        let f90 = if f0 > 0.0 { m.specular } else { 0.0 };
-        let mut alpha = m.roughness * m.roughness;
-        if alpha < DELTA_ALPHA || (m.transmission > 0.0 && (m.ior - 1.0).abs() < 1e-5) {
+        let f90 = if uncolored > 0.0 { m.specular } else { 0.0 };
+        let smoothed = |roughness: f32| Some(roughness * roughness).filter(|a| *a >= DELTA_ALPHA).unwrap_or(0.0);
+        let mut alpha = smoothed(m.roughness);
+        if m.transmission > 0.0 && (m.ior - 1.0).abs() < 1e-5 {
             alpha = 0.0;
         }
         let emission = if is_emitter { m.emission } else { [0.0; 3] };
         let emission_texture = if emission == [0.0; 3] { None } else { m.emission_texture };
-        self.features.textures |= m.base_color_texture.is_some() || emission_texture.is_some();
-        self.features.glossy |= m.metallic > 0.0 || f0 > 0.0 || m.transmission > 0.0;
-        self.features.transmission |= m.transmission > 0.0 && m.metallic < 1.0;
-        if m.transmission > 0.0 && m.metallic < 1.0 {
+        self.features.surface_textures |= m.surface_texture.is_some();
+        self.features.normal_maps |= normal_texture.is_some();
+        let textures = [m.base_color_texture, emission_texture, m.surface_texture, normal_texture];
+        self.features.textures |= textures.iter().any(|texture| texture.is_some());
+        self.features.glossy |= m.metallic > 0.0 || f90 > 0.0 || m.transmission > 0.0 || m.clearcoat > 0.0;
+        self.features.specular_colors |= f0_color != [f0; 3];
+        self.features.clearcoat |= m.clearcoat > 0.0;
+        // A texture may make the metalness smaller than its factor.
+        if m.transmission > 0.0 && (m.metallic < 1.0 || m.surface_texture.is_some()) {
+            self.features.transmission = true;
             self.max_ior = self.max_ior.max(m.ior);
         }
         let (mode, cutoff) = match m.alpha_mode {
@@ -127,18 +152,25 @@ impl<'a> MaterialSet<'a> {
             base_texture: m.base_color_texture.unwrap_or(NONE),
             emission_texture: emission_texture.unwrap_or(NONE),
             f90,
+            surface_texture: m.surface_texture.unwrap_or(NONE),
+            normal_texture: normal_texture.unwrap_or(NONE),
+            normal_scale: m.normal_scale,
+            clearcoat: m.clearcoat,
+            clearcoat_alpha: smoothed(m.clearcoat_roughness),
+            f0_color,
             pad0: 0,
         }
     }
 }
 
-/// Whether the alpha of the material may let light through the surface.
-fn is_partial(m: &scene::Material) -> bool {
+/// Whether the alpha of the material, or that of the vertex colours, may let light through the surface.
+fn is_partial(m: &scene::Material, mesh: &scene::Mesh) -> bool {
     let opaque = match m.alpha_mode {
         AlphaMode::Opaque => f32::NEG_INFINITY,
         AlphaMode::Mask(cutoff) => cutoff,
         AlphaMode::Blend => 1.0,
     };
-    let varies = m.alpha_mode != AlphaMode::Opaque && m.base_color_texture.is_some();
+    let translucent = || mesh.colors.iter().any(|color| color[3] < 1.0);
+    let varies = m.alpha_mode != AlphaMode::Opaque && (m.base_color_texture.is_some() || translucent());
     varies || m.base_color[3] < opaque
 }

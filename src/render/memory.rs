@@ -55,7 +55,7 @@ impl MemoryPlan {
         let pool = pool_buffers(&plan, plan.light_paths.saturating_mul(VERTICES_PER_PATH.min(plan.max_depth)));
         let buffers = sum(&scene_buffers) + sum(&iteration) + sum(&pool);
         let triangles = prepared.triangles() as u64;
-        let flat = sum(&scene_buffers) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
+        let flat = DeviceScene::host_bytes(prepared) + size_of_val(&prepared.geometry.bvh.nodes[..]) as u64;
         // The BVH is built before anything is uploaded, so only the larger of the two sums counts below.
         let copies: u64 = iteration.iter().filter(|desc| desc.read_back).map(|desc| desc.bytes).sum();
         let on_host = if info.is_cpu() { buffers } else { 0 } + if info.drive.maps_memory { 0 } else { copies };
@@ -123,6 +123,8 @@ fn scene_bytes(scene: &Scene) -> u64 {
         size_of_val(&m.positions[..])
             + size_of_val(&m.normals[..])
             + size_of_val(&m.uvs[..])
+            + size_of_val(&m.colors[..])
+            + size_of_val(&m.tangents[..])
             + size_of_val(&m.triangles[..])
     });
     let images = scene.images.iter().map(|i| size_of_val(&i.rgba[..]));

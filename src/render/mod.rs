@@ -2,12 +2,16 @@
 //! phases in order; each phase has its own file.
 
 pub mod albedo;
+mod arrival;
+mod black_backs;
 mod compaction;
 mod coplanar;
 mod device_scene;
 mod duplicates;
 mod emitters;
+mod first_surface;
 pub mod geometry;
+mod layers;
 mod light;
 pub mod material;
 mod memory;
@@ -39,8 +43,12 @@ use crate::scene::{Camera, Scene};
 use crate::settings::units::Gate;
 use crate::settings::{Responses, Settings};
 
+pub use arrival::first_arrivals;
+pub use black_backs::{BlackBacks, black_backs};
 use compaction::Compaction;
 use device_scene::DeviceScene;
+pub use first_surface::{FirstSurface, first_surfaces};
+pub use layers::{layers, object_ids};
 use light::{LightTracer, Splat};
 pub use memory::MemoryPlan;
 pub use plan::Tuning;
@@ -89,7 +97,7 @@ impl Renderer {
         let size = [settings.crop().width(), settings.crop().height()];
         let mut plan = Plan::new(scene, settings, &prepared)?;
         plan.tuning = tuning;
-        let mut renderer = Renderer::from_plan(device, plan, size, &prepared)?;
+        let mut renderer = Renderer::from_plan(device, plan, size, scene, &prepared)?;
         renderer.stats.add_prepared("build BVH", seconds);
         Ok(renderer)
     }
@@ -104,14 +112,20 @@ impl Renderer {
         prepared: &PreparedScene,
     ) -> Result<Renderer> {
         let size = [settings.crop().width(), settings.crop().height()];
-        Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, size, prepared)
+        Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, size, scene, prepared)
     }
 
-    fn from_plan(device: &Device, plan: Plan, [width, height]: [u32; 2], prepared: &PreparedScene) -> Result<Renderer> {
+    fn from_plan(
+        device: &Device,
+        plan: Plan,
+        [width, height]: [u32; 2],
+        scene: &Scene,
+        prepared: &PreparedScene,
+    ) -> Result<Renderer> {
         // Check the limits of the device before any allocation.
         buffer_desc::check_all(&memory::certain_buffers(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
-        let scene = stats.prepared("upload scene", || DeviceScene::new(device, prepared))?;
+        let scene = stats.prepared("upload scene", || DeviceScene::new(device, scene, prepared))?;
         let compaction = Arc::new(stats.prepared(stage::COMPILE, || Compaction::new(device, &plan.constants()))?);
         let light = stats.prepared(stage::COMPILE, || {
             LightTracer::new(device, &scene, &plan, &compaction, &prepared.emitters.deterministic)
@@ -200,7 +214,8 @@ impl Renderer {
     }
 
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
-    /// statistics stay. Fails without any change if a gate does not have a finite start before its end.
+    /// statistics stay. Fails without any change if a gate does not have a finite start before its end, or if there is a gate and
+    /// a light is infinitely far away.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
         let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
@@ -209,15 +224,20 @@ impl Renderer {
                 "a gate must start at a finite time and end later, such as 12.5m..12.8m".into(),
             ));
         }
+        if self.plan.has_sun && !responses.are_steady() {
+            return Err(Error::Settings(
+                "a light is infinitely far away, so its light has no travel time to gate; select other emitters".into(),
+            ));
+        }
         self.plan.set(seed, responses);
         self.clear();
         Ok(())
     }
 
     /// Clears the film and begins a new render with another camera and a film of the same size. The scene, the BVH, the
-    /// kernels and the statistics stay. Returns false without any change if `camera` is so far from the camera that the scene
-    /// was prepared for that positions would be imprecise; create a new renderer then. Fails if [`Scene::check`] would refuse
-    /// the camera.
+    /// kernels and the statistics stay. Returns false, and changes nothing, if positions would be imprecise because `camera` is
+    /// too far from the camera that the scene was prepared for; create a new renderer then. Fails if [`Scene::check`] would
+    /// refuse the camera.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
         camera.check()?;
         let moved = self.plan.set_camera(camera);

@@ -29,9 +29,12 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     for triangle in &geometry.triangles {
         enclose(extent(triangle), &corners(triangle));
     }
-    for light in &scene.lights {
+    for light in scene.lights.iter().filter(|light| !light.kind.is_sun()) {
         let position = space.point(light.position);
-        enclose(position.abs().max_element(), &[position]);
+        // A light at the pinhole has no extent, and is no part of the scene that a surface could swallow.
+        if position != Vec3::ZERO {
+            enclose(position.abs().max_element(), &[position]);
+        }
     }
 
     // The rest of the scene: the groups from the pinhole (the origin) outwards, up to the first with too large an offset.
@@ -96,6 +99,7 @@ mod tests {
     use crate::generate::stage::{add, diffuse, material};
     use crate::generate::{Kind, build};
     use crate::render::albedo::AlbedoTable;
+    use crate::scene::LightKind;
     use crate::settings::Emitters;
     use glam::DVec3;
 
@@ -122,6 +126,20 @@ mod tests {
         // A floor far below the room needs no warning.
         assert_eq!(warnings_of_floor(2e6, -1e6, 0), Vec::<String>::new());
         assert_eq!(build(Kind::CornellBox).lights.len(), 0);
+    }
+
+    /// A light at the pinhole must not count as a scene without size, which every triangle around the pinhole would swallow.
+    #[test]
+    fn a_light_at_the_pinhole_changes_nothing() {
+        let mut scene = build(Kind::CornellBox);
+        let grey = material(&mut scene, diffuse("grey", [0.5; 3]));
+        let eye = scene.cameras[0].transform.translation;
+        let wall = quad(eye - 2.0 * DVec3::ONE, DVec3::new(4.0, 4.0, 0.0), DVec3::new(0.0, 3.0, 4.0), [1.0; 2]);
+        add(&mut scene, "around the eye", grey, wall);
+        scene.add_light("headlamp", eye, DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
+        let space = RenderSpace::new(&scene, eye, &Emitters::Scene);
+        let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
+        assert_eq!(warnings(&scene, &geometry, &space), Vec::<String>::new());
     }
 
     #[test]

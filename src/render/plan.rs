@@ -75,6 +75,8 @@ pub struct Plan {
     pub max_depth: u32,
     pub adaptive: bool,
     pub features: Features,
+    /// Whether a light is infinitely far away, so that no gate is possible.
+    pub has_sun: bool,
     pub crop: Crop,
     pub crop_pixels: u64,
     /// Whether light subpaths are traced beyond their first vertex, the one on the emitter.
@@ -120,6 +122,7 @@ impl Plan {
             max_depth: settings.max_depth(),
             adaptive: settings.sampling() == Sampling::Adaptive,
             features,
+            has_sun: emitters.has_sun,
             crop: settings.crop(),
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
             traces_light,
@@ -150,8 +153,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Replaces the camera; the film stays the same size. Returns false without any change if `camera` is too far from the
-    /// camera that the scene was prepared for (see [`RenderSpace::sensor`]).
+    /// Replaces the camera; the film keeps its size. Returns whether it did: a camera too far from the one that the scene was
+    /// prepared for is not taken (see [`RenderSpace::sensor`]), and nothing changes.
     pub fn set_camera(&mut self, camera: &Camera) -> bool {
         let is_near = self.aim(camera);
         if is_near {
@@ -172,6 +175,8 @@ impl Plan {
         let extent = [tangent * width / height, tangent];
         frame.extent = extent.map(|x| x as f32);
         frame.pixel_area = (4.0 * extent[0] * extent[1] / (width * height)) as f32;
+        let [x, y] = camera.principal_point;
+        frame.principal_offset = [(x - 0.5) * width, (y - 0.5) * height].map(|pixels| pixels as f32);
         true
     }
 
@@ -263,6 +268,7 @@ impl Plan {
         let mut constants = self.features.constants().to_vec();
         constants.extend([
             ("WORKGROUP", self.tuning.workgroup.into()),
+            ("HAS_PARALLEL", switch(self.has_sun)),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("QUERIED_PUNCTUAL", switch(self.queries_deterministic(self.max_deterministic))),

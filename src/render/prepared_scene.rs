@@ -1,6 +1,6 @@
 //! A scene that the host has prepared for rendering: it is flattened, its BVH is built, and its emitters are collected.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
@@ -51,6 +51,22 @@ impl PreparedScene {
         &self.emitters.powers
     }
 
+    /// Whether a light is infinitely far away, so that its light has no travel time.
+    pub fn has_sun(&self) -> bool {
+        self.emitters.has_sun
+    }
+
+    /// The settings and the scene without suns; `None` if no other light is left.
+    pub fn without_suns(scene: &Scene, settings: &Settings) -> Option<(Settings, PreparedScene)> {
+        let suns = scene.lights.iter().filter(|light| light.kind.is_sun());
+        let suns: HashSet<&str> = suns.map(|light| light.node.as_str()).collect();
+        let nodes = scene.lights.iter().map(|light| &light.node).chain(scene.instances.iter().map(|i| &i.node));
+        let others = nodes.filter(|node| settings.emitters().include(node) && !suns.contains(node.as_str()));
+        let settings = settings.change().emitters(Emitters::Nodes(others.cloned().collect())).build().ok()?;
+        let prepared = PreparedScene::new(scene, &settings).ok()?;
+        Some((settings, prepared))
+    }
+
     /// Warnings about a valid scene that will look wrong, one sentence each: copies of triangles, surfaces that are far too
     /// large, lamps in the plane of another surface.
     pub fn warnings(&self, scene: &Scene) -> Vec<String> {
@@ -84,7 +100,7 @@ fn check_emitters(scene: &Scene, settings: &Settings) -> Result<()> {
             "the scene has no node '{unknown}', so it cannot be an emitter; check the name"
         )));
     }
-    let distant = |light: &&Light| light.kind.radius().is_none() && settings.emitters().include(&light.node);
+    let distant = |light: &&Light| light.kind.is_sun() && settings.emitters().include(&light.node);
     match scene.lights.iter().find(distant) {
         Some(light) if !settings.responses().are_steady() => Err(Error::Settings(format!(
             "the light '{}' is infinitely far away, so its light has no travel time to gate; render without a gate, or select \

@@ -6,17 +6,22 @@ use super::Renderer;
 use super::emitters::luminance;
 use super::plan::{Observe, Plan};
 use super::prepared_scene::PreparedScene;
+use super::samples::MAX_SAMPLES_PER_PIXEL;
 use crate::error::Result;
 use crate::gpu::Device;
 use crate::scene::Scene;
 use crate::settings::units::Gate;
-use crate::settings::{Crop, Estimator, Sampling, Settings, Strategies};
+use crate::settings::{Crop, Estimator, Sampling, Settings, SettingsBuilder, Strategies};
 
-/// Size of the probe: image rows, light subpaths, samples per pixel and iteration, iterations.
+/// Size of the probe: maximum number of rows, light subpaths per iteration, and iterations.
 const ROWS: u32 = 64;
 const LIGHT_PATHS: u32 = 20_000;
-const SAMPLES: u32 = 2;
 const ITERATIONS: u32 = 4;
+/// Samples per iteration over all pixels, if the limits on the samples of a pixel allow it.
+const SAMPLES: u32 = 8192;
+const MIN_PIXEL_SAMPLES: u32 = 2;
+/// Iterations for a crop of few pixels.
+const MAX_ITERATIONS: u32 = 32;
 
 /// Histogram of travel times in metres of optical path, weighted by luminance. The relative width of a bin is at most 2^-16.
 #[derive(Debug, Clone, Default)]
@@ -71,32 +76,51 @@ impl TravelTimes {
     }
 }
 
-/// Renders a small image of the same view as `settings`, without a gate and with all strategies, and returns its travel times.
+/// Renders a small image of the same crop as `settings`, without a gate and with all strategies, and returns its travel times.
 pub fn probe(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<TravelTimes> {
     let settings = small(settings);
-    let mut plan = Plan::new(scene, &settings, prepared)?;
-    plan.observe = Observe::Times;
-    let mut renderer = Renderer::from_plan(device, plan, [1, 1], prepared)?;
+    let mut renderer = observer(device, scene, &settings, prepared)?;
     let mut times = TravelTimes::default();
     let unit = prepared.space.unit as f32;
-    for _ in 0..ITERATIONS {
-        renderer.observe(SAMPLES, &mut |seen| times.add(unit * seen.tau_or_weight, luminance(seen.rgb)))?;
+    let pixels = settings.crop().width() * settings.crop().height();
+    // A crop of a few pixels gets as many samples as the pixels of a whole image together.
+    let samples = (SAMPLES / pixels).clamp(MIN_PIXEL_SAMPLES, MAX_SAMPLES_PER_PIXEL);
+    let iterations = (ITERATIONS * SAMPLES / (samples * pixels)).clamp(ITERATIONS, MAX_ITERATIONS);
+    for _ in 0..iterations {
+        renderer.observe(samples, &mut |seen| times.add(unit * seen.tau_or_weight, luminance(seen.rgb)))?;
     }
     Ok(times)
 }
 
-/// The settings of the probe: the same view with few pixels, without a gate.
-fn small(settings: &Settings) -> Settings {
+/// A renderer whose contributions come with their travel times. `settings` have no gate and uniform sampling.
+pub(super) fn observer(
+    device: &Device,
+    scene: &Scene,
+    settings: &Settings,
+    prepared: &PreparedScene,
+) -> Result<Renderer> {
+    let mut plan = Plan::new(scene, settings, prepared)?;
+    plan.observe = Observe::Times;
+    Renderer::from_plan(device, plan, [1, 1], scene, prepared)
+}
+
+/// The same view without a gate, with all strategies.
+pub(super) fn without_gate(settings: &Settings) -> SettingsBuilder {
+    let open = settings.change().estimator(Estimator::UNGATED).strategies(Strategies::All).gate(Gate::OPEN);
+    let open = open.sampling(Sampling::Uniform).splat_paths(None);
+    open.light_paths(settings.light_paths().min(LIGHT_PATHS))
+}
+
+/// The settings of the probe: the same crop with few pixels, without a gate.
+pub(super) fn small(settings: &Settings) -> Settings {
     let [width, height] = settings.resolution();
-    let scale = (f64::from(ROWS) / f64::from(height)).min(1.0);
+    let scale = (f64::from(ROWS) / f64::from(settings.crop().height())).min(1.0);
     let resolution = [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1));
     let begin = |x: u32, max: u32| ((f64::from(x) * scale).floor() as u32).min(max - 1);
     let end = |x: u32, begin: u32, max: u32| ((f64::from(x) * scale).ceil() as u32).clamp(begin + 1, max);
     let (x0, y0) = (begin(settings.crop().x0, resolution[0]), begin(settings.crop().y0, resolution[1]));
     let (x1, y1) = (end(settings.crop().x1, x0, resolution[0]), end(settings.crop().y1, y0, resolution[1]));
-    let small = settings.change().estimator(Estimator::UNGATED).strategies(Strategies::All).gate(Gate::OPEN);
-    let small = small.resolution(resolution).crop(Crop { x0, x1, y0, y1 }).sampling(Sampling::Uniform);
-    let small = small.light_paths(settings.light_paths().min(LIGHT_PATHS)).splat_paths(None);
+    let small = without_gate(settings).resolution(resolution).crop(Crop { x0, x1, y0, y1 });
     small.build().expect("settings of a smaller image are within the limits")
 }
 

@@ -56,7 +56,7 @@ impl StrategyImages {
         let [width, height] = [settings.crop().width(), settings.crop().height()];
         let mut plan = Plan::new(scene, settings, prepared)?;
         plan.observe = Observe::Strategies;
-        let renderer = Renderer::from_plan(device, plan, [1, 1], prepared)?;
+        let renderer = Renderer::from_plan(device, plan, [1, 1], scene, prepared)?;
         let film = || Film::new(width, height);
         let image = |(s, t)| StrategyImage { s, t, weighted: film(), unweighted: film() };
         Ok(StrategyImages { renderer, images: strategies(settings).into_iter().map(image).collect() })

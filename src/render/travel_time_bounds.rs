@@ -167,6 +167,7 @@ mod tests {
                 yfov: 1.0,
                 aspect: None,
                 resolution: None,
+                principal_point: Camera::CENTRED,
             }],
             lights: light
                 .map(|p| Light {

@@ -69,6 +69,7 @@ impl Camera {
             yfov,
             aspect: Some(f64::from(resolution[0]) / f64::from(resolution[1])),
             resolution: Some(resolution),
+            principal_point: Camera::CENTRED,
         }
     }
 }
@@ -77,7 +78,13 @@ impl Camera {
 /// `direction` its Y is as close as possible to world Z.
 pub fn look(eye: DVec3, direction: DVec3) -> DAffine3 {
     let z = -direction.normalize();
-    let up = if z.y.abs() > 0.999 { DVec3::Z } else { DVec3::Y };
+    look_upright(eye, direction, if z.y.abs() > 0.999 { DVec3::Z } else { DVec3::Y })
+}
+
+/// The transform at `eye` whose -Z points along `direction` and whose Y is as close as possible to `up`, which must not be
+/// parallel to `direction`. Both may have any length except 0.
+pub fn look_upright(eye: DVec3, direction: DVec3, up: DVec3) -> DAffine3 {
+    let z = -direction.normalize();
     let x = up.cross(z).normalize();
     DAffine3::from_mat3_translation(DMat3::from_cols(x, z.cross(x), z), eye)
 }

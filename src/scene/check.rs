@@ -7,12 +7,15 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::light::Light;
-use super::{Camera, Image, Instance, Mesh, Scene};
+use super::{Camera, Image, Instance, Material, Mesh, Scene};
 use crate::error::{Error, Result};
 
 /// Upper bound on the coordinates of a scene, in metres from the origin of the world. Beyond it the squares of lengths would
 /// overflow in the device's f32 numbers.
 pub const MAX_COORDINATE: f64 = 1e15;
+/// Upper bound on the coordinates of a principal point, in widths and heights of the image. Pixel coordinates that were given
+/// instead of fractions are beyond it.
+const MAX_PRINCIPAL_POINT: f64 = 10.0;
 /// Tolerance for the length of unit vectors.
 const UNIT: f64 = 1e-3;
 
@@ -32,7 +35,7 @@ impl Scene {
             below(texture.image, self.images.len(), || format!("texture {i}"), "image")?;
         }
         self.materials.iter().try_for_each(|material| material.check(self.textures.len()))?;
-        self.meshes.iter().try_for_each(|mesh| check_mesh(mesh, self.materials.len()))?;
+        self.meshes.iter().try_for_each(|mesh| check_mesh(mesh, &self.materials))?;
         let bounds: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         self.instances.iter().try_for_each(|instance| check_instance(instance, &bounds))?;
         self.cameras.iter().try_for_each(check_camera)?;
@@ -67,13 +70,18 @@ fn check_image(index: usize, image: &Image) -> Checked {
     }
 }
 
-fn check_mesh(mesh: &Mesh, materials: usize) -> Checked {
+fn check_mesh(mesh: &Mesh, materials: &[Material]) -> Checked {
     let name = || format!("mesh '{}'", mesh.name);
     let vertices = mesh.positions.len();
     if vertices == 0 {
         return Err(format!("{} has no positions", name()));
     }
-    for (what, count) in [("normals", mesh.normals.len()), ("uvs", mesh.uvs.len())] {
+    for (what, count) in [
+        ("normals", mesh.normals.len()),
+        ("uvs", mesh.uvs.len()),
+        ("colors", mesh.colors.len()),
+        ("tangents", mesh.tangents.len()),
+    ] {
         if count != 0 && count != vertices {
             return Err(format!(
                 "{} has {count} {what} for {vertices} positions; give one per position, or none",
@@ -88,10 +96,20 @@ fn check_mesh(mesh: &Mesh, materials: usize) -> Checked {
     if !mesh.normals.iter().all(|&n| is_unit(Vec3::from(n).as_dvec3())) {
         return Err(format!("{} has normals that are not of unit length", name()));
     }
+    if !mesh.colors.iter().flatten().all(|x| (0.0..=1.0).contains(x)) {
+        return Err(format!("{} has colors outside [0, 1]", name()));
+    }
+    if !mesh.tangents.iter().all(|&[x, y, z, w]| is_unit(DVec3::new(x.into(), y.into(), z.into())) && w.abs() == 1.0) {
+        return Err(format!("{} has tangents that are not of unit length, or whose w is not 1 or -1", name()));
+    }
     if let Some(corner) = mesh.triangles.iter().flatten().find(|&&corner| corner as usize >= vertices) {
         return Err(format!("{} has a triangle with corner {corner}, but only {vertices} positions", name()));
     }
-    below(mesh.material, materials, name, "material")
+    below(mesh.material, materials.len(), name, "material")?;
+    if materials[mesh.material as usize].normal_texture.is_some() && !mesh.uvs.is_empty() && mesh.tangents.is_empty() {
+        return Err(format!("{} has a normal map, but no tangents; call add_tangents", name()));
+    }
+    Ok(())
 }
 
 fn check_instance(instance: &Instance, meshes: &[[DVec3; 2]]) -> Checked {
@@ -119,6 +137,13 @@ fn check_camera(camera: &Camera) -> Checked {
     }
     if camera.aspect.is_some_and(|aspect| !(aspect.is_finite() && aspect > 0.0)) {
         return Err(format!("{} has an aspect that is not positive", name()));
+    }
+    if !camera.principal_point.iter().all(|x| x.abs() <= MAX_PRINCIPAL_POINT) {
+        return Err(format!(
+            "{} has a principal point farther than {MAX_PRINCIPAL_POINT} image sizes from the corner; give fractions of \
+             width and height",
+            name()
+        ));
     }
     match camera.resolution {
         Some([0, _] | [_, 0]) => Err(format!("{} has a resolution without pixels", name())),
@@ -176,7 +201,7 @@ mod tests {
     fn a_scene_that_breaks_a_rule_is_refused() {
         let scene = crate::generate::build(crate::generate::Kind::CornellBox);
         assert!(scene.check().is_ok());
-        let changes: [(&str, Change); 18] = [
+        let changes: [(&str, Change); 23] = [
             ("node 'floor' refers to mesh 99, but the scene has 8", |s| s.instances[0].mesh = 99),
             ("node 'floor' has a transform", |s| s.instances[0].transform.matrix3.y_axis = DVec3::ZERO),
             ("node 'floor' has a transform", |s| s.instances[0].transform.translation.x = f64::NAN),
@@ -186,6 +211,9 @@ mod tests {
             ("positions or uvs that are not finite", |s| s.meshes[0].positions[3][1] = f32::INFINITY),
             ("1 normals for 4 positions", |s| s.meshes[0].normals = vec![[0.0, 1.0, 0.0]]),
             ("normals that are not of unit length", |s| s.meshes[0].normals = vec![[0.0, 2.0, 0.0]; 4]),
+            ("2 colors for 4 positions", |s| s.meshes[0].colors = vec![[1.0; 4]; 2]),
+            ("colors outside [0, 1]", |s| s.meshes[0].colors = vec![[0.0, 0.5, 1.5, 1.0]; 4]),
+            ("tangents that are not of unit length", |s| s.meshes[0].tangents = vec![[1.0, 0.0, 0.0, 0.5]; 4]),
             ("a triangle with corner 4, but only 4 positions", |s| s.meshes[0].triangles[1][2] = 4),
             ("material 'white' has a roughness of NaN", |s| s.materials[0].roughness = f32::NAN),
             ("material 'white' has a base_color of 1.5", |s| s.materials[0].base_color[1] = 1.5),
@@ -196,6 +224,8 @@ mod tests {
                 s.images.push(Image { width: 2, height: 2, rgba: vec![[0; 4]; 3] });
             }),
             ("camera 'camera' has a yfov of 4", |s| s.cameras[0].yfov = 4.0),
+            ("camera 'camera' has a principal point", |s| s.cameras[0].principal_point = [0.5, 240.0]),
+            ("camera 'camera' has a principal point", |s| s.cameras[0].principal_point[0] = f64::NAN),
             ("light 'lamp' has a strength", |s| {
                 let intensity = [1.0, f32::NAN, 1.0];
                 s.add_light("lamp", DVec3::ZERO, DVec3::X, LightKind::Point { intensity });

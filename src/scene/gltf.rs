@@ -6,29 +6,50 @@
 
 mod accessor;
 mod camera;
+mod compressed;
 mod document;
+mod draco;
+mod extension;
 mod image;
+mod instancing;
 mod light;
 mod material;
 mod mesh;
+mod meshopt;
 mod node;
+mod pose;
 mod resolve;
+mod root;
+mod texture;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+
+use glam::DAffine3;
 
 use super::check::is_singular;
 use super::{Instance, Scene};
 use crate::error::{Error, Result};
 use document::{Document, Warnings};
+use resolve::Folders;
 
 /// The error is one sentence that says why a file cannot be loaded; [`load`] adds the path.
 type Checked<T> = std::result::Result<T, String>;
 
 /// Loads the scene from a `.glb` or `.gltf` file. Files that it refers to must lie in the folder of `path` or below.
 pub fn load(path: &Path) -> Result<Scene> {
+    load_with(path, &[])
+}
+
+/// Loads the scene from a `.glb` or `.gltf` file. Files that it refers to must lie in the folder of `path`, in one of the folders
+/// `allowed`, or below one of these. Symbolic links are followed first, so that no link leads elsewhere.
+pub fn load_with(path: &Path, allowed: &[PathBuf]) -> Result<Scene> {
+    if let Some(wrong) = allowed.iter().find(|folder| !folder.is_dir()) {
+        let message = "is not a folder; check --allow-path".into();
+        return Err(Error::File { path: wrong.clone(), message });
+    }
     let bytes = resolve::read_file(path).map_err(|message| Error::Scene { path: path.into(), message })?;
-    load_slice(&bytes, path)
+    load_from(&bytes, path, allowed)
 }
 
 /// The bytes of the scene's file, then of the external buffers and images that it names, in its order. A missing external file
@@ -36,37 +57,39 @@ pub fn load(path: &Path) -> Result<Scene> {
 pub fn files(path: &Path) -> Result<Vec<Vec<u8>>> {
     let wrong = |message: String| Error::Scene { path: path.into(), message };
     let bytes = resolve::read_file(path).map_err(wrong)?;
-    let mut all = catch_unwind(AssertUnwindSafe(|| resolve::external(&bytes, folder_of(path)))).unwrap_or_default();
+    let mut all =
+        catch_unwind(AssertUnwindSafe(|| resolve::external(&bytes, Folders::new(path, &[])))).unwrap_or_default();
     all.insert(0, bytes);
     Ok(all)
 }
 
 /// Paths of the scene's file and of the external buffers and images that it names; only its own path if the file cannot be read.
-pub fn paths(path: &Path) -> Vec<PathBuf> {
-    let named = || Some(resolve::external_paths(&resolve::read_file(path).ok()?, folder_of(path)));
+/// `allowed` is that of [`load_with`].
+pub fn paths(path: &Path, allowed: &[PathBuf]) -> Vec<PathBuf> {
+    let named = || Some(resolve::external_paths(&resolve::read_file(path).ok()?, Folders::new(path, allowed)));
     let mut all = catch_unwind(AssertUnwindSafe(named)).ok().flatten().unwrap_or_default();
     all.insert(0, path.into());
     all
 }
 
-fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
 /// Loads the scene from the bytes of a `.glb` or `.gltf` file. `path` serves messages and relative URIs.
 pub fn load_slice(bytes: &[u8], path: &Path) -> Result<Scene> {
-    let folder = folder_of(path);
+    load_from(bytes, path, &[])
+}
+
+fn load_from(bytes: &[u8], path: &Path, allowed: &[PathBuf]) -> Result<Scene> {
+    let folders = Folders::new(path, allowed);
     // A panic here is a defect of this reader or of a decoder. Report it as an error: the user can at least change the file.
-    catch_unwind(AssertUnwindSafe(|| read(bytes, folder)))
+    catch_unwind(AssertUnwindSafe(|| read(bytes, folders)))
         .unwrap_or_else(|_| Err("the glTF reader failed on this file; re-export it, and report the file".into()))
         .map_err(|message| Error::Scene { path: path.into(), message })
 }
 
 /// Turns the bytes into a scene.
-fn read(bytes: &[u8], folder: &Path) -> Checked<Scene> {
+fn read(bytes: &[u8], folders: Folders) -> Checked<Scene> {
     let mut warnings = Warnings::default();
-    let doc = Document::open(bytes, folder)?;
-    doc.check_extensions(&mut warnings)?;
+    let doc = Document::open(bytes, folders)?;
+    extension::check(&doc, &mut warnings)?;
     doc.warn_of_media(&mut warnings);
 
     let worlds = node::world_transforms(&doc)?;
@@ -74,17 +97,17 @@ fn read(bytes: &[u8], folder: &Path) -> Checked<Scene> {
     let meshes = mesh::load(&doc, &worlds, &mut materials, &mut warnings)?;
     let instances = place(&doc, &worlds, &meshes, &mut warnings)?;
     if instances.is_empty() {
-        return Err(meshes.nothing_to_render());
+        warnings.push(meshes.nothing_to_render());
     }
 
     let cameras = camera::load(&doc, &worlds, &mut warnings)?;
-    let lights = light::load(&doc, &worlds)?;
-    let images = image::load(&doc, folder, &materials.images, &mut warnings)?;
+    let lights = light::load(&doc, &worlds, &mut warnings)?;
+    let images = image::load(&doc, folders, &materials.textures.images, &mut warnings)?;
     let scene = Scene {
         meshes: meshes.meshes,
         instances,
         materials: materials.materials,
-        textures: materials.textures,
+        textures: materials.textures.list,
         images,
         cameras,
         lights,
@@ -94,7 +117,7 @@ fn read(bytes: &[u8], folder: &Path) -> Checked<Scene> {
     Ok(scene)
 }
 
-/// One instance per primitive of each node's mesh, in the order of the nodes.
+/// One instance per primitive of each node's mesh and copy of the node, in the order of the nodes.
 fn place(
     doc: &Document,
     worlds: &node::Worlds,
@@ -103,22 +126,32 @@ fn place(
 ) -> Checked<Vec<Instance>> {
     let mut instances = Vec::new();
     let mut triangles = 0u64;
-    for (index, transform) in worlds.iter() {
-        let Some(range) = doc.root.nodes.get(index).and_then(|node| meshes.of(node.mesh?.value())) else { continue };
+    for (index, world) in worlds.visible() {
+        let (Some(node), Some(placement)) = (doc.root.nodes.get(index), meshes.of(index)) else { continue };
         let name = doc.node_name(index);
-        if is_singular(&transform) {
-            warnings.once("singular", || format!("node `{name}` is scaled to nothing, so its mesh is left out"));
-            continue;
+        let transforms = match placement.skinned_at {
+            Some(origin) => vec![DAffine3::from_translation(origin)],
+            None => instancing::copies(doc, index, node)?.into_iter().map(|copy| world * copy).collect(),
+        };
+        let range = placement.range.clone();
+        let per_copy: u64 = range.clone().map(|mesh| meshes.meshes[mesh].triangles.len() as u64).sum();
+        triangles += per_copy * transforms.len() as u64;
+        if triangles > mesh::MAX_TRIANGLES {
+            return Err(format!(
+                "the scene has more than {} million triangles, instances included; simplify it or split it",
+                mesh::MAX_TRIANGLES >> 20
+            ));
         }
-        for mesh in range {
-            triangles += meshes.meshes[mesh].triangles.len() as u64;
-            if triangles > mesh::MAX_TRIANGLES {
-                return Err(format!(
-                    "the scene has more than {} million triangles, instances included; simplify it or split it",
-                    mesh::MAX_TRIANGLES >> 20
-                ));
+        if instances.len() + range.len() * transforms.len() > instancing::MAX_INSTANCES {
+            return Err(instancing::too_many());
+        }
+        for transform in transforms {
+            if is_singular(&transform) {
+                warnings.once("singular", || format!("node `{name}` is scaled to nothing, so its mesh is left out"));
+                continue;
             }
-            instances.push(Instance { mesh: mesh as u32, transform, node: name.clone() });
+            let instance = |mesh: usize| Instance { mesh: mesh as u32, transform, node: name.clone() };
+            instances.extend(range.clone().map(instance));
         }
     }
     Ok(instances)

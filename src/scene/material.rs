@@ -27,16 +27,31 @@ pub struct Material {
     pub metallic: f32,
     /// Perceptual roughness in [0, 1]; the GGX alpha is its square.
     pub roughness: f32,
+    /// Index into [`Scene::textures`](super::Scene::textures). Its green channel multiplies `roughness`, its blue channel
+    /// `metallic`; both are linear.
+    pub surface_texture: Option<u32>,
+    /// Index into [`Scene::textures`](super::Scene::textures): a normal map in the space of the tangents. Bytes of 128 are
+    /// exactly 0.
+    pub normal_texture: Option<u32>,
+    /// Factor on the red and green channels of the normal map.
+    pub normal_scale: f32,
     /// Radiance in W / (m^2 sr): emissiveFactor x emissiveStrength, >= 0.
     pub emission: [f32; 3],
     /// Index into [`Scene::textures`](super::Scene::textures); multiplied with `emission`. sRGB.
     pub emission_texture: Option<u32>,
-    /// KHR_materials_specular, in [0, 1]. With `specular` 0 and `metallic` 0 the material is purely Lambertian.
+    /// KHR_materials_specular: the strength of the dielectric coat, in [0, 1]. With `specular` 0 and `metallic` 0 the material is purely Lambertian.
     pub specular: f32,
+    /// KHR_materials_specular: multiplies the reflectance of the dielectric coat at normal incidence, linear RGB, each >= 0. The
+    /// product is at most 1.
+    pub specular_color: [f32; 3],
     /// Index of refraction, >= 1.
     pub ior: f32,
     /// KHR_materials_transmission, in [0, 1].
     pub transmission: f32,
+    /// KHR_materials_clearcoat: the strength of a clear coat over everything else, in [0, 1].
+    pub clearcoat: f32,
+    /// Perceptual roughness of the clear coat, in [0, 1].
+    pub clearcoat_roughness: f32,
     /// How the alpha of the base colour determines coverage.
     pub alpha_mode: AlphaMode,
     /// Whether the back reflects and emits as the front does; otherwise the back is black.
@@ -52,11 +67,17 @@ impl Material {
             base_color_texture: None,
             metallic: 0.0,
             roughness: 1.0,
+            surface_texture: None,
+            normal_texture: None,
+            normal_scale: 1.0,
             emission: [0.0; 3],
             emission_texture: None,
             specular: 0.0,
+            specular_color: [1.0; 3],
             ior: 1.5,
             transmission: 0.0,
+            clearcoat: 0.0,
+            clearcoat_roughness: 0.0,
             alpha_mode: AlphaMode::Opaque,
             double_sided: true,
         }
@@ -82,6 +103,13 @@ impl Material {
         Material { emission: radiance, double_sided: false, ..Material::diffuse(name, [0.0; 3]) }
     }
 
+    /// Indices of the textures that the material uses.
+    pub fn textures(&self) -> impl Iterator<Item = u32> {
+        [self.base_color_texture, self.emission_texture, self.surface_texture, self.normal_texture]
+            .into_iter()
+            .flatten()
+    }
+
     /// Fails with one sentence if a number is out of range, or if a texture index is not below `textures`, the number of
     /// textures.
     pub(super) fn check(&self, textures: usize) -> Checked {
@@ -91,18 +119,24 @@ impl Material {
             ("roughness", self.roughness),
             ("specular", self.specular),
             ("transmission", self.transmission),
+            ("clearcoat", self.clearcoat),
+            ("clearcoat_roughness", self.clearcoat_roughness),
         ];
         let colour = self.base_color.map(|x| ("base_color", x));
         if let Some((what, x)) = units.iter().chain(&colour).find(|(_, x)| !(0.0..=1.0).contains(x)) {
             return Err(format!("{} has a {what} of {x}; it must be from 0 to 1", name()));
         }
-        if let Some(x) = self.emission.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
-            return Err(format!("{} has an emission of {x}; it must be 0 or more", name()));
+        for (what, color) in [("an emission", self.emission), ("a specular_color", self.specular_color)] {
+            if let Some(x) = color.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
+                return Err(format!("{} has {what} of {x}; it must be 0 or more", name()));
+            }
+        }
+        if !self.normal_scale.is_finite() {
+            return Err(format!("{} has a normal_scale of {}; it must be finite", name(), self.normal_scale));
         }
         if !(self.ior.is_finite() && self.ior >= 1.0) {
             return Err(format!("{} has an ior of {}; it must be 1 or more", name(), self.ior));
         }
-        let used = [self.base_color_texture, self.emission_texture].into_iter().flatten();
-        used.into_iter().try_for_each(|texture| below(texture, textures, name, "texture"))
+        self.textures().try_for_each(|texture| below(texture, textures, name, "texture"))
     }
 }

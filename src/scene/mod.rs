@@ -10,6 +10,7 @@ pub mod check;
 pub mod gltf;
 mod light;
 mod material;
+mod tangents;
 
 use glam::{BVec3, DAffine3, DVec3, Vec3};
 
@@ -38,17 +39,21 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Length in metres of the diagonal of a box around all instances; 0 without instances. The box contains the transformed box
-    /// of each mesh, so it may be larger than the tightest box around the triangles.
+    /// Length in metres of the diagonal of [`Scene::bounds`]; 0 without instances.
     pub fn diagonal(&self) -> f64 {
+        self.bounds().map_or(0.0, |[lo, hi]| (hi - lo).length())
+    }
+
+    /// Lower and upper corner of a box around all instances, in metres; `None` without instances. The box contains the
+    /// transformed box of each mesh, so it may be larger than the tightest box around the triangles.
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         let corners = self.instances.iter().flat_map(|instance| {
             let [lo, hi] = boxes[instance.mesh as usize];
             let corner = move |k: usize| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo);
             (0..8).map(move |k| instance.transform.transform_point3(corner(k)))
         });
-        let whole = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[lo, hi], p| [lo.min(p), hi.max(p)]);
-        (whole[1] - whole[0]).max(DVec3::ZERO).length()
+        corners.map(|p| [p, p]).reduce(|[lo, hi], [p, _]| [lo.min(p), hi.max(p)])
     }
 }
 
@@ -71,6 +76,11 @@ pub struct Mesh {
     pub normals: Vec<[f32; 3]>,
     /// Texture coordinates (set 0), one per position, or empty.
     pub uvs: Vec<[f32; 2]>,
+    /// Linear RGB and alpha in [0, 1], one per position, or empty. They multiply the base colour.
+    pub colors: Vec<[f32; 4]>,
+    /// Tangents for the normal map, one per position, or empty: a unit vector along u, and 1 or -1 in w. The green channel of
+    /// the map points along cross(normal, tangent) w. [`Mesh::add_tangents`] computes them.
+    pub tangents: Vec<[f32; 4]>,
     /// Indices of the corners, counter-clockwise as seen from the front; each is below `positions.len()`. The loader has dropped
     /// triangles of zero area.
     pub triangles: Vec<[u32; 3]>,
@@ -136,6 +146,25 @@ pub struct Camera {
     pub aspect: Option<f64>,
     /// Pixels across and down: `extras.width` and `extras.height`, if the file specifies them.
     pub resolution: Option<[u32; 2]>,
+    /// Where the camera's axis meets the image, as fractions of its width and height from the top left corner; the centre is
+    /// [`Camera::CENTRED`]. It may lie outside the image.
+    pub principal_point: [f64; 2],
+}
+
+impl Camera {
+    /// The principal point of a camera whose axis meets the centre of the image.
+    pub const CENTRED: [f64; 2] = [0.5; 2];
+
+    /// Unit direction in world space from the pinhole through the point `film` of an image of this resolution. `film` is in
+    /// pixels: column, then row from the top; the centre of the first pixel is (0.5, 0.5).
+    pub fn direction(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
+        let [width, height] = resolution.map(f64::from);
+        let tangent = (0.5 * self.yfov).tan();
+        let [centre_x, centre_y] = self.principal_point;
+        let x = 2.0 * (film[0] / width - centre_x) * tangent * width / height;
+        let y = 2.0 * (centre_y - film[1] / height) * tangent;
+        self.transform.transform_vector3(DVec3::new(x, y, -1.0)).normalize()
+    }
 }
 
 #[cfg(test)]
@@ -143,8 +172,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_camera_looks_through_the_centre_of_its_image() {
+        let transform = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
+        let yfov = std::f64::consts::FRAC_PI_2;
+        let (name, principal_point) = (String::new(), Camera::CENTRED);
+        let camera = Camera { name, transform, yfov, aspect: None, resolution: None, principal_point };
+        let close = |a: DVec3, b: DVec3| (a - b.normalize()).length() < 1e-12;
+        assert!(close(camera.direction([40, 20], [20.0, 10.0]), DVec3::NEG_X));
+        // Half the height of the image is 45 degrees up, and the left edge is twice as far from the axis.
+        assert!(close(camera.direction([40, 20], [20.0, 0.0]), DVec3::new(-1.0, 1.0, 0.0)));
+        assert!(close(camera.direction([40, 20], [0.0, 10.0]), DVec3::new(-1.0, 0.0, 2.0)));
+        let shifted = Camera { principal_point: [0.25, 1.0], ..camera };
+        assert!(close(shifted.direction([40, 20], [10.0, 20.0]), DVec3::NEG_X));
+    }
+
+    #[test]
     fn the_diagonal_is_of_the_placed_meshes() {
-        assert_eq!(Scene::default().diagonal(), 0.0);
+        assert_eq!((Scene::default().diagonal(), Scene::default().bounds()), (0.0, None));
         let mesh = Mesh { positions: vec![[0.0; 3], [1.0, 2.0, 0.0]], ..Mesh::default() };
         let at = |x: f64| Instance {
             mesh: 0,

@@ -2,9 +2,15 @@
 
 #![warn(missing_docs)]
 
+#[allow(missing_docs)]
+pub mod aov;
 mod builder;
 mod choices;
-mod keys;
+#[allow(missing_docs)]
+pub mod exposure;
+pub mod keys;
+#[allow(missing_docs)]
+pub mod numbers;
 mod responses;
 #[allow(missing_docs)]
 pub mod setting;
@@ -149,11 +155,11 @@ impl Settings {
         let responses = self.responses();
         Tables {
             camera: CameraTable {
-                camera: None,
                 resolution: Some(values::Resolution(self.resolution())),
                 crop: Some(self.crop()),
+                ..CameraTable::default()
             },
-            emitter: EmitterTable { emitters: Some(self.emitters().clone()) },
+            emitter: EmitterTable { emitters: Some(self.emitters().clone()), ..EmitterTable::default() },
             gate: GateTable { gate: (!responses.are_steady()).then(|| responses.support()), ..GateTable::default() },
             render: self.to_table(),
         }

@@ -35,6 +35,8 @@ pub enum Form {
     Signed,
     /// `--flag VALUE`, any number of times.
     Repeated,
+    /// `--flag VALUE`, any number of times, where the value may begin with a minus sign.
+    SignedRepeated,
     /// `--flag` alone means true.
     Switch,
     /// `--flag` or `--flag VALUE`; the flag alone means `bare`. With `equals`, only `--flag=VALUE` gives a value.
@@ -144,9 +146,9 @@ pub trait Value: Clone + Send + Sync + 'static {
         None
     }
 
-    /// The path of the file that the value names; `None` if the value names no file.
-    fn path(&mut self) -> Option<&mut PathBuf> {
-        None
+    /// The paths of the files and folders that the value names.
+    fn paths(&mut self) -> &mut [PathBuf] {
+        &mut []
     }
 
     /// Combines two values of a [`Form::Repeated`] flag: `self`, and `later`, which the user gave after it.
@@ -180,8 +182,8 @@ impl Value for PathBuf {
         Ok(word.into())
     }
 
-    fn path(&mut self) -> Option<&mut PathBuf> {
-        Some(self)
+    fn paths(&mut self) -> &mut [PathBuf] {
+        std::slice::from_mut(self)
     }
 }
 

@@ -7,9 +7,12 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::error::Result;
+use crate::settings::aov::Aov;
+use crate::settings::exposure::Exposure;
+use crate::settings::numbers::{Fov, Headlamp, Lamps, Numbers};
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
 use crate::settings::units::{Depth, Gate};
-use crate::settings::values::{Png, Resolution, Seconds};
+use crate::settings::values::{Folders, Png, Resolution, Seconds};
 use crate::settings::*;
 
 const BARE_TRUE: Form = Form::Optional { bare: "true", equals: true };
@@ -28,8 +31,25 @@ fn traces_light(estimator: Estimator) -> bool {
 table! {
     /// `[camera]`: the camera and the image size.
     CameraTable {
-        /// Name of the camera in the scene; NAME#2 is the second camera of this name [default: the first camera]
-        camera: String, Setting::scene("camera", "NAME");
+        /// Name of the camera in the scene; NAME#2 is the second camera of this name; auto: a view of the whole scene, slightly
+        /// from above [default: the first camera, or auto if there is none]
+        camera: String, Setting::scene("camera", "NAME|auto");
+
+        /// Place of the camera in metres, instead of its own; without --look-at the camera looks at the centre of the scene
+        look_from: Numbers<3>, Setting::scene("look-from", "X,Y,Z").form(Form::Signed);
+
+        /// Point at which the camera looks, in metres
+        look_at: Numbers<3>, Setting::scene("look-at", "X,Y,Z").form(Form::Signed);
+
+        /// Direction that is upwards in the image [default with --look-from or --look-at: 0,1,0]
+        up: Numbers<3>, Setting::scene("up", "X,Y,Z").form(Form::Signed);
+
+        /// Vertical field of view in degrees [default: that of the camera, else 40]
+        fov: Fov, Setting::scene("fov", "DEGREES");
+
+        /// Where the axis of the camera meets the image, as fractions of its width and height from the top left corner [default:
+        /// that of the camera, else 0.5,0.5]
+        principal_point: Numbers<2>, Setting::scene("principal-point", "X,Y").form(Form::Signed);
 
         /// Image size in pixels [default: the resolution of the camera, else 512 pixels wide]
         resolution: Resolution, Setting::scene("resolution", "WxH");
@@ -41,10 +61,34 @@ table! {
 }
 
 table! {
-    /// `[emitter]`: the emitters that are switched on.
+    /// `[emitter]`: the emitters that are switched on, and lights to add.
     EmitterTable {
         /// Emitters that are switched on: scene for all, or names of nodes; may be repeated [default: scene]
         emitters: Emitters, Setting::scene("emitters", "scene|NODE,...").form(Form::Repeated);
+
+        /// Add a point light at the camera, called headlamp, with this intensity; without a number, a white surface that faces
+        /// it at the distance of the scene's centre has radiance 1 [default: only if the scene has no light]
+        headlamp: Headlamp, Setting::scene("headlamp", "W/sr").form(Form::Optional { bare: "auto", equals: false });
+
+        /// Place of the headlamp, in metres to the right, upwards and backwards from the camera; switches the headlamp on
+        /// [default: 0,0,0]
+        headlamp_offset: Numbers<3>, Setting::scene("headlamp-offset", "X,Y,Z").form(Form::Signed);
+
+        /// Add a point light at X,Y,Z (metres) with this intensity in W/sr, called lamp-1, lamp-2, ...; may be repeated
+        lamp: Lamps, Setting::scene("lamp", "X,Y,Z,INTENSITY").form(Form::SignedRepeated);
+    }
+}
+
+table! {
+    /// `[input]`: how the scene is read.
+    InputTable {
+        /// All surfaces reflect and emit on both sides; without this flag the back of a surface is black, unless the scene marks it
+        /// as double-sided
+        double_sided: bool, Setting::scene("double-sided", "").form(Form::Switch);
+
+        /// Also read files of a .gltf scene that lie in this folder or below, such as ../textures; other files must lie in the folder
+        /// of the scene or below; may be repeated
+        allow_path: Folders, Setting::scene("allow-path", "DIR").form(Form::Repeated);
     }
 }
 
@@ -141,6 +185,14 @@ table! {
         /// Also write a tone-mapped picture [default name: the output file with .png]
         png: Png, Setting::output("png", "FILE.png").form(Form::Optional { bare: "", equals: false });
 
+        /// Exposure of the picture: auto, or a number of stops (values are multiplied by 2 to this power), so that several
+        /// pictures have the same [default: auto]
+        exposure: Exposure, Setting::output("exposure", "EV|auto").form(Form::Signed);
+
+        /// Also write auxiliary layers to the image file: all, or some of depth,normal,albedo,object,arrival (distance, unit
+        /// normal, colour and object of the first surface at the centre of each pixel; optical path of the first light)
+        aov: Aov, Setting::output("aov", "NAME,...");
+
         /// Also write statistics: rays, times, the mean and its error, dropped samples, the fraction of light inside the gate
         stats: PathBuf, Setting::output("stats", "FILE.json");
 
@@ -148,6 +200,13 @@ table! {
         /// = 3 sensor vertices, s02_t03_weighted.exr (with MIS weights; the sum over all strategies is the image) and
         /// s02_t03_unweighted.exr
         strategy_images: PathBuf, Setting::output("strategy-images", "DIR");
+    }
+}
+
+impl InputTable {
+    /// The folders of `allow-path`.
+    pub fn allowed(&self) -> Vec<PathBuf> {
+        self.allow_path.clone().map_or(vec![], |folders| folders.0)
     }
 }
 
@@ -214,7 +273,8 @@ mod tests {
                     "--{}",
                     setting.name
                 );
-                let words = ["true", "1", "1m..2m", "4x4", "0,1,0,1", "3s", "pt", "all", "uniform", "word"];
+                let words =
+                    ["true", "1", "1m..2m", "4x4", "0,1,0,1", "0,1,0", "0,1", "3s", "pt", "all", "uniform", "word"];
                 *slot = words.iter().find_map(|word| T::parse(word.as_ref()).ok());
                 assert!(slot.is_some(), "--{} has a value that this test does not know", setting.name);
                 self.0.push(setting.name.into());

@@ -9,6 +9,8 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
+use crate::settings::aov::Aov;
+use crate::settings::exposure::Exposure;
 use crate::settings::setting::{Value, value_from_text};
 use crate::settings::units::{Depth, Gate, number};
 use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
@@ -55,6 +57,21 @@ impl FromStr for Crop {
 impl fmt::Display for Crop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{},{},{},{}", self.x0, self.x1, self.y0, self.y1)
+    }
+}
+
+/// Column and row of a pixel in the whole image, such as `120,80`. Row 0 is at the top.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pixel(pub [u32; 2]);
+
+impl FromStr for Pixel {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Pixel> {
+        let parsed = text.split_once(',').and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
+        parsed.map(Pixel).ok_or_else(|| {
+            Error::Settings(format!("'{text}' is not a pixel: write its column and row, both from 0, like 120,80"))
+        })
     }
 }
 
@@ -122,9 +139,47 @@ macro_rules! serde_as_text {
     )+};
 }
 
-serde_as_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies);
+/// Like [`serde_as_text`], for types whose text is a list with `$separator` between its parts: an experiment file may also contain
+/// a list of words or numbers.
+macro_rules! serde_as_list {
+    ($($type:ty, $separator:literal, $expecting:literal;)+) => {$(
+        impl Serialize for $type {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.collect_str(self)
+            }
+        }
 
-value_from_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies, Emitters {
+        impl<'de> Deserialize<'de> for $type {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                #[derive(serde::Deserialize)]
+                #[serde(untagged, expecting = $expecting)]
+                enum Typed {
+                    Text(String),
+                    Words(Vec<String>),
+                    Numbers(Vec<i64>),
+                }
+                let text = match Typed::deserialize(deserializer)? {
+                    Typed::Text(text) => text,
+                    Typed::Words(words) => words.join($separator),
+                    Typed::Numbers(numbers) => {
+                        numbers.iter().map(i64::to_string).collect::<Vec<_>>().join($separator)
+                    }
+                };
+                text.parse().map_err(D::Error::custom)
+            }
+        }
+    )+};
+}
+
+serde_as_text!(Gate, Depth, Seconds, Estimator, Sampling, Strategies);
+serde_as_list! {
+    Resolution, "x", "expected width and height, like \"640x480\" or [640, 480]";
+    Crop, ",", "expected four numbers, like \"0,100,0,50\" or [0, 100, 0, 50]";
+    Importance, ",", "expected \"all\", \"none\" or a list of factors";
+    Aov, ",", "expected \"all\" or a list of layers";
+}
+
+value_from_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies, Aov, Exposure, Emitters {
     fn and(self, later: Emitters) -> Emitters {
         match (self, later) {
             (Emitters::Nodes(names), Emitters::Nodes(more)) => Emitters::Nodes([names, more].concat()),
@@ -147,11 +202,55 @@ impl Value for Png {
         Ok(if word.is_empty() { Png::Wanted(true) } else { Png::File(word.into()) })
     }
 
-    fn path(&mut self) -> Option<&mut std::path::PathBuf> {
+    fn paths(&mut self) -> &mut [PathBuf] {
         match self {
-            Png::File(path) => Some(path),
-            Png::Wanted(_) => None,
+            Png::File(path) => std::slice::from_mut(path),
+            Png::Wanted(_) => &mut [],
         }
+    }
+}
+
+/// Names of folders.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct Folders(pub Vec<PathBuf>);
+
+impl Folders {
+    fn new(names: Vec<PathBuf>) -> Result<Folders, String> {
+        match names.iter().any(|name| name.as_os_str().is_empty()) {
+            true => Err("a folder has an empty name; write . for the current folder".into()),
+            false => Ok(Folders(names)),
+        }
+    }
+}
+
+impl Value for Folders {
+    fn parse(word: &OsStr) -> Result<Folders, String> {
+        Folders::new(vec![word.into()])
+    }
+
+    fn paths(&mut self) -> &mut [PathBuf] {
+        &mut self.0
+    }
+
+    fn and(self, later: Folders) -> Folders {
+        Folders([self.0, later.0].concat())
+    }
+}
+
+impl<'de> Deserialize<'de> for Folders {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        #[serde(untagged, expecting = "expected the name of a folder or a list of such names")]
+        enum Typed {
+            One(PathBuf),
+            List(Vec<PathBuf>),
+        }
+        let names = match Typed::deserialize(deserializer)? {
+            Typed::One(name) => vec![name],
+            Typed::List(names) => names,
+        };
+        Folders::new(names).map_err(D::Error::custom)
     }
 }
 
@@ -198,6 +297,14 @@ mod tests {
         assert_eq!("1,5,2,4".parse::<Crop>().unwrap(), Crop { x0: 1, x1: 5, y0: 2, y1: 4 });
         for bad in ["1,5,2", "1,1,2,4", "5,1,2,4", "1,5,4,4", "a,b,c,d", "", "-1,5,2,4", "1,2,3,4,5"] {
             assert!(bad.parse::<Crop>().unwrap_err().to_string().contains("x0,x1,y0,y1"), "{bad}");
+        }
+    }
+
+    #[test]
+    fn pixels() {
+        assert_eq!("120, 80".parse::<Pixel>().unwrap(), Pixel([120, 80]));
+        for bad in ["120", "120x80", "-1,2", "1,2,3", "a,b", "", "99999999999,1"] {
+            assert!(bad.parse::<Pixel>().unwrap_err().to_string().contains("120,80"), "{bad}");
         }
     }
 

@@ -51,7 +51,7 @@ host_twins! {
         keep_s2: f32, crop_x: u32, crop_y: u32, crop_width: u32,
         crop_height: u32, first_sample: u32, emitter_points: u32, slots: u32,
         sensor: [f32; 3], query_sample_count: f32,
-        splat_share: f32, pad: [u32; 3],
+        splat_share: f32, pad: u32, principal_offset: [f32; 2],
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }
@@ -59,6 +59,8 @@ host_twins! {
     Triangle { v0: [f32; 3], instance: u32, v1: [f32; 3], corner: u32, v2: [f32; 3], material: u32 }
     /// `shared/scene.wgsl`
     VertexAttributes { normal: u32, u: f32, v: f32 }
+    /// `shared/scene.wgsl`
+    VertexDetails { red_green: u32, blue_alpha: u32, tangent: u32 }
     /// `shared/scene.wgsl`
     InstanceNormals { x: [f32; 3], pad0: f32, y: [f32; 3], pad1: f32, z: [f32; 3], pad2: f32 }
     /// `shared/scene.wgsl`
@@ -103,11 +105,14 @@ pub mod constants {
         TRIANGLE_SMOOTH: u32 = 0x8000_0000,
         TRIANGLE_ALPHA: u32 = 0x4000_0000,
         TRIANGLE_MIRRORED: u32 = 0x2000_0000,
+        TRIANGLE_DETAILED: u32 = 0x1000_0000,
+        TANGENT_MIRRORED: u32 = 0x1_0000,
         TRIANGLE_MATERIAL: u32 = 0x00ff_ffff,
         EMITTER_TRIANGLE: u32 = 0,
         EMITTER_POINT: u32 = 1,
         EMITTER_SPOT: u32 = 2,
         EMITTER_BEAM: u32 = 3,
+        EMITTER_SUN: u32 = 4,
         ALBEDO_COLUMNS: u32 = 64,
         ALBEDO_ROWS: u32 = 32,
         /// Distance between a triangle and the origin of a ray that leaves it, relative to the largest coordinate of the
@@ -120,10 +125,12 @@ pub mod constants {
         VERTEX_FRONT: u32 = 0x400,
         VERTEX_VALID: u32 = 0x800,
         VERTEX_TRANSMITS: u32 = 0x4000,
+        VERTEX_BUMPED: u32 = 0x8000,
         EMIT_ONE_SIDED: u32 = 0,
         EMIT_TWO_SIDED: u32 = 1,
         EMIT_POINT: u32 = 2,
         EMIT_SPOT: u32 = 3,
+        EMIT_SUN: u32 = 4,
         LEAF_BIT: u32 = 0x8000_0000,
         LEAF_FIRST: u32 = 0x07ff_ffff,
         BUCKETS: u32 = 8,

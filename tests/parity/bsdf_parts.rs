@@ -85,11 +85,11 @@ fn ggx_agrees_with_f64() {
 const LOBES: ShaderFunction = ShaderFunction {
     imports: &["bsdf"],
     input: "base: vec3<f32>, cosine: f32, material: u32, front: u32, pad: vec2<u32>",
-    result: "coat: f32, diffuse: f32, gloss: f32, glass: f32, delta: u32, eta: f32",
+    result: "coat: f32, diffuse: f32, gloss: f32, glass: f32, clearcoat: f32, delta: u32, eta: f32",
     body: "let b = make_bsdf(input.material, input.base, input.front == 1u);
         result.coat = coat_albedo(b, input.cosine);
         let lobes = lobe_probabilities(b, input.cosine);
-        result.diffuse = lobes.diffuse; result.gloss = lobes.gloss; result.glass = lobes.glass;
+        result.diffuse = lobes.diffuse; result.gloss = lobes.gloss; result.glass = lobes.glass; result.clearcoat = lobes.clearcoat;
         result.delta = u32(is_delta(b)); result.eta = b.eta_below / b.eta_above;",
 };
 
@@ -105,11 +105,11 @@ fn lobes_and_the_albedo_of_the_coat() {
         let [x, y, z] = base.map(f32::to_bits);
         inputs.push([x, y, z, (cosine as f32).to_bits(), pcg.below(set.kinds.len()) as u32, i as u32 & 1, 0, 0]);
     }
-    let results: Vec<[u32; 6]> = LOBES.run(&inputs, &set.buffers());
+    let results: Vec<[u32; 7]> = LOBES.run(&inputs, &set.buffers());
     for (g, r) in inputs.iter().zip(&results) {
         let [x, y, z, cosine] = [g[0], g[1], g[2], g[3]].map(|v| f64::from(f32::from_bits(v)));
         let reference = set.at(g[4] as usize, [x, y, z]);
-        let got = [r[0], r[1], r[2], r[3]].map(|v| f64::from(f32::from_bits(v)));
+        let got = [r[0], r[1], r[2], r[3], r[4]].map(|v| f64::from(f32::from_bits(v)));
         let name = &set.kinds[g[4] as usize].name;
         // A position in the table is up to 31, where the error of f32 is about 2e-6.
         assert!((got[0] - reference.coat_albedo(cosine)).abs() < 1e-5, "{name} {cosine}: {got:?}");
@@ -117,9 +117,9 @@ fn lobes_and_the_albedo_of_the_coat() {
             assert!((a - b).abs() < 1e-4, "{name} {cosine}: {got:?} {:?}", reference.lobes(cosine));
         }
         assert!((got[1..].iter().sum::<f64>() - 1.0).abs() < 1e-6);
-        assert_eq!(r[4] == 1, reference.is_delta(), "{name}");
+        assert_eq!(r[5] == 1, reference.is_delta(), "{name}");
         let ior = f64::from(set.kinds[g[4] as usize].ior);
-        let eta = f64::from(f32::from_bits(r[5]));
+        let eta = f64::from(f32::from_bits(r[6]));
         assert!((eta - if g[5] == 1 { ior } else { 1.0 / ior }).abs() < 1e-6);
     }
 }

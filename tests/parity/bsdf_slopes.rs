@@ -163,7 +163,12 @@ fn agree(views: &[View], n: usize) {
 fn rough_views() -> Vec<View> {
     let rough =
         |view: &View| edges().kinds[view.material].roughness > 0.0 || edges().kinds[view.material].specular == 0.0;
-    views().into_iter().filter(|v| rough(v) && (v.to_light == v.front)).collect()
+    // The cells do not suit a clear coat whose lobe is much narrower than what lies under it.
+    let suits = |view: &View| {
+        let m = &edges().kinds[view.material];
+        m.clearcoat == 0.0 || m.clearcoat_roughness >= 0.5
+    };
+    views().into_iter().filter(|v| rough(v) && suits(v) && (v.to_light == v.front)).collect()
 }
 
 #[test]

@@ -24,6 +24,7 @@ fn camera(f: &mut Frame) {
     (f.forward, f.right, f.up) = (vec3(forward), vec3(right), vec3(right.cross(forward)));
     (f.width, f.height, f.extent) = (61, 37, [0.9, 0.9 * 37.0 / 61.0]);
     f.pixel_area = 4.0 * f.extent[0] * f.extent[1] / (61.0 * 37.0);
+    f.principal_offset = [6.25, -3.5];
     (f.crop_x, f.crop_y, f.crop_width, f.crop_height) = (7, 3, 40, 21);
 }
 
@@ -39,8 +40,10 @@ fn pixels_invert_the_film() {
     let (mut on, mut off) = (0, 0);
     for (g, r) in inputs.iter().zip(&results) {
         let [px, py] = [f64::from(g[0]), f64::from(g[1])];
-        let (x, y) =
-            ((2.0 * px / 61.0 - 1.0) * f64::from(f.extent[0]), (1.0 - 2.0 * py / 37.0) * f64::from(f.extent[1]));
+        let (x, y) = (
+            (2.0 * (px - 6.25) / 61.0 - 1.0) * f64::from(f.extent[0]),
+            (1.0 - 2.0 * (py + 3.5) / 37.0) * f64::from(f.extent[1]),
+        );
         let expected = dvec(&f.forward) + x * dvec(&f.right) + y * dvec(&f.up);
         let d = dvec(&[r[0], r[1], r[2]].map(f32::from_bits));
         assert!((d - expected).length() < 1e-6, "{g:?}: {d} {expected}");
@@ -74,7 +77,8 @@ fn the_density_of_a_pixel_integrates_to_one() {
         let results: Vec<[u32; 8]> = FILM.run(&inputs, &[frame(camera)]);
         let corner = |i: usize, j: usize| {
             let (px, py) = (column + i as f64 / N as f64, row + j as f64 / N as f64);
-            let (x, y) = ((2.0 * px / 61.0 - 1.0) * 0.9, (1.0 - 2.0 * py / 37.0) * f64::from(f.extent[1]));
+            let (x, y) =
+                ((2.0 * (px - 6.25) / 61.0 - 1.0) * 0.9, (1.0 - 2.0 * (py + 3.5) / 37.0) * f64::from(f.extent[1]));
             DVec3::new(x, y, 1.0).normalize()
         };
         let sum: f64 = (0..N * N)

@@ -8,7 +8,7 @@ use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::render::material::{MATERIAL_DOUBLE_SIDED, Material};
 use taugate::internals::wgsl::layout::constants::*;
 use taugate::internals::wgsl::layout::{
-    Emitter, InstanceNormals, NONE, PathVertex, TextureInfo, Triangle, VertexAttributes,
+    Emitter, InstanceNormals, NONE, PathVertex, TextureInfo, Triangle, VertexAttributes, VertexDetails,
 };
 
 use crate::shader_function::{Contents, ShaderFunction, contents};
@@ -26,6 +26,7 @@ fn buffers(emitters: &[Emitter], triangles: &[Triangle], materials: &[Material])
         contents("materials", materials),
         contents("corners", &[0u32]),
         contents("attributes", &[VertexAttributes::zeroed()]),
+        contents("details", &[VertexDetails::zeroed()]),
         contents("instances", &[InstanceNormals::zeroed()]),
         contents("textures", &[TextureInfo::zeroed()]),
         contents("texels", &[0u32]),
@@ -37,7 +38,8 @@ const PROFILE: ShaderFunction = ShaderFunction {
     input: "v: PathVertex, w: vec3<f32>, pad: f32",
     result: "profile: vec2<f32>, falloff: f32, pad: f32",
     body: "result.profile = emitter_profile(input.v, input.w);
-        result.falloff = spot_falloff(cap_height(input.v.to_previous, input.w), input.v.base_color.x, input.v.base_color.y);",
+        result.falloff = spot_falloff(cap_height(input.v.to_previous, input.w), bitcast<f32>(input.v.base_color.x),
+            bitcast<f32>(input.v.base_color.y));",
 };
 
 /// Each profile has the light and the density of its definition. The densities integrate to 1 over the sphere.

@@ -32,6 +32,13 @@ pub fn kinds() -> Vec<Material> {
     all.push(Material { metallic: 0.4, ..stage::plastic("half metal", white, 0.5) });
     all.push(Material { specular: 0.5, ..stage::plastic("half specular", white, 0.5) });
     all.push(Material { transmission: 0.5, ior: 1.33, ..stage::plastic("half glass", white, 0.6) });
+    all.push(Material { specular: 0.8, specular_color: [0.2, 2.0, 30.0], ..stage::plastic("coloured", white, 0.5) });
+    let coated = |m: Material, alpha| Material { clearcoat: 0.8, clearcoat_roughness: rough(alpha), ..m };
+    all.push(coated(stage::plastic("coated plastic", white, 0.5), 0.05));
+    all.push(coated(stage::metal("smoothly coated metal", white, 0.5), 0.0));
+    all.push(coated(stage::metal("coated mirror", white, 0.0), 0.3));
+    all.push(coated(stage::metal("twice a mirror", white, 0.0), 0.0));
+    all.push(coated(Material { roughness: 0.6, ..stage::glass("coated rough glass") }, 0.3));
     all.push(Material { metallic: 0.3, transmission: 0.6, ior: 1.7, ..stage::plastic("all at once", white, 0.5) });
     all
 }
@@ -81,6 +88,7 @@ impl Set {
     pub fn at(&self, material: usize, base: [f64; 3]) -> Reference<'_> {
         let m = &self.kinds[material];
         let f0 = f64::from((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
+        let f0 = m.specular_color.map(|color| (f0 * f64::from(color)).min(1.0));
         Reference { set: self, m, base, alpha: f64::from(m.roughness).powi(2), f0, ior: m.ior.into() }
     }
 }
@@ -92,7 +100,7 @@ pub struct Reference<'a> {
     m: &'a Material,
     base: [f64; 3],
     pub alpha: f64,
-    f0: f64,
+    f0: [f64; 3],
     ior: f64,
 }
 
@@ -114,31 +122,56 @@ impl Reference<'_> {
 
     /// Directional albedo of the coat, from the renderer's table.
     pub fn coat_albedo(&self, cosine: f64) -> f64 {
-        f64::from(self.m.specular) * self.set.albedo.at(cosine, self.alpha, self.f0, 1.0)
+        f64::from(self.m.specular) * self.set.albedo.at(cosine, self.alpha, self.brightest_f0(), 1.0)
+    }
+
+    fn brightest_f0(&self) -> f64 {
+        self.f0.into_iter().fold(0.0, f64::max)
+    }
+
+    fn clearcoat_alpha(&self) -> f64 {
+        f64::from(self.m.clearcoat_roughness).powi(2)
+    }
+
+    /// Directional albedo of the clear coat, from the renderer's table.
+    fn clearcoat_albedo(&self, cosine: f64) -> f64 {
+        f64::from(self.m.clearcoat) * self.set.albedo.at(cosine.abs(), self.clearcoat_alpha(), 0.04, 1.0)
+    }
+
+    /// The lobe of the clear coat without its Fresnel term, and the density of sampling `other` from it.
+    fn clearcoat_lobe(&self, w: DVec3, other: DVec3) -> [f64; 2] {
+        let alpha = self.clearcoat_alpha();
+        if self.m.clearcoat == 0.0 || alpha < 1e-3 {
+            return [0.0; 2];
+        }
+        [ggx::lobe(alpha, w, other), ggx::pdf(alpha, other, w)]
     }
 
     fn mean_albedo(&self) -> f64 {
-        f64::from(self.m.specular) * self.set.albedo.mean(self.alpha, self.f0, 1.0)
+        f64::from(self.m.specular) * self.set.albedo.mean(self.alpha, self.brightest_f0(), 1.0)
     }
 
-    /// Probabilities of the diffuse, glossy and glass lobes.
-    pub fn lobes(&self, cosine: f64) -> [f64; 3] {
+    /// Probabilities of the diffuse, glossy and glass lobes, and of the clear coat.
+    pub fn lobes(&self, cosine: f64) -> [f64; 4] {
         let luminance = |c: [f64; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
         let [metal, plastic, glass] = self.shares();
         let coat = self.coat_albedo(cosine);
         let schlick = self.base.map(|b| b + (1.0 - b) * (1.0 - cosine).powi(5));
         let lobes = [plastic * luminance(self.base) * (1.0 - coat), plastic * coat + metal * luminance(schlick), glass];
-        let sum: f64 = lobes.iter().sum();
-        if sum > 0.0 { lobes.map(|l| l / sum) } else { [1.0, 0.0, 0.0] }
+        let top = self.clearcoat_albedo(cosine);
+        let [diffuse, gloss, glass] = lobes.map(|l| l * (1.0 - top));
+        let sum = diffuse + gloss + glass + top;
+        if sum > 0.0 { [diffuse, gloss, glass, top].map(|l| l / sum) } else { [1.0, 0.0, 0.0, 0.0] }
     }
 
     /// f for light that arrives from `wl` and leaves towards `wc`, per colour channel. `front`: the +z side has index 1.
     pub fn f(&self, wl: DVec3, wc: DVec3, front: bool) -> [f64; 3] {
         let [metal, plastic, glass] = self.shares();
         let above = if front { 1.0 } else { self.ior };
+        let passes = (1.0 - self.clearcoat_albedo(wl.z)) * (1.0 - self.clearcoat_albedo(wc.z));
         let relative = self.ior / above / above;
         if wl.z * wc.z < 0.0 {
-            let tinted = glass * self.refraction(wl, wc, front).map_or(0.0, |r| r.f);
+            let tinted = passes * glass * self.refraction(wl, wc, front).map_or(0.0, |r| r.f);
             return self.base.map(|b| b * tinted);
         }
         if wl.z <= 0.0 || wc.z <= 0.0 {
@@ -147,11 +180,14 @@ impl Reference<'_> {
         let left = (1.0 - self.coat_albedo(wl.z)) * (1.0 - self.coat_albedo(wc.z)) / (PI * (1.0 - self.mean_albedo()));
         let c = wl.dot((wl + wc).normalize());
         let grazing = (1.0 - c).max(0.0).powi(5);
-        let coat = f64::from(self.m.specular) * (self.f0 + (1.0 - self.f0) * grazing);
+        let coat = self.f0.map(|f0| f64::from(self.m.specular) * (f0 + (1.0 - f0) * grazing));
+        let top = f64::from(self.m.clearcoat) * (0.04 + 0.96 * grazing) * self.clearcoat_lobe(wl, wc)[0];
         let lobe = if self.is_delta() { 0.0 } else { ggx::lobe(self.alpha, wl, wc) };
         let dielectric = fresnel_dielectric(c, relative);
-        self.base.map(|b| {
-            plastic * left * b + lobe * (metal * (b + (1.0 - b) * grazing) + plastic * coat + glass * dielectric)
+        [0, 1, 2].map(|k| {
+            let (b, coat) = (self.base[k], coat[k]);
+            let gloss = metal * (b + (1.0 - b) * grazing) + plastic * coat + glass * dielectric;
+            passes * (plastic * left * b + lobe * gloss) + top
         })
     }
 
@@ -162,14 +198,14 @@ impl Reference<'_> {
             let turn = |d: DVec3| DVec3::new(d.x, -d.y, -d.z);
             return self.pdf(turn(w), turn(other), !front);
         }
-        let [diffuse, gloss, glass] = self.lobes(w.z);
+        let [diffuse, gloss, glass, clearcoat] = self.lobes(w.z);
         if other.z < 0.0 {
             return glass * self.refraction(other, w, front).map_or(0.0, |r| r.pdf_from_c);
         }
         let relative = if front { self.ior } else { 1.0 / self.ior };
         let reflectance = fresnel_dielectric(w.dot((w + other).normalize()), relative);
         let lobe = if self.is_delta() { 0.0 } else { ggx::pdf(self.alpha, other, w) };
-        diffuse * other.z / PI + (gloss + glass * reflectance) * lobe
+        diffuse * other.z / PI + (gloss + glass * reflectance) * lobe + clearcoat * self.clearcoat_lobe(w, other)[1]
     }
 
     /// Rough refraction in the notation of Walter et al. 2007: light arrives from `i` and leaves towards `o`.

@@ -5,7 +5,7 @@ use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::stage;
 use taugate::internals::oracle::texture::sample;
 use taugate::internals::render::albedo::AlbedoTable;
-use taugate::internals::render::geometry::Geometry;
+use taugate::internals::render::geometry::{Geometry, TexelLayout};
 use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{AlphaMode, Image, Material, Mesh, Scene, Texture, Wrap};
 use taugate::internals::settings::Emitters;
@@ -56,9 +56,20 @@ fn buffers(scene: &Scene) -> (Geometry, [Contents; 3]) {
     let buffers = [
         contents("materials", &geometry.materials),
         contents("textures", &geometry.textures),
-        contents("texels", &geometry.texels),
+        texels(scene, &geometry),
     ];
     (geometry, buffers)
+}
+
+/// The array of texels of the scene; one word if there are none, because a buffer needs an element to be bound.
+pub fn texels(scene: &Scene, geometry: &Geometry) -> Contents {
+    let mut bytes = vec![0; TexelLayout::WORD * geometry.texels.words.max(1)];
+    let copied = geometry.texels.write(scene, |offset, part| {
+        bytes[offset..offset + part.len()].copy_from_slice(part);
+        Ok::<(), ()>(())
+    });
+    copied.expect("copying does not fail");
+    contents("texels", &bytes)
 }
 
 const SAMPLE: ShaderFunction = ShaderFunction {
@@ -110,7 +121,7 @@ const PARTS: ShaderFunction = ShaderFunction {
     result: "texel: vec4<f32>, wrapped: i32, linear: f32, pad: vec2<u32>",
     body: "result.wrapped = wrap_texel(input.i, input.size, input.mode);
         result.linear = srgb_to_linear(vec3<f32>(input.c)).x;
-        result.texel = texel(load_texture(input.texture), input.x, input.y);",
+        result.texel = texel(load_texture(input.texture), input.x, input.y, ENCODING_COLOR);",
 };
 
 #[test]
@@ -139,10 +150,11 @@ fn wrapping_texels_and_srgb() {
         // The Vulkan specification allows `pow` an error of about 2^-16 here.
         assert!((f64::from(f32::from_bits(r[5])) - expected).abs() < 1.6e-5, "{g:?}");
         let info: &TextureInfo = &geometry.textures[g[6] as usize];
+        let image = &scene.images[scene.textures[g[6] as usize].image as usize];
+        assert_eq!((info.width, info.height), (image.width, image.height));
         let x = wrap(g[4] as i32, info.width as i32, info.sampler & 3) as u32;
         let y = wrap(g[5] as i32, info.height as i32, (info.sampler >> 2) & 3) as u32;
-        let bytes =
-            geometry.texels[(info.first + y * info.width + x) as usize].to_le_bytes().map(|b| f64::from(b) / 255.0);
+        let bytes = image.rgba[(y * info.width + x) as usize].map(|b| f64::from(b) / 255.0);
         let expected = [linear(bytes[0]), linear(bytes[1]), linear(bytes[2]), bytes[3]];
         for k in 0..4 {
             assert!((f64::from(f32::from_bits(r[k])) - expected[k]).abs() < 1.6e-5, "{g:?}");
@@ -154,7 +166,7 @@ const SURFACE: ShaderFunction = ShaderFunction {
     imports: &["surface"],
     input: "uv: vec2<f32>, material: u32, pad: u32",
     result: "base: vec4<f32>, emission: vec3<f32>, coverage: f32",
-    body: "var s: Surface; s.uv = input.uv; s.material = input.material;
+    body: "var s: Surface; s.uv = input.uv; s.material = input.material; s.color = vec4<f32>(1.0);
         result.base = base_color(s); result.emission = emission(s); result.coverage = coverage(s);",
 };
 

@@ -10,6 +10,7 @@ use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::space::RenderSpace;
 use taugate::internals::scene::{AlphaMode, Material, Mesh, Scene};
 use taugate::internals::settings::Emitters;
+use taugate::internals::wgsl::layout::VertexDetails;
 
 use crate::shader_function::{CompiledFunction, Contents, ShaderFunction, contents};
 use crate::values::{direction, directions, dvec, vec3};
@@ -156,15 +157,17 @@ pub fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
     let g = Geometry::new(scene, &RenderSpace::metres(origin), &Emitters::Scene, &AlbedoTable::new());
     // A buffer needs at least one element to be bound.
     let padded = |list: &[u32]| if list.is_empty() { vec![0] } else { list.to_vec() };
+    let details = if g.details.is_empty() { vec![VertexDetails::zeroed()] } else { g.details.clone() };
     vec![
         contents("bvh_nodes", &g.bvh.nodes),
         contents("triangles", &g.triangles),
         contents("corners", &padded(&g.corners)),
         contents("attributes", &g.attributes),
+        contents("details", &details),
         contents("instances", &g.instances),
         contents("materials", &g.materials),
         contents("textures", &g.textures),
-        contents("texels", &padded(&g.texels)),
+        crate::texture::texels(scene, &g),
     ]
 }
 

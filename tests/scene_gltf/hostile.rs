@@ -1,7 +1,7 @@
 //! Bad files: the reader refuses them with a message that names the bad part and the remedy, and never panics.
 
 use base64::Engine;
-use taugate::internals::scene::gltf::load;
+use taugate::internals::scene::gltf::{load, load_with};
 
 use super::*;
 
@@ -12,6 +12,10 @@ const HUGE: u64 = u64::MAX - 8;
 
 #[rustfmt::skip]
 const HOSTILE: &[Case] = &[
+    ("clear coat as text", |g| g.json["materials"][0]["extensions"]["KHR_materials_clearcoat"] = json!({ "clearcoatFactor": "much" }), &["KHR_materials_clearcoat of material `Paint`", "re-export"]),
+    ("clear coat that is no object", |g| g.json["materials"][0]["extensions"]["KHR_materials_clearcoat"] = json!("shiny"), &["KHR_materials_clearcoat of material `Paint`", "re-export"]),
+    ("specular colour below 0", |g| g.json["materials"][0]["extensions"]["KHR_materials_specular"]["specularColorFactor"] = json!([1, -1, 1]), &["specularColorFactor of material `Paint`", "re-export"]),
+    ("clear coat too large for f32", |g| g.json["materials"][0]["extensions"]["KHR_materials_clearcoat"] = json!({ "clearcoatFactor": 1e300 }), &["clearcoatFactor of material `Paint`", "not a finite"]),
     ("accessor beyond its view", |g| g.json["accessors"][0]["count"] = json!(4), &["accessor 0", "POSITION of Tri[0]", "beyond"]),
     ("view beyond its buffer", |g| g.json["bufferViews"][0]["byteLength"] = json!(100_000), &["bufferView 0", "beyond"]),
     ("stride below element", |g| g.json["bufferViews"][0]["byteStride"] = json!(4), &["accessor 0", "byteStride"]),
@@ -24,31 +28,35 @@ const HOSTILE: &[Case] = &[
     ("view length near 2^64", |g| g.json["bufferViews"][0]["byteLength"] = json!(HUGE), &["bufferView 0", "beyond"]),
     ("buffer length near 2^64", |g| g.json["buffers"][0]["byteLength"] = json!(HUGE), &["buffer 0", "1 GiB"]),
     ("buffer longer than its data", |g| g.json["buffers"][0]["byteLength"] = json!(100_000), &["buffer 0", "shorter"]),
-    ("buffer without data", |g| { g.push("buffers", json!({ "byteLength": 4 })); }, &["buffer 1", "no data"]),
+    ("buffer without data", |g| g.json["bufferViews"][0]["buffer"] = json!(g.push("buffers", json!({ "byteLength": 4 }))), &["buffer 1", "no data"]),
     ("view of an absent buffer", |g| g.json["bufferViews"][0]["buffer"] = json!(7), &["bufferView 0", "buffer 7"]),
     ("sparse count zero", |g| sparse(g, 0, 0), &["accessor 0", "sparse count"]),
     ("sparse count above count", |g| sparse(g, 4, 0), &["accessor 0", "sparse count"]),
     ("sparse index out of range", |g| sparse(g, 1, 3), &["accessor 0", "sparse index 3"]),
-    ("positions as u8", |g| g.json["accessors"][0]["componentType"] = json!(5121), &["accessor 0", "component type"]),
+    ("positions as u32", |g| g.json["accessors"][0]["componentType"] = json!(5125), &["accessor 0", "component type"]),
     ("positions as vec2", |g| g.json["accessors"][0]["type"] = json!("VEC2"), &["accessor 0", "VEC3"]),
     ("component type unknown", |g| g.json["accessors"][0]["componentType"] = json!(1), &["accessor 0", "component type"]),
     ("indices as floats", |g| g.json["accessors"][1]["componentType"] = json!(5126), &["accessor 1", "indices of Tri[0]"]),
     ("index out of range", |g| g.bin[36] = 3, &["accessor 1", "index 3"]),
     ("two corners", |g| g.json["accessors"][1]["count"] = json!(2), &["Tri[0]", "2 corners"]),
-    ("uv integers not normalized", |g| g.json["accessors"][3]["componentType"] = json!(5123), &["accessor 3", "normalized"]),
+    ("normals not normalized", |g| g.json["accessors"][2]["componentType"] = json!(5122), &["accessor 2", "normalized"]),
     ("fewer normals", |g| g.json["accessors"][2]["count"] = json!(2), &["accessor 2", "NORMAL of Tri[0]"]),
     ("position not a number", |g| g.bin[0..4].copy_from_slice(&f32::NAN.to_le_bytes()), &["POSITION of Tri[0]", "not finite"]),
     ("position infinite", |g| g.bin[0..4].copy_from_slice(&f32::INFINITY.to_le_bytes()), &["POSITION of Tri[0]", "not finite"]),
     ("normal not a number", |g| g.bin[44..48].copy_from_slice(&f32::NAN.to_le_bytes()), &["NORMAL of Tri[0]", "not finite"]),
     ("uv not a number", |g| g.bin[80..84].copy_from_slice(&f32::NAN.to_le_bytes()), &["TEXCOORD_0 of Tri[0]", "not finite"]),
+    ("fewer colours", |g| color(g, 2, "VEC4", 1.0), &["COLOR_0 of Tri[0]", "2 elements"]),
+    ("colours of two channels", |g| color(g, 3, "VEC2", 1.0), &["COLOR_0 of Tri[0]", "VEC3"]),
+    ("colour not a number", |g| color(g, 3, "VEC4", f32::NAN), &["COLOR_0 of Tri[0]", "not finite"]),
+    ("tangent infinite", |g| { color(g, 3, "VEC4", f32::INFINITY); rename(g, "TANGENT") }, &["TANGENT of Tri[0]", "not finite"]),
+    ("tangents of three numbers", |g| { color(g, 3, "VEC3", 1.0); rename(g, "TANGENT") }, &["TANGENT of Tri[0]", "VEC4"]),
+    ("normal map absent", |g| g.json["materials"][0]["normalTexture"] = json!({ "index": 5 }), &["`Paint`", "texture 5"]),
+    ("scale of normals infinite", |g| g.json["materials"][0]["normalTexture"] = json!({ "index": 0, "scale": 1e39 }), &["`Paint`", "scale"]),
     ("no positions", |g| g.json["meshes"][0]["primitives"][0]["attributes"] = json!({}), &["Tri[0]", "POSITION"]),
     ("absent accessor", |g| g.json["meshes"][0]["primitives"][0]["indices"] = json!(99), &["Tri[0]", "accessor 99"]),
     ("absent material", |g| g.json["meshes"][0]["primitives"][0]["material"] = json!(9), &["Tri[0]", "material 9"]),
     ("absent mesh", |g| g.json["nodes"][1]["mesh"] = json!(9), &["`tri`", "mesh 9"]),
     ("unknown mode", |g| g.json["meshes"][0]["primitives"][0]["mode"] = json!(9), &["Tri[0]", "mode"]),
-    ("points only", |g| g.json["meshes"][0]["primitives"][0]["mode"] = json!(0), &["no triangles", "points"]),
-    ("all of zero area", |g| g.bin[36..42].fill(0), &["no triangles", "zero area"]),
-    ("no mesh at all", |g| { g.json["nodes"][1].as_object_mut().unwrap().remove("mesh"); }, &["no triangles"]),
     ("image view out of range", |g| g.json["images"][0]["bufferView"] = json!(99), &["image `Wood`", "bufferView 99"]),
     ("image without data", |g| { g.json["images"][0].as_object_mut().unwrap().remove("bufferView"); }, &["image `Wood`", "no data"]),
     ("image of garbage", |g| g.json["images"][0]["bufferView"] = json!(0), &["image `Wood`", "decoded"]),
@@ -83,17 +91,45 @@ const HOSTILE: &[Case] = &[
     ("spot without cone", |g| { light(g).as_object_mut().unwrap().remove("spot"); }, &["`lamp`", "cone"]),
     ("spot inside out", |g| light(g)["spot"]["innerConeAngle"] = json!(0.6), &["`lamp`", "innerConeAngle"]),
     ("unknown light", |g| light(g)["type"] = json!("area"), &["`lamp`", "type"]),
+    ("principal point in pixels", |g| g.json["cameras"][0]["extras"]["principal_point"] = json!([320, 240]), &["'eye'", "fractions"]),
     ("emitter is a string", |g| g.json["nodes"][4]["extras"]["emitter"] = json!("beam"), &["`laser`", "extras.emitter"]),
     ("emitter of unknown type", |g| g.json["nodes"][4]["extras"]["emitter"]["type"] = json!("x"), &["`laser`", "type"]),
     ("emitter of negative radius", |g| g.json["nodes"][4]["extras"]["emitter"]["radius"] = json!(-1), &["`laser`", "radius"]),
     ("emitter without power", |g| { g.json["nodes"][4]["extras"]["emitter"].as_object_mut().unwrap().remove("power"); }, &["`laser`", "power"]),
     ("emitter of two powers", |g| g.json["nodes"][4]["extras"]["emitter"]["power"] = json!([1, 2]), &["`laser`", "power"]),
     ("glTF 1", |g| g.json["asset"]["version"] = json!("1.0"), &["version 1.0"]),
+    ("structure of glTF 1", |g| { g.json["asset"]["version"] = json!("1.0"); g.json["nodes"] = json!({ "root": {} }); }, &["version 1.0"]),
+    ("glTF 1 as a number", |g| g.json["asset"]["version"] = json!(1), &["version 1.0"]),
     ("no asset", |g| { g.json.as_object_mut().unwrap().remove("asset"); }, &["not valid glTF", "asset"]),
-    ("Draco", |g| g.json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]), &["without Draco"]),
-    ("meshopt", |g| g.json["extensionsRequired"] = json!(["EXT_meshopt_compression"]), &["without meshopt"]),
-    ("quantization", |g| g.json["extensionsRequired"] = json!(["KHR_mesh_quantization"]), &["without quantization"]),
+    ("texture format", |g| g.json["extensionsRequired"] = json!(["KHR_texture_basisu"]), &["KHR_texture_basisu", "ktxdecompress"]),
     ("unknown extension", |g| g.json["extensionsRequired"] = json!(["X_y"]), &["X_y"]),
+    ("instances without a list", |g| instances(g, json!(5)), &["`tri`", "instances"]),
+    ("instances of an absent accessor", |g| instances(g, json!({ "TRANSLATION": 99 })), &["`tri`", "accessor 99"]),
+    ("instances of two lengths", |g| { let short = g.floats(&[[0.0; 3]; 2]); instances(g, json!({ "SCALE": 0, "TRANSLATION": short })); }, &["`tri`", "length"]),
+    ("instances as vec2", |g| instances(g, json!({ "TRANSLATION": 3 })), &["TRANSLATION", "`tri`", "VEC3"]),
+    ("instances turned by nothing", |g| { let zero = g.floats(&[[0.0; 4]]); instances(g, json!({ "ROTATION": zero })); }, &["instance 0 of node `tri`"]),
+    ("instances beyond the limit", |g| { let many = g.push("accessors", json!({ "componentType": 5126, "type": "VEC3", "count": 5_000_000 })); instances(g, json!({ "SCALE": many })); }, &["4 million instances"]),
+    ("absent skin", |g| g.json["nodes"][1]["skin"] = json!(3), &["skin 3"]),
+    ("few bind matrices", |g| { skin(g, [0; 4], [1.0; 4]); g.json["skins"][0]["joints"] = json!([1, 2]); }, &["skin `bones`", "1 inverse bind matrices"]),
+    ("joint of another skin", |g| skin(g, [0, 0, 7, 0], [1.0; 4]), &["JOINTS_0 of Tri[0]", "joint 7", "skin `bones`"]),
+    ("weight not a number", |g| skin(g, [0; 4], [f32::NAN; 4]), &["WEIGHTS_0 of Tri[0]", "not finite"]),
+    ("few weights", |g| { skin(g, [0; 4], [1.0; 4]); let last = g.json["accessors"].as_array().unwrap().len() - 1; g.json["accessors"][last]["count"] = json!(2); }, &["WEIGHTS_0 of Tri[0]", "3 elements"]),
+    ("joints as floats", |g| { skin(g, [0; 4], [1.0; 4]); let weights = g.json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"].clone(); g.json["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"] = weights; }, &["JOINTS_0 of Tri[0]", "component type"]),
+    ("bind matrix not a number", |g| { skin(g, [0; 4], [1.0; 4]); let matrix = g.floats(&[[f32::NAN; 16]]); g.json["skins"][0]["inverseBindMatrices"] = json!(matrix); }, &["joint 0 of skin `bones`", "finite"]),
+    ("absent morph target", |g| morph(g, 99, 1.0), &["accessor 99", "morph target 0 of Tri[0]"]),
+    ("short morph target", |g| { let short = g.floats(&[[0.0; 3]; 2]); morph(g, short, 1.0); }, &["morph target 0 of Tri[0]", "2 elements"]),
+    ("morph weight beyond all measure", |g| { let far = g.floats(&[[4.0; 3]; 3]); morph(g, far, f32::MAX); }, &["Tri[0]", "not finite"]),
+    ("compressed by an unknown mode", |g| meshopt(g, json!({ "mode": "X" })), &["bufferView 0", "cannot be read"]),
+    ("compressed with an odd stride", |g| meshopt(g, json!({ "byteStride": 6, "count": 6 })), &["bufferView 0", "6 bytes"]),
+    ("compressed to another length", |g| meshopt(g, json!({ "count": 4 })), &["bufferView 0", "4 elements"]),
+    ("compressed beyond the limit", |g| { meshopt(g, json!({ "count": 1_000_000_000u64 })); g.json["bufferViews"][0]["byteLength"] = json!(12_000_000_000u64); }, &["bufferView 0", "too much data"]),
+    ("compressed beyond 2^64", |g| meshopt(g, json!({ "count": HUGE })), &["bufferView 0", "elements"]),
+    ("compressed far too well", |g| { g.bin[0] = 0xa1; meshopt(g, json!({ "count": 50_000_000 })); g.json["bufferViews"][0]["byteLength"] = json!(600_000_000); }, &["bufferView 0", "damaged"]),
+    ("compressed in an absent buffer", |g| meshopt(g, json!({ "buffer": 4 })), &["bufferView 0", "buffer 4"]),
+    ("compressed beyond the buffer", |g| meshopt(g, json!({ "byteOffset": HUGE })), &["bufferView 0", "beyond"]),
+    ("Draco without a view", |g| draco(g, json!({ "bufferView": 99, "attributes": { "POSITION": 0 } })), &["POSITION of Tri[0]", "bufferView 99"]),
+    ("Draco of garbage", |g| draco(g, json!({ "bufferView": 1, "attributes": { "POSITION": 0 } })), &["Draco data of POSITION of Tri[0]", "decoded"]),
+    ("Draco without attributes", |g| draco(g, json!({ "bufferView": 1 })), &["Draco data of primitive 0 of mesh 0", "attributes"]),
     ("bad percent escape", |g| g.json["buffers"][0]["uri"] = json!("a%FFb"), &["buffer 0", "% escape"]),
     ("bad base64", |g| g.json["buffers"][0]["uri"] = json!("data:;base64,*"), &["buffer 0", "base64"]),
     ("data URI without base64", |g| g.json["buffers"][0]["uri"] = json!("data:,abc"), &["buffer 0", "base64"]),
@@ -101,6 +137,58 @@ const HOSTILE: &[Case] = &[
 
 fn light(glb: &mut Glb) -> &mut Value {
     &mut glb.json["extensions"]["KHR_lights_punctual"]["lights"][0]
+}
+
+/// Gives the triangle's node EXT_mesh_gpu_instancing with these attributes.
+fn instances(glb: &mut Glb, attributes: Value) {
+    glb.json["nodes"][1]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
+}
+
+/// Gives the triangle a skin with one joint. All vertices have the same joints and weights.
+fn skin(glb: &mut Glb, joints: [u8; 4], weights: [f32; 4]) {
+    let matrix = glb.floats(&[glam::Mat4::IDENTITY.to_cols_array()]);
+    glb.push("skins", json!({ "name": "bones", "joints": [2], "inverseBindMatrices": matrix }));
+    glb.json["nodes"][1]["skin"] = json!(0);
+    let joints = glb.accessor(&[joints; 3].concat(), 5121, "VEC4", 3);
+    let weights = glb.floats(&[weights; 3]);
+    let attributes = &mut glb.json["meshes"][0]["primitives"][0]["attributes"];
+    attributes["JOINTS_0"] = json!(joints);
+    attributes["WEIGHTS_0"] = json!(weights);
+}
+
+/// Gives the triangle one morph target.
+fn morph(glb: &mut Glb, positions: usize, weight: f32) {
+    glb.json["meshes"][0]["primitives"][0]["targets"] = json!([{ "POSITION": positions }]);
+    glb.json["meshes"][0]["weights"] = json!([weight]);
+}
+
+/// Says that the positions, 3 elements of 12 bytes, are compressed; `change` has members of the extension that differ.
+fn meshopt(glb: &mut Glb, change: Value) {
+    let mut source = json!({
+        "buffer": 0, "byteOffset": 0, "byteLength": 36, "byteStride": 12, "count": 3, "mode": "ATTRIBUTES",
+    });
+    source.as_object_mut().unwrap().extend(change.as_object().unwrap().clone());
+    glb.json["bufferViews"][0]["extensions"] = json!({ "EXT_meshopt_compression": source });
+}
+
+/// Says that the positions are in Draco data.
+fn draco(glb: &mut Glb, source: Value) {
+    glb.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    glb.json["meshes"][0]["primitives"][0]["extensions"] = json!({ "KHR_draco_mesh_compression": source });
+}
+
+/// Adds a vertex colour to `count` vertices, each channel of which is `value`.
+fn color(glb: &mut Glb, count: usize, shape: &str, value: f32) {
+    let bytes: Vec<u8> = [value; 12].iter().flat_map(|value| value.to_le_bytes()).collect();
+    let accessor = glb.accessor(&bytes, 5126, shape, count);
+    glb.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(accessor);
+}
+
+/// Turns the vertex colour into another attribute.
+fn rename(glb: &mut Glb, attribute: &str) {
+    let attributes = glb.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap();
+    let accessor = attributes.remove("COLOR_0").unwrap();
+    attributes.insert(attribute.into(), accessor);
 }
 
 /// Makes the positions sparse: `count` replaced elements, all with the index `at`.
@@ -167,7 +255,7 @@ fn deep_chains_are_walked_without_recursion() {
 }
 
 /// Reads any bytes. The reader must not panic, and a scene that the reader accepts must be valid. `name` is for the message.
-fn survive(bytes: &[u8], name: impl Fn() -> String) {
+pub fn survive(bytes: &[u8], name: impl Fn() -> String) {
     match load_slice(bytes, Path::new("test.glb")) {
         Ok(scene) => check_invariants(&scene),
         Err(error) => assert!(!error.to_string().contains("reader failed"), "{}: the reader panicked", name()),
@@ -188,14 +276,19 @@ fn truncation_at_every_length_is_survived() {
     }
 }
 
+/// Random numbers below the argument.
+pub fn random() -> impl FnMut(usize) -> usize {
+    let mut state = 0x9e37_79b9_7f4a_7c15u64;
+    move |below| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    }
+}
+
 #[test]
 fn random_bytes_are_survived() {
     let bytes = complete().build();
-    let mut state = 0x9e37_79b9_7f4a_7c15u64;
-    let mut random = |below: usize| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as usize % below
-    };
+    let mut random = random();
     for round in 0..2000 {
         let mut flipped = bytes.clone();
         for _ in 0..1 + random(3) {
@@ -241,4 +334,55 @@ fn files_outside_the_folder_of_the_scene_are_refused() {
         let message = load(&path).unwrap_err().to_string();
         assert!(message.contains("outside the folder"), "{message}");
     }
+}
+
+#[test]
+fn files_of_an_allowed_folder_are_read_and_links_do_not_leave_it() {
+    let outside = tempfile::tempdir().unwrap();
+    let [folder, textures] = ["scenes", "textures"].map(|name| outside.path().join(name));
+    for folder in [&folder, &textures] {
+        std::fs::create_dir(folder).unwrap();
+    }
+    std::fs::write(textures.join("good.bin"), complete().bin).unwrap();
+    std::fs::write(outside.path().join("secret.bin"), complete().bin).unwrap();
+    let path = folder.join("scene.gltf");
+    let load_uri = |uri: &str, allowed: &[std::path::PathBuf]| {
+        std::fs::write(&path, text(uri)).unwrap();
+        load_with(&path, allowed).map(drop).map_err(|error| error.to_string())
+    };
+    let allowed = [textures.clone()];
+    let refused = load_uri("../textures/good.bin", &[]).unwrap_err();
+    assert!(refused.contains("--allow-path"), "{refused}");
+    load_uri("../textures/good.bin", &allowed).unwrap();
+    load_uri("../scenes/../textures/./good.bin", &allowed).unwrap();
+    let mut uris =
+        vec!["../secret.bin", "../textures/../secret.bin", "../textures/../../etc/passwd", "file:///etc/passwd"];
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(outside.path().join("secret.bin"), textures.join("link.bin")).unwrap();
+        std::os::unix::fs::symlink(outside.path(), textures.join("up")).unwrap();
+        uris.extend(["../textures/link.bin", "../textures/up/secret.bin"]);
+    }
+    for uri in uris {
+        let message = load_uri(uri, &allowed).unwrap_err();
+        assert!(message.contains("buffer 0 refers to"), "{uri}: {message}");
+    }
+    let message = load_uri("../textures/good.bin", &[outside.path().join("missing")]).unwrap_err();
+    assert!(message.contains("is not a folder; check --allow-path"), "{message}");
+}
+
+/// Blender writes candela by default. taugate reads W/sr.
+#[test]
+fn lights_that_blender_wrote_in_candela_are_named() {
+    let warnings = |generator: &str, intensity: f64| {
+        let mut glb = single(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], json!({}));
+        glb.json["asset"]["generator"] = generator.into();
+        let lights = json!([{"type": "point", "intensity": intensity}]);
+        glb.json["extensions"] = json!({"KHR_lights_punctual": {"lights": lights}});
+        glb.push("nodes", json!({"extensions": {"KHR_lights_punctual": {"light": 0}}}));
+        load_slice(&glb.build(), Path::new("a.glb")).unwrap().warnings.join("; ")
+    };
+    let blender = "Khronos glTF Blender I/O v4.2.57";
+    assert!(warnings(blender, 543.5).contains("set to Unitless"), "{}", warnings(blender, 543.5));
+    assert!(!warnings(blender, 79.6).contains("Unitless") && !warnings("Other", 1e4).contains("Unitless"));
 }

@@ -5,14 +5,27 @@ use std::fmt::Write;
 use taugate::internals::gpu::buffer_desc::mebibytes;
 use taugate::internals::settings::units::METRES_PER_NS;
 
+use super::map::{Map, Scale};
+use super::pixel::{Object, Shown};
 use super::{Arrival, Memory, Render, Report};
 use crate::app::feasible::{SUGGESTED_PART, short};
+
+/// Maximum number of lines for cameras, for emitters and for warnings. The JSON report lists all.
+const LISTED: usize = 20;
 
 struct Lines(String);
 
 impl Lines {
     fn line(&mut self, name: &str, value: impl AsRef<str>) {
         writeln!(self.0, "{name:<11} {}", value.as_ref()).expect("writing to a string cannot fail");
+    }
+
+    /// Writes a line per item, up to [`LISTED`] of them, and how many more there are.
+    fn list<T>(&mut self, name: &str, items: &[T], describe: impl Fn(&T) -> String) {
+        items.iter().take(LISTED).for_each(|item| self.line(name, describe(item)));
+        if items.len() > LISTED {
+            self.line(name, format!("... and {} more, listed by --json", items.len() - LISTED));
+        }
     }
 }
 
@@ -41,24 +54,22 @@ fn add_contents(lines: &mut Lines, r: &Report) {
         }
         None => lines.line("bounds", "no triangles"),
     }
-    for camera in &r.cameras {
+    lines.list("camera", &r.cameras, |camera| {
         let size = camera.resolution.map(|[w, h]| format!(", {w}x{h} pixels")).unwrap_or_default();
         let (at, degrees) = (point(&camera.position), camera.degrees_high);
-        lines.line("camera", format!("{} at {at}, vertical field of view {degrees:.1} degrees{size}", camera.name));
-    }
-    for emitter in &r.emitters {
+        format!("{} at {at}, vertical field of view {degrees:.1} degrees{size}", camera.name)
+    });
+    lines.list("emitter", &r.emitters, |emitter| {
         let watts = emitter.watts.map(|w| format!(", {w:.4} W")).unwrap_or_default();
-        lines.line("emitter", format!("{}: {}{watts}", emitter.node, emitter.kind));
-    }
+        format!("{}: {}{watts}", emitter.node, emitter.kind)
+    });
     let mut names = r.materials.iter().take(12).cloned().collect::<Vec<_>>().join(", ");
     if r.materials.len() > 12 {
         names += &format!(" and {} more", r.materials.len() - 12);
     }
     lines.line("materials", format!("{} used of {}: {names}", r.materials.len(), r.materials_in_file));
     lines.line("textures", format!("{} with {} texels in {} images", r.textures, r.texels, r.images));
-    for warning in &r.warnings {
-        lines.line("warning", warning);
-    }
+    lines.list("warning", &r.warnings, String::clone);
 }
 
 fn add_memory(lines: &mut Lines, render: &Render) {
@@ -88,7 +99,7 @@ fn add_memory(lines: &mut Lines, render: &Render) {
 }
 
 fn add_travel_times(lines: &mut Lines, render: &Render) {
-    let p = &render.possible;
+    let Some(p) = &render.possible else { return };
     let ns = |metres: f64| short(metres / METRES_PER_NS);
     lines.line(
         "possible",
@@ -102,11 +113,24 @@ fn add_travel_times(lines: &mut Lines, render: &Render) {
             short(p.max_segment)
         ),
     );
+    if let Some(Shown { column, row, object }) = &render.pixel {
+        let shown = object.as_ref().map_or("no surface".into(), describe);
+        lines.line("pixel", format!("{column},{row} shows {shown}"));
+    }
+    if let Some(map) = &render.map {
+        add_map(lines, map);
+    }
     let Some(light) = &render.light else { return };
     let arrival = |a: &Arrival| {
         format!("{:>10} m  {:>10} ns  {:>10} m depth", short(a.metres), short(a.nanoseconds), short(a.depth_metres))
     };
-    lines.line("light", "share that has arrived by a travel time, and its one-way depth (without emitters in view)");
+    let place = match (&render.pixel, &render.crop) {
+        (Some(_), _) => "; in this pixel",
+        (None, Some(_)) => "; in the crop",
+        (None, None) => "",
+    };
+    let share = "share that has arrived by a travel time, and its one-way depth (without emitters in view";
+    lines.line("light", format!("{share}{place})"));
     lines.line("  first", arrival(&light.first));
     for a in &light.percentiles {
         lines.line(&format!("  {:.0} %", a.percent), arrival(a));
@@ -116,4 +140,38 @@ fn add_travel_times(lines: &mut Lines, render: &Render) {
         let percent = 100.0 * SUGGESTED_PART;
         lines.line("try", format!("--gate {gate} (at the median; as wide as {percent:.0} % of the scene's diagonal)"));
     }
+}
+
+fn describe(object: &Object) -> String {
+    let [x, y, z] = object.position;
+    format!(
+        "node '{}' (mesh {}, material {}) at ({x:.3}, {y:.3}, {z:.3}), {} m from the camera, {} m along its axis",
+        object.node,
+        object.mesh,
+        object.material,
+        short(object.distance_metres),
+        short(object.axial_metres)
+    )
+}
+
+fn add_map(lines: &mut Lines, map: &Map) {
+    let files: Vec<String> = map.files.iter().map(|path| path.display().to_string()).collect();
+    let Some(Scale { first, end, last }) = &map.scale else {
+        lines.line("map", format!("{}: no pixel has light", files.join(", ")));
+        return;
+    };
+    let time = |a: &Arrival| format!("{} m ({} ns)", short(a.metres), short(a.nanoseconds));
+    lines.line(
+        "map",
+        format!(
+            "{}: first light per pixel, from {} in dark blue to {} in yellow; the last at {}; {} of {} pixels have no light \
+             and are black",
+            files.join(", "),
+            time(first),
+            time(end),
+            time(last),
+            map.pixels - map.lit_pixels,
+            map.pixels
+        ),
+    );
 }

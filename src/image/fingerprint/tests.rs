@@ -4,17 +4,19 @@ use super::sources::{DECIDE, digest};
 use super::*;
 
 /// Code that does not affect an image with given settings, or whose effect the fingerprint of the settings covers.
-const ELSEWHERE: [&str; 11] = [
+const ELSEWHERE: [&str; 13] = [
     "app",
     "bench",
     "compare",
     "error.rs",
+    "files",
     "files.rs",
     "generate",
     "input",
     "lib.rs",
     "main.rs",
     "oracle",
+    "printable.rs",
     "self_check",
 ];
 

@@ -28,9 +28,12 @@ pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estim
 /// Roughness below which a glossy surface focuses light so sharply that `pt` seldom finds the light.
 const SHARP: f32 = 0.3;
 
-/// Whether the scene has a material that can focus light: glass, or metal or gloss of low roughness.
+/// Whether the scene has a material that can focus light: glass, or metal, gloss or a clear coat of low roughness.
 fn focuses_light(scene: &Scene) -> bool {
-    let focuses =
-        |m: &Material| m.transmission > 0.0 || (m.roughness < SHARP && (m.metallic > 0.0 || m.specular > 0.0));
+    let focuses = |m: &Material| {
+        m.transmission > 0.0
+            || (m.roughness < SHARP && (m.metallic > 0.0 || m.specular > 0.0))
+            || (m.clearcoat_roughness < SHARP && m.clearcoat > 0.0)
+    };
     scene.materials.iter().any(focuses)
 }

@@ -12,6 +12,7 @@ fn scene() -> Scene {
         yfov: 1.0,
         aspect,
         resolution,
+        principal_point: Camera::CENTRED,
     };
     let material = |emission| Material { emission: [emission; 3], ..diffuse("", [1.0; 3]) };
     let light = |node: &str, kind| Light { node: node.into(), position: DVec3::ZERO, direction: DVec3::NEG_Z, kind };
@@ -104,7 +105,7 @@ fn the_camera_gives_the_resolution_unless_one_is_typed() {
 #[test]
 fn mistakes_name_the_flag_and_the_remedy() {
     let table = [
-        ("camera.camera = 'back'", "choose one of front, side"),
+        ("camera.camera = 'back'", "choose one of front, side, auto"),
         ("camera.resolution = '0x5'", "--resolution is 0x5"),
         ("camera.resolution = '20000x5'", "--resolution WxH"),
         ("camera.resolution = '16384x16384'", "megapixels"),
@@ -121,7 +122,6 @@ fn mistakes_name_the_flag_and_the_remedy() {
         ("render.time = '9000h'", "at most a year"),
         ("emitter.emitters = 'wall'", "may name sun, beam, lamp"),
         ("emitter.emitters = 'beam,nothing'", "no node 'nothing'"),
-        ("gate.gate = '1m..2m'", "directional light 'sun' is infinitely far away"),
         ("gate.gate = '1m..2m'\nemitter.emitters = 'sun'", "choose other lights with --emitters from beam, lamp"),
         ("gate.gate = '100m+0.0001mm'\nemitter.emitters = 'beam'", "make the gate wider, or add --force"),
     ];
@@ -132,11 +132,30 @@ fn mistakes_name_the_flag_and_the_remedy() {
 }
 
 #[test]
+fn a_gated_render_leaves_out_directional_lights() {
+    let others = Emitters::Nodes(vec!["beam".into(), "lamp".into()]);
+    for emitters in ["", "emitter.emitters = 'sun,beam,lamp'"] {
+        let gated = resolve(&experiment(&format!("gate.gate = '1m..2m'\n{emitters}")), &scene()).unwrap();
+        assert_eq!(gated.settings.emitters(), &others);
+        assert!(gated.warnings.iter().any(|warning| warning.ends_with("leaves out sun")), "{:?}", gated.warnings);
+        let steady = resolve(&experiment(emitters), &scene()).unwrap();
+        assert!(steady.settings.emitters().include("sun") && steady.warnings.is_empty(), "{:?}", steady.warnings);
+    }
+    let mut scene = scene();
+    scene.lights.truncate(1);
+    scene.instances.truncate(1);
+    assert!(message("gate.gate = '1m..2m'", &scene).contains("or add a light that has a position"));
+}
+
+#[test]
 fn a_scene_without_camera_or_light_is_refused() {
     let blind = Scene { cameras: vec![], ..scene() };
     assert!(message("scene = 'r.glb'", &blind).contains("r.glb: has no camera"));
-    let dark = Scene { lights: vec![], instances: vec![], ..scene() };
+    let mut dark = Scene { lights: vec![], ..scene() };
+    dark.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
     assert!(message("scene = 'r.glb'", &dark).contains("r.glb: has nothing that emits"));
+    let empty = Scene { instances: vec![], ..scene() };
+    assert!(message("scene = 'r.glb'", &empty).contains("r.glb: has no surfaces"));
 }
 
 #[test]

@@ -10,13 +10,25 @@ use crate::scene::{Light, LightKind};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Emitter, PathVertex};
 
+/// Distance in units of render space from the scene to the light vertex of a sun. Coordinates in the scene are a few units, so
+/// the directions to the vertex differ by about 1e-6, the rounding error of a direction.
+const SUN_DISTANCE: f64 = (1 << 20) as f64;
+
+/// A sphere that contains the scene, in render space.
+#[derive(Debug, Clone, Copy)]
+pub struct Sphere {
+    pub centre: Vec3,
+    /// > 0.
+    pub radius: f32,
+}
+
 /// A light as the renderer sees it, in render space.
 pub struct LightRecord {
     /// Entry of the device's emitter table.
     pub entry: Emitter,
     /// Luminance-weighted power in render space, see [`RenderSpace::flux`].
     pub flux: f64,
-    /// The light starts within `radius` of `position`.
+    /// Light subpaths start within `radius` of `position`.
     pub position: Vec3,
     pub radius: f32,
     /// The light as a light vertex, if its position can be connected to shade points. All subpaths of the light start at this
@@ -27,8 +39,8 @@ pub struct LightRecord {
 }
 
 impl LightRecord {
-    /// `None` for a light at infinity (a directional light), which is not rendered.
-    pub fn new(light: &Light, space: &RenderSpace) -> Option<LightRecord> {
+    /// `around`: a sphere that contains the scene. The light of a sun starts beside it.
+    pub fn new(light: &Light, space: &RenderSpace, around: &Sphere) -> LightRecord {
         let position = space.point(light.position);
         let placed = Emitter {
             position: position.into(),
@@ -38,14 +50,12 @@ impl LightRecord {
         };
         let on_device = |watts: [f32; 3]| watts.map(|x| space.flux(x));
         match light.kind {
-            LightKind::Point { intensity } => Some(point(placed, on_device(intensity))),
+            LightKind::Point { intensity } => point(placed, on_device(intensity)),
             LightKind::Spot { intensity, inner, outer } => {
-                Some(spot(placed, on_device(intensity), cap_height(inner), cap_height(outer)))
+                spot(placed, on_device(intensity), cap_height(inner), cap_height(outer))
             }
-            LightKind::Beam { power, radius } => {
-                Some(beam(placed, on_device(power), space.length(radius.into()) as f32))
-            }
-            LightKind::Directional { .. } => None,
+            LightKind::Beam { power, radius } => beam(placed, on_device(power), space.length(radius.into()) as f32),
+            LightKind::Directional { irradiance } => sun(light.direction, irradiance, around),
         }
     }
 }
@@ -76,6 +86,29 @@ fn beam(placed: Emitter, power: [f32; 3], radius: f32) -> LightRecord {
     }
 }
 
+/// A light at infinity. Its light vertex is a far point, whose intensity gives the scene the right irradiance. Its light subpaths
+/// start on a disk that is perpendicular to `direction` and whose shadow covers the scene.
+fn sun(direction: DVec3, irradiance: [f32; 3], around: &Sphere) -> LightRecord {
+    // Beyond the sphere by a little, so that no surface touches the disk.
+    let radius = 1.001 * f64::from(around.radius);
+    let area = PI * radius * radius;
+    let from = |distance: f64| (around.centre.as_dvec3() - direction * distance).as_vec3().to_array();
+    let times = |factor: f64| irradiance.map(|channel| (f64::from(channel) * factor) as f32);
+    let entry = Emitter {
+        kind: EMITTER_SUN,
+        position: from(radius),
+        direction: direction.as_vec3().to_array(),
+        strength: times(area),
+        outer: radius as f32,
+        ..bytemuck::Zeroable::zeroed()
+    };
+    let square = SUN_DISTANCE * SUN_DISTANCE;
+    let far = Emitter { position: from(SUN_DISTANCE), strength: times(square), inner: (square / area) as f32, ..entry };
+    let flux = luminance(irradiance) * area;
+    let LightRecord { vertex, .. } = punctual(far, EMIT_SUN, flux);
+    LightRecord { entry, flux, position: entry.position.into(), radius: radius as f32, vertex, is_thin: false }
+}
+
 /// A punctual light. Its light vertex has depth 0 (s = 1) and the emission profile `profile`.
 fn punctual(entry: Emitter, profile: u32, flux: f64) -> LightRecord {
     let vertex = PathVertex {
@@ -102,9 +135,10 @@ fn cap_height(angle: f32) -> f64 {
 mod tests {
     use super::*;
 
-    fn record(kind: LightKind) -> Option<LightRecord> {
+    fn record(kind: LightKind) -> LightRecord {
         let light = Light { node: "light".into(), position: DVec3::splat(2.0), direction: DVec3::NEG_Z, kind };
-        LightRecord::new(&light, &RenderSpace { origin: DVec3::ZERO, unit: 2.0 })
+        let around = Sphere { centre: Vec3::X, radius: 0.5 };
+        LightRecord::new(&light, &RenderSpace { origin: DVec3::ZERO, unit: 2.0 }, &around)
     }
 
     /// The facts about each kind in `scene::LightKind` agree with the record for the device.
@@ -116,12 +150,8 @@ mod tests {
             LightKind::Spot { intensity: white, inner: 0.1, outer: 0.2 },
             LightKind::Beam { power: white, radius: 0.5 },
             LightKind::Beam { power: white, radius: 0.0 },
-            LightKind::Directional { irradiance: white },
         ] {
-            let Some(r) = record(kind) else {
-                assert_eq!(kind.radius(), None, "{kind:?}");
-                continue;
-            };
+            let r = record(kind);
             assert_eq!(Some(2.0 * f64::from(r.radius)), kind.radius(), "{kind:?}");
             assert_eq!(r.vertex.is_none(), kind.needs_light_subpaths(), "{kind:?}");
             assert_eq!(r.is_thin, kind == LightKind::Beam { power: white, radius: 0.0 }, "{kind:?}");
@@ -131,13 +161,29 @@ mod tests {
 
     #[test]
     fn the_flux_of_a_light_is_its_intensity_over_its_directions() {
-        let flux = |kind| record(kind).expect("rendered").flux * 4.0;
+        let flux = |kind| record(kind).flux * 4.0;
         let [inner, outer] = [0.3f32, 0.3];
         let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-6;
         assert!(close(flux(LightKind::Point { intensity: [3.0; 3] }), 12.0 * PI));
         let cap = 2.0 * PI * (1.0 - f64::from(outer).cos());
         assert!(close(flux(LightKind::Spot { intensity: [3.0; 3], inner, outer }), 3.0 * cap));
         assert!(close(flux(LightKind::Beam { power: [3.0; 3], radius: 0.1 }), 3.0));
+    }
+
+    /// The far vertex gives the scene the irradiance of the sun, and its density is that of the disk, seen from the scene.
+    #[test]
+    fn the_vertex_of_a_sun_shines_as_its_disk_does() {
+        let r = record(LightKind::Directional { irradiance: [3.0; 3] });
+        let vertex = r.vertex.expect("a sun can be connected");
+        let distance2 = f64::from(Vec3::from(vertex.position).distance_squared(Vec3::X));
+        let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-5, "{a} {b}");
+        close(f64::from(vertex.throughput[0]) / distance2, 3.0);
+        let area = PI * f64::from(r.entry.outer).powi(2);
+        close(f64::from(vertex.base_color[1]) / distance2, 1.0 / area);
+        close(f64::from(r.entry.strength[0]), 3.0 * area);
+        close(r.flux, 3.0 * area);
+        // The light shines along -Z, so its disk is on the side of +Z, outside the sphere.
+        assert!(r.position.x == 1.0 && r.position.z > 0.5 && r.radius > 0.5 && r.radius < 0.51, "{:?}", r.position);
     }
 
     /// Integrates the falloff of KHR_lights_punctual numerically over rings of the sphere.
@@ -150,7 +196,7 @@ mod tests {
             let width = f64::from(outer) / f64::from(rings);
             let angles = (0..rings).map(|i| (f64::from(i) + 0.5) * width);
             let solid_angle: f64 = angles.map(|a| falloff(a.cos()) * 2.0 * PI * a.sin() * width).sum();
-            let flux = record(LightKind::Spot { intensity: [3.0; 3], inner, outer }).expect("rendered").flux * 4.0;
+            let flux = record(LightKind::Spot { intensity: [3.0; 3], inner, outer }).flux * 4.0;
             let error = flux / (3.0 * solid_angle) - 1.0;
             assert!(error.abs() < 1e-5, "{inner} {outer}: {error}");
         }

@@ -13,7 +13,7 @@ use super::space::RenderSpace;
 use crate::scene::Scene;
 use crate::settings::Emitters;
 use crate::wgsl::layout::{Emitter, PathVertex};
-use light::LightRecord;
+use light::{LightRecord, Sphere};
 
 /// The emitters in the layout that the kernels read.
 pub struct EmitterSet {
@@ -30,7 +30,9 @@ pub struct EmitterSet {
     pub lights: Vec<(Vec3, f32)>,
     /// Number of beams of zero radius: all subpaths of such a beam begin with the same ray.
     pub thin_beams: u32,
-    /// Luminance-weighted power in W of every node that emits, by node name.
+    /// Whether a light is infinitely far away, so that its light is parallel and has no travel time.
+    pub has_sun: bool,
+    /// Luminance-weighted power in W of every node that emits, by node name. A sun has none.
     pub powers: BTreeMap<String, f64>,
 }
 
@@ -51,11 +53,12 @@ impl EmitterSet {
             triangles: vec![],
             lights: vec![],
             thin_beams: 0,
+            has_sun: false,
             powers: BTreeMap::new(),
         };
         let mut weights = vec![];
         let densities = set.add_triangles(scene, geometry, &mut weights);
-        set.add_lights(scene, selected, space, &mut weights);
+        set.add_lights(scene, selected, space, geometry, &mut weights);
         let total: f64 = weights.iter().sum();
         for (entry, weight) in set.table.iter_mut().zip(&weights) {
             entry.select_pdf = (weight / total) as f32;
@@ -100,16 +103,30 @@ impl EmitterSet {
         exitances
     }
 
-    fn add_lights(&mut self, scene: &Scene, selected: &Emitters, space: &RenderSpace, weights: &mut Vec<f64>) {
-        let lights = scene.lights.iter().filter(|light| selected.include(&light.node));
-        let records = lights.filter_map(|light| Some((&light.node, LightRecord::new(light, space)?)));
+    fn add_lights(
+        &mut self,
+        scene: &Scene,
+        selected: &Emitters,
+        space: &RenderSpace,
+        geometry: &Geometry,
+        weights: &mut Vec<f64>,
+    ) {
+        let lights = || scene.lights.iter().filter(|light| selected.include(&light.node));
+        let around = match lights().any(|light| light.kind.is_sun()) {
+            true => sphere_around(geometry),
+            false => Sphere { centre: Vec3::ZERO, radius: 0.0 },
+        };
+        let records = lights().map(|light| (light, LightRecord::new(light, space, &around)));
         let emitting = records.filter(|(_, record)| record.flux > 0.0);
         let (thin, others): (Vec<_>, Vec<_>) = emitting.partition(|(_, record)| record.is_thin);
         self.thin_beams = thin.len() as u32;
-        for (node, record) in others.into_iter().chain(thin) {
+        for (light, record) in others.into_iter().chain(thin) {
             self.enclose(record.position, record.radius);
             self.lights.push((record.position, record.radius));
-            self.add_power(node, record.flux);
+            match light.kind.is_sun() {
+                true => self.has_sun = true,
+                false => self.add_power(&light.node, record.flux),
+            }
             let owner = self.table.len() as u32;
             self.deterministic.extend(record.vertex.map(|vertex| PathVertex { owner, ..vertex }));
             self.table.push(record.entry);
@@ -125,4 +142,16 @@ impl EmitterSet {
         self.lo = self.lo.min(p - radius);
         self.hi = self.hi.max(p + radius);
     }
+}
+
+/// Minimum radius of the sphere around the scene, in units of render space. Its area must not underflow.
+const MIN_RADIUS: f32 = 1e-9;
+
+/// A sphere around all triangles, in render space.
+fn sphere_around(geometry: &Geometry) -> Sphere {
+    let corners = || geometry.triangles.iter().flat_map(|t| [t.v0, t.v1, t.v2].map(Vec3::from));
+    let ends = corners().map(|p| (p, p)).reduce(|(lo, hi), (p, _)| (lo.min(p), hi.max(p)));
+    let centre = ends.map_or(Vec3::ZERO, |(lo, hi)| 0.5 * (lo + hi));
+    let radius = corners().map(|p| p.distance(centre)).fold(MIN_RADIUS, f32::max);
+    Sphere { centre, radius }
 }

@@ -1,6 +1,9 @@
 //! Checked reading of accessors: before the first element is read, all elements are known to lie inside their buffer.
 
-use ::gltf::json::accessor::{ComponentType, Type};
+use std::borrow::Cow;
+
+use ::gltf::json::accessor::ComponentType::{self, F32, I8, I16, U8, U16, U32};
+use ::gltf::json::accessor::Type;
 use ::gltf::json::validation::Checked::Valid;
 
 use super::Checked;
@@ -12,46 +15,83 @@ pub const MAX_ELEMENTS: u64 = 3 * super::mesh::MAX_TRIANGLES;
 /// the memory.
 const MAX_ZEROS: u64 = 1 << 24;
 
+/// A component type, and whether its integers are normalized, i.e. stand for fractions of their largest value.
+pub type Format = (ComponentType, bool);
+
+/// Formats of inverse bind matrices, and of the translations and scales of instances.
+pub const FLOAT: &[Format] = &[(F32, false)];
+/// Formats of POSITION and TEXCOORD_n. KHR_mesh_quantization allows all but long integers.
+pub const QUANTIZED: &[Format] = &[
+    (F32, false),
+    (I8, false),
+    (I8, true),
+    (U8, false),
+    (U8, true),
+    (I16, false),
+    (I16, true),
+    (U16, false),
+    (U16, true),
+];
+/// Formats of NORMAL and TANGENT, and of the rotations of instances.
+pub const DIRECTION: &[Format] = &[(F32, false), (I8, true), (I16, true)];
+/// Formats of COLOR_n and WEIGHTS_n.
+pub const FRACTION: &[Format] = &[(F32, false), (U8, true), (U16, true)];
+/// Formats of JOINTS_n.
+pub const JOINT: &[Format] = &[(U8, false), (U16, false)];
+
 /// An accessor whose shape, component type and extent are checked.
 struct Elements<'a> {
-    component: ComponentType,
+    format: Format,
     count: usize,
     /// Bytes per element.
     size: usize,
     /// Bytes of exactly `count` elements, and the distance between elements in bytes; `None` without a buffer view: all zeros.
-    bytes: Option<(&'a [u8], usize)>,
+    bytes: Option<(Cow<'a, [u8]>, usize)>,
     /// Sparse replacements: element index, below `count`, and the bytes of the element.
     patches: Vec<(usize, &'a [u8])>,
 }
 
 impl Document<'_> {
-    /// Vectors of `N` = 2 or 3 floats. Integers of 8 and 16 bits must be marked as normalized; they are mapped to [0, 1]. `what`
-    /// names the accessor in messages.
-    pub fn vectors<const N: usize>(
-        &self,
-        index: usize,
-        what: &str,
-        allowed: &[ComponentType],
-    ) -> Checked<Vec<[f32; N]>> {
-        let shape = if N == 2 { Type::Vec2 } else { Type::Vec3 };
+    /// Vectors of `N` = 2, 3 or 4 components, or matrices of `N` = 16, column by column. Integers become floats; normalized ones
+    /// are mapped to [0, 1], or [-1, 1] if they are signed. `what` names the accessor in messages.
+    pub fn vectors<const N: usize>(&self, index: usize, what: &str, allowed: &[Format]) -> Checked<Vec<[f32; N]>> {
+        let shape = match N {
+            2 => Type::Vec2,
+            3 => Type::Vec3,
+            4 => Type::Vec4,
+            _ => Type::Mat4,
+        };
         let elements = self.elements(index, what, shape, allowed)?;
-        Ok(match elements.component {
-            ComponentType::U8 => elements.map(|bytes| std::array::from_fn(|k| f32::from(bytes[k]) / 255.0)),
-            ComponentType::U16 => elements.map(|bytes| {
-                let words = bytes.as_chunks::<2>().0;
-                std::array::from_fn(|k| f32::from(u16::from_le_bytes(words[k])) / 65535.0)
-            }),
-            _ => elements.map(|bytes| {
-                let words = bytes.as_chunks::<4>().0;
-                std::array::from_fn(|k| f32::from_le_bytes(words[k]))
-            }),
+        Ok(match elements.format {
+            (I8, false) => elements.vectors(|bytes| f32::from(i8::from_le_bytes(bytes))),
+            (I8, true) => elements.vectors(|bytes| (f32::from(i8::from_le_bytes(bytes)) / 127.0).max(-1.0)),
+            (U8, false) => elements.vectors(|bytes| f32::from(u8::from_le_bytes(bytes))),
+            (U8, true) => elements.vectors(|bytes| f32::from(u8::from_le_bytes(bytes)) / 255.0),
+            (I16, false) => elements.vectors(|bytes| f32::from(i16::from_le_bytes(bytes))),
+            (I16, true) => elements.vectors(|bytes| (f32::from(i16::from_le_bytes(bytes)) / 32767.0).max(-1.0)),
+            (U16, false) => elements.vectors(|bytes| f32::from(u16::from_le_bytes(bytes))),
+            (U16, true) => elements.vectors(|bytes| f32::from(u16::from_le_bytes(bytes)) / 65535.0),
+            (U32, _) => elements.vectors(|bytes| u32::from_le_bytes(bytes) as f32),
+            (F32, _) => elements.vectors(f32::from_le_bytes),
         })
+    }
+
+    /// RGBA in [0, 1] from vectors of 3 or 4 numbers; alpha is 1 if there are 3. Values outside [0, 1] are clamped.
+    pub fn colors(&self, index: usize, what: &str) -> Checked<Vec<[f32; 4]>> {
+        let has_alpha = self.root.accessors.get(index).is_some_and(|accessor| accessor.type_ == Valid(Type::Vec4));
+        let rgba = match has_alpha {
+            true => self.vectors::<4>(index, what, FRACTION)?,
+            false => self.vectors::<3>(index, what, FRACTION)?.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect(),
+        };
+        if rgba.iter().flatten().any(|value| !value.is_finite()) {
+            return Err(format!("{what} is not finite; clean the mesh and re-export"));
+        }
+        Ok(rgba.into_iter().map(|color| color.map(|value| value.clamp(0.0, 1.0))).collect())
     }
 
     /// Unsigned integers. The caller must check that they are in range of the vertices.
     pub fn indices(&self, index: usize, what: &str) -> Checked<Vec<u32>> {
-        use ComponentType::{U8, U16, U32};
-        let elements = self.elements(index, what, Type::Scalar, &[U8, U16, U32])?;
+        let elements = self.elements(index, what, Type::Scalar, &[(U8, false), (U16, false), (U32, false)])?;
         Ok(elements.map(unsigned))
     }
 
@@ -59,7 +99,8 @@ impl Document<'_> {
     pub fn count(&self, index: usize, what: &str) -> Checked<u64> {
         let accessor = (self.root.accessors.get(index))
             .ok_or_else(|| format!("{what} refers to accessor {index}, which does not exist; re-export the file"))?;
-        match accessor.count.0 {
+        let count = self.draco.count(self, index, what).unwrap_or(Ok(accessor.count.0))?;
+        match count {
             0 => Err(format!("accessor {index} ({what}) has no elements; remove the mesh and re-export")),
             count if count > MAX_ELEMENTS => Err(format!(
                 "accessor {index} ({what}) has {count} elements; at most {MAX_ELEMENTS} are read, split the mesh"
@@ -68,7 +109,7 @@ impl Document<'_> {
         }
     }
 
-    fn elements(&self, index: usize, what: &str, shape: Type, allowed: &[ComponentType]) -> Checked<Elements<'_>> {
+    fn elements(&self, index: usize, what: &str, shape: Type, allowed: &[Format]) -> Checked<Elements<'_>> {
         let count = self.count(index, what)?;
         let name = format!("accessor {index} ({what})");
         let accessor = self.root.accessors.get(index).ok_or_else(|| name.clone())?;
@@ -76,16 +117,21 @@ impl Document<'_> {
             return Err(format!("{name} must be of type {}; re-export the file", format!("{shape:?}").to_uppercase()));
         }
         let component = match accessor.component_type {
-            Valid(component) if allowed.contains(&component.0) => component.0,
-            _ => {
-                return Err(format!(
-                    "{name} has a component type that is not allowed there; re-export without quantization"
-                ));
-            }
+            Valid(component) if allowed.iter().any(|format| format.0 == component.0) => component.0,
+            _ => return Err(format!("{name} has a component type that is not allowed there; re-export the file")),
         };
-        let is_integer = component != ComponentType::F32;
-        if is_integer && shape != Type::Scalar && !accessor.normalized {
-            return Err(format!("{name} has integers that are not normalized; re-export without quantization"));
+        let format = (component, accessor.normalized && component != F32 && shape != Type::Scalar);
+        if !allowed.contains(&format) {
+            let wrong = if accessor.normalized { "normalized" } else { "not normalized" };
+            return Err(format!(
+                "{name} has integers that are {wrong}, which is not allowed there; re-export the file"
+            ));
+        }
+        if let Some(bytes) = self.draco.bytes(self, index, component, shape.multiplicity(), what) {
+            let component = if shape == Type::Scalar { U32 } else { component };
+            let size = component.size() * shape.multiplicity();
+            let bytes = Some((Cow::Owned(bytes?), size));
+            return Ok(Elements { format: (component, format.1), count: count as usize, size, bytes, patches: vec![] });
         }
         let size = component.size() * shape.multiplicity();
 
@@ -96,7 +142,8 @@ impl Document<'_> {
             None => None,
             Some(view) => {
                 let offset = accessor.byte_offset.unwrap_or_default().0;
-                Some(self.region(view.value(), offset, count, size, &name)?)
+                let (bytes, stride) = self.region(view.value(), offset, count, size, &name)?;
+                Some((Cow::Borrowed(bytes), stride))
             }
         };
 
@@ -135,7 +182,7 @@ impl Document<'_> {
                 patches.push((at as usize, value));
             }
         }
-        Ok(Elements { component, count: count as usize, size, bytes, patches })
+        Ok(Elements { format, count: count as usize, size, bytes, patches })
     }
 
     /// The bytes of `count` elements of `size` bytes, and their stride: `chunks(stride)` yields each element once.
@@ -159,14 +206,22 @@ impl Document<'_> {
 impl Elements<'_> {
     /// Decodes every element; `decode` gets exactly `size` bytes.
     fn map<T: Clone>(&self, decode: impl Fn(&[u8]) -> T) -> Vec<T> {
-        let mut out = match self.bytes {
-            None => vec![decode(&[0; 16][..self.size]); self.count],
-            Some((bytes, stride)) => bytes.chunks(stride).map(|element| decode(&element[..self.size])).collect(),
+        let mut out = match &self.bytes {
+            None => vec![decode(&[0; 64][..self.size]); self.count],
+            Some((bytes, stride)) => bytes.chunks(*stride).map(|element| decode(&element[..self.size])).collect(),
         };
         for (at, bytes) in &self.patches {
             out[*at] = decode(&bytes[..self.size]);
         }
         out
+    }
+
+    /// Decodes every component from its `B` bytes.
+    fn vectors<const N: usize, const B: usize>(&self, component: impl Fn([u8; B]) -> f32) -> Vec<[f32; N]> {
+        self.map(|bytes| {
+            let components = bytes.as_chunks::<B>().0;
+            std::array::from_fn(|k| component(components[k]))
+        })
     }
 }
 

@@ -48,6 +48,7 @@ pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked
             yfov,
             aspect,
             resolution: resolution(&source.extras),
+            principal_point: principal_point(&source.extras).unwrap_or(Camera::CENTRED),
         });
     }
     Ok(cameras)
@@ -81,4 +82,14 @@ fn resolution(extras: &Extras) -> Option<[u32; 2]> {
     }
     let size: Size = serde_json::from_str(extras.as_ref()?.get()).ok()?;
     (size.width > 0 && size.height > 0).then_some([size.width, size.height])
+}
+
+/// `principal_point`, if the extras have it as two numbers: see [`Camera::principal_point`].
+fn principal_point(extras: &Extras) -> Option<[f64; 2]> {
+    #[derive(Deserialize)]
+    struct Film {
+        principal_point: [f64; 2],
+    }
+    let film: Film = serde_json::from_str(extras.as_ref()?.get()).ok()?;
+    Some(film.principal_point)
 }

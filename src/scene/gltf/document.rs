@@ -1,25 +1,25 @@
 //! The parsed file: JSON, buffers, names for messages, and the warnings about ignored features.
 
 use std::borrow::Cow;
-use std::collections::BTreeSet;
-use std::path::Path;
+use std::collections::{BTreeSet, HashMap};
 
-use ::gltf::json::Root;
-
-use super::{Checked, light, material, resolve};
+use super::compressed::{self, Compressed};
+use super::draco::DracoMeshes;
+use super::resolve::Folders;
+use super::root::Root;
+use super::{Checked, resolve};
+use crate::printable::is_command;
 
 pub const MAX_NODES: usize = 1_000_000;
-
-/// Whether taugate reads the extension. Any other extension gives a warning in `extensionsUsed`, an error in
-/// `extensionsRequired`.
-fn is_read(extension: &str) -> bool {
-    extension == light::EXTENSION || material::EXTENSIONS.contains(&extension)
-}
 
 /// A glTF file with its buffers in memory. Nothing in `root` is trusted: callers use `get` for look-ups and checked arithmetic.
 pub struct Document<'a> {
     pub root: Root,
-    buffers: Vec<Cow<'a, [u8]>>,
+    /// `None` for a buffer without data of its own.
+    buffers: Vec<Option<Cow<'a, [u8]>>>,
+    /// By buffer view.
+    compressed: HashMap<usize, Compressed>,
+    pub draco: DracoMeshes,
 }
 
 /// The bytes of a buffer view; they lie inside their buffer.
@@ -29,10 +29,15 @@ pub struct View<'a> {
 }
 
 impl<'a> Document<'a> {
-    pub fn open(bytes: &'a [u8], folder: &Path) -> Checked<Self> {
+    pub fn open(bytes: &'a [u8], folders: Folders) -> Checked<Self> {
         let (json, bin) = resolve::split_container(bytes)?;
-        let root: Root = ::gltf::json::deserialize::from_slice(json)
-            .map_err(|e| format!("is not valid glTF 2.0 ({}); re-export it", printable(&e.to_string(), 200)))?;
+        let root: Root = serde_json::from_slice(json).map_err(|e| {
+            // The JSON of glTF 1.0 has another structure, so the parser stops before anyone sees the version.
+            if is_gltf_1(json) {
+                return "is glTF version 1.0; re-export it as glTF 2.0".into();
+            }
+            format!("is not valid glTF 2.0 ({}); re-export it", printable(&e.to_string(), 200))
+        })?;
         let asset = &root.asset;
         let is_readable =
             asset.min_version.as_ref().map_or(asset.version.starts_with("2."), |min_version| min_version == "2.0");
@@ -43,34 +48,10 @@ impl<'a> Document<'a> {
         if root.nodes.len() > MAX_NODES {
             return Err(format!("has more than {MAX_NODES} nodes; merge meshes before exporting"));
         }
-        let buffers = resolve::buffers(&root, bin, folder)?;
-        Ok(Self { root, buffers })
-    }
-
-    /// Refuses a file that requires an extension which taugate does not read; warns about optional extensions of that kind.
-    pub fn check_extensions(&self, warnings: &mut Warnings) -> Checked<()> {
-        if let Some(name) = self.root.extensions_required.iter().find(|name| !is_read(name)) {
-            let remedy = match name.as_str() {
-                "KHR_draco_mesh_compression" => "re-export without Draco compression",
-                "EXT_meshopt_compression" | "KHR_meshopt_compression" => "re-export without meshopt compression",
-                "KHR_mesh_quantization" => "re-export without quantization (gltfpack: -noq)",
-                "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" => "re-export with PNG or JPEG textures",
-                _ => "re-export without it",
-            };
-            return Err(format!(
-                "requires the extension {}, which taugate does not read; {remedy}",
-                printable(name, 80)
-            ));
-        }
-        let mut unread: Vec<String> = Vec::new();
-        for name in self.root.extensions_used.iter().filter(|name| !is_read(name)) {
-            let name = printable(name, 80);
-            if unread.len() < 20 && !unread.contains(&name) {
-                warnings.push(format!("the extension {name} is not read"));
-                unread.push(name);
-            }
-        }
-        Ok(())
+        let buffers = resolve::buffers(&root, bin, folders)?;
+        let compressed = compressed::views(&root)?;
+        let draco = DracoMeshes::find(&root)?;
+        Ok(Self { root, buffers, compressed, draco })
     }
 
     /// Warns about fog, which is described in the extras of scenes and not rendered yet.
@@ -90,23 +71,50 @@ impl<'a> Document<'a> {
     pub fn view(&self, index: usize, what: &str) -> Checked<View<'_>> {
         let view = (self.root.buffer_views.get(index))
             .ok_or_else(|| format!("{what} refers to bufferView {index}, which does not exist; re-export the file"))?;
-        let number = view.buffer.value();
-        let buffer = self.buffers.get(number).ok_or_else(|| {
-            format!("bufferView {index} ({what}) refers to buffer {number}, which does not exist; re-export the file")
-        })?;
-        let start = view.byte_offset.unwrap_or_default().0;
-        let bytes = (start.checked_add(view.byte_length.0))
-            .and_then(|end| buffer.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?))
-            .ok_or_else(|| {
-                format!("bufferView {index} ({what}) reaches beyond the end of buffer {number}; re-export the file")
-            })?;
+        let name = format!("bufferView {index} ({what})");
+        let bytes = match self.compressed.get(&index) {
+            Some(compressed) => compressed.bytes(self, &name)?,
+            None => {
+                self.slice(view.buffer.value(), view.byte_offset.unwrap_or_default().0, view.byte_length.0, &name)?
+            }
+        };
         Ok(View { bytes, stride: view.byte_stride.map(|stride| stride.0) })
+    }
+
+    /// `length` bytes of buffer `number` from `start`. `name` names what refers to them in messages.
+    pub fn slice(&self, number: usize, start: u64, length: u64, name: &str) -> Checked<&[u8]> {
+        let buffer = self
+            .buffers
+            .get(number)
+            .ok_or_else(|| format!("{name} refers to buffer {number}, which does not exist; re-export the file"))?;
+        let buffer = buffer
+            .as_ref()
+            .ok_or_else(|| format!("{name} refers to buffer {number}, which has no data; re-export the file"))?;
+        (start.checked_add(length))
+            .and_then(|end| buffer.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?))
+            .ok_or_else(|| format!("{name} reaches beyond the end of buffer {number}; re-export the file"))
     }
 
     /// The node's name; `node 17` if node 17 has no name.
     pub fn node_name(&self, index: usize) -> String {
         label(self.root.nodes.get(index).and_then(|node| node.name.as_deref()), "node", index)
     }
+}
+
+/// Whether JSON that is not glTF 2.0 says that it is glTF 1.
+fn is_gltf_1(json: &[u8]) -> bool {
+    #[derive(serde::Deserialize)]
+    struct Asset {
+        version: serde_json::Value,
+    }
+    #[derive(serde::Deserialize)]
+    struct Header {
+        asset: Asset,
+    }
+    // Some early exporters wrote the version as a number.
+    serde_json::from_slice::<Header>(json).is_ok_and(|Header { asset: Asset { version } }| {
+        version == 1 || version.as_str().is_some_and(|version| version.starts_with("1."))
+    })
 }
 
 /// A name for messages and look-up: the name in the file, otherwise kind and index.
@@ -117,9 +125,10 @@ pub fn label(name: Option<&str>, kind: &str, index: usize) -> String {
     }
 }
 
-/// The first `limit` characters of `text`, with control characters replaced: names come from the file and go to a terminal.
+/// The first `limit` characters of `text`. Those that a terminal may obey are replaced: names come from the file and go to a
+/// terminal.
 pub fn printable(text: &str, limit: usize) -> String {
-    text.chars().take(limit).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+    text.chars().take(limit).map(|c| if is_command(c) { '\u{fffd}' } else { c }).collect()
 }
 
 /// `value` if it is a finite number, otherwise an error that names `what`.

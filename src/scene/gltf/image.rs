@@ -1,76 +1,277 @@
-//! Decodes PNG and JPEG images to 8-bit texels.
+//! Decodes PNG, JPEG and WebP images to 8-bit texels.
+//!
+//! A small file can describe a huge image. So the headers of all images are read first, and their sizes are checked before any
+//! image is decoded.
 
 use std::borrow::Cow;
 use std::io::Cursor;
-use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::ops::Range;
 
-use ::image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use ::image::{ColorType, ImageDecoder, ImageError, ImageReader, Limits};
 use rayon::prelude::*;
 
-use super::document::{Document, Warnings, label};
+use super::document::{Document, Warnings, label, printable};
+use super::resolve::Folders;
+use super::texture::{FROM_AVIF, FROM_KTX2, FROM_OTHERS, ImageUse};
 use super::{Checked, resolve};
 use crate::scene::Image;
 
 /// Maximum width and height of an image in pixels.
 const MAX_SIDE: u32 = 16384;
-/// Maximum number of texels of all images together: 4 GiB.
-const MAX_TEXELS: u64 = 1 << 30;
+/// Maximum number of texels of all images together: 2 GiB, the usual limit of an array on a device.
+const MAX_TEXELS: u64 = 1 << 29;
+/// Maximum number of texels of the images that are decoded at the same time, unless a single image has more. Some decoders need
+/// up to 8 bytes per texel of their own.
+const MAX_TEXELS_AT_ONCE: u64 = 1 << 25;
+/// Maximum size in bytes of the rows and the metadata that a PNG decoder keeps.
+const MAX_DECODER_BYTES: u64 = 64 << 20;
 
-/// Decodes the glTF images with indices `sources` in parallel; returns them in that order.
-pub fn load(doc: &Document, folder: &Path, sources: &[usize], warnings: &mut Warnings) -> Checked<Vec<Image>> {
-    let texels = AtomicU64::new(0);
-    let decoded: Vec<Checked<(Image, bool)>> =
-        sources.par_iter().map(|&source| decode(doc, folder, source, &texels)).collect();
-    let mut images = Vec::with_capacity(sources.len());
-    for (outcome, &source) in decoded.into_iter().zip(sources) {
-        let (image, is_deep) = outcome?;
-        if is_deep {
-            warnings.once("deep images", || {
-                format!("images with 16 bits per channel are read as 8 bits (first: {})", name(doc, source))
-            });
+/// Decodes `images`; returns them in that order.
+pub fn load(doc: &Document, folders: Folders, images: &[ImageUse], warnings: &mut Warnings) -> Checked<Vec<Image>> {
+    let sources: Vec<Source> = images.iter().map(|image| Source::new(doc, folders, image)).collect();
+    let sizes: Vec<[u32; 2]> = sources.iter().map(Source::size).collect::<Checked<_>>()?;
+    check_total(&sources, &sizes)?;
+    let texels: Vec<u64> = sizes.iter().map(texel_count).collect();
+    let mut decoded = Vec::with_capacity(images.len());
+    for run in runs(&texels, MAX_TEXELS_AT_ONCE) {
+        let run: Vec<Checked<(Image, bool)>> =
+            run.into_par_iter().map(|index| sources[index].decode(sizes[index])).collect();
+        for outcome in run {
+            let (image, is_deep) = outcome?;
+            if is_deep {
+                let name = &sources[decoded.len()].name;
+                warnings.once("deep images", || {
+                    format!("images with 16 bits per channel are read as 8 bits (first: {name})")
+                });
+            }
+            decoded.push(image);
         }
-        images.push(image);
     }
-    Ok(images)
+    Ok(decoded)
 }
 
-fn name(doc: &Document, index: usize) -> String {
-    format!("image `{}`", label(doc.root.images.get(index).and_then(|image| image.name.as_deref()), "image", index))
+fn texel_count([width, height]: &[u32; 2]) -> u64 {
+    u64::from(*width) * u64::from(*height)
 }
 
-/// The texels of one image, and whether the file had more than 8 bits per channel. `texels` counts the texels of all images so
-/// far.
-fn decode(doc: &Document, folder: &Path, index: usize, texels: &AtomicU64) -> Checked<(Image, bool)> {
-    let name = name(doc, index);
-    let source = doc.root.images.get(index).ok_or_else(|| format!("{name} does not exist; re-export the file"))?;
-    let bytes = match (&source.buffer_view, &source.uri) {
-        (Some(view), _) => Cow::Borrowed(doc.view(view.value(), &name)?.bytes),
-        (None, Some(uri)) => Cow::Owned(resolve::uri_bytes(uri, folder, &name)?),
-        (None, None) => return Err(format!("{name} has no data; re-export the file with its textures")),
-    };
-    let failed = |e: ::image::ImageError| {
-        format!("{name} cannot be decoded ({e}); save it as PNG or JPEG of at most {MAX_SIDE} x {MAX_SIDE} pixels")
-    };
-    let mut reader = ImageReader::new(Cursor::new(bytes.as_ref()))
-        .with_guessed_format()
-        .map_err(|e| failed(::image::ImageError::IoError(e)))?;
+/// Fails if the images together have too many texels; names the largest image.
+fn check_total(sources: &[Source], sizes: &[[u32; 2]]) -> Checked<()> {
+    let gibibytes = |texels: u64| texels as f64 * 4.0 / f64::from(1 << 30);
+    let total: u64 = sizes.iter().map(texel_count).sum();
+    match sources.iter().zip(sizes).max_by_key(|(_, size)| texel_count(size)) {
+        Some((largest, [width, height])) if total > MAX_TEXELS => Err(format!(
+            "the images of the textures need {:.1} GiB, but taugate reads at most {} GiB; the largest is {} with {width} x \
+             {height} pixels; scale images down",
+            gibibytes(total),
+            gibibytes(MAX_TEXELS),
+            largest.name
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Splits the images with these sizes into runs of consecutive images. The sum of each run is at most `limit`, but a larger
+/// image is a run of its own.
+fn runs(sizes: &[u64], limit: u64) -> Vec<Range<usize>> {
+    let mut runs: Vec<Range<usize>> = vec![];
+    let mut sum = 0;
+    for (index, size) in sizes.iter().enumerate() {
+        sum += size;
+        match runs.last_mut() {
+            Some(run) if sum <= limit => run.end = index + 1,
+            _ => {
+                sum = *size;
+                runs.push(index..index + 1);
+            }
+        }
+    }
+    runs
+}
+
+/// Where the data of an image comes from. The data is read again whenever it is needed, because many large files need not fit
+/// into memory.
+struct Source<'a> {
+    doc: &'a Document<'a>,
+    folders: Folders<'a>,
+    index: usize,
+    /// The image and its user, for messages.
+    name: String,
+}
+
+impl<'a> Source<'a> {
+    fn new(doc: &'a Document, folders: Folders<'a>, image: &ImageUse) -> Source<'a> {
+        let label = label(doc.root.images.get(image.index).and_then(|i| i.name.as_deref()), "image", image.index);
+        Source { doc, folders, index: image.index, name: format!("image `{label}` ({})", image.what) }
+    }
+
+    fn bytes(&self) -> Checked<Cow<'a, [u8]>> {
+        let name = &self.name;
+        let image = (self.doc.root.images.get(self.index))
+            .ok_or_else(|| format!("{name} does not exist; re-export the file"))?;
+        match (&image.buffer_view, &image.uri) {
+            (Some(view), _) => Ok(Cow::Borrowed(self.doc.view(view.value(), name)?.bytes)),
+            (None, Some(uri)) => Ok(Cow::Owned(resolve::uri_bytes(uri, self.folders, name)?)),
+            (None, None) => Err(format!("{name} has no data; re-export the file with its textures")),
+        }
+    }
+
+    /// Width and height by the header.
+    fn size(&self) -> Checked<[u32; 2]> {
+        let bytes = self.bytes()?;
+        let (width, height) = decoder(&bytes).map_err(|e| self.failed(&e, &bytes))?.dimensions();
+        Ok([width, height])
+    }
+
+    /// The texels of the image, and whether the file has more than 8 bits per channel.
+    fn decode(&self, size: [u32; 2]) -> Checked<(Image, bool)> {
+        let bytes = self.bytes()?;
+        let decoder = decoder(&bytes).map_err(|e| self.failed(&e, &bytes))?;
+        let name = &self.name;
+        if decoder.dimensions() != size.into() {
+            return Err(format!("{name} changed while it was read; read the scene again"));
+        }
+        let color = decoder.color_type();
+        let [width, height] = size;
+        let rgba = rgba8(decoder, texel_count(&size) as usize).map_err(|e| self.failed(&e, &bytes))?;
+        if rgba.is_empty() {
+            return Err(format!("{name} has no pixels; save it again as PNG or JPEG"));
+        }
+        Ok((Image { width, height, rgba }, color.bytes_per_pixel() > color.channel_count()))
+    }
+
+    /// The message for an image that cannot be decoded.
+    fn failed(&self, error: &ImageError, bytes: &[u8]) -> String {
+        let uri = self.doc.root.images.get(self.index).and_then(|image| image.uri.as_deref());
+        let file = match uri {
+            Some(uri) if !resolve::is_data(uri) => format!(" from `{}`", printable(uri, 120)),
+            _ => String::new(),
+        };
+        let (why, remedy) = if bytes.starts_with(b"\xabKTX 2") {
+            ("KTX2 is not read".into(), FROM_KTX2.into())
+        } else if bytes.get(4..12) == Some(b"ftypavif") {
+            ("AVIF is not read".into(), FROM_AVIF.into())
+        } else if matches!(error, ImageError::Unsupported(_)) {
+            ("its format is not read".into(), FROM_OTHERS.into())
+        } else {
+            let remedy = format!("save it as PNG, JPEG or WebP of at most {MAX_SIDE} x {MAX_SIDE} pixels");
+            (printable(&error.to_string(), 200), remedy)
+        };
+        format!("{} cannot be decoded{file}: {why}; {remedy}", self.name)
+    }
+}
+
+/// A decoder that has read the header of the image.
+fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + use<'_>, ImageError> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(ImageError::IoError)?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
-    limits.max_alloc = Some(u64::from(MAX_SIDE) * u64::from(MAX_SIDE) * 8);
+    limits.max_alloc = Some(MAX_DECODER_BYTES);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(failed)?;
-    let (width, height) = decoder.dimensions();
-    let size = u64::from(width) * u64::from(height);
-    if texels.fetch_add(size, Ordering::Relaxed).saturating_add(size) > MAX_TEXELS {
-        return Err(format!("the images have more than {MAX_TEXELS} pixels in total ({name}); scale them down"));
+    reader.into_decoder()
+}
+
+/// Decodes `texels` texels. The image is decoded into the end of the buffer that it is returned in, and then converted from the
+/// beginning. So an image with 8 bits per channel takes no other memory than its result.
+fn rgba8(decoder: impl ImageDecoder, texels: usize) -> Result<Vec<[u8; 4]>, ImageError> {
+    let color = decoder.color_type();
+    let size = usize::from(color.bytes_per_pixel());
+    let mut rgba = vec![[0; 4]; texels * size.div_ceil(4)];
+    let bytes = rgba.as_flattened_mut();
+    let start = bytes.len() - texels * size;
+    decoder.read_image(&mut bytes[start..])?;
+    let narrow = |high: u8, low: u8| narrow(u16::from_ne_bytes([high, low]));
+    match color {
+        ColorType::L8 => convert(bytes, texels, |[l]| [l, l, l, 255]),
+        ColorType::La8 => convert(bytes, texels, |[l, a]| [l, l, l, a]),
+        ColorType::Rgb8 => convert(bytes, texels, |[r, g, b]| [r, g, b, 255]),
+        ColorType::Rgba8 => {}
+        ColorType::L16 => convert(bytes, texels, |[l, m]| [narrow(l, m), narrow(l, m), narrow(l, m), 255]),
+        ColorType::La16 => {
+            convert(bytes, texels, |[l, m, a, b]| [narrow(l, m), narrow(l, m), narrow(l, m), narrow(a, b)]);
+        }
+        ColorType::Rgb16 => {
+            convert(bytes, texels, |[r, s, g, h, b, c]| [narrow(r, s), narrow(g, h), narrow(b, c), 255]);
+        }
+        ColorType::Rgba16 => {
+            convert(bytes, texels, |[r, s, g, h, b, c, a, d]| [narrow(r, s), narrow(g, h), narrow(b, c), narrow(a, d)])
+        }
+        _ => {
+            let message = format!("{color:?} pixels are not read");
+            return Err(ImageError::IoError(std::io::Error::other(message)));
+        }
     }
-    let image = DynamicImage::from_decoder(decoder).map_err(failed)?;
-    let is_deep = image.color().bytes_per_pixel() > image.color().channel_count();
-    let rgba = image.into_rgba8().into_raw().as_chunks::<4>().0.to_vec();
-    if width == 0 || height == 0 || rgba.len() as u64 != size {
-        return Err(format!("{name} has no pixels; save it again as PNG or JPEG"));
+    rgba.truncate(texels);
+    rgba.shrink_to_fit();
+    Ok(rgba)
+}
+
+/// Replaces `texels` pixels of `N` bytes at the end of `bytes` by as many texels of 4 bytes at the beginning. `bytes` has room for
+/// the longer of the two. So a texel never ends behind its own pixel, and no pixel is overwritten before it is read.
+fn convert<const N: usize>(bytes: &mut [u8], texels: usize, rgba: impl Fn([u8; N]) -> [u8; 4]) {
+    let start = bytes.len() - texels * N;
+    for k in 0..texels {
+        let mut pixel = [0; N];
+        pixel.copy_from_slice(&bytes[start + N * k..start + N * (k + 1)]);
+        bytes[4 * k..4 * (k + 1)].copy_from_slice(&rgba(pixel));
     }
-    Ok((Image { width, height, rgba }, is_deep))
+}
+
+/// The nearest 8-bit value of a 16-bit channel.
+fn narrow(channel: u16) -> u8 {
+    ((u32::from(channel) + 128) / 257) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use ::image::{DynamicImage, ImageFormat};
+
+    use super::*;
+
+    fn encode(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(vec![]);
+        image.write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn every_pixel_format_becomes_rgba() {
+        let mut state = 7u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 16) as u16
+        };
+        let deep = DynamicImage::ImageRgba16(::image::ImageBuffer::from_fn(13, 7, |_, _| {
+            ::image::Rgba([random(), random(), random(), random()])
+        }));
+        let kinds = [
+            deep.to_luma8().into(),
+            deep.to_luma_alpha8().into(),
+            deep.to_rgb8().into(),
+            deep.to_rgba8().into(),
+            deep.to_luma16().into(),
+            deep.to_luma_alpha16().into(),
+            deep.to_rgb16().into(),
+            deep,
+        ];
+        let check = |image: &DynamicImage, format| {
+            let bytes = encode(image, format);
+            let expected = ::image::load_from_memory(&bytes).unwrap().into_rgba8();
+            let rgba = rgba8(decoder(&bytes).unwrap(), 13 * 7).unwrap();
+            assert!(rgba.as_flattened() == expected.as_raw().as_slice(), "{:?} as {format:?}", image.color());
+        };
+        kinds.iter().for_each(|image| check(image, ImageFormat::Png));
+        for (image, format) in
+            [(0, ImageFormat::Jpeg), (2, ImageFormat::Jpeg), (2, ImageFormat::WebP), (3, ImageFormat::WebP)]
+        {
+            check(&kinds[image], format);
+        }
+    }
+
+    #[test]
+    fn runs_are_bounded_and_lose_no_image() {
+        assert_eq!(runs(&[], 10), []);
+        assert_eq!(runs(&[3, 7, 1, 30, 2, 9], 10), [0..2, 2..3, 3..4, 4..5, 5..6]);
+        assert_eq!(runs(&[5; 5], 15), [0..3, 3..5]);
+    }
 }

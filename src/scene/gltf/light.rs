@@ -9,25 +9,35 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::Checked;
-use super::document::Document;
+use super::document::{Document, Warnings};
 use super::node::Worlds;
 use crate::scene::{Light, LightKind};
 
-/// The extension that this file reads.
-pub const EXTENSION: &str = "KHR_lights_punctual";
+/// Brightest point or spot light of a file from Blender that gives no warning. In W/sr, it is a lamp of 6,300 W, which is rare. In
+/// candela, it is a lamp of 9 W in Blender's user interface, where the default is 10 W or more.
+const TOO_BRIGHT: f32 = 500.0;
 
 /// The lights and beams of the nodes in the scene, in the order of the nodes.
-pub fn load(doc: &Document, worlds: &Worlds) -> Checked<Vec<Light>> {
+pub fn load(doc: &Document, worlds: &Worlds, warnings: &mut Warnings) -> Checked<Vec<Light>> {
     let mut lights = Vec::new();
-    for (index, world) in worlds.iter() {
+    let by_blender = doc.root.asset.generator.as_ref().is_some_and(|generator| generator.contains("Blender"));
+    for (index, world) in worlds.visible() {
         let Some(node) = doc.root.nodes.get(index) else { continue };
         let name = doc.node_name(index);
         if let Some(light) = node.extensions.as_ref().and_then(|ext| ext.khr_lights_punctual.as_ref()) {
             let number = light.light.value();
-            let known: &[JsonLight] = doc.root.as_ref();
-            let light = known.get(number).ok_or_else(|| {
+            let light = doc.root.lights().get(number).ok_or_else(|| {
                 format!("node `{name}` refers to light {number}, which does not exist; re-export the file")
             })?;
+            if by_blender && light.intensity > TOO_BRIGHT && light.type_ != Valid(Type::Directional) {
+                let intensity = light.intensity;
+                warnings.once("candela", || {
+                    format!(
+                        "the light of node `{name}` has an intensity of {intensity:.0} W/sr; Blender writes candela, 683 times as \
+                         much, unless Data > Lighting is set to Unitless when the scene is exported"
+                    )
+                });
+            }
             lights.push(place(punctual(light, &name)?, &world, &name)?);
         }
         if let Some(extras) = &node.extras
@@ -74,8 +84,7 @@ fn punctual(light: &JsonLight, name: &str) -> Checked<LightKind> {
                     "the spot light of node `{name}` must have 0 <= innerConeAngle <= outerConeAngle <= pi/2; correct it and re-export"
                 ));
             }
-            // Leave room for the falloff: with inner = outer it would divide by zero.
-            Ok(LightKind::Spot { intensity, inner: inner.min(0.999 * outer), outer })
+            Ok(LightKind::spot(intensity, inner, outer))
         }
         Invalid => Err(format!("the light of node `{name}` has an unknown type; use point, spot or directional")),
     }

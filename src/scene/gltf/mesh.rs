@@ -1,29 +1,48 @@
 //! Reads meshes: turns the attributes and indices of each primitive into valid triangles.
 
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
-use ::gltf::json::accessor::ComponentType::{F32, U8, U16};
-use ::gltf::json::extensions::mesh::Primitive as PrimitiveExtensions;
 use ::gltf::json::mesh::{Mode, Primitive, Semantic};
 use ::gltf::json::validation::Checked::{Invalid, Valid};
-use glam::{DAffine2, DVec2, Vec3};
+use glam::{DAffine2, DVec2, DVec3, Vec3};
 
 use super::Checked;
-use super::accessor::MAX_ELEMENTS;
+use super::accessor::{DIRECTION, MAX_ELEMENTS, QUANTIZED};
 use super::document::{Document, Warnings, label};
 use super::material::Materials;
 use super::node::Worlds;
+use super::pose::{Pose, Skin};
 use crate::scene::Mesh;
 
 /// Maximum number of triangles in a scene, instances included.
 pub const MAX_TRIANGLES: u64 = 64 << 20;
 
+/// The meshes of a node.
+#[derive(Clone)]
+pub struct Placement {
+    /// Indices into [`Meshes::meshes`].
+    pub range: Range<usize>,
+    /// Where a skin places the meshes: their origin in the world. The node's transform then has no effect.
+    pub skinned_at: Option<DVec3>,
+}
+
+/// A glTF mesh in one pose. Nodes with equal shapes share their meshes.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Shape {
+    mesh: usize,
+    skin: Option<usize>,
+    /// The bits of the weights of its morph targets.
+    weights: Vec<u32>,
+}
+
 /// The meshes that nodes of the scene use, in the order of the file, and counts for warnings and limits.
 #[derive(Default)]
 pub struct Meshes {
     pub meshes: Vec<Mesh>,
-    /// By glTF mesh: the range of its primitives in `meshes`; `None` if no node uses the mesh.
-    ranges: Vec<Option<Range<usize>>>,
+    /// By node.
+    placements: HashMap<usize, Placement>,
     /// Vertices read so far. It is limited as well as the file size, because many primitives may share one accessor.
     vertices_read: u64,
     /// Triangle corners read so far.
@@ -34,30 +53,46 @@ pub struct Meshes {
     missing_uvs: Vec<String>,
 }
 
-/// Reads every mesh that a node of the scene refers to; drops and counts primitives and triangles that cannot be seen.
+/// Reads every mesh that a visible node of the scene refers to; drops and counts primitives and triangles that cannot be seen.
 pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings: &mut Warnings) -> Checked<Meshes> {
-    let mut out = Meshes { ranges: vec![None; doc.root.meshes.len()], ..Meshes::default() };
-    let mut is_used = vec![false; doc.root.meshes.len()];
-    for (index, _) in worlds.iter() {
+    let mut out = Meshes::default();
+    let mut skins: HashMap<usize, Option<Skin>> = HashMap::new();
+    let mut nodes_of: BTreeMap<Shape, Vec<usize>> = BTreeMap::new();
+    for (index, _) in worlds.visible() {
         let Some(node) = doc.root.nodes.get(index) else { continue };
-        if node.skin.is_some() {
-            warnings.once("skins", || format!("skins are not read (first: node `{}`)", doc.node_name(index)));
-        }
-        let Some(mesh) = node.mesh.map(|mesh| mesh.value()) else { continue };
-        *is_used.get_mut(mesh).ok_or_else(|| {
-            format!("node `{}` refers to mesh {mesh}, which does not exist; re-export the file", doc.node_name(index))
-        })? = true;
+        let Some(number) = node.mesh.map(|mesh| mesh.value()) else { continue };
+        let mesh = doc.root.meshes.get(number).ok_or_else(|| {
+            format!("node `{}` refers to mesh {number}, which does not exist; re-export the file", doc.node_name(index))
+        })?;
+        let skin = match node.skin.map(|skin| skin.value()) {
+            None => None,
+            Some(number) => {
+                let skin = match skins.entry(number) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(new) => new.insert(Skin::load(doc, worlds, number, warnings)?),
+                };
+                skin.as_ref().map(|_| number)
+            }
+        };
+        let weights = node.weights.as_ref().or(mesh.weights.as_ref()).into_iter().flatten();
+        let shape = Shape { mesh: number, skin, weights: weights.map(|weight| weight.to_bits()).collect() };
+        nodes_of.entry(shape).or_default().push(index);
     }
     if !doc.root.animations.is_empty() {
         warnings.once("animations", || "animations are not read; nodes keep the transforms in the file".into());
     }
-    for (index, mesh) in doc.root.meshes.iter().enumerate().filter(|(index, _)| is_used[*index]) {
+    for (shape, nodes) in nodes_of {
+        let Some(mesh) = doc.root.meshes.get(shape.mesh) else { continue };
+        let weights: Vec<f32> = shape.weights.into_iter().map(f32::from_bits).collect();
+        let skin = shape.skin.and_then(|number| skins[&number].as_ref());
+        let pose = Pose { weights: &weights, skin };
         let start = out.meshes.len();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            let name = format!("{}[{number}]", label(mesh.name.as_deref(), "mesh", index));
-            out.primitive(doc, name, primitive, materials, warnings)?;
+            let name = format!("{}[{number}]", label(mesh.name.as_deref(), "mesh", shape.mesh));
+            out.primitive(doc, name, primitive, &pose, materials)?;
         }
-        out.ranges[index] = Some(start..out.meshes.len());
+        let placement = Placement { range: start..out.meshes.len(), skinned_at: skin.map(|skin| skin.origin) };
+        out.placements.extend(nodes.into_iter().map(|node| (node, placement.clone())));
     }
     out.warn(warnings);
     if materials.materials.is_empty() {
@@ -67,12 +102,12 @@ pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings
 }
 
 impl Meshes {
-    /// The primitives of a glTF mesh, as indices into `meshes`.
-    pub fn of(&self, mesh: usize) -> Option<Range<usize>> {
-        self.ranges.get(mesh)?.clone()
+    /// The meshes of a node; `None` if the node has none.
+    pub fn of(&self, node: usize) -> Option<&Placement> {
+        self.placements.get(&node)
     }
 
-    /// The error message for a scene without instances.
+    /// The warning for a scene without instances.
     pub fn nothing_to_render(&self) -> String {
         let why = match (self.degenerate, self.points_or_lines) {
             (0, 0) => String::new(),
@@ -104,8 +139,8 @@ impl Meshes {
         doc: &Document,
         name: String,
         primitive: &Primitive,
+        pose: &Pose,
         materials: &mut Materials,
-        warnings: &mut Warnings,
     ) -> Checked<()> {
         let mode = match primitive.mode {
             Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
@@ -115,15 +150,9 @@ impl Meshes {
             }
             Invalid => return Err(format!("{name} has an unknown mode; re-export the file")),
         };
-        let mut ignored = |is_used: bool, what: &'static str| {
-            if is_used {
-                warnings.once(what, || format!("{what} are not read (first: {name})"));
-            }
-        };
-        ignored(attribute(primitive, Semantic::Colors(0)).is_some(), "vertex colours");
-        ignored(primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()), "morph targets");
-
         let mut mesh = self.vertices(doc, name, primitive, materials)?;
+        let is_mirrored = pose.apply(doc, primitive, &mut mesh)?;
+        check_finite(&mesh.positions, &format!("POSITION of {} after deformation", mesh.name))?;
         let corners = self.corners(doc, &mesh, primitive)?;
         let number = corners.len();
         if number < 3 || (mode == Mode::Triangles && !number.is_multiple_of(3)) {
@@ -131,7 +160,10 @@ impl Meshes {
             return Err(format!("{name} has {number} corners, which do not make whole triangles; re-export the file"));
         }
         let mut push = |triangle: [usize; 3]| {
-            let triangle = triangle.map(|corner| corners[corner]);
+            let mut triangle = triangle.map(|corner| corners[corner]);
+            if is_mirrored.get(triangle[0] as usize) == Some(&true) {
+                triangle.swap(1, 2);
+            }
             if has_zero_area(triangle.map(|index| mesh.positions[index as usize])) {
                 self.degenerate += 1;
             } else {
@@ -152,6 +184,13 @@ impl Meshes {
             mesh.normals = Vec::new();
             self.flattened.push(mesh.name.clone());
         }
+        // The tangents of the file do not belong to the normals of flat or deformed meshes.
+        let has_tangents = !mesh.normals.is_empty() && !pose.deforms() && normalise_tangents(&mut mesh.tangents);
+        if !materials.is_bumped(mesh.material) {
+            mesh.tangents = Vec::new();
+        } else if !has_tangents {
+            mesh.add_tangents();
+        }
         if mesh.uvs.is_empty() && materials.is_textured(mesh.material) {
             self.missing_uvs.push(mesh.name.clone());
         }
@@ -159,7 +198,7 @@ impl Meshes {
         Ok(())
     }
 
-    /// Reads a mesh without its triangles. Normals are finite, but not yet of unit length.
+    /// Reads a mesh without its triangles. Normals and tangents are finite, but not yet of unit length.
     fn vertices(
         &mut self,
         doc: &Document,
@@ -170,18 +209,12 @@ impl Meshes {
         let what = |attribute: &str| format!("{attribute} of {name}");
         let positions = attribute(primitive, Semantic::Positions)
             .ok_or_else(|| format!("{name} has no POSITION attribute; remove it or re-export the file"))?;
-        let draco = |ext: &PrimitiveExtensions| ext.others.contains_key("KHR_draco_mesh_compression");
-        if primitive.extensions.as_ref().is_some_and(draco)
-            && doc.root.accessors.get(positions).is_some_and(|accessor| accessor.buffer_view.is_none())
-        {
-            return Err(format!("{name} is compressed; re-export without Draco compression"));
-        }
         let count = doc.count(positions, &what("POSITION"))?;
         self.vertices_read += count;
         if self.vertices_read > MAX_ELEMENTS {
             return Err(format!("the scene has more than {MAX_ELEMENTS} vertices at {name}; simplify it or split it"));
         }
-        let positions = doc.vectors::<3>(positions, &what("POSITION"), &[F32])?;
+        let positions = doc.vectors::<3>(positions, &what("POSITION"), QUANTIZED)?;
         check_finite(&positions, &what("POSITION"))?;
 
         let beside_positions = |accessor: usize, what: &str| match doc.count(accessor, what)? {
@@ -194,23 +227,35 @@ impl Meshes {
             None => Vec::new(),
             Some(accessor) => {
                 let accessor = beside_positions(accessor, &what("NORMAL"))?;
-                doc.vectors::<3>(accessor, &what("NORMAL"), &[F32])?
+                doc.vectors::<3>(accessor, &what("NORMAL"), DIRECTION)?
             }
         };
         check_finite(&normals, &what("NORMAL"))?;
-        let mut uvs = match attribute(primitive, Semantic::TexCoords(0)) {
+        let (material, mapping) = materials.of(primitive.material.map(|material| material.value()), &name)?;
+        let set = format!("TEXCOORD_{}", mapping.set);
+        let mut uvs = match attribute(primitive, Semantic::TexCoords(mapping.set)) {
             None => Vec::new(),
             Some(accessor) => {
-                let accessor = beside_positions(accessor, &what("TEXCOORD_0"))?;
-                doc.vectors::<2>(accessor, &what("TEXCOORD_0"), &[F32, U8, U16])?
+                let accessor = beside_positions(accessor, &what(&set))?;
+                doc.vectors::<2>(accessor, &what(&set), QUANTIZED)?
             }
         };
-        let (material, uv_transform) = materials.of(primitive.material.map(|material| material.value()), &name)?;
-        if let Some(transform) = uv_transform {
+        let colors = match attribute(primitive, Semantic::Colors(0)) {
+            None => Vec::new(),
+            Some(accessor) => doc.colors(beside_positions(accessor, &what("COLOR_0"))?, &what("COLOR_0"))?,
+        };
+        let tangents = match attribute(primitive, Semantic::Tangents) {
+            None => Vec::new(),
+            Some(accessor) => {
+                doc.vectors::<4>(beside_positions(accessor, &what("TANGENT"))?, &what("TANGENT"), DIRECTION)?
+            }
+        };
+        check_finite(&tangents, &what("TANGENT"))?;
+        if let Some(transform) = mapping.transform {
             transform_uvs(&mut uvs, &transform);
         }
-        check_finite(&uvs, &what("TEXCOORD_0"))?;
-        Ok(Mesh { positions, normals, uvs, triangles: Vec::new(), material, name })
+        check_finite(&uvs, &what(&set))?;
+        Ok(Mesh { positions, normals, uvs, colors, tangents, triangles: Vec::new(), material, name })
     }
 
     /// The vertex index of each corner in drawing order; each is below `mesh.positions.len()`.
@@ -236,11 +281,13 @@ impl Meshes {
     }
 }
 
-fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
+/// The accessor of an attribute; `None` if the primitive does not have the attribute.
+pub fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
     primitive.attributes.get(&Valid(semantic)).map(|accessor| accessor.value())
 }
 
-fn check_finite<const N: usize>(vectors: &[[f32; N]], what: &str) -> Checked<()> {
+/// An error if a component is not finite. `what` names the attribute.
+pub fn check_finite<const N: usize>(vectors: &[[f32; N]], what: &str) -> Checked<()> {
     match vectors.iter().position(|vector| vector.iter().any(|value| !value.is_finite())) {
         None => Ok(()),
         Some(vertex) => Err(format!("{what} is not finite at vertex {vertex}; clean the mesh and re-export")),
@@ -275,6 +322,8 @@ fn drop_unused(mesh: &mut Mesh) {
     keep(&mut mesh.positions, &is_used);
     keep(&mut mesh.normals, &is_used);
     keep(&mut mesh.uvs, &is_used);
+    keep(&mut mesh.colors, &is_used);
+    keep(&mut mesh.tangents, &is_used);
     let mut next = 0;
     let renumbered: Vec<u32> = is_used
         .iter()
@@ -286,6 +335,17 @@ fn drop_unused(mesh: &mut Mesh) {
     for index in mesh.triangles.iter_mut().flatten() {
         *index = renumbered[*index as usize];
     }
+}
+
+/// Scales all tangents to unit length, and their w to 1 or -1; false if there are none, or if a tangent has length zero.
+fn normalise_tangents(tangents: &mut [[f32; 4]]) -> bool {
+    !tangents.is_empty()
+        && tangents.iter_mut().all(|tangent| {
+            let [x, y, z, w] = tangent.map(f64::from);
+            let Some(unit) = glam::DVec3::new(x, y, z).try_normalize() else { return false };
+            *tangent = unit.as_vec3().extend(1f32.copysign(w as f32)).to_array();
+            true
+        })
 }
 
 /// Scales all normals to unit length; false if a normal has length zero.

@@ -2,18 +2,36 @@
 
 use ::gltf::json::Node;
 use ::gltf::json::scene::UnitQuaternion;
-use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DMat4, DQuat, Vec3};
 
 use super::Checked;
 use super::document::Document;
 
-/// World from node space, by node index; `None` for nodes that are not in the scene.
-pub struct Worlds(Vec<Option<DAffine3>>);
+/// The nodes of the scene, by node index; `None` for nodes that are not in the scene.
+pub struct Worlds(Vec<Option<Placed>>);
+
+#[derive(Clone, Copy)]
+struct Placed {
+    /// World from node space.
+    world: DAffine3,
+    /// False if the node or one of its ancestors is hidden by KHR_node_visibility.
+    visible: bool,
+}
 
 impl Worlds {
     /// The nodes in the scene: index and world transform, by increasing index.
     pub fn iter(&self) -> impl Iterator<Item = (usize, DAffine3)> + '_ {
-        self.0.iter().enumerate().filter_map(|(index, world)| Some((index, (*world)?)))
+        self.0.iter().enumerate().filter_map(|(index, placed)| Some((index, (*placed)?.world)))
+    }
+
+    /// As [`Worlds::iter`], without hidden nodes. A hidden node has no meshes and no lights, but keeps its camera.
+    pub fn visible(&self) -> impl Iterator<Item = (usize, DAffine3)> + '_ {
+        self.iter().filter(|(index, _)| self.0[*index].is_some_and(|placed| placed.visible))
+    }
+
+    /// World transform of a node; `None` if it is not in the scene.
+    pub fn get(&self, node: usize) -> Option<DAffine3> {
+        Some((*self.0.get(node)?)?.world)
     }
 }
 
@@ -23,20 +41,21 @@ pub fn world_transforms(doc: &Document) -> Checked<Worlds> {
     let nodes = &doc.root.nodes;
     let mut worlds = vec![None; nodes.len()];
     let roots = roots(doc)?;
-    let mut stack: Vec<(usize, DAffine3)> = roots.iter().rev().map(|&root| (root, DAffine3::IDENTITY)).collect();
+    let above = Placed { world: DAffine3::IDENTITY, visible: true };
+    let mut stack: Vec<(usize, Placed)> = roots.iter().rev().map(|&root| (root, above)).collect();
     while let Some((index, parent)) = stack.pop() {
-        let (Some(node), Some(world)) = (nodes.get(index), worlds.get_mut(index)) else {
+        let (Some(node), Some(place)) = (nodes.get(index), worlds.get_mut(index)) else {
             return Err(format!("node {index} is referred to but does not exist; re-export the file"));
         };
         let name = || doc.node_name(index);
-        if world.is_some() {
+        if place.is_some() {
             return Err(format!("node `{}` has two parents or is its own ancestor; re-export the file", name()));
         }
-        let here = parent * local(node, name)?;
-        if !here.is_finite() {
+        let here = Placed { world: parent.world * local(node, name)?, visible: parent.visible && !is_hidden(node) };
+        if !here.world.is_finite() {
             return Err(format!("the transform of node `{}` is not finite; correct it and re-export", name()));
         }
-        *world = Some(here);
+        *place = Some(here);
         stack.extend(node.children.iter().flatten().rev().map(|child| (child.value(), here)));
     }
     if doc.root.scenes.is_empty() {
@@ -70,6 +89,12 @@ fn roots(doc: &Document) -> Checked<Vec<usize>> {
     Ok((0..is_child.len()).filter(|&index| !is_child[index]).collect())
 }
 
+/// Whether KHR_node_visibility hides the node and its descendants.
+fn is_hidden(node: &Node) -> bool {
+    let extension = node.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_node_visibility"));
+    extension.and_then(|extension| extension.get("visible")?.as_bool()) == Some(false)
+}
+
 /// Transform from the node's space to its parent's.
 fn local(node: &Node, name: impl Fn() -> String) -> Checked<DAffine3> {
     if let Some(matrix) = node.matrix {
@@ -79,17 +104,21 @@ fn local(node: &Node, name: impl Fn() -> String) -> Checked<DAffine3> {
         }
         return Ok(DAffine3::from_mat4(matrix));
     }
-    let vector = |value: Option<[f32; 3]>, default: DVec3| value.map_or(default, |v| Vec3::from(v).as_dvec3());
-    let rotation = DQuat::from_array(node.rotation.unwrap_or(UnitQuaternion([0.0, 0.0, 0.0, 1.0])).0.map(f64::from));
+    let rotation = node.rotation.unwrap_or(UnitQuaternion([0.0, 0.0, 0.0, 1.0])).0;
+    compose(node.translation.unwrap_or([0.0; 3]), rotation, node.scale.unwrap_or([1.0; 3]))
+        .ok_or_else(|| format!("the rotation of node `{}` has no direction; correct it and re-export", name()))
+}
+
+/// Scale, then rotation, then translation; `None` if the rotation, a quaternion of any length, is zero or not finite.
+pub fn compose(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> Option<DAffine3> {
+    let rotation = DQuat::from_array(rotation.map(f64::from));
     let length = rotation.length();
     if !(length.is_finite() && length > 0.0) {
-        return Err(format!("the rotation of node `{}` has no direction; correct it and re-export", name()));
+        return None;
     }
-    Ok(DAffine3::from_scale_rotation_translation(
-        vector(node.scale, DVec3::ONE),
-        DQuat::from_vec4(glam::DVec4::from(rotation) / length),
-        vector(node.translation, DVec3::ZERO),
-    ))
+    let vector = |v: [f32; 3]| Vec3::from(v).as_dvec3();
+    let rotation = DQuat::from_vec4(glam::DVec4::from(rotation) / length);
+    Some(DAffine3::from_scale_rotation_translation(vector(scale), rotation, vector(translation)))
 }
 
 /// Rotation and translation of `transform`. The result keeps the direction of -Z, and of +Y as far as it is perpendicular to -Z.
@@ -107,6 +136,8 @@ pub fn rigid(transform: &DAffine3) -> Option<DAffine3> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     #[test]

@@ -5,18 +5,35 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use ::gltf::json::Root;
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
 use super::Checked;
+use super::compressed::is_fallback;
 use super::document::printable;
+use super::root::Root;
 
 /// Maximum size of a file or a buffer in bytes.
 pub const MAX_BYTES: u64 = 1 << 30;
 /// Maximum size of all buffers together in bytes: many buffers may name the same file.
-const MAX_TOTAL_BYTES: u64 = 4 << 30;
+pub const MAX_TOTAL_BYTES: u64 = 4 << 30;
+
+/// The folders from which a scene may read files.
+#[derive(Debug, Clone, Copy)]
+pub struct Folders<'a> {
+    of_scene: &'a Path,
+    /// Folders that the user allows as well.
+    allowed: &'a [PathBuf],
+}
+
+impl<'a> Folders<'a> {
+    /// The folder of the file `scene`, and those that the user allows.
+    pub fn new(scene: &'a Path, allowed: &'a [PathBuf]) -> Folders<'a> {
+        let folder = scene.parent().filter(|folder| !folder.as_os_str().is_empty());
+        Folders { of_scene: folder.unwrap_or(Path::new(".")), allowed }
+    }
+}
 
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &STANDARD,
@@ -57,11 +74,16 @@ fn u32_le(bytes: &[u8]) -> Option<(u32, &[u8])> {
     Some((u32::from_le_bytes(*head), rest))
 }
 
-/// All buffers of the file, each cut to its `byteLength`.
-pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folder: &Path) -> Checked<Vec<Cow<'a, [u8]>>> {
+/// All buffers of the file, each cut to its `byteLength`; `None` for buffers without data, which stand for compressed data.
+pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folders: Folders) -> Checked<Vec<Option<Cow<'a, [u8]>>>> {
     let mut total = 0u64;
     let mut buffers = Vec::with_capacity(root.buffers.len());
     for (index, buffer) in root.buffers.iter().enumerate() {
+        let bin = bin.filter(|_| index == 0);
+        if is_fallback(buffer) || (buffer.uri.is_none() && bin.is_none()) {
+            buffers.push(None);
+            continue;
+        }
         let length = buffer.byte_length.0;
         total = total.saturating_add(length);
         if length > MAX_BYTES {
@@ -70,39 +92,32 @@ pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folder: &Path) -> Checked
         if total > MAX_TOTAL_BYTES {
             return Err("the buffers are larger than 4 GiB in total; split the scene".into());
         }
-        let bytes = match (&buffer.uri, bin) {
-            (Some(uri), _) => Cow::Owned(uri_bytes(uri, folder, &format!("buffer {index}"))?),
-            (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
-            (None, _) => {
-                let remedy = if root.extensions_used.iter().any(|name| name.ends_with("meshopt_compression")) {
-                    "re-export without meshopt compression"
-                } else {
-                    "re-export the file"
-                };
-                return Err(format!("buffer {index} has no data; {remedy}"));
-            }
+        let bytes = match &buffer.uri {
+            Some(uri) => Cow::Owned(uri_bytes(uri, folders, &format!("buffer {index}"))?),
+            None => Cow::Borrowed(bin.unwrap_or_default()),
         };
-        buffers.push(cut(bytes, length as usize).ok_or_else(|| {
+        let bytes = cut(bytes, length as usize).ok_or_else(|| {
             format!("buffer {index} should have {length} bytes but its data is shorter; copy or export the file again")
-        })?);
+        })?;
+        buffers.push(Some(bytes));
     }
     Ok(buffers)
 }
 
 /// The contents of the files that the buffers and images of a scene name. A file that cannot be read gives an empty entry; an
 /// unreadable scene gives an empty list.
-pub fn external(bytes: &[u8], folder: &Path) -> Vec<Vec<u8>> {
-    external_uris(bytes).iter().map(|uri| uri_bytes(uri, folder, "the scene").unwrap_or_default()).collect()
+pub fn external(bytes: &[u8], folders: Folders) -> Vec<Vec<u8>> {
+    external_uris(bytes).iter().map(|uri| uri_bytes(uri, folders, "the scene").unwrap_or_default()).collect()
 }
 
 /// The paths of these files, without those that may not be read.
-pub fn external_paths(bytes: &[u8], folder: &Path) -> Vec<PathBuf> {
-    external_uris(bytes).iter().filter_map(|uri| Some(folder.join(relative_name(uri).ok()?))).collect()
+pub fn external_paths(bytes: &[u8], folders: Folders) -> Vec<PathBuf> {
+    let uris = external_uris(bytes);
+    uris.iter().filter_map(|uri| Some(folders.of_scene.join(relative_name(uri, folders).ok()?))).collect()
 }
 
 fn external_uris(bytes: &[u8]) -> Vec<String> {
-    let root =
-        split_container(bytes).ok().and_then(|(json, _)| ::gltf::json::deserialize::from_slice::<Root>(json).ok());
+    let root = split_container(bytes).ok().and_then(|(json, _)| serde_json::from_slice::<Root>(json).ok());
     let Some(root) = root else { return vec![] };
     let buffers = root.buffers.into_iter().filter_map(|buffer| buffer.uri);
     let images = root.images.into_iter().filter_map(|image| image.uri);
@@ -110,7 +125,7 @@ fn external_uris(bytes: &[u8]) -> Vec<String> {
 }
 
 /// Whether the URI contains its data.
-fn is_data(uri: &str) -> bool {
+pub fn is_data(uri: &str) -> bool {
     uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"))
 }
 
@@ -127,7 +142,7 @@ fn cut(bytes: Cow<'_, [u8]>, length: usize) -> Option<Cow<'_, [u8]>> {
 
 /// The bytes of a `data:` URI, or of the file that a relative URI names. `what` names the object that refers to the URI in
 /// messages.
-pub fn uri_bytes(uri: &str, folder: &Path, what: &str) -> Checked<Vec<u8>> {
+pub fn uri_bytes(uri: &str, folders: Folders, what: &str) -> Checked<Vec<u8>> {
     if is_data(uri) {
         let (head, data) =
             uri.split_once(',').ok_or_else(|| format!("the data URI of {what} has no comma; re-export"))?;
@@ -139,25 +154,27 @@ pub fn uri_bytes(uri: &str, folder: &Path, what: &str) -> Checked<Vec<u8>> {
             .map_err(|e| format!("the data URI of {what} is not valid base64 ({e}); re-export the file as .glb"));
     }
     let shown = printable(uri, 120);
-    let name = relative_name(uri).map_err(|why| {
+    let name = relative_name(uri, folders).map_err(|why| {
         format!("{what} refers to `{shown}`, which {why}; put the file beside the scene, or re-export as .glb")
     })?;
     let missing = |e: std::io::Error| {
         format!("{what} refers to `{shown}`, which cannot be opened ({e}); put the file beside the scene")
     };
     // Canonical paths resolve symbolic links, which may lead out of the folder.
-    let base = folder.canonicalize().map_err(missing)?;
+    let base = folders.of_scene.canonicalize().map_err(missing)?;
     let target = base.join(name).canonicalize().map_err(missing)?;
-    if !target.starts_with(&base) {
+    let is_allowed = |folder: &PathBuf| folder.canonicalize().is_ok_and(|folder| target.starts_with(folder));
+    if !target.starts_with(&base) && !folders.allowed.iter().any(is_allowed) {
         return Err(format!(
-            "{what} refers to `{shown}`, which lies outside the folder of the scene; copy the file into it"
+            "{what} refers to `{shown}`, which lies outside the folder of the scene; copy the file into it, or allow the folder of \
+             the file with --allow-path DIR"
         ));
     }
     read_file(&target).map_err(|why| format!("{what} refers to `{shown}`, which {why}"))
 }
 
 /// The file name of a relative URI, or the reason why it is refused.
-fn relative_name(uri: &str) -> Checked<String> {
+fn relative_name(uri: &str, folders: Folders) -> Checked<String> {
     let name = percent_decode(uri)?;
     let scheme_end = name.find(|c: char| !c.is_ascii_alphanumeric() && !"+-.".contains(c));
     if scheme_end.is_some_and(|end| end > 0 && name[end..].starts_with(':')) {
@@ -169,8 +186,8 @@ fn relative_name(uri: &str) -> Checked<String> {
     if name.starts_with('/') || name.contains('\\') {
         return Err("is an absolute path or has a backslash".into());
     }
-    if name.split('/').any(|part| part == "..") {
-        return Err("leaves the folder of the scene".into());
+    if folders.allowed.is_empty() && name.split('/').any(|part| part == "..") {
+        return Err("leaves the folder of the scene (--allow-path DIR allows files under DIR)".into());
     }
     Ok(name)
 }
@@ -219,11 +236,15 @@ pub fn read_file(path: &Path) -> Checked<Vec<u8>> {
 mod tests {
     use super::*;
 
+    fn name_of(uri: &str) -> Checked<String> {
+        relative_name(uri, Folders::new(Path::new("a.gltf"), &[]))
+    }
+
     #[test]
     fn percent_escapes_decode_once() {
-        assert_eq!(relative_name("a%20b/c.bin").unwrap(), "a b/c.bin");
-        assert_eq!(relative_name("%252e%252e/c").unwrap(), "%2e%2e/c");
-        assert_eq!(relative_name("a..b/...c").unwrap(), "a..b/...c");
+        assert_eq!(name_of("a%20b/c.bin").unwrap(), "a b/c.bin");
+        assert_eq!(name_of("%252e%252e/c").unwrap(), "%2e%2e/c");
+        assert_eq!(name_of("a..b/...c").unwrap(), "a..b/...c");
     }
 
     #[test]
@@ -252,7 +273,7 @@ mod tests {
             "%",
         ];
         for uri in hostile {
-            assert!(relative_name(uri).is_err(), "{uri}");
+            assert!(name_of(uri).is_err(), "{uri}");
         }
     }
 }

@@ -1,0 +1,95 @@
+//! Saves a finished render in another folder if the user's folder takes no files: a full disk, a removed folder, a lost network.
+
+use std::env;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use taugate::Error;
+use taugate::internals::error::Result;
+
+/// The files that could not be written where the user wants them.
+#[derive(Default)]
+pub struct Rescue {
+    /// The error of the first of these files.
+    first: Option<Error>,
+    /// A new folder that has taken at least one file.
+    folder: Option<PathBuf>,
+    saved: Vec<PathBuf>,
+    lost: Vec<PathBuf>,
+}
+
+impl Rescue {
+    /// Calls `write` with `path`. If that fails, calls it with a file of the same name in a new folder.
+    pub fn write(&mut self, path: &Path, write: impl Fn(&Path) -> Result<()>) {
+        let Err(error) = write(path) else { return };
+        self.first.get_or_insert(error);
+        match self.save(Path::new(path.file_name().unwrap_or_default()), write) {
+            Some(saved) => self.saved.push(saved),
+            None => self.lost.push(path.into()),
+        }
+    }
+
+    /// Writes the file `name` into a new folder inside the system's folder for temporary files, or else inside the current one.
+    /// Returns its path, or `None` if both fail. A new folder cannot hold a file that would be overwritten.
+    fn save(&mut self, name: &Path, write: impl Fn(&Path) -> Result<()>) -> Option<PathBuf> {
+        let known = self.folder.iter().map(|folder| folder.join(name)).find(|path| write(path).is_ok());
+        known.or_else(|| {
+            [Some(env::temp_dir()), env::current_dir().ok()].into_iter().flatten().find_map(|place| {
+                let folder = tempfile::Builder::new().prefix("taugate-").tempdir_in(place).ok()?;
+                let path = folder.path().join(name);
+                write(&path).ok()?;
+                self.folder = Some(folder.keep());
+                Some(path)
+            })
+        })
+    }
+
+    /// Fails if a file could not be written where the user wants it. The message says why, and where the file is now.
+    pub fn finish(self) -> anyhow::Result<()> {
+        let Some(first) = self.first else { return Ok(()) };
+        let list = |paths: &[PathBuf]| paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ");
+        let mut message = first.to_string();
+        if !self.saved.is_empty() {
+            write!(message, "; the render is saved in {}", list(&self.saved)).expect("a string takes all text");
+        }
+        if !self.lost.is_empty() {
+            let places = "neither the folder for temporary files nor the current folder takes the file";
+            write!(message, "; {} is lost, because {places}", list(&self.lost)).expect("a string takes all text");
+        }
+        Err(anyhow!(message))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::io::ErrorKind;
+
+    use taugate::internals::files::write_atomically;
+
+    use super::*;
+
+    #[test]
+    fn files_go_to_a_new_folder_and_the_message_names_it() {
+        let here = tempfile::tempdir().unwrap();
+        let (good, bad) = (here.path().join("out.exr"), here.path().join("gone/out.png"));
+        let mut rescue = Rescue::default();
+        for path in [&good, &bad] {
+            rescue.write(path, |path| write_atomically(path, |file| std::io::Write::write_all(file, b"light")));
+        }
+        let saved = rescue.saved.clone();
+        let message = rescue.finish().unwrap_err().to_string();
+        assert_eq!(fs::read(&good).unwrap(), b"light");
+        assert_eq!(fs::read(&saved[0]).unwrap(), b"light");
+        assert!(message.contains("does not exist") && message.ends_with(&saved[0].display().to_string()), "{message}");
+        fs::remove_dir_all(saved[0].parent().unwrap()).unwrap();
+
+        let mut rescue = Rescue::default();
+        rescue.write(&good, |path| write_atomically(path, |_| Err(ErrorKind::FileTooLarge.into())));
+        assert!(rescue.folder.is_none());
+        let message = rescue.finish().unwrap_err().to_string();
+        assert!(message.contains("ulimit -f") && message.contains("out.exr is lost"), "{message}");
+        assert!(Rescue::default().finish().is_ok());
+    }
+}

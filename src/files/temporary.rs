@@ -1,0 +1,95 @@
+//! Temporary files and folders beside an output. Their names tell the output and the process: `.taugate-out.exr-1234-Xy12Za.tmp`
+//! is for `out.exr` by process 1234.
+//!
+//! The process that writes one holds a lock on it. The operating system releases the lock when the process ends, however it
+//! ends. So a temporary that nobody has locked is left over from a process that was killed.
+
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::Path;
+
+use tempfile::{Builder, NamedTempFile, TempDir};
+
+use super::folder_of;
+
+const SUFFIX: &str = ".tmp";
+/// Number of characters of the output's name in the name of a temporary. File systems allow at least 255 bytes per name, and a
+/// character takes up to 4.
+const NAME_CHARACTERS: usize = 50;
+/// How often to try again if another process takes a new temporary for a left-over one, before it is locked.
+const ATTEMPTS: usize = 100;
+
+/// The beginning of the names of all temporaries for `output`. Outputs with long names may share it.
+fn prefix(output: &Path) -> String {
+    let name = output.file_name().unwrap_or_default().to_string_lossy();
+    format!(".taugate-{}-", name.chars().take(NAME_CHARACTERS).collect::<String>())
+}
+
+/// Creates a locked temporary file beside `output`. The file handle holds the lock.
+pub fn file(output: &Path) -> io::Result<NamedTempFile> {
+    create(output, 0o666, |builder| {
+        let file = builder.tempfile_in(folder_of(output))?;
+        let held = hold(file.as_file(), file.path());
+        Ok(held.then_some(file))
+    })
+}
+
+/// Creates a temporary folder beside `output`, and its lock. The lock is `None` where folders cannot be locked.
+pub fn folder(output: &Path) -> io::Result<(TempDir, Option<File>)> {
+    create(output, 0o777, |builder| {
+        let folder = builder.tempdir_in(folder_of(output))?;
+        let lock = File::open(folder.path()).ok();
+        let held = lock.as_ref().is_none_or(|lock| hold(lock, folder.path()));
+        Ok(held.then_some((folder, lock)))
+    })
+}
+
+/// Calls `make` until it succeeds or fails. `mode` is the usual mode of a new file or folder, less the user's umask: by default
+/// temporaries are private.
+#[cfg_attr(not(unix), expect(unused_variables))]
+fn create<T>(output: &Path, mode: u32, make: impl Fn(&mut Builder) -> io::Result<Option<T>>) -> io::Result<T> {
+    let prefix = format!("{}{}-", prefix(output), std::process::id());
+    let mut builder = Builder::new();
+    builder.prefix(&prefix).suffix(SUFFIX);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(mode));
+    }
+    for _ in 0..ATTEMPTS {
+        if let Some(made) = make(&mut builder)? {
+            return Ok(made);
+        }
+    }
+    Err(io::Error::other("another process removes each temporary file"))
+}
+
+/// Locks a new temporary. Returns false if another process removes it as a left-over one.
+fn hold(lock: &File, path: &Path) -> bool {
+    match lock.try_lock() {
+        Err(TryLockError::WouldBlock) => false,
+        // Some file systems have no locks. Then nothing is removed either.
+        Ok(()) | Err(TryLockError::Error(_)) => path.exists(),
+    }
+}
+
+/// Removes the temporaries for `output` whose processes have ended. Errors are ignored, because left-over files do no harm.
+pub fn remove_left_over(output: &Path) {
+    let prefix = prefix(output);
+    let Ok(entries) = fs::read_dir(folder_of(output)) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let is_ours = name.to_str().is_some_and(|name| name.starts_with(&prefix) && name.ends_with(SUFFIX));
+        let (true, Ok(kind)) = (is_ours, entry.file_type()) else { continue };
+        if !kind.is_dir() && !kind.is_file() {
+            continue;
+        }
+        let path = entry.path();
+        // Some network file systems lock a file only if it is open for writing; a folder cannot be opened so.
+        let opened = if kind.is_dir() { File::open(&path) } else { File::options().write(true).open(&path) };
+        let Ok(lock) = opened else { continue };
+        if lock.try_lock().is_ok() {
+            let _ = if kind.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! The camera and the lights that the user adds to the scene of a file, and surfaces that become double-sided. Most glTF files have neither a camera nor a light; such a
+//! scene gets a view of the whole and a headlamp.
+
+mod camera;
+mod lights;
+
+use crate::error::Result;
+use crate::input::experiment::Experiment;
+use crate::scene::Scene;
+
+/// Adds the camera and the lights of `experiment` to a scene that was just loaded, or places its own camera elsewhere; makes all
+/// surfaces double-sided if the user wants that. Call it once per scene, before [`super::resolve::resolve`].
+///
+/// Choices that depend on the scene, such as the place of an automatic camera, are written into `experiment`. So the experiment
+/// renders the same image later, even if the rules for these choices have changed.
+///
+/// Returns notes for the user, one sentence each, about choices that the user did not make. Fails if a camera has no direction
+/// or a light is out of range, or if a name is unknown.
+pub fn apply(experiment: &mut Experiment, scene: &mut Scene) -> Result<Vec<String>> {
+    let mut notes = vec![];
+    if experiment.input.double_sided == Some(true) {
+        scene.materials.iter_mut().for_each(|material| material.double_sided = true);
+    }
+    let camera = camera::apply(&mut experiment.camera, scene, &mut notes)?;
+    lights::apply(experiment, scene, camera, &mut notes)?;
+    Ok(notes)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,146 @@
+//! The camera: `--camera auto`, and the flags that place a camera.
+
+use glam::{DAffine3, DVec3};
+
+use crate::error::{Error, Result};
+use crate::input::resolve::find_camera;
+use crate::scene::build::{look, look_upright};
+use crate::scene::{Camera, Scene};
+use crate::settings::check_resolution;
+use crate::settings::numbers::{Fov, Numbers};
+use crate::settings::table::CameraTable;
+
+/// Name of a camera that frames the whole scene.
+const AUTO: &str = "auto";
+/// Name of a camera that the user places in a scene without cameras.
+const LOOK: &str = "look";
+/// Vertical field of view of these two cameras.
+const DEFAULT_FOV: Fov = Fov(40.0);
+/// Direction from the scene to the automatic camera. The front of a glTF model faces +Z. From 25 degrees to the right and 20
+/// degrees above, three sides of a box are visible, and no plane along two axes is seen edge-on.
+const TO_CAMERA: DVec3 = DVec3::new(0.397_131, 0.342_020, 0.851_651);
+/// Part of the image that the automatic camera fills: at 1, a corner of the scene's box would touch the border of the image.
+const FILLED: f64 = 0.95;
+/// A scene that is smaller than this, in metres, counts as a point.
+const MIN_SIZE: f64 = 1e-12;
+
+/// Places the camera that `table` describes and returns its index in the scene.
+pub(super) fn apply(table: &mut CameraTable, scene: &mut Scene, notes: &mut Vec<String>) -> Result<usize> {
+    let index = match chosen(table, scene, notes)? {
+        Some(index) => index,
+        None => make(table, scene)?,
+    };
+    let transform = aim(table, &scene.cameras[index].transform, scene)?;
+    let camera = &mut scene.cameras[index];
+    camera.transform = transform;
+    if let Some(Fov(degrees)) = table.fov {
+        camera.yfov = degrees.to_radians();
+    }
+    if let Some(Numbers(point)) = table.principal_point {
+        camera.principal_point = point;
+    }
+    camera.check()?;
+    Ok(index)
+}
+
+/// The camera of the file that the user chose, or the first one. `None` if there must be a new one.
+fn chosen(table: &CameraTable, scene: &Scene, notes: &mut Vec<String>) -> Result<Option<usize>> {
+    let is_placed = table.look_from.is_some() || table.look_at.is_some();
+    match table.camera.as_deref() {
+        Some(AUTO) => Ok(None),
+        // A printed experiment contains this name.
+        Some(LOOK) if is_placed && find_camera(LOOK, scene).is_err() => Ok(None),
+        Some(name) => find_camera(name, scene).map(Some),
+        None if !scene.cameras.is_empty() => Ok(Some(0)),
+        None => {
+            if !is_placed {
+                notes.push(
+                    "the scene has no camera, so a camera was placed that sees all of it from outside (--camera auto); \
+                     --look-from and --look-at place it elsewhere, for example inside a room"
+                        .into(),
+                );
+            }
+            Ok(None)
+        }
+    }
+}
+
+/// Adds a camera that frames the whole scene, and completes `table` so that it describes the camera. Returns its index.
+fn make(table: &mut CameraTable, scene: &mut Scene) -> Result<usize> {
+    let is_auto = table.camera.as_deref() == Some(AUTO) || (table.look_from.is_none() && table.look_at.is_none());
+    let name = if is_auto { AUTO } else { LOOK };
+    let Fov(degrees) = *table.fov.get_or_insert(DEFAULT_FOV);
+    let aspect = match table.resolution {
+        Some(resolution) => {
+            check_resolution("--resolution", resolution.0)?;
+            f64::from(resolution.0[0]) / f64::from(resolution.0[1])
+        }
+        None => 1.0,
+    };
+    let tangent = (0.5 * degrees.to_radians()).tan();
+    let bounds = scene.bounds().unwrap_or([DVec3::ZERO; 2]);
+    let place = frame(bounds, [tangent * aspect, tangent]);
+    table.look_from.get_or_insert(Numbers(place.to_array()));
+    table.look_at.get_or_insert(Numbers(centre(scene).to_array()));
+    table.camera = Some(name.into());
+    Ok(scene.add_camera(Camera {
+        name: name.into(),
+        transform: DAffine3::from_translation(place),
+        yfov: degrees.to_radians(),
+        aspect: None,
+        resolution: None,
+        principal_point: Camera::CENTRED,
+    }))
+}
+
+/// The place from which a camera that looks at the centre of a box sees the whole box, with some room around it. `tangents`: of
+/// half the horizontal and half the vertical field of view.
+fn frame([lo, hi]: [DVec3; 2], tangents: [f64; 2]) -> DVec3 {
+    let centre = 0.5 * (lo + hi);
+    let to_camera = look(DVec3::ZERO, -TO_CAMERA).matrix3.transpose();
+    let distance = (0..8u32).map(|corner| {
+        let pick = |axis: usize| if corner >> axis & 1 == 0 { lo[axis] } else { hi[axis] };
+        let p = to_camera * (DVec3::new(pick(0), pick(1), pick(2)) - centre);
+        // In camera axes, +Z points to the camera.
+        p.z + (p.x.abs() / tangents[0]).max(p.y.abs() / tangents[1]) / FILLED
+    });
+    let distance = distance.fold(0.0, f64::max);
+    centre + TO_CAMERA.normalize() * if distance > MIN_SIZE { distance } else { 1.0 }
+}
+
+/// Centre of the scene's bounds; the origin of the world if the scene is empty.
+pub(super) fn centre(scene: &Scene) -> DVec3 {
+    scene.bounds().map_or(DVec3::ZERO, |[lo, hi]| 0.5 * (lo + hi))
+}
+
+/// The transform of a camera that stands at `present`, after the flags that place it. Writes the point at which the camera looks
+/// into `table` if the user gave only its place.
+fn aim(table: &mut CameraTable, present: &DAffine3, scene: &Scene) -> Result<DAffine3> {
+    if table.look_from.is_none() && table.look_at.is_none() && table.up.is_none() {
+        return Ok(*present);
+    }
+    let eye = table.look_from.map_or(present.translation, |Numbers(p)| p.into());
+    if table.look_from.is_some() {
+        table.look_at.get_or_insert(Numbers(centre(scene).to_array()));
+    }
+    let direction = match table.look_at {
+        Some(Numbers(target)) => DVec3::from(target) - eye,
+        None => present.transform_vector3(DVec3::NEG_Z),
+    };
+    let Some(forward) = direction.try_normalize() else {
+        let [x, y, z] = eye.to_array();
+        return Err(Error::Settings(format!(
+            "the camera stands at {x},{y},{z} and looks at the same point: give another --look-from or --look-at"
+        )));
+    };
+    let Some(Numbers(up)) = table.up else { return Ok(look(eye, forward)) };
+    match DVec3::from(up).try_normalize() {
+        Some(up) if up.cross(forward).length() > 1e-6 => Ok(look_upright(eye, forward, up)),
+        Some(_) => Err(Error::Settings(
+            "--up points along the view, so it does not say where up is: give another direction, such as 0,0,1 for a \
+             camera that looks straight down"
+                .into(),
+        )),
+        None => Err(Error::Settings("--up has no length: give a direction, such as 0,1,0".into())),
+    }
+}

@@ -1,0 +1,96 @@
+//! The lights: `--headlamp`, `--lamp` and `[[light]]`.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::camera::centre;
+use crate::error::{Error, Result};
+use crate::input::experiment::Experiment;
+use crate::input::resolve::chosen_gate;
+use crate::scene::{Light, LightKind, Scene};
+use crate::settings::numbers::{Headlamp, Numbers};
+use crate::settings::units::number;
+
+/// Name of the point light at the camera.
+const HEADLAMP: &str = "headlamp";
+/// Minimum distance for the automatic intensity of the headlamp, relative to the diagonal of the scene. It counts for a camera
+/// inside the scene.
+const MIN_DISTANCE: f64 = 0.25;
+
+/// Adds the lights of `experiment` to the scene. `camera` is the index of the camera that carries the headlamp.
+pub(super) fn apply(
+    experiment: &mut Experiment,
+    scene: &mut Scene,
+    camera: usize,
+    notes: &mut Vec<String>,
+) -> Result<()> {
+    for (i, table) in experiment.light.iter().enumerate() {
+        let light = table.light(i + 1).map_err(|message| Error::Settings(format!("[[light]] {}: {message}", i + 1)))?;
+        scene.lights.push(light);
+    }
+    let lamps = experiment.emitter.lamp.iter().flat_map(|lamps| &lamps.0);
+    for (i, &Numbers([x, y, z, intensity])) in lamps.enumerate() {
+        let lamp = point(format!("lamp-{}", i + 1), DVec3::new(x, y, z), intensity);
+        lamp.check().map_err(|message| Error::Settings(format!("--lamp: {message}")))?;
+        scene.lights.push(lamp);
+    }
+
+    let table = &mut experiment.emitter;
+    let wanted = table.headlamp.is_some() || table.headlamp_offset.is_some();
+    let has_lamp = has_lamp(scene, chosen_gate(&experiment.gate).is_open());
+    if !wanted && (has_lamp || has_bright_surface(scene)) {
+        // Without a camera of its own, the scene is probably a model, and its surfaces are not meant to light it.
+        if !has_lamp && !notes.is_empty() {
+            notes.push("the only light comes from surfaces that emit; if the picture is dark, add --headlamp".into());
+        }
+        return Ok(());
+    }
+    let transform = scene.cameras[camera].transform;
+    let Numbers(offset) = table.headlamp_offset.unwrap_or(Numbers([0.0; 3]));
+    let position = transform.transform_point3(offset.into());
+    let intensity = match table.headlamp {
+        Some(Headlamp::Intensity(intensity)) => intensity,
+        Some(Headlamp::Auto) | None => automatic_intensity(scene, position),
+    };
+    table.headlamp = Some(Headlamp::Intensity(intensity));
+    let lamp = point(HEADLAMP.into(), position, intensity);
+    lamp.check().map_err(|message| Error::Settings(format!("--headlamp: {message}")))?;
+    scene.lights.push(lamp);
+    if !wanted {
+        notes.push(format!(
+            "the scene has no light that can be rendered, so a headlamp of {} W/sr shines from the camera; --headlamp sets its \
+             intensity, and --lamp X,Y,Z,INTENSITY adds other lights",
+            number(intensity)
+        ));
+    }
+    Ok(())
+}
+
+fn point(node: String, position: DVec3, intensity: f64) -> Light {
+    Light { node, position, direction: DVec3::NEG_Z, kind: LightKind::Point { intensity: [intensity as f32; 3] } }
+}
+
+fn is_bright(rgb: [f32; 3]) -> bool {
+    rgb.iter().any(|&channel| channel > 0.0)
+}
+
+/// Whether a light of the scene, other than a surface, emits light that can be rendered. With a gate, directional lights cannot.
+fn has_lamp(scene: &Scene, is_steady: bool) -> bool {
+    scene.lights.iter().any(|light| (is_steady || !light.kind.is_sun()) && is_bright(light.kind.strength()))
+}
+
+fn has_bright_surface(scene: &Scene) -> bool {
+    let emission = |mesh: u32| scene.materials[scene.meshes[mesh as usize].material as usize].emission;
+    scene.instances.iter().any(|instance| is_bright(emission(instance.mesh)))
+}
+
+/// The radiant intensity in W / sr of a lamp at `position` that gives a white surface the radiance 1, if the surface faces the
+/// lamp at the distance of the scene's centre: pi d^2. It is rounded to three digits, so that it is easy to repeat.
+fn automatic_intensity(scene: &Scene, position: DVec3) -> f64 {
+    let distance = position.distance(centre(scene)).max(MIN_DISTANCE * scene.diagonal());
+    let intensity = PI * distance * distance;
+    // Of a scene that is a single point, or beyond these limits, only the order of magnitude counts.
+    let intensity = if distance > 0.0 { intensity.clamp(1e-30, 1e30) } else { 1.0 };
+    format!("{intensity:.2e}").parse().unwrap_or(intensity)
+}

@@ -1,0 +1,68 @@
+//! Copies of a node's mesh by EXT_mesh_gpu_instancing.
+
+use std::collections::BTreeMap;
+
+use ::gltf::json::Node;
+use glam::DAffine3;
+use serde::Deserialize;
+
+use super::Checked;
+use super::accessor::{DIRECTION, FLOAT};
+use super::document::Document;
+use super::node::compose;
+
+const EXTENSION: &str = "EXT_mesh_gpu_instancing";
+/// Maximum number of instances in a scene.
+pub const MAX_INSTANCES: usize = 4 << 20;
+
+/// The extension's object in a node: accessors by attribute.
+#[derive(Deserialize)]
+struct Source {
+    attributes: BTreeMap<String, usize>,
+}
+
+/// Transforms from mesh space to the node's space, one per copy; only the identity if the node has no copies.
+pub fn copies(doc: &Document, index: usize, node: &Node) -> Checked<Vec<DAffine3>> {
+    let object = node.extensions.as_ref().and_then(|extensions| extensions.others.get(EXTENSION));
+    let Some(object) = object else { return Ok(vec![DAffine3::IDENTITY]) };
+    let name = doc.node_name(index);
+    let source = Source::deserialize(object)
+        .map_err(|e| format!("the instances of node `{name}` cannot be read ({e}); re-export the file"))?;
+    let what = |attribute: &str| format!("{attribute} of the instances of node `{name}`");
+
+    // All attributes have the same number of elements, those that taugate does not read included.
+    let mut count = None;
+    for (attribute, &accessor) in &source.attributes {
+        let number = doc.count(accessor, &what(attribute))?;
+        if *count.get_or_insert(number) != number {
+            return Err(format!(
+                "the attributes of the instances of node `{name}` differ in length; re-export the file"
+            ));
+        }
+    }
+    let count = count.unwrap_or(1);
+    if count > MAX_INSTANCES as u64 {
+        return Err(too_many());
+    }
+    let read = |attribute: &str, default: [f32; 3]| match source.attributes.get(attribute) {
+        None => Ok(vec![default; count as usize]),
+        Some(&accessor) => doc.vectors::<3>(accessor, &what(attribute), FLOAT),
+    };
+    let translations = read("TRANSLATION", [0.0; 3])?;
+    let scales = read("SCALE", [1.0; 3])?;
+    let rotations = match source.attributes.get("ROTATION") {
+        None => vec![[0.0, 0.0, 0.0, 1.0]; count as usize],
+        Some(&accessor) => doc.vectors::<4>(accessor, &what("ROTATION"), DIRECTION)?,
+    };
+    let all = translations.into_iter().zip(rotations).zip(scales).enumerate();
+    all.map(|(copy, ((translation, rotation), scale))| {
+        compose(translation, rotation, scale).filter(|transform| transform.is_finite()).ok_or_else(|| {
+            format!("instance {copy} of node `{name}` has no finite transform; correct it and re-export")
+        })
+    })
+    .collect()
+}
+
+pub fn too_many() -> String {
+    format!("the scene has more than {} million instances; simplify it or split it", MAX_INSTANCES >> 20)
+}

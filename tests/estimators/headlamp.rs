@@ -1,0 +1,73 @@
+//! A point light exactly at the pinhole, and a camera whose axis is not at the centre of the image.
+
+use glam::DVec3;
+use taugate::internals::generate::shapes::quad;
+use taugate::internals::generate::stage::{add, camera, diffuse, light, material};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::scenery;
+use taugate::internals::scene::{LightKind, Scene};
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
+
+use super::agreement::{against, assert_none, oracle};
+use super::cells::{Cells, renderer, settings};
+
+const INTENSITY: f32 = 3.0;
+const ALBEDO: f32 = 0.6;
+const DISTANCE: f64 = 2.0;
+
+/// A diffuse wall at [`DISTANCE`], seen head-on in an angle so small that the light arrives vertically at all pixels.
+fn wall() -> Scene {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, diffuse("grey", [ALBEDO; 3]));
+    let corner = DVec3::new(-0.1, -0.1, -DISTANCE);
+    add(&mut scene, "wall", grey, quad(corner, DVec3::X * 0.2, DVec3::Y * 0.2, [1.0; 2]));
+    camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 1f64.to_radians(), [8, 8]);
+    light(&mut scene, "headlamp", DVec3::ZERO, DVec3::NEG_Z, LightKind::Point { intensity: [INTENSITY; 3] });
+    scene
+}
+
+/// The radiance is albedo / pi times the irradiance I / d^2, and the light travels 2 d.
+#[test]
+fn a_wall_in_the_light_of_a_headlamp_has_the_radiance_of_the_closed_form() {
+    let truth = f64::from(ALBEDO * INTENSITY) / std::f64::consts::PI / (DISTANCE * DISTANCE);
+    for estimator in Estimator::ALL {
+        let mut renderer = renderer(&wall(), &settings(estimator, [8, 8]).build().unwrap());
+        for (lo, hi, part) in [(0.0, f64::INFINITY, 1.0), (3.99, 4.01, 1.0), (0.0, 3.99, 0.0), (4.01, 9.0, 0.0)] {
+            let (mean, error) = Cells::measure(&mut renderer, Gate { lo, hi }, 8, 1, 8, 100).whole();
+            eprintln!("{estimator} [{lo}, {hi}): {mean:.6} +- {error:.6}, closed form {:.6}", part * truth);
+            // At the border of the image, the cosine of the angle is 0.9999.
+            let tolerance = 4.0 * error + 4e-4 * truth;
+            assert!((mean - part * truth).abs() <= tolerance, "{estimator} [{lo}, {hi}): {mean} +- {error}");
+        }
+    }
+}
+
+/// The Cornell box without its camera and its light, seen from its open side, after `keys`.
+fn dark_box(keys: &str) -> Scene {
+    let mut scene = build(Kind::CornellBox);
+    scene.cameras.clear();
+    scene.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
+    let mut experiment = Experiment::parse(keys).unwrap();
+    let notes = scenery::apply(&mut experiment, &mut scene).unwrap();
+    assert!(scene.lights.len() == 1 && !notes.is_empty(), "{notes:?}");
+    scene
+}
+
+fn agrees(name: &str, scene: &Scene, gates: &[(f64, f64)]) {
+    let truth = oracle(scene, gates, [24, 16], 400);
+    assert_none(against(name, &Estimator::ALL, scene, gates, &truth));
+}
+
+#[test]
+fn all_estimators_agree_on_a_scene_that_has_neither_camera_nor_light() {
+    let scene = dark_box("camera = { look-from = [0.1, 1.1, 2.9], resolution = '24x16' }");
+    agrees("headlamp", &scene, &[(6.0, 7.0), (8.0, 10.0), (0.0, f64::INFINITY)]);
+}
+
+#[test]
+fn all_estimators_agree_if_the_principal_point_is_off_the_centre() {
+    let keys = "camera = { look-from = [0.1, 1.1, 2.9], resolution = '24x16', principal-point = [0.3, 0.8] }";
+    agrees("principal point", &dark_box(keys), &[(8.0, 10.0), (0.0, f64::INFINITY)]);
+}

@@ -1,0 +1,203 @@
+//! Textures and their images: formats, sharing, and memory.
+
+use std::io::Cursor;
+
+use image::{DynamicImage, ImageFormat, Rgb, RgbImage};
+use taugate::internals::scene::gltf::load;
+
+use super::*;
+#[cfg(target_os = "linux")]
+use crate::peak::{helper, peak};
+
+/// The complete scene without images and textures; its material uses texture 0.
+fn untextured() -> Glb {
+    let mut glb = complete();
+    glb.json["images"] = json!([]);
+    glb.json["textures"] = json!([]);
+    glb
+}
+
+/// Adds a material with a triangle of its own that uses texture `texture`.
+fn use_texture(glb: &mut Glb, texture: usize) {
+    let name = format!("Paint{texture}");
+    let material = glb.push(
+        "materials",
+        json!({ "name": name, "pbrMetallicRoughness": { "baseColorTexture": { "index": texture } } }),
+    );
+    let mut primitive = glb.json["meshes"][0]["primitives"][0].clone();
+    primitive["material"] = json!(material);
+    glb.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
+}
+
+/// A 4 x 4 image of one colour.
+fn plain(color: [u8; 3], format: ImageFormat) -> Vec<u8> {
+    let mut bytes = Cursor::new(vec![]);
+    DynamicImage::ImageRgb8(RgbImage::from_pixel(4, 4, Rgb(color))).write_to(&mut bytes, format).unwrap();
+    bytes.into_inner()
+}
+
+/// A black PNG with one bit per pixel: `side` x `side` pixels take `side` x `side` / 250,000 bytes.
+fn black_png(side: u32) -> Vec<u8> {
+    let mut bytes = vec![];
+    let mut encoder = png::Encoder::new(&mut bytes, side, side);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::One);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&vec![0; side as usize / 8 * side as usize]).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+#[test]
+fn images_with_the_same_data_are_decoded_once() {
+    let mut glb = untextured();
+    let view = glb.view(&plain([10, 20, 30], ImageFormat::Png));
+    let same_bytes = glb.json["bufferViews"][view].clone();
+    let copy = glb.push("bufferViews", same_bytes);
+    let other = glb.view(&plain([30, 20, 10], ImageFormat::Png));
+    for view in [view, view, copy, other] {
+        glb.push("images", json!({ "bufferView": view }));
+    }
+    let clamp = glb.push("samplers", json!({ "wrapS": 33071, "wrapT": 33071 }));
+    for (texture, image) in [0, 1, 2, 3, 0].into_iter().enumerate() {
+        glb.push("textures", json!({ "source": image }));
+        use_texture(&mut glb, texture);
+    }
+    glb.json["textures"][4]["sampler"] = json!(clamp);
+    let scene = read(&glb);
+    assert_eq!(scene.textures.iter().map(|texture| texture.image).collect::<Vec<_>>(), [0, 0, 0, 1, 0]);
+    assert!(scene.textures[4].wrap != scene.textures[1].wrap);
+    let colors: Vec<[u8; 4]> = scene.images.iter().map(|image| image.rgba[0]).collect();
+    assert_eq!(colors, [[10, 20, 30, 255], [30, 20, 10, 255]]);
+
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("wood.png"), plain([1, 2, 3], ImageFormat::Png)).unwrap();
+    let mut glb = untextured();
+    for texture in 0..2 {
+        glb.push("images", json!({ "uri": "wood.png" }));
+        glb.push("textures", json!({ "source": texture }));
+        use_texture(&mut glb, texture);
+    }
+    let path = folder.path().join("scene.glb");
+    std::fs::write(&path, glb.build()).unwrap();
+    assert_eq!(load(&path).unwrap().images.len(), 1);
+}
+
+#[test]
+fn webp_textures_are_read() {
+    let mut glb = untextured();
+    let webp = glb.view(&plain([10, 200, 30], ImageFormat::WebP));
+    let png = glb.view(&plain([1, 1, 1], ImageFormat::Png));
+    glb.push("images", json!({ "bufferView": webp, "mimeType": "image/webp" }));
+    glb.push("images", json!({ "bufferView": png }));
+    glb.push("textures", json!({ "source": 1, "extensions": { "EXT_texture_webp": { "source": 0 } } }));
+    glb.json["extensionsRequired"] = json!(["EXT_texture_webp"]);
+    let scene = read(&glb);
+    assert_eq!((scene.images.len(), scene.images[0].rgba[5]), (1, [10, 200, 30, 255]));
+    assert!(scene.warnings.iter().all(|warning| !warning.contains("webp")), "{:?}", scene.warnings);
+
+    glb.json["textures"][0] = json!({ "extensions": { "EXT_texture_webp": { "source": 7 } } });
+    let message = refusal(&glb.build());
+    assert!(message.contains("texture 0 (the baseColorTexture of material `Paint`) has no PNG"), "{message}");
+}
+
+#[test]
+fn other_formats_are_refused_with_a_remedy_unless_there_is_a_second_image() {
+    let mut glb = untextured();
+    let png = glb.view(&plain([1, 2, 3], ImageFormat::Png));
+    let avif = glb.view(b"\0\0\0\x1cftypavif\0\0\0\0mif1miaf");
+    let ktx = glb.view(b"\xabKTX 20\xbb\r\n\x1a\n\0\0\0\0");
+    for view in [png, avif, ktx] {
+        glb.push("images", json!({ "bufferView": view }));
+    }
+    glb.push("textures", json!({ "source": 0, "extensions": { "KHR_texture_basisu": { "source": 2 } } }));
+    let scene = read(&glb);
+    assert_eq!(scene.images[0].rgba[0], [1, 2, 3, 255]);
+    let fallback = "textures with KHR_texture_basisu show their PNG or JPEG image instead (first: the baseColorTexture";
+    assert!(scene.warnings.iter().any(|warning| warning.contains(fallback)), "{:?}", scene.warnings);
+
+    for (texture, words) in [
+        (
+            json!({ "extensions": { "EXT_texture_avif": { "source": 1 } } }),
+            ["has no PNG", "npx @gltf-transform/cli png"],
+        ),
+        (
+            json!({ "source": 1 }),
+            ["image `image 1` (the baseColorTexture of material `Paint`)", "AVIF is not read; convert"],
+        ),
+        (json!({ "source": 2 }), ["image `image 2` (the baseColorTexture of material `Paint`)", "KTX2 is not read; "]),
+    ] {
+        glb.json["textures"][0] = texture;
+        let message = refusal(&glb.build());
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+    }
+}
+
+#[test]
+fn a_missing_or_broken_image_file_is_named_with_its_material() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.glb");
+    let mut glb = complete();
+    glb.json["images"][0] = json!({ "name": "Wood", "uri": "wood.png" });
+    std::fs::write(&path, glb.build()).unwrap();
+    let name = "scene.glb: image `Wood` (the baseColorTexture of material `Paint`)";
+    let message = load(&path).unwrap_err().to_string();
+    assert!(message.contains(name) && message.contains("`wood.png`, which cannot be opened"), "{message}");
+    let whole = plain([1, 2, 3], ImageFormat::Png);
+    // The second one has a good header.
+    for broken in [&b"no image"[..], &whole[..50]] {
+        std::fs::write(folder.path().join("wood.png"), broken).unwrap();
+        let message = load(&path).unwrap_err().to_string();
+        assert!(message.contains(name) && message.contains("cannot be decoded from `wood.png`"), "{message}");
+    }
+}
+
+/// Loads the scene in another process. Returns the maximum of its memory in MiB, and the number of images or the error.
+#[cfg(target_os = "linux")]
+fn peak_of(glb: &Glb) -> (u64, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.glb");
+    std::fs::write(&path, glb.build()).unwrap();
+    peak("textures::helper_peak", &path)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "a helper of the tests below, which start it with a scene"]
+fn helper_peak() {
+    helper(|path| load(path).map_or_else(|e| e.to_string(), |scene| format!("{} images", scene.images.len())));
+}
+
+/// A file of 300 KB with such images once took 4 GiB.
+#[cfg(target_os = "linux")]
+#[test]
+fn an_image_takes_the_memory_of_its_texels_once_however_many_names_it_has() {
+    let mut glb = untextured();
+    let view = glb.view(&black_png(8192));
+    for texture in 0..64 {
+        glb.push("images", json!({ "bufferView": view }));
+        glb.push("textures", json!({ "source": texture }));
+        use_texture(&mut glb, texture);
+    }
+    // The texels of the image take 256 MiB.
+    let (peak, outcome) = peak_of(&glb);
+    assert!(outcome == "1 images" && (256..320).contains(&peak), "{peak} MiB: {outcome}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn images_that_are_too_large_together_are_refused_before_one_is_decoded() {
+    let mut glb = untextured();
+    for texture in 0..9 {
+        let view = glb.view(&black_png(if texture == 3 { 8200 } else { 8192 }));
+        glb.push("images", json!({ "name": format!("Night{texture}"), "bufferView": view }));
+        glb.push("textures", json!({ "source": texture }));
+        use_texture(&mut glb, texture);
+    }
+    let (peak, outcome) = peak_of(&glb);
+    for word in ["need 2.3 GiB", "at most 2 GiB", "`Night3` (the baseColorTexture of material `Paint3`)", "8200 x 8200"]
+    {
+        assert!(outcome.contains(word), "{outcome}");
+    }
+    assert!(peak < 64, "{peak} MiB");
+}
