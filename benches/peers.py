@@ -21,7 +21,6 @@ import argparse
 import json
 import math
 import os
-import struct
 import subprocess
 import sys
 import tempfile
@@ -30,6 +29,7 @@ from statistics import NormalDist
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
 sys.path.insert(0, os.path.join(ROOT, "tests"))
+import glb
 from mitransient_or_skip import mi, mitransient, np
 
 SHARED = os.environ.get("TAUGATE_SHARED_SCENES", os.path.join(ROOT, "../shared/scenes"))
@@ -47,22 +47,6 @@ CELL = 16
 BATCHES = 16
 SIGNIFICANCE = 1e-3
 COMPONENTS = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-
-
-def read_glb(path):
-    with open(path, "rb") as file:
-        data = file.read()
-    length = struct.unpack_from("<I", data, 12)[0]
-    return json.loads(data[20:20 + length]), data[28 + length:]
-
-
-def write_glb(path, document, binary):
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    with open(path, "wb") as file:
-        file.write(b"glTF" + struct.pack("<II", 2, 28 + len(text) + len(binary)))
-        file.write(struct.pack("<I", len(text)) + b"JSON" + text)
-        file.write(struct.pack("<I", len(binary)) + b"BIN\0" + binary)
 
 
 def mean_colour(document, binary, texture, folder):
@@ -258,12 +242,12 @@ def spread(values):
 
 
 def compare(arguments, name, path, gate, folder):
-    document, binary = read_glb(path)
+    document, binary = glb.read(path)
     document = simplified(document, binary, folder)
     aspect = document["cameras"][0]["perspective"].get("aspectRatio", 1.0)
     size = (max(1, round(arguments.size * min(1.0, aspect))), max(1, round(arguments.size / max(1.0, aspect))))
     scene = os.path.join(folder, f"{name}.glb")
-    write_glb(scene, document, binary)
+    glb.write(scene, document, binary)
     peer = Peer(mitsuba_scene(document, binary, size, gate))
 
     long = arguments.reference * arguments.time
