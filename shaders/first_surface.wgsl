@@ -3,8 +3,8 @@
 #import visibility
 
 // Eight words per pixel: distance from the pinhole, unit shading normal on the side of the sensor, albedo, and index into
-// `instances`, with the bit BLACK_BACK on the back of a surface that is neither double-sided nor glass. The last word is NONE,
-// and the other words have no meaning, if the ray hits nothing.
+// `instances`. The bit BLACK_BACK of the index marks the back of a surface that is neither double-sided nor glass. If the ray
+// hits nothing, the last word is NONE, and the other words have no meaning.
 @group(2) @binding(0) var<storage, read_write> surfaces: array<vec4<u32>>;
 
 const BLACK_BACK = 0x80000000u;

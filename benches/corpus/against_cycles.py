@@ -7,9 +7,10 @@
     python3 benches/corpus/against_cycles.py --picture docs/pictures/from-blender.png
 
 Every scene has a floor, a sphere and a cube, and is exported as docs/GUIDE.md recommends. Cycles renders it with plain GGX lobes
-and without shortcuts (clamping, blurred reflections, light threshold). The table gives, per object, the median over 4 x 4 pixel
-cells of taugate / Cycles and the range that holds the middle 90 % of the cells. Cells at edges of objects and cells darker than
-2 % of the object's median are left out. Exits with 1 if a median is off by more than 3 % where both have the same model.
+and without shortcuts (clamping, blurred reflections, light threshold). The table gives taugate / Cycles for each object: the
+median over cells of 4 x 4 pixels, and the range that holds the middle 90 % of the cells. Cells at edges of objects are left out,
+and cells darker than 2 % of the object's median. Exits with 1 if a median is off by more than 3 % although both programs have the
+same material model.
 """
 import argparse
 import subprocess
@@ -61,7 +62,8 @@ def plastic():
             for color, roughness in ((made.WHITE, 0.8), (made.BLUE, 0.4), (made.GOLD, 0.6))]
 
 
-# Function that returns the materials of floor, sphere and cube, light, whether both renderers have the same material model.
+# For each scene: a function that returns the materials of floor, sphere and cube; the light; whether both renderers have the same
+# material model.
 SCENES = [(diffuse, "point", True), (diffuse, "spot", True), (diffuse, "area", True), (metal, "point", True), (metal, "area", True),
           (textured_color, "area", True), (textured_roughness, "area", True), (normal_map, "area", True),
           (plastic, "area", False)]
@@ -122,7 +124,7 @@ def cells(values):
 
 
 def ratios(ours, theirs, seen, number):
-    """taugate / Cycles of all lit cells inside the object, over all channels. A cell and a border of one pixel lie inside."""
+    """taugate / Cycles for all lit cells and channels. Cells lie inside the object with a border of one pixel."""
     is_inside = np.pad(seen == number, 1)
     is_inside = np.lib.stride_tricks.sliding_window_view(is_inside, (3, 3)).all(axis=(2, 3))
     inside = cells(is_inside.astype(float))[..., 0] == 1

@@ -6,16 +6,17 @@
     python3 benches/corpus/fetch.py FOLDER
     python3 benches/corpus/against_mitsuba.py FOLDER [--program target/release/taugate] [--keep FOLDER]
 
-No line of code is shared between the two ways from file to image: transforms, normals, texture coordinates, textures and light
-transport are all compared. Mitsuba has no glTF materials, so each file is rendered with one material of both programs:
+The two programs share no code on the way from the file to the image. So the comparison covers transforms, normals, texture
+coordinates, textures and light transport. Mitsuba has no glTF materials, so each file is rendered with one material that both
+programs have:
 
     diffuse    0.8 times the base colour texture
     metal      white metal, roughness 0.5 (GGX alpha 0.25); Fresnel reflectance 1 at all angles
     plastic    base colour 0.8 under a dielectric coat of roughness 0.5; Mitsuba: `principled`, a different model
 
-A camera and a point light are added. The table gives the median over 4 x 4 pixel cells of taugate / Mitsuba, and the range that
-holds the middle 90 % of the cells. Cells with an unlit pixel, such as those at silhouettes, are left out. Exits with 1 if a median
-is off by more than 3 % where both have the same model. Without Mitsuba it prints a message and exits with 0.
+A camera and a point light are added. The table gives taugate / Mitsuba: the median over cells of 4 x 4 pixels, and the range that
+holds the middle 90 % of the cells. Cells with an unlit pixel, for example at silhouettes, are left out. Exits with 1 if a median
+is off by more than 3 % although both programs have the same material model. Without Mitsuba it prints a message and exits with 0.
 """
 import argparse
 import subprocess
@@ -156,7 +157,7 @@ def mitsuba(meshes, kind, matrix, light, intensity, samples):
 
 
 def ratios(ours, theirs):
-    """taugate / Mitsuba of all cells whose pixels are all lit, over all channels."""
+    """taugate / Mitsuba for all channels of the cells in which every pixel is lit."""
     def cells(image):
         return image.reshape(SIZE // CELL, CELL, SIZE // CELL, CELL, 3)
 

@@ -3,8 +3,8 @@
 
     python3 benches/corpus/features.py FOLDER          # after fetch.py and run.py
 
-A feature is *read* if no message names it in any file that has it, *warned about* or *refused* if messages do. Files that are not
-valid glTF 2.0 are left out.
+A feature is *read* if no message about a file names it. It is *warned about* if a warning names it, and *refused* if an error
+names it. Files that are not valid glTF 2.0 are left out.
 """
 import csv
 import json
@@ -23,7 +23,7 @@ WORDS = {
     "morph targets": "morph", "animations": "animation",
     "a second set of texture coordinates": "texture coordinate set", "WebP images": "webp", "16-bit images": "16 bits",
 }
-# Features whose verdict the messages do not tell.
+# Features whose verdict does not follow from the messages.
 FIXED = {"occlusion textures": "no effect: light transport replaces them"}
 # Features that are left out; a file with nothing else is refused.
 FIXED |= dict.fromkeys(("points", "lines"), "left out with a warning; refused without triangles")
@@ -78,7 +78,7 @@ def features(document):
 
 
 def verdict(name, messages):
-    """What taugate does with the feature. `messages` are result and message of each file that has it."""
+    """What taugate does with the feature. `messages`: the result and the message of each file that has it."""
     if name in FIXED:
         return FIXED[name]
     words = WORDS.get(name, name).lower()

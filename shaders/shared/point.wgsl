@@ -13,9 +13,9 @@ fn varies(m: Material) -> bool {
     return HAS_SURFACE_TEXTURES && m.surface_texture != NONE;
 }
 
-// The properties in three words. Colours have 16 bits per channel, and so has the roughness. The words hold square roots of
-// colours, so that dark colours lose no digits: relative errors are below 0.1 % from the darkest sRGB byte on. The metalness
-// has 8 bits, as in the texture.
+// The properties in three words. Each colour channel and the roughness have 16 bits. The words hold square roots of colours, so
+// that dark colours lose no digits: the relative error is below 0.1 % for all sRGB bytes above 0. The metalness has 8 bits, as in
+// the texture.
 fn pack_point(p: PointProperties) -> vec3<u32> {
     let root = sqrt(p.base);
     return vec3<u32>(pack2x16unorm(root.xy), pack2x16unorm(vec2<f32>(root.z, sqrt(p.alpha))),

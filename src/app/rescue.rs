@@ -1,4 +1,5 @@
-//! Saves a finished render in another folder if the user's folder takes no files: a full disk, a removed folder, a lost network.
+//! Saves a finished render in another folder if it cannot be written to the user's folder: for example, if the disk is full, or
+//! if the folder or the network is gone.
 
 use std::env;
 use std::fmt::Write;
@@ -13,7 +14,7 @@ use taugate::internals::error::Result;
 pub struct Rescue {
     /// The error of the first of these files.
     first: Option<Error>,
-    /// A new folder that has taken at least one file.
+    /// The new folder, as soon as a file is saved in it.
     folder: Option<PathBuf>,
     saved: Vec<PathBuf>,
     lost: Vec<PathBuf>,
@@ -31,7 +32,7 @@ impl Rescue {
     }
 
     /// Writes the file `name` into a new folder inside the system's folder for temporary files, or else inside the current one.
-    /// Returns its path, or `None` if both fail. A new folder cannot hold a file that would be overwritten.
+    /// Returns its path, or `None` if both fail. The folder is new, so no file of the user is overwritten.
     fn save(&mut self, name: &Path, write: impl Fn(&Path) -> Result<()>) -> Option<PathBuf> {
         let known = self.folder.iter().map(|folder| folder.join(name)).find(|path| write(path).is_ok());
         known.or_else(|| {

@@ -1,8 +1,8 @@
-//! Temporary files and folders beside an output. Their names tell the output and the process: `.taugate-out.exr-1234-Xy12Za.tmp`
-//! is for `out.exr` by process 1234.
+//! Temporary files and folders beside an output. A name contains the output and the process: `.taugate-out.exr-1234-Xy12Za.tmp`
+//! is the temporary of process 1234 for `out.exr`.
 //!
-//! The process that writes one holds a lock on it. The operating system releases the lock when the process ends, however it
-//! ends. So a temporary that nobody has locked is left over from a process that was killed.
+//! The process that writes a temporary holds a lock on it. When the process ends, the operating system releases the lock, even if
+//! the process was killed. So a temporary without a lock is left over from a killed process.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -16,7 +16,8 @@ const SUFFIX: &str = ".tmp";
 /// Number of characters of the output's name in the name of a temporary. File systems allow at least 255 bytes per name, and a
 /// character takes up to 4.
 const NAME_CHARACTERS: usize = 50;
-/// How often to try again if another process takes a new temporary for a left-over one, before it is locked.
+/// Number of attempts to create a temporary. Another process may mistake a new temporary for a left-over one and remove it before
+/// it is locked.
 const ATTEMPTS: usize = 100;
 
 /// The beginning of the names of all temporaries for `output`. Outputs with long names may share it.
@@ -44,8 +45,8 @@ pub fn folder(output: &Path) -> io::Result<(TempDir, Option<File>)> {
     })
 }
 
-/// Calls `make` until it succeeds or fails. `mode` is the usual mode of a new file or folder, less the user's umask: by default
-/// temporaries are private.
+/// Calls `make` until it returns a temporary or an error. `mode` is the usual mode of a new file or folder, before the user's
+/// umask. Without it, the temporary would be readable by its owner only.
 #[cfg_attr(not(unix), expect(unused_variables))]
 fn create<T>(output: &Path, mode: u32, make: impl Fn(&mut Builder) -> io::Result<Option<T>>) -> io::Result<T> {
     let prefix = format!("{}{}-", prefix(output), std::process::id());
@@ -64,11 +65,11 @@ fn create<T>(output: &Path, mode: u32, make: impl Fn(&mut Builder) -> io::Result
     Err(io::Error::other("another process removes each temporary file"))
 }
 
-/// Locks a new temporary. Returns false if another process removes it as a left-over one.
+/// Locks a new temporary. Returns false if another process is removing it as a left-over one, or has removed it.
 fn hold(lock: &File, path: &Path) -> bool {
     match lock.try_lock() {
         Err(TryLockError::WouldBlock) => false,
-        // Some file systems have no locks. Then nothing is removed either.
+        // Some file systems have no locks. There, no process removes temporaries.
         Ok(()) | Err(TryLockError::Error(_)) => path.exists(),
     }
 }
@@ -85,7 +86,7 @@ pub fn remove_left_over(output: &Path) {
             continue;
         }
         let path = entry.path();
-        // Some network file systems lock a file only if it is open for writing; a folder cannot be opened so.
+        // Some network file systems lock a file only if it is open for writing; folders cannot be opened for writing.
         let opened = if kind.is_dir() { File::open(&path) } else { File::options().write(true).open(&path) };
         let Ok(lock) = opened else { continue };
         if lock.try_lock().is_ok() {

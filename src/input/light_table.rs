@@ -15,7 +15,7 @@ const DEFAULT_OUTER_ANGLE: f64 = 45.0;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", deny_unknown_fields, rename_all = "kebab-case")]
 pub struct LightTable {
-    /// Name for `emitters`; without one it is `light-1` for the first table, and so on.
+    /// Name for `emitters`; by default `light-1` for the first table, `light-2` for the second, and so on.
     pub name: Option<String>,
     #[serde(rename = "type")]
     pub kind: Kind,

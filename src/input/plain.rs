@@ -3,8 +3,8 @@
 use super::experiment::Experiment;
 use crate::settings::setting::{Setting, Value, Visitor};
 
-/// The message `message` of the TOML parser about byte `at` of `text`, with the table, the key and the remedy. Messages that are
-/// plain already stay as they are. `home` returns the table of a key that may stand in the wrong one, see [`table_of`].
+/// Rewrites a message of the TOML parser about byte `at` of `text`. The result names the table, the key and the remedy. Messages
+/// that are already plain stay as they are. `home` returns the table to which a key belongs, see [`table_of`].
 pub fn plain(message: &str, text: &str, at: usize, home: impl Fn(&str) -> Option<&'static str>) -> String {
     let message = message.replace('\n', ", ");
     Place::new(text, at).explain(&message, home).unwrap_or(message)
@@ -30,7 +30,7 @@ impl Place {
             let outer = line.trim_start_matches('[').rsplit_once('.').map(|(outer, _)| format!("[{outer}]"));
             return Place { table: outer.unwrap_or_default(), key: None };
         }
-        // A mistake in a whole table is reported at the start of its header, so the line of the mistake counts as well.
+        // The parser reports a mistake in a whole table at the start of its header. So the line of the mistake may be the header.
         let header = text[..line_end].lines().rev().map(str::trim).find(|line| is_header(line));
         let mut table = header
             .map_or(String::new(), |line| line.split_inclusive(']').take_while(|part| part.ends_with(']')).collect());

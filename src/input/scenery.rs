@@ -1,5 +1,5 @@
-//! The camera and the lights that the user adds to the scene of a file, and surfaces that become double-sided. Most glTF files have neither a camera nor a light; such a
-//! scene gets a view of the whole and a headlamp.
+//! Adds the user's camera and lights to the scene of a file, and makes surfaces double-sided if the user wants that. Most glTF
+//! files have neither a camera nor a light. Such a scene gets a camera that sees the whole scene, and a headlamp.
 
 mod camera;
 mod lights;
@@ -8,8 +8,8 @@ use crate::error::Result;
 use crate::input::experiment::Experiment;
 use crate::scene::Scene;
 
-/// Adds the camera and the lights of `experiment` to a scene that was just loaded, or places its own camera elsewhere; makes all
-/// surfaces double-sided if the user wants that. Call it once per scene, before [`super::resolve::resolve`].
+/// Adds the camera and the lights of `experiment` to a scene that was just loaded, or places the scene's own camera elsewhere.
+/// Makes all surfaces double-sided if the user wants that. Call it once per scene, before [`super::resolve::resolve`].
 ///
 /// Choices that depend on the scene, such as the place of an automatic camera, are written into `experiment`. So the experiment
 /// renders the same image later, even if the rules for these choices have changed.

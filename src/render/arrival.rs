@@ -9,14 +9,14 @@ use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::wgsl::layout::NONE;
 
-/// Samples per pixel and iteration, and iterations.
+/// Samples per pixel and iteration, and number of iterations.
 const SAMPLES: u32 = 4;
 const ITERATIONS: u32 = 4;
 
 /// The travel time (metres of optical path) at which the first light arrives in each pixel of the crop, row by row; 0 where no
 /// light was found. The light of suns, and light that comes straight from an emitter in view, do not count. The result is the
-/// minimum over 16 samples per pixel of paths of any strategy but t = 1, so it is an upper bound: exact where a point light or
-/// the spot of a beam lights the first surface, and late by up to the size of the lamp or of the scattering surface elsewhere.
+/// minimum over 16 samples per pixel, of all strategies but t = 1. So it is an upper bound. It is exact where a point light or
+/// the spot of a beam lights the first surface. Elsewhere it is late by up to the size of the lamp or of the scattering surface.
 pub fn first_arrivals(
     device: &Device,
     scene: &Scene,

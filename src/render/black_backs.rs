@@ -10,15 +10,15 @@ use crate::gpu::Device;
 use crate::scene::Scene;
 use crate::settings::Settings;
 
-/// Minimum fraction of the visible surface that is worth a sentence.
+/// Smaller fractions of the visible surface are not reported.
 const MIN_FRACTION: f64 = 0.01;
 
 /// Black backs of surfaces in view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlackBacks {
-    /// Fraction of the camera rays that hit a surface and first hit a black back, 0 to 1; 0 if none hits a surface.
+    /// Of the camera rays that hit a surface, the fraction that hits a black back first, 0 to 1; 0 if no ray hits a surface.
     pub fraction: f64,
-    /// Name of the node that most of them hit; empty if there is none.
+    /// Name of the node whose black backs are hit by most rays; empty if there is none.
     pub node: String,
 }
 

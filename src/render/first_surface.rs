@@ -13,12 +13,12 @@ use crate::wgsl::layout::{Dispatch, NONE};
 
 /// Pixels per submit.
 const BATCH: u32 = 1 << 16;
-/// The bit of the word with the instance that marks a black back, as in `first_surface.wgsl`.
+/// The bit that marks a black back in the last word of a surface, as in `first_surface.wgsl`.
 const BLACK_BACK: u32 = 1 << 31;
 const REMEDY: &str = "choose another --device";
 
 /// The surface that the ray through the centre of a pixel hits first. Glass counts as a surface. A surface with alpha counts
-/// where it covers at least half of the point.
+/// where its coverage is at least 0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstSurface {
     /// Length of the ray from the pinhole to the surface, in metres.
@@ -34,9 +34,9 @@ pub struct FirstSurface {
     pub black_back: bool,
 }
 
-/// Traces one ray through the centre of each pixel of the crop, and calls `visit` with each pixel whose ray hits a surface: its
-/// row-major index in the crop, and the surface. `prepared` was prepared for the same camera or one nearby. Fails if the scene
-/// does not fit the device.
+/// Traces one ray through the centre of each pixel of the crop. If the ray hits a surface, calls `visit` with the row-major index
+/// of the pixel in the crop, and with the surface. `prepared` must be prepared for the same camera or for one nearby. Fails if
+/// the scene does not fit the device.
 pub fn first_surfaces(
     device: &Device,
     scene: &Scene,

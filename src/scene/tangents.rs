@@ -14,7 +14,7 @@ impl Mesh {
             return;
         }
         let mut corners = Corners { mesh: self, tangents: vec![[0.0; 4]; 3 * self.triangles.len()] };
-        // The error type has no values.
+        // This cannot fail: the error type has no values.
         let _ = bevy_mikktspace::generate_tangents(&mut corners);
         let tangents = corners.tangents;
         self.split_by_tangent(&tangents);
@@ -95,7 +95,7 @@ impl bevy_mikktspace::Geometry for Corners<'_> {
     fn set_tangent(&mut self, tangent: Option<bevy_mikktspace::TangentSpace>, face: usize, corner: usize) {
         let normal = Vec3::from(self.normal(face, corner));
         let [x, y, z, w] = tangent.unwrap_or_default().tangent_encoded();
-        // Triangles without extent in the texture may have no tangent: any perpendicular vector serves.
+        // A triangle without extent in the texture may have no tangent. Then any vector perpendicular to the normal serves.
         let along = Vec3::new(x, y, z);
         let unit = along.try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
         self.tangents[3 * face + corner] = [unit.x, unit.y, unit.z, w];

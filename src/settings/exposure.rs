@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
 
-/// Maximum of the absolute value of an exposure in stops. Its factor is still a normal number of 32 bits.
+/// Maximum absolute value of an exposure in stops. Its factor, 2^126 or 2^-126, is a normal f32.
 const MAX_STOPS: f64 = 126.0;
 
 /// The exposure of a picture: `auto`, or a number of stops.

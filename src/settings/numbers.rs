@@ -1,5 +1,5 @@
-//! Values of settings that consist of numbers. On the command line they are text, `1,2.5,-3`. Experiment files may also contain
-//! them as numbers or lists, and printed experiments do.
+//! Values of settings that consist of numbers. On the command line they are text, `1,2.5,-3`. Experiment files may contain them
+//! as text, numbers or lists. Printed experiments contain numbers and lists.
 
 use std::str::FromStr;
 

@@ -27,7 +27,7 @@ pub struct Map {
     pub scale: Option<Scale>,
 }
 
-/// Travel times; `percent` is the part of the lit pixels that has light by then.
+/// Travel times of the colour scale. `percent` is the part of the lit pixels that have light by this time.
 #[derive(Serialize)]
 pub struct Scale {
     /// First arrival over all pixels: dark blue.
@@ -37,7 +37,7 @@ pub struct Scale {
     pub last: Arrival,
 }
 
-/// Fails if a map has the wrong extension or cannot be written, before minutes of work.
+/// Fails if a map has the wrong extension or cannot be written. Call it first, because the measurement may take minutes.
 pub fn check(files: &[PathBuf]) -> Result<()> {
     files.iter().try_for_each(|path| match extension(path).as_str() {
         "png" | "exr" => check_writable(path),

@@ -20,7 +20,7 @@ impl Lines {
         writeln!(self.0, "{name:<11} {}", value.as_ref()).expect("writing to a string cannot fail");
     }
 
-    /// Writes a line per item, up to [`LISTED`] of them, and how many more there are.
+    /// Writes one line per item. After [`LISTED`] items, a last line says how many more there are.
     fn list<T>(&mut self, name: &str, items: &[T], describe: impl Fn(&T) -> String) {
         items.iter().take(LISTED).for_each(|item| self.line(name, describe(item)));
         if items.len() > LISTED {

@@ -19,7 +19,8 @@ const DEFAULT_FOV: Fov = Fov(40.0);
 /// Direction from the scene to the automatic camera. The front of a glTF model faces +Z. From 25 degrees to the right and 20
 /// degrees above, three sides of a box are visible, and no plane along two axes is seen edge-on.
 const TO_CAMERA: DVec3 = DVec3::new(0.397_131, 0.342_020, 0.851_651);
-/// Part of the image that the automatic camera fills: at 1, a corner of the scene's box would touch the border of the image.
+/// Part of the image that the scene fills with the automatic camera: at 1, a corner of the scene's box would touch the border of
+/// the image.
 const FILLED: f64 = 0.95;
 /// A scene that is smaller than this, in metres, counts as a point.
 const MIN_SIZE: f64 = 1e-12;
@@ -43,12 +44,12 @@ pub(super) fn apply(table: &mut CameraTable, scene: &mut Scene, notes: &mut Vec<
     Ok(index)
 }
 
-/// The camera of the file that the user chose, or the first one. `None` if there must be a new one.
+/// Index of the camera that the user chose, or of the first camera. `None` if a new camera must be made.
 fn chosen(table: &CameraTable, scene: &Scene, notes: &mut Vec<String>) -> Result<Option<usize>> {
     let is_placed = table.look_from.is_some() || table.look_at.is_some();
     match table.camera.as_deref() {
         Some(AUTO) => Ok(None),
-        // A printed experiment contains this name.
+        // A printed experiment names the camera that it placed, but the file does not have this camera.
         Some(LOOK) if is_placed && find_camera(LOOK, scene).is_err() => Ok(None),
         Some(name) => find_camera(name, scene).map(Some),
         None if !scene.cameras.is_empty() => Ok(Some(0)),
@@ -93,8 +94,8 @@ fn make(table: &mut CameraTable, scene: &mut Scene) -> Result<usize> {
     }))
 }
 
-/// The place from which a camera that looks at the centre of a box sees the whole box, with some room around it. `tangents`: of
-/// half the horizontal and half the vertical field of view.
+/// The place of a camera that looks at the centre of a box and sees the whole box, with some room around it. `tangents`: the
+/// tangents of half the horizontal and half the vertical field of view.
 fn frame([lo, hi]: [DVec3; 2], tangents: [f64; 2]) -> DVec3 {
     let centre = 0.5 * (lo + hi);
     let to_camera = look(DVec3::ZERO, -TO_CAMERA).matrix3.transpose();
@@ -113,8 +114,8 @@ pub(super) fn centre(scene: &Scene) -> DVec3 {
     scene.bounds().map_or(DVec3::ZERO, |[lo, hi]| 0.5 * (lo + hi))
 }
 
-/// The transform of a camera that stands at `present`, after the flags that place it. Writes the point at which the camera looks
-/// into `table` if the user gave only its place.
+/// The transform of a camera after the flags that place it; `present` is its transform before. If the user gave only the place of
+/// the camera, writes the point at which it looks into `table`.
 fn aim(table: &mut CameraTable, present: &DAffine3, scene: &Scene) -> Result<DAffine3> {
     if table.look_from.is_none() && table.look_at.is_none() && table.up.is_none() {
         return Ok(*present);

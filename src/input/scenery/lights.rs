@@ -14,7 +14,7 @@ use crate::settings::units::number;
 
 /// Name of the point light at the camera.
 const HEADLAMP: &str = "headlamp";
-/// Minimum distance for the automatic intensity of the headlamp, relative to the diagonal of the scene. It counts for a camera
+/// Minimum distance for the automatic intensity of the headlamp, relative to the diagonal of the scene. It matters for a camera
 /// inside the scene.
 const MIN_DISTANCE: f64 = 0.25;
 
@@ -75,7 +75,8 @@ fn is_bright(rgb: [f32; 3]) -> bool {
     rgb.iter().any(|&channel| channel > 0.0)
 }
 
-/// Whether a light of the scene, other than a surface, emits light that can be rendered. With a gate, directional lights cannot.
+/// Whether a light of the scene, other than a surface, emits light that can be rendered. With a gate, directional lights cannot
+/// be rendered.
 fn has_lamp(scene: &Scene, is_steady: bool) -> bool {
     scene.lights.iter().any(|light| (is_steady || !light.kind.is_sun()) && is_bright(light.kind.strength()))
 }
@@ -85,12 +86,13 @@ fn has_bright_surface(scene: &Scene) -> bool {
     scene.instances.iter().any(|instance| is_bright(emission(instance.mesh)))
 }
 
-/// The radiant intensity in W / sr of a lamp at `position` that gives a white surface the radiance 1, if the surface faces the
-/// lamp at the distance of the scene's centre: pi d^2. It is rounded to three digits, so that it is easy to repeat.
+/// Automatic radiant intensity in W / sr of a headlamp at `position`: pi d^2, where d is the distance to the scene's centre. A
+/// white surface that faces the lamp at this distance has radiance 1. The value is rounded to three digits, so that it is easy to
+/// repeat.
 fn automatic_intensity(scene: &Scene, position: DVec3) -> f64 {
     let distance = position.distance(centre(scene)).max(MIN_DISTANCE * scene.diagonal());
     let intensity = PI * distance * distance;
-    // Of a scene that is a single point, or beyond these limits, only the order of magnitude counts.
+    // A scene that is a single point, or of an extreme size, still needs a valid intensity.
     let intensity = if distance > 0.0 { intensity.clamp(1e-30, 1e30) } else { 1.0 };
     format!("{intensity:.2e}").parse().unwrap_or(intensity)
 }

@@ -103,7 +103,7 @@ fn a_scene_without_camera_and_light_gets_both_and_says_so() {
     let radiance = intensity / std::f64::consts::PI / place.distance_squared(CENTRE);
     assert!((radiance - 1.0).abs() < 5e-3, "{radiance}");
     assert_eq!(scene.lights[0].kind, LightKind::Point { intensity: [intensity as f32; 3] });
-    // What cannot be rendered does not count as a light: with a gate, this is also a sun.
+    // A light that cannot be rendered does not count. With a gate, a sun cannot be rendered.
     let sun = LightKind::Directional { irradiance: [1.0; 3] };
     let gated = "gate.gate = '1m..2m'";
     for (kind, keys, lights) in [(LightKind::Point { intensity: [0.0; 3] }, "", 2), (sun, "", 1), (sun, gated, 2)] {

@@ -1,4 +1,4 @@
-//! Checked reading of accessors: before the first element is read, all elements are known to lie inside their buffer.
+//! Checked reading of accessors: all elements are known to lie inside their buffer before the first one is read.
 
 use std::borrow::Cow;
 

@@ -32,7 +32,7 @@ impl<'a> Document<'a> {
     pub fn open(bytes: &'a [u8], folders: Folders) -> Checked<Self> {
         let (json, bin) = resolve::split_container(bytes)?;
         let root: Root = serde_json::from_slice(json).map_err(|e| {
-            // The JSON of glTF 1.0 has another structure, so the parser stops before anyone sees the version.
+            // The JSON of glTF 1.0 has another structure, so the parser fails before the version can be checked.
             if is_gltf_1(json) {
                 return "is glTF version 1.0; re-export it as glTF 2.0".into();
             }
@@ -81,7 +81,7 @@ impl<'a> Document<'a> {
         Ok(View { bytes, stride: view.byte_stride.map(|stride| stride.0) })
     }
 
-    /// `length` bytes of buffer `number` from `start`. `name` names what refers to them in messages.
+    /// `length` bytes of buffer `number` from `start`. In messages, `name` names the object that refers to the bytes.
     pub fn slice(&self, number: usize, start: u64, length: u64, name: &str) -> Checked<&[u8]> {
         let buffer = self
             .buffers
@@ -125,8 +125,8 @@ pub fn label(name: Option<&str>, kind: &str, index: usize) -> String {
     }
 }
 
-/// The first `limit` characters of `text`. Those that a terminal may obey are replaced: names come from the file and go to a
-/// terminal.
+/// The first `limit` characters of `text`. Characters that a terminal may obey are replaced, because names come from the file and
+/// go to a terminal.
 pub fn printable(text: &str, limit: usize) -> String {
     text.chars().take(limit).map(|c| if is_command(c) { '\u{fffd}' } else { c }).collect()
 }

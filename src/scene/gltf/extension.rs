@@ -59,7 +59,7 @@ const EXTENSIONS: &[(&str, Treatment)] = &[
     ("KHR_materials_specular", Read),
     ("KHR_materials_subsurface", Without("light does not spread below the surface")),
     ("KHR_materials_transmission", Read),
-    ("KHR_materials_unlit", Without("the material is a surface with its base colour that lamps light")),
+    ("KHR_materials_unlit", Without("the material is an ordinary surface of its base colour, lit by the lamps")),
     ("KHR_materials_variants", Harmless),
     ("KHR_materials_volume", Without("light is not absorbed inside the material")),
     ("KHR_mesh_quantization", Read),
@@ -83,7 +83,7 @@ const EXTENSIONS: &[(&str, Treatment)] = &[
     ("VRMC_vrm", Harmless),
 ];
 
-/// Names listed in the warnings at most: a hostile file may name any number.
+/// Maximum number of names that warnings list: a hostile file may have any number of them.
 const MAX_WARNINGS: usize = 20;
 
 /// Refuses a file that requires an extension without which the image would be wrong. Warns about the extensions that change

@@ -88,7 +88,7 @@ fn runs(sizes: &[u64], limit: u64) -> Vec<Range<usize>> {
     runs
 }
 
-/// Where the data of an image comes from. The data is read again whenever it is needed, because many large files need not fit
+/// Where the data of an image comes from. The data is read again whenever it is needed, because all files together may not fit
 /// into memory.
 struct Source<'a> {
     doc: &'a Document<'a>,
@@ -171,8 +171,8 @@ fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + use<'_>, ImageError> {
     reader.into_decoder()
 }
 
-/// Decodes `texels` texels. The image is decoded into the end of the buffer that it is returned in, and then converted from the
-/// beginning. So an image with 8 bits per channel takes no other memory than its result.
+/// Decodes `texels` texels. The decoder writes the image to the end of the returned buffer. Then the pixels are converted in
+/// place, from the first to the last. So an image with 8 bits per channel takes no memory besides its result.
 fn rgba8(decoder: impl ImageDecoder, texels: usize) -> Result<Vec<[u8; 4]>, ImageError> {
     let color = decoder.color_type();
     let size = usize::from(color.bytes_per_pixel());

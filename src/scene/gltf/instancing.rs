@@ -30,7 +30,7 @@ pub fn copies(doc: &Document, index: usize, node: &Node) -> Checked<Vec<DAffine3
         .map_err(|e| format!("the instances of node `{name}` cannot be read ({e}); re-export the file"))?;
     let what = |attribute: &str| format!("{attribute} of the instances of node `{name}`");
 
-    // All attributes have the same number of elements, those that taugate does not read included.
+    // All attributes must have the same number of elements, including attributes that taugate does not read.
     let mut count = None;
     for (attribute, &accessor) in &source.attributes {
         let number = doc.count(accessor, &what(attribute))?;

@@ -13,7 +13,7 @@ use super::document::{Document, Warnings};
 use super::node::Worlds;
 use crate::scene::{Light, LightKind};
 
-/// Brightest point or spot light of a file from Blender that gives no warning. In W/sr, it is a lamp of 6,300 W, which is rare. In
+/// A brighter point or spot light in a file from Blender gives a warning. In W/sr, this is a lamp of 6,300 W, which is rare. In
 /// candela, it is a lamp of 9 W in Blender's user interface, where the default is 10 W or more.
 const TOO_BRIGHT: f32 = 500.0;
 

@@ -235,7 +235,7 @@ impl Materials {
             self.textures.add(doc, info.index.value(), &what, warnings).map(Some)
         };
         let base_color = read(&source.pbr_metallic_roughness.base_color_texture, "baseColorTexture")?;
-        // The texture would multiply a black emission.
+        // A texture does not change a black emission, because both are multiplied.
         let is_emissive = source.emissive_factor.0 != [0.0; 3];
         let emission = if is_emissive { read(&source.emissive_texture, "emissiveTexture")? } else { None };
         let surface = read(&source.pbr_metallic_roughness.metallic_roughness_texture, "metallicRoughnessTexture")?;

@@ -24,7 +24,7 @@ pub const MAX_TRIANGLES: u64 = 64 << 20;
 pub struct Placement {
     /// Indices into [`Meshes::meshes`].
     pub range: Range<usize>,
-    /// Where a skin places the meshes: their origin in the world. The node's transform then has no effect.
+    /// The origin of the meshes in the world, if a skin places them. Then the node's transform has no effect.
     pub skinned_at: Option<DVec3>,
 }
 
@@ -43,7 +43,7 @@ pub struct Meshes {
     pub meshes: Vec<Mesh>,
     /// By node.
     placements: HashMap<usize, Placement>,
-    /// Vertices read so far. It is limited as well as the file size, because many primitives may share one accessor.
+    /// Vertices read so far. A limit on the file size is not enough, because many primitives may share one accessor.
     vertices_read: u64,
     /// Triangle corners read so far.
     corners_read: u64,
@@ -184,7 +184,7 @@ impl Meshes {
             mesh.normals = Vec::new();
             self.flattened.push(mesh.name.clone());
         }
-        // The tangents of the file do not belong to the normals of flat or deformed meshes.
+        // The tangents of the file do not fit the normals of flat or deformed meshes.
         let has_tangents = !mesh.normals.is_empty() && !pose.deforms() && normalise_tangents(&mut mesh.tangents);
         if !materials.is_bumped(mesh.material) {
             mesh.tangents = Vec::new();

@@ -30,7 +30,7 @@ pub enum Filter {
     Color,
 }
 
-/// Whether elements of `stride` bytes can be in a stream of this mode and filter, and `count` of them in this mode.
+/// Whether a stream of this mode and filter may have elements of `stride` bytes, and whether this mode allows `count` elements.
 pub fn is_valid(mode: Mode, filter: Filter, count: usize, stride: usize) -> bool {
     let fits_mode = match mode {
         Mode::Attributes => stride.is_multiple_of(4) && (4..=256).contains(&stride),
@@ -70,7 +70,7 @@ fn take<'a>(data: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
 
 /// Elements per group: the deltas of a group have the same number of bits.
 const GROUP: usize = 16;
-/// Elements per block at most.
+/// Maximum number of elements per block.
 const MAX_BLOCK: usize = 256;
 
 fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
@@ -125,8 +125,8 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     data.is_empty().then_some(out)
 }
 
-/// Reads the deltas of one byte of the elements: 2 bits per group that choose the width of its deltas among `bits`, then the
-/// groups.
+/// Reads the deltas of one byte of the elements. First come 2 bits per group, which choose the width of its deltas among `bits`.
+/// The groups follow.
 fn read_groups(data: &mut &[u8], deltas: &mut [u8], bits: [u32; 4]) -> Option<()> {
     let widths = take(data, (deltas.len() / GROUP).div_ceil(4))?;
     for (number, group) in deltas.chunks_exact_mut(GROUP).enumerate() {
@@ -151,7 +151,8 @@ fn read_groups(data: &mut &[u8], deltas: &mut [u8], bits: [u32; 4]) -> Option<()
     Some(())
 }
 
-/// The four bytes of a channel after those of the previous element; `None` if the channel mode is unknown.
+/// The four bytes of a channel: the bytes `last` of the previous element, changed by `delta`. `None` if the channel mode is
+/// unknown.
 fn undo_delta(mode: u8, last: [u8; 4], delta: [u8; 4]) -> Option<[u8; 4]> {
     match (mode & 15, mode >> 4) {
         (0, 0) => Some(std::array::from_fn(|byte| {

@@ -1,4 +1,5 @@
-//! Deforms meshes to the pose of the file: morph targets with their default weights, and skins whose joints rest.
+//! Deforms meshes to the pose of the file: morph targets with their default weights, and skins whose joints have the transforms
+//! of the file.
 
 use ::gltf::json::mesh::{Primitive, Semantic};
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
@@ -10,7 +11,7 @@ use super::mesh::{attribute, check_finite};
 use super::node::Worlds;
 use crate::scene::Mesh;
 
-/// Sets of four joints per vertex that are read.
+/// Number of sets of four joints per vertex that are read.
 const MAX_SETS: u32 = 4;
 
 /// A skin whose joints have the transforms of the file.
@@ -59,7 +60,7 @@ impl Skin {
                 ));
             }
             for (joint, matrix) in joints.iter_mut().zip(&matrices) {
-                // The last row of an affine matrix says nothing; exporters round it.
+                // The last row of an affine matrix is always 0, 0, 0, 1, but exporters round it.
                 *joint *= DAffine3::from_mat4(DMat4::from_cols_array(&matrix.map(f64::from)));
             }
         }
@@ -76,8 +77,8 @@ impl Pose<'_> {
         self.skin.is_some() || self.weights.iter().any(|&weight| weight != 0.0)
     }
 
-    /// Moves the positions and normals of `mesh`, whose attributes `primitive` has. Returns the vertices whose surroundings are
-    /// mirrored by the skin: the winding of their triangles must be reversed. The list is empty if there are none.
+    /// Moves the positions and normals of `mesh`; `primitive` has its attributes. Returns for each vertex whether the skin
+    /// mirrors its surroundings: then the winding of its triangles must be reversed. The list is empty if no vertex is mirrored.
     pub fn apply(&self, doc: &Document, primitive: &Primitive, mesh: &mut Mesh) -> Checked<Vec<bool>> {
         self.morph(doc, primitive, mesh)?;
         self.skin.map_or(Ok(Vec::new()), |skin| skin.apply(doc, primitive, mesh))

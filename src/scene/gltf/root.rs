@@ -9,8 +9,8 @@ use ::gltf::json::{
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-/// The lists that taugate reads, with the elements of the `gltf` crate. The crate's own `Root` also parses what taugate does not
-/// read, and then refuses valid files: animations that target pointers, and scenes without nodes.
+/// The lists that taugate reads, with the elements of the `gltf` crate. The crate's own `Root` also parses parts that taugate
+/// does not read, so it refuses some valid files: animations that target pointers, and scenes without nodes.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Root {

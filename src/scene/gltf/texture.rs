@@ -28,7 +28,7 @@ pub const FROM_OTHERS: &str = "re-export with PNG, JPEG or WebP textures";
 pub struct ImageUse {
     /// Index of the glTF image.
     pub index: usize,
-    /// Its first user in messages: `the baseColorTexture of material ...`.
+    /// Its first user, for messages: `the baseColorTexture of material ...`.
     pub what: String,
 }
 

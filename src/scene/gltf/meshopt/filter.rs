@@ -2,7 +2,7 @@
 
 use super::Filter;
 
-/// Applies a filter to elements of `stride` bytes. Elements whose result is not specified become any value.
+/// Applies a filter to elements of `stride` bytes. Elements whose result is not specified get an arbitrary value.
 pub fn apply(filter: Filter, stride: usize, bytes: &mut [u8]) {
     if filter == Filter::None {
         return;
