@@ -2,7 +2,7 @@
 #import camera
 #import visibility
 
-// Eight words per pixel: distance from the pinhole, unit shading normal on the side of the sensor, albedo, and index into
+// Eight words per pixel: length of the camera ray, unit shading normal on the side of the sensor, albedo, and index into
 // `instances`. The bit BLACK_BACK of the index marks the back of a surface that is neither double-sided nor glass. If the ray
 // hits nothing, the last word is NONE, and the other words have no meaning.
 @group(2) @binding(0) var<storage, read_write> surfaces: array<vec4<u32>>;
@@ -18,8 +18,9 @@ fn first_surface(@builtin(global_invocation_id) id: vec3<u32>) {
     let index = dispatch.first + id.x;
     let column = frame.crop_x + index % frame.crop_width;
     let row = frame.crop_y + index / frame.crop_width;
-    let direction = normalize(film_direction(vec2<f32>(f32(column), f32(row)) + 0.5));
-    let hit = trace(frame.sensor, direction, 3e38, false, NONE, vec4<u32>(0u));
+    let ray = camera_ray(vec2<f32>(f32(column), f32(row)) + 0.5);
+    let direction = normalize(ray.direction);
+    let hit = trace(ray.origin, direction, 3e38, false, NONE, vec4<u32>(0u));
     var near = vec4<u32>(0u);
     var seen = vec4<u32>(0u, 0u, 0u, NONE);
     if (hit.triangle != NONE) {

@@ -1,4 +1,4 @@
-// Strategy t = 1: connects every light vertex to the pinhole. The gate is tested before the shadow ray is traced.
+// Strategy t = 1: connects every light vertex to the sensor. The gate is tested before the shadow ray is traced.
 #import weights
 #import segment
 
@@ -20,13 +20,13 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = list[id.x];
     let v = vertices[slot];
     splats[slot] = vec4<f32>(vec3<f32>(0.0), bitcast<f32>(NONE));
-    let from_sensor = v.position - frame.sensor;
-    let pixel = pixel_of(from_sensor);
+    let pixel = pixel_of(v.position - frame.sensor);
     if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE) {
         return;
     }
-    let d = length(from_sensor);
-    let w = -from_sensor / d;
+    let to_sensor = segment_to_sensor(v.position);
+    let d = to_sensor.length;
+    let w = to_sensor.direction;
     let tau = travel_time(v.tau, optical_length(v, w, d), 0.0);
     let counted = gate_weight(tau);
     if (counted == 0.0) {
@@ -34,23 +34,25 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let c = evaluate_light_vertex(v, w);
     let cosine = dot(-w, frame.forward);
-    // Turns flux per area into mean radiance of the pixel (box filter): the factor is 1 / (d^2 pixel_area cos^3).
+    // Turns flux per area into mean radiance of the pixel (box filter). The factor is 1 / (d^2 pixel_area cos^3) for a pinhole.
+    // It is 1 / pixel_area for an orthographic camera, because its rays do not spread.
     let density = pixel_pdf(cosine);
+    let spread = select(d * d, 1.0, HAS_ORTHOGRAPHIC);
     // The only copy of a deterministic vertex carries the whole power.
     let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);
-    let value = v.throughput * c.value * (counted * share * density / (d * d));
+    let value = v.throughput * c.value * (counted * share * density / spread);
     // A value that is not a number passes this test, because the host counts such values.
     if (max_component(value) <= 0.0) {
         return;
     }
 
-    // Visibility between the vertex and the pinhole.
+    // Visibility between the vertex and the sensor.
     let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u) | 1u;
     let key = vec4<u32>(dispatch.first + slot, frame.iteration, dimension, frame.seed);
-    if (!is_unoccluded(ray_end(v, w), frame.sensor, key)) {
+    if (!is_unoccluded(ray_end(v, w), to_sensor.end, key)) {
         return;
     }
-    let weight = splat_weight(v, c, density * c.cosine / (d * d));
+    let weight = splat_weight(v, c, density * c.cosine / spread);
     if (OBSERVE == OBSERVE_STRATEGIES) {
         splats[slot] = vec4<f32>(value, bitcast<f32>(pixel));
         splat_weights[slot] = weight;

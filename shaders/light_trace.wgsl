@@ -1,5 +1,6 @@
 // Traces one segment of every living light subpath: finds the next surface, stores the vertex, samples the next direction.
 #import walk
+#import camera
 
 @group(2) @binding(0) var<storage, read_write> states: array<PathState>;
 // The vertex that each path has just reached. VERTEX_VALID is set if the vertex can be connected.
@@ -24,8 +25,8 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
     let arrival = advance(&s, key);
-    // Stop if the light arrives after the gate even on the straight line to the sensor.
-    if (!arrival.found || is_too_late(arrival.vertex, frame.sensor)) {
+    // Stop if the light arrives after the gate even on the shortest line to the sensor.
+    if (!arrival.found || is_too_late(arrival.vertex, nearest_sensor_point(arrival.vertex.position))) {
         return;
     }
     var v = arrival.vertex;

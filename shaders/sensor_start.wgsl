@@ -17,17 +17,17 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let sensor = sensor_sample(slot);
     let u = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_PIXEL, frame.seed);
-    let d = film_direction(vec2<f32>(sensor.pixel) + u);
-    let length2 = dot(d, d);
-    let direction = d * inverseSqrt(length2);
+    let ray = camera_ray(vec2<f32>(sensor.pixel) + u);
+    let length2 = dot(ray.direction, ray.direction);
+    let direction = ray.direction * inverseSqrt(length2);
 
     var s: PathState;
-    s.position = frame.sensor;
+    s.position = ray.origin;
     s.tau = 0.0;
     s.direction = direction;
     s.eta = 1.0;
     s.throughput = vec3<f32>(1.0);
-    s.flags = PATH_ALIVE;
+    s.flags = PATH_ALIVE | select(0u, PATH_PARALLEL, HAS_ORTHOGRAPHIC);
     s.shift = vec3<f32>(0.0);
     s.triangle = NONE;
     start_sensor_sums(&s, inverseSqrt(length2));

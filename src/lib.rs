@@ -62,7 +62,9 @@ pub use image::exr_file::write_film as write_exr;
 pub use image::film::Film;
 pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
-pub use scene::{AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, Texture, Wrap};
+pub use scene::{
+    AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection, Scene, Texture, Wrap,
+};
 pub use settings::SettingsBuilder;
 pub use settings::units::Gate;
 pub use settings::{

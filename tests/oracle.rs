@@ -1,5 +1,8 @@
 //! Compares the oracle's path tracer with closed forms. Seeds are fixed; the tolerance is 4 standard errors.
 
+#[path = "common/orthographic.rs"]
+mod orthographic;
+
 use glam::DVec3;
 use taugate::internals::generate::shapes::{cuboid, icosphere, inside_out, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, light, material, metal, plastic};
@@ -134,6 +137,54 @@ fn the_spot_of_a_beam_as_the_camera_sees_it() {
             assert_eq!(average(&film, 2), got);
         }
     }
+}
+
+/// Every pixel of the floor that an orthographic camera sees at an angle, through each gate.
+#[test]
+fn an_orthographic_camera_sees_the_closed_form() {
+    use orthographic::{GATES, RESOLUTION, floor, gated_pixels};
+    let film = render(&floor(), &settings(RESOLUTION, 1_000, 2, &GATES));
+    for (bin, gate) in GATES.into_iter().enumerate() {
+        let truth = gated_pixels(gate);
+        let brightest = truth.iter().copied().fold(0.0, f64::max);
+        let wrong = |truth: &[f64]| {
+            let pixels = film.bins[bin].iter().zip(truth);
+            let off = pixels.filter(|(p, t)| ((p.mean[0] - **t).abs() - 1e-3 * brightest) > 4.5 * p.variance[0].sqrt());
+            off.count()
+        };
+        assert_eq!(wrong(&truth), 0, "gate {gate:?}");
+        // Negative control: travel times that end 5 cm too late.
+        let late = gated_pixels((gate.0 + 0.05, gate.1 + 0.05));
+        assert!(gate.1.is_infinite() || wrong(&late) > 5, "gate {gate:?}");
+    }
+}
+
+/// The spot of a thin beam, seen by an orthographic camera at an angle. The spot is in one pixel, so the image's mean is rho / pi
+/// times the beam's power, times the cosine of the view, over the area of the sensor.
+#[test]
+fn the_spot_of_a_beam_as_an_orthographic_camera_sees_it() {
+    let mut scene = orthographic::floor();
+    scene.lights.clear();
+    light(
+        &mut scene,
+        "beam",
+        DVec3::new(0.3, 0.2, 1.0),
+        DVec3::NEG_Z,
+        LightKind::Beam { power: [2.0; 3], radius: 0.0 },
+    );
+    let axis = DVec3::new(0.1, 0.6, -0.8).normalize();
+    // 1 m to the floor, then to the sensor plane, which is 3 m away from the origin.
+    let tau = 1.0 + 3.0 + axis.dot(DVec3::new(0.3, 0.2, 0.0));
+    let film = render(&scene, &settings(orthographic::RESOLUTION, 4, 2, &[STEADY, (tau - 1e-6, tau + 1e-6)]));
+    let truth = 0.6 * 2.0 / std::f64::consts::PI * -axis.z / (4.0 * 6.0);
+    for bin in [0, 1] {
+        assert!((average(&film, bin).0 / truth - 1.0).abs() < 1e-6, "{:?} and not {truth}", average(&film, bin));
+    }
+    // The point is right of the axis and above it by these parts of the 4 m high view.
+    let right = axis.cross(DVec3::Y).normalize();
+    let (x, y) = (right.dot(DVec3::new(0.3, 0.2, 0.0)), right.cross(axis).dot(DVec3::new(0.3, 0.2, 0.0)));
+    let (column, row) = ((0.3 * 24.0 + x * 4.0).floor() as usize, (0.6 * 16.0 - y * 4.0).floor() as usize);
+    assert!(film.bins[0].iter().enumerate().all(|(i, p)| (p.mean[0] > 0.0) == (i == row * 24 + column)));
 }
 
 /// An object of the material `inner`, if any, in a room with the material `walls`. The radiance in the room should be 1.

@@ -18,9 +18,8 @@ import glb
 MODES = {0: "points", 1: "lines", 2: "lines", 3: "lines", 5: "triangle strips", 6: "triangle fans"}
 # Feature, words of the messages that name it. Extensions are named by themselves.
 WORDS = {
-    "orthographic cameras": "orthographic", "normal textures": "normal textures",
-    "metallic-roughness textures": "metallic-roughness textures", "vertex colours": "vertex colours", "skins": "skin",
-    "morph targets": "morph", "animations": "animation",
+    "normal textures": "normal textures", "metallic-roughness textures": "metallic-roughness textures",
+    "vertex colours": "vertex colours", "skins": "skin", "morph targets": "morph", "animations": "animation",
     "a second set of texture coordinates": "texture coordinate set", "WebP images": "webp", "16-bit images": "16 bits",
 }
 # Features whose verdict does not follow from the messages.

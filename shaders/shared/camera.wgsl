@@ -1,35 +1,85 @@
-// The pinhole camera: the direction of a film point, and the pixel that sees a direction.
+// The camera: rays of film points, the pixel that sees a point, and the segment from a point to the sensor.
+//
+// A pinhole has all camera rays start at one point. The rays of an orthographic camera are parallel. They start on the sensor
+// plane, which passes through the camera perpendicular to its axis, and travel times end there.
 #import frame
 #import math
 
-// Direction from the pinhole through the film point `p`, in pixels of the whole film with row 0 at the top. Not normalised:
-// its component along the camera axis is 1.
-fn film_direction(p: vec2<f32>) -> vec3<f32> {
+struct CameraRay {
+    origin: vec3<f32>,
+    // Not normalised: its component along the camera axis is 1.
+    direction: vec3<f32>,
+}
+
+// The straight segment from a point to the sensor.
+struct SensorSegment {
+    // Its end on the sensor.
+    end: vec3<f32>,
+    // Unit direction towards the sensor.
+    direction: vec3<f32>,
+    // Negative for a point behind the sensor plane of an orthographic camera.
+    length: f32,
+}
+
+// Camera ray through the film point `p`, in pixels of the whole film with row 0 at the top.
+fn camera_ray(p: vec2<f32>) -> CameraRay {
     let q = p - frame.principal_offset;
     let x = (2.0 * q.x / f32(frame.width) - 1.0) * frame.extent.x;
     let y = (1.0 - 2.0 * q.y / f32(frame.height)) * frame.extent.y;
-    return frame.forward + x * frame.right + y * frame.up;
+    if (HAS_ORTHOGRAPHIC) {
+        return CameraRay(frame.sensor + x * frame.right + y * frame.up, frame.forward);
+    }
+    return CameraRay(frame.sensor, frame.forward + x * frame.right + y * frame.up);
 }
 
-// Density per solid angle of directions that are sampled uniformly over the area of one pixel. `cosine` is the cosine of the
-// angle to the camera axis.
+// Density of camera rays that are sampled uniformly over the area of one pixel: per solid angle for a pinhole, per area
+// perpendicular to the rays for an orthographic camera. `cosine` is the cosine of the angle to the camera axis.
 fn pixel_pdf(cosine: f32) -> f32 {
+    if (HAS_ORTHOGRAPHIC) {
+        return 1.0 / frame.pixel_area;
+    }
     return 1.0 / (frame.pixel_area * cosine * cosine * cosine);
 }
 
-// Index, row-major over the crop, of the pixel that sees the direction `d` (of any length). NONE if `d` points behind the
-// sensor or outside the crop.
+// Index, row-major over the crop, of the pixel that sees the point at the offset `d` from `frame.sensor`. NONE if the point is
+// not in front of the sensor or is outside the crop.
 fn pixel_of(d: vec3<f32>) -> u32 {
     let z = dot(d, frame.forward);
     if (z <= 0.0) {
         return NONE;
     }
-    let x = (dot(d, frame.right) / (z * frame.extent.x) + 1.0) * 0.5 * f32(frame.width) + frame.principal_offset.x;
-    let y = (1.0 - dot(d, frame.up) / (z * frame.extent.y)) * 0.5 * f32(frame.height) + frame.principal_offset.y;
+    let scale = select(z, 1.0, HAS_ORTHOGRAPHIC);
+    let x = (dot(d, frame.right) / (scale * frame.extent.x) + 1.0) * 0.5 * f32(frame.width) + frame.principal_offset.x;
+    let y = (1.0 - dot(d, frame.up) / (scale * frame.extent.y)) * 0.5 * f32(frame.height) + frame.principal_offset.y;
     let lo = vec2<f32>(f32(frame.crop_x), f32(frame.crop_y));
     let hi = lo + vec2<f32>(f32(frame.crop_width), f32(frame.crop_height));
     if (!(x >= lo.x && y >= lo.y && x < hi.x && y < hi.y)) {
         return NONE;
     }
     return (u32(y) - frame.crop_y) * frame.crop_width + u32(x) - frame.crop_x;
+}
+
+// The segment along which the sensor sees the point `p`.
+fn segment_to_sensor(p: vec3<f32>) -> SensorSegment {
+    let from_sensor = p - frame.sensor;
+    if (HAS_ORTHOGRAPHIC) {
+        let z = dot(from_sensor, frame.forward);
+        return SensorSegment(p - z * frame.forward, -frame.forward, z);
+    }
+    let d = length(from_sensor);
+    return SensorSegment(frame.sensor, -from_sensor / d, d);
+}
+
+// The point of the sensor that is nearest to `p`. The whole film counts, not only the crop.
+fn nearest_sensor_point(p: vec3<f32>) -> vec3<f32> {
+    if (!HAS_ORTHOGRAPHIC) {
+        return frame.sensor;
+    }
+    let from_sensor = p - frame.sensor;
+    let size = vec2<f32>(f32(frame.width), f32(frame.height));
+    // Centre of the film, right and up of the camera.
+    let centre = vec2<f32>(-2.0, 2.0) * frame.principal_offset / size * frame.extent;
+    let at = vec2<f32>(dot(from_sensor, frame.right), dot(from_sensor, frame.up));
+    let nearest = clamp(at, centre - frame.extent, centre + frame.extent);
+    return frame.sensor + nearest.x * frame.right + nearest.y * frame.up;
 }

@@ -10,7 +10,7 @@ struct Frame {
     height: u32,
     forward: vec3<f32>,
     seed: u32,
-    // Half extents of the image plane at distance 1.
+    // Half extents of the image plane: at distance 1 from a pinhole, or of the sensor plane of an orthographic camera.
     extent: vec2<f32>,
     // Area of a pixel on that plane.
     pixel_area: f32,
@@ -56,7 +56,7 @@ struct Frame {
     emitter_points: u32,
     // Candidate slots per shade point.
     slots: u32,
-    // Position of the pinhole.
+    // Position of the camera: the pinhole, or the point where the axis meets the sensor plane.
     sensor: vec3<f32>,
     // Number of samples that a vertex chosen by a query counts for in the MIS weights (g in `weights.wgsl`).
     query_sample_count: f32,
@@ -113,6 +113,8 @@ override HAS_TRANSMISSION: bool = true;
 override HAS_PARALLEL: bool = true;
 override HAS_SPECULAR_COLORS: bool = true;
 override HAS_CLEARCOAT: bool = true;
+// Whether the camera is orthographic. Its sensor is a plane, and its rays are parallel (PATH_PARALLEL).
+override HAS_ORTHOGRAPHIC: bool = false;
 // Whether loops exit at their top. Some drivers lose the results of the last iteration of a loop that exits at
 // its end (src/gpu/quirks.rs).
 override EXIT_AT_TOP: bool = false;

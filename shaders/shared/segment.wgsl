@@ -1,4 +1,4 @@
-// The straight segment that a connection adds between two vertices, or between a vertex and the pinhole.
+// The straight segment that a connection adds between two vertices, or between a vertex and the sensor.
 #import visibility
 #import vertex
 #import gate

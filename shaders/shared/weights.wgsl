@@ -30,7 +30,8 @@ fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
 }
 
 // Partial sums of a sensor subpath's first segment (Eqs. 33 and 34): d_vcm leads to t = 1. `cosine` is the cosine of the
-// angle between the segment and the camera axis.
+// angle between the segment and the camera axis. The first segment of an orthographic camera has PATH_PARALLEL, so the density
+// of its end per area does not fall with the distance.
 fn start_sensor_sums(s: ptr<function, PathState>, cosine: f32) {
     (*s).d_vcm = frame.keep_t1 * mis(frame.splat_sample_count / pixel_pdf(cosine));
     (*s).d_vc = 0.0;

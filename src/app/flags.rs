@@ -8,12 +8,13 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 17] = [
+const INFO_SETTINGS: [&str; 18] = [
     "camera",
     "look-from",
     "look-at",
     "up",
     "fov",
+    "ortho",
     "principal-point",
     "resolution",
     "crop",

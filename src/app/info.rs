@@ -15,7 +15,7 @@ use taugate::internals::input::scenery;
 use taugate::internals::render::{
     BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, probe,
 };
-use taugate::internals::scene::{Light as SceneLight, Scene};
+use taugate::internals::scene::{Light as SceneLight, Projection, Scene};
 use taugate::internals::settings::units::METRES_PER_NS;
 use taugate::internals::settings::{Crop, Settings};
 
@@ -56,7 +56,10 @@ struct Report {
 struct Camera {
     name: String,
     position: [f64; 3],
-    degrees_high: f64,
+    /// Vertical field of view of a perspective camera.
+    degrees_high: Option<f64>,
+    /// Height of the view of an orthographic camera.
+    metres_high: Option<f64>,
     resolution: Option<[u32; 2]>,
 }
 
@@ -178,11 +181,13 @@ fn contents(scene: &Scene) -> Report {
         kind: lights.get(node).map_or("emissive mesh".into(), |light| light.kind.describe()),
         watts: None,
     });
-    let cameras = scene.cameras.iter().map(|camera| Camera {
-        name: camera.name.clone(),
-        position: camera.transform.translation.to_array(),
-        degrees_high: camera.yfov.to_degrees(),
-        resolution: camera.resolution,
+    let cameras = scene.cameras.iter().map(|camera| {
+        let (degrees_high, metres_high) = match camera.projection {
+            Projection::Perspective { yfov } => (Some(yfov.to_degrees()), None),
+            Projection::Orthographic { height } => (None, Some(height)),
+        };
+        let position = camera.transform.translation.to_array();
+        Camera { name: camera.name.clone(), position, degrees_high, metres_high, resolution: camera.resolution }
     });
     Report {
         triangles: scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len()).sum(),

@@ -160,6 +160,7 @@ mod tests {
             "look_at = [0, 1.5, 0]",
             "up = [1, 0, 0]",
             "fov = 30",
+            "ortho = 2.5",
             "principal-point = [0.4, 0.5]",
             "headlamp = true",
             "headlamp = 3.5",

@@ -21,7 +21,7 @@ use crate::input::light_table::LightTable;
 use crate::input::plain::plain;
 use crate::settings::Emitters;
 use crate::settings::keys::Dashed;
-use crate::settings::numbers::{Fov, Headlamp, Lamps, Numbers};
+use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable};
 use crate::settings::units::{Depth, Gate, GatePrecision};
 use crate::settings::values::{Resolution, Seconds};
@@ -111,6 +111,7 @@ struct SceneTable {
     look_at: Option<Numbers<3>>,
     up: Option<Numbers<3>>,
     fov: Option<Fov>,
+    ortho: Option<Spanned<Height>>,
     principal_point: Option<Numbers<2>>,
     resolution: Option<Resolution>,
     emitters: Option<Emitters>,
@@ -253,6 +254,9 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
     if let (Some(_), Some(depth)) = (&table.gate, &table.depth) {
         return Err((depth.span(), "gate and depth both set the gate: keep one".into()));
     }
+    if let (Some(_), Some(ortho)) = (&table.fov, &table.ortho) {
+        return Err((ortho.span(), "fov and ortho both set the view of the camera: keep one".into()));
+    }
     let gate_at = table.gate.as_ref().map(Spanned::span).or(table.depth.as_ref().map(Spanned::span));
     let gate = table.gate.map(Spanned::into_inner).or(table.depth.map(|depth| depth.into_inner().0));
     if let (Some(gate), Some(at)) = (gate, &gate_at)
@@ -283,6 +287,7 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
             look_at: table.look_at,
             up: table.up,
             fov: table.fov,
+            ortho: table.ortho.map(Spanned::into_inner),
             principal_point: table.principal_point,
             resolution: table.resolution,
             crop: None,

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use glam::{DAffine3, DQuat};
 use serde_json::{Map, Value, json};
 
-use crate::scene::{AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Scene, Wrap};
+use crate::scene::{AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Projection, Scene, Wrap};
 
 /// The bytes of the file. Its nodes are the instances, then the cameras, then the lights, each in the scene's order. Images
 /// become PNG. All textures use TEXCOORD_0. Numbers are rounded to f32.
@@ -248,11 +248,22 @@ impl File {
 }
 
 fn camera(camera: &Camera) -> Value {
-    let mut perspective = json!({"yfov": number(camera.yfov as f32), "znear": 0.01});
-    if let Some(aspect) = camera.aspect {
-        perspective["aspectRatio"] = number(aspect as f32);
-    }
-    let mut out = json!({"type": "perspective", "name": camera.name, "perspective": perspective});
+    let mut out = match camera.projection {
+        Projection::Perspective { yfov } => {
+            let mut perspective = json!({"yfov": number(yfov as f32), "znear": 0.01});
+            if let Some(aspect) = camera.aspect {
+                perspective["aspectRatio"] = number(aspect as f32);
+            }
+            json!({"type": "perspective", "name": camera.name, "perspective": perspective})
+        }
+        Projection::Orthographic { height } => {
+            let half_width = 0.5 * height * camera.aspect.unwrap_or(1.0);
+            // The loader ignores the far plane, but glTF requires one.
+            let orthographic = json!({"xmag": number(half_width as f32), "ymag": number(0.5 * height as f32),
+                "znear": 0.0, "zfar": 1e6});
+            json!({"type": "orthographic", "name": camera.name, "orthographic": orthographic})
+        }
+    };
     if let Some([width, height]) = camera.resolution {
         out["extras"] = json!({"width": width, "height": height});
     }

@@ -92,6 +92,9 @@ impl Experiment {
         if experiment.gate.gate.is_some() && experiment.gate.depth.is_some() {
             return Err(exclusive("gate", "depth", "gate and depth both set the gate: keep one"));
         }
+        if experiment.camera.fov.is_some() && experiment.camera.ortho.is_some() {
+            return Err(exclusive("fov", "ortho", "fov and ortho both set the view of the camera: keep one"));
+        }
         if experiment.render.spp.is_some() && experiment.render.time.is_some() {
             return Err(exclusive("spp", "time", "spp and time both limit the render: keep one"));
         }
@@ -104,6 +107,9 @@ impl Experiment {
         // Two keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
         if self.gate.gate.is_some() || self.gate.depth.is_some() {
             (below.gate.gate, below.gate.depth) = (None, None);
+        }
+        if self.camera.fov.is_some() || self.camera.ortho.is_some() {
+            (below.camera.fov, below.camera.ortho) = (None, None);
         }
         if self.render.spp.is_some() || self.render.time.is_some() {
             (below.render.spp, below.render.time) = (None, None);
@@ -225,7 +231,7 @@ fn key_offset(text: &str, key: &str) -> Option<usize> {
 mod tests {
     use super::*;
     use crate::settings::Emitters;
-    use crate::settings::numbers::{Fov, Numbers};
+    use crate::settings::numbers::{Fov, Height, Numbers};
     use crate::settings::units::{Depth, Gate};
     use crate::settings::values::{Folders, Png};
 
@@ -286,6 +292,9 @@ png = true
             ("[camera]\nlook-from = [1, 2]\n", 2, 13, "not a list of 3 numbers"),
             ("[camera]\nup = true\n", 2, 6, "must be numbers"),
             ("[camera]\nfov = 200\n", 2, 7, "between 0 and 180"),
+            ("[camera]\northo = -2\n", 2, 9, "metres above 0"),
+            ("[camera]\northo = true\n", 2, 9, "a number of metres"),
+            ("[camera]\northo = 2\nfov = 30\n", 3, 1, "fov and ortho both set the view of the camera: keep one"),
             ("[emitter]\nheadlamp = false\n", 2, 12, "remove the key"),
             ("[emitter]\nlamp = [[1, 2, 3]]\n", 2, 8, "X,Y,Z,INTENSITY"),
             ("\n[[light]]\ntype = \"point\"\nposition = [1, 2, 3]\n", 2, 1, "needs an intensity"),
@@ -343,6 +352,12 @@ png = true
         flags.camera.camera = Some("front".into());
         let merged = flags.over(file).camera;
         assert_eq!((merged.look_from, merged.fov, merged.crop.is_some()), (None, Some(Fov(30.0)), true));
+
+        let file = Experiment::parse("camera.fov = 30").unwrap();
+        let mut flags = Experiment::default();
+        flags.camera.ortho = Some(Height(2.0));
+        let merged = flags.over(file).camera;
+        assert_eq!((merged.fov, merged.ortho), (None, Some(Height(2.0))));
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use crate::settings::units::Gate;
 
 /// Length by which queries widen their travel-time bounds, so that they prune no vertex whose travel time rounds into the gate.
-/// It is in the unit of `gate` and `sensor`; `sensor` is the distance of the sensor from the origin of render space.
+/// It is in the unit of `gate` and `sensor`. `sensor` is the distance of the sensor's farthest point from the origin of render
+/// space.
 ///
 /// A travel time is a sum of a few dozen rounded terms. Each term is at most the last finite end of the gate. The coordinates of
 /// the points are at most that end plus `sensor`.

@@ -6,6 +6,7 @@
 
 pub mod bsdf;
 mod bump;
+mod camera;
 mod emitter;
 pub mod geometry;
 pub mod ggx;

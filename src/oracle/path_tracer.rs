@@ -6,7 +6,7 @@
 //! A beam emits in one direction only, so no vertex can sample it as an emitter. Instead, the tracer follows the beam to its
 //! spot, the first point that scatters, and connects the spot to every sensor vertex. If the beam has a radius and its spot is
 //! hit directly, there is a second strategy: a sensor vertex inside the spot adds the light that arrives straight from the beam.
-//! The balance heuristic weights the two. If the vertex before is the pinhole, a mirror or glass, only the second strategy
+//! The balance heuristic weights the two. If the vertex before is the sensor, a mirror or glass, only the second strategy
 //! exists.
 //!
 //! If the second strategy is impossible (radius 0, or a mirror or glass in front of the beam), the spot is also projected into
@@ -15,11 +15,12 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::camera::Sensor;
 use super::emitter::{self, BeamSpot, EmitterSet};
 use super::geometry::Ray;
 use super::world::{Vertex, World};
 use crate::generate::numbers::Pcg;
-use crate::scene::{Camera, Scene};
+use crate::scene::Scene;
 use crate::settings::Emitters;
 use crate::settings::units::Gate;
 
@@ -97,7 +98,7 @@ impl SampleBins<'_> {
     }
 }
 
-/// A spot that the pinhole sees: pixel, travel time and value.
+/// A spot that the sensor sees: pixel, travel time and value.
 type Splat = (usize, f64, DVec3);
 
 /// Renders all bins at once. The same settings give the same bits with any number of threads.
@@ -109,7 +110,12 @@ pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let steady = |&(lo, hi): &(f64, f64)| lo <= 0.0 && hi == f64::INFINITY;
     assert!(!has_sun || settings.bins.iter().all(steady), "a directional light has no travel time");
     let emitters = EmitterSet::new(&world);
-    let tracer = Tracer { world: &world, emitters: &emitters, settings, pinhole: Pinhole::new(scene, settings) };
+    let tracer = Tracer {
+        world: &world,
+        emitters: &emitters,
+        settings,
+        sensor: Sensor::new(scene, settings.camera, settings.resolution),
+    };
     let [width, height] = settings.resolution;
     let count = (width * height) as usize;
     let traced: Vec<(Vec<Sums>, Vec<Splat>)> = (0..count).into_par_iter().map(|i| tracer.pixel(i)).collect();
@@ -133,58 +139,11 @@ pub fn render(scene: &Scene, settings: &Settings) -> Film {
     Film { resolution: settings.resolution, bins }
 }
 
-/// A pinhole camera with its image plane at distance 1.
-struct Pinhole<'a> {
-    camera: &'a Camera,
-    resolution: [f64; 2],
-    /// Half the size of the image plane.
-    half: [f64; 2],
-    /// Image coordinates of the principal point minus those of the image's centre, in pixels.
-    shift: [f64; 2],
-}
-
-impl<'a> Pinhole<'a> {
-    fn new(scene: &'a Scene, settings: &Settings) -> Pinhole<'a> {
-        let camera = &scene.cameras[settings.camera];
-        let resolution = settings.resolution.map(f64::from);
-        let tan = (camera.yfov / 2.0).tan();
-        let shift = [0, 1].map(|k| (camera.principal_point[k] - 0.5) * resolution[k]);
-        Pinhole { camera, resolution, half: [tan * resolution[0] / resolution[1], tan], shift }
-    }
-
-    fn eye(&self) -> DVec3 {
-        self.camera.transform.translation
-    }
-
-    /// The camera ray through image coordinates in pixels.
-    fn ray(&self, x: f64, y: f64) -> Ray {
-        let [w, h] = self.resolution;
-        let (x, y) = (x - self.shift[0], y - self.shift[1]);
-        let local = DVec3::new((2.0 * x / w - 1.0) * self.half[0], (1.0 - 2.0 * y / h) * self.half[1], -1.0);
-        Ray::new(self.eye(), self.camera.transform.transform_vector3(local).normalize())
-    }
-
-    /// The pixel in which the camera sees a point, and the factor 1 / (pixel area cos^3), which turns radiance times solid angle
-    /// into the mean over the pixel. `None` if the point is outside the image.
-    fn project(&self, point: DVec3) -> Option<(usize, f64)> {
-        let p = self.camera.transform.inverse().transform_point3(point);
-        let [w, h] = self.resolution;
-        let x = (p.x / -p.z / self.half[0] + 1.0) / 2.0 * w + self.shift[0];
-        let y = (1.0 - p.y / -p.z / self.half[1]) / 2.0 * h + self.shift[1];
-        if p.z >= 0.0 || !(0.0..w).contains(&x) || !(0.0..h).contains(&y) {
-            return None;
-        }
-        let area = 4.0 * self.half[0] * self.half[1] / (w * h);
-        let cos = -p.z / p.length();
-        Some((y as usize * w as usize + x as usize, 1.0 / (area * cos.powi(3))))
-    }
-}
-
 struct Tracer<'a> {
     world: &'a World<'a>,
     emitters: &'a EmitterSet<'a>,
     settings: &'a Settings,
-    pinhole: Pinhole<'a>,
+    sensor: Sensor<'a>,
 }
 
 impl Tracer<'_> {
@@ -195,7 +154,7 @@ impl Tracer<'_> {
         let mut sums = vec![Sums::default(); self.settings.bins.len()];
         let mut splats = Vec::new();
         for _ in 0..self.settings.spp {
-            let ray = self.pinhole.ray(x + pcg.uniform(), y + pcg.uniform());
+            let ray = self.sensor.ray(x + pcg.uniform(), y + pcg.uniform());
             let mut sample_bins = SampleBins { settings: self.settings, bins: vec![DVec3::ZERO; sums.len()] };
             let mut spots = Vec::new();
             for beam in &self.emitters.beams {
@@ -211,7 +170,7 @@ impl Tracer<'_> {
     fn path(&self, mut ray: Ray, spots: &[BeamSpot], sample_bins: &mut SampleBins, pcg: &mut Pcg) {
         let mut throughput = DVec3::ONE;
         let (mut tau, mut eta) = (0.0, 1.0);
-        // Density per steradian of the last direction; `None` after the pinhole, a mirror or glass.
+        // Density per steradian of the last direction; `None` after the sensor, a mirror or glass.
         let mut last: Option<f64> = None;
         for segments in 1..=self.settings.max_depth {
             let Some(vertex) = self.world.trace(ray, pcg) else { return };
@@ -297,16 +256,17 @@ impl Tracer<'_> {
         sample_bins.add(end.tau + end.eta * distance + beam_spot.tau, end.throughput * value * weight);
     }
 
-    /// Projects a spot that no sensor path can find into the image. `None` if the pinhole does not see the spot.
+    /// Projects a spot that no sensor path can find into the image. `None` if the sensor does not see the spot.
     fn splat(&self, beam_spot: &BeamSpot, pcg: &mut Pcg) -> Option<Splat> {
         if beam_spot.density.is_some() || beam_spot.segments + 1 > self.settings.max_depth {
             return None;
         }
-        let to = self.pinhole.eye() - beam_spot.vertex.position;
-        let (pixel, per_steradian) = self.pinhole.project(beam_spot.vertex.position)?;
-        let value = DVec3::from(beam_spot.towards(to.normalize())) / to.length_squared() * per_steradian;
-        let seen = value != DVec3::ZERO && self.world.visible(beam_spot.vertex.position, self.pinhole.eye(), pcg);
-        seen.then_some((pixel, beam_spot.tau + to.length(), value))
+        let spot = beam_spot.vertex.position;
+        let seen = self.sensor.project(spot)?;
+        let to = seen.sensor - spot;
+        let value = DVec3::from(beam_spot.towards(to.normalize())) * seen.density;
+        let lit = value != DVec3::ZERO && self.world.visible(spot, seen.sensor, pcg);
+        lit.then_some((seen.pixel, beam_spot.tau + to.length(), value))
     }
 }
 
@@ -314,12 +274,12 @@ impl Tracer<'_> {
 struct PathEnd<'v> {
     vertex: &'v Vertex<'v>,
     throughput: DVec3,
-    /// Travel time from the vertex to the pinhole.
+    /// Travel time from the vertex to the sensor.
     tau: f64,
     /// Index of refraction on the viewer's side.
     eta: f64,
     segments: u32,
-    /// Density per steradian and length of the last segment; `None` after the pinhole, a mirror or glass.
+    /// Density per steradian and length of the last segment; `None` after the sensor, a mirror or glass.
     last: Option<(f64, f64)>,
 }
 

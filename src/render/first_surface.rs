@@ -21,7 +21,7 @@ const REMEDY: &str = "choose another --device";
 /// where its coverage is at least 0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FirstSurface {
-    /// Length of the ray from the pinhole to the surface, in metres.
+    /// Length of the camera ray, from the pinhole or the sensor plane to the surface, in metres.
     pub distance: f32,
     /// Unit shading normal in world space, on the side of the surface that the camera sees.
     pub normal: [f32; 3],

@@ -15,7 +15,7 @@ use crate::settings::aov::Aov;
 
 /// The chosen layers of the pixels of the crop. A pixel whose centre shows no surface is 0 in all layers but `arrival.Z`.
 ///
-/// * `depth.Z`: length of the ray from the pinhole to the surface, in metres.
+/// * `depth.Z`: length of the camera ray, from the pinhole or the sensor plane to the surface, in metres.
 /// * `normal.X`, `.Y`, `.Z`: see [`FirstSurface::normal`](super::first_surface::FirstSurface::normal).
 /// * `albedo.R`, `.G`, `.B`: see [`FirstSurface::albedo`](super::first_surface::FirstSurface::albedo).
 /// * `object.ID`: the number of the node, see [`object_ids`].

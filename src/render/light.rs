@@ -19,7 +19,7 @@ use device_loop::DeviceLoop;
 /// order of vertices and splats depends on it, and with the order the last bits of the image.
 const BATCH: usize = 1 << 16;
 
-/// Contribution of a light vertex that is connected to the pinhole (t = 1).
+/// Contribution of a light vertex that is connected to the sensor (t = 1).
 pub struct Splat {
     /// Contribution to the mean of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
     pub rgb: [f32; 3],

@@ -235,9 +235,10 @@ impl Renderer {
     }
 
     /// Clears the film and begins a new render with another camera and a film of the same size. The scene, the BVH, the
-    /// kernels and the statistics stay. Returns false, and changes nothing, if positions would be imprecise because `camera` is
-    /// too far from the camera that the scene was prepared for; create a new renderer then. Fails if [`Scene::check`] would
-    /// refuse the camera.
+    /// kernels and the statistics stay. Fails if [`Scene::check`] would refuse the camera.
+    ///
+    /// Returns false and changes nothing in two cases; create a new renderer then. `camera` is too far from the camera that the
+    /// scene was prepared for, so positions would be imprecise. Or one of the two is orthographic and the other is not.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
         camera.check()?;
         let moved = self.plan.set_camera(camera);

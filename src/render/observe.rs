@@ -17,7 +17,7 @@ pub struct Contribution {
     pub pixel: u32,
     /// Number of vertices of the light subpath, the point on the emitter included.
     pub s: u32,
-    /// Number of vertices of the sensor subpath, the pinhole included.
+    /// Number of vertices of the sensor subpath, the one on the sensor included.
     pub t: u32,
     /// With [`Observe::Times`] the travel time in units of the render space; with [`Observe::Strategies`] the MIS weight.
     pub tau_or_weight: f32,

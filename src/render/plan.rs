@@ -10,7 +10,7 @@ use super::material::Features;
 use super::pool_layout::PoolLayout;
 use super::prepared_scene::PreparedScene;
 use super::space::RenderSpace;
-use super::travel_time_bounds::TravelTimeBounds;
+use super::travel_time_bounds::{Box3, TravelTimeBounds};
 use crate::error::{Error, Result};
 use crate::estimators::{PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
@@ -77,11 +77,13 @@ pub struct Plan {
     pub features: Features,
     /// Whether a light is infinitely far away, so that no gate is possible.
     pub has_sun: bool,
+    /// Whether the camera rays are parallel. The kernels are compiled for one of the two kinds of camera.
+    is_orthographic: bool,
     pub crop: Crop,
     pub crop_pixels: u64,
     /// Whether light subpaths are traced beyond their first vertex, the one on the emitter.
     pub traces_light: bool,
-    /// Whether light vertices are connected to the pinhole (t = 1).
+    /// Whether light vertices are connected to the sensor (t = 1).
     pub splats: bool,
     /// Indices in the emitter table of the beams of zero radius, whose subpaths all begin with the same ray.
     pub thin_beams: Range<u32>,
@@ -91,6 +93,10 @@ pub struct Plan {
     pub observe: Observe,
     cull: bool,
     travel_time_bounds: TravelTimeBounds,
+    /// The sensor that the scene was prepared for. `travel_time_bounds` are those of this sensor.
+    prepared_sensor: Box3,
+    /// Corners of the present sensor in render space; four equal points for a pinhole.
+    sensor_corners: [Vec3; 4],
     /// Whether culling is on and the bounds show that no light can arrive inside the gate. Then there is nothing to trace.
     pub dark: bool,
     space: RenderSpace,
@@ -110,6 +116,7 @@ impl Plan {
         let features = prepared.geometry.features;
         let frame = frame(settings, emitters, all);
         let emitter_count = frame.emitter_count;
+        let camera = &scene.cameras[settings.camera()];
         let mut plan = Plan {
             estimator,
             light_paths: settings.light_paths(),
@@ -123,6 +130,7 @@ impl Plan {
             adaptive: settings.sampling() == Sampling::Adaptive,
             features,
             has_sun: emitters.has_sun,
+            is_orthographic: camera.projection.is_orthographic(),
             crop: settings.crop(),
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
             traces_light,
@@ -133,6 +141,8 @@ impl Plan {
             observe: Observe::Nothing,
             cull: !settings.no_cull(),
             travel_time_bounds: TravelTimeBounds::new(prepared, settings),
+            prepared_sensor: prepared.sensor,
+            sensor_corners: [Vec3::ZERO; 4],
             dark: false,
             space: prepared.space,
             responses: settings.responses().clone(),
@@ -142,7 +152,6 @@ impl Plan {
             // Lamps have their own tree beside the single tree, and the K queries are divided between the two.
             plan.frame.queries = plan.frame.queries.div_ceil(2);
         }
-        let camera = &scene.cameras[settings.camera()];
         if !plan.aim(camera) {
             return Err(Error::Settings(format!(
                 "the camera '{}' is too far from the camera that the scene was prepared for; prepare the scene for this camera",
@@ -153,17 +162,17 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Replaces the camera; the film keeps its size. Returns whether it did: a camera too far from the one that the scene was
-    /// prepared for is not taken (see [`RenderSpace::sensor`]), and nothing changes.
+    /// Replaces the camera; the film keeps its size. Returns whether it did. Nothing changes for a camera of the other
+    /// kind (perspective or orthographic), or too far from the one that the scene was prepared for (see [`RenderSpace::sensor`]).
     pub fn set_camera(&mut self, camera: &Camera) -> bool {
-        let is_near = self.aim(camera);
-        if is_near {
+        let is_taken = camera.projection.is_orthographic() == self.is_orthographic && self.aim(camera);
+        if is_taken {
             self.set(self.frame.seed, self.responses.clone());
         }
-        is_near
+        is_taken
     }
 
-    /// Sets the camera's position, axes and field of view in the frame. Returns false as [`Plan::set_camera`] does.
+    /// Sets the camera's position, axes and view in the frame. Returns false and changes nothing if the camera is too far away.
     fn aim(&mut self, camera: &Camera) -> bool {
         let Some(sensor) = self.space.sensor(camera.transform.translation) else { return false };
         let frame = &mut self.frame;
@@ -171,12 +180,16 @@ impl Plan {
         let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
         (frame.right, frame.up, frame.forward) = (axis(DVec3::X), axis(DVec3::Y), axis(DVec3::NEG_Z));
         let [width, height] = [frame.width, frame.height].map(f64::from);
-        let tangent = (0.5 * camera.yfov).tan();
-        let extent = [tangent * width / height, tangent];
+        let half_height = match self.is_orthographic {
+            false => camera.projection.half_height(),
+            true => self.space.length(camera.projection.half_height()),
+        };
+        let extent = [half_height * width / height, half_height];
         frame.extent = extent.map(|x| x as f32);
         frame.pixel_area = (4.0 * extent[0] * extent[1] / (width * height)) as f32;
         let [x, y] = camera.principal_point;
         frame.principal_offset = [(x - 0.5) * width, (y - 0.5) * height].map(|pixels| pixels as f32);
+        self.sensor_corners = camera.corners([frame.width, frame.height]).map(|corner| self.space.point(corner));
         true
     }
 
@@ -184,8 +197,12 @@ impl Plan {
     pub fn set(&mut self, seed: u32, responses: Responses) {
         let gate = responses.support();
         self.responses = responses;
-        let from_origin = Vec3::from(self.frame.sensor).as_dvec3().length();
-        let travel_time_bounds = self.travel_time_bounds.moved(from_origin * self.space.unit);
+        // The corners are the farthest points of the sensor, also from the convex box of the sensor before.
+        let farthest =
+            |distance: &dyn Fn(Vec3) -> f64| self.sensor_corners.map(distance).into_iter().fold(0.0, f64::max);
+        let from_origin = farthest(&|corner| corner.as_dvec3().length());
+        let moved = farthest(&|corner| self.prepared_sensor.distance_to(corner));
+        let travel_time_bounds = self.travel_time_bounds.moved(moved * self.space.unit);
         self.dark = self.cull && !gate.is_open() && !travel_time_bounds.overlaps(&gate);
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
         let closed = gate.hi.is_finite();
@@ -268,7 +285,8 @@ impl Plan {
         let mut constants = self.features.constants().to_vec();
         constants.extend([
             ("WORKGROUP", self.tuning.workgroup.into()),
-            ("HAS_PARALLEL", switch(self.has_sun)),
+            ("HAS_PARALLEL", switch(self.has_sun || self.is_orthographic)),
+            ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("QUERIED_PUNCTUAL", switch(self.queries_deterministic(self.max_deterministic))),

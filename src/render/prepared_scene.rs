@@ -6,6 +6,7 @@ use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
 use super::space::RenderSpace;
+use super::travel_time_bounds::Box3;
 use super::{coplanar, oversized};
 use crate::error::{Error, Result};
 use crate::scene::{Light, Scene};
@@ -17,6 +18,8 @@ pub struct PreparedScene {
     pub(super) emitters: EmitterSet,
     pub(super) albedo: &'static AlbedoTable,
     pub(super) space: RenderSpace,
+    /// Bounding box, in render space, of the points where camera rays start.
+    pub(super) sensor: Box3,
 }
 
 impl PreparedScene {
@@ -43,7 +46,8 @@ impl PreparedScene {
                     .into(),
             ));
         }
-        Ok(PreparedScene { geometry, emitters, albedo, space })
+        let sensor = Box3::around(camera.corners(settings.resolution()).map(|corner| space.point(corner)));
+        Ok(PreparedScene { geometry, emitters, albedo, space, sensor })
     }
 
     /// Luminance-weighted power in W of every node that emits, by node name.

@@ -19,7 +19,7 @@ const MAX_BYTES: u64 = 2 << 30;
 pub struct StrategyImage {
     /// Number of vertices of the light subpath, the point on the emitter included.
     pub s: u32,
-    /// Number of vertices of the sensor subpath, the pinhole included.
+    /// Number of vertices of the sensor subpath, the one on the sensor included.
     pub t: u32,
     /// Contributions times their MIS weights. The sum over all strategies is the image.
     pub weighted: Film,

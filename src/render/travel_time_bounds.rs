@@ -33,8 +33,9 @@ pub struct TravelTimeBounds {
     max_ior: f64,
 }
 
+/// A box along the axes of render space.
 #[derive(Debug, Clone, Copy)]
-struct Box3 {
+pub(super) struct Box3 {
     lo: Vec3,
     hi: Vec3,
 }
@@ -43,10 +44,10 @@ impl TravelTimeBounds {
     /// Bounds for paths with at most `settings.max_depth()` segments. The lower bound is a Euclidean length: every refractive
     /// index is at least 1, so optical lengths are not shorter.
     pub fn new(prepared: &PreparedScene, settings: &Settings) -> TravelTimeBounds {
-        let PreparedScene { geometry, emitters, space, .. } = prepared;
+        let PreparedScene { geometry, emitters, space, sensor, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
-        let min = direct.min(shortest_by_one_surface(geometry, &punctual_emitters(prepared)));
-        let all = geometry.triangles.par_iter().map(Box3::of).reduce(|| Box3::point(Vec3::ZERO), Box3::with);
+        let min = direct.min(shortest_by_one_surface(geometry, sensor, &punctual_emitters(prepared)));
+        let all = geometry.triangles.par_iter().map(Box3::of).reduce(|| *sensor, Box3::with);
         let all = all.with(Box3 { lo: emitters.lo, hi: emitters.hi });
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
         let max_ior = f64::from(geometry.max_ior);
@@ -55,8 +56,8 @@ impl TravelTimeBounds {
         TravelTimeBounds { min, max_segment, max_ior, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
     }
 
-    /// Bounds for a sensor `distance` metres away from the present one. They follow from the triangle inequality alone, so
-    /// they are wider than bounds computed from the scene.
+    /// Bounds for a sensor of which every point is at most `distance` metres away from the present one. They follow from the
+    /// triangle inequality alone, so they are wider than bounds computed from the scene.
     pub fn moved(&self, distance: f64) -> TravelTimeBounds {
         let min = (self.min - distance).max(0.0);
         let max_segment = self.max_segment + distance * self.max_ior * (1.0 + SLACK);
@@ -94,6 +95,17 @@ impl Box3 {
         Box3 { lo: p, hi: p }
     }
 
+    /// Bounding box of four points.
+    pub(super) fn around(points: [Vec3; 4]) -> Box3 {
+        let [a, b, c, d] = points.map(Box3::point);
+        a.with(b).with(c.with(d))
+    }
+
+    /// Distance of a point from the box; 0 inside.
+    pub(super) fn distance_to(&self, p: Vec3) -> f64 {
+        self.distance(&Box3::point(p))
+    }
+
     fn with(self, other: Box3) -> Box3 {
         Box3 { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
     }
@@ -105,12 +117,11 @@ impl Box3 {
     }
 }
 
-/// Minimum distance from the sensor to an emissive triangle, which the sensor may see directly; infinite if there is none. The
-/// sensor that the scene was prepared for is the origin.
+/// Minimum distance from the sensor that the scene was prepared for to an emissive triangle, which this sensor may see directly.
+/// Infinite if there is none.
 fn nearest_emissive_triangle(prepared: &PreparedScene) -> f64 {
-    let sensor = Box3::point(Vec3::ZERO);
     let triangles = prepared.emitters.triangles.iter();
-    let distances = triangles.map(|&i| Box3::of(&prepared.geometry.triangles[i as usize]).distance(&sensor));
+    let distances = triangles.map(|&i| Box3::of(&prepared.geometry.triangles[i as usize]).distance(&prepared.sensor));
     distances.fold(f64::INFINITY, f64::min)
 }
 
@@ -126,12 +137,11 @@ fn punctual_emitters(prepared: &PreparedScene) -> Vec<Box3> {
 
 /// Minimum length of a path from the sensor over one surface to an emitter without a surface. The sensor cannot see such an
 /// emitter directly. Infinite if there is no such path.
-fn shortest_by_one_surface(geometry: &Geometry, emitters: &[Box3]) -> f64 {
-    let sensor = Box3::point(Vec3::ZERO);
+fn shortest_by_one_surface(geometry: &Geometry, sensor: &Box3, emitters: &[Box3]) -> f64 {
     let by = |t: &Triangle| {
         let surface = Box3::of(t);
         let to_emitter = emitters.iter().map(|e| e.distance(&surface)).fold(f64::INFINITY, f64::min);
-        surface.distance(&sensor) + to_emitter
+        surface.distance(sensor) + to_emitter
     };
     match emitters {
         [] => f64::INFINITY,
@@ -146,7 +156,7 @@ mod tests {
     use super::*;
     use crate::generate::stage::diffuse;
     use crate::input::experiment::Experiment;
-    use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Scene};
+    use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Projection, Scene};
 
     /// A triangle in the plane x = 2 in front of the sensor, in coordinates relative to the sensor. In world space the sensor
     /// is not at the origin.
@@ -164,7 +174,7 @@ mod tests {
             cameras: vec![Camera {
                 name: "camera".into(),
                 transform: DAffine3::from_translation(sensor),
-                yfov: 1.0,
+                projection: Projection::Perspective { yfov: 1.0 },
                 aspect: None,
                 resolution: None,
                 principal_point: Camera::CENTRED,
@@ -210,6 +220,21 @@ mod tests {
         assert!(close(r.min, 2.0) && r.min < 2.0, "{r:?}");
         // The nearer of the two emitters decides.
         assert_eq!(travel_time_bounds(&scene(1.0, 0.0, Some(DVec3::X))).min, r.min);
+    }
+
+    /// The wall is 2 m away from the plane of an orthographic sensor, wherever it stands beside the camera's axis.
+    #[test]
+    fn an_orthographic_sensor_is_as_near_as_its_nearest_point() {
+        let mut scene = scene(1.0, 0.0, None);
+        let camera = &mut scene.cameras[0];
+        camera.transform = crate::scene::build::look(camera.transform.translation + 5.0 * DVec3::Y, DVec3::X);
+        let beside = travel_time_bounds(&scene).min;
+        assert!(close(beside, 20f64.sqrt()), "{beside}");
+        scene.cameras[0].projection = Projection::Orthographic { height: 20.0 };
+        let above = travel_time_bounds(&scene);
+        assert!(close(above.min, 2.0) && above.min < 2.0, "{above:?}");
+        // The sensor is 20 m wide and high; the wall and the whole sensor are in a box of 2 m x 20 m x 20 m.
+        assert!(close(above.max_segment, 804f64.sqrt()), "{above:?}");
     }
 
     #[test]

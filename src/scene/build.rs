@@ -5,7 +5,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Scene, Texture, Wrap};
+use super::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection, Scene, Texture, Wrap};
 
 impl Scene {
     /// Adds a material and returns its index for [`Mesh::material`].
@@ -61,12 +61,12 @@ impl Mesh {
 }
 
 impl Camera {
-    /// A camera at `eye` that looks at `target`, with y up. `target` must differ from `eye`; `yfov` is in radians.
+    /// A pinhole at `eye` that looks at `target`, with y up. `target` must differ from `eye`; `yfov` is in radians.
     pub fn looking_at(name: &str, eye: DVec3, target: DVec3, yfov: f64, resolution: [u32; 2]) -> Camera {
         Camera {
             name: name.into(),
             transform: look(eye, target - eye),
-            yfov,
+            projection: Projection::Perspective { yfov },
             aspect: Some(f64::from(resolution[0]) / f64::from(resolution[1])),
             resolution: Some(resolution),
             principal_point: Camera::CENTRED,

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::light::Light;
-use super::{Camera, Image, Instance, Material, Mesh, Scene};
+use super::{Camera, Image, Instance, Material, Mesh, Projection, Scene};
 use crate::error::{Error, Result};
 
 /// Upper bound on the coordinates of a scene, in metres from the origin of the world. Beyond it the squares of lengths would
@@ -132,8 +132,17 @@ fn check_camera(camera: &Camera) -> Checked {
             name()
         ));
     }
-    if !(camera.yfov > 0.0 && camera.yfov < std::f64::consts::PI) {
-        return Err(format!("{} has a yfov of {}; it must be between 0 and pi", name(), camera.yfov));
+    match camera.projection {
+        Projection::Perspective { yfov } if !(yfov > 0.0 && yfov < std::f64::consts::PI) => {
+            return Err(format!("{} has a yfov of {yfov}; it must be between 0 and pi", name()));
+        }
+        Projection::Orthographic { height } if !(height > 0.0 && height <= MAX_COORDINATE) => {
+            return Err(format!(
+                "{} has a view {height} m high; use a height above 0, up to {MAX_COORDINATE:e} m",
+                name()
+            ));
+        }
+        _ => {}
     }
     if camera.aspect.is_some_and(|aspect| !(aspect.is_finite() && aspect > 0.0)) {
         return Err(format!("{} has an aspect that is not positive", name()));
@@ -201,7 +210,7 @@ mod tests {
     fn a_scene_that_breaks_a_rule_is_refused() {
         let scene = crate::generate::build(crate::generate::Kind::CornellBox);
         assert!(scene.check().is_ok());
-        let changes: [(&str, Change); 23] = [
+        let changes: [(&str, Change); 26] = [
             ("node 'floor' refers to mesh 99, but the scene has 8", |s| s.instances[0].mesh = 99),
             ("node 'floor' has a transform", |s| s.instances[0].transform.matrix3.y_axis = DVec3::ZERO),
             ("node 'floor' has a transform", |s| s.instances[0].transform.translation.x = f64::NAN),
@@ -223,7 +232,10 @@ mod tests {
             ("image 0 is 2 x 2, but has 3 texels", |s| {
                 s.images.push(Image { width: 2, height: 2, rgba: vec![[0; 4]; 3] });
             }),
-            ("camera 'camera' has a yfov of 4", |s| s.cameras[0].yfov = 4.0),
+            ("camera 'camera' has a yfov of 4", |s| s.cameras[0].projection = Projection::Perspective { yfov: 4.0 }),
+            ("has a view 0 m high", |s| s.cameras[0].projection = Projection::Orthographic { height: 0.0 }),
+            ("has a view NaN m high", |s| s.cameras[0].projection = Projection::Orthographic { height: f64::NAN }),
+            ("has a view inf m high", |s| s.cameras[0].projection = Projection::Orthographic { height: f64::INFINITY }),
             ("camera 'camera' has a principal point", |s| s.cameras[0].principal_point = [0.5, 240.0]),
             ("camera 'camera' has a principal point", |s| s.cameras[0].principal_point[0] = f64::NAN),
             ("light 'lamp' has a strength", |s| {

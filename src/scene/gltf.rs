@@ -100,7 +100,7 @@ fn read(bytes: &[u8], folders: Folders) -> Checked<Scene> {
         warnings.push(meshes.nothing_to_render());
     }
 
-    let cameras = camera::load(&doc, &worlds, &mut warnings)?;
+    let cameras = camera::load(&doc, &worlds)?;
     let lights = light::load(&doc, &worlds, &mut warnings)?;
     let images = image::load(&doc, folders, &materials.textures.images, &mut warnings)?;
     let scene = Scene {

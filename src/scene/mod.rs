@@ -6,6 +6,7 @@
 #![warn(missing_docs)]
 
 pub mod build;
+mod camera;
 pub mod check;
 pub mod gltf;
 mod light;
@@ -14,6 +15,7 @@ mod tangents;
 
 use glam::{BVec3, DAffine3, DVec3, Vec3};
 
+pub use camera::{Camera, Projection};
 pub use light::{Light, LightKind};
 pub use material::{AlphaMode, Material};
 
@@ -133,58 +135,9 @@ pub struct Image {
     pub rgba: Vec<[u8; 4]>,
 }
 
-/// A pinhole camera. It looks along -Z of its transform, with +Y up and +X to the right.
-#[derive(Debug, Clone)]
-pub struct Camera {
-    /// Unique among the cameras of the scene.
-    pub name: String,
-    /// World from camera space: rotation and translation only. The loader removes scale.
-    pub transform: DAffine3,
-    /// Vertical field of view in radians, in (0, pi).
-    pub yfov: f64,
-    /// Width / height, if the file specifies it.
-    pub aspect: Option<f64>,
-    /// Pixels across and down: `extras.width` and `extras.height`, if the file specifies them.
-    pub resolution: Option<[u32; 2]>,
-    /// Where the camera's axis meets the image, as fractions of its width and height from the top left corner; the centre is
-    /// [`Camera::CENTRED`]. It may lie outside the image.
-    pub principal_point: [f64; 2],
-}
-
-impl Camera {
-    /// The principal point of a camera whose axis meets the centre of the image.
-    pub const CENTRED: [f64; 2] = [0.5; 2];
-
-    /// Unit direction in world space from the pinhole through the point `film` of an image of this resolution. `film` is in
-    /// pixels: column, then row from the top; the centre of the first pixel is (0.5, 0.5).
-    pub fn direction(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
-        let [width, height] = resolution.map(f64::from);
-        let tangent = (0.5 * self.yfov).tan();
-        let [centre_x, centre_y] = self.principal_point;
-        let x = 2.0 * (film[0] / width - centre_x) * tangent * width / height;
-        let y = 2.0 * (centre_y - film[1] / height) * tangent;
-        self.transform.transform_vector3(DVec3::new(x, y, -1.0)).normalize()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_camera_looks_through_the_centre_of_its_image() {
-        let transform = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
-        let yfov = std::f64::consts::FRAC_PI_2;
-        let (name, principal_point) = (String::new(), Camera::CENTRED);
-        let camera = Camera { name, transform, yfov, aspect: None, resolution: None, principal_point };
-        let close = |a: DVec3, b: DVec3| (a - b.normalize()).length() < 1e-12;
-        assert!(close(camera.direction([40, 20], [20.0, 10.0]), DVec3::NEG_X));
-        // Half the height of the image is 45 degrees up, and the left edge is twice as far from the axis.
-        assert!(close(camera.direction([40, 20], [20.0, 0.0]), DVec3::new(-1.0, 1.0, 0.0)));
-        assert!(close(camera.direction([40, 20], [0.0, 10.0]), DVec3::new(-1.0, 0.0, 2.0)));
-        let shifted = Camera { principal_point: [0.25, 1.0], ..camera };
-        assert!(close(shifted.direction([40, 20], [10.0, 20.0]), DVec3::NEG_X));
-    }
 
     #[test]
     fn the_diagonal_is_of_the_placed_meshes() {

@@ -71,6 +71,18 @@ impl Fov {
     }
 }
 
+/// The height of an orthographic view in metres, finite and more than 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Height(pub f64);
+
+impl Height {
+    fn new(metres: Option<f64>, text: &str) -> Result<Height> {
+        metres.filter(|&metres| metres > 0.0 && metres.is_finite()).map(Height).ok_or_else(|| {
+            Error::Settings(format!("'{text}' is not the height of a view: write metres above 0, like 2.5"))
+        })
+    }
+}
+
 /// The radiant intensity of the headlamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Headlamp {
@@ -98,6 +110,14 @@ impl FromStr for Fov {
     }
 }
 
+impl FromStr for Height {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Height> {
+        Height::new(text.trim().parse().ok(), text)
+    }
+}
+
 impl FromStr for Headlamp {
     type Err = Error;
 
@@ -110,6 +130,12 @@ impl FromStr for Headlamp {
 }
 
 impl Serialize for Fov {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_f64(self.0)
+    }
+}
+
+impl Serialize for Height {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_f64(self.0)
     }
@@ -134,6 +160,22 @@ impl<'de> Deserialize<'de> for Fov {
         }
         match Typed::deserialize(deserializer)? {
             Typed::Number(degrees) => Fov::new(Some(degrees), &degrees.to_string()),
+            Typed::Text(text) => text.parse(),
+        }
+        .map_err(D::Error::custom)
+    }
+}
+
+impl<'de> Deserialize<'de> for Height {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        #[serde(untagged, expecting = "expected a number of metres, like 2.5")]
+        enum Typed {
+            Number(f64),
+            Text(String),
+        }
+        match Typed::deserialize(deserializer)? {
+            Typed::Number(metres) => Height::new(Some(metres), &metres.to_string()),
             Typed::Text(text) => text.parse(),
         }
         .map_err(D::Error::custom)
@@ -204,7 +246,7 @@ impl<'de> Deserialize<'de> for Lamps {
     }
 }
 
-value_from_text!(Numbers<2>, Numbers<3>, Fov, Headlamp, Lamps {
+value_from_text!(Numbers<2>, Numbers<3>, Fov, Height, Headlamp, Lamps {
     fn and(self, later: Lamps) -> Lamps {
         Lamps([self.0, later.0].concat())
     }
@@ -225,10 +267,14 @@ mod tests {
     }
 
     #[test]
-    fn degrees_and_intensities_have_limits() {
+    fn degrees_heights_and_intensities_have_limits() {
         assert_eq!("40".parse::<Fov>().unwrap(), Fov(40.0));
         for bad in ["", "0", "-3", "180", "wide", "NaN"] {
             assert!(bad.parse::<Fov>().unwrap_err().to_string().contains("between 0 and 180"), "{bad}");
+        }
+        assert_eq!("2.5".parse::<Height>().unwrap(), Height(2.5));
+        for bad in ["", "0", "-3", "inf", "NaN", "2m"] {
+            assert!(bad.parse::<Height>().unwrap_err().to_string().contains("metres above 0"), "{bad}");
         }
         assert_eq!("auto".parse::<Headlamp>().unwrap(), Headlamp::Auto);
         assert_eq!("2.5".parse::<Headlamp>().unwrap(), Headlamp::Intensity(2.5));

@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
-use crate::settings::numbers::{Fov, Headlamp, Lamps, Numbers};
+use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
 use crate::settings::units::{Depth, Gate};
 use crate::settings::values::{Folders, Png, Resolution, Seconds};
@@ -29,7 +29,7 @@ fn traces_light(estimator: Estimator) -> bool {
 }
 
 table! {
-    /// `[camera]`: the camera and the image size.
+    /// `[camera]`: the camera and the image size. At most one of `fov` and `ortho`.
     CameraTable {
         /// Name of the camera in the scene; NAME#2 is the second camera of this name; auto: a view of the whole scene, slightly
         /// from above [default: the first camera, or auto if there is none]
@@ -44,8 +44,11 @@ table! {
         /// Direction that is upwards in the image [default with --look-from or --look-at: 0,1,0]
         up: Numbers<3>, Setting::scene("up", "X,Y,Z").form(Form::Signed);
 
-        /// Vertical field of view in degrees [default: that of the camera, else 40]
+        /// Vertical field of view of a perspective camera in degrees [default: that of the camera, else 40]
         fov: Fov, Setting::scene("fov", "DEGREES");
+
+        /// Orthographic view of this height in metres: parallel camera rays, which start on a plane through the camera
+        ortho: Height, Setting::scene("ortho", "HEIGHT").excludes("fov");
 
         /// Where the axis of the camera meets the image, as fractions of its width and height from the top left corner [default:
         /// that of the camera, else 0.5,0.5]

@@ -34,7 +34,7 @@ fn oracle_cells(film: &Film, bin: usize) -> Vec<(f64, f64)> {
 }
 
 /// Compares all estimators with the oracle over several gates.
-fn against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [u32; 2]) -> Vec<String> {
+pub fn against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [u32; 2]) -> Vec<String> {
     against(name, &estimators(scene), scene, gates, &oracle(scene, gates, resolution, 800))
 }
 
@@ -151,7 +151,7 @@ fn a_room_with_every_feature_agrees_with_the_oracle() {
 }
 
 /// Compares means of whole images with the oracle, through the gate [`lo`, `lo` + 1 m) and without a gate.
-fn whole_images(name: &str, scene: &Scene, lo: f64) {
+pub fn whole_images(name: &str, scene: &Scene, lo: f64) {
     let gates = [(lo, lo + 1.0), (0.0, f64::INFINITY)];
     let truth = oracle(scene, &gates, [24, 16], 2_500);
     for (bin, &(lo, hi)) in gates.iter().enumerate() {

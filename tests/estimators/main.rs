@@ -4,11 +4,14 @@ mod agreement;
 mod camera;
 mod caustics;
 mod cells;
+#[path = "../common/orthographic.rs"]
+mod closed_form;
 mod determinism;
 mod drive;
 mod furnace;
 mod headlamp;
 mod lamps;
+mod orthographic;
 mod regressions;
 mod rough_glass;
 mod sampling;

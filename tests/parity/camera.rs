@@ -1,4 +1,4 @@
-//! `shared/camera.wgsl`: directions of film positions, pixels of directions, and the density of a pixel's directions.
+//! `shared/camera.wgsl`: camera rays of film positions, the pixel that sees a point, and the density of a pixel's camera rays.
 
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
@@ -7,15 +7,27 @@ use taugate::internals::wgsl::layout::{Frame, NONE};
 use crate::shader_function::ShaderFunction;
 use crate::values::{dvec, frame, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&FILM];
+pub const KERNELS: &[&ShaderFunction] = &[&FILM, &TO_SENSOR];
 
 const FILM: ShaderFunction = ShaderFunction {
     imports: &["camera"],
     input: "p: vec2<f32>, scale: f32, pad: f32",
     result: "d: vec3<f32>, pdf: f32, pixel: u32, behind: u32, pad: vec2<u32>",
-    body: "result.d = film_direction(input.p);
+    body: "result.d = camera_ray(input.p).direction;
         result.pdf = pixel_pdf(dot(normalize(result.d), frame.forward));
         result.pixel = pixel_of(input.scale * result.d); result.behind = pixel_of(-result.d);",
+};
+
+/// An orthographic camera: the ray through a film point, the point at `distance` on this ray, and how the sensor sees it.
+const TO_SENSOR: ShaderFunction = ShaderFunction {
+    imports: &["camera"],
+    input: "p: vec2<f32>, distance: f32, pad: f32",
+    result: "origin: vec3<f32>, length: f32, direction: vec3<f32>, pdf: f32, end: vec3<f32>, pixel: u32, nearest: vec3<f32>, pad: u32",
+    body: "let ray = camera_ray(input.p); let point = ray.origin + input.distance * ray.direction;
+        let to_sensor = segment_to_sensor(point);
+        result.origin = ray.origin; result.direction = to_sensor.direction; result.length = to_sensor.length;
+        result.end = to_sensor.end; result.nearest = nearest_sensor_point(point); result.pdf = pixel_pdf(0.5);
+        result.pixel = pixel_of(point - frame.sensor);",
 };
 
 fn camera(f: &mut Frame) {
@@ -96,4 +108,51 @@ fn the_density_of_a_pixel_integrates_to_one() {
 /// Solid angle of a triangle of unit vectors (Van Oosterom and Strackee 1983).
 fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     2.0 * (a.dot(b.cross(c)).abs() / (1.0 + a.dot(b) + b.dot(c) + c.dot(a))).atan()
+}
+
+/// Every point on the camera ray of a film point is seen in the pixel of this film point, from the start of the ray. The nearest
+/// point of the film is checked against all corners and edges in f64.
+#[test]
+fn parallel_rays_invert_the_film() {
+    let sensor = DVec3::new(0.3, -0.2, 0.1);
+    let place = |f: &mut Frame| {
+        camera(f);
+        f.sensor = vec3(sensor);
+    };
+    let mut f: Frame = bytemuck::Zeroable::zeroed();
+    place(&mut f);
+    let [forward, right, up] = [f.forward, f.right, f.up].map(|axis| dvec(&axis));
+    let mut pcg = Pcg::new(112);
+    let inputs: Vec<[f32; 4]> = (0..20_000)
+        .map(|_| [pcg.range(-5.0, 66.0) as f32, pcg.range(-5.0, 42.0) as f32, pcg.range(-2.0, 20.0) as f32, 0.0])
+        .collect();
+    let kernel = TO_SENSOR.compile(&[("HAS_ORTHOGRAPHIC", 1.0)]);
+    let results: Vec<[u32; 16]> = kernel.run(&inputs, &[frame(place)]);
+    let edges =
+        |size: f64, offset: f64, extent: f32| [-1.0, 1.0].map(|e| (e - 2.0 * offset / size) * f64::from(extent));
+    let (x_edges, y_edges) = (edges(61.0, 6.25, f.extent[0]), edges(37.0, 3.5, f.extent[1]));
+    let mut on = 0;
+    for (g, r) in inputs.iter().zip(&results) {
+        let floats = r.map(f32::from_bits);
+        let vector = |from: usize| dvec(&[floats[from], floats[from + 1], floats[from + 2]]);
+        let [px, py, distance] = [0, 1, 2].map(|k| f64::from(g[k]));
+        let x = (2.0 * (px - 6.25) / 61.0 - 1.0) * f64::from(f.extent[0]);
+        let y = (1.0 - 2.0 * (py + 3.5) / 37.0) * f64::from(f.extent[1]);
+        let origin = sensor + x * right + y * up;
+        assert!((vector(0) - origin).length() < 1e-6, "{g:?}: {} {origin}", vector(0));
+        assert!((vector(8) - origin).length() < 1e-5 && (f64::from(floats[3]) - distance).abs() < 1e-5, "{g:?}");
+        assert_eq!(vector(4), -forward);
+        assert!((f64::from(floats[7] * f.pixel_area) - 1.0).abs() < 1e-6);
+        let nearest = sensor + x.clamp(x_edges[0], x_edges[1]) * right + y.clamp(y_edges[0], y_edges[1]) * up;
+        assert!((vector(12) - nearest).length() < 1e-5, "{g:?}: {} {nearest}", vector(12));
+        // On the border of two pixels, both are right, and so are both sides of the sensor plane.
+        if (px - px.round()).abs() < 1e-3 || (py - py.round()).abs() < 1e-3 || distance.abs() < 1e-5 {
+            continue;
+        }
+        let (column, row) = (px.floor() as i64 - 7, py.floor() as i64 - 3);
+        let inside = distance > 0.0 && (0..40).contains(&column) && (0..21).contains(&row);
+        assert_eq!(r[11], if inside { (row * 40 + column) as u32 } else { NONE }, "{g:?}");
+        on += usize::from(inside);
+    }
+    assert!(on > 3000 && results.len() - on > 3000);
 }

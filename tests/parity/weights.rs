@@ -54,8 +54,10 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             }
         }
 
-        // From the pinhole.
-        var sensor: PathState; sensor.eta = 1.0; sensor.direction = normalize(path.place[k - 1u].xyz);
+        // From the sensor.
+        let seen = segment_to_sensor(path.place[k - 1u].xyz);
+        var sensor: PathState; sensor.eta = 1.0; sensor.position = seen.end; sensor.direction = -seen.direction;
+        if (HAS_ORTHOGRAPHIC) { sensor.flags = PATH_PARALLEL; }
         start_sensor_sums(&sensor, dot(sensor.direction, frame.forward));
         for (var n = 0u; n < k; n++) {
             let j = k - 1u - n;
@@ -88,9 +90,10 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             }
         }
         if (k > 1u && frame.keep_t1 > 0.0 && is_connectible(lights[k - 1u])) {
-            let v = lights[k - 1u]; let d = length(v.position); let c = evaluate_light_vertex(v, -v.position / d);
-            let density = pixel_pdf(dot(v.position / d, frame.forward));
-            result.weights[k] = splat_weight(v, c, density * c.cosine / (d * d));
+            let v = lights[k - 1u]; let c = evaluate_light_vertex(v, seen.direction);
+            let density = pixel_pdf(dot(-seen.direction, frame.forward));
+            let spread = select(seen.length * seen.length, 1.0, HAS_ORTHOGRAPHIC);
+            result.weights[k] = splat_weight(v, c, density * c.cosine / spread);
         }",
 };
 
@@ -111,13 +114,17 @@ const KINDS: [u32; 5] = [0, 1, 2, 4, 5];
 
 /// A random path. Both neighbours of every vertex are in front of its surface. Shading normals differ from the geometric
 /// ones, and a quarter of the vertices are mirrors.
-fn path(pcg: &mut Pcg, kind: u32, segments: usize) -> Path {
+fn path(pcg: &mut Pcg, kind: u32, segments: usize, orthographic: bool) -> Path {
     let set = set();
     let wide: Vec<u32> = (0..set.kinds.len() as u32).filter(|&i| set.kinds[i as usize].roughness > 0.4).collect();
     let mirror = set.named("mirror", 0.0) as u32;
     let mut places = vec![DVec3::ZERO];
     for n in 0..segments {
-        let towards = if n == 0 { (direction(pcg) + 2.0 * DVec3::NEG_Z).normalize() } else { direction(pcg) };
+        let towards = match n {
+            0 if orthographic => DVec3::NEG_Z,
+            0 => (direction(pcg) + 2.0 * DVec3::NEG_Z).normalize(),
+            _ => direction(pcg),
+        };
         places.push(places[n] + pcg.range(0.5, 2.0) * towards);
     }
     places.reverse();
@@ -149,7 +156,7 @@ const KEPT: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], 
 
 /// The weights of all strategies for every path, indexed by s; -1 where a strategy is not formed. `sample_count` is the
 /// number of samples that the connection strategy takes at a random light vertex.
-fn weights(kept: [f32; 3], sample_count: f32, paths: &[Path]) -> Vec<[f32; 8]> {
+fn weights(kept: [f32; 3], sample_count: f32, orthographic: bool, paths: &[Path]) -> Vec<[f32; 8]> {
     // Of two buffers with one name, the first is bound; `buffers` also has a frame.
     let mut all = vec![frame(|f| {
         f.forward = [0.0, 0.0, -1.0];
@@ -158,7 +165,7 @@ fn weights(kept: [f32; 3], sample_count: f32, paths: &[Path]) -> Vec<[f32; 8]> {
         [f.keep_s0, f.keep_t1, f.keep_s2] = [kept[0] / sample_count.powi(2), kept[1] / sample_count.powi(2), kept[2]];
     })];
     all.extend(buffers());
-    WEIGHTS.run(paths, &all)
+    WEIGHTS.compile(&[("HAS_ORTHOGRAPHIC", f64::from(u8::from(orthographic)))]).run(paths, &all)
 }
 
 /// Indices of the paths whose weights do not sum to 1 if the strategy s = `without` is left out, and the number of paths for
@@ -186,14 +193,24 @@ fn wrong(
 
 #[test]
 fn weights_of_a_path_sum_to_one() {
+    sum_to_one(false);
+}
+
+#[test]
+fn weights_of_a_path_to_an_orthographic_camera_sum_to_one() {
+    sum_to_one(true);
+}
+
+fn sum_to_one(orthographic: bool) {
     let mut pcg = Pcg::new(151);
     let segments: Vec<usize> = (0..6000).map(|i| if i % 60 == 0 { 1 } else { 2 + pcg.below(LONGEST - 1) }).collect();
     let kinds: Vec<u32> = (0..6000).map(|_| KINDS[pcg.below(KINDS.len())]).collect();
     // A path of one segment sees the emitter itself, which must be a surface.
     let kinds: Vec<u32> = kinds.iter().zip(&segments).map(|(&kind, &k)| if k == 1 { kind % 2 } else { kind }).collect();
-    let paths: Vec<Path> = kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k)).collect();
+    let paths: Vec<Path> =
+        kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, orthographic)).collect();
     for (kept, sample_count) in KEPT.into_iter().flat_map(|kept| [1.0, 4.0].map(|sample_count| (kept, sample_count))) {
-        let results = weights(kept, sample_count, &paths);
+        let results = weights(kept, sample_count, orthographic, &paths);
         let (offenders, formed) = wrong(&results, &segments, None, None);
         let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
         assert!(

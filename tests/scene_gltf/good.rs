@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use base64::Engine;
 use glam::DVec3;
 use taugate::internals::scene::gltf::load;
-use taugate::internals::scene::{AlphaMode, Instance, LightKind, Wrap};
+use taugate::internals::scene::{AlphaMode, Instance, LightKind, Projection, Wrap};
 
 use super::*;
 
@@ -36,7 +36,8 @@ fn a_complete_file_is_read() {
     );
 
     let camera = &scene.cameras[0];
-    assert_eq!((camera.name.as_str(), camera.yfov, camera.aspect), ("eye", 0.5, Some(2.0)));
+    let projection = Projection::Perspective { yfov: 0.5 };
+    assert_eq!((camera.name.as_str(), camera.projection, camera.aspect), ("eye", projection, Some(2.0)));
     assert_eq!((camera.resolution, camera.principal_point), (Some([64, 32]), [0.5, 0.5]));
     assert!(camera.transform.abs_diff_eq(glam::DAffine3::from_translation(DVec3::Z * 10.0), 1e-12));
 
@@ -45,32 +46,6 @@ fn a_complete_file_is_read() {
     assert_eq!(lamp.kind, LightKind::Spot { intensity: [8.0, 4.0, 2.0], inner: 0.25, outer: 0.5 });
     assert!(laser.direction.abs_diff_eq(DVec3::Z, 1e-12));
     assert_eq!(laser.kind, LightKind::Beam { power: [1.0, 2.0, 3.0], radius: 0.5 });
-}
-
-#[test]
-fn a_principal_point_in_the_extras_is_read() {
-    let of = |extras: serde_json::Value| {
-        let mut glb = complete();
-        glb.json["cameras"][0]["extras"] = extras;
-        read(&glb).cameras[0].principal_point
-    };
-    assert_eq!(of(json!({ "principal_point": [0.25, 1.5], "width": 4 })), [0.25, 1.5]);
-    for other in [json!({ "principal_point": "centre" }), json!({ "principal_point": [1] }), json!([1])] {
-        assert_eq!(of(other), [0.5, 0.5]);
-    }
-}
-
-#[test]
-fn cameras_with_one_name_are_numbered() {
-    let mut glb = complete();
-    let nodes = glb.json["nodes"].as_array_mut().unwrap();
-    let first = nodes.len();
-    nodes.extend(["eye", "eye", "eye#2", "eye"].map(|name| json!({ "name": name, "camera": 0 })));
-    let added = (first..first + 4).collect::<Vec<usize>>();
-    glb.json["scenes"][0]["nodes"].as_array_mut().unwrap().extend(added.into_iter().map(|node| json!(node)));
-    let scene = read(&glb);
-    let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
-    assert_eq!(names, ["eye", "eye#2", "eye#3", "eye#2#2", "eye#4"]);
 }
 
 #[test]
@@ -269,12 +244,8 @@ fn what_is_not_read_is_warned_about_once() {
     glb.push("materials", copy);
     let primitive = json!({ "attributes": { "POSITION": 0 }, "mode": 1 });
     glb.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
-    glb.json["cameras"][0] = json!({
-        "type": "orthographic", "orthographic": { "xmag": 1.0, "ymag": 1.0, "zfar": 1.0, "znear": 0.0 },
-    });
     let scene = read(&glb);
-    assert!(scene.cameras.is_empty());
-    let words = ["sheen", "transmission textures", "points or lines", "orthographic"];
+    let words = ["sheen", "transmission textures", "points or lines"];
     assert_eq!(scene.warnings.len(), words.len(), "{:?}", scene.warnings);
     for (warning, word) in scene.warnings.iter().zip(words) {
         assert!(warning.contains(word), "{warning}");

@@ -84,6 +84,12 @@ const HOSTILE: &[Case] = &[
     ("yfov zero", |g| g.json["cameras"][0]["perspective"]["yfov"] = json!(0.0), &["`eye`", "yfov"]),
     ("yfov above pi", |g| g.json["cameras"][0]["perspective"]["yfov"] = json!(3.2), &["`eye`", "yfov"]),
     ("aspect negative", |g| g.json["cameras"][0]["perspective"]["aspectRatio"] = json!(-1.0), &["`eye`", "aspectRatio"]),
+    ("xmag zero", |g| orthographic(g, json!({ "xmag": 0, "ymag": 1, "znear": 0, "zfar": 1 })), &["`eye`", "the xmag", "is 0, but must be above 0"]),
+    ("ymag negative", |g| orthographic(g, json!({ "xmag": 1, "ymag": -2, "znear": 0, "zfar": 1 })), &["`eye`", "the ymag", "is -2,"]),
+    ("ymag infinite", |g| orthographic(g, json!({ "xmag": 1, "ymag": 1e39, "znear": 0, "zfar": 1 })), &["`eye`", "the ymag"]),
+    ("ymag not a number", |g| orthographic(g, json!({ "xmag": 1, "ymag": null, "znear": 0, "zfar": 1 })), &["not valid glTF"]),
+    ("ymag beyond all scenes", |g| orthographic(g, json!({ "xmag": 1, "ymag": 1e30, "znear": 0, "zfar": 1 })), &["'eye'", "m high"]),
+    ("camera of no kind", |g| { g.json["cameras"][0].as_object_mut().unwrap().remove("perspective"); }, &["`eye`", "neither perspective nor orthographic"]),
     ("flat camera", |g| g.json["nodes"][2]["scale"] = json!([1, 0, 1]), &["`eye`", "scale"]),
     ("absent light", |g| g.json["nodes"][3]["extensions"]["KHR_lights_punctual"]["light"] = json!(4), &["`lamp`", "light 4"]),
     ("negative light", |g| light(g)["intensity"] = json!(-1.0), &["`lamp`", "intensity"]),
@@ -134,6 +140,10 @@ const HOSTILE: &[Case] = &[
     ("bad base64", |g| g.json["buffers"][0]["uri"] = json!("data:;base64,*"), &["buffer 0", "base64"]),
     ("data URI without base64", |g| g.json["buffers"][0]["uri"] = json!("data:,abc"), &["buffer 0", "base64"]),
 ];
+
+fn orthographic(glb: &mut Glb, view: Value) {
+    glb.json["cameras"][0] = json!({ "type": "orthographic", "orthographic": view });
+}
 
 fn light(glb: &mut Glb) -> &mut Value {
     &mut glb.json["extensions"]["KHR_lights_punctual"]["lights"][0]

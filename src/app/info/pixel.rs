@@ -24,7 +24,7 @@ pub struct Object {
     pub node: String,
     pub mesh: String,
     pub material: String,
-    /// Length of the ray from the pinhole to the point.
+    /// Length of the camera ray, from the pinhole or the sensor plane to the point.
     pub distance_metres: f64,
     /// Distance along the axis of the camera.
     pub axial_metres: f64,
@@ -61,7 +61,9 @@ fn describe(scene: &Scene, settings: &Settings, [column, row]: [u32; 2], surface
     let mesh = &scene.meshes[instance.mesh as usize];
     let camera = &scene.cameras[settings.camera()];
     let distance = f64::from(surface.distance);
-    let ray = camera.direction(settings.resolution(), [f64::from(column) + 0.5, f64::from(row) + 0.5]);
+    let film = [f64::from(column) + 0.5, f64::from(row) + 0.5];
+    let origin = camera.origin(settings.resolution(), film);
+    let ray = camera.direction(settings.resolution(), film);
     let forward = camera.direction([1, 1], camera.principal_point);
     Object {
         node: instance.node.clone(),
@@ -69,7 +71,7 @@ fn describe(scene: &Scene, settings: &Settings, [column, row]: [u32; 2], surface
         material: scene.materials[mesh.material as usize].name.clone(),
         distance_metres: distance,
         axial_metres: distance * ray.dot(forward),
-        position: (camera.transform.translation + distance * ray).to_array(),
+        position: (origin + distance * ray).to_array(),
         normal: surface.normal,
     }
 }

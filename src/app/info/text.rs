@@ -56,8 +56,11 @@ fn add_contents(lines: &mut Lines, r: &Report) {
     }
     lines.list("camera", &r.cameras, |camera| {
         let size = camera.resolution.map(|[w, h]| format!(", {w}x{h} pixels")).unwrap_or_default();
-        let (at, degrees) = (point(&camera.position), camera.degrees_high);
-        format!("{} at {at}, vertical field of view {degrees:.1} degrees{size}", camera.name)
+        let view = match (camera.degrees_high, camera.metres_high) {
+            (_, Some(metres)) => format!("orthographic, {} m high", short(metres)),
+            (degrees, None) => format!("vertical field of view {:.1} degrees", degrees.unwrap_or_default()),
+        };
+        format!("{} at {}, {view}{size}", camera.name, point(&camera.position))
     });
     lines.list("emitter", &r.emitters, |emitter| {
         let watts = emitter.watts.map(|w| format!(", {w:.4} W")).unwrap_or_default();

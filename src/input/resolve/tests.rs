@@ -2,14 +2,14 @@ use glam::{DAffine3, DVec3};
 
 use super::*;
 use crate::generate::stage::diffuse;
-use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh};
+use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Projection};
 
 /// A scene with two cameras, a sun, a beam, an emissive lamp, and a wall that does not emit.
 fn scene() -> Scene {
     let camera = |name: &str, aspect, resolution| Camera {
         name: name.into(),
         transform: DAffine3::IDENTITY,
-        yfov: 1.0,
+        projection: Projection::Perspective { yfov: 1.0 },
         aspect,
         resolution,
         principal_point: Camera::CENTRED,

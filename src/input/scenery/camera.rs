@@ -5,16 +5,16 @@ use glam::{DAffine3, DVec3};
 use crate::error::{Error, Result};
 use crate::input::resolve::find_camera;
 use crate::scene::build::{look, look_upright};
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Projection, Scene};
 use crate::settings::check_resolution;
-use crate::settings::numbers::{Fov, Numbers};
+use crate::settings::numbers::{Fov, Height, Numbers};
 use crate::settings::table::CameraTable;
 
 /// Name of a camera that frames the whole scene.
 const AUTO: &str = "auto";
 /// Name of a camera that the user places in a scene without cameras.
 const LOOK: &str = "look";
-/// Vertical field of view of these two cameras.
+/// Vertical field of view of these two cameras, unless they are orthographic.
 const DEFAULT_FOV: Fov = Fov(40.0);
 /// Direction from the scene to the automatic camera. The front of a glTF model faces +Z. From 25 degrees to the right and 20
 /// degrees above, three sides of a box are visible, and no plane along two axes is seen edge-on.
@@ -34,14 +34,23 @@ pub(super) fn apply(table: &mut CameraTable, scene: &mut Scene, notes: &mut Vec<
     let transform = aim(table, &scene.cameras[index].transform, scene)?;
     let camera = &mut scene.cameras[index];
     camera.transform = transform;
-    if let Some(Fov(degrees)) = table.fov {
-        camera.yfov = degrees.to_radians();
+    if let Some(projection) = projection(table) {
+        camera.projection = projection;
     }
     if let Some(Numbers(point)) = table.principal_point {
         camera.principal_point = point;
     }
     camera.check()?;
     Ok(index)
+}
+
+/// The view that the user gave, if any.
+fn projection(table: &CameraTable) -> Option<Projection> {
+    match (table.ortho, table.fov) {
+        (Some(Height(height)), _) => Some(Projection::Orthographic { height }),
+        (None, Some(Fov(degrees))) => Some(Projection::Perspective { yfov: degrees.to_radians() }),
+        (None, None) => None,
+    }
 }
 
 /// Index of the camera that the user chose, or of the first camera. `None` if a new camera must be made.
@@ -70,7 +79,10 @@ fn chosen(table: &CameraTable, scene: &Scene, notes: &mut Vec<String>) -> Result
 fn make(table: &mut CameraTable, scene: &mut Scene) -> Result<usize> {
     let is_auto = table.camera.as_deref() == Some(AUTO) || (table.look_from.is_none() && table.look_at.is_none());
     let name = if is_auto { AUTO } else { LOOK };
-    let Fov(degrees) = *table.fov.get_or_insert(DEFAULT_FOV);
+    let projection = projection(table).unwrap_or_else(|| {
+        let Fov(degrees) = *table.fov.insert(DEFAULT_FOV);
+        Projection::Perspective { yfov: degrees.to_radians() }
+    });
     let aspect = match table.resolution {
         Some(resolution) => {
             check_resolution("--resolution", resolution.0)?;
@@ -78,16 +90,21 @@ fn make(table: &mut CameraTable, scene: &mut Scene) -> Result<usize> {
         }
         None => 1.0,
     };
-    let tangent = (0.5 * degrees.to_radians()).tan();
-    let bounds = scene.bounds().unwrap_or([DVec3::ZERO; 2]);
-    let place = frame(bounds, [tangent * aspect, tangent]);
+    let place = match projection {
+        Projection::Perspective { yfov } => {
+            let tangent = (0.5 * yfov).tan();
+            frame(scene.bounds().unwrap_or([DVec3::ZERO; 2]), [tangent * aspect, tangent])
+        }
+        // So far from the centre, the whole scene is in front of the sensor plane.
+        Projection::Orthographic { .. } => centre(scene) + away(scene.diagonal()),
+    };
     table.look_from.get_or_insert(Numbers(place.to_array()));
     table.look_at.get_or_insert(Numbers(centre(scene).to_array()));
     table.camera = Some(name.into());
     Ok(scene.add_camera(Camera {
         name: name.into(),
         transform: DAffine3::from_translation(place),
-        yfov: degrees.to_radians(),
+        projection,
         aspect: None,
         resolution: None,
         principal_point: Camera::CENTRED,
@@ -106,7 +123,12 @@ fn frame([lo, hi]: [DVec3; 2], tangents: [f64; 2]) -> DVec3 {
         p.z + (p.x.abs() / tangents[0]).max(p.y.abs() / tangents[1]) / FILLED
     });
     let distance = distance.fold(0.0, f64::max);
-    centre + TO_CAMERA.normalize() * if distance > MIN_SIZE { distance } else { 1.0 }
+    centre + away(distance)
+}
+
+/// From the scene to the automatic camera at this distance; 1 m if the scene is a point.
+fn away(distance: f64) -> DVec3 {
+    TO_CAMERA.normalize() * if distance > MIN_SIZE { distance } else { 1.0 }
 }
 
 /// Centre of the scene's bounds; the origin of the world if the scene is empty.

@@ -4,7 +4,7 @@ use super::*;
 use crate::generate::shapes::{cuboid, quad};
 use crate::generate::stage::{add, camera, diffuse, light, material};
 use crate::input::resolve::{as_experiment, resolve};
-use crate::scene::{Camera, LightKind};
+use crate::scene::{Camera, LightKind, Projection};
 use crate::settings::numbers::Headlamp;
 
 const LO: DVec3 = DVec3::new(-1.0, 0.0, -3.0);
@@ -57,14 +57,15 @@ fn a_scene_with_camera_and_light_stays_as_it_is() {
 
 #[test]
 fn an_automatic_camera_frames_the_scene() {
-    for (resolution, fov) in [([512, 512], 40.0), ([640, 360], 40.0), ([200, 900], 40.0), ([64, 64], 100.0)] {
+    for (resolution, fov) in [([512, 512], 40.0f64), ([640, 360], 40.0), ([200, 900], 40.0), ([64, 64], 100.0)] {
         let [width, height] = resolution;
         let toml = format!("camera = {{ camera = 'auto', fov = {fov}, resolution = '{width}x{height}' }}");
         let (scene, _, _) = applied(&toml, staged());
         let camera = scene.cameras.last().unwrap();
-        assert_eq!((camera.name.as_str(), camera.yfov), ("auto", f64::to_radians(fov)));
+        let yfov = fov.to_radians();
+        assert_eq!((camera.name.as_str(), camera.projection), ("auto", Projection::Perspective { yfov }));
         assert!(camera.transform.translation.cmpgt(HI.with_x(0.5)).all(), "not in front and above: {camera:?}");
-        let tangent = (0.5 * camera.yfov).tan();
+        let tangent = (0.5 * yfov).tan();
         let extent = [tangent * f64::from(width) / f64::from(height), tangent];
         let corners = [LO, HI].map(|x| x.x).into_iter().flat_map(|x| {
             let ys = [LO.y, HI.y].into_iter();
@@ -80,6 +81,27 @@ fn an_automatic_camera_frames_the_scene() {
             .fold(0.0, f64::max);
         assert!((farthest - 0.95).abs() < 1e-5, "{resolution:?}, {fov} degrees: {farthest} of the image");
     }
+}
+
+/// All corners of the block are in front of the sensor plane, and the view has the height that the user gave.
+#[test]
+fn an_automatic_orthographic_camera_stands_before_the_scene() {
+    let (scene, experiment, _) = applied("camera = { camera = 'auto', ortho = 3, resolution = '64x32' }", staged());
+    let camera = scene.cameras.last().unwrap();
+    assert_eq!((camera.name.as_str(), camera.projection), ("auto", Projection::Orthographic { height: 3.0 }));
+    assert_eq!(experiment.camera.fov, None);
+    assert!(view(camera).dot(CENTRE - camera.transform.translation) > 0.0, "{camera:?}");
+    for corner in 0..8u32 {
+        let pick = |axis: usize| if corner >> axis & 1 == 0 { LO[axis] } else { HI[axis] };
+        let point = DVec3::new(pick(0), pick(1), pick(2));
+        assert!(view(camera).dot(point - camera.transform.translation) > 0.5, "{point}");
+    }
+    // A file's camera keeps its place; its view becomes orthographic, and back.
+    let changed = applied("camera.ortho = 2.5", staged()).0;
+    assert_eq!(changed.cameras[0].projection, Projection::Orthographic { height: 2.5 });
+    assert_eq!(changed.cameras[0].transform, staged().cameras[0].transform);
+    let back = applied("camera.fov = 30", changed).0;
+    assert_eq!(back.cameras[0].projection, Projection::Perspective { yfov: 30f64.to_radians() });
 }
 
 #[test]
@@ -128,7 +150,8 @@ fn flags_place_the_chosen_camera_or_a_new_one() {
         applied("camera = { look-from = [0.5, 0.5, -20], fov = 30, principal-point = [0.2, 0.7] }", staged());
     let [camera] = &scene.cameras[..] else { panic!("{:?}", scene.cameras) };
     assert_eq!((camera.name.as_str(), camera.resolution), ("camera", Some([40, 30])));
-    assert_eq!((camera.yfov, camera.principal_point), (30f64.to_radians(), [0.2, 0.7]));
+    let projection = Projection::Perspective { yfov: 30f64.to_radians() };
+    assert_eq!((camera.projection, camera.principal_point), (projection, [0.2, 0.7]));
     assert_eq!(camera.transform.translation, CENTRE.with_z(-20.0));
     assert!(close(view(camera), DVec3::Z) && notes.is_empty(), "{camera:?} {notes:?}");
 
@@ -178,6 +201,8 @@ fn a_printed_experiment_gives_the_same_camera_and_lights() {
         ("camera.camera = 'auto'".into(), staged()),
         ("camera = { look-from = [5.1, 2.2, 0.3] }".into(), block()),
         ("camera = { look-at = [5.1, 2.2, 0.3], fov = 33.3 }".into(), block()),
+        ("camera = { camera = 'auto', ortho = 7.3 }".into(), block()),
+        ("camera = { look-at = [5.1, 2.2, 0.3], ortho = 0.7 }".into(), staged()),
         ("camera = { look-from = [5.1, 2.2, 0.3], up = [0.1, 0.9, 0] }".into(), staged()),
         ("camera = { camera = 'auto', resolution = '64x32', principal-point = [0.3, 0.4] }".into(), staged()),
         ("emitter = { lamp = ['0,5.5,0,3'], headlamp = true, headlamp-offset = [0.1, 0, 0] }".into(), staged()),
@@ -206,6 +231,7 @@ fn mistakes_name_the_flag_and_the_remedy() {
         ("camera = { camera = 'no', look-from = [1, 2, 3] }", "no camera is called 'no'"),
         ("camera = { look-from = [1e16, 2, 3] }", "camera 'camera' has an invalid transform"),
         ("camera.principal-point = [320, 240]", "give fractions"),
+        ("camera.ortho = 1e16", "use a height above 0, up to 1e15 m"),
         ("camera = { camera = 'auto', resolution = '0x5' }", "--resolution is 0x5"),
         ("emitter.lamp = [1e16, 0, 0, 1]", "--lamp: light 'lamp-1' has a position farther than"),
         ("emitter = { headlamp = 1, headlamp-offset = [0, 1e16, 0] }", "--headlamp: light 'headlamp'"),

@@ -12,7 +12,7 @@ pub struct SensorContribution {
     pub tau_or_weight: f32,
     /// Row-major index in the crop.
     pub pixel: u32,
-    /// Number of vertices of the sensor subpath, the pinhole included.
+    /// Number of vertices of the sensor subpath, the one on the sensor included.
     pub t: u32,
     /// Index in the pool of the connected light vertex; `None` if the subpath hit an emitter.
     pub vertex: Option<usize>,

@@ -1,0 +1,141 @@
+//! Cameras: where they stand, which rays they see, and where the travel time of their light ends.
+
+#![warn(missing_docs)]
+
+use glam::{DAffine3, DVec3};
+
+/// A camera. It looks along -Z of its transform, with +Y up and +X to the right.
+///
+/// The travel time of a path ends where its camera ray starts (see [`Camera::origin`]). For a perspective camera this point is
+/// the pinhole. For an orthographic camera it is a point of the sensor plane: the plane through the camera's place, perpendicular
+/// to the view. Surfaces behind this point are not seen; the near and far planes of a file have no effect.
+#[derive(Debug, Clone)]
+pub struct Camera {
+    /// Unique among the cameras of the scene.
+    pub name: String,
+    /// World from camera space: rotation and translation only. The loader removes scale.
+    pub transform: DAffine3,
+    /// Kind and size of the view.
+    pub projection: Projection,
+    /// Width / height, if the file specifies it.
+    pub aspect: Option<f64>,
+    /// Pixels across and down: `extras.width` and `extras.height`, if the file specifies them.
+    pub resolution: Option<[u32; 2]>,
+    /// Where the camera's axis meets the image, as fractions of its width and height from the top left corner; the centre is
+    /// [`Camera::CENTRED`]. It may lie outside the image.
+    pub principal_point: [f64; 2],
+}
+
+/// How a camera projects the scene. The width of the view follows from its height and from the resolution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Projection {
+    /// A pinhole: all camera rays start at the camera's place.
+    Perspective {
+        /// Vertical field of view in radians, in (0, pi).
+        yfov: f64,
+    },
+    /// Parallel camera rays, which start on the sensor plane.
+    Orthographic {
+        /// Height of the view in metres, > 0: twice the `ymag` of glTF.
+        height: f64,
+    },
+}
+
+impl Projection {
+    /// Whether the camera rays are parallel.
+    pub fn is_orthographic(&self) -> bool {
+        matches!(self, Projection::Orthographic { .. })
+    }
+
+    /// Half the height of the image plane: at distance 1 from a pinhole, without unit, or of the sensor plane in metres.
+    pub(crate) fn half_height(&self) -> f64 {
+        match *self {
+            Projection::Perspective { yfov } => (0.5 * yfov).tan(),
+            Projection::Orthographic { height } => 0.5 * height,
+        }
+    }
+}
+
+impl Camera {
+    /// The principal point of a camera whose axis meets the centre of the image.
+    pub const CENTRED: [f64; 2] = [0.5; 2];
+
+    /// Unit direction in world space of the camera ray through the point `film` of an image of this resolution. `film` is in
+    /// pixels: column, then row from the top; the centre of the first pixel is (0.5, 0.5).
+    pub fn direction(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
+        let local = match self.projection {
+            Projection::Perspective { .. } => self.on_image_plane(resolution, film) - DVec3::Z,
+            Projection::Orthographic { .. } => DVec3::NEG_Z,
+        };
+        self.transform.transform_vector3(local).normalize()
+    }
+
+    /// Start of the camera ray through `film` in world space, in metres: the pinhole, or a point of the sensor plane. `film` is a
+    /// point of the image as in [`Camera::direction`].
+    pub fn origin(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
+        match self.projection {
+            Projection::Perspective { .. } => self.transform.translation,
+            Projection::Orthographic { .. } => self.transform.transform_point3(self.on_image_plane(resolution, film)),
+        }
+    }
+
+    /// The starts of the camera rays through the four corners of the image, as [`Camera::origin`].
+    pub(crate) fn corners(&self, resolution: [u32; 2]) -> [DVec3; 4] {
+        let [width, height] = resolution.map(f64::from);
+        [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]].map(|film| self.origin(resolution, film))
+    }
+
+    /// The point `film` on the image plane, right and up of the principal point, in the unit of [`Projection::half_height`].
+    fn on_image_plane(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
+        let [width, height] = resolution.map(f64::from);
+        let half_height = self.projection.half_height();
+        let [centre_x, centre_y] = self.principal_point;
+        let x = 2.0 * (film[0] / width - centre_x) * half_height * width / height;
+        let y = 2.0 * (centre_y - film[1] / height) * half_height;
+        DVec3::new(x, y, 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera at (5, 0, 0) that looks along -X.
+    fn camera(projection: Projection) -> Camera {
+        let transform =
+            DAffine3::from_translation(5.0 * DVec3::X) * DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
+        let (name, principal_point) = (String::new(), Camera::CENTRED);
+        Camera { name, transform, projection, aspect: None, resolution: None, principal_point }
+    }
+
+    fn close(a: DVec3, b: DVec3) -> bool {
+        (a - b).length() < 1e-12
+    }
+
+    #[test]
+    fn a_pinhole_looks_through_the_centre_of_its_image() {
+        let camera = camera(Projection::Perspective { yfov: std::f64::consts::FRAC_PI_2 });
+        let close = |a: DVec3, b: DVec3| close(a, b.normalize());
+        assert!(close(camera.direction([40, 20], [20.0, 10.0]), DVec3::NEG_X));
+        // Half the height of the image is 45 degrees up, and the left edge is twice as far from the axis.
+        assert!(close(camera.direction([40, 20], [20.0, 0.0]), DVec3::new(-1.0, 1.0, 0.0)));
+        assert!(close(camera.direction([40, 20], [0.0, 10.0]), DVec3::new(-1.0, 0.0, 2.0)));
+        let shifted = Camera { principal_point: [0.25, 1.0], ..camera };
+        assert!(close(shifted.direction([40, 20], [10.0, 20.0]), DVec3::NEG_X));
+        assert_eq!(shifted.corners([40, 20]), [5.0 * DVec3::X; 4]);
+    }
+
+    #[test]
+    fn parallel_rays_start_on_the_sensor_plane() {
+        let camera = camera(Projection::Orthographic { height: 3.0 });
+        for film in [[20.0, 10.0], [0.0, 7.0]] {
+            assert!(close(camera.direction([40, 20], film), DVec3::NEG_X));
+        }
+        assert!(close(camera.origin([40, 20], [20.0, 10.0]), DVec3::new(5.0, 0.0, 0.0)));
+        assert!(close(camera.origin([40, 20], [20.0, 0.0]), DVec3::new(5.0, 1.5, 0.0)));
+        assert!(close(camera.origin([40, 20], [0.0, 10.0]), DVec3::new(5.0, 0.0, 3.0)));
+        let shifted = Camera { principal_point: [0.25, 1.0], ..camera };
+        assert!(close(shifted.origin([40, 20], [10.0, 20.0]), DVec3::new(5.0, 0.0, 0.0)));
+        assert!(close(shifted.corners([40, 20])[1], DVec3::new(5.0, 3.0, -4.5)));
+    }
+}
