@@ -24,6 +24,10 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = slot_list[id.x];
     let q = load_shade_point(shade_list[slot / frame.slots]);
     let candidate = candidates[slot];
+    if (HAS_SKY && candidate.vertex == SKY_VERTEX) {
+        contributions[slot] = connect_to_sky(q, slot);
+        return;
+    }
     let v = load_light_vertex(candidate.vertex);
 
     let segment = segment_between(q.position, v.position);
@@ -45,4 +49,25 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let lit = is_unoccluded(ray_end(q, w), ray_end(v, -w), key);
     let last = select(tau, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
     contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, lit), last);
+}
+
+// The entry in `contributions` for a connection of q to the sky, in a direction sampled by luminance (s = 1).
+fn connect_to_sky(q: PathVertex, slot: u32) -> vec4<f32> {
+    let sensor = sensor_sample(q.owner);
+    let seen = sample_sky(random_words(STREAM_QUERY, sensor.index, sensor.sample, q.flags & VERTEX_DEPTH, 2u, frame.seed));
+    let w = seen.direction;
+    if (!(seen.pdf > 0.0 && faces(q, w))) {
+        return vec4<f32>(0.0, 0.0, 0.0, -1.0);
+    }
+    let at_q = evaluate_shade_point(q, w);
+    let weight = sky_connection_weight(q, at_q, seen.pdf);
+    let counted = select(weight, 1.0, OBSERVE == OBSERVE_STRATEGIES);
+    let value = q.throughput * at_q.value * seen.radiance * (counted / seen.pdf);
+    if (!(max_component(abs(value)) > 0.0)) {
+        return vec4<f32>(value, -1.0);
+    }
+    let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
+    let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
+    let lit = trace(ray_end(q, w), w, 3e38, true, NONE, key).triangle == NONE;
+    return vec4<f32>(select(vec3<f32>(0.0), value, lit), select(0.0, weight, OBSERVE == OBSERVE_STRATEGIES));
 }

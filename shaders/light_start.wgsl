@@ -22,6 +22,9 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     let fixed_emitter = dispatch.emitter != NONE;
     let emitter = select(choose_emitter(choice), dispatch.emitter + slot, fixed_emitter);
     var e = sample_emission(emitter, place);
+    if (HAS_SKY && load_emitter(emitter).kind == EMITTER_SKY) {
+        e = emit_from_sky(emitter, place, random_words(STREAM_LIGHT, path, frame.iteration, 0u, 2u, frame.seed));
+    }
     let per_path = 1.0 / f32(frame.light_paths);
 
     var s: PathState;
@@ -33,7 +36,8 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.emitter = e.vertex.owner;
     s.triangle = e.triangle;
     s.throughput = e.throughput * per_path;
-    let random = select(0u, 1u, e.stored);
+    // Strategies with light subpaths from the sky all count equally (weights.wgsl).
+    let random = select(select(0u, 1u, e.stored), 2u, HAS_SKY && e.sky);
     let lives = max_component(s.throughput) > 0.0 && (e.deterministic || !fixed_emitter);
     s.flags = (random << PATH_RANDOM_SHIFT) | select(0u, PATH_ALIVE, lives);
     if (e.deterministic) {

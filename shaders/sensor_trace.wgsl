@@ -40,6 +40,9 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
     let arrival = advance(&s, key);
     if (!arrival.found) {
+        if (HAS_SKY && frame.keep_s0 > 0.0) {
+            escape(s, slot);
+        }
         return;
     }
     var q = arrival.vertex;
@@ -86,6 +89,22 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         mark |= MARK_ALIVE;
     }
     marks[id.x] = mark;
+}
+
+// Strategy s = 0: the subpath has left the scene, and adds the light of the sky. There is no gate, because this light has no
+// travel time.
+fn escape(s: PathState, slot: u32) {
+    let seen = sky_towards(s.direction);
+    let value = s.throughput * seen.radiance;
+    if (max_component(value) <= 0.0) {
+        return;
+    }
+    let weight = sky_escape_weight(s, dispatch.bounce + 1u, seen.pdf);
+    radiance[slot] += vec4<f32>(value * weight, 0.0);
+    tallies[slot].z += 1u;
+    if (OBSERVE == OBSERVE_STRATEGIES) {
+        emitted[slot] = vec4<f32>(value, weight);
+    }
 }
 
 // xyz: light of the emitter at q towards the sensor, times the throughput; 0 if q does not emit there. w: MIS weight of s = 0

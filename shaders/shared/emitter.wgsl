@@ -4,6 +4,7 @@
 #import path
 #import bsdf
 #import random
+#import sky
 
 // Values of Emitter.kind.
 const EMITTER_TRIANGLE: u32 = 0u;
@@ -11,6 +12,7 @@ const EMITTER_POINT: u32 = 1u;
 const EMITTER_SPOT: u32 = 2u;
 const EMITTER_BEAM: u32 = 3u;
 const EMITTER_SUN: u32 = 4u;
+const EMITTER_SKY: u32 = 5u;
 
 // Emission profiles: how the light of an emitter point depends on the direction. Profiles up to EMIT_TWO_SIDED belong to surfaces.
 const EMIT_ONE_SIDED: u32 = 0u;
@@ -23,18 +25,21 @@ const EMIT_SUN: u32 = 4u;
 struct Emission {
     vertex: PathVertex,
     direction: vec3<f32>,
-    // Density per solid angle of `direction`; 1 for beams, whose direction is fixed. Suns: density per area of the point on
-    // the disk, which parallel light carries unchanged to every surface that faces it.
+    // Density per solid angle of `direction`; 1 for beams, whose direction is fixed. Suns and the sky: density per area of the
+    // point on the disk, which parallel light carries unchanged to every surface that faces it.
     pdf_direction: f32,
     // Initial throughput of the subpath: radiance (or intensity, or power) times cosine over all densities.
     throughput: vec3<f32>,
-    // Surfaces only: density per area of the point, probability of selecting the emitter included.
+    // Surfaces: density per area of the point, probability of selecting the emitter included. Sky: density per solid angle of
+    // `direction`. Otherwise unused.
     density: f32,
     // The triangle that emits; NONE for punctual lights and beams.
     triangle: u32,
     beam: bool,
     // See PATH_PARALLEL.
     parallel: bool,
+    // The light comes from the sky.
+    sky: bool,
     // The emitter point can be connected, and is stored for the 3D tree.
     stored: bool,
     // All subpaths from this emitter start alike: see PATH_DETERMINISTIC.
@@ -118,7 +123,7 @@ fn sample_emission(number: u32, a: vec4<f32>) -> Emission {
         case EMITTER_POINT, EMITTER_SPOT: {
             sample_punctual(e, a, &r);
         }
-        // An unknown kind sends no light.
+        // An unknown kind sends no light. Light from the sky needs more random numbers: see `emit_from_sky`.
         default: {}
     }
     return r;
@@ -182,4 +187,28 @@ fn sample_beam(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     (*r).parallel = sun;
     // With alpha, random choices at surfaces make the first hit random.
     (*r).deterministic = e.outer == 0.0 && !HAS_ALPHA;
+}
+
+// Samples the direction of a light subpath from the sky, and the point where it starts: on a disk beside the scene.
+fn emit_from_sky(number: u32, a: vec4<f32>, words: vec4<u32>) -> Emission {
+    let e = load_emitter(number);
+    let header = load_sky();
+    let seen = sample_sky(words);
+    let radius = e.outer * sqrt(a.x);
+    let turn = cosine_and_sine(2.0 * PI * a.y);
+    let disk = frame_around(seen.direction) * vec3<f32>(radius * turn.x, radius * turn.y, e.outer);
+    var r: Emission;
+    r.vertex.owner = number;
+    r.vertex.select_pdf = e.select_pdf;
+    r.vertex.position = e.position + disk;
+    r.triangle = NONE;
+    r.direction = -seen.direction;
+    r.pdf_direction = header.disk_pdf;
+    r.density = seen.pdf;
+    if (seen.pdf > 0.0) {
+        r.throughput = seen.radiance / (seen.pdf * header.disk_pdf * e.select_pdf);
+    }
+    r.parallel = true;
+    r.sky = true;
+    return r;
 }

@@ -111,6 +111,8 @@ override HAS_GLOSSY: bool = true;
 override HAS_TRANSMISSION: bool = true;
 // Whether subpaths may start with parallel rays (PATH_PARALLEL).
 override HAS_PARALLEL: bool = true;
+// Whether the scene has a sky (sky.wgsl).
+override HAS_SKY: bool = true;
 override HAS_SPECULAR_COLORS: bool = true;
 override HAS_CLEARCOAT: bool = true;
 // Whether the camera is orthographic. Its sensor is a plane, and its rays are parallel (PATH_PARALLEL).

@@ -1,4 +1,4 @@
-// The candidate slots of a shade point. Deterministic vertices take the first slots.
+// The candidate slots of a shade point. Deterministic vertices take the first slots, then comes the sky.
 #import candidate
 #import random
 #import tree
@@ -89,13 +89,18 @@ struct WorkItem {
     used: u32,
 }
 
-// The shade point at a position in the list. Its deterministic vertices are written to its first slots.
+// The shade point at a position in the list. Its deterministic vertices are written to its first slots, then the sky.
 fn begin_work_item(rank: u32) -> WorkItem {
     let q = load_shade_point(list[rank]);
     let sensor = sensor_sample(q.owner);
     let depth = q.flags & VERTEX_DEPTH;
     let first = rank * frame.slots;
-    return WorkItem(q, sensor.index, sensor.sample, depth, first, query_deterministic(q, sensor.index, sensor.sample, depth, first));
+    var used = query_deterministic(q, sensor.index, sensor.sample, depth, first);
+    if (HAS_SKY) {
+        write_candidate(first + used, SKY_VERTEX, 1.0);
+        used += 1u;
+    }
+    return WorkItem(q, sensor.index, sensor.sample, depth, first, used);
 }
 
 // Empties the slots that were not used.

@@ -11,6 +11,9 @@
 // No query serves t = 1. It takes m n(r - 1) / g samples, where m is `splat_sample_count`: m / g times as many as the
 // connection to the vertex before. If that vertex is deterministic, t = 1 takes m samples, because no query chooses the
 // vertex. With g = 1 all this is the plain power heuristic.
+//
+// Light from the sky: s = 0 (a sensor subpath leaves the scene) and s = 1 (a sampled direction) take one sample each. Strategies
+// with s >= 2 take g samples each, or m for t = 1.
 #import partial_sums
 #import camera
 
@@ -26,6 +29,10 @@ fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
         // light with probability select_pdf.
         (*s).d_vcm = mis(1.0 / (frame.query_sample_count * e.pdf_direction * e.vertex.select_pdf));
         (*s).d_vc = 0.0;
+        if (HAS_SKY && e.sky) {
+            let density = frame.query_sample_count * e.pdf_direction * e.vertex.select_pdf * e.density;
+            (*s).d_vc = keep_escape() * mis(1.0 / density);
+        }
     }
 }
 
@@ -77,4 +84,29 @@ fn splat_weight(v: PathVertex, at_v: Evaluation, area_density: f32) -> f32 {
     let g = frame.query_sample_count;
     let ratio = g * select(1.0, g, random_vertices(v) == 2u) / frame.splat_sample_count;
     return 1.0 / (1.0 + mis(ratio * area_density) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse)));
+}
+
+// Factor of the strategy s = 0 for light from the sky in the MIS sums: 0 if it is switched off, otherwise 1.
+fn keep_escape() -> f32 {
+    return select(0.0, 1.0, frame.keep_s0 > 0.0);
+}
+
+// Weight of connecting q to the sky (s = 1). `pdf`: density per solid angle of sampling the direction.
+fn sky_connection_weight(q: PathVertex, at_q: Evaluation, pdf: f32) -> f32 {
+    let header = load_sky();
+    // Light subpaths have sampled the same direction, so its density cancels.
+    let longer = frame.query_sample_count * header.select_pdf * header.disk_pdf * at_q.cosine;
+    let w_light = keep_escape() * mis(at_q.pdf / pdf);
+    let w_sensor = frame.keep_s2 * mis(longer) * (q.d_vcm + q.d_vc * mis(at_q.pdf_reverse));
+    return 1.0 / (1.0 + w_light + w_sensor);
+}
+
+// Weight of s = 0 for a sensor subpath that leaves the scene with its segment `depth`. `pdf`: as above.
+fn sky_escape_weight(s: PathState, depth: u32, pdf: f32) -> f32 {
+    if (depth == 1u) {
+        return 1.0;
+    }
+    let header = load_sky();
+    let longer = frame.query_sample_count * header.select_pdf * header.disk_pdf * pdf;
+    return 1.0 / (1.0 + mis(pdf) * s.d_vcm + frame.keep_s2 * mis(longer) * s.d_vc);
 }

@@ -236,10 +236,10 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
     let info = opened.as_ref().ok().map(Device::info);
     let plan = MemoryPlan::new(scene, settings, &prepared, info)?;
     // The light of a sun has no travel time, so travel times are those of the other lights.
-    let others = if prepared.has_sun() { PreparedScene::without_suns(scene, part) } else { None };
+    let others = if prepared.has_distant() { PreparedScene::without_distant(scene, part) } else { None };
     let timed = match &others {
         Some((part, prepared)) => Some((part, prepared)),
-        None => (!prepared.has_sun()).then_some((part, &prepared)),
+        None => (!prepared.has_distant()).then_some((part, &prepared)),
     };
     let measure = |(part, prepared): (&Settings, &PreparedScene)| {
         let device = opened.as_ref().map_err(|e| e.to_string())?;

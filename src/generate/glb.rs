@@ -234,6 +234,7 @@ impl File {
             }
             LightKind::Point { intensity } => described("point", intensity),
             LightKind::Directional { irradiance } => described("directional", irradiance),
+            LightKind::Sky { .. } => unreachable!("generated scenes have no sky, and glTF has no such light"),
             LightKind::Spot { intensity, inner, outer } => {
                 let cone = json!({"innerConeAngle": number(inner), "outerConeAngle": number(outer)});
                 with(described("spot", intensity), json!({"spot": cone}))

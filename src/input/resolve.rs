@@ -223,10 +223,10 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate, warnings: &mut Vec
     };
 
     let suns: HashSet<&str> =
-        scene.lights.iter().filter(|light| light.kind.is_sun()).map(|light| light.node.as_str()).collect();
-    let is_sun = |node: &&str| suns.contains(*node);
+        scene.lights.iter().filter(|light| light.kind.is_distant()).map(|light| light.node.as_str()).collect();
+    let is_distant = |node: &&str| suns.contains(*node);
     let (suns, others): (Vec<&str>, Vec<&str>) =
-        candidates.iter().filter(|node| emitters.include(node)).partition(|n| is_sun(n));
+        candidates.iter().filter(|node| emitters.include(node)).partition(|n| is_distant(n));
     let (false, Some(sun)) = (gate.is_open(), suns.first()) else { return Ok(emitters) };
     if !others.is_empty() {
         warnings.push(format!(
@@ -235,7 +235,7 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate, warnings: &mut Vec
         ));
         return Ok(Emitters::Nodes(others.into_iter().map(String::from).collect()));
     }
-    let positioned: Vec<&str> = candidates.iter().copied().filter(|node| !is_sun(node)).collect();
+    let positioned: Vec<&str> = candidates.iter().copied().filter(|node| !is_distant(node)).collect();
     let remedy = match positioned[..] {
         [] => "add a light that has a position (--headlamp, --lamp)".to_string(),
         _ => format!("choose other lights with --emitters from {}", list(&positioned)),

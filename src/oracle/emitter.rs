@@ -1,5 +1,5 @@
-//! Emitters: emissive triangles, point and spot lights and suns, to which a path can be connected; and beams, which emit in one
-//! direction only.
+//! Emitters: emissive triangles, point and spot lights, suns and the sky, to which a path can be connected; and beams, which emit
+//! in one direction only.
 
 use std::f64::consts::PI;
 
@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::geometry::{Hit, Ray};
 use super::world::{Vertex, World};
 use crate::generate::numbers::Pcg;
-use crate::scene::{Light, LightKind};
+use crate::scene::{Light, LightKind, SkyImage};
 
 /// Direct light from one sampled emitter.
 pub struct LightSample {
@@ -22,8 +22,8 @@ pub struct LightSample {
     pub pdf: Option<f64>,
 }
 
-/// All emitters of a scene. [`EmitterSet::sample`] chooses uniformly between the punctual lights, suns included, and one more,
-/// which stands for all emissive triangles together.
+/// All emitters of a scene. [`EmitterSet::sample`] chooses uniformly between the punctual lights, suns and the sky included, and one
+/// more, which stands for all emissive triangles together.
 pub struct EmitterSet<'a> {
     world: &'a World<'a>,
     punctual: Vec<&'a Light>,
@@ -52,6 +52,17 @@ impl<'a> EmitterSet<'a> {
         EmitterSet { world, punctual, outside: 2.0 * world.scene.diagonal(), beams, luminous }
     }
 
+    /// Radiance of the sky in the direction `w` (unit), and the density per steradian with which [`EmitterSet::sample`] draws `w`.
+    /// `None` if there is no sky.
+    pub fn sky(&self, w: DVec3) -> Option<([f64; 3], f64)> {
+        let LightKind::Sky { radiance } = self.punctual.iter().find(|light| light.kind.is_sky())?.kind else {
+            return None;
+        };
+        let texel = self.world.scene.sky.as_ref().map_or([1.0; 3], |image: &SkyImage| image.towards(w));
+        let seen = [0, 1, 2].map(|k| f64::from(radiance[k]) * f64::from(texel[k]));
+        Some((seen, 1.0 / (4.0 * PI * self.choices() as f64)))
+    }
+
     fn choices(&self) -> usize {
         self.punctual.len() + usize::from(!self.luminous.is_empty())
     }
@@ -76,6 +87,15 @@ impl<'a> EmitterSet<'a> {
                 let (wi, distance) = (-light.direction, self.outside);
                 let weight = irradiance.map(|e| f64::from(e) * share);
                 return Some(LightSample { position: from + wi * distance, wi, distance, weight, pdf: None });
+            }
+            if light.kind.is_sky() {
+                // All directions are equally likely, whatever the image of the sky.
+                let (height, turn) = (2.0 * pcg.uniform() - 1.0, 2.0 * PI * pcg.uniform());
+                let flat = (1.0 - height * height).sqrt();
+                let (wi, distance) = (DVec3::new(flat * turn.cos(), height, flat * turn.sin()), self.outside);
+                let (radiance, pdf) = self.sky(wi)?;
+                let weight = radiance.map(|l| l / pdf);
+                return Some(LightSample { position: from + wi * distance, wi, distance, weight, pdf: Some(pdf) });
             }
             let distance = (light.position - from).length();
             let wi = (light.position - from) / distance;

@@ -1,7 +1,7 @@
 //! A path tracer with explicit light sampling, which sorts radiance into bins of travel time. Tests compare images with it.
 //!
-//! Each sample traces one sensor path. At every vertex, the tracer samples one emitter. Paths also hit emissive surfaces by
-//! chance. The balance heuristic weights these two strategies.
+//! Each sample traces one sensor path. At every vertex, the tracer samples one emitter. Paths also hit emissive surfaces, and leave
+//! the scene towards the sky, by chance. The balance heuristic weights these two strategies.
 //!
 //! A beam emits in one direction only, so no vertex can sample it as an emitter. Instead, the tracer follows the beam to its
 //! spot, the first point that scatters, and connects the spot to every sensor vertex. If the beam has a radius and its spot is
@@ -103,12 +103,12 @@ type Splat = (usize, f64, DVec3);
 
 /// Renders all bins at once. The same settings give the same bits with any number of threads.
 ///
-/// # Panics If a directional light is switched on and a bin is a gate: its light has no travel time.
+/// # Panics If a directional light or a sky is switched on and a bin is a gate: its light has no travel time.
 pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let world = World::new(scene, &settings.emitters);
-    let has_sun = scene.lights.iter().any(|light| light.kind.is_sun() && world.shines(&light.node));
+    let has_distant = scene.lights.iter().any(|light| light.kind.is_distant() && world.shines(&light.node));
     let steady = |&(lo, hi): &(f64, f64)| lo <= 0.0 && hi == f64::INFINITY;
-    assert!(!has_sun || settings.bins.iter().all(steady), "a directional light has no travel time");
+    assert!(!has_distant || settings.bins.iter().all(steady), "light from infinitely far away has no travel time");
     let emitters = EmitterSet::new(&world);
     let tracer = Tracer {
         world: &world,
@@ -173,7 +173,13 @@ impl Tracer<'_> {
         // Density per steradian of the last direction; `None` after the sensor, a mirror or glass.
         let mut last: Option<f64> = None;
         for segments in 1..=self.settings.max_depth {
-            let Some(vertex) = self.world.trace(ray, pcg) else { return };
+            let Some(vertex) = self.world.trace(ray, pcg) else {
+                if let Some((radiance, pdf)) = self.emitters.sky(ray.direction) {
+                    let weight = last.map_or(1.0, |p| p / (p + pdf));
+                    sample_bins.add(tau, throughput * DVec3::from(radiance) * weight);
+                }
+                return;
+            };
             let distance = (vertex.position - ray.origin).length();
             tau += eta * distance;
             let emitted = self.world.emitted(&vertex.surface, vertex.wo);

@@ -14,7 +14,7 @@ const SAMPLES: u32 = 4;
 const ITERATIONS: u32 = 4;
 
 /// The travel time (metres of optical path) at which the first light arrives in each pixel of the crop, row by row; 0 where no
-/// light was found. The light of suns, and light that comes straight from an emitter in view, do not count. The result is the
+/// light was found. Three kinds of light do not count: of suns, of the sky, and straight from an emitter in view. The result is the
 /// minimum over 16 samples per pixel, of all strategies but t = 1. So it is an upper bound. It is exact where a point light or
 /// the spot of a beam lights the first surface. Elsewhere it is late by up to the size of the lamp or of the scattering surface.
 pub fn first_arrivals(
@@ -23,9 +23,9 @@ pub fn first_arrivals(
     settings: &Settings,
     prepared: &PreparedScene,
 ) -> Result<Vec<f32>> {
-    if prepared.has_sun() {
+    if prepared.has_distant() {
         let pixels = settings.crop().width() as usize * settings.crop().height() as usize;
-        return match PreparedScene::without_suns(scene, settings) {
+        return match PreparedScene::without_distant(scene, settings) {
             Some((settings, prepared)) => first_arrivals(device, scene, &settings, &prepared),
             None => Ok(vec![0.0; pixels]),
         };

@@ -19,6 +19,7 @@ pub struct DeviceScene {
 type Part<'a> = (&'static str, BufferDesc, &'a [u8]);
 
 const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
+const SKY: &str = "use a smaller image for --sky, or a device with a larger limit (taugate devices)";
 const IMAGES: &str = "use smaller textures, or a device with a larger limit (taugate devices)";
 
 fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
@@ -44,6 +45,7 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         texels("materials", "materials", &geometry.materials, MESHES),
         texels("textures", "textures", &geometry.textures, IMAGES),
         texels("emitters", "emitters", &emitters.table, MESHES),
+        texels("sky", "sky", &emitters.sky, SKY),
         part("albedo_table", "albedo table", &albedo.values, MESHES),
     ]
 }

@@ -47,6 +47,7 @@ pub use arrival::first_arrivals;
 pub use black_backs::{BlackBacks, black_backs};
 use compaction::Compaction;
 use device_scene::DeviceScene;
+pub use emitters::sky_table;
 pub use first_surface::{FirstSurface, first_surfaces};
 pub use layers::{layers, object_ids};
 use light::{LightTracer, Splat};
@@ -224,7 +225,7 @@ impl Renderer {
                 "a gate must start at a finite time and end later, such as 12.5m..12.8m".into(),
             ));
         }
-        if self.plan.has_sun && !responses.are_steady() {
+        if self.plan.has_distant && !responses.are_steady() {
             return Err(Error::Settings(
                 "a light is infinitely far away, so its light has no travel time to gate; select other emitters".into(),
             ));

@@ -7,7 +7,7 @@ use super::samples::SampleCounts;
 use super::sensor::SensorContribution;
 use crate::error::Result;
 use crate::wgsl::layout::NONE;
-use crate::wgsl::layout::constants::VERTEX_DEPTH;
+use crate::wgsl::layout::constants::{SKY_VERTEX, VERTEX_DEPTH};
 
 /// A contribution to the image.
 pub struct Contribution {
@@ -42,7 +42,11 @@ impl Renderer {
         let Renderer { plan, scene, sensor, stats, .. } = self;
         let share = 1.0 / samples as f32;
         let show = &mut |seen: SensorContribution| {
-            let s = seen.vertex.map_or(0, |vertex| (pool.vertices[vertex].flags & VERTEX_DEPTH) + 1);
+            let s = match seen.vertex {
+                None => 0,
+                Some(SKY_VERTEX) => 1,
+                Some(vertex) => (pool.vertices[vertex as usize].flags & VERTEX_DEPTH) + 1,
+            };
             let rgb = seen.rgb.map(|x| x * share);
             visit(Contribution { rgb, pixel: seen.pixel, s, t: seen.t, tau_or_weight: seen.tau_or_weight });
         };

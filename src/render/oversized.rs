@@ -29,7 +29,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     for triangle in &geometry.triangles {
         enclose(extent(triangle), &corners(triangle));
     }
-    for light in scene.lights.iter().filter(|light| !light.kind.is_sun()) {
+    for light in scene.lights.iter().filter(|light| !light.kind.is_distant()) {
         let position = space.point(light.position);
         // A light at the pinhole has no extent, and is no part of the scene that a surface could swallow.
         if position != Vec3::ZERO {

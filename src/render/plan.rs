@@ -76,7 +76,9 @@ pub struct Plan {
     pub adaptive: bool,
     pub features: Features,
     /// Whether a light is infinitely far away, so that no gate is possible.
-    pub has_sun: bool,
+    pub has_distant: bool,
+    /// Whether there is a sky.
+    has_sky: bool,
     /// Whether the camera rays are parallel. The kernels are compiled for one of the two kinds of camera.
     is_orthographic: bool,
     pub crop: Crop,
@@ -129,7 +131,8 @@ impl Plan {
             max_depth: settings.max_depth(),
             adaptive: settings.sampling() == Sampling::Adaptive,
             features,
-            has_sun: emitters.has_sun,
+            has_distant: emitters.has_distant,
+            has_sky: !emitters.sky.is_empty(),
             is_orthographic: camera.projection.is_orthographic(),
             crop: settings.crop(),
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
@@ -225,7 +228,7 @@ impl Plan {
         debug_assert!(pool.longest_path <= self.max_depth);
         let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
         let chosen = (self.estimator.slots)(&pool.shape(self.frame.queries));
-        (deterministic + chosen).max(1)
+        (deterministic + u32::from(self.has_sky) + chosen).max(1)
     }
 
     /// Maximum number of candidate slots per shade point over all possible pools.
@@ -285,8 +288,9 @@ impl Plan {
         let mut constants = self.features.constants().to_vec();
         constants.extend([
             ("WORKGROUP", self.tuning.workgroup.into()),
-            ("HAS_PARALLEL", switch(self.has_sun || self.is_orthographic)),
+            ("HAS_PARALLEL", switch(self.has_distant || self.is_orthographic)),
             ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
+            ("HAS_SKY", switch(self.has_sky)),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("QUERIED_PUNCTUAL", switch(self.queries_deterministic(self.max_deterministic))),

@@ -24,7 +24,7 @@ pub struct PreparedScene {
 
 impl PreparedScene {
     /// Fails if [`Scene::check`] fails, if the camera or a selected emitter does not exist, if nothing emits, or if a gated
-    /// render selects a directional light.
+    /// render selects a light that is infinitely far away.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<PreparedScene> {
         scene.check()?;
         let Some(camera) = scene.cameras.get(settings.camera()) else {
@@ -56,16 +56,16 @@ impl PreparedScene {
     }
 
     /// Whether a light is infinitely far away, so that its light has no travel time.
-    pub fn has_sun(&self) -> bool {
-        self.emitters.has_sun
+    pub fn has_distant(&self) -> bool {
+        self.emitters.has_distant
     }
 
-    /// The settings and the scene without suns; `None` if no other light is left.
-    pub fn without_suns(scene: &Scene, settings: &Settings) -> Option<(Settings, PreparedScene)> {
-        let suns = scene.lights.iter().filter(|light| light.kind.is_sun());
-        let suns: HashSet<&str> = suns.map(|light| light.node.as_str()).collect();
+    /// The settings and the scene without suns and skies; `None` if no other light is left.
+    pub fn without_distant(scene: &Scene, settings: &Settings) -> Option<(Settings, PreparedScene)> {
+        let distant = scene.lights.iter().filter(|light| light.kind.is_distant());
+        let distant: HashSet<&str> = distant.map(|light| light.node.as_str()).collect();
         let nodes = scene.lights.iter().map(|light| &light.node).chain(scene.instances.iter().map(|i| &i.node));
-        let others = nodes.filter(|node| settings.emitters().include(node) && !suns.contains(node.as_str()));
+        let others = nodes.filter(|node| settings.emitters().include(node) && !distant.contains(node.as_str()));
         let settings = settings.change().emitters(Emitters::Nodes(others.cloned().collect())).build().ok()?;
         let prepared = PreparedScene::new(scene, &settings).ok()?;
         Some((settings, prepared))
@@ -104,7 +104,7 @@ fn check_emitters(scene: &Scene, settings: &Settings) -> Result<()> {
             "the scene has no node '{unknown}', so it cannot be an emitter; check the name"
         )));
     }
-    let distant = |light: &&Light| light.kind.is_sun() && settings.emitters().include(&light.node);
+    let distant = |light: &&Light| light.kind.is_distant() && settings.emitters().include(&light.node);
     match scene.lights.iter().find(distant) {
         Some(light) if !settings.responses().are_steady() => Err(Error::Settings(format!(
             "the light '{}' is infinitely far away, so its light has no travel time to gate; render without a gate, or select \

@@ -39,7 +39,13 @@ impl Scene {
         let bounds: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         self.instances.iter().try_for_each(|instance| check_instance(instance, &bounds))?;
         self.cameras.iter().try_for_each(check_camera)?;
-        self.lights.iter().try_for_each(Light::check)
+        self.lights.iter().try_for_each(Light::check)?;
+        let skies: Vec<&Light> = self.lights.iter().filter(|light| light.kind.is_sky()).collect();
+        if skies.len() > 1 {
+            return Err(format!("the scene has {} skies, but only one is possible", skies.len()));
+        }
+        let strength = skies.first().map_or(1.0, |light| light.kind.strength().into_iter().fold(0.0, f32::max));
+        self.sky.iter().try_for_each(|sky| sky.check(strength))
     }
 }
 

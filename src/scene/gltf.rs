@@ -111,6 +111,7 @@ fn read(bytes: &[u8], folders: Folders) -> Checked<Scene> {
         images,
         cameras,
         lights,
+        sky: None,
         warnings: warnings.list,
     };
     scene.checked()?;

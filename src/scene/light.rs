@@ -4,17 +4,18 @@ use glam::DVec3;
 
 use super::check::{MAX_COORDINATE, is_unit};
 
-/// Upper bound on the irradiance of a sun in W / m^2. The device represents a sun by a far point, whose intensity must be finite.
-const MAX_IRRADIANCE: f32 = 1e20;
+/// Upper bound on the irradiance of a sun in W / m^2, and on the radiance of a sky in W / (m^2 sr). The device represents a sun by
+/// a far point, whose intensity must be finite.
+pub(crate) const MAX_DISTANT: f32 = 1e20;
 
 /// A light without a surface.
 #[derive(Debug, Clone)]
 pub struct Light {
     /// Name of the node that carries it.
     pub node: String,
-    /// World space, in metres; without effect for directional lights.
+    /// World space, in metres; without effect for directional lights and skies.
     pub position: DVec3,
-    /// World-space unit vector along which it shines (-Z of its node); not used for point lights.
+    /// World-space unit vector along which it shines (-Z of its node); not used for point lights and skies.
     pub direction: DVec3,
     /// Kind and strength of the emission.
     pub kind: LightKind,
@@ -24,24 +25,26 @@ impl Light {
     /// Fails with one sentence if a number is out of range.
     pub(crate) fn check(&self) -> Result<(), String> {
         let name = || format!("light '{}'", self.node);
-        let is_point = matches!(self.kind, LightKind::Point { .. });
+        let has_axis = !matches!(self.kind, LightKind::Point { .. } | LightKind::Sky { .. });
         let is_near = self.position.abs().max_element() <= MAX_COORDINATE;
-        if !is_near || !(is_point || is_unit(self.direction)) {
+        if !is_near || (has_axis && !is_unit(self.direction)) {
             return Err(format!(
                 "{} has a position farther than {MAX_COORDINATE:e} m from the origin, or a direction that is not of unit length",
                 name()
             ));
         }
         let angles = match self.kind {
-            LightKind::Point { .. } | LightKind::Directional { .. } => [0.0; 2],
+            LightKind::Point { .. } | LightKind::Directional { .. } | LightKind::Sky { .. } => [0.0; 2],
             LightKind::Spot { inner, outer, .. } => [inner, outer],
             LightKind::Beam { radius, .. } => [radius, radius],
         };
         if !self.kind.strength().iter().chain(&angles).all(|x| x.is_finite() && *x >= 0.0) || angles[0] > angles[1] {
             return Err(format!("{} has a strength, angle or radius that is negative or not finite", name()));
         }
-        if self.kind.is_sun() && self.kind.strength().iter().any(|&channel| channel > MAX_IRRADIANCE) {
-            return Err(format!("{} has an irradiance above {MAX_IRRADIANCE:e} W/m^2", name()));
+        if self.kind.is_distant() && self.kind.strength().iter().any(|&channel| channel > MAX_DISTANT) {
+            let strength = if self.kind.is_sky() { "a radiance" } else { "an irradiance" };
+            let unit = if self.kind.is_sky() { "W/(m^2 sr)" } else { "W/m^2" };
+            return Err(format!("{} has {strength} above {MAX_DISTANT:e} {unit}", name()));
         }
         if matches!(self.kind, LightKind::Spot { outer, .. } if outer > std::f32::consts::PI) {
             return Err(format!("{} has an outer half angle above pi; angles are in radians", name()));
@@ -79,6 +82,12 @@ pub enum LightKind {
         /// Irradiance in W / m^2 on a surface that faces the light, at most 1e20.
         irradiance: [f32; 3],
     },
+    /// A sky: light from all directions, infinitely far away, so it has no travel time. Only renders without a gate have it. A
+    /// scene has at most one sky.
+    Sky {
+        /// Radiance in W / (m^2 sr), at most 1e20. It multiplies [`super::Scene::sky`], if there is such an image.
+        radiance: [f32; 3],
+    },
 }
 
 impl LightKind {
@@ -88,27 +97,33 @@ impl LightKind {
         LightKind::Spot { intensity, inner: inner.min(0.999 * outer), outer }
     }
 
-    /// Radiant intensity (W / sr), power (W) or irradiance (W / m^2), for red, green and blue.
+    /// Radiant intensity (W / sr), power (W), irradiance (W / m^2) or radiance (W / (m^2 sr)), for red, green and blue.
     pub fn strength(&self) -> [f32; 3] {
         match *self {
             LightKind::Point { intensity } | LightKind::Spot { intensity, .. } => intensity,
             LightKind::Beam { power, .. } => power,
             LightKind::Directional { irradiance } => irradiance,
+            LightKind::Sky { radiance } => radiance,
         }
     }
 
-    /// Whether the light is infinitely far away.
-    pub fn is_sun(&self) -> bool {
-        matches!(self, LightKind::Directional { .. })
+    /// Whether the light is infinitely far away: a sun or a sky.
+    pub fn is_distant(&self) -> bool {
+        matches!(self, LightKind::Directional { .. } | LightKind::Sky { .. })
     }
 
-    /// Radius in metres, around the light's position, of the region where all of its light starts. `None` for a directional
-    /// light, which is infinitely far away.
+    /// Whether the light comes from all directions.
+    pub fn is_sky(&self) -> bool {
+        matches!(self, LightKind::Sky { .. })
+    }
+
+    /// Radius in metres, around the light's position, of the region where all of its light starts. `None` for a light that
+    /// is infinitely far away.
     pub fn radius(&self) -> Option<f64> {
         match *self {
             LightKind::Point { .. } | LightKind::Spot { .. } => Some(0.0),
             LightKind::Beam { radius, .. } => Some(radius.into()),
-            LightKind::Directional { .. } => None,
+            LightKind::Directional { .. } | LightKind::Sky { .. } => None,
         }
     }
 
@@ -126,6 +141,7 @@ impl LightKind {
             LightKind::Directional { irradiance: [r, g, b] } => {
                 format!("directional light (sun), irradiance ({r}, {g}, {b}) W/m^2")
             }
+            LightKind::Sky { radiance: [r, g, b] } => format!("sky, radiance ({r}, {g}, {b}) W/(m^2 sr)"),
         }
     }
 }

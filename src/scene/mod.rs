@@ -11,13 +11,16 @@ pub mod check;
 pub mod gltf;
 mod light;
 mod material;
+mod sky;
 mod tangents;
 
 use glam::{BVec3, DAffine3, DVec3, Vec3};
 
 pub use camera::{Camera, Projection};
+pub(crate) use light::MAX_DISTANT;
 pub use light::{Light, LightKind};
 pub use material::{AlphaMode, Material};
+pub use sky::SkyImage;
 
 /// A loaded scene. Lengths are in metres; transforms stay in f64 until the renderer moves the origin to the sensor.
 #[derive(Debug, Clone, Default)]
@@ -36,6 +39,8 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Punctual lights and beams; emissive meshes are found through `materials`.
     pub lights: Vec<Light>,
+    /// The image of the sky, if one of the lights is a [`LightKind::Sky`] that is not the same in all directions.
+    pub sky: Option<SkyImage>,
     /// Features of the file that taugate does not support, one sentence each, in the order of the file.
     pub warnings: Vec<String>,
 }

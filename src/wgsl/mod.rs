@@ -46,6 +46,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/scene",
     "shared/segment",
     "shared/shade_point",
+    "shared/sky",
     "shared/slots",
     "shared/sobol",
     "shared/surface",

@@ -16,6 +16,7 @@ mod regressions;
 mod rough_glass;
 mod sampling;
 mod shared_scenes;
+mod sky;
 mod sphere;
 mod strategies;
 mod sun;

@@ -24,6 +24,7 @@ mod receiver;
 mod rough_glass;
 mod scatter;
 mod shell_edge;
+mod sky;
 mod sobol;
 mod texels;
 mod texture;

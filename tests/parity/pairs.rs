@@ -110,7 +110,7 @@ fn exact(q: &PathVertex, v: &PathVertex) -> (DVec3, f64) {
 struct Bench {
     device: Device,
     scene: Vec<Contents>,
-    constants: [(&'static str, f64); 5],
+    constants: [(&'static str, f64); 6],
 }
 
 impl Bench {
@@ -122,7 +122,7 @@ impl Bench {
         stage::add(&mut scene, "far", number, far);
         let glossy = f64::from(u8::from(glossy));
         let mut scene = buffers(&scene, DVec3::ZERO);
-        scene.push(contents("albedo_table", &AlbedoTable::new().values));
+        scene.extend([contents("albedo_table", &AlbedoTable::new().values), contents("sky", &[0u32; 4])]);
         Bench {
             device: Device::open(None).unwrap_or_else(|e| panic!("these tests need a Vulkan device: {e}")),
             scene,
@@ -131,6 +131,7 @@ impl Bench {
                 ("HAS_ALPHA", 0.0),
                 ("HAS_GLOSSY", glossy),
                 ("HAS_TRANSMISSION", glossy),
+                ("HAS_SKY", 0.0),
                 ("ESTIMATOR", ESTIMATOR_LCS_PAPER.into()),
             ],
         }

@@ -54,6 +54,7 @@ struct Connected {
 pub fn buffers() -> Vec<Contents> {
     let mut all: Vec<Contents> = set().buffers().into();
     all.extend([contents("textures", &[0u32; 4]), contents("texels", &[0u32]), contents("emitters", &[0u32; 16])]);
+    all.push(contents("sky", &[0u32; 4]));
     all.push(frame(|_| ()));
     all
 }

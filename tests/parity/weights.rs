@@ -9,7 +9,7 @@ use taugate::internals::generate::numbers::Pcg;
 
 use crate::materials::set;
 use crate::scatter::buffers;
-use crate::shader_function::ShaderFunction;
+use crate::shader_function::{ShaderFunction, contents};
 use crate::values::{direction, frame, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&WEIGHTS];
@@ -22,7 +22,8 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
     input: "place: array<vec4<f32>, 6>, geometric: array<vec4<f32>, 6>, normal: array<vec4<f32>, 6>, segments: u32, kind: u32,
         density: f32, select_pdf: f32",
     result: "weights: array<f32, 8>",
-    body: "var path = input; let k = path.segments; let beam = path.kind >= 4u; let area = path.kind <= 1u;
+    body: "var path = input; let k = path.segments; let beam = path.kind == 4u || path.kind == 5u;
+        let area = path.kind <= 1u; let from_sky = path.kind == 6u;
         var lights: array<PathVertex, 6>; var sensors: array<PathVertex, 6>;
         for (var i = 0u; i < 8u; i++) { result.weights[i] = -1.0; }
 
@@ -30,13 +31,18 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
         var e: Emission; e.vertex.position = path.place[0].xyz; e.vertex.geometric = path.geometric[0].xyz;
         e.vertex.select_pdf = path.select_pdf; e.vertex.flags = VERTEX_EMITTER | VERTEX_VALID | select(VERTEX_DETERMINISTIC, 0u, area); e.vertex.eta = 1.0;
         e.vertex.material = path.kind; e.density = path.density; e.stored = area; e.beam = beam;
+        e.sky = from_sky; e.parallel = from_sky; if (from_sky) { e.vertex.select_pdf = load_sky().select_pdf; }
         var light: PathState; light.position = path.place[0].xyz; light.eta = 1.0;
         if (k > 1u) { light.direction = normalize(path.place[1].xyz - path.place[0].xyz); }
         e.direction = light.direction;
-        if (!beam) { e.pdf_direction = emitter_profile(e.vertex, e.direction).y; start_light_sums(&light, e); }
+        if (!beam) {
+            e.pdf_direction = select(emitter_profile(e.vertex, e.direction).y, load_sky().disk_pdf, from_sky);
+            start_light_sums(&light, e);
+        }
+        light.flags = select(0u, PATH_PARALLEL, from_sky);
         if (area) { e.vertex.d_vcm = emitter_point_sum(e.density); e.vertex.select_pdf = 1.0; }
         e.vertex.flags |= u32(area) << VERTEX_RANDOM_SHIFT; lights[0] = e.vertex;
-        var deterministic = path.kind == 5u; var random = u32(area);
+        var deterministic = path.kind == 5u; var random = select(u32(area), 2u, from_sky);
         for (var i = 1u; i < k; i++) {
             var surface: Surface; surface.position = path.place[i].xyz; surface.geometric = path.geometric[i].xyz;
             surface.normal = path.normal[i].xyz; surface.material = bitcast<u32>(path.normal[i].w);
@@ -61,6 +67,10 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
         start_sensor_sums(&sensor, dot(sensor.direction, frame.forward));
         for (var n = 0u; n < k; n++) {
             let j = k - 1u - n;
+            if (from_sky && j == 0u) {
+                if (frame.keep_s0 > 0.0) { result.weights[0] = sky_escape_weight(sensor, k, path.density); }
+                break;
+            }
             var surface: Surface; surface.position = path.place[j].xyz; surface.geometric = path.geometric[j].xyz;
             surface.normal = path.normal[j].xyz; surface.material = bitcast<u32>(path.normal[j].w);
             var q = arrive(&sensor, surface);
@@ -87,6 +97,9 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
                 let offset = v.position - q.position; let w = normalize(offset);
                 result.weights[s] = connection_weight(q, v, evaluate_shade_point(q, w), evaluate_light_vertex(v, -w),
                     dot(offset, offset));
+                if (from_sky && s == 1u) {
+                    result.weights[s] = sky_connection_weight(q, evaluate_shade_point(q, w), path.density);
+                }
             }
         }
         if (k > 1u && frame.keep_t1 > 0.0 && is_connectible(lights[k - 1u])) {
@@ -109,8 +122,8 @@ struct Path {
     select_pdf: f32,
 }
 
-/// Kinds of emitters: a surface that emits on one side or on both, a point, a beam with a radius and a beam without one.
-const KINDS: [u32; 5] = [0, 1, 2, 4, 5];
+/// Kinds of emitters: a surface that emits on one side or on both, a point, a beam with a radius and a beam without one, the sky.
+const KINDS: [u32; 6] = [0, 1, 2, 4, 5, 6];
 
 /// A random path. Both neighbours of every vertex are in front of its surface. Shading normals differ from the geometric
 /// ones, and a quarter of the vertices are mirrors.
@@ -164,6 +177,7 @@ fn weights(kept: [f32; 3], sample_count: f32, orthographic: bool, paths: &[Path]
         f.query_sample_count = sample_count;
         [f.keep_s0, f.keep_t1, f.keep_s2] = [kept[0] / sample_count.powi(2), kept[1] / sample_count.powi(2), kept[2]];
     })];
+    all.push(contents("sky", &[1u32, 1, 0.3f32.to_bits(), 0.7f32.to_bits()]));
     all.extend(buffers());
     WEIGHTS.compile(&[("HAS_ORTHOGRAPHIC", f64::from(u8::from(orthographic)))]).run(paths, &all)
 }

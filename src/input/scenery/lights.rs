@@ -78,7 +78,7 @@ fn is_bright(rgb: [f32; 3]) -> bool {
 /// Whether a light of the scene, other than a surface, emits light that can be rendered. With a gate, directional lights cannot
 /// be rendered.
 fn has_lamp(scene: &Scene, is_steady: bool) -> bool {
-    scene.lights.iter().any(|light| (is_steady || !light.kind.is_sun()) && is_bright(light.kind.strength()))
+    scene.lights.iter().any(|light| (is_steady || !light.kind.is_distant()) && is_bright(light.kind.strength()))
 }
 
 fn has_bright_surface(scene: &Scene) -> bool {

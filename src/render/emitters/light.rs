@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::luminance;
 use crate::render::space::RenderSpace;
-use crate::scene::{Light, LightKind};
+use crate::scene::{Light, LightKind, SkyImage};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Emitter, PathVertex};
 
@@ -39,8 +39,8 @@ pub struct LightRecord {
 }
 
 impl LightRecord {
-    /// `around`: a sphere that contains the scene. The light of a sun starts beside it.
-    pub fn new(light: &Light, space: &RenderSpace, around: &Sphere) -> LightRecord {
+    /// `around`: a sphere that contains the scene. The light of a sun or a sky starts beside it. `sky`: the image of the sky.
+    pub fn new(light: &Light, sky: &SkyImage, space: &RenderSpace, around: &Sphere) -> LightRecord {
         let position = space.point(light.position);
         let placed = Emitter {
             position: position.into(),
@@ -56,6 +56,7 @@ impl LightRecord {
             }
             LightKind::Beam { power, radius } => beam(placed, on_device(power), space.length(radius.into()) as f32),
             LightKind::Directional { irradiance } => sun(light.direction, irradiance, around),
+            LightKind::Sky { radiance } => self::sky(sky, radiance, around),
         }
     }
 }
@@ -89,9 +90,7 @@ fn beam(placed: Emitter, power: [f32; 3], radius: f32) -> LightRecord {
 /// A light at infinity. Its light vertex is a far point, whose intensity gives the scene the right irradiance. Its light subpaths
 /// start on a disk that is perpendicular to `direction` and whose shadow covers the scene.
 fn sun(direction: DVec3, irradiance: [f32; 3], around: &Sphere) -> LightRecord {
-    // Beyond the sphere by a little, so that no surface touches the disk.
-    let radius = 1.001 * f64::from(around.radius);
-    let area = PI * radius * radius;
+    let (radius, area) = disk(around);
     let from = |distance: f64| (around.centre.as_dvec3() - direction * distance).as_vec3().to_array();
     let times = |factor: f64| irradiance.map(|channel| (f64::from(channel) * factor) as f32);
     let entry = Emitter {
@@ -107,6 +106,23 @@ fn sun(direction: DVec3, irradiance: [f32; 3], around: &Sphere) -> LightRecord {
     let flux = luminance(irradiance) * area;
     let LightRecord { vertex, .. } = punctual(far, EMIT_SUN, flux);
     LightRecord { entry, flux, position: entry.position.into(), radius: radius as f32, vertex, is_thin: false }
+}
+
+/// A sky. Its light subpaths start on disks beside the scene, one for each direction.
+fn sky(image: &SkyImage, radiance: [f32; 3], around: &Sphere) -> LightRecord {
+    let (radius, area) = disk(around);
+    let position = around.centre.to_array();
+    let entry = Emitter { kind: EMITTER_SKY, position, outer: radius as f32, ..bytemuck::Zeroable::zeroed() };
+    let integral = image.integral();
+    let flux = luminance([0, 1, 2].map(|k| (integral[k] * f64::from(radiance[k])) as f32)) * area;
+    LightRecord { entry, flux, position: around.centre, radius: radius as f32, vertex: None, is_thin: false }
+}
+
+/// Radius and area of the disks on which light from infinitely far away starts. They are a little larger than the sphere, so that
+/// no surface touches them.
+fn disk(around: &Sphere) -> (f64, f64) {
+    let radius = 1.001 * f64::from(around.radius);
+    (radius, PI * radius * radius)
 }
 
 /// A punctual light. Its light vertex has depth 0 (s = 1) and the emission profile `profile`.
@@ -138,7 +154,7 @@ mod tests {
     fn record(kind: LightKind) -> LightRecord {
         let light = Light { node: "light".into(), position: DVec3::splat(2.0), direction: DVec3::NEG_Z, kind };
         let around = Sphere { centre: Vec3::X, radius: 0.5 };
-        LightRecord::new(&light, &RenderSpace { origin: DVec3::ZERO, unit: 2.0 }, &around)
+        LightRecord::new(&light, &SkyImage::constant(), &RenderSpace { origin: DVec3::ZERO, unit: 2.0 }, &around)
     }
 
     /// The facts about each kind in `scene::LightKind` agree with the record for the device.

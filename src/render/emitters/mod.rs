@@ -2,18 +2,22 @@
 
 mod alias;
 mod light;
+mod sky;
 mod triangle;
 
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 
 use glam::Vec3;
 
 use super::geometry::Geometry;
 use super::space::RenderSpace;
-use crate::scene::Scene;
+use crate::scene::{Light, Scene, SkyImage};
 use crate::settings::Emitters;
+use crate::wgsl::layout::constants::EMITTER_SKY;
 use crate::wgsl::layout::{Emitter, PathVertex};
 use light::{LightRecord, Sphere};
+pub use sky::table as sky_table;
 
 /// The emitters in the layout that the kernels read.
 pub struct EmitterSet {
@@ -30,9 +34,11 @@ pub struct EmitterSet {
     pub lights: Vec<(Vec3, f32)>,
     /// Number of beams of zero radius: all subpaths of such a beam begin with the same ray.
     pub thin_beams: u32,
-    /// Whether a light is infinitely far away, so that its light is parallel and has no travel time.
-    pub has_sun: bool,
-    /// Luminance-weighted power in W of every node that emits, by node name. A sun has none.
+    /// Whether a light is infinitely far away, so that its light has no travel time.
+    pub has_distant: bool,
+    /// The sky for the kernels (`shaders/shared/sky.wgsl`); empty if there is none.
+    pub sky: Vec<[u32; 4]>,
+    /// Luminance-weighted power in W of every node that emits, by node name. A sun or a sky has none.
     pub powers: BTreeMap<String, f64>,
 }
 
@@ -53,7 +59,8 @@ impl EmitterSet {
             triangles: vec![],
             lights: vec![],
             thin_beams: 0,
-            has_sun: false,
+            has_distant: false,
+            sky: vec![],
             powers: BTreeMap::new(),
         };
         let mut weights = vec![];
@@ -69,6 +76,15 @@ impl EmitterSet {
         for vertex in &mut set.deterministic {
             vertex.select_pdf = set.table[vertex.owner as usize].select_pdf;
         }
+        let shines = |light: &&Light| selected.include(&light.node);
+        if let Some(entry) = set.table.iter().find(|entry| entry.kind == EMITTER_SKY)
+            && let Some(light) = scene.lights.iter().filter(shines).find(|light| light.kind.is_sky())
+        {
+            let disk_pdf = 1.0 / (PI * f64::from(entry.outer).powi(2));
+            let constant = SkyImage::constant();
+            let image = scene.sky.as_ref().unwrap_or(&constant);
+            set.sky = sky::table(image, light.kind.strength(), entry.select_pdf, disk_pdf as f32);
+        }
         alias::fill(&mut set.table, &weights, total);
         for power in set.powers.values_mut() {
             *power *= space.unit * space.unit;
@@ -81,9 +97,9 @@ impl EmitterSet {
         !self.triangles.is_empty()
     }
 
-    /// Whether the points of at least one emitter can be connected to shade points. Points of beams cannot.
+    /// Whether at least one emitter can be connected to shade points. Points of beams cannot.
     pub fn has_connectable(&self) -> bool {
-        self.has_area() || !self.deterministic.is_empty()
+        self.has_area() || !self.deterministic.is_empty() || !self.sky.is_empty()
     }
 
     /// Adds the emissive triangles, weighted by flux. Returns the flux per area of each material.
@@ -112,19 +128,21 @@ impl EmitterSet {
         weights: &mut Vec<f64>,
     ) {
         let lights = || scene.lights.iter().filter(|light| selected.include(&light.node));
-        let around = match lights().any(|light| light.kind.is_sun()) {
+        let around = match lights().any(|light| light.kind.is_distant()) {
             true => sphere_around(geometry),
             false => Sphere { centre: Vec3::ZERO, radius: 0.0 },
         };
-        let records = lights().map(|light| (light, LightRecord::new(light, space, &around)));
+        let constant = SkyImage::constant();
+        let sky = scene.sky.as_ref().unwrap_or(&constant);
+        let records = lights().map(|light| (light, LightRecord::new(light, sky, space, &around)));
         let emitting = records.filter(|(_, record)| record.flux > 0.0);
         let (thin, others): (Vec<_>, Vec<_>) = emitting.partition(|(_, record)| record.is_thin);
         self.thin_beams = thin.len() as u32;
         for (light, record) in others.into_iter().chain(thin) {
             self.enclose(record.position, record.radius);
             self.lights.push((record.position, record.radius));
-            match light.kind.is_sun() {
-                true => self.has_sun = true,
+            match light.kind.is_distant() {
+                true => self.has_distant = true,
                 false => self.add_power(&light.node, record.flux),
             }
             let owner = self.table.len() as u32;

@@ -14,8 +14,8 @@ pub struct SensorContribution {
     pub pixel: u32,
     /// Number of vertices of the sensor subpath, the one on the sensor included.
     pub t: u32,
-    /// Index in the pool of the connected light vertex; `None` if the subpath hit an emitter.
-    pub vertex: Option<usize>,
+    /// Index in the pool of the connected light vertex, or SKY_VERTEX; `None` if the subpath hit an emitter or left the scene.
+    pub vertex: Option<u32>,
 }
 
 impl SensorTracer {
@@ -59,7 +59,7 @@ impl SensorTracer {
         let counters = self.read_counters(&mut Stats::default())?;
         let length = |list: u32| counters[list as usize] as usize;
         let parity = bounce as usize % 2;
-        let seen = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<usize>| {
+        let seen = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<u32>| {
             let pixel = tiles::crop_pixel(plan.crop, tile[path as usize][0]);
             SensorContribution { rgb: [r, g, b], tau_or_weight, pixel, t: bounce + 2, vertex }
         };
@@ -84,7 +84,7 @@ impl SensorTracer {
         })?;
         b.candidates.with::<Candidate, _>(entries, |candidates| {
             for (slot, c) in live {
-                let vertex = candidates[slot as usize].vertex as usize;
+                let vertex = candidates[slot as usize].vertex;
                 visit(seen(c, shade_list[(slot / self.slots) as usize], Some(vertex)));
             }
         })?;
