@@ -409,9 +409,9 @@ fn surfaces_that_are_black_from_behind_are_named() {
     assert_eq!(info(here.path(), &["--resolution", "64x64"])["render"]["black_backs"], 0.0);
 }
 
-/// The light of a sun has no travel time, so the report suggests no gate for it.
+/// The light of suns and skies has no travel time, so the report suggests no gate for it.
 #[test]
-fn info_lists_a_sun_and_suggests_no_gate_for_it() {
+fn info_lists_suns_and_skies_and_suggests_no_gate_for_them() {
     let mut scene = build(Kind::CornellBox);
     let kind = taugate::internals::scene::LightKind::Directional { irradiance: [3.0, 2.0, 1.0] };
     scene.add_light("sun", glam::DVec3::ZERO, glam::DVec3::NEG_Z, kind);
@@ -431,10 +431,11 @@ fn info_lists_a_sun_and_suggests_no_gate_for_it() {
     let alone = info(here.path(), &[&small[..], &["--emitters", "sun"]].concat());
     assert!(alone["render"]["possible"].is_null() && alone["render"]["light"].is_null(), "{alone}");
     assert!(alone["notes"][0].as_str().unwrap().contains("no travel time"), "{alone}");
-    refused(
-        here.path(),
-        &["--emitters", "sun", "--gate", "1m..2m"],
-        2,
-        &["'sun' is infinitely far away", "from light"],
-    );
+    for node in ["sun", "sky"] {
+        let flags = ["--sky", "1", "--emitters", node, "--gate", "1m..2m"];
+        refused(here.path(), &flags, 2, &[&format!("'{node}' is infinitely far away"), "from light"]);
+    }
+    let sky = info(here.path(), &[&small[..], &["--sky", "2", "--sky-scale", "0.5", "--emitters", "sky"]].concat());
+    let kind = sky["emitters"][1]["kind"].as_str().unwrap();
+    assert!(kind.contains("(3.1416, 3.1416, 3.1416) W/m^2") && sky["render"]["light"].is_null(), "{sky}");
 }

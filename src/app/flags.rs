@@ -8,7 +8,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 18] = [
+const INFO_SETTINGS: [&str; 20] = [
     "camera",
     "look-from",
     "look-at",
@@ -22,6 +22,8 @@ const INFO_SETTINGS: [&str; 18] = [
     "headlamp",
     "headlamp-offset",
     "lamp",
+    "sky",
+    "sky-scale",
     "double-sided",
     "allow-path",
     "max-depth",

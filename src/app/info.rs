@@ -15,7 +15,7 @@ use taugate::internals::input::scenery;
 use taugate::internals::render::{
     BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, probe,
 };
-use taugate::internals::scene::{Light as SceneLight, Projection, Scene};
+use taugate::internals::scene::{Light as SceneLight, Projection, Scene, SkyImage};
 use taugate::internals::settings::units::METRES_PER_NS;
 use taugate::internals::settings::{Crop, Settings};
 
@@ -67,7 +67,7 @@ struct Camera {
 struct Emitter {
     node: String,
     kind: String,
-    /// Luminance-weighted power in W. None for a directional light, whose irradiance is in `kind`, for an emitter that --emitters leaves out, and if the
+    /// Luminance-weighted power in W. None for a sun or a sky, whose irradiance is in `kind`, for an emitter that --emitters leaves out, and if the
     /// scene cannot be prepared.
     watts: Option<f64>,
 }
@@ -140,7 +140,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     map::check(&args.map)?;
     let mut experiment = args.experiment();
     let allowed = experiment.input.allowed();
-    render::check_inputs(args.map.iter(), &args.scene, &allowed)?;
+    render::check_inputs(args.map.iter(), &args.scene, &experiment)?;
     let mut scene = taugate::internals::scene::gltf::load_with(&args.scene, &allowed)?;
     let notes = scenery::apply(&mut experiment, &mut scene)?;
     let mut report = contents(&scene);
@@ -178,7 +178,7 @@ fn contents(scene: &Scene) -> Report {
     let lights: HashMap<&str, &SceneLight> = scene.lights.iter().rev().map(|l| (l.node.as_str(), l)).collect();
     let emitters = emitting_nodes(scene).into_iter().map(|node| Emitter {
         node: node.into(),
-        kind: lights.get(node).map_or("emissive mesh".into(), |light| light.kind.describe()),
+        kind: lights.get(node).map_or("emissive mesh".into(), |light| describe(light, scene)),
         watts: None,
     });
     let cameras = scene.cameras.iter().map(|camera| {
@@ -208,6 +208,20 @@ fn contents(scene: &Scene) -> Report {
     }
 }
 
+/// What `light` is. For a sky this includes the irradiance on a floor from which all of its upper half is visible.
+fn describe(light: &SceneLight, scene: &Scene) -> String {
+    if !light.kind.is_sky() {
+        return light.kind.describe();
+    }
+    let constant = SkyImage::constant();
+    let irradiance = scene.sky.as_ref().unwrap_or(&constant).irradiance_from_above();
+    let strength = light.kind.strength();
+    let [r, g, b] = [0, 1, 2].map(|k| irradiance[k] * f64::from(strength[k]));
+    let image = scene.sky.as_ref().map(|sky| format!(", image of {}x{} pixels", sky.width, sky.height));
+    let image = image.unwrap_or_default();
+    format!("{}{image}, irradiance ({r:.4}, {g:.4}, {b:.4}) W/m^2 on an open floor", light.kind.describe())
+}
+
 /// Adds the part that depends on the settings. A device that the user named but that cannot be opened is an error. If no
 /// device at all can be opened, the report gets a note instead of travel times, unless --pixel or --map needs the device.
 fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &InfoArgs) -> anyhow::Result<()> {
@@ -235,7 +249,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
     };
     let info = opened.as_ref().ok().map(Device::info);
     let plan = MemoryPlan::new(scene, settings, &prepared, info)?;
-    // The light of a sun has no travel time, so travel times are those of the other lights.
+    // The light of suns and of the sky has no travel time, so travel times are those of the other lights.
     let others = if prepared.has_distant() { PreparedScene::without_distant(scene, part) } else { None };
     let timed = match &others {
         Some((part, prepared)) => Some((part, prepared)),

@@ -18,6 +18,7 @@ use taugate::internals::render::schedule::next_samples;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers};
 use taugate::internals::scene::gltf;
 use taugate::internals::settings::aov::Aov;
+use taugate::internals::settings::sky::Sky;
 use taugate::internals::settings::{Budget, Settings};
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
@@ -44,7 +45,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     if !print_config {
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
-        check_inputs(files(&outputs), &scene_path, &allowed)?;
+        check_inputs(files(&outputs), &scene_path, &experiment)?;
     }
     // There is no result to keep yet.
     interrupts.end_the_process_at(Interrupt::First);
@@ -198,13 +199,23 @@ fn check_outputs(outputs: &Outputs) -> Result<()> {
     }
 }
 
-/// Refuses outputs that would overwrite a file of the scene, such as a texture. `allowed` is that of [`gltf::load_with`].
-pub fn check_inputs<'a>(outputs: impl Iterator<Item = &'a PathBuf>, scene: &Path, allowed: &[PathBuf]) -> Result<()> {
+/// Refuses outputs that would overwrite a file that is read: of the scene, such as a texture, or the image of the sky.
+pub fn check_inputs<'a>(
+    outputs: impl Iterator<Item = &'a PathBuf>,
+    scene: &Path,
+    experiment: &Experiment,
+) -> Result<()> {
     let existing: Vec<_> = outputs.filter(|path| path.exists()).collect();
     if existing.is_empty() {
         return Ok(());
     }
-    let inputs = gltf::paths(scene, allowed);
+    if let Some(Sky::Image(sky)) = &experiment.emitter.sky
+        && let Some(output) = existing.iter().find(|output| lies_in(output, sky))
+    {
+        let message = "is the image of --sky; choose another name".into();
+        return Err(Error::File { path: output.to_path_buf(), message });
+    }
+    let inputs = gltf::paths(scene, &experiment.input.allowed());
     match existing.into_iter().find(|output| inputs.iter().any(|input| lies_in(output, input))) {
         Some(output) => {
             let message = format!("is a file that the scene {} reads; choose another name", scene.display());

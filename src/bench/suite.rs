@@ -297,6 +297,7 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
             headlamp: table.headlamp,
             headlamp_offset: table.headlamp_offset,
             lamp: table.lamp,
+            ..EmitterTable::default()
         },
         light: table.light,
         gate: GateTable { gate, ..GateTable::default() },

@@ -83,7 +83,9 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         return Err(unfit("has no camera; add one with --camera auto or --look-from X,Y,Z"));
     }
     if emitting_nodes(scene).is_empty() {
-        return Err(unfit("has nothing that emits light; add a light with --headlamp or --lamp X,Y,Z,INTENSITY"));
+        return Err(unfit(
+            "has nothing that emits light; add a light with --headlamp, --lamp X,Y,Z,INTENSITY or --sky RADIANCE",
+        ));
     }
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
@@ -203,7 +205,7 @@ pub fn emitting_nodes(scene: &Scene) -> Vec<&str> {
     lights.chain(meshes).filter(|node| seen.insert(*node)).collect()
 }
 
-/// The nodes that emit. A gated render leaves out directional lights, with a warning, because their light has no travel time.
+/// The nodes that emit. A gated render leaves out suns and the sky, with a warning, because their light has no travel time.
 fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate, warnings: &mut Vec<String>) -> Result<Emitters> {
     let candidates = emitting_nodes(scene);
     let emitters = table.emitters.clone().unwrap_or(Emitters::Scene);
@@ -217,21 +219,21 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate, warnings: &mut Vec
         Emitters::Nodes(names) => Emitters::Nodes(whole_names(&names, &candidates).map_err(|unknown| {
             let candidates = list(&candidates);
             settings(format!(
-                "no node '{unknown}' emits light; --emitters may name {candidates} (--headlamp and --lamp add lights)"
+                "no node '{unknown}' emits light; --emitters may name {candidates} (--headlamp, --lamp and --sky add lights)"
             ))
         })?),
     };
 
-    let suns: HashSet<&str> =
+    let distant: HashSet<&str> =
         scene.lights.iter().filter(|light| light.kind.is_distant()).map(|light| light.node.as_str()).collect();
-    let is_distant = |node: &&str| suns.contains(*node);
-    let (suns, others): (Vec<&str>, Vec<&str>) =
+    let is_distant = |node: &&str| distant.contains(*node);
+    let (distant, others): (Vec<&str>, Vec<&str>) =
         candidates.iter().filter(|node| emitters.include(node)).partition(|n| is_distant(n));
-    let (false, Some(sun)) = (gate.is_open(), suns.first()) else { return Ok(emitters) };
+    let (false, Some(first)) = (gate.is_open(), distant.first()) else { return Ok(emitters) };
     if !others.is_empty() {
         warnings.push(format!(
-            "directional lights are infinitely far away and have no travel time, so this gated render leaves out {}",
-            list(&suns)
+            "suns and the sky are infinitely far away and have no travel time, so this gated render leaves out {}",
+            list(&distant)
         ));
         return Ok(Emitters::Nodes(others.into_iter().map(String::from).collect()));
     }
@@ -241,8 +243,7 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate, warnings: &mut Vec
         _ => format!("choose other lights with --emitters from {}", list(&positioned)),
     };
     Err(settings(format!(
-        "the directional light '{sun}' is infinitely far away, so its light has no travel time to gate; render without a gate, or \
-         {remedy}"
+        "the light '{first}' is infinitely far away, so its light has no travel time to gate; render without a gate, or {remedy}"
     )))
 }
 

@@ -15,6 +15,8 @@ mod responses;
 #[allow(missing_docs)]
 pub mod setting;
 #[allow(missing_docs)]
+pub mod sky;
+#[allow(missing_docs)]
 pub mod table;
 pub mod units;
 #[allow(missing_docs)]

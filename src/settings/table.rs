@@ -11,6 +11,7 @@ use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
+use crate::settings::sky::{Sky, SkyScale};
 use crate::settings::units::{Depth, Gate};
 use crate::settings::values::{Folders, Png, Resolution, Seconds};
 use crate::settings::*;
@@ -79,6 +80,13 @@ table! {
 
         /// Add a point light at X,Y,Z (metres) with this intensity in W/sr, called lamp-1, lamp-2, ...; may be repeated
         lamp: Lamps, Setting::scene("lamp", "X,Y,Z,INTENSITY").form(Form::SignedRepeated);
+
+        /// Add light from all directions, called sky: its radiance in W/(m^2 sr), as one number or R,G,B, or the file of an
+        /// equirectangular image (.exr) with +Y up; gated renders leave it out, because it has no travel time
+        sky: Sky, Setting::scene("sky", "RADIANCE|FILE.exr").form(Form::Signed);
+
+        /// Factor on the radiance of --sky [default: 1]
+        sky_scale: SkyScale, Setting::scene("sky-scale", "FACTOR").form(Form::Signed);
     }
 }
 

@@ -111,7 +111,7 @@ fn a_scene_without_camera_and_light_is_completed() {
         here.path(),
         &["render", "dark.glb", "-o", "x.exr", "--emitters", "sun"],
         2,
-        "(--headlamp and --lamp add lights)",
+        "(--headlamp, --lamp and --sky add lights)",
     );
 }
 

@@ -1,19 +1,25 @@
-//! The lights: `--headlamp`, `--lamp` and `[[light]]`.
+//! The lights: `--headlamp`, `--lamp`, `--sky` and `[[light]]`.
 
 use std::f64::consts::PI;
+use std::path::Path;
 
 use glam::DVec3;
 
 use super::camera::centre;
 use crate::error::{Error, Result};
+use crate::image::exr_file::read_picture;
 use crate::input::experiment::Experiment;
 use crate::input::resolve::chosen_gate;
-use crate::scene::{Light, LightKind, Scene};
+use crate::scene::{Light, LightKind, Scene, SkyImage};
 use crate::settings::numbers::{Headlamp, Numbers};
+use crate::settings::sky::{Sky, SkyScale};
+use crate::settings::table::EmitterTable;
 use crate::settings::units::number;
 
 /// Name of the point light at the camera.
 const HEADLAMP: &str = "headlamp";
+/// Name of the sky.
+const SKY: &str = "sky";
 /// Minimum distance for the automatic intensity of the headlamp, relative to the diagonal of the scene. It matters for a camera
 /// inside the scene.
 const MIN_DISTANCE: f64 = 0.25;
@@ -35,6 +41,8 @@ pub(super) fn apply(
         lamp.check().map_err(|message| Error::Settings(format!("--lamp: {message}")))?;
         scene.lights.push(lamp);
     }
+
+    add_sky(&experiment.emitter, scene)?;
 
     let table = &mut experiment.emitter;
     let wanted = table.headlamp.is_some() || table.headlamp_offset.is_some();
@@ -67,6 +75,42 @@ pub(super) fn apply(
     Ok(())
 }
 
+/// Adds the sky of `--sky`, and reads its image.
+fn add_sky(table: &EmitterTable, scene: &mut Scene) -> Result<()> {
+    let scale = match (&table.sky, table.sky_scale) {
+        (None, None) => return Ok(()),
+        (None, Some(_)) => return Err(Error::Settings("--sky-scale is for the sky: add --sky".into())),
+        (Some(_), scale) => scale.map_or(1.0, |SkyScale(factor)| factor),
+    };
+    let radiance = match &table.sky {
+        Some(Sky::Radiance(rgb)) => rgb.map(|channel| (channel * scale) as f32),
+        Some(Sky::Image(path)) => {
+            scene.sky = Some(read_sky(path, scale as f32)?);
+            [scale as f32; 3]
+        }
+        None => return Ok(()),
+    };
+    let kind = LightKind::Sky { radiance };
+    let light = Light { node: SKY.into(), position: DVec3::ZERO, direction: DVec3::NEG_Y, kind };
+    light.check().map_err(|message| Error::Settings(format!("--sky: {message}")))?;
+    scene.lights.push(light);
+    Ok(())
+}
+
+/// Reads an equirectangular EXR image. Fails if a value is negative, not finite, or too large after it is multiplied by `scale`, or
+/// if the image is black.
+fn read_sky(path: &Path, scale: f32) -> Result<SkyImage> {
+    let fail = |message: String| Error::File { path: path.into(), message };
+    let picture = read_picture(path)?;
+    let rgb = picture.rgb.as_chunks::<3>().0.to_vec();
+    let sky = SkyImage { width: picture.width, height: picture.height, rgb };
+    sky.check(scale).map_err(|message| fail(format!("{message}; correct the image")))?;
+    match sky.rgb.iter().any(|&texel| is_bright(texel)) {
+        true => Ok(sky),
+        false => Err(fail("is black, so this sky has no light; choose another image".into())),
+    }
+}
+
 fn point(node: String, position: DVec3, intensity: f64) -> Light {
     Light { node, position, direction: DVec3::NEG_Z, kind: LightKind::Point { intensity: [intensity as f32; 3] } }
 }
@@ -75,8 +119,8 @@ fn is_bright(rgb: [f32; 3]) -> bool {
     rgb.iter().any(|&channel| channel > 0.0)
 }
 
-/// Whether a light of the scene, other than a surface, emits light that can be rendered. With a gate, directional lights cannot
-/// be rendered.
+/// Whether a light of the scene, other than a surface, emits light that can be rendered. With a gate, suns and skies cannot be
+/// rendered.
 fn has_lamp(scene: &Scene, is_steady: bool) -> bool {
     scene.lights.iter().any(|light| (is_steady || !light.kind.is_distant()) && is_bright(light.kind.strength()))
 }

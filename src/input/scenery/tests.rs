@@ -184,6 +184,42 @@ fn lamps_are_added_to_those_of_the_scene() {
     assert_eq!(applied("emitter.headlamp-offset = [0, 1, 0]", staged()).0.lights.len(), 2);
 }
 
+/// A sky is a light, so it makes a headlamp unnecessary, except with a gate, where it cannot be rendered.
+#[test]
+fn a_sky_is_added_to_the_lights_of_the_scene() {
+    let (scene, _, notes) = applied("emitter = { sky = 2, sky-scale = 3 }", block());
+    assert!(scene.lights.len() == 1 && notes.len() == 1 && notes[0].contains("no camera"), "{notes:?}");
+    assert_eq!(scene.lights[0].kind, LightKind::Sky { radiance: [6.0; 3] });
+    assert_eq!((scene.lights[0].node.as_str(), &scene.sky), ("sky", &None));
+    let (scene, _, _) = applied("emitter.sky = 2\ngate.gate = '1m..2m'", block());
+    assert_eq!(scene.lights[1].node, "headlamp");
+}
+
+#[test]
+fn the_image_of_a_sky_is_read_and_checked() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("sky.exr");
+    let toml = format!("emitter = {{ sky = '{}', sky-scale = 2 }}", file.display());
+    let with = |rgb: [f32; 6]| {
+        crate::image::exr_file::write_plain(&file, 2, 1, &rgb).unwrap();
+        let mut scene = block();
+        apply(&mut experiment(&toml), &mut scene).map(|_| scene).map_err(|e| e.to_string())
+    };
+    let scene = with([1.0, 2.0, 3.0, 4.0, 0.0, 0.0]).unwrap();
+    let sky = scene.sky.unwrap();
+    assert_eq!((sky.width, sky.height, &sky.rgb[..]), (2, 1, &[[1.0, 2.0, 3.0], [4.0, 0.0, 0.0]][..]));
+    assert_eq!(scene.lights[0].kind, LightKind::Sky { radiance: [2.0; 3] });
+    for (bad, part) in [
+        ([0.0; 6], "is black"),
+        ([1.0, 1.0, 1.0, 1.0, -1.0, 1.0], "negative or not finite at column 1, row 0"),
+        ([1.0, f32::INFINITY, 1.0, 1.0, 1.0, 1.0], "negative or not finite at column 0, row 0"),
+        ([1e20, 1.0, 1.0, 1.0, 1.0, 1.0], "above 1e20"),
+    ] {
+        let message = with(bad).expect_err(part);
+        assert!(message.contains(part) && message.contains("sky.exr"), "{message}");
+    }
+}
+
 /// The distance to the centre is 0, so a part of the scene's size counts instead.
 #[test]
 fn a_headlamp_at_the_centre_has_a_sensible_intensity() {
@@ -206,6 +242,7 @@ fn a_printed_experiment_gives_the_same_camera_and_lights() {
         ("camera = { look-from = [5.1, 2.2, 0.3], up = [0.1, 0.9, 0] }".into(), staged()),
         ("camera = { camera = 'auto', resolution = '64x32', principal-point = [0.3, 0.4] }".into(), staged()),
         ("emitter = { lamp = ['0,5.5,0,3'], headlamp = true, headlamp-offset = [0.1, 0, 0] }".into(), staged()),
+        ("emitter = { sky = [0.1, 0.2, 0.3], sky-scale = 3 }".into(), staged()),
         (format!("render.estimator = 'bdpt'\nemitter.emitters = ['light-1']\n{light}"), staged()),
     ];
     for (toml, scene) in table {
@@ -235,6 +272,9 @@ fn mistakes_name_the_flag_and_the_remedy() {
         ("camera = { camera = 'auto', resolution = '0x5' }", "--resolution is 0x5"),
         ("emitter.lamp = [1e16, 0, 0, 1]", "--lamp: light 'lamp-1' has a position farther than"),
         ("emitter = { headlamp = 1, headlamp-offset = [0, 1e16, 0] }", "--headlamp: light 'headlamp'"),
+        ("emitter.sky-scale = 2", "add --sky"),
+        ("emitter = { sky = 1e10, sky-scale = 1e11 }", "--sky: light 'sky' has a radiance above 1e20"),
+        ("emitter.sky = 'no-such-file.exr'", "no-such-file.exr"),
     ];
     for (toml, part) in table {
         let message = apply(&mut experiment(toml), &mut staged()).expect_err(toml).to_string();

@@ -1,0 +1,153 @@
+//! The sky as the user gives it: a radiance, or the image of a sky; and a factor on it.
+
+use std::ffi::OsStr;
+use std::path::PathBuf;
+
+use serde::de::{Deserialize, Deserializer, Error as _};
+use serde::{Serialize, Serializer};
+
+use crate::settings::setting::{Value, value_from_text};
+
+/// Where the light of the sky comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Sky {
+    /// Radiance in W / (m^2 sr), the same in all directions, for red, green and blue. No channel is negative, and at least one is
+    /// more than 0.
+    Radiance([f64; 3]),
+    /// An equirectangular EXR image of the radiance in W / (m^2 sr).
+    Image(PathBuf),
+}
+
+impl Sky {
+    /// One number for all channels, or three. `text` is what the user wrote.
+    fn radiance(numbers: &[f64], text: &str) -> Result<Sky, String> {
+        let rgb = match *numbers {
+            [grey] => [grey; 3],
+            [r, g, b] => [r, g, b],
+            _ => return Err(Sky::unknown(text)),
+        };
+        match rgb.iter().all(|x| x.is_finite() && *x >= 0.0) && rgb.iter().any(|x| *x > 0.0) {
+            true => Ok(Sky::Radiance(rgb)),
+            false => Err(format!(
+                "the sky has a radiance of {text}: write one number above 0, or R,G,B without negative numbers"
+            )),
+        }
+    }
+
+    fn unknown(text: &str) -> String {
+        format!(
+            "'{text}' is no sky: write a radiance in W/(m^2 sr), such as 1 or 0.4,0.6,1, or the name of an equirectangular image \
+             that ends in .exr"
+        )
+    }
+}
+
+impl Value for Sky {
+    fn parse(word: &OsStr) -> Result<Sky, String> {
+        let path = PathBuf::from(word);
+        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
+            return Ok(Sky::Image(path));
+        }
+        let text = word.to_str().ok_or("this is not UTF-8")?;
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+        Sky::radiance(&numbers.map_err(|_| Sky::unknown(text))?, text)
+    }
+
+    fn paths(&mut self) -> &mut [PathBuf] {
+        match self {
+            Sky::Image(path) => std::slice::from_mut(path),
+            Sky::Radiance(_) => &mut [],
+        }
+    }
+}
+
+impl Serialize for Sky {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Sky::Radiance([r, g, b]) if r == g && g == b => serializer.serialize_f64(*r),
+            Sky::Radiance(rgb) => serializer.collect_seq(rgb),
+            Sky::Image(path) => path.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Sky {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        #[serde(untagged, expecting = "expected a radiance like 1 or [0.4, 0.6, 1], or the name of an image")]
+        enum Typed {
+            Number(f64),
+            List(Vec<f64>),
+            Text(String),
+        }
+        match Typed::deserialize(deserializer)? {
+            Typed::Number(grey) => Sky::radiance(&[grey], &grey.to_string()),
+            Typed::List(list) => Sky::radiance(&list, &format!("{list:?}")),
+            Typed::Text(text) => Sky::parse(text.as_ref()),
+        }
+        .map_err(D::Error::custom)
+    }
+}
+
+/// A factor on the radiance of the sky, finite and more than 0.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct SkyScale(pub f64);
+
+impl SkyScale {
+    fn new(factor: f64) -> Result<SkyScale, String> {
+        match factor.is_finite() && factor > 0.0 {
+            true => Ok(SkyScale(factor)),
+            false => Err(format!("the sky has a factor of {factor}: write a number above 0")),
+        }
+    }
+}
+
+impl std::str::FromStr for SkyScale {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<SkyScale, String> {
+        SkyScale::new(
+            text.trim().parse().map_err(|_| format!("'{text}' is not a number: write one above 0, like 2.5"))?,
+        )
+    }
+}
+
+impl<'de> Deserialize<'de> for SkyScale {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        SkyScale::new(f64::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
+}
+
+value_from_text!(SkyScale);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::experiment::Experiment;
+
+    #[test]
+    fn a_sky_is_a_radiance_or_an_image() {
+        let parse = |text: &str| Sky::parse(text.as_ref());
+        assert_eq!(parse("2"), Ok(Sky::Radiance([2.0; 3])));
+        assert_eq!(parse("0.5, 0,1e3"), Ok(Sky::Radiance([0.5, 0.0, 1000.0])));
+        assert_eq!(parse("a,b.EXR"), Ok(Sky::Image("a,b.EXR".into())));
+        for bad in ["", "blue", "1,2", "1,2,3,4", "sky.hdr", "1;2;3"] {
+            assert!(parse(bad).unwrap_err().contains("is no sky: write"), "{bad}");
+        }
+        for bad in ["0", "0,0,0", "-1", "1,-1,1", "inf", "NaN"] {
+            assert!(parse(bad).unwrap_err().contains("above 0"), "{bad}");
+        }
+        for bad in ["0", "-1", "inf", "NaN", "x"] {
+            assert!(bad.parse::<SkyScale>().unwrap_err().contains("above 0"), "{bad}");
+        }
+    }
+
+    #[test]
+    fn skies_survive_printing() {
+        for keys in ["sky = 2", "sky = [1, 0.5, 0]", "sky = 'a.exr'\nsky-scale = 3", "sky = '1,2,3'\nsky_scale = 0.5"] {
+            let read = Experiment::parse(&format!("[emitter]\n{keys}\n")).unwrap_or_else(|e| panic!("{keys}: {e}"));
+            assert_eq!(Experiment::parse(&read.to_toml()).unwrap(), read, "{keys}");
+        }
+    }
+}
