@@ -63,7 +63,8 @@ pub use image::film::Film;
 pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
 pub use scene::{
-    AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection, Scene, Texture, Wrap,
+    AlphaMode, Camera, DensityGrid, GridFilter, Image, Instance, Light, LightKind, Material, Medium, Mesh,
+    PhaseFunction, Projection, Scene, Texture, Wrap,
 };
 pub use settings::SettingsBuilder;
 pub use settings::units::Gate;

@@ -40,6 +40,8 @@ impl Scene {
         self.instances.iter().try_for_each(|instance| check_instance(instance, &bounds))?;
         self.cameras.iter().try_for_each(check_camera)?;
         self.lights.iter().try_for_each(Light::check)?;
+        let mut media = self.media.iter().enumerate();
+        media.try_for_each(|(i, medium)| medium.check(&format!("medium {i}")))?;
         let skies: Vec<&Light> = self.lights.iter().filter(|light| light.kind.is_sky()).collect();
         if skies.len() > 1 {
             return Err(format!("the scene has {} skies, but only one is possible", skies.len()));
@@ -198,7 +200,7 @@ pub fn check_extent([low, high]: &[DVec3; 2], transform: &DAffine3, name: &str) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::LightKind;
+    use crate::scene::{LightKind, Medium};
 
     #[test]
     fn flattening_is_singular_and_thinning_is_not() {
@@ -216,7 +218,7 @@ mod tests {
     fn a_scene_that_breaks_a_rule_is_refused() {
         let scene = crate::generate::build(crate::generate::Kind::CornellBox);
         assert!(scene.check().is_ok());
-        let changes: [(&str, Change); 26] = [
+        let changes: [(&str, Change); 29] = [
             ("node 'floor' refers to mesh 99, but the scene has 8", |s| s.instances[0].mesh = 99),
             ("node 'floor' has a transform", |s| s.instances[0].transform.matrix3.y_axis = DVec3::ZERO),
             ("node 'floor' has a transform", |s| s.instances[0].transform.translation.x = f64::NAN),
@@ -247,6 +249,16 @@ mod tests {
             ("light 'lamp' has a strength", |s| {
                 let intensity = [1.0, f32::NAN, 1.0];
                 s.add_light("lamp", DVec3::ZERO, DVec3::X, LightKind::Point { intensity });
+            }),
+            ("medium 0 has a sigma_s of -1", |s| {
+                s.media = vec![Medium { sigma_s: [-1.0; 3], ..Medium::default() }];
+            }),
+            ("the medium inside material 'white' has a sigma_a of NaN", |s| {
+                let interior = Medium { sigma_a: [f64::NAN; 3], ..Medium::default() };
+                s.materials[0] = Material { interior: Some(interior), ..Material::glass("white") };
+            }),
+            ("material 'white' has a medium inside, but a transmission of 0", |s| {
+                s.materials[0].interior = Some(Medium::default());
             }),
         ];
         for (part, change) in changes {

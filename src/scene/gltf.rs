@@ -14,6 +14,7 @@ mod image;
 mod instancing;
 mod light;
 mod material;
+mod medium;
 mod mesh;
 mod meshopt;
 mod node;
@@ -90,10 +91,11 @@ fn read(bytes: &[u8], folders: Folders) -> Checked<Scene> {
     let mut warnings = Warnings::default();
     let doc = Document::open(bytes, folders)?;
     extension::check(&doc, &mut warnings)?;
-    doc.warn_of_media(&mut warnings);
+    let media = medium::load(&doc, &mut warnings)?;
 
     let worlds = node::world_transforms(&doc)?;
     let mut materials = material::load(&doc, &mut warnings)?;
+    medium::add_interiors(&doc, &mut materials.materials, &mut warnings)?;
     let meshes = mesh::load(&doc, &worlds, &mut materials, &mut warnings)?;
     let instances = place(&doc, &worlds, &meshes, &mut warnings)?;
     if instances.is_empty() {
@@ -112,6 +114,7 @@ fn read(bytes: &[u8], folders: Folders) -> Checked<Scene> {
         cameras,
         lights,
         sky: None,
+        media,
         warnings: warnings.list,
     };
     scene.checked()?;

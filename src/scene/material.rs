@@ -1,6 +1,7 @@
 //! Materials: their fields, constructors for common kinds, and the range of each field.
 
 use super::check::{Checked, below};
+use super::medium::Medium;
 
 /// How the alpha of the base colour determines coverage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -56,6 +57,8 @@ pub struct Material {
     pub alpha_mode: AlphaMode,
     /// Whether the back reflects and emits as the front does; otherwise the back is black.
     pub double_sided: bool,
+    /// The medium inside closed meshes of this material, which must transmit light. The renderer does not show it yet.
+    pub interior: Option<Medium>,
 }
 
 impl Material {
@@ -80,6 +83,7 @@ impl Material {
             clearcoat_roughness: 0.0,
             alpha_mode: AlphaMode::Opaque,
             double_sided: true,
+            interior: None,
         }
     }
 
@@ -101,6 +105,14 @@ impl Material {
     /// A material that emits `radiance`, in W / (m^2 sr), on its front only and reflects nothing.
     pub fn emitter(name: &str, radiance: [f32; 3]) -> Material {
         Material { emission: radiance, double_sided: false, ..Material::diffuse(name, [0.0; 3]) }
+    }
+
+    /// Whether surfaces of this material only bound a medium: light that comes from a medium with the index `outside` is neither
+    /// reflected nor refracted nor coloured. Such boundaries do not count as vertices of paths.
+    pub fn is_null_boundary(&self, outside: f32) -> bool {
+        let is_clear = self.base_color[..3] == [1.0; 3] && self.base_color_texture.is_none();
+        let only_transmits = self.transmission == 1.0 && self.metallic == 0.0 && self.clearcoat == 0.0;
+        self.interior.is_some() && self.ior == outside && is_clear && only_transmits && self.emission == [0.0; 3]
     }
 
     /// Indices of the textures that the material uses.
@@ -136,6 +148,15 @@ impl Material {
         }
         if !(self.ior.is_finite() && self.ior >= 1.0) {
             return Err(format!("{} has an ior of {}; it must be 1 or more", name(), self.ior));
+        }
+        if let Some(interior) = &self.interior {
+            interior.check_interior(&format!("the medium inside {}", name()))?;
+            if self.transmission == 0.0 {
+                return Err(format!(
+                    "{} has a medium inside, but a transmission of 0; set the transmission to 1",
+                    name()
+                ));
+            }
         }
         self.textures().try_for_each(|texture| below(texture, textures, name, "texture"))
     }

@@ -9,8 +9,10 @@ pub mod build;
 mod camera;
 pub mod check;
 pub mod gltf;
+pub mod grid;
 mod light;
 mod material;
+mod medium;
 mod sky;
 mod tangents;
 
@@ -20,6 +22,7 @@ pub use camera::{Camera, Projection};
 pub(crate) use light::MAX_DISTANT;
 pub use light::{Light, LightKind};
 pub use material::{AlphaMode, Material};
+pub use medium::{DensityGrid, GridFilter, Medium, PhaseFunction};
 pub use sky::SkyImage;
 
 /// A loaded scene. Lengths are in metres; transforms stay in f64 until the renderer moves the origin to the sensor.
@@ -39,6 +42,9 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Punctual lights and beams; emissive meshes are found through `materials`.
     pub lights: Vec<Light>,
+    /// Fog and other media outside of transmissive solids; where they overlap, the last counts. The renderer does not show media
+    /// yet: it renders the scene as in clear air.
+    pub media: Vec<Medium>,
     /// The image of the sky, if one of the lights is a [`LightKind::Sky`] that is not the same in all directions.
     pub sky: Option<SkyImage>,
     /// Features of the file that taugate does not support, one sentence each, in the order of the file.

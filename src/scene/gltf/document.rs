@@ -54,19 +54,6 @@ impl<'a> Document<'a> {
         Ok(Self { root, buffers, compressed, draco })
     }
 
-    /// Warns about fog, which is described in the extras of scenes and not rendered yet.
-    pub fn warn_of_media(&self, warnings: &mut Warnings) {
-        #[derive(serde::Deserialize)]
-        struct SceneExtras {
-            medium: Option<serde::de::IgnoredAny>,
-        }
-        let extras = self.root.scenes.iter().filter_map(|scene| scene.extras.as_ref());
-        if extras.filter_map(|e| serde_json::from_str::<SceneExtras>(e.get()).ok()).any(|e| e.medium.is_some()) {
-            warnings
-                .push("the medium (fog) of the scene is not rendered yet; surfaces are shown as in clear air".into());
-        }
-    }
-
     /// The bytes of buffer view `index`; `what` names the object that refers to it in messages.
     pub fn view(&self, index: usize, what: &str) -> Checked<View<'_>> {
         let view = (self.root.buffer_views.get(index))

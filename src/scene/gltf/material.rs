@@ -190,6 +190,7 @@ impl Materials {
             clearcoat_roughness: coat_roughness,
             alpha_mode,
             double_sided: source.double_sided,
+            interior: None,
             name,
         })
     }

@@ -1,0 +1,143 @@
+//! Media from `extras.medium` of the scene, and of materials whose meshes enclose a medium.
+
+use ::gltf::json::Extras;
+use glam::DVec3;
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::Checked;
+use super::document::{Document, Warnings, label, printable};
+use crate::scene::{Material, Medium, PhaseFunction};
+
+/// The form of `extras.medium`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Json {
+    #[serde(rename = "type")]
+    kind: Option<String>,
+    #[serde(alias = "sigma-s")]
+    sigma_s: Option<Value>,
+    #[serde(alias = "sigma-a")]
+    sigma_a: Option<Value>,
+    phase: Option<JsonPhase>,
+    ior: Option<f32>,
+    #[serde(alias = "group-ior")]
+    group_ior: Option<f32>,
+    bounds: Option<[[f64; 3]; 2]>,
+    /// For people; not read.
+    #[serde(rename = "note")]
+    _note: Option<Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+enum JsonPhase {
+    Isotropic,
+    Hg {
+        g: f64,
+    },
+    #[serde(alias = "double_hg")]
+    DoubleHg {
+        g: [f64; 2],
+        weight: f64,
+    },
+    Draine {
+        g: f64,
+        g_draine: f64,
+        alpha: f64,
+        weight_draine: f64,
+    },
+    Rayleigh,
+    Table {
+        cosines: Vec<f64>,
+        values: Vec<f64>,
+    },
+}
+
+/// The medium of the default scene, if its extras describe one.
+pub fn load(doc: &Document, warnings: &mut Warnings) -> Checked<Vec<Medium>> {
+    let index = doc.root.scene.map_or(0, |scene| scene.value());
+    let Some(scene) = doc.root.scenes.get(index) else { return Ok(vec![]) };
+    let medium = read(&scene.extras, "the scene")?;
+    if medium.is_some() {
+        warnings.push("the medium (fog) of the scene is not rendered yet; surfaces are shown as in clear air".into());
+    }
+    Ok(medium.into_iter().collect())
+}
+
+/// Adds the media inside the meshes of each material. `materials` begins with the materials of the file, in its order.
+pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut Warnings) -> Checked<()> {
+    for (index, (source, material)) in doc.root.materials.iter().zip(materials).enumerate() {
+        let name = label(source.name.as_deref(), "material", index);
+        material.interior = read(&source.extras, &format!("material `{name}`"))?;
+        if material.interior.is_some() {
+            warnings
+                .once("interior", || format!("media inside of meshes are not rendered yet (first: material `{name}`)"));
+        }
+    }
+    Ok(())
+}
+
+/// The medium in the extras of the object `of`. Extras that are no object, or whose `medium` is none, are of other programs.
+fn read(extras: &Extras, of: &str) -> Checked<Option<Medium>> {
+    #[derive(Deserialize)]
+    struct WithMedium {
+        medium: Option<Value>,
+    }
+    let wrong = |why: String| {
+        Err(format!(
+            "extras.medium of {of} {why}; write {{\"sigma_s\": 0.02, \"sigma_a\": 0.001, \"phase\": {{\"type\": \"hg\", \"g\": 0.8}}}}"
+        ))
+    };
+    let extras = extras.as_ref().and_then(|extras| serde_json::from_str::<WithMedium>(extras.get()).ok());
+    let Some(medium @ Value::Object(_)) = extras.and_then(|extras| extras.medium) else { return Ok(None) };
+    let json: Json = match serde_json::from_value(medium) {
+        Ok(json) => json,
+        Err(e) => return wrong(format!("cannot be read ({})", printable(&e.to_string(), 200))),
+    };
+    if let Some(kind) = json.kind.filter(|kind| kind != "homogeneous") {
+        return wrong(format!("has the type `{}` instead of `homogeneous`", printable(&kind, 40)));
+    }
+    if json.sigma_s.is_none() && json.sigma_a.is_none() {
+        return wrong("has neither sigma_s nor sigma_a".into());
+    }
+    let (Some(sigma_s), Some(sigma_a)) = (rgb(json.sigma_s), rgb(json.sigma_a)) else {
+        return wrong("has a sigma_s or sigma_a that is neither one number nor three".into());
+    };
+    Ok(Some(Medium {
+        sigma_s,
+        sigma_a,
+        phase: json.phase.map_or(PhaseFunction::Isotropic, JsonPhase::convert),
+        ior: json.ior.unwrap_or(1.0),
+        group_ior: json.group_ior.or(json.ior).unwrap_or(1.0),
+        bounds: json.bounds.map(|corners| corners.map(DVec3::from)),
+        grid: None,
+    }))
+}
+
+/// One number for all channels, or three; 0 without a value.
+fn rgb(value: Option<Value>) -> Option<[f64; 3]> {
+    match value {
+        None => Some([0.0; 3]),
+        Some(Value::Array(channels)) => {
+            let channels = channels.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>()?;
+            channels.try_into().ok()
+        }
+        Some(number) => number.as_f64().map(|x| [x; 3]),
+    }
+}
+
+impl JsonPhase {
+    fn convert(self) -> PhaseFunction {
+        match self {
+            JsonPhase::Isotropic => PhaseFunction::Isotropic,
+            JsonPhase::Hg { g } => PhaseFunction::HenyeyGreenstein { g },
+            JsonPhase::DoubleHg { g, weight } => PhaseFunction::DoubleHenyeyGreenstein { g, weight },
+            JsonPhase::Draine { g, g_draine, alpha, weight_draine } => {
+                PhaseFunction::HenyeyGreensteinDraine { g, g_draine, alpha, weight_draine }
+            }
+            JsonPhase::Rayleigh => PhaseFunction::Rayleigh,
+            JsonPhase::Table { cosines, values } => PhaseFunction::Table { cosines, values },
+        }
+    }
+}
