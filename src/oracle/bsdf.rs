@@ -117,10 +117,6 @@ impl PreparedMaterial {
         prepared
     }
 
-    pub fn ior(&self) -> f64 {
-        self.ior
-    }
-
     /// The material where its base colour is `base` and its roughness and metalness are those of the factors.
     pub fn at(&self, base: [f64; 3]) -> Bsdf<'_> {
         self.at_point(base, 1.0, 1.0)

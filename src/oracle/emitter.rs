@@ -5,7 +5,9 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::flight::{Flight, PathVertex};
 use super::geometry::{Hit, Ray};
+use super::media::{Channel, Region};
 use super::world::{Vertex, World};
 use crate::generate::numbers::Pcg;
 use crate::scene::{Light, LightKind, SkyImage};
@@ -20,6 +22,8 @@ pub struct LightSample {
     pub weight: [f64; 3],
     /// Density per steradian, including the probability of choosing the emitter. `None` for lights that no ray can hit.
     pub pdf: Option<f64>,
+    /// The emitter is infinitely far away; `position` and `distance` only serve shadow rays.
+    pub far: bool,
 }
 
 /// All emitters of a scene. [`EmitterSet::sample`] chooses uniformly between the punctual lights, suns and the sky included, and one
@@ -49,7 +53,9 @@ impl<'a> EmitterSet<'a> {
             }
         }
         let (beams, punctual) = shining().partition(is_beam);
-        EmitterSet { world, punctual, outside: 2.0 * world.scene.diagonal(), beams, luminous }
+        // Without surfaces, any length will do.
+        let outside = Some(2.0 * world.scene.diagonal()).filter(|&length| length > 0.0).unwrap_or(1.0);
+        EmitterSet { world, punctual, outside, beams, luminous }
     }
 
     /// Radiance of the sky in the direction `w` (unit), and the density per steradian with which [`EmitterSet::sample`] draws `w`.
@@ -86,7 +92,14 @@ impl<'a> EmitterSet<'a> {
             if let LightKind::Directional { irradiance } = light.kind {
                 let (wi, distance) = (-light.direction, self.outside);
                 let weight = irradiance.map(|e| f64::from(e) * share);
-                return Some(LightSample { position: from + wi * distance, wi, distance, weight, pdf: None });
+                return Some(LightSample {
+                    position: from + wi * distance,
+                    wi,
+                    distance,
+                    weight,
+                    pdf: None,
+                    far: true,
+                });
             }
             if light.kind.is_sky() {
                 // All directions are equally likely, whatever the image of the sky.
@@ -95,12 +108,19 @@ impl<'a> EmitterSet<'a> {
                 let (wi, distance) = (DVec3::new(flat * turn.cos(), height, flat * turn.sin()), self.outside);
                 let (radiance, pdf) = self.sky(wi)?;
                 let weight = radiance.map(|l| l / pdf);
-                return Some(LightSample { position: from + wi * distance, wi, distance, weight, pdf: Some(pdf) });
+                return Some(LightSample {
+                    position: from + wi * distance,
+                    wi,
+                    distance,
+                    weight,
+                    pdf: Some(pdf),
+                    far: true,
+                });
             }
             let distance = (light.position - from).length();
             let wi = (light.position - from) / distance;
             let weight = intensity(light, -wi)?.map(|i| i * share / (distance * distance));
-            return Some(LightSample { position: light.position, wi, distance, weight, pdf: None });
+            return Some(LightSample { position: light.position, wi, distance, weight, pdf: None, far: false });
         }
         let &(_, area) = self.luminous.last()?;
         let target = pcg.uniform() * area;
@@ -114,7 +134,7 @@ impl<'a> EmitterSet<'a> {
         let there = self.world.coverage(&surface);
         let weight = self.world.emitted(&surface, -wi).map(|e| e * there / pdf);
         let lit = weight.iter().any(|&w| w > 0.0) && pdf.is_finite();
-        lit.then_some(LightSample { position: surface.position, wi, distance, weight, pdf: Some(pdf) })
+        lit.then_some(LightSample { position: surface.position, wi, distance, weight, pdf: Some(pdf), far: false })
     }
 }
 
@@ -132,18 +152,18 @@ fn intensity(light: &Light, away: DVec3) -> Option<[f64; 3]> {
     }
 }
 
-/// A spot of a beam: a point that the beam hits, directly or after mirrors and glass, and where it scatters. Sensor paths connect
-/// to spots as to emitters.
+/// A spot of a beam: a point where the beam scatters, on its way in a medium or on a surface, directly or after mirrors and glass.
+/// Sensor paths connect to spots as to emitters.
 pub struct BeamSpot<'a> {
     /// The vertex, seen from the direction of the incident beam.
-    pub vertex: Vertex<'a>,
+    pub vertex: PathVertex<'a>,
     /// Incident power over the density of the point. [`BeamSpot::towards`] multiplies it by f and by the cosines.
     power: [f64; 3],
     pub tau: f64,
     /// Number of segments from the beam's origin to the spot.
     pub segments: u32,
-    /// Index of refraction on the side into which the spot reflects light.
-    pub eta: f64,
+    /// The region into which the spot scatters light.
+    pub region: Region,
     /// Density per area of the point, if a sensor path that hits this point can also find the beam by [`straight`]. Else `None`.
     pub density: Option<f64>,
 }
@@ -152,7 +172,9 @@ impl BeamSpot<'_> {
     /// Radiance towards the unit vector `w`, times the cosine at the spot, over the density per area. The caller divides by the
     /// squared distance.
     pub fn towards(&self, w: DVec3) -> [f64; 3] {
-        let v = &self.vertex;
+        let Some(v) = self.vertex.surface() else {
+            return (DVec3::from(self.power) * self.vertex.scattered(w)).into();
+        };
         // The scattered light has the cosine to the shading normal, but the sampled area has the cosine to the geometric normal.
         let cosines = v.cos(v.wo) / v.normal.dot(v.wo) * v.normal.dot(w).max(0.0);
         let f = v.eval(w);
@@ -167,53 +189,67 @@ pub fn beam(light: &Light) -> (f64, [f64; 3]) {
 }
 
 /// Traces one ray of a beam for at most `max_depth` segments, as long as mirrors reflect it or glass refracts it. Returns a spot
-/// for every vertex that also scatters.
-pub fn spots<'a>(world: &'a World<'a>, light: &Light, max_depth: u32, pcg: &mut Pcg) -> Vec<BeamSpot<'a>> {
+/// for every vertex that also scatters. The flight of the ray is random in media, so it ends at a point of the medium or at a
+/// surface.
+pub fn spots<'a>(
+    world: &'a World<'a>,
+    light: &Light,
+    max_depth: u32,
+    channel: Channel,
+    pcg: &mut Pcg,
+) -> Vec<BeamSpot<'a>> {
     let (radius, mut power) = beam(light);
     let x = light.direction.any_orthonormal_vector();
     let (r, angle) = (radius * pcg.uniform().sqrt(), 2.0 * PI * pcg.uniform());
     let offset = x * (r * angle.cos()) + light.direction.cross(x) * (r * angle.sin());
     let mut ray = Ray::new(light.position + offset, light.direction);
-    let (mut tau, mut eta) = (0.0, 1.0);
+    let (mut tau, mut region) = (0.0, world.region(ray));
     let mut found = Vec::new();
     for segments in 1..=max_depth {
-        let Some(vertex) = world.trace(ray, pcg) else { break };
-        tau += eta * (vertex.position - ray.origin).length();
-        let sample = vertex.sample(pcg);
-        let next = sample.as_ref().filter(|s| s.delta).map(|s| {
-            let index = if !s.refracted {
-                eta
-            } else if vertex.inside {
-                1.0
-            } else {
-                world.ior(&vertex)
-            };
-            (Ray::new(vertex.position, s.wi), s.weight, index)
+        let Flight::Vertex { vertex, distance, region: before } = world.fly(ray, region, channel, pcg) else { break };
+        tau += before.group_index * distance;
+        region = before;
+        let sample = vertex.surface().and_then(|surface| {
+            let sample = surface.sample(pcg)?;
+            let next = if sample.refracted { world.beyond(surface, sample.wi, region) } else { region };
+            sample.delta.then_some((Ray::new(surface.position, sample.wi), sample.weight, next))
         });
         if !vertex.only_delta() {
             let direct = segments == 1 && radius > 0.0;
             let area = PI * radius * radius;
-            let density = direct.then(|| vertex.normal.dot(vertex.wo) / area);
-            found.push(BeamSpot { vertex, power, tau, segments, eta, density });
+            let density = vertex.surface().filter(|_| direct).map(|surface| surface.normal.dot(surface.wo) / area);
+            found.push(BeamSpot { vertex, power, tau, segments, region, density });
         }
-        let Some((onwards, weight, index)) = next else { break };
-        (ray, eta) = (onwards, index);
+        let Some((onwards, weight, next)) = sample else { break };
+        (ray, region) = (onwards, next);
         (0..3).for_each(|k| power[k] *= weight[k]);
     }
     found
 }
 
-/// Light of a beam that falls on a vertex directly: the distance to the disk of the beam, and f cos times irradiance. `None` if
-/// the radius is 0, if the vertex is outside the beam, or if the beam is occluded.
-pub fn straight(world: &World, light: &Light, vertex: &Vertex, pcg: &mut Pcg) -> Option<(f64, [f64; 3])> {
+/// Light of a beam that falls on a vertex in `region` directly: the distance to the disk of the beam, and the vertex's factor
+/// times irradiance. `None` if the radius is 0, if the vertex is outside the beam, or if the beam is occluded.
+pub fn straight(
+    world: &World,
+    light: &Light,
+    vertex: &PathVertex,
+    region: Region,
+    channel: Channel,
+    pcg: &mut Pcg,
+) -> Option<(f64, [f64; 3])> {
     let (radius, power) = beam(light);
-    let distance = (vertex.position - light.position).dot(light.direction);
-    let foot = vertex.position - light.direction * distance;
+    let position = vertex.position();
+    let distance = (position - light.position).dot(light.direction);
+    let foot = position - light.direction * distance;
     if distance <= 0.0 || radius == 0.0 || (foot - light.position).length() > radius {
         return None;
     }
-    let f = vertex.eval(-light.direction);
-    let irradiance = vertex.cos(-light.direction) / (PI * radius * radius);
+    let (f, cos) = vertex.factors(-light.direction);
+    let irradiance = cos / (PI * radius * radius);
     let value = [0, 1, 2].map(|k| f[k] * power[k] * irradiance);
-    (value != [0.0; 3] && world.visible(vertex.position, foot, pcg)).then_some((distance, value))
+    if value == [0.0; 3] {
+        return None;
+    }
+    let passed = world.transmittance([position, foot], false, region, channel, pcg);
+    (passed > 0.0).then_some((distance, value.map(|v| v * passed)))
 }

@@ -11,14 +11,20 @@
 //!
 //! If the second strategy is impossible (radius 0, or a mirror or glass in front of the beam), the spot is also projected into
 //! the image. The tracer does not find such a spot, or a point light, if the sensor sees it through a mirror or glass.
+//!
+//! In media, vertices are also points of the medium. A beam has spots along its way, each at the end of a random flight. The
+//! first strategy alone finds such a spot, except behind a mirror or glass, where only the second can. In coloured media, each
+//! sample computes one channel.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::camera::Sensor;
 use super::emitter::{self, BeamSpot, EmitterSet};
+use super::flight::{Flight, PathVertex};
 use super::geometry::Ray;
-use super::world::{Vertex, World};
+use super::media::{Channel, Region};
+use super::world::World;
 use crate::generate::numbers::Pcg;
 use crate::scene::Scene;
 use crate::settings::Emitters;
@@ -156,137 +162,175 @@ impl Tracer<'_> {
         for _ in 0..self.settings.spp {
             let ray = self.sensor.ray(x + pcg.uniform(), y + pcg.uniform());
             let mut sample_bins = SampleBins { settings: self.settings, bins: vec![DVec3::ZERO; sums.len()] };
+            let channel = self.world.media.channel(&mut pcg);
             let mut spots = Vec::new();
             for beam in &self.emitters.beams {
-                spots.extend(emitter::spots(self.world, beam, self.settings.max_depth - 1, &mut pcg));
+                spots.extend(emitter::spots(self.world, beam, self.settings.max_depth - 1, channel, &mut pcg));
             }
-            splats.extend(spots.iter().filter_map(|beam_spot| self.splat(beam_spot, &mut pcg)));
-            self.path(ray, &spots, &mut sample_bins, &mut pcg);
+            splats.extend(spots.iter().filter_map(|beam_spot| self.splat(beam_spot, channel, &mut pcg)));
+            self.path(ray, channel, &spots, &mut sample_bins, &mut pcg);
             sums.iter_mut().zip(&sample_bins.bins).for_each(|(sum, &value)| sum.add(value));
         }
         (sums, splats)
     }
 
-    fn path(&self, mut ray: Ray, spots: &[BeamSpot], sample_bins: &mut SampleBins, pcg: &mut Pcg) {
-        let mut throughput = DVec3::ONE;
-        let (mut tau, mut eta) = (0.0, 1.0);
+    fn path(&self, mut ray: Ray, channel: Channel, spots: &[BeamSpot], sample_bins: &mut SampleBins, pcg: &mut Pcg) {
+        let mut throughput = channel.weight;
+        let (mut tau, mut region) = (0.0, self.world.region(ray));
         // Density per steradian of the last direction; `None` after the sensor, a mirror or glass.
         let mut last: Option<f64> = None;
         for segments in 1..=self.settings.max_depth {
-            let Some(vertex) = self.world.trace(ray, pcg) else {
-                if let Some((radiance, pdf)) = self.emitters.sky(ray.direction) {
-                    let weight = last.map_or(1.0, |p| p / (p + pdf));
-                    sample_bins.add(tau, throughput * DVec3::from(radiance) * weight);
+            let (vertex, distance) = match self.world.fly(ray, region, channel, pcg) {
+                Flight::Vertex { vertex, distance, region: before } => {
+                    region = before;
+                    (vertex, distance)
                 }
-                return;
+                Flight::Absorbed => return,
+                Flight::Escaped => {
+                    if let Some((radiance, pdf)) = self.emitters.sky(ray.direction) {
+                        let weight = last.map_or(1.0, |p| p / (p + pdf));
+                        sample_bins.add(tau, throughput * DVec3::from(radiance) * weight);
+                    }
+                    return;
+                }
             };
-            let distance = (vertex.position - ray.origin).length();
-            tau += eta * distance;
-            let emitted = self.world.emitted(&vertex.surface, vertex.wo);
-            if emitted != [0.0; 3] {
-                let weight = last.map_or(1.0, |p| p / (p + self.emitters.pdf(&vertex, distance)));
-                sample_bins.add(tau, throughput * DVec3::from(emitted) * weight);
+            tau += region.group_index * distance;
+            if let Some(surface) = vertex.surface() {
+                let emitted = self.world.emitted(&surface.surface, surface.wo);
+                if emitted != [0.0; 3] {
+                    let weight = last.map_or(1.0, |p| p / (p + self.emitters.pdf(surface, distance)));
+                    sample_bins.add(tau, throughput * DVec3::from(emitted) * weight);
+                }
             }
             if segments == self.settings.max_depth {
                 return;
             }
             if !vertex.only_delta() {
-                let end =
-                    PathEnd { vertex: &vertex, throughput, tau, eta, segments, last: last.map(|p| (p, distance)) };
+                let last = last.map(|p| (p, distance));
+                let end = PathEnd { vertex: &vertex, throughput, tau, region, channel, segments, last };
                 self.emitter(&end, sample_bins, pcg);
                 self.beams(&end, sample_bins, pcg);
                 spots.iter().for_each(|beam_spot| self.connect(&end, beam_spot, sample_bins, pcg));
             }
             let Some(sample) = vertex.sample(pcg) else { return };
             throughput *= DVec3::from(sample.weight);
-            if sample.refracted {
-                let beyond = if vertex.inside { 1.0 } else { self.world.ior(&vertex) };
+            if let Some(surface) = vertex.surface().filter(|_| sample.refracted) {
+                let beyond = self.world.beyond(surface, sample.wi, region);
                 // Radiance scales with the square of the index of refraction.
-                throughput *= (eta / beyond) * (eta / beyond);
-                eta = beyond;
+                throughput *= (region.eta / beyond.eta) * (region.eta / beyond.eta);
+                region = beyond;
             }
             if throughput == DVec3::ZERO {
                 return;
             }
             last = (!sample.delta).then_some(sample.pdf);
-            ray = Ray::new(vertex.position, sample.wi);
+            ray = Ray::new(vertex.position(), sample.wi);
         }
     }
 
     /// Adds the light of one sampled emitter.
     fn emitter(&self, end: &PathEnd, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
-        let Some(light) = self.emitters.sample(end.vertex.position, pcg) else { return };
-        let f = DVec3::from(end.vertex.eval(light.wi)) * end.vertex.cos(light.wi);
-        if f == DVec3::ZERO || !self.world.visible(end.vertex.position, light.position, pcg) {
+        let Some(light) = self.emitters.sample(end.vertex.position(), pcg) else { return };
+        let f = end.vertex.scattered(light.wi);
+        if f == DVec3::ZERO {
+            return;
+        }
+        let passed = end.transmittance(self.world, light.position, light.far, pcg);
+        if passed == 0.0 {
             return;
         }
         let weight = light.pdf.map_or(1.0, |p| p / (p + end.vertex.pdf(light.wi)));
-        sample_bins.add(end.tau + end.eta * light.distance, end.throughput * f * DVec3::from(light.weight) * weight);
+        let value = end.throughput * f * DVec3::from(light.weight) * weight * passed;
+        sample_bins.add(end.tau + end.region.group_index * light.distance, value);
     }
 
     /// Adds the light of beams that fall on the vertex directly.
     fn beams(&self, end: &PathEnd, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
+        // A point of a medium that can be connected to the vertex before it is left to the other strategy.
+        let only_strategy = end.last.is_none() && end.segments > 1;
+        if end.vertex.surface().is_none() && !only_strategy {
+            return;
+        }
         for beam in &self.emitters.beams {
-            let Some((distance, value)) = emitter::straight(self.world, beam, end.vertex, pcg) else { continue };
+            let straight = emitter::straight(self.world, beam, end.vertex, end.region, end.channel, pcg);
+            let Some((distance, value)) = straight else { continue };
             // The other strategy connects the previous vertex to a spot. Both densities are per area.
-            let weight = end.last.map_or(1.0, |(pdf, length)| {
+            let weight = end.last.zip(end.vertex.surface()).map_or(1.0, |((pdf, length), surface)| {
                 let radius = emitter::beam(beam).0;
-                let joined = -end.vertex.normal.dot(beam.direction) / (std::f64::consts::PI * radius * radius);
-                let met = pdf * end.vertex.normal.dot(end.vertex.wo) / (length * length);
+                let joined = -surface.normal.dot(beam.direction) / (std::f64::consts::PI * radius * radius);
+                let met = pdf * surface.normal.dot(surface.wo) / (length * length);
                 met / (met + joined)
             });
-            sample_bins.add(end.tau + end.eta * distance, end.throughput * DVec3::from(value) * weight);
+            let value = end.throughput * DVec3::from(value) * weight;
+            sample_bins.add(end.tau + end.region.group_index * distance, value);
         }
     }
 
     /// Adds the light of a beam's spot, connected to the vertex.
     fn connect(&self, end: &PathEnd, beam_spot: &BeamSpot, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
-        let to = beam_spot.vertex.position - end.vertex.position;
-        let distance = to.length();
+        let (position, spot) = (end.vertex.position(), beam_spot.vertex.position());
+        let distance = (spot - position).length();
         if distance == 0.0
             || end.segments + beam_spot.segments + 1 > self.settings.max_depth
-            || end.eta != beam_spot.eta
+            || end.region.eta != beam_spot.region.eta
         {
             return;
         }
-        let wi = to / distance;
-        let f = DVec3::from(end.vertex.eval(wi)) * end.vertex.cos(wi);
+        let wi = (spot - position) / distance;
+        let f = end.vertex.scattered(wi);
         let value = f * DVec3::from(beam_spot.towards(-wi)) / (distance * distance);
-        if value == DVec3::ZERO || !self.world.visible(end.vertex.position, beam_spot.vertex.position, pcg) {
+        if value == DVec3::ZERO {
             return;
         }
-        let weight = beam_spot.density.map_or(1.0, |joined| {
-            let met = end.vertex.pdf(wi) * beam_spot.vertex.normal.dot(-wi) / (distance * distance);
+        let passed = end.transmittance(self.world, spot, false, pcg);
+        if passed == 0.0 {
+            return;
+        }
+        let weight = beam_spot.density.zip(beam_spot.vertex.surface()).map_or(1.0, |(joined, surface)| {
+            let met = end.vertex.pdf(wi) * surface.normal.dot(-wi) / (distance * distance);
             joined / (joined + met)
         });
-        sample_bins.add(end.tau + end.eta * distance + beam_spot.tau, end.throughput * value * weight);
+        let tau = end.tau + end.region.group_index * distance + beam_spot.tau;
+        sample_bins.add(tau, end.throughput * value * weight * passed);
     }
 
     /// Projects a spot that no sensor path can find into the image. `None` if the sensor does not see the spot.
-    fn splat(&self, beam_spot: &BeamSpot, pcg: &mut Pcg) -> Option<Splat> {
+    fn splat(&self, beam_spot: &BeamSpot, channel: Channel, pcg: &mut Pcg) -> Option<Splat> {
         if beam_spot.density.is_some() || beam_spot.segments + 1 > self.settings.max_depth {
             return None;
         }
-        let spot = beam_spot.vertex.position;
+        let spot = beam_spot.vertex.position();
         let seen = self.sensor.project(spot)?;
         let to = seen.sensor - spot;
         let value = DVec3::from(beam_spot.towards(to.normalize())) * seen.density;
-        let lit = value != DVec3::ZERO && self.world.visible(spot, seen.sensor, pcg);
-        lit.then_some((seen.pixel, beam_spot.tau + to.length(), value))
+        if value == DVec3::ZERO {
+            return None;
+        }
+        let passed = self.world.transmittance([spot, seen.sensor], false, beam_spot.region, channel, pcg);
+        let tau = beam_spot.tau + beam_spot.region.group_index * to.length();
+        (passed > 0.0).then_some((seen.pixel, tau, value * channel.weight * passed))
     }
 }
 
 /// The current end of a sensor path.
 struct PathEnd<'v> {
-    vertex: &'v Vertex<'v>,
+    vertex: &'v PathVertex<'v>,
     throughput: DVec3,
     /// Travel time from the vertex to the sensor.
     tau: f64,
-    /// Index of refraction on the viewer's side.
-    eta: f64,
+    /// The region on the viewer's side.
+    region: Region,
+    channel: Channel,
     segments: u32,
     /// Density per steradian and length of the last segment; `None` after the sensor, a mirror or glass.
     last: Option<(f64, f64)>,
+}
+
+impl PathEnd<'_> {
+    /// [`World::transmittance`] between the vertex and another point.
+    fn transmittance(&self, world: &World, other: DVec3, far: bool, pcg: &mut Pcg) -> f64 {
+        world.transmittance([self.vertex.position(), other], far, self.region, self.channel, pcg)
+    }
 }
 
 /// SplitMix64's finaliser, which makes the random numbers of neighbouring pixels and seeds independent.

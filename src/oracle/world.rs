@@ -4,15 +4,18 @@ use glam::DVec3;
 
 use super::bsdf::{Bsdf, PreparedMaterial, Sample};
 use super::geometry::{Geometry, Ray, Surface};
+use super::media::Media;
 use super::texture;
 use crate::generate::numbers::Pcg;
-use crate::scene::{AlphaMode, Scene};
+use crate::scene::{AlphaMode, Material, Scene};
 use crate::settings::Emitters;
 
 /// Geometry, materials, and the emitters that are switched on.
 pub struct World<'a> {
     pub scene: &'a Scene,
     pub geometry: Geometry<'a>,
+    pub media: Media<'a>,
+    /// With indices of refraction relative to the surrounding medium.
     prepared: Vec<PreparedMaterial>,
     emitters: &'a Emitters,
 }
@@ -36,8 +39,10 @@ pub struct Vertex<'a> {
 
 impl<'a> World<'a> {
     pub fn new(scene: &'a Scene, emitters: &'a Emitters) -> World<'a> {
-        let prepared = scene.materials.iter().map(PreparedMaterial::new).collect();
-        World { scene, geometry: Geometry::new(scene), prepared, emitters }
+        let media = Media::new(scene);
+        let relative = |m: &Material| Material { ior: (f64::from(m.ior) / media.ior()) as f32, ..m.clone() };
+        let prepared = scene.materials.iter().map(|m| PreparedMaterial::new(&relative(m))).collect();
+        World { scene, geometry: Geometry::new(scene), media, prepared, emitters }
     }
 
     /// Whether the emitters on this node are switched on.
@@ -122,8 +127,9 @@ impl<'a> World<'a> {
         }
     }
 
-    pub fn ior(&self, vertex: &Vertex) -> f64 {
-        self.prepared[vertex.surface.material as usize].ior()
+    /// Index of refraction of a material.
+    pub fn ior_of(&self, material: u32) -> f64 {
+        self.scene.materials[material as usize].ior.into()
     }
 
     /// Radiance that a surface emits in direction `to`, a vector of any length that points away from the surface.
