@@ -90,6 +90,8 @@ host_twins! {
         base_color: [f32; 3], eta: f32,
         offset: f32, select_pdf: f32, owner: u32, selection_cdf: u32,
     }
+    /// `shared/sky.wgsl`
+    SkyHeader { width: u32, height: u32, select_pdf: f32, disk_pdf: f32 }
     /// `shared/tree.wgsl`
     TreeChild { lo: [f32; 3], tau_lo: f32, hi: [f32; 3], tau_hi: f32, buckets_low: u32, buckets_high: u32, power_unit: f32, child: u32 }
     /// `shared/tree.wgsl`

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use super::luminance;
 use crate::scene::SkyImage;
+use crate::wgsl::layout::SkyHeader;
 
 /// The unit of the cumulative distributions: probabilities are multiples of its inverse.
 const ONE: f64 = (1u32 << 31) as f64;
@@ -17,7 +18,8 @@ pub fn table(image: &SkyImage, radiance: [f32; 3], select_pdf: f32, disk_pdf: f3
     let of_row = |row: u32| image.solid_angle(row) * rows[row as usize].iter().map(|c| luminance(*c)).sum::<f64>();
     let starts = cumulative((0..*height).map(of_row));
 
-    let mut table = vec![[*width, *height, select_pdf.to_bits(), disk_pdf.to_bits()]];
+    let header = SkyHeader { width: *width, height: *height, select_pdf, disk_pdf };
+    let mut table: Vec<[u32; 4]> = vec![bytemuck::cast(header)];
     for (row, ends) in (0..*height).zip(starts.windows(2)) {
         let south = 2 * row + 1 > *height;
         let from_pole = |edge: u32| {
