@@ -332,3 +332,37 @@ fn water_has_its_phase_index_at_boundaries_and_its_group_index_in_time() {
     let passed = |ior: f64| 1.0 - ((1.5 - ior) / (1.5 + ior)).powi(2);
     assert_is(average(&film, 0, 0), passed(1.33).powi(2), passed(1.0).powi(2), "water");
 }
+
+/// A box of fog that only scatters, under a sky of radiance 1. Every path ends in the sky, so every pixel is 1.
+#[test]
+fn white_fog_vanishes_under_an_even_sky() {
+    for eye in [DVec3::new(0.0, 0.0, 2.5), DVec3::ZERO] {
+        let mut scene = foggy(Medium { bounds: Some(BOX), ..medium(1.5, 0.0, HG) }, 0.4);
+        scene.cameras.clear();
+        camera(&mut scene, eye, DVec3::new(0.1, 0.0, -1.0), 0.4, [1, 1]);
+        light(&mut scene, "sky", DVec3::ZERO, DVec3::Z, LightKind::Sky { radiance: [1.0; 3] });
+        let film = render(&scene, &settings([8, 8], 2_000, 80, &[STEADY]));
+        assert_is(average(&film, 0, 0), 1.0, 1.03, &format!("sky, eye {eye}"));
+    }
+}
+
+#[test]
+fn a_sun_shines_through_a_slab() {
+    // Two slabs of absorption, above and to the side of a white floor. The sun's ray only meets the one above.
+    let slab = |lo: DVec3, hi: DVec3| Medium { bounds: Some([lo, hi]), ..medium(0.0, 0.5, HG) };
+    let far = 1e3;
+    let mut scene = foggy(slab(DVec3::new(-far, 300.0, -far), DVec3::new(far, 301.0, far)), 0.1);
+    scene.media.push(slab(DVec3::new(10.0, 0.0, -far), DVec3::new(far, 100.0, far)));
+    let white = material(&mut scene, diffuse("white", [1.0; 3]));
+    add(&mut scene, "floor", white, quad(DVec3::new(-2.0, 0.0, 2.0), DVec3::X * 4.0, DVec3::Z * -4.0, [1.0; 2]));
+    scene.cameras.clear();
+    camera(&mut scene, DVec3::new(0.0, 1.0, 1.0), DVec3::ZERO, 0.1, [1, 1]);
+    let sun = DVec3::new(0.6, -0.8, 0.0);
+    light(&mut scene, "sun", DVec3::ZERO, sun, LightKind::Directional { irradiance: [PI as f32; 3] });
+    let radiance = |scene: &Scene| average(&render(scene, &settings([2, 2], 100, 3, &[STEADY])), 0, 0);
+    let truth = |length: f64| 0.8 * (-0.5 * length).exp();
+    assert_is(radiance(&scene), truth(1.0 / 0.8), truth(1.03 / 0.8), "slab");
+    // Fog without bounds absorbs all light of a sun.
+    scene.media.push(medium(0.0, 1e-6, HG));
+    assert_eq!(radiance(&scene).0, 0.0);
+}
