@@ -264,6 +264,8 @@ pub fn compare(device: &Device, light: &[Point], shade: &[Point]) {
     let plain = [
         "HAS_TEXTURES",
         "HAS_SURFACE_TEXTURES",
+        "HAS_COAT_TEXTURES",
+        "HAS_TEXTURE_TRANSFORMS",
         "HAS_NORMAL_MAPS",
         "HAS_SPECULAR_COLORS",
         "HAS_CLEARCOAT",

@@ -82,12 +82,20 @@ fn make_varying_bsdf(material: u32, p: PointProperties, front: bool) -> Bsdf {
     var b = make_bsdf(material, p.base, front);
     b.metallic = p.metallic;
     b.alpha = p.alpha;
+    if (HAS_COAT_TEXTURES) {
+        let m = load_material(material);
+        b.f0_color = min(b.f0_color * p.coats.specular_color, vec3<f32>(m.f90)) * p.coats.specular;
+        b.f0 = max_component(b.f0_color);
+        b.f90 = m.f90 * p.coats.specular;
+        b.clearcoat *= p.coats.clearcoat;
+        b.clearcoat_alpha = clearcoat_alpha(m, p.coats.clearcoat_roughness);
+    }
     // The mean albedos of the rows follow the table. With them, the scale agrees with that of a material with constant alpha.
     let row = sqrt(min(p.alpha, 1.0)) * f32(ALBEDO_ROWS - 1u);
     let i = min(u32(row), ALBEDO_ROWS - 2u);
     let means = ALBEDO_COLUMNS * ALBEDO_ROWS + i;
     let mean = mix(albedo_table[means], albedo_table[means + 1u], row - f32(i));
-    b.diffuse_scale = 1.0 / (PI * (1.0 - (b.f0 * mean.x + b.f90 * mean.y)));
+    b.diffuse_scale = 1.0 / (PI * max(1.0 - (b.f0 * mean.x + b.f90 * mean.y), MIN_BELOW_COAT));
     return b;
 }
 

@@ -102,8 +102,11 @@ const OBSERVE_TIMES: u32 = 1u;
 const OBSERVE_STRATEGIES: u32 = 2u;
 // Switches that remove code for features that the scene does not contain.
 override HAS_TEXTURES: bool = true;
-// Roughness or metalness vary over a surface.
+// Properties other than the base colour vary over a surface.
 override HAS_SURFACE_TEXTURES: bool = true;
+// The dielectric coat or the clear coat vary over a surface.
+override HAS_COAT_TEXTURES: bool = true;
+override HAS_TEXTURE_TRANSFORMS: bool = true;
 override HAS_NORMAL_MAPS: bool = true;
 override HAS_VERTEX_COLORS: bool = true;
 override HAS_ALPHA: bool = true;

@@ -35,27 +35,42 @@ struct Material {
     // Strength of the clear coat over everything else, and its GGX alpha.
     clearcoat: f32,
     clearcoat_alpha: f32,
-    // Reflectance of the dielectric coat at normal incidence, per channel.
+    // Reflectance of the dielectric coat at normal incidence, per channel. With a texture of this colour, the product with the
+    // texel is limited to f90; without one, this value is.
     f0_color: vec3<f32>,
+    // Indices into `textures`, or NONE. The specular colour (red, green, blue) multiplies `f0_color`, and the specular strength
+    // (alpha) multiplies `f0_color` and `f90`. Red multiplies the clear coat, green its roughness.
+    specular_color_texture: u32,
+    specular_texture: u32,
+    clearcoat_texture: u32,
+    clearcoat_roughness_texture: u32,
     pad0: u32,
 }
 
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
 const MATERIAL_MASK: u32 = 2u;
 const MATERIAL_BLEND: u32 = 4u;
+// Properties other than the base colour vary over the surface.
+const MATERIAL_VARIES: u32 = 8u;
 const DELTA_ALPHA: f32 = 0.001;
+// Minimum of the part of the light that a coat lets in on average. It keeps the scale of the base finite.
+const MIN_BELOW_COAT: f32 = 1e-4;
 
 fn load_material(index: u32) -> Material {
-    let color = bitcast<vec4<f32>>(textureLoad(materials, 7u * index, 0));
-    let light = bitcast<vec4<f32>>(textureLoad(materials, 7u * index + 1u, 0));
-    let lobes = bitcast<vec4<f32>>(textureLoad(materials, 7u * index + 2u, 0));
-    let rest = textureLoad(materials, 7u * index + 3u, 0);
-    let images = textureLoad(materials, 7u * index + 4u, 0);
-    let bumps = textureLoad(materials, 7u * index + 5u, 0);
-    let specular = textureLoad(materials, 7u * index + 6u, 0);
+    let color = bitcast<vec4<f32>>(textureLoad(materials, 8u * index, 0));
+    let light = bitcast<vec4<f32>>(textureLoad(materials, 8u * index + 1u, 0));
+    let lobes = bitcast<vec4<f32>>(textureLoad(materials, 8u * index + 2u, 0));
+    let rest = textureLoad(materials, 8u * index + 3u, 0);
+    let images = textureLoad(materials, 8u * index + 4u, 0);
+    let bumps = textureLoad(materials, 8u * index + 5u, 0);
+    let specular = textureLoad(materials, 8u * index + 6u, 0);
+    var coats = vec4<u32>(NONE);
+    if (HAS_COAT_TEXTURES) {
+        coats = textureLoad(materials, 8u * index + 7u, 0);
+    }
     let numbers = bitcast<vec3<f32>>(rest.xyz);
     return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
         numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w,
         bumps.x, bitcast<f32>(bumps.y), bitcast<f32>(bumps.z), bitcast<f32>(bumps.w),
-        bitcast<vec3<f32>>(specular.xyz), specular.w);
+        bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, 0u);
 }

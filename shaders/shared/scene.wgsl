@@ -59,9 +59,12 @@ struct TextureInfo {
     first: u32,
     width: u32,
     height: u32,
-    // Bits 0-1: wrap u, 2-3: wrap v (0 repeat, 1 mirror, 2 clamp), 4: bilinear.
+    // Bits 0-1: wrap u, 2-3: wrap v (0 repeat, 1 mirror, 2 clamp), 4: bilinear. From TEXTURE_TRANSFORM_SHIFT on: the word of
+    // `textures` at which the texture's transform begins, or 0.
     sampler: u32,
 }
+
+const TEXTURE_TRANSFORM_SHIFT: u32 = 5u;
 
 // One entry of the alias table over all emitters.
 struct Emitter {

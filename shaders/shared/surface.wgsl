@@ -133,7 +133,18 @@ fn point_words(s: Surface) -> vec3<u32> {
         return bitcast<vec3<u32>>(base);
     }
     let factors = sample_encoded(m.surface_texture, s.uv, ENCODING_DATA);
-    return pack_point(PointProperties(base, m.metallic * factors.z, m.alpha * square(factors.y)));
+    return pack_point(PointProperties(base, m.metallic * factors.z, m.alpha * square(factors.y), coat_factors(m, s.uv)));
+}
+
+// The texels of the textures of both coats.
+fn coat_factors(m: Material, uv: vec2<f32>) -> CoatFactors {
+    if (!HAS_COAT_TEXTURES) {
+        return WHITE_COATS;
+    }
+    return CoatFactors(sample_texture(m.specular_color_texture, uv).xyz,
+        sample_encoded(m.specular_texture, uv, ENCODING_DATA).w,
+        sample_encoded(m.clearcoat_texture, uv, ENCODING_DATA).x,
+        sample_encoded(m.clearcoat_roughness_texture, uv, ENCODING_DATA).y);
 }
 
 // Minimum cosine between a normal of a normal map and the geometric normal: the map tilts a normal by up to 84 degrees.

@@ -39,17 +39,30 @@ fn texel(info: TextureInfo, x: i32, y: i32, encoding: u32) -> vec4<f32> {
     return c;
 }
 
-// Linear RGB and alpha at texture coordinates uv, filtered as the texture asks for; opaque white if `index` is NONE.
+// Texture coordinates after the transform of the texture, whose index in `textures` is `first`: two columns, then the offset.
+fn transform_uv(first: u32, uv: vec2<f32>) -> vec2<f32> {
+    let columns = bitcast<vec4<f32>>(textureLoad(textures, first, 0));
+    let offset = bitcast<vec4<f32>>(textureLoad(textures, first + 1u, 0));
+    // The host limits the transform to 10^6. With coordinates in this range, no product is infinite.
+    let p = clamp(uv, vec2<f32>(-1e9), vec2<f32>(1e9));
+    return columns.xy * p.x + columns.zw * p.y + offset.xy;
+}
+
+// Linear RGB and alpha at texture coordinates uv of the mesh, filtered as the texture asks for; opaque white if `index` is NONE.
 fn sample_texture(index: u32, uv: vec2<f32>) -> vec4<f32> {
     return sample_encoded(index, uv, ENCODING_COLOR);
 }
 
 // As `sample_texture`, for any encoding. `encoding` should be a constant, so that the compiler removes the other cases.
-fn sample_encoded(index: u32, uv: vec2<f32>, encoding: u32) -> vec4<f32> {
+fn sample_encoded(index: u32, coordinates: vec2<f32>, encoding: u32) -> vec4<f32> {
     if (index == NONE) {
         return vec4<f32>(1.0);
     }
     let info = load_texture(index);
+    var uv = coordinates;
+    if (HAS_TEXTURE_TRANSFORMS && (info.sampler >> TEXTURE_TRANSFORM_SHIFT) != 0u) {
+        uv = transform_uv(info.sampler >> TEXTURE_TRANSFORM_SHIFT, uv);
+    }
     // Coordinates are reduced to one period of the mirror mode, so that the integer texel index cannot overflow.
     let bounded = select(uv - 2.0 * floor(0.5 * uv), clamp(uv, vec2<f32>(-1.0), vec2<f32>(2.0)),
         vec2<bool>((info.sampler & 3u) == 2u, ((info.sampler >> 2u) & 3u) == 2u));

@@ -81,8 +81,8 @@ fn is_connectible(v: PathVertex) -> bool {
     let m = load_material(v.material);
     let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
     let lobe = metallic_and_alpha(m, v.base_color);
-    let rough_coat = HAS_CLEARCOAT && m.clearcoat > 0.0 && m.clearcoat_alpha >= DELTA_ALPHA;
-    return !black && (lobe.y >= DELTA_ALPHA || (lobe.x < 1.0 && m.transmission < 1.0) || rough_coat);
+    let diffuse = lobe.x < 1.0 && m.transmission < 1.0;
+    return !black && (lobe.y >= DELTA_ALPHA || diffuse || has_rough_clearcoat(m, v.base_color));
 }
 
 // The BSDF at v, a point on a surface.

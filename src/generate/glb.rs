@@ -194,8 +194,12 @@ impl File {
                 out["emissiveTexture"] = json!({"index": texture});
             }
         }
-        if m.specular != 1.0 || m.specular_color != [1.0; 3] {
+        let specular_textures =
+            [("specularTexture", m.specular_texture), ("specularColorTexture", m.specular_color_texture)];
+        let has_textures = specular_textures.iter().any(|(_, texture)| texture.is_some());
+        if m.specular != 1.0 || m.specular_color != [1.0; 3] || has_textures {
             let mut specular = json!({"specularFactor": number(m.specular)});
+            add_textures(&mut specular, specular_textures);
             if m.specular_color != [1.0; 3] {
                 specular["specularColorFactor"] = numbers(&m.specular_color);
             }
@@ -203,7 +207,12 @@ impl File {
         }
         if m.clearcoat != 0.0 {
             let roughness = number(m.clearcoat_roughness);
-            let coat = json!({"clearcoatFactor": number(m.clearcoat), "clearcoatRoughnessFactor": roughness});
+            let mut coat = json!({"clearcoatFactor": number(m.clearcoat), "clearcoatRoughnessFactor": roughness});
+            let textures = [
+                ("clearcoatTexture", m.clearcoat_texture),
+                ("clearcoatRoughnessTexture", m.clearcoat_roughness_texture),
+            ];
+            add_textures(&mut coat, textures);
             extend("KHR_materials_clearcoat", coat);
         }
         if m.ior != 1.5 {
@@ -245,6 +254,15 @@ impl File {
         let node = json!({"name": light.node,
             "extensions": {"KHR_lights_punctual": {"light": punctual.len() - 1}}});
         with(node, pose(&transform))
+    }
+}
+
+/// Adds the textures that exist to the JSON of an extension, each under its key.
+fn add_textures(extension: &mut Value, textures: [(&str, Option<u32>); 2]) {
+    for (key, texture) in textures {
+        if let Some(index) = texture {
+            extension[key] = json!({"index": index});
+        }
     }
 }
 

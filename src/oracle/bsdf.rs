@@ -21,61 +21,63 @@
 //!
 //! Every GGX lobe with alpha below [`MIRROR_ALPHA`] is a perfect mirror (or smooth glass).
 
+mod coat;
+
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
 use super::ggx;
 use crate::scene::Material;
+use coat::{Coat, CoatTables};
 
 /// A GGX lobe with a smaller alpha counts as a perfect mirror.
 pub const MIRROR_ALPHA: f64 = 1e-3;
 
-const ENTRIES: usize = 64;
-
-/// Number of coats that are prepared for a material whose roughness varies. They are spread evenly over the roughness.
-const LEVELS: usize = 25;
-
-/// A material with values that are computed once: the directional albedo of its plastic coat.
+/// A material with values that are computed once: the directional albedos of its coats.
 #[derive(Debug, Clone)]
 pub struct PreparedMaterial {
-    alpha: f64,
-    f0: [f64; 3],
+    /// Reflectance at normal incidence without colour.
+    uncolored: f64,
+    specular_color: [f64; 3],
     specular: f64,
     metallic: f64,
     transmission: f64,
     ior: f64,
-    /// One coat, or, if the roughness varies, `LEVELS` coats from roughness 0 to the roughness factor.
-    coats: Vec<Coat>,
-    clearcoat: Option<Clearcoat>,
+    coat: CoatTables,
+    /// Strength and albedos of the clear coat.
+    clearcoat: Option<(f64, CoatTables)>,
 }
 
-/// A clear coat over the whole material.
-#[derive(Debug, Clone)]
-struct Clearcoat {
-    strength: f64,
-    alpha: f64,
-    coat: Coat,
+/// Values of a material's textures at a point, which multiply its factors; 1 without a texture. The roughnesses are perceptual.
+#[derive(Debug, Clone, Copy)]
+pub struct Texels {
+    pub roughness: f64,
+    pub metallic: f64,
+    pub specular: f64,
+    pub specular_color: [f64; 3],
+    pub clearcoat: f64,
+    pub clearcoat_roughness: f64,
 }
 
-/// The albedo of the plastic's coat for one GGX alpha.
-#[derive(Debug, Clone)]
-struct Coat {
-    /// Entry i is the albedo E at cosine (i / 63)^2. The entries are densest at grazing angles, where E changes fast.
-    albedo: [f64; ENTRIES],
-    mean: f64,
-}
-
-/// A material at a point: a [`PreparedMaterial`] with the base colour, metalness and roughness of the point.
+/// A material at a point: a [`PreparedMaterial`] with the base colour and the texels of the point.
 #[derive(Debug, Clone, Copy)]
 pub struct Bsdf<'a> {
     material: &'a PreparedMaterial,
     base: [f64; 3],
     metallic: f64,
-    alpha: f64,
-    /// The two coats with the nearest roughness, and the weight of the second.
-    coats: [&'a Coat; 2],
-    fraction: f64,
+    /// Reflectance of the plastic's coat at normal incidence and at grazing angles.
+    f0: [f64; 3],
+    f90: f64,
+    coat: Coat<'a>,
+    clearcoat: Option<Clearcoat<'a>>,
+}
+
+/// A clear coat over the whole material.
+#[derive(Debug, Clone, Copy)]
+struct Clearcoat<'a> {
+    strength: f64,
+    coat: Coat<'a>,
 }
 
 /// A direction drawn by [`Bsdf::sample`].
@@ -93,74 +95,68 @@ pub struct Sample {
     pub refracted: bool,
 }
 
+impl Texels {
+    /// The texels of a material without textures.
+    pub const WHITE: Texels = Texels {
+        roughness: 1.0,
+        metallic: 1.0,
+        specular: 1.0,
+        specular_color: [1.0; 3],
+        clearcoat: 1.0,
+        clearcoat_roughness: 1.0,
+    };
+}
+
 impl PreparedMaterial {
-    pub fn new(material: &Material) -> PreparedMaterial {
-        let ior = f64::from(material.ior);
-        let mut prepared = PreparedMaterial {
-            alpha: f64::from(material.roughness).powi(2),
-            f0: material.specular_color.map(|color| (((ior - 1.0) / (ior + 1.0)).powi(2) * f64::from(color)).min(1.0)),
-            specular: f64::from(material.specular),
-            metallic: f64::from(material.metallic),
-            transmission: f64::from(material.transmission),
+    pub fn new(m: &Material) -> PreparedMaterial {
+        let ior = f64::from(m.ior);
+        let coated = m.clearcoat > 0.0;
+        let clearcoat = || CoatTables::new(m.clearcoat_roughness, m.clearcoat_roughness_texture.is_some());
+        PreparedMaterial {
+            uncolored: ((ior - 1.0) / (ior + 1.0)).powi(2),
+            specular_color: m.specular_color.map(f64::from),
+            specular: f64::from(m.specular),
+            metallic: f64::from(m.metallic),
+            transmission: f64::from(m.transmission),
             ior,
-            coats: vec![],
-            clearcoat: (material.clearcoat > 0.0).then(|| Clearcoat::new(material)),
-        };
-        let levels: Vec<f64> = match material.surface_texture {
-            None => vec![1.0],
-            Some(_) => (0..LEVELS).map(|i| i as f64 / (LEVELS - 1) as f64).collect(),
-        };
-        prepared.coats = levels
-            .into_iter()
-            .map(|roughness| Coat::new(prepared.alpha * roughness.powi(2), |c| prepared.brightest_fresnel(c)))
-            .collect();
-        prepared
+            coat: CoatTables::new(m.roughness, m.surface_texture.is_some()),
+            clearcoat: coated.then(|| (f64::from(m.clearcoat), clearcoat())),
+        }
     }
 
-    /// The material where its base colour is `base` and its roughness and metalness are those of the factors.
+    /// The material where its base colour is `base` and where its other properties are those of the factors.
     pub fn at(&self, base: [f64; 3]) -> Bsdf<'_> {
-        self.at_point(base, 1.0, 1.0)
+        self.at_point(base, &Texels::WHITE)
     }
 
-    /// The material where its base colour is `base`, and where a texture multiplies the factors of roughness and metalness.
-    pub fn at_point(&self, base: [f64; 3], roughness: f64, metallic: f64) -> Bsdf<'_> {
-        let level = roughness * (self.coats.len() - 1) as f64;
-        let low = (level as usize).min(self.coats.len().saturating_sub(2));
-        let coats = [&self.coats[low], &self.coats[(low + 1).min(self.coats.len() - 1)]];
-        let (metallic, alpha) = (self.metallic * metallic, self.alpha * roughness.powi(2));
-        Bsdf { material: self, base, metallic, alpha, coats, fraction: level - low as f64 }
-    }
-
-    /// Schlick's Fresnel factor of the plastic's coat; `c` is the cosine to the half vector.
-    fn fresnel(&self, c: f64) -> [f64; 3] {
-        self.f0.map(|f0| self.specular * schlick(f0, c))
-    }
-
-    /// The Fresnel factor in the channel where it is largest.
-    fn brightest_fresnel(&self, c: f64) -> f64 {
-        self.fresnel(c).into_iter().fold(0.0, f64::max)
+    /// The material where its base colour is `base`, and where textures multiply its factors by `texels`.
+    pub fn at_point(&self, base: [f64; 3], texels: &Texels) -> Bsdf<'_> {
+        let f90 = self.specular * texels.specular;
+        let colored = |k: usize| (self.uncolored * self.specular_color[k] * texels.specular_color[k]).min(1.0);
+        let f0 = [0, 1, 2].map(|k| f90 * colored(k));
+        let brightest = f0.into_iter().fold(0.0, f64::max);
+        let clearcoat = self.clearcoat.as_ref().map(|(strength, tables)| {
+            let strength = strength * texels.clearcoat;
+            Clearcoat { strength, coat: tables.at(texels.clearcoat_roughness, 0.04 * strength, strength) }
+        });
+        let coat = self.coat.at(texels.roughness, brightest, f90);
+        Bsdf { material: self, base, metallic: self.metallic * texels.metallic, f0, f90, coat, clearcoat }
     }
 }
 
-/// Schlick's Fresnel factor, from `f0` at normal incidence to 1 at grazing angles.
-fn schlick(f0: f64, c: f64) -> f64 {
-    f0 + (1.0 - f0) * (1.0 - c).clamp(0.0, 1.0).powi(5)
+/// Schlick's Fresnel factor, from `f0` at normal incidence to `f90` at grazing angles.
+fn schlick(f0: f64, f90: f64, c: f64) -> f64 {
+    f0 + (f90 - f0) * (1.0 - c).clamp(0.0, 1.0).powi(5)
 }
 
-impl Clearcoat {
-    fn new(material: &Material) -> Clearcoat {
-        let alpha = f64::from(material.clearcoat_roughness).powi(2);
-        let strength = f64::from(material.clearcoat);
-        Clearcoat { strength, alpha, coat: Coat::new(alpha, |c| strength * schlick(0.04, c)) }
-    }
-
+impl Clearcoat<'_> {
     fn is_mirror(&self) -> bool {
-        self.alpha < MIRROR_ALPHA
+        self.coat.is_mirror()
     }
 
     /// Schlick's Fresnel factor; `c` is the cosine to the half vector.
     fn fresnel(&self, c: f64) -> f64 {
-        self.strength * schlick(0.04, c)
+        self.strength * schlick(0.04, 1.0, c)
     }
 
     /// Factor on what lies under the coat, for a direction of light on each side of it.
@@ -169,85 +165,22 @@ impl Clearcoat {
     }
 }
 
-impl Coat {
-    /// The albedo of a GGX lobe with the Fresnel factor `fresnel` of the cosine to the half vector.
-    fn new(alpha: f64, fresnel: impl Fn(f64) -> f64) -> Coat {
-        let mut coat = Coat { albedo: [0.0; ENTRIES], mean: 0.0 };
-        for i in 0..ENTRIES {
-            let mu = (i as f64 / (ENTRIES - 1) as f64).powi(2).max(1e-6);
-            coat.albedo[i] = Coat::integrate_albedo(alpha, mu, &fresnel);
-        }
-        coat.mean = coat.integrate_mean();
-        coat
-    }
-
-    /// Fraction of the light from a direction with cosine `mu` that the coat reflects: the mean of F G2 / G1 over visible
-    /// normals.
-    fn integrate_albedo(alpha: f64, mu: f64, fresnel: impl Fn(f64) -> f64) -> f64 {
-        if alpha < MIRROR_ALPHA || fresnel(0.0) == 0.0 {
-            return fresnel(mu);
-        }
-        const STEPS: usize = 64;
-        let wo = DVec3::new((1.0 - mu * mu).sqrt(), 0.0, mu);
-        let mut sum = 0.0;
-        for i in 0..STEPS * STEPS {
-            let (u1, u2) = ((i / STEPS) as f64 + 0.5, (i % STEPS) as f64 + 0.5);
-            let h = ggx::sample_normal(alpha, wo, u1 / STEPS as f64, u2 / STEPS as f64);
-            let wi = 2.0 * wo.dot(h) * h - wo;
-            if wi.z > 0.0 {
-                let (own, other) = (ggx::lambda(alpha, wo), ggx::lambda(alpha, wi));
-                sum += fresnel(wo.dot(h)) * (1.0 + own) / (1.0 + own + other);
-            }
-        }
-        sum / (STEPS * STEPS) as f64
-    }
-
-    /// The albedo E at a cosine in [0, 1], interpolated from the table.
-    fn albedo(&self, mu: f64) -> f64 {
-        let x = mu.clamp(0.0, 1.0).sqrt() * (ENTRIES - 1) as f64;
-        let i = (x as usize).min(ENTRIES - 2);
-        let f = x - i as f64;
-        self.albedo[i] * (1.0 - f) + self.albedo[i + 1] * f
-    }
-
-    /// E_avg = 2 * integral of E mu over [0, 1]. With mu = t^2 this is 4 * integral of E t^3. Gauss quadrature is exact in each
-    /// cell of the table, where E is linear in t.
-    fn integrate_mean(&self) -> f64 {
-        let cell = 1.0 / (ENTRIES - 1) as f64;
-        let gauss = [(-(0.6f64.sqrt()), 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.6f64.sqrt(), 5.0 / 18.0)];
-        let mut sum = 0.0;
-        for i in 0..ENTRIES - 1 {
-            for (x, weight) in gauss {
-                let t = (i as f64 + 0.5 + 0.5 * x) * cell;
-                sum += 4.0 * weight * cell * self.albedo(t * t) * t.powi(3);
-            }
-        }
-        sum
-    }
-}
-
 impl Bsdf<'_> {
     fn is_mirror(&self) -> bool {
-        self.alpha < MIRROR_ALPHA
+        self.coat.is_mirror()
     }
 
-    /// The directional albedo of the coat, interpolated between the two nearest coats.
-    fn albedo(&self, mu: f64) -> f64 {
-        let [a, b] = self.coats.map(|coat| coat.albedo(mu));
-        a + self.fraction * (b - a)
-    }
-
-    fn mean_albedo(&self) -> f64 {
-        let [a, b] = self.coats.map(|coat| coat.mean);
-        a + self.fraction * (b - a)
+    /// Schlick's Fresnel factor of the plastic's coat; `c` is the cosine to the half vector.
+    fn coat_fresnel(&self, c: f64) -> [f64; 3] {
+        self.f0.map(|f0| schlick(f0, self.f90, c))
     }
 
     /// Whether the material scatters only as a mirror or glass, so that no connection to this point has a contribution.
     pub fn only_delta(&self) -> bool {
         let m = self.material;
         let (opaque_plastic, metal) = ((1.0 - self.metallic) * (1.0 - m.transmission), self.metallic);
-        let rough = !self.is_mirror() && (metal > 0.0 || opaque_plastic * m.specular > 0.0)
-            || m.clearcoat.as_ref().is_some_and(|top| !top.is_mirror());
+        let rough = !self.is_mirror() && (metal > 0.0 || opaque_plastic * self.f90 > 0.0)
+            || self.clearcoat.is_some_and(|top| !top.is_mirror());
         !rough && (opaque_plastic == 0.0 || self.base.iter().all(|&b| b == 0.0))
     }
 
@@ -257,16 +190,16 @@ impl Bsdf<'_> {
             return [0.0; 3];
         }
         let m = self.material;
-        let left = (1.0 - self.albedo(wi.z)) * (1.0 - self.albedo(wo.z)) / (1.0 - self.mean_albedo());
+        let left = (1.0 - self.coat.albedo(wi.z)) * (1.0 - self.coat.albedo(wo.z)) / (1.0 - self.coat.mean());
         let diffuse = (1.0 - self.metallic) * (1.0 - m.transmission) * left / PI;
-        let lobe = if self.is_mirror() { 0.0 } else { ggx::lobe(self.alpha, wi, wo) };
+        let lobe = if self.is_mirror() { 0.0 } else { ggx::lobe(self.coat.alpha, wi, wo) };
         let c = wi.dot((wi + wo).normalize());
         let fresnel = self.fresnel(c);
         let under = [0, 1, 2].map(|k| diffuse * self.base[k] + lobe * fresnel[k]);
-        match &m.clearcoat {
+        match self.clearcoat {
             None => under,
             Some(top) => {
-                let lobe = if top.is_mirror() { 0.0 } else { ggx::lobe(top.alpha, wi, wo) };
+                let lobe = if top.is_mirror() { 0.0 } else { ggx::lobe(top.coat.alpha, wi, wo) };
                 under.map(|f| f * top.passes(wi, wo) + lobe * top.fresnel(c))
             }
         }
@@ -274,15 +207,15 @@ impl Bsdf<'_> {
 
     /// Factor of the clear coat on light that goes from `a` to `b` or back; 1 without a clear coat.
     fn passes(&self, a: DVec3, b: DVec3) -> f64 {
-        self.material.clearcoat.as_ref().map_or(1.0, |top| top.passes(a, b))
+        self.clearcoat.map_or(1.0, |top| top.passes(a, b))
     }
 
     /// Fresnel factor of the GGX lobe, for coat and conductor together; `c` is the cosine to the half vector.
     fn fresnel(&self, c: f64) -> [f64; 3] {
         let m = self.material;
         let plastic = (1.0 - self.metallic) * (1.0 - m.transmission);
-        let coat = m.fresnel(c);
-        [0, 1, 2].map(|k| plastic * coat[k] + self.metallic * schlick(self.base[k], c))
+        let coat = self.coat_fresnel(c);
+        [0, 1, 2].map(|k| plastic * coat[k] + self.metallic * schlick(self.base[k], 1.0, c))
     }
 
     /// Probabilities of sampling the GGX (or mirror) lobe, the diffuse base, the dielectric, and the clear coat. All are 0 for a
@@ -291,7 +224,7 @@ impl Bsdf<'_> {
         let m = self.material;
         let brightest = self.base.iter().copied().fold(0.0, f64::max);
         let plastic = (1.0 - self.metallic) * (1.0 - m.transmission);
-        let e = self.albedo(wo.z);
+        let e = self.coat.albedo(wo.z);
         let diffuse = plastic * (1.0 - e) * brightest;
         let dielectric = (1.0 - self.metallic) * m.transmission;
         let mut lobe = plastic * e + self.metallic * brightest.max(0.05);
@@ -300,7 +233,7 @@ impl Bsdf<'_> {
             lobe = lobe.max(0.15 * diffuse);
         }
         // Clear coats, too, are brighter for light at grazing angles.
-        let clearcoat = m.clearcoat.as_ref().map_or(0.0, |top| top.coat.albedo(wo.z).max(0.1 * top.strength));
+        let clearcoat = self.clearcoat.map_or(0.0, |top| top.coat.albedo(wo.z).max(0.1 * top.strength));
         let sum = lobe + diffuse + dielectric + clearcoat;
         if sum > 0.0 { [lobe, diffuse, dielectric, clearcoat].map(|p| p / sum) } else { [0.0; 4] }
     }
@@ -312,9 +245,9 @@ impl Bsdf<'_> {
             return 0.0;
         }
         let [lobe, diffuse, _, clearcoat] = self.choices(wo);
-        let rough = if self.is_mirror() { 0.0 } else { ggx::pdf(self.alpha, wi, wo) };
-        let top = match &self.material.clearcoat {
-            Some(top) if !top.is_mirror() => ggx::pdf(top.alpha, wi, wo),
+        let rough = if self.is_mirror() { 0.0 } else { ggx::pdf(self.coat.alpha, wi, wo) };
+        let top = match self.clearcoat {
+            Some(top) if !top.is_mirror() => ggx::pdf(top.coat.alpha, wi, wo),
             _ => 0.0,
         };
         lobe * rough + diffuse * wi.z.max(0.0) / PI + clearcoat * top
@@ -336,13 +269,13 @@ impl Bsdf<'_> {
             if self.is_mirror() {
                 return mirror(self.fresnel(wo.z).map(|f| self.passes(wo, mirrored) * f / lobe));
             }
-            let h = ggx::sample_normal(self.alpha, wo, u[1], u[2]);
+            let h = ggx::sample_normal(self.coat.alpha, wo, u[1], u[2]);
             2.0 * wo.dot(h) * h - wo
-        } else if let Some(top) = self.material.clearcoat.as_ref().filter(|_| u[0] < dielectric + lobe + clearcoat) {
+        } else if let Some(top) = self.clearcoat.filter(|_| u[0] < dielectric + lobe + clearcoat) {
             if top.is_mirror() {
                 return mirror([top.fresnel(wo.z) / clearcoat; 3]);
             }
-            let h = ggx::sample_normal(top.alpha, wo, u[1], u[2]);
+            let h = ggx::sample_normal(top.coat.alpha, wo, u[1], u[2]);
             2.0 * wo.dot(h) * h - wo
         } else if diffuse > 0.0 {
             let (radius, angle) = (u[1].sqrt(), TAU * u[2]);
@@ -365,7 +298,7 @@ impl Bsdf<'_> {
         let m = self.material;
         // Given that glass was chosen, `u[0]` is uniform in [0, chosen). After rescaling, it chooses reflection or refraction.
         let (choice, share) = (u[0] / chosen, (1.0 - self.metallic) * m.transmission / chosen);
-        let facet = if self.is_mirror() { DVec3::Z } else { ggx::sample_normal(self.alpha, wo, u[1], u[2]) };
+        let facet = if self.is_mirror() { DVec3::Z } else { ggx::sample_normal(self.coat.alpha, wo, u[1], u[2]) };
         let relative = if inside { 1.0 / m.ior } else { m.ior };
         let cos = wo.dot(facet);
         let refracted = choice >= fresnel_dielectric(cos, relative);
@@ -381,8 +314,8 @@ impl Bsdf<'_> {
         let passed = if self.is_mirror() {
             1.0
         } else {
-            let own = 1.0 + ggx::lambda(self.alpha, wo);
-            own / (own + ggx::lambda(self.alpha, wi))
+            let own = 1.0 + ggx::lambda(self.coat.alpha, wo);
+            own / (own + ggx::lambda(self.coat.alpha, wi))
         };
         let passed = passed * self.passes(wo, wi);
         let weight = self.base.map(|b| share * passed * if refracted { b } else { 1.0 });

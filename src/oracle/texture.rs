@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use crate::scene::{Scene, Wrap};
 
-/// Linear RGBA at a texture coordinate, where (0, 0) is the outer corner of the first texel. Without a texture, the result is
+/// Linear RGBA at a texture coordinate of the mesh. After the transform of the texture, (0, 0) is the outer corner of the first texel. Without a texture, the result is
 /// white.
 pub fn sample(scene: &Scene, texture: Option<u32>, uv: DVec2) -> [f64; 4] {
     filtered(scene, texture, uv, |[r, g, b, a]| [linear(r), linear(g), linear(b), f64::from(a) / 255.0])
@@ -31,6 +31,7 @@ fn filtered(scene: &Scene, texture: Option<u32>, uv: DVec2, decode: impl Fn([u8;
         let y = wrap(y, i64::from(image.height), texture.wrap[1]);
         decode(image.rgba[(y * i64::from(image.width) + x) as usize])
     };
+    let uv = texture.transform.transform_point2(uv);
     let (x, y) = (uv.x * f64::from(image.width), uv.y * f64::from(image.height));
     if !texture.linear {
         return texel(x.floor() as i64, y.floor() as i64);
@@ -70,6 +71,7 @@ fn wrap(i: i64, size: i64, mode: Wrap) -> i64 {
 mod tests {
     use super::*;
     use crate::scene::{Image, Texture};
+    use glam::DAffine2;
 
     #[test]
     fn wrapping_and_filtering() {
@@ -77,7 +79,7 @@ mod tests {
         assert_eq!([-1, 0, 2, 3].map(|i| wrap(i, 3, Wrap::Clamp)), [0, 0, 2, 2]);
         assert_eq!([-1, 0, 2, 3, 5, 6].map(|i| wrap(i, 3, Wrap::Mirror)), [0, 0, 2, 2, 0, 0]);
         let image = Image { width: 2, height: 1, rgba: vec![[0, 0, 0, 255], [255, 255, 255, 0]] };
-        let texture = Texture { image: 0, wrap: [Wrap::Clamp; 2], linear: true };
+        let texture = Texture { image: 0, wrap: [Wrap::Clamp; 2], linear: true, transform: DAffine2::IDENTITY };
         let scene = Scene { images: vec![image], textures: vec![texture], ..Scene::default() };
         assert_eq!(sample(&scene, None, DVec2::ZERO), [1.0; 4]);
         assert_eq!(sample(&scene, Some(0), DVec2::new(0.5, 0.5)), [0.5; 4]);

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::bsdf::{Bsdf, PreparedMaterial, Sample};
+use super::bsdf::{Bsdf, PreparedMaterial, Sample, Texels};
 use super::geometry::{Geometry, Ray, Surface};
 use super::media::Media;
 use super::texture;
@@ -106,7 +106,6 @@ impl<'a> World<'a> {
         let material = &self.scene.materials[surface.material as usize];
         let texel = texture::sample(self.scene, material.base_color_texture, surface.uv);
         let base = [0, 1, 2].map(|k| texel[k] * f64::from(material.base_color[k]) * surface.color[k]);
-        let [_, roughness, metallic, _] = texture::sample_data(self.scene, material.surface_texture, surface.uv);
         let inside = surface.geometric.dot(wo) < 0.0;
         let side = if inside { -1.0 } else { 1.0 };
         let bumped = surface.bumped(self.scene) * side;
@@ -114,6 +113,7 @@ impl<'a> World<'a> {
         let turned_away = bumped != surface.shading * side && bumped.dot(wo) <= 0.0;
         let z = if turned_away { surface.geometric * side } else { bumped };
         let x = z.any_orthonormal_vector();
+        let bsdf = self.prepared[surface.material as usize].at_point(base, &self.texels(&surface));
         Vertex {
             position: surface.position,
             normal: surface.geometric * side,
@@ -123,7 +123,23 @@ impl<'a> World<'a> {
             frame: [x, z.cross(x), z],
             // The back of glass is the inside of a solid, so it is never black, even if the material is single-sided.
             black: inside && !material.double_sided && material.transmission == 0.0,
-            bsdf: self.prepared[surface.material as usize].at_point(base, roughness, metallic),
+            bsdf,
+        }
+    }
+
+    /// The texels of the textures that multiply factors of the material.
+    fn texels(&self, surface: &Surface) -> Texels {
+        let m = &self.scene.materials[surface.material as usize];
+        let data = |texture| texture::sample_data(self.scene, texture, surface.uv);
+        let [red, green, blue, _] = texture::sample(self.scene, m.specular_color_texture, surface.uv);
+        let [_, roughness, metallic, _] = data(m.surface_texture);
+        Texels {
+            roughness,
+            metallic,
+            specular: data(m.specular_texture)[3],
+            specular_color: [red, green, blue],
+            clearcoat: data(m.clearcoat_texture)[0],
+            clearcoat_roughness: data(m.clearcoat_roughness_texture)[1],
         }
     }
 

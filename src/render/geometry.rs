@@ -1,6 +1,6 @@
 //! The scene, flattened for the device: triangles in render space, attributes, materials, textures.
 
-use glam::{DMat3, DVec3};
+use glam::{DAffine2, DMat3, DVec3};
 
 use super::albedo::AlbedoTable;
 use super::duplicates::{ShadingAttributes, drop_copies};
@@ -74,9 +74,7 @@ impl Geometry {
         let shading_attributes = |t: &Triangle| {
             let material = &materials.list[(t.material & TRIANGLE_MATERIAL) as usize];
             let smooth = t.material & TRIANGLE_SMOOTH != 0;
-            let Material { base_texture, emission_texture, surface_texture, normal_texture, .. } = *material;
-            let textures = [base_texture, emission_texture, surface_texture, normal_texture];
-            let textured = textures.iter().any(|&texture| texture != NONE);
+            let textured = material.textures().iter().any(|&texture| texture != NONE);
             let corner = |k: u32| {
                 let vertex = corners[(t.corner + k) as usize] as usize;
                 let VertexAttributes { normal, u, v } = attributes[vertex];
@@ -222,6 +220,7 @@ impl TexelLayout {
     }
 }
 
+/// The records of the textures, then the records of their transforms, and the places of the texels.
 fn textures(scene: &Scene, needed: bool) -> (Vec<TextureInfo>, TexelLayout) {
     if !needed {
         return (vec![], TexelLayout::default());
@@ -237,5 +236,13 @@ fn textures(scene: &Scene, needed: bool) -> (Vec<TextureInfo>, TexelLayout) {
         let sampler = wrap(t.wrap[0]) | (wrap(t.wrap[1]) << 2) | (u32::from(t.linear) << 4);
         TextureInfo { first: texels.first[t.image as usize], width: image.width, height: image.height, sampler }
     });
-    (infos.collect::<Vec<_>>(), texels)
+    let mut infos: Vec<TextureInfo> = infos.collect();
+    for (i, texture) in scene.textures.iter().enumerate() {
+        if texture.transform != DAffine2::IDENTITY {
+            infos[i].sampler |= (infos.len() as u32) << TEXTURE_TRANSFORM_SHIFT;
+            let [a, b, c, d, x, y] = texture.transform.to_cols_array().map(|value| value as f32);
+            infos.extend([[a, b, c, d], [x, y, 0.0, 0.0]].map(bytemuck::cast::<[f32; 4], TextureInfo>));
+        }
+    }
+    (infos, texels)
 }

@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use glam::DAffine2;
+
 use super::albedo::AlbedoTable;
 use crate::scene::{self, AlphaMode, Scene};
 use crate::settings::Emitters;
@@ -17,7 +19,8 @@ host_twins! {
         transmission: f32, diffuse_scale: f32, alpha_cutoff: f32, flags: u32,
         base_texture: u32, emission_texture: u32, f90: f32, surface_texture: u32,
         normal_texture: u32, normal_scale: f32, clearcoat: f32, clearcoat_alpha: f32,
-        f0_color: [f32; 3], pad0: u32,
+        f0_color: [f32; 3], specular_color_texture: u32,
+        specular_texture: u32, clearcoat_texture: u32, clearcoat_roughness_texture: u32, pad0: u32,
     }
 }
 
@@ -25,16 +28,22 @@ shared_constants! {
     MATERIAL_DOUBLE_SIDED: u32 = 1,
     MATERIAL_MASK: u32 = 2,
     MATERIAL_BLEND: u32 = 4,
+    MATERIAL_VARIES: u32 = 8,
     /// A lobe with a smaller GGX alpha is treated as perfectly smooth (a delta distribution).
     DELTA_ALPHA: f32 = 0.001,
+    MIN_BELOW_COAT: f32 = 1e-4,
 }
 
 /// Features that the kernels need for this scene. The code of all other features is removed when a kernel is compiled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Features {
     pub textures: bool,
-    /// Whether roughness or metalness vary over a surface.
+    /// Whether any property except the base colour varies over a surface.
     pub surface_textures: bool,
+    /// Whether the dielectric coat or the clear coat vary over a surface.
+    pub coat_textures: bool,
+    /// Whether any texture transforms the texture coordinates of its meshes.
+    pub texture_transforms: bool,
     pub normal_maps: bool,
     pub vertex_colors: bool,
     pub alpha: bool,
@@ -45,12 +54,28 @@ pub struct Features {
     pub clearcoat: bool,
 }
 
+impl Material {
+    /// Indices of the textures that the material uses, and NONE for the others.
+    pub fn textures(&self) -> [u32; 8] {
+        let shading = [self.base_texture, self.emission_texture, self.normal_texture, self.surface_texture];
+        let specular = [self.specular_texture, self.specular_color_texture];
+        let clearcoat = [self.clearcoat_texture, self.clearcoat_roughness_texture];
+        let mut all = [NONE; 8];
+        all[..4].copy_from_slice(&shading);
+        all[4..6].copy_from_slice(&specular);
+        all[6..].copy_from_slice(&clearcoat);
+        all
+    }
+}
+
 impl Features {
     /// Values of the WGSL `override` constants that switch each feature on (1) or off (0).
-    pub fn constants(&self) -> [(&'static str, f64); 9] {
+    pub fn constants(&self) -> [(&'static str, f64); 11] {
         [
             ("HAS_TEXTURES", self.textures),
             ("HAS_SURFACE_TEXTURES", self.surface_textures),
+            ("HAS_COAT_TEXTURES", self.coat_textures),
+            ("HAS_TEXTURE_TRANSFORMS", self.texture_transforms),
             ("HAS_NORMAL_MAPS", self.normal_maps),
             ("HAS_VERTEX_COLORS", self.vertex_colors),
             ("HAS_ALPHA", self.alpha),
@@ -106,7 +131,17 @@ impl<'a> MaterialSet<'a> {
     fn convert(&mut self, m: &scene::Material, is_emitter: bool, has_tangents: bool) -> Material {
         let normal_texture = m.normal_texture.filter(|_| has_tangents);
         let uncolored = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
-        let f0_color = m.specular_color.map(|color| (uncolored * color).min(1.0) * m.specular);
+        // Textures of a coat that does not reflect have no effect.
+        let has_coat = m.specular > 0.0 && uncolored > 0.0 && (m.metallic < 1.0 || m.surface_texture.is_some());
+        let of_coat = |texture: Option<u32>| texture.filter(|_| has_coat);
+        let of_clearcoat = |texture: Option<u32>| texture.filter(|_| m.clearcoat > 0.0);
+        let (specular_texture, specular_color_texture) =
+            (of_coat(m.specular_texture), of_coat(m.specular_color_texture));
+        let (clearcoat_texture, clearcoat_roughness_texture) =
+            (of_clearcoat(m.clearcoat_texture), of_clearcoat(m.clearcoat_roughness_texture));
+        // The limit of 1 applies after the texture.
+        let limit = if specular_color_texture.is_some() { f32::MAX } else { 1.0 };
+        let f0_color = m.specular_color.map(|color| (uncolored * color).min(limit) * m.specular);
         let f0 = f0_color.into_iter().fold(0.0, f32::max);
         // With ior = 1 or specular = 0 there is no coat.
         let f90 = if uncolored > 0.0 { m.specular } else { 0.0 };
@@ -117,24 +152,29 @@ impl<'a> MaterialSet<'a> {
         }
         let emission = if is_emitter { m.emission } else { [0.0; 3] };
         let emission_texture = if emission == [0.0; 3] { None } else { m.emission_texture };
-        self.features.surface_textures |= m.surface_texture.is_some();
+        let coats = [specular_texture, specular_color_texture, clearcoat_texture, clearcoat_roughness_texture];
+        let coat_varies = coats.iter().any(|texture| texture.is_some());
+        let varies = coat_varies || m.surface_texture.is_some();
+        self.features.surface_textures |= varies;
+        self.features.coat_textures |= coat_varies;
         self.features.normal_maps |= normal_texture.is_some();
-        let textures = [m.base_color_texture, emission_texture, m.surface_texture, normal_texture];
-        self.features.textures |= textures.iter().any(|texture| texture.is_some());
         self.features.glossy |= m.metallic > 0.0 || f90 > 0.0 || m.transmission > 0.0 || m.clearcoat > 0.0;
-        self.features.specular_colors |= f0_color != [f0; 3];
+        self.features.specular_colors |= f0_color != [f0; 3] || specular_color_texture.is_some();
         self.features.clearcoat |= m.clearcoat > 0.0;
         // A texture may make the metalness smaller than its factor.
         if m.transmission > 0.0 && (m.metallic < 1.0 || m.surface_texture.is_some()) {
             self.features.transmission = true;
             self.max_ior = self.max_ior.max(m.ior);
         }
+        // The light that the coat lets in on average. A perfect reflector lets in nothing, and 0 / 0 is not a number.
+        let below = (1.0 - self.albedo.mean(alpha.into(), f0.into(), f90.into())).max(MIN_BELOW_COAT.into());
         let (mode, cutoff) = match m.alpha_mode {
             AlphaMode::Opaque => (0, 0.0),
             AlphaMode::Mask(cutoff) => (MATERIAL_MASK, cutoff),
             AlphaMode::Blend => (MATERIAL_BLEND, 0.0),
         };
-        Material {
+        let varying = if varies { MATERIAL_VARIES } else { 0 };
+        let material = Material {
             base_color: [m.base_color[0], m.base_color[1], m.base_color[2]],
             opacity: m.base_color[3],
             emission,
@@ -144,11 +184,9 @@ impl<'a> MaterialSet<'a> {
             f0,
             ior: m.ior,
             transmission: m.transmission,
-            diffuse_scale: (1.0
-                / (std::f64::consts::PI * (1.0 - self.albedo.mean(alpha.into(), f0.into(), f90.into()))))
-                as f32,
+            diffuse_scale: (1.0 / (std::f64::consts::PI * below)) as f32,
             alpha_cutoff: cutoff,
-            flags: mode | if m.double_sided { MATERIAL_DOUBLE_SIDED } else { 0 },
+            flags: mode | varying | if m.double_sided { MATERIAL_DOUBLE_SIDED } else { 0 },
             base_texture: m.base_color_texture.unwrap_or(NONE),
             emission_texture: emission_texture.unwrap_or(NONE),
             f90,
@@ -158,8 +196,17 @@ impl<'a> MaterialSet<'a> {
             clearcoat: m.clearcoat,
             clearcoat_alpha: smoothed(m.clearcoat_roughness),
             f0_color,
+            specular_color_texture: specular_color_texture.unwrap_or(NONE),
+            specular_texture: specular_texture.unwrap_or(NONE),
+            clearcoat_texture: clearcoat_texture.unwrap_or(NONE),
+            clearcoat_roughness_texture: clearcoat_roughness_texture.unwrap_or(NONE),
             pad0: 0,
-        }
+        };
+        let used = || material.textures().into_iter().filter(|&texture| texture != NONE);
+        self.features.textures |= used().next().is_some();
+        self.features.texture_transforms |=
+            used().any(|texture| self.scene.textures[texture as usize].transform != DAffine2::IDENTITY);
+        material
     }
 }
 

@@ -3,7 +3,7 @@
 
 #![warn(missing_docs)]
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine2, DAffine3, DMat3, DVec3};
 
 use super::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection, Scene, Texture, Wrap};
 
@@ -16,7 +16,10 @@ impl Scene {
     /// Adds an image as a bilinear, repeating texture. Returns its index for [`Material::base_color_texture`].
     pub fn add_texture(&mut self, image: Image) -> u32 {
         let image = push(&mut self.images, image);
-        push(&mut self.textures, Texture { image, wrap: [Wrap::Repeat; 2], linear: true })
+        push(
+            &mut self.textures,
+            Texture { image, wrap: [Wrap::Repeat; 2], linear: true, transform: DAffine2::IDENTITY },
+        )
     }
 
     /// Adds a mesh without placing it in the world. Returns its index for [`Scene::place`].

@@ -33,6 +33,9 @@ impl Scene {
         self.images.iter().enumerate().try_for_each(|(i, image)| check_image(i, image))?;
         for (i, texture) in self.textures.iter().enumerate() {
             below(texture.image, self.images.len(), || format!("texture {i}"), "image")?;
+            if !texture.transform.is_finite() {
+                return Err(format!("the transform of texture {i} is not finite"));
+            }
         }
         self.materials.iter().try_for_each(|material| material.check(self.textures.len()))?;
         self.meshes.iter().try_for_each(|mesh| check_mesh(mesh, &self.materials))?;

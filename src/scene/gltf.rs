@@ -14,6 +14,7 @@ mod image;
 mod instancing;
 mod light;
 mod material;
+mod material_extension;
 mod medium;
 mod mesh;
 mod meshopt;
@@ -22,6 +23,7 @@ mod pose;
 mod resolve;
 mod root;
 mod texture;
+mod texture_use;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};

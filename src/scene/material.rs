@@ -42,17 +42,25 @@ pub struct Material {
     pub emission_texture: Option<u32>,
     /// KHR_materials_specular: the strength of the dielectric coat, in [0, 1]. With `specular` 0 and `metallic` 0 the material is purely Lambertian.
     pub specular: f32,
+    /// Index into [`Scene::textures`](super::Scene::textures). Its alpha channel multiplies `specular`; linear.
+    pub specular_texture: Option<u32>,
     /// KHR_materials_specular: multiplies the reflectance of the dielectric coat at normal incidence, linear RGB, each >= 0. The
     /// product is at most 1.
     pub specular_color: [f32; 3],
+    /// Index into [`Scene::textures`](super::Scene::textures); multiplied with `specular_color`. sRGB.
+    pub specular_color_texture: Option<u32>,
     /// Index of refraction, >= 1.
     pub ior: f32,
     /// KHR_materials_transmission, in [0, 1].
     pub transmission: f32,
     /// KHR_materials_clearcoat: the strength of a clear coat over everything else, in [0, 1].
     pub clearcoat: f32,
+    /// Index into [`Scene::textures`](super::Scene::textures). Its red channel multiplies `clearcoat`; linear.
+    pub clearcoat_texture: Option<u32>,
     /// Perceptual roughness of the clear coat, in [0, 1].
     pub clearcoat_roughness: f32,
+    /// Index into [`Scene::textures`](super::Scene::textures). Its green channel multiplies `clearcoat_roughness`; linear.
+    pub clearcoat_roughness_texture: Option<u32>,
     /// How the alpha of the base colour determines coverage.
     pub alpha_mode: AlphaMode,
     /// Whether the back reflects and emits as the front does; otherwise the back is black.
@@ -76,11 +84,15 @@ impl Material {
             emission: [0.0; 3],
             emission_texture: None,
             specular: 0.0,
+            specular_texture: None,
             specular_color: [1.0; 3],
+            specular_color_texture: None,
             ior: 1.5,
             transmission: 0.0,
             clearcoat: 0.0,
+            clearcoat_texture: None,
             clearcoat_roughness: 0.0,
+            clearcoat_roughness_texture: None,
             alpha_mode: AlphaMode::Opaque,
             double_sided: true,
             interior: None,
@@ -117,9 +129,15 @@ impl Material {
 
     /// Indices of the textures that the material uses.
     pub fn textures(&self) -> impl Iterator<Item = u32> {
-        [self.base_color_texture, self.emission_texture, self.surface_texture, self.normal_texture]
-            .into_iter()
-            .flatten()
+        let others = [self.base_color_texture, self.emission_texture, self.normal_texture];
+        others.into_iter().chain(self.factor_textures()).flatten()
+    }
+
+    /// Textures that multiply a factor other than the base colour: those of metalness and roughness, of the dielectric coat and of
+    /// the clear coat. With such a texture, more than the base colour varies over a surface.
+    pub(crate) fn factor_textures(&self) -> [Option<u32>; 5] {
+        let [strength, color] = [self.specular_texture, self.specular_color_texture];
+        [self.surface_texture, strength, color, self.clearcoat_texture, self.clearcoat_roughness_texture]
     }
 
     /// Fails with one sentence if a number is out of range, or if a texture index is not below `textures`, the number of

@@ -16,7 +16,7 @@ mod medium;
 mod sky;
 mod tangents;
 
-use glam::{BVec3, DAffine3, DVec3, Vec3};
+use glam::{BVec3, DAffine2, DAffine3, DVec3, Vec3};
 
 pub use camera::{Camera, Projection};
 pub(crate) use light::MAX_DISTANT;
@@ -133,6 +133,9 @@ pub struct Texture {
     pub wrap: [Wrap; 2],
     /// Bilinear filtering if true, nearest texel if false.
     pub linear: bool,
+    /// Maps the texture coordinates of a mesh to those of the image, where (0, 0) is the top left corner and (1, 1) the bottom
+    /// right one. Finite.
+    pub transform: DAffine2,
 }
 
 /// Decoded texels, row 0 at the top (v = 0), sRGB-encoded colour and linear alpha, 8 bits each.

@@ -109,6 +109,88 @@ fn specular_colours_agree_with_the_oracle() {
     assert!(!against("white", &[Estimator::Lcs], &of([1.0; 3]), &GATES, &truth).is_empty());
 }
 
+/// Adds a texture whose four channels vary, to a room whose material `with` changes.
+fn with_varied(mut scene: Scene, with: impl Fn(Material, Option<u32>) -> Material) -> Scene {
+    let mut pcg = Pcg::new(80);
+    let texel = |_| [0; 4].map(|_| pcg.below(256) as u8);
+    let image = Image { width: 8, height: 8, rgba: (0..64).map(texel).collect() };
+    let texture = Some(scene.add_texture(image));
+    change(&mut scene, |m| with(m, texture));
+    scene
+}
+
+#[test]
+fn varying_plastics_agree_with_the_oracle() {
+    let plain = room_of(|m| Material { specular: 0.9, specular_color: [4.0, 10.0, 40.0], ..m });
+    let scene = with_varied(plain.clone(), |m, texture| Material {
+        specular_texture: texture,
+        specular_color_texture: texture,
+        ..m
+    });
+    let truth = oracle(&scene, &GATES, [24, 16], 800);
+    assert_none(against("varied plastic", &Estimator::ALL, &scene, &GATES, &truth));
+    // Negative control: factors without textures.
+    assert!(!against("plain plastic", &[Estimator::Lcs], &plain, &GATES, &truth).is_empty());
+}
+
+#[test]
+fn varying_clear_coats_agree_with_the_oracle() {
+    // The base is dark, so that the coat sends a large part of the light.
+    let dark = |m| Material { base_color_texture: None, base_color: [0.02, 0.05, 0.05, 1.0], ..m };
+    let plain = room_of(|m| Material { clearcoat: 1.0, clearcoat_roughness: 0.8, ..dark(m) });
+    let scene = with_varied(plain.clone(), |m, texture| Material {
+        clearcoat_texture: texture,
+        clearcoat_roughness_texture: texture,
+        ..m
+    });
+    let truth = oracle(&scene, &GATES, [24, 16], 800);
+    assert_none(against("varied clear coat", &Estimator::ALL, &scene, &GATES, &truth));
+    // Negative control: factors without textures.
+    assert!(!against("plain clear coat", &[Estimator::Lcs], &plain, &GATES, &truth).is_empty());
+}
+
+/// Textures of one colour change the image as much as their bytes round.
+#[test]
+fn constant_textures_are_factors() {
+    let image_of = |scene: &Scene| {
+        let settings = settings(Estimator::Bdpt, [24, 16]).max_depth(6).build().unwrap();
+        let mut renderer = renderer(scene, &settings);
+        renderer.iterate(8).unwrap();
+        renderer.film().mean()
+    };
+    // The bytes of colours are sRGB: 188 is 0.503.
+    let half = 0.502_886_5;
+    let factors = room_of(|m| Material {
+        specular: 0.4,
+        specular_color: [20.0 * half, 10.0, 5.0 * half],
+        clearcoat: 0.2,
+        clearcoat_roughness: 0.6,
+        ..m
+    });
+    let mut textured = room_of(|m| Material {
+        specular: 1.0,
+        specular_color: [20.0, 10.0, 5.0],
+        clearcoat: 1.0,
+        clearcoat_roughness: 1.0,
+        ..m
+    });
+    let mut plain = |rgba| Some(textured.add_texture(Image { width: 1, height: 1, rgba: vec![rgba] }));
+    let color = plain([188, 255, 188, 102]);
+    let coat = plain([51, 153, 0, 0]);
+    change(&mut textured, |m| Material {
+        specular_texture: color,
+        specular_color_texture: color,
+        clearcoat_texture: coat,
+        clearcoat_roughness_texture: coat,
+        ..m
+    });
+    let (a, b) = (image_of(&factors), image_of(&textured));
+    let sum: f64 = a.iter().map(|x| f64::from(*x)).sum();
+    let off: f64 = a.iter().zip(&b).map(|(x, y)| f64::from((x - y).abs())).sum();
+    eprintln!("mean difference {:.5} of the mean", off / sum);
+    assert!(off < 0.01 * sum, "{off} of {sum}");
+}
+
 #[test]
 fn normal_maps_agree_with_the_oracle() {
     let scene = with_normal_map(zoo(Light::Area), bumps());
@@ -160,6 +242,50 @@ fn a_leaning_normal_loses_no_more_than_the_light_from_below() {
             eprintln!("{estimator} from x = {x}: {mean:.5} +- {error:.5}, expected {expected:.5}");
             assert!((mean - expected).abs() < threshold(8) * error + 1e-4, "{estimator}, {x}: {mean} +- {error}");
             assert!(error < 0.01);
+        }
+    }
+}
+
+/// A smooth black plane in a box whose walls emit a radiance of 1 shows the Fresnel reflectance of its coat. A texture of a coat
+/// has two texels: the left half of the plane has the left one.
+#[test]
+fn a_textured_coat_reflects_in_proportion_to_its_texels() {
+    let black = Material { roughness: 0.0, base_color: [0.0, 0.0, 0.0, 1.0], ..diffuse("black", [0.0; 3]) };
+    let schlick = |f0: f64, cosine: f64| f0 + (1.0 - f0) * (1.0 - cosine).powi(5);
+    // Kind of coat, the texels, and F0 and the strength of both halves.
+    let left = [102, 188, 153, 51];
+    let cases = [
+        ("clear coat", [(0.04, 0.4), (0.04, 1.0)]),
+        ("strength", [(0.04, 0.2), (0.04, 1.0)]),
+        ("colour", [(0.04 * 0.1328683, 1.0), (0.04, 1.0)]),
+    ];
+    for (name, expected) in cases {
+        let mut scene = leaning(DVec3::new(0.0, -1.2, 0.9), black.clone());
+        let image = Image { width: 2, height: 1, rgba: vec![left, [255; 4]] };
+        let texture = scene.add_texture(image);
+        scene.textures[texture as usize].linear = false;
+        let of = |kind| (name == kind).then_some(texture);
+        let (clearcoat_texture, specular_texture, specular_color_texture) =
+            (of("clear coat"), of("strength"), of("colour"));
+        let m = &mut scene.materials[0];
+        m.normal_texture = None;
+        let (clearcoat, specular) = if clearcoat_texture.is_some() { (1.0, 0.0) } else { (0.0, 1.0) };
+        *m = Material { clearcoat, specular, clearcoat_texture, specular_texture, specular_color_texture, ..m.clone() };
+        for estimator in Estimator::ALL {
+            let s = settings(estimator, [8, 8]).max_depth(2).build().unwrap();
+            let mut renderer = renderer(&scene, &s);
+            renderer.iterate(4).unwrap();
+            let film = renderer.film().mean();
+            // Red. The columns next to the border between the halves are left out.
+            for (half, (f0, strength)) in expected.into_iter().enumerate() {
+                for (row, column) in (0..8).flat_map(|row| (0..3).map(move |column| (row, column))) {
+                    let column = if half == 0 { column } else { 7 - column };
+                    let seen = scene.cameras[0].direction([8, 8], [column as f64 + 0.5, row as f64 + 0.5]);
+                    let truth = strength * schlick(f0, -seen.z);
+                    let got = f64::from(film[3 * (row * 8 + column)]);
+                    assert!((got / truth - 1.0).abs() < 0.03, "{name}, {estimator}, {column}, {row}: {got} {truth}");
+                }
+            }
         }
     }
 }

@@ -17,14 +17,16 @@ use crate::shader_function::{ShaderFunction, contents};
 use crate::texture::texels;
 use crate::values::{direction, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&PACK, &VARY, &WORDS];
+pub const KERNELS: &[&ShaderFunction] = &[&PACK, &VARY, &COATS, &FACTORS, &WORDS];
 
 const PACK: ShaderFunction = ShaderFunction {
     imports: &["point"],
-    input: "base: vec3<f32>, metallic: f32, alpha: f32, pad: vec3<f32>",
-    result: "base: vec3<f32>, metallic: f32, alpha: f32, pad: vec3<f32>",
-    body: "let p = unpack_point(pack_point(PointProperties(input.base, input.metallic, input.alpha)));
-        result.base = p.base; result.metallic = p.metallic; result.alpha = p.alpha;",
+    input: "base: vec3<f32>, metallic: f32, color: vec3<f32>, alpha: f32, rest: vec4<f32>",
+    result: "base: vec3<f32>, metallic: f32, color: vec3<f32>, alpha: f32, rest: vec4<f32>",
+    body: "let coats = CoatFactors(input.color, input.rest.x, input.rest.y, input.rest.z);
+        let p = unpack_point(pack_point(PointProperties(input.base, input.metallic, input.alpha, coats)));
+        result.base = p.base; result.metallic = p.metallic; result.alpha = p.alpha; result.color = p.coats.specular_color;
+        result.rest = vec4<f32>(p.coats.specular, p.coats.clearcoat, p.coats.clearcoat_roughness, 0.0);",
 };
 
 #[repr(C)]
@@ -32,31 +34,61 @@ const PACK: ShaderFunction = ShaderFunction {
 struct Point {
     base: [f32; 3],
     metallic: f32,
+    // The specular colour.
+    color: [f32; 3],
     alpha: f32,
-    // WGSL aligns the last vector, and the struct, to 16 bytes.
-    pad: [f32; 7],
+    // Specular strength, clear coat and its roughness.
+    rest: [f32; 4],
+}
+
+/// Points with properties from 0 to 1. The first two have only zeros and ones.
+fn points(count: usize) -> Vec<Point> {
+    let mut pcg = Pcg::new(201);
+    let zeros =
+        Point { base: [0.0, 1.0, 0.0], metallic: 1.0, color: [1.0, 0.0, 1.0], alpha: 1.0, rest: [0.0, 1.0, 0.0, 0.0] };
+    let ones =
+        Point { base: [1.0, 0.0, 1.0], metallic: 0.0, color: [0.0, 1.0, 0.0], alpha: 0.0, rest: [1.0, 0.0, 1.0, 0.0] };
+    let mut unit = || pcg.uniform() as f32;
+    let mut random = |_| {
+        // Squares and fourth powers have many small values.
+        let base = [unit().powi(2), unit().powi(4), unit()];
+        let (metallic, alpha) = (unit(), unit().powi(2));
+        let color = [unit().powi(2), unit().powi(4), unit()];
+        Point { base, metallic, color, alpha, rest: [unit(), unit(), unit(), 0.0] }
+    };
+    [zeros, ones].into_iter().chain((0..count).map(&mut random)).collect()
+}
+
+/// Whether a value was stored as a square root in steps of 1 / `steps`: half a step of the root is an error of the square of the
+/// step times the root.
+fn is_near(a: f32, b: f32, steps: f32) -> bool {
+    (a - b).abs() <= 1.1 / steps * a.sqrt() + 0.3 / steps.powi(2) + 1e-9
+}
+
+/// With textures of the coats, colour and roughness have fewer bits, and the words hold the factors of the coats as well.
+#[test]
+fn packed_coats_keep_their_digits() {
+    let inputs = points(20_000);
+    let results: Vec<Point> = PACK.run(&inputs, &[]);
+    assert_eq!(results[..2], inputs[..2], "0 and 1 are exact");
+    for (g, r) in inputs.iter().zip(&results) {
+        let all = |a: [f32; 3], b: [f32; 3], steps| a.into_iter().zip(b).all(|(a, b)| is_near(a, b, steps));
+        assert!(all(g.base, r.base, 1023.0) && all(g.color, r.color, 255.0), "{g:?} {r:?}");
+        let exact = [(g.metallic, r.metallic), (g.rest[0], r.rest[0]), (g.rest[1], r.rest[1]), (g.rest[2], r.rest[2])];
+        assert!(exact.iter().all(|(a, b)| (a - b).abs() <= 0.51 / 255.0), "{g:?} {r:?}");
+        assert!(is_near(g.alpha, r.alpha, 1023.0) || (r.alpha == 0.0 && g.alpha < 1.1e-3), "{g:?} {r:?}");
+    }
 }
 
 #[test]
 fn packed_properties_keep_their_digits() {
-    let mut pcg = Pcg::new(201);
-    let point = |base, metallic, alpha| Point { base, metallic, alpha, pad: [0.0; 7] };
-    let mut inputs = vec![point([0.0, 1.0, 0.0], 1.0, 1.0), point([1.0, 0.0, 1.0], 0.0, 0.0)];
-    inputs.extend((0..20_000).map(|_| {
-        let mut unit = || pcg.uniform() as f32;
-        // Squares and fourth powers have many small values.
-        point([unit().powi(2), unit().powi(4), unit()], unit(), unit().powi(2))
-    }));
-    let results: Vec<Point> = PACK.run(&inputs, &[]);
-    assert_eq!(results[..2], inputs[..2], "0 and 1 are exact");
+    let inputs = points(20_000);
+    let results: Vec<Point> = PACK.compile(&[("HAS_COAT_TEXTURES", 0.0)]).run(&inputs, &[]);
     for (g, r) in inputs.iter().zip(&results) {
-        for (a, b) in g.base.iter().zip(&r.base) {
-            // Half a step of 16 bits of the root: the error of its square is the step times the root.
-            assert!((a - b).abs() <= 1.1 / 65535.0 * a.sqrt() + 1e-9, "{g:?} {r:?}");
-        }
+        assert!(g.base.into_iter().zip(r.base).all(|(a, b)| is_near(a, b, 65535.0)), "{g:?} {r:?}");
         assert!((g.metallic - r.metallic).abs() <= 0.51 / 255.0, "{g:?} {r:?}");
-        let near = (g.alpha - r.alpha).abs() <= 1.1 / 65535.0 * g.alpha.sqrt() + 1e-9;
-        assert!(near || (r.alpha == 0.0 && g.alpha < 1.001e-3), "{g:?} {r:?}");
+        assert!(is_near(g.alpha, r.alpha, 65535.0) || (r.alpha == 0.0 && g.alpha < 1.001e-3), "{g:?} {r:?}");
+        assert_eq!((r.color, r.rest), ([1.0; 3], [1.0, 1.0, 1.0, 0.0]), "without textures, the coats are white");
     }
 }
 
@@ -65,7 +97,7 @@ const VARY: ShaderFunction = ShaderFunction {
     input: "wl: vec3<f32>, other: u32, wc: vec3<f32>, constant: u32, base: vec3<f32>, front: u32",
     result: "f: vec4<f32>, pdfs: vec4<f32>, expected_f: vec4<f32>, expected_pdfs: vec4<f32>",
     body: "let m = load_material(input.constant);
-        let p = PointProperties(input.base, m.metallic, m.alpha);
+        let p = PointProperties(input.base, m.metallic, m.alpha, WHITE_COATS);
         let a = bsdf_eval(make_varying_bsdf(input.other, p, input.front == 1u), input.wl, input.wc);
         let b = bsdf_eval(make_bsdf(input.constant, input.base, input.front == 1u), input.wl, input.wc);
         result.f = vec4<f32>(a.f, 0.0); result.pdfs = vec4<f32>(a.pdf_to_light, a.pdf_to_sensor, 0.0, 0.0);
@@ -129,6 +161,146 @@ const WORDS: ShaderFunction = ShaderFunction {
         if (varies(m)) { result.base = unpack_point(words).base; }",
 };
 
+const COATS: ShaderFunction = ShaderFunction {
+    imports: &["bsdf"],
+    input: "wl: vec3<f32>, other: u32, wc: vec3<f32>, constant: u32, color: vec3<f32>, specular: f32, \
+        clearcoat: f32, clearcoat_roughness: f32, pad: vec2<f32>",
+    result: "f: vec4<f32>, pdfs: vec4<f32>, expected_f: vec4<f32>, expected_pdfs: vec4<f32>",
+    body: "let m = load_material(input.constant); let base = vec3<f32>(0.5, 0.9, 0.2);
+        let coats = CoatFactors(input.color, input.specular, input.clearcoat, input.clearcoat_roughness);
+        let p = PointProperties(base, m.metallic, m.alpha, coats);
+        let a = bsdf_eval(make_varying_bsdf(input.other, p, true), input.wl, input.wc);
+        let b = bsdf_eval(make_bsdf(input.constant, base, true), input.wl, input.wc);
+        result.f = vec4<f32>(a.f, 0.0); result.pdfs = vec4<f32>(a.pdf_to_light, a.pdf_to_sensor, 0.0, 0.0);
+        result.expected_f = vec4<f32>(b.f, 0.0);
+        result.expected_pdfs = vec4<f32>(b.pdf_to_light, b.pdf_to_sensor, 0.0, 0.0);",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct CoatedPair {
+    wl: [f32; 3],
+    other: u32,
+    wc: [f32; 3],
+    constant: u32,
+    color: [f32; 3],
+    specular: f32,
+    clearcoat: f32,
+    clearcoat_roughness: f32,
+    pad: [f32; 2],
+}
+
+/// Texels multiply the factors of both coats.
+#[test]
+fn varying_coats_are_the_constant_coats_of_the_point() {
+    let full = Material {
+        specular: 0.9,
+        specular_color: [0.5, 2.0, 20.0],
+        clearcoat: 0.8,
+        clearcoat_roughness: 0.7,
+        metallic: 0.25,
+        ..stage::plastic("full", [1.0; 3], 0.4)
+    };
+    let mut pcg = Pcg::new(204);
+    let texels: Vec<[f32; 6]> = (0..40).map(|_| [0; 6].map(|_| pcg.uniform() as f32)).collect();
+    let mut kinds = vec![full.clone()];
+    kinds.extend(texels.iter().map(|&[red, green, blue, specular, clearcoat, roughness]| Material {
+        specular: full.specular * specular,
+        specular_color: [0.5 * red, 2.0 * green, 20.0 * blue],
+        clearcoat: full.clearcoat * clearcoat,
+        clearcoat_roughness: full.clearcoat_roughness * roughness,
+        ..full.clone()
+    }));
+    let set = Set::new(kinds);
+    let inputs: Vec<CoatedPair> = (0..20_000)
+        .map(|i| {
+            let [red, green, blue, specular, clearcoat, clearcoat_roughness] = texels[i % 40];
+            let color = [red, green, blue];
+            let (wl, wc) = (vec3(direction(&mut pcg)), vec3(direction(&mut pcg)));
+            let constant = 1 + (i % 40) as u32;
+            CoatedPair { wl, other: 0, wc, constant, color, specular, clearcoat, clearcoat_roughness, pad: [0.0; 2] }
+        })
+        .collect();
+    let results: Vec<[[f32; 4]; 4]> = COATS.run(&inputs, &set.buffers());
+    let mut lit = 0;
+    for (g, [f, pdfs, expected_f, expected_pdfs]) in inputs.iter().zip(&results) {
+        for (got, expected) in f.iter().chain(pdfs).zip(expected_f.iter().chain(expected_pdfs)) {
+            assert!((got - expected).abs() <= 1e-4 * expected.abs() + 1e-6, "{g:?}: {got} {expected}");
+        }
+        lit += usize::from(f[0] > 0.0);
+    }
+    assert!(lit > 3000, "only {lit} pairs scatter");
+}
+
+const FACTORS: ShaderFunction = ShaderFunction {
+    imports: &["surface"],
+    input: "uv: vec2<f32>, material: u32, pad: u32",
+    result: "color: vec3<f32>, specular: f32, clearcoat: f32, clearcoat_roughness: f32, rough: u32, varies: u32",
+    body: "let m = load_material(input.material); let coats = coat_factors(m, input.uv);
+        result.color = coats.specular_color; result.specular = coats.specular; result.clearcoat = coats.clearcoat;
+        result.clearcoat_roughness = coats.clearcoat_roughness; result.varies = u32(varies(m));
+        let p = PointProperties(vec3<f32>(0.5), m.metallic, m.alpha, coats);
+        result.rough = u32(has_rough_clearcoat(m, pack_point(p)));",
+};
+
+/// Each texture gives one factor, from the right channels. A material without textures of coats has white ones.
+#[test]
+fn coat_factors_come_from_their_channels() {
+    let mut pcg = Pcg::new(205);
+    let mut scene = Scene::default();
+    let mut texture = || {
+        let image = Image { width: 4, height: 3, rgba: (0..12).map(|_| pcg.next_u32().to_le_bytes()).collect() };
+        stage::texture(&mut scene, image)
+    };
+    let [specular_texture, specular_color_texture] = [texture(), texture()].map(Some);
+    let [clearcoat_texture, clearcoat_roughness_texture] = [texture(), texture()].map(Some);
+    let plain = Material { clearcoat: 0.5, clearcoat_roughness: 0.1, ..stage::plastic("plain", [1.0; 3], 0.5) };
+    let textured = Material {
+        specular_texture,
+        specular_color_texture,
+        clearcoat_texture,
+        clearcoat_roughness_texture,
+        ..plain.clone()
+    };
+    for material in [plain, textured] {
+        let material = stage::material(&mut scene, material);
+        let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let triangle = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
+        let mesh = stage::mesh(&mut scene, "triangle", material, triangle);
+        stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
+    }
+    let geometry = Geometry::new(&scene, &RenderSpace::metres(DVec3::ZERO), &Emitters::Scene, &AlbedoTable::new());
+    assert!(geometry.features.coat_textures && geometry.features.surface_textures && geometry.features.textures);
+    let buffers = [
+        contents("materials", &geometry.materials),
+        contents("textures", &geometry.textures),
+        texels(&scene, &geometry),
+    ];
+    let inputs: Vec<[u32; 4]> = (0..4000)
+        .map(|i| [(pcg.range(-2.0, 2.0) as f32).to_bits(), (pcg.range(-2.0, 2.0) as f32).to_bits(), i % 2, 0])
+        .collect();
+    let results: Vec<[u32; 8]> = FACTORS.run(&inputs, &buffers);
+    let mut rough = 0;
+    for (g, r) in inputs.iter().zip(&results) {
+        let uv = DVec2::new(f32::from_bits(g[0]).into(), f32::from_bits(g[1]).into());
+        let m = &scene.materials[g[2] as usize];
+        let [red, green, blue, _] = sample(&scene, m.specular_color_texture, uv);
+        let specular = sample_data(&scene, m.specular_texture, uv)[3];
+        let clearcoat = sample_data(&scene, m.clearcoat_texture, uv)[0];
+        let roughness = sample_data(&scene, m.clearcoat_roughness_texture, uv)[1];
+        for (k, expected) in [red, green, blue, specular, clearcoat, roughness].into_iter().enumerate() {
+            assert!((f64::from(f32::from_bits(r[k])) - expected).abs() < 1e-4, "{k}: {g:?} {r:?} {expected}");
+        }
+        assert_eq!(r[7], g[2], "only the second material varies");
+        // The clear coat is a mirror below a GGX alpha of 0.001. The vertex has 8 bits per factor.
+        if (0.1 * roughness - 0.001f64.sqrt()).abs() > 4e-4 {
+            assert_eq!(r[6] == 1, clearcoat > 0.0 && 0.1 * roughness > 0.001f64.sqrt(), "{g:?} {r:?}");
+        }
+        rough += r[6] * g[2];
+    }
+    assert!((500..1900).contains(&rough), "{rough}");
+}
+
 /// The texture multiplies the factors. A material without such a texture keeps its factors and its exact base colour.
 #[test]
 fn surface_textures_multiply_the_factors() {
@@ -161,7 +333,7 @@ fn surface_textures_multiply_the_factors() {
     let inputs: Vec<[u32; 4]> = (0..4000)
         .map(|i| [(pcg.range(-2.0, 2.0) as f32).to_bits(), (pcg.range(-2.0, 2.0) as f32).to_bits(), i % 2, 0])
         .collect();
-    let results: Vec<[u32; 8]> = WORDS.run(&inputs, &buffers);
+    let results: Vec<[u32; 8]> = WORDS.compile(&[("HAS_COAT_TEXTURES", 0.0)]).run(&inputs, &buffers);
     for (g, r) in inputs.iter().zip(&results) {
         let uv = DVec2::new(f32::from_bits(g[0]).into(), f32::from_bits(g[1]).into());
         let m = &scene.materials[g[2] as usize];

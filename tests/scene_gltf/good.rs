@@ -126,43 +126,6 @@ fn interleaved_vertices_and_normalized_coordinates_are_read() {
 }
 
 #[test]
-fn texture_transforms_are_baked_into_the_coordinates() {
-    let mut glb = complete();
-    let quarter = std::f32::consts::FRAC_PI_2;
-    let transform = json!({ "offset": [10.0, 20.0], "rotation": quarter, "scale": [2.0, 3.0] });
-    let info = &mut glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
-    info["extensions"] = json!({ "KHR_texture_transform": transform });
-    let uvs = read(&glb).meshes[0].uvs.clone();
-    // Coordinates are scaled, then rotated counter-clockwise (the v axis points down), then translated.
-    for (uv, want) in uvs.iter().zip([[10.0, 20.0], [10.0, 18.0], [13.0, 20.0]]) {
-        assert!((uv[0] - want[0]).abs() < 1e-5 && (uv[1] - want[1]).abs() < 1e-5, "{uvs:?}");
-    }
-    glb.json["materials"][0]["emissiveTexture"] = json!({ "index": 0 });
-    let scene = read(&glb);
-    assert_eq!(scene.meshes[0].uvs[1], [1.0, 0.0]);
-    assert!(scene.warnings[0].contains("texture transforms"), "{:?}", scene.warnings);
-}
-
-#[test]
-fn a_material_may_use_another_set_of_texture_coordinates() {
-    let mut glb = complete();
-    let other = glb.floats(&[[0.5, 0.0], [0.5, 1.0], [0.0, 0.5]]);
-    glb.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = json!(other);
-    let paint = &mut glb.json["materials"][0];
-    paint["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = json!(1);
-    paint["emissiveTexture"] = json!({ "index": 0, "texCoord": 1 });
-    let scene = read(&glb);
-    assert_eq!(scene.meshes[0].uvs, [[0.5, 0.0], [0.5, 1.0], [0.0, 0.5]]);
-    assert_eq!((scene.materials[0].emission_texture, scene.warnings), (Some(0), vec![]));
-
-    // A second set in one material is not read.
-    glb.json["materials"][0]["emissiveTexture"]["texCoord"] = json!(0);
-    let scene = read(&glb);
-    assert_eq!((scene.materials[0].base_color_texture, scene.materials[0].emission_texture), (Some(0), None));
-    assert!(scene.warnings[0].contains("texture coordinate set"), "{:?}", scene.warnings);
-}
-
-#[test]
 fn metallic_roughness_textures_are_read() {
     let mut glb = complete();
     glb.json["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({ "index": 0 });
@@ -208,31 +171,6 @@ fn normal_maps_get_tangents() {
     // Tangents of a mesh without normals are ignored.
     glb.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("NORMAL");
     assert_eq!(read(&glb).meshes[0].tangents, [[1.0, 0.0, 0.0, -1.0]; 3]);
-}
-
-#[test]
-fn clear_coats_and_specular_colours_are_read() {
-    let mut glb = complete();
-    glb.json["extensionsUsed"] = json!(["KHR_materials_clearcoat"]);
-    let extensions = &mut glb.json["materials"][0]["extensions"];
-    extensions["KHR_materials_specular"]["specularColorFactor"] = json!([0.5, 8.0, 0.0]);
-    extensions["KHR_materials_clearcoat"] = json!({ "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.25 });
-    let scene = read(&glb);
-    check_invariants(&scene);
-    let m = &scene.materials[0];
-    assert_eq!((m.specular_color, m.clearcoat, m.clearcoat_roughness), ([0.5, 8.0, 0.0], 0.5, 0.25));
-    assert_eq!(scene.warnings, Vec::<String>::new());
-    // Textures of clear coats are not read.
-    let mut textured = glb.clone();
-    let coat = &mut textured.json["materials"][0]["extensions"]["KHR_materials_clearcoat"];
-    coat["clearcoatTexture"] = json!({ "index": 0 });
-    coat["clearcoatNormalTexture"] = json!({ "index": 0 });
-    let warnings = read(&textured).warnings;
-    assert!(warnings.len() == 2 && warnings[1].contains("normal maps of clear coats"), "{warnings:?}");
-    // Factors out of range.
-    glb.json["materials"][0]["extensions"]["KHR_materials_clearcoat"]["clearcoatFactor"] = json!(7);
-    assert_eq!(read(&glb).materials[0].clearcoat, 1.0);
-    assert!(read(&glb).warnings[0].contains("clearcoatFactor of material `Paint` (7)"));
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod compressed;
 mod extensions;
 mod good;
 mod hostile;
+mod materials;
 mod media;
 mod pose;
 mod textures;

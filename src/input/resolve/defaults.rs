@@ -32,8 +32,26 @@ const SHARP: f32 = 0.3;
 fn focuses_light(scene: &Scene) -> bool {
     let focuses = |m: &Material| {
         m.transmission > 0.0
-            || (m.roughness < SHARP && (m.metallic > 0.0 || m.specular > 0.0))
-            || (m.clearcoat_roughness < SHARP && m.clearcoat > 0.0)
+            || ((m.metallic > 0.0 || m.specular > 0.0) && is_sharp(scene, m.roughness, m.surface_texture))
+            || (m.clearcoat > 0.0 && is_sharp(scene, m.clearcoat_roughness, m.clearcoat_roughness_texture))
     };
     scene.materials.iter().any(focuses)
+}
+
+/// Whether the mean roughness over a surface is below [`SHARP`]: the factor times the mean green channel of the texture.
+fn is_sharp(scene: &Scene, factor: f32, texture: Option<u32>) -> bool {
+    factor < SHARP || texture.is_some_and(|texture| f64::from(factor) * mean_green(scene, texture) < SHARP.into())
+}
+
+/// Texels that are read of a texture at most, about.
+const MAX_TEXELS: usize = 1 << 16;
+
+/// Mean of the green channel of a texture, in [0, 1]; the mean over evenly spaced texels if there are many.
+fn mean_green(scene: &Scene, texture: u32) -> f64 {
+    let texels = &scene.images[scene.textures[texture as usize].image as usize].rgba;
+    // An odd step does not stay in one column of an image whose width is a power of two.
+    let step = (texels.len() / MAX_TEXELS) | 1;
+    let (sum, count) =
+        texels.iter().step_by(step).fold((0u64, 0u64), |(sum, n), texel| (sum + u64::from(texel[1]), n + 1));
+    sum as f64 / (255 * count.max(1)) as f64
 }

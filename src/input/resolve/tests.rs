@@ -2,7 +2,7 @@ use glam::{DAffine3, DVec3};
 
 use super::*;
 use crate::generate::stage::diffuse;
-use crate::scene::{Camera, Instance, Light, LightKind, Material, Mesh, Projection};
+use crate::scene::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection};
 
 /// A scene with two cameras, a sun, a beam, an emissive lamp, and a wall that does not emit.
 fn scene() -> Scene {
@@ -92,6 +92,19 @@ fn without_a_gate_pt_is_for_what_it_sees_well() {
     for (roughness, expected) in [(0.2, Estimator::Bdpt), (0.4, Estimator::Pt)] {
         let mut glossy = scene();
         glossy.materials[0] = Material { metallic: 1.0, roughness, ..glossy.materials[0].clone() };
+        assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), expected);
+    }
+    // A texture multiplies the roughness by its mean.
+    for (green, expected) in [([0, 255], Estimator::Pt), ([0, 102], Estimator::Bdpt)] {
+        let rgba = green.iter().map(|&green| [255, green, 255, 255]).collect();
+        let mut glossy = scene();
+        let texture = Some(glossy.add_texture(Image { width: 2, height: 1, rgba }));
+        glossy.materials[0] =
+            Material { metallic: 1.0, roughness: 0.9, surface_texture: texture, ..glossy.materials[0].clone() };
+        assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), expected);
+        let coated = diffuse("", [1.0; 3]);
+        glossy.materials[0] =
+            Material { clearcoat: 1.0, clearcoat_roughness: 0.9, clearcoat_roughness_texture: texture, ..coated };
         assert_eq!(estimator("emitter.emitters = 'lamp'", &glossy), expected);
     }
 }

@@ -104,7 +104,7 @@ fn a_white_furnace_loses_little_and_gains_nothing() {
         for cos in [1.0, 0.8, 0.5, 0.2, 0.08] {
             let wo = direction(cos, 0.0);
             let mirrored = DVec3::new(-wo.x, -wo.y, wo.z);
-            let mirror = if alpha == 0.0 { prepared.fresnel(cos)[0] } else { 0.0 };
+            let mirror = if alpha == 0.0 { bsdf.coat_fresnel(cos)[0] } else { 0.0 };
             let sum = mirror + over_sphere(mirrored, |wi| bsdf.eval(wi, wo)[0] * wi.z.max(0.0));
             assert!((0.99..=1.0 + 1e-3).contains(&sum), "alpha {alpha}, cos {cos}: {sum}");
         }

@@ -54,7 +54,7 @@ const EXTENSIONS: &[(&str, Treatment)] = &[
     ("KHR_materials_emissive_strength", Read),
     ("KHR_materials_ior", Read),
     ("KHR_materials_iridescence", Without("highlights have the plain colour")),
-    ("KHR_materials_pbrSpecularGlossiness", Without("materials have the metallic-roughness values of the file, white by default")),
+    ("KHR_materials_pbrSpecularGlossiness", Read),
     ("KHR_materials_sheen", Without("materials have no sheen")),
     ("KHR_materials_specular", Read),
     ("KHR_materials_subsurface", Without("light does not spread below the surface")),

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::document::{Document, Warnings, label, printable};
 use super::resolve::Folders;
-use super::texture::{FROM_AVIF, FROM_KTX2, FROM_OTHERS, ImageUse};
+use super::texture::{Channels, FROM_AVIF, FROM_KTX2, FROM_OTHERS, ImageUse};
 use super::{Checked, resolve};
 use crate::scene::Image;
 
@@ -37,7 +37,10 @@ pub fn load(doc: &Document, folders: Folders, images: &[ImageUse], warnings: &mu
         let run: Vec<Checked<(Image, bool)>> =
             run.into_par_iter().map(|index| sources[index].decode(sizes[index])).collect();
         for outcome in run {
-            let (image, is_deep) = outcome?;
+            let (mut image, is_deep) = outcome?;
+            if let Channels::Glossiness(factor) = images[decoded.len()].channels {
+                to_roughness(&mut image, factor);
+            }
             if is_deep {
                 let name = &sources[decoded.len()].name;
                 warnings.once("deep images", || {
@@ -48,6 +51,12 @@ pub fn load(doc: &Document, folders: Folders, images: &[ImageUse], warnings: &mu
         }
     }
     Ok(decoded)
+}
+
+/// Converts texels with a glossiness in alpha, which multiplies `factor`, to those of a metallic-roughness texture.
+fn to_roughness(image: &mut Image, factor: f32) {
+    let table: Vec<u8> = (0..=255u8).map(|alpha| (255.0 - factor * f32::from(alpha)).round() as u8).collect();
+    image.rgba.iter_mut().for_each(|texel| *texel = [255, table[usize::from(texel[3])], 255, 255]);
 }
 
 fn texel_count([width, height]: &[u32; 2]) -> u64 {

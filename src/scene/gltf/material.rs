@@ -1,15 +1,15 @@
 //! Reads materials, and collects the textures that they use.
 
 use ::gltf::json;
-use ::gltf::json::extensions::texture::{Info as TextureExtensions, TextureTransform};
 use ::gltf::json::material::AlphaMode as JsonAlphaMode;
 use ::gltf::json::texture::Info;
 use ::gltf::json::validation::Checked::{Invalid, Valid};
-use glam::{DAffine2, DMat2, DVec2};
 
 use super::Checked;
 use super::document::{Document, Warnings, finite, label};
-use super::texture::Textures;
+use super::material_extension::{Clearcoat, SpecularGlossiness, read};
+use super::texture::{Channels, Textures};
+use super::texture_use::{TextureUse, UvMapping, add_all, as_info};
 use crate::scene::{AlphaMode, Material};
 
 /// All materials of the file in its order, and the textures that they use.
@@ -22,15 +22,6 @@ pub struct Materials {
     limited: Vec<String>,
     /// Index of the glTF default material once a primitive needs it.
     default: Option<u32>,
-}
-
-/// The texture coordinates that a material needs.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct UvMapping {
-    /// The number of the set: TEXCOORD_0, TEXCOORD_1 and so on.
-    pub set: u32,
-    /// KHR_texture_transform.
-    pub transform: Option<DAffine2>,
 }
 
 impl Materials {
@@ -107,14 +98,20 @@ impl Materials {
             Ok(inside)
         };
         let pbr = &source.pbr_metallic_roughness;
-        let mut base_color = pbr.base_color_factor.0;
+        let glossy: Option<SpecularGlossiness> = read(&ext.others, "KHR_materials_pbrSpecularGlossiness", &name)?;
+        // A file must not combine KHR_materials_pbrSpecularGlossiness with these three.
+        let specular = ext.specular.filter(|_| glossy.is_none()).unwrap_or_default();
+        let transmission = ext.transmission.filter(|_| glossy.is_none()).unwrap_or_default();
+        let mut ior = ext.ior.filter(|_| glossy.is_none()).unwrap_or_default().ior.0;
+        let clearcoat: Clearcoat = read(&ext.others, "KHR_materials_clearcoat", &name)?.unwrap_or_default();
+        let (mut base_color, color_slot) = match &glossy {
+            Some(glossy) => (glossy.diffuse_factor, "diffuseFactor"),
+            None => (pbr.base_color_factor.0, "baseColorFactor"),
+        };
         for value in &mut base_color {
-            *value = unit(*value, "baseColorFactor")?;
+            *value = unit(*value, color_slot)?;
         }
-        let specular = ext.specular.unwrap_or_default();
-        let transmission = ext.transmission.unwrap_or_default();
-        let clearcoat = Clearcoat::read(&ext.others, &name)?;
-        let [metallic, roughness, reflected, transmitted, coated, coat_roughness] = [
+        let [mut metallic, mut roughness, reflected, transmitted, coated, coat_roughness] = [
             unit(pbr.metallic_factor.0, "metallicFactor")?,
             unit(pbr.roughness_factor.0, "roughnessFactor")?,
             unit(specular.specular_factor.0, "specularFactor")?,
@@ -129,13 +126,15 @@ impl Materials {
                 "the emission of material `{name}` is negative or not finite; correct it and re-export"
             ));
         }
-        let specular_color = specular.specular_color_factor.0;
+        let (mut specular_color, specular_key) = match &glossy {
+            Some(glossy) => (glossy.specular_factor, "specularFactor"),
+            None => (specular.specular_color_factor.0, "specularColorFactor"),
+        };
         if !specular_color.iter().all(|value| value.is_finite() && *value >= 0.0) {
             return Err(format!(
-                "the specularColorFactor of material `{name}` is negative or not finite; correct it and re-export"
+                "the {specular_key} of material `{name}` is negative or not finite; correct it and re-export"
             ));
         }
-        let ior = ext.ior.unwrap_or_default().ior.0;
         if !(ior.is_finite() && ior >= 1.0) {
             return Err(format!(
                 "the ior of material `{name}` is {ior}, but must be at least 1; set it to e.g. 1.5 and re-export"
@@ -153,24 +152,50 @@ impl Materials {
 
         let mut ignored = |is_used: bool, what: &'static str| {
             if is_used {
-                warnings.once(what, || format!("{what} are not read (first: material `{name}`)"));
+                warnings.once(what, || format!("{what} (first: material `{name}`)"));
             }
         };
-        ignored(specular.specular_texture.is_some(), "specular textures");
-        ignored(specular.specular_color_texture.is_some(), "specular colour textures");
-        let has_coat = coated > 0.0;
-        ignored(has_coat && clearcoat.clearcoat_texture.is_some(), "textures of the strength of clear coats");
+        ignored(transmission.transmission_texture.is_some(), "transmission textures are not read");
         ignored(
-            has_coat && clearcoat.clearcoat_roughness_texture.is_some(),
-            "textures of the roughness of clear coats",
+            coated > 0.0 && !is_same_map(&clearcoat, source),
+            "clear coats have the normals of the surface under them, although the file gives them others",
         );
-        ignored(has_coat && clearcoat.clearcoat_normal_texture.is_some(), "normal maps of clear coats");
-        ignored(transmission.transmission_texture.is_some(), "transmission textures");
 
         let normal_scale = source.normal_texture.as_ref().map_or(1.0, |info| info.scale);
         let normal_scale = finite(normal_scale, &format!("the scale of the normalTexture of material `{name}`"))?;
-        let [base_color_texture, emission_texture, surface_texture, normal_texture] =
-            self.read_textures(doc, &name, source, warnings)?;
+        let used = |info: &Option<Info>, slot: &str| {
+            let texture = info.as_ref().map(|info| TextureUse::new(info, Channels::Stored, slot, &name));
+            texture.transpose()
+        };
+        // A texture that multiplies a factor of 0 has no effect.
+        let of = |factor: f32, info: &Option<Info>, slot: &str| if factor > 0.0 { used(info, slot) } else { Ok(None) };
+        let brightest = |color: [f32; 3]| color.into_iter().fold(0.0, f32::max);
+        let mut uses = [
+            // Three of these are replaced by those of KHR_materials_pbrSpecularGlossiness.
+            used(&pbr.base_color_texture, "baseColorTexture")?,
+            of(brightest(emission), &source.emissive_texture, "emissiveTexture")?,
+            used(&pbr.metallic_roughness_texture, "metallicRoughnessTexture")?,
+            used(&source.normal_texture.as_ref().map(as_info), "normalTexture")?,
+            of(reflected, &specular.specular_texture, "specularTexture")?,
+            of(reflected * brightest(specular_color), &specular.specular_color_texture, "specularColorTexture")?,
+            of(coated, &clearcoat.clearcoat_texture, "clearcoatTexture")?,
+            of(coated * coat_roughness, &clearcoat.clearcoat_roughness_texture, "clearcoatRoughnessTexture")?,
+        ];
+        if let Some(glossy) = &glossy {
+            let glossiness = unit(glossy.glossiness_factor, "glossinessFactor")?;
+            for value in &mut specular_color {
+                *value = unit(*value, "specularFactor")?;
+            }
+            [uses[0], uses[2], uses[5]] = glossy.textures(glossiness, &specular_color, &name)?;
+            metallic = 0.0;
+            roughness = if uses[2].is_some() { 1.0 } else { 1.0 - glossiness };
+            specular_color = SpecularGlossiness::specular_color(specular_color);
+            ior = SpecularGlossiness::IOR;
+        }
+        let (textures, uv_mapping) = add_all(uses, 3, &name, doc, &mut self.textures, warnings)?;
+        self.uv_mappings.push(uv_mapping);
+        let [base_color_texture, emission_texture, surface_texture, normal_texture, ..] = textures;
+        let [.., specular_texture, specular_color_texture, clearcoat_texture, clearcoat_roughness_texture] = textures;
         Ok(Material {
             base_color,
             base_color_texture,
@@ -183,11 +208,15 @@ impl Materials {
             emission,
             emission_texture,
             specular: reflected,
+            specular_texture,
             specular_color,
+            specular_color_texture,
             ior,
             transmission: transmitted,
             clearcoat: coated,
+            clearcoat_texture,
             clearcoat_roughness: coat_roughness,
+            clearcoat_roughness_texture,
             alpha_mode,
             double_sided: source.double_sided,
             interior: None,
@@ -206,96 +235,12 @@ impl Materials {
         };
         warnings.push(format!("factors outside [0, 1] are clamped: {listed}{rest}"));
     }
-
-    /// Reads the textures of a material: base colour, emission, metalness with roughness, and normal map. Stores the texture
-    /// coordinates that they share.
-    fn read_textures(
-        &mut self,
-        doc: &Document,
-        name: &str,
-        source: &json::Material,
-        warnings: &mut Warnings,
-    ) -> Checked<[Option<u32>; 4]> {
-        let mut transforms = Vec::new();
-        let mut shared_set = None;
-        let mut read = |info: &Option<Info>, slot: &str| -> Checked<Option<u32>> {
-            let Some(info) = info else { return Ok(None) };
-            let what = format!("the {slot} of material `{name}`");
-            let transform = info.extensions.as_ref().and_then(|ext| ext.texture_transform.as_ref());
-            let set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
-            if set != *shared_set.get_or_insert(set) {
-                warnings.once("texture coordinate sets", || {
-                    format!(
-                        "textures with another texture coordinate set than the first texture of the material are not read \
-                         (first: {what})"
-                    )
-                });
-                return Ok(None);
-            }
-            transforms.push(transform.map_or(Ok(DAffine2::IDENTITY), |transform| affine(transform, &what))?);
-            self.textures.add(doc, info.index.value(), &what, warnings).map(Some)
-        };
-        let base_color = read(&source.pbr_metallic_roughness.base_color_texture, "baseColorTexture")?;
-        // A texture does not change a black emission, because both are multiplied.
-        let is_emissive = source.emissive_factor.0 != [0.0; 3];
-        let emission = if is_emissive { read(&source.emissive_texture, "emissiveTexture")? } else { None };
-        let surface = read(&source.pbr_metallic_roughness.metallic_roughness_texture, "metallicRoughnessTexture")?;
-
-        let normal = read(&source.normal_texture.as_ref().map(as_info), "normalTexture")?;
-
-        let first = transforms.first().copied().unwrap_or_default();
-        let is_shared = transforms.iter().all(|transform| *transform == first);
-        if !is_shared {
-            warnings.once("texture transforms", || {
-                format!("texture transforms that differ within a material are not applied (first: material `{name}`)")
-            });
-        }
-        let transform = (is_shared && first != DAffine2::IDENTITY).then_some(first);
-        self.uv_mappings.push(UvMapping { set: shared_set.unwrap_or(0), transform });
-        Ok([base_color, emission, surface, normal])
-    }
 }
 
-/// KHR_materials_clearcoat of a material.
-#[derive(Default, serde::Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct Clearcoat {
-    clearcoat_factor: f32,
-    clearcoat_roughness_factor: f32,
-    clearcoat_texture: Option<serde_json::Value>,
-    clearcoat_roughness_texture: Option<serde_json::Value>,
-    clearcoat_normal_texture: Option<serde_json::Value>,
-}
-
-impl Clearcoat {
-    /// Without the extension, there is no clear coat.
-    fn read(extensions: &serde_json::Map<String, serde_json::Value>, name: &str) -> Checked<Clearcoat> {
-        let Some(value) = extensions.get("KHR_materials_clearcoat") else { return Ok(Clearcoat::default()) };
-        serde_json::from_value(value.clone()).map_err(|e| {
-            format!("the KHR_materials_clearcoat of material `{name}` is invalid: {e}; correct it and re-export")
-        })
-    }
-}
-
-/// The reference to a normal map, without its scale.
-fn as_info(normal: &json::material::NormalTexture) -> Info {
-    let extensions = normal.extensions.as_ref().map(|ext| TextureExtensions {
-        texture_transform: (ext.others.get("KHR_texture_transform"))
-            .and_then(|transform| serde_json::from_value(transform.clone()).ok()),
-        ..TextureExtensions::default()
-    });
-    Info { index: normal.index, tex_coord: normal.tex_coord, extensions, extras: Default::default() }
-}
-
-/// The affine map of KHR_texture_transform: scale, then rotation, then offset. The rotation is counter-clockwise as seen in the
-/// image, whose v axis points down.
-fn affine(transform: &TextureTransform, what: &str) -> Checked<DAffine2> {
-    let (sin, cos) = f64::from(transform.rotation.0).sin_cos();
-    let [x, y] = transform.scale.0.map(f64::from);
-    let matrix = DMat2::from_cols(DVec2::new(cos, -sin) * x, DVec2::new(sin, cos) * y);
-    let affine = DAffine2::from_mat2_translation(matrix, DVec2::from(transform.offset.0.map(f64::from)));
-    if !affine.is_finite() {
-        return Err(format!("the texture transform of {what} is not finite; correct it and re-export"));
-    }
-    Ok(affine)
+/// Whether the clear coat and the surface under it have the same normal map, or none.
+fn is_same_map(clearcoat: &Clearcoat, source: &json::Material) -> bool {
+    let key = |map: &json::material::NormalTexture| {
+        (map.index.value(), map.tex_coord, map.scale.to_bits(), map.extensions.as_ref().map(|ext| ext.others.clone()))
+    };
+    clearcoat.clearcoat_normal_texture.as_ref().map(key) == source.normal_texture.as_ref().map(key)
 }

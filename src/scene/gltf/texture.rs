@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use ::gltf::json;
 use ::gltf::json::texture::{MagFilter, WrappingMode};
 use ::gltf::json::validation::Checked::{Invalid, Valid};
+use glam::DAffine2;
 use serde_json::Value;
 
 use super::Checked;
@@ -24,10 +25,21 @@ pub const FROM_KTX2: &str =
 pub const FROM_AVIF: &str = "convert the file: npx @gltf-transform/cli png --formats avif IN.glb OUT.glb";
 pub const FROM_OTHERS: &str = "re-export with PNG, JPEG or WebP textures";
 
+/// What the channels of a texture mean to the material.
+#[derive(Debug, Clone, Copy)]
+pub enum Channels {
+    /// The renderer reads them as the file stores them.
+    Stored,
+    /// Alpha multiplies this glossiness. The texels are converted to those of a metallic-roughness texture: green is 1 minus the
+    /// glossiness, blue is white.
+    Glossiness(f32),
+}
+
 /// An image that is needed.
 pub struct ImageUse {
     /// Index of the glTF image.
     pub index: usize,
+    pub channels: Channels,
     /// Its first user, for messages: `the baseColorTexture of material ...`.
     pub what: String,
 }
@@ -37,10 +49,10 @@ pub struct Textures {
     pub list: Vec<Texture>,
     /// The source of each [`crate::scene::Image`].
     pub images: Vec<ImageUse>,
-    /// From the glTF index of a texture to an index into `list`.
-    texture_of: HashMap<usize, u32>,
-    /// From the glTF index of an image to an index into `images`.
-    image_of: HashMap<usize, u32>,
+    /// From the glTF index of a texture, its transform and the number of its image in `images` to an index into `list`.
+    texture_of: HashMap<(usize, [u64; 6], u32), u32>,
+    /// From the glTF index of an image and the bits of its [`Channels::Glossiness`] to an index into `images`.
+    image_of: HashMap<(usize, Option<u32>), u32>,
     /// For each glTF image, the first glTF image with the same data.
     first_alike: Vec<usize>,
 }
@@ -56,11 +68,17 @@ impl Textures {
         }
     }
 
-    /// Index into `list` of the glTF texture `source`, which is added on first use. `what` names the user in messages.
-    pub fn add(&mut self, doc: &Document, source: usize, what: &str, warnings: &mut Warnings) -> Checked<u32> {
-        if let Some(&known) = self.texture_of.get(&source) {
-            return Ok(known);
-        }
+    /// Index into `list` of the glTF texture `source` with this transform, which is added on first use. `what` names the user in
+    /// messages.
+    pub fn add(
+        &mut self,
+        doc: &Document,
+        source: usize,
+        transform: DAffine2,
+        channels: Channels,
+        what: &str,
+        warnings: &mut Warnings,
+    ) -> Checked<u32> {
         let texture = (doc.root.textures.get(source))
             .ok_or_else(|| format!("{what} refers to texture {source}, which does not exist; re-export the file"))?;
         let number = self.first_alike[image_index(doc, source, texture, what, warnings)?];
@@ -87,13 +105,24 @@ impl Textures {
             }
             linear = sampler.mag_filter != Some(Valid(MagFilter::Nearest));
         }
-        let image = *self.image_of.entry(number).or_insert_with(|| {
-            self.images.push(ImageUse { index: number, what: what.into() });
+        let image = self.image(number, channels, what);
+        let key = (source, transform.to_cols_array().map(f64::to_bits), image);
+        Ok(*self.texture_of.entry(key).or_insert_with(|| {
+            self.list.push(Texture { image, wrap, linear, transform });
+            self.list.len() as u32 - 1
+        }))
+    }
+
+    /// Index into `images` of the glTF image `index`, which is added on first use.
+    fn image(&mut self, index: usize, channels: Channels, what: &str) -> u32 {
+        let glossiness = match channels {
+            Channels::Stored => None,
+            Channels::Glossiness(factor) => Some(factor.to_bits()),
+        };
+        *self.image_of.entry((index, glossiness)).or_insert_with(|| {
+            self.images.push(ImageUse { index, channels, what: what.into() });
             self.images.len() as u32 - 1
-        });
-        self.list.push(Texture { image, wrap, linear });
-        self.texture_of.insert(source, self.list.len() as u32 - 1);
-        Ok(self.list.len() as u32 - 1)
+        })
     }
 }
 

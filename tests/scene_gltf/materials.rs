@@ -1,0 +1,219 @@
+//! Materials: their extensions, and the textures of one material with their coordinates and transforms.
+
+use glam::{DAffine2, DVec2};
+
+use super::*;
+
+/// The extensions of the only material of [`complete`].
+fn extensions(glb: &mut Glb) -> &mut Value {
+    &mut glb.json["materials"][0]["extensions"]
+}
+
+#[test]
+fn texture_transforms_are_baked_into_the_coordinates() {
+    let mut glb = complete();
+    let quarter = std::f32::consts::FRAC_PI_2;
+    let transform = json!({ "offset": [10.0, 20.0], "rotation": quarter, "scale": [2.0, 3.0] });
+    let info = &mut glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
+    info["extensions"] = json!({ "KHR_texture_transform": transform });
+    let uvs = read(&glb).meshes[0].uvs.clone();
+    // Coordinates are scaled, then rotated counter-clockwise (the v axis points down), then translated.
+    for (uv, want) in uvs.iter().zip([[10.0, 20.0], [10.0, 18.0], [13.0, 20.0]]) {
+        assert!((uv[0] - want[0]).abs() < 1e-5 && (uv[1] - want[1]).abs() < 1e-5, "{uvs:?}");
+    }
+    glb.json["materials"][0]["emissiveTexture"] = json!({ "index": 0 });
+    // The second texture undoes the transform of the first.
+    let scene = read(&glb);
+    check_invariants(&scene);
+    assert_eq!((&scene.meshes[0].uvs, &scene.warnings), (&uvs, &vec![]));
+    let m = &scene.materials[0];
+    let of = |texture: Option<u32>| scene.textures[texture.unwrap() as usize].transform;
+    assert_eq!(of(m.base_color_texture), DAffine2::IDENTITY);
+    for (uv, plain) in uvs.iter().zip(read(&complete()).meshes[0].uvs.iter()) {
+        let [own, plain] = [uv, plain].map(|uv| DVec2::from(uv.map(f64::from)));
+        assert!((of(m.emission_texture).transform_point2(own) - plain).length() < 1e-5);
+    }
+    // Tangents belong to the coordinates of the normal map.
+    glb.json["materials"][0]["normalTexture"] = json!({ "index": 0 });
+    let scene = read(&glb);
+    assert_eq!(scene.meshes[0].uvs, read(&complete()).meshes[0].uvs);
+    let m = &scene.materials[0];
+    assert_eq!((m.emission_texture, m.normal_texture), (Some(1), Some(1)));
+    let translation = scene.textures[m.base_color_texture.unwrap() as usize].transform.translation;
+    assert_eq!(translation, DVec2::new(10.0, 20.0));
+}
+
+#[test]
+fn a_material_may_use_another_set_of_texture_coordinates() {
+    let mut glb = complete();
+    let other = glb.floats(&[[0.5, 0.0], [0.5, 1.0], [0.0, 0.5]]);
+    glb.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = json!(other);
+    let paint = &mut glb.json["materials"][0];
+    paint["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = json!(1);
+    paint["emissiveTexture"] = json!({ "index": 0, "texCoord": 1 });
+    let scene = read(&glb);
+    assert_eq!(scene.meshes[0].uvs, [[0.5, 0.0], [0.5, 1.0], [0.0, 0.5]]);
+    assert_eq!((scene.materials[0].emission_texture, scene.warnings), (Some(0), vec![]));
+
+    // A second set in one material is not read.
+    glb.json["materials"][0]["emissiveTexture"]["texCoord"] = json!(0);
+    let scene = read(&glb);
+    assert_eq!((scene.materials[0].base_color_texture, scene.materials[0].emission_texture), (Some(0), None));
+    assert!(scene.warnings[0].contains("texture coordinate set"), "{:?}", scene.warnings);
+}
+
+#[test]
+fn clear_coats_and_specular_colours_are_read() {
+    let mut glb = complete();
+    glb.json["extensionsUsed"] = json!(["KHR_materials_clearcoat"]);
+    let extensions = &mut glb.json["materials"][0]["extensions"];
+    extensions["KHR_materials_specular"]["specularColorFactor"] = json!([0.5, 8.0, 0.0]);
+    extensions["KHR_materials_clearcoat"] = json!({ "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.25 });
+    let scene = read(&glb);
+    check_invariants(&scene);
+    let m = &scene.materials[0];
+    assert_eq!((m.specular_color, m.clearcoat, m.clearcoat_roughness), ([0.5, 8.0, 0.0], 0.5, 0.25));
+    assert_eq!(scene.warnings, Vec::<String>::new());
+    // Normals of its own are left out, but not those of the surface under the coat.
+    let mut bumped = glb.clone();
+    let map = json!({ "index": 0, "scale": 0.5 });
+    bumped.json["materials"][0]["extensions"]["KHR_materials_clearcoat"]["clearcoatNormalTexture"] = map.clone();
+    let warnings = read(&bumped).warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("normals of the surface under them"), "{warnings:?}");
+    bumped.json["materials"][0]["normalTexture"] = map;
+    assert_eq!(read(&bumped).warnings, Vec::<String>::new());
+    // Factors out of range.
+    glb.json["materials"][0]["extensions"]["KHR_materials_clearcoat"]["clearcoatFactor"] = json!(7);
+    assert_eq!(read(&glb).materials[0].clearcoat, 1.0);
+    assert!(read(&glb).warnings[0].contains("clearcoatFactor of material `Paint` (7)"));
+}
+
+#[test]
+fn textures_of_coats_are_read() {
+    let mut glb = complete();
+    let texture = |number: u32| json!({ "index": number });
+    for _ in 1..4 {
+        glb.push("textures", json!({ "source": 0 }));
+    }
+    extensions(&mut glb)["KHR_materials_specular"] =
+        json!({ "specularTexture": texture(0), "specularColorTexture": texture(1) });
+    extensions(&mut glb)["KHR_materials_clearcoat"] = json!({ "clearcoatFactor": 0.5, "clearcoatTexture": texture(2),
+        "clearcoatRoughnessFactor": 0.25, "clearcoatRoughnessTexture": texture(3) });
+    let scene = read(&glb);
+    check_invariants(&scene);
+    let m = &scene.materials[0];
+    let of_coat = [m.specular_texture, m.specular_color_texture];
+    let all = of_coat.into_iter().chain([m.clearcoat_texture, m.clearcoat_roughness_texture]);
+    let mut all: Vec<u32> = all.flatten().collect();
+    all.sort();
+    all.dedup();
+    assert_eq!((all.len(), scene.images.len(), &scene.warnings), (4, 1, &vec![]));
+
+    // A factor of 0 makes its textures useless.
+    extensions(&mut glb)["KHR_materials_specular"]["specularFactor"] = json!(0);
+    extensions(&mut glb)["KHR_materials_clearcoat"]["clearcoatFactor"] = json!(0);
+    let m = read(&glb).materials[0].clone();
+    assert_eq!((m.specular_texture, m.specular_color_texture, m.clearcoat_texture), (None, None, None));
+}
+
+#[test]
+fn specular_glossiness_becomes_a_coat_over_a_diffuse_base() {
+    let mut glb = complete();
+    glb.json["extensionsUsed"] = json!(["KHR_materials_pbrSpecularGlossiness"]);
+    glb.json["extensionsRequired"] = json!(["KHR_materials_pbrSpecularGlossiness"]);
+    extensions(&mut glb)["KHR_materials_pbrSpecularGlossiness"] = json!({ "diffuseFactor": [0.5, 0.25, 0.125, 1.0],
+        "specularFactor": [0.04, 0.5, 1.0], "glossinessFactor": 0.75 });
+    let scene = read(&glb);
+    check_invariants(&scene);
+    let m = &scene.materials[0];
+    assert_eq!((m.base_color, m.base_color_texture), ([0.5, 0.25, 0.125, 1.0], None));
+    assert_eq!((m.metallic, m.roughness, m.specular, m.surface_texture), (0.0, 0.25, 1.0, None));
+    let white = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
+    for (color, expected) in m.specular_color.iter().zip([0.04, 0.5, 1.0]) {
+        assert!((color * white - expected).abs() < 1e-6, "{:?}", m.specular_color);
+    }
+    assert_eq!(scene.warnings, Vec::<String>::new());
+    let broken = |value: Value| {
+        let mut glb = glb.clone();
+        extensions(&mut glb)["KHR_materials_pbrSpecularGlossiness"]["specularFactor"] = value;
+        glb
+    };
+    assert!(read(&broken(json!([0, 7, 0]))).warnings[0].contains("specularFactor of material `Paint` (7)"));
+    assert!(refusal(&broken(json!([0, -1, 0])).build()).contains("specularFactor of material `Paint`"));
+    // By default, the material is white, and reflects like a perfect mirror.
+    extensions(&mut glb)["KHR_materials_pbrSpecularGlossiness"] = json!({});
+    let m = read(&glb).materials[0].clone();
+    assert_eq!((m.base_color, m.roughness, m.transmission), ([1.0; 4], 0.0, 0.0));
+}
+
+#[test]
+fn a_glossiness_texture_becomes_a_roughness_texture() {
+    let mut glb = complete();
+    let mut png = std::io::Cursor::new(vec![]);
+    let texel = |x, _| image::Rgba([188, 99, 0, [0, 102, 255][x as usize]]);
+    image::RgbaImage::from_fn(3, 1, texel).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let view = glb.view(&png.into_inner());
+    let image = glb.push("images", json!({ "bufferView": view }));
+    let texture = json!({ "index": glb.push("textures", json!({ "source": image })) });
+    extensions(&mut glb)["KHR_materials_pbrSpecularGlossiness"] =
+        json!({ "diffuseTexture": { "index": 0 }, "specularGlossinessTexture": texture, "glossinessFactor": 0.5 });
+    let scene = read(&glb);
+    check_invariants(&scene);
+    let m = &scene.materials[0];
+    let of = |texture: Option<u32>| &scene.images[scene.textures[texture.unwrap() as usize].image as usize].rgba;
+    let green: Vec<u8> = of(m.surface_texture).iter().map(|texel| texel[1]).collect();
+    assert_eq!((m.roughness, green), (1.0, vec![255, 204, 128]));
+    assert_eq!(of(m.specular_color_texture)[0], [188, 99, 0, 0]);
+    assert!(m.base_color_texture.is_some() && scene.images.len() == 3);
+}
+
+/// Every texture of an extension is checked, and errors name it.
+#[test]
+fn broken_textures_of_extensions_are_named() {
+    let slots = [
+        ("KHR_materials_specular", "specularTexture"),
+        ("KHR_materials_specular", "specularColorTexture"),
+        ("KHR_materials_clearcoat", "clearcoatTexture"),
+        ("KHR_materials_clearcoat", "clearcoatRoughnessTexture"),
+        ("KHR_materials_pbrSpecularGlossiness", "diffuseTexture"),
+        ("KHR_materials_pbrSpecularGlossiness", "specularGlossinessTexture"),
+    ];
+    for (extension, slot) in slots {
+        let with = |texture: Value, change: &dyn Fn(&mut Glb)| {
+            let mut glb = complete();
+            glb.json["materials"][0]["pbrMetallicRoughness"].as_object_mut().unwrap().remove("baseColorTexture");
+            extensions(&mut glb)[extension] =
+                json!({ "clearcoatFactor": 1, "clearcoatRoughnessFactor": 1, slot: texture });
+            change(&mut glb);
+            refusal(&glb.build())
+        };
+        let user = format!("{slot} of material `Paint`");
+        let expect = |message: String, part: &str| {
+            assert!(message.contains(&user) && message.contains(part), "{slot}: {message}");
+        };
+        expect(with(json!({ "index": 77 }), &|_| ()), "texture 77, which does not exist");
+        expect(with(json!({ "index": 0 }), &|glb| glb.json["textures"][0]["source"] = json!(9)), "has no PNG");
+        let no_data = |glb: &mut Glb| glb.json["images"][0] = json!({ "name": "Wood", "uri": "absent.png" });
+        expect(with(json!({ "index": 0 }), &no_data), "`absent.png`, which cannot be opened");
+        let far = json!({ "index": 0, "extensions": { "KHR_texture_transform": { "offset": [1e39, 0] } } });
+        expect(with(far, &|_| ()), "not finite");
+        let wrong = with(json!({ "index": "x" }), &|_| ());
+        assert!(wrong.contains("invalid") || wrong.contains("not valid"), "{slot}: {wrong}");
+    }
+}
+
+#[test]
+fn transforms_that_cannot_be_undone_are_left_to_the_textures() {
+    let mut glb = complete();
+    let transform =
+        |scale: f64| json!({ "index": 0, "extensions": { "KHR_texture_transform": { "scale": [scale, 1] } } });
+    glb.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = transform(0.0);
+    glb.json["materials"][0]["emissiveTexture"] = transform(3.0);
+    let scene = read(&glb);
+    check_invariants(&scene);
+    assert_eq!(scene.meshes[0].uvs, read(&complete()).meshes[0].uvs);
+    let scales: Vec<f64> = scene.textures.iter().map(|texture| texture.transform.matrix2.x_axis.x).collect();
+    assert_eq!(scales, [0.0, 3.0]);
+    glb.json["materials"][0]["emissiveTexture"] = transform(1e8);
+    assert!(refusal(&glb.build()).contains("texture transforms of material `Paint` differ"));
+}
