@@ -1,6 +1,7 @@
 // Connects shade points to the light vertices chosen for them: measurement contribution, MIS weight, visibility.
 #import candidate
 #import connection
+#import fog
 #import shade_point
 #import tree
 #import samples
@@ -22,13 +23,19 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let slot = slot_list[id.x];
-    let q = load_shade_point(shade_list[slot / frame.slots]);
+    var q = load_shade_point(shade_list[slot / frame.slots]);
     let candidate = candidates[slot];
     if (HAS_SKY && candidate.vertex == SKY_VERTEX) {
         contributions[slot] = connect_to_sky(q, slot);
         return;
     }
     let v = load_light_vertex(candidate.vertex);
+    let sensor = sensor_sample(q.owner);
+    let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
+    let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
+    if (is_drawn_in_gate(q, v)) {
+        q = draw_in_gate(q, v, flight_uniforms(key));
+    }
 
     let segment = segment_between(q.position, v.position);
     let w = segment.direction;
@@ -43,9 +50,6 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     // Visibility between the two points, both moved off their surfaces by the rounding offset.
-    let sensor = sensor_sample(q.owner);
-    let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
-    let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
     let lit = is_unoccluded(ray_end(q, w), ray_end(v, -w), key);
     let last = select(tau, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
     contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, lit), last);
@@ -62,7 +66,7 @@ fn connect_to_sky(q: PathVertex, slot: u32) -> vec4<f32> {
     let at_q = evaluate_shade_point(q, w);
     let weight = sky_connection_weight(q, at_q, seen.pdf);
     let counted = select(weight, 1.0, OBSERVE == OBSERVE_STRATEGIES);
-    let value = q.throughput * at_q.value * seen.radiance * (counted / seen.pdf);
+    let value = q.throughput * at_q.value * segment_transmittance(q, w, 3e38) * seen.radiance * (counted / seen.pdf);
     if (!(max_component(abs(value)) > 0.0)) {
         return vec4<f32>(value, -1.0);
     }

@@ -40,7 +40,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let spread = select(d * d, 1.0, HAS_ORTHOGRAPHIC);
     // The only copy of a deterministic vertex carries the whole power.
     let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);
-    let value = v.throughput * c.value * (counted * share * density / spread);
+    let value = v.throughput * c.value * segment_transmittance(v, w, d) * (counted * share * density / spread);
     // A value that is not a number passes this test, because the host counts such values.
     if (max_component(value) <= 0.0) {
         return;

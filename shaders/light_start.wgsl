@@ -48,6 +48,9 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     if (HAS_PARALLEL && e.parallel) {
         s.flags |= PATH_PARALLEL;
     }
+    if (DRAWS_IN_GATE && !e.stored && !e.beam && !e.parallel) {
+        s.flags |= PATH_LEAVES_CONNECTED;
+    }
     if (!e.beam) {
         s.shift = ray_offset(e.vertex, e.direction);
         start_light_sums(&s, e);

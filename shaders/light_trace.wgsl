@@ -24,7 +24,10 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     // Nearest surface along the ray.
     let dimension = (STREAM_ALPHA << 28u) | (STREAM_LIGHT << 26u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
-    let arrival = advance(&s, key);
+    let was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
+    let fixed_emitter = dispatch.emitter != NONE;
+    // A fixed emitter yields the first vertex on a surface. The other subpaths of its beam find the events on the way.
+    let arrival = advance(&s, fixed_emitter, false, key);
     // Stop if the light arrives after the gate even on the shortest line to the sensor.
     if (!arrival.found || is_too_late(arrival.vertex, nearest_sensor_point(arrival.vertex.position))) {
         return;
@@ -34,16 +37,21 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     v.flags |= depth;
     v.owner = s.emitter;
     var random = min((s.flags >> PATH_RANDOM_SHIFT) + 1u, 3u);
-    let was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
-    if (was_deterministic) {
+    if (was_deterministic && is_in_medium(v)) {
+        // Where the light scatters first is random, so each path of the beam carries its share of the power.
+        v.throughput *= 1.0 / (s.select_pdf * f32(frame.light_paths));
+    } else if (was_deterministic) {
         v.flags |= VERTEX_DETERMINISTIC;
         v.select_pdf = s.select_pdf;
         random = 0u;
     }
     v.flags |= random << VERTEX_RANDOM_SHIFT;
     // A deterministic vertex is the same in all subpaths, so it is stored only once: by the subpath whose emitter the host chose.
-    let fixed_emitter = dispatch.emitter != NONE;
-    if (is_connectible(v) && was_deterministic == fixed_emitter) {
+    // Shade points connect to the vertex before this one, at a place that they draw in the gate. So no other strategy forms these
+    // paths: neither this vertex nor t = 1.
+    let is_left_out = DRAWS_IN_GATE && is_in_medium(v) && (s.flags & PATH_LEAVES_CONNECTED) != 0u;
+    let is_deterministic_vertex = (v.flags & VERTEX_DETERMINISTIC) != 0u;
+    if (is_connectible(v) && is_deterministic_vertex == fixed_emitter && !is_left_out) {
         v.flags |= VERTEX_VALID;
     }
     vertices[slot] = v;
@@ -58,8 +66,11 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let u = random4(STREAM_LIGHT, path, frame.iteration, depth, 0u, frame.seed);
     let roulette = random4(STREAM_LIGHT, path, frame.iteration, depth, 1u, frame.seed);
-    if (!scatter(&s, v, false, u, select(roulette.x, -1.0, was_deterministic))) {
+    if (!scatter(&s, v, arrival.carried, false, u, select(roulette.x, -1.0, was_deterministic))) {
         return;
+    }
+    if (is_left_out) {
+        s.d_vcm = 0.0;
     }
     let is_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
     if (fixed_emitter && !is_deterministic) {
@@ -68,6 +79,9 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     if (is_deterministic) {
         s.throughput *= s.select_pdf * f32(frame.light_paths);
     }
-    s.flags = PATH_ALIVE | select(0u, PATH_DETERMINISTIC, is_deterministic) | (random << PATH_RANDOM_SHIFT);
+    // A delta lobe sets d_vcm to 0: no connection forms these paths.
+    let leaves_connected = DRAWS_IN_GATE && (v.flags & VERTEX_DETERMINISTIC) != 0u && is_connectible(v) && s.d_vcm > 0.0;
+    s.flags = PATH_ALIVE | select(0u, PATH_DETERMINISTIC, is_deterministic) | (random << PATH_RANDOM_SHIFT)
+        | select(0u, PATH_LEAVES_CONNECTED, leaves_connected);
     states[slot] = s;
 }

@@ -38,7 +38,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let sensor = sensor_sample(slot);
     let dimension = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
-    let arrival = advance(&s, key);
+    let arrival = advance(&s, false, true, key);
     if (!arrival.found) {
         if (HAS_SKY && frame.keep_s0 > 0.0) {
             escape(s, slot);
@@ -51,7 +51,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     q.flags |= depth;
 
     // Strategy s = 0: the subpath has hit an emitter.
-    if (frame.keep_s0 > 0.0) {
+    if (frame.keep_s0 > 0.0 && !is_in_medium(q)) {
         let light = emitter_hit(s, arrival.surface, q, depth) * vec4<f32>(vec3<f32>(gate_weight(q.tau)), 1.0);
         if (max_component(light.xyz) > 0.0) {
             radiance[slot] += vec4<f32>(light.xyz * light.w, 0.0);
@@ -68,7 +68,9 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // The path still has to reach an emitter.
     let nearest = clamp(q.position, frame.emitter_lo, frame.emitter_hi);
-    if (depth >= frame.max_depth || is_too_late(q, nearest)) {
+    // An event in a medium that is too late is a shade point nevertheless, if its connections are drawn in the gate.
+    let is_late = is_too_late(q, nearest);
+    if (depth >= frame.max_depth || (is_late && !(DRAWS_IN_GATE && is_in_medium(q)))) {
         return;
     }
     var mark = 0u;
@@ -84,7 +86,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
             stratified2(sensor.index, frame.iteration, sensor.number, PAIR_LOBE, frame.seed));
     }
     let roulette = random4(STREAM_SENSOR, sensor.index, sensor.sample, depth, 1u, frame.seed);
-    if (scatter(&s, q, true, u, select(roulette.x, -1.0, depth < 3u))) {
+    if (!is_late && scatter(&s, q, arrival.carried, true, u, select(roulette.x, -1.0, depth < 3u))) {
         states[slot] = s;
         mark |= MARK_ALIVE;
     }

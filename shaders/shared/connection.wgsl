@@ -2,7 +2,7 @@
 //
 // For q = q^(t) and v = v^(s) the contribution is (Eq. 25)
 //     w_{s,t} omega_t phi_j f_j(q) / (K P(j | q)),   f_j = f(q) cos f(v) cos V(q, v) / d^2,
-// if the travel time is inside the gate. w_{s,t} is the power heuristic (Eq. 27) over all strategies that are
+// with the transmittance T of the segment as a further factor of f_j in media, if the travel time is inside the gate. w_{s,t} is the power heuristic (Eq. 27) over all strategies that are
 // kept: see `weights.wgsl`.
 #import weights
 #import segment
@@ -13,6 +13,7 @@ fn unshadowed(q: PathVertex, v: PathVertex) -> vec4<f32> {
     let segment = segment_between(q.position, v.position);
     let at_q = evaluate_shade_point(q, segment.direction);
     let at_v = evaluate_light_vertex(v, -segment.direction);
-    let value = q.throughput * v.throughput * at_q.value * at_v.value / segment.length2;
+    let transmitted = segment_transmittance(q, segment.direction, sqrt(segment.length2));
+    let value = q.throughput * v.throughput * at_q.value * at_v.value * transmitted / segment.length2;
     return vec4<f32>(value, connection_weight(q, v, at_q, at_v, segment.length2));
 }

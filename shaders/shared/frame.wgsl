@@ -63,6 +63,8 @@ struct Frame {
     // Stored light subpaths over all light subpaths. Throughputs are normalised for the stored subpaths alone, so the splats
     // of all subpaths are multiplied by this share.
     splat_share: f32,
+    // Participating media; where they overlap, the last one counts.
+    media_count: u32,
     // From the centre of the film to the principal point, the point where the camera axis meets the film. In pixels, y down.
     principal_offset: vec2<f32>,
 }
@@ -116,6 +118,11 @@ override HAS_TRANSMISSION: bool = true;
 override HAS_PARALLEL: bool = true;
 // Whether the scene has a sky (sky.wgsl).
 override HAS_SKY: bool = true;
+// Whether the scene has participating media.
+override HAS_MEDIA: bool = true;
+// Whether events in a medium are moved along their segment, into the gate, before a deterministic vertex is connected to them
+// (shared/fog.wgsl).
+override DRAWS_IN_GATE: bool = true;
 override HAS_SPECULAR_COLORS: bool = true;
 override HAS_CLEARCOAT: bool = true;
 // Whether the camera is orthographic. Its sensor is a plane, and its rays are parallel (PATH_PARALLEL).

@@ -108,7 +108,7 @@ fn node_importance(c: TreeChild, r: Receiver) -> f32 {
     }
     let distance2 = max(node_distance2(center, half_extent, distances.x), 1e-20);
     var factor = cosine_factor(cosine);
-    if (HAS_GLOSSY && BY_GLOSS) {
+    if ((HAS_GLOSSY || HAS_MEDIA) && BY_GLOSS) {
         factor = mix(factor, gloss_factor(r, center, dot(half_extent, half_extent) / distance2), r.gloss);
     }
     return max(power_through_gate(c, d, r.shell) * factor / distance2, MIN_IMPORTANCE);

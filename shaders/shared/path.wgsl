@@ -34,6 +34,8 @@ const PATH_DETERMINISTIC: u32 = 2u;
 // The ray belongs to a bundle of parallel rays, such as those of a sun, the sky or an orthographic camera. The density of their next
 // vertices per area does not fall with the distance.
 const PATH_PARALLEL: u32 = 4u;
+// Light subpaths: the last vertex is deterministic, and shade points connect to it.
+const PATH_LEAVES_CONNECTED: u32 = 8u;
 // Light subpaths: from this bit on, the number of vertices that are not deterministic, at most 3.
 const PATH_RANDOM_SHIFT: u32 = 4u;
 
@@ -44,7 +46,7 @@ struct PathVertex {
     tau: f32,
     // Throughput over density. Light: phi_j, with the factor 1 / M. Sensor: omega_t.
     throughput: vec3<f32>,
-    // Index into `materials`. Vertices with VERTEX_EMITTER keep their EMIT_ profile here.
+    // Index into `materials`; with VERTEX_IN_MEDIUM, into `media`. Vertices with VERTEX_EMITTER keep their EMIT_ profile here.
     material: u32,
     // Unit shading normal, on the side of `geometric`.
     normal: vec3<f32>,
@@ -87,6 +89,10 @@ const VERTEX_VALID: u32 = 0x800u;
 const VERTEX_TRANSMITS: u32 = 0x4000u;
 // A normal map has turned the shading normal.
 const VERTEX_BUMPED: u32 = 0x8000u;
+// The vertex is a scattering event in a participating medium. For sensor subpaths, `normal` is the throughput at the start of the
+// segment, over the probability of an event; `base_color` holds the bits of the distance from there to the event (x) and to the
+// end of the ray (y). `geometric` has no meaning.
+const VERTEX_IN_MEDIUM: u32 = 0x10000u;
 
 // Unpacks a vertex from its seven texels.
 fn unpack_vertex(texels: array<vec4<u32>, 7>) -> PathVertex {

@@ -35,6 +35,16 @@ fn random4(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, see
     return vec4<f32>(random_words(stream, index, sample, depth, dimension, seed) >> vec4<u32>(8u)) * (1.0 / 16777216.0);
 }
 
+// A bit of the third word of a ray's key that surfaces with alpha leave 0.
+const FLIGHT_BIT: u32 = 0x2000u;
+
+// Two independent uniforms in [0, 1) for a flight through media along the ray with this key. They are independent of the choices at
+// surfaces with alpha.
+fn flight_uniforms(key: vec4<u32>) -> vec2<f32> {
+    let words = pcg4d(vec4<u32>(key.x, key.y, key.z | FLIGHT_BIT, key.w));
+    return vec2<f32>(words.xy >> vec2<u32>(8u)) * (1.0 / 16777216.0);
+}
+
 // Product of two words as 64 bits. x: upper word, y: lower word.
 fn multiply_wide(a: u32, b: u32) -> vec2<u32> {
     let a_low = a & 0xffffu;

@@ -10,6 +10,9 @@ const MIN_LOBE_WIDTH2: f32 = 0.01;
 // The receiver of q: shell, normal and glossy lobe. Light that glass transmits counts as diffusely scattered.
 fn make_receiver(q: PathVertex) -> Receiver {
     var r = Receiver(make_shell(q), q.geometric, !is_one_sided(q), q.normal, 1.0, 0.0);
+    if (is_in_medium(q)) {
+        return medium_receiver(r, q);
+    }
     if (HAS_GLOSSY && BY_GLOSS) {
         let b = vertex_bsdf(q);
         let normal = scattering_normal(q, q.to_previous);
@@ -19,6 +22,21 @@ fn make_receiver(q: PathVertex) -> Receiver {
         // A mirrored direction turns by twice the angle that the normal turns by.
         r.spread = max(4.0 * b.alpha * b.alpha, MIN_LOBE_WIDTH2);
         r.gloss = select(min(lobes.gloss, 1.0 - MIN_DIFFUSE), 0.0, is_delta(b));
+    }
+    return r;
+}
+
+// The receiver of q, an event in a medium. The phase function counts as a glossy lobe: light that comes from the direction in
+// which the sensor subpath travels is scattered least.
+fn medium_receiver(receiver: Receiver, q: PathVertex) -> Receiver {
+    var r = receiver;
+    if (BY_GLOSS) {
+        let m = load_medium(q.material);
+        let g = select(mix(m.g, m.g2, m.share), 0.0, m.phase == PHASE_RAYLEIGH);
+        let size = abs(g);
+        r.mirrored = select(q.to_previous, -q.to_previous, g >= 0.0);
+        r.spread = max(square(1.0 - size) / max(size, 1e-3), MIN_LOBE_WIDTH2);
+        r.gloss = min(size, 1.0 - MIN_DIFFUSE);
     }
     return r;
 }

@@ -22,6 +22,14 @@ fn optical_length(v: PathVertex, w: vec3<f32>, distance: f32) -> f32 {
     return eta_towards(v, w) * distance;
 }
 
+// Fraction of light that the media on the segment transmit; the segment leaves v along `w` and has the length `distance`.
+fn segment_transmittance(v: PathVertex, w: vec3<f32>, distance: f32) -> vec3<f32> {
+    if (!HAS_MEDIA || is_in_solid(v, w)) {
+        return vec3<f32>(1.0);
+    }
+    return transmittance(v.position, w, distance);
+}
+
 // Travel time of the path that connects q to v, which lies at `distance` from q along `w`.
 fn connection_time(q: PathVertex, v: PathVertex, w: vec3<f32>, distance: f32) -> f32 {
     return travel_time(v.tau, optical_length(q, w, distance), q.tau);

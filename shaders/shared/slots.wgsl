@@ -2,7 +2,7 @@
 #import candidate
 #import random
 #import tree
-#import segment
+#import fog
 #import samples
 #import shade_point
 
@@ -29,6 +29,10 @@ const COINCIDENCE_TOLERANCE: f32 = 2.3841858e-7;
 
 // Whether connecting v to q can contribute. Tests coincidence, number of segments, gate and facing.
 fn can_connect(q: PathVertex, v: PathVertex) -> bool {
+    if (is_drawn_in_gate(q, v)) {
+        let interval = gate_interval(q, v);
+        return interval.x < interval.y && (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u <= frame.max_depth;
+    }
     let offset = v.position - q.position;
     let d2 = dot(offset, offset);
     let d = sqrt(d2);

@@ -1,6 +1,7 @@
 // A vertex of a subpath: a point on a surface or on an emitter. Only this module evaluates and samples vertices and computes
 // their densities, cosines and sides. So no other module needs to know whether a vertex has a normal.
 #import emitter
+#import medium
 
 // A vertex evaluated for one direction.
 struct Evaluation {
@@ -19,14 +20,26 @@ fn transmits(v: PathVertex) -> bool {
     return HAS_TRANSMISSION && (v.flags & VERTEX_TRANSMITS) != 0u;
 }
 
-// Whether v lies on a surface. Punctual lights have no normal.
+// Whether v is a scattering event in a participating medium.
+fn is_in_medium(v: PathVertex) -> bool {
+    return HAS_MEDIA && (v.flags & VERTEX_IN_MEDIUM) != 0u;
+}
+
+// Whether the connection of q and v is drawn in the gate: q is an event in a medium, and v depends on no random numbers. The
+// light of suns has no travel time.
+fn is_drawn_in_gate(q: PathVertex, v: PathVertex) -> bool {
+    let is_sun = HAS_PARALLEL && (v.flags & VERTEX_EMITTER) != 0u && v.material == EMIT_SUN;
+    return DRAWS_IN_GATE && is_in_medium(q) && (v.flags & VERTEX_DETERMINISTIC) != 0u && !is_sun;
+}
+
+// Whether v lies on a surface. Punctual lights and events in a medium have no normal.
 fn has_normal(v: PathVertex) -> bool {
-    return (v.flags & VERTEX_EMITTER) == 0u || v.material <= EMIT_TWO_SIDED;
+    return !is_in_medium(v) && ((v.flags & VERTEX_EMITTER) == 0u || v.material <= EMIT_TWO_SIDED);
 }
 
 // Whether v exchanges light with only one side of its surface.
 fn is_one_sided(v: PathVertex) -> bool {
-    return !transmits(v) && ((v.flags & VERTEX_EMITTER) == 0u || v.material == EMIT_ONE_SIDED);
+    return !transmits(v) && !is_in_medium(v) && ((v.flags & VERTEX_EMITTER) == 0u || v.material == EMIT_ONE_SIDED);
 }
 
 // Whether v can exchange light with a point in the direction `w`.
@@ -46,7 +59,7 @@ override QUERIED_PUNCTUAL: bool = true;
 // Light that v sends along `w` (unit), relative to its throughput. A surface counts as diffuse, with a cosine of at least
 // `min_cosine`. A punctual light is exact: the result is 0 outside the cone of a spot.
 fn outgoing_light(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
-    if (QUERIED_PUNCTUAL && !has_normal(v)) {
+    if (QUERIED_PUNCTUAL && !has_normal(v) && !is_in_medium(v)) {
         return emitter_profile(v, w).x;
     }
     return max(vertex_cosine(v, w), min_cosine);
@@ -66,6 +79,11 @@ fn eta_range(v: PathVertex) -> vec2<f32> {
     return vec2<f32>(min(v.eta, other), max(v.eta, other));
 }
 
+// Whether a segment that leaves v along `w` runs inside a transmitting solid. No medium fills such solids.
+fn is_in_solid(v: PathVertex, w: vec3<f32>) -> bool {
+    return transmits(v) && (dot(v.geometric, w) < 0.0) == ((v.flags & VERTEX_FRONT) != 0u);
+}
+
 // Offset from v, along the normal, to the origin of a ray that leaves v along `w`. It keeps the ray from hitting the surface again.
 fn ray_offset(v: PathVertex, w: vec3<f32>) -> vec3<f32> {
     return offset_origin(vec3<f32>(0.0), v.geometric, v.offset, w);
@@ -76,8 +94,11 @@ fn ray_end(v: PathVertex, w: vec3<f32>) -> vec3<f32> {
     return offset_origin(v.position, v.geometric, v.offset, w);
 }
 
-// Whether v, a point on a surface, can be connected: its side of the material has a lobe that is not a delta.
+// Whether v can be connected. A point on a surface needs a lobe that is not a delta, on its side of the material.
 fn is_connectible(v: PathVertex) -> bool {
+    if (is_in_medium(v)) {
+        return true;
+    }
     let m = load_material(v.material);
     let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
     let lobe = metallic_and_alpha(m, v.base_color);
@@ -137,9 +158,19 @@ fn normal_probability(v: PathVertex, wl: vec3<f32>, wc: vec3<f32>) -> f32 {
     return select(1.0 - bump, bump, faces_bump(v, wc));
 }
 
+// The phase function at v, an event in a medium, for scattering between `w` and the direction to the previous vertex. It is the
+// same for light and sensor subpaths.
+fn evaluate_medium_vertex(v: PathVertex, w: vec3<f32>) -> Evaluation {
+    let phase = phase_value(load_medium(v.material), -dot(v.to_previous, w));
+    return Evaluation(vec3<f32>(phase), phase, phase, 1.0);
+}
+
 // Evaluates the shade point q for light from the direction `w` (unit). The cosine in `value` is that of the shading normal
 // (Veach 1997, Eq. 5.18).
 fn evaluate_shade_point(q: PathVertex, w: vec3<f32>) -> Evaluation {
+    if (is_in_medium(q)) {
+        return evaluate_medium_vertex(q, w);
+    }
     let b = vertex_bsdf(q);
     let normal = scattering_normal(q, q.to_previous);
     let wc = to_local(normal, q.to_previous);
@@ -163,6 +194,11 @@ fn evaluate_light_vertex(v: PathVertex, w: vec3<f32>) -> Evaluation {
         c.pdf = profile.y * v.select_pdf;
         c.pdf_reverse = 0.0;
         c.cosine = vertex_cosine(v, w);
+        return c;
+    }
+    if (is_in_medium(v)) {
+        c = evaluate_medium_vertex(v, w);
+        c.pdf *= v.select_pdf;
         return c;
     }
     let b = vertex_bsdf(v);
@@ -196,8 +232,22 @@ struct Scatter {
     valid: bool,
 }
 
-// Samples the next direction of a subpath at the surface vertex v. `to_light`: true for sensor subpaths.
+// Samples the next direction of a subpath at v, an event in a medium.
+fn sample_medium_vertex(v: PathVertex, u: vec4<f32>) -> Scatter {
+    let m = load_medium(v.material);
+    let cosine = sample_phase_cosine(m, u.xz);
+    let sine = sqrt(max(1.0 - cosine * cosine, 0.0));
+    let turn = cosine_and_sine(2.0 * PI * u.y);
+    let direction = normalize(frame_around(-v.to_previous) * vec3<f32>(sine * turn.x, sine * turn.y, cosine));
+    let pdf = phase_value(m, cosine);
+    return Scatter(direction, vec3<f32>(1.0), pdf, pdf, 1.0, false, true);
+}
+
+// Samples the next direction of a subpath at v, which is no emitter. `to_light`: true for sensor subpaths.
 fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
+    if (is_in_medium(v)) {
+        return sample_medium_vertex(v, u);
+    }
     let b = vertex_bsdf(v);
     var normal = scattering_normal(v, v.to_previous);
     var numbers = u;

@@ -1,26 +1,62 @@
-// One step of a random walk, for light and sensor subpaths alike: trace to the next surface, then choose the next direction.
+// One step of a random walk, for light and sensor subpaths alike: trace to the next surface or to a scattering event in a
+// medium, then choose the next direction.
 #import visibility
 #import partial_sums
 
-// The hit at which a subpath arrived.
+// The vertex at which a subpath arrived.
 struct Arrival {
-    // False if the ray hit nothing; the other fields then have no meaning.
+    // False if the ray left the scene; the other fields then have no meaning.
     found: bool,
+    // The hit; without meaning if the subpath arrived in a medium.
     surface: Surface,
     vertex: PathVertex,
+    // Largest factor by which the flight through media changed the throughput; 1 without media.
+    carried: f32,
 }
 
-// Traces the ray of `state` to the nearest surface and moves the subpath there. `key`: see `trace`.
-fn advance(state: ptr<function, PathState>, key: vec4<u32>) -> Arrival {
+// Traces the ray of `state` to the nearest surface, or to a scattering event before it, and moves the subpath there. With
+// `is_direct` there is no such event: the throughput falls by the transmittance instead. `to_light`: true for sensor subpaths.
+// `key`: see `trace`.
+fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key: vec4<u32>) -> Arrival {
     var a: Arrival;
+    a.carried = 1.0;
     let hit = trace((*state).position + (*state).shift, (*state).direction, 3e38, false, (*state).triangle, key);
     a.found = hit.triangle != NONE;
     if (a.found) {
         let exact = reintersect(hit, (*state).position, (*state).direction);
         a.surface = surface_at(exact.triangle, exact.u, exact.v);
+    }
+    if (HAS_MEDIA && !(a.found && is_inside(a.surface, (*state).direction))) {
+        let limit = select(3e38, distance(a.surface.position, (*state).position), a.found);
+        let before = (*state).throughput;
+        let flight = fly(state, limit, is_direct, to_light, key);
+        (*state).throughput *= flight.weight;
+        a.carried = max_component(flight.weight);
+        if (flight.scattered) {
+            a.found = true;
+            a.vertex = arrive_in_medium(state, flight);
+            a.vertex.normal = before / flight.probability;
+            a.vertex.base_color = bitcast<vec3<u32>>(vec3<f32>(flight.distance, limit, 0.0));
+            return a;
+        }
+    }
+    if (a.found) {
         a.vertex = arrive(state, a.surface);
     }
     return a;
+}
+
+// Whether a ray along `direction` that hits `surface` comes from inside a transmitting solid. No medium fills such solids.
+fn is_inside(surface: Surface, direction: vec3<f32>) -> bool {
+    return HAS_TRANSMISSION && dot(surface.geometric, direction) > 0.0 && load_material(surface.material).transmission > 0.0;
+}
+
+// The flight of a subpath along its ray, at most as far as `limit`. Other arguments: see `advance`.
+fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, to_light: bool, key: vec4<u32>) -> Flight {
+    if (is_direct) {
+        return Flight(false, limit, NONE, transmittance((*state).position, (*state).direction, limit), 1.0);
+    }
+    return free_flight((*state).position, (*state).direction, limit, (*state).throughput, to_light, flight_uniforms(key));
 }
 
 // Whether every path that continues from v to `point`, or to any point at least as far from v, is too long for the gate. The
@@ -70,15 +106,41 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     return v;
 }
 
+// Moves `state` to the scattering event of `flight`. Returns the vertex there.
+fn arrive_in_medium(state: ptr<function, PathState>, flight: Flight) -> PathVertex {
+    let is_parallel = HAS_PARALLEL && ((*state).flags & PATH_PARALLEL) != 0u;
+    mis_arrive(state, select(flight.distance * flight.distance, 1.0, is_parallel), 1.0);
+    if (HAS_PARALLEL) {
+        (*state).flags &= ~PATH_PARALLEL;
+    }
+    (*state).tau += (*state).eta * flight.distance;
+    (*state).position += flight.distance * (*state).direction;
+    (*state).triangle = NONE;
+
+    var v: PathVertex;
+    v.position = (*state).position;
+    v.tau = (*state).tau;
+    v.throughput = (*state).throughput;
+    v.material = flight.medium;
+    v.d_vcm = (*state).d_vcm;
+    v.geometric = -(*state).direction;
+    v.d_vc = (*state).d_vc;
+    v.to_previous = -(*state).direction;
+    v.flags = VERTEX_IN_MEDIUM;
+    v.eta = (*state).eta;
+    v.select_pdf = 1.0;
+    return v;
+}
+
 // Sends `state` on from v along a sampled direction. Returns false if the subpath ends here. `u` samples direction and lobe.
-// `survival` is the uniform of Russian roulette; the probability of survival is the throughput factor of this bounce, clamped
-// to [0.05, 1]. A negative `survival` switches roulette off.
-fn scatter(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: vec4<f32>, survival: f32) -> bool {
+// `survival` is the uniform of Russian roulette; the probability of survival is the throughput factor of this bounce and of the
+// flight before it (`carried_before`), clamped to [0.05, 1]. A negative `survival` switches roulette off.
+fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, to_light: bool, u: vec4<f32>, survival: f32) -> bool {
     let s = sample_vertex(v, to_light, u);
     if (!s.valid) {
         return false;
     }
-    let carried = max_component(s.weight);
+    let carried = max_component(s.weight) * carried_before;
     let keep = select(clamp(carried, 0.05, 1.0), 1.0, survival < 0.0);
     if (!(carried > 0.0) || survival >= keep) {
         return false;
@@ -88,6 +150,10 @@ fn scatter(state: ptr<function, PathState>, v: PathVertex, to_light: bool, u: ve
     (*state).eta = eta_towards(v, s.direction);
     (*state).shift = ray_offset(v, s.direction);
     mis_scatter(state, s, select(sample_count_ratio(v) * v.select_pdf, 1.0, to_light));
+    if (is_in_medium(v)) {
+        (*state).flags &= ~PATH_DETERMINISTIC;
+        return true;
+    }
     let m = load_material(v.material);
     let is_mirror = metallic_and_alpha(m, v.base_color).x >= 1.0 && !(HAS_CLEARCOAT && m.clearcoat > 0.0);
     if (!(s.delta && is_mirror)) {

@@ -8,7 +8,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 20] = [
+const INFO_SETTINGS: [&str; 31] = [
     "camera",
     "look-from",
     "look-at",
@@ -24,6 +24,17 @@ const INFO_SETTINGS: [&str; 20] = [
     "lamp",
     "sky",
     "sky-scale",
+    "sigma-s",
+    "sigma-a",
+    "visibility",
+    "mor",
+    "albedo",
+    "phase",
+    "phase-g",
+    "phase-g2",
+    "phase-weight",
+    "medium-bounds",
+    "no-medium",
     "double-sided",
     "allow-path",
     "max-depth",

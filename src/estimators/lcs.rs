@@ -23,6 +23,7 @@ pub(super) static RECORD: Record = Record {
     // Light-tracing (t = 1) samples that matter are rare and bright in this estimator, so the other strategies get more weight
     // than their densities give them (docs/notebook/splat-weight.md).
     splat_sample_weight: 0.25,
+    draws_in_gate: true,
     renders_references: true,
     judge: Estimator::Bdpt,
 };

@@ -54,6 +54,8 @@ pub struct Record {
     pub query_sample_count: fn(queries: u32) -> f32,
     /// Weight of a light-tracing (t = 1) sample in the MIS heuristic, relative to one camera sample.
     pub splat_sample_weight: f32,
+    /// Whether events in a medium that are lit by a deterministic vertex are drawn inside the gate, instead of left to free flight.
+    pub draws_in_gate: bool,
     /// Whether the bench considers this estimator when it looks for the fastest way to render a reference.
     pub renders_references: bool,
     /// Estimator that checks the references rendered by this one: it finds the same paths by another method.

@@ -19,6 +19,7 @@ pub(super) static RECORD: Record = Record {
     slots: |pool| u32::from(pool.has_emitter_points),
     query_sample_count: |_| 1.0,
     splat_sample_weight: 1.0,
+    draws_in_gate: false,
     renders_references: false,
     judge: Estimator::Bdpt,
 };

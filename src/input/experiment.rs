@@ -5,15 +5,14 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
 use crate::input::light_table::LightTable;
 use crate::input::plain::{plain, table_of};
 use crate::settings::setting::{Setting, Value, Visitor};
-use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, OutputTable, RenderTable};
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, MediumTable, OutputTable, RenderTable};
 
 /// Maximum size of an experiment file in bytes. A real experiment is a page of text, so a larger file is something else.
 const MAX_BYTES: u64 = 1 << 20;
@@ -27,25 +26,13 @@ pub struct Experiment {
     pub camera: CameraTable,
     pub emitter: EmitterTable,
     pub input: InputTable,
+    pub medium: MediumTable,
     pub gate: GateTable,
     pub render: RenderTable,
     pub output: OutputTable,
-    #[serde(skip_serializing)]
-    pub medium: Medium,
     /// Lights to add to those of the scene.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub light: Vec<LightTable>,
-}
-
-/// Reserves the table `[medium]` for fog and smoke, which are not supported yet: any such table is refused.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Medium;
-
-impl<'de> Deserialize<'de> for Medium {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Medium, D::Error> {
-        serde::de::IgnoredAny::deserialize(deserializer)?;
-        Err(D::Error::custom("media are not rendered yet: remove the table [medium]"))
-    }
 }
 
 impl Experiment {
@@ -127,17 +114,18 @@ impl Experiment {
             gate: self.gate.over(below.gate),
             render: self.render.over(below.render),
             output: self.output.over(below.output),
-            medium: Medium,
+            medium: self.medium.over(below.medium),
             light: if self.light.is_empty() { below.light } else { self.light },
         }
     }
 
     /// Calls `visitor` with every setting of every table.
     pub fn visit(&mut self, visitor: &mut impl Visitor) {
-        let Experiment { scene: _, camera, emitter, input, gate, render, output, medium: Medium, light: _ } = self;
+        let Experiment { scene: _, camera, emitter, input, gate, render, output, medium, light: _ } = self;
         camera.visit(visitor);
         emitter.visit(visitor);
         input.visit(visitor);
+        medium.visit(visitor);
         gate.visit(visitor);
         render.visit(visitor);
         output.visit(visitor);
@@ -285,7 +273,7 @@ png = true
             ("[gate]\ngate = \"1m..2m\"\ndepth = \"1m..2m\"\n", 3, 1, "keep one"),
             ("[render]\ntime = \"3s\"\nspp = 4\n", 3, 1, "keep one"),
             ("[camera]\nresolution = \"big\"\n", 2, 14, "640x480"),
-            ("[medium]\nsigma = 1.0\n", 1, 1, "not rendered yet"),
+            ("[medium]\nsigma = 1.0\n", 2, 1, "no key sigma"),
             ("scene = \"a.glb\n", 1, 15, "invalid basic string"),
             ("[emitter]\nemitters = 3\n", 2, 12, "list of node names"),
             ("[output]\npng = 3\n", 2, 7, "true, false or a file name"),

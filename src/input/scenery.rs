@@ -3,6 +3,7 @@
 
 mod camera;
 mod lights;
+mod medium;
 
 use crate::error::Result;
 use crate::input::experiment::Experiment;
@@ -21,6 +22,7 @@ pub fn apply(experiment: &mut Experiment, scene: &mut Scene) -> Result<Vec<Strin
     if experiment.input.double_sided == Some(true) {
         scene.materials.iter_mut().for_each(|material| material.double_sided = true);
     }
+    medium::apply(&experiment.medium, scene)?;
     let camera = camera::apply(&mut experiment.camera, scene, &mut notes)?;
     lights::apply(experiment, scene, camera, &mut notes)?;
     Ok(notes)

@@ -34,7 +34,7 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
     ) -> Part<'a> {
         (wgsl, BufferDesc::of_texels::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
     }
-    let PreparedScene { geometry, emitters, albedo, .. } = prepared;
+    let PreparedScene { geometry, emitters, media, albedo, .. } = prepared;
     vec![
         texels("bvh_nodes", "BVH nodes", &geometry.bvh.nodes, MESHES),
         texels("triangles", "triangles", &geometry.triangles, MESHES),
@@ -46,6 +46,7 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         texels("textures", "textures", &geometry.textures, IMAGES),
         texels("emitters", "emitters", &emitters.table, MESHES),
         texels("sky", "sky", &emitters.sky, SKY),
+        texels("media", "media", media, MESHES),
         part("albedo_table", "albedo table", &albedo.values, MESHES),
     ]
 }

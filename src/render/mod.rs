@@ -14,6 +14,7 @@ pub mod geometry;
 mod layers;
 mod light;
 pub mod material;
+mod media;
 mod memory;
 mod observe;
 mod oversized;

@@ -81,6 +81,7 @@ pub struct Plan {
     has_sky: bool,
     /// Whether the camera rays are parallel. The kernels are compiled for one of the two kinds of camera.
     is_orthographic: bool,
+    has_media: bool,
     pub crop: Crop,
     pub crop_pixels: u64,
     /// Whether light subpaths are traced beyond their first vertex, the one on the emitter.
@@ -116,7 +117,7 @@ impl Plan {
         let estimator = settings.estimator().record();
         let traces_light = estimator.light_subpaths && settings.max_depth() >= 2;
         let features = prepared.geometry.features;
-        let frame = frame(settings, emitters, all);
+        let frame = frame(settings, prepared, all);
         let emitter_count = frame.emitter_count;
         let camera = &scene.cameras[settings.camera()];
         let mut plan = Plan {
@@ -134,6 +135,7 @@ impl Plan {
             has_distant: emitters.has_distant,
             has_sky: !emitters.sky.is_empty(),
             is_orthographic: camera.projection.is_orthographic(),
+            has_media: !prepared.media.is_empty(),
             crop: settings.crop(),
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
             traces_light,
@@ -285,15 +287,18 @@ impl Plan {
             Observe::Strategies => OBSERVE_STRATEGIES,
         };
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
+        let queried = self.queries_deterministic(self.max_deterministic);
         let mut constants = self.features.constants().to_vec();
         constants.extend([
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("HAS_PARALLEL", switch(self.has_distant || self.is_orthographic)),
             ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
             ("HAS_SKY", switch(self.has_sky)),
+            ("HAS_MEDIA", switch(self.has_media)),
+            ("DRAWS_IN_GATE", switch(self.has_media && self.estimator.draws_in_gate && !queried)),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
-            ("QUERIED_PUNCTUAL", switch(self.queries_deterministic(self.max_deterministic))),
+            ("QUERIED_PUNCTUAL", switch(queried)),
             ("BY_CENTRE", switch(self.importance.centre)),
             ("BY_COSINE", switch(self.importance.cosine)),
             ("BY_OVERLAP", switch(self.importance.overlap)),
@@ -306,7 +311,8 @@ impl Plan {
 }
 
 /// The fields of the frame that are the same for all iterations and cameras; the other fields are 0 or NONE.
-fn frame(settings: &Settings, emitters: &EmitterSet, all: bool) -> Frame {
+fn frame(settings: &Settings, prepared: &PreparedScene, all: bool) -> Frame {
+    let PreparedScene { emitters, media, .. } = prepared;
     let [width, height] = settings.resolution();
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
     let estimator = settings.estimator().record();
@@ -320,6 +326,7 @@ fn frame(settings: &Settings, emitters: &EmitterSet, all: bool) -> Frame {
         max_depth: settings.max_depth(),
         queries: settings.queries(),
         emitter_count: emitters.table.len() as u32,
+        media_count: media.len() as u32,
         tree3_root: NONE,
         tree4_root: NONE,
         keep_s0: switch(all) / (query_sample_count * query_sample_count),

@@ -5,17 +5,20 @@ use std::collections::{BTreeMap, HashSet};
 use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
+use super::media::media;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
 use super::{coplanar, oversized};
 use crate::error::{Error, Result};
-use crate::scene::{Light, Scene};
+use crate::scene::{Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
+use crate::wgsl::layout;
 
 /// All scene data for the upload, in the render space around one camera and with one selection of emitters.
 pub struct PreparedScene {
     pub(super) geometry: Geometry,
     pub(super) emitters: EmitterSet,
+    pub(super) media: Vec<layout::Medium>,
     pub(super) albedo: &'static AlbedoTable,
     pub(super) space: RenderSpace,
     /// Bounding box, in render space, of the points where camera rays start.
@@ -47,7 +50,8 @@ impl PreparedScene {
             ));
         }
         let sensor = Box3::around(camera.corners(settings.resolution()).map(|corner| space.point(corner)));
-        Ok(PreparedScene { geometry, emitters, albedo, space, sensor })
+        let media = media(scene, &space)?;
+        Ok(PreparedScene { geometry, emitters, media, albedo, space, sensor })
     }
 
     /// Luminance-weighted power in W of every node that emits, by node name.
@@ -109,6 +113,11 @@ fn check_emitters(scene: &Scene, settings: &Settings) -> Result<()> {
         Some(light) if !settings.responses().are_steady() => Err(Error::Settings(format!(
             "the light '{}' is infinitely far away, so its light has no travel time to gate; render without a gate, or select \
              other emitters",
+            light.node
+        ))),
+        Some(light) if scene.media.iter().any(Medium::is_unbounded) => Err(Error::Settings(format!(
+            "the light '{}' is infinitely far away, so none of its light passes through a medium that fills all space; give the \
+             medium bounds, or select other emitters",
             light.node
         ))),
         _ => Ok(()),

@@ -61,7 +61,8 @@ impl RenderSpace {
 /// other samples than with the sensor at the origin. With an origin 60 m away from the box it would be 1e-3.
 const MAX_SENSOR_DISTANCE: f32 = 0.25;
 
-/// Maximum distance along an axis from `origin` to the bounding boxes of the meshes and to the selected lights, in metres.
+/// Maximum distance along an axis from `origin` to the bounding boxes of the meshes and media and to the selected lights, in
+/// metres.
 fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
     let boxes: Vec<Option<[DVec3; 2]>> = scene
         .meshes
@@ -85,6 +86,9 @@ fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
     for light in scene.lights.iter().filter(|light| selected.include(&light.node)) {
         let Some(radius) = light.kind.radius() else { continue };
         max = max.max(distance(light.position) + radius);
+    }
+    for corner in scene.media.iter().filter_map(|medium| medium.bounds).flatten() {
+        max = max.max(distance(corner));
     }
     max
 }

@@ -44,11 +44,14 @@ impl TravelTimeBounds {
     /// Bounds for paths with at most `settings.max_depth()` segments. The lower bound is a Euclidean length: every refractive
     /// index is at least 1, so optical lengths are not shorter.
     pub fn new(prepared: &PreparedScene, settings: &Settings) -> TravelTimeBounds {
-        let PreparedScene { geometry, emitters, space, sensor, .. } = prepared;
+        let PreparedScene { geometry, emitters, media, space, sensor, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
-        let min = direct.min(shortest_by_one_surface(geometry, sensor, &punctual_emitters(prepared)));
+        let lights = punctual_emitters(prepared);
+        let scattered = if media.is_empty() { f64::INFINITY } else { nearest(sensor, &lights) };
+        let min = direct.min(shortest_by_one_surface(geometry, sensor, &lights)).min(scattered);
         let all = geometry.triangles.par_iter().map(Box3::of).reduce(|| *sensor, Box3::with);
         let all = all.with(Box3 { lo: emitters.lo, hi: emitters.hi });
+        let all = media.iter().map(|m| Box3 { lo: m.lo.into(), hi: m.hi.into() }).fold(all, Box3::with);
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
         let max_ior = f64::from(geometry.max_ior);
         let max_segment = space.unit * diameter * max_ior * (1.0 + SLACK);
@@ -133,6 +136,12 @@ fn punctual_emitters(prepared: &PreparedScene) -> Vec<Box3> {
         0..=MAX_EMITTERS => boxes,
         _ => boxes.into_iter().reduce(Box3::with).into_iter().collect(),
     }
+}
+
+/// Minimum distance from the sensor to a light without a surface: a lower bound on the paths by way of a medium, which may scatter
+/// light anywhere between the two.
+fn nearest(sensor: &Box3, emitters: &[Box3]) -> f64 {
+    emitters.iter().map(|emitter| emitter.distance(sensor)).fold(f64::INFINITY, f64::min)
 }
 
 /// Minimum length of a path from the sensor over one surface to an emitter without a surface. The sensor cannot see such an

@@ -93,7 +93,7 @@ fn read(bytes: &[u8], folders: Folders) -> Checked<Scene> {
     let mut warnings = Warnings::default();
     let doc = Document::open(bytes, folders)?;
     extension::check(&doc, &mut warnings)?;
-    let media = medium::load(&doc, &mut warnings)?;
+    let media = medium::load(&doc)?;
 
     let worlds = node::world_transforms(&doc)?;
     let mut materials = material::load(&doc, &mut warnings)?;

@@ -42,8 +42,7 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Punctual lights and beams; emissive meshes are found through `materials`.
     pub lights: Vec<Light>,
-    /// Fog and other media outside of transmissive solids; where they overlap, the last counts. The renderer does not show media
-    /// yet: it renders the scene as in clear air.
+    /// Fog and other media outside of transmissive solids; where they overlap, the last counts.
     pub media: Vec<Medium>,
     /// The image of the sky, if one of the lights is a [`LightKind::Sky`] that is not the same in all directions.
     pub sky: Option<SkyImage>,

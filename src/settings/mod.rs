@@ -10,6 +10,7 @@ mod choices;
 pub mod exposure;
 pub mod keys;
 #[allow(missing_docs)]
+pub mod medium;
 pub mod numbers;
 mod responses;
 #[allow(missing_docs)]

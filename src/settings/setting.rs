@@ -62,6 +62,10 @@ impl Setting {
         Setting::new("Scene", name, value)
     }
 
+    pub const fn medium(name: &'static str, value: &'static str) -> Setting {
+        Setting::new("Medium", name, value)
+    }
+
     pub const fn gate(name: &'static str, value: &'static str) -> Setting {
         Setting::new("Gate", name, value)
     }

@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
+use crate::settings::medium::{Bounds, Coefficient, Distance, MeanCosine, Phase, Share};
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
 use crate::settings::sky::{Sky, SkyScale};
@@ -100,6 +101,46 @@ table! {
         /// Also read files of a .gltf scene that lie in this folder or below, such as ../textures; other files must lie in the folder
         /// of the scene or below; may be repeated
         allow_path: Folders, Setting::scene("allow-path", "DIR").form(Form::Repeated);
+    }
+}
+
+table! {
+    /// `[medium]`: fog, smoke or water, instead of the media of the scene.
+    MediumTable {
+        /// Scattering coefficient per metre, one number or three for red, green and blue [default: 0]
+        sigma_s: Coefficient, Setting::medium("sigma-s", "1/m");
+
+        /// Absorption coefficient per metre, one number or three [default: 0]
+        sigma_a: Coefficient, Setting::medium("sigma-a", "1/m");
+
+        /// Meteorological visibility: the distance at which a black object keeps 2 % of its contrast, such as 60m. Together with
+        /// --albedo, it gives the coefficients
+        visibility: Distance, Setting::medium("visibility", "LENGTH").excludes("sigma-s");
+
+        /// Meteorological optical range: as --visibility, but with 5 % of the contrast
+        mor: Distance, Setting::medium("mor", "LENGTH").excludes("visibility");
+
+        /// Share of the light that an event scatters instead of absorbing it, for --visibility and --mor [default: 0.99]
+        albedo: Share, Setting::medium("albedo", "0..1");
+
+        /// How light is scattered: isotropic, hg (Henyey-Greenstein), double-hg or rayleigh [default: hg if there is a --phase-g,
+        /// else isotropic]
+        phase: Phase, Setting::medium("phase", "NAME");
+
+        /// Mean cosine of the scattering angle, for hg and double-hg; positive is forwards
+        g: MeanCosine, Setting::medium("phase-g", "-1..1").form(Form::Signed);
+
+        /// Mean cosine of the second lobe of double-hg
+        g2: MeanCosine, Setting::medium("phase-g2", "-1..1").form(Form::Signed);
+
+        /// Share of the first lobe of double-hg
+        weight: Share, Setting::medium("phase-weight", "0..1");
+
+        /// Box that the medium fills, given by two corners in metres [default: all space]
+        bounds: Bounds, Setting::medium("medium-bounds", "X,Y,Z,X,Y,Z").form(Form::Signed);
+
+        /// Render without the media of the scene
+        no_medium: bool, Setting::medium("no-medium", "").form(Form::Switch);
     }
 }
 
@@ -272,7 +313,8 @@ mod tests {
     use super::*;
     use crate::input::experiment::Experiment;
 
-    /// The name of every setting must be its key in experiment files. Every setting must have a help text.
+    /// The name of every setting must be its key in experiment files; the flags of a medium may have a longer name than the keys of
+    /// `[medium]`. Every setting must have a help text.
     #[test]
     fn names_are_the_keys_of_the_file_and_all_have_help() {
         struct Fill(Vec<String>);
@@ -284,8 +326,24 @@ mod tests {
                     "--{}",
                     setting.name
                 );
-                let words =
-                    ["true", "1", "1m..2m", "4x4", "0,1,0,1", "0,1,0", "0,1", "3s", "pt", "all", "uniform", "word"];
+                let words = [
+                    "true",
+                    "1",
+                    "0.5",
+                    "1m..2m",
+                    "4x4",
+                    "0,1,0,1",
+                    "0,1,0",
+                    "0,1",
+                    "0,0,0,1,1,1",
+                    "3s",
+                    "3m",
+                    "pt",
+                    "hg",
+                    "all",
+                    "uniform",
+                    "word",
+                ];
                 *slot = words.iter().find_map(|word| T::parse(word.as_ref()).ok());
                 assert!(slot.is_some(), "--{} has a value that this test does not know", setting.name);
                 self.0.push(setting.name.into());
@@ -295,7 +353,11 @@ mod tests {
         experiment.visit(&mut fill);
         let text = experiment.to_toml();
         let keys: Vec<&str> = text.lines().filter_map(|line| Some(line.split_once(" = ")?.0)).collect();
-        assert_eq!(keys, fill.0, "{text}");
+        let short = |name: &str| match name.strip_prefix("phase-").or(name.strip_prefix("medium-")) {
+            Some(key) => key.to_string(),
+            None => name.into(),
+        };
+        assert_eq!(keys, fill.0.iter().map(|name| short(name)).collect::<Vec<_>>(), "{text}");
     }
 
     #[test]

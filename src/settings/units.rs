@@ -262,6 +262,12 @@ fn quantity(side: &str, text: &str, example: &str, units: &[Unit], unit_names: &
     Ok(Quantity { value, unit: Some(unit) })
 }
 
+/// A length in metres, from a number with a unit of length; `None` if `text` is something else.
+pub(crate) fn length(text: &str) -> Option<f64> {
+    let Quantity { value, unit } = quantity(text, text, "", &LENGTH_UNITS, LENGTH_UNIT_NAMES).ok()?;
+    Some(value * unit?)
+}
+
 fn refuse(what: &str, remedy: &str) -> Error {
     Error::Settings(format!("{what}; {remedy}"))
 }

@@ -51,7 +51,7 @@ host_twins! {
         keep_s2: f32, crop_x: u32, crop_y: u32, crop_width: u32,
         crop_height: u32, first_sample: u32, emitter_points: u32, slots: u32,
         sensor: [f32; 3], query_sample_count: f32,
-        splat_share: f32, pad: u32, principal_offset: [f32; 2],
+        splat_share: f32, media_count: u32, principal_offset: [f32; 2],
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }
@@ -71,6 +71,13 @@ host_twins! {
         position: [f32; 3], select_pdf: f32,
         direction: [f32; 3], outer: f32,
         strength: [f32; 3], inner: f32,
+    }
+    /// `shared/medium.wgsl`
+    Medium {
+        lo: [f32; 3], phase: u32,
+        hi: [f32; 3], share: f32,
+        sigma_s: [f32; 3], g: f32,
+        sigma_a: [f32; 3], g2: f32,
     }
     /// `shared/path.wgsl`
     PathState {
@@ -131,6 +138,9 @@ pub mod constants {
         VERTEX_VALID: u32 = 0x800,
         VERTEX_TRANSMITS: u32 = 0x4000,
         VERTEX_BUMPED: u32 = 0x8000,
+        VERTEX_IN_MEDIUM: u32 = 0x1_0000,
+        PHASE_LOBES: u32 = 0,
+        PHASE_RAYLEIGH: u32 = 1,
         EMIT_ONE_SIDED: u32 = 0,
         EMIT_TWO_SIDED: u32 = 1,
         EMIT_POINT: u32 = 2,

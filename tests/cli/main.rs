@@ -140,8 +140,8 @@ fn experiment_mistakes_have_line_and_column() {
     fails("e.toml:3:1: [render] has no key ssp");
     experiment("scene = \"a.glb\"\n[gate]\ngate = \"1..2\"\n");
     fails("e.toml:3:8: the gate '1..2' has no unit");
-    experiment("scene = \"a.glb\"\n[medium]\n");
-    fails("e.toml:2:1: media are not rendered yet");
+    experiment("scene = \"a.glb\"\n[medium]\nsigma-s = -1\n");
+    fails("e.toml:3:11: '-1' is not a coefficient per metre");
     experiment("[output]\noutput = \"a.exr\"\n");
     fails("names no scene");
     experiment("scene = \"\"\n[output]\noutput = \"a.exr\"\n");

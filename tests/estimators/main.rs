@@ -8,6 +8,7 @@ mod cells;
 mod closed_form;
 mod determinism;
 mod drive;
+mod fog;
 mod furnace;
 mod headlamp;
 mod lamps;

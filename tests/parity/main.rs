@@ -18,6 +18,7 @@ mod importance;
 mod lightcone;
 mod materials;
 mod math;
+mod medium;
 mod pairs;
 mod point;
 mod receiver;

@@ -110,7 +110,7 @@ fn exact(q: &PathVertex, v: &PathVertex) -> (DVec3, f64) {
 struct Bench {
     device: Device,
     scene: Vec<Contents>,
-    constants: [(&'static str, f64); 6],
+    constants: [(&'static str, f64); 7],
 }
 
 impl Bench {
@@ -123,6 +123,7 @@ impl Bench {
         let glossy = f64::from(u8::from(glossy));
         let mut scene = buffers(&scene, DVec3::ZERO);
         scene.extend([contents("albedo_table", &AlbedoTable::new().values), contents("sky", &[0u32; 4])]);
+        scene.push(contents("media", &[0u32; 16]));
         Bench {
             device: Device::open(None).unwrap_or_else(|e| panic!("these tests need a Vulkan device: {e}")),
             scene,
@@ -132,6 +133,7 @@ impl Bench {
                 ("HAS_GLOSSY", glossy),
                 ("HAS_TRANSMISSION", glossy),
                 ("HAS_SKY", 0.0),
+                ("HAS_MEDIA", 0.0),
                 ("ESTIMATOR", ESTIMATOR_LCS_PAPER.into()),
             ],
         }

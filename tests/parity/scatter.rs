@@ -54,7 +54,7 @@ struct Connected {
 pub fn buffers() -> Vec<Contents> {
     let mut all: Vec<Contents> = set().buffers().into();
     all.extend([contents("textures", &[0u32; 4]), contents("texels", &[0u32]), contents("emitters", &[0u32; 16])]);
-    all.push(contents("sky", &[0u32; 4]));
+    all.extend([contents("sky", &[0u32; 4]), contents("media", &[0u32; 16])]);
     all.push(frame(|_| ()));
     all
 }
@@ -162,7 +162,7 @@ const STEP: ShaderFunction = ShaderFunction {
         }
         var state: PathState; state.throughput = vec3<f32>(2.0); state.d_vcm = input.d_vcm; state.d_vc = input.d_vc;
         state.flags = PATH_ALIVE | PATH_DETERMINISTIC;
-        result.departed = u32(scatter(&state, input.v, input.to_light == 1u, input.u, input.survival));
+        result.departed = u32(scatter(&state, input.v, 1.0, input.to_light == 1u, input.u, input.survival));
         result.state = state; result.connectible = u32(is_connectible(input.v));",
 };
 

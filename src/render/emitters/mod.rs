@@ -8,7 +8,7 @@ mod triangle;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-use glam::Vec3;
+use glam::{BVec3, DVec3, Vec3};
 
 use super::geometry::Geometry;
 use super::space::RenderSpace;
@@ -129,7 +129,7 @@ impl EmitterSet {
     ) {
         let lights = || scene.lights.iter().filter(|light| selected.include(&light.node));
         let around = match lights().any(|light| light.kind.is_distant()) {
-            true => sphere_around(geometry),
+            true => sphere_around(geometry, scene, space),
             false => Sphere { centre: Vec3::ZERO, radius: 0.0 },
         };
         let constant = SkyImage::constant();
@@ -165,11 +165,15 @@ impl EmitterSet {
 /// Minimum radius of the sphere around the scene, in units of render space. Its area must not underflow.
 const MIN_RADIUS: f32 = 1e-9;
 
-/// A sphere around all triangles, in render space.
-fn sphere_around(geometry: &Geometry) -> Sphere {
-    let corners = || geometry.triangles.iter().flat_map(|t| [t.v0, t.v1, t.v2].map(Vec3::from));
-    let ends = corners().map(|p| (p, p)).reduce(|(lo, hi), (p, _)| (lo.min(p), hi.max(p)));
+/// A sphere around all triangles and all media with bounds, in render space.
+fn sphere_around(geometry: &Geometry, scene: &Scene, space: &RenderSpace) -> Sphere {
+    let triangles = geometry.triangles.iter().flat_map(|t| [t.v0, t.v1, t.v2].map(Vec3::from));
+    let boxes = scene.media.iter().filter_map(|medium| medium.bounds);
+    let media = boxes
+        .flat_map(|[lo, hi]| (0..8).map(move |k| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo)));
+    let corners: Vec<Vec3> = triangles.chain(media.map(|corner| space.point(corner))).collect();
+    let ends = corners.iter().map(|&p| (p, p)).reduce(|(lo, hi), (p, _)| (lo.min(p), hi.max(p)));
     let centre = ends.map_or(Vec3::ZERO, |(lo, hi)| 0.5 * (lo + hi));
-    let radius = corners().map(|p| p.distance(centre)).fold(MIN_RADIUS, f32::max);
+    let radius = corners.iter().map(|p| p.distance(centre)).fold(MIN_RADIUS, f32::max);
     Sphere { centre, radius }
 }

@@ -55,13 +55,10 @@ enum JsonPhase {
 }
 
 /// The medium of the default scene, if its extras describe one.
-pub fn load(doc: &Document, warnings: &mut Warnings) -> Checked<Vec<Medium>> {
+pub fn load(doc: &Document) -> Checked<Vec<Medium>> {
     let index = doc.root.scene.map_or(0, |scene| scene.value());
     let Some(scene) = doc.root.scenes.get(index) else { return Ok(vec![]) };
     let medium = read(&scene.extras, "the scene")?;
-    if medium.is_some() {
-        warnings.push("the medium (fog) of the scene is not rendered yet; surfaces are shown as in clear air".into());
-    }
     Ok(medium.into_iter().collect())
 }
 

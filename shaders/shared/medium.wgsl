@@ -1,0 +1,230 @@
+// Participating media: where they are, how far light flies in them, what they transmit, and how they scatter.
+//
+// A medium fills a box or all space, but not the inside of transmitting solids. Where media overlap, the last one counts. Flights
+// are sampled by scattering alone; absorption is a factor. MIS weights contain neither the densities of distances nor the
+// transmittance: they stand in every strategy of a path, except in those that connect across the segment.
+#import frame
+#import math
+
+struct Medium {
+    // Opposite corners of the box.
+    lo: vec3<f32>,
+    // PHASE_ constant.
+    phase: u32,
+    hi: vec3<f32>,
+    // Two lobes: share of the second lobe, 0 to 1.
+    share: f32,
+    // Coefficients of scattering and absorption per unit of length.
+    sigma_s: vec3<f32>,
+    // Two lobes: mean cosines of the first and the second lobe.
+    g: f32,
+    sigma_a: vec3<f32>,
+    g2: f32,
+}
+
+// Two Henyey-Greenstein lobes; Rayleigh scattering.
+const PHASE_LOBES: u32 = 0u;
+const PHASE_RAYLEIGH: u32 = 1u;
+
+// Four texels per medium.
+@group(0) @binding(13) var media: texture_1d<u32>;
+
+fn load_medium(index: u32) -> Medium {
+    let lo = textureLoad(media, 4u * index, 0);
+    let hi = bitcast<vec4<f32>>(textureLoad(media, 4u * index + 1u, 0));
+    let s = bitcast<vec4<f32>>(textureLoad(media, 4u * index + 2u, 0));
+    let a = bitcast<vec4<f32>>(textureLoad(media, 4u * index + 3u, 0));
+    return Medium(bitcast<vec3<f32>>(lo.xyz), lo.w, hi.xyz, hi.w, s.xyz, s.w, a.xyz, a.w);
+}
+
+// A part of a ray inside one medium.
+struct Stretch {
+    // Index of the medium, or NONE.
+    medium: u32,
+    // Distance along the ray at which the medium may change, more than where the stretch begins.
+    end: f32,
+}
+
+// The medium of the ray o + t d just behind t, and where it may end. `d` is a unit vector.
+fn stretch_at(o: vec3<f32>, d: vec3<f32>, t: f32) -> Stretch {
+    var s = Stretch(NONE, 3e38);
+    let inverse = 1.0 / select(d, vec3<f32>(1e-30), abs(d) < vec3<f32>(1e-30));
+    for (var i = 0u; i < frame.media_count; i++) {
+        let m = load_medium(i);
+        let a = (m.lo - o) * inverse;
+        let b = (m.hi - o) * inverse;
+        let enter = max_component(min(a, b));
+        let leave = -max_component(-max(a, b));
+        let inside = enter <= t && t < leave;
+        s.medium = select(s.medium, i, inside);
+        s.end = min(s.end, select(select(3e38, enter, t < enter && enter < leave), leave, inside));
+    }
+    return s;
+}
+
+// Optical depths of scattering and of absorption along a part of a ray, per channel.
+struct Depths {
+    scattering: vec3<f32>,
+    absorption: vec3<f32>,
+}
+
+// Depths from o to o + length d. `d` is a unit vector.
+fn optical_depths(o: vec3<f32>, d: vec3<f32>, length: f32) -> Depths {
+    var depths = Depths(vec3<f32>(0.0), vec3<f32>(0.0));
+    var t = 0.0;
+    for (var i = 0u; i <= 2u * frame.media_count; i++) {
+        if (t < length) {
+            let stretch = stretch_at(o, d, t);
+            let end = min(stretch.end, length);
+            if (stretch.medium != NONE) {
+                let m = load_medium(stretch.medium);
+                depths.scattering += m.sigma_s * (end - t);
+                depths.absorption += m.sigma_a * (end - t);
+            }
+            t = end;
+        }
+    }
+    return depths;
+}
+
+// Fraction of light, per channel, that reaches o + length d from o. `d` is a unit vector.
+fn transmittance(o: vec3<f32>, d: vec3<f32>, length: f32) -> vec3<f32> {
+    let depths = optical_depths(o, d, length);
+    return exp(-depths.scattering - depths.absorption);
+}
+
+// 1 - exp(-x) for x >= 0, accurate for small x.
+fn one_minus_exp(x: vec3<f32>) -> vec3<f32> {
+    return select(1.0 - exp(-x), x * (1.0 - x * (0.5 - x * (1.0 / 6.0))), x < vec3<f32>(0.02));
+}
+
+// -log(1 - x) for 0 <= x < 1, accurate for small x.
+fn minus_log_rest(x: f32) -> f32 {
+    return select(-log(1.0 - x), x * (1.0 + x * (0.5 + x * (1.0 / 3.0))), x < 0.01);
+}
+
+// exp(-depth), up to a factor that makes its mean over the channels, weighted by `shares`, 1. `event`: a further factor.
+fn normalised(depth: vec3<f32>, event: vec3<f32>, shares: vec3<f32>) -> vec3<f32> {
+    // Relative to the clearest channel, so that the exponentials of a thick medium do not all underflow.
+    let clearest = min(depth.x, min(depth.y, depth.z));
+    let x = event * exp(clearest - depth);
+    return x / max(dot(shares, x), 1e-37);
+}
+
+// Maximum probability of a flight to the end of a segment of a sensor subpath in fog, where the connections of events are drawn
+// in the gate: they need events even in thin fog.
+const MAX_END_PROBABILITY: f32 = 0.75;
+
+// A flight to the next scattering event, or to the end of the ray.
+struct Flight {
+    scattered: bool,
+    // Distance and medium of the event, if there is one.
+    distance: f32,
+    medium: u32,
+    // Transmittance (times sigma_s, at an event) over the density of this outcome.
+    weight: vec3<f32>,
+    // Probability of the outcome that was drawn: an event, or the end of the ray.
+    probability: f32,
+}
+
+// Samples a flight along o + t d for 0 < t < limit. `throughput`: of the subpath so far; it is the probability, up to a factor,
+// with which each channel chooses the distance. The density is that of all channels together, so that no channel gets a large
+// weight.
+//
+// The end of the ray has the probability p = T, the mean transmittance. For sensor subpaths p = sqrt(T): both outcomes then have
+// small weights, T / p and (1 - T) / (1 - p) <= 2, and surfaces behind fog get more samples.
+fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to_light: bool, u: vec2<f32>) -> Flight {
+    let whole = optical_depths(o, d, limit);
+    let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
+    let events = shares * one_minus_exp(whole.scattering);
+    let scattered = events.x + events.y + events.z;
+    let transmitted = dot(shares, exp(-whole.scattering));
+    let preferred = min(sqrt(transmitted), select(1.0, MAX_END_PROBABILITY, DRAWS_IN_GATE));
+    let end_probability = select(select(transmitted, preferred, to_light), 1.0, scattered <= 0.0);
+    if (u.x < end_probability) {
+        let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
+        return Flight(false, limit, NONE, weight * (transmitted / end_probability), end_probability);
+    }
+
+    // The channel that chooses the optical depth of the event.
+    let rest = (u.x - end_probability) / (1.0 - end_probability) * scattered;
+    let channel = select(select(vec3<f32>(0.0, 0.0, 1.0), vec3<f32>(0.0, 1.0, 0.0), rest < events.x + events.y),
+        vec3<f32>(1.0, 0.0, 0.0), rest < events.x);
+    let drawn = minus_log_rest(u.y * dot(one_minus_exp(whole.scattering), channel));
+
+    var f = Flight(false, limit, NONE, vec3<f32>(0.0), 1.0 - end_probability);
+    var depths = Depths(vec3<f32>(0.0), vec3<f32>(0.0));
+    var t = 0.0;
+    for (var i = 0u; i <= 2u * frame.media_count; i++) {
+        if (t < limit && !f.scattered) {
+            let stretch = stretch_at(o, d, t);
+            let end = min(stretch.end, limit);
+            if (stretch.medium != NONE) {
+                let m = load_medium(stretch.medium);
+                let needed = max(drawn - dot(depths.scattering, channel), 0.0) / max(dot(m.sigma_s, channel), 1e-37);
+                let flown = min(end - t, needed);
+                depths.scattering += m.sigma_s * flown;
+                depths.absorption += m.sigma_a * flown;
+                f.scattered = needed < end - t;
+                f.distance = t + flown;
+                f.medium = stretch.medium;
+                f.weight = m.sigma_s;
+            }
+            t = end;
+        }
+    }
+    // Rounding may carry the event a little beyond the last medium. It then stays at the end of that medium.
+    f.scattered = f.medium != NONE;
+    f.weight = normalised(depths.scattering, f.weight, shares) * exp(-depths.absorption) * (scattered / (1.0 - end_probability));
+    return f;
+}
+
+// Distances along o + t d, t >= 0, between which all media lie. Empty (x > y) if the ray meets none.
+fn media_extent(o: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
+    var extent = vec2<f32>(3e38, -1.0);
+    let inverse = 1.0 / select(d, vec3<f32>(1e-30), abs(d) < vec3<f32>(1e-30));
+    for (var i = 0u; i < frame.media_count; i++) {
+        let m = load_medium(i);
+        let a = (m.lo - o) * inverse;
+        let b = (m.hi - o) * inverse;
+        let enter = max(max_component(min(a, b)), 0.0);
+        let leave = -max_component(-max(a, b));
+        if (enter < leave) {
+            extent = vec2<f32>(min(extent.x, enter), max(extent.y, leave));
+        }
+    }
+    return extent;
+}
+
+// Density per solid angle of the Henyey-Greenstein lobe with the mean cosine g. `cosine`: between the directions in which light
+// travels before and after.
+fn henyey_greenstein(g: f32, cosine: f32) -> f32 {
+    let x = 1.0 + g * g - 2.0 * g * cosine;
+    return (1.0 - g * g) / (4.0 * PI * x * sqrt(x));
+}
+
+// Phase function: density per solid angle of scattering by the angle with this cosine. Its integral over the sphere is 1.
+fn phase_value(m: Medium, cosine: f32) -> f32 {
+    if (m.phase == PHASE_RAYLEIGH) {
+        return 3.0 / (16.0 * PI) * (1.0 + cosine * cosine);
+    }
+    return mix(henyey_greenstein(m.g, cosine), henyey_greenstein(m.g2, cosine), m.share);
+}
+
+// Samples the cosine of the scattering angle, with the density of `phase_value`. `u`: one number for the angle, one for the lobe.
+fn sample_phase_cosine(m: Medium, u: vec2<f32>) -> f32 {
+    if (m.phase == PHASE_RAYLEIGH) {
+        // The root of the cubic equation of the cumulative distribution.
+        let q = 4.0 * u.x - 2.0;
+        let root = pow(abs(q) + sqrt(q * q + 1.0), 1.0 / 3.0);
+        return clamp(sign(q) * (root - 1.0 / root), -1.0, 1.0);
+    }
+    let g = select(m.g, m.g2, u.y < m.share);
+    if (abs(g) < 1e-3) {
+        // Nearly isotropic: the first terms of the series in g.
+        let c = 2.0 * u.x - 1.0;
+        return clamp(c + 1.5 * g * (1.0 - c * c), -1.0, 1.0);
+    }
+    let x = (1.0 - g * g) / (1.0 - g + 2.0 * g * u.x);
+    return clamp((1.0 + g * g - x * x) / (2.0 * g), -1.0, 1.0);
+}

@@ -1,0 +1,129 @@
+//! Participating media: the estimators against a closed form and the oracle.
+
+use std::f64::consts::PI;
+
+use glam::{DAffine3, DVec3};
+use taugate::internals::generate::shapes::quad;
+use taugate::internals::generate::stage::{add, diffuse, light, material};
+use taugate::internals::generate::zoo::{Light, zoo};
+use taugate::internals::oracle::fog::{Coefficients, gated_single_scattering};
+use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Projection, Scene};
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
+
+use super::agreement::{against_oracle, assert_none, whole_images};
+use super::cells::{Cells, renderer, settings, threshold};
+
+const SIGMA_S: f64 = 0.1;
+const SIGMA_T: f64 = 0.12;
+const G: f64 = 0.6;
+const INTENSITY: f32 = 5.0;
+const GATES: [[f64; 2]; 6] = [[1.2, 1.4], [1.5, 2.5], [3.0, 4.0], [6.0, 6.5], [12.0, 12.05], [0.5, 60.0]];
+
+/// A pinhole at the origin that looks along -Z through a field of view of 0.02 degrees, and a point light, in fog. The only surface is
+/// black, and behind the camera.
+fn fog(lamp: DVec3) -> Scene {
+    let mut scene = Scene::default();
+    let black = material(&mut scene, diffuse("black", [0.0; 3]));
+    add(&mut scene, "black", black, quad(DVec3::new(-1.0, -1.0, 5.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0; 2]));
+    light(&mut scene, "lamp", lamp, DVec3::NEG_Z, LightKind::Point { intensity: [INTENSITY; 3] });
+    scene.add_camera(Camera {
+        name: "pinhole".into(),
+        transform: DAffine3::IDENTITY,
+        projection: Projection::Perspective { yfov: 0.02f64.to_radians() },
+        aspect: None,
+        resolution: None,
+        principal_point: Camera::CENTRED,
+    });
+    let phase = PhaseFunction::HenyeyGreenstein { g: G };
+    scene.media = vec![Medium { sigma_s: [SIGMA_S; 3], sigma_a: [SIGMA_T - SIGMA_S; 3], phase, ..Medium::default() }];
+    scene
+}
+
+fn henyey_greenstein(cosine: f64) -> f64 {
+    (1.0 - G * G) / (4.0 * PI * (1.0 + G * G - 2.0 * G * cosine).powf(1.5))
+}
+
+/// Radiance after one scattering, by the closed form with a coefficient of scattering `sigma_s`.
+fn truth(lamp: DVec3, sigma_s: f64, gate: [f64; 2]) -> f64 {
+    let medium = Coefficients { sigma_s, sigma_t: SIGMA_T };
+    gated_single_scattering(medium, henyey_greenstein, INTENSITY.into(), lamp, DVec3::NEG_Z, gate)
+}
+
+/// Mean of the image through a gate, and its standard error.
+fn mean(scene: &Scene, estimator: Estimator, [lo, hi]: [f64; 2]) -> (f64, f64) {
+    let s = settings(estimator, [8, 8]).max_depth(2).build().unwrap();
+    Cells::measure(&mut renderer(scene, &s), Gate { lo, hi }, 8, 4, 16, 100).whole()
+}
+
+#[test]
+fn light_that_scatters_once_has_the_radiance_of_the_closed_form() {
+    let lamp = DVec3::new(0.7, 0.2, -1.0);
+    let scene = fog(lamp);
+    for estimator in Estimator::ALL {
+        for gate in GATES {
+            let (found, error) = mean(&scene, estimator, gate);
+            let expected = truth(lamp, SIGMA_S, gate);
+            eprintln!("{estimator} {gate:?}: {found:.6e} +- {error:.1e}, expected {expected:.6e}");
+            assert!(
+                (found - expected).abs() < threshold(GATES.len()) * error + 1e-4 * expected,
+                "{estimator} {gate:?}"
+            );
+        }
+    }
+}
+
+/// `lcs` draws the scattering in the gate. With as many samples as above, its standard error is below 0.2 %, and a coefficient that is
+/// wrong by 3 % is rejected.
+#[test]
+fn light_that_scatters_once_in_the_gate_is_nearly_free_of_noise() {
+    // The second lamp is beside the pinhole; its light returns from the fog in front of the camera.
+    for lamp in [DVec3::new(0.7, 0.2, -1.0), DVec3::new(1e-3, 0.0, 0.0)] {
+        let scene = fog(lamp);
+        for &gate in &GATES[..5] {
+            let (found, error) = mean(&scene, Estimator::Lcs, gate);
+            let (expected, wrong) = (truth(lamp, SIGMA_S, gate), truth(lamp, 1.03 * SIGMA_S, gate));
+            eprintln!(
+                "{lamp} {gate:?}: {:+.3} % +- {:.3} %",
+                100.0 * (found / expected - 1.0),
+                100.0 * error / expected
+            );
+            let differs = |from: f64| (found - from).abs() > threshold(GATES.len()) * error + 1e-4 * from;
+            assert!(error < 2e-3 * expected && !differs(expected), "{lamp} {gate:?}: {found} +- {error}, {expected}");
+            assert!(differs(wrong), "{lamp} {gate:?}");
+        }
+    }
+}
+
+/// A room in coloured fog, with a denser box of other fog around its middle. The denser box counts where the two overlap.
+fn foggy(lamps: Light) -> Scene {
+    let mut scene = zoo(lamps);
+    let lobes = PhaseFunction::DoubleHenyeyGreenstein { g: [0.7, -0.3], weight: 0.8 };
+    let thin = Medium { sigma_s: [0.1, 0.15, 0.2], sigma_a: [0.05, 0.0, 0.02], phase: lobes, ..Medium::default() };
+    let bounds = Some([DVec3::new(-0.8, 0.3, -0.9), DVec3::new(0.9, 2.0, 0.7)]);
+    let dense =
+        Medium { sigma_s: [0.6, 0.5, 0.4], sigma_a: [0.1; 3], phase: PhaseFunction::Rayleigh, bounds, ..thin.clone() };
+    scene.media = vec![thin, dense];
+    scene
+}
+
+#[test]
+fn a_foggy_room_agrees_with_the_oracle() {
+    for (name, lamps, lo) in
+        [("lamp", Light::Area, 5.0), ("punctual", Light::Punctual, 5.0), ("beam", Light::Beam, 6.5)]
+    {
+        let gates = [(lo, lo + 1.0), (0.0, f64::INFINITY)];
+        assert_none(against_oracle(name, &foggy(lamps), &gates, [24, 16]));
+    }
+}
+
+/// The long version, with smaller errors: `cargo test --release --test estimators -- --ignored --nocapture foggy_rooms`
+#[test]
+#[ignore = "takes minutes"]
+fn whole_images_of_foggy_rooms_agree_with_the_oracle() {
+    for (name, lamps, lo) in
+        [("lamp", Light::Area, 5.0), ("punctual", Light::Punctual, 5.0), ("beam", Light::Beam, 6.5)]
+    {
+        whole_images(name, &foggy(lamps), lo);
+    }
+}

@@ -1,0 +1,217 @@
+//! `shared/medium.wgsl`: phase functions, transmittance and flights through two overlapping media, compared with f64.
+
+use std::f64::consts::PI;
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::oracle::phase::Phase;
+use taugate::internals::scene::PhaseFunction;
+use taugate::internals::wgsl::layout::Medium;
+use taugate::internals::wgsl::layout::constants::{PHASE_LOBES, PHASE_RAYLEIGH};
+
+use crate::shader_function::{Contents, ShaderFunction, contents};
+use crate::values::{direction, dvec, frame, vec3};
+
+pub const KERNELS: &[&ShaderFunction] = &[&PHASE, &TRANSMITTANCE, &FLIGHT];
+
+const PHASE: ShaderFunction = ShaderFunction {
+    imports: &["medium"],
+    input: "cosine: f32, u: f32, medium: u32, pad: u32",
+    result: "value: f32, cosine: f32",
+    body: "let m = load_medium(input.medium);
+        result.value = phase_value(m, input.cosine);
+        result.cosine = sample_phase_cosine(m, vec2<f32>(input.u, 0.5));",
+};
+
+const TRANSMITTANCE: ShaderFunction = ShaderFunction {
+    imports: &["medium"],
+    input: "o: vec3<f32>, length: f32, d: vec3<f32>, pad: u32",
+    result: "transmitted: vec3<f32>, first: f32, last: f32, pad0: f32, pad1: f32, pad2: f32",
+    body: "result.transmitted = transmittance(input.o, input.d, input.length);
+        let extent = media_extent(input.o, input.d);
+        result.first = extent.x;
+        result.last = extent.y;",
+};
+
+const FLIGHT: ShaderFunction = ShaderFunction {
+    imports: &["medium"],
+    input: "u: vec2<f32>, to_light: u32, pad: u32",
+    result: "weight: vec3<f32>, distance: f32, probability: f32, medium: u32, scattered: u32, pad: u32",
+    body: "let flight = free_flight(vec3<f32>(-3.0, 0.1, 0.2), vec3<f32>(1.0, 0.0, 0.0), 6.0, vec3<f32>(1.0, 0.5, 2.0),
+            input.to_light == 1u, input.u);
+        result.weight = flight.weight;
+        result.distance = flight.distance;
+        result.probability = flight.probability;
+        result.medium = flight.medium;
+        result.scattered = u32(flight.scattered);",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Angle {
+    cosine: f32,
+    u: f32,
+    medium: u32,
+    pad: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Ray {
+    o: [f32; 3],
+    length: f32,
+    d: [f32; 3],
+    pad: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Draw {
+    u: [f32; 2],
+    to_light: u32,
+    pad: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Flight {
+    weight: [f32; 3],
+    distance: f32,
+    probability: f32,
+    medium: u32,
+    scattered: u32,
+    pad: u32,
+}
+
+/// A box of coloured fog, and a smaller one that reaches out of it and counts where the two overlap.
+fn media() -> [Medium; 2] {
+    let large = Medium {
+        lo: [-2.0, -1.0, -1.0],
+        phase: PHASE_LOBES,
+        hi: [2.0, 1.0, 1.0],
+        share: 0.0,
+        sigma_s: [0.3, 0.1, 0.0],
+        g: 0.7,
+        sigma_a: [0.05, 0.0, 0.4],
+        g2: 0.7,
+    };
+    let small = Medium {
+        lo: [0.5, -0.5, -0.5],
+        phase: PHASE_RAYLEIGH,
+        hi: [2.5, 0.5, 0.5],
+        sigma_s: [0.5, 1.5, 0.2],
+        sigma_a: [0.0, 0.1, 0.0],
+        ..large
+    };
+    [large, small]
+}
+
+fn buffers(media: &[Medium]) -> [Contents; 2] {
+    [contents("media", media), frame(|f| f.media_count = media.len() as u32)]
+}
+
+#[test]
+fn phase_functions_are_those_of_the_oracle_and_are_sampled_by_their_distribution() {
+    let lobe = |g: f32| (Medium { g, g2: g, ..media()[0] }, PhaseFunction::HenyeyGreenstein { g: g.into() });
+    let two = PhaseFunction::DoubleHenyeyGreenstein { g: [0.9f32.into(), (-0.3f32).into()], weight: 0.75 };
+    let cases = [
+        lobe(0.0),
+        lobe(5e-4),
+        lobe(0.8),
+        lobe(-0.5),
+        lobe(0.9),
+        (media()[1], PhaseFunction::Rayleigh),
+        (Medium { g: 0.9, g2: -0.3, share: 0.25, ..media()[0] }, two),
+        lobe(0.99),
+    ];
+    let mut pcg = Pcg::new(3);
+    let mut draw = || Angle { cosine: 2.0 * pcg.uniform() as f32 - 1.0, u: pcg.uniform() as f32, medium: 0, pad: 0 };
+    for (number, (medium, function)) in cases.into_iter().enumerate() {
+        let inputs: Vec<Angle> = (0..2_000).map(|_| draw()).collect();
+        let found: Vec<[f32; 2]> = PHASE.run(&inputs, &buffers(&[medium]));
+        let phase = Phase::new(&function);
+        for (input, [value, cosine]) in inputs.iter().zip(found) {
+            let expected = phase.density(input.cosine.into());
+            assert!((f64::from(value) / expected - 1.0).abs() < 2e-4, "{number}: {input:?}: {value}, {expected}");
+            // The share of the sphere up to the sampled cosine. A sharp lobe needs more steps, and of two lobes only one was sampled.
+            if number < 6 {
+                let steps = 20_000;
+                let width = (f64::from(cosine) + 1.0) / f64::from(steps);
+                let sum: f64 = (0..steps).map(|i| phase.density(-1.0 + (f64::from(i) + 0.5) * width)).sum();
+                let share = 2.0 * PI * sum * width;
+                assert!((share - f64::from(input.u)).abs() < 2e-3, "{number}: {input:?}: cosine {cosine}, {share}");
+            }
+        }
+    }
+}
+
+/// Coefficients of scattering and absorption at a point.
+fn coefficients(p: DVec3) -> [DVec3; 2] {
+    let inside = |m: &&Medium| p.cmpge(dvec(&m.lo)).all() && p.cmplt(dvec(&m.hi)).all();
+    let media = media();
+    media.iter().rev().find(inside).map_or([DVec3::ZERO; 2], |m| [dvec(&m.sigma_s), dvec(&m.sigma_a)])
+}
+
+/// Sum over `steps` short steps of a ray: the transmittance to its end, and the light that is scattered on the way.
+fn march(o: DVec3, d: DVec3, length: f64, steps: u32) -> [DVec3; 2] {
+    let width = length / f64::from(steps);
+    let (mut depth, mut scattered) = (DVec3::ZERO, DVec3::ZERO);
+    for i in 0..steps {
+        let [sigma_s, sigma_a] = coefficients(o + (f64::from(i) + 0.5) * width * d);
+        depth += 0.5 * width * (sigma_s + sigma_a);
+        scattered += width * sigma_s * (-depth).exp();
+        depth += 0.5 * width * (sigma_s + sigma_a);
+    }
+    [(-depth).exp(), scattered]
+}
+
+#[test]
+fn the_last_medium_counts_along_a_ray() {
+    let mut pcg = Pcg::new(5);
+    let mut rays: Vec<Ray> = (0..500)
+        .map(|_| {
+            let o = DVec3::from_array([0, 1, 2].map(|_| 5.0 * pcg.uniform() - 2.5));
+            Ray { o: vec3(o), length: 6.0 * pcg.uniform() as f32, d: vec3(direction(&mut pcg)), pad: 0 }
+        })
+        .collect();
+    // Along an axis, on a face of a box, and beside all boxes.
+    let along = |o: [f32; 3]| Ray { o, length: 6.0, d: [1.0, 0.0, 0.0], pad: 0 };
+    rays.extend([along([-3.0, 0.0, 0.0]), along([-2.0, 0.9, 0.0]), along([-3.0, 3.0, 0.0])]);
+    let found: Vec<[f32; 8]> = TRANSMITTANCE.run(&rays, &buffers(&media()));
+    for (ray, [r, g, b, first, last, ..]) in rays.iter().zip(found) {
+        let [expected, _] = march(dvec(&ray.o), dvec(&ray.d), ray.length.into(), 20_000);
+        let error = (dvec(&[r, g, b]) - expected).abs().max_element();
+        assert!(error < 1e-3, "{ray:?}: {:?}, {expected}", [r, g, b]);
+        let clear = last < 0.0 || first > ray.length;
+        assert!(!clear || [r, g, b] == [1.0; 3], "{ray:?}: media from {first} to {last}");
+    }
+}
+
+#[test]
+fn flights_have_the_mean_of_the_transmittance_and_of_the_scattered_light() {
+    let (o, d) = (DVec3::new(-3.0, 0.1, 0.2), DVec3::X);
+    let [transmitted, scattered] = march(o, d, 6.0, 200_000);
+    let mut pcg = Pcg::new(8);
+    for to_light in [0, 1] {
+        let n = 400_000;
+        let draws: Vec<Draw> =
+            (0..n).map(|_| Draw { u: [pcg.uniform() as f32, pcg.uniform() as f32], to_light, pad: 0 }).collect();
+        let found: Vec<Flight> = FLIGHT.run(&draws, &buffers(&media()));
+        for (events, expected) in [(0, transmitted), (1, scattered)] {
+            let values = || found.iter().map(|f| if f.scattered == events { dvec(&f.weight) } else { DVec3::ZERO });
+            let mean = values().sum::<DVec3>() / f64::from(n);
+            let square = values().map(|v| v * v).sum::<DVec3>() / f64::from(n);
+            let error = ((square - mean * mean) / f64::from(n)).max(DVec3::ZERO);
+            let error = DVec3::new(error.x.sqrt(), error.y.sqrt(), error.z.sqrt());
+            let wrong = (mean - expected).abs().cmpgt(4.5 * error + 1e-6).any();
+            assert!(!wrong, "to_light {to_light}, events {events}: {mean} +- {error}, {expected}");
+        }
+        let inside = |f: &Flight| coefficients(o + f64::from(f.distance) * d)[0].max_element() > 0.0;
+        // An event at the very end of a medium may be rounded out of it.
+        let outside = found.iter().filter(|f| f.scattered == 1 && !inside(f)).count();
+        assert!(outside < n as usize / 10_000, "{outside} events are outside of the media");
+        let [end, event] = [0, 1].map(|k| found.iter().find(|f| f.scattered == k).unwrap().probability);
+        assert!((end + event - 1.0).abs() < 1e-6, "probabilities {end} and {event}");
+    }
+}
