@@ -12,9 +12,9 @@ fn gate_interval(q: PathVertex, v: PathVertex) -> vec2<f32> {
     let limit = min(bitcast<f32>(q.base_color.y), MAX_LENGTH);
     let w = -q.to_previous;
     let x = q.position - flown * w;
-    let D = v.position - x;
-    let straight = length(D);
-    let along = dot(w, D);
+    let to_light = v.position - x;
+    let straight = length(to_light);
+    let along = dot(w, to_light);
     let elapsed = v.tau + (q.tau - q.eta * flown);
     let lo = (frame.gate_lo - frame.rounding_allowance - elapsed) / q.eta;
     let hi = (frame.gate_hi + frame.rounding_allowance - elapsed) / q.eta;

@@ -37,6 +37,15 @@ fn load_medium(index: u32) -> Medium {
     return Medium(bitcast<vec3<f32>>(lo.xyz), lo.w, hi.xyz, hi.w, s.xyz, s.w, a.xyz, a.w);
 }
 
+// Distances along o + t d at which the ray enters (x) and leaves (y) the box of medium `index`; x > y if it misses the box.
+fn medium_span(index: u32, o: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
+    let m = load_medium(index);
+    let inverse = 1.0 / select(d, vec3<f32>(1e-30), abs(d) < vec3<f32>(1e-30));
+    let a = (m.lo - o) * inverse;
+    let b = (m.hi - o) * inverse;
+    return vec2<f32>(max_component(min(a, b)), -max_component(-max(a, b)));
+}
+
 // A part of a ray inside one medium.
 struct Stretch {
     // Index of the medium, or NONE.
@@ -48,13 +57,10 @@ struct Stretch {
 // The medium of the ray o + t d just behind t, and where it may end. `d` is a unit vector.
 fn stretch_at(o: vec3<f32>, d: vec3<f32>, t: f32) -> Stretch {
     var s = Stretch(NONE, 3e38);
-    let inverse = 1.0 / select(d, vec3<f32>(1e-30), abs(d) < vec3<f32>(1e-30));
     for (var i = 0u; i < frame.media_count; i++) {
-        let m = load_medium(i);
-        let a = (m.lo - o) * inverse;
-        let b = (m.hi - o) * inverse;
-        let enter = max_component(min(a, b));
-        let leave = -max_component(-max(a, b));
+        let span = medium_span(i, o, d);
+        let enter = span.x;
+        let leave = span.y;
         let inside = enter <= t && t < leave;
         s.medium = select(s.medium, i, inside);
         s.end = min(s.end, select(select(3e38, enter, t < enter && enter < leave), leave, inside));
@@ -182,13 +188,10 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to
 // Distances along o + t d, t >= 0, between which all media lie. Empty (x > y) if the ray meets none.
 fn media_extent(o: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
     var extent = vec2<f32>(3e38, -1.0);
-    let inverse = 1.0 / select(d, vec3<f32>(1e-30), abs(d) < vec3<f32>(1e-30));
     for (var i = 0u; i < frame.media_count; i++) {
-        let m = load_medium(i);
-        let a = (m.lo - o) * inverse;
-        let b = (m.hi - o) * inverse;
-        let enter = max(max_component(min(a, b)), 0.0);
-        let leave = -max_component(-max(a, b));
+        let span = medium_span(i, o, d);
+        let enter = max(span.x, 0.0);
+        let leave = span.y;
         if (enter < leave) {
             extent = vec2<f32>(min(extent.x, enter), max(extent.y, leave));
         }

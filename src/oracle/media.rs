@@ -1,5 +1,5 @@
-//! Where the media of a scene are: which medium fills each part of a ray, its density, and on which side of a closed mesh a
-//! path is.
+//! Where the media of a scene are. This module finds the medium of each part of a ray and its density. It also tracks on which
+//! side of a closed mesh a path is.
 
 use glam::{DAffine3, DVec3};
 

@@ -138,8 +138,8 @@ fn punctual_emitters(prepared: &PreparedScene) -> Vec<Box3> {
     }
 }
 
-/// Minimum distance from the sensor to a light without a surface: a lower bound on the paths by way of a medium, which may scatter
-/// light anywhere between the two.
+/// Minimum distance from the sensor to a light without a surface. It is a lower bound on the paths by way of a medium, because a
+/// medium may scatter light anywhere between the two.
 fn nearest(sensor: &Box3, emitters: &[Box3]) -> f64 {
     emitters.iter().map(|emitter| emitter.distance(sensor)).fold(f64::INFINITY, f64::min)
 }

@@ -15,6 +15,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("unpack_coated_point", "make_varying_bsdf on varying coats"),
     ("transform_uv", "base_color on transformed textures"),
     ("stretch_at", "transmittance"),
+    ("medium_span", "transmittance"),
     ("optical_depths", "transmittance"),
     ("one_minus_exp", "free_flight"),
     ("minus_log_rest", "free_flight"),
