@@ -21,7 +21,8 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let v = vertices[slot];
     splats[slot] = vec4<f32>(vec3<f32>(0.0), bitcast<f32>(NONE));
     let pixel = pixel_of(v.position - frame.sensor);
-    if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE) {
+    // Only sensor subpaths form paths with one event next to a deterministic vertex (shared/fog.wgsl).
+    if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE || follows_connected(v)) {
         return;
     }
     let to_sensor = segment_to_sensor(v.position);

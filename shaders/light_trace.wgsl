@@ -46,12 +46,12 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         random = 0u;
     }
     v.flags |= random << VERTEX_RANDOM_SHIFT;
+    if (DRAWS_IN_GATE && is_in_medium(v) && (s.flags & PATH_LEAVES_CONNECTED) != 0u) {
+        v.flags |= VERTEX_FOLLOWS_CONNECTED;
+    }
     // A deterministic vertex is the same in all subpaths, so it is stored only once: by the subpath whose emitter the host chose.
-    // Shade points connect to the vertex before this one, at a place that they draw in the gate. So no other strategy forms these
-    // paths: neither this vertex nor t = 1.
-    let is_left_out = DRAWS_IN_GATE && is_in_medium(v) && (s.flags & PATH_LEAVES_CONNECTED) != 0u;
     let is_deterministic_vertex = (v.flags & VERTEX_DETERMINISTIC) != 0u;
-    if (is_connectible(v) && is_deterministic_vertex == fixed_emitter && !is_left_out) {
+    if (is_connectible(v) && is_deterministic_vertex == fixed_emitter) {
         v.flags |= VERTEX_VALID;
     }
     vertices[slot] = v;
@@ -68,9 +68,6 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let roulette = random4(STREAM_LIGHT, path, frame.iteration, depth, 1u, frame.seed);
     if (!scatter(&s, v, arrival.carried, false, u, select(roulette.x, -1.0, was_deterministic))) {
         return;
-    }
-    if (is_left_out) {
-        s.d_vcm = 0.0;
     }
     let is_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
     if (fixed_emitter && !is_deterministic) {

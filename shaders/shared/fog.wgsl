@@ -41,6 +41,8 @@ fn draw_in_gate(q: PathVertex, v: PathVertex, u: vec2<f32>) -> PathVertex {
     let x = q.position - flown * w;
     var moved = q;
     moved.throughput = vec3<f32>(0.0);
+    // No other strategy forms a path whose only event is drawn: see `follows_connected`.
+    moved.d_vcm = 0.0;
     if (!(interval.x < interval.y)) {
         return moved;
     }
@@ -75,6 +77,9 @@ fn draw_in_gate(q: PathVertex, v: PathVertex, u: vec2<f32>) -> PathVertex {
     moved.position = x + s * w;
     moved.tau = q.tau + q.eta * (s - flown);
     moved.material = stretch.medium;
+    if ((q.flags & VERTEX_DEPTH) > 1u) {
+        moved.d_vcm = min(q.d_vcm * mis(square(s / max(flown, 1e-20))), MAX_SUM);
+    }
     moved.throughput = q.normal * transmittance(x, w, s) * load_medium(stretch.medium).sigma_s / density;
     return moved;
 }

@@ -5,6 +5,23 @@
 // Upper limit of the partial sums, which keeps them finite. The weight of a strategy with so large a sum is 0 in practice.
 const MAX_SUM: f32 = 1e30;
 
+// The first event of a light subpath after a deterministic vertex. Sensor subpaths that reach such an event connect it to the
+// deterministic vertex, at a place that they draw in the gate. So both ends of a path can form the event.
+fn follows_connected(v: PathVertex) -> bool {
+    return DRAWS_IN_GATE && (v.flags & VERTEX_FOLLOWS_CONNECTED) != 0u;
+}
+
+// Density per length of drawing an event in the gate, over that of a flight from the deterministic vertex, as an estimate:
+// MIS weights contain the density of a distance only here. `medium`: of the event. `back`: unit direction from the event to the
+// deterministic vertex. `onwards`: to the other neighbour. The length of the path grows by 1 + cos(back, onwards) per length by which
+// the event moves, so a gate is drawn with that density over its width. A wide gate does not limit the flight.
+fn density_gain(medium: u32, back: vec3<f32>, onwards: vec3<f32>) -> f32 {
+    let m = load_medium(medium);
+    let sigma_t = m.sigma_s + m.sigma_a;
+    let rate = (sigma_t.x + sigma_t.y + sigma_t.z) / 3.0;
+    return max((1.0 + dot(back, onwards)) / ((frame.gate_hi - frame.gate_lo) * rate), 1.0);
+}
+
 // n(r + 1) / n(r) of `weights.wgsl` for a light subpath that continues from v and has r random vertices up to v.
 fn sample_count_ratio(v: PathVertex) -> f32 {
     return select(1.0, frame.query_sample_count, random_vertices(v) < 2u);

@@ -93,6 +93,8 @@ const VERTEX_BUMPED: u32 = 0x8000u;
 // segment, over the probability of an event; `base_color` holds the bits of the distance from there to the event (x) and to the
 // end of the ray (y). `geometric` has no meaning.
 const VERTEX_IN_MEDIUM: u32 = 0x10000u;
+// Light: see `follows_connected`.
+const VERTEX_FOLLOWS_CONNECTED: u32 = 0x20000u;
 
 // Unpacks a vertex from its seven texels.
 fn unpack_vertex(texels: array<vec4<u32>, 7>) -> PathVertex {

@@ -149,6 +149,9 @@ fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, 
     (*state).direction = s.direction;
     (*state).eta = eta_towards(v, s.direction);
     (*state).shift = ray_offset(v, s.direction);
+    if (follows_connected(v)) {
+        (*state).d_vcm = min((*state).d_vcm * mis(density_gain(v.material, v.to_previous, s.direction)), MAX_SUM);
+    }
     mis_scatter(state, s, select(sample_count_ratio(v) * v.select_pdf, 1.0, to_light));
     if (is_in_medium(v)) {
         (*state).flags &= ~PATH_DETERMINISTIC;

@@ -60,10 +60,14 @@ fn connection_weight(q: PathVertex, v: PathVertex, at_q: Evaluation, at_v: Evalu
     let q_to_v = at_q.pdf * at_v.cosine / d2;
     let v_to_q = at_v.pdf * at_q.cosine / d2;
     let ratios = sample_count_ratios(random_vertices(v), q.flags & VERTEX_DEPTH);
-    let w_light = mis(q_to_v) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse));
-    // The strategy that connects to q as a light vertex; it does not exist if q is drawn in the gate.
-    let next = select(q.d_vcm, 0.0, is_drawn_in_gate(q, v));
-    let w_sensor = frame.keep_s2 * (mis(ratios.x * v_to_q) * next + mis(ratios.y * v_to_q) * (q.d_vc * mis(at_q.pdf_reverse)));
+    var w_light = mis(q_to_v) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse));
+    var w_sensor = frame.keep_s2
+        * (mis(ratios.x * v_to_q) * q.d_vcm + mis(ratios.y * v_to_q) * (q.d_vc * mis(at_q.pdf_reverse)));
+    if (is_drawn_in_gate(q, v)) {
+        w_sensor /= mis(density_gain(q.material, normalize(v.position - q.position), q.to_previous));
+    } else if (follows_connected(v)) {
+        w_light *= mis(density_gain(v.material, v.to_previous, normalize(q.position - v.position)));
+    }
     return 1.0 / (1.0 + w_light + w_sensor);
 }
 
