@@ -15,6 +15,8 @@
 // xyz: contribution of a candidate to its pixel. w: travel time. With OBSERVE_STRATEGIES, w is the MIS weight, and xyz does
 // not contain it. In both cases w is -1 if no ray was traced.
 @group(2) @binding(5) var<storage, read_write> contributions: array<vec4<f32>>;
+// With DRAWS_IN_GATE only: the segments before the shade points.
+@group(2) @binding(9) var<storage, read> segments: array<FogSegment>;
 
 // One thread connects one candidate.
 @compute @workgroup_size(WORKGROUP)
@@ -33,8 +35,9 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let sensor = sensor_sample(q.owner);
     let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
     let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
-    if (is_drawn_in_gate(q, v)) {
-        q = draw_in_gate(q, v, flight_uniforms(key));
+    // The first slots serve the segment before q (slots.wgsl).
+    if (DRAWS_IN_GATE && slot % frame.slots < frame.deterministic_count) {
+        q = draw_in_gate(q, segments[q.owner], v, flight_uniforms(key));
     }
 
     let segment = segment_between(q.position, v.position);

@@ -27,7 +27,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
     let fixed_emitter = dispatch.emitter != NONE;
     // A fixed emitter yields the first vertex on a surface. The other subpaths of its beam find the events on the way.
-    let arrival = advance(&s, fixed_emitter, false, key);
+    let arrival = advance(&s, fixed_emitter, false, key, flight_uniforms(key));
     // Stop if the light arrives after the gate even on the shortest line to the sensor.
     if (!arrival.found || is_too_late(arrival.vertex, nearest_sensor_point(arrival.vertex.position))) {
         return;

@@ -18,6 +18,9 @@
 // OBSERVE_STRATEGIES: without its MIS weight, which is in w.
 @group(2) @binding(7) var<storage, read_write> emitted: array<vec4<f32>>;
 
+// With DRAWS_IN_GATE only: the segments before the shade points.
+@group(2) @binding(9) var<storage, read_write> segments: array<FogSegment>;
+
 const MARK_ALIVE: u32 = 1u;
 const MARK_SHADE: u32 = 2u;
 
@@ -38,16 +41,29 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let sensor = sensor_sample(slot);
     let dimension = (STREAM_ALPHA << 28u) | (dispatch.bounce << 14u);
     let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
-    let arrival = advance(&s, false, true, key);
+    let depth = dispatch.bounce + 1u;
+    var flight = flight_uniforms(key);
+    if (HAS_MEDIA && depth == 1u) {
+        flight = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_FLIGHT, frame.seed);
+    }
+    let arrival = advance(&s, false, true, key, flight);
+    // Whether light may be connected to events on the segment.
+    let has_segment = DRAWS_IN_GATE && arrival.segment.limit > 0.0 && depth < frame.max_depth;
+    if (has_segment) {
+        segments[slot] = arrival.segment;
+    }
     if (!arrival.found) {
         if (HAS_SKY && frame.keep_s0 > 0.0) {
             escape(s, slot);
+        }
+        if (has_segment) {
+            shade_points[slot] = end_of_segment(s, slot, depth);
+            marks[id.x] = MARK_SHADE;
         }
         return;
     }
     var q = arrival.vertex;
     q.owner = slot;
-    let depth = dispatch.bounce + 1u;
     q.flags |= depth;
 
     // Strategy s = 0: the subpath has hit an emitter.
@@ -68,15 +84,13 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
 
     // The path still has to reach an emitter.
     let nearest = clamp(q.position, frame.emitter_lo, frame.emitter_hi);
-    // An event in a medium that is too late is a shade point nevertheless, if its connections are drawn in the gate.
     let is_late = is_too_late(q, nearest);
-    if (depth >= frame.max_depth || (is_late && !(DRAWS_IN_GATE && is_in_medium(q)))) {
+    if (depth >= frame.max_depth || (is_late && !has_segment)) {
         return;
     }
-    var mark = 0u;
-    if (is_connectible(q)) {
-        mark = MARK_SHADE;
-    }
+    let can_shade = is_connectible(q) && !is_late;
+    q.flags |= select(VERTEX_SEGMENT_ONLY, 0u, can_shade);
+    var mark = select(0u, MARK_SHADE, can_shade || has_segment);
     shade_points[slot] = q;
 
     // Next direction. The first two bounces skip Russian roulette, because they carry most of the image.
@@ -91,6 +105,18 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         mark |= MARK_ALIVE;
     }
     marks[id.x] = mark;
+}
+
+// A shade point for the segment of a subpath that has left the scene.
+fn end_of_segment(s: PathState, slot: u32, depth: u32) -> PathVertex {
+    var q: PathVertex;
+    q.position = s.position;
+    q.tau = s.tau;
+    q.to_previous = -s.direction;
+    q.flags = VERTEX_IN_MEDIUM | VERTEX_SEGMENT_ONLY | depth;
+    q.eta = s.eta;
+    q.owner = slot;
+    return q;
 }
 
 // Strategy s = 0: the subpath has left the scene, and adds the light of the sky. There is no gate, because this light has no

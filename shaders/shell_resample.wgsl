@@ -11,6 +11,10 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let item = begin_work_item(rank);
+    if (!item.is_open) {
+        clear_slots(item.first, item.used);
+        return;
+    }
     let q = item.q;
     var used = item.used;
     let receiver = make_receiver(q);

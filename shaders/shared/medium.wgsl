@@ -93,6 +93,16 @@ fn optical_depths(o: vec3<f32>, d: vec3<f32>, length: f32) -> Depths {
     return depths;
 }
 
+// Mean of sigma_t over the channels in the medium `index`; 0 for NONE.
+fn mean_extinction(index: u32) -> f32 {
+    if (index == NONE) {
+        return 0.0;
+    }
+    let m = load_medium(index);
+    let sigma_t = m.sigma_s + m.sigma_a;
+    return (sigma_t.x + sigma_t.y + sigma_t.z) * (1.0 / 3.0);
+}
+
 // Fraction of light, per channel, that reaches o + length d from o. `d` is a unit vector.
 fn transmittance(o: vec3<f32>, d: vec3<f32>, length: f32) -> vec3<f32> {
     let depths = optical_depths(o, d, length);
@@ -117,10 +127,6 @@ fn normalised(depth: vec3<f32>, event: vec3<f32>, shares: vec3<f32>) -> vec3<f32
     return x / max(dot(shares, x), 1e-37);
 }
 
-// Maximum probability of a flight to the end of a segment of a sensor subpath in fog, where the connections of events are drawn
-// in the gate: they need events even in thin fog.
-const MAX_END_PROBABILITY: f32 = 0.75;
-
 // A flight to the next scattering event, or to the end of the ray.
 struct Flight {
     scattered: bool,
@@ -129,8 +135,6 @@ struct Flight {
     medium: u32,
     // Transmittance (times sigma_s, at an event) over the density of this outcome.
     weight: vec3<f32>,
-    // Probability of the outcome that was drawn: an event, or the end of the ray.
-    probability: f32,
 }
 
 // Samples a flight along o + t d for 0 < t < limit. `throughput`: of the subpath so far; it is the probability, up to a factor,
@@ -145,11 +149,10 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to
     let events = shares * one_minus_exp(whole.scattering);
     let scattered = events.x + events.y + events.z;
     let transmitted = dot(shares, exp(-whole.scattering));
-    let preferred = min(sqrt(transmitted), select(1.0, MAX_END_PROBABILITY, DRAWS_IN_GATE));
-    let end_probability = select(select(transmitted, preferred, to_light), 1.0, scattered <= 0.0);
+    let end_probability = select(select(transmitted, sqrt(transmitted), to_light), 1.0, scattered <= 0.0);
     if (u.x < end_probability) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
-        return Flight(false, limit, NONE, weight * (transmitted / end_probability), end_probability);
+        return Flight(false, limit, NONE, weight * (transmitted / end_probability));
     }
 
     // The channel that chooses the optical depth of the event.
@@ -158,7 +161,7 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to
         vec3<f32>(1.0, 0.0, 0.0), rest < events.x);
     let drawn = minus_log_rest(u.y * dot(one_minus_exp(whole.scattering), channel));
 
-    var f = Flight(false, limit, NONE, vec3<f32>(0.0), 1.0 - end_probability);
+    var f = Flight(false, limit, NONE, vec3<f32>(0.0));
     var depths = Depths(vec3<f32>(0.0), vec3<f32>(0.0));
     var t = 0.0;
     for (var i = 0u; i <= 2u * frame.media_count; i++) {

@@ -16,10 +16,7 @@ fn follows_connected(v: PathVertex) -> bool {
 // deterministic vertex. `onwards`: to the other neighbour. The length of the path grows by 1 + cos(back, onwards) per length by which
 // the event moves, so a gate is drawn with that density over its width. A wide gate does not limit the flight.
 fn density_gain(medium: u32, back: vec3<f32>, onwards: vec3<f32>) -> f32 {
-    let m = load_medium(medium);
-    let sigma_t = m.sigma_s + m.sigma_a;
-    let rate = (sigma_t.x + sigma_t.y + sigma_t.z) / 3.0;
-    return max((1.0 + dot(back, onwards)) / ((frame.gate_hi - frame.gate_lo) * rate), 1.0);
+    return max((1.0 + dot(back, onwards)) / ((frame.gate_hi - frame.gate_lo) * mean_extinction(medium)), 1.0);
 }
 
 // n(r + 1) / n(r) of `weights.wgsl` for a light subpath that continues from v and has r random vertices up to v.

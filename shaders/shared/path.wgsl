@@ -89,12 +89,26 @@ const VERTEX_VALID: u32 = 0x800u;
 const VERTEX_TRANSMITS: u32 = 0x4000u;
 // A normal map has turned the shading normal.
 const VERTEX_BUMPED: u32 = 0x8000u;
-// The vertex is a scattering event in a participating medium. For sensor subpaths, `normal` is the throughput at the start of the
-// segment, over the probability of an event; `base_color` holds the bits of the distance from there to the event (x) and to the
-// end of the ray (y). `geometric` has no meaning.
+// The vertex is a scattering event in a participating medium. `normal`, `geometric` and `base_color` have no meaning.
 const VERTEX_IN_MEDIUM: u32 = 0x10000u;
 // Light: see `follows_connected`.
 const VERTEX_FOLLOWS_CONNECTED: u32 = 0x20000u;
+// Sensor: no light vertex may be connected to the shade point itself, only to events on the segment before it.
+const VERTEX_SEGMENT_ONLY: u32 = 0x40000u;
+
+// The segment of a sensor subpath before a shade point, for events that are drawn on it (shared/fog.wgsl).
+struct FogSegment {
+    // Throughput at the start of the segment.
+    throughput: vec3<f32>,
+    // Distance from the start to the surface that ends the segment, or 3e38. 0: no event may be drawn.
+    limit: f32,
+    // Partial MIS sums at the start of the segment.
+    d_vcm: f32,
+    d_vc: f32,
+    // Distance from the start to the shade point.
+    length: f32,
+    unused: u32,
+}
 
 // Unpacks a vertex from its seven texels.
 fn unpack_vertex(texels: array<vec4<u32>, 7>) -> PathVertex {

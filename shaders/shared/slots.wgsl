@@ -10,6 +10,8 @@
 @group(2) @binding(2) var<storage, read> counters: array<u32>;
 @group(2) @binding(3) var<storage, read_write> candidates: array<Candidate>;
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
+// With DRAWS_IN_GATE only: the segments before the shade points.
+@group(2) @binding(9) var<storage, read> segments: array<FogSegment>;
 
 // Maximum number of deterministic vertices that are connected one by one. If there are more, this number of them is drawn
 // (bdpt, pt), or all of them are in the trees (lcs, lcs-paper).
@@ -29,9 +31,8 @@ const COINCIDENCE_TOLERANCE: f32 = 2.3841858e-7;
 
 // Whether connecting v to q can contribute. Tests coincidence, number of segments, gate and facing.
 fn can_connect(q: PathVertex, v: PathVertex) -> bool {
-    if (is_drawn_in_gate(q, v)) {
-        let interval = gate_interval(q, v);
-        return interval.x < interval.y && (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u <= frame.max_depth;
+    if (is_in_medium(q) && is_drawn_in_gate(v)) {
+        return false;
     }
     let offset = v.position - q.position;
     let d2 = dot(offset, offset);
@@ -64,6 +65,16 @@ fn draw_deterministic(u: u32) -> Candidate {
     return Candidate(lo, 4294967296.0 / f32(draws));
 }
 
+// Writes the deterministic vertices to the slots from `slot` on, for connections that are drawn in the gate (fog.wgsl). Returns the
+// number of slots used.
+fn query_segment(q: PathVertex, slot: u32) -> u32 {
+    let segment = segments[q.owner];
+    for (var i = 0u; i < frame.deterministic_count; i++) {
+        write_candidate(slot + i, select(NONE, i, can_draw_in_gate(q, segment, load_light_vertex(i))), 1.0);
+    }
+    return frame.deterministic_count;
+}
+
 // Writes deterministic vertices to the slots from `slot` on. Returns the number of slots used.
 fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32) -> u32 {
     let n = frame.deterministic_count;
@@ -91,20 +102,30 @@ struct WorkItem {
     // The first slot, and the number of slots used.
     first: u32,
     used: u32,
+    // Whether light vertices may be connected to q itself.
+    is_open: bool,
 }
 
-// The shade point at a position in the list. Its deterministic vertices are written to its first slots, then the sky.
+// The shade point at a position in the list. The deterministic vertices are written to its first slots: first those for its
+// segment, then those for q itself. Then comes the sky.
 fn begin_work_item(rank: u32) -> WorkItem {
     let q = load_shade_point(list[rank]);
     let sensor = sensor_sample(q.owner);
     let depth = q.flags & VERTEX_DEPTH;
     let first = rank * frame.slots;
-    var used = query_deterministic(q, sensor.index, sensor.sample, depth, first);
+    var used = 0u;
+    if (DRAWS_IN_GATE) {
+        used = query_segment(q, first);
+        if ((q.flags & VERTEX_SEGMENT_ONLY) != 0u) {
+            return WorkItem(q, sensor.index, sensor.sample, depth, first, used, false);
+        }
+    }
+    used += query_deterministic(q, sensor.index, sensor.sample, depth, first + used);
     if (HAS_SKY) {
         write_candidate(first + used, SKY_VERTEX, 1.0);
         used += 1u;
     }
-    return WorkItem(q, sensor.index, sensor.sample, depth, first, used);
+    return WorkItem(q, sensor.index, sensor.sample, depth, first, used, true);
 }
 
 // Empties the slots that were not used.

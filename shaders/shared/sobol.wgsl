@@ -3,11 +3,12 @@
 // interval of area 2^-k. Each point alone is uniform. Sequences with different keys are independent.
 #import random
 
-// Pairs of numbers that are stratified together: the point in the pixel, the first direction of the sensor subpath, and the
-// choice of a lobe for that direction.
+// Pairs of numbers that are stratified together: the point in the pixel, the first direction of the sensor subpath, the
+// choice of a lobe for that direction, and the first flight through fog.
 const PAIR_PIXEL: u32 = 0u;
 const PAIR_DIRECTION: u32 = 1u;
 const PAIR_LOBE: u32 = 2u;
+const PAIR_FLIGHT: u32 = 3u;
 
 // Nested uniform (Owen) scrambling: flips each binary digit by a hash of the higher digits (Laine and Karras 2011, with the
 // constants of Vegdahl 2021). In the reversed word, each step below changes a bit by lower bits only; these are the higher

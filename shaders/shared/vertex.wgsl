@@ -25,11 +25,11 @@ fn is_in_medium(v: PathVertex) -> bool {
     return HAS_MEDIA && (v.flags & VERTEX_IN_MEDIUM) != 0u;
 }
 
-// Whether the connection of q and v is drawn in the gate: q is an event in a medium, and v depends on no random numbers. The
-// light of suns has no travel time.
-fn is_drawn_in_gate(q: PathVertex, v: PathVertex) -> bool {
+// Whether connections of events in a medium to v are drawn in the gate: v depends on no random numbers. The light of suns has no
+// travel time.
+fn is_drawn_in_gate(v: PathVertex) -> bool {
     let is_sun = HAS_PARALLEL && (v.flags & VERTEX_EMITTER) != 0u && v.material == EMIT_SUN;
-    return DRAWS_IN_GATE && is_in_medium(q) && (v.flags & VERTEX_DETERMINISTIC) != 0u && !is_sun;
+    return DRAWS_IN_GATE && (v.flags & VERTEX_DETERMINISTIC) != 0u && !is_sun;
 }
 
 // Whether v lies on a surface. Punctual lights and events in a medium have no normal.

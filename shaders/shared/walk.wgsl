@@ -12,12 +12,14 @@ struct Arrival {
     vertex: PathVertex,
     // Largest factor by which the flight through media changed the throughput; 1 without media.
     carried: f32,
+    // Sensor subpaths: the segment that was traced. Also set if the ray left the scene.
+    segment: FogSegment,
 }
 
 // Traces the ray of `state` to the nearest surface, or to a scattering event before it, and moves the subpath there. With
 // `is_direct` there is no such event: the throughput falls by the transmittance instead. `to_light`: true for sensor subpaths.
-// `key`: see `trace`.
-fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key: vec4<u32>) -> Arrival {
+// `key`: see `trace`. `u`: samples the flight.
+fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key: vec4<u32>, u: vec2<f32>) -> Arrival {
     var a: Arrival;
     a.carried = 1.0;
     let hit = trace((*state).position + (*state).shift, (*state).direction, 3e38, false, (*state).triangle, key);
@@ -28,15 +30,13 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key
     }
     if (HAS_MEDIA && !(a.found && is_inside(a.surface, (*state).direction))) {
         let limit = select(3e38, distance(a.surface.position, (*state).position), a.found);
-        let before = (*state).throughput;
-        let flight = fly(state, limit, is_direct, to_light, key);
+        let flight = fly(state, limit, is_direct, to_light, u);
+        a.segment = FogSegment((*state).throughput, limit, (*state).d_vcm, (*state).d_vc, flight.distance, 0u);
         (*state).throughput *= flight.weight;
         a.carried = max_component(flight.weight);
         if (flight.scattered) {
             a.found = true;
             a.vertex = arrive_in_medium(state, flight);
-            a.vertex.normal = before / flight.probability;
-            a.vertex.base_color = bitcast<vec3<u32>>(vec3<f32>(flight.distance, limit, 0.0));
             return a;
         }
     }
@@ -52,11 +52,11 @@ fn is_inside(surface: Surface, direction: vec3<f32>) -> bool {
 }
 
 // The flight of a subpath along its ray, at most as far as `limit`. Other arguments: see `advance`.
-fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, to_light: bool, key: vec4<u32>) -> Flight {
+fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, to_light: bool, u: vec2<f32>) -> Flight {
     if (is_direct) {
-        return Flight(false, limit, NONE, transmittance((*state).position, (*state).direction, limit), 1.0);
+        return Flight(false, limit, NONE, transmittance((*state).position, (*state).direction, limit));
     }
-    return free_flight((*state).position, (*state).direction, limit, (*state).throughput, to_light, flight_uniforms(key));
+    return free_flight((*state).position, (*state).direction, limit, (*state).throughput, to_light && dispatch.bounce == 0u, u);
 }
 
 // Whether every path that continues from v to `point`, or to any point at least as far from v, is too long for the gate. The

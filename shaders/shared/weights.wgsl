@@ -63,7 +63,7 @@ fn connection_weight(q: PathVertex, v: PathVertex, at_q: Evaluation, at_v: Evalu
     var w_light = mis(q_to_v) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse));
     var w_sensor = frame.keep_s2
         * (mis(ratios.x * v_to_q) * q.d_vcm + mis(ratios.y * v_to_q) * (q.d_vc * mis(at_q.pdf_reverse)));
-    if (is_drawn_in_gate(q, v)) {
+    if (is_in_medium(q) && is_drawn_in_gate(v)) {
         w_sensor /= mis(density_gain(q.material, normalize(v.position - q.position), q.to_previous));
     } else if (follows_connected(v)) {
         w_light *= mis(density_gain(v.material, v.to_previous, normalize(q.position - v.position)));

@@ -225,12 +225,18 @@ impl Plan {
         self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
     }
 
+    /// Whether events in media are drawn in the gate, for connections to deterministic vertices.
+    pub fn draws_in_gate(&self) -> bool {
+        self.has_media && self.estimator.draws_in_gate && !self.queries_deterministic(self.max_deterministic)
+    }
+
     /// Number of candidate slots per shade point for a pool, at least 1.
     pub fn slots(&self, pool: &PoolLayout) -> u32 {
         debug_assert!(pool.longest_path <= self.max_depth);
         let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
+        let drawn = if self.draws_in_gate() { deterministic } else { 0 };
         let chosen = (self.estimator.slots)(&pool.shape(self.frame.queries));
-        (deterministic + u32::from(self.has_sky) + chosen).max(1)
+        (drawn + deterministic + u32::from(self.has_sky) + chosen).max(1)
     }
 
     /// Maximum number of candidate slots per shade point over all possible pools.
@@ -295,7 +301,7 @@ impl Plan {
             ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
             ("HAS_SKY", switch(self.has_sky)),
             ("HAS_MEDIA", switch(self.has_media)),
-            ("DRAWS_IN_GATE", switch(self.has_media && self.estimator.draws_in_gate && !queried)),
+            ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("QUERIED_PUNCTUAL", switch(queried)),

@@ -6,13 +6,14 @@ use crate::gpu::{Allocate, Buffer, BufferDesc, Device, Recorder};
 use crate::render::compaction::{ARGUMENTS, COUNTERS, chunk_counts};
 use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
-use crate::wgsl::layout::{Candidate, PathState, PathVertex};
+use crate::wgsl::layout::{Candidate, FogSegment, PathState, PathVertex};
 
 /// Buffers of the sensor subpaths of a tile, and the film.
 pub struct Buffers<A: Allocate = Device> {
     pub tile_samples: A::Buffer,
     pub states: A::Buffer,
     pub shade_points: A::Buffer,
+    pub segments: A::Buffer,
     pub radiance: A::Buffer,
     pub tallies: A::Buffer,
     pub emitted: A::Buffer,
@@ -43,6 +44,11 @@ impl<A: Allocate> Buffers<A> {
             tile_samples: to.buffer(BufferDesc::of::<TileSample>("samples of a tile", paths, few))?,
             states: to.buffer(BufferDesc::of::<PathState>("sensor path states", paths, few))?,
             shade_points: to.buffer(BufferDesc::of::<PathVertex>("shade points", paths, few))?,
+            segments: to.buffer(BufferDesc::of::<FogSegment>(
+                "segments in fog",
+                if plan.draws_in_gate() { paths } else { 1 },
+                few,
+            ))?,
             radiance: to.buffer(quads("path radiance", paths))?,
             tallies: to.buffer(quads("path tallies", paths))?,
             emitted: to.buffer(quads("emitter hits", if plan.observe == Observe::Nothing { 1 } else { paths }))?,
@@ -67,6 +73,7 @@ impl Buffers {
             ("tile_samples", &self.tile_samples),
             ("states", &self.states),
             ("shade_points", &self.shade_points),
+            ("segments", &self.segments),
             ("radiance", &self.radiance),
             ("tallies", &self.tallies),
             ("emitted", &self.emitted),
