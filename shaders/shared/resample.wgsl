@@ -38,13 +38,21 @@ fn descend_by_importance(start: Traversal, receiver: Receiver, rng: ptr<function
     return Candidate(current, 1.0 / (POWER_PROBABILITY * p.x + (1.0 - POWER_PROBABILITY) * p.y));
 }
 
+// Share of the light from the direction `w` that q scatters to the sensor, as for `outgoing_light`: both are symmetric.
+fn scattered_share(q: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
+    if (is_in_medium(q)) {
+        return 4.0 * PI * phase_value(load_medium(q.material), -dot(q.to_previous, w));
+    }
+    return max(vertex_cosine(q, w), min_cosine);
+}
+
 // Contribution of v to q if both were diffuse and saw each other; 0 if v cannot contribute.
 fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
     let segment = segment_between(q.position, v.position);
     let w = segment.direction;
     // At grazing angles, glossy and transmitting surfaces return more light than the cosine says.
     let min_cosine = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
-    let cosines = max(vertex_cosine(q, w), min_cosine) * outgoing_light(v, -w, min_cosine);
+    let cosines = scattered_share(q, w, min_cosine) * outgoing_light(v, -w, min_cosine);
     let sent = max(max_component(v.throughput) * cosines / segment.length2, MIN_IMPORTANCE);
     return select(0.0, sent, can_connect(q, v) && cosines > 0.0);
 }

@@ -57,9 +57,13 @@ fn vertex_cosine(v: PathVertex, w: vec3<f32>) -> f32 {
 override QUERIED_PUNCTUAL: bool = true;
 
 // Light that v sends along `w` (unit), relative to its throughput. A surface counts as diffuse, with a cosine of at least
-// `min_cosine`. A punctual light is exact: the result is 0 outside the cone of a spot.
+// `min_cosine`. An event in a medium is exact, up to the factor 4 pi. A punctual light is exact: the result is 0 outside the cone of
+// a spot.
 fn outgoing_light(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
-    if (QUERIED_PUNCTUAL && !has_normal(v) && !is_in_medium(v)) {
+    if (is_in_medium(v)) {
+        return 4.0 * PI * phase_value(load_medium(v.material), -dot(v.to_previous, w));
+    }
+    if (QUERIED_PUNCTUAL && !has_normal(v)) {
         return emitter_profile(v, w).x;
     }
     return max(vertex_cosine(v, w), min_cosine);
