@@ -3,10 +3,9 @@
 //
 // With x the start of the segment, w its direction and D the way from x to the light vertex, the length s + |s w - D| of the way over
 // the event at x + s w grows with s. So the gate is one interval of the segment.
+#import guided_flight
+#import partial_sums
 #import segment
-
-// Stands for infinity as a distance; its products do not overflow.
-const MAX_LENGTH: f32 = 1e15;
 
 // Where the segment before the shade point q starts.
 fn segment_start(q: PathVertex, segment: FogSegment) -> vec3<f32> {
@@ -28,11 +27,6 @@ fn gate_interval(q: PathVertex, segment: FogSegment, v: PathVertex) -> vec2<f32>
     let first = max(select(0.0, distance_at(lo, straight, along), lo > straight), extent.x);
     let last = select(select(-1.0, distance_at(hi, straight, along), hi > straight), limit, hi > MAX_LENGTH);
     return vec2<f32>(first, min(min(last, limit), extent.y));
-}
-
-// The distance s at which s + |s w - D| is `path`, for path > |D| = `straight`. `along`: w . D.
-fn distance_at(path: f32, straight: f32, along: f32) -> f32 {
-    return (path - straight) * (path + straight) / max(2.0 * (path - along), 1e-30);
 }
 
 // Whether light of the deterministic vertex v may reach an event on the segment before q inside the gate.

@@ -137,28 +137,42 @@ struct Flight {
     weight: vec3<f32>,
 }
 
+// Probability p with which a sensor subpath reaches the end of a segment of transmittance T. On the first segment, p = sqrt(T): both
+// outcomes then have small weights, T / p and (1 - T) / (1 - p) <= 2, and surfaces behind fog get more samples. On later segments
+// p = T, because the weights of many events would multiply to a few bright paths.
+fn end_share(transmitted: f32) -> f32 {
+    return select(transmitted, sqrt(transmitted), dispatch.bounce == 0u);
+}
+
 // Samples a flight along o + t d for 0 < t < limit. `throughput`: of the subpath so far; it is the probability, up to a factor,
 // with which each channel chooses the distance. The density is that of all channels together, so that no channel gets a large
 // weight.
-//
-// The end of the ray has the probability p = T, the mean transmittance. For sensor subpaths p = sqrt(T): both outcomes then have
-// small weights, T / p and (1 - T) / (1 - p) <= 2, and surfaces behind fog get more samples.
+// `to_light`: see `end_share`.
 fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to_light: bool, u: vec2<f32>) -> Flight {
     let whole = optical_depths(o, d, limit);
     let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
-    let events = shares * one_minus_exp(whole.scattering);
-    let scattered = events.x + events.y + events.z;
+    let scattered = dot(shares, one_minus_exp(whole.scattering));
     let transmitted = dot(shares, exp(-whole.scattering));
-    let end_probability = select(select(transmitted, sqrt(transmitted), to_light), 1.0, scattered <= 0.0);
+    let end_probability = select(select(transmitted, end_share(transmitted), to_light), 1.0, scattered <= 0.0);
     if (u.x < end_probability) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
         return Flight(false, limit, NONE, weight * (transmitted / end_probability));
     }
 
+    let rest = (u.x - end_probability) / (1.0 - end_probability);
+    var f = flight_to_event(o, d, limit, shares, whole, vec2<f32>(rest, u.y));
+    f.weight *= scattered / (1.0 - end_probability);
+    return f;
+}
+
+// Samples a flight along o + t d that ends in an event with 0 < t < limit. `whole`: depths up to `limit`. The weight is that of a flight
+// which may also pass all media.
+fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, whole: Depths, u: vec2<f32>) -> Flight {
     // The channel that chooses the optical depth of the event.
-    let rest = (u.x - end_probability) / (1.0 - end_probability) * scattered;
-    let channel = select(select(vec3<f32>(0.0, 0.0, 1.0), vec3<f32>(0.0, 1.0, 0.0), rest < events.x + events.y),
-        vec3<f32>(1.0, 0.0, 0.0), rest < events.x);
+    let events = shares * one_minus_exp(whole.scattering);
+    let choice = u.x * (events.x + events.y + events.z);
+    let channel = select(select(vec3<f32>(0.0, 0.0, 1.0), vec3<f32>(0.0, 1.0, 0.0), choice < events.x + events.y),
+        vec3<f32>(1.0, 0.0, 0.0), choice < events.x);
     let drawn = minus_log_rest(u.y * dot(one_minus_exp(whole.scattering), channel));
 
     var f = Flight(false, limit, NONE, vec3<f32>(0.0));
@@ -184,7 +198,7 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to
     }
     // Rounding may carry the event a little beyond the last medium. It then stays at the end of that medium.
     f.scattered = f.medium != NONE;
-    f.weight = normalised(depths.scattering, f.weight, shares) * exp(-depths.absorption) * (scattered / (1.0 - end_probability));
+    f.weight = normalised(depths.scattering, f.weight, shares) * exp(-depths.absorption);
     return f;
 }
 

@@ -1,5 +1,6 @@
 // One step of a random walk, for light and sensor subpaths alike: trace to the next surface or to a scattering event in a
 // medium, then choose the next direction.
+#import guided_flight
 #import visibility
 #import partial_sums
 
@@ -56,7 +57,11 @@ fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, to_light: b
     if (is_direct) {
         return Flight(false, limit, NONE, transmittance((*state).position, (*state).direction, limit));
     }
-    return free_flight((*state).position, (*state).direction, limit, (*state).throughput, to_light && dispatch.bounce == 0u, u);
+    if (GUIDES_FLIGHTS && to_light && frame.cull_hi < 3e38) {
+        let s = *state;
+        return guided_flight(s.position, s.direction, limit, s.tau, s.eta, s.throughput, u);
+    }
+    return free_flight((*state).position, (*state).direction, limit, (*state).throughput, to_light, u);
 }
 
 // Whether every path that continues from v to `point`, or to any point at least as far from v, is too long for the gate. The

@@ -302,6 +302,7 @@ impl Plan {
             ("HAS_SKY", switch(self.has_sky)),
             ("HAS_MEDIA", switch(self.has_media)),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
+            ("GUIDES_FLIGHTS", switch(self.has_media && self.estimator.draws_in_gate)),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("QUERIED_PUNCTUAL", switch(queried)),

@@ -32,6 +32,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/frame",
     "shared/frontier",
     "shared/gate",
+    "shared/guided_flight",
     "shared/importance",
     "shared/lightcone",
     "shared/material",

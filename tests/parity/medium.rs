@@ -35,14 +35,18 @@ const TRANSMITTANCE: ShaderFunction = ShaderFunction {
 };
 
 const FLIGHT: ShaderFunction = ShaderFunction {
-    imports: &["medium"],
-    input: "u: vec2<f32>, to_light: u32, pad: u32",
-    result: "weight: vec3<f32>, distance: f32, probability: f32, medium: u32, scattered: u32, pad: u32",
-    body: "let flight = free_flight(vec3<f32>(-3.0, 0.1, 0.2), vec3<f32>(1.0, 0.0, 0.0), 6.0, vec3<f32>(1.0, 0.5, 2.0),
-            input.to_light == 1u, input.u);
+    imports: &["guided_flight"],
+    input: "u: vec2<f32>, kind: u32, pad: u32",
+    result: "weight: vec3<f32>, distance: f32, medium: u32, scattered: u32, pad0: u32, pad1: u32",
+    body: "let o = vec3<f32>(-3.0, 0.1, 0.2);
+        let d = vec3<f32>(1.0, 0.0, 0.0);
+        let throughput = vec3<f32>(1.0, 0.5, 2.0);
+        var flight = free_flight(o, d, 6.0, throughput, input.kind == 1u, input.u);
+        if (input.kind == 2u) {
+            flight = guided_flight(o, d, 6.0, 0.5, 1.0, throughput, input.u);
+        }
         result.weight = flight.weight;
         result.distance = flight.distance;
-        result.probability = flight.probability;
         result.medium = flight.medium;
         result.scattered = u32(flight.scattered);",
 };
@@ -69,7 +73,8 @@ struct Ray {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Draw {
     u: [f32; 2],
-    to_light: u32,
+    /// 0: of a light subpath; 1: of a sensor subpath; 2: of a sensor subpath, guided into the gate.
+    kind: u32,
     pad: u32,
 }
 
@@ -78,10 +83,9 @@ struct Draw {
 struct Flight {
     weight: [f32; 3],
     distance: f32,
-    probability: f32,
     medium: u32,
     scattered: u32,
-    pad: u32,
+    pad: [u32; 2],
 }
 
 /// A box of coloured fog, and a smaller one that reaches out of it and counts where the two overlap.
@@ -188,30 +192,68 @@ fn the_last_medium_counts_along_a_ray() {
     }
 }
 
+/// Flights of a kind through a gate; the lamp is at (-2, 1.5, 0.2).
+fn flights(kind: u32, gate: [f32; 2]) -> Vec<Flight> {
+    let mut pcg = Pcg::new(8);
+    let draws: Vec<Draw> =
+        (0..400_000).map(|_| Draw { u: [pcg.uniform() as f32, pcg.uniform() as f32], kind, pad: 0 }).collect();
+    let frame = frame(|f| {
+        f.media_count = 2;
+        (f.emitter_lo, f.emitter_hi) = ([-2.0, 1.5, 0.2], [-2.0, 1.5, 0.2]);
+        [f.gate_lo, f.gate_hi] = gate;
+    });
+    FLIGHT.run(&draws, &[contents("media", &media()), frame])
+}
+
+/// The distance from the start of the flights at which `path` reaches the lamp by way of an event there.
+fn reach(path: f64) -> f64 {
+    let (mut lo, mut hi) = (0.0, 10.0);
+    for _ in 0..60 {
+        let s: f64 = 0.5 * (lo + hi);
+        let via = s + (DVec3::new(-3.0 + s, 0.1, 0.2) - DVec3::new(-2.0, 1.5, 0.2)).length();
+        *if via < path { &mut lo } else { &mut hi } = s;
+    }
+    lo
+}
+
+/// Checks the means of the flights: the end of the ray has `transmitted`, the events have `scattered`.
+fn check(name: &str, found: &[Flight], transmitted: DVec3, scattered: DVec3) {
+    for (events, expected) in [(0, transmitted), (1, scattered)] {
+        let n = found.len() as f64;
+        let values = || found.iter().map(|f| if f.scattered == events { dvec(&f.weight) } else { DVec3::ZERO });
+        let mean = values().sum::<DVec3>() / n;
+        let square = values().map(|v| v * v).sum::<DVec3>() / n;
+        let error = ((square - mean * mean) / n).max(DVec3::ZERO);
+        let error = DVec3::new(error.x.sqrt(), error.y.sqrt(), error.z.sqrt());
+        let wrong = (mean - expected).abs().cmpgt(4.5 * error + 1e-6).any();
+        assert!(!wrong, "{name}, events {events}: {mean} +- {error}, {expected}");
+    }
+}
+
 #[test]
 fn flights_have_the_mean_of_the_transmittance_and_of_the_scattered_light() {
     let (o, d) = (DVec3::new(-3.0, 0.1, 0.2), DVec3::X);
     let [transmitted, scattered] = march(o, d, 6.0, 200_000);
-    let mut pcg = Pcg::new(8);
-    for to_light in [0, 1] {
-        let n = 400_000;
-        let draws: Vec<Draw> =
-            (0..n).map(|_| Draw { u: [pcg.uniform() as f32, pcg.uniform() as f32], to_light, pad: 0 }).collect();
-        let found: Vec<Flight> = FLIGHT.run(&draws, &buffers(&media()));
-        for (events, expected) in [(0, transmitted), (1, scattered)] {
-            let values = || found.iter().map(|f| if f.scattered == events { dvec(&f.weight) } else { DVec3::ZERO });
-            let mean = values().sum::<DVec3>() / f64::from(n);
-            let square = values().map(|v| v * v).sum::<DVec3>() / f64::from(n);
-            let error = ((square - mean * mean) / f64::from(n)).max(DVec3::ZERO);
-            let error = DVec3::new(error.x.sqrt(), error.y.sqrt(), error.z.sqrt());
-            let wrong = (mean - expected).abs().cmpgt(4.5 * error + 1e-6).any();
-            assert!(!wrong, "to_light {to_light}, events {events}: {mean} +- {error}, {expected}");
-        }
+    for (kind, gate) in [(0, [0.0; 2]), (1, [0.0; 2]), (2, [5.0, 30.0])] {
+        let found = flights(kind, gate);
+        check(&format!("kind {kind}"), &found, transmitted, scattered);
         let inside = |f: &Flight| coefficients(o + f64::from(f.distance) * d)[0].max_element() > 0.0;
         // An event at the very end of a medium may be rounded out of it.
         let outside = found.iter().filter(|f| f.scattered == 1 && !inside(f)).count();
-        assert!(outside < n as usize / 10_000, "{outside} events are outside of the media");
-        let [end, event] = [0, 1].map(|k| found.iter().find(|f| f.scattered == k).unwrap().probability);
-        assert!((end + event - 1.0).abs() < 1e-6, "probabilities {end} and {event}");
+        assert!(kind == 2 || outside < found.len() / 10_000, "{outside} events are outside of the media");
     }
+}
+
+/// Where the gate ends before the ray does, no flight reaches the end of the ray, and no event is too late.
+#[test]
+fn guided_flights_end_inside_the_gate() {
+    let last = reach(6.0 - 0.5);
+    let [_, scattered] = march(DVec3::new(-3.0, 0.1, 0.2), DVec3::X, last, 200_000);
+    let found = flights(2, [5.0, 6.0]);
+    check("guided", &found, DVec3::ZERO, scattered);
+    assert!(found.iter().all(|f| f.scattered == 1 && f64::from(f.distance) < last + 1e-5));
+    let first = reach(5.0 - 0.5);
+    let share = found.iter().filter(|f| f64::from(f.distance) > first).count() as f64 / found.len() as f64;
+    let unguided = 1.0 - march(DVec3::new(-3.0, 0.1, 0.2), DVec3::X, first, 200_000)[1].x / scattered.x;
+    assert!(share > 0.5 && unguided < 0.5, "{share}, {unguided}");
 }

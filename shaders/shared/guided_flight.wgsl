@@ -1,0 +1,73 @@
+// Flights of sensor subpaths through fog, towards the places from which light can still arrive inside the gate (lcs).
+#import medium
+
+// Whether `guided_flight` replaces `free_flight` for sensor subpaths through a closed gate.
+override GUIDES_FLIGHTS: bool = false;
+// Share of the events on the first segment that are drawn uniformly in the gate. Events on later segments have analogue densities:
+// the factors of many events would multiply to a few bright paths.
+const GUIDED_SHARE: f32 = 0.5;
+
+// Stands for infinity as a distance; its products do not overflow.
+const MAX_LENGTH: f32 = 1e15;
+
+// The distance s at which s + |s w - D| is `path`, for path > |D| = `straight`. `along`: w . D.
+fn distance_at(path: f32, straight: f32, along: f32) -> f32 {
+    return (path - straight) * (path + straight) / max(2.0 * (path - along), 1e-30);
+}
+
+// Distances s along o + s d between which an event may lie on a path from an emitter straight to the event, inside the gate.
+// `elapsed`: travel time from o to the sensor. Beyond y, every path is too long for the gate. The bounding sphere of the emitters
+// stands for all of them. Empty (x > y) if no path is short enough.
+fn guiding_interval(o: vec3<f32>, d: vec3<f32>, elapsed: f32, eta: f32) -> vec2<f32> {
+    let to_center = 0.5 * (frame.emitter_lo + frame.emitter_hi) - o;
+    let radius = 0.5 * distance(frame.emitter_lo, frame.emitter_hi);
+    let straight = length(to_center);
+    let along = dot(d, to_center);
+    let lo = (frame.gate_lo - frame.rounding_allowance - elapsed) / eta - radius;
+    let hi = (frame.gate_hi + frame.rounding_allowance - elapsed) / eta + radius;
+    return vec2<f32>(select(0.0, distance_at(lo, straight, along), lo > straight),
+        select(-1.0, distance_at(hi, straight, along), hi > straight));
+}
+
+// As `free_flight`, but no event lies where its light would be too late, and a share of the events lies where light that has scattered
+// nowhere else is inside the gate. `elapsed`: travel time from o to the sensor.
+fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32, throughput: vec3<f32>, u: vec2<f32>) -> Flight {
+    let interval = guiding_interval(o, d, elapsed, eta);
+    let last = clamp(interval.y, 0.0, limit);
+    let whole = optical_depths(o, d, last);
+    let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
+    let scattered = dot(shares, one_minus_exp(whole.scattering));
+    let transmitted = dot(shares, exp(-whole.scattering));
+    // Where the end of the ray is too late, every flight ends in an event.
+    let reaches = select(0.0, end_share(transmitted), last >= limit);
+    let end_probability = select(reaches, 1.0, scattered <= 0.0);
+    if (u.x < end_probability) {
+        let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
+        return Flight(false, limit, NONE, weight * (transmitted / end_probability));
+    }
+
+    // The place of the event: uniform in the gate, or by the scattering.
+    let extent = media_extent(o, d);
+    let first = max(interval.x, extent.x);
+    let width = min(last, extent.y) - first;
+    let share = select(0.0, GUIDED_SHARE, width > 0.0 && dispatch.bounce == 0u);
+    let choice = (u.x - end_probability) / (1.0 - end_probability);
+    var f = Flight(true, first + u.y * width, NONE, vec3<f32>(0.0));
+    if (choice < share) {
+        f.medium = stretch_at(o, d, f.distance).medium;
+    } else {
+        f = flight_to_event(o, d, last, shares, whole, vec2<f32>((choice - share) / (1.0 - share), u.y));
+    }
+    if (f.medium == NONE) {
+        // Clear air between two media.
+        return f;
+    }
+    let sigma_s = load_medium(f.medium).sigma_s;
+    let depths = optical_depths(o, d, f.distance);
+    let density = dot(shares, sigma_s * exp(-depths.scattering));
+    let is_inside = f.distance >= first && f.distance <= first + width;
+    let guided = select(0.0, share / (width * max(density, 1e-37)), is_inside && share > 0.0);
+    f.weight = normalised(depths.scattering, sigma_s, shares) * exp(-depths.absorption)
+        / ((1.0 - end_probability) * ((1.0 - share) / scattered + guided));
+    return f;
+}
