@@ -24,6 +24,7 @@ mod resolve;
 mod root;
 mod texture;
 mod texture_use;
+mod volume;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};

@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 use super::check::{Checked, MAX_COORDINATE, is_singular};
 
 /// Upper bound on scattering and absorption coefficients, per metre.
-const MAX_COEFFICIENT: f64 = 1e15;
+pub const MAX_COEFFICIENT: f64 = 1e15;
 /// Upper bound on the number of voxels of a grid: 2 GiB of densities.
 pub const MAX_VOXELS: u64 = 1 << 29;
 

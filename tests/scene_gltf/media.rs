@@ -74,6 +74,56 @@ fn the_medium_inside_a_material_is_read() {
     assert!(refusal(&glb.build()).contains("material 'Paint' has a medium inside, but a transmission of 0"));
 }
 
+fn with_volume(volume: Value) -> Glb {
+    let mut glb = complete();
+    glb.json["materials"][0]["extensions"]["KHR_materials_transmission"]["transmissionFactor"] = json!(1.0);
+    glb.json["materials"][0]["extensions"]["KHR_materials_volume"] = volume;
+    glb
+}
+
+#[test]
+fn the_absorption_of_a_volume_is_read() {
+    let volume = json!({ "thicknessFactor": 0.1, "attenuationDistance": 0.5, "attenuationColor": [1.0, 0.5, 0.0] });
+    let mut glb = with_volume(volume.clone());
+    let absorption = [0.0, 2f64.ln() / 0.5, 1e15];
+    let sigma_a = |glb: &Glb| read(glb).materials[0].interior.as_ref().map(|medium| medium.sigma_a);
+    assert_eq!(sigma_a(&glb), Some(absorption));
+    // With a medium in the extras, the volume adds its absorption.
+    glb.json["materials"][0]["extras"] = json!({ "medium": { "sigma_s": 3, "sigma_a": [1, 0, 0] } });
+    let expected = Medium { sigma_s: [3.0; 3], sigma_a: [1.0, absorption[1], 1e15], ..Medium::default() };
+    assert_eq!(read(&glb).materials[0].interior, Some(expected));
+    // Without transmission, light does not get inside.
+    let mut opaque = with_volume(volume.clone());
+    opaque.json["materials"][0]["extensions"]["KHR_materials_transmission"]["transmissionFactor"] = json!(0.0);
+    assert_eq!(sigma_a(&opaque), None);
+    // White, and no distance.
+    for (key, value) in [("attenuationColor", json!([1, 1, 1])), ("attenuationDistance", json!(null))] {
+        let mut clear = volume.clone();
+        clear[key] = value;
+        assert_eq!(sigma_a(&with_volume(clear)), None, "{key}");
+    }
+    let mut thin = volume;
+    thin["thicknessFactor"] = json!(0.0);
+    let thin = read(&with_volume(thin));
+    assert!(thin.materials[0].interior.is_none());
+    assert!(thin.warnings[0].contains("a thicknessFactor of 0 absorb nothing"), "{:?}", thin.warnings);
+}
+
+#[test]
+fn bad_volumes_are_refused() {
+    let cases = [
+        (json!({ "attenuationDistance": 0 }), "the attenuationDistance of material `Paint` is 0; it must be above 0"),
+        (json!({ "attenuationDistance": -1.5 }), "is -1.5; it must be above 0"),
+        (json!({ "attenuationColor": [0, 1, 1.5] }), "the attenuationColor of material `Paint` is not from 0 to 1"),
+        (json!({ "attenuationColor": [0, -1, 0] }), "is not from 0 to 1"),
+        (json!({ "attenuationColor": "red" }), "the KHR_materials_volume of material `Paint` is invalid"),
+    ];
+    for (volume, part) in cases {
+        let message = refusal(&with_volume(volume).build());
+        assert!(message.contains(part), "{part}: {message}");
+    }
+}
+
 #[test]
 fn bad_media_are_refused() {
     let cases = [

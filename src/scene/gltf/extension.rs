@@ -61,7 +61,7 @@ const EXTENSIONS: &[(&str, Treatment)] = &[
     ("KHR_materials_transmission", Read),
     ("KHR_materials_unlit", Without("the material is an ordinary surface of its base colour, lit by the lamps")),
     ("KHR_materials_variants", Harmless),
-    ("KHR_materials_volume", Without("light is not absorbed inside the material")),
+    ("KHR_materials_volume", Read),
     ("KHR_mesh_quantization", Read),
     ("KHR_meshopt_compression", Read),
     ("KHR_node_hoverability", Harmless),

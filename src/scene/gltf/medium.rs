@@ -5,9 +5,9 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::Checked;
 use super::document::{Document, Warnings, label, printable};
-use crate::scene::{Material, Medium, PhaseFunction};
+use super::{Checked, volume};
+use crate::scene::{MAX_COEFFICIENT, Material, Medium, PhaseFunction};
 
 /// The form of `extras.medium`.
 #[derive(Deserialize)]
@@ -62,11 +62,19 @@ pub fn load(doc: &Document) -> Checked<Vec<Medium>> {
     Ok(medium.into_iter().collect())
 }
 
-/// Adds the media inside the meshes of each material. `materials` begins with the materials of the file, in its order.
+/// Adds the media inside the meshes of each material: that of its extras, and the absorption of KHR_materials_volume. If a material
+/// has both, their absorption adds up. `materials` begins with the materials of the file, in its order.
 pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut Warnings) -> Checked<()> {
     for (index, (source, material)) in doc.root.materials.iter().zip(materials).enumerate() {
         let name = label(source.name.as_deref(), "material", index);
         material.interior = read(&source.extras, &format!("material `{name}`"))?;
+        // A volume without transmission is not visible.
+        if material.transmission > 0.0
+            && let Some(absorption) = volume::absorption(source, &name, warnings)?
+        {
+            let sigma_a = &mut material.interior.get_or_insert_default().sigma_a;
+            *sigma_a = [0, 1, 2].map(|k| (sigma_a[k] + absorption[k]).min(MAX_COEFFICIENT));
+        }
         if material.interior.is_some() {
             warnings
                 .once("interior", || format!("media inside of meshes are not rendered yet (first: material `{name}`)"));
