@@ -1,7 +1,7 @@
 // A vertex of a subpath: a point on a surface or on an emitter. Only this module evaluates and samples vertices and computes
 // their densities, cosines and sides. So no other module needs to know whether a vertex has a normal.
 #import emitter
-#import medium
+#import phase
 
 // A vertex evaluated for one direction.
 struct Evaluation {

@@ -40,6 +40,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/medium",
     "shared/partial_sums",
     "shared/path",
+    "shared/phase",
     "shared/point",
     "shared/query",
     "shared/random",

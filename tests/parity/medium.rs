@@ -16,7 +16,7 @@ use crate::values::{direction, dvec, frame, vec3};
 pub const KERNELS: &[&ShaderFunction] = &[&PHASE, &TRANSMITTANCE, &FLIGHT];
 
 const PHASE: ShaderFunction = ShaderFunction {
-    imports: &["medium"],
+    imports: &["phase"],
     input: "cosine: f32, u: f32, medium: u32, pad: u32",
     result: "value: f32, cosine: f32",
     body: "let m = load_medium(input.medium);
