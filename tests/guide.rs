@@ -5,7 +5,7 @@
 //! * `sh`: run the commands; they must succeed.
 //! * `sh fails`: run the commands; they must fail, and their message must contain the text of the next block.
 //! * `sh no-run`: nothing. For commands that take minutes, install something or need cargo. The tests check their number.
-//! * `toml NAME`: write the block to the file NAME, which later commands read.
+//! * `toml NAME` and `csv NAME`: write the block to the file NAME, which later commands read.
 //! * `text`, `json`, `python`: nothing.
 #![cfg(unix)]
 
@@ -99,7 +99,7 @@ fn run(document: &str) -> usize {
                 }
             }
             ["sh", "no-run"] => not_run += 1,
-            ["toml", name] => std::fs::write(here.path().join(name), text).unwrap(),
+            ["toml" | "csv", name] => std::fs::write(here.path().join(name), text).unwrap(),
             ["text" | "json" | "python"] => {}
             _ => panic!("{place}: the test does not know blocks of kind '{info}'; see the top of tests/guide.rs"),
         }

@@ -12,25 +12,34 @@ struct Medium {
     // PHASE_ constant of phase.wgsl.
     phase: u32,
     hi: vec3<f32>,
-    // Two lobes: share of the second lobe, 0 to 1.
+    // Two lobes, also with one of Draine: share of the second lobe, 0 to 1.
     share: f32,
     // Coefficients of scattering and absorption per unit of length.
     sigma_s: vec3<f32>,
-    // Two lobes: mean cosines of the first and the second lobe.
+    // Henyey-Greenstein lobes: mean cosines of the first and the second lobe. For a lobe of Draine, g2 is its parameter g.
     g: f32,
     sigma_a: vec3<f32>,
     g2: f32,
+    // Parameter alpha of the lobe of Draine.
+    alpha: f32,
+    // Mean cosine of the phase function.
+    mean_cosine: f32,
+    // First node in `phase_tables`, and number of nodes.
+    table: u32,
+    table_size: u32,
 }
 
-// Four texels per medium.
+// Five texels per medium.
 @group(0) @binding(13) var media: texture_1d<u32>;
 
 fn load_medium(index: u32) -> Medium {
-    let lo = textureLoad(media, 4u * index, 0);
-    let hi = bitcast<vec4<f32>>(textureLoad(media, 4u * index + 1u, 0));
-    let s = bitcast<vec4<f32>>(textureLoad(media, 4u * index + 2u, 0));
-    let a = bitcast<vec4<f32>>(textureLoad(media, 4u * index + 3u, 0));
-    return Medium(bitcast<vec3<f32>>(lo.xyz), lo.w, hi.xyz, hi.w, s.xyz, s.w, a.xyz, a.w);
+    let lo = textureLoad(media, 5u * index, 0);
+    let hi = bitcast<vec4<f32>>(textureLoad(media, 5u * index + 1u, 0));
+    let s = bitcast<vec4<f32>>(textureLoad(media, 5u * index + 2u, 0));
+    let a = bitcast<vec4<f32>>(textureLoad(media, 5u * index + 3u, 0));
+    let p = textureLoad(media, 5u * index + 4u, 0);
+    return Medium(bitcast<vec3<f32>>(lo.xyz), lo.w, hi.xyz, hi.w, s.xyz, s.w, a.xyz, a.w,
+        bitcast<f32>(p.x), bitcast<f32>(p.y), p.z, p.w);
 }
 
 // Distances along o + t d at which the ray enters (x) and leaves (y) the box of medium `index`; x > y if it misses the box.

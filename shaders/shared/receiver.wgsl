@@ -31,8 +31,7 @@ fn make_receiver(q: PathVertex) -> Receiver {
 fn medium_receiver(receiver: Receiver, q: PathVertex) -> Receiver {
     var r = receiver;
     if (BY_GLOSS) {
-        let m = load_medium(q.material);
-        let g = select(mix(m.g, m.g2, m.share), 0.0, m.phase == PHASE_RAYLEIGH);
+        let g = load_medium(q.material).mean_cosine;
         let size = abs(g);
         r.mirrored = select(q.to_previous, -q.to_previous, g >= 0.0);
         r.spread = max(square(1.0 - size) / max(size, 1e-3), MIN_LOBE_WIDTH2);

@@ -8,7 +8,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 31] = [
+const INFO_SETTINGS: [&str; 33] = [
     "camera",
     "look-from",
     "look-at",
@@ -33,6 +33,8 @@ const INFO_SETTINGS: [&str; 31] = [
     "phase-g",
     "phase-g2",
     "phase-weight",
+    "phase-alpha",
+    "droplet-diameter",
     "medium-bounds",
     "no-medium",
     "double-sided",

@@ -4,6 +4,7 @@
 mod camera;
 mod lights;
 mod medium;
+mod phase;
 
 use crate::error::Result;
 use crate::input::experiment::Experiment;

@@ -19,6 +19,7 @@ pub struct DeviceScene {
 type Part<'a> = (&'static str, BufferDesc, &'a [u8]);
 
 const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
+const MEDIA: &str = "use fewer media and shorter tables, or a device with a larger limit (taugate devices)";
 const SKY: &str = "use a smaller image for --sky, or a device with a larger limit (taugate devices)";
 const IMAGES: &str = "use smaller textures, or a device with a larger limit (taugate devices)";
 
@@ -46,7 +47,8 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         texels("textures", "textures", &geometry.textures, IMAGES),
         texels("emitters", "emitters", &emitters.table, MESHES),
         texels("sky", "sky", &emitters.sky, SKY),
-        texels("media", "media", media, MESHES),
+        texels("media", "media", &media.list, MEDIA),
+        texels("phase_tables", "tables of phase functions", &media.phase_tables, MEDIA),
         part("albedo_table", "albedo table", &albedo.values, MESHES),
     ]
 }

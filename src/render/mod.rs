@@ -18,6 +18,7 @@ mod media;
 mod memory;
 mod observe;
 mod oversized;
+pub mod phase;
 mod plan;
 mod pool;
 mod pool_layout;

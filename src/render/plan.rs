@@ -82,6 +82,8 @@ pub struct Plan {
     /// Whether the camera rays are parallel. The kernels are compiled for one of the two kinds of camera.
     is_orthographic: bool,
     has_media: bool,
+    /// Values of the WGSL `override` constants that depend on the media.
+    media_constants: [(&'static str, f64); 3],
     pub crop: Crop,
     pub crop_pixels: u64,
     /// Whether light subpaths are traced beyond their first vertex, the one on the emitter.
@@ -135,7 +137,8 @@ impl Plan {
             has_distant: emitters.has_distant,
             has_sky: !emitters.sky.is_empty(),
             is_orthographic: camera.projection.is_orthographic(),
-            has_media: !prepared.media.is_empty(),
+            has_media: !prepared.media.list.is_empty(),
+            media_constants: prepared.media.constants(),
             crop: settings.crop(),
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
             traces_light,
@@ -300,7 +303,6 @@ impl Plan {
             ("HAS_PARALLEL", switch(self.has_distant || self.is_orthographic)),
             ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
             ("HAS_SKY", switch(self.has_sky)),
-            ("HAS_MEDIA", switch(self.has_media)),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
             ("GUIDES_FLIGHTS", switch(self.has_media && self.estimator.draws_in_gate)),
             ("BUCKET_COUNT", self.buckets.into()),
@@ -312,6 +314,7 @@ impl Plan {
             ("BY_GLOSS", switch(self.importance.gloss)),
             ("OBSERVE", observe.into()),
         ]);
+        constants.extend(self.media_constants);
         constants.extend(self.estimator.constants.iter().map(|&(name, value)| (name, value.into())));
         constants
     }
@@ -333,7 +336,7 @@ fn frame(settings: &Settings, prepared: &PreparedScene, all: bool) -> Frame {
         max_depth: settings.max_depth(),
         queries: settings.queries(),
         emitter_count: emitters.table.len() as u32,
-        media_count: media.len() as u32,
+        media_count: media.list.len() as u32,
         tree3_root: NONE,
         tree4_root: NONE,
         keep_s0: switch(all) / (query_sample_count * query_sample_count),

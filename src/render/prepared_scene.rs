@@ -5,20 +5,19 @@ use std::collections::{BTreeMap, HashSet};
 use super::albedo::AlbedoTable;
 use super::emitters::EmitterSet;
 use super::geometry::Geometry;
-use super::media::media;
+use super::media::Media;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
 use super::{coplanar, oversized};
 use crate::error::{Error, Result};
 use crate::scene::{Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
-use crate::wgsl::layout;
 
 /// All scene data for the upload, in the render space around one camera and with one selection of emitters.
 pub struct PreparedScene {
     pub(super) geometry: Geometry,
     pub(super) emitters: EmitterSet,
-    pub(super) media: Vec<layout::Medium>,
+    pub(super) media: Media,
     pub(super) albedo: &'static AlbedoTable,
     pub(super) space: RenderSpace,
     /// Bounding box, in render space, of the points where camera rays start.
@@ -50,7 +49,7 @@ impl PreparedScene {
             ));
         }
         let sensor = Box3::around(camera.corners(settings.resolution()).map(|corner| space.point(corner)));
-        let media = media(scene, &space)?;
+        let media = Media::new(scene, &space)?;
         Ok(PreparedScene { geometry, emitters, media, albedo, space, sensor })
     }
 

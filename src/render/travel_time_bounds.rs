@@ -47,11 +47,11 @@ impl TravelTimeBounds {
         let PreparedScene { geometry, emitters, media, space, sensor, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
         let lights = punctual_emitters(prepared);
-        let scattered = if media.is_empty() { f64::INFINITY } else { nearest(sensor, &lights) };
+        let scattered = if media.list.is_empty() { f64::INFINITY } else { nearest(sensor, &lights) };
         let min = direct.min(shortest_by_one_surface(geometry, sensor, &lights)).min(scattered);
         let all = geometry.triangles.par_iter().map(Box3::of).reduce(|| *sensor, Box3::with);
         let all = all.with(Box3 { lo: emitters.lo, hi: emitters.hi });
-        let all = media.iter().map(|m| Box3 { lo: m.lo.into(), hi: m.hi.into() }).fold(all, Box3::with);
+        let all = media.list.iter().map(|m| Box3 { lo: m.lo.into(), hi: m.hi.into() }).fold(all, Box3::with);
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
         let max_ior = f64::from(geometry.max_ior);
         let max_segment = space.unit * diameter * max_ior * (1.0 + SLACK);

@@ -8,6 +8,8 @@ use super::check::{Checked, MAX_COORDINATE, is_singular};
 
 /// Upper bound on scattering and absorption coefficients, per metre.
 pub const MAX_COEFFICIENT: f64 = 1e15;
+/// Smallest step between the cosines of a table. The device stores cosines as 32-bit floats.
+const MIN_STEP: f64 = 1e-6;
 /// Upper bound on the number of voxels of a grid: 2 GiB of densities.
 pub const MAX_VOXELS: u64 = 1 << 29;
 
@@ -222,9 +224,11 @@ fn check_table(cosines: &[f64], values: &[f64], name: &str) -> Checked {
     if cosines.len() != values.len() {
         return wrong(format!("has {} cosines and {} values; give one value per cosine", cosines.len(), values.len()));
     }
-    let increases = cosines.is_sorted_by(|a, b| a < b);
+    let increases = cosines.is_sorted_by(|a, b| b - a >= MIN_STEP);
     if !increases || cosines.len() < 2 || cosines[0] != -1.0 || cosines[cosines.len() - 1] != 1.0 {
-        return wrong("lacks cosines that increase from -1 to 1; sort them and add both ends".into());
+        return wrong(format!(
+            "lacks cosines that increase from -1 to 1 in steps of at least {MIN_STEP}; sort them and add both ends"
+        ));
     }
     if let Some(value) = values.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
         return wrong(format!("has a value of {value}; values must be 0 or more"));

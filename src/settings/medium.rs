@@ -1,4 +1,4 @@
-//! Values of the settings of a medium: coefficients, visibilities, phase functions and bounds.
+//! Values of the settings of a medium: coefficients, visibilities, parameters of phase functions, and bounds.
 
 use std::str::FromStr;
 
@@ -108,6 +108,14 @@ number! {
     /// The mean cosine of a scattering lobe, between -1 and 1.
     MeanCosine, -0.999..=0.999, "a mean cosine: write a number from -0.999 to 0.999, like 0.8"
 }
+number! {
+    /// The parameter alpha of a lobe of Draine.
+    Alpha, 0.0..=1e6, "an alpha of Draine: write a number from 0 to 1000000, like 20"
+}
+number! {
+    /// The diameter of water droplets in micrometres.
+    DropletDiameter, 5.0..=50.0, "a droplet diameter: write a number of micrometres from 5 to 50, like 15"
+}
 
 /// A length in metres, more than 0, that the user writes with its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -132,34 +140,6 @@ impl Serialize for Distance {
 impl<'de> Deserialize<'de> for Distance {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
-    }
-}
-
-/// Name of a phase function.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Phase {
-    Isotropic,
-    /// One Henyey-Greenstein lobe.
-    Hg,
-    /// Two Henyey-Greenstein lobes.
-    DoubleHg,
-    Rayleigh,
-}
-
-impl FromStr for Phase {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Phase> {
-        match text.trim() {
-            "isotropic" => Ok(Phase::Isotropic),
-            "hg" => Ok(Phase::Hg),
-            "double-hg" => Ok(Phase::DoubleHg),
-            "rayleigh" => Ok(Phase::Rayleigh),
-            _ => Err(Error::Settings(format!(
-                "'{text}' is not a phase function: write isotropic, hg, double-hg or rayleigh"
-            ))),
-        }
     }
 }
 
@@ -199,7 +179,7 @@ impl<'de> Deserialize<'de> for Bounds {
     }
 }
 
-value_from_text!(Coefficient, Share, MeanCosine, Distance, Phase, Bounds);
+value_from_text!(Coefficient, Share, MeanCosine, Alpha, DropletDiameter, Distance, Bounds);
 
 #[cfg(test)]
 mod tests {
@@ -215,6 +195,10 @@ mod tests {
         for bad in ["", "1", "-1", "NaN", "0.9995"] {
             assert!(bad.parse::<MeanCosine>().unwrap_err().to_string().contains("like 0.8"), "{bad}");
         }
+        for bad in ["", "4.9", "51", "NaN", "15um"] {
+            assert!(bad.parse::<DropletDiameter>().unwrap_err().to_string().contains("from 5 to 50"), "{bad}");
+        }
+        assert!("-1".parse::<Alpha>().is_err() && "1e7".parse::<Alpha>().is_err());
         assert!("1.01".parse::<Share>().is_err() && "-0.1".parse::<Share>().is_err());
         assert_eq!("0.1km".parse::<Distance>().unwrap(), Distance(100.0));
         for bad in ["", "60", "-3m", "0m", "inf", "60ns", "3m4"] {

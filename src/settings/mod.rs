@@ -12,6 +12,8 @@ pub mod keys;
 #[allow(missing_docs)]
 pub mod medium;
 pub mod numbers;
+#[allow(missing_docs)]
+pub mod phase;
 mod responses;
 #[allow(missing_docs)]
 pub mod setting;

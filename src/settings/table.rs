@@ -9,8 +9,9 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
-use crate::settings::medium::{Bounds, Coefficient, Distance, MeanCosine, Phase, Share};
+use crate::settings::medium::{Alpha, Bounds, Coefficient, Distance, DropletDiameter, MeanCosine, Share};
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
+use crate::settings::phase::Phase;
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
 use crate::settings::sky::{Sky, SkyScale};
 use crate::settings::units::{Depth, Gate};
@@ -123,18 +124,25 @@ table! {
         /// Share of the light that an event scatters instead of absorbing it, for --visibility and --mor [default: 0.99]
         albedo: Share, Setting::medium("albedo", "0..1");
 
-        /// How light is scattered: isotropic, hg (Henyey-Greenstein), double-hg or rayleigh [default: hg if there is a --phase-g,
-        /// else isotropic]
-        phase: Phase, Setting::medium("phase", "NAME");
+        /// How light is scattered: isotropic, hg (Henyey-Greenstein), double-hg, draine (droplets of water), rayleigh, or a table
+        /// of cosines and values in a CSV file [default: draine if there is a --droplet-diameter, hg if there is a --phase-g, else
+        /// isotropic]
+        phase: Phase, Setting::medium("phase", "NAME|FILE.csv");
 
-        /// Mean cosine of the scattering angle, for hg and double-hg; positive is forwards
+        /// Mean cosine of the scattering angle, for hg and the first lobe of double-hg and draine; positive is forwards
         g: MeanCosine, Setting::medium("phase-g", "-1..1").form(Form::Signed);
 
-        /// Mean cosine of the second lobe of double-hg
+        /// Mean cosine of the second lobe of double-hg, or parameter g of the second lobe of draine
         g2: MeanCosine, Setting::medium("phase-g2", "-1..1").form(Form::Signed);
 
-        /// Share of the first lobe of double-hg
+        /// Share of the first lobe of double-hg and draine
         weight: Share, Setting::medium("phase-weight", "0..1");
+
+        /// Parameter alpha of the second lobe of draine
+        alpha: Alpha, Setting::medium("phase-alpha", "ALPHA");
+
+        /// Diameter of water droplets, from 5 to 50 micrometres; it sets all parameters of draine
+        droplet_diameter: DropletDiameter, Setting::medium("droplet-diameter", "MICROMETRES").excludes("phase-g");
 
         /// Box that the medium fills, given by two corners in metres [default: all space]
         bounds: Bounds, Setting::medium("medium-bounds", "X,Y,Z,X,Y,Z").form(Form::Signed);
@@ -340,6 +348,7 @@ mod tests {
                     "3m",
                     "pt",
                     "hg",
+                    "15",
                     "all",
                     "uniform",
                     "word",

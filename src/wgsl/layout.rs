@@ -78,6 +78,7 @@ host_twins! {
         hi: [f32; 3], share: f32,
         sigma_s: [f32; 3], g: f32,
         sigma_a: [f32; 3], g2: f32,
+        alpha: f32, mean_cosine: f32, table: u32, table_size: u32,
     }
     /// `shared/path.wgsl`
     PathState {
@@ -143,6 +144,8 @@ pub mod constants {
         VERTEX_IN_MEDIUM: u32 = 0x1_0000,
         PHASE_LOBES: u32 = 0,
         PHASE_RAYLEIGH: u32 = 1,
+        PHASE_DRAINE: u32 = 2,
+        PHASE_TABLE: u32 = 3,
         EMIT_ONE_SIDED: u32 = 0,
         EMIT_TWO_SIDED: u32 = 1,
         EMIT_POINT: u32 = 2,

@@ -7,6 +7,7 @@ use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::stage::{add, diffuse, light, material};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::oracle::fog::{Coefficients, gated_single_scattering};
+use taugate::internals::oracle::phase::Phase;
 use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Projection, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
@@ -20,9 +21,14 @@ const G: f64 = 0.6;
 const INTENSITY: f32 = 5.0;
 const GATES: [[f64; 2]; 6] = [[1.2, 1.4], [1.5, 2.5], [3.0, 4.0], [6.0, 6.5], [12.0, 12.05], [0.5, 60.0]];
 
+/// As [`fog_with`], with a Henyey-Greenstein lobe.
+fn fog(lamp: DVec3) -> Scene {
+    fog_with(lamp, PhaseFunction::HenyeyGreenstein { g: G })
+}
+
 /// A pinhole at the origin that looks along -Z through a field of view of 0.02 degrees, and a point light, in fog. The only surface is
 /// black, and behind the camera.
-fn fog(lamp: DVec3) -> Scene {
+fn fog_with(lamp: DVec3, phase: PhaseFunction) -> Scene {
     let mut scene = Scene::default();
     let black = material(&mut scene, diffuse("black", [0.0; 3]));
     add(&mut scene, "black", black, quad(DVec3::new(-1.0, -1.0, 5.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0; 2]));
@@ -35,7 +41,6 @@ fn fog(lamp: DVec3) -> Scene {
         resolution: None,
         principal_point: Camera::CENTRED,
     });
-    let phase = PhaseFunction::HenyeyGreenstein { g: G };
     scene.media = vec![Medium { sigma_s: [SIGMA_S; 3], sigma_a: [SIGMA_T - SIGMA_S; 3], phase, ..Medium::default() }];
     scene
 }
@@ -93,6 +98,48 @@ fn light_that_scatters_once_in_the_gate_is_nearly_free_of_noise() {
             assert!(differs(wrong), "{lamp} {gate:?}");
         }
     }
+}
+
+/// Droplets as they are in fog, and a table with a narrow forward peak and light that returns.
+#[test]
+fn light_that_returns_from_droplets_and_tables_has_the_radiance_of_the_closed_form() {
+    let lamp = DVec3::new(0.05, 0.0, 0.0);
+    let droplets =
+        PhaseFunction::HenyeyGreensteinDraine { g: 0.9926, g_draine: 0.58, alpha: 25.0, weight_draine: 0.493 };
+    let cosines = vec![-1.0, -0.98, -0.9, 0.0, 0.9, 0.99, 1.0];
+    let table = PhaseFunction::Table { cosines, values: vec![0.9, 0.3, 0.1, 0.05, 1.0, 10.0, 300.0] };
+    for function in [droplets, table] {
+        let scene = fog_with(lamp, function.clone());
+        let phase = Phase::new(&function);
+        for gate in [[1.5, 2.5], [3.0, 3.1]] {
+            let (found, error) = mean(&scene, Estimator::Lcs, gate);
+            let medium = Coefficients { sigma_s: SIGMA_S, sigma_t: SIGMA_T };
+            let single = |factor: f64| {
+                let density = |c| factor * phase.density(c);
+                gated_single_scattering(medium, density, INTENSITY.into(), lamp, DVec3::NEG_Z, gate)
+            };
+            let (expected, wrong) = (single(1.0), single(1.02));
+            eprintln!(
+                "{function:?} {gate:?}: {:+.3} % +- {:.3} %",
+                100.0 * (found / expected - 1.0),
+                100.0 * error / expected
+            );
+            let differs = |from: f64| (found - from).abs() > threshold(4) * error + 1e-4 * from;
+            assert!(error < 1e-3 * expected && !differs(expected), "{gate:?}: {found} +- {error}, {expected}");
+            assert!(differs(wrong), "{gate:?}");
+        }
+    }
+}
+
+/// The first room of [`a_foggy_room_agrees_with_the_oracle`], with droplets around a box of fog whose phase function is a table.
+#[test]
+fn rooms_with_droplets_and_tables_agree_with_the_oracle() {
+    let mut scene = foggy(Light::Area);
+    scene.media[0].phase =
+        PhaseFunction::HenyeyGreensteinDraine { g: 0.9, g_draine: 0.5, alpha: 20.0, weight_draine: 0.5 };
+    scene.media[1].phase =
+        PhaseFunction::Table { cosines: vec![-1.0, -0.8, 0.5, 1.0], values: vec![2.0, 0.1, 0.3, 3.0] };
+    assert_none(against_oracle("droplets", &scene, &[(5.0, 6.0)], [16, 8]));
 }
 
 /// A room in coloured fog, with a denser box of other fog around its middle. The denser box counts where the two overlap.

@@ -20,6 +20,7 @@ mod materials;
 mod math;
 mod medium;
 mod pairs;
+mod phase;
 mod point;
 mod receiver;
 mod rough_glass;

@@ -1,28 +1,15 @@
-//! `shared/medium.wgsl`: phase functions, transmittance and flights through two overlapping media, compared with f64.
-
-use std::f64::consts::PI;
+//! `shared/medium.wgsl`: transmittance and flights through two overlapping media, compared with f64.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::oracle::phase::Phase;
-use taugate::internals::scene::PhaseFunction;
 use taugate::internals::wgsl::layout::Medium;
 use taugate::internals::wgsl::layout::constants::{PHASE_LOBES, PHASE_RAYLEIGH};
 
 use crate::shader_function::{Contents, ShaderFunction, contents};
 use crate::values::{direction, dvec, frame, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&PHASE, &TRANSMITTANCE, &FLIGHT];
-
-const PHASE: ShaderFunction = ShaderFunction {
-    imports: &["phase"],
-    input: "cosine: f32, u: f32, medium: u32, pad: u32",
-    result: "value: f32, cosine: f32",
-    body: "let m = load_medium(input.medium);
-        result.value = phase_value(m, input.cosine);
-        result.cosine = sample_phase_cosine(m, vec2<f32>(input.u, 0.5));",
-};
+pub const KERNELS: &[&ShaderFunction] = &[&TRANSMITTANCE, &FLIGHT];
 
 const TRANSMITTANCE: ShaderFunction = ShaderFunction {
     imports: &["medium"],
@@ -50,15 +37,6 @@ const FLIGHT: ShaderFunction = ShaderFunction {
         result.medium = flight.medium;
         result.scattered = u32(flight.scattered);",
 };
-
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Angle {
-    cosine: f32,
-    u: f32,
-    medium: u32,
-    pad: u32,
-}
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -99,6 +77,7 @@ fn media() -> [Medium; 2] {
         g: 0.7,
         sigma_a: [0.05, 0.0, 0.4],
         g2: 0.7,
+        ..Zeroable::zeroed()
     };
     let small = Medium {
         lo: [0.5, -0.5, -0.5],
@@ -113,41 +92,6 @@ fn media() -> [Medium; 2] {
 
 fn buffers(media: &[Medium]) -> [Contents; 2] {
     [contents("media", media), frame(|f| f.media_count = media.len() as u32)]
-}
-
-#[test]
-fn phase_functions_are_those_of_the_oracle_and_are_sampled_by_their_distribution() {
-    let lobe = |g: f32| (Medium { g, g2: g, ..media()[0] }, PhaseFunction::HenyeyGreenstein { g: g.into() });
-    let two = PhaseFunction::DoubleHenyeyGreenstein { g: [0.9f32.into(), (-0.3f32).into()], weight: 0.75 };
-    let cases = [
-        lobe(0.0),
-        lobe(5e-4),
-        lobe(0.8),
-        lobe(-0.5),
-        lobe(0.9),
-        (media()[1], PhaseFunction::Rayleigh),
-        (Medium { g: 0.9, g2: -0.3, share: 0.25, ..media()[0] }, two),
-        lobe(0.99),
-    ];
-    let mut pcg = Pcg::new(3);
-    let mut draw = || Angle { cosine: 2.0 * pcg.uniform() as f32 - 1.0, u: pcg.uniform() as f32, medium: 0, pad: 0 };
-    for (number, (medium, function)) in cases.into_iter().enumerate() {
-        let inputs: Vec<Angle> = (0..2_000).map(|_| draw()).collect();
-        let found: Vec<[f32; 2]> = PHASE.run(&inputs, &buffers(&[medium]));
-        let phase = Phase::new(&function);
-        for (input, [value, cosine]) in inputs.iter().zip(found) {
-            let expected = phase.density(input.cosine.into());
-            assert!((f64::from(value) / expected - 1.0).abs() < 2e-4, "{number}: {input:?}: {value}, {expected}");
-            // The share of the sphere up to the sampled cosine. A sharp lobe needs more steps, and of two lobes only one was sampled.
-            if number < 6 {
-                let steps = 20_000;
-                let width = (f64::from(cosine) + 1.0) / f64::from(steps);
-                let sum: f64 = (0..steps).map(|i| phase.density(-1.0 + (f64::from(i) + 0.5) * width)).sum();
-                let share = 2.0 * PI * sum * width;
-                assert!((share - f64::from(input.u)).abs() < 2e-3, "{number}: {input:?}: cosine {cosine}, {share}");
-            }
-        }
-    }
 }
 
 /// Coefficients of scattering and absorption at a point.

@@ -123,7 +123,11 @@ impl Bench {
         let glossy = f64::from(u8::from(glossy));
         let mut scene = buffers(&scene, DVec3::ZERO);
         scene.extend([contents("albedo_table", &AlbedoTable::new().values), contents("sky", &[0u32; 4])]);
-        scene.push(contents("media", &[0u32; 16]));
+        scene.extend([
+            contents("media", &[0u32; 20]),
+            contents("phase_tables", &[0u32; 4]),
+            contents("segments", &[0u32; 8]),
+        ]);
         Bench {
             device: Device::open(None).unwrap_or_else(|e| panic!("these tests need a Vulkan device: {e}")),
             scene,

@@ -1,0 +1,194 @@
+//! The phase function of `[medium]`: its parameters, or a table from a file.
+
+use std::path::Path;
+
+use crate::files::{check_readable, read_error};
+use crate::scene::PhaseFunction;
+use crate::settings::medium::{Alpha, DropletDiameter, MeanCosine};
+use crate::settings::phase::Phase;
+use crate::settings::table::MediumTable;
+
+/// Maximum size of a table in bytes; a table of a thousand rows has 20,000.
+const MAX_TABLE_BYTES: u64 = 8 << 20;
+
+/// The phase function of `table`. Fails with one sentence if a parameter is missing, or has no effect.
+pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
+    let phase = table.phase.clone().unwrap_or(match (table.droplet_diameter, table.g) {
+        (Some(_), _) => Phase::Draine,
+        (None, Some(_)) => Phase::Hg,
+        (None, None) => Phase::Isotropic,
+    });
+    let used: &[&str] = match (&phase, table.droplet_diameter) {
+        (Phase::Isotropic | Phase::Rayleigh | Phase::Table(_), _) => &[],
+        (Phase::Hg, _) => &["--phase-g"],
+        (Phase::DoubleHg, _) => &["--phase-g", "--phase-g2", "--phase-weight"],
+        (Phase::Draine, Some(_)) => &["--droplet-diameter"],
+        (Phase::Draine, None) => &["--phase-g", "--phase-g2", "--phase-weight", "--phase-alpha"],
+    };
+    let given = [
+        ("--phase-g", table.g.is_some()),
+        ("--phase-g2", table.g2.is_some()),
+        ("--phase-weight", table.weight.is_some()),
+        ("--phase-alpha", table.alpha.is_some()),
+        ("--droplet-diameter", table.droplet_diameter.is_some()),
+    ];
+    if let Some((flag, _)) = given.iter().find(|(flag, given)| *given && !used.contains(flag)) {
+        let with = match (&phase, table.droplet_diameter) {
+            (Phase::Draine, Some(_)) => "with --droplet-diameter, which sets all parameters".to_string(),
+            _ => format!("in its phase function{}", only(used)),
+        };
+        return Err(format!("{flag} has no effect {with}: remove it, or choose another --phase"));
+    }
+    let missing = |flag: &str, what: &str| format!("this phase function needs {flag}, {what}");
+    let first = || table.g.map(|MeanCosine(g)| g).ok_or(missing("--phase-g", "the mean cosine of its first lobe"));
+    let second = |what: &str| table.g2.map(|MeanCosine(g)| g).ok_or(missing("--phase-g2", what));
+    let weight = || table.weight.map(|share| share.0).ok_or(missing("--phase-weight", "the share of its first lobe"));
+    Ok(match phase {
+        Phase::Isotropic => PhaseFunction::Isotropic,
+        Phase::Rayleigh => PhaseFunction::Rayleigh,
+        Phase::Hg => PhaseFunction::HenyeyGreenstein { g: first()? },
+        Phase::DoubleHg => PhaseFunction::DoubleHenyeyGreenstein {
+            g: [first()?, second("the mean cosine of its second lobe")?],
+            weight: weight()?,
+        },
+        Phase::Draine => match table.droplet_diameter {
+            Some(DropletDiameter(diameter)) => droplets(diameter),
+            None if table.g.is_none() => {
+                return Err("draine needs --droplet-diameter, or its four parameters --phase-g, --phase-g2, --phase-weight and \
+                            --phase-alpha"
+                    .into());
+            }
+            None => PhaseFunction::HenyeyGreensteinDraine {
+                g: first()?,
+                g_draine: second("the parameter g of its second lobe")?,
+                weight_draine: 1.0 - weight()?,
+                alpha: table.alpha.map(|Alpha(x)| x).ok_or(missing("--phase-alpha", "of its second lobe"))?,
+            },
+        },
+        Phase::Table(path) => read_table(&path)?,
+    })
+}
+
+/// The rest of a sentence that says which parameters a phase function has.
+fn only(used: &[&str]) -> String {
+    match used {
+        [] => ", which has no parameters".into(),
+        [one] => format!(", which has only {one}"),
+        [some @ .., last] => format!(", which has {} and {last}", some.join(", ")),
+    }
+}
+
+/// Droplets of water of this diameter in micrometres, from 5 to 50: the fit to Mie scattering of Jendersie and d'Eon 2023,
+/// equations 4 to 7.
+fn droplets(d: f64) -> PhaseFunction {
+    PhaseFunction::HenyeyGreensteinDraine {
+        g: (-0.0990567 / (d - 1.67154)).exp(),
+        g_draine: (-2.20679 / (d + 3.91029) - 0.428934).exp(),
+        alpha: (3.62489 - 8.29288 / (d + 5.52825)).exp(),
+        weight_draine: (-0.599085 / (d - 0.641583) - 0.665888).exp(),
+    }
+}
+
+/// Reads a table of two columns: cosine of the scattering angle, and value. See [`parse_table`].
+fn read_table(path: &Path) -> Result<PhaseFunction, String> {
+    let name = path.display();
+    let length = check_readable(path).map_err(|e| e.to_string())?;
+    if length > MAX_TABLE_BYTES {
+        return Err(format!(
+            "{name} has {length} bytes, too many for a table: use fewer rows, at most {MAX_TABLE_BYTES} bytes"
+        ));
+    }
+    let bytes = std::fs::read(path).map_err(|e| read_error(path, e).to_string())?;
+    let text = String::from_utf8(bytes)
+        .map_err(|_| format!("{name} is not text: give a CSV file with the columns cosine and value"))?;
+    let (cosines, values) = parse_table(&text).map_err(|message| format!("{name}:{message}"))?;
+    Ok(PhaseFunction::Table { cosines, values })
+}
+
+/// The columns of a table. Lines that are empty or begin with `#` do not count; the first other line may be a header. The error
+/// begins with the number of the line.
+fn parse_table(text: &str) -> Result<(Vec<f64>, Vec<f64>), String> {
+    let (mut cosines, mut values) = (vec![], vec![]);
+    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+    let rows = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+    for (row, (number, line)) in rows.enumerate() {
+        let cells: Result<Vec<f64>, _> = line.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
+        match cells.as_deref() {
+            Ok(&[cosine, value]) => {
+                cosines.push(cosine);
+                values.push(value);
+            }
+            Err(_) if row == 0 => {}
+            _ => return Err(format!("{number}: '{line}' is not a row: write a cosine and a value, like -1,0.05")),
+        }
+    }
+    match cosines.is_empty() {
+        true => Err("1: the table has no rows: write a cosine and a value per line, like -1,0.05".into()),
+        false => Ok((cosines, values)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::experiment::Experiment;
+
+    fn read(keys: &str) -> Result<PhaseFunction, String> {
+        let experiment = Experiment::parse(&format!("[medium]\n{keys}")).map_err(|e| e.to_string())?;
+        phase(&experiment.medium)
+    }
+
+    #[test]
+    fn droplets_have_the_parameters_of_the_fit() {
+        let Ok(PhaseFunction::HenyeyGreensteinDraine { g, g_draine, alpha, weight_draine }) =
+            read("droplet-diameter = 15")
+        else {
+            panic!("--droplet-diameter selects draine");
+        };
+        let expected = [0.992_596, 0.579_476, 25.051_06, 0.492_820];
+        for (found, expected) in [g, g_draine, alpha, weight_draine].into_iter().zip(expected) {
+            assert!((found / expected - 1.0).abs() < 1e-3, "{found} and not {expected}");
+        }
+        assert_eq!(read("phase = 'draine'\ndroplet_diameter = 15.0"), read("droplet-diameter = '15'"));
+        let given = read("phase = 'draine'\ng = 0.9\ng2 = 0.5\nweight = 0.25\nalpha = 20");
+        let expected =
+            PhaseFunction::HenyeyGreensteinDraine { g: 0.9, g_draine: 0.5, alpha: 20.0, weight_draine: 0.75 };
+        assert_eq!(given, Ok(expected));
+    }
+
+    #[test]
+    fn tables_are_read() {
+        let expected = Ok((vec![-1.0, 0.0, 1.0], vec![0.5, 1e-3, 8.0]));
+        assert_eq!(parse_table("-1,0.5\n0, 1e-3\n1,8"), expected);
+        assert_eq!(parse_table("# of fog\n\ncosine, value\n-1,0.5\n # middle\n0,0.001\r\n1,8\n"), expected);
+        for (text, part) in [
+            ("", "1: the table has no rows"),
+            ("cosine,value\n", "1: the table has no rows"),
+            ("-1,1\n0.5\n1,1", "2: '0.5' is not a row"),
+            ("cosine,value\nangle,value\n1,1", "2: 'angle,value'"),
+            ("-1,1,2", "1: '-1,1,2' is not a row"),
+        ] {
+            assert!(parse_table(text).unwrap_err().starts_with(part), "{text}");
+        }
+        assert!(read("phase = '/nowhere/fog.csv'").unwrap_err().contains("fog.csv"));
+    }
+
+    #[test]
+    fn mistakes_name_the_remedy() {
+        for (keys, part) in [
+            ("phase = 'hg'", "needs --phase-g,"),
+            ("g = 0.5\nphase = 'isotropic'", "--phase-g has no effect in its phase function, which has no parameters"),
+            ("g = 0.5\ng2 = 0.5", "--phase-g2 has no effect in its phase function, which has only --phase-g:"),
+            ("g = 0.5\ng2 = 0.1\nphase = 'double-hg'", "--phase-weight"),
+            ("phase = 'draine'", "draine needs --droplet-diameter, or"),
+            ("phase = 'draine'\ng = 0.5\ng2 = 0.5\nweight = 1", "--phase-alpha"),
+            ("droplet-diameter = 10\nalpha = 2", "--phase-alpha has no effect with --droplet-diameter"),
+            ("droplet-diameter = 10\nphase = 'hg'", "--droplet-diameter has no effect"),
+            ("droplet-diameter = 3", "from 5 to 50"),
+            ("alpha = 'x'", "an alpha of Draine"),
+        ] {
+            let message = read(keys).expect_err(keys);
+            assert!(message.contains(part), "{keys}: {message}");
+        }
+    }
+}

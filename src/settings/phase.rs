@@ -1,0 +1,96 @@
+//! Name of a phase function, or of the file with its table.
+
+use std::ffi::OsStr;
+use std::path::PathBuf;
+
+use serde::de::{Deserialize, Deserializer, Error as _};
+use serde::{Serialize, Serializer};
+
+use crate::settings::setting::Value;
+
+/// A phase function as the user names it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Phase {
+    Isotropic,
+    /// One Henyey-Greenstein lobe.
+    Hg,
+    /// Two Henyey-Greenstein lobes.
+    DoubleHg,
+    /// A Henyey-Greenstein lobe and a lobe of Draine.
+    Draine,
+    Rayleigh,
+    /// A CSV file of cosines and values.
+    Table(PathBuf),
+}
+
+const NAMES: [(&str, Phase); 5] = [
+    ("isotropic", Phase::Isotropic),
+    ("hg", Phase::Hg),
+    ("double-hg", Phase::DoubleHg),
+    ("draine", Phase::Draine),
+    ("rayleigh", Phase::Rayleigh),
+];
+
+impl Value for Phase {
+    fn parse(word: &OsStr) -> Result<Phase, String> {
+        let path = PathBuf::from(word);
+        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+            return Ok(Phase::Table(path));
+        }
+        let named = NAMES.into_iter().find(|(name, _)| word == *name);
+        named.map(|(_, phase)| phase).ok_or_else(|| {
+            format!(
+                "'{}' is not a phase function: write isotropic, hg, double-hg, draine, rayleigh, or the name of a table that \
+                 ends in .csv",
+                word.display()
+            )
+        })
+    }
+
+    fn paths(&mut self) -> &mut [PathBuf] {
+        match self {
+            Phase::Table(path) => std::slice::from_mut(path),
+            _ => &mut [],
+        }
+    }
+}
+
+impl Serialize for Phase {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Phase::Table(path) => path.serialize(serializer),
+            named => {
+                let name = NAMES.iter().find(|(_, phase)| phase == named).map_or("", |(name, _)| name);
+                serializer.serialize_str(name)
+            }
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Phase {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        Phase::parse(text.as_ref()).map_err(D::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::experiment::Experiment;
+
+    #[test]
+    fn a_phase_function_is_a_name_or_a_table() {
+        for (name, phase) in NAMES {
+            assert_eq!(Phase::parse(name.as_ref()), Ok(phase));
+        }
+        assert_eq!(Phase::parse("a/fog.CSV".as_ref()), Ok(Phase::Table("a/fog.CSV".into())));
+        for bad in ["", "HG", "mie", "fog.txt"] {
+            assert!(Phase::parse(bad.as_ref()).unwrap_err().contains("is not a phase function: write"), "{bad}");
+        }
+        for name in ["double-hg", "draine", "fog.csv"] {
+            let read = Experiment::parse(&format!("[medium]\nphase = '{name}'\n")).unwrap();
+            assert_eq!(Experiment::parse(&read.to_toml()).unwrap(), read, "{name}");
+        }
+    }
+}

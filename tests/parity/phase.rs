@@ -1,0 +1,147 @@
+//! `shared/phase.wgsl`: values and samples of phase functions, compared with f64.
+
+use std::f64::consts::TAU;
+
+use bytemuck::{Pod, Zeroable};
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::oracle::fog::integrate;
+use taugate::internals::oracle::phase::Phase;
+use taugate::internals::render::phase::{mean_cosine, set};
+use taugate::internals::scene::PhaseFunction;
+use taugate::internals::wgsl::layout::Medium;
+
+use crate::shader_function::{ShaderFunction, contents};
+
+pub const KERNELS: &[&ShaderFunction] = &[&PHASE];
+
+const PHASE: ShaderFunction = ShaderFunction {
+    imports: &["phase"],
+    input: "cosine: f32, u: f32, medium: u32, lobe: f32",
+    result: "value: f32, cosine: f32",
+    body: "let m = load_medium(input.medium);
+        result.value = phase_value(m, input.cosine);
+        result.cosine = sample_phase_cosine(m, vec2<f32>(input.u, input.lobe));",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Angle {
+    cosine: f32,
+    u: f32,
+    medium: u32,
+    lobe: f32,
+}
+
+fn draine(g: f64, g_draine: f64, alpha: f64, weight_draine: f64) -> PhaseFunction {
+    PhaseFunction::HenyeyGreensteinDraine { g, g_draine, alpha, weight_draine }
+}
+
+/// Phase functions whose samples come from one distribution, and mixtures of two lobes.
+fn functions() -> [Vec<PhaseFunction>; 2] {
+    let lobe = |g| PhaseFunction::HenyeyGreenstein { g };
+    let table =
+        |cosines: &[f64], values: &[f64]| PhaseFunction::Table { cosines: cosines.into(), values: values.into() };
+    // A hundred nodes with a narrow forward peak, as of droplets.
+    let many: Vec<f64> = (0..=100).map(|i| 1.0 - 2.0 * (f64::from(100 - i) / 100.0).powi(3)).collect();
+    let peak: Vec<f64> = many.iter().map(|c| Phase::new(&lobe(0.9)).density(*c) + 0.1 * (1.0 - c).powi(4)).collect();
+    let single = vec![
+        lobe(0.0),
+        lobe(5e-4),
+        lobe(0.8),
+        lobe(-0.5),
+        lobe(0.9),
+        PhaseFunction::Rayleigh,
+        draine(0.0, 0.0, 0.0, 1.0),
+        draine(0.0, 0.0, 1.0, 1.0),
+        draine(0.0, 0.58, 25.0, 1.0),
+        draine(0.0, -0.4, 1e3, 1.0),
+        draine(0.0, 0.9, 3.0, 1.0),
+        table(&[-1.0, 1.0], &[1.0, 0.0]),
+        table(&[-1.0, -0.5, 0.5, 0.7, 1.0], &[0.5, 0.0, 0.0, 0.2, 6.0]),
+        table(&many, &peak),
+    ];
+    let mixtures = vec![
+        PhaseFunction::DoubleHenyeyGreenstein { g: [0.9, -0.3], weight: 0.75 },
+        lobe(0.99),
+        draine(0.99, 0.58, 25.0, 0.49),
+    ];
+    [single, mixtures]
+}
+
+/// Values and sampled cosines of all `functions`, for `count` random inputs each.
+fn evaluate(functions: &[PhaseFunction], count: u32) -> Vec<(Angle, [f32; 2])> {
+    let mut tables = vec![];
+    let media: Vec<Medium> = functions
+        .iter()
+        .map(|function| {
+            let mut medium = Medium::zeroed();
+            set(function, &mut medium, &mut tables);
+            medium
+        })
+        .collect();
+    let mut pcg = Pcg::new(3);
+    let mut draw = |medium| Angle {
+        cosine: 2.0 * pcg.uniform() as f32 - 1.0,
+        u: pcg.uniform() as f32,
+        medium,
+        lobe: pcg.uniform() as f32,
+    };
+    let inputs: Vec<Angle> = (0..media.len() as u32).flat_map(|m| vec![m; count as usize]).map(&mut draw).collect();
+    tables.resize(tables.len().max(1), [0.0; 4]);
+    let buffers = [contents("media", &media), contents("phase_tables", &tables)];
+    let found = PHASE.compile(&[("HAS_DRAINE", 1.0), ("HAS_PHASE_TABLES", 1.0)]).run(&inputs, &buffers);
+    inputs.into_iter().zip(found).collect()
+}
+
+/// Whether the share of the light up to each sampled cosine is the number with which the cosine was sampled.
+fn samples_agree(phase: &Phase, results: &[(Angle, [f32; 2])], wrong: f64) -> bool {
+    // The density has kinks, so its integral is summed over the intervals between the sorted cosines.
+    let mut sorted: Vec<(f64, f64)> =
+        results.iter().map(|(angle, [_, c])| (f64::from(*c), f64::from(angle.u))).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut last, mut share) = (-1.0, 0.0);
+    sorted.into_iter().all(|(cosine, u)| {
+        share += TAU * integrate(last, cosine, |c| phase.density(c) * (1.0 + wrong * c));
+        last = cosine;
+        (share - u).abs() < 1e-3
+    })
+}
+
+#[test]
+fn phase_functions_have_the_values_of_the_oracle() {
+    let functions = functions().concat();
+    for (input, [value, _]) in evaluate(&functions, 1000) {
+        let function = &functions[input.medium as usize];
+        let expected = Phase::new(function).density(input.cosine.into());
+        assert!(
+            (f64::from(value) - expected).abs() < 2e-4 * expected + 1e-6,
+            "{function:?}: {input:?}: {value}, {expected}"
+        );
+    }
+}
+
+#[test]
+fn sampled_cosines_invert_the_cumulative_distribution() {
+    let [functions, _] = functions();
+    let results = evaluate(&functions, 1000);
+    for (function, results) in functions.iter().zip(results.chunks(1000)) {
+        let phase = Phase::new(function);
+        assert!(samples_agree(&phase, results, 0.0), "{function:?}");
+        // A density that is 1 % too high forwards is rejected.
+        assert!(!samples_agree(&phase, results, 0.01), "{function:?}");
+    }
+}
+
+#[test]
+fn mixtures_have_their_mean_cosine() {
+    let [_, functions] = functions();
+    let count = 40_000;
+    let results = evaluate(&functions, count);
+    for (function, results) in functions.iter().zip(results.chunks(count as usize)) {
+        let mean = results.iter().map(|(_, [_, c])| f64::from(*c)).sum::<f64>() / f64::from(count);
+        let expected = mean_cosine(function);
+        assert!((mean - expected).abs() < 0.008, "{function:?}: {mean}, {expected}");
+        // A mean that is wrong by 2 % is rejected.
+        assert!((mean - 1.02 * expected).abs() > 0.008, "{function:?}: {mean}, {expected}");
+    }
+}
