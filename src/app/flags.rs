@@ -8,7 +8,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 33] = [
+const INFO_SETTINGS: [&str; 35] = [
     "camera",
     "look-from",
     "look-at",
@@ -35,6 +35,8 @@ const INFO_SETTINGS: [&str; 33] = [
     "phase-weight",
     "phase-alpha",
     "droplet-diameter",
+    "medium-ior",
+    "medium-group-ior",
     "medium-bounds",
     "no-medium",
     "double-sided",

@@ -10,9 +10,10 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
 use crate::input::light_table::LightTable;
+use crate::input::medium_tables::MediumTables;
 use crate::input::plain::{plain, table_of};
 use crate::settings::setting::{Setting, Value, Visitor};
-use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, MediumTable, OutputTable, RenderTable};
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, OutputTable, RenderTable};
 
 /// Maximum size of an experiment file in bytes. A real experiment is a page of text, so a larger file is something else.
 const MAX_BYTES: u64 = 1 << 20;
@@ -26,7 +27,7 @@ pub struct Experiment {
     pub camera: CameraTable,
     pub emitter: EmitterTable,
     pub input: InputTable,
-    pub medium: MediumTable,
+    pub medium: MediumTables,
     pub gate: GateTable,
     pub render: RenderTable,
     pub output: OutputTable,

@@ -3,6 +3,7 @@
 
 pub mod experiment;
 pub mod light_table;
+pub mod medium_tables;
 pub mod plain;
 pub mod resolve;
 pub mod scenery;

@@ -51,6 +51,12 @@ impl Default for Medium {
     }
 }
 
+/// Index of refraction and group index outside of transmissive solids: those of the last medium that fills all space.
+pub fn surrounding_indices(media: &[Medium]) -> [f32; 2] {
+    let water = media.iter().rev().find(|medium| medium.is_unbounded());
+    water.map_or([1.0; 2], |medium| [medium.ior, medium.group_ior])
+}
+
 /// Density of scattered light per steradian, as a function of the cosine between the directions of travel before and after
 /// scattering. The cosine is 1 for light that goes straight on. All phase functions integrate to 1 over the sphere.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,7 +129,7 @@ impl Medium {
     }
 
     /// Fails with one sentence if a number is out of range. `name` names the medium in the message.
-    pub(super) fn check(&self, name: &str) -> Checked {
+    pub(crate) fn check(&self, name: &str) -> Checked {
         for (what, sigma) in [("sigma_s", self.sigma_s), ("sigma_a", self.sigma_a)] {
             sigma.iter().try_for_each(|&x| within(x, 0.0..=MAX_COEFFICIENT, &format!("{name} has a {what}")))?;
         }

@@ -22,7 +22,7 @@ pub use camera::{Camera, Projection};
 pub(crate) use light::MAX_DISTANT;
 pub use light::{Light, LightKind};
 pub use material::{AlphaMode, Material};
-pub use medium::{DensityGrid, GridFilter, MAX_COEFFICIENT, Medium, PhaseFunction};
+pub use medium::{DensityGrid, GridFilter, MAX_COEFFICIENT, Medium, PhaseFunction, surrounding_indices};
 pub use sky::SkyImage;
 
 /// A loaded scene. Lengths are in metres; transforms stay in f64 until the renderer moves the origin to the sensor.

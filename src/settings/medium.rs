@@ -113,6 +113,10 @@ number! {
     Alpha, 0.0..=1e6, "an alpha of Draine: write a number from 0 to 1000000, like 20"
 }
 number! {
+    /// An index of refraction, or a group index.
+    RefractiveIndex, 1.0..=5.0, "an index of refraction: write a number from 1 to 5, like 1.33"
+}
+number! {
     /// The diameter of water droplets in micrometres.
     DropletDiameter, 5.0..=50.0, "a droplet diameter: write a number of micrometres from 5 to 50, like 15"
 }
@@ -179,7 +183,7 @@ impl<'de> Deserialize<'de> for Bounds {
     }
 }
 
-value_from_text!(Coefficient, Share, MeanCosine, Alpha, DropletDiameter, Distance, Bounds);
+value_from_text!(Coefficient, Share, MeanCosine, Alpha, DropletDiameter, RefractiveIndex, Distance, Bounds);
 
 #[cfg(test)]
 mod tests {

@@ -9,7 +9,9 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
-use crate::settings::medium::{Alpha, Bounds, Coefficient, Distance, DropletDiameter, MeanCosine, Share};
+use crate::settings::medium::{
+    Alpha, Bounds, Coefficient, Distance, DropletDiameter, MeanCosine, RefractiveIndex, Share,
+};
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::phase::Phase;
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
@@ -143,6 +145,13 @@ table! {
 
         /// Diameter of water droplets, from 5 to 50 micrometres; it sets all parameters of draine
         droplet_diameter: DropletDiameter, Setting::medium("droplet-diameter", "MICROMETRES").excludes("phase-g");
+
+        /// Index of refraction of a medium that fills all space, like 1.33 for water: solids refract relative to it [default: 1]
+        ior: RefractiveIndex, Setting::medium("medium-ior", "1..5");
+
+        /// Group index of a medium that fills all space: light takes this many times the distance outside of solids [default:
+        /// --medium-ior]
+        group_ior: RefractiveIndex, Setting::medium("medium-group-ior", "1..5");
 
         /// Box that the medium fills, given by two corners in metres [default: all space]
         bounds: Bounds, Setting::medium("medium-bounds", "X,Y,Z,X,Y,Z").form(Form::Signed);

@@ -4,8 +4,9 @@ use glam::DVec3;
 
 use super::phase::phase;
 use crate::error::{Error, Result};
+use crate::input::medium_tables::MediumTables;
 use crate::scene::{Medium, Scene};
-use crate::settings::medium::{Bounds, Coefficient, Distance, Share};
+use crate::settings::medium::{Bounds, Coefficient, Distance, RefractiveIndex, Share};
 use crate::settings::table::MediumTable;
 
 /// Contrast that a black object keeps at the visibility (Koschmieder 1924), and at the meteorological optical range (CIE, WMO).
@@ -14,28 +15,53 @@ const CONTRAST_AT_MOR: f64 = 0.05;
 /// Albedo of droplets in visible light.
 const DEFAULT_ALBEDO: f64 = 0.99;
 
-/// Replaces the media of the scene by the medium of `table`, if the user gave one; removes them with `no_medium`. Fails if
-/// settings are missing, exclude each other, or have no effect.
-pub(super) fn apply(table: &MediumTable, scene: &mut Scene) -> Result<()> {
-    let no_medium = table.no_medium == Some(true);
+/// Replaces the media of the scene by those of `tables`, if the user gave one; removes them with `no_medium`. Fails if settings
+/// are missing, exclude each other, or have no effect.
+pub(super) fn apply(tables: &MediumTables, scene: &mut Scene) -> Result<()> {
+    let MediumTables { one, list } = tables;
+    if !list.is_empty() {
+        if *one != MediumTable::default() {
+            return Err(Error::Settings(
+                "flags describe one medium, but the file has a list [[medium]]: change the list, or use [medium]"
+                    .into(),
+            ));
+        }
+        let named = list.iter().enumerate().map(|(i, table)| (format!("entry {} of [[medium]]", i + 1), table));
+        scene.media = named.map(|(name, table)| checked_medium(table, &name)).collect::<Result<_>>()?;
+        return Ok(());
+    }
+    let no_medium = one.no_medium == Some(true);
     if no_medium {
         scene.media.clear();
     }
-    if *table == (MediumTable { no_medium: table.no_medium, ..MediumTable::default() }) {
+    if *one == (MediumTable { no_medium: one.no_medium, ..MediumTable::default() }) {
         return Ok(());
     }
     if no_medium {
         return Err(Error::Settings("--no-medium leaves no medium for the other settings: remove one of them".into()));
     }
-    scene.media = vec![medium(table).map_err(|message| Error::Settings(format!("the medium: {message}")))?];
-    scene.check()
+    scene.media = vec![checked_medium(&MediumTable { no_medium: None, ..one.clone() }, "the medium")?];
+    Ok(())
+}
+
+/// The medium of a table. `name` names it in messages.
+fn checked_medium(table: &MediumTable, name: &str) -> Result<Medium> {
+    let medium = medium(table).map_err(|message| Error::Settings(format!("{name}: {message}")))?;
+    medium.check(name).map_err(Error::Settings)?;
+    Ok(medium)
 }
 
 /// The medium of a table in which the user gave at least one setting.
 fn medium(table: &MediumTable) -> Result<Medium, String> {
+    if table.no_medium.is_some() {
+        return Err("no-medium is not a key of a list: remove it, or remove the list".into());
+    }
     let (sigma_s, sigma_a) = coefficients(table)?;
     let bounds = table.bounds.map(|Bounds(corners)| corners.map(DVec3::from));
-    Ok(Medium { sigma_s, sigma_a, phase: phase(table)?, bounds, ..Medium::default() })
+    let index = |given: Option<RefractiveIndex>| given.map(|RefractiveIndex(index)| index as f32);
+    let ior = index(table.ior).unwrap_or(1.0);
+    let group_ior = index(table.group_ior).unwrap_or(ior);
+    Ok(Medium { sigma_s, sigma_a, phase: phase(table)?, ior, group_ior, bounds, ..Medium::default() })
 }
 
 /// Coefficients of scattering and absorption per metre.
@@ -58,7 +84,8 @@ fn coefficients(table: &MediumTable) -> Result<([f64; 3], [f64; 3]), String> {
         None if table.albedo.is_some() => {
             Err("--albedo needs --visibility or --mor; with --sigma-s, give --sigma-a".into())
         }
-        None if !given => {
+        // A medium may be clear, like pure water.
+        None if !given && table.ior.is_none() && table.group_ior.is_none() => {
             Err("its coefficients are missing: give --sigma-s and --sigma-a, --visibility or --mor".into())
         }
         None => {
@@ -76,7 +103,11 @@ mod tests {
     use crate::scene::PhaseFunction;
 
     fn media(keys: &str) -> Result<Vec<Medium>, String> {
-        let experiment = Experiment::parse(&format!("[medium]\n{keys}")).map_err(|e| e.to_string())?;
+        media_of(&format!("[medium]\n{keys}"))
+    }
+
+    fn media_of(text: &str) -> Result<Vec<Medium>, String> {
+        let experiment = Experiment::parse(text).map_err(|e| e.to_string())?;
         assert_eq!(Experiment::parse(&experiment.to_toml()).unwrap(), experiment, "{}", experiment.to_toml());
         let mut scene = build(Kind::CornellBox);
         scene.media = vec![Medium { sigma_s: [7.0; 3], ..Medium::default() }];
@@ -94,6 +125,44 @@ mod tests {
         assert_eq!((fog.sigma_s, fog.sigma_a), ([0.0027; 3], [0.0003, 0.0, 0.0]));
         assert_eq!(fog.phase, PhaseFunction::HenyeyGreenstein { g: 0.5 });
         assert_eq!(fog.bounds, Some([DVec3::splat(6.0), DVec3::new(550.0, 543.0, 550.0)]));
+    }
+
+    #[test]
+    fn a_list_replaces_the_media_of_the_scene() {
+        let list =
+            "[[medium]]\nmor = '50m'\n[[medium]]\nsigma_s = 1\nphase = 'rayleigh'\nbounds = [[0, 0, 0], [1, 1, 1]]\n";
+        let found = media_of(list).unwrap();
+        assert_eq!((found.len(), found[1].sigma_s, &found[1].phase), (2, [1.0; 3], &PhaseFunction::Rayleigh));
+        let file = Experiment::parse(list).unwrap();
+        let flags = |keys: &str| Experiment::parse(&format!("[medium]\n{keys}")).unwrap();
+        let merged = |keys: &str| {
+            let mut scene = build(Kind::CornellBox);
+            apply(&flags(keys).over(file.clone()).medium, &mut scene).map(|()| scene.media.len())
+        };
+        assert_eq!((merged("").unwrap(), merged("no-medium = true").unwrap()), (2, 0));
+        assert!(merged("sigma-s = 1").unwrap_err().to_string().contains("change the list"));
+        for (entry, part) in [
+            ("phase = 'rayleigh'", "entry 2 of [[medium]]: its coefficients are missing"),
+            ("sigma_s = 1\nbounds = [[0, 0, 0], [1, 0, 1]]", "entry 2 of [[medium]] has bounds whose first corner"),
+            ("sigma_s = 1\nior = 1.3\nbounds = [[0, 0, 0], [1, 1, 1]]", "entry 2 of [[medium]] has an ior of 1.3"),
+            ("no_medium = true", "entry 2 of [[medium]]: no-medium is not a key of a list"),
+            ("sigma = 1", "line 4, column 1: [[medium]] has no key sigma"),
+            ("sigma_s = -1", "line 4, column 11: '-1' is not a coefficient"),
+        ] {
+            let message = media_of(&format!("[[medium]]\nsigma_s = 1\n[[medium]]\n{entry}")).expect_err(entry);
+            assert!(message.contains(part), "{entry}: {message}");
+        }
+        assert!(media_of("medium = 3").unwrap_err().contains("a table"));
+    }
+
+    #[test]
+    fn water_needs_no_coefficients() {
+        let water = &media("ior = 1.33\ngroup-ior = 1.35").unwrap()[0];
+        assert_eq!((water.ior, water.group_ior, water.sigma_s), (1.33, 1.35, [0.0; 3]));
+        // Without a group index, light travels at the index of refraction.
+        assert_eq!(media("sigma-a = 0.1\nior = '1.33'").unwrap()[0].group_ior, 1.33);
+        assert!(media("ior = 0.9").unwrap_err().contains("from 1 to 5"));
+        assert!(media("ior = 1.33\nbounds = [[0, 0, 0], [1, 1, 1]]").unwrap_err().contains("limited extent"));
     }
 
     #[test]

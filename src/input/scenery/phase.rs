@@ -135,7 +135,7 @@ mod tests {
 
     fn read(keys: &str) -> Result<PhaseFunction, String> {
         let experiment = Experiment::parse(&format!("[medium]\n{keys}")).map_err(|e| e.to_string())?;
-        phase(&experiment.medium)
+        phase(&experiment.medium.one)
     }
 
     #[test]

@@ -1,0 +1,67 @@
+//! The media of an experiment: `[medium]` with its flags, or a list `[[medium]]`.
+
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::settings::setting;
+use crate::settings::table::MediumTable;
+
+/// The media as the user wrote them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MediumTables {
+    /// `[medium]` and the flags of a medium.
+    pub one: MediumTable,
+    /// `[[medium]]`. Empty if the file has no list.
+    pub list: Vec<MediumTable>,
+}
+
+impl MediumTables {
+    /// Merges the media of two experiments. `--no-medium` also removes the list of the file.
+    pub fn over(self, below: MediumTables) -> MediumTables {
+        let removes = self.one.no_medium == Some(true);
+        let list = if removes || !self.list.is_empty() { self.list } else { below.list };
+        MediumTables { one: self.one.over(below.one), list }
+    }
+
+    /// Calls `visitor` with every setting of every table.
+    pub fn visit(&mut self, visitor: &mut impl setting::Visitor) {
+        self.one.visit(visitor);
+        self.list.iter_mut().for_each(|table| table.visit(visitor));
+    }
+}
+
+impl Serialize for MediumTables {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.list.is_empty() {
+            true => Serialize::serialize(&self.one, serializer),
+            false => self.list.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for MediumTables {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<MediumTables, D::Error> {
+        deserializer.deserialize_any(TableOrList)
+    }
+}
+
+struct TableOrList;
+
+impl<'de> Visitor<'de> for TableOrList {
+    type Value = MediumTables;
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str("a map")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<MediumTables, A::Error> {
+        let one = Deserialize::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(MediumTables { one, list: vec![] })
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<MediumTables, A::Error> {
+        let list = Deserialize::deserialize(SeqAccessDeserializer::new(list))?;
+        Ok(MediumTables { one: MediumTable::default(), list })
+    }
+}
