@@ -31,7 +31,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.position = e.vertex.position;
     s.tau = 0.0;
     s.direction = e.direction;
-    s.eta = 1.0;
+    s.eta = SURROUNDING_GROUP_INDEX;
     s.select_pdf = e.vertex.select_pdf;
     s.emitter = e.vertex.owner;
     s.triangle = e.triangle;

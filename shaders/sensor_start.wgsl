@@ -25,7 +25,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.position = ray.origin;
     s.tau = 0.0;
     s.direction = direction;
-    s.eta = 1.0;
+    s.eta = SURROUNDING_GROUP_INDEX;
     s.throughput = vec3<f32>(1.0);
     s.flags = PATH_ALIVE | select(0u, PATH_PARALLEL, HAS_ORTHOGRAPHIC);
     s.shift = vec3<f32>(0.0);

@@ -110,7 +110,7 @@ fn sample_emission(number: u32, a: vec4<f32>) -> Emission {
     var r: Emission;
     r.vertex.owner = number;
     r.vertex.select_pdf = e.select_pdf;
-    r.vertex.eta = 1.0;
+    r.vertex.eta = SURROUNDING_GROUP_INDEX;
     r.vertex.flags = VERTEX_EMITTER | VERTEX_VALID;
     r.triangle = NONE;
     switch (e.kind) {

@@ -120,6 +120,9 @@ override HAS_PARALLEL: bool = true;
 override HAS_SKY: bool = true;
 // Whether the scene has participating media.
 override HAS_MEDIA: bool = true;
+// Index of refraction and group index outside of transmitting solids. A path takes the group index times its length there.
+override SURROUNDING_IOR: f32 = 1.0;
+override SURROUNDING_GROUP_INDEX: f32 = 1.0;
 // Whether events in a medium are moved along their segment, into the gate, before a deterministic vertex is connected to them
 // (shared/fog.wgsl).
 override DRAWS_IN_GATE: bool = true;

@@ -16,6 +16,7 @@ struct Material {
     alpha: f32,
     // Reflectance of the dielectric coat at normal incidence, in the channel where it is largest.
     f0: f32,
+    // Index of refraction relative to the surroundings.
     ior: f32,
     transmission: f32,
     // 1 / (pi (1 - mean directional albedo of the coat)).
@@ -73,4 +74,9 @@ fn load_material(index: u32) -> Material {
         numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w,
         bumps.x, bitcast<f32>(bumps.y), bitcast<f32>(bumps.z), bitcast<f32>(bumps.w),
         bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, 0u);
+}
+
+// Index of refraction inside solids of this material.
+fn solid_index(material: u32) -> f32 {
+    return load_material(material).ior * SURROUNDING_IOR;
 }

@@ -10,7 +10,7 @@ struct PathState {
     tau: f32,
     // Unit direction of the ray.
     direction: vec3<f32>,
-    // Refractive index of the medium that the ray travels in.
+    // Travel time per length along the ray: see `eta_towards`.
     eta: f32,
     // Throughput over density. Sensor: omega_t. Light: phi_j, with the factor 1 / M.
     throughput: vec3<f32>,
@@ -62,7 +62,7 @@ struct PathVertex {
     // `pack_point`. Spots: the bits of 1 - cosine of the outer (x) and inner (y) half angles. Suns, y: bits of the
     // density per solid angle of the light subpaths, seen from `position`.
     base_color: vec3<u32>,
-    // Refractive index of the medium on the side of `to_previous`.
+    // Travel time per length on the side of `to_previous`.
     eta: f32,
     // See Surface.offset.
     offset: f32,

@@ -69,12 +69,12 @@ fn outgoing_light(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
     return max(vertex_cosine(v, w), min_cosine);
 }
 
-// Refractive index of the medium in which a segment leaves v along `w`.
+// Travel time per length of a segment that leaves v along `w`: the index of refraction of a solid, or the group index outside.
 fn eta_towards(v: PathVertex, w: vec3<f32>) -> f32 {
     if (!transmits(v) || dot(v.geometric, w) >= 0.0) {
         return v.eta;
     }
-    return select(1.0, load_material(v.material).ior, (v.flags & VERTEX_FRONT) != 0u);
+    return select(SURROUNDING_GROUP_INDEX, solid_index(v.material), (v.flags & VERTEX_FRONT) != 0u);
 }
 
 // Minimum (x) and maximum (y) refractive index of the media in which segments leave v.

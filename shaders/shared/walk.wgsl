@@ -85,7 +85,7 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     }
     if (passes) {
         // The side that was hit determines the medium of the segment. Subpaths from either end find the same medium.
-        (*state).eta = select(load_material(surface.material).ior, 1.0, side >= 0.0);
+        (*state).eta = select(solid_index(surface.material), SURROUNDING_GROUP_INDEX, side >= 0.0);
     }
     (*state).tau += (*state).eta * sqrt(distance2);
     (*state).position = surface.position;

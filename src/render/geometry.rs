@@ -29,7 +29,7 @@ pub struct Geometry {
     /// Where the texels of the scene's images lie on the device. The texels are not copied before the upload.
     pub texels: TexelLayout,
     pub features: Features,
-    /// Maximum refractive index of the transmissive materials, at least 1.
+    /// Maximum travel time per length: the group index outside of solids, or the index of a transmissive material.
     pub max_ior: f32,
 }
 

@@ -97,14 +97,17 @@ pub struct MaterialSet<'a> {
     pub list: Vec<Material>,
     numbers: HashMap<(u32, bool, bool), u32>,
     pub features: Features,
-    /// Maximum refractive index of the transmissive materials, at least 1.
+    /// Maximum travel time per length: the group index outside of solids, or the index of a transmissive material.
     pub max_ior: f32,
+    /// Index of refraction outside of solids.
+    surrounding_ior: f32,
 }
 
 impl<'a> MaterialSet<'a> {
     pub fn new(scene: &'a Scene, emitters: &'a Emitters, albedo: &'a AlbedoTable) -> Self {
         let (list, numbers) = (vec![], Default::default());
-        MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), max_ior: 1.0 }
+        let [surrounding_ior, max_ior] = scene::surrounding_indices(&scene.media);
+        MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), max_ior, surrounding_ior }
     }
 
     /// Index in `list` of the material of `mesh` on `node`, with the bit [`TRIANGLE_ALPHA`] if rays may pass through the surface.
@@ -130,7 +133,8 @@ impl<'a> MaterialSet<'a> {
 
     fn convert(&mut self, m: &scene::Material, is_emitter: bool, has_tangents: bool) -> Material {
         let normal_texture = m.normal_texture.filter(|_| has_tangents);
-        let uncolored = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
+        let ior = m.ior / self.surrounding_ior;
+        let uncolored = ((ior - 1.0) / (ior + 1.0)).powi(2);
         // Textures of a coat that does not reflect have no effect.
         let has_coat = m.specular > 0.0 && uncolored > 0.0 && (m.metallic < 1.0 || m.surface_texture.is_some());
         let of_coat = |texture: Option<u32>| texture.filter(|_| has_coat);
@@ -143,11 +147,11 @@ impl<'a> MaterialSet<'a> {
         let limit = if specular_color_texture.is_some() { f32::MAX } else { 1.0 };
         let f0_color = m.specular_color.map(|color| (uncolored * color).min(limit) * m.specular);
         let f0 = f0_color.into_iter().fold(0.0, f32::max);
-        // With ior = 1 or specular = 0 there is no coat.
+        // With a relative index of 1, or specular = 0, there is no coat.
         let f90 = if uncolored > 0.0 { m.specular } else { 0.0 };
         let smoothed = |roughness: f32| Some(roughness * roughness).filter(|a| *a >= DELTA_ALPHA).unwrap_or(0.0);
         let mut alpha = smoothed(m.roughness);
-        if m.transmission > 0.0 && (m.ior - 1.0).abs() < 1e-5 {
+        if m.transmission > 0.0 && (ior - 1.0).abs() < 1e-5 {
             alpha = 0.0;
         }
         let emission = if is_emitter { m.emission } else { [0.0; 3] };
@@ -182,7 +186,7 @@ impl<'a> MaterialSet<'a> {
             metallic: m.metallic,
             alpha,
             f0,
-            ior: m.ior,
+            ior,
             transmission: m.transmission,
             diffuse_scale: (1.0 / (std::f64::consts::PI * below)) as f32,
             alpha_cutoff: cutoff,

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::phase;
 use super::space::RenderSpace;
 use crate::error::{Error, Result};
-use crate::scene::{self, Scene};
+use crate::scene::{self, Scene, surrounding_indices};
 use crate::wgsl::layout::Medium;
 use crate::wgsl::layout::constants::{PHASE_DRAINE, PHASE_TABLE};
 
@@ -18,6 +18,8 @@ pub struct Media {
     pub list: Vec<Medium>,
     /// Nodes of the tables of their phase functions.
     pub phase_tables: Vec<phase::Node>,
+    /// Index of refraction and group index outside of solids.
+    pub surrounding: [f32; 2],
 }
 
 impl Media {
@@ -27,18 +29,20 @@ impl Media {
         let mut number =
             |(i, medium)| convert(medium, space, &mut phase_tables).map_err(|what| refusal(i, scene.media.len(), what));
         let list = scene.media.iter().enumerate().map(&mut number).collect::<Result<Vec<_>>>()?;
-        Ok(Media { list, phase_tables })
+        Ok(Media { list, phase_tables, surrounding: surrounding_indices(&scene.media) })
     }
 
     /// Values of the WGSL `override` constants that depend on the media.
-    pub fn constants(&self) -> [(&'static str, f64); 3] {
-        let has = |phase| self.list.iter().any(|medium| medium.phase == phase);
+    pub fn constants(&self) -> [(&'static str, f64); 5] {
+        let has = |phase| if self.list.iter().any(|medium| medium.phase == phase) { 1.0 } else { 0.0 };
+        let [ior, group_index] = self.surrounding.map(f64::from);
         [
-            ("HAS_MEDIA", !self.list.is_empty()),
+            ("HAS_MEDIA", if self.list.is_empty() { 0.0 } else { 1.0 }),
             ("HAS_DRAINE", has(PHASE_DRAINE)),
             ("HAS_PHASE_TABLES", has(PHASE_TABLE)),
+            ("SURROUNDING_IOR", ior),
+            ("SURROUNDING_GROUP_INDEX", group_index),
         ]
-        .map(|(name, on)| (name, if on { 1.0 } else { 0.0 }))
     }
 }
 
@@ -55,9 +59,6 @@ fn convert(
 ) -> Result<Medium, &'static str> {
     if medium.grid.is_some() {
         return Err("a density grid");
-    }
-    if medium.ior != 1.0 || medium.group_ior != 1.0 {
-        return Err("an index of refraction");
     }
     let [lo, hi] = medium.bounds.map_or([Vec3::splat(-FAR), Vec3::splat(FAR)], |bounds| bounds.map(|p| space.point(p)));
     let per_unit = |sigma: [f64; 3]| (DVec3::from(sigma) * space.unit).as_vec3().to_array();

@@ -28,9 +28,9 @@ pub struct TravelTimeBounds {
     #[serde(rename = "segment")]
     pub max_segment: f64,
     pub max_depth: u32,
-    /// Maximum refractive index of a transmissive material, at least 1.
+    /// Minimum and maximum travel time per length.
     #[serde(skip)]
-    max_ior: f64,
+    indices: [f64; 2],
 }
 
 /// A box along the axes of render space.
@@ -41,8 +41,8 @@ pub(super) struct Box3 {
 }
 
 impl TravelTimeBounds {
-    /// Bounds for paths with at most `settings.max_depth()` segments. The lower bound is a Euclidean length: every refractive
-    /// index is at least 1, so optical lengths are not shorter.
+    /// Bounds for paths with at most `settings.max_depth()` segments. The lower bound is a Euclidean length, times the
+    /// group index if there are no solids. Every index is at least 1, so optical lengths are not shorter.
     pub fn new(prepared: &PreparedScene, settings: &Settings) -> TravelTimeBounds {
         let PreparedScene { geometry, emitters, media, space, sensor, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
@@ -53,17 +53,19 @@ impl TravelTimeBounds {
         let all = all.with(Box3 { lo: emitters.lo, hi: emitters.hi });
         let all = media.list.iter().map(|m| Box3 { lo: m.lo.into(), hi: m.hi.into() }).fold(all, Box3::with);
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
-        let max_ior = f64::from(geometry.max_ior);
-        let max_segment = space.unit * diameter * max_ior * (1.0 + SLACK);
-        let min = space.unit * min * (1.0 - SLACK);
-        TravelTimeBounds { min, max_segment, max_ior, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
+        // A solid may be faster than its surroundings, as an air bubble in water is.
+        let least_index = if geometry.features.transmission { 1.0 } else { f64::from(media.surrounding[1]) };
+        let indices = [least_index, geometry.max_ior.into()];
+        let max_segment = space.unit * diameter * indices[1] * (1.0 + SLACK);
+        let min = space.unit * min * least_index * (1.0 - SLACK);
+        TravelTimeBounds { min, max_segment, indices, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
     }
 
     /// Bounds for a sensor of which every point is at most `distance` metres away from the present one. They follow from the
     /// triangle inequality alone, so they are wider than bounds computed from the scene.
     pub fn moved(&self, distance: f64) -> TravelTimeBounds {
-        let min = (self.min - distance).max(0.0);
-        let max_segment = self.max_segment + distance * self.max_ior * (1.0 + SLACK);
+        let min = (self.min - distance * self.indices[0]).max(0.0);
+        let max_segment = self.max_segment + distance * self.indices[1] * (1.0 + SLACK);
         TravelTimeBounds { min, max_segment, ..*self }.to_depth(self.max_depth)
     }
 

@@ -15,14 +15,14 @@ use taugate::internals::settings::units::Gate;
 use super::agreement::{against_oracle, assert_none, whole_images};
 use super::cells::{Cells, renderer, settings, threshold};
 
-const SIGMA_S: f64 = 0.1;
+pub const SIGMA_S: f64 = 0.1;
 const SIGMA_T: f64 = 0.12;
 const G: f64 = 0.6;
 const INTENSITY: f32 = 5.0;
 const GATES: [[f64; 2]; 6] = [[1.2, 1.4], [1.5, 2.5], [3.0, 4.0], [6.0, 6.5], [12.0, 12.05], [0.5, 60.0]];
 
 /// As [`fog_with`], with a Henyey-Greenstein lobe.
-fn fog(lamp: DVec3) -> Scene {
+pub fn fog(lamp: DVec3) -> Scene {
     fog_with(lamp, PhaseFunction::HenyeyGreenstein { g: G })
 }
 
@@ -50,13 +50,13 @@ fn henyey_greenstein(cosine: f64) -> f64 {
 }
 
 /// Radiance after one scattering, by the closed form with a coefficient of scattering `sigma_s`.
-fn truth(lamp: DVec3, sigma_s: f64, gate: [f64; 2]) -> f64 {
+pub fn truth(lamp: DVec3, sigma_s: f64, gate: [f64; 2]) -> f64 {
     let medium = Coefficients { sigma_s, sigma_t: SIGMA_T };
     gated_single_scattering(medium, henyey_greenstein, INTENSITY.into(), lamp, DVec3::NEG_Z, gate)
 }
 
 /// Mean of the image through a gate, and its standard error.
-fn mean(scene: &Scene, estimator: Estimator, [lo, hi]: [f64; 2]) -> (f64, f64) {
+pub fn mean(scene: &Scene, estimator: Estimator, [lo, hi]: [f64; 2]) -> (f64, f64) {
     let s = settings(estimator, [8, 8]).max_depth(2).build().unwrap();
     Cells::measure(&mut renderer(scene, &s), Gate { lo, hi }, 8, 4, 16, 100).whole()
 }

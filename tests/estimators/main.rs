@@ -23,4 +23,5 @@ mod strategies;
 mod sun;
 mod surface;
 mod trees;
+mod water;
 mod z_map;

@@ -20,6 +20,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("one_minus_exp", "free_flight"),
     ("minus_log_rest", "free_flight"),
     ("normalised", "free_flight"),
+    ("solid_index", "eta_towards"),
     ("henyey_greenstein", "phase_value"),
     ("draine", "phase_value"),
     ("draine_norm", "phase_value"),
