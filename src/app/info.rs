@@ -1,6 +1,7 @@
 //! `taugate info`: the contents of a scene, the memory that a render needs, and the travel times of the light.
 
 mod map;
+mod media;
 mod pixel;
 mod text;
 
@@ -13,13 +14,14 @@ use taugate::internals::gpu::{BufferDesc, Device, DeviceInfo};
 use taugate::internals::input::resolve::{emitting_nodes, resolve};
 use taugate::internals::input::scenery;
 use taugate::internals::render::{
-    BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, probe,
+    BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, probe,
 };
 use taugate::internals::scene::{Light as SceneLight, Projection, Scene, SkyImage};
 use taugate::internals::settings::units::METRES_PER_NS;
 use taugate::internals::settings::{Crop, Settings};
 
 use map::Map;
+use media::{Medium, Thickness};
 use pixel::Shown;
 
 use super::{feasible, render};
@@ -46,6 +48,7 @@ struct Report {
     textures: usize,
     images: usize,
     texels: u64,
+    media: Vec<Medium>,
     warnings: Vec<String>,
     render: Option<Render>,
     /// Choices that the program made for the user, and reasons why parts of the report are missing.
@@ -87,6 +90,8 @@ struct Render {
     light: Option<Light>,
     /// Fraction of the visible surface that is a black back; none if it was not measured.
     black_backs: Option<f64>,
+    /// None without media, or if it was not measured.
+    optical_thickness: Option<Thickness>,
     /// The object that --pixel asked for.
     pixel: Option<Shown>,
     /// The files of --map.
@@ -202,6 +207,7 @@ fn contents(scene: &Scene) -> Report {
         textures: scene.textures.len(),
         images: scene.images.len(),
         texels: scene.images.iter().map(|i| u64::from(i.width) * u64::from(i.height)).sum(),
+        media: scene.media.iter().map(Medium::new).collect(),
         warnings: scene.warnings.clone(),
         render: None,
         notes: vec![],
@@ -273,11 +279,14 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
         }
         Some(Ok(_)) => {}
     }
-    let (mut backs, mut shown, mut written) = (None, None, None);
+    let (mut backs, mut thickness, mut shown, mut written) = (None, None, None, None);
     if let Ok(device) = &opened {
         let measured = black_backs(device, scene, part, &prepared).ok();
         report.notes.extend(measured.iter().filter_map(BlackBacks::describe));
         backs = measured.map(|backs| backs.fraction);
+        if !scene.media.is_empty() {
+            thickness = haze(device, scene, part, &prepared).ok().map(Thickness::new);
+        }
         if args.pixel.is_some() {
             shown = Some(pixel::shown(device, scene, part, &prepared)?);
         }
@@ -297,6 +306,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
         crop: (part.crop() != whole).then(|| part.crop().to_string()),
         light,
         black_backs: backs,
+        optical_thickness: thickness,
         pixel: shown,
         map: written,
     });

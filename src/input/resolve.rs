@@ -76,7 +76,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         path: experiment.scene.clone().unwrap_or_else(|| "the scene".into()),
         message: message.into(),
     };
-    if scene.instances.is_empty() {
+    if scene.instances.is_empty() && scene.media.is_empty() {
         return Err(unfit("has no surfaces; export a scene with visible meshes (points and lines are not rendered)"));
     }
     if scene.cameras.is_empty() {

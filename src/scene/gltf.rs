@@ -101,7 +101,7 @@ fn read(bytes: &[u8], folders: Folders) -> Checked<Scene> {
     medium::add_interiors(&doc, &mut materials.materials, &mut warnings)?;
     let meshes = mesh::load(&doc, &worlds, &mut materials, &mut warnings)?;
     let instances = place(&doc, &worlds, &meshes, &mut warnings)?;
-    if instances.is_empty() {
+    if instances.is_empty() && media.is_empty() {
         warnings.push(meshes.nothing_to_render());
     }
 

@@ -13,6 +13,7 @@ pub mod grid;
 mod light;
 mod material;
 mod medium;
+mod optical_thickness;
 mod sky;
 mod tangents;
 
@@ -23,6 +24,7 @@ pub(crate) use light::MAX_DISTANT;
 pub use light::{Light, LightKind};
 pub use material::{AlphaMode, Material};
 pub use medium::{DensityGrid, GridFilter, MAX_COEFFICIENT, Medium, PhaseFunction, surrounding_indices};
+pub use optical_thickness::optical_thickness;
 pub use sky::SkyImage;
 
 /// A loaded scene. Lengths are in metres; transforms stay in f64 until the renderer moves the origin to the sensor.
@@ -56,8 +58,9 @@ impl Scene {
         self.bounds().map_or(0.0, |[lo, hi]| (hi - lo).length())
     }
 
-    /// Lower and upper corner of a box around all instances, in metres; `None` without instances. The box contains the
-    /// transformed box of each mesh, so it may be larger than the tightest box around the triangles.
+    /// Lower and upper corner of a box around all instances, in metres. The box contains the transformed box of each mesh, so it may
+    /// be larger than the tightest box around the triangles. Without instances it is a box around the media that have bounds;
+    /// `None` if there are none either.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         let corners = self.instances.iter().flat_map(|instance| {
@@ -65,7 +68,11 @@ impl Scene {
             let corner = move |k: usize| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo);
             (0..8).map(move |k| instance.transform.transform_point3(corner(k)))
         });
-        corners.map(|p| [p, p]).reduce(|[lo, hi], [p, _]| [lo.min(p), hi.max(p)])
+        let corners: Vec<DVec3> = match self.instances.is_empty() {
+            false => corners.collect(),
+            true => self.media.iter().filter_map(|medium| medium.bounds).flatten().collect(),
+        };
+        corners.into_iter().map(|p| [p, p]).reduce(|[lo, hi], [p, _]| [lo.min(p), hi.max(p)])
     }
 }
 

@@ -131,3 +131,19 @@ fn a_scene_without_surfaces_is_described_but_not_rendered() {
         assert!(text.contains(part), "{text}");
     }
 }
+
+#[test]
+fn a_scene_of_fog_and_a_lamp_needs_no_surfaces() {
+    let here = folder();
+    let fog = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "extras": { "medium": { "sigma_s": 0.2, "sigma_a": 0.05 } } }] }"#;
+    std::fs::write(here.path().join("fog.gltf"), fog).unwrap();
+    let view = ["--look-from", "0,0,5", "--look-at", "0,0,0", "--lamp", "1,1,0,5", "--resolution", "8x8"];
+    let with = |words: &[&'static str]| [words, &view].concat();
+    let output = taugate(here.path(), &with(&["render", "fog.gltf", "--gate", "8m..9m", "--spp", "1", "-o", "a.exr"]));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(taugate(here.path(), &with(&["info", "fog.gltf"])).stdout).unwrap();
+    for part in ["mean free path 4.0000 m, 80.000 % scattered", "in all space", "optical thickness unlimited along"] {
+        assert!(text.contains(part), "{text}");
+    }
+    assert!(!text.contains("triangles; export"), "{text}");
+}

@@ -3,8 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3};
-use taugate::internals::generate::shapes::quad;
-use taugate::internals::generate::stage::{add, diffuse, light, material};
+use taugate::internals::generate::stage::light;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::oracle::fog::{Coefficients, gated_single_scattering};
 use taugate::internals::oracle::phase::Phase;
@@ -26,12 +25,10 @@ pub fn fog(lamp: DVec3) -> Scene {
     fog_with(lamp, PhaseFunction::HenyeyGreenstein { g: G })
 }
 
-/// A pinhole at the origin that looks along -Z through a field of view of 0.02 degrees, and a point light, in fog. The only surface is
-/// black, and behind the camera.
+/// A pinhole at the origin that looks along -Z through a field of view of 0.02 degrees, and a point light, in fog. There are no
+/// surfaces.
 fn fog_with(lamp: DVec3, phase: PhaseFunction) -> Scene {
     let mut scene = Scene::default();
-    let black = material(&mut scene, diffuse("black", [0.0; 3]));
-    add(&mut scene, "black", black, quad(DVec3::new(-1.0, -1.0, 5.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0; 2]));
     light(&mut scene, "lamp", lamp, DVec3::NEG_Z, LightKind::Point { intensity: [INTENSITY; 3] });
     scene.add_camera(Camera {
         name: "pinhole".into(),

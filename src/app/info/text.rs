@@ -6,6 +6,7 @@ use taugate::internals::gpu::buffer_desc::mebibytes;
 use taugate::internals::settings::units::METRES_PER_NS;
 
 use super::map::{Map, Scale};
+use super::media::Medium;
 use super::pixel::{Object, Shown};
 use super::{Arrival, Memory, Render, Report};
 use crate::app::feasible::{SUGGESTED_PART, short};
@@ -33,6 +34,9 @@ pub fn text(report: &Report) -> String {
     let mut lines = Lines(String::new());
     add_contents(&mut lines, report);
     if let Some(render) = &report.render {
+        if let Some(thickness) = &render.optical_thickness {
+            lines.line("fog", thickness.describe());
+        }
         add_memory(&mut lines, render);
         add_travel_times(&mut lines, render);
     }
@@ -72,6 +76,7 @@ fn add_contents(lines: &mut Lines, r: &Report) {
     }
     lines.line("materials", format!("{} used of {}: {names}", r.materials.len(), r.materials_in_file));
     lines.line("textures", format!("{} with {} texels in {} images", r.textures, r.texels, r.images));
+    lines.list("medium", &r.media, Medium::describe);
     lines.list("warning", &r.warnings, String::clone);
 }
 

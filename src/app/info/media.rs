@@ -1,0 +1,101 @@
+//! The media in the report of `taugate info`.
+
+use serde::Serialize;
+use taugate::internals::render::Haze;
+use taugate::internals::scene::{Medium as SceneMedium, PhaseFunction};
+
+use crate::app::feasible::short;
+
+/// A medium. Lengths are in metres; numbers are means over the channels.
+#[derive(Serialize)]
+pub struct Medium {
+    /// Mean distance between two events, where the density is 1; none for clear water.
+    mean_free_path: Option<f64>,
+    /// Share of the events that scatter instead of absorbing.
+    scattering_share: Option<f64>,
+    phase: &'static str,
+    ior: f32,
+    group_ior: f32,
+    /// Lower and upper corner; none if the medium fills all space, or a grid alone bounds it.
+    bounds: Option<[[f64; 3]; 2]>,
+    /// Voxels along x, y and z.
+    grid: Option<[u32; 3]>,
+    grid_bytes: u64,
+}
+
+impl Medium {
+    pub fn new(medium: &SceneMedium) -> Medium {
+        let extinction = medium.extinction();
+        let scattering = medium.sigma_s.iter().sum::<f64>() / 3.0;
+        let some = |value: f64| (extinction > 0.0).then_some(value / extinction);
+        Medium {
+            mean_free_path: some(1.0),
+            scattering_share: some(scattering),
+            phase: match medium.phase {
+                PhaseFunction::Isotropic => "isotropic",
+                PhaseFunction::HenyeyGreenstein { .. } => "hg",
+                PhaseFunction::DoubleHenyeyGreenstein { .. } => "double-hg",
+                PhaseFunction::HenyeyGreensteinDraine { .. } => "draine",
+                PhaseFunction::Rayleigh => "rayleigh",
+                PhaseFunction::Table { .. } => "a table",
+            },
+            ior: medium.ior,
+            group_ior: medium.group_ior,
+            bounds: medium.bounds.map(|bounds| bounds.map(|corner| corner.to_array())),
+            grid: medium.grid.as_ref().map(|grid| grid.resolution),
+            grid_bytes: medium.grid.as_ref().map_or(0, |grid| size_of_val(&grid.density[..]) as u64),
+        }
+    }
+
+    pub fn describe(&self) -> String {
+        let events = match (self.mean_free_path, self.scattering_share) {
+            (Some(path), Some(share)) => {
+                format!(
+                    "mean free path {} m, {} % scattered, phase function {}",
+                    short(path),
+                    short(100.0 * share),
+                    self.phase
+                )
+            }
+            _ => "clear".into(),
+        };
+        let index = match (self.ior, self.group_ior) {
+            (1.0, 1.0) => String::new(),
+            (ior, group_ior) => format!(", index {ior} (group index {group_ior})"),
+        };
+        let corner = |p: &[f64; 3]| format!("({}, {}, {})", short(p[0]), short(p[1]), short(p[2]));
+        let extent = match (&self.bounds, self.grid) {
+            (None, None) => ", in all space".into(),
+            (None, Some(_)) => String::new(),
+            (Some([lo, hi]), _) => format!(", from {} to {} m", corner(lo), corner(hi)),
+        };
+        let grid = self.grid.map_or(String::new(), |[x, y, z]| format!(", grid of {x}x{y}x{z} voxels"));
+        format!("{events}{index}{extent}{grid}")
+    }
+}
+
+/// Optical thickness of the media along camera rays. `None` stands for infinity: a ray that leaves the scene through a medium.
+#[derive(Serialize)]
+pub struct Thickness {
+    centre: Option<f64>,
+    least: Option<f64>,
+    greatest: Option<f64>,
+}
+
+impl Thickness {
+    pub fn new(haze: Haze) -> Thickness {
+        let finite = |x: f64| x.is_finite().then_some(x);
+        Thickness { centre: finite(haze.centre), least: finite(haze.least), greatest: finite(haze.greatest) }
+    }
+
+    pub fn describe(&self) -> String {
+        let number = |x: Option<f64>| x.map_or("unlimited".into(), short);
+        let left = self.centre.map_or("none of".into(), |x| format!("{} % of", short(100.0 * (-x).exp())));
+        format!(
+            "optical thickness {} along the central ray, from {} to {} over the view; {left} the light goes straight through the centre",
+            number(self.centre),
+            number(self.least),
+            number(self.greatest)
+        )
+    }
+}

@@ -1,0 +1,43 @@
+//! Optical thickness of the media between the sensor and the surfaces in view.
+
+use super::first_surface::first_surfaces;
+use super::prepared_scene::PreparedScene;
+use super::probe::small;
+use crate::error::Result;
+use crate::gpu::Device;
+use crate::scene::{Scene, optical_thickness};
+use crate::settings::Settings;
+
+/// Optical thickness along camera rays, each up to its first surface; infinite if a ray has no end in a medium.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Haze {
+    /// Along the ray in the centre of the view.
+    pub centre: f64,
+    pub least: f64,
+    pub greatest: f64,
+}
+
+/// Traces one ray per pixel of a small image of the same crop as `settings`. Fails if the scene does not fit the device.
+pub fn haze(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Haze> {
+    let settings = small(settings);
+    let crop = settings.crop();
+    let (width, height) = (crop.width() as usize, crop.height() as usize);
+    let mut lengths = vec![f64::INFINITY; width * height];
+    first_surfaces(device, scene, &settings, prepared, &mut |pixel, surface| {
+        lengths[pixel] = surface.distance.into();
+    })?;
+    let camera = &scene.cameras[settings.camera()];
+    let thickness = |(pixel, &length): (usize, &f64)| {
+        let film =
+            [f64::from(crop.x0) + (pixel % width) as f64 + 0.5, f64::from(crop.y0) + (pixel / width) as f64 + 0.5];
+        let resolution = settings.resolution();
+        let (origin, direction) = (camera.origin(resolution, film), camera.direction(resolution, film));
+        optical_thickness(&scene.media, origin, direction, length)
+    };
+    let all: Vec<f64> = lengths.iter().enumerate().map(thickness).collect();
+    Ok(Haze {
+        centre: all[height / 2 * width + width / 2],
+        least: all.iter().copied().fold(f64::INFINITY, f64::min),
+        greatest: all.iter().copied().fold(0.0, f64::max),
+    })
+}
