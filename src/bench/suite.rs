@@ -18,6 +18,7 @@ use crate::error::{Error, Result};
 use crate::generate::Kind;
 use crate::input::experiment::{Experiment, position};
 use crate::input::light_table::LightTable;
+use crate::input::medium_tables::MediumTables;
 use crate::input::plain::plain;
 use crate::settings::Emitters;
 use crate::settings::keys::Dashed;
@@ -120,6 +121,8 @@ struct SceneTable {
     lamp: Option<Lamps>,
     #[serde(default)]
     light: Vec<LightTable>,
+    #[serde(default)]
+    medium: MediumTables,
     gate: Option<Spanned<Gate>>,
     depth: Option<Spanned<Depth>>,
     render: Option<Spanned<RenderTable>>,
@@ -300,6 +303,7 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
             ..EmitterTable::default()
         },
         light: table.light,
+        medium: table.medium,
         gate: GateTable { gate, ..GateTable::default() },
         render: render(table.render)?,
         ..Experiment::default()
