@@ -18,8 +18,9 @@ pub(super) static RECORD: Record = Record {
     constants: &[],
     slots: |pool| pool.trees,
     // A vertex that queries choose by its contribution stands for more samples than one that a subpath happens to reach. 4 K is a
-    // compromise between four scenes (docs/notebook/mis-sample-count.md).
-    query_sample_count: |queries| 4.0 * queries as f32,
+    // compromise between four scenes (docs/notebook/mis-sample-count.md). In fog, K: light that returned from far away is rare, and
+    // one such vertex must not dominate the image.
+    query_sample_count: |queries, has_media| if has_media { 1.0 } else { 4.0 } * queries as f32,
     // Light-tracing (t = 1) samples that matter are rare and bright in this estimator, so the other strategies get more weight
     // than their densities give them (docs/notebook/splat-weight.md).
     splat_sample_weight: 0.25,

@@ -51,7 +51,7 @@ pub struct Record {
     /// other slots.
     pub slots: fn(&PoolShape) -> u32,
     /// Number of samples that a vertex chosen by `queries` queries stands for in the MIS heuristic.
-    pub query_sample_count: fn(queries: u32) -> f32,
+    pub query_sample_count: fn(queries: u32, has_media: bool) -> f32,
     /// Weight of a light-tracing (t = 1) sample in the MIS heuristic, relative to one camera sample.
     pub splat_sample_weight: f32,
     /// Whether events in a medium that are lit by a deterministic vertex are drawn inside the gate, instead of left to free flight.

@@ -326,7 +326,7 @@ fn frame(settings: &Settings, prepared: &PreparedScene, all: bool) -> Frame {
     let [width, height] = settings.resolution();
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
     let estimator = settings.estimator().record();
-    let query_sample_count = (estimator.query_sample_count)(settings.queries());
+    let query_sample_count = (estimator.query_sample_count)(settings.queries(), !media.list.is_empty());
     Frame {
         width,
         height,
