@@ -69,7 +69,7 @@ fn connect_to_sky(q: PathVertex, slot: u32) -> vec4<f32> {
     let at_q = evaluate_shade_point(q, w);
     let weight = sky_connection_weight(q, at_q, seen.pdf);
     let counted = select(weight, 1.0, OBSERVE == OBSERVE_STRATEGIES);
-    let value = q.throughput * at_q.value * segment_transmittance(q, w, 3e38) * seen.radiance * (counted / seen.pdf);
+    let value = q.throughput * at_q.value * transmitted(segment_depths(q, w, 3e38)) * seen.radiance * (counted / seen.pdf);
     if (!(max_component(abs(value)) > 0.0)) {
         return vec4<f32>(value, -1.0);
     }

@@ -13,7 +13,8 @@ fn unshadowed(q: PathVertex, v: PathVertex) -> vec4<f32> {
     let segment = segment_between(q.position, v.position);
     let at_q = evaluate_shade_point(q, segment.direction);
     let at_v = evaluate_light_vertex(v, -segment.direction);
-    let transmitted = segment_transmittance(q, segment.direction, sqrt(segment.length2));
-    let value = q.throughput * v.throughput * at_q.value * at_v.value * transmitted / segment.length2;
-    return vec4<f32>(value, connection_weight(q, v, at_q, at_v, segment.length2));
+    let depths = segment_depths(q, segment.direction, sqrt(segment.length2));
+    let value = q.throughput * v.throughput * at_q.value * at_v.value * transmitted(depths) / segment.length2;
+    let reached = select(flight_density(depths), 1.0, is_sun(v));
+    return vec4<f32>(value, connection_weight(q, v, at_q, at_v, segment.length2 / reached));
 }

@@ -73,15 +73,16 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     event.select_pdf = 1.0;
     event.owner = q.owner;
     event.d_vc = segment.d_vc;
+    let depths = optical_depths(x, w, s);
     // No other strategy forms a path whose only event is drawn: see `follows_connected`.
     if ((q.flags & VERTEX_DEPTH) > 1u) {
-        event.d_vcm = min(segment.d_vcm * mis(s * s), MAX_SUM);
+        event.d_vcm = min(segment.d_vcm * mis(s * s / flight_density(depths)), MAX_SUM);
     }
     let stretch = stretch_at(x, w, s);
     if (stretch.medium == NONE) {
         return event;
     }
     event.material = stretch.medium;
-    event.throughput = segment.throughput * transmittance(x, w, s) * load_medium(stretch.medium).sigma_s / density;
+    event.throughput = segment.throughput * transmitted(depths) * load_medium(stretch.medium).sigma_s / density;
     return event;
 }

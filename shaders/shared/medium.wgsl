@@ -1,8 +1,8 @@
 // Participating media: where they are, how far light flies in them, and what they transmit.
 //
 // A medium fills a box or all space, but not the inside of transmitting solids. Where media overlap, the last one counts. Flights
-// are sampled by scattering alone; absorption is a factor. MIS weights contain neither the densities of distances nor the
-// transmittance: they stand in every strategy of a path, except in those that connect across the segment.
+// are sampled by scattering alone; absorption is a factor. Of the density of a distance, MIS weights contain the mean
+// transmittance only (`flight_density`): the coefficient at an event stands in every strategy of a path.
 #import frame
 #import math
 

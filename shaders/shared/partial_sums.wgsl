@@ -24,6 +24,16 @@ fn sample_count_ratio(v: PathVertex) -> f32 {
     return select(1.0, frame.query_sample_count, random_vertices(v) < 2u);
 }
 
+// Factor of a segment with these optical depths in the densities of the MIS weights: the mean transmittance of scattering, with
+// which flights pass the segment. The density of an event itself cancels, because every strategy contains it. Parallel rays do not
+// count: 1.
+fn flight_density(depths: Depths) -> f32 {
+    if (!HAS_MEDIA) {
+        return 1.0;
+    }
+    return max(dot(exp(-depths.scattering), vec3<f32>(1.0 / 3.0)), 1e-12);
+}
+
 // Updates the partial sums when a subpath continues from a vertex (Georgiev 2012, Eqs. 35 and 36). Distance and cosine at the next
 // vertex are not known yet. `sample_count`: number of samples that the connection strategy takes at the next vertex of a light
 // subpath, relative to this vertex, times the probability of the emitter after deterministic vertices; 1 for sensor subpaths.

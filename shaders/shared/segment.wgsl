@@ -22,12 +22,20 @@ fn optical_length(v: PathVertex, w: vec3<f32>, distance: f32) -> f32 {
     return eta_towards(v, w) * distance;
 }
 
-// Fraction of light that the media on the segment transmit; the segment leaves v along `w` and has the length `distance`.
-fn segment_transmittance(v: PathVertex, w: vec3<f32>, distance: f32) -> vec3<f32> {
+// Optical depths of the media on the segment that leaves v along `w` and has the length `distance`.
+fn segment_depths(v: PathVertex, w: vec3<f32>, distance: f32) -> Depths {
     if (!HAS_MEDIA || is_in_solid(v, w)) {
+        return Depths(vec3<f32>(0.0), vec3<f32>(0.0));
+    }
+    return optical_depths(v.position, w, distance);
+}
+
+// Fraction of light that media of these depths transmit.
+fn transmitted(depths: Depths) -> vec3<f32> {
+    if (!HAS_MEDIA) {
         return vec3<f32>(1.0);
     }
-    return transmittance(v.position, w, distance);
+    return exp(-depths.scattering - depths.absorption);
 }
 
 // Travel time of the path that connects q to v, which lies at `distance` from q along `w`.

@@ -25,11 +25,15 @@ fn is_in_medium(v: PathVertex) -> bool {
     return HAS_MEDIA && (v.flags & VERTEX_IN_MEDIUM) != 0u;
 }
 
+// Whether v is a sun.
+fn is_sun(v: PathVertex) -> bool {
+    return HAS_PARALLEL && (v.flags & VERTEX_EMITTER) != 0u && v.material == EMIT_SUN;
+}
+
 // Whether connections of events in a medium to v are drawn in the gate: v depends on no random numbers. The light of suns has no
 // travel time.
 fn is_drawn_in_gate(v: PathVertex) -> bool {
-    let is_sun = HAS_PARALLEL && (v.flags & VERTEX_EMITTER) != 0u && v.material == EMIT_SUN;
-    return DRAWS_IN_GATE && (v.flags & VERTEX_DETERMINISTIC) != 0u && !is_sun;
+    return DRAWS_IN_GATE && (v.flags & VERTEX_DETERMINISTIC) != 0u && !is_sun(v);
 }
 
 // Whether v lies on a surface. Punctual lights and events in a medium have no normal.

@@ -35,6 +35,11 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key
         a.segment = FogSegment((*state).throughput, limit, (*state).d_vcm, (*state).d_vc, flight.distance, 0u);
         (*state).throughput *= flight.weight;
         a.carried = max_component(flight.weight);
+        let is_parallel = HAS_PARALLEL && ((*state).flags & PATH_PARALLEL) != 0u;
+        if ((a.found || flight.scattered) && !is_parallel) {
+            let passed = optical_depths((*state).position, (*state).direction, flight.distance);
+            (*state).d_vcm = min((*state).d_vcm / mis(flight_density(passed)), MAX_SUM);
+        }
         if (flight.scattered) {
             a.found = true;
             a.vertex = arrive_in_medium(state, flight);

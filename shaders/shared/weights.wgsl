@@ -54,8 +54,8 @@ fn sample_count_ratios(r: u32, depth: u32) -> vec2<f32> {
     return vec2<f32>(next, more);
 }
 
-// Weight of connecting q and v at squared distance d2 (Eqs. 38 to 40). w_sensor sums the strategies that trace q from v,
-// w_light the strategies that trace v from q.
+// Weight of connecting q and v (Eqs. 38 to 40). d2: their squared distance, in media divided by the `flight_density` of the segment.
+// w_sensor sums the strategies that trace q from v, w_light the strategies that trace v from q.
 fn connection_weight(q: PathVertex, v: PathVertex, at_q: Evaluation, at_v: Evaluation, d2: f32) -> f32 {
     let q_to_v = at_q.pdf * at_v.cosine / d2;
     let v_to_q = at_v.pdf * at_q.cosine / d2;
