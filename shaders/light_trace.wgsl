@@ -78,7 +78,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     // A delta lobe sets d_vcm to 0: no connection forms these paths.
     let leaves_connected = DRAWS_IN_GATE && (v.flags & VERTEX_DETERMINISTIC) != 0u && is_connectible(v) && s.d_vcm > 0.0;
-    s.flags = PATH_ALIVE | select(0u, PATH_DETERMINISTIC, is_deterministic) | (random << PATH_RANDOM_SHIFT)
+    s.flags = with_solid(0u, path_solid(s)) | PATH_ALIVE | select(0u, PATH_DETERMINISTIC, is_deterministic) | (random << PATH_RANDOM_SHIFT)
         | select(0u, PATH_LEAVES_CONNECTED, leaves_connected);
     states[slot] = s;
 }

@@ -23,6 +23,7 @@ fn gate_interval(q: PathVertex, segment: FogSegment, v: PathVertex) -> vec2<f32>
     let elapsed = v.tau + (q.tau - q.eta * segment.length);
     let lo = (frame.gate_lo - frame.rounding_allowance - elapsed) / q.eta;
     let hi = (frame.gate_hi + frame.rounding_allowance - elapsed) / q.eta;
+    surrounding_solid = segment.solid;
     let extent = media_extent(x, w);
     let first = max(select(0.0, distance_at(lo, straight, along), lo > straight), extent.x);
     let last = select(select(-1.0, distance_at(hi, straight, along), hi > straight), limit, hi > MAX_LENGTH);
@@ -68,7 +69,7 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     event.tau = q.tau + q.eta * (s - segment.length);
     event.to_previous = q.to_previous;
     event.geometric = q.to_previous;
-    event.flags = VERTEX_IN_MEDIUM | (q.flags & VERTEX_DEPTH);
+    event.flags = VERTEX_IN_MEDIUM | (q.flags & VERTEX_DEPTH) | (segment.solid << VERTEX_SOLID_SHIFT);
     event.eta = q.eta;
     event.select_pdf = 1.0;
     event.owner = q.owner;

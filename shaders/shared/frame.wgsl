@@ -63,7 +63,7 @@ struct Frame {
     // Stored light subpaths over all light subpaths. Throughputs are normalised for the stored subpaths alone, so the splats
     // of all subpaths are multiplied by this share.
     splat_share: f32,
-    // Participating media; where they overlap, the last one counts.
+    // Participating media outside of solids; where they overlap, the last one counts. Media inside of solids follow in `media`.
     media_count: u32,
     // From the centre of the film to the principal point, the point where the camera axis meets the film. In pixels, y down.
     principal_offset: vec2<f32>,
@@ -123,6 +123,8 @@ override HAS_MEDIA: bool = true;
 // Index of refraction and group index outside of transmitting solids. A path takes the group index times its length there.
 override SURROUNDING_IOR: f32 = 1.0;
 override SURROUNDING_GROUP_INDEX: f32 = 1.0;
+// Whether transmitting solids may contain media (solid.wgsl).
+override HAS_INTERIORS: bool = true;
 // Whether events in a medium are moved along their segment, into the gate, before a deterministic vertex is connected to them
 // (shared/fog.wgsl).
 override DRAWS_IN_GATE: bool = true;

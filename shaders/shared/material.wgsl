@@ -45,7 +45,8 @@ struct Material {
     specular_texture: u32,
     clearcoat_texture: u32,
     clearcoat_roughness_texture: u32,
-    pad0: u32,
+    // Index into `media` of the medium inside, or NONE.
+    interior: u32,
 }
 
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
@@ -66,14 +67,14 @@ fn load_material(index: u32) -> Material {
     let bumps = textureLoad(materials, 8u * index + 5u, 0);
     let specular = textureLoad(materials, 8u * index + 6u, 0);
     var coats = vec4<u32>(NONE);
-    if (HAS_COAT_TEXTURES) {
+    if (HAS_COAT_TEXTURES || HAS_INTERIORS) {
         coats = textureLoad(materials, 8u * index + 7u, 0);
     }
     let numbers = bitcast<vec3<f32>>(rest.xyz);
     return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
         numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w,
         bumps.x, bitcast<f32>(bumps.y), bitcast<f32>(bumps.z), bitcast<f32>(bumps.w),
-        bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, 0u);
+        bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, coats.w);
 }
 
 // Index of refraction inside solids of this material.

@@ -1,10 +1,11 @@
 // Participating media: where they are, how far light flies in them, and what they transmit.
 //
-// A medium fills a box or all space, but not the inside of transmitting solids. Where media overlap, the last one counts. Flights
-// are sampled by scattering alone; absorption is a factor. Of the density of a distance, MIS weights contain the mean
-// transmittance only (`flight_density`): the coefficient at an event stands in every strategy of a path.
+// A medium fills a box, all space, or the inside of transmitting solids. Outside of solids media may overlap; then the last one
+// counts. Flights are sampled by scattering alone; absorption is a factor. Of the density of a distance, MIS weights contain the
+// mean transmittance only (`flight_density`): the coefficient at an event stands in every strategy of a path.
 #import frame
 #import math
+#import solid
 
 struct Medium {
     // Opposite corners of the box.
@@ -51,6 +52,9 @@ fn medium_span(index: u32, o: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(max_component(min(a, b)), -max_component(-max(a, b)));
 }
 
+// Code of the solid that surrounds the ray which the functions below receive (solid.wgsl). Their callers set it.
+var<private> surrounding_solid: u32 = OUTSIDE_SOLIDS;
+
 // A part of a ray inside one medium.
 struct Stretch {
     // Index of the medium, or NONE.
@@ -62,6 +66,10 @@ struct Stretch {
 // The medium of the ray o + t d just behind t, and where it may end. `d` is a unit vector.
 fn stretch_at(o: vec3<f32>, d: vec3<f32>, t: f32) -> Stretch {
     var s = Stretch(NONE, 3e38);
+    if (HAS_INTERIORS && surrounding_solid != OUTSIDE_SOLIDS) {
+        s.medium = select(surrounding_solid - FIRST_INTERIOR, NONE, surrounding_solid == CLEAR_SOLID);
+        return s;
+    }
     for (var i = 0u; i < frame.media_count; i++) {
         let span = medium_span(i, o, d);
         let enter = span.x;
@@ -209,6 +217,9 @@ fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, wh
 
 // Distances along o + t d, t >= 0, between which all media lie. Empty (x > y) if the ray meets none.
 fn media_extent(o: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
+    if (HAS_INTERIORS && surrounding_solid >= FIRST_INTERIOR) {
+        return vec2<f32>(0.0, 3e38);
+    }
     var extent = vec2<f32>(3e38, -1.0);
     for (var i = 0u; i < frame.media_count; i++) {
         let span = medium_span(i, o, d);

@@ -38,6 +38,8 @@ const PATH_PARALLEL: u32 = 4u;
 const PATH_LEAVES_CONNECTED: u32 = 8u;
 // Light subpaths: from this bit on, the number of vertices that are not deterministic, at most 3.
 const PATH_RANDOM_SHIFT: u32 = 4u;
+// From this bit on: code of the solid around the ray (solid.wgsl).
+const PATH_SOLID_SHIFT: u32 = 20u;
 
 // A vertex that can be connected: a light vertex v or a shade point q.
 struct PathVertex {
@@ -95,6 +97,8 @@ const VERTEX_IN_MEDIUM: u32 = 0x10000u;
 const VERTEX_FOLLOWS_CONNECTED: u32 = 0x20000u;
 // Sensor: no light vertex may be connected to the shade point itself, only to events on the segment before it.
 const VERTEX_SEGMENT_ONLY: u32 = 0x40000u;
+// From this bit on: code of the solid on the side of `to_previous` (solid.wgsl).
+const VERTEX_SOLID_SHIFT: u32 = 20u;
 
 // The segment of a sensor subpath before a shade point, for events that are drawn on it (shared/fog.wgsl).
 struct FogSegment {
@@ -107,7 +111,8 @@ struct FogSegment {
     d_vc: f32,
     // Distance from the start to the shade point.
     length: f32,
-    unused: u32,
+    // Code of the solid that the segment runs in (solid.wgsl).
+    solid: u32,
 }
 
 // Unpacks a vertex from its seven texels.

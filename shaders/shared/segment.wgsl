@@ -24,7 +24,11 @@ fn optical_length(v: PathVertex, w: vec3<f32>, distance: f32) -> f32 {
 
 // Optical depths of the media on the segment that leaves v along `w` and has the length `distance`.
 fn segment_depths(v: PathVertex, w: vec3<f32>, distance: f32) -> Depths {
-    if (!HAS_MEDIA || is_in_solid(v, w)) {
+    if (!HAS_MEDIA) {
+        return Depths(vec3<f32>(0.0), vec3<f32>(0.0));
+    }
+    surrounding_solid = solid_towards(v, w);
+    if (surrounding_solid == CLEAR_SOLID) {
         return Depths(vec3<f32>(0.0), vec3<f32>(0.0));
     }
     return optical_depths(v.position, w, distance);

@@ -87,9 +87,17 @@ fn eta_range(v: PathVertex) -> vec2<f32> {
     return vec2<f32>(min(v.eta, other), max(v.eta, other));
 }
 
-// Whether a segment that leaves v along `w` runs inside a transmitting solid. No medium fills such solids.
+// Whether a segment that leaves v, a point on a transmitting surface, along `w` runs inside the solid.
 fn is_in_solid(v: PathVertex, w: vec3<f32>) -> bool {
     return transmits(v) && (dot(v.geometric, w) < 0.0) == ((v.flags & VERTEX_FRONT) != 0u);
+}
+
+// Code of the solid that a segment runs in which leaves v along `w` (solid.wgsl).
+fn solid_towards(v: PathVertex, w: vec3<f32>) -> u32 {
+    if (transmits(v)) {
+        return select(OUTSIDE_SOLIDS, solid_of(v.material), is_in_solid(v, w));
+    }
+    return select(OUTSIDE_SOLIDS, v.flags >> VERTEX_SOLID_SHIFT, HAS_INTERIORS);
 }
 
 // Offset from v, along the normal, to the origin of a ray that leaves v along `w`. It keeps the ray from hitting the surface again.

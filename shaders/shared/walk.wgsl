@@ -29,10 +29,15 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key
         let exact = reintersect(hit, (*state).position, (*state).direction);
         a.surface = surface_at(exact.triangle, exact.u, exact.v);
     }
-    if (HAS_MEDIA && !(a.found && is_inside(a.surface, (*state).direction))) {
+    var solid = path_solid(*state);
+    if (HAS_MEDIA && a.found) {
+        solid = find_solid(state, a.surface);
+    }
+    if (HAS_MEDIA && solid != CLEAR_SOLID) {
         let limit = select(3e38, distance(a.surface.position, (*state).position), a.found);
+        surrounding_solid = solid;
         let flight = fly(state, limit, is_direct, to_light, u);
-        a.segment = FogSegment((*state).throughput, limit, (*state).d_vcm, (*state).d_vc, flight.distance, 0u);
+        a.segment = FogSegment((*state).throughput, limit, (*state).d_vcm, (*state).d_vc, flight.distance, solid);
         (*state).throughput *= flight.weight;
         a.carried = max_component(flight.weight);
         let is_parallel = HAS_PARALLEL && ((*state).flags & PATH_PARALLEL) != 0u;
@@ -52,9 +57,17 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key
     return a;
 }
 
-// Whether a ray along `direction` that hits `surface` comes from inside a transmitting solid. No medium fills such solids.
-fn is_inside(surface: Surface, direction: vec3<f32>) -> bool {
-    return HAS_TRANSMISSION && dot(surface.geometric, direction) > 0.0 && load_material(surface.material).transmission > 0.0;
+// Sets eta and the solid of the ray of `state`, which hits `surface`. If the surface transmits light, the side that was hit
+// determines them; subpaths from either end of a segment find the same. Returns the code of the solid.
+fn find_solid(state: ptr<function, PathState>, surface: Surface) -> u32 {
+    if (!(HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0)) {
+        return path_solid(*state);
+    }
+    let is_front = dot(surface.geometric, -(*state).direction) >= 0.0;
+    let solid = select(solid_of(surface.material), OUTSIDE_SOLIDS, is_front);
+    (*state).eta = select(solid_index(surface.material), SURROUNDING_GROUP_INDEX, is_front);
+    (*state).flags = with_solid((*state).flags, solid);
+    return solid;
 }
 
 // The flight of a subpath along its ray, at most as far as `limit`. Other arguments: see `advance`.
@@ -62,7 +75,8 @@ fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, to_light: b
     if (is_direct) {
         return Flight(false, limit, NONE, transmittance((*state).position, (*state).direction, limit));
     }
-    if (GUIDES_FLIGHTS && to_light && frame.cull_hi < 3e38) {
+    // Guided flights expect the emitters in the same medium, without a boundary that bends light.
+    if (GUIDES_FLIGHTS && to_light && frame.cull_hi < 3e38 && surrounding_solid == OUTSIDE_SOLIDS) {
         let s = *state;
         return guided_flight(s.position, s.direction, limit, s.tau, s.eta, s.throughput, u);
     }
@@ -83,14 +97,11 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let side = dot(surface.geometric, towards);
     let flip = select(1.0, -1.0, side < 0.0);
     let passes = HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0;
+    find_solid(state, surface);
     let is_parallel = HAS_PARALLEL && ((*state).flags & PATH_PARALLEL) != 0u;
     mis_arrive(state, select(distance2, 1.0, is_parallel), abs(side));
     if (HAS_PARALLEL) {
         (*state).flags &= ~PATH_PARALLEL;
-    }
-    if (passes) {
-        // The side that was hit determines the medium of the segment. Subpaths from either end find the same medium.
-        (*state).eta = select(solid_index(surface.material), SURROUNDING_GROUP_INDEX, side >= 0.0);
     }
     (*state).tau += (*state).eta * sqrt(distance2);
     (*state).position = surface.position;
@@ -109,6 +120,7 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     v.to_previous = towards;
     v.flags = select(0u, VERTEX_FRONT, side >= 0.0) | select(0u, VERTEX_TRANSMITS, passes)
         | select(0u, VERTEX_BUMPED, HAS_NORMAL_MAPS && any(normal != surface.normal));
+    v.flags |= path_solid(*state) << VERTEX_SOLID_SHIFT;
     v.base_color = point_words(surface);
     v.eta = (*state).eta;
     v.offset = surface.offset;
@@ -136,7 +148,7 @@ fn arrive_in_medium(state: ptr<function, PathState>, flight: Flight) -> PathVert
     v.geometric = -(*state).direction;
     v.d_vc = (*state).d_vc;
     v.to_previous = -(*state).direction;
-    v.flags = VERTEX_IN_MEDIUM;
+    v.flags = VERTEX_IN_MEDIUM | (path_solid(*state) << VERTEX_SOLID_SHIFT);
     v.eta = (*state).eta;
     v.select_pdf = 1.0;
     return v;
@@ -158,6 +170,7 @@ fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, 
     (*state).throughput *= s.weight / keep;
     (*state).direction = s.direction;
     (*state).eta = eta_towards(v, s.direction);
+    (*state).flags = with_solid((*state).flags, solid_towards(v, s.direction));
     (*state).shift = ray_offset(v, s.direction);
     if (follows_connected(v)) {
         (*state).d_vcm = min((*state).d_vcm * mis(density_gain(v.material, v.to_previous, s.direction)), MAX_SUM);

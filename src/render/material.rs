@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::DAffine2;
 
 use super::albedo::AlbedoTable;
+use super::media::interior_index;
 use crate::scene::{self, AlphaMode, Scene};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::TRIANGLE_ALPHA;
@@ -20,7 +21,7 @@ host_twins! {
         base_texture: u32, emission_texture: u32, f90: f32, surface_texture: u32,
         normal_texture: u32, normal_scale: f32, clearcoat: f32, clearcoat_alpha: f32,
         f0_color: [f32; 3], specular_color_texture: u32,
-        specular_texture: u32, clearcoat_texture: u32, clearcoat_roughness_texture: u32, pad0: u32,
+        specular_texture: u32, clearcoat_texture: u32, clearcoat_roughness_texture: u32, interior: u32,
     }
 }
 
@@ -120,7 +121,8 @@ impl<'a> MaterialSet<'a> {
             None => {
                 let n = self.list.len() as u32;
                 let converted = self.convert(source, key.1, key.2);
-                self.list.push(converted);
+                let interior = interior_index(self.scene, material).unwrap_or(NONE);
+                self.list.push(Material { interior, ..converted });
                 self.numbers.insert(key, n);
                 n
             }
@@ -204,7 +206,7 @@ impl<'a> MaterialSet<'a> {
             specular_texture: specular_texture.unwrap_or(NONE),
             clearcoat_texture: clearcoat_texture.unwrap_or(NONE),
             clearcoat_roughness_texture: clearcoat_roughness_texture.unwrap_or(NONE),
-            pad0: 0,
+            interior: NONE,
         };
         let used = || material.textures().into_iter().filter(|&texture| texture != NONE);
         self.features.textures |= used().next().is_some();

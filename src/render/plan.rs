@@ -83,7 +83,7 @@ pub struct Plan {
     is_orthographic: bool,
     has_media: bool,
     /// Values of the WGSL `override` constants that depend on the media.
-    media_constants: [(&'static str, f64); 5],
+    media_constants: [(&'static str, f64); 6],
     pub crop: Crop,
     pub crop_pixels: u64,
     /// Whether light subpaths are traced beyond their first vertex, the one on the emitter.
@@ -336,7 +336,7 @@ fn frame(settings: &Settings, prepared: &PreparedScene, all: bool) -> Frame {
         max_depth: settings.max_depth(),
         queries: settings.queries(),
         emitter_count: emitters.table.len() as u32,
-        media_count: media.list.len() as u32,
+        media_count: media.outside as u32,
         tree3_root: NONE,
         tree4_root: NONE,
         keep_s0: switch(all) / (query_sample_count * query_sample_count),

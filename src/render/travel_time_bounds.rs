@@ -47,11 +47,12 @@ impl TravelTimeBounds {
         let PreparedScene { geometry, emitters, media, space, sensor, .. } = prepared;
         let direct = nearest_emissive_triangle(prepared);
         let lights = punctual_emitters(prepared);
-        let scattered = if media.list.is_empty() { f64::INFINITY } else { nearest(sensor, &lights) };
+        let outside = &media.list[..media.outside];
+        let scattered = if outside.is_empty() { f64::INFINITY } else { nearest(sensor, &lights) };
         let min = direct.min(shortest_by_one_surface(geometry, sensor, &lights)).min(scattered);
         let all = geometry.triangles.par_iter().map(Box3::of).reduce(|| *sensor, Box3::with);
         let all = all.with(Box3 { lo: emitters.lo, hi: emitters.hi });
-        let all = media.list.iter().map(|m| Box3 { lo: m.lo.into(), hi: m.hi.into() }).fold(all, Box3::with);
+        let all = outside.iter().map(|m| Box3 { lo: m.lo.into(), hi: m.hi.into() }).fold(all, Box3::with);
         let diameter = (all.hi.as_dvec3() - all.lo.as_dvec3()).length();
         // A solid may be faster than its surroundings, as an air bubble in water is.
         let least_index = if geometry.features.transmission { 1.0 } else { f64::from(media.surrounding[1]) };

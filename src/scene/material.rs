@@ -65,7 +65,7 @@ pub struct Material {
     pub alpha_mode: AlphaMode,
     /// Whether the back reflects and emits as the front does; otherwise the back is black.
     pub double_sided: bool,
-    /// The medium inside closed meshes of this material, which must transmit light. The renderer does not show it yet.
+    /// The medium inside closed meshes of this material, which must transmit light.
     pub interior: Option<Medium>,
 }
 

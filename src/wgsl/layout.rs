@@ -99,7 +99,7 @@ host_twins! {
         offset: f32, select_pdf: f32, owner: u32, selection_cdf: u32,
     }
     /// `shared/path.wgsl`
-    FogSegment { throughput: [f32; 3], limit: f32, d_vcm: f32, d_vc: f32, length: f32, unused: u32 }
+    FogSegment { throughput: [f32; 3], limit: f32, d_vcm: f32, d_vc: f32, length: f32, solid: u32 }
     /// `shared/sky.wgsl`
     SkyHeader { width: u32, height: u32, select_pdf: f32, disk_pdf: f32 }
     /// `shared/tree.wgsl`

@@ -53,6 +53,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/sky",
     "shared/slots",
     "shared/sobol",
+    "shared/solid",
     "shared/surface",
     "shared/texture",
     "shared/traverse",

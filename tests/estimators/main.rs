@@ -11,6 +11,7 @@ mod drive;
 mod fog;
 mod furnace;
 mod headlamp;
+mod interiors;
 mod lamps;
 mod orthographic;
 mod regressions;
