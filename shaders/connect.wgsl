@@ -55,7 +55,8 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     // Visibility between the two points, both moved off their surfaces by the rounding offset.
     let lit = is_unoccluded(ray_end(q, w), ray_end(v, -w), key);
     let last = select(tau, contribution.w, OBSERVE == OBSERVE_STRATEGIES);
-    contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value, lit), last);
+    let passed = traced_transmittance(q, w, sqrt(segment.length2));
+    contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), last);
 }
 
 // The entry in `contributions` for a connection of q to the sky, in a direction sampled by luminance (s = 1).
@@ -76,5 +77,6 @@ fn connect_to_sky(q: PathVertex, slot: u32) -> vec4<f32> {
     let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
     let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
     let lit = trace(ray_end(q, w), w, 3e38, true, NONE, key).triangle == NONE;
-    return vec4<f32>(select(vec3<f32>(0.0), value, lit), select(0.0, weight, OBSERVE == OBSERVE_STRATEGIES));
+    let passed = traced_transmittance(q, w, 3e38);
+    return vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), select(0.0, weight, OBSERVE == OBSERVE_STRATEGIES));
 }

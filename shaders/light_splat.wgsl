@@ -42,7 +42,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     // The only copy of a deterministic vertex carries the whole power.
     let share = select(frame.splat_share, 1.0, (v.flags & VERTEX_DETERMINISTIC) != 0u);
     let depths = segment_depths(v, w, d);
-    let value = v.throughput * c.value * transmitted(depths) * (counted * share * density / spread);
+    var value = v.throughput * c.value * transmitted(depths) * (counted * share * density / spread);
     // A value that is not a number passes this test, because the host counts such values.
     if (max_component(value) <= 0.0) {
         return;
@@ -54,6 +54,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     if (!is_unoccluded(ray_end(v, w), to_sensor.end, key)) {
         return;
     }
+    value *= traced_transmittance(v, w, d);
     let reached = select(flight_density(depths), 1.0, HAS_ORTHOGRAPHIC);
     let weight = splat_weight(v, c, density * c.cosine / spread * reached);
     if (OBSERVE == OBSERVE_STRATEGIES) {

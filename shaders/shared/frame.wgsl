@@ -125,6 +125,8 @@ override SURROUNDING_IOR: f32 = 1.0;
 override SURROUNDING_GROUP_INDEX: f32 = 1.0;
 // Whether transmitting solids may contain media (solid.wgsl).
 override HAS_INTERIORS: bool = true;
+// Whether meshes bound media without bending light (boundary.wgsl).
+override HAS_NULL_BOUNDARIES: bool = true;
 // Whether events in a medium are moved along their segment, into the gate, before a deterministic vertex is connected to them
 // (shared/fog.wgsl).
 override DRAWS_IN_GATE: bool = true;

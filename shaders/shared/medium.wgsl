@@ -1,8 +1,10 @@
 // Participating media: where they are, how far light flies in them, and what they transmit.
 //
-// A medium fills a box, all space, or the inside of transmitting solids. Outside of solids media may overlap; then the last one
-// counts. Flights are sampled by scattering alone; absorption is a factor. Of the density of a distance, MIS weights contain the
-// mean transmittance only (`flight_density`): the coefficient at an event stands in every strategy of a path.
+// A medium fills a box, all space, or the inside of a mesh. Outside of solids boxes may overlap; then the last one counts, and the
+// inside of a null boundary counts more. Flights are sampled by scattering alone; absorption is a factor. Of the density of a
+// distance, MIS weights contain the mean transmittance only (`flight_density`): the coefficient at an event stands in every strategy
+// of a path.
+#import boundary
 #import frame
 #import math
 #import solid
@@ -70,6 +72,13 @@ fn stretch_at(o: vec3<f32>, d: vec3<f32>, t: f32) -> Stretch {
         s.medium = select(surrounding_solid - FIRST_INTERIOR, NONE, surrounding_solid == CLEAR_SOLID);
         return s;
     }
+    if (HAS_NULL_BOUNDARIES) {
+        let enclosing = enclosing_medium(t);
+        s = Stretch(enclosing.x, bitcast<f32>(enclosing.y));
+        if (s.medium != NONE) {
+            return s;
+        }
+    }
     for (var i = 0u; i < frame.media_count; i++) {
         let span = medium_span(i, o, d);
         let enter = span.x;
@@ -79,6 +88,11 @@ fn stretch_at(o: vec3<f32>, d: vec3<f32>, t: f32) -> Stretch {
         s.end = min(s.end, select(select(3e38, enter, t < enter && enter < leave), leave, inside));
     }
     return s;
+}
+
+// A ray has at most this number of stretches, less 1.
+fn last_stretch() -> u32 {
+    return 2u * frame.media_count + select(0u, crossing_count, HAS_NULL_BOUNDARIES);
 }
 
 // Optical depths of scattering and of absorption along a part of a ray, per channel.
@@ -91,7 +105,7 @@ struct Depths {
 fn optical_depths(o: vec3<f32>, d: vec3<f32>, length: f32) -> Depths {
     var depths = Depths(vec3<f32>(0.0), vec3<f32>(0.0));
     var t = 0.0;
-    for (var i = 0u; i <= 2u * frame.media_count; i++) {
+    for (var i = 0u; i <= last_stretch(); i++) {
         if (t < length) {
             let stretch = stretch_at(o, d, t);
             let end = min(stretch.end, length);
@@ -191,7 +205,7 @@ fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, wh
     var f = Flight(false, limit, NONE, vec3<f32>(0.0));
     var depths = Depths(vec3<f32>(0.0), vec3<f32>(0.0));
     var t = 0.0;
-    for (var i = 0u; i <= 2u * frame.media_count; i++) {
+    for (var i = 0u; i <= last_stretch(); i++) {
         if (t < limit && !f.scattered) {
             let stretch = stretch_at(o, d, t);
             let end = min(stretch.end, limit);

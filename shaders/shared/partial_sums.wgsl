@@ -25,10 +25,10 @@ fn sample_count_ratio(v: PathVertex) -> f32 {
 }
 
 // Factor of a segment with these optical depths in the densities of the MIS weights: the mean transmittance of scattering, with
-// which flights pass the segment. The density of an event itself cancels, because every strategy contains it. Parallel rays do not
-// count: 1.
+// which flights pass the segment. The density of an event itself cancels, because every strategy contains it. Null boundaries on a
+// segment are known only after its ray was traced, so in such scenes the weights do without transmittance.
 fn flight_density(depths: Depths) -> f32 {
-    if (!HAS_MEDIA) {
+    if (!HAS_MEDIA || HAS_NULL_BOUNDARIES) {
         return 1.0;
     }
     return max(dot(exp(-depths.scattering), vec3<f32>(1.0 / 3.0)), 1e-12);

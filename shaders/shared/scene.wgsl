@@ -23,6 +23,8 @@ const TRIANGLE_ALPHA: u32 = 0x40000000u;
 const TRIANGLE_DETAILED: u32 = 0x10000000u;
 // The instance mirrors the mesh: seen from the front, the corners run clockwise.
 const TRIANGLE_MIRRORED: u32 = 0x20000000u;
+// The surface is a null boundary (boundary.wgsl).
+const TRIANGLE_NULL: u32 = 0x08000000u;
 const TRIANGLE_MATERIAL: u32 = 0x00ffffffu;
 
 struct VertexAttributes {

@@ -22,11 +22,25 @@ fn optical_length(v: PathVertex, w: vec3<f32>, distance: f32) -> f32 {
     return eta_towards(v, w) * distance;
 }
 
-// Optical depths of the media on the segment that leaves v along `w` and has the length `distance`.
+// Optical depths of the media on the segment that leaves v along `w` and has the length `distance`. With null boundaries they are 0:
+// `traced_transmittance` takes their place.
 fn segment_depths(v: PathVertex, w: vec3<f32>, distance: f32) -> Depths {
-    if (!HAS_MEDIA) {
+    if (!HAS_MEDIA || HAS_NULL_BOUNDARIES) {
         return Depths(vec3<f32>(0.0), vec3<f32>(0.0));
     }
+    return depths_towards(v, w, distance);
+}
+
+// Fraction of light that the media on the segment transmit in scenes with null boundaries, otherwise 1. The ray of the segment must
+// have been traced: `trace` finds the boundaries.
+fn traced_transmittance(v: PathVertex, w: vec3<f32>, distance: f32) -> vec3<f32> {
+    if (!HAS_MEDIA || !HAS_NULL_BOUNDARIES) {
+        return vec3<f32>(1.0);
+    }
+    return transmitted(depths_towards(v, w, distance));
+}
+
+fn depths_towards(v: PathVertex, w: vec3<f32>, distance: f32) -> Depths {
     surrounding_solid = solid_towards(v, w);
     if (surrounding_solid == CLEAR_SOLID) {
         return Depths(vec3<f32>(0.0), vec3<f32>(0.0));

@@ -1,4 +1,5 @@
 // Intersection of rays with the scene: a compressed wide BVH (Ylitie et al. 2017, 80-byte nodes) and watertight triangles.
+#import boundary
 #import scene
 
 struct Hit {
@@ -74,12 +75,13 @@ fn intersect_triangle(index: u32, o: vec3<f32>, axes: RayAxes, last_hit: LastHit
     let t = (u * a.z + v * b.z + w * c.z) * scale;
     var beyond = t > last_hit.t;
     var nearer = t < (*hit).t;
-    if (HAS_ALPHA) {
+    if (HAS_ALPHA || HAS_NULL_BOUNDARIES) {
         // Only a ray that may pass surfaces needs an order between triangles at equal distance.
         beyond |= (t == last_hit.t) & (index > last_hit.triangle);
         nearer |= (t == (*hit).t) & ((*hit).triangle != NONE) & (index < (*hit).triangle);
     }
-    if (inside && beyond && nearer && index != origin_triangle) {
+    let is_sought = !HAS_NULL_BOUNDARIES || !only_boundaries || (triangle.material & TRIANGLE_NULL) != 0u;
+    if (inside && beyond && nearer && is_sought && index != origin_triangle) {
         (*hit).t = t;
         (*hit).u = v * scale;
         (*hit).v = w * scale;

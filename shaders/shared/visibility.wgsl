@@ -23,20 +23,49 @@ fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, origin_triangle:
     var count = 0u;
     var hit: Hit;
     var goes_on = true;
+    crossing_count = 0u;
     loop {
         if (EXIT_AT_TOP && !goes_on) {
             break;
         }
-        // With alpha, every call needs the nearest hit: once the ray has passed a farther surface, it cannot hit the nearer ones.
-        hit = traverse(o, d, last_hit, t_max, any_hit && !HAS_ALPHA, origin_triangle);
-        goes_on = HAS_ALPHA && lets_pass(hit, key, count);
-        last_hit = LastHit(hit.t, hit.triangle);
+        // A ray that may pass surfaces needs the nearest hit in every call: once it has passed a farther surface, it cannot hit
+        // the nearer ones.
+        let reach = select(t_max, 3e38, HAS_NULL_BOUNDARIES && only_boundaries);
+        let next = traverse(o, d, last_hit, reach, any_hit && !HAS_ALPHA && !HAS_NULL_BOUNDARIES, origin_triangle);
+        last_hit = LastHit(next.t, next.triangle);
+        goes_on = passes_boundary(next, o, d, hit);
+        if (!(HAS_NULL_BOUNDARIES && only_boundaries)) {
+            hit = next;
+            goes_on |= HAS_ALPHA && lets_pass(next, key, count);
+            if (HAS_NULL_BOUNDARIES && !goes_on && HAS_MEDIA && !(any_hit && next.triangle != NONE)) {
+                // The medium in front of the hit follows from the boundaries behind it.
+                only_boundaries = true;
+                goes_on = next.t < 3e38;
+            }
+        }
         count += 1u;
         continuing {
             break if !EXIT_AT_TOP & !goes_on;
         }
     }
+    only_boundaries = false;
     return hit;
+}
+
+// Whether the ray passes a null boundary at `next` and goes on. The crossing is noted. Behind `hit`, the ray ends as soon as the
+// medium at `hit` is known.
+fn passes_boundary(next: Hit, o: vec3<f32>, d: vec3<f32>, hit: Hit) -> bool {
+    if (!HAS_NULL_BOUNDARIES || next.triangle == NONE) {
+        return false;
+    }
+    let material = load_triangle(next.triangle).material;
+    if ((material & TRIANGLE_NULL) == 0u) {
+        return false;
+    }
+    let surface = surface_at(next.triangle, next.u, next.v);
+    let scale = length(d);
+    note_crossing(Crossing(next.t * scale, load_material(surface.material).interior, dot(surface.geometric, d) < 0.0));
+    return !only_boundaries || enclosing_medium(hit.t * scale).x == NONE;
 }
 
 // Whether the surface at the hit lets this ray pass. `count` is the number of surfaces that the ray has passed before.

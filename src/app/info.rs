@@ -16,7 +16,7 @@ use taugate::internals::input::scenery;
 use taugate::internals::render::{
     BlackBacks, MemoryPlan, PreparedScene, TravelTimeBounds, TravelTimes, black_backs, haze, probe,
 };
-use taugate::internals::scene::{Light as SceneLight, Projection, Scene, SkyImage};
+use taugate::internals::scene::{Light as SceneLight, Medium as SceneMedium, Projection, Scene, SkyImage};
 use taugate::internals::settings::units::METRES_PER_NS;
 use taugate::internals::settings::{Crop, Settings};
 
@@ -45,6 +45,8 @@ struct Report {
     emitters: Vec<Emitter>,
     materials: Vec<String>,
     materials_in_file: usize,
+    /// Used materials whose meshes contain a medium, with its coefficients.
+    interiors: Vec<String>,
     textures: usize,
     images: usize,
     texels: u64,
@@ -178,7 +180,9 @@ fn needs_render(args: &InfoArgs) -> bool {
 fn contents(scene: &Scene) -> Report {
     let mut used = vec![false; scene.materials.len()];
     scene.instances.iter().for_each(|i| used[scene.meshes[i.mesh as usize].material as usize] = true);
-    let materials = scene.materials.iter().zip(used).filter(|(_, used)| *used).map(|(m, _)| m.name.clone());
+    let used_materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(m, _)| m);
+    let materials = used_materials().map(|m| m.name.clone());
+    let interiors = used_materials().filter_map(|m| Some(describe_interior(&m.name, m.interior.as_ref()?))).collect();
     // The first light of a node decides its kind.
     let lights: HashMap<&str, &SceneLight> = scene.lights.iter().rev().map(|l| (l.node.as_str(), l)).collect();
     let emitters = emitting_nodes(scene).into_iter().map(|node| Emitter {
@@ -204,6 +208,7 @@ fn contents(scene: &Scene) -> Report {
         emitters: emitters.collect(),
         materials: materials.collect(),
         materials_in_file: scene.materials.len(),
+        interiors,
         textures: scene.textures.len(),
         images: scene.images.len(),
         texels: scene.images.iter().map(|i| u64::from(i.width) * u64::from(i.height)).sum(),
@@ -347,4 +352,11 @@ fn light(times: &TravelTimes, scene: &Scene) -> Option<Light> {
 
 pub fn arrival(percent: f64, metres: f64) -> Arrival {
     Arrival { percent, metres, nanoseconds: metres / METRES_PER_NS, depth_metres: metres / 2.0 }
+}
+
+/// The medium inside of meshes of a material.
+fn describe_interior(material: &str, medium: &SceneMedium) -> String {
+    let numbers = |sigma: [f64; 3]| sigma.map(feasible::short).join(", ");
+    let (scattering, absorption) = (numbers(medium.sigma_s), numbers(medium.sigma_a));
+    format!("{material} contains a medium: scattering ({scattering}), absorption ({absorption}) per metre")
 }

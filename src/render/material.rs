@@ -8,7 +8,7 @@ use super::albedo::AlbedoTable;
 use super::media::interior_index;
 use crate::scene::{self, AlphaMode, Scene};
 use crate::settings::Emitters;
-use crate::wgsl::layout::constants::TRIANGLE_ALPHA;
+use crate::wgsl::layout::constants::{TRIANGLE_ALPHA, TRIANGLE_NULL};
 use crate::wgsl::layout::{NONE, host_twins, shared_constants};
 
 host_twins! {
@@ -53,6 +53,8 @@ pub struct Features {
     pub transmission: bool,
     pub specular_colors: bool,
     pub clearcoat: bool,
+    /// Whether meshes bound media without bending light.
+    pub null_boundaries: bool,
 }
 
 impl Material {
@@ -71,7 +73,7 @@ impl Material {
 
 impl Features {
     /// Values of the WGSL `override` constants that switch each feature on (1) or off (0).
-    pub fn constants(&self) -> [(&'static str, f64); 11] {
+    pub fn constants(&self) -> [(&'static str, f64); 12] {
         [
             ("HAS_TEXTURES", self.textures),
             ("HAS_SURFACE_TEXTURES", self.surface_textures),
@@ -84,6 +86,7 @@ impl Features {
             ("HAS_TRANSMISSION", self.transmission),
             ("HAS_SPECULAR_COLORS", self.specular_colors),
             ("HAS_CLEARCOAT", self.clearcoat),
+            ("HAS_NULL_BOUNDARIES", self.null_boundaries),
         ]
         .map(|(name, on)| (name, if on { 1.0 } else { 0.0 }))
     }
@@ -111,7 +114,8 @@ impl<'a> MaterialSet<'a> {
         MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), max_ior, surrounding_ior }
     }
 
-    /// Index in `list` of the material of `mesh` on `node`, with the bit [`TRIANGLE_ALPHA`] if rays may pass through the surface.
+    /// Index in `list` of the material of `mesh` on `node`, with the bit [`TRIANGLE_ALPHA`] if rays may pass through the surface, and
+    /// [`TRIANGLE_NULL`] if they always do.
     pub fn number(&mut self, mesh: &scene::Mesh, node: &str) -> u32 {
         let material = mesh.material;
         let source = &self.scene.materials[material as usize];
@@ -130,7 +134,9 @@ impl<'a> MaterialSet<'a> {
         let alpha = if is_partial(source, mesh) { TRIANGLE_ALPHA } else { 0 };
         self.features.alpha |= alpha != 0;
         self.features.vertex_colors |= !mesh.colors.is_empty();
-        number | alpha
+        let is_null = source.is_null_boundary(self.surrounding_ior);
+        self.features.null_boundaries |= is_null;
+        number | alpha | if is_null { TRIANGLE_NULL } else { 0 }
     }
 
     fn convert(&mut self, m: &scene::Material, is_emitter: bool, has_tangents: bool) -> Material {

@@ -17,6 +17,7 @@ mod light;
 pub mod material;
 mod media;
 mod memory;
+mod null_boundary;
 mod observe;
 mod oversized;
 pub mod phase;

@@ -228,9 +228,15 @@ impl Plan {
         self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
     }
 
+    /// Whether the estimator chooses the places of events by the gate. It would have to know the null boundaries on segments that it
+    /// does not trace.
+    fn moves_events(&self) -> bool {
+        self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries
+    }
+
     /// Whether events in media are drawn in the gate, for connections to deterministic vertices.
     pub fn draws_in_gate(&self) -> bool {
-        self.has_media && self.estimator.draws_in_gate && !self.queries_deterministic(self.max_deterministic)
+        self.moves_events() && !self.queries_deterministic(self.max_deterministic)
     }
 
     /// Number of candidate slots per shade point for a pool, at least 1.
@@ -304,7 +310,7 @@ impl Plan {
             ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
             ("HAS_SKY", switch(self.has_sky)),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
-            ("GUIDES_FLIGHTS", switch(self.has_media && self.estimator.draws_in_gate)),
+            ("GUIDES_FLIGHTS", switch(self.moves_events())),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("QUERIED_PUNCTUAL", switch(queried)),

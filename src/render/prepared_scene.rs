@@ -8,7 +8,7 @@ use super::geometry::Geometry;
 use super::media::Media;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use super::{coplanar, oversized};
+use super::{coplanar, null_boundary, oversized};
 use crate::error::{Error, Result};
 use crate::scene::{Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -29,6 +29,7 @@ impl PreparedScene {
     /// render selects a light that is infinitely far away.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<PreparedScene> {
         scene.check()?;
+        null_boundary::check(scene)?;
         let Some(camera) = scene.cameras.get(settings.camera()) else {
             let (camera, count) = (settings.camera(), scene.cameras.len());
             return Err(Error::Settings(format!(

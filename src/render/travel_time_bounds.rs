@@ -48,7 +48,8 @@ impl TravelTimeBounds {
         let direct = nearest_emissive_triangle(prepared);
         let lights = punctual_emitters(prepared);
         let outside = &media.list[..media.outside];
-        let scattered = if outside.is_empty() { f64::INFINITY } else { nearest(sensor, &lights) };
+        let no_fog = outside.is_empty() && !geometry.features.null_boundaries;
+        let scattered = if no_fog { f64::INFINITY } else { nearest(sensor, &lights) };
         let min = direct.min(shortest_by_one_surface(geometry, sensor, &lights)).min(scattered);
         let all = geometry.triangles.par_iter().map(Box3::of).reduce(|| *sensor, Box3::with);
         let all = all.with(Box3 { lo: emitters.lo, hi: emitters.hi });

@@ -118,6 +118,7 @@ pub mod constants {
         TRIANGLE_ALPHA: u32 = 0x4000_0000,
         TRIANGLE_MIRRORED: u32 = 0x2000_0000,
         TRIANGLE_DETAILED: u32 = 0x1000_0000,
+        TRIANGLE_NULL: u32 = 0x0800_0000,
         TANGENT_MIRRORED: u32 = 0x1_0000,
         TEXTURE_TRANSFORM_SHIFT: u32 = 5,
         TRIANGLE_MATERIAL: u32 = 0x00ff_ffff,

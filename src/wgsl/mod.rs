@@ -23,6 +23,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "gather",
     "resolve",
     "first_surface",
+    "shared/boundary",
     "shared/bsdf",
     "shared/camera",
     "shared/candidate",

@@ -13,6 +13,7 @@ mod furnace;
 mod headlamp;
 mod interiors;
 mod lamps;
+mod null_boundaries;
 mod orthographic;
 mod regressions;
 mod rough_glass;

@@ -75,6 +75,7 @@ fn add_contents(lines: &mut Lines, r: &Report) {
         names += &format!(" and {} more", r.materials.len() - 12);
     }
     lines.line("materials", format!("{} used of {}: {names}", r.materials.len(), r.materials_in_file));
+    lines.list("inside", &r.interiors, String::clone);
     lines.line("textures", format!("{} with {} texels in {} images", r.textures, r.texels, r.images));
     lines.list("medium", &r.media, Medium::describe);
     lines.list("warning", &r.warnings, String::clone);

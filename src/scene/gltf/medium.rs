@@ -75,11 +75,6 @@ pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut 
             let sigma_a = &mut material.interior.get_or_insert_default().sigma_a;
             *sigma_a = [0, 1, 2].map(|k| (sigma_a[k] + absorption[k]).min(MAX_COEFFICIENT));
         }
-        if material.is_null_boundary(1.0) {
-            warnings.once("null boundary", || {
-                format!("meshes that only bound a medium are not rendered rightly yet (first: material `{name}`)")
-            });
-        }
     }
     Ok(())
 }
