@@ -7,7 +7,7 @@ use super::rough_glass;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::oracle::path_tracer::{self, Film};
-use taugate::internals::scene::Scene;
+use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Emitters, Estimator, Strategies};
 
@@ -41,11 +41,29 @@ pub fn against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolutio
 /// The estimators that can render the scene's emitters: `pt` cannot render beams.
 fn estimators(scene: &Scene) -> Vec<Estimator> {
     let mut estimators = vec![Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
-    let only_beams = scene.lights.iter().all(|l| matches!(l.kind, taugate::internals::scene::LightKind::Beam { .. }));
-    if scene.lights.is_empty() || !only_beams {
+    if !has_only_beams(scene) {
         estimators.push(Estimator::Pt);
     }
     estimators
+}
+
+fn has_only_beams(scene: &Scene) -> bool {
+    !scene.lights.is_empty() && scene.lights.iter().all(|l| matches!(l.kind, LightKind::Beam { .. }))
+}
+
+/// Compares the estimators that check a feature with the oracle over several gates.
+pub fn feature_against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [u32; 2]) -> Vec<String> {
+    against(name, &feature_estimators(scene), scene, gates, &oracle(scene, gates, resolution, 800))
+}
+
+/// All estimators evaluate materials, media and cameras with the same functions. So two estimators check such a feature: those that
+/// have the least in common. With the environment variable `TAUGATE_ALL_ESTIMATORS`, all estimators that can render the scene do.
+pub fn feature_estimators(scene: &Scene) -> Vec<Estimator> {
+    if std::env::var_os("TAUGATE_ALL_ESTIMATORS").is_some() {
+        return estimators(scene);
+    }
+    let least_like_lcs = if has_only_beams(scene) { Estimator::Bdpt } else { Estimator::Pt };
+    vec![least_like_lcs, Estimator::Lcs]
 }
 
 /// The oracle's image through each gate, with `spp` samples per pixel.

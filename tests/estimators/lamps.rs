@@ -11,7 +11,7 @@ use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Emitters, Estimator, Settings};
 
-use super::agreement::{against, assert_none, oracle};
+use super::agreement::{against, assert_none, feature_estimators, oracle};
 use super::cells::{Cells, renderer, settings, threshold};
 
 const ALBEDO: f32 = 0.5;
@@ -167,7 +167,7 @@ fn a_hundred_spot_lights_agree_with_the_oracle() {
     let scene = build(Kind::HundredLamps);
     let gates = [(11.0, 12.0), (0.0, f64::INFINITY)];
     let truth = oracle(&scene, &gates, [24, 16], 800);
-    assert_none(against("hundred lamps", &Estimator::ALL, &scene, &gates, &truth));
+    assert_none(against("hundred lamps", &feature_estimators(&scene), &scene, &gates, &truth));
 }
 
 /// Relative variance of a cell in a render of the hall with a hundred lamps, averaged over all cells.

@@ -11,7 +11,7 @@ use taugate::internals::scene::{Camera, LightKind, Projection, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Strategies};
 
-use super::agreement::{against_oracle, assert_none, whole_images};
+use super::agreement::{assert_none, feature_against_oracle, whole_images};
 use super::cells::{Cells, pool, renderer, settings, threshold};
 use super::closed_form::{GATES, RESOLUTION, floor, gated_pixels};
 
@@ -91,11 +91,11 @@ fn the_spot_of_a_thin_beam_is_found_by_connections_to_the_sensor() {
 fn rooms_seen_in_parallel_agree_with_the_oracle() {
     let steady = (0.0, f64::INFINITY);
     let cornell = orthographic(build(Kind::CornellBox), 2.2);
-    assert_none(against_oracle("cornell", &cornell, &[(6.5, 7.0), (8.0, 8.3), steady], [24, 24]));
+    assert_none(feature_against_oracle("cornell", &cornell, &[(6.5, 7.0), (8.0, 8.3), steady], [24, 24]));
     for (name, kind, lo) in [("lamp", Light::Area, 5.0), ("punctual", Light::Punctual, 5.0), ("beam", Light::Beam, 6.5)]
     {
         let scene = orthographic(zoo(kind), 1.7);
-        assert_none(against_oracle(name, &scene, &[(lo, lo + 1.0), steady], [24, 16]));
+        assert_none(feature_against_oracle(name, &scene, &[(lo, lo + 1.0), steady], [24, 16]));
     }
 }
 
@@ -114,7 +114,7 @@ fn whole_images_in_parallel_agree_with_the_oracle() {
 fn a_sun_seen_in_parallel_agrees_with_the_oracle() {
     let mut scene = orthographic(build(Kind::CornellBox), 2.2);
     light(&mut scene, "sun", DVec3::ZERO, DVec3::new(0.3, -0.5, -0.8), LightKind::Directional { irradiance: [6.0; 3] });
-    assert_none(against_oracle("sun", &scene, &[(0.0, f64::INFINITY)], [24, 16]));
+    assert_none(feature_against_oracle("sun", &scene, &[(0.0, f64::INFINITY)], [24, 16]));
 }
 
 fn image(renderer: &mut Renderer, gate: Gate) -> Vec<f32> {

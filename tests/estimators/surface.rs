@@ -10,7 +10,7 @@ use taugate::internals::scene::{Image, Material, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
-use super::agreement::{against, assert_none, oracle};
+use super::agreement::{against, assert_none, feature_estimators, oracle};
 use super::cells::{Cells, renderer, settings, threshold};
 
 /// An image of 8 x 8 random texels.
@@ -70,7 +70,7 @@ const GATES: [(f64, f64); 2] = [(5.0, 6.0), (0.0, f64::INFINITY)];
 fn varying_roughness_metalness_and_colours_agree_with_the_oracle() {
     let scene = varied();
     let truth = oracle(&scene, &GATES, [24, 16], 800);
-    assert_none(against("varied", &Estimator::ALL, &scene, &GATES, &truth));
+    assert_none(against("varied", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: factors without the texture.
     let mut plain = scene.clone();
     plain.materials.iter_mut().for_each(|material| material.surface_texture = None);
@@ -93,7 +93,7 @@ fn clear_coats_agree_with_the_oracle() {
         let of = |clearcoat| room_of(|m| Material { clearcoat, clearcoat_roughness, ..dark(m) });
         let scene = of(1.0);
         let truth = oracle(&scene, &GATES, [24, 16], 800);
-        assert_none(against("clear coat", &Estimator::ALL, &scene, &GATES, &truth));
+        assert_none(against("clear coat", &feature_estimators(&scene), &scene, &GATES, &truth));
         // Negative control: no clear coat.
         assert!(!against("bare", &[Estimator::Lcs], &of(0.0), &GATES, &truth).is_empty());
     }
@@ -104,7 +104,7 @@ fn specular_colours_agree_with_the_oracle() {
     let of = |specular_color| room_of(|m| Material { specular: 0.9, specular_color, ..m });
     let scene = of([0.2, 2.0, 12.0]);
     let truth = oracle(&scene, &GATES, [24, 16], 800);
-    assert_none(against("colours", &Estimator::ALL, &scene, &GATES, &truth));
+    assert_none(against("colours", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: white.
     assert!(!against("white", &[Estimator::Lcs], &of([1.0; 3]), &GATES, &truth).is_empty());
 }
@@ -128,7 +128,7 @@ fn varying_plastics_agree_with_the_oracle() {
         ..m
     });
     let truth = oracle(&scene, &GATES, [24, 16], 800);
-    assert_none(against("varied plastic", &Estimator::ALL, &scene, &GATES, &truth));
+    assert_none(against("varied plastic", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: factors without textures.
     assert!(!against("plain plastic", &[Estimator::Lcs], &plain, &GATES, &truth).is_empty());
 }
@@ -144,7 +144,7 @@ fn varying_clear_coats_agree_with_the_oracle() {
         ..m
     });
     let truth = oracle(&scene, &GATES, [24, 16], 800);
-    assert_none(against("varied clear coat", &Estimator::ALL, &scene, &GATES, &truth));
+    assert_none(against("varied clear coat", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: factors without textures.
     assert!(!against("plain clear coat", &[Estimator::Lcs], &plain, &GATES, &truth).is_empty());
 }
@@ -195,7 +195,7 @@ fn constant_textures_are_factors() {
 fn normal_maps_agree_with_the_oracle() {
     let scene = with_normal_map(zoo(Light::Area), bumps());
     let truth = oracle(&scene, &GATES, [24, 16], 800);
-    assert_none(against("bumps", &Estimator::ALL, &scene, &GATES, &truth));
+    assert_none(against("bumps", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: half of the slopes.
     let mut smoother = scene.clone();
     change(&mut smoother, |material| Material { normal_scale: 0.5, ..material });
@@ -236,7 +236,7 @@ fn leaning(eye: DVec3, material: Material) -> Scene {
 fn a_leaning_normal_loses_no_more_than_the_light_from_below() {
     for (x, expected) in [(1.5, (1.0 + 0.5f64.sqrt()) / 2.0), (-1.5, 1.0)] {
         let scene = leaning(DVec3::new(x, 0.2, 0.6), diffuse("white", [1.0; 3]));
-        for estimator in Estimator::ALL {
+        for estimator in feature_estimators(&scene) {
             let s = settings(estimator, [8, 8]).max_depth(2).build().unwrap();
             let (mean, error) = Cells::measure(&mut renderer(&scene, &s), Gate::OPEN, 8, 1, 16, 60).whole();
             eprintln!("{estimator} from x = {x}: {mean:.5} +- {error:.5}, expected {expected:.5}");
@@ -271,7 +271,7 @@ fn a_textured_coat_reflects_in_proportion_to_its_texels() {
         m.normal_texture = None;
         let (clearcoat, specular) = if clearcoat_texture.is_some() { (1.0, 0.0) } else { (0.0, 1.0) };
         *m = Material { clearcoat, specular, clearcoat_texture, specular_texture, specular_color_texture, ..m.clone() };
-        for estimator in Estimator::ALL {
+        for estimator in feature_estimators(&scene) {
             let s = settings(estimator, [8, 8]).max_depth(2).build().unwrap();
             let mut renderer = renderer(&scene, &s);
             renderer.iterate(4).unwrap();
