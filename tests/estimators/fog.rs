@@ -128,8 +128,10 @@ fn light_that_returns_from_droplets_and_tables_has_the_radiance_of_the_closed_fo
     }
 }
 
-/// The first room of [`a_foggy_room_agrees_with_the_oracle`], with droplets around a box of fog whose phase function is a table.
+/// A room with a lamp that has a surface, and with droplets around a box of fog whose phase function is a table.
+/// `cargo test --release --test estimators -- --ignored --nocapture rooms`
 #[test]
+#[ignore = "takes half a minute; the closed forms are tested always"]
 fn rooms_with_droplets_and_tables_agree_with_the_oracle() {
     let mut scene = foggy(Light::Area);
     scene.media[0].phase =
@@ -153,15 +155,12 @@ fn foggy(lamps: Light) -> Scene {
 
 #[test]
 fn a_foggy_room_agrees_with_the_oracle() {
-    for (name, lamps, lo) in
-        [("lamp", Light::Area, 5.0), ("punctual", Light::Punctual, 5.0), ("beam", Light::Beam, 6.5)]
-    {
-        let gates = [(lo, lo + 1.0), (0.0, f64::INFINITY)];
-        assert_none(feature_against_oracle(name, &foggy(lamps), &gates, [24, 16]));
-    }
+    let gates = [(5.0, 6.0), (0.0, f64::INFINITY)];
+    assert_none(feature_against_oracle("punctual", &foggy(Light::Punctual), &gates, [24, 16]));
 }
 
-/// The long version, with smaller errors: `cargo test --release --test estimators -- --ignored --nocapture foggy_rooms`
+/// The long version, with all lamps and smaller errors:
+/// `cargo test --release --test estimators -- --ignored --nocapture foggy_rooms`
 #[test]
 #[ignore = "takes minutes"]
 fn whole_images_of_foggy_rooms_agree_with_the_oracle() {

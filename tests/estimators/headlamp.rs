@@ -61,13 +61,13 @@ fn agrees(name: &str, scene: &Scene, gates: &[(f64, f64)]) {
 }
 
 #[test]
-fn all_estimators_agree_on_a_scene_that_has_neither_camera_nor_light() {
+fn estimators_agree_on_a_scene_that_has_neither_camera_nor_light() {
     let scene = dark_box("camera = { look-from = [0.1, 1.1, 2.9], resolution = '24x16' }");
     agrees("headlamp", &scene, &[(6.0, 7.0), (8.0, 10.0), (0.0, f64::INFINITY)]);
 }
 
 #[test]
-fn all_estimators_agree_if_the_principal_point_is_off_the_centre() {
+fn estimators_agree_if_the_principal_point_is_off_the_centre() {
     let keys = "camera = { look-from = [0.1, 1.1, 2.9], resolution = '24x16', principal-point = [0.3, 0.8] }";
     agrees("principal point", &dark_box(keys), &[(8.0, 10.0), (0.0, f64::INFINITY)]);
 }

@@ -154,7 +154,7 @@ fn agrees(name: &str, scene: &Scene) {
 }
 
 #[test]
-fn all_estimators_agree_with_the_oracle_under_the_sky() {
+fn estimators_agree_with_the_oracle_under_the_sky() {
     agrees("sky and lamp", &open_box(None));
     let mut dark = open_box(None);
     dark.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
@@ -162,7 +162,7 @@ fn all_estimators_agree_with_the_oracle_under_the_sky() {
 }
 
 #[test]
-fn all_estimators_agree_with_the_oracle_under_the_image_of_a_sky() {
+fn estimators_agree_with_the_oracle_under_the_image_of_a_sky() {
     agrees("image", &open_box(Some(sky_with_a_sun())));
 }
 

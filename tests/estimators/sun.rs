@@ -85,7 +85,7 @@ fn agrees(name: &str, scene: &Scene) {
 }
 
 #[test]
-fn all_estimators_agree_with_the_oracle_in_sunlight() {
+fn estimators_agree_with_the_oracle_in_sunlight() {
     agrees("sun and lamp", &sunny_box());
     let mut dark = sunny_box();
     dark.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);

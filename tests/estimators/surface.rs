@@ -74,7 +74,7 @@ fn varying_roughness_metalness_and_colours_agree_with_the_oracle() {
     // Negative control: factors without the texture.
     let mut plain = scene.clone();
     plain.materials.iter_mut().for_each(|material| material.surface_texture = None);
-    assert!(!against("no texture", &[Estimator::Lcs], &plain, &GATES, &truth).is_empty());
+    assert!(!against("no texture", &[Estimator::Lcs], &plain, &GATES[..1], &truth).is_empty());
 }
 
 /// The room, whose floor, walls and ring have another material: `change` of a diffuse one.
@@ -95,7 +95,7 @@ fn clear_coats_agree_with_the_oracle() {
         let truth = oracle(&scene, &GATES, [24, 16], 800);
         assert_none(against("clear coat", &feature_estimators(&scene), &scene, &GATES, &truth));
         // Negative control: no clear coat.
-        assert!(!against("bare", &[Estimator::Lcs], &of(0.0), &GATES, &truth).is_empty());
+        assert!(!against("bare", &[Estimator::Lcs], &of(0.0), &GATES[..1], &truth).is_empty());
     }
 }
 
@@ -106,7 +106,7 @@ fn specular_colours_agree_with_the_oracle() {
     let truth = oracle(&scene, &GATES, [24, 16], 800);
     assert_none(against("colours", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: white.
-    assert!(!against("white", &[Estimator::Lcs], &of([1.0; 3]), &GATES, &truth).is_empty());
+    assert!(!against("white", &[Estimator::Lcs], &of([1.0; 3]), &GATES[..1], &truth).is_empty());
 }
 
 /// Adds a texture whose four channels vary, to a room whose material `with` changes.
@@ -130,7 +130,7 @@ fn varying_plastics_agree_with_the_oracle() {
     let truth = oracle(&scene, &GATES, [24, 16], 800);
     assert_none(against("varied plastic", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: factors without textures.
-    assert!(!against("plain plastic", &[Estimator::Lcs], &plain, &GATES, &truth).is_empty());
+    assert!(!against("plain plastic", &[Estimator::Lcs], &plain, &GATES[..1], &truth).is_empty());
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn varying_clear_coats_agree_with_the_oracle() {
     let truth = oracle(&scene, &GATES, [24, 16], 800);
     assert_none(against("varied clear coat", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: factors without textures.
-    assert!(!against("plain clear coat", &[Estimator::Lcs], &plain, &GATES, &truth).is_empty());
+    assert!(!against("plain clear coat", &[Estimator::Lcs], &plain, &GATES[..1], &truth).is_empty());
 }
 
 /// Textures of one colour change the image as much as their bytes round.
@@ -199,7 +199,7 @@ fn normal_maps_agree_with_the_oracle() {
     // Negative control: half of the slopes.
     let mut smoother = scene.clone();
     change(&mut smoother, |material| Material { normal_scale: 0.5, ..material });
-    assert!(!against("smoother", &[Estimator::Lcs], &smoother, &GATES, &truth).is_empty());
+    assert!(!against("smoother", &[Estimator::Lcs], &smoother, &GATES[..1], &truth).is_empty());
 }
 
 /// A map of (128, 128, 255) changes no bit of the image.
