@@ -36,20 +36,34 @@ impl Pilot {
     }
 }
 
+/// A pilot that misses this part of the lit blocks, or more, cannot know its own error.
+const BLIND: f64 = 0.05;
+
 /// The pilot with the smallest product of its costs, over all pixels and trimmed. Rare bright samples count, but a short
-/// render meets one only by luck.
+/// render meets one only by luck. A pilot that saw nothing where others saw light is chosen only if all pilots are like it: where
+/// it saw nothing, its variance is 0.
 ///
 /// All pilots are compared with the same image: the mean of all pilots over blocks of pixels. With single pixels, the noise
 /// of the other pilots would decide the error of the best one.
 pub fn fastest(pilots: &[Pilot]) -> &Pilot {
     let n = pilots.len() as f32;
+    let width = pilots[0].settings.crop().width() as usize;
     let mean: Vec<f32> = (0..pilots[0].mean.len()).map(|i| pilots.iter().map(|p| p.mean[i]).sum::<f32>() / n).collect();
-    let truth = over_blocks(&mean, pilots[0].settings.crop().width() as usize);
+    let truth = over_blocks(&mean, width);
     let cost = |pilot: &Pilot| {
         let cost = pilot.cost(&truth);
         cost.all * cost.trimmed
     };
-    pilots.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).expect("there is a pilot")
+    let is_blind = |pilot: &Pilot| missed(&truth, &over_blocks(&pilot.mean, width)) >= BLIND;
+    let order = |a: &Pilot, b: &Pilot| is_blind(a).cmp(&is_blind(b)).then(cost(a).total_cmp(&cost(b)));
+    pilots.iter().min_by(|a, b| order(a, b)).expect("there is a pilot")
+}
+
+/// Fraction of the values above 0 of `truth` that are 0 in `found`.
+fn missed(truth: &[f32], found: &[f32]) -> f64 {
+    let lit = truth.iter().filter(|&&x| x > 0.0).count();
+    let black = truth.iter().zip(found).filter(|&(&truth, &found)| truth > 0.0 && found == 0.0).count();
+    black as f64 / lit.max(1) as f64
 }
 
 /// Replaces each block of [`BLOCK`] x [`BLOCK`] pixels (smaller at the edges) by its mean. The image is interleaved RGB.
@@ -132,6 +146,30 @@ pub fn frugal(settings: Settings) -> Settings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Budget;
+
+    fn pilot(mean: Vec<f32>, variance: f32) -> Pilot {
+        let settings = Settings::builder().resolution([24, 8]).budget(Budget::Spp(1)).build().unwrap();
+        Pilot {
+            variant: String::new(),
+            settings,
+            measured: true,
+            variance: vec![variance; mean.len()],
+            mean,
+            seconds: 1.0,
+        }
+    }
+
+    #[test]
+    fn a_pilot_that_saw_nothing_is_not_the_fastest() {
+        // Three blocks; the first pilot has found light in one of them only.
+        let bright = |x: usize| if x < 8 { 1.0 } else { 0.0 };
+        let blind = || pilot((0..192).flat_map(|i| [bright(i % 24); 3]).collect(), 1e-3);
+        let noisy = || pilot(vec![1.0; 576], 0.1);
+        assert_eq!(fastest(&[blind(), noisy()]).variance[0], 0.1);
+        assert_eq!(fastest(&[blind(), blind()]).variance[0], 1e-3);
+        assert_eq!(fastest(&[noisy(), pilot(vec![1.0; 576], 0.05)]).variance[0], 0.05);
+    }
 
     #[test]
     fn blocks_have_their_means_and_edges_are_blocks_too() {
