@@ -84,6 +84,7 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
         return event;
     }
     event.material = stretch.medium;
-    event.throughput = segment.throughput * transmitted(depths) * load_medium(stretch.medium).sigma_s / density;
+    let sigma_s = load_medium(stretch.medium).sigma_s * medium_density(stretch.medium, event.position);
+    event.throughput = segment.throughput * transmitted(depths) * sigma_s / density;
     return event;
 }

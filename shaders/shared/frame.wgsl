@@ -127,6 +127,8 @@ override SURROUNDING_GROUP_INDEX: f32 = 1.0;
 override HAS_INTERIORS: bool = true;
 // Whether meshes bound media without bending light (boundary.wgsl).
 override HAS_NULL_BOUNDARIES: bool = true;
+// Whether a medium has a density grid (grid.wgsl).
+override HAS_GRIDS: bool = true;
 // Whether events in a medium are moved along their segment, into the gate, before a deterministic vertex is connected to them
 // (shared/fog.wgsl).
 override DRAWS_IN_GATE: bool = true;

@@ -1,11 +1,12 @@
 // Participating media: where they are, how far light flies in them, and what they transmit.
 //
-// A medium fills a box, all space, or the inside of a mesh. Outside of solids boxes may overlap; then the last one counts, and the
-// inside of a null boundary counts more. Flights are sampled by scattering alone; absorption is a factor. Of the density of a
-// distance, MIS weights contain the mean transmittance only (`flight_density`): the coefficient at an event stands in every strategy
-// of a path.
+// A medium fills a box, a density grid, all space, or the inside of a mesh. Outside of solids boxes and grids may overlap; then the
+// last one counts, and the inside of a null boundary counts more. Flights are sampled by scattering alone; absorption is a factor. Of
+// the density of a distance, MIS weights contain the mean transmittance only (`flight_density`): the coefficient at an event stands
+// in every strategy of a path.
 #import boundary
 #import frame
+#import grid
 #import math
 #import solid
 
@@ -45,13 +46,44 @@ fn load_medium(index: u32) -> Medium {
         bitcast<f32>(p.x), bitcast<f32>(p.y), p.z, p.w);
 }
 
-// Distances along o + t d at which the ray enters (x) and leaves (y) the box of medium `index`; x > y if it misses the box.
+// Distances along o + t d at which the ray enters (x) and leaves (y) medium `index`; x > y if it misses the medium.
 fn medium_span(index: u32, o: vec3<f32>, d: vec3<f32>) -> vec2<f32> {
     let m = load_medium(index);
     let inverse = 1.0 / select(d, vec3<f32>(1e-30), abs(d) < vec3<f32>(1e-30));
     let a = (m.lo - o) * inverse;
     let b = (m.hi - o) * inverse;
-    return vec2<f32>(max_component(min(a, b)), -max_component(-max(a, b)));
+    let span = vec2<f32>(max_component(min(a, b)), -max_component(-max(a, b)));
+    if (HAS_GRIDS) {
+        let g = load_grid(index);
+        if (has_grid(g)) {
+            let inner = grid_span(g, o, d);
+            return vec2<f32>(max(span.x, inner.x), min(span.y, inner.y));
+        }
+    }
+    return span;
+}
+
+// Density of medium `index` at p, a factor on its coefficients.
+fn medium_density(index: u32, p: vec3<f32>) -> f32 {
+    if (HAS_GRIDS) {
+        let g = load_grid(index);
+        if (has_grid(g)) {
+            return grid_density(g, p);
+        }
+    }
+    return 1.0;
+}
+
+// Follows the ray o + t d through medium `index` from t = `first` until t = `last`, or until the integral of the density is `needed`.
+fn pass_medium(index: u32, o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, needed: f32) -> Passage {
+    if (HAS_GRIDS) {
+        let g = load_grid(index);
+        if (has_grid(g)) {
+            return pass_grid(g, o, d, first, last, needed);
+        }
+    }
+    let flown = min(last - first, needed);
+    return Passage(flown, flown);
 }
 
 // Code of the solid that surrounds the ray which the functions below receive (solid.wgsl). Their callers set it.
@@ -111,8 +143,9 @@ fn optical_depths(o: vec3<f32>, d: vec3<f32>, length: f32) -> Depths {
             let end = min(stretch.end, length);
             if (stretch.medium != NONE) {
                 let m = load_medium(stretch.medium);
-                depths.scattering += m.sigma_s * (end - t);
-                depths.absorption += m.sigma_a * (end - t);
+                let passed = pass_medium(stretch.medium, o, d, t, end, 3e38).integral;
+                depths.scattering += m.sigma_s * passed;
+                depths.absorption += m.sigma_a * passed;
             }
             t = end;
         }
@@ -120,14 +153,19 @@ fn optical_depths(o: vec3<f32>, d: vec3<f32>, length: f32) -> Depths {
     return depths;
 }
 
-// Mean of sigma_t over the channels in the medium `index`; 0 for NONE.
+// Mean of sigma_t over the channels, and over a grid, in the medium `index`; 0 for NONE.
 fn mean_extinction(index: u32) -> f32 {
     if (index == NONE) {
         return 0.0;
     }
     let m = load_medium(index);
     let sigma_t = m.sigma_s + m.sigma_a;
-    return (sigma_t.x + sigma_t.y + sigma_t.z) * (1.0 / 3.0);
+    let mean = (sigma_t.x + sigma_t.y + sigma_t.z) * (1.0 / 3.0);
+    if (HAS_GRIDS) {
+        let g = load_grid(index);
+        return mean * select(1.0, g.mean, has_grid(g));
+    }
+    return mean;
 }
 
 // Fraction of light, per channel, that reaches o + length d from o. `d` is a unit vector.
@@ -212,12 +250,13 @@ fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, wh
             if (stretch.medium != NONE) {
                 let m = load_medium(stretch.medium);
                 let needed = max(drawn - dot(depths.scattering, channel), 0.0) / max(dot(m.sigma_s, channel), 1e-37);
-                let flown = min(end - t, needed);
-                depths.scattering += m.sigma_s * flown;
-                depths.absorption += m.sigma_a * flown;
-                f.scattered = needed < end - t;
-                f.distance = t + flown;
+                let passed = pass_medium(stretch.medium, o, d, t, end, needed);
+                depths.scattering += m.sigma_s * passed.integral;
+                depths.absorption += m.sigma_a * passed.integral;
+                f.scattered = passed.length < end - t;
+                f.distance = t + passed.length;
                 f.medium = stretch.medium;
+                // The density of a grid is a factor of the density of the flight as well, so it cancels.
                 f.weight = m.sigma_s;
             }
             t = end;

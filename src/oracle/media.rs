@@ -29,7 +29,8 @@ pub struct PreparedMedium<'a> {
     grid: Option<PreparedGrid<'a>>,
 }
 
-struct PreparedGrid<'a> {
+/// A grid with values that are computed once.
+pub struct PreparedGrid<'a> {
     grid: &'a DensityGrid,
     /// From world space to coordinates in which each voxel is a unit cube, and the grid starts at the origin.
     to_voxels: DAffine3,
@@ -217,7 +218,7 @@ fn clip(span: (f64, f64), origin: DVec3, direction: DVec3, [lo, hi]: [DVec3; 2])
 }
 
 impl<'a> PreparedGrid<'a> {
-    fn new(grid: &'a DensityGrid) -> PreparedGrid<'a> {
+    pub fn new(grid: &'a DensityGrid) -> PreparedGrid<'a> {
         let [lo, hi] = grid.bounds;
         let voxel = (hi - lo) / DVec3::from(grid.resolution.map(f64::from));
         let world_from_voxels = grid.transform * DAffine3::from_translation(lo) * DAffine3::from_scale(voxel);
@@ -231,7 +232,8 @@ impl<'a> PreparedGrid<'a> {
         self.grid.density[(x + nx * (y + ny * z)) as usize].into()
     }
 
-    fn density(&self, point: DVec3) -> f64 {
+    /// Density at a point of the grid in world space.
+    pub fn density(&self, point: DVec3) -> f64 {
         let p = self.to_voxels.transform_point3(point);
         if self.grid.filter == GridFilter::Nearest {
             return self.voxel(p.floor().to_array().map(|x| x as i64));

@@ -13,7 +13,7 @@ pub mod fog;
 pub mod geometry;
 pub mod ggx;
 pub mod lightcone;
-mod media;
+pub mod media;
 pub mod path_tracer;
 pub mod phase;
 pub mod sphere;

@@ -20,6 +20,7 @@ type Part<'a> = (&'static str, BufferDesc, &'a [u8]);
 
 const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
 const MEDIA: &str = "use fewer media and shorter tables, or a device with a larger limit (taugate devices)";
+const GRIDS: &str = "use density grids with fewer voxels, or a device with a larger limit (taugate devices)";
 const SKY: &str = "use a smaller image for --sky, or a device with a larger limit (taugate devices)";
 const IMAGES: &str = "use smaller textures, or a device with a larger limit (taugate devices)";
 
@@ -49,6 +50,8 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         texels("sky", "sky", &emitters.sky, SKY),
         texels("media", "media", &media.list, MEDIA),
         texels("phase_tables", "tables of phase functions", &media.phase_tables, MEDIA),
+        texels("grids", "headers of density grids", &media.grids, MEDIA),
+        texels("densities", "density grids", &media.densities, GRIDS),
         part("albedo_table", "albedo table", &albedo.values, MESHES),
     ]
 }

@@ -1,16 +1,19 @@
 //! Participating media on the device.
 
+use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 
-use super::phase;
 use super::space::RenderSpace;
+use super::{grid, phase};
 use crate::error::{Error, Result};
 use crate::scene::{self, Scene, surrounding_indices};
-use crate::wgsl::layout::Medium;
 use crate::wgsl::layout::constants::{PHASE_DRAINE, PHASE_TABLE};
+use crate::wgsl::layout::{Grid, Medium};
 
 /// Stands for infinity in the corners of media without bounds.
 const FAR: f32 = 3e38;
+/// Upper bound on the cells of all density grids together: 2 GiB. Common drivers take no larger texel buffers.
+const MAX_CELLS: u64 = 1 << 27;
 /// Maximum number of media: a vertex has 12 bits for the code of its solid (`shared/solid.wgsl`).
 const MAX_MEDIA: usize = 4000;
 
@@ -25,6 +28,10 @@ pub struct Media {
     pub phase_tables: Vec<phase::Node>,
     /// Index of refraction and group index outside of solids.
     pub surrounding: [f32; 2],
+    /// One record per medium if a medium has a density grid; else empty.
+    pub grids: Vec<Grid>,
+    /// Cells and blocks of the grids.
+    pub densities: Vec<grid::Texel>,
 }
 
 impl Media {
@@ -32,16 +39,18 @@ impl Media {
     pub fn new(scene: &Scene, space: &RenderSpace) -> Result<Media> {
         let outside = scene.media.len();
         let (mut list, mut phase_tables) = (vec![], vec![]);
-        for (i, medium) in scene.media.iter().enumerate() {
-            let name = || if outside == 1 { "the medium".into() } else { format!("medium {i}") };
-            let refuse = |what: &str| refusal(&name(), what, "change it, or render with --no-medium");
-            list.push(convert(medium, space, &mut phase_tables).map_err(refuse)?);
+        for medium in &scene.media {
+            list.push(convert(medium, space, &mut phase_tables));
         }
         for material in &scene.materials {
             if let Some(interior) = &material.interior {
-                let refuse =
-                    |what: &str| refusal(&format!("the medium inside material '{}'", material.name), what, "change it");
-                list.push(convert(interior, space, &mut phase_tables).map_err(refuse)?);
+                if interior.grid.is_some() {
+                    return Err(Error::Settings(format!(
+                        "the medium inside material '{}' has a density grid, which is not rendered yet; remove the grid",
+                        material.name
+                    )));
+                }
+                list.push(convert(interior, space, &mut phase_tables));
             }
         }
         if list.len() > MAX_MEDIA {
@@ -50,17 +59,19 @@ impl Media {
                 list.len()
             )));
         }
-        Ok(Media { list, outside, phase_tables, surrounding: surrounding_indices(&scene.media) })
+        let (grids, densities) = density_grids(scene, space, list.len())?;
+        Ok(Media { list, outside, phase_tables, surrounding: surrounding_indices(&scene.media), grids, densities })
     }
 
     /// Values of the WGSL `override` constants that depend on the media.
-    pub fn constants(&self) -> [(&'static str, f64); 6] {
+    pub fn constants(&self) -> [(&'static str, f64); 7] {
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
         let has = |phase| switch(self.list.iter().any(|medium| medium.phase == phase));
         let [ior, group_index] = self.surrounding.map(f64::from);
         [
             ("HAS_MEDIA", switch(!self.list.is_empty())),
             ("HAS_INTERIORS", switch(self.list.len() > self.outside)),
+            ("HAS_GRIDS", switch(!self.grids.is_empty())),
             ("HAS_DRAINE", has(PHASE_DRAINE)),
             ("HAS_PHASE_TABLES", has(PHASE_TABLE)),
             ("SURROUNDING_IOR", ior),
@@ -76,28 +87,38 @@ pub fn interior_index(scene: &Scene, material: u32) -> Option<u32> {
     rest[0].interior.is_some().then_some((scene.media.len() + number) as u32)
 }
 
-fn refusal(name: &str, what: &str, remedy: &str) -> Error {
-    Error::Settings(format!("{name} has {what}, which is not rendered yet; {remedy}"))
+/// One record per medium if a medium has a density grid, else none; and the cells and blocks of the grids.
+fn density_grids(scene: &Scene, space: &RenderSpace, media: usize) -> Result<(Vec<Grid>, Vec<grid::Texel>)> {
+    let cells: u64 = scene.media.iter().filter_map(|medium| medium.grid.as_ref()).map(grid::cell_count).sum();
+    if cells > MAX_CELLS {
+        return Err(Error::Settings(format!(
+            "the density grids need {cells} cells on the device, more than {MAX_CELLS}; use grids with fewer voxels"
+        )));
+    }
+    let (mut grids, mut densities) = (vec![], vec![]);
+    if cells > 0 {
+        grids = vec![Grid::zeroed(); media];
+        for (record, medium) in grids.iter_mut().zip(&scene.media) {
+            if let Some(grid) = &medium.grid {
+                *record = grid::convert(grid, space, &mut densities);
+            }
+        }
+    }
+    Ok((grids, densities))
 }
 
-/// The record of a medium, or the property that kernels do not know. The nodes of a table are appended to `phase_tables`.
-fn convert(
-    medium: &scene::Medium,
-    space: &RenderSpace,
-    phase_tables: &mut Vec<phase::Node>,
-) -> Result<Medium, &'static str> {
-    if medium.grid.is_some() {
-        return Err("a density grid");
-    }
-    let [lo, hi] = medium.bounds.map_or([Vec3::splat(-FAR), Vec3::splat(FAR)], |bounds| bounds.map(|p| space.point(p)));
+/// The record of a medium. The nodes of a table are appended to `phase_tables`.
+fn convert(medium: &scene::Medium, space: &RenderSpace, phase_tables: &mut Vec<phase::Node>) -> Medium {
+    let [lo, hi] =
+        medium.extent().map_or([Vec3::splat(-FAR), Vec3::splat(FAR)], |bounds| bounds.map(|p| space.point(p)));
     let per_unit = |sigma: [f64; 3]| (DVec3::from(sigma) * space.unit).as_vec3().to_array();
     let mut record = Medium {
         lo: lo.to_array(),
         hi: hi.to_array(),
         sigma_s: per_unit(medium.sigma_s),
         sigma_a: per_unit(medium.sigma_a),
-        ..bytemuck::Zeroable::zeroed()
+        ..Zeroable::zeroed()
     };
     phase::set(&medium.phase, &mut record, phase_tables);
-    Ok(record)
+    record
 }

@@ -117,7 +117,7 @@ fn pool_buffers(plan: &Plan, vertices: u32) -> Vec<BufferDesc> {
     DevicePool::buffer_descs(vertices as usize, nodes as usize, offsets)
 }
 
-/// Host bytes of the loaded scene: meshes and images.
+/// Host bytes of the loaded scene: meshes, images and density grids.
 fn scene_bytes(scene: &Scene) -> u64 {
     let meshes = scene.meshes.iter().map(|m| {
         size_of_val(&m.positions[..])
@@ -128,7 +128,8 @@ fn scene_bytes(scene: &Scene) -> u64 {
             + size_of_val(&m.triangles[..])
     });
     let images = scene.images.iter().map(|i| size_of_val(&i.rgba[..]));
-    meshes.chain(images).sum::<usize>() as u64
+    let grids = scene.media.iter().filter_map(|m| m.grid.as_ref()).map(|grid| size_of_val(&grid.density[..]));
+    meshes.chain(images).chain(grids).sum::<usize>() as u64
 }
 
 fn sum(buffer_descs: &[BufferDesc]) -> u64 {

@@ -11,6 +11,7 @@ mod duplicates;
 mod emitters;
 mod first_surface;
 pub mod geometry;
+pub mod grid;
 mod haze;
 mod layers;
 mod light;

@@ -83,7 +83,7 @@ pub struct Plan {
     is_orthographic: bool,
     has_media: bool,
     /// Values of the WGSL `override` constants that depend on the media.
-    media_constants: [(&'static str, f64); 6],
+    media_constants: [(&'static str, f64); 7],
     pub crop: Crop,
     pub crop_pixels: u64,
     /// Whether light subpaths are traced beyond their first vertex, the one on the emitter.

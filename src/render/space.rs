@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::scene::Scene;
+use crate::scene::{Medium, Scene};
 use crate::settings::Emitters;
 
 /// World space, translated and scaled. The origin is a sensor, so that f32 coordinates near the sensor are precise wherever
@@ -87,7 +87,7 @@ fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
         let Some(radius) = light.kind.radius() else { continue };
         max = max.max(distance(light.position) + radius);
     }
-    for corner in scene.media.iter().filter_map(|medium| medium.bounds).flatten() {
+    for corner in scene.media.iter().filter_map(Medium::extent).flatten() {
         max = max.max(distance(corner));
     }
     max

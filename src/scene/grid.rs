@@ -44,7 +44,9 @@ pub fn load(path: &Path, bounds: Option<[DVec3; 2]>) -> Result<DensityGrid> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, "cannot be read; check the name", e))?;
     let contents = read(&bytes).map_err(wrong)?;
     let Some(bounds) = bounds.or(contents.bounds) else {
-        return Err(wrong("has no bounds of its own; give the grid bounds".into()));
+        return Err(wrong(
+            "has no bounds of its own; give the box of the grid, with --medium-bounds or the key bounds".into(),
+        ));
     };
     let Contents { resolution, density, .. } = contents;
     let grid = DensityGrid { resolution, density, bounds, transform: DAffine3::IDENTITY, filter: GridFilter::Linear };

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use glam::{DAffine3, DVec3};
+use glam::{BVec3, DAffine3, DVec3};
 
 use super::check::{Checked, MAX_COORDINATE, is_singular};
 
@@ -128,6 +128,19 @@ impl Medium {
         self.bounds.is_none() && self.grid.is_none()
     }
 
+    /// Lower and upper corner of a box in world space that contains the medium. `None`: no limit.
+    pub fn extent(&self) -> Option<[DVec3; 2]> {
+        let grid = self.grid.as_ref().map(DensityGrid::extent);
+        match (self.bounds, grid) {
+            (Some([lo, hi]), Some([grid_lo, grid_hi])) => {
+                let lo = lo.max(grid_lo);
+                // Where the two do not overlap, the box is empty.
+                Some([lo, hi.min(grid_hi).max(lo)])
+            }
+            (bounds, grid) => bounds.or(grid),
+        }
+    }
+
     /// Fails with one sentence if a number is out of range. `name` names the medium in the message.
     pub(crate) fn check(&self, name: &str) -> Checked {
         for (what, sigma) in [("sigma_s", self.sigma_s), ("sigma_a", self.sigma_a)] {
@@ -188,6 +201,14 @@ impl PhaseFunction {
 }
 
 impl DensityGrid {
+    /// Lower and upper corner of the smallest box in world space that contains the grid.
+    fn extent(&self) -> [DVec3; 2] {
+        let [lo, hi] = self.bounds;
+        let corner = |k: i32| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo);
+        let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|k| self.transform.transform_point3(corner(k)));
+        corners.iter().fold([corners[0]; 2], |[lo, hi], &p| [lo.min(p), hi.max(p)])
+    }
+
     /// As [`Medium::check`], for a grid alone.
     pub(super) fn check(&self, name: &str) -> Checked {
         let [nx, ny, nz] = self.resolution;

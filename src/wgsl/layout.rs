@@ -80,6 +80,12 @@ host_twins! {
         sigma_a: [f32; 3], g2: f32,
         alpha: f32, mean_cosine: f32, table: u32, table_size: u32,
     }
+    /// `shared/grid.wgsl`
+    Grid {
+        x: [f32; 4], y: [f32; 4], z: [f32; 4],
+        cells: [u32; 3], first: u32,
+        first_block: u32, scale: f32, mean: f32, is_linear: u32,
+    }
     /// `shared/path.wgsl`
     PathState {
         position: [f32; 3], tau: f32,
@@ -143,6 +149,7 @@ pub mod constants {
         VERTEX_TRANSMITS: u32 = 0x4000,
         VERTEX_BUMPED: u32 = 0x8000,
         VERTEX_IN_MEDIUM: u32 = 0x1_0000,
+        BLOCK: u32 = 8,
         PHASE_LOBES: u32 = 0,
         PHASE_RAYLEIGH: u32 = 1,
         PHASE_DRAINE: u32 = 2,

@@ -33,6 +33,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/frame",
     "shared/frontier",
     "shared/gate",
+    "shared/grid",
     "shared/guided_flight",
     "shared/importance",
     "shared/lightcone",

@@ -10,6 +10,7 @@ mod determinism;
 mod drive;
 mod fog;
 mod furnace;
+mod grid;
 mod headlamp;
 mod interiors;
 mod lamps;

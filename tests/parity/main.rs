@@ -14,6 +14,7 @@ mod bump;
 mod camera;
 mod emitter;
 mod functions;
+mod grid;
 mod importance;
 mod lightcone;
 mod materials;

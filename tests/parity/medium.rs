@@ -3,8 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
-use taugate::internals::wgsl::layout::Medium;
 use taugate::internals::wgsl::layout::constants::{PHASE_LOBES, PHASE_RAYLEIGH};
+use taugate::internals::wgsl::layout::{Frame, Medium};
 
 use crate::shader_function::{Contents, ShaderFunction, contents};
 use crate::values::{direction, dvec, frame, vec3};
@@ -90,8 +90,12 @@ fn media() -> [Medium; 2] {
     [large, small]
 }
 
-fn buffers(media: &[Medium]) -> [Contents; 2] {
-    [contents("media", media), frame(|f| f.media_count = media.len() as u32)]
+fn buffers(media: &[Medium], change: impl FnOnce(&mut Frame)) -> [Contents; 4] {
+    let frame = frame(|f| {
+        f.media_count = media.len() as u32;
+        change(f);
+    });
+    [contents("media", media), contents("grids", &[[0u32; 20]; 2]), contents("densities", &[0u32; 4]), frame]
 }
 
 /// Coefficients of scattering and absorption at a point.
@@ -126,7 +130,7 @@ fn the_last_medium_counts_along_a_ray() {
     // Along an axis, on a face of a box, and beside all boxes.
     let along = |o: [f32; 3]| Ray { o, length: 6.0, d: [1.0, 0.0, 0.0], pad: 0 };
     rays.extend([along([-3.0, 0.0, 0.0]), along([-2.0, 0.9, 0.0]), along([-3.0, 3.0, 0.0])]);
-    let found: Vec<[f32; 8]> = TRANSMITTANCE.run(&rays, &buffers(&media()));
+    let found: Vec<[f32; 8]> = TRANSMITTANCE.run(&rays, &buffers(&media(), |_| ()));
     for (ray, [r, g, b, first, last, ..]) in rays.iter().zip(found) {
         let [expected, _] = march(dvec(&ray.o), dvec(&ray.d), ray.length.into(), 20_000);
         let error = (dvec(&[r, g, b]) - expected).abs().max_element();
@@ -141,12 +145,11 @@ fn flights(kind: u32, gate: [f32; 2]) -> Vec<Flight> {
     let mut pcg = Pcg::new(8);
     let draws: Vec<Draw> =
         (0..400_000).map(|_| Draw { u: [pcg.uniform() as f32, pcg.uniform() as f32], kind, pad: 0 }).collect();
-    let frame = frame(|f| {
-        f.media_count = 2;
+    let buffers = buffers(&media(), |f| {
         (f.emitter_lo, f.emitter_hi) = ([-2.0, 1.5, 0.2], [-2.0, 1.5, 0.2]);
         [f.gate_lo, f.gate_hi] = gate;
     });
-    FLIGHT.run(&draws, &[contents("media", &media()), frame])
+    FLIGHT.run(&draws, &buffers)
 }
 
 /// The distance from the start of the flights at which `path` reaches the lamp by way of an event there.

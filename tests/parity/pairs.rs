@@ -126,6 +126,8 @@ impl Bench {
         scene.extend([
             contents("media", &[0u32; 20]),
             contents("phase_tables", &[0u32; 4]),
+            contents("grids", &[0u32; 20]),
+            contents("densities", &[0u32; 4]),
             contents("segments", &[0u32; 8]),
         ]);
         Bench {

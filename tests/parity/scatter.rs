@@ -54,7 +54,13 @@ struct Connected {
 pub fn buffers() -> Vec<Contents> {
     let mut all: Vec<Contents> = set().buffers().into();
     all.extend([contents("textures", &[0u32; 4]), contents("texels", &[0u32]), contents("emitters", &[0u32; 16])]);
-    all.extend([contents("sky", &[0u32; 4]), contents("media", &[0u32; 20]), contents("phase_tables", &[0u32; 4])]);
+    all.extend([
+        contents("sky", &[0u32; 4]),
+        contents("media", &[0u32; 20]),
+        contents("phase_tables", &[0u32; 4]),
+        contents("grids", &[0u32; 20]),
+        contents("densities", &[0u32; 4]),
+    ]);
     all.push(frame(|_| ()));
     all
 }

@@ -12,7 +12,7 @@ use glam::{BVec3, DVec3, Vec3};
 
 use super::geometry::Geometry;
 use super::space::RenderSpace;
-use crate::scene::{Light, Scene, SkyImage};
+use crate::scene::{Light, Medium, Scene, SkyImage};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::EMITTER_SKY;
 use crate::wgsl::layout::{Emitter, PathVertex};
@@ -168,7 +168,7 @@ const MIN_RADIUS: f32 = 1e-9;
 /// A sphere around all triangles and all media with bounds, in render space.
 fn sphere_around(geometry: &Geometry, scene: &Scene, space: &RenderSpace) -> Sphere {
     let triangles = geometry.triangles.iter().flat_map(|t| [t.v0, t.v1, t.v2].map(Vec3::from));
-    let boxes = scene.media.iter().filter_map(|medium| medium.bounds);
+    let boxes = scene.media.iter().filter_map(Medium::extent);
     let media = boxes
         .flat_map(|[lo, hi]| (0..8).map(move |k| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo)));
     let corners: Vec<Vec3> = triangles.chain(media.map(|corner| space.point(corner))).collect();

@@ -101,6 +101,6 @@ fn bad_files_are_refused_with_one_sentence() {
         assert!(message.contains(name) && message.contains(part), "{part}: {message}");
     }
     let unplaced = load_bytes("a.npy", &npy(HEADER, &ones), None).unwrap_err().to_string();
-    assert!(unplaced.contains("give the grid bounds"), "{unplaced}");
+    assert!(unplaced.contains("give the box of the grid"), "{unplaced}");
     assert!(load(Path::new("absent.vol"), None).unwrap_err().to_string().contains("check the name"));
 }

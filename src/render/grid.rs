@@ -1,0 +1,106 @@
+//! Density grids on the device: the cells of `shared/grid.wgsl`, and blocks of them.
+
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+use super::space::RenderSpace;
+use crate::scene::{DensityGrid, GridFilter};
+use crate::wgsl::layout::Grid;
+use crate::wgsl::layout::constants::BLOCK;
+
+/// One texel: the densities at the eight corners of a cell, or the density of a block.
+pub type Texel = [u32; 4];
+
+/// Marks a block whose density varies.
+const VARIES: f32 = -1.0;
+
+/// Number of cells of a grid.
+pub fn cell_count(grid: &DensityGrid) -> u64 {
+    Cells::new(grid).count.into_iter().map(u64::from).product()
+}
+
+/// The record of a grid. Its cells and blocks are appended to `densities`.
+pub fn convert(grid: &DensityGrid, space: &RenderSpace, densities: &mut Vec<Texel>) -> Grid {
+    let cells = Cells::new(grid);
+    let scale = grid.density.iter().copied().fold(0.0, f32::max);
+    let mean = grid.density.iter().map(|&d| f64::from(d)).sum::<f64>() / grid.density.len() as f64;
+    let first = densities.len() as u32;
+    let [nx, ny, nz] = cells.count.map(|n| n as usize);
+    densities
+        .par_extend((0..nx * ny * nz).into_par_iter().map(|i| cells.texel([i % nx, i / nx % ny, i / nx / ny], scale)));
+    let first_block = densities.len() as u32;
+    let [bx, by, bz] = [nx, ny, nz].map(|n| n.div_ceil(BLOCK as usize));
+    let blocks = (0..bx * by * bz).into_par_iter().map(|i| cells.constant([i % bx, i / bx % by, i / bx / by]));
+    densities.par_extend(blocks.map(|density| [density.unwrap_or(VARIES).to_bits(), 0, 0, 0]));
+
+    let [x, y, z] = rows(grid, space, cells.margin);
+    let is_linear = u32::from(grid.filter == GridFilter::Linear);
+    Grid { x, y, z, cells: cells.count, first, first_block, scale, mean: mean as f32, is_linear }
+}
+
+/// Rows of the map from render space to the space of cells.
+fn rows(grid: &DensityGrid, space: &RenderSpace, margin: f64) -> [[f32; 4]; 3] {
+    let [lo, hi] = grid.bounds;
+    let voxel = (hi - lo) / DVec3::from(grid.resolution.map(f64::from));
+    let world_from_voxels = grid.transform * DAffine3::from_translation(lo) * DAffine3::from_scale(voxel);
+    let world_from_render = DAffine3::from_translation(space.origin) * DAffine3::from_scale(DVec3::splat(space.unit));
+    let map = DAffine3::from_translation(DVec3::splat(margin)) * world_from_voxels.inverse() * world_from_render;
+    let linear = map.matrix3.transpose();
+    let row = |axis: DVec3, offset: f64| axis.extend(offset).as_vec4().to_array();
+    let offset = map.translation;
+    [row(linear.x_axis, offset.x), row(linear.y_axis, offset.y), row(linear.z_axis, offset.z)]
+}
+
+/// The cells of a grid: its voxels, or the boxes between the centres of neighbouring voxels.
+struct Cells<'a> {
+    grid: &'a DensityGrid,
+    count: [u32; 3],
+    /// Distance from the edge of the outermost cells to the edge of the grid, in cells.
+    margin: f64,
+}
+
+impl<'a> Cells<'a> {
+    fn new(grid: &'a DensityGrid) -> Cells<'a> {
+        match grid.filter {
+            GridFilter::Nearest => Cells { grid, count: grid.resolution, margin: 0.0 },
+            GridFilter::Linear => Cells { grid, count: grid.resolution.map(|n| n + 1), margin: 0.5 },
+        }
+    }
+
+    /// The voxels at the two ends of cell `i` of an axis with `n` voxels. Beyond the outermost centres the density is constant.
+    fn ends(&self, i: usize, n: u32) -> [usize; 2] {
+        match self.grid.filter {
+            GridFilter::Nearest => [i, i],
+            GridFilter::Linear => [i.saturating_sub(1), i.min(n as usize - 1)],
+        }
+    }
+
+    fn density(&self, [x, y, z]: [usize; 3]) -> f32 {
+        let [nx, ny, _] = self.grid.resolution.map(|n| n as usize);
+        self.grid.density[x + nx * (y + ny * z)]
+    }
+
+    /// The densities at the corners of a cell in units of `scale`.
+    fn texel(&self, at: [usize; 3], scale: f32) -> Texel {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.ends(at[axis], self.grid.resolution[axis]));
+        let share =
+            |density: f32| (f64::from(density) / f64::from(scale).max(f64::MIN_POSITIVE) * 65535.0).round() as u32;
+        [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[j, k]| {
+            let [low, high] = x.map(|x| share(self.density([x, y[j], z[k]])));
+            low | high << 16
+        })
+    }
+
+    /// The density of a block of cells, if it is constant.
+    fn constant(&self, block: [usize; 3]) -> Option<f32> {
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let n = self.grid.resolution[axis];
+            let first = block[axis] * BLOCK as usize;
+            let last = (first + BLOCK as usize).min(self.count[axis] as usize) - 1;
+            self.ends(first, n)[0]..=self.ends(last, n)[1]
+        });
+        let density = self.density([*x.start(), *y.start(), *z.start()]);
+        let row = |y, z| x.clone().all(|x| self.density([x, y, z]) == density);
+        z.clone().all(|z| y.clone().all(|y| row(y, z))).then_some(density)
+    }
+}
