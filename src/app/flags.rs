@@ -8,7 +8,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 35] = [
+const INFO_SETTINGS: [&str; 38] = [
     "camera",
     "look-from",
     "look-at",
@@ -37,6 +37,9 @@ const INFO_SETTINGS: [&str; 35] = [
     "droplet-diameter",
     "medium-ior",
     "medium-group-ior",
+    "density-grid",
+    "grid-filter",
+    "grid-transform",
     "medium-bounds",
     "no-medium",
     "double-sided",

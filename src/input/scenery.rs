@@ -2,6 +2,7 @@
 //! files have neither a camera nor a light. Such a scene gets a camera that sees the whole scene, and a headlamp.
 
 mod camera;
+mod grid;
 mod lights;
 mod medium;
 mod phase;

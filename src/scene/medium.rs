@@ -221,7 +221,9 @@ impl DensityGrid {
             return Err(format!("{name} has a grid with a density of {wrong}; densities must be 0 or more"));
         }
         if is_singular(&self.transform) || !self.transform.is_finite() {
-            return Err(format!("{name} has a grid whose transform is not finite or flattens it"));
+            return Err(format!(
+                "{name} has a grid whose transform is not finite or flattens it; give an invertible matrix"
+            ));
         }
         check_bounds(&self.bounds, name, "bounds of its grid")
     }

@@ -8,8 +8,9 @@ mod builder;
 mod choices;
 #[allow(missing_docs)]
 pub mod exposure;
-pub mod keys;
 #[allow(missing_docs)]
+pub mod grid;
+pub mod keys;
 pub mod medium;
 pub mod numbers;
 #[allow(missing_docs)]

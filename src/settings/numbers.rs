@@ -246,7 +246,7 @@ impl<'de> Deserialize<'de> for Lamps {
     }
 }
 
-value_from_text!(Numbers<2>, Numbers<3>, Fov, Height, Headlamp, Lamps {
+value_from_text!(Numbers<2>, Numbers<3>, Numbers<12>, Fov, Height, Headlamp, Lamps {
     fn and(self, later: Lamps) -> Lamps {
         Lamps([self.0, later.0].concat())
     }

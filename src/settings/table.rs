@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
+use crate::settings::grid::Filter;
 use crate::settings::medium::{
     Alpha, Bounds, Coefficient, Distance, DropletDiameter, MeanCosine, RefractiveIndex, Share,
 };
@@ -153,7 +154,17 @@ table! {
         /// --medium-ior]
         group_ior: RefractiveIndex, Setting::medium("medium-group-ior", "1..5");
 
-        /// Box that the medium fills, given by two corners in metres [default: all space]
+        /// Densities that multiply the coefficients: a Mitsuba volume (.vol), or a NumPy array (.npy) of shape (nz, ny, nx) with
+        /// --medium-bounds, the box of the grid
+        grid: PathBuf, Setting::medium("density-grid", "FILE.vol|FILE.npy");
+
+        /// Density between the centres of voxels: linear, or nearest for voxels of constant density [default: linear]
+        grid_filter: Filter, Setting::medium("grid-filter", "FILTER");
+
+        /// Places the grid in the scene: the three rows of a 3 x 4 matrix, 12 numbers [default: no change]
+        grid_transform: Numbers<12>, Setting::medium("grid-transform", "NUMBERS").form(Form::Signed);
+
+        /// Box that the medium or its grid fills, given by two corners in metres [default: all space, or the bounds of the .vol file]
         bounds: Bounds, Setting::medium("medium-bounds", "X,Y,Z,X,Y,Z").form(Form::Signed);
 
         /// Render without the media of the scene
@@ -353,6 +364,8 @@ mod tests {
                     "0,1,0",
                     "0,1",
                     "0,0,0,1,1,1",
+                    "1,0,0,0,0,1,0,0,0,0,1,0",
+                    "linear",
                     "3s",
                     "3m",
                     "pt",
@@ -371,9 +384,9 @@ mod tests {
         experiment.visit(&mut fill);
         let text = experiment.to_toml();
         let keys: Vec<&str> = text.lines().filter_map(|line| Some(line.split_once(" = ")?.0)).collect();
-        let short = |name: &str| match name.strip_prefix("phase-").or(name.strip_prefix("medium-")) {
-            Some(key) => key.to_string(),
-            None => name.into(),
+        let short = |name: &str| {
+            let key = ["phase-", "medium-", "density-"].iter().find_map(|prefix| name.strip_prefix(prefix));
+            key.unwrap_or(name).to_string()
         };
         assert_eq!(keys, fill.0.iter().map(|name| short(name)).collect::<Vec<_>>(), "{text}");
     }

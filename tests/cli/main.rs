@@ -1,5 +1,6 @@
 //! Runs the program as a user does: help, exit codes and messages. These tests need no device.
 
+mod grids;
 mod scenes;
 
 use std::path::{Path, PathBuf};

@@ -67,7 +67,7 @@ fn a_grid_of_two_halves_is_two_boxes() {
         |density: [f32; 2]| means(&room(vec![grid([2, 1, 1], density.to_vec(), GridFilter::Nearest)]), Estimator::Lcs);
     let difference = largest_difference(halves([0.4, 1.6]), boxes);
     eprintln!("{difference:.1e}");
-    assert!(difference < 1e-4, "{difference}");
+    assert!(difference < 5e-4, "{difference}");
     assert!(largest_difference(halves([0.42, 1.6]), boxes) > 1e-3);
 }
 

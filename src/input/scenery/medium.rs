@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::grid::grid;
 use super::phase::phase;
 use crate::error::{Error, Result};
 use crate::input::medium_tables::MediumTables;
@@ -61,7 +62,9 @@ fn medium(table: &MediumTable) -> Result<Medium, String> {
     let index = |given: Option<RefractiveIndex>| given.map(|RefractiveIndex(index)| index as f32);
     let ior = index(table.ior).unwrap_or(1.0);
     let group_ior = index(table.group_ior).unwrap_or(ior);
-    Ok(Medium { sigma_s, sigma_a, phase: phase(table)?, ior, group_ior, bounds, ..Medium::default() })
+    let grid = grid(table, bounds)?;
+    let bounds = bounds.filter(|_| grid.is_none());
+    Ok(Medium { sigma_s, sigma_a, phase: phase(table)?, ior, group_ior, bounds, grid })
 }
 
 /// Coefficients of scattering and absorption per metre.
