@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DVec3};
 use taugate::internals::generate::stage::light;
 use taugate::internals::generate::zoo::{Light, zoo};
+use taugate::internals::generate::{Kind, build};
 use taugate::internals::oracle::fog::{Coefficients, gated_single_scattering};
 use taugate::internals::oracle::phase::Phase;
 use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Projection, Scene};
@@ -95,6 +96,27 @@ fn light_that_scatters_once_in_the_gate_is_nearly_free_of_noise() {
             assert!(differs(wrong), "{lamp} {gate:?}");
         }
     }
+}
+
+/// Absorption multiplies the light of a path by exp(-sigma_a tau). `pt` draws flights from the scattering alone, so with the same
+/// random numbers this is the ratio of two images through a thin gate. In the other estimators, absorption also ends light subpaths.
+#[test]
+fn absorption_is_a_factor_that_falls_with_travel_time() {
+    let (sigma_a, [lo, hi]) = (0.3, [6.5, 6.5006]);
+    let image = |sigma_a: f64| {
+        let phase = PhaseFunction::HenyeyGreenstein { g: 0.5 };
+        let medium = Medium { sigma_s: [0.2; 3], sigma_a: [sigma_a; 3], phase, ..Medium::default() };
+        let s = settings(Estimator::Pt, [16, 16]).max_depth(4).build().unwrap();
+        let mut renderer = renderer(&Scene { media: vec![medium], ..build(Kind::CornellBox) }, &s);
+        renderer.restart(1, Gate { lo, hi }).unwrap();
+        (0..8).for_each(|_| renderer.iterate(16).unwrap());
+        renderer.film().mean().iter().map(|&x| f64::from(x)).sum::<f64>()
+    };
+    let (ratio, expected) = (image(sigma_a) / image(0.0), (-0.5 * sigma_a * (lo + hi)).exp());
+    eprintln!("{ratio:.6}, expected {expected:.6}");
+    assert!((ratio / expected - 1.0).abs() < 1e-4, "{ratio}, {expected}");
+    // A travel time that is wrong by 0.1 % is rejected.
+    assert!((ratio / expected.powf(1.001) - 1.0).abs() > 1e-4, "{ratio}");
 }
 
 /// Droplets as they are in fog, and a table with a narrow forward peak and light that returns.
