@@ -43,9 +43,14 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let segment = segment_between(q.position, v.position);
     let w = segment.direction;
     let tau = connection_time(q, v, w, sqrt(segment.length2));
+    let in_gate = gate_weight(tau);
+    if (in_gate == 0.0) {
+        contributions[slot] = vec4<f32>(0.0, 0.0, 0.0, -1.0);
+        return;
+    }
     let contribution = unshadowed(q, v);
     let counted = select(contribution.w, 1.0, OBSERVE == OBSERVE_STRATEGIES);
-    let value = contribution.xyz * (candidate.weight * counted * gate_weight(tau));
+    let value = contribution.xyz * (candidate.weight * counted * in_gate);
     if (!(max_component(abs(value)) > 0.0)) {
         // The value is zero or not a number, so no ray is needed. `gather` counts the second case as dropped.
         contributions[slot] = vec4<f32>(value, -1.0);

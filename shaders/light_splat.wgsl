@@ -55,7 +55,7 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     value *= traced_transmittance(v, w, d);
-    let reached = select(flight_density(depths), 1.0, HAS_ORTHOGRAPHIC);
+    let reached = select(flight_density(depths.scattering), 1.0, HAS_ORTHOGRAPHIC);
     let weight = splat_weight(v, c, density * c.cosine / spread * reached);
     if (OBSERVE == OBSERVE_STRATEGIES) {
         splats[slot] = vec4<f32>(value, bitcast<f32>(pixel));

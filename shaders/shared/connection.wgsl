@@ -15,6 +15,6 @@ fn unshadowed(q: PathVertex, v: PathVertex) -> vec4<f32> {
     let at_v = evaluate_light_vertex(v, -segment.direction);
     let depths = segment_depths(q, segment.direction, sqrt(segment.length2));
     let value = q.throughput * v.throughput * at_q.value * at_v.value * transmitted(depths) / segment.length2;
-    let reached = select(flight_density(depths), 1.0, is_sun(v));
+    let reached = select(flight_density(depths.scattering), 1.0, is_sun(v));
     return vec4<f32>(value, connection_weight(q, v, at_q, at_v, segment.length2 / reached));
 }

@@ -77,7 +77,7 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     let depths = optical_depths(x, w, s);
     // No other strategy forms a path whose only event is drawn: see `follows_connected`.
     if ((q.flags & VERTEX_DEPTH) > 1u) {
-        event.d_vcm = min(segment.d_vcm * mis(s * s / flight_density(depths)), MAX_SUM);
+        event.d_vcm = min(segment.d_vcm * mis(s * s / flight_density(depths.scattering)), MAX_SUM);
     }
     let stretch = stretch_at(x, w, s);
     if (stretch.medium == NONE) {

@@ -43,7 +43,7 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
     let end_probability = select(reaches, 1.0, scattered <= 0.0);
     if (u.x < end_probability) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
-        return Flight(false, limit, NONE, weight * (transmitted / end_probability));
+        return Flight(false, limit, NONE, weight * (transmitted / end_probability), whole.scattering);
     }
 
     // The place of the event: uniform in the gate, or by the scattering.
@@ -52,7 +52,7 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
     let width = min(last, extent.y) - first;
     let share = select(0.0, GUIDED_SHARE, width > 0.0 && dispatch.bounce == 0u);
     let choice = (u.x - end_probability) / (1.0 - end_probability);
-    var f = Flight(true, first + u.y * width, NONE, vec3<f32>(0.0));
+    var f = Flight(true, first + u.y * width, NONE, vec3<f32>(0.0), vec3<f32>(0.0));
     if (choice < share) {
         f.medium = stretch_at(o, d, f.distance).medium;
     } else {
@@ -64,6 +64,7 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
     }
     let sigma_s = load_medium(f.medium).sigma_s;
     let depths = optical_depths(o, d, f.distance);
+    f.depth = depths.scattering;
     let density = dot(shares, sigma_s * exp(-depths.scattering)) * medium_density(f.medium, o + f.distance * d);
     let is_inside = f.distance >= first && f.distance <= first + width;
     let guided = select(0.0, share / (width * max(density, 1e-37)), is_inside && share > 0.0);

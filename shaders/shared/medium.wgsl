@@ -74,10 +74,20 @@ fn medium_density(index: u32, p: vec3<f32>) -> f32 {
     return 1.0;
 }
 
+// Whether optical depths are those of grids with their mean density. These cost less, and are good enough to choose among candidates.
+var<private> uses_mean_densities: bool = false;
+// A mean density makes no place darker than a depth of this, because the grid may have holes.
+const MAX_MEAN_DEPTH: f32 = 16.0;
+
 // Follows the ray o + t d through medium `index` from t = `first` until t = `last`, or until the integral of the density is `needed`.
 fn pass_medium(index: u32, o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, needed: f32) -> Passage {
     if (HAS_GRIDS) {
         let g = load_grid(index);
+        if (has_grid(g) && uses_mean_densities) {
+            let m = load_medium(index);
+            let most = MAX_MEAN_DEPTH / max(max_component(m.sigma_s + m.sigma_a), 1e-37);
+            return Passage(last - first, min(g.mean * (last - first), most));
+        }
         if (has_grid(g)) {
             return pass_grid(g, o, d, first, last, needed);
         }
@@ -168,9 +178,11 @@ fn mean_extinction(index: u32) -> f32 {
     return mean;
 }
 
-// Fraction of light, per channel, that reaches o + length d from o. `d` is a unit vector.
-fn transmittance(o: vec3<f32>, d: vec3<f32>, length: f32) -> vec3<f32> {
-    let depths = optical_depths(o, d, length);
+// Fraction of light, per channel, that media of these depths transmit.
+fn transmitted(depths: Depths) -> vec3<f32> {
+    if (!HAS_MEDIA) {
+        return vec3<f32>(1.0);
+    }
     return exp(-depths.scattering - depths.absorption);
 }
 
@@ -200,6 +212,8 @@ struct Flight {
     medium: u32,
     // Transmittance (times sigma_s, at an event) over the density of this outcome.
     weight: vec3<f32>,
+    // Optical depth of scattering up to the end of the flight.
+    depth: vec3<f32>,
 }
 
 // Probability p with which a sensor subpath reaches the end of a segment of transmittance T. On the first segment, p = sqrt(T): both
@@ -221,7 +235,7 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to
     let end_probability = select(select(transmitted, end_share(transmitted), to_light), 1.0, scattered <= 0.0);
     if (u.x < end_probability) {
         let weight = normalised(whole.scattering, vec3<f32>(1.0), shares) * exp(-whole.absorption);
-        return Flight(false, limit, NONE, weight * (transmitted / end_probability));
+        return Flight(false, limit, NONE, weight * (transmitted / end_probability), whole.scattering);
     }
 
     let rest = (u.x - end_probability) / (1.0 - end_probability);
@@ -240,7 +254,7 @@ fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, wh
         vec3<f32>(1.0, 0.0, 0.0), choice < events.x);
     let drawn = minus_log_rest(u.y * dot(one_minus_exp(whole.scattering), channel));
 
-    var f = Flight(false, limit, NONE, vec3<f32>(0.0));
+    var f = Flight(false, limit, NONE, vec3<f32>(0.0), vec3<f32>(0.0));
     var depths = Depths(vec3<f32>(0.0), vec3<f32>(0.0));
     var t = 0.0;
     for (var i = 0u; i <= last_stretch(); i++) {
@@ -264,6 +278,7 @@ fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, wh
     }
     // Rounding may carry the event a little beyond the last medium. It then stays at the end of that medium.
     f.scattered = f.medium != NONE;
+    f.depth = depths.scattering;
     f.weight = normalised(depths.scattering, f.weight, shares) * exp(-depths.absorption);
     return f;
 }

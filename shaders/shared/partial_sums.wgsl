@@ -24,14 +24,14 @@ fn sample_count_ratio(v: PathVertex) -> f32 {
     return select(1.0, frame.query_sample_count, random_vertices(v) < 2u);
 }
 
-// Factor of a segment with these optical depths in the densities of the MIS weights: the mean transmittance of scattering, with
+// Factor of a segment with this optical depth of scattering in the densities of the MIS weights: the mean transmittance, with
 // which flights pass the segment. The density of an event itself cancels, because every strategy contains it. Null boundaries on a
 // segment are known only after its ray was traced, so in such scenes the weights do without transmittance.
-fn flight_density(depths: Depths) -> f32 {
+fn flight_density(scattering: vec3<f32>) -> f32 {
     if (!HAS_MEDIA || HAS_NULL_BOUNDARIES) {
         return 1.0;
     }
-    return max(dot(exp(-depths.scattering), vec3<f32>(1.0 / 3.0)), 1e-12);
+    return max(dot(exp(-scattering), vec3<f32>(1.0 / 3.0)), 1e-12);
 }
 
 // Updates the partial sums when a subpath continues from a vertex (Georgiev 2012, Eqs. 35 and 36). Distance and cosine at the next

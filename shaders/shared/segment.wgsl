@@ -48,14 +48,6 @@ fn depths_towards(v: PathVertex, w: vec3<f32>, distance: f32) -> Depths {
     return optical_depths(v.position, w, distance);
 }
 
-// Fraction of light that media of these depths transmit.
-fn transmitted(depths: Depths) -> vec3<f32> {
-    if (!HAS_MEDIA) {
-        return vec3<f32>(1.0);
-    }
-    return exp(-depths.scattering - depths.absorption);
-}
-
 // Travel time of the path that connects q to v, which lies at `distance` from q along `w`.
 fn connection_time(q: PathVertex, v: PathVertex, w: vec3<f32>, distance: f32) -> f32 {
     return travel_time(v.tau, optical_length(q, w, distance), q.tau);

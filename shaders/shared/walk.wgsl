@@ -42,8 +42,7 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key
         a.carried = max_component(flight.weight);
         let is_parallel = HAS_PARALLEL && ((*state).flags & PATH_PARALLEL) != 0u;
         if ((a.found || flight.scattered) && !is_parallel) {
-            let passed = optical_depths((*state).position, (*state).direction, flight.distance);
-            (*state).d_vcm = min((*state).d_vcm / mis(flight_density(passed)), MAX_SUM);
+            (*state).d_vcm = min((*state).d_vcm / mis(flight_density(flight.depth)), MAX_SUM);
         }
         if (flight.scattered) {
             a.found = true;
@@ -73,7 +72,8 @@ fn find_solid(state: ptr<function, PathState>, surface: Surface) -> u32 {
 // The flight of a subpath along its ray, at most as far as `limit`. Other arguments: see `advance`.
 fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, to_light: bool, u: vec2<f32>) -> Flight {
     if (is_direct) {
-        return Flight(false, limit, NONE, transmittance((*state).position, (*state).direction, limit));
+        let depths = optical_depths((*state).position, (*state).direction, limit);
+        return Flight(false, limit, NONE, transmitted(depths), depths.scattering);
     }
     // Guided flights expect the emitters in the same medium, without a boundary that bends light.
     if (GUIDES_FLIGHTS && to_light && frame.cull_hi < 3e38 && surrounding_solid == OUTSIDE_SOLIDS) {

@@ -55,10 +55,10 @@ fn grid(filter: GridFilter) -> DensityGrid {
     DensityGrid { resolution, density: density.collect(), bounds, transform, filter }
 }
 
-fn buffers(grid: &DensityGrid, origin: DVec3) -> [Contents; 2] {
+fn buffers(grid: &DensityGrid, origin: DVec3) -> [Contents; 3] {
     let mut densities = vec![];
     let record = convert(grid, &RenderSpace::metres(origin), &mut densities);
-    [contents("grids", &[record]), contents("densities", &densities)]
+    [contents("grids", &[record]), contents("densities", &densities), contents("media", &[0u32; 20])]
 }
 
 /// The integral of the density over the line, and over its first `length` metres behind the edge of the grid.

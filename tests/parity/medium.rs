@@ -15,7 +15,7 @@ const TRANSMITTANCE: ShaderFunction = ShaderFunction {
     imports: &["medium"],
     input: "o: vec3<f32>, length: f32, d: vec3<f32>, pad: u32",
     result: "transmitted: vec3<f32>, first: f32, last: f32, pad0: f32, pad1: f32, pad2: f32",
-    body: "result.transmitted = transmittance(input.o, input.d, input.length);
+    body: "result.transmitted = transmitted(optical_depths(input.o, input.d, input.length));
         let extent = media_extent(input.o, input.d);
         result.first = extent.x;
         result.last = extent.y;",
