@@ -1,6 +1,6 @@
 // Null boundaries: closed meshes that bound a medium and change nothing else (`Material::is_null_boundary` on the host). Rays pass
-// them. `trace` notes where, and from these places follows the medium at each point of the ray: a ray starts inside of a mesh if
-// it leaves the mesh before it enters the mesh. For this, `trace` also looks for boundaries behind the surface that it hits.
+// them. `trace` notes where. The medium at each point of the ray follows from these places: a ray that leaves a mesh before it
+// enters it has started inside. For this, `trace` also looks for boundaries behind the surface that it hits.
 #import math
 
 struct Crossing {

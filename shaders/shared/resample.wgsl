@@ -81,8 +81,8 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     return chosen;
 }
 
-// Target function of the resampling: the contribution of the connection of q and v as `connect` computes it, without visibility and
-// with the mean densities of grids.
+// Target function of the resampling: the contribution of the connection of q and v as `connect` computes it. It leaves out
+// visibility, and takes the mean densities of grids.
 fn target_function(q: PathVertex, v: PathVertex) -> f32 {
     let segment = segment_between(q.position, v.position);
     let tau = connection_time(q, v, segment.direction, sqrt(segment.length2));
