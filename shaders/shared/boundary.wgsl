@@ -27,8 +27,8 @@ fn note_crossing(crossing: Crossing) {
     }
 }
 
-// Of the meshes that the ray is inside of just behind t, the medium of the one that it leaves first (x), or NONE; and the distance of
-// the next crossing (y, bits of a float).
+// x: the medium of the ray just behind t, or NONE. Inside of several meshes, it is that of the mesh which the ray leaves first.
+// y: distance of the next crossing (bits of a float).
 fn enclosing_medium(t: f32) -> vec2<u32> {
     var medium = NONE;
     var next = 3e38;

@@ -92,7 +92,8 @@ fn cell_density(c: Cell, p: vec3<f32>) -> f32 {
     return mix(edge.x, edge.y, f.x);
 }
 
-// Integral of the density of the cell over the part of length 1 of the line p + t d. Exact for a cubic polynomial.
+// Integral of the density of the cell over 0 < t < 1 on the line p + t d, by the two points of Gauss (1 -+ 1 / sqrt(3)) / 2. Exact
+// for a cubic polynomial.
 fn cell_integral(c: Cell, p: vec3<f32>, d: vec3<f32>) -> f32 {
     return 0.5 * (cell_density(c, p + 0.21132487 * d) + cell_density(c, p + 0.78867513 * d));
 }
@@ -115,7 +116,7 @@ struct Passage {
     integral: f32,
 }
 
-// Follows the ray o + t d through the grid from t = `first` until t = `last`, or until the integral of the density is `needed`.
+// Follows the ray o + t d through the grid from t = `first`. Ends at t = `last`, or where the integral of the density is `needed`.
 fn pass_grid(g: Grid, o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, needed: f32) -> Passage {
     let origin = point_in_grid(g, o);
     let direction = direction_in_grid(g, d);

@@ -74,12 +74,12 @@ fn medium_density(index: u32, p: vec3<f32>) -> f32 {
     return 1.0;
 }
 
-// Whether optical depths are those of grids with their mean density. These cost less, and are good enough to choose among candidates.
+// Whether `optical_depths` takes the mean density of each grid. This costs less, and is good enough to choose among candidates.
 var<private> uses_mean_densities: bool = false;
 // A mean density makes no place darker than a depth of this, because the grid may have holes.
 const MAX_MEAN_DEPTH: f32 = 16.0;
 
-// Follows the ray o + t d through medium `index` from t = `first` until t = `last`, or until the integral of the density is `needed`.
+// As `pass_grid`, for medium `index`, which may have no grid.
 fn pass_medium(index: u32, o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, needed: f32) -> Passage {
     if (HAS_GRIDS) {
         let g = load_grid(index);

@@ -30,7 +30,7 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key
         a.surface = surface_at(exact.triangle, exact.u, exact.v);
     }
     var solid = path_solid(*state);
-    if (HAS_MEDIA && a.found) {
+    if (a.found) {
         solid = find_solid(state, a.surface);
     }
     if (HAS_MEDIA && solid != CLEAR_SOLID) {
@@ -89,7 +89,8 @@ fn is_too_late(v: PathVertex, point: vec3<f32>) -> bool {
     return v.tau + distance(v.position, point) >= frame.cull_hi;
 }
 
-// Moves `state` to the hit at `surface`: updates travel time and partial MIS sums. Returns the vertex at the hit.
+// Moves `state` to the hit at `surface`: updates travel time and partial MIS sums. Returns the vertex at the hit. `find_solid` must
+// have been called before, because the travel time counts the index of refraction of the solid that the ray crossed.
 fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let segment = surface.position - (*state).position;
     let distance2 = dot(segment, segment);
@@ -97,7 +98,6 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let side = dot(surface.geometric, towards);
     let flip = select(1.0, -1.0, side < 0.0);
     let passes = HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0;
-    find_solid(state, surface);
     let is_parallel = HAS_PARALLEL && ((*state).flags & PATH_PARALLEL) != 0u;
     mis_arrive(state, select(distance2, 1.0, is_parallel), abs(side));
     if (HAS_PARALLEL) {

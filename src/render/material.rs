@@ -114,8 +114,8 @@ impl<'a> MaterialSet<'a> {
         MaterialSet { scene, emitters, albedo, list, numbers, features: Features::default(), max_ior, surrounding_ior }
     }
 
-    /// Index in `list` of the material of `mesh` on `node`, with the bit [`TRIANGLE_ALPHA`] if rays may pass through the surface, and
-    /// [`TRIANGLE_NULL`] if they always do.
+    /// Index in `list` of the material of `mesh` on `node`. The bit [`TRIANGLE_ALPHA`] says that rays may pass through the surface,
+    /// the bit [`TRIANGLE_NULL`] that they always do.
     pub fn number(&mut self, mesh: &scene::Mesh, node: &str) -> u32 {
         let material = mesh.material;
         let source = &self.scene.materials[material as usize];

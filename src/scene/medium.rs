@@ -2,9 +2,10 @@
 
 use std::ops::RangeInclusive;
 
-use glam::{BVec3, DAffine3, DVec3};
+use glam::{DAffine3, DVec3};
 
 use super::check::{Checked, MAX_COORDINATE, is_singular};
+use super::corners;
 
 /// Upper bound on scattering and absorption coefficients, per metre.
 pub const MAX_COEFFICIENT: f64 = 1e15;
@@ -203,9 +204,7 @@ impl PhaseFunction {
 impl DensityGrid {
     /// Lower and upper corner of the smallest box in world space that contains the grid.
     fn extent(&self) -> [DVec3; 2] {
-        let [lo, hi] = self.bounds;
-        let corner = |k: i32| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo);
-        let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|k| self.transform.transform_point3(corner(k)));
+        let corners = corners(self.bounds, &self.transform);
         corners.iter().fold([corners[0]; 2], |[lo, hi], &p| [lo.min(p), hi.max(p)])
     }
 

@@ -63,17 +63,20 @@ impl Scene {
     /// `None` if there are none either.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
-        let corners = self.instances.iter().flat_map(|instance| {
-            let [lo, hi] = boxes[instance.mesh as usize];
-            let corner = move |k: usize| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo);
-            (0..8).map(move |k| instance.transform.transform_point3(corner(k)))
-        });
+        let corners =
+            self.instances.iter().flat_map(|instance| corners(boxes[instance.mesh as usize], &instance.transform));
         let corners: Vec<DVec3> = match self.instances.is_empty() {
             false => corners.collect(),
             true => self.media.iter().filter_map(|medium| medium.bounds).flatten().collect(),
         };
         corners.into_iter().map(|p| [p, p]).reduce(|[lo, hi], [p, _]| [lo.min(p), hi.max(p)])
     }
+}
+
+/// The corners of a box, transformed.
+fn corners([lo, hi]: [DVec3; 2], transform: &DAffine3) -> [DVec3; 8] {
+    let corner = |k: u32| DVec3::select(BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), hi, lo);
+    [0, 1, 2, 3, 4, 5, 6, 7].map(|k| transform.transform_point3(corner(k)))
 }
 
 impl Mesh {

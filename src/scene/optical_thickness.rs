@@ -9,9 +9,9 @@ use super::medium::{DensityGrid, Medium};
 /// Number of points at which the density of a grid is read, per part of a ray.
 const POINTS: u32 = 256;
 
-/// Optical thickness of the media along the first `length` metres of a ray, as a mean over the channels: the light that goes
-/// straight on falls by the factor exp(-thickness). `direction` is a unit vector; `length` may be infinite. Where media overlap,
-/// the last one counts. Densities of grids are those of the nearest voxel.
+/// Optical thickness of the media along the first `length` metres of a ray, as a mean over the channels. The light that goes straight
+/// on falls by the factor exp(-thickness). `direction` is a unit vector; `length` may be infinite. Where media overlap, the last one
+/// counts. Densities of grids are those of the nearest voxel.
 pub fn optical_thickness(media: &[Medium], origin: DVec3, direction: DVec3, length: f64) -> f64 {
     let spans: Vec<Option<[f64; 2]>> = media.iter().map(|medium| medium.span(origin, direction)).collect();
     let ends = spans.iter().flatten().flatten().copied();
@@ -65,16 +65,17 @@ impl Medium {
     /// Mean density along a part of a ray inside the medium.
     fn mean_density(&self, origin: DVec3, direction: DVec3, [from, to]: [f64; 2]) -> f64 {
         let Some(grid) = &self.grid else { return 1.0 };
+        let to_grid = grid.transform.inverse();
         let place = |i: u32| origin + (from + (to - from) * (f64::from(i) + 0.5) / f64::from(POINTS)) * direction;
-        (0..POINTS).map(|i| grid.nearest_density(place(i))).sum::<f64>() / f64::from(POINTS)
+        (0..POINTS).map(|i| grid.nearest_density(to_grid.transform_point3(place(i)))).sum::<f64>() / f64::from(POINTS)
     }
 }
 
 impl DensityGrid {
-    /// Density of the voxel that is nearest to a point in world space.
+    /// Density of the voxel that is nearest to a point in the space of `bounds`.
     fn nearest_density(&self, point: DVec3) -> f64 {
         let [lo, hi] = self.bounds;
-        let relative = (self.transform.inverse().transform_point3(point) - lo) / (hi - lo);
+        let relative = (point - lo) / (hi - lo);
         let voxel = |axis: usize| {
             let count = self.resolution[axis];
             ((relative[axis] * f64::from(count)).max(0.0) as usize).min(count as usize - 1)

@@ -11,6 +11,7 @@ pub mod exposure;
 #[allow(missing_docs)]
 pub mod grid;
 pub mod keys;
+#[allow(missing_docs)]
 pub mod medium;
 pub mod numbers;
 #[allow(missing_docs)]

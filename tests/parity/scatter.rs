@@ -285,6 +285,7 @@ const SUMS: ShaderFunction = ShaderFunction {
         path.tau = input.tau; path.d_vcm = input.d_vcm; path.d_vc = input.d_vc;
         var surface: Surface; surface.position = input.position + input.length * input.direction;
         surface.normal = input.normal; surface.geometric = input.normal; surface.material = input.material;
+        find_solid(&path, surface);
         let v = arrive(&path, surface);
         result.tau = v.tau; result.d_vcm = path.d_vcm; result.d_vc = v.d_vc;
         result.front = v.flags; result.normal = v.geometric; result.position = length(path.position - v.position);",

@@ -46,6 +46,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
         for (var i = 1u; i < k; i++) {
             var surface: Surface; surface.position = path.place[i].xyz; surface.geometric = path.geometric[i].xyz;
             surface.normal = path.normal[i].xyz; surface.material = bitcast<u32>(path.normal[i].w);
+            find_solid(&light, surface);
             var v = arrive(&light, surface);
             if (deterministic) { v.select_pdf = path.select_pdf; v.flags |= VERTEX_DETERMINISTIC; }
             random = select(min(random + 1u, 3u), 0u, deterministic); v.flags |= random << VERTEX_RANDOM_SHIFT;
@@ -73,6 +74,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             }
             var surface: Surface; surface.position = path.place[j].xyz; surface.geometric = path.geometric[j].xyz;
             surface.normal = path.normal[j].xyz; surface.material = bitcast<u32>(path.normal[j].w);
+            find_solid(&sensor, surface);
             var q = arrive(&sensor, surface);
             q.flags |= n + 1u;
             sensors[j] = q;
