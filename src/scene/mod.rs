@@ -59,7 +59,7 @@ impl Scene {
     }
 
     /// Lower and upper corner of a box around all instances, in metres. The box contains the transformed box of each mesh, so it may
-    /// be larger than the tightest box around the triangles. Without instances it is a box around the media that have bounds;
+    /// be larger than the tightest box around the triangles. Without instances it is a box around the media that have bounds or a grid;
     /// `None` if there are none either.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
@@ -67,7 +67,7 @@ impl Scene {
             self.instances.iter().flat_map(|instance| corners(boxes[instance.mesh as usize], &instance.transform));
         let corners: Vec<DVec3> = match self.instances.is_empty() {
             false => corners.collect(),
-            true => self.media.iter().filter_map(|medium| medium.bounds).flatten().collect(),
+            true => self.media.iter().filter_map(Medium::extent).flatten().collect(),
         };
         corners.into_iter().map(|p| [p, p]).reduce(|[lo, hi], [p, _]| [lo.min(p), hi.max(p)])
     }

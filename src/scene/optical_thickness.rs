@@ -91,7 +91,7 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
-    use crate::scene::GridFilter;
+    use crate::scene::{GridFilter, Scene};
 
     fn boxed(sigma_s: f64, lo: DVec3, hi: DVec3) -> Medium {
         Medium { sigma_s: [sigma_s; 3], sigma_a: [0.3, 0.0, 0.0], bounds: Some([lo, hi]), ..Medium::default() }
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grid_counts_by_its_density() {
+    fn a_grid_counts_by_its_density_and_has_bounds() {
         let (bounds, transform) = ([DVec3::ZERO, DVec3::new(2.0, 1.0, 1.0)], DAffine3::from_scale(DVec3::splat(2.0)));
         let grid = DensityGrid {
             resolution: [2, 1, 1],
@@ -129,6 +129,8 @@ mod tests {
             filter: GridFilter::Nearest,
         };
         let cloud = Medium { sigma_s: [0.1; 3], grid: Some(grid), ..Medium::default() };
+        let scene = Scene { media: vec![cloud.clone()], ..Scene::default() };
+        assert_eq!(scene.bounds(), Some([DVec3::ZERO, DVec3::new(4.0, 2.0, 2.0)]), "a scene of a grid alone");
         let found = optical_thickness(&[cloud], DVec3::new(-5.0, 0.5, 0.5), DVec3::X, 100.0);
         assert!((found - 0.1 * (2.0 * 0.5 + 2.0 * 3.0)).abs() < 1e-9, "{found}");
     }
