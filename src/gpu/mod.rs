@@ -14,6 +14,7 @@ mod info;
 mod instance;
 mod kernel;
 mod pipeline;
+mod prune;
 mod quirks;
 mod read_back;
 mod recorder;

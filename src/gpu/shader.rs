@@ -6,7 +6,7 @@ use naga::back::spv;
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::{bounds, spirv, texels};
+use super::{bounds, prune, spirv, texels};
 use crate::error::{Error, Result};
 use crate::wgsl::SOURCES;
 
@@ -166,6 +166,7 @@ pub fn compile(source: &Source, storage: &[String]) -> Result<Compiled> {
     if module.entry_points.is_empty() {
         return Err(Error::Shader(format!("shaders/{path}.wgsl has no entry point {entry}")));
     }
+    prune::remove_dead_branches(&mut module);
     naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
     let validate = |module: &naga::Module| {
         let info = Validator::new(ValidationFlags::all(), CAPABILITIES).validate(module);
