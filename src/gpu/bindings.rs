@@ -30,7 +30,7 @@ pub(super) struct DescriptorSets {
 
 impl DescriptorSets {
     pub fn new(pipeline: &Arc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<DescriptorSets> {
-        let shared = &pipeline.device.shared;
+        let shared = &pipeline.shared;
         let count = pipeline.bindings.len().max(1) as u32;
         let sizes = [vk::DescriptorType::STORAGE_BUFFER, vk::DescriptorType::UNIFORM_TEXEL_BUFFER]
             .map(|ty| vk::DescriptorPoolSize { ty, descriptor_count: count });
@@ -72,7 +72,7 @@ impl DescriptorSets {
     }
 
     fn write(&mut self, binding: &Binding, buffer: &Arc<Allocation>) -> Result<()> {
-        let shared = &self.pipeline.device.shared;
+        let shared = &self.pipeline.shared;
         assert!(Arc::ptr_eq(shared, &buffer.shared), "{} is a buffer of another device", binding.name);
         let limit = shared.info.max_storage_buffer_range;
         if !binding.texels && buffer.size > limit {
@@ -111,7 +111,7 @@ impl DescriptorSets {
 
 impl Drop for DescriptorSets {
     fn drop(&mut self) {
-        let d = &self.pipeline.device.shared.device;
+        let d = &self.pipeline.shared.device;
         // SAFETY: the device no longer uses the sets: recorders keep them alive until their submit has ended. The buffers are
         // dropped after the views.
         unsafe {

@@ -11,6 +11,7 @@ use super::commands::Commands;
 use super::drive::Drive;
 use super::info::{DeviceInfo, choose};
 use super::instance::{Instance, device_error};
+use super::kernel::KernelCache;
 use super::shared::Shared;
 use super::staging::Staging;
 use crate::error::{Error, Result};
@@ -21,6 +22,7 @@ use crate::error::{Error, Result};
 pub struct Device {
     pub(super) shared: Arc<Shared>,
     pub(super) staging: Arc<Mutex<Staging>>,
+    pub(super) kernels: Arc<Mutex<KernelCache>>,
 }
 
 impl Device {
@@ -127,5 +129,5 @@ fn open_physical(instance: Instance, physical: vk::PhysicalDevice, info: DeviceI
         .map_err(|e| device_error("creating the pipeline cache", e))?;
     let shared = Arc::new(shared);
     let staging = Arc::new(Mutex::new(Staging::new(shared.clone())));
-    Ok(Device { shared, staging })
+    Ok(Device { shared, staging, kernels: Arc::default() })
 }

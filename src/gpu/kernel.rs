@@ -9,12 +9,45 @@ use super::pipeline::Pipeline;
 use super::shader::Source;
 use crate::error::Result;
 
-/// A compiled entry point.
+/// A compiled entry point. A device keeps the kernels that it compiled last, so a second kernel of the same source and constants
+/// costs nothing.
 pub struct Kernel {
+    device: Device,
+    compiled: Arc<Compiled>,
+}
+
+/// The pipelines of a kernel. They do not refer to the [`Device`], which keeps them.
+struct Compiled {
     /// The pipeline that reads every array of texels from a texel buffer.
     usual: Arc<Pipeline>,
     /// Pipelines that read some arrays of texels from storage buffers, because the arrays are too large for texel buffers.
     variants: Mutex<Vec<Arc<Pipeline>>>,
+}
+
+/// Maximum number of kernels that a device keeps. A renderer has at most 14.
+const MAX_KEPT: usize = 128;
+
+/// The kernels that a device compiled last; the most recently used one is at the end.
+#[derive(Default)]
+pub(super) struct KernelCache {
+    kept: Vec<Arc<Compiled>>,
+}
+
+impl KernelCache {
+    /// The kernel made from `source`, if it is kept.
+    fn find(&mut self, source: &Source) -> Option<Arc<Compiled>> {
+        let at = self.kept.iter().position(|kernel| *kernel.usual.source == *source)?;
+        let found = self.kept.remove(at);
+        self.kept.push(found.clone());
+        Some(found)
+    }
+
+    fn keep(&mut self, kernel: Arc<Compiled>) {
+        if self.kept.len() == MAX_KEPT {
+            self.kept.remove(0);
+        }
+        self.kept.push(kernel);
+    }
 }
 
 impl Kernel {
@@ -38,13 +71,27 @@ impl Kernel {
     fn compile(device: &Device, source: Source) -> Result<Kernel> {
         let quirks = device.info().quirks.constants();
         let source = quirks.into_iter().fold(source, |source, (name, value)| source.with_default(name, value));
-        let usual = Pipeline::new(device, Arc::new(source), vec![])?;
-        Ok(Kernel { usual: Arc::new(usual), variants: Mutex::default() })
+        let cache = || device.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = cache().find(&source);
+        let compiled = match kept {
+            Some(kept) => kept,
+            None => {
+                let usual = Pipeline::new(device, Arc::new(source), vec![])?;
+                let is_kept = usual.violation.is_none();
+                let compiled = Arc::new(Compiled { usual: Arc::new(usual), variants: Mutex::default() });
+                // A kernel with index checks has a buffer, and a buffer keeps its device open.
+                if is_kept {
+                    cache().keep(compiled.clone());
+                }
+                compiled
+            }
+        };
+        Ok(Kernel { device: device.clone(), compiled })
     }
 
     /// Minimum number of workgroups for `threads` threads.
     pub fn groups(&self, threads: usize) -> u32 {
-        (threads as u32).div_ceil(self.usual.workgroup)
+        (threads as u32).div_ceil(self.compiled.usual.workgroup)
     }
 
     /// Binds the buffers that the kernel uses, by name. `buffers` may hold more buffers; a missing name is an error. If a buffer
@@ -55,24 +102,64 @@ impl Kernel {
     }
 
     fn variant_for(&self, buffers: &[(&str, &Buffer)]) -> Result<Arc<Pipeline>> {
-        let largest = self.usual.device.info().largest_texel_buffer();
+        let largest = self.device.info().largest_texel_buffer();
         let is_too_large = |name: &str| buffers.iter().any(|(n, buffer)| *n == name && buffer.size() > largest);
-        let texels = self.usual.bindings.iter().filter(|b| b.texels && is_too_large(&b.name));
+        let texels = self.compiled.usual.bindings.iter().filter(|b| b.texels && is_too_large(&b.name));
         let storage: Vec<String> = texels.map(|b| b.name.clone()).collect();
         if storage.is_empty() {
-            return Ok(self.usual.clone());
+            return Ok(self.compiled.usual.clone());
         }
-        let mut variants = self.variants.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut variants = self.compiled.variants.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(variant) = variants.iter().find(|v| v.storage == storage) {
             return Ok(variant.clone());
         }
-        let variant = Arc::new(Pipeline::new(&self.usual.device, self.usual.source.clone(), storage)?);
+        let variant = Arc::new(Pipeline::new(&self.device, self.compiled.usual.source.clone(), storage)?);
         variants.push(variant.clone());
         Ok(variant)
     }
 
     /// Whether `bound` was made by this kernel.
     pub(super) fn is_bound_by(&self, bound: &DescriptorSets) -> bool {
-        Arc::ptr_eq(&self.usual.source, &bound.pipeline.source)
+        Arc::ptr_eq(&self.compiled.usual.source, &bound.pipeline.source)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "override FACTOR: u32 = 2u;
+@group(0) @binding(0) var<storage, read_write> word: u32;
+@compute @workgroup_size(1)
+fn scale() {
+    word *= FACTOR;
+}
+";
+
+    fn kernel(device: &Device, factor: f64) -> Kernel {
+        Kernel::from_source(device, "test", TEXT, "scale", &[("FACTOR", factor)]).unwrap()
+    }
+
+    #[test]
+    fn a_device_keeps_the_kernels_used_last() {
+        let device = Device::open(None).expect("this test needs a Vulkan device: run ./setup.sh");
+        let first = kernel(&device, 3.0);
+        let same = |other: &Kernel| Arc::ptr_eq(&first.compiled, &other.compiled);
+        assert!(same(&kernel(&device, 3.0)));
+        assert!(!same(&kernel(&device, 4.0)), "another constant is another kernel");
+        for factor in 0..MAX_KEPT {
+            kernel(&device, 10.0 + factor as f64);
+        }
+        assert_eq!(device.kernels.lock().unwrap().kept.len(), MAX_KEPT);
+        assert!(!same(&kernel(&device, 3.0)), "the device has dropped it");
+    }
+
+    #[test]
+    fn kept_kernels_do_not_keep_the_device_open() {
+        let device = Device::open(None).expect("this test needs a Vulkan device: run ./setup.sh");
+        let shared = Arc::downgrade(&device.shared);
+        drop(kernel(&device, 3.0));
+        drop(device);
+        assert!(shared.upgrade().is_none());
     }
 }

@@ -9,6 +9,7 @@ use super::bounds;
 use super::buffer::Buffer;
 use super::device::Device;
 use super::shader::{self, Binding, Source};
+use super::shared::Shared;
 use crate::error::{Error, Result};
 
 impl Binding {
@@ -19,7 +20,7 @@ impl Binding {
 
 /// The Vulkan objects of a kernel. Bindings of the kernel keep them alive.
 pub(super) struct Pipeline {
-    pub device: Device,
+    pub shared: Arc<Shared>,
     pub source: Arc<Source>,
     /// Names of the arrays of texels that this variant reads from storage buffers.
     pub storage: Vec<String>,
@@ -46,7 +47,7 @@ impl Pipeline {
         let entry_name = CString::new(&*source.entry).map_err(|e| Error::Shader(e.to_string()))?;
         // From here on, `drop` destroys the objects that exist, even after an error. Vulkan ignores null handles.
         let mut new = Pipeline {
-            device: device.clone(),
+            shared: shared.clone(),
             source,
             storage,
             handle: vk::Pipeline::null(),
@@ -119,7 +120,7 @@ impl Pipeline {
 impl Drop for Pipeline {
     fn drop(&mut self) {
         self.report_violation();
-        let d = &self.device.shared.device;
+        let d = &self.shared.device;
         // SAFETY: recorders keep the pipelines that they use alive until their submit has ended, so the device no longer uses
         // this pipeline.
         unsafe {

@@ -107,7 +107,7 @@ impl Recorder {
         let bound = &bindings.bound;
         let pipeline = &bound.pipeline;
         assert!(kernel.is_bound_by(bound), "the bindings belong to another kernel");
-        assert!(Arc::ptr_eq(&self.device.shared, &pipeline.device.shared), "the kernel belongs to another device");
+        assert!(Arc::ptr_eq(&self.device.shared, &pipeline.shared), "the kernel belongs to another device");
         let (d, commands) = (&self.device.shared.device, self.commands.buffer);
         let bytes: &[u8] = bytemuck::bytes_of(constants);
         // SAFETY: recording has begun. The handles belong to this device and to each other, and `kept` keeps them alive.

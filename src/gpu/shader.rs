@@ -111,7 +111,7 @@ pub struct Compiled {
 }
 
 /// Source text, entry point and constants of a kernel.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Source {
     /// Name of the text in messages.
     path: &'static str,
