@@ -1,5 +1,7 @@
 //! Texture look-ups with repeat, mirror or clamp, nearest or bilinear. Filtering works on linear values.
 
+use std::sync::LazyLock;
+
 use glam::{DVec2, DVec3};
 
 use crate::scene::{Scene, Wrap};
@@ -52,8 +54,13 @@ fn filtered(scene: &Scene, texture: Option<u32>, uv: DVec2, decode: impl Fn([u8;
 
 /// Decodes an sRGB byte to a linear value in [0, 1].
 fn linear(byte: u8) -> f64 {
-    let s = f64::from(byte) / 255.0;
-    if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+    static VALUES: LazyLock<[f64; 256]> = LazyLock::new(|| {
+        std::array::from_fn(|byte| {
+            let s = byte as f64 / 255.0;
+            if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+        })
+    });
+    VALUES[usize::from(byte)]
 }
 
 fn wrap(i: i64, size: i64, mode: Wrap) -> i64 {
