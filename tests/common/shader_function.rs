@@ -7,6 +7,8 @@ use bytemuck::{AnyBitPattern, NoUninit};
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder, shader};
 use taugate::internals::wgsl::layout::Dispatch;
 
+use crate::device::device;
+
 /// The parts that the template leaves open.
 #[derive(Clone, Copy)]
 pub struct ShaderFunction {
@@ -67,7 +69,7 @@ fn test_main(@builtin(global_invocation_id) id: vec3<u32>) {{
 
     /// Opens a device and compiles the kernel for it. A test fails where there is no device.
     pub fn compile(&self, constants: &[(&str, f64)]) -> CompiledFunction {
-        let device = open();
+        let device = device();
         let kernel = Kernel::from_source(&device, "test", &self.text(), "test_main", constants);
         CompiledFunction {
             kernel: kernel.unwrap_or_else(|e| panic!("{e}\n{}", self.text())),
@@ -129,10 +131,6 @@ impl CompiledFunction {
         recorder.submit().expect("submit");
         outputs.to_vec(inputs.len()).expect("reading the results")
     }
-}
-
-fn open() -> Device {
-    Device::open(None).unwrap_or_else(|e| panic!("these tests need a Vulkan device: {e}"))
 }
 
 fn calls(module: &naga::Module, block: &naga::Block, names: &mut Vec<String>) {

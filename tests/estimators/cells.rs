@@ -1,7 +1,7 @@
 //! Helpers for statistical tests: settings, images of independent seeds, means over cells of pixels, and z-tests of these means.
 
+pub use crate::device::device;
 use taugate::internals::compare::statistics::sidak_threshold;
-use taugate::internals::gpu::Device;
 use taugate::internals::render::{Renderer, Tuning};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;
@@ -11,10 +11,6 @@ use taugate::internals::settings::{Budget, Estimator, Sampling, Settings, Settin
 pub const SIGNIFICANCE: f64 = 1e-3;
 /// Number of independent seeds from which each variance is estimated.
 pub const SEEDS: u32 = 32;
-
-pub fn device() -> Device {
-    Device::open(None).expect("these tests need a Vulkan device: run ./setup.sh")
-}
 
 pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> SettingsBuilder {
     let settings = Settings::builder().estimator(estimator).resolution(resolution).budget(Budget::Spp(1)).seed(1);

@@ -7,6 +7,8 @@ mod cells;
 #[path = "../common/orthographic.rs"]
 mod closed_form;
 mod determinism;
+#[path = "../common/device.rs"]
+mod device;
 mod drive;
 mod fog;
 mod furnace;

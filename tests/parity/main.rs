@@ -1,5 +1,7 @@
 //! Every function of `shaders/shared/` with a formula runs on the device and is compared with f64 on the host.
 
+#[path = "../common/device.rs"]
+mod device;
 #[path = "../common/shader_function.rs"]
 mod shader_function;
 #[path = "../common/statistics.rs"]

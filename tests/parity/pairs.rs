@@ -16,6 +16,7 @@ use taugate::internals::scene::{Material, Scene};
 use taugate::internals::wgsl::layout::constants::*;
 use taugate::internals::wgsl::layout::{Candidate, Dispatch, Frame, NONE, PathVertex};
 
+use crate::device::device;
 use crate::shader_function::{Contents, contents};
 use crate::trace::buffers;
 use crate::values::{direction, dvec, vec3};
@@ -131,7 +132,7 @@ impl Bench {
             contents("segments", &[0u32; 8]),
         ]);
         Bench {
-            device: Device::open(None).unwrap_or_else(|e| panic!("these tests need a Vulkan device: {e}")),
+            device: device(),
             scene,
             constants: [
                 ("HAS_TEXTURES", 0.0),

@@ -2,6 +2,8 @@
 //! that with the probabilities that the device returns, with how often the device draws each vertex, and with the mean of its
 //! estimates. Every vertex inside the gate must have a probability above 0.
 
+#[path = "../common/device.rs"]
+mod device;
 #[path = "../common/shader_function.rs"]
 mod shader_function;
 #[path = "../common/statistics.rs"]

@@ -5,6 +5,8 @@
 #[path = "../estimators/cells.rs"]
 #[allow(dead_code, reason = "shared with the estimators' tests")]
 mod cells;
+#[path = "../common/device.rs"]
+mod device;
 #[path = "../common/shader_function.rs"]
 #[allow(dead_code, reason = "shared with the parity tests")]
 mod shader_function;
