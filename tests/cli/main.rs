@@ -1,7 +1,14 @@
-//! Runs the program as a user does: help, exit codes and messages. These tests need no device.
+//! Runs the program as a user does. The tests of this file are about help, exit codes and messages; they need no device.
 
+mod bench;
+mod corpus;
+mod devices;
 mod grids;
+#[cfg(unix)]
+mod guide;
+mod info;
 mod scenes;
+mod views;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,7 +1,6 @@
 //! Runs `taugate bench` as a user does: a tiny suite from reference to report, resuming it, and the mistakes that bench refuses.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use taugate::internals::bench::job::Job;
 use taugate::internals::bench::suite::Suite;
@@ -12,9 +11,7 @@ use taugate::internals::image::film::Film;
 use taugate::internals::settings::Crop;
 use taugate::internals::settings::units::Gate;
 
-fn taugate(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
-}
+use crate::taugate;
 
 fn fails(folder: &Path, arguments: &[&str], code: i32, part: &str) {
     let output = taugate(folder, arguments);

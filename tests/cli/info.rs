@@ -1,7 +1,7 @@
 //! Runs `taugate info`, and renders with gates that no light reaches. Needs a device.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -13,9 +13,7 @@ use taugate::internals::render::{MemoryPlan, PreparedScene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::values::Resolution;
 
-fn taugate(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
-}
+use crate::taugate;
 
 /// A folder with one of the generated scenes as `scene.glb`.
 fn scene(name: &str) -> tempfile::TempDir {

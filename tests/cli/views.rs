@@ -1,13 +1,10 @@
 //! Runs the program for its other results beside the image: images of strategies, statistics and comparisons.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use taugate::internals::image::exr_file::read_picture;
 
-fn taugate(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
-}
+use crate::taugate;
 
 /// Runs a command that must exit with `code`. Returns stdout and stderr.
 fn run(folder: &Path, arguments: &[&str], code: i32) -> (String, String) {

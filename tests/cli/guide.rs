@@ -7,8 +7,6 @@
 //! * `sh no-run`: nothing. For commands that take minutes, install something or need cargo. The tests check their number.
 //! * `toml NAME` and `csv NAME`: write the block to the file NAME, which later commands read.
 //! * `text`, `json`, `python`: nothing.
-#![cfg(unix)]
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -101,7 +99,7 @@ fn run(document: &str) -> usize {
             ["sh", "no-run"] => not_run += 1,
             ["toml" | "csv", name] => std::fs::write(here.path().join(name), text).unwrap(),
             ["text" | "json" | "python"] => {}
-            _ => panic!("{place}: the test does not know blocks of kind '{info}'; see the top of tests/guide.rs"),
+            _ => panic!("{place}: the test does not know blocks of kind '{info}'; see the top of tests/cli/guide.rs"),
         }
     }
     not_run
