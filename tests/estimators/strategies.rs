@@ -5,7 +5,7 @@ use super::cells::{device, renderer, settings};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::{PreparedScene, StrategyImage, StrategyImages, strategies};
-use taugate::internals::scene::Scene;
+use taugate::internals::scene::{Medium, PhaseFunction, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Settings, Strategies};
 
@@ -39,6 +39,12 @@ fn difference<'a>(image: &[f32], parts: impl Iterator<Item = &'a StrategyImage>)
     image.iter().zip(&sum).map(relative).fold(0.0, f64::max)
 }
 
+/// The scene in thin fog that scatters forwards.
+fn foggy(scene: Scene) -> Scene {
+    let phase = PhaseFunction::HenyeyGreenstein { g: 0.5 };
+    Scene { media: vec![Medium { sigma_s: [0.15, 0.1, 0.2], sigma_a: [0.02; 3], phase, ..Medium::default() }], ..scene }
+}
+
 /// Small settings with one query per shade point: with more queries, MIS gives the other strategies of `lcs` hardly any weight.
 fn small(estimator: Estimator, strategies: Strategies, gate: Gate) -> Settings {
     settings(estimator, [24, 20])
@@ -64,6 +70,10 @@ fn weighted_strategies_sum_to_the_image() {
         ("punctual", zoo(Light::Punctual), Estimator::LcsPaper, Strategies::All, gate),
         ("punctual", zoo(Light::Punctual), Estimator::Lcs, Strategies::All, gate),
         ("thin beam", build(Kind::DoorAjar), Estimator::Bdpt, Strategies::All, Gate::OPEN),
+        ("foggy lamp", foggy(zoo(Light::Area)), Estimator::Bdpt, Strategies::All, gate),
+        ("foggy lamp", foggy(zoo(Light::Area)), Estimator::LcsPaper, Strategies::All, gate),
+        ("foggy lamp", foggy(zoo(Light::Area)), Estimator::Lcs, Strategies::All, gate),
+        ("foggy punctual", foggy(zoo(Light::Punctual)), Estimator::Lcs, Strategies::All, gate),
     ] {
         let (image, parts) = both(&scene, &small(estimator, kept, gate));
         let all = difference(&image, parts.images().iter());
@@ -90,11 +100,20 @@ fn weighted_strategies_sum_to_the_image() {
 /// average.
 #[test]
 fn strategies_of_one_length_agree_unweighted() {
-    let scene = build(Kind::CornellBox);
+    agree_unweighted("clear", &build(Kind::CornellBox));
+}
+
+/// As before, with segments that end in fog and segments that pass through it.
+#[test]
+fn strategies_of_one_length_agree_unweighted_in_fog() {
+    agree_unweighted("foggy", &foggy(build(Kind::CornellBox)));
+}
+
+fn agree_unweighted(name: &str, scene: &Scene) {
     let s =
         small(Estimator::Bdpt, Strategies::All, Gate::OPEN).change().max_depth(3).light_paths(2000).build().unwrap();
-    let prepared = PreparedScene::new(&scene, &s).unwrap();
-    let mut parts = StrategyImages::new(&device(), &scene, &s, &prepared).unwrap();
+    let prepared = PreparedScene::new(scene, &s).unwrap();
+    let mut parts = StrategyImages::new(&device(), scene, &s, &prepared).unwrap();
     for _ in 0..128 {
         parts.iterate(4).unwrap();
     }
@@ -108,7 +127,7 @@ fn strategies_of_one_length_agree_unweighted() {
         for s in (0..=k).filter(|&s| s != 1) {
             let (mean, own) = mean_of(s, k + 1 - s);
             let z = (mean - reference) / own.unwrap().hypot(error);
-            eprintln!("({s}, {}): {mean:.5} against {reference:.5}, z = {z:.2}", k + 1 - s);
+            eprintln!("{name} ({s}, {}): {mean:.5} against {reference:.5}, z = {z:.2}", k + 1 - s);
             // Significance 1e-3 for five comparisons, Student's t with over 100 degrees of freedom.
             assert!(z.abs() < 4.1, "({s}, {}): {mean} against {reference}, z = {z:.2}", k + 1 - s);
             // Negative control: 20 % more light. With s = 0, rays hit the lamp by chance and are noisier: 60 % more.
