@@ -60,7 +60,6 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("last_stretch", "transmitted"),
     ("traced_transmittance", "fog in meshes is fog in boxes"),
     ("depths_towards", "transmitted"),
-    ("find_solid", "as advance; glass with media inside agrees with the oracle"),
     ("solid_towards", "glass with media inside agrees with the oracle"),
     ("solid_of", "as solid_towards"),
     ("path_solid", "as solid_towards"),
