@@ -8,6 +8,7 @@ mod grids;
 mod guide;
 mod info;
 mod scenes;
+mod texels;
 mod views;
 
 use std::path::{Path, PathBuf};
