@@ -18,6 +18,9 @@ const RINGS: usize = 28;
 const SECTORS: usize = 16;
 /// Steps of the quadrature across a cell, per dimension.
 const STEPS: usize = 32;
+/// Steps from the centre to the edge of the innermost ring. At grazing angles, only half vectors within a few degrees of the normal
+/// reflect light in the sectors on the far side.
+const INNER_STEPS: usize = 512;
 const CELLS: usize = RINGS * SECTORS;
 
 /// The cells of a view: first the reflections, then the refractions, then one cell for everything else.
@@ -104,9 +107,11 @@ impl<'a> Grid<'a> {
     /// Probability of every cell. The last cell gets the rest.
     fn expected(&self) -> Vec<f64> {
         let mut cells = vec![0.0; 2 * CELLS + 1];
-        let (dx, dphi) = (self.end / (RINGS * STEPS) as f64, TAU / (SECTORS * STEPS) as f64);
-        for i in 0..RINGS * STEPS {
-            let grown = ((i as f64 + 0.5) * dx).exp();
+        let dphi = TAU / (SECTORS * STEPS) as f64;
+        let steps = |ring| if ring == 0 { INNER_STEPS } else { STEPS };
+        for (ring, i) in (0..RINGS).flat_map(|ring| (0..steps(ring)).map(move |i| (ring, i))) {
+            let dx = self.end / (RINGS * steps(ring)) as f64;
+            let grown = (ring as f64 * self.end / RINGS as f64 + (i as f64 + 0.5) * dx).exp();
             let tan = self.alpha * (grown - 1.0).sqrt();
             let cosine = 1.0 / (1.0 + tan * tan).sqrt();
             // d omega = cos^3 d(tan x) d(tan y), and m^2 = exp(x) - 1.
@@ -114,7 +119,7 @@ impl<'a> Grid<'a> {
             for j in 0..SECTORS * STEPS {
                 let (sin, cos) = ((j as f64 + 0.5) * dphi).sin_cos();
                 let found = self.density(DVec3::new(tan * cosine * cos, tan * cosine * sin, cosine));
-                let cell = i / STEPS * SECTORS + j / STEPS;
+                let cell = ring * SECTORS + j / STEPS;
                 cells[cell] += found[0] * area;
                 cells[CELLS + cell] += found[1] * area;
             }
