@@ -4,7 +4,7 @@
 #     cargo build --release
 #     docs/pictures/make.sh [SECONDS [RACE_SECONDS]]
 #
-# SECONDS (default 600) is the rendering time of each of the six images, by lcs; 0 leaves the images as they are. RACE_SECONDS
+# SECONDS (default 600) is the rendering time of each of the eight images, by lcs; 0 leaves the images as they are. RACE_SECONDS
 # (default 30) is the rendering time of each estimator in the row of crops. The reference of the row takes 40 times as long, and 160
 # times at most.
 #
@@ -41,6 +41,9 @@ picture door-steady "$root/scenes/door-ajar.glb"
 picture door-gated "$root/scenes/door-ajar.glb" --gate 16.8m..17.1m
 picture clutter-steady "$work/cluttered-room.glb"
 picture clutter-gated "$work/cluttered-room.glb" --gate 7m..7.3m
+fog=(--headlamp 20 --headlamp-offset 0.3,0.2,0 --emitters headlamp --visibility 8m --droplet-diameter 15)
+picture fog-steady "$work/cluttered-room.glb" "${fog[@]}"
+picture fog-gated "$work/cluttered-room.glb" "${fog[@]}" --gate 8m..8.6m
 
 race=("$taugate" bench "$pictures/crops.toml" --time "${race_seconds}s" --out "$work/crops")
 [ -z "${CROP_RESOLUTION:-}" ] || race+=(--resolution "$CROP_RESOLUTION")
