@@ -3,13 +3,13 @@
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;
 @group(2) @binding(1) var<storage, read> splats: array<vec4<f32>>;
-@group(2) @binding(2) var<storage, read> splat_weights: array<f32>;
+@group(2) @binding(2) var<storage, read> splat_details: array<f32>;
 // Paths whose vertices are kept.
 @group(2) @binding(3) var<storage, read> list: array<u32>;
 @group(2) @binding(4) var<storage, read> counters: array<u32>;
 @group(2) @binding(5) var<storage, read_write> kept_vertices: array<PathVertex>;
 @group(2) @binding(6) var<storage, read_write> kept_splats: array<vec4<f32>>;
-// Number of the path in the batch, and the bits of the splat's MIS weight.
+// Number of the path in the batch, and the bits of the splat's MIS weight or travel time; see `splat_details` in light_splat.wgsl.
 @group(2) @binding(7) var<storage, read_write> kept_paths: array<vec2<u32>>;
 
 // One thread copies one vertex.
@@ -23,9 +23,9 @@ fn light_keep(@builtin(global_invocation_id) id: vec3<u32>) {
     let to = counters[COUNTER_TOTALS + dispatch.counter] - count + id.x;
     kept_vertices[to] = vertices[slot];
     kept_splats[to] = splats[slot];
-    var weight = 1.0;
-    if (OBSERVE == OBSERVE_STRATEGIES) {
-        weight = splat_weights[slot];
+    var detail = 1.0;
+    if (OBSERVE == OBSERVE_STRATEGIES || OBSERVE == OBSERVE_RESPONSES) {
+        detail = splat_details[slot];
     }
-    kept_paths[to] = vec2<u32>(slot, bitcast<u32>(weight));
+    kept_paths[to] = vec2<u32>(slot, bitcast<u32>(detail));
 }

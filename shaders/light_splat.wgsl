@@ -7,8 +7,9 @@
 // xyz: radiance of the pixel from this vertex. w: bits of the pixel's index in the crop, or NONE if there is no light. With
 // OBSERVE_TIMES, w holds the travel time.
 @group(2) @binding(2) var<storage, read_write> splats: array<vec4<f32>>;
-// With OBSERVE_STRATEGIES only: MIS weights of the splats, which are then not contained in `splats`.
-@group(2) @binding(3) var<storage, read_write> splat_weights: array<f32>;
+// With OBSERVE_STRATEGIES, the MIS weights of the splats, which are then not contained in `splats`. With OBSERVE_RESPONSES, the
+// travel times.
+@group(2) @binding(3) var<storage, read_write> splat_details: array<f32>;
 @group(2) @binding(4) var<storage, read> counters: array<u32>;
 
 // One thread connects one light vertex that was just reached.
@@ -59,8 +60,11 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let weight = splat_weight(v, c, density * c.cosine / spread * reached);
     if (OBSERVE == OBSERVE_STRATEGIES) {
         splats[slot] = vec4<f32>(value, bitcast<f32>(pixel));
-        splat_weights[slot] = weight;
+        splat_details[slot] = weight;
         return;
+    }
+    if (OBSERVE == OBSERVE_RESPONSES) {
+        splat_details[slot] = tau;
     }
     splats[slot] = vec4<f32>(value * weight, select(bitcast<f32>(pixel), tau, OBSERVE == OBSERVE_TIMES));
 }

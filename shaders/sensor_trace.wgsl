@@ -14,7 +14,7 @@
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
 @group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
 @group(2) @binding(6) var<storage, read_write> tallies: array<vec4<u32>>;
-// The emission at the hit, for OBSERVE only. OBSERVE_TIMES: with its MIS weight, and the travel time in w.
+// The emission at the hit, for OBSERVE only. OBSERVE_TIMES, OBSERVE_RESPONSES: with its MIS weight, and the travel time in w.
 // OBSERVE_STRATEGIES: without its MIS weight, which is in w.
 @group(2) @binding(7) var<storage, read_write> emitted: array<vec4<f32>>;
 
@@ -73,7 +73,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
             radiance[slot] += vec4<f32>(light.xyz * light.w, 0.0);
             tallies[slot].z += 1u;
             // The probe reports scattered light only: that is what the user wants to gate.
-            if (OBSERVE == OBSERVE_TIMES && depth > 1u) {
+            if (OBSERVE == OBSERVE_RESPONSES || (OBSERVE == OBSERVE_TIMES && depth > 1u)) {
                 emitted[slot] = vec4<f32>(light.xyz * light.w, q.tau);
             }
             if (OBSERVE == OBSERVE_STRATEGIES) {

@@ -60,6 +60,7 @@ pub use error::{Error, ErrorKind, Result};
 pub use gpu::{Device, DeviceInfo, DeviceKind};
 pub use image::exr_file::write_film as write_exr;
 pub use image::film::Film;
+pub use image::response_film::ResponseFilm;
 pub use render::Renderer;
 pub use scene::gltf::load as load_scene;
 pub use scene::{
@@ -67,6 +68,7 @@ pub use scene::{
     PhaseFunction, Projection, Scene, Texture, Wrap,
 };
 pub use settings::SettingsBuilder;
+pub use settings::gates::Gates;
 pub use settings::units::Gate;
 pub use settings::{
     Budget, Crop, Emitters, Estimator, Importance, Response, Responses, Sampling, Settings, Strategies,

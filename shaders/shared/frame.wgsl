@@ -97,11 +97,12 @@ var<immediate> dispatch: Dispatch;
 
 // Threads per workgroup. The image does not depend on it.
 override WORKGROUP: u32 = 64u;
-// What the kernels report to the host for each contribution, in addition to the image: nothing (0), its travel time, or its
-// strategy and MIS weight.
+// What the kernels report to the host for each contribution, in addition to the image: nothing (0), its travel time, its
+// strategy and MIS weight, or pixel and travel time for the responses of the sensor.
 override OBSERVE: u32 = 0u;
 const OBSERVE_TIMES: u32 = 1u;
 const OBSERVE_STRATEGIES: u32 = 2u;
+const OBSERVE_RESPONSES: u32 = 3u;
 // Switches that remove code for features that the scene does not contain.
 override HAS_TEXTURES: bool = true;
 // Properties other than the base colour vary over a surface.

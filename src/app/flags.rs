@@ -106,9 +106,7 @@ impl Visitor for FlagList {
         if let Some(letter) = setting.short {
             arg = arg.short(letter);
         }
-        if let Some(other) = setting.excludes {
-            arg = arg.conflicts_with(other);
-        }
+        arg = arg.conflicts_with_all(setting.excludes);
         self.args.push(arg);
     }
 }

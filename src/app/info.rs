@@ -147,7 +147,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     map::check(&args.map)?;
     let mut experiment = args.experiment();
     let allowed = experiment.input.allowed();
-    render::check_inputs(args.map.iter(), &args.scene, &experiment)?;
+    render::check_inputs(&args.map, &args.scene, &experiment)?;
     let mut scene = taugate::internals::scene::gltf::load_with(&args.scene, &allowed)?;
     let notes = scenery::apply(&mut experiment, &mut scene)?;
     let mut report = contents(&scene);

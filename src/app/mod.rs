@@ -10,6 +10,7 @@ mod flags;
 mod generate;
 mod info;
 mod interrupts;
+mod memory;
 mod preparation;
 mod progress;
 pub mod render;

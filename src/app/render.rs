@@ -24,8 +24,8 @@ use taugate::internals::settings::{Budget, Settings};
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::preparation::Preparation;
 use super::progress::{Position, Progress};
-use super::report::{Report, files, is_black};
-use super::{feasible, strategies};
+use super::report::{Report, is_black};
+use super::{feasible, memory, strategies};
 use crate::app::cli::RenderArgs;
 
 /// The error for non-finite samples with --strict.
@@ -45,7 +45,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     if !print_config {
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
-        check_inputs(files(&outputs), &scene_path, &experiment)?;
+        check_inputs(&outputs.files(), &scene_path, &experiment)?;
     }
     // There is no result to keep yet.
     interrupts.end_the_process_at(Interrupt::First);
@@ -64,6 +64,7 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     }
     let outputs = resolve::outputs(&experiment)?;
 
+    memory::check(settings, outputs.has_variance())?;
     if outputs.strategy_images.is_some() {
         StrategyImages::check(settings)?;
     }
@@ -99,6 +100,9 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     };
     let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
     drop(prepared);
+    if outputs.has_variance() {
+        renderer.estimate_response_variance();
+    }
     preparation.finish();
 
     // Render.
@@ -178,8 +182,8 @@ fn read_experiment(args: RenderArgs) -> Result<Experiment> {
 
 /// Checks before the render that every output can be written, so that no long render is lost.
 fn check_outputs(outputs: &Outputs) -> Result<()> {
-    files(outputs).try_for_each(|path| check_writable(path))?;
-    let paths: Vec<_> = files(outputs).collect();
+    let paths = outputs.files();
+    paths.iter().try_for_each(|path| check_writable(path))?;
     let mut pairs = paths.iter().enumerate().flat_map(|(i, path)| paths[..i].iter().map(move |other| (path, other)));
     if let Some((path, other)) = pairs.find(|(path, other)| lies_in(path, other)) {
         return Err(Error::Settings(format!(
@@ -190,7 +194,7 @@ fn check_outputs(outputs: &Outputs) -> Result<()> {
     }
     let Some(folder) = &outputs.strategy_images else { return Ok(()) };
     strategies::check_folder(folder)?;
-    match files(outputs).find(|file| lies_in(file, folder)) {
+    match paths.iter().find(|file| lies_in(file, folder)) {
         Some(file) => Err(Error::Settings(format!(
             "the folder of --strategy-images is replaced as a whole, and {} would lie in this folder; choose another",
             file.display()
@@ -200,12 +204,8 @@ fn check_outputs(outputs: &Outputs) -> Result<()> {
 }
 
 /// Refuses outputs that would overwrite a file that is read: of the scene, such as a texture, or the image of the sky.
-pub fn check_inputs<'a>(
-    outputs: impl Iterator<Item = &'a PathBuf>,
-    scene: &Path,
-    experiment: &Experiment,
-) -> Result<()> {
-    let existing: Vec<_> = outputs.filter(|path| path.exists()).collect();
+pub fn check_inputs(outputs: &[PathBuf], scene: &Path, experiment: &Experiment) -> Result<()> {
+    let existing: Vec<_> = outputs.iter().filter(|path| path.exists()).collect();
     if existing.is_empty() {
         return Ok(());
     }

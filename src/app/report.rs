@@ -1,13 +1,12 @@
 //! Writes the files of a render and prints its summary.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::Serialize;
 use taugate::internals::files::write_atomically;
 use taugate::internals::image::exr_file::{self, Provenance};
 use taugate::internals::image::layers::Layers;
-use taugate::internals::image::png_file;
+use taugate::internals::image::{npy_file, png_file};
 use taugate::internals::input::resolve::{Outputs, gate_warning};
 use taugate::internals::render::{Renderer, Stage, Stats};
 use taugate::internals::settings::Settings;
@@ -62,10 +61,6 @@ struct Numbers<'a> {
     renderer: &'a Stats,
 }
 
-pub fn files(outputs: &Outputs) -> impl Iterator<Item = &PathBuf> {
-    [Some(&outputs.exr), outputs.png.as_ref(), outputs.stats.as_ref()].into_iter().flatten()
-}
-
 pub fn is_black(renderer: &Renderer) -> bool {
     renderer.stats().inside_gate == 0 && renderer.film().mean().iter().all(|&v| v == 0.0)
 }
@@ -83,7 +78,19 @@ impl Report<'_> {
     pub fn write(&self, outputs: &Outputs) -> anyhow::Result<()> {
         let film = self.renderer.film();
         let mut rescue = Rescue::default();
-        rescue.write(&outputs.exr, |path| exr_file::write_with_layers(path, film, self.provenance, self.layers));
+        let responses = self.renderer.responses();
+        if let Some(path) = &outputs.exr {
+            rescue.write(path, |path| exr_file::write_responses(path, film, responses, self.provenance, self.layers));
+        }
+        if let Some(path) = &outputs.npy {
+            rescue.write(path, |path| npy_file::write_means(path, film, responses));
+            rescue.write(&npy_file::description_path(path), |path| {
+                npy_file::write_description(path, film, responses, self.provenance)
+            });
+            if outputs.variance {
+                rescue.write(&npy_file::variance_path(path), |path| npy_file::write_variances(path, film, responses));
+            }
+        }
         if let Some(path) = &outputs.png {
             let exposure = self.exposure(outputs);
             rescue.write(path, |path| png_file::write(path, film.width(), film.height(), &film.mean(), exposure));
@@ -139,7 +146,7 @@ impl Report<'_> {
         if stats.dropped > 0 {
             progress.line(&format!("warning: {} samples were not finite and count as 0", stats.dropped));
         }
-        for warning in self.settings.responses().iter().filter_map(|response| gate_warning(&response.gate())) {
+        if let Some(warning) = gate_warning(&self.settings.responses().narrowest()) {
             progress.line(&format!("warning: {warning}"));
         }
         if is_black(self.renderer) {
@@ -151,7 +158,7 @@ impl Report<'_> {
             [min, max] if min < max => format!(" ({min} to {max})"),
             _ => String::new(),
         };
-        let names: Vec<String> = files(outputs).map(|path| path.display().to_string()).collect();
+        let names: Vec<String> = outputs.files().iter().map(|path| path.display().to_string()).collect();
         progress.line(&format!(
             "{}: {}x{}, {}, {}, {} samples per pixel{spread} in {}, {}",
             names.join(", "),

@@ -17,8 +17,9 @@ use crate::files::{check_readable, read_error, write_atomically};
 use crate::image::film::Film;
 use crate::image::fingerprint;
 use crate::image::layers::{Layers, Plane};
-use crate::settings::units::METRES_PER_NS;
-use crate::settings::{Crop, MAX_PIXELS, Responses, Settings};
+use crate::image::response_film::ResponseFilm;
+use crate::settings::units::{Gate, METRES_PER_NS};
+use crate::settings::{Crop, MAX_PIXELS, Response, Responses, Settings};
 
 /// Maximum size in bytes of a decoded block of an EXR file: a tile or some rows, with all channels. The decoder holds one block
 /// per thread. A block of our own largest image has 16 MiB
@@ -81,12 +82,39 @@ pub fn write(path: &Path, film: &Film, provenance: &Provenance) -> Result<()> {
 /// As [`write`], with further channels. The attribute `tof:objects` names the objects: a JSON object from the ids in `object.ID`
 /// to names.
 pub fn write_with_layers(path: &Path, film: &Film, provenance: &Provenance, layers: &Layers) -> Result<()> {
-    let mut channels = channels_of(&film.mean(), "");
-    channels.extend(channels_of(&film.variance_of_mean(), "Variance."));
+    write_responses(path, film, None, provenance, layers)
+}
+
+/// As [`write_with_layers`], with the images of several responses. R, G, B and their variance are those of the first response. A
+/// further response NAME has the channels NAME.R and, with a variance, NAME.Variance.R, and so on. The attribute `tof:responses`
+/// lists the responses in order: a JSON array of names and gates.
+pub fn write_responses(
+    path: &Path,
+    film: &Film,
+    images: Option<&ResponseFilm>,
+    provenance: &Provenance,
+    layers: &Layers,
+) -> Result<()> {
+    let Provenance { resolution, crop, responses, .. } = provenance;
+    let mut channels = vec![];
+    match images {
+        None => {
+            channels.extend(channels_of(&film.mean(), ""));
+            channels.extend(channels_of(&film.variance_of_mean(), "Variance."));
+        }
+        Some(images) => {
+            for (k, response) in responses.iter().enumerate() {
+                let prefix = if k == 0 { String::new() } else { format!("{}.", response.name()) };
+                channels.extend(channels_of(&images.mean(k), &prefix));
+                if images.has_variance() {
+                    channels.extend(channels_of(&images.variance_of_mean(k), &format!("{prefix}Variance.")));
+                }
+            }
+        }
+    }
     channels.extend(planes_of(layers));
 
-    let Provenance { resolution, crop, responses, .. } = provenance;
-    let gate = responses.support();
+    let gate = responses.iter().next().map_or(Gate::OPEN, Response::gate);
     let mut attributes = LayerAttributes {
         layer_position: Vec2(crop.x0 as i32, crop.y0 as i32),
         software_name: Some(text(&version())),
@@ -104,13 +132,20 @@ pub fn write_with_layers(path: &Path, film: &Film, provenance: &Provenance, laye
             ("tof:c_m_per_s", AttributeValue::F64(SPEED_OF_LIGHT_M_PER_S)),
             ("tof:seed", AttributeValue::Text(text(&provenance.seed.to_string()))),
             ("tof:varianceBatches", AttributeValue::I32(film.iterations().try_into().unwrap_or(i32::MAX))),
-            ("tof:cellBatches", floats(&film.cells().to_floats())),
             ("tof:version", AttributeValue::Text(text(&version()))),
             ("tof:renderer", AttributeValue::Text(text(fingerprint::RENDERER))),
             ("tof:settings", AttributeValue::Text(text(&provenance.settings))),
         ]
         .map(|(name, value)| (text(name), value)),
     );
+    if images.is_some() {
+        let gates = |r: &Response| serde_json::json!({"name": r.name(), "gate_m": [r.gate().lo, r.gate().hi]});
+        let list = serde_json::Value::from_iter(responses.iter().map(gates)).to_string();
+        attributes.other.insert(text("tof:responses"), AttributeValue::Text(text(&list)));
+    } else {
+        // The cells are those of the film, which with several responses is in no channel.
+        attributes.other.insert(text("tof:cellBatches"), floats(&film.cells().to_floats()));
+    }
     if !layers.objects.is_empty() {
         let names = serde_json::to_string(&layers.objects).expect("a map of numbers and names is valid JSON");
         attributes.other.insert(text("tof:objects"), AttributeValue::Text(text(&names)));

@@ -7,4 +7,6 @@ pub mod film;
 pub mod fingerprint;
 pub mod layers;
 mod moments;
+pub mod npy_file;
 pub mod png_file;
+pub mod response_film;

@@ -77,8 +77,13 @@ impl Experiment {
             let (line, column) = position(text, at.unwrap_or(0));
             ParseError { line, column, message: message.into() }
         };
-        if experiment.gate.gate.is_some() && experiment.gate.depth.is_some() {
+        let GateTable { gate, depth, gates, .. } = &experiment.gate;
+        if gate.is_some() && depth.is_some() {
             return Err(exclusive("gate", "depth", "gate and depth both set the gate: keep one"));
+        }
+        if gates.is_some() && (gate.is_some() || depth.is_some()) {
+            let other = if gate.is_some() { "gate" } else { "depth" };
+            return Err(exclusive(other, "gates", &format!("{other} and gates both set the gates: keep one")));
         }
         if experiment.camera.fov.is_some() && experiment.camera.ortho.is_some() {
             return Err(exclusive("fov", "ortho", "fov and ortho both set the view of the camera: keep one"));
@@ -92,9 +97,9 @@ impl Experiment {
     /// Merges two experiments: the settings of `self`, and those of `below` that `self` does not give. The list of lights counts
     /// as one setting.
     pub fn over(self, mut below: Experiment) -> Experiment {
-        // Two keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
-        if self.gate.gate.is_some() || self.gate.depth.is_some() {
-            (below.gate.gate, below.gate.depth) = (None, None);
+        // Keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
+        if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
+            (below.gate.gate, below.gate.depth, below.gate.gates) = (None, None, None);
         }
         if self.camera.fov.is_some() || self.camera.ortho.is_some() {
             (below.camera.fov, below.camera.ortho) = (None, None);
@@ -222,7 +227,7 @@ mod tests {
     use crate::settings::Emitters;
     use crate::settings::numbers::{Fov, Height, Numbers};
     use crate::settings::units::{Depth, Gate};
-    use crate::settings::values::{Folders, Png};
+    use crate::settings::values::{Files, Folders, Png};
 
     const FULL: &str = r#"
 scene = "room.glb"
@@ -272,6 +277,13 @@ png = true
             ("[render]\nestimator = \"magic\"\n", 2, 13, "choose pt, bdpt, lcs-paper or lcs"),
             ("[gate]\ngate = \"1..2\"\n", 2, 8, "no unit"),
             ("[gate]\ngate = \"1m..2m\"\ndepth = \"1m..2m\"\n", 3, 1, "keep one"),
+            (
+                "[gate]\ngates = \"1m..2m/4\"\ndepth = \"1m..2m\"\n",
+                3,
+                1,
+                "depth and gates both set the gates: keep one",
+            ),
+            ("[gate]\ngates = \"1m..2m\"\n", 2, 9, "how many gates"),
             ("[render]\ntime = \"3s\"\nspp = 4\n", 3, 1, "keep one"),
             ("[camera]\nresolution = \"big\"\n", 2, 14, "640x480"),
             ("[medium]\nsigma = 1.0\n", 2, 1, "no key sigma"),
@@ -361,7 +373,7 @@ png = true
         let read = Experiment::read(&path).unwrap();
         assert_eq!(read.scene, Some(folder.path().join("s/a.glb")));
         assert_eq!(read.input.allow_path, Some(Folders(vec![folder.path().join("t"), "/u".into()])));
-        assert_eq!(read.output.output, Some("/abs.exr".into()));
+        assert_eq!(read.output.output, Some(Files(vec!["/abs.exr".into()])));
         assert_eq!(read.output.png, Some(Png::File(folder.path().join("p.png"))));
     }
 }

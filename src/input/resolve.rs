@@ -6,6 +6,7 @@ use std::collections::HashSet;
 use std::path::PathBuf;
 
 use crate::error::{Error, Result};
+use crate::image::npy_file;
 use crate::input::experiment::Experiment;
 use crate::scene::{Camera, Scene};
 use crate::settings::aov::Aov;
@@ -23,10 +24,13 @@ pub struct Resolved {
     pub warnings: Vec<String>,
 }
 
-/// The files that a render writes.
+/// The files that a render writes: an image, an array, or both.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outputs {
-    pub exr: PathBuf,
+    pub exr: Option<PathBuf>,
+    pub npy: Option<PathBuf>,
+    /// Whether the variances of the array are written too.
+    pub variance: bool,
     /// Auxiliary layers of the image file.
     pub aov: Aov,
     pub png: Option<PathBuf>,
@@ -37,18 +41,66 @@ pub struct Outputs {
     pub strategy_images: Option<PathBuf>,
 }
 
+impl Outputs {
+    /// All files, without the folder for the images of the strategies.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> = [&self.exr, &self.npy].into_iter().flatten().cloned().collect();
+        if let Some(npy) = &self.npy {
+            files.push(npy_file::description_path(npy));
+            files.extend(self.variance.then(|| npy_file::variance_path(npy)));
+        }
+        files.extend([&self.png, &self.stats].into_iter().flatten().cloned());
+        files
+    }
+
+    /// Whether a file contains variances.
+    pub fn has_variance(&self) -> bool {
+        self.exr.is_some() || self.variance
+    }
+}
+
+/// Maximum number of responses in an image file (.exr).
+const MAX_EXR_RESPONSES: usize = 64;
+
 /// The files that a render writes. Fails if there is no output file, or if a file has the wrong extension. The function needs no
 /// scene, so a mistake is found before the scene is loaded.
 pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     let wanted = &experiment.output;
-    let exr = wanted.output.clone().ok_or_else(|| settings("no output file: add -o OUT.exr"))?;
+    let files = wanted.output.clone().map_or(vec![], |files| files.0);
     let has = |path: &PathBuf, extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
-    if !has(&exr, "exr") {
-        return Err(settings(format!("the output {} must end in .exr", exr.display())));
+    let first = files.first().ok_or_else(|| settings("no output file: add -o OUT.exr or -o OUT.npy"))?;
+    if let Some(other) = files.iter().find(|path| !has(path, "exr") && !has(path, "npy")) {
+        return Err(settings(format!("the output {} must end in .exr or .npy", other.display())));
+    }
+    let only = |extension: &str| {
+        let mut all = files.iter().filter(|path| has(path, extension));
+        match (all.next(), all.next()) {
+            (Some(one), Some(two)) => Err(settings(format!(
+                "{} and {} would hold the same image; name one .{extension} file",
+                one.display(),
+                two.display()
+            ))),
+            (one, _) => Ok(one.cloned()),
+        }
+    };
+    let (exr, npy) = (only("exr")?, only("npy")?);
+    let count = chosen_responses(&experiment.gate).len();
+    if exr.is_some() && count > MAX_EXR_RESPONSES {
+        return Err(settings(format!(
+            "an .exr file holds at most {MAX_EXR_RESPONSES} gates, and these are {count}; write -o OUT.npy"
+        )));
+    }
+    let variance = wanted.variance.unwrap_or(false);
+    if variance && npy.is_none() {
+        return Err(settings("--variance is for an array: add -o OUT.npy (an .exr file always has the variance)"));
+    }
+    let aov = wanted.aov.unwrap_or_default();
+    if aov != Aov::default() && exr.is_none() {
+        return Err(settings("--aov adds layers to an image file: add -o OUT.exr"));
     }
     let png = match &wanted.png {
         None | Some(Png::Wanted(false)) => None,
-        Some(Png::Wanted(true)) => Some(exr.with_extension("png")),
+        Some(Png::Wanted(true)) => Some(first.with_extension("png")),
         Some(Png::File(path)) if has(path, "png") => Some(path.clone()),
         Some(Png::File(path)) => return Err(settings(format!("the picture {} must end in .png", path.display()))),
     };
@@ -60,8 +112,11 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
         return Err(settings(format!("the --stats file {} must end in .json", path.display())));
     }
-    let (aov, exposure) = (wanted.aov.unwrap_or_default(), wanted.exposure.unwrap_or_default());
-    Ok(Outputs { exr, aov, png, exposure, stats, strategy_images: wanted.strategy_images.clone() })
+    if count > 1 && wanted.strategy_images.is_some() {
+        return Err(settings("--strategy-images needs a single gate: render it alone, with --gate"));
+    }
+    let exposure = wanted.exposure.unwrap_or_default();
+    Ok(Outputs { exr, npy, variance, aov, png, exposure, stats, strategy_images: wanted.strategy_images.clone() })
 }
 
 /// Fills in all settings. `experiment` (flags and file, already merged) has priority over the scene, and the scene over the
@@ -70,7 +125,8 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
 pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let mut warnings = Vec::new();
     let Experiment { render, .. } = experiment;
-    let gate = gate(&experiment.gate, &mut warnings)?;
+    let responses = responses(&experiment.gate, &mut warnings)?;
+    let gate = responses.support();
     // The user can correct these mistakes only in the scene, so the message names the scene's file.
     let unfit = |message: &str| Error::Scene {
         path: experiment.scene.clone().unwrap_or_else(|| "the scene".into()),
@@ -94,7 +150,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let mut settings = Settings::builder()
         .table(render)
         .estimator(estimator)
-        .gate(gate)
+        .responses(responses)
         .resolution(resolution)
         .crop(experiment.camera.crop)
         .camera(camera)
@@ -134,13 +190,16 @@ fn settings(message: impl Into<String>) -> Error {
     Error::Settings(message.into())
 }
 
-/// The gate that the user chose, unchecked.
-pub(super) fn chosen_gate(table: &GateTable) -> Gate {
-    table.gate.or(table.depth.map(|depth| depth.0)).unwrap_or(Gate::OPEN)
+/// The responses that the user chose, unchecked.
+pub(super) fn chosen_responses(table: &GateTable) -> Responses {
+    let gate = table.gate.or(table.depth.map(|depth| depth.0));
+    table.gates.map_or_else(|| gate.unwrap_or(Gate::OPEN).into(), Responses::from)
 }
 
-fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
-    let gate = chosen_gate(table);
+/// The responses that the user chose. Fails if a gate is too narrow for 32-bit travel times.
+fn responses(table: &GateTable, warnings: &mut Vec<String>) -> Result<Responses> {
+    let responses = chosen_responses(table);
+    let gate = responses.narrowest();
     match gate.precision() {
         GatePrecision::Fine => {}
         GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => {
@@ -152,7 +211,7 @@ fn gate(table: &GateTable, warnings: &mut Vec<String>) -> Result<Gate> {
         }
         GatePrecision::Coarse { .. } | GatePrecision::TooThin { .. } => warnings.extend(gate_warning(&gate)),
     }
-    Ok(gate)
+    Ok(responses)
 }
 
 /// A warning if the width of `gate` is near the resolution of 32-bit travel times, else `None`.

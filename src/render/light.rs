@@ -7,8 +7,11 @@ use std::sync::Arc;
 
 use super::compaction::{COUNTERS, Compaction};
 use super::device_scene::DeviceScene;
-use super::plan::{Observe, Plan};
+#[cfg(doc)]
+use super::plan::Observe;
+use super::plan::Plan;
 use super::pool::LightPool;
+use super::responses::Arrival;
 use super::stats::{Stats, stage};
 use crate::error::Result;
 use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, DeviceInfo, Kernel, Recorder};
@@ -26,8 +29,9 @@ pub struct Splat {
     /// The row-major index in the crop as the bits of an f32; with [`Observe::Times`] the travel time in units of the render
     /// space.
     pub pixel_or_tau: f32,
-    /// With [`Observe::Strategies`] the MIS weight; otherwise 1.
-    pub weight: f32,
+    /// With [`Observe::Strategies`] the MIS weight; with [`Observe::Responses`] the travel time in units of the render space;
+    /// otherwise 1.
+    pub weight_or_tau: f32,
     /// Number of vertices of the light subpath, the point on the emitter included.
     pub s: u32,
 }
@@ -41,13 +45,13 @@ struct Tally {
 
 impl Tally {
     /// Counts the splat that the device wrote and passes it to `visit`. Does nothing if the pixel is NONE: there is no splat.
-    fn report(&mut self, [r, g, b, pixel_or_tau]: [f32; 4], weight: f32, s: u32, visit: &mut impl FnMut(Splat)) {
+    fn report(&mut self, [r, g, b, pixel_or_tau]: [f32; 4], weight_or_tau: f32, s: u32, visit: &mut impl FnMut(Splat)) {
         if pixel_or_tau.to_bits() == NONE {
             return;
         }
         if [r, g, b].iter().all(|value| value.is_finite()) {
             self.inside_gate += 1;
-            visit(Splat { rgb: [r, g, b], pixel_or_tau, weight, s });
+            visit(Splat { rgb: [r, g, b], pixel_or_tau, weight_or_tau, s });
         } else {
             self.dropped += 1;
         }
@@ -107,21 +111,21 @@ struct Buffers<A: Allocate = Device> {
     /// Living paths.
     list: A::Buffer,
     splats: A::Buffer,
-    splat_weights: A::Buffer,
+    splat_details: A::Buffer,
     counters: A::ReadBack,
 }
 
 impl<A: Allocate> Buffers<A> {
     fn new(to: &A, plan: &Plan) -> Result<Buffers<A>> {
         let capacity = LightTracer::capacity(plan);
-        let weights = if plan.observe == Observe::Strategies { capacity } else { 1 };
+        let details = if plan.observe.has_splat_details() { capacity } else { 1 };
         let remedy = "use fewer --light-paths";
         Ok(Buffers {
             states: to.buffer(BufferDesc::of::<PathState>("light path states", capacity, remedy))?,
             vertices: to.buffer(BufferDesc::of::<PathVertex>("new light vertices", capacity, remedy))?,
             list: to.buffer(BufferDesc::of::<u32>("living light paths", capacity, remedy))?,
             splats: to.buffer(BufferDesc::of::<[f32; 4]>("light splats", capacity, remedy))?,
-            splat_weights: to.buffer(BufferDesc::of::<f32>("weights of splats", weights, remedy))?,
+            splat_details: to.buffer(BufferDesc::of::<f32>("details of splats", details, remedy))?,
             counters: to.read_back(BufferDesc::of::<u32>("counters", COUNTERS, remedy))?,
         })
     }
@@ -134,13 +138,18 @@ impl Buffers {
             ("states", &self.states),
             ("vertices", &self.vertices),
             ("splats", &self.splats),
-            ("splat_weights", &self.splat_weights),
+            ("splat_details", &self.splat_details),
             ("counters", self.counters.buffer()),
         ]
     }
 }
 
 impl Splat {
+    /// The splat of a plan with [`Observe::Responses`].
+    pub fn arrival(&self) -> Arrival {
+        Arrival { pixel: self.pixel_or_tau.to_bits(), tau: self.weight_or_tau, rgb: self.rgb }
+    }
+
     /// Adds the splat to the RGB image of the crop.
     pub fn add_to(&self, image: &mut [f32]) {
         let at = self.pixel_or_tau.to_bits() as usize * 3;

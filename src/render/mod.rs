@@ -27,6 +27,7 @@ mod pool;
 mod pool_layout;
 mod prepared_scene;
 mod probe;
+mod responses;
 mod samples;
 pub mod schedule;
 mod selection_cdf;
@@ -44,6 +45,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Device;
 use crate::gpu::buffer_desc;
 use crate::image::film::Film;
+use crate::image::response_film::ResponseFilm;
 use crate::scene::{Camera, Scene};
 use crate::settings::units::Gate;
 use crate::settings::{Responses, Settings};
@@ -59,10 +61,11 @@ pub use layers::{layers, object_ids};
 use light::{LightTracer, Splat};
 pub use memory::MemoryPlan;
 pub use plan::Tuning;
-use plan::{Iteration, Plan};
+use plan::{Iteration, Observe, Plan};
 use pool::SortedPool;
 pub use prepared_scene::PreparedScene;
 pub use probe::{TravelTimes, probe};
+use responses::ResponseSums;
 pub use samples::MAX_AVERAGE_SAMPLES;
 use samples::{Allocation, SampleCounts};
 use sensor::SensorPhase;
@@ -82,6 +85,8 @@ pub struct Renderer {
     /// `None` if every pixel has the same number of samples.
     allocation: Option<Allocation>,
     film: Film,
+    /// `None` if there is one response: its image is the film.
+    responses: Option<ResponseSums>,
     stats: Stats,
     iterations: u32,
     first_sample: u32,
@@ -143,7 +148,20 @@ impl Renderer {
         let device = device.clone();
         let sensor = SensorPhase::new(&device, compaction);
         let allocation = plan.adaptive.then(|| Allocation::new(width, plan.crop_pixels));
-        Ok(Renderer { device, plan, scene, light, sensor, allocation, film, stats, iterations: 0, first_sample: 0 })
+        let responses = (plan.observe == Observe::Responses).then(|| ResponseSums::new(&plan, false));
+        Ok(Renderer {
+            device,
+            plan,
+            scene,
+            light,
+            sensor,
+            allocation,
+            film,
+            responses,
+            stats,
+            iterations: 0,
+            first_sample: 0,
+        })
     }
 
     /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light
@@ -168,20 +186,31 @@ impl Renderer {
         let mut image = vec![0.0f32; self.plan.crop_pixels as usize * 3];
 
         // Phases 1 and 2: light tracing, hierarchy construction. New vertices that the sensor sees add to the image (t = 1).
-        let pool = self.build_pool(&iteration, &mut |splat: Splat| splat.add_to(&mut image))?;
+        let mut splats = vec![];
+        let has_responses = self.responses.is_some();
+        let pool = self.build_pool(&iteration, &mut |splat: Splat| {
+            splat.add_to(&mut image);
+            splats.extend(has_responses.then(|| splat.arrival()));
+        })?;
 
         // Phase 3: sensor tracing and connection. The allocation learns the error per pixel for later iterations.
-        let Renderer { device, plan, scene, sensor, allocation, film, stats, .. } = self;
+        let Renderer { device, plan, scene, sensor, allocation, film, responses, stats, .. } = self;
+        if let Some(responses) = responses {
+            stats.timed(stage::SORT_ARRIVALS, || responses.begin(splats, samples));
+        }
         let learn = |seen: &[[f32; 4]], image: &[f32]| {
             if let Some(allocation) = allocation {
                 allocation.add(seen, image, &counts, samples);
             }
         };
         let ready = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
-        ready.run(plan, &counts, &mut image, learn, stats)?;
+        ready.run(plan, &counts, &mut image, responses.as_mut(), learn, stats)?;
 
         // Film.
         stats.timed(stage::ADD_TO_FILM, || film.add(&image, samples));
+        if let Some(responses) = responses {
+            responses.end();
+        }
 
         stats.waits += device.waits() - waits;
         stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
@@ -205,6 +234,10 @@ impl Renderer {
     /// Adds an iteration without tracing it: no light can arrive inside the gate, so all its samples are black.
     fn add_black_iteration(&mut self, samples: u32) {
         self.film.add(&vec![0.0f32; self.plan.crop_pixels as usize * 3], samples);
+        if let Some(responses) = &mut self.responses {
+            responses.begin(vec![], samples);
+            responses.end();
+        }
         self.stats.samples += self.plan.crop_pixels * u64::from(samples);
         self.stats.iterations += 1;
     }
@@ -221,8 +254,8 @@ impl Renderer {
     }
 
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
-    /// statistics stay. Fails without any change if a gate does not have a finite start before its end, or if there is a gate and
-    /// a light is infinitely far away.
+    /// statistics stay. Fails without any change if a gate does not have a finite start before its end, if there is a gate and
+    /// a light is infinitely far away, or if one of the two renders has several responses and the other has one.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
         let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
@@ -234,6 +267,11 @@ impl Renderer {
         if self.plan.has_distant && !responses.are_steady() {
             return Err(Error::Settings(
                 "a light is infinitely far away, so its light has no travel time to gate; select other emitters".into(),
+            ));
+        }
+        if (responses.len() > 1) != self.responses.is_some() {
+            return Err(Error::Settings(
+                "a render of one response cannot continue with several, nor the reverse; make a new renderer".into(),
             ));
         }
         self.plan.set(seed, responses);
@@ -257,6 +295,9 @@ impl Renderer {
 
     fn clear(&mut self) {
         self.film = Film::new(self.film.width(), self.film.height());
+        if let Some(responses) = &mut self.responses {
+            *responses = ResponseSums::new(&self.plan, responses.film().has_variance());
+        }
         if let Some(allocation) = &mut self.allocation {
             allocation.restart();
         }
@@ -268,9 +309,27 @@ impl Renderer {
         self.plan.dark
     }
 
-    /// Mean and variance of the pixels of the crop so far.
+    /// Mean and variance of the pixels of the crop so far. With several responses: of the light that arrives from the begin of
+    /// the earliest gate to the end of the latest one.
     pub fn film(&self) -> &Film {
         &self.film
+    }
+
+    /// The images of the responses so far; `None` if there is one response, whose image is [`Renderer::film`].
+    pub fn responses(&self) -> Option<&ResponseFilm> {
+        self.responses.as_ref().map(ResponseSums::film)
+    }
+
+    /// Also estimates the variance of the images of several responses, which takes as much memory again as these images. Call it
+    /// before the first iteration.
+    ///
+    /// # Panics
+    /// If there was an iteration.
+    pub fn estimate_response_variance(&mut self) {
+        assert_eq!(self.iterations, 0, "the variance must be known from the first iteration on");
+        if self.responses.is_some() {
+            self.responses = Some(ResponseSums::new(&self.plan, true));
+        }
     }
 
     /// Minimum and maximum number of samples of a pixel of the crop so far. Both equal [`Film::samples`] if the sampling is

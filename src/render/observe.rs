@@ -32,8 +32,9 @@ impl Renderer {
         // Phases 1 and 2: light tracing, hierarchy construction.
         let times = self.plan.observe == Observe::Times;
         let show = &mut |splat: Splat| {
-            let Splat { rgb, pixel_or_tau, weight, s } = splat;
-            let (pixel, tau_or_weight) = if times { (NONE, pixel_or_tau) } else { (pixel_or_tau.to_bits(), weight) };
+            let Splat { rgb, pixel_or_tau, weight_or_tau, s } = splat;
+            let (pixel, tau_or_weight) =
+                if times { (NONE, pixel_or_tau) } else { (pixel_or_tau.to_bits(), weight_or_tau) };
             visit(Contribution { rgb, pixel, s, t: 1, tau_or_weight });
         };
         let pool = self.build_pool(&iteration, show)?;

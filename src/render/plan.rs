@@ -39,7 +39,7 @@ impl Default for Tuning {
     }
 }
 
-/// What the device reports about every contribution to `Renderer::observe`.
+/// What the device reports to the host about every contribution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Observe {
     /// Nothing: the device renders an image.
@@ -48,6 +48,16 @@ pub enum Observe {
     Times,
     /// The contribution without its MIS weight, and the MIS weight.
     Strategies,
+    /// The image, and for each contribution its pixel and travel time, from which the host computes the images of several
+    /// responses.
+    Responses,
+}
+
+impl Observe {
+    /// Whether the device reports a number for each splat (t = 1), beside its light and its pixel.
+    pub fn has_splat_details(self) -> bool {
+        matches!(self, Observe::Strategies | Observe::Responses)
+    }
 }
 
 /// Identifies an iteration; the random numbers of its samples depend on it.
@@ -104,8 +114,8 @@ pub struct Plan {
     sensor_corners: [Vec3; 4],
     /// Whether culling is on and the bounds show that no light can arrive inside the gate. Then there is nothing to trace.
     pub dark: bool,
-    space: RenderSpace,
-    responses: Responses,
+    pub space: RenderSpace,
+    pub responses: Responses,
     frame: Frame,
 }
 
@@ -146,7 +156,7 @@ impl Plan {
             thin_beams: emitter_count - emitters.thin_beams..emitter_count,
             max_deterministic: emitters.deterministic.len() as u32 + if traces_light { emitters.thin_beams } else { 0 },
             tuning: Tuning::default(),
-            observe: Observe::Nothing,
+            observe: if settings.responses().len() > 1 { Observe::Responses } else { Observe::Nothing },
             cull: !settings.no_cull(),
             travel_time_bounds: TravelTimeBounds::new(prepared, settings),
             prepared_sensor: prepared.sensor,
@@ -300,6 +310,7 @@ impl Plan {
             Observe::Nothing => 0,
             Observe::Times => OBSERVE_TIMES,
             Observe::Strategies => OBSERVE_STRATEGIES,
+            Observe::Responses => OBSERVE_RESPONSES,
         };
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
         let queried = self.queries_deterministic(self.max_deterministic);

@@ -13,6 +13,7 @@ use super::compaction::{COUNTERS, indirect_over};
 use super::device_scene::DeviceScene;
 use super::plan::Plan;
 use super::pool::DevicePool;
+use super::responses::{Arrival, ResponseSums};
 use super::samples::{MAX_AVERAGE_SAMPLES, MAX_SAMPLES_PER_PIXEL, SampleCounts};
 use super::stats::{Stats, stage};
 use crate::error::Result;
@@ -94,21 +95,27 @@ impl SensorTracer {
         BufferList::of(|list| Buffers::new(list, plan, capacity, slots as usize))
     }
 
-    /// Renders `counts` samples per pixel of the crop and adds the mean of each pixel to `image` (RGB, row-major). `visit`: see
-    /// [`Buffers::add_film`]. Fails if the device's counts contradict each other.
+    /// Renders `counts` samples per pixel of the crop. Adds the mean of each pixel to `image` (RGB, row-major), and the arrivals to
+    /// `responses`. `visit`: see [`Buffers::add_film`]. Fails if the device's counts contradict each other.
+    #[allow(clippy::too_many_arguments)]
     pub fn run(
         &mut self,
         plan: &Plan,
         bindings: &SensorBindings,
         counts: &SampleCounts,
         image: &mut [f32],
+        mut responses: Option<&mut ResponseSums>,
         visit: impl FnOnce(&[[f32; 4]], &[f32]),
         stats: &mut Stats,
     ) -> Result<()> {
         let mut tiles = Tiles::new(plan.crop, counts);
         while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(self.tile)) {
-            self.run_tile(plan, bindings, tile, is_last, stats)?;
+            let mut arrivals = vec![];
+            self.run_tile(plan, bindings, tile, is_last, responses.is_some().then_some(&mut arrivals), stats)?;
             stats.samples += tile.len() as u64;
+            if let Some(responses) = &mut responses {
+                stats.timed(stage::SORT_ARRIVALS, || responses.add(&tiles::pixels(plan.crop, tile), arrivals));
+            }
         }
         let tally = stats.timed(stage::READ_FILM, || self.buffers.add_film(image, visit))?;
         stats.dropped += tally[0];

@@ -18,6 +18,7 @@ pub(super) mod stage {
     pub const ALLOCATE_SAMPLES: &str = "allocate samples";
     pub const READ_FILM: &str = "read film";
     pub const ADD_TO_FILM: &str = "add to film";
+    pub const SORT_ARRIVALS: &str = "sort arrivals into responses";
 }
 
 /// A part of a render's wall time.

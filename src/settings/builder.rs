@@ -54,6 +54,12 @@ impl SettingsBuilder {
         SettingsBuilder { responses: gate.into(), ..self }
     }
 
+    /// The responses to measure, instead of one gate. Each becomes an image of its own; see
+    /// [`crate::Renderer::responses`].
+    pub fn responses(self, responses: impl Into<Responses>) -> SettingsBuilder {
+        SettingsBuilder { responses: responses.into(), ..self }
+    }
+
     /// Width and height of the whole image in pixels.
     pub fn resolution(self, resolution: [u32; 2]) -> SettingsBuilder {
         SettingsBuilder { resolution, ..self }

@@ -8,6 +8,7 @@ mod builder;
 mod choices;
 #[allow(missing_docs)]
 pub mod exposure;
+pub mod gates;
 #[allow(missing_docs)]
 pub mod grid;
 pub mod keys;
@@ -32,7 +33,7 @@ pub use self::choices::{Budget, Crop, Emitters, Importance, Sampling, Strategies
 pub use self::responses::{Response, Responses};
 use crate::error::{Error, Result};
 pub use crate::estimators::Estimator;
-use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable, Tables};
+use crate::settings::table::{CameraTable, EmitterTable, RenderTable, Tables};
 use crate::wgsl::layout::constants::MAX_SUBTREES;
 
 /// Samples per pixel when neither `spp` nor `time` is given.
@@ -167,7 +168,7 @@ impl Settings {
                 ..CameraTable::default()
             },
             emitter: EmitterTable { emitters: Some(self.emitters().clone()), ..EmitterTable::default() },
-            gate: GateTable { gate: (!responses.are_steady()).then(|| responses.support()), ..GateTable::default() },
+            gate: responses.to_table(),
             render: self.to_table(),
         }
     }

@@ -19,8 +19,8 @@ pub struct Setting {
     pub value: &'static str,
     pub help: &'static str,
     pub form: Form,
-    /// Name of a setting that excludes this one: the user can give at most one of the two.
-    pub excludes: Option<&'static str>,
+    /// Names of settings that exclude this one: the user can give at most one of them.
+    pub excludes: &'static [&'static str],
     /// Minimum and maximum of the accepted values, both included, for a setting that is a count.
     pub limits: Option<(u32, u32)>,
     used_by: fn(Estimator) -> bool,
@@ -52,7 +52,7 @@ impl Setting {
             value,
             help: "",
             form: Form::Value,
-            excludes: None,
+            excludes: &[],
             limits: None,
             used_by: |_| true,
         }
@@ -94,8 +94,8 @@ impl Setting {
         Setting { form, ..self }
     }
 
-    pub const fn excludes(self, other: &'static str) -> Setting {
-        Setting { excludes: Some(other), ..self }
+    pub const fn excludes(self, others: &'static [&'static str]) -> Setting {
+        Setting { excludes: others, ..self }
     }
 
     pub const fn within(self, min: u32, max: u32) -> Setting {

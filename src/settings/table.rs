@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
+use crate::settings::gates::Gates;
 use crate::settings::grid::Filter;
 use crate::settings::medium::{
     Alpha, Bounds, Coefficient, Distance, DropletDiameter, MeanCosine, RefractiveIndex, Share,
@@ -18,7 +19,7 @@ use crate::settings::phase::Phase;
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
 use crate::settings::sky::{Sky, SkyScale};
 use crate::settings::units::{Depth, Gate};
-use crate::settings::values::{Folders, Png, Resolution, Seconds};
+use crate::settings::values::{Files, Folders, Png, Resolution, Seconds};
 use crate::settings::*;
 
 const BARE_TRUE: Form = Form::Optional { bare: "true", equals: true };
@@ -54,7 +55,7 @@ table! {
         fov: Fov, Setting::scene("fov", "DEGREES");
 
         /// Orthographic view of this height in metres: parallel camera rays, which start on a plane through the camera
-        ortho: Height, Setting::scene("ortho", "HEIGHT").excludes("fov");
+        ortho: Height, Setting::scene("ortho", "HEIGHT").excludes(&["fov"]);
 
         /// Where the axis of the camera meets the image, as fractions of its width and height from the top left corner [default:
         /// that of the camera, else 0.5,0.5]
@@ -119,10 +120,10 @@ table! {
 
         /// Meteorological visibility: the distance at which a black object keeps 2 % of its contrast, such as 60m. Together with
         /// --albedo, it gives the coefficients
-        visibility: Distance, Setting::medium("visibility", "LENGTH").excludes("sigma-s");
+        visibility: Distance, Setting::medium("visibility", "LENGTH").excludes(&["sigma-s"]);
 
         /// Meteorological optical range: as --visibility, but with 5 % of the contrast
-        mor: Distance, Setting::medium("mor", "LENGTH").excludes("visibility");
+        mor: Distance, Setting::medium("mor", "LENGTH").excludes(&["visibility"]);
 
         /// Share of the light that an event scatters instead of absorbing it, for --visibility and --mor [default: 0.99]
         albedo: Share, Setting::medium("albedo", "0..1");
@@ -145,7 +146,7 @@ table! {
         alpha: Alpha, Setting::medium("phase-alpha", "ALPHA");
 
         /// Diameter of water droplets, from 5 to 50 micrometres; it sets all parameters of draine
-        droplet_diameter: DropletDiameter, Setting::medium("droplet-diameter", "MICROMETRES").excludes("phase-g");
+        droplet_diameter: DropletDiameter, Setting::medium("droplet-diameter", "MICROMETRES").excludes(&["phase-g"]);
 
         /// Index of refraction of a medium that fills all space, like 1.33 for water: solids refract relative to it [default: 1]
         ior: RefractiveIndex, Setting::medium("medium-ior", "1..5");
@@ -173,14 +174,18 @@ table! {
 }
 
 table! {
-    /// `[gate]`: the travel times that count. At most one of `gate` and `depth`.
+    /// `[gate]`: the travel times that count. At most one of `gate`, `depth` and `gates`.
     GateTable {
         /// Travel times that count, from A up to but not including B: A..B, CENTER+-HALF or A+WIDTH with um, mm, cm, m, km
         /// (optical path) or ps, ns, us (time), such as 12.5m..12.8m [default: all travel times, the steady state]
         gate: Gate, Setting::gate("gate", "A..B").form(Form::Signed);
 
         /// The gate as a range of depths (one way): half the optical path, in units of length
-        depth: Depth, Setting::gate("depth", "A..B").form(Form::Signed).excludes("gate");
+        depth: Depth, Setting::gate("depth", "A..B").form(Form::Signed).excludes(&["gate"]);
+
+        /// Divide A..B into N gates of equal width (1 to 4096) and render an image for each of them, all from the same light
+        /// paths: a histogram of travel times per pixel
+        gates: Gates, Setting::gate("gates", "A..B/N").form(Form::Signed).excludes(&["gate", "depth"]);
 
         /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
         force: bool, Setting::gate("force", "").form(Form::Switch);
@@ -204,7 +209,7 @@ table! {
         spp: u32, Setting::sampling("spp", "N").within(1, MAX_SPP);
 
         /// Render for this time instead of a number of samples, such as 30s, 5min or 2h
-        time: Seconds, Setting::sampling("time", "DURATION").excludes("spp");
+        time: Seconds, Setting::sampling("time", "DURATION").excludes(&["spp"]);
 
         /// Seed of the random numbers; the same seed gives the same image, bit by bit [default: 0]
         seed: u32 = |_| DEFAULT_SEED, Setting::sampling("seed", "N");
@@ -259,8 +264,13 @@ table! {
 table! {
     /// `[output]`: the files that a render writes.
     OutputTable {
-        /// Image file (.exr): R, G, B, their variance, and the settings
-        output: PathBuf, Setting::output("output", "OUT.exr").short('o');
+        /// Image file (.exr): R, G, B, their variance, and the settings; of up to 64 --gates, the first one, and the others as layers.
+        /// Or NumPy array (.npy) of shape (height, width, 3) or (height, width, gates, 3), with a JSON file that describes it; may
+        /// be repeated
+        output: Files, Setting::output("output", "OUT.exr|OUT.npy").short('o').form(Form::Repeated);
+
+        /// Also write the variances of an array OUT.npy, to OUT.variance.npy; of many gates they take as much memory as the images
+        variance: bool, Setting::output("variance", "").form(Form::Switch);
 
         /// Also write a tone-mapped picture [default name: the output file with .png]
         png: Png, Setting::output("png", "FILE.png").form(Form::Optional { bare: "", equals: false });
@@ -350,7 +360,7 @@ mod tests {
             fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
                 assert!(!setting.help.trim().is_empty() && !setting.help.ends_with('.'), "--{}", setting.name);
                 assert!(
-                    setting.excludes.is_none_or(|other| self.0.iter().any(|name| name == other)),
+                    setting.excludes.iter().all(|other| self.0.iter().any(|name| name == other)),
                     "--{}",
                     setting.name
                 );
@@ -359,6 +369,7 @@ mod tests {
                     "1",
                     "0.5",
                     "1m..2m",
+                    "1m..2m/3",
                     "4x4",
                     "0,1,0,1",
                     "0,1,0",

@@ -11,6 +11,7 @@ use serde::{Serialize, Serializer};
 use crate::error::{Error, Result};
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
+use crate::settings::gates::Gates;
 use crate::settings::setting::{Value, value_from_text};
 use crate::settings::units::{Depth, Gate, number};
 use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
@@ -171,7 +172,7 @@ macro_rules! serde_as_list {
     )+};
 }
 
-serde_as_text!(Gate, Depth, Seconds, Estimator, Sampling, Strategies);
+serde_as_text!(Gate, Gates, Depth, Seconds, Estimator, Sampling, Strategies);
 serde_as_list! {
     Resolution, "x", "expected width and height, like \"640x480\" or [640, 480]";
     Crop, ",", "expected four numbers, like \"0,100,0,50\" or [0, 100, 0, 50]";
@@ -179,7 +180,7 @@ serde_as_list! {
     Aov, ",", "expected \"all\" or a list of layers";
 }
 
-value_from_text!(Gate, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies, Aov, Exposure, Emitters {
+value_from_text!(Gate, Gates, Depth, Resolution, Crop, Seconds, Estimator, Importance, Sampling, Strategies, Aov, Exposure, Emitters {
     fn and(self, later: Emitters) -> Emitters {
         match (self, later) {
             (Emitters::Nodes(names), Emitters::Nodes(more)) => Emitters::Nodes([names, more].concat()),
@@ -210,48 +211,60 @@ impl Value for Png {
     }
 }
 
-/// Names of folders.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[serde(transparent)]
-pub struct Folders(pub Vec<PathBuf>);
+/// Names of files or folders, for a setting that may be repeated.
+macro_rules! names {
+    ($(#[doc = $about:literal] $type:ident, $empty:literal, $expecting:literal;)+) => {$(
+        #[doc = $about]
+        #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+        #[serde(transparent)]
+        pub struct $type(pub Vec<PathBuf>);
 
-impl Folders {
-    fn new(names: Vec<PathBuf>) -> Result<Folders, String> {
-        match names.iter().any(|name| name.as_os_str().is_empty()) {
-            true => Err("a folder has an empty name; write . for the current folder".into()),
-            false => Ok(Folders(names)),
+        impl $type {
+            fn new(names: Vec<PathBuf>) -> Result<$type, String> {
+                match names.iter().any(|name| name.as_os_str().is_empty()) {
+                    true => Err($empty.into()),
+                    false => Ok($type(names)),
+                }
+            }
         }
-    }
+
+        impl Value for $type {
+            fn parse(word: &OsStr) -> Result<$type, String> {
+                $type::new(vec![word.into()])
+            }
+
+            fn paths(&mut self) -> &mut [PathBuf] {
+                &mut self.0
+            }
+
+            fn and(self, later: $type) -> $type {
+                $type([self.0, later.0].concat())
+            }
+        }
+
+        impl<'de> Deserialize<'de> for $type {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                #[derive(serde::Deserialize)]
+                #[serde(untagged, expecting = $expecting)]
+                enum Typed {
+                    One(PathBuf),
+                    List(Vec<PathBuf>),
+                }
+                let names = match Typed::deserialize(deserializer)? {
+                    Typed::One(name) => vec![name],
+                    Typed::List(names) => names,
+                };
+                $type::new(names).map_err(D::Error::custom)
+            }
+        }
+    )+};
 }
 
-impl Value for Folders {
-    fn parse(word: &OsStr) -> Result<Folders, String> {
-        Folders::new(vec![word.into()])
-    }
-
-    fn paths(&mut self) -> &mut [PathBuf] {
-        &mut self.0
-    }
-
-    fn and(self, later: Folders) -> Folders {
-        Folders([self.0, later.0].concat())
-    }
-}
-
-impl<'de> Deserialize<'de> for Folders {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        #[serde(untagged, expecting = "expected the name of a folder or a list of such names")]
-        enum Typed {
-            One(PathBuf),
-            List(Vec<PathBuf>),
-        }
-        let names = match Typed::deserialize(deserializer)? {
-            Typed::One(name) => vec![name],
-            Typed::List(names) => names,
-        };
-        Folders::new(names).map_err(D::Error::custom)
-    }
+names! {
+    /// Names of folders.
+    Folders, "a folder has an empty name; write . for the current folder", "expected the name of a folder or a list of such names";
+    /// Names of files.
+    Files, "a file has an empty name; name a file", "expected the name of a file or a list of such names";
 }
 
 impl Serialize for Emitters {

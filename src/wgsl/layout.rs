@@ -172,5 +172,6 @@ pub mod constants {
         MAX_SUBTREES: u32 = 32,
         OBSERVE_TIMES: u32 = 1,
         OBSERVE_STRATEGIES: u32 = 2,
+        OBSERVE_RESPONSES: u32 = 3,
     }
 }

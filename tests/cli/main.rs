@@ -3,6 +3,7 @@
 mod bench;
 mod corpus;
 mod devices;
+mod gates;
 mod grids;
 #[cfg(unix)]
 mod guide;

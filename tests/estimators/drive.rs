@@ -21,7 +21,7 @@ const TILE: Option<usize> = Some(150);
 const HALVES: [Drive; 2] =
     [Drive { maps_memory: true, waits_per_bounce: false }, Drive { maps_memory: false, waits_per_bounce: true }];
 
-fn open(drive: Drive) -> Device {
+pub fn open(drive: Drive) -> Device {
     Device::open_with_drive(None, Some(drive)).expect("these tests need a Vulkan device: run ./setup.sh")
 }
 

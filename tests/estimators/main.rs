@@ -19,6 +19,7 @@ mod lamps;
 mod null_boundaries;
 mod orthographic;
 mod regressions;
+mod responses;
 mod rough_glass;
 mod sampling;
 mod shared_scenes;

@@ -258,9 +258,19 @@ fn outputs_are_named_after_the_image() {
     let ok = |toml: &str| outputs(&experiment(toml)).unwrap();
     assert_eq!(ok("output = { output = 'a/b.exr', png = true }").png, Some("a/b.png".into()));
     assert_eq!(ok("output = { output = 'a/b.exr' }").png, None);
+    let both = ok("output = { output = ['a.npy', 'b.exr'], variance = true, png = true }");
+    let files: Vec<PathBuf> = ["b.exr", "a.npy", "a.json", "a.variance.npy", "a.png"].map(PathBuf::from).into();
+    assert_eq!((both.files(), both.has_variance()), (files, true));
+    let bins = ok("gate.gates = '1m..2m/4096'\noutput.output = 'a.npy'");
+    assert_eq!((bins.files(), bins.has_variance()), (vec!["a.npy".into(), "a.json".into()], false));
     for (toml, part) in [
         ("", "-o OUT.exr"),
-        ("output.output = 'a.png'", "must end in .exr"),
+        ("output.output = 'a.png'", "must end in .exr or .npy"),
+        ("output.output = ['a.exr', 'b.exr']", "would hold the same image"),
+        ("gate.gates = '1m..2m/65'\noutput.output = 'a.exr'", "write -o OUT.npy"),
+        ("output = { output = 'a.exr', variance = true }", "--variance is for an array"),
+        ("output = { output = 'a.npy', aov = 'depth' }", "--aov adds layers to an image file"),
+        ("gate.gates = '1m..2m/2'\noutput = { output = 'a.exr', strategy-images = 'b' }", "needs a single gate"),
         ("output = { output = 'a.exr', png = 'a.jpg' }", "must end in .png"),
         ("output = { output = 'a.exr', stats = 'a.exr' }", "must end in .json"),
     ] {

@@ -239,14 +239,14 @@ impl DeviceLoop {
         let splats = self.buffers.kept_splats.with::<[f32; 4], _>(count, |splats| splats.to_vec())?;
         let mut tally = Tally::default();
         self.buffers.kept_vertices.with::<PathVertex, _>(count, |vertices| {
-            for ((vertex, splat), [slot, weight]) in vertices.iter().zip(splats).zip(paths) {
+            for ((vertex, splat), [slot, detail]) in vertices.iter().zip(splats).zip(paths) {
                 if batch.is_stored(plan, slot) {
                     pool.push(batch.first + slot, vertex, plan.max_depth);
                 }
                 // The first vertex of a path has no splat: sensor subpaths find emitters that are seen directly (s = 0).
                 let depth = vertex.flags & VERTEX_DEPTH;
                 if plan.splats && depth > 0 {
-                    tally.report(splat, f32::from_bits(weight), depth + 1, visit);
+                    tally.report(splat, f32::from_bits(detail), depth + 1, visit);
                 }
             }
         })?;

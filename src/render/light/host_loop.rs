@@ -75,12 +75,11 @@ impl Subpaths {
     fn report_splats(&self, plan: &Plan, living: &[u32], s: u32, visit: &mut impl FnMut(Splat)) -> Result<Tally> {
         let n = self.vertices_in_use(living);
         let mut tally = Tally::default();
-        let weighs = plan.observe == Observe::Strategies;
-        let weights = self.buffers.splat_weights.to_vec::<f32>(if weighs { n } else { 0 })?;
+        let details = self.buffers.splat_details.to_vec::<f32>(if plan.observe.has_splat_details() { n } else { 0 })?;
         self.buffers.splats.with::<[f32; 4], _>(n, |splats| {
             for &slot in living {
-                let weight = weights.get(slot as usize).copied().unwrap_or(1.0);
-                tally.report(splats[slot as usize], weight, s, visit);
+                let detail = details.get(slot as usize).copied().unwrap_or(1.0);
+                tally.report(splats[slot as usize], detail, s, visit);
             }
         })?;
         Ok(tally)

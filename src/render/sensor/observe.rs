@@ -8,8 +8,10 @@ use crate::wgsl::layout::Candidate;
 pub struct SensorContribution {
     /// Value for one sample of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
     pub rgb: [f32; 3],
-    /// With [`Observe::Times`] the travel time in units of the render space; with [`Observe::Strategies`] the MIS weight.
+    /// With [`Observe::Strategies`] the MIS weight; otherwise the travel time in units of the render space.
     pub tau_or_weight: f32,
+    /// Index of the subpath in its tile.
+    pub path: u32,
     /// Row-major index in the crop.
     pub pixel: u32,
     /// Number of vertices of the sensor subpath, the one on the sensor included.
@@ -32,19 +34,35 @@ impl SensorTracer {
         let mut tiles = Tiles::new(plan.crop, counts);
         while let Some((tile, _)) = tiles.next(self.tile) {
             let constants = self.start_tile(bindings, tile)?;
-            let mut living = constants.count;
-            for bounce in 0..plan.max_depth {
-                let constants = Dispatch { bounce, ..constants };
-                (living, _) = self.run_bounce(bindings, &constants, living, &mut Stats::default())?;
-                self.record_counters()?;
-                self.recorder.submit()?;
-                self.report(plan, tile, bounce, visit)?;
-                if living == 0 {
-                    break;
-                }
-            }
+            self.observe_bounces(plan, bindings, tile, &constants, &mut Stats::default(), visit)?;
         }
         Ok(())
+    }
+
+    /// Runs the bounces of a tile until no path lives, and calls `visit` with every contribution. Returns the seconds of the
+    /// longest submit that traced paths.
+    pub(super) fn observe_bounces(
+        &mut self,
+        plan: &Plan,
+        bindings: &SensorBindings,
+        tile: &[TileSample],
+        constants: &Dispatch,
+        stats: &mut Stats,
+        visit: &mut impl FnMut(SensorContribution),
+    ) -> Result<f64> {
+        let (mut living, mut longest) = (constants.count, 0.0f64);
+        for bounce in 0..plan.max_depth {
+            let seconds;
+            (living, seconds) = self.run_bounce(bindings, &Dispatch { bounce, ..*constants }, living, stats)?;
+            longest = longest.max(seconds);
+            self.record_counters()?;
+            stats.submit(&mut self.recorder)?;
+            stats.timed(stage::READ_FILM, || self.report(plan, tile, bounce, visit))?;
+            if living == 0 {
+                break;
+            }
+        }
+        Ok(longest)
     }
 
     /// Calls `visit` with the contributions that `bounce` has found for a tile.
@@ -61,7 +79,7 @@ impl SensorTracer {
         let parity = bounce as usize % 2;
         let seen = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<u32>| {
             let pixel = tiles::crop_pixel(plan.crop, tile[path as usize][0]);
-            SensorContribution { rgb: [r, g, b], tau_or_weight, pixel, t: bounce + 2, vertex }
+            SensorContribution { rgb: [r, g, b], tau_or_weight, path, pixel, t: bounce + 2, vertex }
         };
 
         // Emitter hits of the traced paths.

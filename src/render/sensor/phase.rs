@@ -6,6 +6,7 @@ use super::*;
 use crate::render::compaction::Compaction;
 use crate::render::plan::Iteration;
 use crate::render::pool::SortedPool;
+use crate::render::responses::ResponseSums;
 
 /// The tracer, the pool on the device, and the descriptor sets over both.
 pub struct SensorPhase {
@@ -77,10 +78,11 @@ impl Ready {
         plan: &Plan,
         counts: &SampleCounts,
         image: &mut [f32],
+        responses: Option<&mut ResponseSums>,
         visit: impl FnOnce(&[[f32; 4]], &[f32]),
         stats: &mut Stats,
     ) -> Result<()> {
-        self.tracer.run(plan, &self.bindings, counts, image, visit, stats)
+        self.tracer.run(plan, &self.bindings, counts, image, responses, visit, stats)
     }
 
     /// See [`SensorTracer::observe`].

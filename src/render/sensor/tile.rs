@@ -13,12 +13,24 @@ impl SensorTracer {
         bindings: &SensorBindings,
         samples: &[TileSample],
         is_last: bool,
+        arrivals: Option<&mut Vec<Arrival>>,
         stats: &mut Stats,
     ) -> Result<()> {
         let constants = stats.timed(stage::RECORD, || self.start_tile(bindings, samples))?;
-        let mut longest = match self.waits_per_bounce {
-            true => self.run_bounces(plan, bindings, &constants, stats)?,
-            false => self.record_bounces(plan, bindings, &constants, stats)?,
+        let mut longest = match (arrivals, self.waits_per_bounce) {
+            (Some(arrivals), _) => {
+                let counts = |path: u32| samples[path as usize][1] >> 16;
+                self.observe_bounces(plan, bindings, samples, &constants, stats, &mut |seen| {
+                    let share = 1.0 / counts(seen.path) as f32;
+                    let rgb = seen.rgb.map(|x| x * share);
+                    // The kernels count values that are not finite as dropped.
+                    if rgb.iter().all(|x| x.is_finite()) && rgb != [0.0; 3] {
+                        arrivals.push(Arrival { pixel: seen.pixel, tau: seen.tau_or_weight, rgb });
+                    }
+                })?
+            }
+            (None, true) => self.run_bounces(plan, bindings, &constants, stats)?,
+            (None, false) => self.record_bounces(plan, bindings, &constants, stats)?,
         };
         stats.timed(stage::RECORD, || self.record_film(bindings, &constants, is_last))?;
         longest = longest.max(stats.submit(&mut self.recorder)?);

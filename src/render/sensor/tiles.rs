@@ -63,6 +63,12 @@ fn film_pixel(crop: Crop, pixel: u32) -> u32 {
     (y + crop.y0) << 16 | (x + crop.x0)
 }
 
+/// The pixels of a tile, as row-major indices in the crop.
+pub fn pixels(crop: Crop, tile: &[TileSample]) -> Vec<u32> {
+    let is_first = |sample: &&TileSample| sample[1] & 0xffff == 0;
+    tile.iter().filter(is_first).map(|&[film_pixel, _]| crop_pixel(crop, film_pixel)).collect()
+}
+
 /// The inverse of [`film_pixel`].
 pub fn crop_pixel(crop: Crop, film_pixel: u32) -> u32 {
     let (x, y) = (film_pixel & 0xffff, film_pixel >> 16);

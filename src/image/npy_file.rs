@@ -1,0 +1,159 @@
+//! Writes images as NumPy arrays (`.npy`), with a JSON file beside each that says what the array contains.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::error::Result;
+use crate::files::write_atomically;
+use crate::image::exr_file::{Provenance, version};
+use crate::image::film::Film;
+use crate::image::response_film::ResponseFilm;
+use crate::settings::Response;
+
+/// The file beside an array. The names of the first three fields are those of mitransient; lengths are metres of optical path.
+#[derive(Serialize)]
+struct Description<'a> {
+    #[serde(flatten)]
+    bins: Option<Bins>,
+    /// The responses along the axis T of the array, in order.
+    responses: Vec<Entry<'a>>,
+    /// Axes of the array and their lengths.
+    axes: &'static str,
+    shape: Vec<usize>,
+    unit: &'static str,
+    /// Width and height of the whole image, and the part of it in the array: x0, x1, y0, y1.
+    resolution: [u32; 2],
+    crop: [u32; 4],
+    samples_per_pixel: u64,
+    seconds: f64,
+    seed: u32,
+    version: String,
+    /// The experiment file that renders the array again.
+    settings: &'a str,
+}
+
+/// The gates, if they all have one width and abut.
+#[derive(Serialize)]
+struct Bins {
+    start_opl: f64,
+    bin_width_opl: f64,
+    temporal_bins: u32,
+}
+
+#[derive(Serialize)]
+struct Entry<'a> {
+    name: &'a str,
+    gate_begin_m: f64,
+    /// Null for a gate without an end.
+    gate_end_m: f64,
+}
+
+impl Entry<'_> {
+    fn of(response: &Response) -> Entry<'_> {
+        Entry { name: response.name(), gate_begin_m: response.gate().lo, gate_end_m: response.gate().hi }
+    }
+}
+
+/// The JSON file beside the array `path`.
+pub fn description_path(path: &Path) -> PathBuf {
+    path.with_extension("json")
+}
+
+/// The array of variances beside the array `path`.
+pub fn variance_path(path: &Path) -> PathBuf {
+    path.with_extension("variance.npy")
+}
+
+/// Writes the means as 32-bit floats: of shape (height, width, 3) for one response, of shape (height, width, responses, 3) for
+/// several. Row 0 is at the top.
+pub fn write_means(path: &Path, film: &Film, responses: Option<&ResponseFilm>) -> Result<()> {
+    match responses {
+        None => write(path, &shape(film, None), film.mean()),
+        Some(all) => write(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.means_of(pixel))),
+    }
+}
+
+/// Writes the variances of the means, in the same shape.
+pub fn write_variances(path: &Path, film: &Film, responses: Option<&ResponseFilm>) -> Result<()> {
+    match responses {
+        None => write(path, &shape(film, None), film.variance_of_mean()),
+        Some(all) => write(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.variances_of(pixel))),
+    }
+}
+
+/// Writes the JSON file that describes the arrays.
+pub fn write_description(
+    path: &Path,
+    film: &Film,
+    responses: Option<&ResponseFilm>,
+    provenance: &Provenance,
+) -> Result<()> {
+    let bins = provenance.responses.uniform().map(|gates| Bins {
+        start_opl: gates.whole().lo,
+        bin_width_opl: gates.width(),
+        temporal_bins: gates.count(),
+    });
+    let crop = provenance.crop;
+    let description = Description {
+        bins,
+        responses: provenance.responses.iter().map(Entry::of).collect(),
+        axes: if responses.is_some() { "height, width, response, channel" } else { "height, width, channel" },
+        shape: shape(film, responses),
+        unit: "W/(m^2 sr)",
+        resolution: provenance.resolution,
+        crop: [crop.x0, crop.x1, crop.y0, crop.y1],
+        samples_per_pixel: film.samples(),
+        seconds: provenance.seconds,
+        seed: provenance.seed,
+        version: version(),
+        settings: &provenance.settings,
+    };
+    write_atomically(path, |writer| Ok(serde_json::to_writer_pretty(writer, &description)?))
+}
+
+fn shape(film: &Film, responses: Option<&ResponseFilm>) -> Vec<usize> {
+    let mut shape = vec![film.height() as usize, film.width() as usize];
+    shape.extend(responses.map(ResponseFilm::responses));
+    shape.push(3);
+    shape
+}
+
+/// Writes an array in C order. `values` are as many as `shape` says.
+fn write(path: &Path, shape: &[usize], values: impl IntoIterator<Item = f32>) -> Result<()> {
+    write_atomically(path, |writer| {
+        writer.write_all(&header(shape))?;
+        values.into_iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))
+    })
+}
+
+/// The header of a `.npy` file of version 1.0 with little-endian 32-bit floats. Its length is a multiple of 64 bytes, so that
+/// programs can map the array into memory.
+fn header(shape: &[usize]) -> Vec<u8> {
+    let sides = shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({sides}), }}");
+    // Ten bytes precede the text, and a line break ends it.
+    let padding = (10 + text.len() + 1).next_multiple_of(64) - (10 + text.len() + 1);
+    text.push_str(&" ".repeat(padding));
+    text.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((text.len() as u16).to_le_bytes());
+    bytes.extend(text.into_bytes());
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_header_is_as_numpy_writes_it() {
+        let bytes = header(&[2, 3, 300, 3]);
+        assert_eq!(&bytes[..10], b"\x93NUMPY\x01\x00\x76\x00");
+        assert_eq!(bytes.len(), 128);
+        let text = std::str::from_utf8(&bytes[10..]).unwrap();
+        assert!(text.starts_with("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3, 300, 3), }"), "{text}");
+        assert!(text.ends_with(" \n"));
+    }
+}

@@ -1,0 +1,156 @@
+//! The images of several responses: mean and variance per pixel and response over iterations.
+
+#![warn(missing_docs)]
+
+/// Accumulated images of `responses` responses, each with R, G and B. Unlike [`Film`](crate::Film) it adds up single values, so
+/// that a histogram of many gates takes little time in pixels where few of them see light.
+#[derive(Debug, Clone)]
+pub struct ResponseFilm {
+    pixels: usize,
+    responses: usize,
+    /// Sums of w x over the iterations, where x is the value of one iteration with w samples per pixel. Indexed by pixel, response
+    /// and channel, the channel fastest.
+    sums: Vec<f64>,
+    /// Sums of w x^2, in the same order; empty if the variance is not wanted.
+    squares: Vec<f64>,
+    samples: u64,
+    iterations: u32,
+}
+
+impl ResponseFilm {
+    /// A film without samples. It estimates variances only if `has_variance`.
+    pub fn new(pixels: usize, responses: usize, has_variance: bool) -> ResponseFilm {
+        let values = 3 * pixels * responses;
+        let squares = vec![0.0; if has_variance { values } else { 0 }];
+        ResponseFilm { pixels, responses, sums: vec![0.0; values], squares, samples: 0, iterations: 0 }
+    }
+
+    /// Bytes of host memory that a film takes.
+    pub fn bytes(pixels: u64, responses: u64, has_variance: bool) -> u64 {
+        let sums = if has_variance { 2 } else { 1 };
+        pixels.saturating_mul(responses).saturating_mul(3 * size_of::<f64>() as u64 * sums)
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.pixels
+    }
+
+    /// Number of responses.
+    pub fn responses(&self) -> usize {
+        self.responses
+    }
+
+    /// Whether the film estimates variances.
+    pub fn has_variance(&self) -> bool {
+        !self.squares.is_empty()
+    }
+
+    /// Adds the light of one pixel and response in the present iteration, which has `samples` samples per pixel on average: a
+    /// mean over the samples of the pixel. Call it at most once per iteration for the same pixel and response.
+    pub(crate) fn add(&mut self, pixel: u32, response: u32, rgb: [f64; 3], samples: u32) {
+        let at = 3 * (pixel as usize * self.responses + response as usize);
+        let weight = f64::from(samples);
+        for (k, x) in rgb.into_iter().enumerate() {
+            self.sums[at + k] += weight * x;
+            if let Some(square) = self.squares.get_mut(at + k) {
+                *square += weight * x * x;
+            }
+        }
+    }
+
+    /// Ends an iteration. Pixels and responses without light in it count as black.
+    pub(crate) fn end_iteration(&mut self, samples: u32) {
+        self.samples += u64::from(samples);
+        self.iterations += 1;
+    }
+
+    /// Means over all samples of the channels of a pixel, response by response; 0 before the first iteration.
+    pub fn means_of(&self, pixel: usize) -> impl ExactSizeIterator<Item = f32> {
+        let weights = self.samples.max(1) as f64;
+        self.row(pixel).map(move |at| (self.sums[at] / weights) as f32)
+    }
+
+    /// Estimated variances of [`ResponseFilm::means_of`], as in [`Film::variance_of_mean`](crate::Film::variance_of_mean). All 0
+    /// with fewer than two iterations, or if the film does not estimate variances.
+    pub fn variances_of(&self, pixel: usize) -> impl ExactSizeIterator<Item = f32> {
+        let weights = self.samples.max(1) as f64;
+        let per_spread = 1.0 / (f64::from(self.iterations.max(2) - 1) * weights);
+        let is_known = self.has_variance() && self.iterations >= 2;
+        self.row(pixel).map(move |at| {
+            if !is_known {
+                return 0.0;
+            }
+            // Rounding may make a spread of 0 negative.
+            let spread = (self.squares[at] - self.sums[at] * self.sums[at] / weights).max(0.0);
+            (spread * per_spread).min(f64::from(f32::MAX)) as f32
+        })
+    }
+
+    /// The image of a response: R, G, B interleaved, row 0 at the top.
+    pub fn mean(&self, response: usize) -> Vec<f32> {
+        self.image(response, |pixel| self.means_of(pixel))
+    }
+
+    /// The variance of [`ResponseFilm::mean`].
+    pub fn variance_of_mean(&self, response: usize) -> Vec<f32> {
+        self.image(response, |pixel| self.variances_of(pixel))
+    }
+
+    fn image<I: Iterator<Item = f32>>(&self, response: usize, of: impl Fn(usize) -> I) -> Vec<f32> {
+        (0..self.pixels).flat_map(|pixel| of(pixel).skip(3 * response).take(3)).collect()
+    }
+
+    /// The indices of a pixel's values.
+    fn row(&self, pixel: usize) -> std::ops::Range<usize> {
+        let length = 3 * self.responses;
+        pixel * length..(pixel + 1) * length
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::film::Film;
+
+    #[test]
+    fn mean_and_variance_are_those_of_a_film() {
+        // Two pixels and three responses; the light of iteration i in pixel p and response r. Some iterations are black.
+        let value = |i: u32, p: u32, r: u32| match (i * 7 + p * 3 + r * 5) % 4 {
+            0 => 0.0,
+            n => f64::from(n * (i + 1)) * 0.25,
+        };
+        let (mut film, mut films) = (ResponseFilm::new(2, 3, true), [(); 3].map(|()| Film::new(2, 1)));
+        for (i, samples) in [4, 8, 8, 2].into_iter().enumerate() {
+            let value = |p, r| value(i as u32, p, r);
+            for r in 0..3 {
+                let mut image = vec![];
+                for p in 0..2 {
+                    let rgb = [1.0, 2.0, 3.0].map(|k| k * value(p, r));
+                    image.extend(rgb.map(|x| x as f32));
+                    if value(p, r) > 0.0 {
+                        film.add(p, r, rgb, samples);
+                    }
+                }
+                films[r as usize].add(&image, samples);
+            }
+            film.end_iteration(samples);
+        }
+        let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs());
+        for (r, one) in films.iter().enumerate() {
+            assert!(close(&film.mean(r), &one.mean()), "{r}: {:?} {:?}", film.mean(r), one.mean());
+            assert!(close(&film.variance_of_mean(r), &one.variance_of_mean()), "{r}");
+        }
+        assert!(film.mean(0) != film.mean(1) && film.variance_of_mean(1).iter().any(|&v| v > 0.0));
+    }
+
+    #[test]
+    fn a_film_without_variance_takes_half_the_memory() {
+        let mut film = ResponseFilm::new(1, 2, false);
+        film.add(0, 1, [1.0; 3], 3);
+        film.end_iteration(3);
+        film.end_iteration(1);
+        assert_eq!((film.mean(1), film.variance_of_mean(1)), (vec![0.75; 3], vec![0.0; 3]));
+        assert_eq!((ResponseFilm::bytes(512 * 512, 300, false), ResponseFilm::bytes(1, 2, true)), (1_887_436_800, 96));
+    }
+}

@@ -1,0 +1,121 @@
+//! Several responses from one render: assigns each contribution to the responses by its travel time.
+
+use rayon::prelude::*;
+
+use super::plan::Plan;
+use super::space::RenderSpace;
+use crate::image::response_film::ResponseFilm;
+use crate::settings::Responses;
+
+/// Light that reaches the sensor.
+#[derive(Debug, Clone, Copy)]
+pub struct Arrival {
+    /// Row-major index in the crop.
+    pub pixel: u32,
+    /// Travel time in units of the render space.
+    pub tau: f32,
+    /// Contribution to the mean of the pixel in the present iteration.
+    pub rgb: [f32; 3],
+}
+
+/// The ends of the gates of all responses in the device's numbers, so that each gate has the same ends as in a render of its own.
+struct Edges {
+    /// Begin and end of each gate.
+    gates: Vec<[f32; 2]>,
+    /// Whether no gate begins before the one before it ends, so that a search finds the gate of a travel time.
+    are_sorted: bool,
+}
+
+impl Edges {
+    fn new(responses: &Responses, space: &RenderSpace) -> Edges {
+        let edge = |metres: f64| space.length(metres) as f32;
+        let gates: Vec<[f32; 2]> = responses.iter().map(|r| [edge(r.gate().lo), edge(r.gate().hi)]).collect();
+        let are_sorted = gates.is_sorted_by(|a, b| a[1] <= b[0]);
+        Edges { gates, are_sorted }
+    }
+
+    /// Calls `visit` with the index of every gate that contains `tau`.
+    fn containing(&self, tau: f32, mut visit: impl FnMut(u32)) {
+        let contains = |[lo, hi]: [f32; 2]| lo <= tau && tau < hi;
+        if !self.are_sorted {
+            let inside = self.gates.iter().enumerate().filter(|(_, gate)| contains(**gate));
+            return inside.for_each(|(k, _)| visit(k as u32));
+        }
+        let after = self.gates.partition_point(|gate| gate[0] <= tau);
+        if let Some(k) = after.checked_sub(1).filter(|&k| contains(self.gates[k])) {
+            visit(k as u32);
+        }
+    }
+}
+
+/// The images of several responses, and the arrivals of the present iteration that are not in them yet.
+pub struct ResponseSums {
+    film: ResponseFilm,
+    edges: Edges,
+    /// The splats (t = 1) of the iteration, ordered by pixel.
+    splats: Vec<Arrival>,
+    /// Samples per pixel of the iteration, on average.
+    samples: u32,
+}
+
+impl ResponseSums {
+    pub fn new(plan: &Plan, has_variance: bool) -> ResponseSums {
+        let film = ResponseFilm::new(plan.crop_pixels as usize, plan.responses.len(), has_variance);
+        ResponseSums { film, edges: Edges::new(&plan.responses, &plan.space), splats: vec![], samples: 0 }
+    }
+
+    pub fn film(&self) -> &ResponseFilm {
+        &self.film
+    }
+
+    /// Begins an iteration with `samples` samples per pixel on average, with the splats of its light subpaths.
+    pub fn begin(&mut self, mut splats: Vec<Arrival>, samples: u32) {
+        splats.par_sort_by_key(|splat| splat.pixel);
+        (self.splats, self.samples) = (splats, samples);
+    }
+
+    /// Adds all light of `pixels`, none of which has been added in this iteration: their splats, and `arrivals` from sensor
+    /// subpaths. The order of the arrivals of a pixel decides the last bits of its sums.
+    pub fn add(&mut self, pixels: &[u32], arrivals: Vec<Arrival>) {
+        let mut all: Vec<Arrival> = pixels.iter().flat_map(|&pixel| self.splats_of(pixel)).copied().collect();
+        all.extend(arrivals);
+        // The sort is stable: the splats of each pixel stay in front.
+        all.par_sort_by_key(|arrival| arrival.pixel);
+        let of_pixels: Vec<&[Arrival]> = all.chunk_by(|a, b| a.pixel == b.pixel).collect();
+        let edges = &self.edges;
+        let sums: Vec<Vec<(u32, [f64; 3])>> =
+            of_pixels.par_iter().with_min_len(64).map(|arrivals| sums(edges, arrivals)).collect();
+        for (arrivals, sums) in of_pixels.iter().zip(sums) {
+            sums.into_iter().for_each(|(response, rgb)| self.film.add(arrivals[0].pixel, response, rgb, self.samples));
+        }
+    }
+
+    /// Ends the iteration.
+    pub fn end(&mut self) {
+        self.splats.clear();
+        self.film.end_iteration(self.samples);
+    }
+
+    fn splats_of(&self, pixel: u32) -> &[Arrival] {
+        let begin = self.splats.partition_point(|splat| splat.pixel < pixel);
+        let count = self.splats[begin..].iter().take_while(|splat| splat.pixel == pixel).count();
+        &self.splats[begin..begin + count]
+    }
+}
+
+/// The light of a pixel per response, for the responses that see any.
+fn sums(edges: &Edges, arrivals: &[Arrival]) -> Vec<(u32, [f64; 3])> {
+    let mut seen = vec![];
+    for arrival in arrivals {
+        edges.containing(arrival.tau, |response| seen.push((response, arrival.rgb.map(f64::from))));
+    }
+    seen.sort_by_key(|&(response, _)| response);
+    seen.dedup_by(|next, sum| {
+        let is_same = next.0 == sum.0;
+        if is_same {
+            (0..3).for_each(|k| sum.1[k] += next.1[k]);
+        }
+        is_same
+    });
+    seen
+}

@@ -1,0 +1,94 @@
+//! Many gates from one render, on the command line: the files, and what mistakes get.
+
+use std::path::Path;
+
+use taugate::internals::image::exr_file::read_picture;
+
+use crate::{fails, folder, names, taugate};
+
+const SMALL: [&str; 6] = ["--resolution", "8x6", "--spp", "4", "--sampling", "uniform"];
+
+fn with_box() -> tempfile::TempDir {
+    let here = folder();
+    assert!(taugate(here.path(), &["generate", "cornell-box", "-o", "box.glb"]).status.success());
+    here
+}
+
+/// Renders the box and returns what the program prints.
+fn render(here: &Path, flags: &[&str]) -> String {
+    let output = taugate(here, &[&["render", "box.glb"], &SMALL[..], flags].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{flags:?}: {message}");
+    message
+}
+
+/// The shape and the values of an array.
+fn array(path: &Path) -> (String, Vec<f32>) {
+    let bytes = std::fs::read(path).unwrap();
+    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let header = std::str::from_utf8(&bytes[10..10 + length]).unwrap();
+    let shape = header.split_once("'shape': (").unwrap().1.split_once(')').unwrap().0;
+    let values = bytes[10 + length..].as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
+    (shape.into(), values)
+}
+
+#[test]
+fn the_files_hold_the_same_light() {
+    let here = with_box();
+    let at = |name: &str| here.path().join(name);
+    let message = render(here.path(), &["--gates", "5m..8m/3", "-o", "a.npy", "-o", "a.exr", "--variance", "--png"]);
+    assert!(message.contains("3 gates in 5-8 m"), "{message}");
+    assert_eq!(names(here.path()), ["a.exr", "a.json", "a.npy", "a.png", "a.variance.npy", "box.glb"]);
+
+    // The first gate is R, G, B of the image.
+    let (shape, means) = array(&at("a.npy"));
+    assert_eq!((shape.as_str(), means.len()), ("6, 8, 3, 3", 6 * 8 * 3 * 3));
+    let (_, variances) = array(&at("a.variance.npy"));
+    let picture = read_picture(&at("a.exr")).unwrap();
+    let first = |values: &[f32]| -> Vec<f32> { values.chunks_exact(9).flat_map(|pixel| pixel[..3].to_vec()).collect() };
+    assert_eq!((picture.rgb, picture.variance), (first(&means), Some(first(&variances))));
+    assert_eq!(picture.gate, Some([5.0, 6.0]));
+    let meta = exr::meta::MetaData::read_from_file(at("a.exr"), false).unwrap();
+    let channels: Vec<String> = meta.headers[0].channels.list.iter().map(|channel| channel.name.to_string()).collect();
+    assert_eq!(channels.len(), 18);
+    assert!(["R", "Variance.B", "bin1.G", "bin2.Variance.R"].iter().all(|name| channels.iter().any(|c| c == name)));
+
+    let text = std::fs::read_to_string(at("a.json")).unwrap();
+    let description: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((&description["start_opl"], &description["bin_width_opl"]), (&5.0.into(), &1.0.into()));
+    assert_eq!((&description["temporal_bins"], &description["shape"]), (&3.into(), &vec![6, 8, 3, 3].into()));
+    assert_eq!(description["responses"][2]["gate_begin_m"], 7.0);
+
+    // The settings in the file render the same array.
+    std::fs::write(at("again.toml"), description["settings"].as_str().unwrap()).unwrap();
+    assert!(taugate(here.path(), &["render", "again.toml", "-o", "b.npy"]).status.success());
+    assert_eq!(array(&at("b.npy")).1, means);
+}
+
+#[test]
+fn one_gate_is_an_array_too() {
+    let here = with_box();
+    render(here.path(), &["--gate", "5m..8m", "-o", "a.npy", "-o", "a.exr"]);
+    let (shape, means) = array(&here.path().join("a.npy"));
+    assert_eq!((shape.as_str(), means), ("6, 8, 3", read_picture(&here.path().join("a.exr")).unwrap().rgb));
+}
+
+#[test]
+fn mistakes_name_the_remedy() {
+    let here = with_box();
+    let table: [(&[&str], &str); 9] = [
+        (&["--gates", "5m..8m", "-o", "a.npy"], "does not say how many gates"),
+        (&["--gates", "5m..8m/5000", "-o", "a.npy"], "give 1 to 4096"),
+        (&["--gates", "8m..5m/5", "-o", "a.npy"], "reversed"),
+        (&["--gates", "5m..8m/65", "-o", "a.exr"], "write -o OUT.npy"),
+        (&["--gates", "5m..5.001m/4096", "-o", "a.npy"], "make the gate wider"),
+        (&["--gates", "5m..8m/5", "--gate", "5m..6m", "-o", "a.npy"], "cannot be used with"),
+        (&["--gates", "5m..8m/4096", "--resolution", "8192x8192", "-o", "a.npy"], "use fewer gates"),
+        (&["--gates", "5m..8m/5", "-o", "a.npy", "-o", "b.npy"], "would hold the same image"),
+        (&["--gates", "1km..2km/5", "-o", "a.npy"], "meets no light"),
+    ];
+    for (flags, part) in table {
+        fails(here.path(), &[&["render", "box.glb"], flags].concat(), 2, part);
+    }
+    assert_eq!(names(here.path()), ["box.glb"]);
+}

@@ -1,0 +1,125 @@
+//! Many gates from one render: every gate has the light of a render of its own, and abutting gates add up to the whole.
+
+use super::cells::{SEEDS, renderer, settings, threshold, tuned};
+use super::drive::open;
+use taugate::internals::generate::zoo::Light;
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::gpu::Drive;
+use taugate::internals::oracle::sphere::gated_radiance;
+use taugate::internals::render::{Renderer, Tuning};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::gates::Gates;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Sampling, SettingsBuilder};
+
+const SIZE: [u32; 2] = [20, 14];
+
+fn gates(lo: f64, hi: f64, count: u32) -> Gates {
+    Gates::new(Gate { lo, hi }, count).unwrap()
+}
+
+fn binned(estimator: Estimator, gates: Gates) -> SettingsBuilder {
+    settings(estimator, SIZE).responses(gates)
+}
+
+fn rendered(mut renderer: Renderer) -> Renderer {
+    renderer.estimate_response_variance();
+    [2, 3, 2].iter().for_each(|&samples| renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}")));
+    renderer
+}
+
+/// The bits of the images of all responses and of their variances.
+fn bits(renderer: &Renderer) -> Vec<u32> {
+    let film = renderer.responses().expect("there are several responses");
+    let of_pixel = |pixel| film.means_of(pixel).chain(film.variances_of(pixel));
+    (0..film.pixels()).flat_map(of_pixel).map(f32::to_bits).collect()
+}
+
+/// Checks that the gates add up to the film, which a single gate around all of them fills. The sums are in another order, so a
+/// pixel may differ by a few steps of f32. Returns the number of gates with light.
+fn add_up(scene: &Scene, settings: SettingsBuilder) -> usize {
+    let rendered = rendered(renderer(scene, &settings.build().unwrap()));
+    let (whole, film) = (rendered.film().mean(), rendered.responses().unwrap());
+    let images: Vec<Vec<f32>> = (0..film.responses()).map(|k| film.mean(k)).collect();
+    for (i, &whole) in whole.iter().enumerate() {
+        let sum: f64 = images.iter().map(|image| f64::from(image[i])).sum();
+        assert!((sum - f64::from(whole)).abs() <= 2e-6 * f64::from(whole), "value {i}: {sum} and {whole}");
+    }
+    assert!(whole.iter().any(|&x| x > 0.0), "a black image proves nothing");
+    images.iter().filter(|image| image.iter().any(|&x| x > 0.0)).count()
+}
+
+#[test]
+fn gates_add_up_to_the_whole() {
+    // From emitters in view (s = 0) to long paths, with t = 1.
+    let area = build(Kind::Zoo(Light::Area));
+    for estimator in [Estimator::Pt, Estimator::Lcs] {
+        for sampling in [Sampling::Uniform, Sampling::Adaptive] {
+            assert!(add_up(&area, binned(estimator, gates(0.0, 20.0, 9)).sampling(sampling)) > 5);
+        }
+    }
+    assert!(add_up(&build(Kind::Zoo(Light::Punctual)), binned(Estimator::Lcs, gates(5.0, 12.0, 4))) == 4);
+    assert!(add_up(&build(Kind::Zoo(Light::Beam)), binned(Estimator::Bdpt, gates(5.0, 25.0, 300))) > 100);
+}
+
+/// z-scores of the mean over all pixels in each gate, against the closed form of gates that end `stretch` times as late.
+fn z_scores(estimator: Estimator, gates: Gates, stretch: f64) -> Vec<f64> {
+    let (radius, albedo) = (1.0, 0.5);
+    let scene = build(Kind::GatedSphere { radius: radius as f32, subdivisions: 6, albedo: albedo as f32 });
+    let settings = settings(estimator, [16, 16]).responses(gates).build().unwrap();
+    let mut renderer = renderer(&scene, &settings);
+    let mut means = vec![vec![]; gates.count() as usize];
+    for seed in 0..SEEDS {
+        renderer.restart(100 + seed, gates).unwrap();
+        renderer.iterate(8).unwrap();
+        let film = renderer.responses().unwrap();
+        for (k, means) in means.iter_mut().enumerate() {
+            let image = film.mean(k);
+            means.push(image.iter().map(|&x| f64::from(x)).sum::<f64>() / image.len() as f64);
+        }
+    }
+    let z = |(k, means): (usize, Vec<f64>)| {
+        let Gate { lo, hi } = gates.gate(k as u32);
+        let n = means.len() as f64;
+        let mean = means.iter().sum::<f64>() / n;
+        let variance = means.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / ((n - 1.0) * n);
+        (mean - gated_radiance(radius, albedo, lo * stretch, hi * stretch)) / variance.sqrt()
+    };
+    means.into_iter().enumerate().map(z).collect()
+}
+
+#[test]
+fn every_gate_agrees_with_the_closed_form() {
+    let gates = gates(2.25, 8.25, 12);
+    for estimator in [Estimator::Bdpt, Estimator::Lcs] {
+        for (k, z) in z_scores(estimator, gates, 1.0).into_iter().enumerate() {
+            assert!(z.abs() < threshold(12), "{estimator:?}, gate {k}: z = {z:.2}");
+        }
+        let wrong = z_scores(estimator, gates, 1.02).into_iter().filter(|z| z.abs() > threshold(12)).count();
+        assert!(wrong > 3, "{estimator:?}: gates that are off by 2 % are rejected {wrong} times only");
+    }
+}
+
+#[test]
+fn tiles_and_drive_do_not_change_the_bits() {
+    let scene = build(Kind::CornellBox);
+    let settings = binned(Estimator::Lcs, gates(5.0, 12.0, 20)).build().unwrap();
+    let usual = bits(&rendered(renderer(&scene, &settings)));
+    let tuning = Tuning { tile: Some(100), workgroup: 32 };
+    assert!(usual == bits(&rendered(tuned(&scene, &settings, tuning))), "a tile of 100 paths");
+    let card = Renderer::new(&open(Drive::CARD), &scene, &settings).unwrap();
+    assert!(usual == bits(&rendered(card)), "a graphics card");
+    let other = settings.change().seed(9).build().unwrap();
+    assert!(usual != bits(&rendered(renderer(&scene, &other))), "another seed");
+}
+
+#[test]
+fn a_render_of_one_gate_does_not_continue_with_several() {
+    let scene = build(Kind::CornellBox);
+    let settings = binned(Estimator::Bdpt, gates(5.0, 12.0, 20)).build().unwrap();
+    let mut renderer = renderer(&scene, &settings);
+    let error = renderer.restart(0, Gate { lo: 5.0, hi: 6.0 }).unwrap_err().to_string();
+    assert!(error.contains("make a new renderer"), "{error}");
+    renderer.restart(0, gates(5.0, 6.0, 2)).unwrap();
+    assert_eq!(renderer.responses().unwrap().responses(), 2);
+}
