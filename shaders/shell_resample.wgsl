@@ -1,5 +1,5 @@
 // lcs: chooses one vertex of each tree for a shade point, out of K queries by importance. So K candidates cost one shadow
-// ray. The deterministic vertices in the first slots are all kept. Bindings: shared/slots.wgsl.
+// ray. With several responses, it chooses one vertex of each tree for each part of the gate. The deterministic vertices in the first slots are all kept. Bindings: shared/slots.wgsl.
 #import resample
 #import receiver
 
@@ -25,10 +25,8 @@ fn shell_resample(@builtin(global_invocation_id) id: vec3<u32>) {
             continue;
         }
         var rng = pcg4d(vec4<u32>(item.index, item.sample, (STREAM_QUERY << 28u) | (item.depth << 14u) | (16u + tree), frame.seed)).x;
-        let found = resample(root, q, receiver, &rng);
-        // A query that finds nothing counts as a tried connection too, so its weight is not 0.
-        write_candidate(item.first + used, found.vertex, select(found.weight, 1.0, found.vertex == NONE));
-        used += 1u;
+        resample(root, q, receiver, item.first + used, &rng);
+        used += TIME_GROUPS;
     }
     clear_slots(item.first, used);
 }

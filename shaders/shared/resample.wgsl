@@ -92,19 +92,37 @@ fn target_function(q: PathVertex, v: PathVertex) -> f32 {
     return (open.x + open.y + open.z) * (open.w * gate_weight(tau));
 }
 
-// Resampling of K stratified queries of one tree by their unshadowed contribution (Talbot et al. 2005). Returns one vertex,
-// and the factor that replaces 1 / (K P(j | q)).
-fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
-    var chosen = Candidate(NONE, 0.0);
-    var chosen_target = 0.0;
-    var sum = 0.0;
+// Number of parts of equal length into which the gate is divided, 1 to MAX_TIME_GROUPS. K queries yield one vertex for each part,
+// so that with many responses late light gets as many connections as early light.
+override TIME_GROUPS: u32 = 1u;
+const MAX_TIME_GROUPS: u32 = 16u;
+
+// The part of the gate that contains a travel time.
+fn time_group(tau: f32) -> u32 {
+    let part = (tau - frame.gate_lo) / (frame.gate_hi - frame.gate_lo);
+    return min(u32(part * f32(TIME_GROUPS)), TIME_GROUPS - 1u);
+}
+
+// For each part of the gate: the vertex chosen so far or NONE, its target, and the sum of the weights of all candidates.
+struct Choices {
+    vertices: array<u32, MAX_TIME_GROUPS>,
+    targets: array<f32, MAX_TIME_GROUPS>,
+    sums: array<f32, MAX_TIME_GROUPS>,
+}
+
+// Resampling of K stratified queries of one tree by their unshadowed contribution (Talbot et al. 2005). Writes one vertex per part
+// of the gate to the slots from `first` on, with the factor that replaces 1 / (K P(j | q)).
+fn resample(root: u32, q: PathVertex, receiver: Receiver, first: u32, rng: ptr<function, u32>) {
+    var chosen: Choices;
+    for (var g = 0u; g < TIME_GROUPS; g++) {
+        chosen.vertices[g] = NONE;
+        chosen.sums[g] = 0.0;
+    }
     var frontier: Frontier;
     grow_frontier(&frontier, root, receiver);
-    if (frontier.count == 0u) {
-        return chosen;
-    }
     let jitter = min(next_fine_uniform(rng), 1.0 - UNIFORM_STEP);
-    for (var k = 0u; k < frame.queries; k++) {
+    let queries = select(frame.queries, 0u, frontier.count == 0u);
+    for (var k = 0u; k < queries; k++) {
         let start = sample_frontier(&frontier, (f32(k) + jitter) / f32(frame.queries), rng);
         let leaf = descend_by_importance(start, receiver, rng);
         if (leaf.vertex == NONE) {
@@ -114,20 +132,28 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, rng: ptr<function, u32
         if (candidate.vertex == NONE) {
             continue;
         }
-        let target_value = target_function(q, load_light_vertex(candidate.vertex));
+        let v = load_light_vertex(candidate.vertex);
+        let segment = segment_between(q.position, v.position);
+        let g = time_group(connection_time(q, v, segment.direction, sqrt(segment.length2)));
+        let target_value = target_function(q, v);
         let weight = target_value * candidate.weight;
         if (!(weight < 3e38)) {
-            // The weight is not a number or not finite. The candidate is returned unchanged, so that it is counted as dropped.
-            return candidate;
+            // The weight is not a number or not finite. The vertex stays, so that its connection is counted as dropped.
+            chosen.vertices[g] = candidate.vertex;
+            chosen.targets[g] = target_value;
+            chosen.sums[g] = weight;
+            continue;
         }
-        sum += weight;
-        if (next_uniform(rng) * sum < weight) {
-            chosen.vertex = candidate.vertex;
-            chosen_target = target_value;
+        chosen.sums[g] += weight;
+        if (next_uniform(rng) * chosen.sums[g] < weight) {
+            chosen.vertices[g] = candidate.vertex;
+            chosen.targets[g] = target_value;
         }
     }
-    if (chosen.vertex != NONE) {
-        chosen.weight = sum / (chosen_target * f32(frame.queries));
+    for (var g = 0u; g < TIME_GROUPS; g++) {
+        let vertex = chosen.vertices[g];
+        let weight = chosen.sums[g] / (chosen.targets[g] * f32(frame.queries));
+        // A query that finds nothing counts as a tried connection too, so its weight is not 0.
+        write_candidate(first + g, vertex, select(weight, 1.0, vertex == NONE));
     }
-    return chosen;
 }

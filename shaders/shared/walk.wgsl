@@ -156,14 +156,16 @@ fn arrive_in_medium(state: ptr<function, PathState>, flight: Flight) -> PathVert
 
 // Sends `state` on from v along a sampled direction. Returns false if the subpath ends here. `u` samples direction and lobe.
 // `survival` is the uniform of Russian roulette; the probability of survival is the throughput factor of this bounce and of the
-// flight before it (`carried_before`), clamped to [0.05, 1]. A negative `survival` switches roulette off.
+// flight before it (`carried_before`), clamped to [0.05, 1]. With several responses it is the root of that factor. A negative `survival` switches roulette off.
 fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, to_light: bool, u: vec4<f32>, survival: f32) -> bool {
     let s = sample_vertex(v, to_light, u);
     if (!s.valid) {
         return false;
     }
     let carried = max_component(s.weight) * carried_before;
-    let keep = select(clamp(carried, 0.05, 1.0), 1.0, survival < 0.0);
+    // Late gates only see long subpaths, which are worth keeping although they carry little (docs/notebook/histograms.md).
+    let wanted = select(carried, sqrt(carried), OBSERVE == OBSERVE_RESPONSES);
+    let keep = select(clamp(wanted, 0.05, 1.0), 1.0, survival < 0.0);
     if (!(carried > 0.0) || survival >= keep) {
         return false;
     }

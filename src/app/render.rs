@@ -186,6 +186,12 @@ fn check_outputs(outputs: &Outputs) -> Result<()> {
     paths.iter().try_for_each(|path| check_writable(path))?;
     let mut pairs = paths.iter().enumerate().flat_map(|(i, path)| paths[..i].iter().map(move |other| (path, other)));
     if let Some((path, other)) = pairs.find(|(path, other)| lies_in(path, other)) {
+        if path == other {
+            return Err(Error::Settings(format!(
+                "two outputs have the name {} (an array OUT.npy comes with a description OUT.json); choose another name",
+                path.display()
+            )));
+        }
         return Err(Error::Settings(format!(
             "{} and {} are links to one file, so one would replace the other; choose another name",
             other.display(),

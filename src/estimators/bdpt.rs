@@ -20,6 +20,7 @@ pub(super) static RECORD: Record = Record {
     query_kernel: SHELL_QUERY,
     constants: &[("ESTIMATOR", ESTIMATOR_BDPT)],
     slots: |pool| pool.longest_path,
+    time_groups: 1,
     query_sample_count: |_, _| 1.0,
     splat_sample_weight: 1.0,
     draws_in_gate: false,

@@ -2,6 +2,7 @@
 //! them for one shadow ray.
 
 use super::{Estimator, GateWidth, PoolOrder, Record, TreeDefaults};
+use crate::wgsl::layout::constants::MAX_TIME_GROUPS;
 
 pub(super) static RECORD: Record = Record {
     name: "lcs",
@@ -16,7 +17,9 @@ pub(super) static RECORD: Record = Record {
     pool_order: PoolOrder::Trees,
     query_kernel: "shell_resample",
     constants: &[],
-    slots: |pool| pool.trees,
+    slots: |pool| pool.trees * pool.time_groups,
+    // One vertex per tree would leave most gates without light (docs/notebook/histograms.md).
+    time_groups: MAX_TIME_GROUPS,
     // A vertex that queries choose by its contribution stands for more samples than one that a subpath happens to reach. 4 K is a
     // compromise between four scenes (docs/notebook/mis-sample-count.md). In fog, K: light that returned from far away is rare, and
     // one such vertex must not dominate the image.

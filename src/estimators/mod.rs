@@ -50,6 +50,9 @@ pub struct Record {
     /// Number of candidate slots per shade point for the vertices that the query kernel chooses. Deterministic vertices have
     /// other slots.
     pub slots: fn(&PoolShape) -> u32,
+    /// With several responses: maximum number of parts of the gate, for each of which the query kernel chooses a vertex; 1 if it
+    /// chooses vertices without regard to these parts. At most MAX_TIME_GROUPS.
+    pub time_groups: u32,
     /// Number of samples that a vertex chosen by `queries` queries stands for in the MIS heuristic.
     pub query_sample_count: fn(queries: u32, has_media: bool) -> f32,
     /// Weight of a light-tracing (t = 1) sample in the MIS heuristic, relative to one camera sample.
@@ -117,6 +120,8 @@ pub struct PoolShape {
     pub longest_path: u32,
     /// Number of trees that are not empty.
     pub trees: u32,
+    /// Number of parts of the gate, for each of which the query kernel may choose a vertex; see [`Record::time_groups`].
+    pub time_groups: u32,
     /// Queries per shade point and tree.
     pub queries: u32,
 }

@@ -249,12 +249,20 @@ impl Plan {
         self.moves_events() && !self.queries_deterministic(self.max_deterministic)
     }
 
+    /// Number of parts of the gate, for each of which a query kernel may choose a vertex.
+    fn time_groups(&self) -> u32 {
+        match self.observe {
+            Observe::Responses => self.estimator.time_groups,
+            _ => 1,
+        }
+    }
+
     /// Number of candidate slots per shade point for a pool, at least 1.
     pub fn slots(&self, pool: &PoolLayout) -> u32 {
         debug_assert!(pool.longest_path <= self.max_depth);
         let deterministic = pool.deterministic.min(DETERMINISTIC_SLOTS);
         let drawn = if self.draws_in_gate() { deterministic } else { 0 };
-        let chosen = (self.estimator.slots)(&pool.shape(self.frame.queries));
+        let chosen = (self.estimator.slots)(&pool.shape(self.frame.queries, self.time_groups()));
         (drawn + deterministic + u32::from(self.has_sky) + chosen).max(1)
     }
 
@@ -330,6 +338,7 @@ impl Plan {
             ("BY_OVERLAP", switch(self.importance.overlap)),
             ("BY_GLOSS", switch(self.importance.gloss)),
             ("OBSERVE", observe.into()),
+            ("TIME_GROUPS", self.time_groups().into()),
         ]);
         constants.extend(self.media_constants);
         constants.extend(self.estimator.constants.iter().map(|&(name, value)| (name, value.into())));

@@ -16,12 +16,13 @@ pub struct PoolLayout {
 
 impl PoolLayout {
     /// The values that determine the number of candidate slots per shade point.
-    pub fn shape(&self, queries: u32) -> PoolShape {
+    pub fn shape(&self, queries: u32, time_groups: u32) -> PoolShape {
         PoolShape {
             has_emitter_points: self.emitter_points > 0,
             longest_path: self.longest_path,
             trees: u32::from(self.tree3_root != NONE) + u32::from(self.tree4_root != NONE),
             queries,
+            time_groups,
         }
     }
 }

@@ -170,6 +170,7 @@ pub mod constants {
         ESTIMATOR_LCS_PAPER: u32 = 2,
         DETERMINISTIC_SLOTS: u32 = 8,
         MAX_SUBTREES: u32 = 32,
+        MAX_TIME_GROUPS: u32 = 16,
         OBSERVE_TIMES: u32 = 1,
         OBSERVE_STRATEGIES: u32 = 2,
         OBSERVE_RESPONSES: u32 = 3,

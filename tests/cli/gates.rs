@@ -76,7 +76,7 @@ fn one_gate_is_an_array_too() {
 #[test]
 fn mistakes_name_the_remedy() {
     let here = with_box();
-    let table: [(&[&str], &str); 9] = [
+    let table: [(&[&str], &str); 10] = [
         (&["--gates", "5m..8m", "-o", "a.npy"], "does not say how many gates"),
         (&["--gates", "5m..8m/5000", "-o", "a.npy"], "give 1 to 4096"),
         (&["--gates", "8m..5m/5", "-o", "a.npy"], "reversed"),
@@ -85,6 +85,7 @@ fn mistakes_name_the_remedy() {
         (&["--gates", "5m..8m/5", "--gate", "5m..6m", "-o", "a.npy"], "cannot be used with"),
         (&["--gates", "5m..8m/4096", "--resolution", "8192x8192", "-o", "a.npy"], "use fewer gates"),
         (&["--gates", "5m..8m/5", "-o", "a.npy", "-o", "b.npy"], "would hold the same image"),
+        (&["--gates", "5m..8m/5", "-o", "a.npy", "--stats", "a.json"], "two outputs have the name a.json"),
         (&["--gates", "1km..2km/5", "-o", "a.npy"], "meets no light"),
     ];
     for (flags, part) in table {
