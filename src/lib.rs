@@ -71,7 +71,7 @@ pub use settings::SettingsBuilder;
 pub use settings::gates::Gates;
 pub use settings::units::Gate;
 pub use settings::{
-    Budget, Crop, Emitters, Estimator, Importance, Response, Responses, Sampling, Settings, Strategies,
+    Budget, Crop, Edge, Emitters, Estimator, Importance, Response, Responses, Sampling, Settings, Strategies,
 };
 
 /// All modules, for the program, the tests and the benches of this package. They are not part of the API and may change at any

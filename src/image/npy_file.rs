@@ -11,6 +11,7 @@ use crate::image::exr_file::{Provenance, version};
 use crate::image::film::Film;
 use crate::image::response_film::ResponseFilm;
 use crate::settings::Response;
+use crate::settings::response_specs::ResponseSpec;
 
 /// The file beside an array. The names of the first three fields are those of mitransient; lengths are metres of optical path.
 #[derive(Serialize)]
@@ -45,6 +46,8 @@ struct Bins {
 #[derive(Serialize)]
 struct Entry<'a> {
     name: &'a str,
+    /// The response as `--response` takes it; null for a table that comes from no file.
+    response: Option<String>,
     gate_begin_m: f64,
     /// Null for a gate without an end.
     gate_end_m: f64,
@@ -52,7 +55,13 @@ struct Entry<'a> {
 
 impl Entry<'_> {
     fn of(response: &Response) -> Entry<'_> {
-        Entry { name: response.name(), gate_begin_m: response.gate().lo, gate_end_m: response.gate().hi }
+        let text = ResponseSpec::of(response).map(|spec| spec.to_string());
+        Entry {
+            name: response.name(),
+            response: text,
+            gate_begin_m: response.gate().lo,
+            gate_end_m: response.gate().hi,
+        }
     }
 }
 

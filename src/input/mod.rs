@@ -6,4 +6,5 @@ pub mod light_table;
 pub mod medium_tables;
 pub mod plain;
 pub mod resolve;
+mod responses;
 pub mod scenery;

@@ -177,7 +177,7 @@ mod tests {
         let tables = [
             ("spp = 4", "the file has no key spp: it belongs to [render]"),
             ("[output]\nspp = 4", "[output] has no key spp: it belongs to [render]"),
-            ("[gate]\ngte = 4", "[gate] has no key gte: choose one of gate, depth, force"),
+            ("[gate]\ngte = 4", "[gate] has no key gte: choose one of gate, depth, gates, response, force"),
             ("scne = 'a.glb'", "the file has no key scne: choose one of scene, camera, emitter"),
             ("output = 'x.exr'", "output is the text \"x.exr\", but must be a table: write [output] on a line"),
             ("[render]\nspp = 'four'", "spp is the text \"four\", but must be a whole number, 0 or more"),
@@ -186,7 +186,7 @@ mod tests {
             ("[render]\nno-cull = 1", "no-cull is the number 1, but must be true or false"),
             ("[render]\ntime = 30", "time is the number 30, but must be text in quotation marks"),
             ("[render]\nestimator = ['pt']", "estimator is a list, but must be text in quotation marks"),
-            ("[output]\noutput = 3", "output is the number 3, but must be text in quotation marks"),
+            ("[output]\noutput = 3", "output must be the name of a file or a list of such names"),
             ("[output]\npng = 3", "png must be true, false or a file name"),
             ("[input]\nallow-path = 3", "allow-path must be the name of a folder or a list of such names"),
             ("[camera]\nup = true", "up must be numbers, like [1, 2.5, -3]"),

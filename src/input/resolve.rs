@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use crate::error::{Error, Result};
 use crate::image::npy_file;
 use crate::input::experiment::Experiment;
+use crate::input::responses::chosen;
 use crate::scene::{Camera, Scene};
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
@@ -84,7 +85,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         }
     };
     let (exr, npy) = (only("exr")?, only("npy")?);
-    let count = chosen_responses(&experiment.gate).len();
+    let count = chosen(&experiment.gate)?.len();
     if exr.is_some() && count > MAX_EXR_RESPONSES {
         return Err(settings(format!(
             "an .exr file holds at most {MAX_EXR_RESPONSES} gates, and these are {count}; write -o OUT.npy"
@@ -190,15 +191,9 @@ fn settings(message: impl Into<String>) -> Error {
     Error::Settings(message.into())
 }
 
-/// The responses that the user chose, unchecked.
-pub(super) fn chosen_responses(table: &GateTable) -> Responses {
-    let gate = table.gate.or(table.depth.map(|depth| depth.0));
-    table.gates.map_or_else(|| gate.unwrap_or(Gate::OPEN).into(), Responses::from)
-}
-
 /// The responses that the user chose. Fails if a gate is too narrow for 32-bit travel times.
 fn responses(table: &GateTable, warnings: &mut Vec<String>) -> Result<Responses> {
-    let responses = chosen_responses(table);
+    let responses = chosen(table)?;
     let gate = responses.narrowest();
     match gate.precision() {
         GatePrecision::Fine => {}

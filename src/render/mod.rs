@@ -85,7 +85,7 @@ pub struct Renderer {
     /// `None` if every pixel has the same number of samples.
     allocation: Option<Allocation>,
     film: Film,
-    /// `None` if there is one response: its image is the film.
+    /// `None` if there is one response with weight 1 in its gate: its image is the film.
     responses: Option<ResponseSums>,
     stats: Stats,
     iterations: u32,
@@ -207,7 +207,8 @@ impl Renderer {
         ready.run(plan, &counts, &mut image, responses.as_mut(), learn, stats)?;
 
         // Film.
-        stats.timed(stage::ADD_TO_FILM, || film.add(&image, samples));
+        let image = responses.as_ref().map_or(&image[..], ResponseSums::total);
+        stats.timed(stage::ADD_TO_FILM, || film.add(image, samples));
         if let Some(responses) = responses {
             responses.end();
         }
@@ -255,7 +256,7 @@ impl Renderer {
 
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
     /// statistics stay. Fails without any change if a gate does not have a finite start before its end, if there is a gate and
-    /// a light is infinitely far away, or if one of the two renders has several responses and the other has one.
+    /// a light is infinitely far away, or if one of the two renders is of a single box and the other is not.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
         let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
@@ -269,9 +270,10 @@ impl Renderer {
                 "a light is infinitely far away, so its light has no travel time to gate; select other emitters".into(),
             ));
         }
-        if (responses.len() > 1) != self.responses.is_some() {
+        if responses.is_single_box() == self.responses.is_some() {
             return Err(Error::Settings(
-                "a render of one response cannot continue with several, nor the reverse; make a new renderer".into(),
+                "a render of one gate cannot continue with other responses, nor the reverse; make a new renderer"
+                    .into(),
             ));
         }
         self.plan.set(seed, responses);
@@ -309,15 +311,14 @@ impl Renderer {
         self.plan.dark
     }
 
-    /// Mean and variance of the pixels of the crop so far. With several responses: of the light that arrives from the begin of
-    /// the earliest gate to the end of the latest one.
+    /// Mean and variance of the pixels of the crop so far. With several responses: of the sum of their images.
     pub fn film(&self) -> &Film {
         &self.film
     }
 
     /// The images of the responses so far; `None` if there is one response, whose image is [`Renderer::film`].
     pub fn responses(&self) -> Option<&ResponseFilm> {
-        self.responses.as_ref().map(ResponseSums::film)
+        self.responses.as_ref().map(ResponseSums::film).filter(|film| film.responses() > 1)
     }
 
     /// Also estimates the variance of the images of several responses, which takes as much memory again as these images. Call it

@@ -156,7 +156,7 @@ impl Plan {
             thin_beams: emitter_count - emitters.thin_beams..emitter_count,
             max_deterministic: emitters.deterministic.len() as u32 + if traces_light { emitters.thin_beams } else { 0 },
             tuning: Tuning::default(),
-            observe: if settings.responses().len() > 1 { Observe::Responses } else { Observe::Nothing },
+            observe: if settings.responses().is_single_box() { Observe::Nothing } else { Observe::Responses },
             cull: !settings.no_cull(),
             travel_time_bounds: TravelTimeBounds::new(prepared, settings),
             prepared_sensor: prepared.sensor,

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::plan::Plan;
 use super::space::RenderSpace;
 use crate::image::response_film::ResponseFilm;
-use crate::settings::Responses;
+use crate::settings::{Response, Responses};
 
 /// Light that reaches the sensor.
 #[derive(Debug, Clone, Copy)]
@@ -18,32 +18,47 @@ pub struct Arrival {
     pub rgb: [f32; 3],
 }
 
-/// The ends of the gates of all responses in the device's numbers, so that each gate has the same ends as in a render of its own.
-struct Edges {
-    /// Begin and end of each gate.
-    gates: Vec<[f32; 2]>,
-    /// Whether no gate begins before the one before it ends, so that a search finds the gate of a travel time.
+/// The weights of all responses.
+struct Weights {
+    /// If all are boxes: begin and end of each gate in the device's numbers, so that it has the same ends as in a render of its own.
+    boxes: Vec<[f32; 2]>,
+    /// Whether no box begins before the one before it ends, so that a search finds the box of a travel time.
     are_sorted: bool,
+    /// If some are no boxes: all responses.
+    others: Vec<Response>,
+    /// Metres per unit of the render space.
+    unit: f64,
 }
 
-impl Edges {
-    fn new(responses: &Responses, space: &RenderSpace) -> Edges {
+impl Weights {
+    fn new(responses: &Responses, space: &RenderSpace) -> Weights {
+        let are_boxes = responses.iter().all(Response::is_box);
         let edge = |metres: f64| space.length(metres) as f32;
-        let gates: Vec<[f32; 2]> = responses.iter().map(|r| [edge(r.gate().lo), edge(r.gate().hi)]).collect();
-        let are_sorted = gates.is_sorted_by(|a, b| a[1] <= b[0]);
-        Edges { gates, are_sorted }
+        let boxes: Vec<[f32; 2]> = match are_boxes {
+            true => responses.iter().map(|r| [edge(r.gate().lo), edge(r.gate().hi)]).collect(),
+            false => vec![],
+        };
+        let are_sorted = boxes.is_sorted_by(|a, b| a[1] <= b[0]);
+        let others = if are_boxes { vec![] } else { responses.iter().cloned().collect() };
+        Weights { boxes, are_sorted, others, unit: space.unit }
     }
 
-    /// Calls `visit` with the index of every gate that contains `tau`.
-    fn containing(&self, tau: f32, mut visit: impl FnMut(u32)) {
+    /// Calls `visit` with the index and the weight of every response that sees light of travel time `tau`.
+    fn visit(&self, tau: f32, mut visit: impl FnMut(u32, f64)) {
+        for (k, response) in self.others.iter().enumerate() {
+            let weight = response.weight(f64::from(tau) * self.unit);
+            if weight > 0.0 {
+                visit(k as u32, weight);
+            }
+        }
         let contains = |[lo, hi]: [f32; 2]| lo <= tau && tau < hi;
         if !self.are_sorted {
-            let inside = self.gates.iter().enumerate().filter(|(_, gate)| contains(**gate));
-            return inside.for_each(|(k, _)| visit(k as u32));
+            let inside = self.boxes.iter().enumerate().filter(|(_, gate)| contains(**gate));
+            return inside.for_each(|(k, _)| visit(k as u32, 1.0));
         }
-        let after = self.gates.partition_point(|gate| gate[0] <= tau);
-        if let Some(k) = after.checked_sub(1).filter(|&k| contains(self.gates[k])) {
-            visit(k as u32);
+        let after = self.boxes.partition_point(|gate| gate[0] <= tau);
+        if let Some(k) = after.checked_sub(1).filter(|&k| contains(self.boxes[k])) {
+            visit(k as u32, 1.0);
         }
     }
 }
@@ -51,7 +66,9 @@ impl Edges {
 /// The images of several responses, and the arrivals of the present iteration that are not in them yet.
 pub struct ResponseSums {
     film: ResponseFilm,
-    edges: Edges,
+    weights: Weights,
+    /// The sum over all responses in the present iteration: R, G, B per pixel.
+    total: Vec<f32>,
     /// The splats (t = 1) of the iteration, ordered by pixel.
     splats: Vec<Arrival>,
     /// Samples per pixel of the iteration, on average.
@@ -61,7 +78,8 @@ pub struct ResponseSums {
 impl ResponseSums {
     pub fn new(plan: &Plan, has_variance: bool) -> ResponseSums {
         let film = ResponseFilm::new(plan.crop_pixels as usize, plan.responses.len(), has_variance);
-        ResponseSums { film, edges: Edges::new(&plan.responses, &plan.space), splats: vec![], samples: 0 }
+        let weights = Weights::new(&plan.responses, &plan.space);
+        ResponseSums { film, weights, total: vec![], splats: vec![], samples: 0 }
     }
 
     pub fn film(&self) -> &ResponseFilm {
@@ -72,6 +90,8 @@ impl ResponseSums {
     pub fn begin(&mut self, mut splats: Vec<Arrival>, samples: u32) {
         splats.par_sort_by_key(|splat| splat.pixel);
         (self.splats, self.samples) = (splats, samples);
+        self.total.clear();
+        self.total.resize(3 * self.film.pixels(), 0.0);
     }
 
     /// Adds all light of `pixels`, none of which has been added in this iteration: their splats, and `arrivals` from sensor
@@ -82,12 +102,21 @@ impl ResponseSums {
         // The sort is stable: the splats of each pixel stay in front.
         all.par_sort_by_key(|arrival| arrival.pixel);
         let of_pixels: Vec<&[Arrival]> = all.chunk_by(|a, b| a.pixel == b.pixel).collect();
-        let edges = &self.edges;
+        let weights = &self.weights;
         let sums: Vec<Vec<(u32, [f64; 3])>> =
-            of_pixels.par_iter().with_min_len(64).map(|arrivals| sums(edges, arrivals)).collect();
+            of_pixels.par_iter().with_min_len(64).map(|arrivals| sums(weights, arrivals)).collect();
         for (arrivals, sums) in of_pixels.iter().zip(sums) {
-            sums.into_iter().for_each(|(response, rgb)| self.film.add(arrivals[0].pixel, response, rgb, self.samples));
+            let pixel = arrivals[0].pixel;
+            for k in 0..3 {
+                self.total[3 * pixel as usize + k] = sums.iter().map(|(_, rgb)| rgb[k]).sum::<f64>() as f32;
+            }
+            sums.into_iter().for_each(|(response, rgb)| self.film.add(pixel, response, rgb, self.samples));
         }
+    }
+
+    /// The sum over all responses of the images of the present iteration: R, G, B per pixel.
+    pub fn total(&self) -> &[f32] {
+        &self.total
     }
 
     /// Ends the iteration.
@@ -104,10 +133,11 @@ impl ResponseSums {
 }
 
 /// The light of a pixel per response, for the responses that see any.
-fn sums(edges: &Edges, arrivals: &[Arrival]) -> Vec<(u32, [f64; 3])> {
+fn sums(weights: &Weights, arrivals: &[Arrival]) -> Vec<(u32, [f64; 3])> {
     let mut seen = vec![];
     for arrival in arrivals {
-        edges.containing(arrival.tau, |response| seen.push((response, arrival.rgb.map(f64::from))));
+        weights
+            .visit(arrival.tau, |response, weight| seen.push((response, arrival.rgb.map(|x| f64::from(x) * weight))));
     }
     seen.sort_by_key(|&(response, _)| response);
     seen.dedup_by(|next, sum| {

@@ -17,6 +17,9 @@ pub mod medium;
 pub mod numbers;
 #[allow(missing_docs)]
 pub mod phase;
+mod response;
+#[allow(missing_docs)]
+pub mod response_specs;
 mod responses;
 #[allow(missing_docs)]
 pub mod setting;
@@ -30,7 +33,8 @@ pub mod values;
 
 pub use self::builder::SettingsBuilder;
 pub use self::choices::{Budget, Crop, Emitters, Importance, Sampling, Strategies};
-pub use self::responses::{Response, Responses};
+pub use self::response::{Edge, Response};
+pub use self::responses::Responses;
 use crate::error::{Error, Result};
 pub use crate::estimators::Estimator;
 use crate::settings::table::{CameraTable, EmitterTable, RenderTable, Tables};

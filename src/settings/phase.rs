@@ -47,10 +47,10 @@ impl Value for Phase {
         })
     }
 
-    fn paths(&mut self) -> &mut [PathBuf] {
+    fn paths(&mut self) -> Vec<&mut PathBuf> {
         match self {
-            Phase::Table(path) => std::slice::from_mut(path),
-            _ => &mut [],
+            Phase::Table(path) => vec![path],
+            _ => vec![],
         }
     }
 }

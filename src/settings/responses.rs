@@ -1,28 +1,13 @@
-//! Responses: the weight that a sensor gives to light as a function of its travel time.
+//! The list of responses that a render measures.
 
-use crate::error::Result;
-use crate::settings::gates::Gates;
+use std::collections::HashSet;
+
+use crate::error::{Error, Result};
+use crate::settings::gates::{Gates, MAX_GATES};
+use crate::settings::response::{Edge, Response};
+use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::table::GateTable;
 use crate::settings::units::Gate;
-
-/// A response of the sensor. Light whose travel time is inside the gate has weight 1, all other light has weight 0.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Response {
-    name: String,
-    gate: Gate,
-}
-
-impl Response {
-    /// Name of the response.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// The travel times that count; [`Gate::OPEN`] is the steady state.
-    pub fn gate(&self) -> Gate {
-        self.gate
-    }
-}
 
 /// The responses that a render measures, at least one. A plain gate is a list of one.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +18,28 @@ pub struct Responses {
 }
 
 impl Responses {
+    /// A list of responses. Fails if there is none, if there are more than [`MAX_GATES`], or if two have one name.
+    pub fn new(list: Vec<Response>) -> Result<Responses> {
+        if list.is_empty() || list.len() > MAX_GATES as usize {
+            return Err(Error::Settings(format!("{} responses are not possible: give 1 to {MAX_GATES}", list.len())));
+        }
+        let mut names = HashSet::new();
+        if let Some(twice) = list.iter().find(|response| !names.insert(response.name())) {
+            return Err(Error::Settings(format!(
+                "two responses are called '{}'; give each a name of its own, like near=gauss:10m..11m,0.1m",
+                twice.name()
+            )));
+        }
+        Ok(Responses { list, uniform: None })
+    }
+
+    /// One response per gate, with these edges.
+    pub fn uniform_with(gates: Gates, edge: Edge) -> Responses {
+        let digits = (gates.count() - 1).to_string().len();
+        let response = |k| Response::new(format!("bin{k:0digits$}"), gates.gate(k), edge);
+        Responses { list: (0..gates.count()).map(response).collect(), uniform: Some(gates) }
+    }
+
     /// All responses, in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &Response> {
         self.list.iter()
@@ -44,46 +51,61 @@ impl Responses {
         self.list.len()
     }
 
+    /// Whether there is one response, whose weight is 1 inside its gate and 0 outside.
+    pub fn is_single_box(&self) -> bool {
+        self.list.len() == 1 && self.list[0].is_box()
+    }
+
     /// The gates, if they all have the same width and each begins where the one before it ends.
     pub fn uniform(&self) -> Option<Gates> {
         self.uniform
     }
 
-    /// The smallest gate that contains the gates of all responses. Light outside this gate counts for no response.
+    /// The smallest gate that contains the supports of all responses. Light outside this gate counts for no response.
     pub fn support(&self) -> Gate {
         let around = |a: Gate, b: Gate| Gate { lo: a.lo.min(b.lo), hi: a.hi.max(b.hi) };
-        self.iter().map(Response::gate).reduce(around).expect("there is a response")
+        self.iter().map(Response::support).reduce(around).expect("there is a response")
     }
 
     /// The gate of the fewest steps of 32-bit travel times, the one where rounding is most visible.
     #[doc(hidden)]
     pub fn narrowest(&self) -> Gate {
         let relative_width = |gate: &Gate| (gate.hi - gate.lo) / gate.hi;
-        let gates = self.iter().map(Response::gate);
+        let gates = self.iter().map(Response::support);
         gates.min_by(|a, b| relative_width(a).total_cmp(&relative_width(b))).expect("there is a response")
     }
 
     /// Fails if a gate is invalid, with the message of [`Gate::new`].
     pub(crate) fn check(&self) -> Result<()> {
-        self.iter().try_for_each(|response| Gate::new(response.gate.lo, response.gate.hi).map(drop))
+        self.iter().try_for_each(|response| Gate::new(response.gate().lo, response.gate().hi).map(drop))
     }
 
     /// Whether light of every travel time counts fully in every response: the steady state.
     pub fn are_steady(&self) -> bool {
-        self.iter().all(|response| response.gate.is_open())
+        self.iter().all(|response| response.is_box() && response.gate().is_open())
     }
 
-    /// The table of an experiment that gives these responses.
+    /// The table of an experiment that gives these responses. A table without a file has no text; its response is left out.
     pub(super) fn to_table(&self) -> GateTable {
-        let gate = (self.uniform.is_none() && !self.are_steady()).then(|| self.support());
-        GateTable { gate, gates: self.uniform, ..GateTable::default() }
+        let edge = self.list[0].edge();
+        if let Some(gates) = self.uniform {
+            let response =
+                edge.filter(|edge| *edge != Edge::Sharp).map(|edge| ResponseSpecs(vec![ResponseSpec::around(edge)]));
+            return GateTable { gates: Some(gates), response, ..GateTable::default() };
+        }
+        if self.is_single_box() {
+            let gate = (!self.are_steady()).then(|| self.support());
+            return GateTable { gate, ..GateTable::default() };
+        }
+        let specs = self.iter().filter_map(ResponseSpec::of).collect();
+        GateTable { response: Some(ResponseSpecs(specs)), ..GateTable::default() }
     }
 
     /// The gates as text; see [`Gate::describe`].
     pub fn describe(&self) -> String {
         match self.uniform {
             Some(gates) => gates.describe(),
-            None => self.iter().map(|response| response.gate.describe()).collect::<Vec<_>>().join("; "),
+            None => self.iter().map(Response::describe).collect::<Vec<_>>().join("; "),
         }
     }
 }
@@ -98,16 +120,14 @@ impl Default for Responses {
 impl From<Gate> for Responses {
     fn from(gate: Gate) -> Responses {
         let name = if gate.is_open() { "steady" } else { "gate" };
-        Responses { list: vec![Response { name: name.into(), gate }], uniform: None }
+        Responses { list: vec![Response::new(name, gate, Edge::Sharp)], uniform: None }
     }
 }
 
 impl From<Gates> for Responses {
     /// One response per gate. The names are `bin0`, `bin1`, ..., with zeros in front so that all have the same length.
     fn from(gates: Gates) -> Responses {
-        let digits = (gates.count() - 1).to_string().len();
-        let response = |k| Response { name: format!("bin{k:0digits$}"), gate: gates.gate(k) };
-        Responses { list: (0..gates.count()).map(response).collect(), uniform: Some(gates) }
+        Responses::uniform_with(gates, Edge::Sharp)
     }
 }
 
@@ -128,8 +148,11 @@ mod tests {
 
     #[test]
     fn the_support_holds_all_responses() {
-        let response = |lo, hi| Response { name: "bin".into(), gate: Gate { lo, hi } };
-        let bins = Responses { list: vec![response(3.0, 4.0), response(1.0, 2.0), response(1.5, 3.5)], uniform: None };
+        let response = |name, lo, hi| Response::new(name, Gate { lo, hi }, Edge::Sharp);
+        let bins = [response("a", 3.0, 4.0), response("b", 1.0, 2.0), response("c", 1.5, 3.5)];
+        let twice = Responses::new(vec![bins[0].clone(), bins[0].clone()]).unwrap_err().to_string();
+        assert!(twice.contains("called 'a'"), "{twice}");
+        let bins = Responses::new(bins.into()).unwrap();
         assert_eq!((bins.support(), bins.are_steady()), (Gate { lo: 1.0, hi: 4.0 }, false));
     }
 

@@ -151,8 +151,8 @@ pub trait Value: Clone + Send + Sync + 'static {
     }
 
     /// The paths of the files and folders that the value names.
-    fn paths(&mut self) -> &mut [PathBuf] {
-        &mut []
+    fn paths(&mut self) -> Vec<&mut PathBuf> {
+        vec![]
     }
 
     /// Combines two values of a [`Form::Repeated`] flag: `self`, and `later`, which the user gave after it.
@@ -186,8 +186,8 @@ impl Value for PathBuf {
         Ok(word.into())
     }
 
-    fn paths(&mut self) -> &mut [PathBuf] {
-        std::slice::from_mut(self)
+    fn paths(&mut self) -> Vec<&mut PathBuf> {
+        vec![self]
     }
 }
 

@@ -53,10 +53,10 @@ impl Value for Sky {
         Sky::radiance(&numbers.map_err(|_| Sky::unknown(text))?, text)
     }
 
-    fn paths(&mut self) -> &mut [PathBuf] {
+    fn paths(&mut self) -> Vec<&mut PathBuf> {
         match self {
-            Sky::Image(path) => std::slice::from_mut(path),
-            Sky::Radiance(_) => &mut [],
+            Sky::Image(path) => vec![path],
+            Sky::Radiance(_) => vec![],
         }
     }
 }

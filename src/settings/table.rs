@@ -16,6 +16,7 @@ use crate::settings::medium::{
 };
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
 use crate::settings::phase::Phase;
+use crate::settings::response_specs::ResponseSpecs;
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
 use crate::settings::sky::{Sky, SkyScale};
 use crate::settings::units::{Depth, Gate};
@@ -186,6 +187,11 @@ table! {
         /// Divide A..B into N gates of equal width (1 to 4096) and render an image for each of them, all from the same light
         /// paths: a histogram of travel times per pixel
         gates: Gates, Setting::gate("gates", "A..B/N").form(Form::Signed).excludes(&["gate", "depth"]);
+
+        /// Response of the sensor: box, or trapezoid:RISE or gauss:SIGMA for the edges of the gates (convolved with a box or a
+        /// Gaussian of that length or time), or FILE.csv with travel times and weights; with a name and a gate of its own it is an
+        /// image of its own, such as near=gauss:10m..11m,0.1m; may be repeated [default: box]
+        response: ResponseSpecs, Setting::gate("response", "[NAME=]SPEC").form(Form::Repeated);
 
         /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
         force: bool, Setting::gate("force", "").form(Form::Switch);
@@ -381,6 +387,7 @@ mod tests {
                     "3m",
                     "pt",
                     "hg",
+                    "box",
                     "15",
                     "all",
                     "uniform",

@@ -262,6 +262,17 @@ fn quantity(side: &str, text: &str, example: &str, units: &[Unit], unit_names: &
     Ok(Quantity { value, unit: Some(unit) })
 }
 
+/// A length of optical path in metres, from a number with a unit of length or time; `None` if `text` is something else.
+pub(crate) fn path_length(text: &str) -> Option<f64> {
+    let Quantity { value, unit } = quantity(text, text, "", &PATH_UNITS, PATH_UNIT_NAMES).ok()?;
+    Some(value * unit?)
+}
+
+/// The size in metres of optical path of a unit of length or time; `None` if there is no such unit.
+pub(crate) fn path_unit(name: &str) -> Option<f64> {
+    PATH_UNITS.iter().find(|(unit, _)| *unit == name).map(|(_, metres)| *metres)
+}
+
 /// A length in metres, from a number with a unit of length; `None` if `text` is something else.
 pub(crate) fn length(text: &str) -> Option<f64> {
     let Quantity { value, unit } = quantity(text, text, "", &LENGTH_UNITS, LENGTH_UNIT_NAMES).ok()?;

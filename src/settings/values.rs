@@ -203,10 +203,10 @@ impl Value for Png {
         Ok(if word.is_empty() { Png::Wanted(true) } else { Png::File(word.into()) })
     }
 
-    fn paths(&mut self) -> &mut [PathBuf] {
+    fn paths(&mut self) -> Vec<&mut PathBuf> {
         match self {
-            Png::File(path) => std::slice::from_mut(path),
-            Png::Wanted(_) => &mut [],
+            Png::File(path) => vec![path],
+            Png::Wanted(_) => vec![],
         }
     }
 }
@@ -233,8 +233,8 @@ macro_rules! names {
                 $type::new(vec![word.into()])
             }
 
-            fn paths(&mut self) -> &mut [PathBuf] {
-                &mut self.0
+            fn paths(&mut self) -> Vec<&mut PathBuf> {
+                self.0.iter_mut().collect()
             }
 
             fn and(self, later: $type) -> $type {

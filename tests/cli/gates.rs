@@ -74,9 +74,39 @@ fn one_gate_is_an_array_too() {
 }
 
 #[test]
+fn a_list_of_responses_is_rendered_again_from_its_settings() {
+    let here = with_box();
+    let at = |name: &str| here.path().join(name);
+    std::fs::write(at("laser.csv"), "# measured\ntime_ns,weight\n17,0\n20,1\n24,0\n").unwrap();
+    let list =
+        ["--gate", "5m..8m", "--response", "box", "--response", "soft=gauss:6m..7m,1ns", "--response", "laser.csv"];
+    render(here.path(), &[&list[..], &["-o", "a.npy", "-o", "a.exr"]].concat());
+    let text = std::fs::read_to_string(at("a.json")).unwrap();
+    let description: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert!(description["start_opl"].is_null() && description["responses"][1]["name"] == "soft", "{text}");
+    let folder = at("elsewhere");
+    std::fs::create_dir(&folder).unwrap();
+    std::fs::write(folder.join("again.toml"), description["settings"].as_str().unwrap()).unwrap();
+    // The paths in an experiment are relative to its folder.
+    for name in ["box.glb", "laser.csv"] {
+        std::fs::copy(at(name), folder.join(name)).unwrap();
+    }
+    assert!(taugate(&folder, &["render", "again.toml", "-o", "b.npy"]).status.success());
+    assert_eq!(array(&at("a.npy")), array(&folder.join("b.npy")));
+
+    // One response is an image like any other.
+    let message =
+        render(here.path(), &["--gate", "5m..8m", "--response", "trapezoid:0.5m", "-o", "c.exr", "-o", "c.npy"]);
+    assert!(message.contains("with ramps of 0.5 m"), "{message}");
+    assert_eq!(array(&at("c.npy")).1, read_picture(&at("c.exr")).unwrap().rgb);
+}
+
+#[test]
 fn mistakes_name_the_remedy() {
     let here = with_box();
-    let table: [(&[&str], &str); 10] = [
+    std::fs::write(here.path().join("bad.csv"), "1,2\n2,3\n").unwrap();
+    std::fs::write(here.path().join("down.csv"), "m,weight\n2,1\n1,1\n").unwrap();
+    let table: [(&[&str], &str); 15] = [
         (&["--gates", "5m..8m", "-o", "a.npy"], "does not say how many gates"),
         (&["--gates", "5m..8m/5000", "-o", "a.npy"], "give 1 to 4096"),
         (&["--gates", "8m..5m/5", "-o", "a.npy"], "reversed"),
@@ -86,10 +116,15 @@ fn mistakes_name_the_remedy() {
         (&["--gates", "5m..8m/4096", "--resolution", "8192x8192", "-o", "a.npy"], "use fewer gates"),
         (&["--gates", "5m..8m/5", "-o", "a.npy", "-o", "b.npy"], "would hold the same image"),
         (&["--gates", "5m..8m/5", "-o", "a.npy", "--stats", "a.json"], "two outputs have the name a.json"),
+        (&["--response", "gauss:1m", "-o", "a.npy"], "has no gate"),
+        (&["--response", "sinc:1m", "-o", "a.npy"], "is not a response"),
+        (&["--response", "bad.csv", "-o", "a.npy"], "names no unit"),
+        (&["--response", "down.csv", "-o", "a.npy"], "ascending order"),
+        (&["--response", "gone.csv", "-o", "a.npy"], "gone.csv"),
         (&["--gates", "1km..2km/5", "-o", "a.npy"], "meets no light"),
     ];
     for (flags, part) in table {
         fails(here.path(), &[&["render", "box.glb"], flags].concat(), 2, part);
     }
-    assert_eq!(names(here.path()), ["box.glb"]);
+    assert_eq!(names(here.path()), ["bad.csv", "box.glb", "down.csv"]);
 }

@@ -10,7 +10,7 @@ use taugate::internals::render::{Renderer, Tuning};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
-use taugate::internals::settings::{Estimator, Sampling, SettingsBuilder};
+use taugate::internals::settings::{Edge, Estimator, Response, Responses, Sampling, SettingsBuilder};
 
 const SIZE: [u32; 2] = [20, 14];
 
@@ -122,4 +122,44 @@ fn a_render_of_one_gate_does_not_continue_with_several() {
     assert!(error.contains("make a new renderer"), "{error}");
     renderer.restart(0, gates(5.0, 6.0, 2)).unwrap();
     assert_eq!(renderer.responses().unwrap().responses(), 2);
+}
+
+/// The mean over all pixels and channels.
+fn mean(image: &[f32]) -> f64 {
+    image.iter().map(|&x| f64::from(x)).sum::<f64>() / image.len() as f64
+}
+
+#[test]
+fn a_response_is_a_weighted_sum_of_thin_gates() {
+    // Both renders have the same support, so they find the same light with the same random numbers.
+    let scene = build(Kind::CornellBox);
+    let thin = gates(5.0, 12.0, 4000);
+    let ramp = Response::new("ramp", Gate { lo: 6.0, hi: 8.0 }, Edge::Ramp(1.5));
+    let gauss = Response::new("gauss", Gate { lo: 7.0, hi: 8.0 }, Edge::Gauss(0.4));
+    let table =
+        Response::table("table", vec![[5.0, 0.2], [6.5, 3.0], [8.0, 3.0], [8.0, 0.5], [12.0, 0.0]], None).unwrap();
+    let responses = Responses::new(vec![ramp, gauss, table]).unwrap();
+    assert_eq!(responses.support(), thin.whole());
+
+    let settings = binned(Estimator::Bdpt, thin).build().unwrap();
+    let histogram = rendered(renderer(&scene, &settings));
+    let histogram: Vec<f64> = (0..4000).map(|k| mean(&histogram.responses().unwrap().mean(k))).collect();
+    let settings = settings.change().responses(responses.clone()).build().unwrap();
+    let curves = rendered(renderer(&scene, &settings));
+    for (k, response) in responses.iter().enumerate() {
+        let middle = |k: usize| 0.5 * (thin.gate(k as u32).lo + thin.gate(k as u32).hi);
+        let sum: f64 = histogram.iter().enumerate().map(|(k, light)| light * response.weight(middle(k))).sum();
+        let found = mean(&curves.responses().unwrap().mean(k));
+        assert!((found / sum - 1.0).abs() < 1e-3, "{}: {found} and {sum}", response.name());
+        let shifted: f64 =
+            histogram.iter().enumerate().map(|(k, light)| light * response.weight(middle(k) + 0.02)).sum();
+        assert!((found / shifted - 1.0).abs() > 1e-3, "{}: a shift of 2 cm goes unnoticed", response.name());
+    }
+
+    // A response alone is the image of the render.
+    let alone = Responses::new(vec![responses.iter().nth(1).unwrap().clone()]).unwrap();
+    let alone = rendered(renderer(&scene, &settings.change().responses(alone).build().unwrap()));
+    assert!(alone.responses().is_none());
+    let ratio = mean(&alone.film().mean()) / mean(&curves.responses().unwrap().mean(1));
+    assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
 }

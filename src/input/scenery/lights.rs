@@ -9,7 +9,7 @@ use super::camera::centre;
 use crate::error::{Error, Result};
 use crate::image::exr_file::read_picture;
 use crate::input::experiment::Experiment;
-use crate::input::resolve::chosen_responses;
+use crate::input::responses::is_steady;
 use crate::scene::{Light, LightKind, Scene, SkyImage};
 use crate::settings::numbers::{Headlamp, Numbers};
 use crate::settings::sky::{Sky, SkyScale};
@@ -46,7 +46,7 @@ pub(super) fn apply(
 
     let table = &mut experiment.emitter;
     let wanted = table.headlamp.is_some() || table.headlamp_offset.is_some();
-    let has_lamp = has_lamp(scene, chosen_responses(&experiment.gate).are_steady());
+    let has_lamp = has_lamp(scene, is_steady(&experiment.gate));
     if !wanted && (has_lamp || has_bright_surface(scene)) {
         // Without a camera of its own, the scene is probably a model, and its surfaces are not meant to light it.
         if !has_lamp && !notes.is_empty() {

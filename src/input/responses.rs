@@ -1,0 +1,171 @@
+//! The responses of the sensor: gates and shapes that the user chose, and tables from files.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::files::{check_readable, read_error};
+use crate::settings::response_specs::{ResponseSpec, Shape};
+use crate::settings::table::GateTable;
+use crate::settings::units::{Gate, path_unit};
+use crate::settings::{Edge, Response, Responses};
+
+/// Maximum size of a table in bytes.
+const MAX_TABLE_BYTES: u64 = 8 << 20;
+
+/// Whether the user chose no gate at all.
+pub(super) fn is_steady(table: &GateTable) -> bool {
+    table.gate.is_none_or(|gate| gate.is_open())
+        && table.depth.is_none()
+        && table.gates.is_none()
+        && table.response.is_none()
+}
+
+/// The responses that the user chose; without a choice the steady state. Fails if a table cannot be read, if a shape has no gate,
+/// or if two responses have one name.
+pub(super) fn chosen(table: &GateTable) -> Result<Responses> {
+    let gate = table.gate.or(table.depth.map(|depth| depth.0));
+    let specs = table.response.clone().map_or(vec![], |specs| specs.0);
+    let has_own_gate = |spec: &ResponseSpec| !matches!(spec.shape, Shape::Gate { gate: None, .. });
+    match &specs[..] {
+        [] => return Ok(table.gates.map_or_else(|| gate.unwrap_or(Gate::OPEN).into(), Responses::from)),
+        [ResponseSpec { name: None, shape: Shape::Gate { edge, gate: None } }] => {
+            if let Some(gates) = table.gates {
+                return Ok(Responses::uniform_with(gates, *edge));
+            }
+        }
+        all if all.iter().all(has_own_gate) && (gate.is_some() || table.gates.is_some()) => {
+            return Err(settings(
+                "every --response has a gate of its own, so another gate has no effect: remove --gate, --depth or --gates",
+            ));
+        }
+        _ => {}
+    }
+    if table.gates.is_some() {
+        return Err(settings(
+            "--gates takes one --response, such as gauss:0.1m, for the edges of all gates; give other responses without --gates",
+        ));
+    }
+    let list = specs.iter().map(|spec| response(spec, gate)).collect::<Result<_>>()?;
+    Responses::new(list)
+}
+
+/// The response of `spec`, around `gate` if it has no gate of its own.
+fn response(spec: &ResponseSpec, gate: Option<Gate>) -> Result<Response> {
+    match &spec.shape {
+        Shape::Gate { edge, gate: own } => {
+            let kind = match edge {
+                Edge::Sharp => "box",
+                Edge::Ramp(_) => "trapezoid",
+                Edge::Gauss(_) => "gauss",
+            };
+            let gate = own.or(gate).ok_or_else(|| {
+                settings(format!(
+                    "the response {spec} has no gate: add --gate A..B, or write it like {kind}:10m..11m,0.1m"
+                ))
+            })?;
+            Ok(Response::new(spec.name.as_deref().unwrap_or(kind), gate, *edge))
+        }
+        Shape::Table(path) => {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy().replace('.', "-");
+            read_table(spec.name.as_deref().unwrap_or(&stem), path)
+        }
+    }
+}
+
+/// Reads a CSV file of two columns, travel time and weight. The header gives the unit of the times.
+fn read_table(name: &str, path: &Path) -> Result<Response> {
+    let fail = |message: String| Error::File { path: path.into(), message };
+    let length = check_readable(path)?;
+    if length > MAX_TABLE_BYTES {
+        return Err(fail(format!(
+            "{length} bytes are too many for a response; use fewer rows, at most {MAX_TABLE_BYTES} bytes"
+        )));
+    }
+    let bytes = std::fs::read(path).map_err(|e| read_error(path, e))?;
+    let text = String::from_utf8(bytes).map_err(|_| fail(format!("this is not text; {HOW_TO_WRITE}")))?;
+    let rows = parse_table(&text).map_err(fail)?;
+    Response::table(name, rows, Some(path)).map_err(|error| fail(error.to_string()))
+}
+
+const HOW_TO_WRITE: &str =
+    "write a first line like tau_m,weight or time_ns,weight, then a travel time and a weight per line";
+
+/// The rows of a table: travel times in metres, and weights. Lines that are empty or begin with `#` do not count.
+fn parse_table(text: &str) -> std::result::Result<Vec<[f64; 2]>, String> {
+    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+    let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+    let header = lines.next().and_then(|(_, header)| header.split_once(',')).map(|(time, _)| time.trim());
+    let unit = header.and_then(|time| path_unit(time.rsplit_once('_').map_or(time, |(_, unit)| unit)));
+    let unit = unit.ok_or_else(|| format!("its header names no unit; {HOW_TO_WRITE}"))?;
+    lines
+        .map(|(number, line)| {
+            let cells: Vec<f64> = line
+                .split(',')
+                .map(|cell| cell.trim().parse())
+                .collect::<std::result::Result<_, _>>()
+                .unwrap_or_default();
+            match cells[..] {
+                [time, weight] => Ok([time * unit, weight]),
+                _ => Err(format!("line {number}, '{line}', is not a row of two numbers; {HOW_TO_WRITE}")),
+            }
+        })
+        .collect()
+}
+
+fn settings(message: impl Into<String>) -> Error {
+    Error::Settings(message.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::experiment::Experiment;
+
+    fn of(keys: &str) -> Result<Responses> {
+        chosen(&Experiment::parse(&format!("[gate]\n{keys}")).unwrap_or_else(|e| panic!("{e}")).gate)
+    }
+
+    #[test]
+    fn shapes_go_around_the_gates() {
+        let one = of("gate = '10m..11m'\nresponse = 'gauss:0.1m'").unwrap();
+        assert_eq!((one.len(), one.is_single_box(), one.support()), (1, false, Gate { lo: 9.6, hi: 11.4 }));
+        let all = of("gates = '10m..11m/4'\nresponse = 'trapezoid:1m'").unwrap();
+        assert_eq!((all.len(), all.support()), (4, Gate { lo: 9.5, hi: 11.5 }));
+        let names = |responses: &Responses| responses.iter().map(|r| r.name().to_string()).collect::<Vec<_>>();
+        let list = of("gate = '1m..2m'\nresponse = ['box', 'near=gauss:1ns', 'far=box:3m..4m']").unwrap();
+        assert_eq!(names(&list), ["box", "near", "far"]);
+        assert!(of("gate = '1m..2m'\nresponse = 'box'").unwrap().is_single_box());
+    }
+
+    #[test]
+    fn mistakes_name_the_remedy() {
+        for (keys, part) in [
+            ("response = 'gauss:1m'", "has no gate: add --gate"),
+            ("gate = '1m..2m'\nresponse = 'box:3m..4m'", "remove --gate"),
+            ("gates = '1m..2m/3'\nresponse = ['box', 'gauss:1m']", "takes one --response"),
+            ("gate = '1m..2m'\nresponse = ['box', 'box']", "two responses are called 'box'"),
+            ("response = '/nowhere/laser.csv'", "laser.csv"),
+        ] {
+            let error = of(keys).unwrap_err().to_string();
+            assert!(error.contains(part), "{keys}: {error}");
+        }
+    }
+
+    #[test]
+    fn tables_have_a_unit() {
+        assert_eq!(
+            parse_table("# laser\ntau_m,weight\n1,0\n2, 0.5\n\n3,0\n"),
+            Ok(vec![[1.0, 0.0], [2.0, 0.5], [3.0, 0.0]])
+        );
+        assert_eq!(parse_table("ns,weight\n10,1\n"), Ok(vec![[10.0 * 0.299792458, 1.0]]));
+        for (text, part) in [
+            ("", "no unit"),
+            ("1,2\n3,4\n", "no unit"),
+            ("time,weight\n1,2\n", "no unit"),
+            ("tau_m,weight\n1;2\n", "line 2"),
+            ("tau_m,weight\n1,2,3\n", "two numbers"),
+        ] {
+            assert!(parse_table(text).unwrap_err().contains(part), "{text}");
+        }
+    }
+}

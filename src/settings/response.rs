@@ -1,0 +1,228 @@
+//! One response of the sensor: the weight that it gives to light as a function of its travel time.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::settings::units::Gate;
+
+/// Standard deviations at which a Gaussian edge is cut off.
+const GAUSS_CUT: f64 = 4.0;
+
+/// How the weight rises and falls at the ends of a gate. With the edges of two gates that abut, the weights add up to 1 at every
+/// travel time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Edge {
+    /// From 0 to 1 at once.
+    Sharp,
+    /// A straight line of this length in metres, half of it inside the gate: the gate convolved with a box.
+    Ramp(f64),
+    /// The gate convolved with a Gaussian of this standard deviation in metres, which is cut off at 4 standard deviations.
+    Gauss(f64),
+}
+
+impl Edge {
+    /// How far the edge extends outside of the gate, in metres.
+    fn reach(self) -> f64 {
+        match self {
+            Edge::Sharp => 0.0,
+            Edge::Ramp(length) => 0.5 * length,
+            Edge::Gauss(sigma) => GAUSS_CUT * sigma,
+        }
+    }
+
+    /// Weight at `x` metres after the begin of a gate without an end.
+    fn rise(self, x: f64) -> f64 {
+        match self {
+            Edge::Sharp => f64::from(x >= 0.0),
+            Edge::Ramp(length) => (x / length + 0.5).clamp(0.0, 1.0),
+            Edge::Gauss(sigma) => {
+                let below = |z: f64| 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
+                let cut = below(-GAUSS_CUT);
+                ((below(x / sigma) - cut) / (1.0 - 2.0 * cut)).clamp(0.0, 1.0)
+            }
+        }
+    }
+}
+
+/// A measured response: travel times in metres, in ascending order, and weights, which are linear between them. Before the first
+/// and after the last time the weight is 0.
+#[derive(Debug, Clone, PartialEq)]
+struct Table {
+    rows: Vec<[f64; 2]>,
+    file: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Weight {
+    Gate { gate: Gate, edge: Edge },
+    Table(Table),
+}
+
+/// A response of the sensor: a name, and a weight for every travel time. The image of a response is the light of each travel time
+/// times its weight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Response {
+    name: String,
+    weight: Weight,
+}
+
+impl Response {
+    /// Weight 1 inside `gate` and 0 outside, except near its ends, where `edge` says more.
+    pub fn new(name: impl Into<String>, gate: Gate, edge: Edge) -> Response {
+        Response { name: name.into(), weight: Weight::Gate { gate, edge } }
+    }
+
+    /// Weights that are linear between `rows` of travel time in metres and weight, and 0 before and after. Two rows of one time are
+    /// a step. Fails if there are fewer than two rows, if the times are negative or descend, if a number is not finite, or if a
+    /// weight is negative or all are 0. `file`: where the rows come from.
+    pub fn table(name: impl Into<String>, rows: Vec<[f64; 2]>, file: Option<&Path>) -> Result<Response> {
+        let fail = |message: &str| Err(Error::Settings(message.into()));
+        if rows.len() < 2 {
+            return fail("a response needs at least two rows of travel time and weight");
+        }
+        if rows.iter().flatten().any(|x| !x.is_finite() || *x < 0.0) {
+            return fail(
+                "a response has a number that is negative or not finite; travel times and weights are at least 0",
+            );
+        }
+        if !rows.is_sorted_by(|a, b| a[0] <= b[0]) {
+            return fail("the travel times of a response are not in ascending order; sort its rows");
+        }
+        if rows.iter().all(|row| row[1] == 0.0) {
+            return fail("all weights of a response are 0, so no light would count");
+        }
+        Gate::new(rows[0][0], rows[rows.len() - 1][0])?;
+        let table = Table { rows, file: file.map(Path::to_path_buf) };
+        Ok(Response { name: name.into(), weight: Weight::Table(table) })
+    }
+
+    /// Name of the response.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The gate without its edges; of a table, its first and last time. [`Gate::OPEN`] is the steady state.
+    pub fn gate(&self) -> Gate {
+        match &self.weight {
+            Weight::Gate { gate, .. } => *gate,
+            Weight::Table(table) => Gate { lo: table.rows[0][0], hi: table.rows[table.rows.len() - 1][0] },
+        }
+    }
+
+    /// The edges of the gate; `None` for a table.
+    pub fn edge(&self) -> Option<Edge> {
+        match &self.weight {
+            Weight::Gate { edge, .. } => Some(*edge),
+            Weight::Table(_) => None,
+        }
+    }
+
+    /// The file of a table, if it comes from one.
+    pub fn file(&self) -> Option<&Path> {
+        match &self.weight {
+            Weight::Gate { .. } => None,
+            Weight::Table(table) => table.file.as_deref(),
+        }
+    }
+
+    /// A gate outside of which the weight is 0.
+    pub fn support(&self) -> Gate {
+        let reach = self.edge().map_or(0.0, Edge::reach);
+        let gate = self.gate();
+        Gate { lo: (gate.lo - reach).max(0.0), hi: gate.hi + reach }
+    }
+
+    /// Whether the weight is 1 inside the gate and 0 outside.
+    pub fn is_box(&self) -> bool {
+        self.edge() == Some(Edge::Sharp)
+    }
+
+    /// The weight of light with travel time `tau` in metres, at least 0.
+    pub fn weight(&self, tau: f64) -> f64 {
+        match &self.weight {
+            Weight::Gate { gate, edge } => {
+                let falls = if gate.hi.is_finite() { edge.rise(tau - gate.hi) } else { 0.0 };
+                // A gate from 0 on has no edge there: no light is earlier.
+                let rises = if gate.lo == 0.0 { 1.0 } else { edge.rise(tau - gate.lo) };
+                (rises - falls).max(0.0)
+            }
+            Weight::Table(Table { rows, .. }) => {
+                let after = rows.partition_point(|row| row[0] <= tau);
+                if after == 0 || after == rows.len() {
+                    return 0.0;
+                }
+                let [[t0, w0], [t1, w1]] = [rows[after - 1], rows[after]];
+                w0 + (w1 - w0) * (tau - t0) / (t1 - t0)
+            }
+        }
+    }
+
+    /// The response as text: its name, and its gate in optical path, time and depth.
+    pub fn describe(&self) -> String {
+        let gate = self.gate().describe();
+        match &self.weight {
+            Weight::Gate { edge: Edge::Sharp, .. } => gate,
+            Weight::Gate { edge: Edge::Ramp(length), .. } => format!("{gate} with ramps of {length} m"),
+            Weight::Gate { edge: Edge::Gauss(sigma), .. } => format!("{gate} with Gaussian edges of {sigma} m"),
+            Weight::Table(_) => format!("{} in the {gate}", self.name),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GATE: Gate = Gate { lo: 2.0, hi: 3.0 };
+
+    #[test]
+    fn weights_are_those_drawn_by_hand() {
+        let of = |edge| move |tau: f64| Response::new("a", GATE, edge).weight(tau);
+        let sharp = of(Edge::Sharp);
+        assert_eq!([1.9, 2.0, 2.9, 3.0].map(sharp), [0.0, 1.0, 1.0, 0.0]);
+        let ramp = of(Edge::Ramp(0.4));
+        for (tau, weight) in [(1.8, 0.0), (1.9, 0.25), (2.0, 0.5), (2.2, 1.0), (2.9, 0.75), (3.2, 0.0)] {
+            assert!((ramp(tau) - weight).abs() < 1e-12, "{tau}");
+        }
+        let gauss = of(Edge::Gauss(0.1));
+        // The standard normal distribution at 0, 1 and -2 (tables), as the cut at 4 moves it by 3e-5.
+        for (tau, weight) in [(2.0, 0.5), (2.1, 0.841345), (1.8, 0.022750), (2.5, 1.0), (1.59, 0.0), (3.41, 0.0)] {
+            assert!((gauss(tau) - weight).abs() < 4e-5, "{tau}: {}", gauss(tau));
+        }
+        assert_eq!(Response::new("a", GATE, Edge::Gauss(0.1)).support(), Gate { lo: 1.6, hi: 3.4 });
+    }
+
+    #[test]
+    fn abutting_gates_add_up_to_one_at_every_time() {
+        for edge in [Edge::Sharp, Edge::Ramp(0.7), Edge::Ramp(3.0), Edge::Gauss(0.2)] {
+            let gates: Vec<Response> =
+                (0..20).map(|k| Response::new("a", Gate { lo: k.into(), hi: f64::from(k) + 1.0 }, edge)).collect();
+            for i in 0..1000 {
+                let tau = 0.0178 * f64::from(i);
+                let sum: f64 = gates.iter().map(|gate| gate.weight(tau)).sum();
+                assert!((sum - 1.0).abs() < 1e-12, "{edge:?} at {tau}: {sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn tables_are_linear_with_steps() {
+        let rows = vec![[1.0, 0.0], [2.0, 4.0], [2.0, 1.0], [4.0, 3.0]];
+        let table = Response::table("a", rows, None).unwrap();
+        for (tau, weight) in [(0.9, 0.0), (1.5, 2.0), (2.0, 1.0), (3.0, 2.0), (4.0, 0.0), (9.0, 0.0)] {
+            assert_eq!(table.weight(tau), weight, "{tau}");
+        }
+        assert_eq!((table.support(), table.is_box()), (Gate { lo: 1.0, hi: 4.0 }, false));
+        for (rows, part) in [
+            (vec![[1.0, 1.0]], "two rows"),
+            (vec![[1.0, 1.0], [0.5, 1.0]], "ascending"),
+            (vec![[1.0, 1.0], [2.0, -1.0]], "negative"),
+            (vec![[1.0, 1.0], [f64::NAN, 1.0]], "not finite"),
+            (vec![[1.0, 0.0], [2.0, 0.0]], "all weights"),
+            (vec![[1.0, 1.0], [1.0, 1.0]], "empty"),
+        ] {
+            let error = Response::table("a", rows, None).unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        }
+    }
+}
