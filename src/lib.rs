@@ -68,6 +68,7 @@ pub use scene::{
     PhaseFunction, Projection, Scene, Texture, Wrap,
 };
 pub use settings::SettingsBuilder;
+pub use settings::frequencies::Frequencies;
 pub use settings::gates::Gates;
 pub use settings::units::Gate;
 pub use settings::{

@@ -87,6 +87,10 @@ impl Report<'_> {
             rescue.write(&npy_file::description_path(path), |path| {
                 npy_file::write_description(path, film, responses, self.provenance)
             });
+            if let Some((images, frequencies)) = responses.zip(self.settings.responses().frequencies()) {
+                rescue
+                    .write(&npy_file::depth_path(path), |path| npy_file::write_depths(path, film, images, frequencies));
+            }
             if outputs.variance {
                 rescue.write(&npy_file::variance_path(path), |path| npy_file::write_variances(path, film, responses));
             }

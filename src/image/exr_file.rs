@@ -14,6 +14,7 @@ use exr::prelude::{
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error, write_atomically};
+use crate::image::depth;
 use crate::image::film::Film;
 use crate::image::fingerprint;
 use crate::image::layers::{Layers, Plane};
@@ -111,6 +112,10 @@ pub fn write_responses(
                 }
             }
         }
+    }
+    if let Some((images, frequencies)) = images.zip(responses.frequencies()) {
+        let plane = |(name, values): (String, Vec<f32>)| AnyChannel::new(text(&name), FlatSamples::F32(values));
+        channels.extend(depth::planes(images, frequencies).into_iter().map(plane));
     }
     channels.extend(planes_of(layers));
 

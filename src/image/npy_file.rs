@@ -7,10 +7,12 @@ use serde::Serialize;
 
 use crate::error::Result;
 use crate::files::write_atomically;
+use crate::image::depth;
 use crate::image::exr_file::{Provenance, version};
 use crate::image::film::Film;
 use crate::image::response_film::ResponseFilm;
 use crate::settings::Response;
+use crate::settings::frequencies::Frequencies;
 use crate::settings::response_specs::ResponseSpec;
 
 /// The file beside an array. The names of the first three fields are those of mitransient; lengths are metres of optical path.
@@ -90,6 +92,17 @@ pub fn write_variances(path: &Path, film: &Film, responses: Option<&ResponseFilm
         None => write(path, &shape(film, None), film.variance_of_mean()),
         Some(all) => write(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.variances_of(pixel))),
     }
+}
+
+/// The array of depths beside the array `path` of a continuous-wave sensor.
+pub fn depth_path(path: &Path) -> PathBuf {
+    path.with_extension("depth.npy")
+}
+
+/// Writes the depths in metres, of shape (height, width): of two frequencies, the depth that both agree on.
+pub fn write_depths(path: &Path, film: &Film, images: &ResponseFilm, frequencies: &Frequencies) -> Result<()> {
+    let depths = depth::planes(images, frequencies).pop().map_or(vec![], |(_, depths)| depths);
+    write(path, &[film.height() as usize, film.width() as usize], depths)
 }
 
 /// Writes the JSON file that describes the arrays.

@@ -77,13 +77,22 @@ impl Experiment {
             let (line, column) = position(text, at.unwrap_or(0));
             ParseError { line, column, message: message.into() }
         };
-        let GateTable { gate, depth, gates, .. } = &experiment.gate;
+        let GateTable { gate, depth, gates, response, cw, .. } = &experiment.gate;
         if gate.is_some() && depth.is_some() {
             return Err(exclusive("gate", "depth", "gate and depth both set the gate: keep one"));
         }
         if gates.is_some() && (gate.is_some() || depth.is_some()) {
             let other = if gate.is_some() { "gate" } else { "depth" };
             return Err(exclusive(other, "gates", &format!("{other} and gates both set the gates: keep one")));
+        }
+        let others = [
+            ("gate", gate.is_some()),
+            ("depth", depth.is_some()),
+            ("gates", gates.is_some()),
+            ("response", response.is_some()),
+        ];
+        if let Some((other, _)) = others.iter().find(|(_, given)| *given && cw.is_some()) {
+            return Err(exclusive(other, "cw", &format!("{other} and cw both say which light counts: keep one")));
         }
         if experiment.camera.fov.is_some() && experiment.camera.ortho.is_some() {
             return Err(exclusive("fov", "ortho", "fov and ortho both set the view of the camera: keep one"));
@@ -99,7 +108,13 @@ impl Experiment {
     pub fn over(self, mut below: Experiment) -> Experiment {
         // Keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
         if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
-            (below.gate.gate, below.gate.depth, below.gate.gates) = (None, None, None);
+            (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
+        }
+        if self.gate.response.is_some() {
+            below.gate.cw = None;
+        }
+        if self.gate.cw.is_some() {
+            below.gate = GateTable { force: below.gate.force, ..GateTable::default() };
         }
         if self.camera.fov.is_some() || self.camera.ortho.is_some() {
             (below.camera.fov, below.camera.ortho) = (None, None);

@@ -32,6 +32,8 @@ pub struct Outputs {
     pub npy: Option<PathBuf>,
     /// Whether the variances of the array are written too.
     pub variance: bool,
+    /// Whether the array is of a continuous-wave sensor, so that its depths are written too.
+    pub depth: bool,
     /// Auxiliary layers of the image file.
     pub aov: Aov,
     pub png: Option<PathBuf>,
@@ -49,6 +51,7 @@ impl Outputs {
         if let Some(npy) = &self.npy {
             files.push(npy_file::description_path(npy));
             files.extend(self.variance.then(|| npy_file::variance_path(npy)));
+            files.extend(self.depth.then(|| npy_file::depth_path(npy)));
         }
         files.extend([&self.png, &self.stats].into_iter().flatten().cloned());
         files
@@ -117,7 +120,18 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         return Err(settings("--strategy-images needs a single gate: render it alone, with --gate"));
     }
     let exposure = wanted.exposure.unwrap_or_default();
-    Ok(Outputs { exr, npy, variance, aov, png, exposure, stats, strategy_images: wanted.strategy_images.clone() })
+    let depth = experiment.gate.cw.is_some();
+    Ok(Outputs {
+        exr,
+        npy,
+        variance,
+        depth,
+        aov,
+        png,
+        exposure,
+        stats,
+        strategy_images: wanted.strategy_images.clone(),
+    })
 }
 
 /// Fills in all settings. `experiment` (flags and file, already merged) has priority over the scene, and the scene over the
@@ -146,7 +160,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     }
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
-    let emitters = emitters(&experiment.emitter, scene, &gate, &mut warnings)?;
+    let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
     let estimator = render.estimator.unwrap_or_else(|| defaults::estimator(gate, scene, &emitters));
     let mut settings = Settings::builder()
         .table(render)
@@ -260,7 +274,7 @@ pub fn emitting_nodes(scene: &Scene) -> Vec<&str> {
 }
 
 /// The nodes that emit. A gated render leaves out suns and the sky, with a warning, because their light has no travel time.
-fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate, warnings: &mut Vec<String>) -> Result<Emitters> {
+fn emitters(table: &EmitterTable, scene: &Scene, is_steady: bool, warnings: &mut Vec<String>) -> Result<Emitters> {
     let candidates = emitting_nodes(scene);
     let emitters = table.emitters.clone().unwrap_or(Emitters::Scene);
     let emitters = match emitters {
@@ -283,7 +297,7 @@ fn emitters(table: &EmitterTable, scene: &Scene, gate: &Gate, warnings: &mut Vec
     let is_distant = |node: &&str| distant.contains(*node);
     let (distant, others): (Vec<&str>, Vec<&str>) =
         candidates.iter().filter(|node| emitters.include(node)).partition(|n| is_distant(n));
-    let (false, Some(first)) = (gate.is_open(), distant.first()) else { return Ok(emitters) };
+    let (false, Some(first)) = (is_steady, distant.first()) else { return Ok(emitters) };
     if !others.is_empty() {
         warnings.push(format!(
             "suns and the sky are infinitely far away and have no travel time, so this gated render leaves out {}",

@@ -18,11 +18,15 @@ pub(super) fn is_steady(table: &GateTable) -> bool {
         && table.depth.is_none()
         && table.gates.is_none()
         && table.response.is_none()
+        && table.cw.is_none()
 }
 
 /// The responses that the user chose; without a choice the steady state. Fails if a table cannot be read, if a shape has no gate,
 /// or if two responses have one name.
 pub(super) fn chosen(table: &GateTable) -> Result<Responses> {
+    if let Some(frequencies) = &table.cw {
+        return Ok(frequencies.clone().into());
+    }
     let gate = table.gate.or(table.depth.map(|depth| depth.0));
     let specs = table.response.clone().map_or(vec![], |specs| specs.0);
     let has_own_gate = |spec: &ResponseSpec| !matches!(spec.shape, Shape::Gate { gate: None, .. });

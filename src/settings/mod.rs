@@ -8,6 +8,8 @@ mod builder;
 mod choices;
 #[allow(missing_docs)]
 pub mod exposure;
+#[allow(missing_docs)]
+pub mod frequencies;
 pub mod gates;
 #[allow(missing_docs)]
 pub mod grid;

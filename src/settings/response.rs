@@ -54,8 +54,16 @@ struct Table {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Weight {
-    Gate { gate: Gate, edge: Edge },
+    Gate {
+        gate: Gate,
+        edge: Edge,
+    },
     Table(Table),
+    /// (1 + cos(2 pi tau / period + quarter pi / 2)) / 2.
+    Wave {
+        period: f64,
+        quarter: u32,
+    },
 }
 
 /// A response of the sensor: a name, and a weight for every travel time. The image of a response is the light of each travel time
@@ -96,31 +104,37 @@ impl Response {
         Ok(Response { name: name.into(), weight: Weight::Table(table) })
     }
 
+    /// The weight (1 + cos(2 pi tau / `period` + `quarter` pi / 2)) / 2 for light of every travel time tau; `period` is in metres.
+    pub(super) fn wave(name: String, period: f64, quarter: u32) -> Response {
+        Response { name, weight: Weight::Wave { period, quarter } }
+    }
+
     /// Name of the response.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The gate without its edges; of a table, its first and last time. [`Gate::OPEN`] is the steady state.
+    /// The gate without its edges; of a table, its first and last time. [`Gate::OPEN`] if all light may count.
     pub fn gate(&self) -> Gate {
         match &self.weight {
             Weight::Gate { gate, .. } => *gate,
             Weight::Table(table) => Gate { lo: table.rows[0][0], hi: table.rows[table.rows.len() - 1][0] },
+            Weight::Wave { .. } => Gate::OPEN,
         }
     }
 
-    /// The edges of the gate; `None` for a table.
+    /// The edges of the gate; `None` for a table or a wave.
     pub fn edge(&self) -> Option<Edge> {
         match &self.weight {
             Weight::Gate { edge, .. } => Some(*edge),
-            Weight::Table(_) => None,
+            Weight::Table(_) | Weight::Wave { .. } => None,
         }
     }
 
     /// The file of a table, if it comes from one.
     pub fn file(&self) -> Option<&Path> {
         match &self.weight {
-            Weight::Gate { .. } => None,
+            Weight::Gate { .. } | Weight::Wave { .. } => None,
             Weight::Table(table) => table.file.as_deref(),
         }
     }
@@ -154,6 +168,10 @@ impl Response {
                 let [[t0, w0], [t1, w1]] = [rows[after - 1], rows[after]];
                 w0 + (w1 - w0) * (tau - t0) / (t1 - t0)
             }
+            Weight::Wave { period, quarter } => {
+                let turns = tau / period + 0.25 * f64::from(*quarter);
+                0.5 * (1.0 + (std::f64::consts::TAU * turns.fract()).cos())
+            }
         }
     }
 
@@ -165,6 +183,7 @@ impl Response {
             Weight::Gate { edge: Edge::Ramp(length), .. } => format!("{gate} with ramps of {length} m"),
             Weight::Gate { edge: Edge::Gauss(sigma), .. } => format!("{gate} with Gaussian edges of {sigma} m"),
             Weight::Table(_) => format!("{} in the {gate}", self.name),
+            Weight::Wave { .. } => self.name.clone(),
         }
     }
 }

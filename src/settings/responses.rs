@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use crate::error::{Error, Result};
+use crate::settings::frequencies::Frequencies;
 use crate::settings::gates::{Gates, MAX_GATES};
 use crate::settings::response::{Edge, Response};
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
@@ -15,6 +16,8 @@ pub struct Responses {
     list: Vec<Response>,
     /// The gates that the list was made from, if they all have the same width and abut.
     uniform: Option<Gates>,
+    /// The frequencies that the list was made from.
+    frequencies: Option<Frequencies>,
 }
 
 impl Responses {
@@ -30,14 +33,14 @@ impl Responses {
                 twice.name()
             )));
         }
-        Ok(Responses { list, uniform: None })
+        Ok(Responses { list, uniform: None, frequencies: None })
     }
 
     /// One response per gate, with these edges.
     pub fn uniform_with(gates: Gates, edge: Edge) -> Responses {
         let digits = (gates.count() - 1).to_string().len();
         let response = |k| Response::new(format!("bin{k:0digits$}"), gates.gate(k), edge);
-        Responses { list: (0..gates.count()).map(response).collect(), uniform: Some(gates) }
+        Responses { list: (0..gates.count()).map(response).collect(), uniform: Some(gates), frequencies: None }
     }
 
     /// All responses, in order.
@@ -49,6 +52,11 @@ impl Responses {
     #[allow(clippy::len_without_is_empty)]
     pub fn len(&self) -> usize {
         self.list.len()
+    }
+
+    /// The frequencies of a continuous-wave sensor, if the list was made from them.
+    pub fn frequencies(&self) -> Option<&Frequencies> {
+        self.frequencies.as_ref()
     }
 
     /// Whether there is one response, whose weight is 1 inside its gate and 0 outside.
@@ -93,6 +101,9 @@ impl Responses {
                 edge.filter(|edge| *edge != Edge::Sharp).map(|edge| ResponseSpecs(vec![ResponseSpec::around(edge)]));
             return GateTable { gates: Some(gates), response, ..GateTable::default() };
         }
+        if self.frequencies.is_some() {
+            return GateTable { cw: self.frequencies.clone(), ..GateTable::default() };
+        }
         if self.is_single_box() {
             let gate = (!self.are_steady()).then(|| self.support());
             return GateTable { gate, ..GateTable::default() };
@@ -103,9 +114,10 @@ impl Responses {
 
     /// The gates as text; see [`Gate::describe`].
     pub fn describe(&self) -> String {
-        match self.uniform {
-            Some(gates) => gates.describe(),
-            None => self.iter().map(Response::describe).collect::<Vec<_>>().join("; "),
+        match (self.uniform, &self.frequencies) {
+            (Some(gates), _) => gates.describe(),
+            (_, Some(frequencies)) => format!("continuous wave of {frequencies} MHz"),
+            (None, None) => self.iter().map(Response::describe).collect::<Vec<_>>().join("; "),
         }
     }
 }
@@ -120,7 +132,18 @@ impl Default for Responses {
 impl From<Gate> for Responses {
     fn from(gate: Gate) -> Responses {
         let name = if gate.is_open() { "steady" } else { "gate" };
-        Responses { list: vec![Response::new(name, gate, Edge::Sharp)], uniform: None }
+        Responses { list: vec![Response::new(name, gate, Edge::Sharp)], uniform: None, frequencies: None }
+    }
+}
+
+impl From<Frequencies> for Responses {
+    /// Four responses per frequency, with phases of k quarter turns: `cw20MHz-0` to `cw20MHz-3`.
+    fn from(frequencies: Frequencies) -> Responses {
+        let four = |&f: &f64| {
+            (0..4).map(move |k| Response::wave(format!("{}-{k}", Frequencies::name(f)), Frequencies::period(f), k))
+        };
+        let list = frequencies.megahertz().iter().flat_map(four).collect();
+        Responses { list, uniform: None, frequencies: Some(frequencies) }
     }
 }
 

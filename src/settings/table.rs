@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
+use crate::settings::frequencies::Frequencies;
 use crate::settings::gates::Gates;
 use crate::settings::grid::Filter;
 use crate::settings::medium::{
@@ -192,6 +193,10 @@ table! {
         /// Gaussian of that length or time), or FILE.csv with travel times and weights; with a name and a gate of its own it is an
         /// image of its own, such as near=gauss:10m..11m,0.1m; may be repeated [default: box]
         response: ResponseSpecs, Setting::gate("response", "[NAME=]SPEC").form(Form::Repeated);
+
+        /// Continuous-wave sensor: modulation frequencies in MHz, one or two. Four images per frequency, with the weights (1 + cos(2 pi
+        /// F tau / c + k pi / 2)) / 2 for k = 0 to 3, and layers of phase, amplitude and depth in metres
+        cw: Frequencies, Setting::gate("cw", "MHZ[,MHZ]").excludes(&["gate", "depth", "gates", "response"]);
 
         /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
         force: bool, Setting::gate("force", "").form(Form::Switch);

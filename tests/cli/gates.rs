@@ -102,11 +102,29 @@ fn a_list_of_responses_is_rendered_again_from_its_settings() {
 }
 
 #[test]
+fn a_continuous_wave_sensor_writes_depths() {
+    let here = with_box();
+    let at = |name: &str| here.path().join(name);
+    let message = render(here.path(), &["--cw", "80,60", "-o", "a.npy", "-o", "a.exr"]);
+    assert!(message.contains("continuous wave of 80,60 MHz"), "{message}");
+    assert_eq!(names(here.path()), ["a.depth.npy", "a.exr", "a.json", "a.npy", "box.glb"]);
+    assert_eq!(array(&at("a.npy")).0, "6, 8, 8, 3");
+    let (shape, depths) = array(&at("a.depth.npy"));
+    // The phases of both frequencies repeat together after 7.5 m.
+    assert!(shape == "6, 8" && depths.iter().all(|&depth| depth.is_nan() || (0.0..7.5).contains(&depth)), "{depths:?}");
+    let meta = exr::meta::MetaData::read_from_file(at("a.exr"), false).unwrap();
+    let names: Vec<String> = meta.headers[0].channels.list.iter().map(|channel| channel.name.to_string()).collect();
+    for name in ["R", "cw80MHz-3.G", "cw60MHz.amplitude", "cw80MHz.phase", "cw80MHz.depth", "cw.depth"] {
+        assert!(names.iter().any(|found| found == name), "{name}: {names:?}");
+    }
+}
+
+#[test]
 fn mistakes_name_the_remedy() {
     let here = with_box();
     std::fs::write(here.path().join("bad.csv"), "1,2\n2,3\n").unwrap();
     std::fs::write(here.path().join("down.csv"), "m,weight\n2,1\n1,1\n").unwrap();
-    let table: [(&[&str], &str); 15] = [
+    let table: [(&[&str], &str); 17] = [
         (&["--gates", "5m..8m", "-o", "a.npy"], "does not say how many gates"),
         (&["--gates", "5m..8m/5000", "-o", "a.npy"], "give 1 to 4096"),
         (&["--gates", "8m..5m/5", "-o", "a.npy"], "reversed"),
@@ -121,6 +139,8 @@ fn mistakes_name_the_remedy() {
         (&["--response", "bad.csv", "-o", "a.npy"], "names no unit"),
         (&["--response", "down.csv", "-o", "a.npy"], "ascending order"),
         (&["--response", "gone.csv", "-o", "a.npy"], "gone.csv"),
+        (&["--cw", "20,20", "-o", "a.npy"], "like 20 or 80,60"),
+        (&["--cw", "20", "--gate", "1m..2m", "-o", "a.npy"], "cannot be used with"),
         (&["--gates", "1km..2km/5", "-o", "a.npy"], "meets no light"),
     ];
     for (flags, part) in table {

@@ -1,0 +1,105 @@
+//! Modulation frequencies of a continuous-wave sensor.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::de::{Deserialize, Deserializer, Error as _};
+use serde::{Serialize, Serializer};
+
+use crate::error::{Error, Result};
+use crate::settings::setting::value_from_text;
+use crate::settings::units::{METRES_PER_NS, number};
+
+/// One frequency or two different ones, in MHz.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frequencies(Vec<f64>);
+
+impl Frequencies {
+    /// Fails unless there are one or two different frequencies from 0.001 to 1,000,000 MHz.
+    pub fn new(megahertz: Vec<f64>) -> Result<Frequencies> {
+        let are_possible = megahertz.iter().all(|f| (1e-3..=1e6).contains(f));
+        match megahertz[..] {
+            [_] if are_possible => Ok(Frequencies(megahertz)),
+            [a, b] if are_possible && a != b => Ok(Frequencies(megahertz)),
+            _ => Err(Error::Settings(
+                "these are not modulation frequencies: write one or two different numbers of MHz, like 20 or 80,60"
+                    .into(),
+            )),
+        }
+    }
+
+    /// The frequencies in MHz, one or two.
+    pub fn megahertz(&self) -> &[f64] {
+        &self.0
+    }
+
+    /// Optical path in metres in which the phase makes a full turn.
+    pub fn period(megahertz: f64) -> f64 {
+        METRES_PER_NS * 1e3 / megahertz
+    }
+
+    /// The frequency as part of the name of a layer, without a dot.
+    pub fn name(megahertz: f64) -> String {
+        format!("cw{}MHz", number(megahertz).replace('.', "_"))
+    }
+}
+
+impl FromStr for Frequencies {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Frequencies> {
+        let text = text.trim();
+        let numbers = text.strip_suffix("MHz").unwrap_or(text).split(',').map(|f| f.trim().parse());
+        Frequencies::new(numbers.collect::<std::result::Result<_, _>>().unwrap_or_default())
+    }
+}
+
+/// Prints text that parses to the same frequencies.
+impl fmt::Display for Frequencies {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.iter().map(|&f| number(f)).collect::<Vec<_>>().join(","))
+    }
+}
+
+impl Serialize for Frequencies {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(&self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Frequencies {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        #[serde(untagged, expecting = "expected one or two numbers of MHz, like 20 or [80, 60]")]
+        enum Typed {
+            One(f64),
+            List(Vec<f64>),
+            Text(String),
+        }
+        match Typed::deserialize(deserializer)? {
+            Typed::One(one) => Frequencies::new(vec![one]),
+            Typed::List(list) => Frequencies::new(list),
+            Typed::Text(text) => text.parse(),
+        }
+        .map_err(D::Error::custom)
+    }
+}
+
+value_from_text!(Frequencies);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_or_two_frequencies() {
+        for (text, printed) in [("20", "20"), (" 80, 60 ", "80,60"), ("12.5MHz", "12.5")] {
+            assert_eq!(text.parse::<Frequencies>().unwrap().to_string(), printed);
+        }
+        for bad in ["", "0", "-20", "20,20", "1,2,3", "inf", "NaN", "20GHz", "1e7"] {
+            assert!(bad.parse::<Frequencies>().unwrap_err().to_string().contains("like 20 or 80,60"), "{bad}");
+        }
+        assert_eq!(Frequencies::name(12.5), "cw12_5MHz");
+        assert!((Frequencies::period(20.0) - 14.989_622_9).abs() < 1e-7);
+    }
+}
