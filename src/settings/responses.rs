@@ -10,6 +10,9 @@ use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::table::GateTable;
 use crate::settings::units::Gate;
 
+/// Names of channels that image files have beside the responses.
+const RESERVED_NAMES: [&str; 6] = ["Variance", "depth", "normal", "albedo", "object", "arrival"];
+
 /// The responses that a render measures, at least one. A plain gate is a list of one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Responses {
@@ -21,10 +24,17 @@ pub struct Responses {
 }
 
 impl Responses {
-    /// A list of responses. Fails if there is none, if there are more than [`MAX_GATES`], or if two have one name.
+    /// A list of responses. Fails if there is none, if there are more than [`MAX_GATES`], if two have one name, or if a name is that of
+    /// other channels in image files: Variance, depth, normal, albedo, object, arrival.
     pub fn new(list: Vec<Response>) -> Result<Responses> {
         if list.is_empty() || list.len() > MAX_GATES as usize {
             return Err(Error::Settings(format!("{} responses are not possible: give 1 to {MAX_GATES}", list.len())));
+        }
+        if let Some(response) = list.iter().find(|response| RESERVED_NAMES.contains(&response.name())) {
+            return Err(Error::Settings(format!(
+                "a response cannot be called '{0}', because image files have other channels of this name; write like my-{0}=...",
+                response.name()
+            )));
         }
         let mut names = HashSet::new();
         if let Some(twice) = list.iter().find(|response| !names.insert(response.name())) {
@@ -85,7 +95,8 @@ impl Responses {
 
     /// Fails if a gate is invalid, with the message of [`Gate::new`].
     pub(crate) fn check(&self) -> Result<()> {
-        self.iter().try_for_each(|response| Gate::new(response.gate().lo, response.gate().hi).map(drop))
+        let gates = self.iter().flat_map(|response| [response.gate(), response.support()]);
+        gates.into_iter().try_for_each(|gate| Gate::new(gate.lo, gate.hi).map(drop))
     }
 
     /// Whether light of every travel time counts fully in every response: the steady state.
@@ -175,6 +186,8 @@ mod tests {
         let bins = [response("a", 3.0, 4.0), response("b", 1.0, 2.0), response("c", 1.5, 3.5)];
         let twice = Responses::new(vec![bins[0].clone(), bins[0].clone()]).unwrap_err().to_string();
         assert!(twice.contains("called 'a'"), "{twice}");
+        let reserved = Responses::new(vec![response("albedo", 1.0, 2.0)]).unwrap_err().to_string();
+        assert!(reserved.contains("cannot be called 'albedo'"), "{reserved}");
         let bins = Responses::new(bins.into()).unwrap();
         assert_eq!((bins.support(), bins.are_steady()), (Gate { lo: 1.0, hi: 4.0 }, false));
     }

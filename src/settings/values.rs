@@ -211,9 +211,9 @@ impl Value for Png {
     }
 }
 
-/// Names of files or folders, for a setting that may be repeated.
+/// Names of files or folders, for a setting that may be repeated. `$check` says why a name is not possible.
 macro_rules! names {
-    ($(#[doc = $about:literal] $type:ident, $empty:literal, $expecting:literal;)+) => {$(
+    ($(#[doc = $about:literal] $type:ident, $check:expr, $expecting:literal;)+) => {$(
         #[doc = $about]
         #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
         #[serde(transparent)]
@@ -221,9 +221,10 @@ macro_rules! names {
 
         impl $type {
             fn new(names: Vec<PathBuf>) -> Result<$type, String> {
-                match names.iter().any(|name| name.as_os_str().is_empty()) {
-                    true => Err($empty.into()),
-                    false => Ok($type(names)),
+                let check: fn(&PathBuf) -> Option<&'static str> = $check;
+                match names.iter().find_map(check) {
+                    Some(message) => Err(message.into()),
+                    None => Ok($type(names)),
                 }
             }
         }
@@ -262,9 +263,11 @@ macro_rules! names {
 
 names! {
     /// Names of folders.
-    Folders, "a folder has an empty name; write . for the current folder", "expected the name of a folder or a list of such names";
-    /// Names of files.
-    Files, "a file has an empty name; name a file", "expected the name of a file or a list of such names";
+    Folders,
+    |name| name.as_os_str().is_empty().then_some("a folder has an empty name; write . for the current folder"),
+    "expected the name of a folder or a list of such names";
+    /// Names of files. In an experiment, an empty name counts as not given.
+    Files, |_| None, "expected the name of a file or a list of such names";
 }
 
 impl Serialize for Emitters {
