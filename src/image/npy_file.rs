@@ -53,6 +53,9 @@ struct Entry<'a> {
     gate_begin_m: f64,
     /// Null for a gate without an end.
     gate_end_m: f64,
+    /// The period of a pulsed laser, whose light of all pulses counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    repeat_m: Option<f64>,
 }
 
 impl Entry<'_> {
@@ -63,6 +66,7 @@ impl Entry<'_> {
             response: text,
             gate_begin_m: response.gate().lo,
             gate_end_m: response.gate().hi,
+            repeat_m: response.period(),
         }
     }
 }

@@ -12,6 +12,8 @@ use crate::files::{check_readable, read_error};
 use crate::input::light_table::LightTable;
 use crate::input::medium_tables::MediumTables;
 use crate::input::plain::{plain, table_of};
+use crate::input::response_table::ResponseTable;
+use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::setting::{Setting, Value, Visitor};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, OutputTable, RenderTable};
 
@@ -34,6 +36,9 @@ pub struct Experiment {
     /// Lights to add to those of the scene.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub light: Vec<LightTable>,
+    /// `[[response]]` while a file is read; [`Experiment::parse`] moves it to the end of `gate.response`.
+    #[serde(skip_serializing)]
+    pub response: Vec<ResponseTable>,
 }
 
 impl Experiment {
@@ -66,18 +71,22 @@ impl Experiment {
 
     /// Parses the text of an experiment. Paths stay as written.
     pub fn parse(text: &str) -> Result<Experiment, ParseError> {
-        let experiment: Experiment = toml::from_str(text).map_err(|e| {
+        let mut experiment: Experiment = toml::from_str(text).map_err(|e| {
             let at = e.span().map_or(0, |span| span.start);
             let (line, column) = position(text, at);
             ParseError { line, column, message: plain(e.message(), text, at, table_of) }
         })?;
+        let tables = std::mem::take(&mut experiment.response).into_iter().map(|table| table.0);
+        let specs: Vec<ResponseSpec> =
+            experiment.gate.response.take().map_or(vec![], |specs| specs.0).into_iter().chain(tables).collect();
+        experiment.gate.response = (!specs.is_empty()).then_some(ResponseSpecs(specs));
         // If two keys exclude each other, the error points to the later one.
         let exclusive = |first: &str, second: &str, message: &str| {
             let at = [first, second].iter().filter_map(|key| key_offset(text, key)).max();
             let (line, column) = position(text, at.unwrap_or(0));
             ParseError { line, column, message: message.into() }
         };
-        let GateTable { gate, depth, gates, response, cw, .. } = &experiment.gate;
+        let GateTable { gate, depth, gates, response, repeat, cw, .. } = &experiment.gate;
         if gate.is_some() && depth.is_some() {
             return Err(exclusive("gate", "depth", "gate and depth both set the gate: keep one"));
         }
@@ -90,6 +99,7 @@ impl Experiment {
             ("depth", depth.is_some()),
             ("gates", gates.is_some()),
             ("response", response.is_some()),
+            ("repeat", repeat.is_some()),
         ];
         if let Some((other, _)) = others.iter().find(|(_, given)| *given && cw.is_some()) {
             return Err(exclusive(other, "cw", &format!("{other} and cw both say which light counts: keep one")));
@@ -110,7 +120,7 @@ impl Experiment {
         if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
             (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
         }
-        if self.gate.response.is_some() {
+        if self.gate.response.is_some() || self.gate.repeat.is_some() {
             below.gate.cw = None;
         }
         if self.gate.cw.is_some() {
@@ -137,12 +147,13 @@ impl Experiment {
             output: self.output.over(below.output),
             medium: self.medium.over(below.medium),
             light: if self.light.is_empty() { below.light } else { self.light },
+            response: vec![],
         }
     }
 
     /// Calls `visitor` with every setting of every table.
     pub fn visit(&mut self, visitor: &mut impl Visitor) {
-        let Experiment { scene: _, camera, emitter, input, gate, render, output, medium, light: _ } = self;
+        let Experiment { scene: _, camera, emitter, input, gate, render, output, medium, light: _, response: _ } = self;
         camera.visit(visitor);
         emitter.visit(visitor);
         input.visit(visitor);

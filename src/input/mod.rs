@@ -6,5 +6,6 @@ pub mod light_table;
 pub mod medium_tables;
 pub mod plain;
 pub mod resolve;
+pub mod response_table;
 mod responses;
 pub mod scenery;

@@ -22,8 +22,20 @@ pub(super) fn is_steady(table: &GateTable) -> bool {
 }
 
 /// The responses that the user chose; without a choice the steady state. Fails if a table cannot be read, if a shape has no gate,
-/// or if two responses have one name.
+/// if two responses have one name, or if all light repeats.
 pub(super) fn chosen(table: &GateTable) -> Result<Responses> {
+    let of_one_pulse = of_one_pulse(table)?;
+    match table.repeat {
+        None => Ok(of_one_pulse),
+        Some(_) if of_one_pulse.support().hi.is_infinite() => {
+            Err(settings("--repeat needs gates with an end, which it repeats: add --gate A..B or --gates A..B/N"))
+        }
+        Some(period) => Ok(of_one_pulse.repeated(period.0)),
+    }
+}
+
+/// The responses without the repetition by a pulsed laser.
+fn of_one_pulse(table: &GateTable) -> Result<Responses> {
     if let Some(frequencies) = &table.cw {
         return Ok(frequencies.clone().into());
     }

@@ -17,6 +17,7 @@ pub mod keys;
 #[allow(missing_docs)]
 pub mod medium;
 pub mod numbers;
+pub mod period;
 #[allow(missing_docs)]
 pub mod phase;
 mod response;

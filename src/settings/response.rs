@@ -72,12 +72,14 @@ enum Weight {
 pub struct Response {
     name: String,
     weight: Weight,
+    /// Travel time in metres after which the weight repeats; `None` if it does not.
+    period: Option<f64>,
 }
 
 impl Response {
     /// Weight 1 inside `gate` and 0 outside, except near its ends, where `edge` says more.
     pub fn new(name: impl Into<String>, gate: Gate, edge: Edge) -> Response {
-        Response { name: name.into(), weight: Weight::Gate { gate, edge } }
+        Response { name: name.into(), weight: Weight::Gate { gate, edge }, period: None }
     }
 
     /// Weights that are linear between `rows` of travel time in metres and weight, and 0 before and after. Two rows of one time are
@@ -101,12 +103,23 @@ impl Response {
         }
         Gate::new(rows[0][0], rows[rows.len() - 1][0])?;
         let table = Table { rows, file: file.map(Path::to_path_buf) };
-        Ok(Response { name: name.into(), weight: Weight::Table(table) })
+        Ok(Response { name: name.into(), weight: Weight::Table(table), period: None })
     }
 
     /// The weight (1 + cos(2 pi tau / `period` + `quarter` pi / 2)) / 2 for light of every travel time tau; `period` is in metres.
     pub(super) fn wave(name: String, period: f64, quarter: u32) -> Response {
-        Response { name, weight: Weight::Wave { period, quarter } }
+        Response { name, weight: Weight::Wave { period, quarter }, period: None }
+    }
+
+    /// The response to a pulsed laser with this period, in metres of optical path, > 0. Light of an earlier or a later pulse falls
+    /// into the same gate, so the weights of all travel times tau + k `period` count: range folding.
+    pub fn repeated(self, period: f64) -> Response {
+        Response { period: Some(period), ..self }
+    }
+
+    /// The period of a pulsed laser, if the weight repeats.
+    pub fn period(&self) -> Option<f64> {
+        self.period
     }
 
     /// Name of the response.
@@ -114,7 +127,7 @@ impl Response {
         &self.name
     }
 
-    /// The gate without its edges; of a table, its first and last time. [`Gate::OPEN`] if all light may count.
+    /// The gate without its edges, of the first pulse; of a table, its first and last time. [`Gate::OPEN`] if all light may count.
     pub fn gate(&self) -> Gate {
         match &self.weight {
             Weight::Gate { gate, .. } => *gate,
@@ -141,18 +154,40 @@ impl Response {
 
     /// A gate outside of which the weight is 0.
     pub fn support(&self) -> Gate {
+        let Gate { lo, hi } = self.support_of_pulse();
+        match self.period {
+            None => Gate { lo: lo.max(0.0), hi },
+            Some(period) => {
+                // The earliest light is that of the pulse whose support begins or ends first after time 0.
+                let begin = lo.rem_euclid(period);
+                let reaches_zero = begin + (hi - lo) > period;
+                Gate { lo: if reaches_zero { 0.0 } else { begin }, hi: f64::INFINITY }
+            }
+        }
+    }
+
+    /// The support of one pulse, which may begin before time 0.
+    pub(super) fn support_of_pulse(&self) -> Gate {
         let reach = self.edge().map_or(0.0, Edge::reach);
         let gate = self.gate();
-        Gate { lo: (gate.lo - reach).max(0.0), hi: gate.hi + reach }
+        Gate { lo: gate.lo - reach, hi: gate.hi + reach }
     }
 
     /// Whether the weight is 1 inside the gate and 0 outside.
     pub fn is_box(&self) -> bool {
-        self.edge() == Some(Edge::Sharp)
+        self.edge() == Some(Edge::Sharp) && self.period.is_none()
     }
 
     /// The weight of light with travel time `tau` in metres, at least 0.
     pub fn weight(&self, tau: f64) -> f64 {
+        let Some(period) = self.period else { return self.weight_of_pulse(tau) };
+        let Gate { lo, hi } = self.support_of_pulse();
+        let pulses = ((lo - tau) / period).ceil() as i64..=((hi - tau) / period).floor() as i64;
+        pulses.map(|k| self.weight_of_pulse(tau + k as f64 * period)).sum()
+    }
+
+    /// The weight without repetition.
+    fn weight_of_pulse(&self, tau: f64) -> f64 {
         match &self.weight {
             Weight::Gate { gate, edge } => {
                 let falls = if gate.hi.is_finite() { edge.rise(tau - gate.hi) } else { 0.0 };
@@ -178,6 +213,7 @@ impl Response {
     /// The response as text: its name, and its gate in optical path, time and depth.
     pub fn describe(&self) -> String {
         let gate = self.gate().describe();
+        let gate = self.period.map_or(gate.clone(), |period| format!("{gate}, repeated every {period} m"));
         match &self.weight {
             Weight::Gate { edge: Edge::Sharp, .. } => gate,
             Weight::Gate { edge: Edge::Ramp(length), .. } => format!("{gate} with ramps of {length} m"),
@@ -243,5 +279,21 @@ mod tests {
             let error = Response::table("a", rows, None).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
         }
+    }
+
+    #[test]
+    fn a_pulsed_laser_folds_the_range() {
+        let pulsed = Response::new("a", Gate { lo: 12.0, hi: 13.0 }, Edge::Ramp(0.4)).repeated(5.0);
+        let support = pulsed.support();
+        assert!((support.lo - 1.8).abs() < 1e-12 && support.hi == f64::INFINITY, "{support:?}");
+        for (tau, weight) in [(2.0, 0.5), (12.0, 0.5), (7.5, 1.0), (502.5, 1.0), (4.0, 0.0), (8.3, 0.0), (1.9, 0.25)] {
+            assert!((pulsed.weight(tau) - weight).abs() < 1e-9, "{tau}: {}", pulsed.weight(tau));
+        }
+        // The end of one pulse's gate is after time 0, so light from time 0 on counts. Gates longer than the period overlap.
+        let around_zero = Response::new("a", Gate { lo: 4.5, hi: 5.5 }, Edge::Sharp).repeated(5.0);
+        assert_eq!((around_zero.support().lo, around_zero.weight(0.2), around_zero.weight(0.5)), (0.0, 1.0, 0.0));
+        let long = Response::new("a", Gate { lo: 1.0, hi: 8.0 }, Edge::Sharp).repeated(5.0);
+        assert_eq!([0.5, 1.5, 2.9, 3.5].map(|tau| long.weight(tau)), [1.0, 2.0, 2.0, 1.0]);
+        assert!(!long.is_box());
     }
 }

@@ -48,6 +48,16 @@ impl ResponseSpec {
     }
 }
 
+/// Fails if `name` cannot be part of the names of channels in an image file.
+pub fn check_name(name: &str) -> Result<()> {
+    match name.is_empty() || name.contains('.') {
+        false => Ok(()),
+        true => Err(Error::Settings(format!(
+            "'{name}' is not a name for a response: it names the layers of an image, so it must not be empty or contain a dot"
+        ))),
+    }
+}
+
 impl FromStr for ResponseSpec {
     type Err = Error;
 
@@ -57,11 +67,7 @@ impl FromStr for ResponseSpec {
             Some((name, rest)) => (Some(name.trim()), rest.trim()),
             None => (None, text.trim()),
         };
-        if let Some(name) = name.filter(|name| name.is_empty() || name.contains('.')) {
-            return Err(Error::Settings(format!(
-                "'{name}' is not a name for a response: it names the layers of an image, so it must not be empty or contain a dot"
-            )));
-        }
+        name.map_or(Ok(()), check_name)?;
         let name = name.map(String::from);
         if rest.to_ascii_lowercase().ends_with(".csv") {
             return Ok(ResponseSpec { name, shape: Shape::Table(rest.into()) });

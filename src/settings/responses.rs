@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use crate::error::{Error, Result};
 use crate::settings::frequencies::Frequencies;
 use crate::settings::gates::{Gates, MAX_GATES};
+use crate::settings::period::Period;
 use crate::settings::response::{Edge, Response};
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::table::GateTable;
@@ -53,6 +54,12 @@ impl Responses {
         Responses { list: (0..gates.count()).map(response).collect(), uniform: Some(gates), frequencies: None }
     }
 
+    /// The responses to a pulsed laser, see [`Response::repeated`].
+    pub fn repeated(self, period: f64) -> Responses {
+        let list = self.list.into_iter().map(|response| response.repeated(period)).collect();
+        Responses { list, ..self }
+    }
+
     /// All responses, in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &Response> {
         self.list.iter()
@@ -89,7 +96,7 @@ impl Responses {
     #[doc(hidden)]
     pub fn narrowest(&self) -> Gate {
         let relative_width = |gate: &Gate| (gate.hi - gate.lo) / gate.hi;
-        let gates = self.iter().map(Response::support);
+        let gates = self.iter().map(Response::support_of_pulse);
         gates.min_by(|a, b| relative_width(a).total_cmp(&relative_width(b))).expect("there is a response")
     }
 
@@ -107,10 +114,11 @@ impl Responses {
     /// The table of an experiment that gives these responses. A table without a file has no text; its response is left out.
     pub(super) fn to_table(&self) -> GateTable {
         let edge = self.list[0].edge();
+        let repeat = self.list[0].period().map(Period);
         if let Some(gates) = self.uniform {
             let response =
                 edge.filter(|edge| *edge != Edge::Sharp).map(|edge| ResponseSpecs(vec![ResponseSpec::around(edge)]));
-            return GateTable { gates: Some(gates), response, ..GateTable::default() };
+            return GateTable { gates: Some(gates), response, repeat, ..GateTable::default() };
         }
         if self.frequencies.is_some() {
             return GateTable { cw: self.frequencies.clone(), ..GateTable::default() };
@@ -120,13 +128,16 @@ impl Responses {
             return GateTable { gate, ..GateTable::default() };
         }
         let specs = self.iter().filter_map(ResponseSpec::of).collect();
-        GateTable { response: Some(ResponseSpecs(specs)), ..GateTable::default() }
+        GateTable { response: Some(ResponseSpecs(specs)), repeat, ..GateTable::default() }
     }
 
     /// The gates as text; see [`Gate::describe`].
     pub fn describe(&self) -> String {
         match (self.uniform, &self.frequencies) {
-            (Some(gates), _) => gates.describe(),
+            (Some(gates), _) => match self.list[0].period() {
+                None => gates.describe(),
+                Some(period) => format!("{}, repeated every {period} m", gates.describe()),
+            },
             (_, Some(frequencies)) => format!("continuous wave of {frequencies} MHz"),
             (None, None) => self.iter().map(Response::describe).collect::<Vec<_>>().join("; "),
         }

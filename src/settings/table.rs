@@ -16,6 +16,7 @@ use crate::settings::medium::{
     Alpha, Bounds, Coefficient, Distance, DropletDiameter, MeanCosine, RefractiveIndex, Share,
 };
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
+use crate::settings::period::Period;
 use crate::settings::phase::Phase;
 use crate::settings::response_specs::ResponseSpecs;
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
@@ -194,9 +195,12 @@ table! {
         /// image of its own, such as near=gauss:10m..11m,0.1m; may be repeated [default: box]
         response: ResponseSpecs, Setting::gate("response", "[NAME=]SPEC").form(Form::Repeated);
 
+        /// Period of a pulsed laser, as optical path or time, such as 100m: light of all pulses falls into the gates (range folding)
+        repeat: Period, Setting::gate("repeat", "LENGTH").form(Form::Signed);
+
         /// Continuous-wave sensor: modulation frequencies in MHz, one or two. Four images per frequency, with the weights (1 + cos(2 pi
         /// F tau / c + k pi / 2)) / 2 for k = 0 to 3, and layers of phase, amplitude and depth in metres
-        cw: Frequencies, Setting::gate("cw", "MHZ[,MHZ]").excludes(&["gate", "depth", "gates", "response"]);
+        cw: Frequencies, Setting::gate("cw", "MHZ[,MHZ]").excludes(&["gate", "depth", "gates", "response", "repeat"]);
 
         /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
         force: bool, Setting::gate("force", "").form(Form::Switch);

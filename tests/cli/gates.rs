@@ -124,7 +124,7 @@ fn mistakes_name_the_remedy() {
     let here = with_box();
     std::fs::write(here.path().join("bad.csv"), "1,2\n2,3\n").unwrap();
     std::fs::write(here.path().join("down.csv"), "m,weight\n2,1\n1,1\n").unwrap();
-    let table: [(&[&str], &str); 17] = [
+    let table: [(&[&str], &str); 20] = [
         (&["--gates", "5m..8m", "-o", "a.npy"], "does not say how many gates"),
         (&["--gates", "5m..8m/5000", "-o", "a.npy"], "give 1 to 4096"),
         (&["--gates", "8m..5m/5", "-o", "a.npy"], "reversed"),
@@ -141,6 +141,9 @@ fn mistakes_name_the_remedy() {
         (&["--response", "gone.csv", "-o", "a.npy"], "gone.csv"),
         (&["--cw", "20,20", "-o", "a.npy"], "like 20 or 80,60"),
         (&["--cw", "20", "--gate", "1m..2m", "-o", "a.npy"], "cannot be used with"),
+        (&["--repeat", "20m", "-o", "a.npy"], "add --gate A..B"),
+        (&["--gate", "1m..2m", "--repeat", "-3m", "-o", "a.npy"], "is not the period of a laser"),
+        (&["--cw", "20", "--repeat", "20m", "-o", "a.npy"], "cannot be used with"),
         (&["--gates", "1km..2km/5", "-o", "a.npy"], "meets no light"),
     ];
     for (flags, part) in table {

@@ -125,6 +125,22 @@ fn a_render_of_one_gate_does_not_continue_with_several() {
     assert_eq!(renderer.responses().unwrap().responses(), 2);
 }
 
+#[test]
+fn a_pulsed_laser_adds_up_the_gates_of_all_pulses() {
+    // Light arrives up to some 12 m, so that the gate 9..10 m with a period of 3 m sees that of four pulses.
+    let parts = gates(0.0, 40.0, 40);
+    let folded = Response::new("folded", Gate { lo: 9.0, hi: 10.0 }, Edge::Sharp).repeated(3.0);
+    let parts = (0..40).map(|k| Response::new(format!("{k}"), parts.gate(k), Edge::Sharp));
+    let responses = Responses::new(parts.chain([folded]).collect()).unwrap();
+    let rendered =
+        rendered(renderer(&sphere(), &settings(Estimator::Bdpt, SIZE).responses(responses).build().unwrap()));
+    let film = rendered.responses().unwrap();
+    let sum: f64 = (0..40).step_by(3).map(|k| mean(&film.mean(k))).sum();
+    let found = mean(&film.mean(40));
+    assert!((found / sum - 1.0).abs() < 1e-5, "{found} and {sum}");
+    assert!(mean(&film.mean(9)) < 0.9 * sum, "one pulse gives the same");
+}
+
 /// The mean over all pixels and channels.
 fn mean(image: &[f32]) -> f64 {
     image.iter().map(|&x| f64::from(x)).sum::<f64>() / image.len() as f64
