@@ -20,6 +20,7 @@ pub struct Cli {
 pub enum Command {
     Render(Box<RenderArgs>),
     Compare(CompareArgs),
+    Histogram(HistogramArgs),
     Bench(BenchArgs),
     Info(Box<InfoArgs>),
     Devices(DevicesArgs),
@@ -70,12 +71,12 @@ impl RenderArgs {
                   2 error"
 )]
 pub struct CompareArgs {
-    /// The image to judge
-    #[arg(value_name = "A.exr")]
+    /// The image to judge (.exr), or the array of a render with many gates (.npy)
+    #[arg(value_name = "A")]
     pub image: PathBuf,
 
-    /// The reference, of the same size
-    #[arg(value_name = "REF.exr")]
+    /// The reference, of the same kind and size
+    #[arg(value_name = "REF")]
     pub reference: PathBuf,
 
     /// Exit with 1 if relMSE is above this
@@ -87,6 +88,32 @@ pub struct CompareArgs {
     /// both images, with different seeds
     #[arg(long, value_name = "OUT.png|OUT.exr", help_heading = "Output")]
     pub z: Option<PathBuf>,
+
+    /// Print JSON
+    #[arg(long, help_heading = "Output")]
+    pub json: bool,
+}
+
+const HISTOGRAM_EXAMPLES: &str = "\
+Examples:
+  taugate render room.glb --gates 5m..8m/30 -o h.npy --variance
+  taugate histogram h.npy --pixel 120,80 --plot pixel.svg";
+
+/// Print or plot the light of a pixel in every gate of a render
+#[derive(Debug, Args)]
+#[command(after_help = HISTOGRAM_EXAMPLES)]
+pub struct HistogramArgs {
+    /// The array that render wrote with -o; error bars need the array of --variance beside it
+    #[arg(value_name = "ARRAY.npy")]
+    pub array: PathBuf,
+
+    /// Column and row of the pixel in the array, from 0 [default: the mean over all pixels]
+    #[arg(long, value_name = "X,Y", help_heading = "Scene")]
+    pub pixel: Option<Pixel>,
+
+    /// Write a plot
+    #[arg(long, value_name = "FILE.svg", help_heading = "Output")]
+    pub plot: Option<PathBuf>,
 
     /// Print JSON
     #[arg(long, help_heading = "Output")]
@@ -160,7 +187,8 @@ const INFO_EXAMPLES: &str = "\
 Examples:
   taugate info room.glb
   taugate info room.glb --pixel 120,80                 what is there, and when its light arrives
-  taugate info room.glb --resolution 256x256 --map arrival.png";
+  taugate info room.glb --resolution 256x256 --map arrival.png
+  taugate info room.glb --plot arrivals.svg            when light arrives, to choose gates";
 
 /// Describe a scene: its contents, the memory of a render, and the times at which light arrives
 #[derive(Debug, Args)]
@@ -182,6 +210,10 @@ pub struct InfoArgs {
     /// optical path (.exr); may be repeated
     #[arg(long, value_name = "FILE.png|FILE.exr", help_heading = "Output")]
     pub map: Vec<PathBuf>,
+
+    /// Plot the light that arrives against its travel time, up to the time at which 99 % of it has arrived
+    #[arg(long, value_name = "FILE.svg", help_heading = "Output")]
+    pub plot: Option<PathBuf>,
 
     /// Print JSON
     #[arg(long, help_heading = "Output")]

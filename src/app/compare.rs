@@ -1,5 +1,7 @@
 //! `taugate compare`: relMSE, MSE, FLIP and ratio of means against a reference.
 
+mod arrays;
+
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -18,6 +20,9 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         && (max.is_nan() || max < 0.0)
     {
         return Err(Error::Settings(format!("--max-relmse is {max}; it must be 0 or more, such as 0.05")).into());
+    }
+    if [&args.image, &args.reference].iter().any(|path| arrays::is_array(path)) {
+        return arrays::run(args);
     }
     // A small file may hold a huge image, so compare the sizes before decoding.
     let [[width, height], [reference_width, reference_height]] = [read_size(&args.image)?, read_size(&args.reference)?];

@@ -3,9 +3,11 @@
 mod map;
 mod media;
 mod pixel;
+mod plot;
 mod text;
 
 use std::collections::HashMap;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use serde::Serialize;
@@ -145,9 +147,11 @@ pub struct Arrival {
 
 pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     map::check(&args.map)?;
+    args.plot.as_deref().map_or(Ok(()), plot::check)?;
     let mut experiment = args.experiment();
     let allowed = experiment.input.allowed();
-    render::check_inputs(&args.map, &args.scene, &experiment)?;
+    let files: Vec<PathBuf> = args.map.iter().chain(&args.plot).cloned().collect();
+    render::check_inputs(&files, &args.scene, &experiment)?;
     let mut scene = taugate::internals::scene::gltf::load_with(&args.scene, &allowed)?;
     let notes = scenery::apply(&mut experiment, &mut scene)?;
     let mut report = contents(&scene);
@@ -173,7 +177,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
 
 /// Whether the user wants something that only a scene and a device that can render give.
 fn needs_render(args: &InfoArgs) -> bool {
-    args.pixel.is_some() || !args.map.is_empty()
+    args.pixel.is_some() || !args.map.is_empty() || args.plot.is_some()
 }
 
 /// The part of the report that depends on the scene file alone.
@@ -234,7 +238,7 @@ fn describe(light: &SceneLight, scene: &Scene) -> String {
 }
 
 /// Adds the part that depends on the settings. A device that the user named but that cannot be opened is an error. If no
-/// device at all can be opened, the report gets a note instead of travel times, unless --pixel or --map needs the device.
+/// device at all can be opened, the report gets a note instead of travel times, unless --pixel, --map or --plot needs the device.
 fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &InfoArgs) -> anyhow::Result<()> {
     let experiment = args.experiment();
     let device = experiment.render.device.as_deref();
@@ -275,6 +279,9 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
         Some(Ok(times)) => light(times, scene),
         _ => None,
     };
+    if let Some(plot) = &args.plot {
+        plot::write(plot, times.as_ref().and_then(|times| times.as_ref().ok()))?;
+    }
     match times {
         None => report.notes.push("all light comes from infinitely far away, so it has no travel time to gate".into()),
         Some(Err(error)) => report.notes.push(format!("travel times were not measured: {error}")),

@@ -8,6 +8,7 @@ mod devices;
 mod feasible;
 mod flags;
 mod generate;
+mod histogram;
 mod info;
 mod interrupts;
 mod memory;
@@ -32,6 +33,7 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     match cli.command {
         Command::Render(args) => render::run(*args),
         Command::Compare(args) => compare::run(&args),
+        Command::Histogram(args) => histogram::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Devices(args) => devices::run(&args),

@@ -2,5 +2,6 @@
 
 pub mod agreement;
 pub mod flip;
+pub mod histogram;
 pub mod metrics;
 pub mod statistics;

@@ -9,5 +9,7 @@ pub mod fingerprint;
 pub mod layers;
 mod moments;
 pub mod npy_file;
+pub mod npy_read;
 pub mod png_file;
 pub mod response_film;
+pub mod time_plot;

@@ -64,6 +64,22 @@ impl TravelTimes {
         Some(reached.map_or(hi, |(weight, moment)| (moment / weight).clamp(lo, hi)))
     }
 
+    /// The fraction of the light that arrives in each of `count` parts of equal width from the first arrival to the travel time
+    /// `end` in metres. Empty if no light arrived before `end`.
+    pub fn histogram(&self, end: f64, count: usize) -> Vec<([f64; 2], f64)> {
+        let Some((begin, _)) = self.range().filter(|(begin, _)| *begin < end) else { return vec![] };
+        let width = (end - begin) / count as f64;
+        let mut parts: Vec<([f64; 2], f64)> =
+            (0..count).map(|k| ([k, k + 1].map(|edge| begin + width * edge as f64), 0.0)).collect();
+        for (weight, moment) in self.bins.values() {
+            let k = ((moment / weight - begin) / width).max(0.0) as usize;
+            if let Some((_, light)) = parts.get_mut(k) {
+                *light += weight / self.total;
+            }
+        }
+        parts
+    }
+
     /// A gate of `width` metres around the median, with ends rounded to a few digits. `None` if no light arrived.
     pub fn suggestion(&self, width: f64) -> Option<Gate> {
         let median = self.percentile(50.0)?;
@@ -152,6 +168,13 @@ mod tests {
         ] {
             assert_eq!(t.percentile(percent), Some(tau), "{percent} %");
         }
+    }
+
+    #[test]
+    fn a_histogram_holds_the_light_before_its_end() {
+        let t = times(&[(4.0, 1.0), (3.0, 2.0), (2.0, 3.0), (1.0, 4.0)]);
+        assert_eq!(t.histogram(3.5, 2), [([1.0, 2.25], 0.7), ([2.25, 3.5], 0.2)]);
+        assert!(t.histogram(0.5, 2).is_empty() && times(&[]).histogram(1.0, 2).is_empty());
     }
 
     #[test]

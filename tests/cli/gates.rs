@@ -120,6 +120,57 @@ fn a_continuous_wave_sensor_writes_depths() {
 }
 
 #[test]
+fn arrays_are_compared_and_plotted() {
+    let here = with_box();
+    let out = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    render(here.path(), &["--gates", "5m..8m/3", "-o", "a.npy", "--variance"]);
+    render(here.path(), &["--gates", "5m..8m/3", "--seed", "2", "-o", "b.npy", "-o", "b.exr"]);
+
+    let same: serde_json::Value = serde_json::from_str(&out(&["compare", "a.npy", "a.npy", "--json"])).unwrap();
+    assert_eq!((&same["relmse"], &same["ratio_of_means"], &same["compared"]), (&0.0.into(), &1.0.into(), &3.into()));
+    let text = out(&["compare", "a.npy", "b.npy"]);
+    assert!(text.contains("3 of 3 gates") && text.contains("in bin2"), "{text}");
+    let code = |max| taugate(here.path(), &["compare", "a.npy", "b.npy", "--max-relmse", max]).status.code();
+    assert_eq!((code("1e9"), code("1e-9")), (Some(0), Some(1)));
+
+    // The histogram of a pixel is that of the array, with error bars from the variances.
+    let (_, means) = array(&here.path().join("a.npy"));
+    let rows: serde_json::Value =
+        serde_json::from_str(&out(&["histogram", "a.npy", "--pixel", "3,2", "--plot", "p.svg", "--json"])).unwrap();
+    let at = (2 * 8 + 3) * 9;
+    assert_eq!(rows[1]["radiance"][2].as_f64().map(|x| x as f32), Some(means[at + 5]));
+    assert_eq!((&rows[1]["name"], &rows[1]["begin_m"], &rows[1]["end_m"]), (&"bin1".into(), &6.0.into(), &7.0.into()));
+    assert!(rows[1]["deviation"][0].as_f64().unwrap() > 0.0);
+    assert!(std::fs::read_to_string(here.path().join("p.svg")).unwrap().contains("pixel 3,2 of a.npy"));
+    let text = out(&["histogram", "b.npy"]);
+    assert!(text.contains("mean over all pixels") && text.contains("bin2") && !text.contains("+-"), "{text}");
+    out(&["info", "box.glb", "--resolution", "8x6", "--plot", "arrivals.svg"]);
+    assert!(std::fs::read_to_string(here.path().join("arrivals.svg")).unwrap().contains("optical path"));
+
+    std::fs::write(here.path().join("text.npy"), "no array").unwrap();
+    std::fs::copy(here.path().join("b.npy"), here.path().join("alone.npy")).unwrap();
+    render(here.path(), &["--gates", "5m..8m/4", "-o", "four.npy"]);
+    let table: [(&[&str], &str); 9] = [
+        (&["compare", "a.npy", "b.exr"], "only compared with an array"),
+        (&["compare", "a.npy", "four.npy"], "differ in size: a.npy is 8x6 with 3 gates, four.npy is 8x6 with 4 gates"),
+        (&["compare", "a.npy", "b.npy", "--z", "z.png"], "--z needs images"),
+        (&["compare", "a.npy", "text.npy"], "text.npy: this is not a NumPy array"),
+        (&["histogram", "a.npy", "--pixel", "8,0"], "outside of the array"),
+        (&["histogram", "a.npy", "--plot", "p.png"], "must end in .svg"),
+        (&["histogram", "alone.npy", "--plot", "q.svg"], "keep the JSON file beside the array"),
+        (&["histogram", "none.npy"], "none.npy: no such file"),
+        (&["info", "box.glb", "--plot", "p.png"], "must end in .svg"),
+    ];
+    for (arguments, part) in table {
+        fails(here.path(), arguments, 2, part);
+    }
+}
+
+#[test]
 fn mistakes_name_the_remedy() {
     let here = with_box();
     std::fs::write(here.path().join("bad.csv"), "1,2\n2,3\n").unwrap();

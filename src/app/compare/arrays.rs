@@ -1,0 +1,106 @@
+//! Compares the arrays (`.npy`) of two renders: the error of every gate.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use taugate::Error;
+use taugate::internals::compare::histogram::{HistogramComparison, MIN_LIGHT};
+use taugate::internals::compare::metrics::{RELMSE_FORMULA, TRIMMED, first_non_finite};
+use taugate::internals::image::npy_read::{ImageArray, described, read};
+
+use crate::app::cli::CompareArgs;
+
+/// Number of gates with the largest errors that the report names.
+const WORST: usize = 5;
+
+/// Whether `path` names an array.
+pub fn is_array(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"))
+}
+
+pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
+    if !is_array(&args.image) || !is_array(&args.reference) {
+        return Err(settings("an array (.npy) is only compared with an array; render both with -o OUT.npy").into());
+    }
+    if args.z.is_some() {
+        return Err(settings("--z needs images (.exr), because arrays do not hold batches of samples").into());
+    }
+    let (image, reference) = (read_finite(&args.image)?, read_finite(&args.reference)?);
+    let shape = |array: &ImageArray| [array.height, array.width, array.images()];
+    if shape(&image) != shape(&reference) {
+        let describe = |array: &ImageArray| format!("{}x{} with {} gates", array.width, array.height, array.images());
+        return Err(settings(&format!(
+            "the arrays differ in size: {} is {}, {} is {}; render both with the same --gates and --resolution",
+            args.image.display(),
+            describe(&image),
+            args.reference.display(),
+            describe(&reference),
+        ))
+        .into());
+    }
+    let gates = described(&args.image, &image).map(|gates| (gates, described(&args.reference, &reference)));
+    if let Some((gates, Some(others))) = &gates
+        && gates != others
+    {
+        crate::app::say("note: the files beside the arrays describe different gates");
+    }
+    let result = HistogramComparison::of(image.images(), |k| image.image(k), |k| reference.image(k))?;
+    let within = args.max_relmse.is_none_or(|max| result.relmse <= max);
+    if args.json {
+        let mut json = serde_json::to_value(&result)?;
+        json["formula"] = RELMSE_FORMULA.into();
+        json["max_relmse"] = args.max_relmse.into();
+        json["within"] = within.into();
+        crate::app::print(&format!("{json:#}\n"))?;
+    } else {
+        let names = gates.map(|(gates, _)| gates.into_iter().map(|gate| gate.name).collect::<Vec<_>>());
+        let mut text = describe(&result, names.as_deref());
+        if let Some(max) = args.max_relmse {
+            text += &format!("threshold       {} {max:e}\n", if within { "met:" } else { "exceeded:" });
+        }
+        crate::app::print(&text)?;
+    }
+    Ok(ExitCode::from(if within { 0 } else { 1 }))
+}
+
+fn describe(result: &HistogramComparison, names: Option<&[String]>) -> String {
+    let mut text = format!(
+        "relMSE          {:.6e}  (averaged over {} of {} gates, those with at least {MIN_LIGHT} of the light of the brightest)\n\
+        \u{20}               {RELMSE_FORMULA}, per gate\n\
+        \u{20} trimmed       {:.6e}  (without the worst {:.0} % of the pixels)\n\
+         ratio of means  {:.6}\n",
+        result.relmse,
+        result.compared,
+        result.gates.len(),
+        result.trimmed_relmse,
+        100.0 * TRIMMED,
+        result.ratio_of_means,
+    );
+    let mut worst: Vec<(usize, f64)> =
+        result.gates.iter().enumerate().filter_map(|(k, gate)| Some((k, gate.as_ref()?.relmse))).collect();
+    worst.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for (k, relmse) in worst.into_iter().take(WORST) {
+        let name = names.map_or(format!("gate {k}"), |names| names[k].clone());
+        text += &format!("  {relmse:.6e}  in {name}\n");
+    }
+    text
+}
+
+fn read_finite(path: &Path) -> Result<ImageArray, Error> {
+    let array = read(path)?;
+    if let Some((at, channel)) = first_non_finite(&array.values) {
+        let (pixel, gate) = (at / array.images(), at % array.images());
+        let (x, y) = (pixel % array.width, pixel / array.width);
+        let message = format!(
+            "pixel {x},{y} is {} in {} of gate {gate}; render an array without such pixels",
+            array.values[3 * at + channel],
+            ["R", "G", "B"][channel]
+        );
+        return Err(Error::File { path: path.into(), message });
+    }
+    Ok(array)
+}
+
+fn settings(message: &str) -> Error {
+    Error::Settings(message.into())
+}

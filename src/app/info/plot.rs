@@ -1,0 +1,36 @@
+//! `taugate info --plot`: when the light arrives, as a plot.
+
+use std::io::Write;
+use std::path::Path;
+
+use taugate::Error;
+use taugate::internals::error::Result;
+use taugate::internals::files::{check_writable, write_atomically};
+use taugate::internals::image::time_plot::{Bar, steps};
+use taugate::internals::render::TravelTimes;
+
+/// Number of parts into which the plot divides the travel times.
+const PARTS: usize = 100;
+/// The plot ends when this part of the light has arrived, in per cent.
+const END_PERCENT: f64 = 99.0;
+
+/// Fails if the plot has the wrong extension or cannot be written. Call it first, because the measurement takes a while.
+pub fn check(path: &Path) -> Result<()> {
+    match path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg")) {
+        true => check_writable(path),
+        false => Err(Error::Settings(format!("the plot {} must end in .svg", path.display()))),
+    }
+}
+
+/// Writes the plot. Fails if no light arrives that has a travel time.
+pub fn write(path: &Path, times: Option<&TravelTimes>) -> Result<()> {
+    let parts =
+        times.and_then(|times| Some(times.histogram(times.percentile(END_PERCENT)?, PARTS))).unwrap_or_default();
+    if parts.is_empty() {
+        return Err(Error::Settings("there is nothing to plot: no light with a travel time reaches the sensor".into()));
+    }
+    let bar = |(gate, light): ([f64; 2], f64)| Bar { gate, light: 100.0 * light, deviation: 0.0 };
+    let bars: Vec<Bar> = parts.into_iter().map(bar).collect();
+    let svg = steps("Light that reaches the sensor", "% of all light", &bars)?;
+    write_atomically(path, |writer| writer.write_all(svg.as_bytes()))
+}
