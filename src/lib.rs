@@ -22,6 +22,7 @@ mod bench;
 mod bvh;
 #[allow(missing_docs)]
 mod compare;
+mod detector;
 #[allow(missing_docs)]
 mod error;
 #[allow(missing_docs)]
@@ -84,6 +85,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, error, estimators, files, generate, gpu, image, input, lightcone, oracle, printable, render, scene, self_check, settings, wgsl,
+        bench, bvh, compare, detector, error, estimators, files, generate, gpu, image, input, lightcone, oracle, printable, render, scene, self_check, settings, wgsl,
     }
 }

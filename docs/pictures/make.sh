@@ -45,6 +45,13 @@ fog=(--headlamp 20 --headlamp-offset 0.3,0.2,0 --emitters headlamp --visibility 
 picture fog-steady "$work/cluttered-room.glb" "${fog[@]}"
 picture fog-gated "$work/cluttered-room.glb" "${fog[@]}" --gate 8m..8.6m
 
+sequence() { # FLAG...
+    [ "$seconds" = 0 ] || "$taugate" render "$@"
+}
+sequence "$root/scenes/cornell-box.glb" --gate-keys 0=4.4m..4.9m --gate-keys 7=7.9m..8.4m --frames 0..8 --spp 128 \
+    --resolution 200x200 -o "$work/transient.#.exr" --contact-sheet "$pictures/transient.png"
+sequence "$root/scenes/street-drive.toml" --resolution 192x108 -o "$work/street.##.exr" --gif "$pictures/street.gif"
+
 race=("$taugate" bench "$pictures/crops.toml" --time "${race_seconds}s" --out "$work/crops")
 [ -z "${CROP_RESOLUTION:-}" ] || race+=(--resolution "$CROP_RESOLUTION")
 # Where a figure is left out because the reference is too poor, --reference goes on from where the reference is.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use taugate::internals::input::experiment::Experiment;
+use taugate::internals::settings::optical_path::OpticalPath;
 use taugate::internals::settings::values::{Pixel, Resolution, Seconds};
 
 use crate::app::flags::Flags;
@@ -21,6 +22,7 @@ pub enum Command {
     Render(Box<RenderArgs>),
     Compare(CompareArgs),
     Histogram(HistogramArgs),
+    Detect(DetectArgs),
     Bench(BenchArgs),
     Info(Box<InfoArgs>),
     Devices(DevicesArgs),
@@ -118,6 +120,73 @@ pub struct HistogramArgs {
     /// Print JSON
     #[arg(long, help_heading = "Output")]
     pub json: bool,
+}
+
+const DETECT_EXAMPLES: &str = "\
+Examples:
+  taugate render room.glb --gates 5m..8m/300 -o light.npy
+  taugate detect light.npy -o counts.npy --photons 1e4 --pulses 1000 --first-photon --jitter 50ps
+  taugate detect gated.exr -o counts.npy --photons 1e4 --background daylight.exr";
+
+/// Turn radiance into the photon counts of a detector, such as a SPAD array
+#[derive(Debug, Args)]
+#[command(after_help = DETECT_EXAMPLES)]
+pub struct DetectArgs {
+    /// The light: an array (.npy) or an image (.exr) that taugate rendered with gates; watts of its lamps count as joules per
+    /// pulse
+    #[arg(value_name = "LIGHT")]
+    pub input: PathBuf,
+
+    /// The counts over all pulses, as an array with a JSON file beside it
+    #[arg(short, long, value_name = "OUT.npy", help_heading = "Output")]
+    pub output: PathBuf,
+
+    /// Photons that reach a pixel per pulse for each unit of the image, J/(m^2 sr)
+    #[arg(long, value_name = "X", help_heading = "Detector", allow_hyphen_values = true)]
+    pub photons: f64,
+
+    /// Number of pulses
+    #[arg(long, value_name = "N", help_heading = "Detector", default_value_t = 1,
+          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
+    pub pulses: u64,
+
+    /// Quantum efficiency, the probability that a photon is counted
+    #[arg(long, value_name = "0..1", help_heading = "Detector", allow_hyphen_values = true, default_value_t = 1.0)]
+    pub efficiency: f64,
+
+    /// Daylight: radiance in W/(m^2 sr), as a number or as an image rendered without a gate; each gate sees it for its duration
+    #[arg(long, value_name = "RADIANCE|FILE.exr", help_heading = "Detector")]
+    pub background: Option<String>,
+
+    /// Dark counts per second
+    #[arg(long, value_name = "HZ", help_heading = "Detector", allow_hyphen_values = true, default_value_t = 0.0)]
+    pub dark_counts: f64,
+
+    /// Standard deviation of the measured time, such as 50ps
+    #[arg(long, value_name = "TIME", help_heading = "Detector", allow_hyphen_values = true)]
+    pub jitter: Option<OpticalPath>,
+
+    /// Time for which the detector is blind after each count, such as 20ns
+    #[arg(
+        long,
+        value_name = "TIME",
+        help_heading = "Detector",
+        allow_hyphen_values = true,
+        conflicts_with = "first_photon"
+    )]
+    pub dead_time: Option<OpticalPath>,
+
+    /// At most one count per pulse: the first photon hides all later ones
+    #[arg(long, help_heading = "Detector")]
+    pub first_photon: bool,
+
+    /// One channel, the mean of red, green and blue, instead of three
+    #[arg(long, help_heading = "Detector")]
+    pub mono: bool,
+
+    /// Seed of the random counts
+    #[arg(long, value_name = "N", help_heading = "Detector", default_value_t = 0)]
+    pub seed: u32,
 }
 
 const BENCH_EXAMPLES: &str = "\
@@ -249,7 +318,7 @@ pub struct DevicesArgs {
 /// Write one of the project's own scenes
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
-    /// cornell-box, gated-sphere, door-ajar, cluttered-room, hundred-lamps, or zoo-area, zoo-punctual, zoo-beam (a room with
+    /// cornell-box, gated-sphere, door-ajar, cluttered-room, hundred-lamps, street (with a car that moves), or zoo-area, zoo-punctual, zoo-beam (a room with
     /// every material, lit by an area lamp, by a point and a spot light, or by a beam)
     #[arg(value_name = "NAME")]
     pub name: String,

@@ -8,7 +8,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 /// The settings that are flags of `taugate info`.
-const INFO_SETTINGS: [&str; 38] = [
+const INFO_SETTINGS: [&str; 40] = [
     "camera",
     "look-from",
     "look-at",
@@ -44,6 +44,8 @@ const INFO_SETTINGS: [&str; 38] = [
     "no-medium",
     "double-sided",
     "allow-path",
+    "at",
+    "animation",
     "max-depth",
     "light-paths",
     "device",

@@ -149,10 +149,9 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     map::check(&args.map)?;
     args.plot.as_deref().map_or(Ok(()), plot::check)?;
     let mut experiment = args.experiment();
-    let allowed = experiment.input.allowed();
     let files: Vec<PathBuf> = args.map.iter().chain(&args.plot).cloned().collect();
     render::check_inputs(&files, &args.scene, &experiment)?;
-    let mut scene = taugate::internals::scene::gltf::load_with(&args.scene, &allowed)?;
+    let mut scene = render::load_scene(&experiment)?;
     let notes = scenery::apply(&mut experiment, &mut scene)?;
     let mut report = contents(&scene);
     report.notes = notes;

@@ -4,6 +4,7 @@ mod bench;
 mod check;
 pub mod cli;
 mod compare;
+mod detect;
 mod devices;
 mod feasible;
 mod flags;
@@ -34,6 +35,7 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Render(args) => render::run(*args),
         Command::Compare(args) => compare::run(&args),
         Command::Histogram(args) => histogram::run(&args),
+        Command::Detect(args) => detect::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Devices(args) => devices::run(&args),

@@ -1,5 +1,8 @@
 //! `taugate render`: from the command line to the files.
 
+mod sequence;
+
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,9 +17,11 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::scenery;
+use taugate::internals::input::sequence::Sequence;
 use taugate::internals::render::schedule::next_samples;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers};
-use taugate::internals::scene::gltf;
+use taugate::internals::scene::Scene;
+use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::sky::Sky;
 use taugate::internals::settings::{Budget, Settings};
@@ -37,118 +42,189 @@ pub struct NotFinite {
 
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
-    let mut experiment = read_experiment(args)?;
+    let experiment = read_experiment(args)?;
     experiment.check_paths()?;
-    let interrupts = Interrupts::new()?;
-    let scene_path = experiment.scene.clone().expect("read_experiment names a scene");
-    let allowed = experiment.input.allowed();
-    if !print_config {
+    if print_config {
+        return print(experiment);
+    }
+    let scene = experiment.scene.clone().expect("read_experiment names a scene");
+    let sequence = Sequence::new(&experiment, || gltf::has_animations(&scene))?;
+    let mut session = Session::new(quiet)?;
+    match sequence {
+        Some(sequence) => sequence::run(&sequence, &mut session),
+        None => Ok(session.render(experiment)?.code()),
+    }
+}
+
+/// Prints the settings of an experiment.
+fn print(mut experiment: Experiment) -> anyhow::Result<ExitCode> {
+    let mut scene = load_scene(&experiment)?;
+    scenery::apply(&mut experiment, &mut scene)?;
+    let resolved = resolve::resolve(&experiment, &scene)?;
+    let config = resolve::as_experiment(&experiment, &resolved.settings, &scene);
+    // With absolute paths the experiment is valid in every folder.
+    super::print_toml(&config.with_absolute_paths()?.to_toml())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Loads the scene of an experiment, in the pose that it wants.
+pub fn load_scene(experiment: &Experiment) -> Result<Scene> {
+    let path = experiment.scene.as_ref().expect("the experiment names a scene");
+    let input = &experiment.input;
+    let playback = Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() };
+    gltf::load_with(path, &input.allowed(), playback)
+}
+
+/// How a render ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    Done,
+    /// The files are there already, with the same settings.
+    Kept,
+    Interrupted,
+}
+
+impl Outcome {
+    pub fn code(self) -> ExitCode {
+        ExitCode::from(if self == Outcome::Interrupted { INTERRUPTED } else { 0 })
+    }
+}
+
+/// Renders one experiment after the other on one device, whose kernels stay.
+pub struct Session {
+    pub interrupts: Interrupts,
+    pub progress: Progress,
+    device: Option<Device>,
+    /// Whether the experiments are the frames of a sequence: files that are there are kept, dark frames are no mistake, and a frame
+    /// that is interrupted is not written.
+    pub is_sequence: bool,
+    /// Notes and warnings that were printed.
+    said: HashSet<String>,
+}
+
+impl Session {
+    pub fn new(quiet: bool) -> anyhow::Result<Session> {
+        let (interrupts, progress) = (Interrupts::new()?, Progress::new(quiet));
+        Ok(Session { interrupts, progress, device: None, is_sequence: false, said: HashSet::new() })
+    }
+
+    /// Prints a line, unless an earlier render of the session printed it.
+    fn say(&mut self, line: String) {
+        if !self.said.contains(&line) {
+            self.progress.line(&line);
+            self.said.insert(line);
+        }
+    }
+
+    /// Renders an experiment and writes its files.
+    pub fn render(&mut self, mut experiment: Experiment) -> anyhow::Result<Outcome> {
+        let scene_path = experiment.scene.clone().expect("the experiment names a scene");
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
         check_inputs(&outputs.files(), &scene_path, &experiment)?;
-    }
-    // There is no result to keep yet.
-    interrupts.end_the_process_at(Interrupt::First);
+        // There is no result to keep yet.
+        self.interrupts.end_the_process_at(Interrupt::First);
 
-    // Load the scene and resolve the settings.
-    let mut preparation = Preparation::new();
-    let mut scene = preparation.timed("load scene", || gltf::load_with(&scene_path, &allowed))?;
-    let notes = scenery::apply(&mut experiment, &mut scene)?;
-    let resolved = resolve::resolve(&experiment, &scene)?;
-    let settings = &resolved.settings;
-    let config = resolve::as_experiment(&experiment, settings, &scene);
-    if print_config {
-        // With absolute paths the experiment is valid in every folder.
-        super::print_toml(&config.with_absolute_paths()?.to_toml())?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    let outputs = resolve::outputs(&experiment)?;
+        // Load the scene and resolve the settings.
+        let mut preparation = Preparation::new();
+        let mut scene = preparation.timed("load scene", || load_scene(&experiment))?;
+        let notes = scenery::apply(&mut experiment, &mut scene)?;
+        let resolved = resolve::resolve(&experiment, &scene)?;
+        let settings = &resolved.settings;
+        let config = resolve::as_experiment(&experiment, settings, &scene);
+        let printed = Experiment { output: Default::default(), ..config }.to_toml();
+        if self.is_sequence && sequence::is_finished(&outputs, &printed)? {
+            return Ok(Outcome::Kept);
+        }
+        memory::check(settings, outputs.has_variance())?;
+        if outputs.strategy_images.is_some() {
+            StrategyImages::check(settings)?;
+        }
 
-    memory::check(settings, outputs.has_variance())?;
-    if outputs.strategy_images.is_some() {
-        StrategyImages::check(settings)?;
-    }
+        // Prepare the device.
+        notes.iter().for_each(|note| self.say(format!("note: {note}")));
+        for warning in scene.warnings.iter().chain(&resolved.warnings) {
+            self.say(format!("warning: {warning}"));
+        }
+        let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
+        let prepared = prepared.map_err(|error| of_file(error, &scene_path))?;
+        let of_surfaces = preparation.timed("check lamps", || prepared.warnings(&scene));
+        of_surfaces.iter().for_each(|warning| self.say(format!("warning: {warning}")));
+        let (name, force) = (experiment.render.device.as_deref(), experiment.gate.force.unwrap_or(false));
+        let may_be_dark = force || self.is_sequence || settings.responses().are_steady();
+        if !may_be_dark {
+            preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, name))?;
+        }
+        let device = match self.device.take() {
+            Some(device) => device,
+            None => preparation.timed("open device", || Device::open(name))?,
+        };
+        let device = self.device.insert(device);
+        let plan = MemoryPlan::new(&scene, settings, &prepared, Some(device.info()))?;
+        plan.check(device.info())?;
+        if let Some(warning) = plan.warning(device.info()) {
+            self.progress.line(&format!("warning: {warning}"));
+        }
+        // The layers come before the image, so that two copies of the scene are never on the device.
+        let layers = match outputs.aov {
+            none if none == Aov::default() => Layers::default(),
+            aov => preparation.timed("auxiliary layers", || layers(device, &scene, settings, &prepared, aov))?,
+        };
+        let mut renderer = Renderer::from_prepared(device, &scene, settings, &prepared)?;
+        drop(prepared);
+        if outputs.has_variance() {
+            renderer.estimate_response_variance();
+        }
+        preparation.finish();
 
-    // Prepare the device.
-    let mut progress = Progress::new(quiet);
-    for note in &notes {
-        progress.line(&format!("note: {note}"));
-    }
-    for warning in scene.warnings.iter().chain(&resolved.warnings) {
-        progress.line(&format!("warning: {warning}"));
-    }
-    let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
-    let prepared = prepared.map_err(|error| of_file(error, &scene_path))?;
-    let of_surfaces = preparation.timed("check lamps", || prepared.warnings(&scene));
-    for warning in &of_surfaces {
-        progress.line(&format!("warning: {warning}"));
-    }
-    let (device, force) = (experiment.render.device.as_deref(), experiment.gate.force.unwrap_or(false));
-    if !settings.responses().are_steady() && !force {
-        preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device))?;
-    }
-    let device = preparation.timed("open device", || Device::open(device))?;
-    let plan = MemoryPlan::new(&scene, settings, &prepared, Some(device.info()))?;
-    plan.check(device.info())?;
-    if let Some(warning) = plan.warning(device.info()) {
-        progress.line(&format!("warning: {warning}"));
-    }
-    // The layers come before the image, so that two copies of the scene are never on the device.
-    let layers = match outputs.aov {
-        none if none == Aov::default() => Layers::default(),
-        aov => preparation.timed("auxiliary layers", || layers(&device, &scene, settings, &prepared, aov))?,
-    };
-    let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
-    drop(prepared);
-    if outputs.has_variance() {
-        renderer.estimate_response_variance();
-    }
-    preparation.finish();
+        // Render.
+        self.interrupts.end_the_process_at(Interrupt::Second);
+        let stop = &*self.interrupts.stop;
+        let strict = experiment.render.strict.unwrap_or(false);
+        let rendering = Instant::now();
+        let rendered = iterate(&mut renderer, settings, strict, stop, &mut self.progress);
+        self.progress.finish();
+        let schedule = rendered?;
+        let elapsed = rendering.elapsed();
+        let interrupted = stop.load(Ordering::Relaxed);
+        if interrupted && (self.is_sequence || renderer.film().samples() == 0) {
+            self.progress.line(match self.is_sequence {
+                true => "interrupted; the finished frames are kept, and the same command continues after them",
+                false => "interrupted before the first image; nothing was written",
+            });
+            return Ok(Outcome::Interrupted);
+        }
 
-    // Render.
-    interrupts.end_the_process_at(Interrupt::Second);
-    let stop = &*interrupts.stop;
-    let strict = experiment.render.strict.unwrap_or(false);
-    let rendering = Instant::now();
-    let rendered = iterate(&mut renderer, settings, strict, stop, &mut progress);
-    progress.finish();
-    let schedule = rendered?;
-    let elapsed = rendering.elapsed();
-    let interrupted = stop.load(Ordering::Relaxed);
-    if interrupted && renderer.film().samples() == 0 {
-        progress.line("interrupted before the first image; nothing was written");
-        return Ok(ExitCode::from(INTERRUPTED));
-    }
+        if !may_be_dark && !interrupted && is_black(&renderer) {
+            return Err(feasible::nothing_inside(device, &scene, settings).into());
+        }
 
-    if !settings.responses().are_steady() && !force && !interrupted && is_black(&renderer) {
-        return Err(feasible::nothing_inside(&device, &scene, settings).into());
+        // Write.
+        let provenance = Provenance::new(settings, elapsed.as_secs_f64(), printed);
+        let warnings = [&resolved.warnings[..], &of_surfaces].concat();
+        let report = Report {
+            renderer: &renderer,
+            settings,
+            provenance: &provenance,
+            layers: &layers,
+            preparation: &preparation,
+            warnings: &warnings,
+        };
+        self.interrupts.end_the_process_at(Interrupt::None);
+        report.write(&outputs)?;
+        report.summarise(&outputs, &self.progress);
+        if interrupted && outputs.strategy_images.is_some() {
+            strategies::report_interrupted(&self.progress);
+        }
+        if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
+            drop(renderer);
+            let interrupts = &self.interrupts;
+            let images = strategies::Job { device, scene: &scene, settings, schedule: &schedule, interrupts };
+            images.write(folder, &provenance, &self.progress)?;
+        }
+        let interrupted = self.interrupts.stop.load(Ordering::Relaxed);
+        Ok(if interrupted { Outcome::Interrupted } else { Outcome::Done })
     }
-
-    // Write.
-    let printed = Experiment { output: Default::default(), ..config }.to_toml();
-    let provenance = Provenance::new(settings, elapsed.as_secs_f64(), printed);
-    let warnings = [&resolved.warnings[..], &of_surfaces].concat();
-    let report = Report {
-        renderer: &renderer,
-        settings,
-        provenance: &provenance,
-        layers: &layers,
-        preparation: &preparation,
-        warnings: &warnings,
-    };
-    interrupts.end_the_process_at(Interrupt::None);
-    report.write(&outputs)?;
-    report.summarise(&outputs, &progress);
-    if interrupted && outputs.strategy_images.is_some() {
-        strategies::report_interrupted(&progress);
-    }
-    if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
-        drop(renderer);
-        let images =
-            strategies::Job { device: &device, scene: &scene, settings, schedule: &schedule, interrupts: &interrupts };
-        images.write(folder, &provenance, &progress)?;
-    }
-    Ok(ExitCode::from(if stop.load(Ordering::Relaxed) { INTERRUPTED } else { 0 }))
 }
 
 /// Adds the scene's file to an error of the settings, because the scene may be the cause.

@@ -5,17 +5,35 @@ use std::collections::BTreeSet;
 use glam::{DAffine3, DQuat};
 use serde_json::{Map, Value, json};
 
-use crate::scene::{AlphaMode, Camera, Image, Light, LightKind, Material, Mesh, Projection, Scene, Wrap};
+use crate::scene::{AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection, Scene, Wrap};
+
+/// A translation of all instances with this node name: an animation with linear interpolation.
+pub struct Motion {
+    pub node: &'static str,
+    /// Seconds, ascending.
+    pub times: Vec<f32>,
+    /// Position of the node at each time.
+    pub positions: Vec<[f32; 3]>,
+}
 
 /// The bytes of the file. Its nodes are the instances, then the cameras, then the lights, each in the scene's order. Images
 /// become PNG. All textures use TEXCOORD_0. Numbers are rounded to f32.
 pub fn write(scene: &Scene) -> Vec<u8> {
+    write_moving(scene, None)
+}
+
+/// As [`write`], with a motion. The instances that move have no rotation and no scale.
+pub fn write_moving(scene: &Scene, motion: Option<&Motion>) -> Vec<u8> {
     let mut file = File::default();
     let meshes: Vec<Value> = scene.meshes.iter().map(|m| file.mesh(m)).collect();
     let materials: Vec<Value> = scene.materials.iter().map(|m| file.material(m)).collect();
     let images: Vec<Value> = scene.images.iter().map(|i| file.image(i)).collect();
+    let moves = |i: &Instance| motion.is_some_and(|motion| motion.node == i.node);
+    let place = |i: &Instance| if moves(i) { pose(&i.transform) } else { matrix(&i.transform) };
     let mut nodes: Vec<Value> =
-        scene.instances.iter().map(|i| with(json!({"name": i.node, "mesh": i.mesh}), matrix(&i.transform))).collect();
+        scene.instances.iter().map(|i| with(json!({"name": i.node, "mesh": i.mesh}), place(i))).collect();
+    let moving: Vec<usize> = (0..nodes.len()).filter(|&index| moves(&scene.instances[index])).collect();
+    let animations: Vec<Value> = motion.map(|motion| file.animation(motion, &moving)).into_iter().collect();
     for (index, camera) in scene.cameras.iter().enumerate() {
         nodes.push(with(json!({"name": camera.name, "camera": index}), pose(&camera.transform)));
     }
@@ -30,6 +48,7 @@ pub fn write(scene: &Scene) -> Vec<u8> {
         "scenes": [{"nodes": (0..nodes.len()).collect::<Vec<_>>()}],
         "nodes": nodes,
         "meshes": meshes,
+        "animations": animations,
         "materials": materials,
         "cameras": scene.cameras.iter().map(camera).collect::<Vec<_>>(),
         "accessors": file.accessors,
@@ -123,6 +142,26 @@ impl File {
         let indices = self.accessor(view, component, "SCALAR", indices.len());
         json!({"name": mesh.name,
             "primitives": [{"attributes": attributes, "indices": indices, "material": mesh.material}]})
+    }
+
+    /// An animation that moves the nodes `moving`.
+    fn animation(&mut self, motion: &Motion, moving: &[usize]) -> Value {
+        let input = self.accessor_of(&motion.times, "SCALAR", motion.times.len());
+        let end = motion.times.iter().copied().fold(0.0, f32::max);
+        let begin = motion.times.iter().copied().fold(end, f32::min);
+        self.accessors[input] =
+            with(self.accessors[input].take(), json!({"min": [number(begin)], "max": [number(end)]}));
+        let output = self.accessor_of(motion.positions.as_flattened(), "VEC3", motion.positions.len());
+        let channel = |&node: &usize| json!({"sampler": 0, "target": {"node": node, "path": "translation"}});
+        json!({"name": "drive", "channels": moving.iter().map(channel).collect::<Vec<_>>(),
+            "samplers": [{"input": input, "output": output, "interpolation": "LINEAR"}]})
+    }
+
+    /// An accessor that no vertex uses.
+    fn accessor_of(&mut self, values: &[f32], kind: &str, count: usize) -> usize {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let view = self.view(&bytes, None);
+        self.accessor(view, 5126, kind, count)
     }
 
     fn floats(&mut self, values: &[f32], kind: &str, count: usize) -> usize {

@@ -13,6 +13,7 @@ pub mod numbers;
 pub mod paint;
 pub mod shapes;
 pub mod stage;
+mod street;
 pub mod zoo;
 
 use crate::scene::Scene;
@@ -53,11 +54,13 @@ pub enum Kind {
     Zoo(zoo::Light),
     /// Hall of 12 x 4 x 12 m under a hundred spot lights of unequal power.
     HundredLamps,
+    /// Street of 72 m at night, lit from the camera, with a car that drives towards it for two seconds.
+    Street,
 }
 
 impl Kind {
     /// The names that [`Kind::parse`] accepts.
-    pub const NAMES: [&str; 8] = [
+    pub const NAMES: [&str; 9] = [
         "cornell-box",
         "gated-sphere",
         "door-ajar",
@@ -66,6 +69,7 @@ impl Kind {
         "zoo-punctual",
         "zoo-beam",
         "hundred-lamps",
+        "street",
     ];
 
     /// The scene of this name with its default parameters: a sphere of 1 m with albedo 0.5 and 81,920 facets; clutter of at least
@@ -80,6 +84,7 @@ impl Kind {
             "zoo-punctual" => Kind::Zoo(zoo::Light::Punctual),
             "zoo-beam" => Kind::Zoo(zoo::Light::Beam),
             "hundred-lamps" => Kind::HundredLamps,
+            "street" => Kind::Street,
             _ => return None,
         })
     }
@@ -119,16 +124,18 @@ impl Kind {
             Kind::Zoo(zoo::Light::Punctual) => Kind::NAMES[5],
             Kind::Zoo(zoo::Light::Beam) => Kind::NAMES[6],
             Kind::HundredLamps => Kind::NAMES[7],
+            Kind::Street => Kind::NAMES[8],
         }
     }
 }
 
 /// The scene as binary glTF, with the same bytes on every machine.
 pub fn scene(kind: Kind) -> Vec<u8> {
-    glb::write(&build(kind))
+    let motion = (kind == Kind::Street).then(street::motion);
+    glb::write_moving(&build(kind), motion.as_ref())
 }
 
-/// The scene as plain data, as the loader would return it.
+/// The scene as plain data, as the loader would return it; of a scene that moves, at the begin.
 pub fn build(kind: Kind) -> Scene {
     match kind {
         Kind::CornellBox => cornell::build(cornell::ROUGHNESS, 0),
@@ -138,6 +145,7 @@ pub fn build(kind: Kind) -> Scene {
         Kind::ClutteredRoom { triangles } => clutter::build(triangles),
         Kind::Zoo(light) => zoo::zoo(light),
         Kind::HundredLamps => hall::build(),
+        Kind::Street => street::build(),
     }
 }
 

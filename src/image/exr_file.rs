@@ -246,6 +246,16 @@ pub struct Picture {
     pub corner: [i32; 2],
 }
 
+/// The settings as an experiment file that [`write`] stored, `tof:settings`; `None` if the file cannot be read or has none.
+pub fn read_settings(path: &Path) -> Option<String> {
+    let file = File::open(path).ok()?;
+    let meta = MetaData::read_from_buffered(BufReader::new(file), false).ok()?;
+    match meta.headers.first()?.own_attributes.other.get(&text("tof:settings"))? {
+        AttributeValue::Text(settings) => Some(settings.to_string()),
+        _ => None,
+    }
+}
+
 /// Reads a single-part EXR of any program: the channels R, G, B, and Variance.R, .G, .B if there. Other channels take no memory:
 /// they are decoded block by block, and dropped.
 pub fn read_picture(path: &Path) -> Result<Picture> {

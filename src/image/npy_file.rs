@@ -85,16 +85,20 @@ pub fn variance_path(path: &Path) -> PathBuf {
 /// several. Row 0 is at the top.
 pub fn write_means(path: &Path, film: &Film, responses: Option<&ResponseFilm>) -> Result<()> {
     match responses {
-        None => write(path, &shape(film, None), film.mean()),
-        Some(all) => write(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.means_of(pixel))),
+        None => write_array(path, &shape(film, None), film.mean()),
+        Some(all) => {
+            write_array(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)))
+        }
     }
 }
 
 /// Writes the variances of the means, in the same shape.
 pub fn write_variances(path: &Path, film: &Film, responses: Option<&ResponseFilm>) -> Result<()> {
     match responses {
-        None => write(path, &shape(film, None), film.variance_of_mean()),
-        Some(all) => write(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.variances_of(pixel))),
+        None => write_array(path, &shape(film, None), film.variance_of_mean()),
+        Some(all) => {
+            write_array(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.variances_of(pixel)))
+        }
     }
 }
 
@@ -106,7 +110,7 @@ pub fn depth_path(path: &Path) -> PathBuf {
 /// Writes the depths in metres, of shape (height, width): of two frequencies, the depth that both agree on.
 pub fn write_depths(path: &Path, film: &Film, images: &ResponseFilm, frequencies: &Frequencies) -> Result<()> {
     let depths = depth::planes(images, frequencies).pop().map_or(vec![], |(_, depths)| depths);
-    write(path, &[film.height() as usize, film.width() as usize], depths)
+    write_array(path, &[film.height() as usize, film.width() as usize], depths)
 }
 
 /// Writes the JSON file that describes the arrays.
@@ -146,8 +150,8 @@ fn shape(film: &Film, responses: Option<&ResponseFilm>) -> Vec<usize> {
     shape
 }
 
-/// Writes an array in C order. `values` are as many as `shape` says.
-fn write(path: &Path, shape: &[usize], values: impl IntoIterator<Item = f32>) -> Result<()> {
+/// Writes an array of 32-bit floats in C order. `values` are as many as `shape` says.
+pub fn write_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item = f32>) -> Result<()> {
     write_atomically(path, |writer| {
         writer.write_all(&header(shape))?;
         values.into_iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))

@@ -119,6 +119,10 @@ impl Experiment {
         // Keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
         if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
             (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
+            below.gate.gate_keys = None;
+        }
+        if self.gate.gate_keys.is_some() {
+            (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
         }
         if self.gate.response.is_some() || self.gate.repeat.is_some() {
             below.gate.cw = None;

@@ -9,3 +9,4 @@ pub mod resolve;
 pub mod response_table;
 mod responses;
 pub mod scenery;
+pub mod sequence;

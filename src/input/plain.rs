@@ -177,7 +177,10 @@ mod tests {
         let tables = [
             ("spp = 4", "the file has no key spp: it belongs to [render]"),
             ("[output]\nspp = 4", "[output] has no key spp: it belongs to [render]"),
-            ("[gate]\ngte = 4", "[gate] has no key gte: choose one of gate, depth, gates, response, repeat, cw, force"),
+            (
+                "[gate]\ngte = 4",
+                "[gate] has no key gte: choose one of gate, depth, gates, response, repeat, cw, gate-keys, force",
+            ),
             ("scne = 'a.glb'", "the file has no key scne: choose one of scene, camera, emitter"),
             ("output = 'x.exr'", "output is the text \"x.exr\", but must be a table: write [output] on a line"),
             ("[render]\nspp = 'four'", "spp is the text \"four\", but must be a whole number, 0 or more"),

@@ -5,6 +5,7 @@
 //! other file gives an error that names the offending part and the remedy.
 
 mod accessor;
+mod animation;
 mod camera;
 mod compressed;
 mod document;
@@ -34,6 +35,7 @@ use glam::DAffine3;
 use super::check::is_singular;
 use super::{Instance, Scene};
 use crate::error::{Error, Result};
+pub use animation::Playback;
 use document::{Document, Warnings};
 use resolve::Folders;
 
@@ -42,18 +44,19 @@ type Checked<T> = std::result::Result<T, String>;
 
 /// Loads the scene from a `.glb` or `.gltf` file. Files that it refers to must lie in the folder of `path` or below.
 pub fn load(path: &Path) -> Result<Scene> {
-    load_with(path, &[])
+    load_with(path, &[], Playback::default())
 }
 
 /// Loads the scene from a `.glb` or `.gltf` file. Files that it refers to must lie in the folder of `path`, in one of the folders
-/// `allowed`, or below one of these. Symbolic links are followed first, so that no link leads elsewhere.
-pub fn load_with(path: &Path, allowed: &[PathBuf]) -> Result<Scene> {
+/// `allowed`, or below one of these. Symbolic links are followed first, so that no link leads elsewhere. The nodes have the pose of
+/// `playback`.
+pub fn load_with(path: &Path, allowed: &[PathBuf], playback: Playback) -> Result<Scene> {
     if let Some(wrong) = allowed.iter().find(|folder| !folder.is_dir()) {
         let message = "is not a folder; check --allow-path".into();
         return Err(Error::File { path: wrong.clone(), message });
     }
     let bytes = resolve::read_file(path).map_err(|message| Error::Scene { path: path.into(), message })?;
-    load_from(&bytes, path, allowed)
+    load_from(&bytes, path, allowed, playback)
 }
 
 /// The bytes of the scene's file, then of the external buffers and images that it names, in its order. A missing external file
@@ -78,22 +81,38 @@ pub fn paths(path: &Path, allowed: &[PathBuf]) -> Vec<PathBuf> {
 
 /// Loads the scene from the bytes of a `.glb` or `.gltf` file. `path` serves messages and relative URIs.
 pub fn load_slice(bytes: &[u8], path: &Path) -> Result<Scene> {
-    load_from(bytes, path, &[])
+    load_from(bytes, path, &[], Playback::default())
 }
 
-fn load_from(bytes: &[u8], path: &Path, allowed: &[PathBuf]) -> Result<Scene> {
+/// As [`load_slice`], with the nodes in the pose of `playback`.
+pub fn load_slice_at(bytes: &[u8], path: &Path, playback: Playback) -> Result<Scene> {
+    load_from(bytes, path, &[], playback)
+}
+
+fn load_from(bytes: &[u8], path: &Path, allowed: &[PathBuf], playback: Playback) -> Result<Scene> {
     let folders = Folders::new(path, allowed);
     // A panic here is a defect of this reader or of a decoder. Report it as an error: the user can at least change the file.
-    catch_unwind(AssertUnwindSafe(|| read(bytes, folders)))
+    catch_unwind(AssertUnwindSafe(|| read(bytes, folders, playback)))
         .unwrap_or_else(|_| Err("the glTF reader failed on this file; re-export it, and report the file".into()))
         .map_err(|message| Error::Scene { path: path.into(), message })
 }
 
+/// Whether the file has animations; false if it cannot be read, which [`load`] reports.
+pub fn has_animations(path: &Path) -> bool {
+    let found = || {
+        let bytes = resolve::read_file(path).ok()?;
+        let (json, _) = resolve::split_container(&bytes).ok()?;
+        Some(!serde_json::from_slice::<serde_json::Value>(json).ok()?.get("animations")?.as_array()?.is_empty())
+    };
+    catch_unwind(AssertUnwindSafe(found)).ok().flatten().unwrap_or(false)
+}
+
 /// Turns the bytes into a scene.
-fn read(bytes: &[u8], folders: Folders) -> Checked<Scene> {
+fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
     let mut warnings = Warnings::default();
-    let doc = Document::open(bytes, folders)?;
+    let mut doc = Document::open(bytes, folders)?;
     extension::check(&doc, &mut warnings)?;
+    animation::pose(&mut doc, playback, &mut warnings)?;
     let media = medium::load(&doc)?;
 
     let worlds = node::world_transforms(&doc)?;

@@ -9,6 +9,8 @@ mod choices;
 #[allow(missing_docs)]
 pub mod exposure;
 #[allow(missing_docs)]
+pub mod frames;
+#[allow(missing_docs)]
 pub mod frequencies;
 pub mod gates;
 #[allow(missing_docs)]
@@ -16,8 +18,10 @@ pub mod grid;
 pub mod keys;
 #[allow(missing_docs)]
 pub mod medium;
+#[allow(missing_docs)]
+pub mod moment;
 pub mod numbers;
-pub mod period;
+pub mod optical_path;
 #[allow(missing_docs)]
 pub mod phase;
 mod response;

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use crate::error::{Error, Result};
 use crate::settings::frequencies::Frequencies;
 use crate::settings::gates::{Gates, MAX_GATES};
-use crate::settings::period::Period;
+use crate::settings::optical_path::OpticalPath;
 use crate::settings::response::{Edge, Response};
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::table::GateTable;
@@ -114,7 +114,7 @@ impl Responses {
     /// The table of an experiment that gives these responses. A table without a file has no text; its response is left out.
     pub(super) fn to_table(&self) -> GateTable {
         let edge = self.list[0].edge();
-        let repeat = self.list[0].period().map(Period);
+        let repeat = self.list[0].period().map(OpticalPath);
         if let Some(gates) = self.uniform {
             let response =
                 edge.filter(|edge| *edge != Edge::Sharp).map(|edge| ResponseSpecs(vec![ResponseSpec::around(edge)]));

@@ -9,14 +9,16 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
+use crate::settings::frames::{Frames, GateKeys};
 use crate::settings::frequencies::Frequencies;
 use crate::settings::gates::Gates;
 use crate::settings::grid::Filter;
 use crate::settings::medium::{
     Alpha, Bounds, Coefficient, Distance, DropletDiameter, MeanCosine, RefractiveIndex, Share,
 };
+use crate::settings::moment::Moment;
 use crate::settings::numbers::{Fov, Headlamp, Height, Lamps, Numbers};
-use crate::settings::period::Period;
+use crate::settings::optical_path::OpticalPath;
 use crate::settings::phase::Phase;
 use crate::settings::response_specs::ResponseSpecs;
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
@@ -109,6 +111,13 @@ table! {
         /// Also read files of a .gltf scene that lie in this folder or below, such as ../textures; other files must lie in the folder
         /// of the scene or below; may be repeated
         allow_path: Folders, Setting::scene("allow-path", "DIR").form(Form::Repeated);
+
+        /// Play the animations of the scene up to this time in seconds, from 0 on, such as 1.5s; without it, nodes keep the transforms
+        /// in the file
+        at: Moment, Setting::scene("at", "TIME").form(Form::Signed);
+
+        /// Name of the animation to play [default: all of them together]
+        animation: String, Setting::scene("animation", "NAME");
     }
 }
 
@@ -195,12 +204,15 @@ table! {
         /// image of its own, such as near=gauss:10m..11m,0.1m; may be repeated [default: box]
         response: ResponseSpecs, Setting::gate("response", "[NAME=]SPEC").form(Form::Repeated);
 
-        /// Period of a pulsed laser, as optical path or time, such as 100m: light of all pulses falls into the gates (range folding)
-        repeat: Period, Setting::gate("repeat", "LENGTH").form(Form::Signed);
+        /// OpticalPath of a pulsed laser, as optical path or time, such as 100m: light of all pulses falls into the gates (range folding)
+        repeat: OpticalPath, Setting::gate("repeat", "LENGTH").form(Form::Signed);
 
         /// Continuous-wave sensor: modulation frequencies in MHz, one or two. Four images per frequency, with the weights (1 + cos(2 pi
         /// F tau / c + k pi / 2)) / 2 for k = 0 to 3, and layers of phase, amplitude and depth in metres
         cw: Frequencies, Setting::gate("cw", "MHZ[,MHZ]").excludes(&["gate", "depth", "gates", "response", "repeat"]);
+
+        /// Gate of a frame, for --frames: FRAME=A..B. Between two of them the ends of the gate move linearly; may be repeated
+        gate_keys: GateKeys, Setting::gate("gate-keys", "FRAME=A..B").form(Form::Repeated).excludes(&["gate", "depth", "gates", "cw"]);
 
         /// Render even if the gate is narrower than 16 steps of 32-bit travel times, or if no light arrives inside the gate
         force: bool, Setting::gate("force", "").form(Form::Switch);
@@ -301,6 +313,19 @@ table! {
         /// Also write statistics: rays, times, the mean and its error, dropped samples, the fraction of light inside the gate
         stats: PathBuf, Setting::output("stats", "FILE.json");
 
+        /// Render the frames A, A + 1, ... up to but not including B, each to a file of its own: # in the name of an output stands for
+        /// the number. Frames that are there with the same settings are kept. The scene has the pose at the time of the frame
+        frames: Frames, Setting::output("frames", "A..B").excludes(&["at"]);
+
+        /// Frames per second of the animations [default: 24]
+        fps: u32, Setting::output("fps", "N");
+
+        /// Also write a picture of all frames side by side
+        contact_sheet: PathBuf, Setting::output("contact-sheet", "FILE.png");
+
+        /// Also write the frames as an animated picture
+        gif: PathBuf, Setting::output("gif", "FILE.gif");
+
         /// Also render the image again and write the contribution of each strategy to this folder: for s = 2 light vertices and t
         /// = 3 sensor vertices, s02_t03_weighted.exr (with MIS weights; the sum over all strategies is the image) and
         /// s02_t03_unweighted.exr
@@ -362,72 +387,4 @@ impl Tables {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::input::experiment::Experiment;
-
-    /// The name of every setting must be its key in experiment files; the flags of a medium may have a longer name than the keys of
-    /// `[medium]`. Every setting must have a help text.
-    #[test]
-    fn names_are_the_keys_of_the_file_and_all_have_help() {
-        struct Fill(Vec<String>);
-        impl Visitor for Fill {
-            fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-                assert!(!setting.help.trim().is_empty() && !setting.help.ends_with('.'), "--{}", setting.name);
-                assert!(
-                    setting.excludes.iter().all(|other| self.0.iter().any(|name| name == other)),
-                    "--{}",
-                    setting.name
-                );
-                let words = [
-                    "true",
-                    "1",
-                    "0.5",
-                    "1m..2m",
-                    "1m..2m/3",
-                    "4x4",
-                    "0,1,0,1",
-                    "0,1,0",
-                    "0,1",
-                    "0,0,0,1,1,1",
-                    "1,0,0,0,0,1,0,0,0,0,1,0",
-                    "linear",
-                    "3s",
-                    "3m",
-                    "pt",
-                    "hg",
-                    "box",
-                    "15",
-                    "all",
-                    "uniform",
-                    "word",
-                ];
-                *slot = words.iter().find_map(|word| T::parse(word.as_ref()).ok());
-                assert!(slot.is_some(), "--{} has a value that this test does not know", setting.name);
-                self.0.push(setting.name.into());
-            }
-        }
-        let (mut experiment, mut fill) = (Experiment::default(), Fill(vec![]));
-        experiment.visit(&mut fill);
-        let text = experiment.to_toml();
-        let keys: Vec<&str> = text.lines().filter_map(|line| Some(line.split_once(" = ")?.0)).collect();
-        let short = |name: &str| {
-            let key = ["phase-", "medium-", "density-"].iter().find_map(|prefix| name.strip_prefix(prefix));
-            key.unwrap_or(name).to_string()
-        };
-        assert_eq!(keys, fill.0.iter().map(|name| short(name)).collect::<Vec<_>>(), "{text}");
-    }
-
-    #[test]
-    fn notes_name_the_estimators_that_use_a_setting() {
-        let setting = Setting::sampling("splat-paths", "N").only_for(traces_light);
-        assert_eq!(setting.without_effect(Estimator::Bdpt), None);
-        let note = "--splat-paths is only for bdpt, lcs-paper and lcs; pt ignores it";
-        assert_eq!(setting.without_effect(Estimator::Pt).as_deref(), Some(note));
-        let note = Setting::sampling("frontier", "N")
-            .only_for(Estimator::by_importance)
-            .without_effect(Estimator::Bdpt)
-            .unwrap();
-        assert!(note.starts_with("--frontier is only for lcs; bdpt"), "{note}");
-    }
-}
+mod tests;

@@ -11,8 +11,9 @@ use serde::{Serialize, Serializer};
 use crate::error::{Error, Result};
 use crate::settings::aov::Aov;
 use crate::settings::exposure::Exposure;
+use crate::settings::frames::Frames;
 use crate::settings::gates::Gates;
-use crate::settings::period::Period;
+use crate::settings::optical_path::OpticalPath;
 use crate::settings::setting::{Value, value_from_text};
 use crate::settings::units::{Depth, Gate, number};
 use crate::settings::{Crop, Emitters, Estimator, Importance, Sampling, Strategies};
@@ -173,7 +174,7 @@ macro_rules! serde_as_list {
     )+};
 }
 
-serde_as_text!(Gate, Gates, Depth, Period, Seconds, Estimator, Sampling, Strategies);
+serde_as_text!(Frames, Gate, Gates, Depth, OpticalPath, Seconds, Estimator, Sampling, Strategies);
 serde_as_list! {
     Resolution, "x", "expected width and height, like \"640x480\" or [640, 480]";
     Crop, ",", "expected four numbers, like \"0,100,0,50\" or [0, 100, 0, 50]";

@@ -193,7 +193,7 @@ fn mistakes_name_the_remedy() {
         (&["--cw", "20,20", "-o", "a.npy"], "like 20 or 80,60"),
         (&["--cw", "20", "--gate", "1m..2m", "-o", "a.npy"], "cannot be used with"),
         (&["--repeat", "20m", "-o", "a.npy"], "add --gate A..B"),
-        (&["--gate", "1m..2m", "--repeat", "-3m", "-o", "a.npy"], "is not the period of a laser"),
+        (&["--gate", "1m..2m", "--repeat", "-3m", "-o", "a.npy"], "like 100m or 400ns"),
         (&["--cw", "20", "--repeat", "20m", "-o", "a.npy"], "cannot be used with"),
         (&["--gates", "1km..2km/5", "-o", "a.npy"], "meets no light"),
     ];

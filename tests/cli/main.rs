@@ -2,7 +2,9 @@
 
 mod bench;
 mod corpus;
+mod detect;
 mod devices;
+mod frames;
 mod gates;
 mod grids;
 #[cfg(unix)]
@@ -64,7 +66,7 @@ fn write_exr(path: &Path, width: u32, height: u32, value: f32) {
 fn help_is_what_was_reviewed() {
     let here = folder();
     let mut help = String::new();
-    for command in ["", "render", "compare", "histogram", "bench", "info", "devices", "generate"] {
+    for command in ["", "render", "compare", "histogram", "detect", "bench", "info", "devices", "generate"] {
         let arguments: Vec<&str> = [command, "--help"].into_iter().filter(|a| !a.is_empty()).collect();
         let output = taugate(here.path(), &arguments);
         assert!(output.status.success());

@@ -59,7 +59,10 @@ fn what_is_not_read_need_not_be_readable() {
         "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": "/materials/0/alphaCutoff" } } } });
     glb.json["animations"] = json!([{ "channels": [channel], "samplers": [{ "input": 0, "output": 0 }] }, 5]);
     let scene = read(&glb);
-    assert_eq!(scene.warnings, ["animations are not read; nodes keep the transforms in the file"]);
+    assert_eq!(
+        scene.warnings,
+        ["animations are only played with --at or --frames; nodes keep the transforms in the file"]
+    );
     // A buffer and a compressed view that nothing refers to.
     glb.push("buffers", json!({ "byteLength": 1000 }));
     let source = json!({ "buffer": 1, "byteLength": 5, "byteStride": 4, "count": 2, "mode": "ATTRIBUTES" });

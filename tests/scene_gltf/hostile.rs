@@ -1,7 +1,7 @@
 //! Bad files: the reader refuses them with a message that names the bad part and the remedy, and never panics.
 
 use base64::Engine;
-use taugate::internals::scene::gltf::{load, load_with};
+use taugate::internals::scene::gltf::{Playback, load, load_with};
 
 use super::*;
 
@@ -358,7 +358,7 @@ fn files_of_an_allowed_folder_are_read_and_links_do_not_leave_it() {
     let path = folder.join("scene.gltf");
     let load_uri = |uri: &str, allowed: &[std::path::PathBuf]| {
         std::fs::write(&path, text(uri)).unwrap();
-        load_with(&path, allowed).map(drop).map_err(|error| error.to_string())
+        load_with(&path, allowed, Playback::default()).map(drop).map_err(|error| error.to_string())
     };
     let allowed = [textures.clone()];
     let refused = load_uri("../textures/good.bin", &[]).unwrap_err();

@@ -6,6 +6,7 @@ mod glb;
 #[path = "../common/peak.rs"]
 mod peak;
 
+mod animation;
 mod cameras;
 mod compressed;
 mod extensions;

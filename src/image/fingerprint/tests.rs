@@ -4,10 +4,11 @@ use super::sources::{DECIDE, digest};
 use super::*;
 
 /// Code that does not affect an image with given settings, or whose effect the fingerprint of the settings covers.
-const ELSEWHERE: [&str; 13] = [
+const ELSEWHERE: [&str; 14] = [
     "app",
     "bench",
     "compare",
+    "detector",
     "error.rs",
     "files",
     "files.rs",

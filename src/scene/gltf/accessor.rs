@@ -76,6 +76,12 @@ impl Document<'_> {
         })
     }
 
+    /// 32-bit floats.
+    pub fn scalars(&self, index: usize, what: &str) -> Checked<Vec<f32>> {
+        let elements = self.elements(index, what, Type::Scalar, FLOAT)?;
+        Ok(elements.vectors::<1, 4>(f32::from_le_bytes).into_iter().flatten().collect())
+    }
+
     /// RGBA in [0, 1] from vectors of 3 or 4 numbers; alpha is 1 if there are 3. Values outside [0, 1] are clamped.
     pub fn colors(&self, index: usize, what: &str) -> Checked<Vec<[f32; 4]>> {
         let has_alpha = self.root.accessors.get(index).is_some_and(|accessor| accessor.type_ == Valid(Type::Vec4));

@@ -78,9 +78,6 @@ pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings
         let shape = Shape { mesh: number, skin, weights: weights.map(|weight| weight.to_bits()).collect() };
         nodes_of.entry(shape).or_default().push(index);
     }
-    if !doc.root.animations.is_empty() {
-        warnings.once("animations", || "animations are not read; nodes keep the transforms in the file".into());
-    }
     for (shape, nodes) in nodes_of {
         let Some(mesh) = doc.root.meshes.get(shape.mesh) else { continue };
         let weights: Vec<f32> = shape.weights.into_iter().map(f32::from_bits).collect();

@@ -7,7 +7,6 @@ use ::gltf::json::{
     Accessor, Asset, Buffer, Camera, Extras, Image, Index, Material, Mesh, Node, Skin, Texture, buffer::View,
 };
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 
 /// The lists that taugate reads, with the elements of the `gltf` crate. The crate's own `Root` also parses parts that taugate
 /// does not read, so it refuses some valid files: animations that target pointers, and scenes without nodes.
@@ -42,7 +41,7 @@ pub struct Root {
     #[serde(default)]
     pub buffers: Vec<Buffer>,
     #[serde(default)]
-    pub animations: Vec<IgnoredAny>,
+    pub animations: Vec<serde_json::Value>,
     #[serde(default)]
     pub extensions: Option<Extensions>,
     #[serde(default)]

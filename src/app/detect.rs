@@ -1,0 +1,199 @@
+//! `taugate detect`: photon counts of a detector from the radiance of a render.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use taugate::Error;
+use taugate::internals::detector::{Bins, Blind, Detector};
+use taugate::internals::files::{check_writable, write_atomically};
+use taugate::internals::image::exr_file::read_picture;
+use taugate::internals::image::npy_file::{description_path, write_array};
+use taugate::internals::image::npy_read::{ImageArray, described, read};
+
+use crate::app::cli::DetectArgs;
+
+/// The radiance that the detector sees.
+struct Input {
+    array: ImageArray,
+    bins: Bins,
+    /// The JSON file beside the array, if there is one.
+    description: Option<Value>,
+}
+
+pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
+    if !has_extension(&args.output, "npy") {
+        return Err(settings(format!("the output {} must end in .npy", args.output.display())).into());
+    }
+    let detector = detector(args)?;
+    let description = description_path(&args.output);
+    check_writable(&args.output)?;
+    check_writable(&description)?;
+    let same =
+        |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
+    if [&args.output, &description]
+        .into_iter()
+        .any(|file| same(file, &args.input) || same(file, &description_path(&args.input)))
+    {
+        return Err(settings(format!("{} would replace the light; choose another name", args.output.display())).into());
+    }
+    let input = input(&args.input)?;
+    let background = background(args.background.as_deref(), &input.array)?;
+    let counts = counts(args, &detector, &input, &background);
+
+    let mut shape = vec![input.array.height, input.array.width];
+    shape.extend(input.array.responses);
+    shape.push(channels(args));
+    let text = serde_json::to_string_pretty(&describe(args, &input, &shape))?;
+    write_array(&args.output, &shape, counts.iter().copied())?;
+    write_atomically(&description, |writer| std::io::Write::write_all(writer, text.as_bytes()))?;
+    let total: f64 = counts.iter().map(|&count| f64::from(count)).sum();
+    let pixels = (input.array.width * input.array.height * channels(args)) as f64;
+    super::say(&format!(
+        "{}, {}: {total:.0} counts, {:.3} per pixel{} and pulse",
+        args.output.display(),
+        description.display(),
+        total / pixels / detector.pulses as f64,
+        if args.mono { "" } else { ", channel" }
+    ));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Fails if a number is out of range.
+fn detector(args: &DetectArgs) -> Result<Detector, Error> {
+    let check = |name: &str, x: f64, max: f64| match (0.0..=max).contains(&x) {
+        true => Ok(x),
+        false if max.is_finite() && max < 1e9 => Err(settings(format!("--{name} is {x}; it must be from 0 to {max}"))),
+        false => Err(settings(format!("--{name} is {x}; it must be a finite number, 0 or more"))),
+    };
+    let blind = match args.dead_time {
+        Some(time) => Blind::For(time.0),
+        None if args.first_photon => Blind::UntilNextPulse,
+        None => Blind::Never,
+    };
+    Ok(Detector {
+        photons: check("photons", args.photons, f64::MAX)?,
+        pulses: args.pulses,
+        efficiency: check("efficiency", args.efficiency, 1.0)?,
+        dark_rate: check("dark-counts", args.dark_counts, f64::MAX)?,
+        jitter: args.jitter.map_or(0.0, |jitter| jitter.0),
+        blind,
+    })
+}
+
+fn input(path: &Path) -> Result<Input, Error> {
+    let fail = |message: &str| Error::File { path: path.into(), message: message.into() };
+    let (array, gates, description) = if has_extension(path, "exr") {
+        let picture = read_picture(path)?;
+        let gate =
+            picture.gate.ok_or_else(|| fail("names no gate; give an image that taugate rendered with --gate"))?;
+        let (width, height) = (picture.width as usize, picture.height as usize);
+        (ImageArray { width, height, responses: None, values: picture.rgb }, vec![gate], None)
+    } else if has_extension(path, "npy") {
+        let array = read(path)?;
+        let responses = described(path, &array)
+            .ok_or_else(|| fail("comes without the JSON file that names its gates; keep that file beside the array"))?;
+        let end = |end: Option<f64>| end.unwrap_or(f64::INFINITY);
+        let gates = responses.iter().map(|response| [response.gate_begin_m, end(response.gate_end_m)]).collect();
+        let description =
+            std::fs::read(description_path(path)).ok().and_then(|text| serde_json::from_slice(&text).ok());
+        (array, gates, description)
+    } else {
+        return Err(settings(format!(
+            "{} must be an array (.npy) or an image (.exr) of taugate render",
+            path.display()
+        )));
+    };
+    if array.values.iter().any(|value| !value.is_finite()) {
+        return Err(fail("has values that are not finite; render an image without such pixels"));
+    }
+    Ok(Input { array, bins: Bins::new(gates)?, description })
+}
+
+/// R, G, B of the background per pixel: a number, or an image of a render without a gate.
+fn background(text: Option<&str>, array: &ImageArray) -> Result<Vec<[f32; 3]>, Error> {
+    let pixels = array.width * array.height;
+    let Some(text) = text else { return Ok(vec![[0.0; 3]; pixels]) };
+    let path = Path::new(text);
+    if !has_extension(path, "exr") {
+        let radiance = text.parse().ok().filter(|x: &f32| x.is_finite() && *x >= 0.0);
+        let radiance = radiance.ok_or_else(|| {
+            settings(format!("'{text}' is no background; give a radiance in W/(m^2 sr), 0 or more, or an image (.exr)"))
+        })?;
+        return Ok(vec![[radiance; 3]; pixels]);
+    }
+    let picture = read_picture(path)?;
+    let fail = |message: String| Error::File { path: path.into(), message };
+    if (picture.width as usize, picture.height as usize) != (array.width, array.height) {
+        return Err(fail(format!(
+            "is {}x{}, but the light is {}x{}; render the background with the same --resolution and --crop",
+            picture.width, picture.height, array.width, array.height
+        )));
+    }
+    if picture.rgb.iter().any(|value| !value.is_finite()) {
+        return Err(fail("has values that are not finite; render an image without such pixels".into()));
+    }
+    Ok(picture.rgb.as_chunks().0.to_vec())
+}
+
+fn channels(args: &DetectArgs) -> usize {
+    if args.mono { 1 } else { 3 }
+}
+
+/// The counts of all pixels, in the order of the array.
+fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[f32; 3]]) -> Vec<f32> {
+    let Input { array, bins, .. } = input;
+    let channels = channels(args);
+    let of_channel = |rgb: &[f32; 3], channel: usize| match args.mono {
+        true => rgb.iter().map(|&x| f64::from(x)).sum::<f64>() / 3.0,
+        false => f64::from(rgb[channel]),
+    };
+    let of_pixel = |pixel: usize| {
+        let light = array.pixel([pixel % array.width, pixel / array.width]);
+        let mut counts = vec![0.0; array.images() * channels];
+        for channel in 0..channels {
+            let radiance = light.iter().map(|rgb| of_channel(rgb, channel));
+            let means = detector.means(radiance, of_channel(&background[pixel], channel), bins);
+            // A seed per pixel and channel: counts do not depend on the order of the work.
+            let seed = (u64::from(args.seed) << 32) ^ (3 * pixel + channel) as u64;
+            for (k, count) in detector.counts(&means, bins, seed).into_iter().enumerate() {
+                counts[k * channels + channel] = count as f32;
+            }
+        }
+        counts
+    };
+    (0..array.width * array.height).into_par_iter().map(of_pixel).collect::<Vec<_>>().concat()
+}
+
+/// The description of the counts: that of the light, with the detector.
+fn describe(args: &DetectArgs, input: &Input, shape: &[usize]) -> Value {
+    let mut description = input.description.clone().unwrap_or(json!({}));
+    if !description.is_object() {
+        description = json!({});
+    }
+    description["unit"] = "counts over all pulses".into();
+    description["shape"] = shape.into();
+    description["detector"] = json!({
+        "light": args.input.display().to_string(),
+        "photons_per_pulse_and_radiance": args.photons,
+        "pulses": args.pulses,
+        "efficiency": args.efficiency,
+        "background": args.background,
+        "dark_counts_per_second": args.dark_counts,
+        "jitter_m": args.jitter.map(|jitter| jitter.0),
+        "dead_time_m": args.dead_time.map(|time| time.0),
+        "first_photon": args.first_photon,
+        "mono": args.mono,
+        "seed": args.seed,
+    });
+    description
+}
+
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension))
+}
+
+fn settings(message: String) -> Error {
+    Error::Settings(message)
+}

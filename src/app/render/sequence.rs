@@ -1,0 +1,70 @@
+//! `taugate render --frames`: renders the frames of a sequence one after the other.
+
+mod pictures;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use taugate::Error;
+use taugate::internals::error::Result;
+use taugate::internals::files::check_writable;
+use taugate::internals::image::exr_file::read_settings;
+use taugate::internals::image::npy_file::description_path;
+use taugate::internals::input::resolve::{Outputs, outputs};
+use taugate::internals::input::sequence::Sequence;
+
+use super::{Outcome, Session};
+
+/// Renders all frames, then the pictures of all of them.
+pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCode> {
+    for path in sequence.contact_sheet.iter().chain(&sequence.gif) {
+        check_writable(path)?;
+    }
+    session.is_sequence = true;
+    let count = sequence.frames().len();
+    let mut kept = 0;
+    for (number, frame) in sequence.frames().enumerate() {
+        let outcome = session.render(sequence.frame(frame))?;
+        kept += usize::from(outcome == Outcome::Kept);
+        if outcome == Outcome::Done {
+            session.progress.line(&format!("frame {frame}: {} of {count}", number + 1));
+        }
+        if outcome == Outcome::Interrupted {
+            return Ok(outcome.code());
+        }
+    }
+    if kept > 0 {
+        session.progress.line(&format!("{kept} of {count} frames were there already, with the same settings"));
+    }
+    pictures::write(sequence, session)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Whether all files of a frame are there, with the settings `wanted`. Fails if an image has other settings.
+pub fn is_finished(outputs: &Outputs, wanted: &str) -> Result<bool> {
+    let found = [&outputs.exr, &outputs.npy].into_iter().flatten().filter(|path| path.exists());
+    for path in found {
+        if settings_of(path).as_deref() != Some(wanted) {
+            return Err(Error::File {
+                path: path.clone(),
+                message: "is there already, but not with these settings; remove it, or choose another name".into(),
+            });
+        }
+    }
+    Ok(outputs.files().iter().all(|path| path.exists()))
+}
+
+/// The settings that an image or an array was rendered with; `None` if they are not known.
+fn settings_of(path: &Path) -> Option<String> {
+    if path.extension()?.eq_ignore_ascii_case("exr") {
+        return read_settings(path);
+    }
+    let text = std::fs::read(description_path(path)).ok()?;
+    let description: serde_json::Value = serde_json::from_slice(&text).ok()?;
+    Some(description["settings"].as_str()?.into())
+}
+
+/// The files of a frame.
+fn files(sequence: &Sequence, frame: u32) -> Result<Outputs> {
+    outputs(&sequence.frame(frame))
+}

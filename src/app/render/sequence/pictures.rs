@@ -1,0 +1,129 @@
+//! Pictures of all frames of a sequence: side by side, and as an animation. All frames have one exposure.
+
+use std::io;
+
+use image::codecs::gif::{GifEncoder, Repeat};
+use image::{Delay, Frame, RgbImage};
+use taugate::Error;
+use taugate::internals::error::Result;
+use taugate::internals::files::write_atomically;
+use taugate::internals::image::exr_file::read_picture;
+use taugate::internals::image::{npy_read, png_file};
+use taugate::internals::input::resolve::Outputs;
+use taugate::internals::input::sequence::Sequence;
+use taugate::internals::settings::exposure::Exposure;
+
+use super::super::Session;
+use super::files;
+
+/// Maximum width and height of the contact sheet, in pixels. Larger frames are reduced.
+const MAX_SIDE: usize = 4096;
+
+/// A frame in linear colours.
+struct Linear {
+    width: usize,
+    height: usize,
+    rgb: Vec<f32>,
+}
+
+/// Writes the contact sheet and the animation, if the user wants them.
+pub fn write(sequence: &Sequence, session: &mut Session) -> Result<()> {
+    if sequence.contact_sheet.is_none() && sequence.gif.is_none() {
+        return Ok(());
+    }
+    let outputs: Vec<Outputs> = sequence.frames().map(|frame| files(sequence, frame)).collect::<Result<_>>()?;
+    let frames: Vec<Linear> = outputs.iter().map(read).collect::<Result<_>>()?;
+    let exposure = match outputs[0].exposure {
+        Exposure::Stops(stops) => stops.exp2() as f32,
+        Exposure::Auto => {
+            png_file::exposure(&frames.iter().flat_map(|frame| &frame.rgb).copied().collect::<Vec<f32>>())
+        }
+    };
+    if let Some(path) = &sequence.contact_sheet {
+        let (width, height, rgb) = sheet(&frames);
+        png_file::write(path, width as u32, height as u32, &rgb, exposure)?;
+        session.progress.line(&path.display().to_string());
+    }
+    if let Some(path) = &sequence.gif {
+        let delay = Delay::from_numer_denom_ms(1000, sequence.fps());
+        write_atomically(path, |writer| {
+            let mut encoder = GifEncoder::new_with_speed(writer, 10);
+            encoder.set_repeat(Repeat::Infinite).map_err(io::Error::other)?;
+            for frame in &frames {
+                let bytes = png_file::expose(&frame.rgb, exposure);
+                let picture = RgbImage::from_raw(frame.width as u32, frame.height as u32, bytes);
+                let picture = picture.ok_or_else(|| io::Error::other("a frame has no pixels"))?;
+                let picture = image::DynamicImage::ImageRgb8(picture).into_rgba8();
+                encoder.encode_frame(Frame::from_parts(picture, 0, 0, delay)).map_err(io::Error::other)?;
+            }
+            Ok(())
+        })?;
+        session.progress.line(&path.display().to_string());
+    }
+    Ok(())
+}
+
+/// The image of a frame; of several responses, their sum.
+fn read(outputs: &Outputs) -> Result<Linear> {
+    if let Some(path) = &outputs.npy {
+        let array = npy_read::read(path)?;
+        let mut rgb = vec![0.0; 3 * array.width * array.height];
+        for response in 0..array.images() {
+            rgb.iter_mut().zip(array.image(response)).for_each(|(sum, x)| *sum += x);
+        }
+        return Ok(Linear { width: array.width, height: array.height, rgb });
+    }
+    let path = outputs.exr.as_ref().ok_or_else(|| Error::Settings("a sequence needs -o OUT.####.exr".into()))?;
+    let picture = read_picture(path)?;
+    Ok(Linear { width: picture.width as usize, height: picture.height as usize, rgb: picture.rgb })
+}
+
+/// All frames in rows: width, height and colours.
+fn sheet(frames: &[Linear]) -> (usize, usize, Vec<f32>) {
+    let columns = columns(frames.len());
+    let rows = frames.len().div_ceil(columns);
+    let [width, height] = [frames[0].width, frames[0].height];
+    let factor = (columns * width).max(rows * height).div_ceil(MAX_SIDE);
+    let [width, height] = [(width / factor).max(1), (height / factor).max(1)];
+    let mut sheet = vec![0.0; 3 * columns * width * rows * height];
+    for (number, frame) in frames.iter().enumerate() {
+        let [left, top] = [number % columns * width, number / columns * height];
+        for y in 0..height {
+            for x in 0..width {
+                let at = 3 * ((top + y) * columns * width + left + x);
+                sheet[at..at + 3].copy_from_slice(&frame.mean(factor * x, factor * y, factor));
+            }
+        }
+    }
+    (columns * width, rows * height, sheet)
+}
+
+/// Number of frames per row: such that all rows are full, if that needs at most twice as many columns as rows of a square.
+fn columns(count: usize) -> usize {
+    let side = (count as f64).sqrt();
+    let full = (side.ceil() as usize..=(2.0 * side) as usize).find(|columns| count.is_multiple_of(*columns));
+    full.unwrap_or(side.ceil() as usize)
+}
+
+impl Linear {
+    /// The mean over the pixels of a square, as far as they are inside the frame.
+    fn mean(&self, x: usize, y: usize, side: usize) -> [f32; 3] {
+        let (columns, rows) = (x..(x + side).min(self.width), y..(y + side).min(self.height));
+        let count = (columns.len() * rows.len()).max(1) as f32;
+        let mut sum = [0.0; 3];
+        for (x, y) in rows.flat_map(|y| columns.clone().map(move |x| (x, y))) {
+            (0..3).for_each(|k| sum[k] += self.rgb[3 * (y * self.width + x) + k]);
+        }
+        sum.map(|sum| sum / count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::columns;
+
+    #[test]
+    fn rows_are_full_if_that_is_near_a_square() {
+        assert_eq!([1, 2, 3, 7, 8, 16, 24, 25].map(columns), [1, 2, 3, 3, 4, 4, 6, 5]);
+    }
+}

@@ -1,0 +1,162 @@
+//! A photon-counting detector: counts of photons from the radiance of gates.
+//!
+//! The light of a pulse is a Poisson process in travel time. A detector that counts all photons has independent Poisson counts per
+//! gate. A detector with a dead time misses photons after each count, so that early light hides late light (pile-up).
+
+#![warn(missing_docs)]
+
+mod jitter;
+
+use rand_distr::{Binomial, Distribution, Exp1, Normal, Poisson};
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::SeedableRng;
+
+use crate::error::{Error, Result};
+use crate::settings::units::METRES_PER_NS;
+
+/// When a detector is blind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Blind {
+    /// Never: it counts all photons.
+    Never,
+    /// After its first count, until the next pulse.
+    UntilNextPulse,
+    /// For this optical path in metres after each count, at the longest until the next pulse. Photons that it misses do not
+    /// extend this time.
+    For(f64),
+}
+
+/// A photon-counting detector, and the light source that illuminates the scene in pulses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Detector {
+    /// Photons per pulse that reach a pixel of radiance 1, in the unit of the image.
+    pub photons: f64,
+    /// Number of pulses.
+    pub pulses: u64,
+    /// Probability that a photon is counted (quantum efficiency), 0 to 1.
+    pub efficiency: f64,
+    /// Counts per second without light.
+    pub dark_rate: f64,
+    /// Standard deviation in metres of optical path of the Gaussian error of the measured time.
+    pub jitter: f64,
+    /// When the detector is blind.
+    pub blind: Blind,
+}
+
+/// Gates of a detector: they end, are in ascending order, and do not overlap.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bins(Vec<[f64; 2]>);
+
+impl Bins {
+    /// Begin and end of each gate in metres of optical path. Fails if there is none, if a gate has no end, if the gates are not in
+    /// ascending order, or if two overlap.
+    pub fn new(gates: Vec<[f64; 2]>) -> Result<Bins> {
+        let are_good = gates.iter().all(|[lo, hi]| 0.0 <= *lo && lo < hi && hi.is_finite());
+        match !gates.is_empty() && are_good && gates.is_sorted_by(|a, b| a[1] <= b[0]) {
+            true => Ok(Bins(gates)),
+            false => Err(Error::Settings(
+                "a detector needs gates that end and that do not overlap, in ascending order; render with --gates A..B/N".into(),
+            )),
+        }
+    }
+
+    /// Duration of each gate in seconds.
+    pub fn seconds(&self) -> impl Iterator<Item = f64> {
+        self.0.iter().map(|[lo, hi]| (hi - lo) / METRES_PER_NS * 1e-9)
+    }
+}
+
+impl Detector {
+    /// The mean number of photons and dark counts per pulse in each gate, before dead time and jitter. `light` is the radiance per
+    /// gate in the unit of the image, `background` a radiance per second in the same unit.
+    pub fn means(&self, light: impl Iterator<Item = f64>, background: f64, bins: &Bins) -> Vec<f64> {
+        let mean = |(light, seconds): (f64, f64)| {
+            self.efficiency * self.photons * (light + background * seconds).max(0.0) + self.dark_rate * seconds
+        };
+        light.zip(bins.seconds()).map(mean).collect()
+    }
+
+    /// Random counts per gate over all pulses, for `means` per pulse and gate. The same `seed` gives the same counts.
+    pub fn counts(&self, means: &[f64], bins: &Bins, seed: u64) -> Vec<f64> {
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        match self.blind {
+            Blind::Never => {
+                let poisson =
+                    |mean: f64| Poisson::new(self.pulses as f64 * mean).map_or(0.0, |p| p.sample(&mut random));
+                jitter::spread(means, &bins.0, self.jitter).into_iter().map(poisson).collect()
+            }
+            // Each pulse counts at most once, so the counts are multinomial, also after the jitter.
+            Blind::UntilNextPulse => {
+                let first = jitter::spread(&first_photon(means), &bins.0, self.jitter);
+                let (mut pulses, mut rest) = (self.pulses, 1.0);
+                let mut counts = vec![];
+                for probability in first {
+                    let here = Binomial::new(pulses, (probability / rest).clamp(0.0, 1.0));
+                    let count = here.map_or(0, |here| here.sample(&mut random));
+                    counts.push(count as f64);
+                    pulses -= count;
+                    rest = f64::max(rest - probability, f64::MIN_POSITIVE);
+                }
+                counts
+            }
+            Blind::For(dead) => self.pulse_by_pulse(means, bins, dead, &mut random),
+        }
+    }
+
+    /// Simulates every pulse: the next photon after each dead time.
+    fn pulse_by_pulse(&self, means: &[f64], Bins(gates): &Bins, dead: f64, random: &mut Pcg64Mcg) -> Vec<f64> {
+        let mut counts = vec![0.0; means.len()];
+        let error = Normal::new(0.0, self.jitter).expect("the jitter is finite");
+        // Mean number of photons before each gate.
+        let before: Vec<f64> = means
+            .iter()
+            .scan(0.0, |sum, mean| {
+                let before = *sum;
+                *sum += mean;
+                Some(before)
+            })
+            .collect();
+        for _ in 0..self.pulses {
+            let mut seen: f64 = 0.0;
+            loop {
+                let step: f64 = Exp1.sample(random);
+                seen += step;
+                let gate = before.partition_point(|before| *before <= seen) - 1;
+                let inside = (seen - before[gate]) / means[gate];
+                if inside.is_nan() || inside >= 1.0 {
+                    break;
+                }
+                let [lo, hi] = gates[gate];
+                let time = lo + inside * (hi - lo);
+                if let Some(recorded) = gate_of(gates, time + error.sample(random)) {
+                    counts[recorded] += 1.0;
+                }
+                let blind_until = time + dead;
+                let next = gates.partition_point(|[_, hi]| *hi <= blind_until);
+                let Some([lo, hi]) = gates.get(next) else { break };
+                seen = before[next] + means[next] * ((blind_until - lo) / (hi - lo)).max(0.0);
+            }
+        }
+        counts
+    }
+}
+
+/// The gate that contains a travel time.
+fn gate_of(gates: &[[f64; 2]], time: f64) -> Option<usize> {
+    let at = gates.partition_point(|[lo, _]| *lo <= time).checked_sub(1)?;
+    (time < gates[at][1]).then_some(at)
+}
+
+/// The probability that the first photon of a pulse falls into each gate: (1 - exp(-N)) exp(-sum of earlier N) for N `means`.
+fn first_photon(means: &[f64]) -> Vec<f64> {
+    let mut earlier = 0.0;
+    let probability = |mean: &f64| {
+        let first = -(-mean).exp_m1() * f64::exp(-earlier);
+        earlier += mean;
+        first
+    };
+    means.iter().map(probability).collect()
+}
+
+#[cfg(test)]
+mod tests;

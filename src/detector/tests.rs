@@ -1,0 +1,117 @@
+use super::*;
+
+const PLAIN: Detector =
+    Detector { photons: 1.0, pulses: 1, efficiency: 1.0, dark_rate: 0.0, jitter: 0.0, blind: Blind::Never };
+
+fn bins(count: usize, width: f64) -> Bins {
+    Bins::new((0..count).map(|k| [k, k + 1].map(|edge| width * edge as f64)).collect()).unwrap()
+}
+
+/// Mean and variance of the counts in each gate over many seeds.
+fn moments(detector: Detector, means: &[f64], bins: &Bins, seeds: u64) -> Vec<(f64, f64)> {
+    let all: Vec<Vec<f64>> = (0..seeds).map(|seed| detector.counts(means, bins, seed)).collect();
+    let n = seeds as f64;
+    let of_gate = |k: usize| {
+        let mean = all.iter().map(|counts| counts[k]).sum::<f64>() / n;
+        (mean, all.iter().map(|counts| (counts[k] - mean).powi(2)).sum::<f64>() / (n - 1.0))
+    };
+    (0..means.len()).map(of_gate).collect()
+}
+
+#[test]
+fn means_hold_light_background_and_dark_counts() {
+    let bins = bins(2, METRES_PER_NS);
+    let detector = Detector { photons: 1e3, efficiency: 0.3, dark_rate: 5e6, ..PLAIN };
+    // A gate of 1 ns: 0.3 * 1000 * (light + 1e9 * 0.01) + 0.005.
+    let means = detector.means([0.0, 2.0].into_iter(), 1e7, &bins);
+    assert!((means[0] - 3.005).abs() < 1e-9 && (means[1] - 603.005).abs() < 1e-9, "{means:?}");
+}
+
+#[test]
+fn counts_without_dead_time_are_poisson() {
+    let bins = bins(3, 1.0);
+    let means = [0.02, 5.0, 0.0];
+    for ((mean, variance), expected) in
+        moments(Detector { pulses: 50, ..PLAIN }, &means, &bins, 4000).into_iter().zip(means)
+    {
+        let expected = 50.0 * expected;
+        // Five standard deviations of the mean; the variance has a relative error of about sqrt(2 / 4000).
+        assert!((mean - expected).abs() <= 5.0 * (expected / 4000.0).sqrt(), "{mean} {expected}");
+        assert!((variance - expected).abs() <= 0.13 * expected, "{variance} {expected}");
+    }
+}
+
+#[test]
+fn the_first_photon_hides_later_ones() {
+    let bins = bins(3, 1.0);
+    let means = [0.5, 1.0, 2.0];
+    let detector = Detector { pulses: 1000, blind: Blind::UntilNextPulse, ..PLAIN };
+    let laws = [1.0 - (-0.5f64).exp(), (-0.5f64).exp() - (-1.5f64).exp(), (-1.5f64).exp() - (-3.5f64).exp()];
+    for ((mean, variance), p) in moments(detector, &means, &bins, 2000).into_iter().zip(laws) {
+        assert!((mean - 1000.0 * p).abs() < 5.0 * (1000.0 * p * (1.0 - p) / 2000.0).sqrt(), "{mean} {p}");
+        assert!((variance / (1000.0 * p * (1.0 - p)) - 1.0).abs() < 0.17, "{variance} {p}");
+    }
+    // A dead time longer than all gates is the same law, found photon by photon.
+    for ((mean, _), p) in
+        moments(Detector { blind: Blind::For(10.0), ..detector }, &means, &bins, 200).into_iter().zip(laws)
+    {
+        assert!((mean - 1000.0 * p).abs() < 5.0 * (1000.0 * p * (1.0 - p) / 200.0).sqrt(), "{mean} {p}");
+    }
+}
+
+#[test]
+fn a_dead_time_lowers_the_rate() {
+    // Two photons per metre, and a dead time of half a metre: after a while 2 / (1 + 2 * 0.5) counts per metre.
+    let bins = bins(100, 1.0);
+    let detector = Detector { pulses: 3000, blind: Blind::For(0.5), ..PLAIN };
+    let counts = detector.counts(&[2.0; 100], &bins, 3);
+    let rate = counts[10..].iter().sum::<f64>() / (90.0 * 3000.0);
+    assert!((rate - 1.0).abs() < 0.01, "{rate}");
+    // Early light is found at nearly its full rate: 1 + (1 - exp(-2 t)) / 2 of the first instant falls off within the dead time.
+    assert!(counts[0] > 1.1 * 3000.0, "{}", counts[0]);
+    // Light in one gate, and darkness after it.
+    let counts = Detector { blind: Blind::For(0.1), ..detector }.counts(&[0.0, 3.0, 0.0], &self::bins(3, 1.0), 3);
+    assert!(counts[0] == 0.0 && counts[1] > 6000.0 && counts[2] == 0.0, "{counts:?}");
+}
+
+#[test]
+fn jitter_widens_a_return_by_its_standard_deviation() {
+    let bins = bins(400, 0.01);
+    let mut means = vec![0.0; 400];
+    means[200] = 100.0;
+    for blind in [Blind::Never, Blind::For(1e-9)] {
+        let detector = Detector { pulses: 1000, jitter: 0.15, blind, ..PLAIN };
+        let counts = detector.counts(&means, &bins, 1);
+        let total: f64 = counts.iter().sum();
+        let mean = counts.iter().enumerate().map(|(k, n)| n * (k as f64 + 0.5) * 0.01).sum::<f64>() / total;
+        let variance =
+            counts.iter().enumerate().map(|(k, n)| n * ((k as f64 + 0.5) * 0.01 - mean).powi(2)).sum::<f64>() / total;
+        // The spread of the gates, before and after, adds twice their width squared / 12.
+        assert!((mean - 2.005).abs() < 0.003 && (total - 1e5).abs() < 2000.0, "{blind:?}: {mean} {total}");
+        assert!(
+            (variance / (0.15f64.powi(2) + 2.0 * 0.01f64.powi(2) / 12.0) - 1.0).abs() < 0.02,
+            "{blind:?}: {variance}"
+        );
+    }
+}
+
+#[test]
+fn gates_that_overlap_are_refused() {
+    for gates in [vec![], vec![[0.0, 2.0], [1.0, 3.0]], vec![[2.0, 3.0], [0.0, 1.0]], vec![[0.0, f64::INFINITY]]] {
+        let error = Bins::new(gates).unwrap_err().to_string();
+        assert!(error.contains("--gates A..B/N"), "{error}");
+    }
+    assert!(Bins::new(vec![[0.0, 1.0], [1.0, 2.0], [5.0, 6.0]]).is_ok());
+}
+
+#[test]
+fn a_seed_repeats_its_counts() {
+    let bins = bins(20, 0.1);
+    for blind in [Blind::Never, Blind::UntilNextPulse, Blind::For(0.05)] {
+        let detector = Detector { pulses: 20, jitter: 0.05, blind, ..PLAIN };
+        let counts = |seed| detector.counts(&[0.3; 20], &bins, seed);
+        assert!(counts(1) == counts(1) && counts(1) != counts(2), "{blind:?}");
+        let pulses = detector.pulses as f64;
+        assert!(blind != Blind::UntilNextPulse || counts(1).iter().sum::<f64>() <= pulses);
+    }
+}

@@ -1,0 +1,168 @@
+//! A sequence of frames: the experiment of each frame.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::input::experiment::Experiment;
+use crate::settings::frames::GateKeys;
+use crate::settings::moment::Moment;
+use crate::settings::table::OutputTable;
+use crate::settings::values::{Files, Png};
+
+/// Frames per second, if the user gives none.
+const DEFAULT_FPS: u32 = 24;
+const MAX_FPS: u32 = 10_000;
+
+/// The frames of an experiment with `--frames`.
+pub struct Sequence {
+    /// The experiment without the settings of sequences; its outputs have patterns as names.
+    experiment: Experiment,
+    frames: Range<u32>,
+    fps: u32,
+    keys: Option<GateKeys>,
+    /// Whether the scene is posed at the time of each frame.
+    is_animated: bool,
+    pub contact_sheet: Option<PathBuf>,
+    pub gif: Option<PathBuf>,
+}
+
+impl Sequence {
+    /// The sequence of an experiment; `None` if it has no frames. `is_animated`: whether the scene has animations. Fails if a
+    /// setting of sequences comes without frames, if the name of an output has no `#`, or if all frames would be the same.
+    pub fn new(experiment: &Experiment, is_animated: impl FnOnce() -> bool) -> Result<Option<Sequence>> {
+        let mut experiment = experiment.clone();
+        let OutputTable { frames, fps, contact_sheet, gif, .. } = &mut experiment.output;
+        let (frames, fps, contact_sheet, gif) = (frames.take(), fps.take(), contact_sheet.take(), gif.take());
+        let keys = experiment.gate.gate_keys.take();
+        let Some(frames) = frames else {
+            let given = [
+                ("fps", fps.is_some()),
+                ("contact-sheet", contact_sheet.is_some()),
+                ("gif", gif.is_some()),
+                ("gate-keys", keys.is_some()),
+            ];
+            return match given.iter().find(|(_, given)| *given) {
+                Some((name, _)) => Err(settings(format!("--{name} is for a sequence: add --frames A..B"))),
+                None => Ok(None),
+            };
+        };
+        for (path, extension) in [(&contact_sheet, "png"), (&gif, "gif")] {
+            let has = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
+            if let Some(path) = path.as_ref().filter(|path| !has(path)) {
+                return Err(settings(format!("the picture {} must end in .{extension}", path.display())));
+            }
+        }
+        let output = &experiment.output;
+        if output.strategy_images.is_some() {
+            return Err(settings("--strategy-images needs a single frame: render it alone, with --at".into()));
+        }
+        let png = match &output.png {
+            Some(Png::File(path)) => Some(path),
+            _ => None,
+        };
+        let files = output.output.iter().flat_map(|files| &files.0).chain(png).chain(&output.stats);
+        if let Some(path) = files.into_iter().find(|path| numbered(path, 0).is_none()) {
+            return Err(settings(format!(
+                "{} would be replaced by every frame: write the number of the frame as #, like out.####.exr",
+                path.display()
+            )));
+        }
+        let is_animated = is_animated();
+        if !is_animated && keys.is_none() {
+            return Err(settings(
+                "the scene has no animations and the gate does not move, so all frames would be the same: add --gate-keys FRAME=A..B"
+                    .into(),
+            ));
+        }
+        let (frames, fps) = (frames.0, fps.unwrap_or(DEFAULT_FPS));
+        if !(1..=MAX_FPS).contains(&fps) {
+            return Err(settings(format!("--fps is {fps}; it must be from 1 to {MAX_FPS}")));
+        }
+        Ok(Some(Sequence { experiment, frames, fps, keys, is_animated, contact_sheet, gif }))
+    }
+
+    /// Numbers of all frames.
+    pub fn frames(&self) -> Range<u32> {
+        self.frames.clone()
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> u32 {
+        self.fps
+    }
+
+    /// The experiment that renders a frame alone.
+    pub fn frame(&self, number: u32) -> Experiment {
+        let mut experiment = self.experiment.clone();
+        if self.is_animated {
+            experiment.input.at = Some(Moment(f64::from(number) / f64::from(self.fps)));
+        }
+        if let Some(keys) = &self.keys {
+            experiment.gate.gate = Some(keys.gate(number));
+        }
+        let name = |path: &mut PathBuf| *path = numbered(path, number).expect("the names were checked");
+        let OutputTable { output, png, stats, .. } = &mut experiment.output;
+        output.iter_mut().flat_map(|Files(files)| files).for_each(name);
+        if let Some(Png::File(path)) = png {
+            name(path);
+        }
+        stats.iter_mut().for_each(name);
+        experiment
+    }
+}
+
+/// `path` with the number of a frame in place of the last `#`s of its file name; `None` if it has none.
+fn numbered(path: &Path, number: u32) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?;
+    let end = name.rfind('#')? + 1;
+    let begin = name[..end].trim_end_matches('#').len();
+    let digits = end - begin;
+    Some(path.with_file_name(format!("{}{number:0digits$}{}", &name[..begin], &name[end..])))
+}
+
+fn settings(message: String) -> Error {
+    Error::Settings(message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::units::Gate;
+
+    fn sequence(text: &str, is_animated: bool) -> Result<Option<Sequence>> {
+        Sequence::new(&Experiment::parse(text).unwrap(), || is_animated)
+    }
+
+    #[test]
+    fn a_frame_has_its_time_its_gate_and_its_files() {
+        let text = "[output]\nframes = '10..20'\nfps = 4\noutput = ['a/b.###.exr', 'c#.npy']\nstats = '#.json'\n\
+                    [gate]\ngate-keys = [[10, '5m..6m'], [14, '7m..8m']]\n";
+        let sequence = sequence(text, true).unwrap().unwrap();
+        assert_eq!((sequence.frames(), sequence.fps()), (10..20, 4));
+        let frame = sequence.frame(12);
+        assert_eq!((frame.input.at, frame.gate.gate), (Some(Moment(3.0)), Some(Gate { lo: 6.0, hi: 7.0 })));
+        assert_eq!(frame.output.output, Some(Files(vec!["a/b.012.exr".into(), "c12.npy".into()])));
+        assert_eq!((frame.output.stats, frame.output.frames), (Some("12.json".into()), None));
+        let still = super::tests::sequence(text, false).unwrap().unwrap();
+        assert_eq!(still.frame(12).input.at, None);
+        assert!(super::tests::sequence("scene = 'a.glb'", true).unwrap().is_none());
+    }
+
+    #[test]
+    fn mistakes_name_the_remedy() {
+        for (text, part) in [
+            ("frames = '0..2'\noutput = 'a.exr'", "like out.####.exr"),
+            ("frames = '0..2'\noutput = 'a#.exr'\npng = 'b.png'", "b.png would be replaced"),
+            ("frames = '0..2'\noutput = 'a#.exr'\ngif = 'b.png'", "must end in .gif"),
+            ("frames = '0..2'\noutput = 'a#.exr'\nstrategy-images = 'b'", "with --at"),
+            ("frames = '0..2'\noutput = 'a#.exr'", "--gate-keys"),
+            ("frames = '0..2'\noutput = 'a#.exr'\nfps = 0", "--gate-keys"),
+            ("fps = 3\noutput = 'a#.exr'", "--fps is for a sequence"),
+            ("gif = 'a.gif'", "--gif is for a sequence"),
+        ] {
+            let error = sequence(&format!("[output]\n{text}\n"), false).map(drop).unwrap_err().to_string();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}

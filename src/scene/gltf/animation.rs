@@ -1,0 +1,293 @@
+//! Poses the nodes of a file at a time: evaluates the animations of glTF 2.0, section 3.11.
+
+use std::collections::HashMap;
+
+use ::gltf::json::scene::UnitQuaternion;
+use glam::{DQuat, DVec4};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::Checked;
+use super::accessor::{DIRECTION, FLOAT};
+use super::document::{Document, Warnings, label};
+
+/// Which animations to play, and the time of the pose.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Playback<'a> {
+    /// Seconds since the begin of the animations; `None`: the nodes keep the transforms in the file.
+    pub at: Option<f64>,
+    /// Name of the animation; `None` plays all of them together.
+    pub animation: Option<&'a str>,
+}
+
+#[derive(Deserialize)]
+struct Animation {
+    channels: Vec<Channel>,
+    samplers: Vec<Sampler>,
+}
+
+#[derive(Deserialize)]
+struct Channel {
+    sampler: usize,
+    target: Target,
+}
+
+#[derive(Deserialize)]
+struct Target {
+    #[serde(default)]
+    node: Option<usize>,
+    path: String,
+}
+
+#[derive(Deserialize)]
+struct Sampler {
+    input: usize,
+    output: usize,
+    #[serde(default)]
+    interpolation: Interpolation,
+}
+
+#[derive(Deserialize, Default, Clone, Copy, PartialEq)]
+#[serde(rename_all = "UPPERCASE")]
+enum Interpolation {
+    #[default]
+    Linear,
+    Step,
+    CubicSpline,
+}
+
+/// What a channel changes.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Property {
+    Translation,
+    Rotation,
+    Scale,
+    Weights,
+}
+
+impl Property {
+    /// The number of components of a value; `None` if the mesh decides it.
+    fn components(self) -> Option<usize> {
+        match self {
+            Property::Translation | Property::Scale => Some(3),
+            Property::Rotation => Some(4),
+            Property::Weights => None,
+        }
+    }
+}
+
+/// A property of a node as a function of time.
+struct Curve {
+    /// In seconds, ascending, at least one.
+    times: Vec<f32>,
+    /// One value per time; for cubic splines three: in-tangent, value, out-tangent.
+    values: Vec<Vec<f32>>,
+    interpolation: Interpolation,
+    property: Property,
+}
+
+/// Sets translation, rotation, scale and weights of the nodes to those at the time of `playback`. Without a time the nodes stay as
+/// they are, with a warning if the file has animations. Fails if the animation does not exist, if the time is not between 0 and
+/// the end of the animations, or if an animation is not valid.
+pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> Checked<()> {
+    let Some(time) = playback.at else {
+        if let Some(name) = playback.animation {
+            return Err(format!("plays the animation '{name}' only at a time: add --at or --frames"));
+        }
+        if !doc.root.animations.is_empty() {
+            warnings.once("animations", || {
+                "animations are only played with --at or --frames; nodes keep the transforms in the file".into()
+            });
+        }
+        return Ok(());
+    };
+    let curves = curves(doc, &chosen(doc, playback.animation)?, warnings)?;
+    let end = curves.values().filter_map(|curve| curve.times.last()).fold(0.0, |end, &time| f64::max(end, time.into()));
+    // Frames are at multiples of a rational number, so the last one may be late by rounding.
+    if !(0.0..=end * (1.0 + 1e-9)).contains(&time) {
+        return Err(format!("has animations from 0 s to {end} s, so it has no pose at {time} s; choose a time inside"));
+    }
+    for ((node, property), curve) in &curves {
+        let value = curve.value(time);
+        let target = &mut doc.root.nodes[*node];
+        let three = || [value[0], value[1], value[2]];
+        match property {
+            Property::Translation => target.translation = Some(three()),
+            Property::Rotation => target.rotation = Some(UnitQuaternion([value[0], value[1], value[2], value[3]])),
+            Property::Scale => target.scale = Some(three()),
+            Property::Weights => target.weights = Some(value),
+        }
+    }
+    Ok(())
+}
+
+/// The animations to play, with their labels.
+fn chosen(doc: &Document, name: Option<&str>) -> Checked<Vec<(String, Animation)>> {
+    if doc.root.animations.is_empty() {
+        return Err("has no animations, so it has no pose at a time; render it without --at and --frames".into());
+    }
+    let mut all = vec![];
+    for (number, value) in doc.root.animations.iter().enumerate() {
+        let in_file = value.get("name").and_then(Value::as_str);
+        let label = label(in_file, "animation", number);
+        if name.is_none_or(|name| name == label) {
+            let animation = serde_json::from_value(value.clone())
+                .map_err(|e| format!("animation `{label}` is not valid ({e}); re-export the file"))?;
+            all.push((label, animation));
+        }
+    }
+    if all.is_empty() {
+        let in_file = |(number, value): (usize, &Value)| {
+            format!("'{}'", label(value.get("name").and_then(Value::as_str), "animation", number))
+        };
+        let names: Vec<String> = doc.root.animations.iter().enumerate().map(in_file).collect();
+        let name = name.unwrap_or_default();
+        return Err(format!("has no animation '{name}'; choose one of {}", names.join(", ")));
+    }
+    Ok(all)
+}
+
+/// The curves of all channels, by node and property. Fails if two animations move the same property of a node.
+fn curves(
+    doc: &Document,
+    animations: &[(String, Animation)],
+    warnings: &mut Warnings,
+) -> Checked<HashMap<(usize, Property), Curve>> {
+    let mut curves = HashMap::new();
+    let mut by: HashMap<(usize, Property), &str> = HashMap::new();
+    for (label, animation) in animations {
+        for channel in &animation.channels {
+            let Some(property) = property(&channel.target.path) else {
+                warnings.once("animated", || {
+                    format!("animation `{label}` changes the {} of an object, which is not played", channel.target.path)
+                });
+                continue;
+            };
+            let Some(node) = channel.target.node else { continue };
+            let name = doc.node_name(node);
+            let target = doc.root.nodes.get(node).ok_or_else(|| {
+                format!("animation `{label}` moves node {node}, which does not exist; re-export the file")
+            })?;
+            if target.matrix.is_some() {
+                return Err(format!(
+                    "animation `{label}` moves node `{name}`, which has a matrix instead of translation, rotation and scale; \
+                     re-export the file"
+                ));
+            }
+            if let Some(other) = by.insert((node, property), label) {
+                return Err(format!(
+                    "the animations `{other}` and `{label}` both move node `{name}`; choose one with --animation"
+                ));
+            }
+            let sampler = animation
+                .samplers
+                .get(channel.sampler)
+                .ok_or_else(|| format!("animation `{label}` has no sampler {}; re-export the file", channel.sampler))?;
+            let what = format!("animation `{label}` of node `{name}`");
+            curves.insert((node, property), Curve::read(doc, sampler, property, &what)?);
+        }
+    }
+    if curves.is_empty() {
+        return Err("has animations that move no node; render it without --at and --frames".into());
+    }
+    Ok(curves)
+}
+
+fn property(path: &str) -> Option<Property> {
+    match path {
+        "translation" => Some(Property::Translation),
+        "rotation" => Some(Property::Rotation),
+        "scale" => Some(Property::Scale),
+        "weights" => Some(Property::Weights),
+        _ => None,
+    }
+}
+
+impl Curve {
+    fn read(doc: &Document, sampler: &Sampler, property: Property, what: &str) -> Checked<Curve> {
+        let times = doc.scalars(sampler.input, &format!("times of {what}"))?;
+        if times.iter().any(|time| !time.is_finite() || *time < 0.0) {
+            return Err(format!("{what} has a time that is negative or not finite; correct it and re-export"));
+        }
+        if !times.is_sorted_by(|a, b| a < b) {
+            return Err(format!("{what} has times that are not in ascending order; correct them and re-export"));
+        }
+        let output = format!("values of {what}");
+        let flat: Vec<f32> = match property {
+            Property::Translation | Property::Scale => {
+                doc.vectors::<3>(sampler.output, &output, FLOAT)?.into_iter().flatten().collect()
+            }
+            Property::Rotation => doc.vectors::<4>(sampler.output, &output, DIRECTION)?.into_iter().flatten().collect(),
+            Property::Weights => doc.scalars(sampler.output, &output)?,
+        };
+        if flat.iter().any(|value| !value.is_finite()) {
+            return Err(format!("{what} has a value that is not finite; correct it and re-export"));
+        }
+        let interpolation = sampler.interpolation;
+        let per_time = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        let components = property.components().unwrap_or(flat.len() / (per_time * times.len()));
+        if components == 0 || flat.len() != components * per_time * times.len() {
+            return Err(format!(
+                "{what} has {} values for {} times; re-export the file",
+                flat.len() / components.max(1),
+                times.len()
+            ));
+        }
+        let values = flat.chunks_exact(components).map(<[f32]>::to_vec).collect();
+        Ok(Curve { times, values, interpolation, property })
+    }
+
+    /// The value at `time`; before the first and after the last time those of the ends. Rotations have unit length, unless they
+    /// are zero.
+    fn value(&self, time: f64) -> Vec<f32> {
+        let after = self.times.partition_point(|&t| f64::from(t) <= time);
+        let last = self.times.len() - 1;
+        if after == 0 || after > last {
+            return self.key(if after == 0 { 0 } else { last }).to_vec();
+        }
+        let (k, [t0, t1]) = (after - 1, [after - 1, after].map(|k| f64::from(self.times[k])));
+        let s = (time - t0) / (t1 - t0);
+        match self.interpolation {
+            Interpolation::Step => self.key(k).to_vec(),
+            Interpolation::Linear if self.property == Property::Rotation => slerp(self.key(k), self.key(k + 1), s),
+            Interpolation::Linear => self.mix(&[(self.key(k), 1.0 - s), (self.key(k + 1), s)]),
+            Interpolation::CubicSpline => {
+                let (s2, s3) = (s * s, s * s * s);
+                let (out_tangent, in_tangent) = (&self.values[3 * k + 2], &self.values[3 * (k + 1)]);
+                let mixed = self.mix(&[
+                    (self.key(k), 2.0 * s3 - 3.0 * s2 + 1.0),
+                    (out_tangent, (t1 - t0) * (s3 - 2.0 * s2 + s)),
+                    (self.key(k + 1), 3.0 * s2 - 2.0 * s3),
+                    (in_tangent, (t1 - t0) * (s3 - s2)),
+                ]);
+                if self.property == Property::Rotation { normalised(mixed) } else { mixed }
+            }
+        }
+    }
+
+    /// The value of a key, without tangents.
+    fn key(&self, k: usize) -> &[f32] {
+        match self.interpolation {
+            Interpolation::CubicSpline => &self.values[3 * k + 1],
+            Interpolation::Linear | Interpolation::Step => &self.values[k],
+        }
+    }
+
+    /// A weighted sum.
+    fn mix(&self, parts: &[(&[f32], f64)]) -> Vec<f32> {
+        let of = |c: usize| parts.iter().map(|(value, weight)| f64::from(value[c]) * weight).sum::<f64>() as f32;
+        (0..parts[0].0.len()).map(of).collect()
+    }
+}
+
+/// Spherical interpolation of two quaternions along the shorter way.
+fn slerp(a: &[f32], b: &[f32], s: f64) -> Vec<f32> {
+    let quaternion = |v: &[f32]| DVec4::from_array([0, 1, 2, 3].map(|c| f64::from(v[c]))).normalize_or_zero();
+    let (a, b) = (DQuat::from_vec4(quaternion(a)), DQuat::from_vec4(quaternion(b)));
+    a.slerp(b, s).to_array().map(|x| x as f32).to_vec()
+}
+
+fn normalised(value: Vec<f32>) -> Vec<f32> {
+    let length = value.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
+    value.into_iter().map(|x| if length > 0.0 { (f64::from(x) / length) as f32 } else { x }).collect()
+}

@@ -1,0 +1,69 @@
+//! Photon counts from the radiance of a render, on the command line.
+
+use taugate::internals::image::npy_read::read;
+
+use crate::{fails, folder, names, taugate};
+
+#[test]
+fn counts_have_the_mean_of_the_light() {
+    let here = folder();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    run(&["generate", "cornell-box", "-o", "box.glb"]);
+    let small = ["--resolution", "16x12", "--spp", "4", "-q"];
+    run(&[&["render", "box.glb", "--gates", "5m..8m/3", "-o", "light.npy", "-o", "light.exr"], &small[..]].concat());
+    run(&[&["render", "box.glb", "--gate", "5m..8m", "-o", "gate.exr"], &small[..]].concat());
+    run(&[&["render", "box.glb", "-o", "day.exr"], &small[..]].concat());
+    let sum = |name: &str| read(&here.path().join(name)).unwrap().values.iter().map(|&x| f64::from(x)).sum::<f64>();
+
+    let message =
+        run(&["detect", "light.npy", "-o", "counts.npy", "--photons", "1000", "--pulses", "50", "--efficiency", "0.5"]);
+    assert!(message.contains("counts.npy, counts.json: "), "{message}");
+    let expected = 25_000.0 * sum("light.npy");
+    assert!((sum("counts.npy") - expected).abs() < 5.0 * expected.sqrt(), "{} {expected}", sum("counts.npy"));
+    let text = std::fs::read_to_string(here.path().join("counts.json")).unwrap();
+    let description: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((&description["detector"]["pulses"], &description["temporal_bins"]), (&50.into(), &3.into()));
+    assert_eq!(
+        (&description["unit"], &description["shape"]),
+        (&"counts over all pulses".into(), &vec![12, 16, 3, 3].into())
+    );
+
+    // With a first photon per pulse, a pixel and channel counts at most once per pulse.
+    let first = ["detect", "light.npy", "--photons", "1e6", "--pulses", "9", "--first-photon"];
+    run(&[&first[..], &["-o", "first.npy"]].concat());
+    let counts = read(&here.path().join("first.npy")).unwrap();
+    assert!(counts.values.chunks_exact(9).all(|pixel| (0..3).all(|c| pixel[c] + pixel[3 + c] + pixel[6 + c] <= 9.0)));
+    let light = read(&here.path().join("light.npy")).unwrap();
+    let of_channel = |pixel: &[f32], c: usize| f64::from(pixel[c] + pixel[3 + c] + pixel[6 + c]);
+    let seen = |pixel: &[f32]| (0..3).map(|c| 9.0 * (1.0 - (-1e6 * of_channel(pixel, c)).exp())).sum::<f64>();
+    let expected: f64 = light.values.chunks_exact(9).map(seen).sum();
+    assert!((sum("first.npy") - expected).abs() < 5.0 * expected.sqrt(), "{} {expected}", sum("first.npy"));
+    run(&[&first[..], &["-o", "again.npy"]].concat());
+    assert!(read(&here.path().join("again.npy")).unwrap() == counts, "the same seed gives other counts");
+
+    // Daylight counts for the duration of the gate, 3 m or 10 ns; an image is one gate, and --mono is one channel.
+    let day = ["--photons", "1e8", "--background", "day.exr", "--jitter", "100ps", "--dark-counts", "1e6", "--mono"];
+    run(&[&["detect", "gate.exr", "-o", "day.npy"], &day[..]].concat());
+    let bytes = std::fs::read(here.path().join("day.npy")).unwrap();
+    assert!(String::from_utf8_lossy(&bytes[..128]).contains("(12, 16, 1)"));
+
+    let table: [(&[&str], &str); 9] = [
+        (&["light.npy", "-o", "x.exr", "--photons", "1"], "must end in .npy"),
+        (&["light.npy", "-o", "light.npy", "--photons", "1"], "would replace the light"),
+        (&["light.npy", "-o", "x.npy", "--photons", "-1"], "0 or more"),
+        (&["light.npy", "-o", "x.npy", "--photons", "1", "--efficiency", "2"], "from 0 to 1"),
+        (&["light.npy", "-o", "x.npy", "--photons", "1", "--background", "night"], "is no background"),
+        (&["day.exr", "-o", "x.npy", "--photons", "1"], "gates that end"),
+        (&["light.npy", "-o", "x.npy", "--photons", "1", "--jitter", "5"], "like 100m or 400ns"),
+        (&["light.npy", "-o", "x.npy"], "--photons"),
+        (&["box.glb", "-o", "x.npy", "--photons", "1"], "must be an array"),
+    ];
+    for (arguments, part) in table {
+        fails(here.path(), &[&["detect"], arguments].concat(), 2, part);
+    }
+    assert!(!names(here.path()).iter().any(|name| name.starts_with('x')));
+}

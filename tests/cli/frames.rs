@@ -1,0 +1,88 @@
+//! Sequences of frames, on the command line.
+
+use std::path::Path;
+
+use taugate::internals::image::exr_file::read_picture;
+
+use crate::{fails, folder, names, taugate};
+
+const SMALL: [&str; 8] = ["--resolution", "12x8", "--spp", "2", "--sampling", "uniform", "--light-paths", "500"];
+
+fn with(scene: &str) -> tempfile::TempDir {
+    let here = folder();
+    assert!(taugate(here.path(), &["generate", scene, "-o", "scene.glb"]).status.success());
+    here
+}
+
+/// Renders and returns what the program prints.
+fn render(here: &Path, flags: &[&str]) -> String {
+    let output = taugate(here, &[&["render", "scene.glb"], &SMALL[..], flags].concat());
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{flags:?}: {message}");
+    message
+}
+
+fn pixels(here: &Path, name: &str) -> Vec<f32> {
+    let picture = read_picture(&here.join(name)).unwrap();
+    assert!(picture.rgb.iter().any(|&x| x > 0.0), "{name} is black, which proves nothing");
+    picture.rgb
+}
+
+#[test]
+fn frames_of_a_moving_scene_are_those_rendered_alone() {
+    let here = with("street");
+    let frames = ["--depth", "20m..40m", "--frames", "3..6", "--fps", "4", "-o", "f.##.exr", "--gif", "f.gif"];
+    let message = render(here.path(), &[&frames[..], &["--contact-sheet", "sheet.png"]].concat());
+    assert!(message.contains("frame 5: 3 of 3") && !message.contains("warning"), "{message}");
+    assert_eq!(names(here.path()), ["f.03.exr", "f.04.exr", "f.05.exr", "f.gif", "scene.glb", "sheet.png"]);
+    render(here.path(), &["--depth", "20m..40m", "--at", "1s", "-o", "alone.exr"]);
+    assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), "f.04.exr"));
+    assert!(pixels(here.path(), "f.05.exr") != pixels(here.path(), "f.04.exr"), "the car stands still");
+
+    // The animation has all frames at the right speed; the contact sheet is three frames wide.
+    let gif = std::fs::read(here.path().join("f.gif")).unwrap();
+    let images =
+        image::AnimationDecoder::into_frames(image::codecs::gif::GifDecoder::new(std::io::Cursor::new(gif)).unwrap());
+    let images = images.collect_frames().unwrap();
+    assert_eq!((images.len(), images[0].delay().numer_denom_ms()), (3, (250, 1)));
+    assert_eq!(image::image_dimensions(here.path().join("sheet.png")).unwrap(), (36, 8));
+
+    // Frames that are there are kept; one that is missing is rendered again, the same.
+    let before = pixels(here.path(), "f.03.exr");
+    std::fs::remove_file(here.path().join("f.03.exr")).unwrap();
+    assert!(render(here.path(), &frames).contains("2 of 3 frames were there already"));
+    assert!(pixels(here.path(), "f.03.exr") == before);
+    let other = [&["render", "scene.glb", "--seed", "5"], &SMALL[..], &frames].concat();
+    fails(here.path(), &other, 2, "f.03.exr: is there already, but not with these settings");
+}
+
+#[test]
+fn a_gate_that_sweeps_is_a_sequence() {
+    let here = with("cornell-box");
+    let keys = ["--gate-keys", "10=5m..6m", "--gate-keys", "14=7m..9m"];
+    render(here.path(), &[&keys[..], &["--frames", "11..13", "-o", "g#.exr", "-o", "g#.npy"]].concat());
+    assert_eq!(names(here.path()), ["g11.exr", "g11.json", "g11.npy", "g12.exr", "g12.json", "g12.npy", "scene.glb"]);
+    render(here.path(), &["--gate", "6m..7.5m", "-o", "alone.exr"]);
+    assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), "g12.exr"));
+}
+
+#[test]
+fn mistakes_name_the_remedy() {
+    let here = with("street");
+    assert!(taugate(here.path(), &["generate", "cornell-box", "-o", "box.glb"]).status.success());
+    let table: [(&[&str], &str); 9] = [
+        (&["scene.glb", "--frames", "0..2", "-o", "f.exr"], "write the number of the frame as #"),
+        (&["scene.glb", "--frames", "2..2", "-o", "f#.exr"], "like 0..24"),
+        (&["scene.glb", "--frames", "50..52", "-o", "f#.exr"], "from 0 s to 2 s, so it has no pose at"),
+        (&["scene.glb", "--at", "9s", "-o", "f.exr"], "no pose at 9 s"),
+        (&["scene.glb", "--at", "1s", "--animation", "walk", "-o", "f.exr"], "choose one of 'drive'"),
+        (&["scene.glb", "--at", "1s", "--frames", "0..2", "-o", "f#.exr"], "cannot be used with"),
+        (&["scene.glb", "--gif", "f.gif", "-o", "f.exr"], "add --frames"),
+        (&["box.glb", "--at", "1s", "-o", "f.exr"], "has no animations"),
+        (&["box.glb", "--frames", "0..2", "-o", "f#.exr"], "all frames would be the same"),
+    ];
+    for (arguments, part) in table {
+        fails(here.path(), &[&["render"], arguments].concat(), 2, part);
+    }
+    assert_eq!(names(here.path()), ["box.glb", "scene.glb"]);
+}

@@ -1,0 +1,147 @@
+//! Animations: the pose of nodes at a time.
+
+use glam::{DQuat, DVec3};
+use taugate::internals::scene::gltf::{Playback, load_slice_at};
+
+use super::*;
+
+fn playback(at: f64) -> Playback<'static> {
+    Playback { at: Some(at), animation: None }
+}
+
+fn posed(glb: &Glb, playback: Playback) -> Result<Scene, String> {
+    load_slice_at(&glb.build(), Path::new("test.glb"), playback).map_err(|e| e.to_string())
+}
+
+/// A triangle, and an animation of its node: the path of the channel, the interpolation, the times and the values.
+fn animated<const N: usize>(path: &str, interpolation: &str, times: &[f32], values: &[[f32; N]]) -> Glb {
+    let mut glb = single(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], json!({}));
+    add(&mut glb, path, interpolation, times, values);
+    glb
+}
+
+fn add<const N: usize>(glb: &mut Glb, path: &str, interpolation: &str, times: &[f32], values: &[[f32; N]]) {
+    let times: Vec<[f32; 1]> = times.iter().map(|&time| [time]).collect();
+    let (input, output) = (glb.floats(&times), glb.floats(values));
+    glb.push(
+        "animations",
+        json!({
+            "name": format!("{path}-{interpolation}"),
+            "channels": [{ "sampler": 0, "target": { "node": 0, "path": path } }],
+            "samplers": [{ "input": input, "output": output, "interpolation": interpolation }],
+        }),
+    );
+}
+
+fn translation(glb: &Glb, at: f64) -> DVec3 {
+    posed(glb, playback(at)).unwrap().instances[0].transform.translation
+}
+
+#[test]
+fn translations_follow_their_keys() {
+    let keys = [[0.0, 0.0, 0.0], [4.0, 0.0, 2.0], [4.0, 8.0, 2.0]];
+    let linear = animated("translation", "LINEAR", &[1.0, 2.0, 4.0], &keys);
+    for (at, expected) in
+        [(0.0, [0.0, 0.0, 0.0]), (1.25, [1.0, 0.0, 0.5]), (3.0, [4.0, 4.0, 2.0]), (4.0, [4.0, 8.0, 2.0])]
+    {
+        assert!(translation(&linear, at).abs_diff_eq(DVec3::from(expected), 1e-6), "{at}");
+    }
+    let step = animated("translation", "STEP", &[1.0, 2.0, 4.0], &keys);
+    assert_eq!((translation(&step, 1.99).x, translation(&step, 2.0).x), (0.0, 4.0));
+    // With in-tangent, value and out-tangent per key, the cubic t^3 - 2 t^2 + 3 on [0, 2] is reproduced exactly.
+    let cubic = |t: f32| t * t * t - 2.0 * t * t + 3.0;
+    let slope = |t: f32| 3.0 * t * t - 4.0 * t;
+    let spline: Vec<[f32; 3]> = [0.0, 2.0]
+        .into_iter()
+        .flat_map(|t| [[slope(t), 0.0, 0.0], [cubic(t), 1.0, 0.0], [slope(t), 0.0, 0.0]])
+        .collect();
+    let spline = animated("translation", "CUBICSPLINE", &[0.0, 2.0], &spline);
+    for at in [0.0f32, 0.3, 1.0, 1.7] {
+        let found = translation(&spline, at.into());
+        assert!((found.x - f64::from(cubic(at))).abs() < 1e-5 && (found.y - 1.0).abs() < 1e-6, "{at}: {found}");
+    }
+    assert_eq!(posed(&linear, Playback::default()).unwrap().instances[0].transform.translation, DVec3::ZERO);
+}
+
+#[test]
+fn rotations_take_the_shorter_way_and_scales_are_linear() {
+    // A quarter turn, whose second key has the opposite sign: the same rotation.
+    let quarter = std::f32::consts::FRAC_PI_4;
+    let keys = [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, -quarter.sin(), -quarter.cos()]];
+    let turned = posed(&animated("rotation", "LINEAR", &[0.0, 1.0], &keys), playback(1.0 / 3.0)).unwrap();
+    let x = turned.instances[0].transform.transform_vector3(DVec3::X);
+    assert!(x.abs_diff_eq(DQuat::from_rotation_z(std::f64::consts::FRAC_PI_6) * DVec3::X, 1e-6), "{x}");
+
+    let mut both = animated("scale", "LINEAR", &[0.0, 1.0], &[[1.0, 1.0, 1.0], [3.0, 1.0, 1.0]]);
+    add(&mut both, "translation", "LINEAR", &[0.0, 2.0], &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]);
+    let transform = posed(&both, playback(0.5)).unwrap().instances[0].transform;
+    assert!(transform.transform_point3(DVec3::X).abs_diff_eq(DVec3::new(2.5, 0.0, 0.0), 1e-6));
+    let alone = Playback { animation: Some("scale-LINEAR"), ..playback(0.5) };
+    assert_eq!(posed(&both, alone).unwrap().instances[0].transform.translation, DVec3::ZERO);
+}
+
+#[test]
+fn cameras_lights_and_morph_targets_move_too() {
+    let mut glb = animated("translation", "LINEAR", &[0.0, 1.0], &[[0.0, 0.0, 0.0], [0.0, 0.0, 8.0]]);
+    glb.push("cameras", json!({ "type": "perspective", "perspective": { "yfov": 0.5, "znear": 0.1 } }));
+    glb.push("nodes", json!({ "name": "eye", "camera": 0, "translation": [0.0, 1.0, 0.0] }));
+    glb.json["nodes"][0]["children"] = json!([1]);
+    let eye = posed(&glb, playback(0.25)).unwrap().cameras[0].transform.translation;
+    assert!(eye.abs_diff_eq(DVec3::new(0.0, 1.0, 2.0), 1e-6), "{eye}");
+
+    let mut morph = animated("weights", "LINEAR", &[0.0, 1.0], &[[0.0], [1.0]]);
+    let moves = morph.floats(&[[0.0, 0.0, 4.0], [0.0, 0.0, 4.0], [0.0, 0.0, 4.0]]);
+    morph.json["meshes"][0]["primitives"][0]["targets"] = json!([{ "POSITION": moves }]);
+    assert_eq!(posed(&morph, playback(0.5)).unwrap().meshes[0].positions[0], [0.0, 0.0, 2.0]);
+}
+
+#[test]
+fn invalid_animations_are_refused_only_if_they_are_played() {
+    let keys = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
+    let good = || animated("translation", "LINEAR", &[0.0, 1.0], &keys);
+    let changed = |change: fn(&mut Value)| {
+        let mut glb = good();
+        change(&mut glb.json);
+        glb
+    };
+    let cases = [
+        (animated("translation", "LINEAR", &[0.0, f32::NAN], &keys), "negative or not finite"),
+        (animated("translation", "LINEAR", &[1.0, 0.0], &keys), "not in ascending order"),
+        (animated("translation", "LINEAR", &[0.5, 0.5], &keys), "not in ascending order"),
+        (
+            animated("translation", "LINEAR", &[0.0, 1.0], &[[0.0, 0.0, f32::INFINITY], [0.0; 3]]),
+            "value that is not finite",
+        ),
+        (animated("translation", "LINEAR", &[0.0, 1.0], &[[0.0; 3]; 3]), "has 3 values for 2 times"),
+        (animated("translation", "CUBICSPLINE", &[0.0, 1.0], &keys), "has 2 values for 2 times"),
+        (animated("weights", "LINEAR", &[0.0, 1.0], &[[0.0]]), "values for 2 times"),
+        (animated("translation", "BEZIER", &[0.0, 1.0], &keys), "is not valid"),
+        (
+            changed(|json| json["animations"][0]["channels"][0]["target"]["node"] = json!(7)),
+            "moves node 7, which does not exist",
+        ),
+        (changed(|json| json["animations"][0]["channels"][0]["sampler"] = json!(3)), "has no sampler 3"),
+        (changed(|json| json["animations"][0]["samplers"][0]["input"] = json!(99)), "accessor 99"),
+        (changed(|json| json["animations"][0]["channels"][0]["target"]["path"] = json!("pointer")), "move no node"),
+        (changed(|json| json["animations"][0] = json!(5)), "is not valid"),
+        (
+            changed(|json| json["nodes"][0]["matrix"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])),
+            "has a matrix",
+        ),
+        (changed(|json| json["animations"] = json!([])), "has no animations"),
+    ];
+    for (glb, part) in cases {
+        let error = posed(&glb, playback(0.5)).unwrap_err();
+        assert!(error.contains(part), "{part}: {error}");
+        assert!(load_slice(&glb.build(), Path::new("test.glb")).is_ok(), "{part}: refused without a time");
+    }
+    let error = posed(&good(), playback(1.5)).unwrap_err();
+    assert!(error.contains("from 0 s to 1 s, so it has no pose at 1.5 s"), "{error}");
+    let mut twice = good();
+    add(&mut twice, "translation", "STEP", &[0.0, 1.0], &keys);
+    let error = posed(&twice, playback(0.5)).unwrap_err();
+    assert!(error.contains("choose one with --animation"), "{error}");
+    let other = Playback { animation: Some("walk"), ..playback(0.5) };
+    let error = posed(&twice, other).unwrap_err();
+    assert!(error.contains("choose one of 'translation-LINEAR', 'translation-STEP'"), "{error}");
+}
