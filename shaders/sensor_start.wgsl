@@ -24,6 +24,9 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     var s: PathState;
     s.position = ray.origin;
     s.tau = 0.0;
+    if (HAS_AIMS) {
+        s.tau = -SURROUNDING_GROUP_INDEX * load_aim(sensor.pixel).w;
+    }
     s.direction = direction;
     s.eta = SURROUNDING_GROUP_INDEX;
     s.throughput = vec3<f32>(1.0);

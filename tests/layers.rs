@@ -60,14 +60,14 @@ fn expected(scene: &Scene, geometry: &Geometry, ray: &Ray) -> Option<(f64, Surfa
 #[test]
 fn first_surfaces_are_those_of_the_oracle() {
     let resolution = [96, 72];
-    let pinhole = build(Kind::CornellBox).cameras[0].projection;
+    let pinhole = build(Kind::CornellBox).cameras[0].projection.clone();
     let kinds = [Kind::Zoo(zoo::Light::Punctual), Kind::CornellBox];
     for (kind, projection) in
-        kinds.map(|k| [pinhole, Projection::Orthographic { height: 1.7 }].map(|p| (k, p))).concat()
+        kinds.map(|k| [pinhole.clone(), Projection::Orthographic { height: 1.7 }].map(|p| (k, p))).concat()
     {
         let mut scene = build(kind);
         scene.cameras[0].principal_point = [0.6, 0.47];
-        scene.cameras[0].projection = projection;
+        scene.cameras[0].projection = projection.clone();
         let geometry = Geometry::new(&scene);
         let camera = &scene.cameras[0];
         let found = surfaces(&scene, &settings(resolution));

@@ -11,7 +11,7 @@ fn folder() -> PathBuf {
 
 #[test]
 fn shipped_scenes_are_what_the_generator_writes() {
-    for name in ["cornell-box", "door-ajar", "gated-sphere", "street"] {
+    for name in ["cornell-box", "door-ajar", "gated-sphere", "street", "hidden-letter"] {
         let kind = Kind::parse(name).expect("a kind");
         let path = folder().join(name).with_extension("glb");
         let shipped = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
@@ -24,7 +24,9 @@ fn shipped_scenes_are_what_the_generator_writes() {
 
 #[test]
 fn shipped_experiments_can_be_read() {
-    for name in ["cornell-gated.toml", "door-gated.toml", "street-drive.toml", "street-slices.toml"] {
+    let names =
+        ["cornell-gated.toml", "door-gated.toml", "street-drive.toml", "street-slices.toml", "hidden-letter.toml"];
+    for name in names {
         let experiment = Experiment::read(&folder().join(name)).unwrap_or_else(|e| panic!("{e}"));
         assert!(experiment.scene.is_some_and(|s| s.exists()), "{name} must name a scene that exists");
     }

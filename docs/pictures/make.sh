@@ -9,7 +9,8 @@
 # times at most.
 #
 # Environment: RESOLUTION of the images (640x360), CROP_RESOLUTION of the row (320x180), TAUGATE, the program
-# (target/release/taugate), and PYTHON (python3), which needs Pillow 10.1 or later (pip install pillow). Scenes, EXR files and references
+# (target/release/taugate), and PYTHON (python3), which needs Pillow 10.1 or later, numpy and matplotlib (pip install pillow
+# numpy matplotlib). Scenes, EXR files and references
 # stay in bench-pictures.
 set -euo pipefail
 
@@ -23,7 +24,8 @@ resolution=${RESOLUTION:-640x360}
 work=$root/bench-pictures
 
 [ -x "$taugate" ] || { echo "there is no program $taugate; run: cargo build --release" >&2; exit 2; }
-"$python" -c 'import PIL' 2>/dev/null || { echo "$python has no Pillow; run: pip install pillow" >&2; exit 2; }
+"$python" -c 'import PIL, numpy, matplotlib' 2>/dev/null ||
+    { echo "$python lacks a package; run: pip install pillow numpy matplotlib" >&2; exit 2; }
 
 mkdir -p "$work"
 "$taugate" generate cluttered-room -o "$work/cluttered-room.glb"
@@ -50,6 +52,10 @@ sequence() { # FLAG...
 }
 sequence "$root/scenes/cornell-box.glb" --gate-keys 0=4.4m..4.9m --gate-keys 7=7.9m..8.4m --frames 0..8 --spp 128 \
     --resolution 200x200 -o "$work/transient.#.exr" --contact-sheet "$pictures/transient.png"
+if [ "$seconds" != 0 ]; then
+    "$taugate" render "$root/scenes/hidden-letter.toml" --spp 4096 -o "$work/letter.npy"
+    "$python" "$root/examples/hidden_letter.py" "$work/letter.npy" "$pictures/letter.png"
+fi
 sequence "$root/scenes/street-drive.toml" --resolution 192x108 -o "$work/street.##.exr" --gif "$pictures/street.gif"
 
 race=("$taugate" bench "$pictures/crops.toml" --time "${race_seconds}s" --out "$work/crops")

@@ -1,13 +1,18 @@
 // The camera: rays of film points, the pixel that sees a point, and the segment from a point to the sensor.
 //
 // A pinhole has all camera rays start at one point. The rays of an orthographic camera are parallel. They start on the sensor
-// plane, which passes through the camera perpendicular to its axis, and travel times end there.
+// plane, which passes through the camera perpendicular to its axis, and travel times end there. The pixels of a scanning sensor
+// have one ray each (HAS_AIMS). All start at one point, and their directions are in `aims`. No light vertex lies on such a ray, so
+// nothing is connected to this sensor.
 #import frame
 #import math
 
+// One word per pixel of the whole film: unit direction of its ray, and the length that does not count for its travel times.
+@group(0) @binding(17) var aims: texture_1d<u32>;
+
 struct CameraRay {
     origin: vec3<f32>,
-    // Not normalised: its component along the camera axis is 1.
+    // Not normalised: its component along the camera axis is 1. Of unit length if HAS_AIMS.
     direction: vec3<f32>,
 }
 
@@ -23,6 +28,9 @@ struct SensorSegment {
 
 // Camera ray through the film point `p`, in pixels of the whole film with row 0 at the top.
 fn camera_ray(p: vec2<f32>) -> CameraRay {
+    if (HAS_AIMS) {
+        return CameraRay(frame.sensor, load_aim(vec2<u32>(p)).xyz);
+    }
     let q = p - frame.principal_offset;
     let x = (2.0 * q.x / f32(frame.width) - 1.0) * frame.extent.x;
     let y = (1.0 - 2.0 * q.y / f32(frame.height)) * frame.extent.y;
@@ -30,6 +38,11 @@ fn camera_ray(p: vec2<f32>) -> CameraRay {
         return CameraRay(frame.sensor + x * frame.right + y * frame.up, frame.forward);
     }
     return CameraRay(frame.sensor, frame.forward + x * frame.right + y * frame.up);
+}
+
+// The entry of `aims` for a pixel of the whole film.
+fn load_aim(pixel: vec2<u32>) -> vec4<f32> {
+    return bitcast<vec4<f32>>(textureLoad(aims, pixel.y * frame.width + pixel.x, 0));
 }
 
 // Density of camera rays that are sampled uniformly over the area of one pixel: per solid angle for a pinhole, per area

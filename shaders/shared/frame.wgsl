@@ -137,6 +137,8 @@ override HAS_SPECULAR_COLORS: bool = true;
 override HAS_CLEARCOAT: bool = true;
 // Whether the camera is orthographic. Its sensor is a plane, and its rays are parallel (PATH_PARALLEL).
 override HAS_ORTHOGRAPHIC: bool = false;
+// Whether each pixel has a single ray, towards a point of its own (`aims` in camera.wgsl).
+override HAS_AIMS: bool = false;
 // Whether loops exit at their top. Some drivers lose the results of the last iteration of a loop that exits at
 // its end (src/gpu/quirks.rs).
 override EXIT_AT_TOP: bool = false;

@@ -318,8 +318,9 @@ pub struct DevicesArgs {
 /// Write one of the project's own scenes
 #[derive(Debug, Args)]
 pub struct GenerateArgs {
-    /// cornell-box, gated-sphere, door-ajar, cluttered-room, hundred-lamps, street (with a car that moves), or zoo-area, zoo-punctual, zoo-beam (a room with
-    /// every material, lit by an area lamp, by a point and a spot light, or by a beam)
+    /// cornell-box, gated-sphere, door-ajar, cluttered-room, hundred-lamps, street (with a car that moves), hidden-letter (for
+    /// scans), or zoo-area, zoo-punctual, zoo-beam (a room with every material, lit by an area lamp, by a point and a spot
+    /// light, or by a beam)
     #[arg(value_name = "NAME")]
     pub name: String,
 

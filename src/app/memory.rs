@@ -28,6 +28,18 @@ pub fn check(settings: &Settings, has_variance: bool) -> Result<()> {
     )))
 }
 
+/// Fails if `bytes` are more than are free. `what` needs them.
+pub fn check_bytes(bytes: u64, what: &str) -> Result<()> {
+    match free().filter(|free| bytes > *free) {
+        Some(free) => Err(Error::Settings(format!(
+            "{what} needs {:.1} GiB of memory, but only {:.1} GiB are free; use fewer gates or points",
+            bytes as f64 / GIB,
+            free as f64 / GIB
+        ))),
+        None => Ok(()),
+    }
+}
+
 /// Bytes that programs can still allocate, as Linux estimates them.
 fn free() -> Option<u64> {
     free_in(&std::fs::read_to_string("/proc/meminfo").ok()?)

@@ -1,5 +1,6 @@
 //! `taugate render`: from the command line to the files.
 
+mod scan;
 mod sequence;
 
 use std::collections::HashSet;
@@ -48,6 +49,9 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         return print(experiment);
     }
     let scene = experiment.scene.clone().expect("read_experiment names a scene");
+    if let Some(table) = experiment.scan.clone() {
+        return scan::run(&table, experiment, &mut Session::new(quiet)?);
+    }
     let sequence = Sequence::new(&experiment, || gltf::has_animations(&scene))?;
     let mut session = Session::new(quiet)?;
     match sequence {

@@ -9,6 +9,7 @@ mod door;
 mod gated_sphere;
 pub mod glb;
 mod hall;
+mod hidden_letter;
 pub mod numbers;
 pub mod paint;
 pub mod shapes;
@@ -56,11 +57,13 @@ pub enum Kind {
     HundredLamps,
     /// Street of 72 m at night, lit from the camera, with a car that drives towards it for two seconds.
     Street,
+    /// A letter that a laser and a sensor see only by way of a wall.
+    HiddenLetter,
 }
 
 impl Kind {
     /// The names that [`Kind::parse`] accepts.
-    pub const NAMES: [&str; 9] = [
+    pub const NAMES: [&str; 10] = [
         "cornell-box",
         "gated-sphere",
         "door-ajar",
@@ -70,6 +73,7 @@ impl Kind {
         "zoo-beam",
         "hundred-lamps",
         "street",
+        "hidden-letter",
     ];
 
     /// The scene of this name with its default parameters: a sphere of 1 m with albedo 0.5 and 81,920 facets; clutter of at least
@@ -85,6 +89,7 @@ impl Kind {
             "zoo-beam" => Kind::Zoo(zoo::Light::Beam),
             "hundred-lamps" => Kind::HundredLamps,
             "street" => Kind::Street,
+            "hidden-letter" => Kind::HiddenLetter,
             _ => return None,
         })
     }
@@ -125,6 +130,7 @@ impl Kind {
             Kind::Zoo(zoo::Light::Beam) => Kind::NAMES[6],
             Kind::HundredLamps => Kind::NAMES[7],
             Kind::Street => Kind::NAMES[8],
+            Kind::HiddenLetter => Kind::NAMES[9],
         }
     }
 }
@@ -146,6 +152,7 @@ pub fn build(kind: Kind) -> Scene {
         Kind::Zoo(light) => zoo::zoo(light),
         Kind::HundredLamps => hall::build(),
         Kind::Street => street::build(),
+        Kind::HiddenLetter => hidden_letter::build(),
     }
 }
 

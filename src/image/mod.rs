@@ -12,4 +12,5 @@ pub mod npy_file;
 pub mod npy_read;
 pub mod png_file;
 pub mod response_film;
+pub mod scan_file;
 pub mod time_plot;

@@ -11,9 +11,9 @@ use crate::image::depth;
 use crate::image::exr_file::{Provenance, version};
 use crate::image::film::Film;
 use crate::image::response_film::ResponseFilm;
-use crate::settings::Response;
 use crate::settings::frequencies::Frequencies;
 use crate::settings::response_specs::ResponseSpec;
+use crate::settings::{Response, Responses};
 
 /// The file beside an array. The names of the first three fields are those of mitransient; lengths are metres of optical path.
 #[derive(Serialize)]
@@ -39,14 +39,24 @@ struct Description<'a> {
 
 /// The gates, if they all have one width and abut.
 #[derive(Serialize)]
-struct Bins {
+pub(super) struct Bins {
     start_opl: f64,
     bin_width_opl: f64,
     temporal_bins: u32,
 }
 
+impl Bins {
+    pub(super) fn of(responses: &Responses) -> Option<Bins> {
+        responses.uniform().map(|gates| Bins {
+            start_opl: gates.whole().lo,
+            bin_width_opl: gates.width(),
+            temporal_bins: gates.count(),
+        })
+    }
+}
+
 #[derive(Serialize)]
-struct Entry<'a> {
+pub(super) struct Entry<'a> {
     name: &'a str,
     /// The response as `--response` takes it; null for a table that comes from no file.
     response: Option<String>,
@@ -59,7 +69,7 @@ struct Entry<'a> {
 }
 
 impl Entry<'_> {
-    fn of(response: &Response) -> Entry<'_> {
+    pub(super) fn of(response: &Response) -> Entry<'_> {
         let text = ResponseSpec::of(response).map(|spec| spec.to_string());
         Entry {
             name: response.name(),
@@ -120,14 +130,9 @@ pub fn write_description(
     responses: Option<&ResponseFilm>,
     provenance: &Provenance,
 ) -> Result<()> {
-    let bins = provenance.responses.uniform().map(|gates| Bins {
-        start_opl: gates.whole().lo,
-        bin_width_opl: gates.width(),
-        temporal_bins: gates.count(),
-    });
     let crop = provenance.crop;
     let description = Description {
-        bins,
+        bins: Bins::of(&provenance.responses),
         responses: provenance.responses.iter().map(Entry::of).collect(),
         axes: if responses.is_some() { "height, width, response, channel" } else { "height, width, channel" },
         shape: shape(film, responses),

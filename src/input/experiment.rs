@@ -13,6 +13,7 @@ use crate::input::light_table::LightTable;
 use crate::input::medium_tables::MediumTables;
 use crate::input::plain::{plain, table_of};
 use crate::input::response_table::ResponseTable;
+use crate::input::scan_table::ScanTable;
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::setting::{Setting, Value, Visitor};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, OutputTable, RenderTable};
@@ -36,6 +37,9 @@ pub struct Experiment {
     /// Lights to add to those of the scene.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub light: Vec<LightTable>,
+    /// A laser and a sensor that look at points of a wall, instead of a camera and lights.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scan: Option<ScanTable>,
     /// `[[response]]` while a file is read; [`Experiment::parse`] moves it to the end of `gate.response`.
     #[serde(skip_serializing)]
     pub response: Vec<ResponseTable>,
@@ -151,13 +155,26 @@ impl Experiment {
             output: self.output.over(below.output),
             medium: self.medium.over(below.medium),
             light: if self.light.is_empty() { below.light } else { self.light },
+            scan: self.scan.or(below.scan),
             response: vec![],
         }
     }
 
     /// Calls `visitor` with every setting of every table.
     pub fn visit(&mut self, visitor: &mut impl Visitor) {
-        let Experiment { scene: _, camera, emitter, input, gate, render, output, medium, light: _, response: _ } = self;
+        let Experiment {
+            scene: _,
+            camera,
+            emitter,
+            input,
+            gate,
+            render,
+            output,
+            medium,
+            light: _,
+            scan: _,
+            response: _,
+        } = self;
         camera.visit(visitor);
         emitter.visit(visitor);
         input.visit(visitor);

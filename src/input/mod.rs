@@ -8,5 +8,6 @@ pub mod plain;
 pub mod resolve;
 pub mod response_table;
 mod responses;
+pub mod scan_table;
 pub mod scenery;
 pub mod sequence;

@@ -161,7 +161,11 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
-    let estimator = render.estimator.unwrap_or_else(|| defaults::estimator(gate, scene, &emitters));
+    let estimator = render.estimator.unwrap_or_else(|| {
+        // A scan has few pixels, so `lcs` serves each of its gates well, however many there are.
+        let gate = if experiment.scan.is_some() { responses.narrowest() } else { gate };
+        defaults::estimator(gate, scene, &emitters)
+    });
     let mut settings = Settings::builder()
         .table(render)
         .estimator(estimator)
@@ -196,6 +200,10 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         ..full.camera
     };
     full.emitter = EmitterTable { emitters: emitter.emitters, ..full.emitter };
+    if experiment.scan.is_some() {
+        // The scan places its own sensor and laser.
+        (full.camera, full.emitter) = Default::default();
+    }
     full.gate = GateTable { force: experiment.gate.force, ..gate };
     full.render = RenderTable { device: experiment.render.device.clone(), strict: experiment.render.strict, ..render };
     full

@@ -6,12 +6,13 @@ mod grid;
 mod lights;
 mod medium;
 mod phase;
+mod scan;
 
 use crate::error::Result;
 use crate::input::experiment::Experiment;
 use crate::scene::Scene;
 
-/// Adds the camera and the lights of `experiment` to a scene that was just loaded, or places the scene's own camera elsewhere.
+/// Adds the camera and the lights of `experiment`, or its scan, to a scene that was just loaded, or places the scene's own camera elsewhere.
 /// Makes all surfaces double-sided if the user wants that. Call it once per scene, before [`super::resolve::resolve`].
 ///
 /// Choices that depend on the scene, such as the place of an automatic camera, are written into `experiment`. So the experiment
@@ -25,6 +26,10 @@ pub fn apply(experiment: &mut Experiment, scene: &mut Scene) -> Result<Vec<Strin
         scene.materials.iter_mut().for_each(|material| material.double_sided = true);
     }
     medium::apply(&experiment.medium, scene)?;
+    if let Some(table) = experiment.scan.clone() {
+        scan::apply(&table, experiment, scene)?;
+        return Ok(notes);
+    }
     let camera = camera::apply(&mut experiment.camera, scene, &mut notes)?;
     lights::apply(experiment, scene, camera, &mut notes)?;
     Ok(notes)

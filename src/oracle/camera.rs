@@ -7,7 +7,7 @@
 //! A small surface with the intensity I (W / sr) towards the sensor adds I p to its pixel. Here p is the density, per area
 //! perpendicular to the line of sight, with which the uniform camera rays of the pixel pass the surface. With the area A of a
 //! pixel on the image plane, p = 1 / A for parallel rays. The rays of a pinhole have the density 1 / (A cos^3) per solid angle,
-//! so p = 1 / (A cos^3 d^2) at the distance d.
+//! so p = 1 / (A cos^3 d^2) at the distance d. An aimed pixel has a single ray, which no other point lies on.
 
 use glam::DVec3;
 
@@ -41,6 +41,7 @@ impl<'a> Sensor<'a> {
         let half_height = match camera.projection {
             Projection::Perspective { yfov } => (yfov / 2.0).tan(),
             Projection::Orthographic { height } => height / 2.0,
+            Projection::Aimed(_) => 1.0,
         };
         let shift = [0, 1].map(|k| (camera.principal_point[k] - 0.5) * resolution[k]);
         Sensor { camera, resolution, half: [half_height * resolution[0] / resolution[1], half_height], shift }
@@ -49,30 +50,34 @@ impl<'a> Sensor<'a> {
     /// The camera ray through image coordinates in pixels.
     pub fn ray(&self, x: f64, y: f64) -> Ray {
         let [w, h] = self.resolution;
+        let transform = &self.camera.transform;
+        if let Projection::Aimed(aims) = &self.camera.projection {
+            let aim = aims[y as usize * w as usize + x as usize];
+            return Ray::new(transform.translation, (aim.point - transform.translation).normalize());
+        }
         let (x, y) = (x - self.shift[0], y - self.shift[1]);
         let (x, y) = ((2.0 * x / w - 1.0) * self.half[0], (1.0 - 2.0 * y / h) * self.half[1]);
         let [start, direction] = match self.camera.projection {
-            Projection::Perspective { .. } => [DVec3::ZERO, DVec3::new(x, y, -1.0)],
             Projection::Orthographic { .. } => [DVec3::new(x, y, 0.0), DVec3::NEG_Z],
+            _ => [DVec3::ZERO, DVec3::new(x, y, -1.0)],
         };
-        let transform = &self.camera.transform;
         Ray::new(transform.transform_point3(start), transform.transform_vector3(direction).normalize())
     }
 
     /// How the camera sees a point. `None` if the point is outside the image or not in front of the sensor.
     pub fn project(&self, point: DVec3) -> Option<Seen> {
         let p = self.camera.transform.inverse().transform_point3(point);
-        if p.z >= 0.0 {
+        if p.z >= 0.0 || self.camera.projection.aims().is_some() {
             return None;
         }
         let [w, h] = self.resolution;
         let area = 4.0 * self.half[0] * self.half[1] / (w * h);
         let (on_plane, sensor, density) = match self.camera.projection {
-            Projection::Perspective { .. } => {
+            Projection::Orthographic { .. } => (p, DVec3::new(p.x, p.y, 0.0), 1.0 / area),
+            _ => {
                 let cos = -p.z / p.length();
                 (p / -p.z, DVec3::ZERO, 1.0 / (area * cos.powi(3) * p.length_squared()))
             }
-            Projection::Orthographic { .. } => (p, DVec3::new(p.x, p.y, 0.0), 1.0 / area),
         };
         let x = (on_plane.x / self.half[0] + 1.0) / 2.0 * w + self.shift[0];
         let y = (1.0 - on_plane.y / self.half[1]) / 2.0 * h + self.shift[1];

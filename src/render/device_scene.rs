@@ -7,7 +7,7 @@ use super::prepared_scene::PreparedScene;
 use crate::error::Result;
 use crate::gpu::{Buffer, BufferDesc, Device};
 use crate::scene::Scene;
-use crate::wgsl::layout::Frame;
+use crate::wgsl::layout::{Emitter, Frame};
 
 /// Buffers of group 0, with their names in WGSL.
 pub struct DeviceScene {
@@ -18,9 +18,14 @@ pub struct DeviceScene {
 /// An array of the scene: name in WGSL, buffer descriptor, contents.
 type Part<'a> = (&'static str, BufferDesc, &'a [u8]);
 
+// Names in WGSL of the arrays that change between renders.
+const EMITTERS: &str = "emitters";
+const AIMS: &str = "aims";
+
 const MESHES: &str = "use a scene with fewer triangles, or a device with a larger limit (taugate devices)";
 const MEDIA: &str = "use fewer media and shorter tables, or a device with a larger limit (taugate devices)";
 const GRIDS: &str = "use density grids with fewer voxels, or a device with a larger limit (taugate devices)";
+const POINTS: &str = "use fewer sensor points, or a device with a larger limit (taugate devices)";
 const SKY: &str = "use a smaller image for --sky, or a device with a larger limit (taugate devices)";
 const IMAGES: &str = "use smaller textures, or a device with a larger limit (taugate devices)";
 
@@ -36,7 +41,7 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
     ) -> Part<'a> {
         (wgsl, BufferDesc::of_texels::<T>(name, data.len(), remedy), bytemuck::cast_slice(data))
     }
-    let PreparedScene { geometry, emitters, media, albedo, .. } = prepared;
+    let PreparedScene { geometry, emitters, media, albedo, aims, .. } = prepared;
     vec![
         texels("bvh_nodes", "BVH nodes", &geometry.bvh.nodes, MESHES),
         texels("triangles", "triangles", &geometry.triangles, MESHES),
@@ -46,7 +51,8 @@ fn parts(prepared: &PreparedScene) -> Vec<Part<'_>> {
         texels("instances", "instances", &geometry.instances, MESHES),
         texels("materials", "materials", &geometry.materials, MESHES),
         texels("textures", "textures", &geometry.textures, IMAGES),
-        texels("emitters", "emitters", &emitters.table, MESHES),
+        texels(EMITTERS, "emitters", &emitters.table, MESHES),
+        texels(AIMS, "rays of sensor points", aims, POINTS),
         texels("sky", "sky", &emitters.sky, SKY),
         texels("media", "media", &media.list, MEDIA),
         texels("phase_tables", "tables of phase functions", &media.phase_tables, MEDIA),
@@ -91,6 +97,21 @@ impl DeviceScene {
     /// Writes the frame, which the kernels of the next dispatches read.
     pub fn write_frame(&mut self, frame: &Frame) -> Result<()> {
         self.frame.write(0, &[*frame])
+    }
+
+    /// Replaces the emitters by as many others.
+    pub fn write_emitters(&mut self, emitters: &[Emitter]) -> Result<()> {
+        self.write(EMITTERS, emitters)
+    }
+
+    /// Replaces the rays of the sensor points by as many others.
+    pub fn write_aims(&mut self, aims: &[[f32; 4]]) -> Result<()> {
+        self.write(AIMS, aims)
+    }
+
+    fn write<T: NoUninit>(&mut self, wgsl: &str, data: &[T]) -> Result<()> {
+        let buffer = self.buffers.iter_mut().find(|(name, _)| *name == wgsl);
+        buffer.expect("the scene has all its arrays").1.write(0, data)
     }
 
     /// All buffers of group 0; a kernel may use any of them.

@@ -186,6 +186,11 @@ impl LightTracer {
         Ok(LightTracer { subpaths, device_loop, punctual: punctual.to_vec() })
     }
 
+    /// Replaces the punctual lights.
+    pub fn set_punctual(&mut self, punctual: &[PathVertex]) {
+        self.punctual = punctual.to_vec();
+    }
+
     /// Maximum number of paths in a batch.
     fn capacity(plan: &Plan) -> usize {
         BATCH.min(plan.traced_paths().max(plan.thin_beams.len() as u32) as usize)

@@ -165,12 +165,13 @@ impl Renderer {
     }
 
     /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light
-    /// vertices and `samples` samples per pixel (1 to 16): in every pixel, or on average if the sampling is adaptive. Fails
-    /// if `samples` is out of range, if a buffer does not fit the device, or if the device's counts contradict each other.
+    /// vertices and `samples` samples per pixel (1 to 16; for a camera with aimed rays to 1024): in every pixel, or on average if
+    /// the sampling is adaptive. Fails if `samples` is out of range, if a buffer does not fit the device, or if the device's counts contradict each other.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
-        if !(1..=MAX_AVERAGE_SAMPLES).contains(&samples) {
+        let max = self.plan.max_samples();
+        if !(1..=max).contains(&samples) {
             return Err(Error::Settings(format!(
-                "an iteration takes 1 to {MAX_AVERAGE_SAMPLES} samples per pixel, not {samples}; render more iterations instead"
+                "an iteration takes 1 to {max} samples per pixel, not {samples}; render more iterations instead"
             )));
         }
         if self.plan.dark {
@@ -285,14 +286,27 @@ impl Renderer {
     /// kernels and the statistics stay. Fails if [`Scene::check`] would refuse the camera.
     ///
     /// Returns false and changes nothing in two cases; create a new renderer then. `camera` is too far from the camera that the
-    /// scene was prepared for, so positions would be imprecise. Or one of the two is orthographic and the other is not.
+    /// scene was prepared for, so positions would be imprecise. Or the two are of different kinds, such as perspective and
+    /// orthographic, or aim at different numbers of points.
     pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
         camera.check()?;
         let moved = self.plan.set_camera(camera);
         if moved {
+            self.scene.write_aims(&self.plan.space.aims(camera))?;
             self.clear();
         }
         Ok(moved)
+    }
+
+    /// Clears the film and begins a new render with lights that have moved. The BVH, the kernels and the statistics stay.
+    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::move_lights`].
+    #[doc(hidden)]
+    pub fn set_lights(&mut self, prepared: &PreparedScene, settings: &Settings) -> Result<()> {
+        self.scene.write_emitters(&prepared.emitters.table)?;
+        self.light.set_punctual(&prepared.emitters.deterministic);
+        self.plan.set_lights(prepared, settings);
+        self.clear();
+        Ok(())
     }
 
     fn clear(&mut self) {

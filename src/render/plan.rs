@@ -9,12 +9,13 @@ use super::emitters::EmitterSet;
 use super::material::Features;
 use super::pool_layout::PoolLayout;
 use super::prepared_scene::PreparedScene;
+use super::samples::{MAX_AIMED_SAMPLES, MAX_AVERAGE_SAMPLES};
 use super::space::RenderSpace;
 use super::travel_time_bounds::{Box3, TravelTimeBounds};
 use crate::error::{Error, Result};
 use crate::estimators::{PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Aim, Camera, Scene};
 use crate::settings::units::Gate;
 use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
@@ -89,9 +90,12 @@ pub struct Plan {
     pub has_distant: bool,
     /// Whether there is a sky.
     has_sky: bool,
-    /// Whether the camera rays are parallel. The kernels are compiled for one of the two kinds of camera.
+    /// The kernels are compiled for one kind of camera: whether the camera rays are parallel, and the number of aimed rays.
     is_orthographic: bool,
+    aims: usize,
     has_media: bool,
+    /// Travel time per length outside of solids.
+    group_index: f64,
     /// Values of the WGSL `override` constants that depend on the media.
     media_constants: [(&'static str, f64); 7],
     pub crop: Crop,
@@ -112,6 +116,8 @@ pub struct Plan {
     prepared_sensor: Box3,
     /// Corners of the present sensor in render space; four equal points for a pinhole.
     sensor_corners: [Vec3; 4],
+    /// Maximum length in metres that does not count for the travel times of a pixel.
+    omitted: f64,
     /// Whether culling is on and the bounds show that no light can arrive inside the gate. Then there is nothing to trace.
     pub dark: bool,
     pub space: RenderSpace,
@@ -129,9 +135,21 @@ impl Plan {
         let estimator = settings.estimator().record();
         let traces_light = estimator.light_subpaths && settings.max_depth() >= 2;
         let features = prepared.geometry.features;
-        let frame = frame(settings, prepared, all);
-        let emitter_count = frame.emitter_count;
         let camera = &scene.cameras[settings.camera()];
+        let is_aimed = camera.projection.aims().is_some();
+        let [width, height] = settings.resolution();
+        if is_aimed && prepared.aims.len() != width as usize * height as usize {
+            return Err(Error::Settings(format!(
+                "the camera '{}' aims at {} points, but the image has {width}x{height} pixels; make as many pixels as points",
+                camera.name,
+                prepared.aims.len()
+            )));
+        }
+        let mut frame = frame(settings, prepared, all);
+        if is_aimed {
+            frame.keep_t1 = 0.0;
+        }
+        let emitter_count = frame.emitter_count;
         let mut plan = Plan {
             estimator,
             light_paths: settings.light_paths(),
@@ -147,12 +165,14 @@ impl Plan {
             has_distant: emitters.has_distant,
             has_sky: !emitters.sky.is_empty(),
             is_orthographic: camera.projection.is_orthographic(),
+            aims: prepared.aims.len(),
             has_media: !prepared.media.list.is_empty(),
+            group_index: prepared.media.surrounding[1].into(),
             media_constants: prepared.media.constants(),
             crop: settings.crop(),
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
             traces_light,
-            splats: traces_light && all,
+            splats: traces_light && all && !is_aimed,
             thin_beams: emitter_count - emitters.thin_beams..emitter_count,
             max_deterministic: emitters.deterministic.len() as u32 + if traces_light { emitters.thin_beams } else { 0 },
             tuning: Tuning::default(),
@@ -161,6 +181,7 @@ impl Plan {
             travel_time_bounds: TravelTimeBounds::new(prepared, settings),
             prepared_sensor: prepared.sensor,
             sensor_corners: [Vec3::ZERO; 4],
+            omitted: 0.0,
             dark: false,
             space: prepared.space,
             responses: settings.responses().clone(),
@@ -180,10 +201,13 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Replaces the camera; the film keeps its size. Returns whether it did. Nothing changes for a camera of the other
-    /// kind (perspective or orthographic), or too far from the one that the scene was prepared for (see [`RenderSpace::sensor`]).
+    /// Replaces the camera; the film keeps its size. Returns whether it did. Nothing changes for a camera of another
+    /// kind (perspective, orthographic, aimed), or too far from the one that the scene was prepared for (see
+    /// [`RenderSpace::sensor`]).
     pub fn set_camera(&mut self, camera: &Camera) -> bool {
-        let is_taken = camera.projection.is_orthographic() == self.is_orthographic && self.aim(camera);
+        let aims = camera.projection.aims().map_or(0, <[Aim]>::len);
+        let is_same_kind = camera.projection.is_orthographic() == self.is_orthographic && aims == self.aims;
+        let is_taken = is_same_kind && self.aim(camera);
         if is_taken {
             self.set(self.frame.seed, self.responses.clone());
         }
@@ -208,7 +232,16 @@ impl Plan {
         let [x, y] = camera.principal_point;
         frame.principal_offset = [(x - 0.5) * width, (y - 0.5) * height].map(|pixels| pixels as f32);
         self.sensor_corners = camera.corners([frame.width, frame.height]).map(|corner| self.space.point(corner));
+        self.omitted = camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.omitted).fold(0.0, f64::max);
         true
+    }
+
+    /// Follows lights that have moved. `prepared` is the prepared scene that the plan was made for, after
+    /// [`PreparedScene::move_lights`].
+    pub fn set_lights(&mut self, prepared: &PreparedScene, settings: &Settings) {
+        (self.frame.emitter_lo, self.frame.emitter_hi) = bounds(&prepared.emitters);
+        self.travel_time_bounds = TravelTimeBounds::new(prepared, settings);
+        self.set(self.frame.seed, self.responses.clone());
     }
 
     /// Sets the seed and the responses, and the travel-time bounds that follow from the gate and from the sensor's position.
@@ -220,17 +253,19 @@ impl Plan {
             |distance: &dyn Fn(Vec3) -> f64| self.sensor_corners.map(distance).into_iter().fold(0.0, f64::max);
         let from_origin = farthest(&|corner| corner.as_dvec3().length());
         let moved = farthest(&|corner| self.prepared_sensor.distance_to(corner));
-        let travel_time_bounds = self.travel_time_bounds.moved(moved * self.space.unit);
+        let travel_time_bounds = self.travel_time_bounds.moved(moved * self.space.unit).without(self.omitted);
         self.dark = self.cull && !gate.is_open() && !travel_time_bounds.overlaps(&gate);
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
-        let rounding_allowance = rounding_allowance(gate, from_origin);
+        // Travel times on the device begin at minus the omitted length, so bounds on them hold before it is added.
+        let omitted = self.space.length(self.omitted * self.group_index);
+        let rounding_allowance = rounding_allowance(gate, from_origin + omitted);
         self.frame.seed = seed;
         self.frame.gate_lo = gate.lo as f32;
         self.frame.gate_hi = hi;
         self.frame.rounding_allowance = rounding_allowance;
-        self.frame.cull_hi = if self.cull && closed { hi + rounding_allowance } else { OPEN };
+        self.frame.cull_hi = if self.cull && closed { hi + omitted as f32 + rounding_allowance } else { OPEN };
     }
 
     /// Whether queries choose among `count` deterministic vertices. Otherwise each shade point connects to all of them.
@@ -306,6 +341,11 @@ impl Plan {
         frame
     }
 
+    /// Maximum number of samples per pixel in one iteration, averaged over the pixels.
+    pub fn max_samples(&self) -> u32 {
+        if self.aims > 0 && !self.adaptive { MAX_AIMED_SAMPLES } else { MAX_AVERAGE_SAMPLES }
+    }
+
     /// Number of light subpaths per iteration. The first `light_paths` of them are stored for connections. The others serve
     /// only the strategies with t = 1.
     pub fn traced_paths(&self) -> u32 {
@@ -327,6 +367,7 @@ impl Plan {
             ("WORKGROUP", self.tuning.workgroup.into()),
             ("HAS_PARALLEL", switch(self.has_distant || self.is_orthographic)),
             ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
+            ("HAS_AIMS", switch(self.aims > 0)),
             ("HAS_SKY", switch(self.has_sky)),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
             ("GUIDES_FLIGHTS", switch(self.moves_events())),
@@ -350,14 +391,15 @@ impl Plan {
 fn frame(settings: &Settings, prepared: &PreparedScene, all: bool) -> Frame {
     let PreparedScene { emitters, media, .. } = prepared;
     let [width, height] = settings.resolution();
+    let (emitter_lo, emitter_hi) = bounds(emitters);
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
     let estimator = settings.estimator().record();
     let query_sample_count = (estimator.query_sample_count)(settings.queries(), !media.list.is_empty());
     Frame {
         width,
         height,
-        emitter_lo: Vec3::to_array(&emitters.lo),
-        emitter_hi: Vec3::to_array(&emitters.hi),
+        emitter_lo,
+        emitter_hi,
         light_paths: settings.light_paths(),
         max_depth: settings.max_depth(),
         queries: settings.queries(),
@@ -375,6 +417,11 @@ fn frame(settings: &Settings, prepared: &PreparedScene, all: bool) -> Frame {
         crop_height: settings.crop().height(),
         ..bytemuck::Zeroable::zeroed()
     }
+}
+
+/// The corners of the bounding box of all emitters.
+fn bounds(emitters: &EmitterSet) -> ([f32; 3], [f32; 3]) {
+    (emitters.lo.to_array(), emitters.hi.to_array())
 }
 
 #[cfg(test)]

@@ -22,6 +22,8 @@ pub struct PreparedScene {
     pub(super) space: RenderSpace,
     /// Bounding box, in render space, of the points where camera rays start.
     pub(super) sensor: Box3,
+    /// The rays of a camera with [`crate::scene::Projection::Aimed`]; else empty.
+    pub(super) aims: Vec<[f32; 4]>,
 }
 
 impl PreparedScene {
@@ -51,7 +53,34 @@ impl PreparedScene {
         }
         let sensor = Box3::around(camera.corners(settings.resolution()).map(|corner| space.point(corner)));
         let media = Media::new(scene, &space)?;
-        Ok(PreparedScene { geometry, emitters, media, albedo, space, sensor })
+        let aims = space.aims(camera);
+        Ok(PreparedScene { geometry, emitters, media, albedo, space, sensor, aims })
+    }
+
+    /// Follows lights without a surface that have moved since `scene` was prepared; the rest of `scene` and `settings` must be as
+    /// before. Returns false and changes nothing if the scene must be prepared again: there are other emitters than before, or a
+    /// light stands so far away that the unit of length would change.
+    pub fn move_lights(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
+        scene.check()?;
+        let selected = settings.emitters();
+        if self.emitters.has_distant || RenderSpace::new(scene, self.space.origin, selected) != self.space {
+            return Ok(false);
+        }
+        let densities =
+            |geometry: &Geometry| geometry.materials.iter().map(|m| m.emission_density).collect::<Vec<f32>>();
+        let before = densities(&self.geometry);
+        let emitters = EmitterSet::new(scene, selected, &self.space, &mut self.geometry);
+        let is_like_before = densities(&self.geometry) == before
+            && emitters.table.len() == self.emitters.table.len()
+            && emitters.deterministic.len() == self.emitters.deterministic.len()
+            && emitters.thin_beams == self.emitters.thin_beams;
+        if is_like_before {
+            self.emitters = emitters;
+        } else {
+            let materials = self.geometry.materials.iter_mut().zip(before);
+            materials.for_each(|(material, density)| material.emission_density = density);
+        }
+        Ok(is_like_before)
     }
 
     /// Luminance-weighted power in W of every node that emits, by node name.

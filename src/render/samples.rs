@@ -6,6 +6,8 @@ use super::emitters::luminance;
 
 /// Maximum number of samples per pixel in one iteration, averaged over the pixels.
 pub const MAX_AVERAGE_SAMPLES: u32 = 16;
+/// Maximum number of samples per pixel in one iteration for a camera with aimed rays, which has few pixels.
+pub const MAX_AIMED_SAMPLES: u32 = 1024;
 /// Maximum samples of one pixel, relative to the average.
 const MAX_SHARE: u32 = 4;
 /// Minimum samples of one pixel, relative to the average; never less than one sample. A pixel that has seen no light so far may

@@ -7,6 +7,7 @@
 
 use std::time::Duration;
 
+use super::samples::MAX_AIMED_SAMPLES;
 use crate::settings::Budget;
 
 /// The variance is estimated from at least two iterations.
@@ -38,6 +39,23 @@ pub fn next_samples(budget: &Budget, iterations: u32, done: u64, elapsed: Durati
             let half = 0.5 * elapsed / done as f64 * f64::from(samples);
             let fits = iterations < MIN_ITERATIONS || elapsed + half <= seconds;
             if elapsed < seconds && fits { samples } else { 0 }
+        }
+    }
+}
+
+/// Samples of all points together in an iteration of a scan. So many samples share the cost of the light subpaths.
+const SCAN_SAMPLES: u32 = 4096;
+
+/// As [`next_samples`], for the iterations of a scan with `points` sensor points, all of which have the same length. It is short enough
+/// for four iterations of a budget of samples.
+pub fn scan_samples(budget: &Budget, points: u32, done: u64, elapsed: Duration) -> u32 {
+    let samples = (SCAN_SAMPLES / points).clamp(2, MAX_AIMED_SAMPLES);
+    match *budget {
+        Budget::Spp(spp) => u64::from(spp).saturating_sub(done).min(samples.min(spp.div_ceil(4)).into()) as u32,
+        Budget::Seconds(seconds) => {
+            let half = 0.5 * elapsed.as_secs_f64() / done.max(1) as f64 * f64::from(samples);
+            let fits = done <= samples.into() || elapsed.as_secs_f64() + half <= seconds;
+            if done == 0 || fits { samples } else { 0 }
         }
     }
 }

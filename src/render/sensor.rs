@@ -14,7 +14,7 @@ use super::device_scene::DeviceScene;
 use super::plan::Plan;
 use super::pool::DevicePool;
 use super::responses::{Arrival, ResponseSums};
-use super::samples::{MAX_AVERAGE_SAMPLES, MAX_SAMPLES_PER_PIXEL, SampleCounts};
+use super::samples::{MAX_SAMPLES_PER_PIXEL, SampleCounts};
 use super::stats::{Stats, stage};
 use crate::error::Result;
 use crate::gpu::{BufferDesc, BufferList, Device, DeviceInfo, Recorder};
@@ -85,8 +85,9 @@ impl SensorTracer {
         let by_slots = limit / (16 * u64::from(slots));
         // Every slot may hold a live candidate, and one dispatch over the candidates must not exceed the limit on workgroups.
         let by_groups = u64::from(MIN_GROUP_LIMIT * plan.tuning.workgroup) / u64::from(slots);
-        let all = plan.crop_pixels * u64::from(MAX_AVERAGE_SAMPLES);
-        wanted.min(by_vertices).min(by_slots).min(by_groups).min(all).max(u64::from(MAX_SAMPLES_PER_PIXEL)) as usize
+        let all = plan.crop_pixels * u64::from(plan.max_samples());
+        let of_a_pixel = MAX_SAMPLES_PER_PIXEL.max(plan.max_samples());
+        wanted.min(by_vertices).min(by_slots).min(by_groups).min(all).max(of_a_pixel.into()) as usize
     }
 
     /// Descriptors of the buffers that [`SensorTracer::new`] allocates.

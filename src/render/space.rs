@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::scene::{Medium, Scene};
+use crate::scene::{Camera, Medium, Scene};
 use crate::settings::Emitters;
 
 /// World space, translated and scaled. The origin is a sensor, so that f32 coordinates near the sensor are precise wherever
@@ -42,6 +42,17 @@ impl RenderSpace {
     pub fn sensor(&self, world: DVec3) -> Option<Vec3> {
         let sensor = self.point(world);
         (sensor.length() <= MAX_SENSOR_DISTANCE).then_some(sensor)
+    }
+
+    /// The rays of a camera with [`crate::scene::Projection::Aimed`] as the kernels read them: unit direction, and the length that
+    /// does not count. Empty for other cameras.
+    pub fn aims(&self, camera: &Camera) -> Vec<[f32; 4]> {
+        let aims = camera.projection.aims().unwrap_or_default().iter();
+        let entry = aims.map(|aim| {
+            let direction = (aim.point - camera.transform.translation).normalize();
+            direction.extend(self.length(aim.omitted)).as_vec4().to_array()
+        });
+        entry.collect()
     }
 
     /// A length or travel time in units of the render space.

@@ -71,6 +71,11 @@ impl TravelTimeBounds {
         TravelTimeBounds { min, max_segment, ..*self }.to_depth(self.max_depth)
     }
 
+    /// Bounds where up to `omitted` metres of a path do not count.
+    pub fn without(&self, omitted: f64) -> TravelTimeBounds {
+        TravelTimeBounds { min: (self.min - omitted * self.indices[1] * (1.0 + SLACK)).max(0.0), ..*self }
+    }
+
     fn to_depth(self, max_depth: u32) -> TravelTimeBounds {
         TravelTimeBounds { max: f64::from(max_depth) * self.max_segment, max_depth, ..self }
     }

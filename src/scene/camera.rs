@@ -2,13 +2,16 @@
 
 #![warn(missing_docs)]
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
 
 /// A camera. It looks along -Z of its transform, with +Y up and +X to the right.
 ///
 /// The travel time of a path ends where its camera ray starts (see [`Camera::origin`]). For a perspective camera this point is
-/// the pinhole. For an orthographic camera it is a point of the sensor plane: the plane through the camera's place, perpendicular
-/// to the view. Surfaces behind this point are not seen; the near and far planes of a file have no effect.
+/// the pinhole, and for aimed rays it is their common start. For an orthographic camera it is a point of the sensor plane: the
+/// plane through the camera's place, perpendicular to the view. Surfaces behind this point are not seen; the near and far planes
+/// of a file have no effect.
 #[derive(Debug, Clone)]
 pub struct Camera {
     /// Unique among the cameras of the scene.
@@ -27,7 +30,7 @@ pub struct Camera {
 }
 
 /// How a camera projects the scene. The width of the view follows from its height and from the resolution.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Projection {
     /// A pinhole: all camera rays start at the camera's place.
     Perspective {
@@ -39,6 +42,19 @@ pub enum Projection {
         /// Height of the view in metres, > 0: twice the `ymag` of glTF.
         height: f64,
     },
+    /// One ray per pixel, from the camera's place to a point: a sensor that scans a wall. A pixel measures the radiance along its
+    /// ray. The points belong to the pixels row by row, and there are as many as pixels. No glTF file has such a camera.
+    Aimed(Arc<[Aim]>),
+}
+
+/// The point at which a pixel of [`Projection::Aimed`] looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aim {
+    /// World space, in metres; not the camera's place.
+    pub point: DVec3,
+    /// Length in metres, >= 0, that does not count for the travel times of this pixel. For example the distance of the point from the
+    /// camera, if times count from the wall.
+    pub omitted: f64,
 }
 
 impl Projection {
@@ -47,11 +63,21 @@ impl Projection {
         matches!(self, Projection::Orthographic { .. })
     }
 
-    /// Half the height of the image plane: at distance 1 from a pinhole, without unit, or of the sensor plane in metres.
+    /// The points at which the pixels look; `None` if the camera has an image plane.
+    pub fn aims(&self) -> Option<&[Aim]> {
+        match self {
+            Projection::Aimed(aims) => Some(aims),
+            _ => None,
+        }
+    }
+
+    /// Half the height of the image plane: at distance 1 from a pinhole, without unit, or of the sensor plane in metres. Without
+    /// meaning for aimed rays.
     pub(crate) fn half_height(&self) -> f64 {
         match *self {
             Projection::Perspective { yfov } => (0.5 * yfov).tan(),
             Projection::Orthographic { height } => 0.5 * height,
+            Projection::Aimed(_) => 1.0,
         }
     }
 }
@@ -63,9 +89,14 @@ impl Camera {
     /// Unit direction in world space of the camera ray through the point `film` of an image of this resolution. `film` is in
     /// pixels: column, then row from the top; the centre of the first pixel is (0.5, 0.5).
     pub fn direction(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
-        let local = match self.projection {
+        let local = match &self.projection {
             Projection::Perspective { .. } => self.on_image_plane(resolution, film) - DVec3::Z,
             Projection::Orthographic { .. } => DVec3::NEG_Z,
+            Projection::Aimed(aims) => {
+                let [column, row] = [0, 1].map(|k| (film[k].max(0.0) as usize).min(resolution[k] as usize - 1));
+                let aim = aims[row * resolution[0] as usize + column];
+                return (aim.point - self.transform.translation).normalize();
+            }
         };
         self.transform.transform_vector3(local).normalize()
     }
@@ -74,7 +105,7 @@ impl Camera {
     /// point of the image as in [`Camera::direction`].
     pub fn origin(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
         match self.projection {
-            Projection::Perspective { .. } => self.transform.translation,
+            Projection::Perspective { .. } | Projection::Aimed(_) => self.transform.translation,
             Projection::Orthographic { .. } => self.transform.transform_point3(self.on_image_plane(resolution, film)),
         }
     }
@@ -123,6 +154,18 @@ mod tests {
         let shifted = Camera { principal_point: [0.25, 1.0], ..camera };
         assert!(close(shifted.direction([40, 20], [10.0, 20.0]), DVec3::NEG_X));
         assert_eq!(shifted.corners([40, 20]), [5.0 * DVec3::X; 4]);
+    }
+
+    #[test]
+    fn an_aimed_pixel_looks_at_its_point() {
+        let aim = |x: f64, y: f64, z: f64| Aim { point: DVec3::new(x, y, z), omitted: 0.0 };
+        let aims = [aim(4.0, 0.0, 0.0), aim(5.0, 2.0, 0.0), aim(5.0, 0.0, 7.0), aim(6.0, 1.0, 0.0)];
+        let camera = camera(Projection::Aimed(aims.into()));
+        let rays = [DVec3::NEG_X, DVec3::Y, DVec3::Z, DVec3::new(1.0, 1.0, 0.0).normalize()];
+        for (film, ray) in [[0.5, 0.5], [1.9, 0.0], [0.0, 1.0], [2.0, 2.0]].into_iter().zip(rays) {
+            assert!(close(camera.direction([2, 2], film), ray), "{film:?}");
+        }
+        assert_eq!(camera.corners([2, 2]), [5.0 * DVec3::X; 4]);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::light::Light;
-use super::{Camera, Image, Instance, Material, Mesh, Projection, Scene};
+use super::{Aim, Camera, Image, Instance, Material, Mesh, Projection, Scene};
 use crate::error::{Error, Result};
 
 /// Upper bound on the coordinates of a scene, in metres from the origin of the world. Beyond it the squares of lengths would
@@ -143,15 +143,26 @@ fn check_camera(camera: &Camera) -> Checked {
             name()
         ));
     }
-    match camera.projection {
-        Projection::Perspective { yfov } if !(yfov > 0.0 && yfov < std::f64::consts::PI) => {
+    match &camera.projection {
+        &Projection::Perspective { yfov } if !(yfov > 0.0 && yfov < std::f64::consts::PI) => {
             return Err(format!("{} has a yfov of {yfov}; it must be between 0 and pi", name()));
         }
-        Projection::Orthographic { height } if !(height > 0.0 && height <= MAX_COORDINATE) => {
+        &Projection::Orthographic { height } if !(height > 0.0 && height <= MAX_COORDINATE) => {
             return Err(format!(
                 "{} has a view {height} m high; use a height above 0, up to {MAX_COORDINATE:e} m",
                 name()
             ));
+        }
+        Projection::Aimed(aims) => {
+            let is_near = |aim: &Aim| aim.point.abs().max_element() <= MAX_COORDINATE && aim.omitted <= MAX_COORDINATE;
+            let is_valid = |aim: &Aim| is_near(aim) && aim.omitted >= 0.0 && aim.point.distance(translation) > 0.0;
+            if aims.is_empty() || !aims.iter().all(is_valid) {
+                return Err(format!(
+                    "{} aims at no point, at its own place, at a point farther than {MAX_COORDINATE:e} m from the origin, or omits \
+                     a negative length",
+                    name()
+                ));
+            }
         }
         _ => {}
     }

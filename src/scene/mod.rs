@@ -19,7 +19,7 @@ mod tangents;
 
 use glam::{BVec3, DAffine2, DAffine3, DVec3, Vec3};
 
-pub use camera::{Camera, Projection};
+pub use camera::{Aim, Camera, Projection};
 pub(crate) use light::MAX_DISTANT;
 pub use light::{Light, LightKind};
 pub use material::{AlphaMode, Material};

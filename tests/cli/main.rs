@@ -10,6 +10,7 @@ mod grids;
 #[cfg(unix)]
 mod guide;
 mod info;
+mod scan;
 mod scenes;
 mod texels;
 mod views;

@@ -22,6 +22,7 @@ mod regressions;
 mod responses;
 mod rough_glass;
 mod sampling;
+mod scan;
 mod shared_scenes;
 mod sky;
 mod sphere;

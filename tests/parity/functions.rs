@@ -10,6 +10,7 @@ use crate::shader_function::ShaderFunction;
 
 /// Functions that no test kernel calls, and the tests that cover them.
 const ELSEWHERE: &[(&str, &str)] = &[
+    ("load_aim", "a wall that is scanned has the radiance of the closed form"),
     ("clearcoat_alpha", "renders of textured coats agree with the oracle"),
     ("pack_coated_point", "point_words on varying coats"),
     ("unpack_coated_point", "make_varying_bsdf on varying coats"),

@@ -17,13 +17,13 @@ fn an_orthographic_camera_is_read() {
     let scene = read(&glb);
     let camera = &scene.cameras[0];
     let projection = Projection::Orthographic { height: 3.0 };
-    assert_eq!((camera.name.as_str(), camera.projection, camera.aspect), ("eye", projection, Some(2.0)));
+    assert_eq!((camera.name.as_str(), &camera.projection, camera.aspect), ("eye", &projection, Some(2.0)));
     assert_eq!((camera.resolution, camera.principal_point), (None, [0.25, 1.5]));
     assert!(camera.transform.abs_diff_eq(DAffine3::from_translation(DVec3::Z * 10.0), 1e-12));
     assert_eq!(scene.warnings, Vec::<String>::new());
     // The generator writes what the loader reads.
     let again = load_slice(&write(&scene), Path::new("again.glb")).unwrap();
-    assert_eq!((again.cameras[0].projection, again.cameras[0].aspect), (projection, Some(2.0)));
+    assert_eq!((&again.cameras[0].projection, again.cameras[0].aspect), (&projection, Some(2.0)));
 }
 
 #[test]

@@ -37,7 +37,7 @@ fn a_complete_file_is_read() {
 
     let camera = &scene.cameras[0];
     let projection = Projection::Perspective { yfov: 0.5 };
-    assert_eq!((camera.name.as_str(), camera.projection, camera.aspect), ("eye", projection, Some(2.0)));
+    assert_eq!((camera.name.as_str(), &camera.projection, camera.aspect), ("eye", &projection, Some(2.0)));
     assert_eq!((camera.resolution, camera.principal_point), (Some([64, 32]), [0.5, 0.5]));
     assert!(camera.transform.abs_diff_eq(glam::DAffine3::from_translation(DVec3::Z * 10.0), 1e-12));
 

@@ -63,7 +63,7 @@ fn an_automatic_camera_frames_the_scene() {
         let (scene, _, _) = applied(&toml, staged());
         let camera = scene.cameras.last().unwrap();
         let yfov = fov.to_radians();
-        assert_eq!((camera.name.as_str(), camera.projection), ("auto", Projection::Perspective { yfov }));
+        assert_eq!((camera.name.as_str(), &camera.projection), ("auto", &Projection::Perspective { yfov }));
         assert!(camera.transform.translation.cmpgt(HI.with_x(0.5)).all(), "not in front and above: {camera:?}");
         let tangent = (0.5 * yfov).tan();
         let extent = [tangent * f64::from(width) / f64::from(height), tangent];
@@ -88,7 +88,7 @@ fn an_automatic_camera_frames_the_scene() {
 fn an_automatic_orthographic_camera_stands_before_the_scene() {
     let (scene, experiment, _) = applied("camera = { camera = 'auto', ortho = 3, resolution = '64x32' }", staged());
     let camera = scene.cameras.last().unwrap();
-    assert_eq!((camera.name.as_str(), camera.projection), ("auto", Projection::Orthographic { height: 3.0 }));
+    assert_eq!((camera.name.as_str(), &camera.projection), ("auto", &Projection::Orthographic { height: 3.0 }));
     assert_eq!(experiment.camera.fov, None);
     assert!(view(camera).dot(CENTRE - camera.transform.translation) > 0.0, "{camera:?}");
     for corner in 0..8u32 {
@@ -151,7 +151,7 @@ fn flags_place_the_chosen_camera_or_a_new_one() {
     let [camera] = &scene.cameras[..] else { panic!("{:?}", scene.cameras) };
     assert_eq!((camera.name.as_str(), camera.resolution), ("camera", Some([40, 30])));
     let projection = Projection::Perspective { yfov: 30f64.to_radians() };
-    assert_eq!((camera.projection, camera.principal_point), (projection, [0.2, 0.7]));
+    assert_eq!((&camera.projection, camera.principal_point), (&projection, [0.2, 0.7]));
     assert_eq!(camera.transform.translation, CENTRE.with_z(-20.0));
     assert!(close(view(camera), DVec3::Z) && notes.is_empty(), "{camera:?} {notes:?}");
 

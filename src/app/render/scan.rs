@@ -1,0 +1,209 @@
+//! `taugate render` of an experiment with `[scan]`: one render per point of the laser, on one renderer.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use taugate::Error;
+use taugate::internals::error::Result;
+use taugate::internals::gpu::Device;
+use taugate::internals::image::exr_file::Provenance;
+use taugate::internals::image::npy_file::{description_path, variance_path};
+use taugate::internals::image::scan_file::ScanFilm;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve;
+use taugate::internals::input::scan_table::{Scan, ScanTable};
+use taugate::internals::input::scenery;
+use taugate::internals::render::schedule::scan_samples;
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, first_surfaces};
+use taugate::internals::scene::{Aim, Camera, Scene};
+use taugate::internals::settings::{Budget, Sampling, Settings};
+
+use super::super::interrupts::Interrupt;
+use super::super::preparation::Preparation;
+use super::super::progress::{Position, duration, rays};
+use super::super::rescue::Rescue;
+use super::super::{feasible, memory};
+use super::{NotFinite, Outcome, Session, check_inputs, check_outputs, load_scene, of_file};
+
+/// Maximum distance between a point of a scan and the surface there, relative to the distance from the laser or the sensor.
+const MAX_GAP: f64 = 1e-3;
+
+/// Measures all pairs of points and writes the array.
+pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
+    let path = output(&experiment)?;
+    let scan = table.scan().map_err(Error::Settings)?;
+    let scene_path = experiment.scene.clone().expect("the experiment names a scene");
+    let has_variance = experiment.output.variance.unwrap_or(false);
+    let mut files = vec![path.clone(), description_path(&path)];
+    files.extend(has_variance.then(|| variance_path(&path)));
+    check_outputs(&resolve::outputs(&experiment)?)?;
+    check_inputs(&files, &scene_path, &experiment)?;
+
+    // Load the scene and resolve the settings.
+    let mut preparation = Preparation::new();
+    let mut scene = preparation.timed("load scene", || load_scene(&experiment))?;
+    scenery::apply(&mut experiment, &mut scene)?;
+    let resolved = resolve::resolve(&experiment, &scene)?;
+    let settings = resolved.settings.change().sampling(Sampling::Uniform).build()?;
+    let config = resolve::as_experiment(&experiment, &settings, &scene);
+    let printed = Experiment { output: Default::default(), ..config }.to_toml();
+    for warning in scene.warnings.iter().chain(&resolved.warnings) {
+        session.say(format!("warning: {warning}"));
+    }
+    memory::check(&settings, has_variance)?;
+    memory::check_bytes(ScanFilm::bytes(&scan, settings.responses().len(), has_variance), "the array of the scan")?;
+
+    // Prepare the device.
+    let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, &settings));
+    let mut prepared = prepared.map_err(|error| of_file(error, &scene_path))?;
+    let device = preparation.timed("open device", || Device::open(experiment.render.device.as_deref()))?;
+    MemoryPlan::new(&scene, &settings, &prepared, Some(device.info()))?.check(device.info())?;
+    if !scan.accounts_first_and_last {
+        preparation.timed("check points", || check_points(&device, &scene, &settings, &scan))?;
+    }
+    let mut renderer = Renderer::from_prepared(&device, &scene, &settings, &prepared)?;
+    if has_variance {
+        renderer.estimate_response_variance();
+    }
+    let laser = scene.lights.len() - 1;
+    preparation.finish();
+
+    // Measure.
+    session.interrupts.end_the_process_at(Interrupt::Second);
+    let strict = experiment.render.strict.unwrap_or(false);
+    let mut film = ScanFilm::new(&scan, settings.responses().len(), has_variance);
+    let count = scan.laser_points.len();
+    let (mut measured, mut samples) = (0, 0);
+    let started = Instant::now();
+    while measured < count {
+        scene.lights[laser] = scan.light(measured);
+        if !prepared.move_lights(&scene, &settings)? || !renderer.set_camera(&scan.camera(measured))? {
+            unreachable!("laser and sensor keep their places, and turn");
+        }
+        renderer.set_lights(&prepared, &settings)?;
+        renderer.restart(settings.seed().wrapping_add(measured as u32), settings.responses().clone())?;
+        let is_whole = measure(&mut renderer, &settings, count, strict, session)?;
+        if !is_whole {
+            break;
+        }
+        film.set(measured, renderer.film(), renderer.responses());
+        (measured, samples) = (measured + 1, renderer.film().samples());
+        let position = Position { samples, elapsed: started.elapsed(), rays: renderer.stats().rays() };
+        session.progress.show(measured as f64 / count as f64, || {
+            format!("point {measured} of {count}, {}", rays(position.rays_per_second()))
+        });
+    }
+    session.progress.finish();
+    if measured == 0 {
+        session.progress.line("interrupted before the first point of the laser was measured; nothing was written");
+        return Ok(Outcome::Interrupted.code());
+    }
+    if measured == count && renderer.stats().inside_gate == 0 && !experiment.gate.force.unwrap_or(false) {
+        return Err(feasible::nothing_inside(&device, &scene, &settings).into());
+    }
+
+    // Write.
+    session.interrupts.end_the_process_at(Interrupt::None);
+    let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), printed);
+    let mut rescue = Rescue::default();
+    rescue.write(&path, |path| film.write_means(path, &scan));
+    rescue.write(&description_path(&path), |path| {
+        film.write_description(path, table, &scan, measured, samples, &provenance)
+    });
+    if has_variance {
+        rescue.write(&variance_path(&path), |path| film.write_variances(path, &scan));
+    }
+    rescue.finish()?;
+    let is_whole = measured == count;
+    session.progress.line(&format!(
+        "{}: {count} laser points x {} sensor points x {} gates, {samples} samples each, in {}",
+        path.display(),
+        scan.sensor_count(),
+        settings.responses().len(),
+        duration(provenance.seconds)
+    ));
+    if !is_whole {
+        session.progress.line(&format!("interrupted after {measured} points of the laser; the others are NaN"));
+    }
+    Ok(if is_whole { Outcome::Done } else { Outcome::Interrupted }.code())
+}
+
+/// The array that the scan writes. Fails if the user wants other files.
+fn output(experiment: &Experiment) -> Result<PathBuf> {
+    let files = experiment.output.output.clone().map_or(vec![], |files| files.0);
+    match &files[..] {
+        [file] if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) => Ok(file.clone()),
+        _ => Err(Error::Settings("a scan is one array: write -o OUT.npy".into())),
+    }
+}
+
+/// Renders one point of the laser. Returns false if an interrupt ended it before its end.
+fn measure(
+    renderer: &mut Renderer,
+    settings: &Settings,
+    points: usize,
+    strict: bool,
+    session: &mut Session,
+) -> anyhow::Result<bool> {
+    let budget = match settings.budget() {
+        Budget::Seconds(seconds) => Budget::Seconds(seconds / points as f64),
+        budget => budget,
+    };
+    let started = Instant::now();
+    loop {
+        let (film, elapsed): (_, Duration) = (renderer.film(), started.elapsed());
+        let samples = scan_samples(&budget, film.width(), film.samples(), elapsed);
+        if samples == 0 {
+            return Ok(true);
+        }
+        if session.interrupts.stop.load(Ordering::Relaxed) {
+            return Ok(false);
+        }
+        renderer.iterate(samples)?;
+        let dropped = renderer.stats().dropped;
+        if strict && dropped > 0 {
+            return Err(NotFinite { dropped }.into());
+        }
+    }
+}
+
+/// Fails if a point does not lie on the surface that the laser or the sensor sees in its direction: the travel times would begin or end
+/// elsewhere.
+fn check_points(device: &Device, scene: &Scene, settings: &Settings, scan: &Scan) -> Result<()> {
+    let sensor_points = scan.sensor_points.as_ref().unwrap_or(&scan.laser_points);
+    check_seen(device, scene, settings, "sensor", &Scan::camera_at(scan.sensor, sensor_points))?;
+    check_seen(device, scene, settings, "laser", &Scan::camera_at(scan.laser, &scan.laser_points))
+}
+
+fn check_seen(device: &Device, scene: &Scene, settings: &Settings, who: &str, camera: &Camera) -> Result<()> {
+    let mut scene = scene.clone();
+    let index = scene.add_camera(camera.clone());
+    let aims = camera.projection.aims().expect("the camera of a scan has points");
+    let settings = settings.change().camera(index).resolution([aims.len() as u32, 1]).crop(None).build()?;
+    let prepared = PreparedScene::new(&scene, &settings)?;
+    let mut distances = vec![f64::INFINITY; aims.len()];
+    first_surfaces(device, &scene, &settings, &prepared, &mut |pixel, surface| {
+        distances[pixel] = surface.distance.into();
+    })?;
+    let place = camera.transform.translation;
+    let is_off = |(aim, distance): &(&Aim, f64)| {
+        let wanted = aim.point.distance(place);
+        (distance - wanted).abs() > MAX_GAP * wanted
+    };
+    let off: Vec<_> = aims.iter().zip(distances).filter(is_off).collect();
+    let Some((aim, distance)) = off.first() else { return Ok(()) };
+    let found = match distance.is_finite() {
+        true => format!("the first surface there is {distance:.4} m from the {who}"),
+        false => "there is no surface there".into(),
+    };
+    Err(Error::Settings(format!(
+        "{} of {} points of the {who} are not on a surface; the first is {}, {:.4} m from the {who}, but {found}; move the points to \
+         the wall, or let travel times contain the ways to the wall (account_first_and_last_bounces = true)",
+        off.len(),
+        aims.len(),
+        aim.point,
+        aim.point.distance(place)
+    )))
+}

@@ -1,0 +1,177 @@
+//! Writes the result of a scan as a NumPy array, with a JSON file beside it.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::error::Result;
+use crate::files::write_atomically;
+use crate::image::exr_file::{Provenance, version};
+use crate::image::film::Film;
+use crate::image::npy_file::{Bins, Entry, write_array};
+use crate::image::response_film::ResponseFilm;
+use crate::input::scan_table::{Points, Scan, ScanTable};
+
+/// Mean radiance in W / (m^2 sr) per response, point of the laser and point of the sensor: the mean of red, green and blue. What was
+/// not measured is NaN.
+pub struct ScanFilm {
+    responses: usize,
+    pairs: usize,
+    /// Indexed by response, point of the laser and point of the sensor, the last one the fastest.
+    means: Vec<f32>,
+    /// Variances of the means, in the same order; empty if they are not wanted.
+    variances: Vec<f32>,
+}
+
+impl ScanFilm {
+    /// A film without measurements.
+    pub fn new(scan: &Scan, responses: usize, has_variance: bool) -> ScanFilm {
+        let pairs = scan.laser_points.len() * scan.sensor_count();
+        let values = vec![f32::NAN; pairs * responses];
+        let variances = if has_variance { values.clone() } else { vec![] };
+        ScanFilm { responses, pairs, means: values, variances }
+    }
+
+    /// Bytes of host memory that a film takes.
+    pub fn bytes(scan: &Scan, responses: usize, has_variance: bool) -> u64 {
+        let values = scan.laser_points.len() as u64 * scan.sensor_count() as u64 * responses as u64;
+        values * size_of::<f32>() as u64 * if has_variance { 2 } else { 1 }
+    }
+
+    /// Stores the measurement of point `laser` of the laser: the image of one response, or the images of several.
+    pub fn set(&mut self, laser: usize, film: &Film, responses: Option<&ResponseFilm>) {
+        let points = film.width() as usize;
+        let first = laser * points;
+        let store = |to: &mut [f32], rgb: &[f32], factor: f32| {
+            for (k, rgb) in rgb.chunks_exact(3).enumerate() {
+                to[k * self.pairs] = rgb.iter().sum::<f32>() * factor;
+            }
+        };
+        let (means, variances) = (film.mean(), film.variance_of_mean());
+        for point in 0..points {
+            let of_film = |values: &[f32]| values[3 * point..3 * point + 3].to_vec();
+            let mean = responses.map_or_else(|| of_film(&means), |all| all.means_of(point).collect());
+            store(&mut self.means[first + point..], &mean, 1.0 / 3.0);
+            if !self.variances.is_empty() {
+                let variance = responses.map_or_else(|| of_film(&variances), |all| all.variances_of(point).collect());
+                // The channels share their paths, so the standard errors add up.
+                let of_sum: Vec<f32> = variance
+                    .chunks_exact(3)
+                    .flat_map(|rgb| [rgb.iter().map(|x| x.sqrt()).sum::<f32>().powi(2), 0.0, 0.0])
+                    .collect();
+                store(&mut self.variances[first + point..], &of_sum, 1.0 / 9.0);
+            }
+        }
+    }
+
+    /// Writes the means as 32-bit floats of shape (response, point) for a confocal scan, and (response, point of the laser, point of
+    /// the sensor) for an exhaustive one.
+    pub fn write_means(&self, path: &Path, scan: &Scan) -> Result<()> {
+        write_array(path, &self.shape(scan), self.means.iter().copied())
+    }
+
+    /// Writes the variances of the means, in the same shape.
+    pub fn write_variances(&self, path: &Path, scan: &Scan) -> Result<()> {
+        write_array(path, &self.shape(scan), self.variances.iter().copied())
+    }
+
+    fn shape(&self, scan: &Scan) -> Vec<usize> {
+        let mut shape = vec![self.responses, scan.laser_points.len()];
+        shape.extend(scan.sensor_points.as_ref().map(Vec::len));
+        shape
+    }
+
+    /// Writes the JSON file that describes the arrays. `measured`: number of points of the laser that were measured.
+    pub fn write_description(
+        &self,
+        path: &Path,
+        table: &ScanTable,
+        scan: &Scan,
+        measured: usize,
+        samples: u64,
+        provenance: &Provenance,
+    ) -> Result<()> {
+        let positions = |points: &[glam::DVec3]| points.iter().map(|p| p.to_array()).collect::<Vec<_>>();
+        let laser_points = table.points.as_ref().or(table.laser_points.as_ref());
+        let sensor_points = table.points.as_ref().or(table.sensor_points.as_ref());
+        let description = Description {
+            bins: Bins::of(&provenance.responses),
+            responses: provenance.responses.iter().map(Entry::of).collect(),
+            axes: match scan.sensor_points {
+                None => "response, point",
+                Some(_) => "response, laser point, sensor point",
+            },
+            shape: self.shape(scan),
+            unit: "W/(m^2 sr)",
+            laser: scan.laser.to_array(),
+            sensor: scan.sensor.to_array(),
+            account_first_and_last_bounces: scan.accounts_first_and_last,
+            laser_grid: laser_points.and_then(Points::grid),
+            sensor_grid: sensor_points.and_then(Points::grid),
+            laser_points: positions(&scan.laser_points),
+            sensor_points: positions(scan.sensor_points.as_ref().unwrap_or(&scan.laser_points)),
+            measured_laser_points: measured,
+            samples,
+            seconds: provenance.seconds,
+            seed: provenance.seed,
+            version: version(),
+            settings: &provenance.settings,
+        };
+        write_atomically(path, |writer| Ok(serde_json::to_writer_pretty(writer, &description)?))
+    }
+}
+
+/// The file beside the array of a scan. Positions are in metres in world space.
+#[derive(Serialize)]
+struct Description<'a> {
+    #[serde(flatten)]
+    bins: Option<Bins>,
+    /// The responses along the first axis of the array, in order.
+    responses: Vec<Entry<'a>>,
+    axes: &'static str,
+    shape: Vec<usize>,
+    unit: &'static str,
+    laser: [f64; 3],
+    sensor: [f64; 3],
+    account_first_and_last_bounces: bool,
+    /// Columns and rows of the points; null if they are a list.
+    laser_grid: Option<[u32; 2]>,
+    sensor_grid: Option<[u32; 2]>,
+    laser_points: Vec<[f64; 3]>,
+    sensor_points: Vec<[f64; 3]>,
+    /// Less than the number of points of the laser if the scan was interrupted; the rest of the array is NaN.
+    measured_laser_points: usize,
+    /// Samples per pair of points.
+    samples: u64,
+    seconds: f64,
+    seed: u32,
+    version: String,
+    /// The experiment file that measures the array again.
+    settings: &'a str,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::experiment::Experiment;
+
+    #[test]
+    fn measurements_are_stored_by_response_laser_and_sensor() {
+        let keys = "[scan]\nlaser = [0, 0, 5]\nlaser-points = [[0, 0, 0], [1, 0, 0]]\nsensor-points = [[2, 0, 0], [3, 0, 0], [4, 0, 0]]";
+        let scan = Experiment::parse(keys).unwrap().scan.unwrap().scan().unwrap();
+        let mut film = ScanFilm::new(&scan, 2, true);
+        let mut seen = ResponseFilm::new(3, 2, true);
+        for x in [1.0, 3.0] {
+            seen.add(2, 1, [x, x, 4.0 * x], 1);
+            seen.end_iteration(1);
+        }
+        let mut total = Film::new(3, 1);
+        total.add(&[0.0; 9], 2);
+        film.set(1, &total, Some(&seen));
+        assert_eq!(film.shape(&scan), [2, 2, 3]);
+        assert!(film.means[..3].iter().chain(&film.means[6..9]).all(|x| x.is_nan()));
+        assert_eq!((&film.means[3..6], &film.means[9..]), (&[0.0; 3][..], &[0.0, 0.0, 4.0][..]));
+        // The variances of the channels are 1, 1 and 16: the mean of three dependent channels has (1 + 1 + 4)^2 / 9.
+        assert!((film.variances[11] - 4.0).abs() < 1e-6 && film.variances[9] == 0.0, "{:?}", film.variances);
+    }
+}

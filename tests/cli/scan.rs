@@ -1,0 +1,98 @@
+//! Scans of a wall, on the command line.
+
+use std::path::Path;
+
+use crate::{fails, folder, names, taugate};
+
+const CONFOCAL: &str =
+    "points = { corner = [-0.4, 0.4, 0], across = [0.8, 0, 0], down = [0, -0.8, 0], count = [3, 2] }";
+const EXHAUSTIVE: &str =
+    "laser_points = [[0, 0, 0], [0.3, 0, 0]]\nsensor-points = [[0, 0, 0], [0.1, 0.2, 0], [0.3, 0, 0]]";
+
+fn write(folder: &Path, name: &str, scan: &str, more: &str) {
+    let text = format!(
+        "scene = 'letter.glb'\n[scan]\nlaser = [2, 0, 1.5]\n{scan}\n[gate]\ngates = '1.9m..2.9m/5'\n[render]\nspp = 64\n{more}"
+    );
+    std::fs::write(folder.join(name), text).unwrap();
+}
+
+/// The values of an array, whatever its shape.
+fn read(path: &Path) -> Vec<f32> {
+    let bytes = std::fs::read(path).unwrap();
+    let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    bytes[header..].chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect()
+}
+
+fn description(folder: &Path, name: &str) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(folder.join(name)).unwrap()).unwrap()
+}
+
+#[test]
+fn a_scan_is_an_array_of_gates_and_points() {
+    let here = folder();
+    let here = here.path();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here, arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    run(&["generate", "hidden-letter", "-o", "letter.glb"]);
+    write(here, "confocal.toml", CONFOCAL, "");
+    run(&["render", "confocal.toml", "-o", "c.npy", "--variance", "-q"]);
+    let confocal = read(&here.join("c.npy"));
+    assert!(confocal.len() == 30 && confocal.iter().sum::<f32>() > 0.0);
+    assert!(confocal.iter().all(|x| x.is_finite() && *x >= 0.0));
+    assert_eq!(read(&here.join("c.variance.npy")).len(), 30);
+    let about = description(here, "c.json");
+    assert_eq!(about["shape"], serde_json::json!([5, 6]));
+    assert_eq!(about["laser_grid"], serde_json::json!([3, 2]));
+    assert_eq!((&about["start_opl"], &about["temporal_bins"]), (&1.9.into(), &5.into()));
+    assert_eq!((about["laser_points"].as_array().unwrap().len(), &about["measured_laser_points"]), (6, &6.into()));
+
+    // The settings in the description measure the array again.
+    std::fs::write(here.join("again.toml"), about["settings"].as_str().unwrap()).unwrap();
+    run(&["render", "again.toml", "-o", "d.npy", "-q"]);
+    assert!(read(&here.join("d.npy")) == confocal);
+
+    // Where laser and sensor look at the same point, an exhaustive scan measures what a confocal one measures.
+    write(here, "all.toml", EXHAUSTIVE, "");
+    write(here, "same.toml", "points = [[0, 0, 0], [0.3, 0, 0]]", "");
+    run(&["render", "all.toml", "-o", "all.npy", "--spp", "2000", "-q"]);
+    run(&["render", "same.toml", "-o", "same.npy", "--spp", "2000", "-q"]);
+    assert_eq!(description(here, "all.json")["shape"], serde_json::json!([5, 2, 3]));
+    let [all, same] = ["all.npy", "same.npy"].map(|name| read(&here.join(name)));
+    let total = |values: &[f32], stride: usize, at: usize| (0..5).map(|k| values[k * stride + at]).sum::<f32>();
+    for (in_all, in_same) in [(0, 0), (5, 1)] {
+        let [a, b] = [total(&all, 6, in_all), total(&same, 2, in_same)];
+        assert!((a / b - 1.0).abs() < 0.03, "{a} {b}");
+    }
+}
+
+#[test]
+fn mistakes_in_a_scan_are_explained() {
+    let here = folder();
+    let here = here.path();
+    assert!(taugate(here, &["generate", "hidden-letter", "-o", "letter.glb"]).status.success());
+    write(here, "good.toml", CONFOCAL, "");
+    write(here, "none.toml", "", "");
+    write(here, "off.toml", "points = [[0, 0, 0], [0, 0, 0.2]]", "");
+    write(here, "beside.toml", "points = [[0, 0, 0], [0, 3, 0]]", "");
+    write(here, "camera.toml", CONFOCAL, "[camera]\nfov = 30");
+    write(here, "lamp.toml", CONFOCAL, "[emitter]\nlamp = [[0, 0, 1, 5]]");
+    write(here, "late.toml", &CONFOCAL.replace("[3, 2]", "[1, 1]"), "max-depth = 3");
+    let before = names(here);
+    let table: [(&str, &[&str], &str); 9] = [
+        ("none.toml", &[], "needs points"),
+        ("off.toml", &[], "1 of 2 points of the sensor are not on a surface; the first is [0, 0, 0.2]"),
+        ("beside.toml", &[], "there is no surface there"),
+        ("camera.toml", &[], "cannot have a camera"),
+        ("lamp.toml", &[], "cannot have lights"),
+        ("late.toml", &[], "meets no light"),
+        ("good.toml", &["--png", "x.png"], "cannot have --png"),
+        ("good.toml", &["--frames", "0..2"], "cannot have --frames"),
+        ("good.toml", &["-o", "y.exr"], "write -o OUT.npy"),
+    ];
+    for (file, arguments, part) in table {
+        fails(here, &[&["render", file, "-o", "x.npy"], arguments].concat(), 2, part);
+        assert_eq!(names(here), before, "{file} {arguments:?}");
+    }
+}

@@ -1,0 +1,135 @@
+//! Scanning sensors: pixels that look at points of a wall, in the light that a laser spot on the wall sends around a corner.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use taugate::internals::generate::shapes::quad;
+use taugate::internals::generate::stage::{add, diffuse, light, material};
+use taugate::internals::render::{PreparedScene, Renderer};
+use taugate::internals::scene::{Aim, Camera, LightKind, Projection, Scene};
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Settings};
+
+use super::cells::{Cells, device, renderer, settings, threshold};
+
+const WALL: f32 = 0.7;
+const OBJECT: f32 = 0.5;
+const POWER: f32 = 3.0;
+const LASER: DVec3 = DVec3::new(3.0, 0.5, 2.0);
+const SENSOR: DVec3 = DVec3::new(3.0, -0.5, 2.5);
+const LIT: DVec3 = DVec3::new(0.2, 0.3, 0.0);
+const SEEN: [DVec3; 3] = [DVec3::new(0.2, 0.3, 0.0), DVec3::new(-0.4, 0.1, 0.0), DVec3::new(0.5, -0.6, 0.0)];
+/// Travel times between the first and the last point on the wall, in metres. Light arrives from 2.0 m to 3.3 m.
+const GATES: [(f64, f64); 4] = [(1.9, 2.1), (2.1, 2.3), (2.3, 2.35), (2.5, 4.0)];
+
+/// A wall, z = 0, and an object of 1 m x 1 m that faces it at a distance of 1 m. The sensor looks at `points`, and `omitted` metres do
+/// not count for the travel times of each.
+fn scene(lit: DVec3, points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Scene {
+    let mut scene = Scene::default();
+    let wall = material(&mut scene, diffuse("wall", [WALL; 3]));
+    let object = material(&mut scene, diffuse("object", [OBJECT; 3]));
+    add(&mut scene, "wall", wall, quad(DVec3::new(-1.0, -1.0, 0.0), 2.0 * DVec3::X, 2.0 * DVec3::Y, [1.0; 2]));
+    add(&mut scene, "object", object, quad(DVec3::new(-0.5, -0.5, 1.0), DVec3::Y, DVec3::X, [1.0; 2]));
+    let kind = LightKind::Beam { power: [POWER; 3], radius: 0.0 };
+    light(&mut scene, "laser", LASER, (lit - LASER).normalize(), kind);
+    scene.add_camera(sensor(points, omitted));
+    scene
+}
+
+fn sensor(points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Camera {
+    let aims: Vec<Aim> = points.iter().map(|&point| Aim { point, omitted: omitted(point) }).collect();
+    let projection = Projection::Aimed(aims.into());
+    Camera { projection, ..Camera::looking_at("sensor", SENSOR, points[0], 1.0, [points.len() as u32, 1]) }
+}
+
+/// Length of the ways to and from the wall.
+fn ends(lit: DVec3, seen: DVec3) -> f64 {
+    LASER.distance(lit) + SENSOR.distance(seen)
+}
+
+/// Radiance in the gate [lo, hi) at the point `seen` of the wall, after one reflection by the object: a quadrature over the object. The
+/// lit point has the intensity POWER albedo / pi cos.
+fn radiance(seen: DVec3, (lo, hi): (f64, f64)) -> f64 {
+    const STEPS: u32 = 1000;
+    let at = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS) - 0.5;
+    let mut sum = 0.0;
+    for (i, j) in (0..STEPS).flat_map(|i| (0..STEPS).map(move |j| (i, j))) {
+        let point = DVec3::new(at(i), at(j), 1.0);
+        let (a, b) = (point - LIT, point - seen);
+        if (lo..hi).contains(&(a.length() + b.length())) {
+            // The planes are parallel, so both cosines of a segment are its z over its length.
+            let form = |d: DVec3| d.z * d.z / d.length().powi(4);
+            sum += form(a) * form(b);
+        }
+    }
+    let albedos = f64::from(WALL * OBJECT * WALL) / PI.powi(3);
+    f64::from(POWER) * albedos * sum / f64::from(STEPS * STEPS)
+}
+
+fn scan_settings(estimator: Estimator, points: &[DVec3]) -> Settings {
+    settings(estimator, [points.len() as u32, 1]).max_depth(4).light_paths(4000).build().unwrap()
+}
+
+#[test]
+fn a_wall_has_the_radiance_of_the_closed_form() {
+    for estimator in [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs] {
+        let mut whole = renderer(&scene(LIT, &SEEN, |seen| ends(LIT, seen)), &scan_settings(estimator, &SEEN));
+        for (g, gate) in GATES.into_iter().enumerate() {
+            let cells = Cells::measure(&mut whole, Gate { lo: gate.0, hi: gate.1 }, 1, 1, 1000, 7 + 100 * g as u32);
+            let wrong = |shift: f64| {
+                let z = |i: usize| {
+                    let truth = radiance(SEEN[i], (gate.0 + shift, gate.1 + shift));
+                    ((cells.mean(i) - truth).abs() - 1e-3 * truth) / cells.variance(i).sqrt()
+                };
+                (0..3).filter(|&i| z(i) > threshold(3 * GATES.len())).collect::<Vec<_>>()
+            };
+            eprintln!("{estimator} {gate:?}: {} against {}", cells.mean(1), radiance(SEEN[1], gate));
+            assert!(wrong(0.0).is_empty(), "{estimator} {gate:?}: points {:?}", wrong(0.0));
+            // Negative control: travel times that are 3 cm longer.
+            assert!(!wrong(0.03).is_empty(), "{estimator} {gate:?}");
+        }
+    }
+}
+
+#[test]
+fn ways_to_the_wall_count_if_they_are_not_omitted() {
+    let settings = scan_settings(Estimator::Lcs, &SEEN[..1]);
+    let mut omitted = renderer(&scene(LIT, &SEEN[..1], |seen| ends(LIT, seen)), &settings);
+    let mut counted = renderer(&scene(LIT, &SEEN[..1], |_| 0.0), &settings);
+    let (lo, hi) = (GATES[1].0, GATES[1].1);
+    let ends = ends(LIT, SEEN[0]);
+    let without = Cells::measure(&mut omitted, Gate { lo, hi }, 1, 1, 400, 1);
+    let with = Cells::measure(&mut counted, Gate { lo: lo + ends, hi: hi + ends }, 1, 1, 400, 1);
+    let difference = (without.mean(0) - with.mean(0)).abs();
+    assert!(difference < 1e-3 * with.mean(0), "{} {}", without.mean(0), with.mean(0));
+}
+
+/// A laser and a sensor that turn give the same bits as new ones.
+#[test]
+fn a_turned_laser_gives_the_bits_of_a_new_render() {
+    let settings = scan_settings(Estimator::Lcs, &SEEN);
+    let settings = settings.change().gate(Gate { lo: GATES[0].0, hi: GATES[2].1 }).build().unwrap();
+    let lit = DVec3::new(-0.3, -0.2, 0.0);
+    let [first, second] = [LIT, lit].map(|lit| scene(lit, &SEEN, |seen| ends(lit, seen)));
+    let render = |renderer: &mut Renderer| {
+        renderer.iterate(32).unwrap();
+        renderer.film().mean()
+    };
+    let new = render(&mut renderer(&second, &settings));
+
+    let mut prepared = PreparedScene::new(&first, &settings).unwrap();
+    let mut turned = Renderer::from_prepared(&device(), &first, &settings, &prepared).unwrap();
+    let before = render(&mut turned);
+    assert!(prepared.move_lights(&second, &settings).unwrap());
+    turned.set_lights(&prepared, &settings).unwrap();
+    assert!(turned.set_camera(&second.cameras[0]).unwrap());
+    let after = render(&mut turned);
+    assert!(new.iter().any(|&x| x > 0.0) && after == new && before != new);
+
+    // A lamp more is another scene.
+    let mut more = second.clone();
+    light(&mut more, "lamp", DVec3::Z, DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
+    assert!(!prepared.move_lights(&more, &settings).unwrap());
+    // Another number of points is another film.
+    assert!(!turned.set_camera(&sensor(&SEEN[..2], |_| 0.0)).unwrap());
+}
