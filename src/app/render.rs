@@ -1,5 +1,6 @@
 //! `taugate render`: from the command line to the files.
 
+mod ready;
 mod scan;
 mod sequence;
 
@@ -32,6 +33,7 @@ use super::preparation::Preparation;
 use super::progress::{Position, Progress};
 use super::report::{Report, is_black};
 use super::{feasible, memory, strategies};
+use ready::Ready;
 use crate::app::cli::RenderArgs;
 
 /// The error for non-finite samples with --strict.
@@ -99,6 +101,8 @@ pub struct Session {
     pub interrupts: Interrupts,
     pub progress: Progress,
     device: Option<Device>,
+    /// The renderer of the frame before.
+    ready: Option<Ready>,
     /// Whether the experiments are the frames of a sequence: files that are there are kept, dark frames are no mistake, and a frame
     /// that is interrupted is not written.
     pub is_sequence: bool,
@@ -109,7 +113,7 @@ pub struct Session {
 impl Session {
     pub fn new(quiet: bool) -> anyhow::Result<Session> {
         let (interrupts, progress) = (Interrupts::new()?, Progress::new(quiet));
-        Ok(Session { interrupts, progress, device: None, is_sequence: false, said: HashSet::new() })
+        Ok(Session { interrupts, progress, device: None, ready: None, is_sequence: false, said: HashSet::new() })
     }
 
     /// Prints a line, unless an earlier render of the session printed it.
@@ -145,23 +149,101 @@ impl Session {
             StrategyImages::check(settings)?;
         }
 
-        // Prepare the device.
+        // Prepare the device. The renderer of the frame before also renders this one, if only cameras, lights or gates moved.
         notes.iter().for_each(|note| self.say(format!("note: {note}")));
         for warning in scene.warnings.iter().chain(&resolved.warnings) {
             self.say(format!("warning: {warning}"));
         }
+        let followed = match self.ready.take().filter(|_| outputs.aov == Aov::default()) {
+            Some(ready) => preparation.timed("follow what moved", || ready.follow(scene.clone(), settings))?,
+            None => None,
+        };
+        let (mut ready, layers) = match followed {
+            Some(ready) => (ready, Layers::default()),
+            None => self.prepare(scene, &experiment, settings, &outputs, &mut preparation)?,
+        };
+        preparation.finish();
+        let device = self.device.as_ref().expect("preparing opened a device");
+        let Ready { renderer, scene, warnings: of_surfaces, .. } = &mut ready;
+
+        // Render.
+        self.interrupts.end_the_process_at(Interrupt::Second);
+        let stop = &*self.interrupts.stop;
+        let strict = experiment.render.strict.unwrap_or(false);
+        let rendering = Instant::now();
+        let rendered = iterate(renderer, settings, strict, stop, &mut self.progress);
+        self.progress.finish();
+        let schedule = rendered?;
+        let elapsed = rendering.elapsed();
+        let interrupted = stop.load(Ordering::Relaxed);
+        if interrupted && (self.is_sequence || renderer.film().samples() == 0) {
+            self.progress.line(match self.is_sequence {
+                true => "interrupted; the finished frames are kept, and the same command continues after them",
+                false => "interrupted before the first image; nothing was written",
+            });
+            return Ok(Outcome::Interrupted);
+        }
+
+        if !self.may_be_dark(&experiment, settings) && !interrupted && is_black(renderer) {
+            return Err(feasible::nothing_inside(device, scene, settings).into());
+        }
+
+        // Write.
+        let provenance = Provenance::new(settings, elapsed.as_secs_f64(), printed);
+        let warnings = [&resolved.warnings[..], of_surfaces].concat();
+        let report = Report {
+            renderer,
+            settings,
+            provenance: &provenance,
+            layers: &layers,
+            preparation: &preparation,
+            warnings: &warnings,
+        };
+        self.interrupts.end_the_process_at(Interrupt::None);
+        report.write(&outputs)?;
+        report.summarise(&outputs, &self.progress);
+        if interrupted && outputs.strategy_images.is_some() {
+            strategies::report_interrupted(&self.progress);
+        }
+        if self.is_sequence {
+            self.ready = Some(ready);
+        } else if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
+            let scene = &ready.into_scene();
+            let interrupts = &self.interrupts;
+            let images = strategies::Job { device, scene, settings, schedule: &schedule, interrupts };
+            images.write(folder, &provenance, &self.progress)?;
+        }
+        let interrupted = self.interrupts.stop.load(Ordering::Relaxed);
+        Ok(if interrupted { Outcome::Interrupted } else { Outcome::Done })
+    }
+}
+
+impl Session {
+    /// Whether a black image is no mistake.
+    fn may_be_dark(&self, experiment: &Experiment, settings: &Settings) -> bool {
+        experiment.gate.force.unwrap_or(false) || self.is_sequence || settings.responses().are_steady()
+    }
+
+    /// Makes a renderer and the auxiliary layers. Opens the device at the first call.
+    fn prepare(
+        &mut self,
+        scene: Scene,
+        experiment: &Experiment,
+        settings: &Settings,
+        outputs: &Outputs,
+        preparation: &mut Preparation,
+    ) -> anyhow::Result<(Ready, Layers)> {
+        let (path, device_name) = (experiment.scene.as_ref(), experiment.render.device.as_deref());
         let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, settings));
-        let prepared = prepared.map_err(|error| of_file(error, &scene_path))?;
-        let of_surfaces = preparation.timed("check lamps", || prepared.warnings(&scene));
-        of_surfaces.iter().for_each(|warning| self.say(format!("warning: {warning}")));
-        let (name, force) = (experiment.render.device.as_deref(), experiment.gate.force.unwrap_or(false));
-        let may_be_dark = force || self.is_sequence || settings.responses().are_steady();
-        if !may_be_dark {
-            preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, name))?;
+        let prepared = prepared.map_err(|error| of_file(error, path.expect("the experiment names a scene")))?;
+        let warnings = preparation.timed("check lamps", || prepared.warnings(&scene));
+        warnings.iter().for_each(|warning| self.say(format!("warning: {warning}")));
+        if !self.may_be_dark(experiment, settings) {
+            preparation.timed("check gate", || feasible::check_gate(&scene, settings, &prepared, device_name))?;
         }
         let device = match self.device.take() {
             Some(device) => device,
-            None => preparation.timed("open device", || Device::open(name))?,
+            None => preparation.timed("open device", || Device::open(device_name))?,
         };
         let device = self.device.insert(device);
         let plan = MemoryPlan::new(&scene, settings, &prepared, Some(device.info()))?;
@@ -175,59 +257,12 @@ impl Session {
             aov => preparation.timed("auxiliary layers", || layers(device, &scene, settings, &prepared, aov))?,
         };
         let mut renderer = Renderer::from_prepared(device, &scene, settings, &prepared)?;
-        drop(prepared);
         if outputs.has_variance() {
             renderer.estimate_response_variance();
         }
-        preparation.finish();
-
-        // Render.
-        self.interrupts.end_the_process_at(Interrupt::Second);
-        let stop = &*self.interrupts.stop;
-        let strict = experiment.render.strict.unwrap_or(false);
-        let rendering = Instant::now();
-        let rendered = iterate(&mut renderer, settings, strict, stop, &mut self.progress);
-        self.progress.finish();
-        let schedule = rendered?;
-        let elapsed = rendering.elapsed();
-        let interrupted = stop.load(Ordering::Relaxed);
-        if interrupted && (self.is_sequence || renderer.film().samples() == 0) {
-            self.progress.line(match self.is_sequence {
-                true => "interrupted; the finished frames are kept, and the same command continues after them",
-                false => "interrupted before the first image; nothing was written",
-            });
-            return Ok(Outcome::Interrupted);
-        }
-
-        if !may_be_dark && !interrupted && is_black(&renderer) {
-            return Err(feasible::nothing_inside(device, &scene, settings).into());
-        }
-
-        // Write.
-        let provenance = Provenance::new(settings, elapsed.as_secs_f64(), printed);
-        let warnings = [&resolved.warnings[..], &of_surfaces].concat();
-        let report = Report {
-            renderer: &renderer,
-            settings,
-            provenance: &provenance,
-            layers: &layers,
-            preparation: &preparation,
-            warnings: &warnings,
-        };
-        self.interrupts.end_the_process_at(Interrupt::None);
-        report.write(&outputs)?;
-        report.summarise(&outputs, &self.progress);
-        if interrupted && outputs.strategy_images.is_some() {
-            strategies::report_interrupted(&self.progress);
-        }
-        if let Some(folder) = outputs.strategy_images.as_ref().filter(|_| !interrupted) {
-            drop(renderer);
-            let interrupts = &self.interrupts;
-            let images = strategies::Job { device, scene: &scene, settings, schedule: &schedule, interrupts };
-            images.write(folder, &provenance, &self.progress)?;
-        }
-        let interrupted = self.interrupts.stop.load(Ordering::Relaxed);
-        Ok(if interrupted { Outcome::Interrupted } else { Outcome::Done })
+        // Another frame may follow.
+        let prepared = self.is_sequence.then_some(prepared);
+        Ok((Ready { renderer, scene, settings: settings.clone(), prepared, warnings }, layers))
     }
 }
 

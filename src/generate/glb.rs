@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use crate::scene::{AlphaMode, Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection, Scene, Wrap};
 
-/// A translation of all instances with this node name: an animation with linear interpolation.
+/// A translation of all nodes with this name: an animation with linear interpolation.
 pub struct Motion {
     pub node: &'static str,
     /// Seconds, ascending.
@@ -32,8 +32,6 @@ pub fn write_moving(scene: &Scene, motion: Option<&Motion>) -> Vec<u8> {
     let place = |i: &Instance| if moves(i) { pose(&i.transform) } else { matrix(&i.transform) };
     let mut nodes: Vec<Value> =
         scene.instances.iter().map(|i| with(json!({"name": i.node, "mesh": i.mesh}), place(i))).collect();
-    let moving: Vec<usize> = (0..nodes.len()).filter(|&index| moves(&scene.instances[index])).collect();
-    let animations: Vec<Value> = motion.map(|motion| file.animation(motion, &moving)).into_iter().collect();
     for (index, camera) in scene.cameras.iter().enumerate() {
         nodes.push(with(json!({"name": camera.name, "camera": index}), pose(&camera.transform)));
     }
@@ -41,6 +39,9 @@ pub fn write_moving(scene: &Scene, motion: Option<&Motion>) -> Vec<u8> {
     for light in &scene.lights {
         nodes.push(file.light(light, &mut punctual));
     }
+    let has_name = |index: &usize, name: &str| nodes[*index]["name"] == name;
+    let moving = |motion: &Motion| (0..nodes.len()).filter(|index| has_name(index, motion.node)).collect::<Vec<_>>();
+    let animations: Vec<Value> = motion.map(|motion| file.animation(motion, &moving(motion))).into_iter().collect();
 
     let mut root = json!({
         "asset": {"version": "2.0", "generator": "taugate generate"},

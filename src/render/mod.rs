@@ -299,7 +299,7 @@ impl Renderer {
     }
 
     /// Clears the film and begins a new render with lights that have moved. The BVH, the kernels and the statistics stay.
-    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::move_lights`].
+    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::follow`].
     #[doc(hidden)]
     pub fn set_lights(&mut self, prepared: &PreparedScene, settings: &Settings) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;
@@ -307,6 +307,13 @@ impl Renderer {
         self.plan.set_lights(prepared, settings);
         self.clear();
         Ok(())
+    }
+
+    /// Forgets the counts and times so far, except those of the scene.
+    #[doc(hidden)]
+    pub fn clear_stats(&mut self) {
+        let Stats { scene_bytes, triangles, .. } = self.stats;
+        self.stats = Stats { scene_bytes, triangles, ..Stats::default() };
     }
 
     fn clear(&mut self) {

@@ -237,7 +237,7 @@ impl Plan {
     }
 
     /// Follows lights that have moved. `prepared` is the prepared scene that the plan was made for, after
-    /// [`PreparedScene::move_lights`].
+    /// [`PreparedScene::follow`].
     pub fn set_lights(&mut self, prepared: &PreparedScene, settings: &Settings) {
         (self.frame.emitter_lo, self.frame.emitter_hi) = bounds(&prepared.emitters);
         self.travel_time_bounds = TravelTimeBounds::new(prepared, settings);

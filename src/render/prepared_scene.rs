@@ -39,9 +39,8 @@ impl PreparedScene {
             )));
         };
         check_emitters(scene, settings)?;
-        let origin = camera.transform.translation;
         let albedo = AlbedoTable::shared();
-        let space = RenderSpace::new(scene, origin, settings.emitters());
+        let space = RenderSpace::of_camera(scene, camera, settings.emitters());
         let mut geometry = Geometry::new(scene, &space, settings.emitters(), albedo);
         let emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut geometry);
         if emitters.table.is_empty() {
@@ -57,13 +56,14 @@ impl PreparedScene {
         Ok(PreparedScene { geometry, emitters, media, albedo, space, sensor, aims })
     }
 
-    /// Follows lights without a surface that have moved since `scene` was prepared; the rest of `scene` and `settings` must be as
-    /// before. Returns false and changes nothing if the scene must be prepared again: there are other emitters than before, or a
-    /// light stands so far away that the unit of length would change.
-    pub fn move_lights(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
+    /// Follows lights without a surface and cameras that have moved since `scene` was prepared. The rest of `scene` must be as before,
+    /// and so must the camera and the emitters of `settings`. Returns false and changes nothing if the scene must be prepared again:
+    /// there are other emitters than before, or a light or the camera has moved so far that another render space suits it.
+    pub fn follow(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
         scene.check()?;
         let selected = settings.emitters();
-        if self.emitters.has_distant || RenderSpace::new(scene, self.space.origin, selected) != self.space {
+        let space = RenderSpace::of_camera(scene, &scene.cameras[settings.camera()], selected);
+        if self.emitters.has_distant || space != self.space {
             return Ok(false);
         }
         let densities =

@@ -32,6 +32,19 @@ impl RenderSpace {
         RenderSpace { origin, unit: exponent.exp2() }
     }
 
+    /// Render space for a camera of `scene`. Its origin is the camera. In a scene that moves it is the nearest point of a grid instead,
+    /// so that frames from nearby cameras have the same render space.
+    pub fn of_camera(scene: &Scene, camera: &Camera, selected: &Emitters) -> RenderSpace {
+        let place = camera.transform.translation;
+        let space = RenderSpace::new(scene, place, selected);
+        if !scene.moves {
+            return space;
+        }
+        // No point is farther than MAX_SENSOR_DISTANCE from the nearest point of the grid.
+        let step = f64::from(MAX_SENSOR_DISTANCE) * space.unit;
+        RenderSpace { origin: (place / step).round() * step, ..space }
+    }
+
     /// The point `world` (m) in render space.
     pub fn point(&self, world: DVec3) -> Vec3 {
         ((world - self.origin) / self.unit).as_vec3()
@@ -121,6 +134,23 @@ mod tests {
         assert_eq!(space(&scene).unit, 2f64.powi(19));
         assert_eq!(space(&scene).point(DVec3::new(0.0, 1.0, 3.9 - 2f64.powi(19))), Vec3::NEG_Z);
         assert_eq!(RenderSpace::new(&Scene::default(), DVec3::ONE, &Emitters::Scene).unit, 1.0);
+    }
+
+    #[test]
+    fn cameras_of_a_moving_scene_share_an_origin() {
+        let mut scene = build(Kind::CornellBox);
+        let at = |scene: &mut Scene, x: f64| {
+            scene.cameras[0].transform.translation.x = x;
+            RenderSpace::of_camera(scene, &scene.cameras[0], &Emitters::Scene)
+        };
+        assert_ne!(at(&mut scene, 0.1), at(&mut scene, 0.2));
+        scene.moves = true;
+        assert_eq!(at(&mut scene, 0.1), at(&mut scene, 0.2));
+        assert_eq!(at(&mut scene, 0.1).origin, DVec3::new(0.0, 1.0, 4.0));
+        for x in [-0.499, 0.0, 0.3, 0.51, 7.3] {
+            let space = at(&mut scene, x);
+            assert!(space.sensor(scene.cameras[0].transform.translation).is_some(), "{x}");
+        }
     }
 
     #[test]

@@ -137,6 +137,7 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
         lights,
         sky: None,
         media,
+        moves: playback.at.is_some(),
         warnings: warnings.list,
     };
     scene.checked()?;

@@ -16,7 +16,7 @@ pub enum AlphaMode {
 }
 
 /// A metallic-roughness material with the glTF extensions that taugate reads.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Material {
     /// Name in messages.
     pub name: String,

@@ -48,6 +48,8 @@ pub struct Scene {
     pub media: Vec<Medium>,
     /// The image of the sky, if one of the lights is a [`LightKind::Sky`] that is not the same in all directions.
     pub sky: Option<SkyImage>,
+    /// Whether the scene is one moment of an animation, so that its camera may soon stand elsewhere.
+    pub moves: bool,
     /// Features of the file that taugate does not support, one sentence each, in the order of the file.
     pub warnings: Vec<String>,
 }
@@ -56,6 +58,23 @@ impl Scene {
     /// Length in metres of the diagonal of [`Scene::bounds`]; 0 without instances.
     pub fn diagonal(&self) -> f64 {
         self.bounds().map_or(0.0, |[lo, hi]| (hi - lo).length())
+    }
+
+    /// Whether `other` has the same surfaces and media, and as many cameras and lights, which may stand elsewhere.
+    #[doc(hidden)]
+    pub fn has_same_surfaces(&self, other: &Scene) -> bool {
+        let has_same_lights = || {
+            let mut pairs = self.lights.iter().zip(&other.lights);
+            self.lights.len() == other.lights.len() && pairs.all(|(a, b)| a.node == b.node && a.kind == b.kind)
+        };
+        self.cameras.len() == other.cameras.len()
+            && has_same_lights()
+            && self.instances == other.instances
+            && self.materials == other.materials
+            && self.textures == other.textures
+            && (&self.media, &self.sky) == (&other.media, &other.sky)
+            && self.meshes == other.meshes
+            && self.images == other.images
     }
 
     /// Lower and upper corner of a box around all instances, in metres. The box contains the transformed box of each mesh, so it may
@@ -88,7 +107,7 @@ impl Mesh {
 }
 
 /// The triangles of one glTF primitive.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Name in messages: mesh name and primitive number, e.g. `Chair[0]`.
     pub name: String,
@@ -111,7 +130,7 @@ pub struct Mesh {
 }
 
 /// A mesh placed in the world.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Instance {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
@@ -134,7 +153,7 @@ pub enum Wrap {
 }
 
 /// An image with its sampler. Minification filters and mip levels are not used.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Texture {
     /// Index into [`Scene::images`].
     pub image: u32,
@@ -148,7 +167,7 @@ pub struct Texture {
 }
 
 /// Decoded texels, row 0 at the top (v = 0), sRGB-encoded colour and linear alpha, 8 bits each.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Image {
     /// Width in texels.
     pub width: u32,

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
+use taugate::internals::generate::{Kind, build, glb};
 use taugate::internals::image::exr_file::read_picture;
+use taugate::internals::scene::LightKind;
 
 use crate::{fails, folder, names, taugate};
 
@@ -54,6 +56,35 @@ fn frames_of_a_moving_scene_are_those_rendered_alone() {
     assert!(pixels(here.path(), "f.03.exr") == before);
     let other = [&["render", "scene.glb", "--seed", "5"], &SMALL[..], &frames].concat();
     fails(here.path(), &other, 2, "f.03.exr: is there already, but not with these settings");
+}
+
+/// A camera and a lamp that move need no new BVH, and give the bits of frames that are rendered alone.
+#[test]
+fn a_moving_camera_and_lamp_keep_the_scene() {
+    let here = folder();
+    let mut scene = build(Kind::CornellBox);
+    scene.cameras[0].name = "rig".into();
+    let place = scene.cameras[0].transform.translation;
+    let intensity = [3.0, 2.0, 1.0];
+    scene.add_light("rig", place, glam::DVec3::NEG_Z, LightKind::Point { intensity });
+    let positions = [0.0, 0.3].map(|x| (place + glam::DVec3::new(x, 0.0, 0.0)).as_vec3().to_array());
+    let motion = glb::Motion { node: "rig", times: vec![0.0, 1.0], positions: positions.to_vec() };
+    std::fs::write(here.path().join("scene.glb"), glb::write_moving(&scene, Some(&motion))).unwrap();
+    let here = here.path();
+    let gate = ["--gates", "4m..8m/2", "--estimator", "lcs"];
+    let frames = ["--frames", "0..3", "--fps", "2", "-o", "f#.exr", "--stats", "f#.json"];
+    render(here, &[&gate[..], &frames].concat());
+    for (frame, at) in ["0s", "0.5s", "1s"].into_iter().enumerate() {
+        render(here, &[&gate[..], &["--at", at, "-o", "alone.exr"]].concat());
+        assert!(pixels(here, "alone.exr") == pixels(here, &format!("f{frame}.exr")), "frame {frame}");
+    }
+    assert!(pixels(here, "f0.exr") != pixels(here, "f1.exr") && pixels(here, "f1.exr") != pixels(here, "f2.exr"));
+    for (frame, rebuilds) in [(0, true), (1, false), (2, false)] {
+        let stats = std::fs::read_to_string(here.join(format!("f{frame}.json"))).unwrap();
+        assert_eq!(stats.contains("build BVH"), rebuilds, "frame {frame}");
+        let stats: serde_json::Value = serde_json::from_str(&stats).unwrap();
+        assert_eq!(stats["renderer"]["samples"], 2 * 12 * 8, "frame {frame}");
+    }
 }
 
 #[test]

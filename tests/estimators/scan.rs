@@ -120,7 +120,7 @@ fn a_turned_laser_gives_the_bits_of_a_new_render() {
     let mut prepared = PreparedScene::new(&first, &settings).unwrap();
     let mut turned = Renderer::from_prepared(&device(), &first, &settings, &prepared).unwrap();
     let before = render(&mut turned);
-    assert!(prepared.move_lights(&second, &settings).unwrap());
+    assert!(prepared.follow(&second, &settings).unwrap());
     turned.set_lights(&prepared, &settings).unwrap();
     assert!(turned.set_camera(&second.cameras[0]).unwrap());
     let after = render(&mut turned);
@@ -129,7 +129,7 @@ fn a_turned_laser_gives_the_bits_of_a_new_render() {
     // A lamp more is another scene.
     let mut more = second.clone();
     light(&mut more, "lamp", DVec3::Z, DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
-    assert!(!prepared.move_lights(&more, &settings).unwrap());
+    assert!(!prepared.follow(&more, &settings).unwrap());
     // Another number of points is another film.
     assert!(!turned.set_camera(&sensor(&SEEN[..2], |_| 0.0)).unwrap());
 }

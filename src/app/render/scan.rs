@@ -79,7 +79,7 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     let started = Instant::now();
     while measured < count {
         scene.lights[laser] = scan.light(measured);
-        if !prepared.move_lights(&scene, &settings)? || !renderer.set_camera(&scan.camera(measured))? {
+        if !prepared.follow(&scene, &settings)? || !renderer.set_camera(&scan.camera(measured))? {
             unreachable!("laser and sensor keep their places, and turn");
         }
         renderer.set_lights(&prepared, &settings)?;
