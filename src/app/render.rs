@@ -33,8 +33,8 @@ use super::preparation::Preparation;
 use super::progress::{Position, Progress};
 use super::report::{Report, is_black};
 use super::{feasible, memory, strategies};
-use ready::Ready;
 use crate::app::cli::RenderArgs;
+use ready::Ready;
 
 /// The error for non-finite samples with --strict.
 #[derive(Debug, thiserror::Error)]
@@ -154,9 +154,11 @@ impl Session {
         for warning in scene.warnings.iter().chain(&resolved.warnings) {
             self.say(format!("warning: {warning}"));
         }
-        let followed = match self.ready.take().filter(|_| outputs.aov == Aov::default()) {
-            Some(ready) => preparation.timed("follow what moved", || ready.follow(scene.clone(), settings))?,
-            None => None,
+        let followed = match (self.ready.take(), &self.device) {
+            (Some(ready), Some(device)) if outputs.aov == Aov::default() => {
+                preparation.timed("follow what moved", || ready.follow(device, scene.clone(), settings))?
+            }
+            _ => None,
         };
         let (mut ready, layers) = match followed {
             Some(ready) => (ready, Layers::default()),

@@ -2,6 +2,7 @@
 
 mod dense;
 pub mod hash;
+mod joined;
 
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -19,6 +20,7 @@ use dense::Groups;
 const MAX_LEAF_TRIANGLES: u32 = 3;
 
 /// The nodes in the layout of the kernels, and the order of the triangles in the leaves.
+#[derive(Clone)]
 pub struct Bvh {
     /// Five 16-byte words per node; one empty node if there are no triangles.
     pub nodes: Vec<[u32; 4]>,
@@ -28,8 +30,8 @@ pub struct Bvh {
     pub host: CwBvh,
 }
 
-/// Maximum number of levels for which the kernels' traversal stacks have room.
-pub const MAX_LEVELS: usize = STACK_SIZE as usize;
+/// Maximum number of levels for which the kernels' traversal stacks have room, with a root above that [`Bvh::joined`] may add.
+pub const MAX_LEVELS: usize = STACK_SIZE as usize - 1;
 
 impl Bvh {
     fn new(host: CwBvh) -> Bvh {
@@ -83,7 +85,11 @@ fn clustered(boxes: &[Aabb]) -> Bvh2 {
 }
 
 fn wide(bvh: &Bvh2) -> CwBvh {
-    bvh2_to_cwbvh(bvh, MAX_LEAF_TRIANGLES, true, false)
+    wide_with(bvh, MAX_LEAF_TRIANGLES)
+}
+
+fn wide_with(bvh: &Bvh2, max_leaf_triangles: u32) -> CwBvh {
+    bvh2_to_cwbvh(bvh, max_leaf_triangles, true, false)
 }
 
 #[cfg(test)]

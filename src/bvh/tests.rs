@@ -132,3 +132,62 @@ fn a_scene_without_crowds_is_left_to_the_builder() {
     assert_eq!(own.order, usual.primitive_indices);
     assert_eq!(own.nodes, Bvh::new(usual).nodes);
 }
+
+/// Rays meet the same triangles in two hierarchies that are joined as in one over all triangles.
+#[test]
+fn joined_hierarchies_have_all_triangles() {
+    let triangle = |x: f32, y: f32| [[x, y, 0.0], [x + 0.9, y, 0.1 * y], [x, y + 0.9, 0.3]];
+    let grid = |from: i32, to: i32| -> Vec<[[f32; 3]; 3]> {
+        (from..to).flat_map(|x| (0..10).map(move |y| triangle(x as f32, y as f32))).collect()
+    };
+    for [left, right] in
+        [[grid(0, 8), grid(8, 11)], [grid(8, 11), grid(0, 8)], [grid(0, 3), vec![]], [vec![], grid(0, 3)]]
+    {
+        let joined = Bvh::joined(&build(&left), &build(&right));
+        let all = [&left[..], &right].concat();
+        let mut order = joined.order.clone();
+        order.sort_unstable();
+        assert!(order.iter().copied().eq(0..all.len() as u32));
+        // Every triangle lies in the boxes on its way from the root.
+        let slots = slots(&joined);
+        assert_eq!(slots.len(), all.len());
+        for (slot, [lo, hi]) in slots {
+            for corner in all[joined.order[slot] as usize] {
+                for k in 0..3 {
+                    assert!(lo[k] <= corner[k] && corner[k] <= hi[k], "{corner:?} {lo:?} {hi:?}");
+                }
+            }
+        }
+        assert!(joined.levels() <= 1 + build(&left).levels().max(build(&right).levels()));
+    }
+}
+
+/// The leaf slots of all triangles with the intersections of the boxes on the way to them.
+fn slots(bvh: &Bvh) -> Vec<(usize, [[f32; 3]; 2])> {
+    let mut found = vec![];
+    let mut open = vec![(0usize, [[f32::NEG_INFINITY; 3], [f32::INFINITY; 3]])];
+    while let Some((index, [lo, hi])) = open.pop() {
+        let node = &bvh.host.nodes[index];
+        let mut child = node.child_base_idx as usize;
+        for slot in 0..8 {
+            let meta = node.child_meta[slot];
+            if meta == 0 {
+                continue;
+            }
+            let cell = [0, 1, 2].map(|k| f32::from_bits(u32::from(node.e[k]) << 23));
+            let mins = [node.child_min_x, node.child_min_y, node.child_min_z];
+            let maxs = [node.child_max_x, node.child_max_y, node.child_max_z];
+            let at = |k: usize, q: [u8; 8]| node.p[k] + cell[k] * f32::from(q[slot]);
+            let lo = [0, 1, 2].map(|k| lo[k].max(at(k, mins[k])));
+            let hi = [0, 1, 2].map(|k| hi[k].min(at(k, maxs[k])));
+            if node.imask >> slot & 1 == 1 {
+                open.push((child, [lo, hi]));
+                child += 1;
+            } else {
+                let first = node.primitive_base_idx as usize + usize::from(meta & 31);
+                found.extend((0..(meta >> 5).count_ones() as usize).map(|i| (first + i, [lo, hi])));
+            }
+        }
+    }
+    found
+}

@@ -7,7 +7,7 @@ use super::duplicates::{ShadingAttributes, drop_copies};
 use super::material::{Features, Material, MaterialSet};
 use super::space::RenderSpace;
 use crate::bvh::{self, Bvh};
-use crate::scene::{Image, Mesh, Scene, Wrap};
+use crate::scene::{Image, Instance, Mesh, Scene, Wrap};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{InstanceNormals, NONE, TextureInfo, Triangle, VertexAttributes, VertexDetails};
@@ -31,21 +31,93 @@ pub struct Geometry {
     pub features: Features,
     /// Maximum travel time per length: the group index outside of solids, or the index of a transmissive material.
     pub max_ior: f32,
+    /// Index in `materials` for each instance, with TRIANGLE_ bits.
+    instance_materials: Vec<u32>,
+    /// Index in `corners` of the first corner of each mesh; NONE for a mesh without attributes.
+    first_corners: Vec<u32>,
+    /// `None` if nothing can move.
+    fixed: Option<Fixed>,
 }
 
 impl Geometry {
     /// Flattens the scene into the coordinates of `space`, drops copies of triangles and builds the BVH.
     pub fn new(scene: &Scene, space: &RenderSpace, emitters: &Emitters, albedo: &AlbedoTable) -> Geometry {
         let mut materials = MaterialSet::new(scene, emitters, albedo);
-        let (corners, attributes, corner_base) = attributes(scene);
-        let details = details(scene);
+        let (corners, attributes, first_corners) = attributes(scene);
+        let material = |instance: &Instance| materials.number(&scene.meshes[instance.mesh as usize], &instance.node);
+        let instance_materials = scene.instances.iter().map(material).collect();
+        let (textures, texels) = textures(scene, materials.features.textures);
+        let mut geometry = Geometry {
+            bvh: bvh::build(&[]),
+            triangles: vec![],
+            copies: None,
+            corners,
+            attributes,
+            details: details(scene),
+            instances: vec![],
+            textures,
+            texels,
+            features: materials.features,
+            max_ior: materials.max_ior,
+            materials: materials.list,
+            instance_materials,
+            first_corners,
+            fixed: None,
+        };
+        geometry.place(scene, space);
+        geometry
+    }
+
+    /// Computes what depends on the transforms of the instances: triangles, BVH, and matrices of normals. Keeps the BVH of the
+    /// instances that do not move from the call before.
+    pub fn place(&mut self, scene: &Scene, space: &RenderSpace) {
+        self.instances = scene.instances.iter().map(|instance| normal_columns(instance.transform.matrix3)).collect();
+        let fixed = match self.fixed.take() {
+            Some(fixed) => {
+                self.triangles.truncate(fixed.triangles);
+                fixed
+            }
+            None => {
+                let part = Part::new(self, scene, space, |instance| !scene.is_moving(instance));
+                self.triangles = part.triangles;
+                Fixed { bvh: part.bvh, triangles: self.triangles.len(), copies: part.copies }
+            }
+        };
+        if scene.moving.is_none() {
+            (self.bvh, self.copies) = (fixed.bvh, fixed.copies);
+            return;
+        }
+        let moving = Part::new(self, scene, space, |instance| scene.is_moving(instance));
+        self.bvh = Bvh::joined(&fixed.bvh, &moving.bvh);
+        self.triangles.extend(moving.triangles);
+        self.copies = match (fixed.copies, moving.copies) {
+            (Some((a, first)), Some((b, _))) => Some((a + b, first)),
+            (a, b) => a.or(b),
+        };
+        self.fixed = Some(fixed);
+    }
+}
+
+/// The instances that do not move.
+struct Fixed {
+    bvh: Bvh,
+    /// Number of their triangles, which come first.
+    triangles: usize,
+    copies: Option<(usize, u32)>,
+}
+
+/// The triangles of some of the instances, in the order of their BVH, without copies.
+struct Part {
+    triangles: Vec<Triangle>,
+    bvh: Bvh,
+    copies: Option<(usize, u32)>,
+}
+
+impl Part {
+    fn new(geometry: &Geometry, scene: &Scene, space: &RenderSpace, has: impl Fn(&Instance) -> bool) -> Part {
         let mut triangles = vec![];
-        let mut instances = vec![];
-        for instance in &scene.instances {
+        for (number, instance) in scene.instances.iter().enumerate().filter(|(_, instance)| has(instance)) {
             let mesh = &scene.meshes[instance.mesh as usize];
-            let number = instances.len() as u32;
-            let linear = instance.transform.matrix3;
-            instances.push(normal_columns(linear));
             let positions: Vec<[f32; 3]> = mesh
                 .positions
                 .iter()
@@ -54,8 +126,8 @@ impl Geometry {
                     space.point(world).to_array()
                 })
                 .collect();
-            let mut material = materials.number(mesh, &instance.node);
-            if linear.determinant() < 0.0 {
+            let mut material = geometry.instance_materials[number];
+            if instance.transform.matrix3.determinant() < 0.0 {
                 material |= TRIANGLE_MIRRORED;
             }
             if !mesh.normals.is_empty() {
@@ -64,52 +136,38 @@ impl Geometry {
             if is_detailed(mesh) {
                 material |= TRIANGLE_DETAILED;
             }
-            let base = corner_base[instance.mesh as usize];
+            let base = geometry.first_corners[instance.mesh as usize];
             for (i, t) in mesh.triangles.iter().enumerate() {
                 let [v0, v1, v2] = t.map(|c| positions[c as usize]);
                 let corner = if base == NONE { NONE } else { base + 3 * i as u32 };
-                triangles.push(Triangle { v0, instance: number, v1, corner, v2, material });
+                triangles.push(Triangle { v0, instance: number as u32, v1, corner, v2, material });
             }
         }
-        let shading_attributes = |t: &Triangle| {
-            let material = &materials.list[(t.material & TRIANGLE_MATERIAL) as usize];
-            let smooth = t.material & TRIANGLE_SMOOTH != 0;
-            let textured = material.textures().iter().any(|&texture| texture != NONE);
-            let corner = |k: u32| {
-                let vertex = corners[(t.corner + k) as usize] as usize;
-                let VertexAttributes { normal, u, v } = attributes[vertex];
-                let VertexDetails { red_green, blue_alpha, tangent } = details.get(vertex).copied().unwrap_or(PLAIN);
-                let bits = |x: f32| if textured { x.to_bits() } else { 0 };
-                [if smooth { normal } else { 0 }, bits(u), bits(v), red_green, blue_alpha, tangent]
-            };
-            let InstanceNormals { x, y, z, .. } = instances[t.instance as usize];
-            let columns: [f32; 9] = bytemuck::cast([x, y, z]);
-            ShadingAttributes {
-                corners: if t.corner == NONE { [[0; 6]; 3] } else { [0, 1, 2].map(corner) },
-                normal_matrix: if smooth || material.normal_texture != NONE {
-                    columns.map(f32::to_bits)
-                } else {
-                    [0; 9]
-                },
-            }
-        };
-        let copies = drop_copies(&mut triangles, shading_attributes);
+        let copies = drop_copies(&mut triangles, |t| geometry.shading_attributes(t));
         let bvh = bvh::build(&triangles.iter().map(|t| [t.v0, t.v1, t.v2]).collect::<Vec<_>>());
         let triangles = bvh.order.iter().map(|&i| triangles[i as usize]).collect();
-        let (textures, texels) = textures(scene, materials.features.textures);
-        Geometry {
-            bvh,
-            triangles,
-            copies,
-            corners,
-            attributes,
-            details,
-            instances,
-            textures,
-            texels,
-            features: materials.features,
-            max_ior: materials.max_ior,
-            materials: materials.list,
+        Part { triangles, bvh, copies }
+    }
+}
+
+impl Geometry {
+    /// What distinguishes the triangle from others with the same corners and material.
+    fn shading_attributes(&self, t: &Triangle) -> ShadingAttributes {
+        let material = &self.materials[(t.material & TRIANGLE_MATERIAL) as usize];
+        let smooth = t.material & TRIANGLE_SMOOTH != 0;
+        let textured = material.textures().iter().any(|&texture| texture != NONE);
+        let corner = |k: u32| {
+            let vertex = self.corners[(t.corner + k) as usize] as usize;
+            let VertexAttributes { normal, u, v } = self.attributes[vertex];
+            let VertexDetails { red_green, blue_alpha, tangent } = self.details.get(vertex).copied().unwrap_or(PLAIN);
+            let bits = |x: f32| if textured { x.to_bits() } else { 0 };
+            [if smooth { normal } else { 0 }, bits(u), bits(v), red_green, blue_alpha, tangent]
+        };
+        let InstanceNormals { x, y, z, .. } = self.instances[t.instance as usize];
+        let columns: [f32; 9] = bytemuck::cast([x, y, z]);
+        ShadingAttributes {
+            corners: if t.corner == NONE { [[0; 6]; 3] } else { [0, 1, 2].map(corner) },
+            normal_matrix: if smooth || material.normal_texture != NONE { columns.map(f32::to_bits) } else { [0; 9] },
         }
     }
 }

@@ -354,6 +354,12 @@ impl Renderer {
         }
     }
 
+    /// Whether [`Renderer::estimate_response_variance`] was called.
+    #[doc(hidden)]
+    pub fn has_response_variance(&self) -> bool {
+        self.responses.as_ref().is_some_and(|responses| responses.film().has_variance())
+    }
+
     /// Minimum and maximum number of samples of a pixel of the crop so far. Both equal [`Film::samples`] if the sampling is
     /// uniform.
     pub fn samples_in_pixels(&self) -> [u64; 2] {

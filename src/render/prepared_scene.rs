@@ -10,7 +10,7 @@ use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
 use super::{coplanar, null_boundary, oversized};
 use crate::error::{Error, Result};
-use crate::scene::{Light, Medium, Scene};
+use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
 
 /// All scene data for the upload, in the render space around one camera and with one selection of emitters.
@@ -50,7 +50,7 @@ impl PreparedScene {
                     .into(),
             ));
         }
-        let sensor = Box3::around(camera.corners(settings.resolution()).map(|corner| space.point(corner)));
+        let sensor = sensor(camera, settings, &space);
         let media = Media::new(scene, &space)?;
         let aims = space.aims(camera);
         Ok(PreparedScene { geometry, emitters, media, albedo, space, sensor, aims })
@@ -81,6 +81,22 @@ impl PreparedScene {
             materials.for_each(|(material, density)| material.emission_density = density);
         }
         Ok(is_like_before)
+    }
+
+    /// As [`PreparedScene::follow`], if the surfaces have moved too that may move ([`Scene::moving`]). A new renderer is needed then.
+    pub fn follow_surfaces(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
+        scene.check()?;
+        null_boundary::check(scene)?;
+        let camera = &scene.cameras[settings.camera()];
+        let space = RenderSpace::of_camera(scene, camera, settings.emitters());
+        if space != self.space {
+            return Ok(false);
+        }
+        self.geometry.place(scene, &space);
+        self.emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut self.geometry);
+        self.sensor = sensor(camera, settings, &space);
+        self.aims = space.aims(camera);
+        Ok(!self.emitters.table.is_empty())
     }
 
     /// Luminance-weighted power in W of every node that emits, by node name.
@@ -123,6 +139,11 @@ impl PreparedScene {
     pub fn triangles(&self) -> usize {
         self.geometry.triangles.len()
     }
+}
+
+/// Bounding box, in render space, of the points where camera rays start.
+fn sensor(camera: &Camera, settings: &Settings, space: &RenderSpace) -> Box3 {
+    Box3::around(camera.corners(settings.resolution()).map(|corner| space.point(corner)))
 }
 
 /// Fails if a selected emitter does not exist, or if a gated render selects a light at infinity, which has no travel time.

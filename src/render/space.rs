@@ -37,7 +37,7 @@ impl RenderSpace {
     pub fn of_camera(scene: &Scene, camera: &Camera, selected: &Emitters) -> RenderSpace {
         let place = camera.transform.translation;
         let space = RenderSpace::new(scene, place, selected);
-        if !scene.moves {
+        if scene.moving.is_none() {
             return space;
         }
         // No point is farther than MAX_SENSOR_DISTANCE from the nearest point of the grid.
@@ -144,7 +144,7 @@ mod tests {
             RenderSpace::of_camera(scene, &scene.cameras[0], &Emitters::Scene)
         };
         assert_ne!(at(&mut scene, 0.1), at(&mut scene, 0.2));
-        scene.moves = true;
+        scene.moving = Some([].into());
         assert_eq!(at(&mut scene, 0.1), at(&mut scene, 0.2));
         assert_eq!(at(&mut scene, 0.1).origin, DVec3::new(0.0, 1.0, 4.0));
         for x in [-0.499, 0.0, 0.3, 0.51, 7.3] {

@@ -112,7 +112,7 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
     let mut warnings = Warnings::default();
     let mut doc = Document::open(bytes, folders)?;
     extension::check(&doc, &mut warnings)?;
-    animation::pose(&mut doc, playback, &mut warnings)?;
+    let moving = animation::pose(&mut doc, playback, &mut warnings)?;
     let media = medium::load(&doc)?;
 
     let worlds = node::world_transforms(&doc)?;
@@ -137,7 +137,7 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
         lights,
         sky: None,
         media,
-        moves: playback.at.is_some(),
+        moving,
         warnings: warnings.list,
     };
     scene.checked()?;

@@ -17,6 +17,8 @@ mod optical_thickness;
 mod sky;
 mod tangents;
 
+use std::collections::BTreeSet;
+
 use glam::{BVec3, DAffine2, DAffine3, DVec3, Vec3};
 
 pub use camera::{Aim, Camera, Projection};
@@ -48,8 +50,9 @@ pub struct Scene {
     pub media: Vec<Medium>,
     /// The image of the sky, if one of the lights is a [`LightKind::Sky`] that is not the same in all directions.
     pub sky: Option<SkyImage>,
-    /// Whether the scene is one moment of an animation, so that its camera may soon stand elsewhere.
-    pub moves: bool,
+    /// If the scene is one moment of an animation: names of the nodes that stand elsewhere at other moments. A mesh that a skin or a
+    /// morph target deforms counts too.
+    pub moving: Option<BTreeSet<String>>,
     /// Features of the file that taugate does not support, one sentence each, in the order of the file.
     pub warnings: Vec<String>,
 }
@@ -60,16 +63,33 @@ impl Scene {
         self.bounds().map_or(0.0, |[lo, hi]| (hi - lo).length())
     }
 
-    /// Whether `other` has the same surfaces and media, and as many cameras and lights, which may stand elsewhere.
+    /// Whether the instance stands elsewhere at other moments.
+    pub(crate) fn is_moving(&self, instance: &Instance) -> bool {
+        self.moving.as_ref().is_some_and(|moving| moving.contains(&instance.node))
+    }
+
+    /// Whether all surfaces stand where they stand in `other`, which has the same objects.
     #[doc(hidden)]
-    pub fn has_same_surfaces(&self, other: &Scene) -> bool {
+    pub fn has_same_places(&self, other: &Scene) -> bool {
+        self.instances == other.instances
+    }
+
+    /// Whether `other` has the same surfaces and media, and as many cameras and lights. Cameras, lights, and the surfaces that move
+    /// may stand elsewhere.
+    #[doc(hidden)]
+    pub fn has_same_objects(&self, other: &Scene) -> bool {
+        let is_same = |(a, b): (&Instance, &Instance)| {
+            a == b || ((a.mesh, &a.node) == (b.mesh, &b.node) && self.is_moving(a) && other.is_moving(b))
+        };
         let has_same_lights = || {
             let mut pairs = self.lights.iter().zip(&other.lights);
             self.lights.len() == other.lights.len() && pairs.all(|(a, b)| a.node == b.node && a.kind == b.kind)
         };
         self.cameras.len() == other.cameras.len()
             && has_same_lights()
-            && self.instances == other.instances
+            && self.moving == other.moving
+            && self.instances.len() == other.instances.len()
+            && self.instances.iter().zip(&other.instances).all(is_same)
             && self.materials == other.materials
             && self.textures == other.textures
             && (&self.media, &self.sky) == (&other.media, &other.sky)

@@ -1,6 +1,7 @@
 //! A renderer that is ready for its first iteration, and later for those of other frames.
 
 use taugate::internals::error::Result;
+use taugate::internals::gpu::Device;
 use taugate::internals::render::{PreparedScene, Renderer};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::Settings;
@@ -22,22 +23,36 @@ impl Ready {
         self.scene
     }
 
-    /// The same renderer for another frame, in which only the camera, the lights, the responses or the seed are others. Its image has
-    /// the bits of a new renderer's. `None` if the frame needs a new renderer.
-    pub fn follow(mut self, scene: Scene, settings: &Settings) -> Result<Option<Ready>> {
-        let Some(prepared) = &mut self.prepared else { return Ok(None) };
+    /// Ready for another frame, in which only cameras, lights, surfaces that move, responses or the seed are others. Its image has the
+    /// bits of a new renderer's. `None` if the frame needs new preparations.
+    pub fn follow(self, device: &Device, scene: Scene, settings: &Settings) -> Result<Option<Ready>> {
+        let Ready { mut renderer, scene: before, settings: old, prepared, warnings } = self;
+        let Some(mut prepared) = prepared else { return Ok(None) };
         let (seed, responses) = (settings.seed(), settings.responses());
-        let is_same_render = self.settings.change().seed(seed).responses(responses.clone()).build()? == *settings
-            && self.settings.responses().is_single_box() == responses.is_single_box();
-        if !is_same_render || !self.scene.has_same_surfaces(&scene) || !prepared.follow(&scene, settings)? {
+        let is_same_render = old.change().seed(seed).responses(responses.clone()).build()? == *settings
+            && old.responses().is_single_box() == responses.is_single_box();
+        if !is_same_render || !before.has_same_objects(&scene) {
             return Ok(None);
         }
-        if !self.renderer.set_camera(&scene.cameras[settings.camera()])? {
-            return Ok(None);
+        if before.has_same_places(&scene) {
+            if !prepared.follow(&scene, settings)? || !renderer.set_camera(&scene.cameras[settings.camera()])? {
+                return Ok(None);
+            }
+            renderer.set_lights(&prepared, settings)?;
+            renderer.restart(seed, responses.clone())?;
+            renderer.clear_stats();
+        } else {
+            let has_variance = renderer.has_response_variance();
+            // Two copies of the scene are never on the device.
+            drop((before, renderer));
+            if !prepared.follow_surfaces(&scene, settings)? {
+                return Ok(None);
+            }
+            renderer = Renderer::from_prepared(device, &scene, settings, &prepared)?;
+            if has_variance {
+                renderer.estimate_response_variance();
+            }
         }
-        self.renderer.set_lights(prepared, settings)?;
-        self.renderer.restart(seed, responses.clone())?;
-        self.renderer.clear_stats();
-        Ok(Some(Ready { scene, settings: settings.clone(), ..self }))
+        Ok(Some(Ready { renderer, scene, settings: settings.clone(), prepared: Some(prepared), warnings }))
     }
 }

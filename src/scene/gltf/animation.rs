@@ -1,6 +1,6 @@
 //! Poses the nodes of a file at a time: evaluates the animations of glTF 2.0, section 3.11.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use ::gltf::json::scene::UnitQuaternion;
 use glam::{DQuat, DVec4};
@@ -86,10 +86,30 @@ struct Curve {
     property: Property,
 }
 
+/// Names of the nodes that the animations of `curves` move: their own nodes, all below them, and the meshes that they deform.
+fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSet<String> {
+    let all = &doc.root.nodes;
+    let mut moves = vec![false; all.len()];
+    let mut open: Vec<usize> = nodes.copied().collect();
+    while let Some(index) = open.pop() {
+        if let Some(node) = all.get(index)
+            && !std::mem::replace(&mut moves[index], true)
+        {
+            open.extend(node.children.iter().flatten().map(|child| child.value()));
+        }
+    }
+    let is_deformed = |skin: usize| {
+        let joints = doc.root.skins.get(skin).map(|skin| &skin.joints);
+        joints.is_some_and(|joints| joints.iter().any(|joint| moves.get(joint.value()) == Some(&true)))
+    };
+    let has_moving_skin = |index: usize| all[index].skin.as_ref().is_some_and(|skin| is_deformed(skin.value()));
+    (0..all.len()).filter(|&index| moves[index] || has_moving_skin(index)).map(|index| doc.node_name(index)).collect()
+}
+
 /// Sets translation, rotation, scale and weights of the nodes to those at the time of `playback`. Without a time the nodes stay as
 /// they are, with a warning if the file has animations. Fails if the animation does not exist, if the time is not between 0 and
-/// the end of the animations, or if an animation is not valid.
-pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> Checked<()> {
+/// the end of the animations, or if an animation is not valid. Returns [`super::Scene::moving`].
+pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> Checked<Option<BTreeSet<String>>> {
     let Some(time) = playback.at else {
         if let Some(name) = playback.animation {
             return Err(format!("plays the animation '{name}' only at a time: add --at or --frames"));
@@ -99,7 +119,7 @@ pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> 
                 "animations are only played with --at or --frames; nodes keep the transforms in the file".into()
             });
         }
-        return Ok(());
+        return Ok(None);
     };
     let curves = curves(doc, &chosen(doc, playback.animation)?, warnings)?;
     let end = curves.values().filter_map(|curve| curve.times.last()).fold(0.0, |end, &time| f64::max(end, time.into()));
@@ -118,7 +138,7 @@ pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> 
             Property::Weights => target.weights = Some(value),
         }
     }
-    Ok(())
+    Ok(Some(moving(doc, curves.keys().map(|(node, _)| node))))
 }
 
 /// The animations to play, with their labels.
