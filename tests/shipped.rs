@@ -24,8 +24,14 @@ fn shipped_scenes_are_what_the_generator_writes() {
 
 #[test]
 fn shipped_experiments_can_be_read() {
-    let names =
-        ["cornell-gated.toml", "door-gated.toml", "street-drive.toml", "street-slices.toml", "hidden-letter.toml"];
+    let names = [
+        "cornell-gated.toml",
+        "door-gated.toml",
+        "street-drive.toml",
+        "street-slices.toml",
+        "street-lidar.toml",
+        "hidden-letter.toml",
+    ];
     for name in names {
         let experiment = Experiment::read(&folder().join(name)).unwrap_or_else(|e| panic!("{e}"));
         assert!(experiment.scene.is_some_and(|s| s.exists()), "{name} must name a scene that exists");

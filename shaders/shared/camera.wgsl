@@ -1,18 +1,18 @@
 // The camera: rays of film points, the pixel that sees a point, and the segment from a point to the sensor.
 //
 // A pinhole has all camera rays start at one point. The rays of an orthographic camera are parallel. They start on the sensor
-// plane, which passes through the camera perpendicular to its axis, and travel times end there. The pixels of a scanning sensor
-// have one ray each (HAS_AIMS). All start at one point, and their directions are in `aims`. No light vertex lies on such a ray, so
-// nothing is connected to this sensor.
+// plane, which passes through the camera perpendicular to its axis, and travel times end there. Each pixel of a scanning sensor has a
+// direction of its own, in `aims` (HAS_AIMS), and a square field of view around it, which may be a single ray. All rays start at one
+// point. Light vertices are not connected to this sensor.
 #import frame
 #import math
 
-// One word per pixel of the whole film: unit direction of its ray, and the length that does not count for its travel times.
+// One word per pixel of the whole film: its unit direction, and the length that does not count for its travel times.
 @group(0) @binding(17) var aims: texture_1d<u32>;
 
 struct CameraRay {
     origin: vec3<f32>,
-    // Not normalised: its component along the camera axis is 1. Of unit length if HAS_AIMS.
+    // Not normalised: its component along the camera axis is 1. If HAS_AIMS, along the direction of the pixel.
     direction: vec3<f32>,
 }
 
@@ -29,7 +29,9 @@ struct SensorSegment {
 // Camera ray through the film point `p`, in pixels of the whole film with row 0 at the top.
 fn camera_ray(p: vec2<f32>) -> CameraRay {
     if (HAS_AIMS) {
-        return CameraRay(frame.sensor, load_aim(vec2<u32>(p)).xyz);
+        let axis = load_aim(vec2<u32>(p)).xyz;
+        let offset = (2.0 * fract(p) - 1.0) * frame.extent;
+        return CameraRay(frame.sensor, frame_around(axis) * vec3<f32>(offset, 1.0));
     }
     let q = p - frame.principal_offset;
     let x = (2.0 * q.x / f32(frame.width) - 1.0) * frame.extent.x;

@@ -10,7 +10,8 @@ struct Frame {
     height: u32,
     forward: vec3<f32>,
     seed: u32,
-    // Half extents of the image plane: at distance 1 from a pinhole, or of the sensor plane of an orthographic camera.
+    // Half extents of the image plane: at distance 1 from a pinhole, or of the sensor plane of an orthographic camera. If HAS_AIMS:
+    // of a pixel at distance 1.
     extent: vec2<f32>,
     // Area of a pixel on that plane.
     pixel_area: f32,
@@ -137,7 +138,7 @@ override HAS_SPECULAR_COLORS: bool = true;
 override HAS_CLEARCOAT: bool = true;
 // Whether the camera is orthographic. Its sensor is a plane, and its rays are parallel (PATH_PARALLEL).
 override HAS_ORTHOGRAPHIC: bool = false;
-// Whether each pixel has a single ray, towards a point of its own (`aims` in camera.wgsl).
+// Whether each pixel looks at a point of its own (`aims` in camera.wgsl).
 override HAS_AIMS: bool = false;
 // Whether loops exit at their top. Some drivers lose the results of the last iteration of a loop that exits at
 // its end (src/gpu/quirks.rs).

@@ -197,7 +197,7 @@ fn contents(scene: &Scene) -> Report {
         let (degrees_high, metres_high) = match camera.projection {
             Projection::Perspective { yfov } => (Some(yfov.to_degrees()), None),
             Projection::Orthographic { height } => (None, Some(height)),
-            Projection::Aimed(_) => (None, None),
+            Projection::Aimed { .. } => (None, None),
         };
         let position = camera.transform.translation.to_array();
         Camera { name: camera.name.clone(), position, degrees_high, metres_high, resolution: camera.resolution }

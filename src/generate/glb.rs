@@ -322,7 +322,7 @@ fn camera(camera: &Camera) -> Value {
                 "znear": 0.0, "zfar": 1e6});
             json!({"type": "orthographic", "name": camera.name, "orthographic": orthographic})
         }
-        Projection::Aimed(_) => panic!("glTF has no camera like '{}'", camera.name),
+        Projection::Aimed { .. } => panic!("glTF has no camera like '{}'", camera.name),
     };
     if let Some([width, height]) = camera.resolution {
         out["extras"] = json!({"width": width, "height": height});

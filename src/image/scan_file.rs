@@ -105,6 +105,8 @@ impl ScanFilm {
             unit: "W/(m^2 sr)",
             laser: scan.laser.to_array(),
             sensor: scan.sensor.to_array(),
+            divergence_degrees: scan.divergence.to_degrees(),
+            pixel_fov_degrees: scan.pixel_fov.to_degrees(),
             account_first_and_last_bounces: scan.accounts_first_and_last,
             laser_grid: laser_points.and_then(Points::grid),
             sensor_grid: sensor_points.and_then(Points::grid),
@@ -133,10 +135,14 @@ struct Description<'a> {
     unit: &'static str,
     laser: [f64; 3],
     sensor: [f64; 3],
+    /// Full angle of the laser's cone, and width of what the sensor sees at once.
+    divergence_degrees: f64,
+    pixel_fov_degrees: f64,
     account_first_and_last_bounces: bool,
     /// Columns and rows of the points; null if they are a list.
     laser_grid: Option<[u32; 2]>,
     sensor_grid: Option<[u32; 2]>,
+    /// Of directions, the points at 1 m from the laser.
     laser_points: Vec<[f64; 3]>,
     sensor_points: Vec<[f64; 3]>,
     /// Less than the number of points of the laser if the scan was interrupted; the rest of the array is NaN.

@@ -41,7 +41,7 @@ impl<'a> Sensor<'a> {
         let half_height = match camera.projection {
             Projection::Perspective { yfov } => (yfov / 2.0).tan(),
             Projection::Orthographic { height } => height / 2.0,
-            Projection::Aimed(_) => 1.0,
+            Projection::Aimed { .. } => 1.0,
         };
         let shift = [0, 1].map(|k| (camera.principal_point[k] - 0.5) * resolution[k]);
         Sensor { camera, resolution, half: [half_height * resolution[0] / resolution[1], half_height], shift }
@@ -51,7 +51,7 @@ impl<'a> Sensor<'a> {
     pub fn ray(&self, x: f64, y: f64) -> Ray {
         let [w, h] = self.resolution;
         let transform = &self.camera.transform;
-        if let Projection::Aimed(aims) = &self.camera.projection {
+        if let Projection::Aimed { aims, .. } = &self.camera.projection {
             let aim = aims[y as usize * w as usize + x as usize];
             return Ray::new(transform.translation, (aim.point - transform.translation).normalize());
         }

@@ -221,7 +221,10 @@ impl Plan {
         frame.sensor = sensor.to_array();
         let axis = |v: DVec3| camera.transform.transform_vector3(v).normalize().as_vec3().to_array();
         (frame.right, frame.up, frame.forward) = (axis(DVec3::X), axis(DVec3::Y), axis(DVec3::NEG_Z));
-        let [width, height] = [frame.width, frame.height].map(f64::from);
+        let [width, height] = match self.aims {
+            0 => [frame.width, frame.height].map(f64::from),
+            _ => [1.0; 2],
+        };
         let half_height = match self.is_orthographic {
             false => camera.projection.half_height(),
             true => self.space.length(camera.projection.half_height()),

@@ -42,9 +42,14 @@ pub enum Projection {
         /// Height of the view in metres, > 0: twice the `ymag` of glTF.
         height: f64,
     },
-    /// One ray per pixel, from the camera's place to a point: a sensor that scans a wall. A pixel measures the radiance along its
-    /// ray. The points belong to the pixels row by row, and there are as many as pixels. No glTF file has such a camera.
-    Aimed(Arc<[Aim]>),
+    /// Each pixel looks from the camera's place at a point: a sensor that scans a wall, or a LiDAR. No glTF file has such a camera.
+    Aimed {
+        /// The points of the pixels row by row, as many as pixels.
+        aims: Arc<[Aim]>,
+        /// Width and height in radians of the square field of view of each pixel, in [0, pi / 2]. 0: the pixel measures the radiance
+        /// along a single ray.
+        pixel_fov: f64,
+    },
 }
 
 /// The point at which a pixel of [`Projection::Aimed`] looks.
@@ -66,18 +71,18 @@ impl Projection {
     /// The points at which the pixels look; `None` if the camera has an image plane.
     pub fn aims(&self) -> Option<&[Aim]> {
         match self {
-            Projection::Aimed(aims) => Some(aims),
+            Projection::Aimed { aims, .. } => Some(aims),
             _ => None,
         }
     }
 
-    /// Half the height of the image plane: at distance 1 from a pinhole, without unit, or of the sensor plane in metres. Without
-    /// meaning for aimed rays.
+    /// Half the height of the image plane: at distance 1 from a pinhole, without unit, or of the sensor plane in metres. For
+    /// [`Projection::Aimed`], half the height of a pixel at distance 1.
     pub(crate) fn half_height(&self) -> f64 {
         match *self {
             Projection::Perspective { yfov } => (0.5 * yfov).tan(),
             Projection::Orthographic { height } => 0.5 * height,
-            Projection::Aimed(_) => 1.0,
+            Projection::Aimed { pixel_fov, .. } => (0.5 * pixel_fov).tan(),
         }
     }
 }
@@ -87,12 +92,13 @@ impl Camera {
     pub const CENTRED: [f64; 2] = [0.5; 2];
 
     /// Unit direction in world space of the camera ray through the point `film` of an image of this resolution. `film` is in
-    /// pixels: column, then row from the top; the centre of the first pixel is (0.5, 0.5).
+    /// pixels: column, then row from the top; the centre of the first pixel is (0.5, 0.5). Of [`Projection::Aimed`]: the direction of
+    /// the pixel's point.
     pub fn direction(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
         let local = match &self.projection {
             Projection::Perspective { .. } => self.on_image_plane(resolution, film) - DVec3::Z,
             Projection::Orthographic { .. } => DVec3::NEG_Z,
-            Projection::Aimed(aims) => {
+            Projection::Aimed { aims, .. } => {
                 let [column, row] = [0, 1].map(|k| (film[k].max(0.0) as usize).min(resolution[k] as usize - 1));
                 let aim = aims[row * resolution[0] as usize + column];
                 return (aim.point - self.transform.translation).normalize();
@@ -105,7 +111,7 @@ impl Camera {
     /// point of the image as in [`Camera::direction`].
     pub fn origin(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
         match self.projection {
-            Projection::Perspective { .. } | Projection::Aimed(_) => self.transform.translation,
+            Projection::Perspective { .. } | Projection::Aimed { .. } => self.transform.translation,
             Projection::Orthographic { .. } => self.transform.transform_point3(self.on_image_plane(resolution, film)),
         }
     }
@@ -160,7 +166,7 @@ mod tests {
     fn an_aimed_pixel_looks_at_its_point() {
         let aim = |x: f64, y: f64, z: f64| Aim { point: DVec3::new(x, y, z), omitted: 0.0 };
         let aims = [aim(4.0, 0.0, 0.0), aim(5.0, 2.0, 0.0), aim(5.0, 0.0, 7.0), aim(6.0, 1.0, 0.0)];
-        let camera = camera(Projection::Aimed(aims.into()));
+        let camera = camera(Projection::Aimed { aims: aims.into(), pixel_fov: 0.0 });
         let rays = [DVec3::NEG_X, DVec3::Y, DVec3::Z, DVec3::new(1.0, 1.0, 0.0).normalize()];
         for (film, ray) in [[0.5, 0.5], [1.9, 0.0], [0.0, 1.0], [2.0, 2.0]].into_iter().zip(rays) {
             assert!(close(camera.direction([2, 2], film), ray), "{film:?}");

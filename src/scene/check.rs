@@ -153,7 +153,13 @@ fn check_camera(camera: &Camera) -> Checked {
                 name()
             ));
         }
-        Projection::Aimed(aims) => {
+        Projection::Aimed { aims, pixel_fov } => {
+            if !(0.0..=std::f64::consts::FRAC_PI_2).contains(pixel_fov) {
+                return Err(format!(
+                    "{} has pixels with a field of view of {pixel_fov}; it must be from 0 to pi / 2",
+                    name()
+                ));
+            }
             let is_near = |aim: &Aim| aim.point.abs().max_element() <= MAX_COORDINATE && aim.omitted <= MAX_COORDINATE;
             let is_valid = |aim: &Aim| is_near(aim) && aim.omitted >= 0.0 && aim.point.distance(translation) > 0.0;
             if aims.is_empty() || !aims.iter().all(is_valid) {

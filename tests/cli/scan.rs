@@ -67,6 +67,28 @@ fn a_scan_is_an_array_of_gates_and_points() {
     }
 }
 
+/// A LiDAR in front of the wall: each beam sees the wall at its distance.
+#[test]
+fn a_lidar_measures_distances() {
+    let here = folder();
+    let here = here.path();
+    assert!(taugate(here, &["generate", "hidden-letter", "-o", "letter.glb"]).status.success());
+    let directions = "points = { forward = [-2, 0, -1.5], azimuth = [-10, 10], elevation = [-4, 4], count = [3, 1] }";
+    write(here, "lidar.toml", &format!("divergence = 0.1\npixel-fov = 0.1\n{directions}"), "max-depth = 2");
+    let output = taugate(here, &["render", "lidar.toml", "--gates", "3m..8m/500", "-o", "l.npy", "-q"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let (light, about) = (read(&here.join("l.npy")), description(here, "l.json"));
+    for beam in 0..3 {
+        let point: Vec<f64> = serde_json::from_value(about["laser_points"][beam].clone()).unwrap();
+        // The wall is z = 0, and the laser stands at z = 1.5.
+        let distance = 1.5 / (1.5 - point[2]);
+        let of_beam = |gate: &usize| light[3 * gate + beam];
+        let brightest = (0..500).max_by(|a, b| of_beam(a).total_cmp(&of_beam(b))).unwrap();
+        let seen = 0.5 * (3.0 + 0.01 * (brightest as f64 + 0.5));
+        assert!((seen - distance).abs() < 0.008, "beam {beam}: {seen} m instead of {distance} m");
+    }
+}
+
 #[test]
 fn mistakes_in_a_scan_are_explained() {
     let here = folder();

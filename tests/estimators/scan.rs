@@ -38,7 +38,7 @@ fn scene(lit: DVec3, points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Scene 
 
 fn sensor(points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Camera {
     let aims: Vec<Aim> = points.iter().map(|&point| Aim { point, omitted: omitted(point) }).collect();
-    let projection = Projection::Aimed(aims.into());
+    let projection = Projection::Aimed { aims: aims.into(), pixel_fov: 0.0 };
     Camera { projection, ..Camera::looking_at("sensor", SENSOR, points[0], 1.0, [points.len() as u32, 1]) }
 }
 
@@ -102,6 +102,36 @@ fn ways_to_the_wall_count_if_they_are_not_omitted() {
     let with = Cells::measure(&mut counted, Gate { lo: lo + ends, hi: hi + ends }, 1, 1, 400, 1);
     let difference = (without.mean(0) - with.mean(0)).abs();
     assert!(difference < 1e-3 * with.mean(0), "{} {}", without.mean(0), with.mean(0));
+}
+
+/// A LiDAR above a floor: light goes to the floor and straight back. The cone of the laser and the field of view are so narrow that the
+/// floor is a plane of one distance.
+#[test]
+fn a_lidar_sees_what_its_laser_lights() {
+    let seen = SEEN[0];
+    let (distance, axis) = (LASER.distance(seen), (seen - LASER).normalize());
+    let (half, power) = (0.05f64.to_radians(), 2.0);
+    let intensity = power / (2.0 * PI * (1.0 - half.cos()));
+    let truth = f64::from(WALL) / PI * intensity * -axis.z / distance.powi(2);
+    for pixel_fov in [0.0, half] {
+        let mut scene = scene(seen, &[seen], |_| 0.0);
+        scene.lights[0].kind = LightKind::spot([intensity as f32; 3], half as f32, half as f32);
+        scene.cameras[0].transform.translation = LASER;
+        let aim = Aim { point: seen, omitted: 0.0 };
+        scene.cameras[0].projection = Projection::Aimed { aims: [aim].into(), pixel_fov };
+        for estimator in Estimator::ALL {
+            let settings = scan_settings(estimator, &[seen]).change().max_depth(2).light_paths(100);
+            let gate = |lo: f64| Gate { lo, hi: lo + 0.02 };
+            let settings = settings.gate(gate(2.0 * distance - 0.01)).build().unwrap();
+            let mut renderer = renderer(&scene, &settings);
+            renderer.iterate(64).unwrap();
+            let mean = f64::from(renderer.film().mean()[0]);
+            assert!((mean / truth - 1.0).abs() < 2e-3, "{estimator}, {pixel_fov}: {mean} against {truth}");
+            renderer.restart(2, gate(2.0 * distance + 0.01)).unwrap();
+            renderer.iterate(64).unwrap();
+            assert!(f64::from(renderer.film().mean()[0]) < 0.2 * truth, "{estimator}: light arrives late");
+        }
+    }
 }
 
 /// A laser and a sensor that turn give the same bits as new ones.

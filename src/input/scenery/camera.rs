@@ -96,7 +96,7 @@ fn make(table: &mut CameraTable, scene: &mut Scene) -> Result<usize> {
             frame(scene.bounds().unwrap_or([DVec3::ZERO; 2]), [tangent * aspect, tangent])
         }
         // So far from the centre, the whole scene is in front of the sensor plane.
-        Projection::Orthographic { .. } | Projection::Aimed(_) => centre(scene) + away(scene.diagonal()),
+        Projection::Orthographic { .. } | Projection::Aimed { .. } => centre(scene) + away(scene.diagonal()),
     };
     table.look_from.get_or_insert(Numbers(place.to_array()));
     table.look_at.get_or_insert(Numbers(centre(scene).to_array()));
