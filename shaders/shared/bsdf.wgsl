@@ -1,11 +1,13 @@
 // Surface scattering in the local frame of the shading normal (+z).
 //
 // A material mixes three parts, all with one GGX lobe: a conductor (weight metallic), and for the rest glass (weight
-// transmission) and a dielectric coat over a diffuse base. A clear coat with a GGX lobe of its own may lie over the mix. `f`
-// follows the flow of light: `wl` points to where light comes from, `wc` to where it goes (towards the sensor). Both point
-// away from the surface. Densities are per solid angle.
+// transmission) and a dielectric coat over a diffuse base. A clear coat with a GGX lobe of its own may lie over the mix. A
+// retroreflector may take a share of the light from all of this. `f` follows the flow of light: `wl` points to where light comes
+// from, `wc` to where it goes (towards the sensor). Both point away from the surface. Densities are per solid angle.
+#import ggx
 #import material
 #import point
+#import retroreflector
 
 struct Bsdf {
     base: vec3<f32>,
@@ -19,6 +21,9 @@ struct Bsdf {
     // Strength of the clear coat, and its GGX alpha.
     clearcoat: f32,
     clearcoat_alpha: f32,
+    // Share of the light that is reflected back to where it came from, and the GGX alpha of this lobe.
+    retroreflection: f32,
+    retroreflector_alpha: f32,
     transmission: f32,
     diffuse_scale: f32,
     // Refractive indices on the +z and the -z side.
@@ -69,6 +74,8 @@ fn make_bsdf(material: u32, base: vec3<f32>, front: bool) -> Bsdf {
     b.f0_color = select(vec3<f32>(m.f0), m.f0_color, HAS_SPECULAR_COLORS);
     b.clearcoat = select(0.0, m.clearcoat, HAS_CLEARCOAT);
     b.clearcoat_alpha = m.clearcoat_alpha;
+    b.retroreflection = select(0.0, m.retroreflection, HAS_RETROREFLECTORS);
+    b.retroreflector_alpha = m.retroreflector_alpha;
     b.transmission = select(0.0, m.transmission, HAS_TRANSMISSION);
     b.diffuse_scale = m.diffuse_scale;
     b.eta_above = select(m.ior, 1.0, front);
@@ -97,53 +104,6 @@ fn make_varying_bsdf(material: u32, p: PointProperties, front: bool) -> Bsdf {
     let mean = mix(albedo_table[means], albedo_table[means + 1u], row - f32(i));
     b.diffuse_scale = 1.0 / (PI * max(1.0 - (b.f0 * mean.x + b.f90 * mean.y), MIN_BELOW_COAT));
     return b;
-}
-
-// Schlick's Fresnel approximation, from f0 at normal incidence to 1 at grazing angles.
-fn schlick(f0: vec3<f32>, cosine: f32) -> vec3<f32> {
-    let x = clamp(1.0 - cosine, 0.0, 1.0);
-    let x2 = x * x;
-    return f0 + (1.0 - f0) * (x2 * x2 * x);
-}
-
-// Reflectance of a dielectric interface for unpolarised light; 1 for total reflection. `cosine` is on the side with index `eta_i`.
-fn fresnel_dielectric(cosine: f32, eta_i: f32, eta_t: f32) -> f32 {
-    let sin2_t = square(eta_i / eta_t) * max(0.0, 1.0 - cosine * cosine);
-    if (sin2_t >= 1.0) {
-        return 1.0;
-    }
-    let cos_t = sqrt(1.0 - sin2_t);
-    let parallel = (eta_t * cosine - eta_i * cos_t) / (eta_t * cosine + eta_i * cos_t);
-    let perpendicular = (eta_i * cosine - eta_t * cos_t) / (eta_i * cosine + eta_t * cos_t);
-    return 0.5 * (parallel * parallel + perpendicular * perpendicular);
-}
-
-// GGX distribution of normals (Walter et al. 2007, Eq. 33). It is computed from sin^2, so that narrow lobes lose no digits.
-fn ggx_d(h: vec3<f32>, alpha: f32) -> f32 {
-    let a2 = alpha * alpha;
-    let s = (h.x * h.x + h.y * h.y) / a2 + h.z * h.z;
-    return 1.0 / (PI * a2 * s * s);
-}
-
-// Smith's Lambda for GGX (Heitz 2014, Eq. 72).
-fn ggx_lambda(w: vec3<f32>, alpha: f32) -> f32 {
-    let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
-    return 0.5 * (sqrt(1.0 + alpha * alpha * tan2) - 1.0);
-}
-
-// Density of the visible normal h, seen from w with w.z > 0 (Heitz 2018, Eq. 3).
-fn ggx_visible_pdf(w: vec3<f32>, h: vec3<f32>, alpha: f32) -> f32 {
-    return ggx_d(h, alpha) * max(dot(w, h), 0.0) / (w.z * (1.0 + ggx_lambda(w, alpha)));
-}
-
-// Samples a visible normal, seen from w with w.z > 0 (Dupuy and Benyoub 2023, spherical caps).
-fn ggx_sample_visible(w: vec3<f32>, alpha: f32, u: vec2<f32>) -> vec3<f32> {
-    let stretched = normalize(vec3<f32>(w.xy * alpha, w.z));
-    let turn = cosine_and_sine(2.0 * PI * u.x);
-    let z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
-    let r = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
-    let cap = vec3<f32>(r * turn.x, r * turn.y, z) + stretched;
-    return normalize(vec3<f32>(cap.xy * alpha, cap.z));
 }
 
 // Schlick's Fresnel term of the coat, from f0 to f90.
@@ -225,6 +185,11 @@ fn lobe_probabilities(b: Bsdf, cosine: f32) -> Lobes {
     return Lobes(diffuse / sum, gloss / sum, glass / sum, 0.0);
 }
 
+// Whether a share of the light is reflected back to where it came from.
+fn is_retroreflector(b: Bsdf) -> bool {
+    return HAS_RETROREFLECTORS && b.retroreflection > 0.0;
+}
+
 // Value and densities of the smooth lobes. A delta lobe adds nothing. All are 0 if a direction lies in the surface.
 fn bsdf_eval(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r = BsdfValue(vec3<f32>(0.0), 0.0, 0.0);
@@ -237,7 +202,22 @@ fn bsdf_eval(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
         r = bsdf_eval_transmission(b, wl, wc);
     }
     if (is_coated(b)) {
-        return add_clearcoat(b, r, wl, wc);
+        r = add_clearcoat(b, r, wl, wc);
+    }
+    if (is_retroreflector(b)) {
+        return add_retroreflection(b, r, wl, wc);
+    }
+    return r;
+}
+
+// Value and densities with the retroreflector. `others`: the same of all other lobes, as if there were no retroreflector.
+fn add_retroreflection(b: Bsdf, others: BsdfValue, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
+    let rest = 1.0 - b.retroreflection;
+    var r = BsdfValue(rest * others.f, rest * others.pdf_to_light, rest * others.pdf_to_sensor);
+    if (wl.z > 0.0 && wc.z > 0.0) {
+        r.f += b.retroreflection * retroreflection(b.retroreflector_alpha, wl, wc) * b.base;
+        r.pdf_to_light += b.retroreflection * retroreflection_pdf(b.retroreflector_alpha, wc, wl);
+        r.pdf_to_sensor += b.retroreflection * retroreflection_pdf(b.retroreflector_alpha, wl, wc);
     }
     return r;
 }
@@ -344,6 +324,26 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
     if (b.black || w.z <= 0.0) {
         return s;
     }
+    if (is_retroreflector(b)) {
+        if (u.w < b.retroreflection) {
+            s.direction = sample_retroreflection(b.retroreflector_alpha, w, u.xy);
+            if (s.direction.z <= 0.0) {
+                return s;
+            }
+            return smooth_sample(b, w, s.direction, to_light);
+        }
+        // The rest of the number chooses among the other lobes. The weight of a delta stays the same: the share of the light and the
+        // probability of choosing the delta fall by the same factor.
+        let rest = (u.w - b.retroreflection) / (1.0 - b.retroreflection);
+        return sample_other_lobes(b, w, to_light, vec4<f32>(u.xyz, min(rest, 0.99999994)));
+    }
+    return sample_other_lobes(b, w, to_light, u);
+}
+
+// As `bsdf_sample`, from all lobes but that of the retroreflector.
+fn sample_other_lobes(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSample {
+    var s: BsdfSample;
+    s.valid = false;
     let lobes = lobe_probabilities(b, w.z);
     if (u.w < lobes.diffuse) {
         s.direction = cosine_hemisphere(u.xy);
@@ -370,6 +370,13 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
             return delta_sample(b, w, s.direction, to_light, lobes, coat);
         }
     }
+    return smooth_sample(b, w, s.direction, to_light);
+}
+
+// The sample in `direction`, which came from one of the smooth lobes. Its density is that of all smooth lobes together.
+fn smooth_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool) -> BsdfSample {
+    var s: BsdfSample;
+    s.direction = direction;
     let wl = select(w, s.direction, to_light);
     let wc = select(s.direction, w, to_light);
     let value = bsdf_eval(b, wl, wc);

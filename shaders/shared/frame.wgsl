@@ -136,6 +136,7 @@ override HAS_GRIDS: bool = true;
 override DRAWS_IN_GATE: bool = true;
 override HAS_SPECULAR_COLORS: bool = true;
 override HAS_CLEARCOAT: bool = true;
+override HAS_RETROREFLECTORS: bool = true;
 // Whether the camera is orthographic. Its sensor is a plane, and its rays are parallel (PATH_PARALLEL).
 override HAS_ORTHOGRAPHIC: bool = false;
 // Whether each pixel looks at a point of its own (`aims` in camera.wgsl).

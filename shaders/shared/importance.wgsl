@@ -24,7 +24,7 @@ struct Receiver {
     normal: vec3<f32>,
     // Whether light may come through the surface.
     transmits: bool,
-    // Centre of the glossy lobe: the mirrored unit direction to the sensor.
+    // Centre of the glossy lobe: the mirrored unit direction to the sensor, or this direction itself at a retroreflector.
     mirrored: vec3<f32>,
     // Squared width of the glossy lobe, in radians squared.
     spread: f32,

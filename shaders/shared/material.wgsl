@@ -47,6 +47,10 @@ struct Material {
     clearcoat_roughness_texture: u32,
     // Index into `media` of the medium inside, or NONE.
     interior: u32,
+    // Share of the light that is reflected back to where it came from, and the GGX alpha of this lobe (retroreflector.wgsl).
+    retroreflection: f32,
+    retroreflector_alpha: f32,
+    pad: vec2<u32>,
 }
 
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
@@ -59,22 +63,27 @@ const DELTA_ALPHA: f32 = 0.001;
 const MIN_BELOW_COAT: f32 = 1e-4;
 
 fn load_material(index: u32) -> Material {
-    let color = bitcast<vec4<f32>>(textureLoad(materials, 8u * index, 0));
-    let light = bitcast<vec4<f32>>(textureLoad(materials, 8u * index + 1u, 0));
-    let lobes = bitcast<vec4<f32>>(textureLoad(materials, 8u * index + 2u, 0));
-    let rest = textureLoad(materials, 8u * index + 3u, 0);
-    let images = textureLoad(materials, 8u * index + 4u, 0);
-    let bumps = textureLoad(materials, 8u * index + 5u, 0);
-    let specular = textureLoad(materials, 8u * index + 6u, 0);
+    let color = bitcast<vec4<f32>>(textureLoad(materials, 9u * index, 0));
+    let light = bitcast<vec4<f32>>(textureLoad(materials, 9u * index + 1u, 0));
+    let lobes = bitcast<vec4<f32>>(textureLoad(materials, 9u * index + 2u, 0));
+    let rest = textureLoad(materials, 9u * index + 3u, 0);
+    let images = textureLoad(materials, 9u * index + 4u, 0);
+    let bumps = textureLoad(materials, 9u * index + 5u, 0);
+    let specular = textureLoad(materials, 9u * index + 6u, 0);
     var coats = vec4<u32>(NONE);
     if (HAS_COAT_TEXTURES || HAS_INTERIORS) {
-        coats = textureLoad(materials, 8u * index + 7u, 0);
+        coats = textureLoad(materials, 9u * index + 7u, 0);
+    }
+    var retroreflector = vec2<f32>(0.0);
+    if (HAS_RETROREFLECTORS) {
+        retroreflector = bitcast<vec2<f32>>(textureLoad(materials, 9u * index + 8u, 0).xy);
     }
     let numbers = bitcast<vec3<f32>>(rest.xyz);
     return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
         numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w,
         bumps.x, bitcast<f32>(bumps.y), bitcast<f32>(bumps.z), bitcast<f32>(bumps.w),
-        bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, coats.w);
+        bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, coats.w,
+        retroreflector.x, retroreflector.y, vec2<u32>(0u));
 }
 
 // Index of refraction inside solids of this material.

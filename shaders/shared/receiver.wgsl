@@ -22,6 +22,12 @@ fn make_receiver(q: PathVertex) -> Receiver {
         // A mirrored direction turns by twice the angle that the normal turns by.
         r.spread = max(4.0 * b.alpha * b.alpha, MIN_LOBE_WIDTH2);
         r.gloss = select(min(lobes.gloss, 1.0 - MIN_DIFFUSE), 0.0, is_delta(b));
+        // A receiver has one lobe. The retroreflector is the narrower one of both in practice.
+        if (is_retroreflector(b)) {
+            r.mirrored = q.to_previous;
+            r.spread = max(4.0 * square(b.retroreflector_alpha), MIN_LOBE_WIDTH2);
+            r.gloss = min(b.retroreflection, 1.0 - MIN_DIFFUSE);
+        }
     }
     return r;
 }

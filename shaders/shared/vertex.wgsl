@@ -119,7 +119,8 @@ fn is_connectible(v: PathVertex) -> bool {
     let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
     let lobe = metallic_and_alpha(m, v.base_color);
     let diffuse = lobe.x < 1.0 && m.transmission < 1.0;
-    return !black && (lobe.y >= DELTA_ALPHA || diffuse || has_rough_clearcoat(m, v.base_color));
+    let retroreflects = HAS_RETROREFLECTORS && m.retroreflection > 0.0;
+    return !black && (lobe.y >= DELTA_ALPHA || diffuse || retroreflects || has_rough_clearcoat(m, v.base_color));
 }
 
 // The BSDF at v, a point on a surface.

@@ -15,6 +15,9 @@
 //! A clear coat of strength c lies over f: a GGX lobe with F = c (0.04 + 0.96 (1 - cos)^5) and the albedo C. What lies under it is
 //! scaled by (1 - C(i)) (1 - C(o)).
 //!
+//! A retroreflector of share r turns f into (1 - r) f + r R, where R is the base colour times a GGX lobe of perfect mirrors around the
+//! direction that light comes from.
+//!
 //! Dielectric: GGX microfacets of smooth glass with unpolarised Fresnel reflectance. Each crossing multiplies by the base colour.
 //! The dielectric is only sampled, never evaluated: its directions follow from facets, Snell and Fresnel, without Walter's
 //! Jacobian.
@@ -22,6 +25,7 @@
 //! Every GGX lobe with alpha below [`MIRROR_ALPHA`] is a perfect mirror (or smooth glass).
 
 mod coat;
+mod retroreflector;
 
 use std::f64::consts::{PI, TAU};
 
@@ -30,6 +34,7 @@ use glam::DVec3;
 use super::ggx;
 use crate::scene::Material;
 use coat::{Coat, CoatTables};
+use retroreflector::Retroreflector;
 
 /// A GGX lobe with a smaller alpha counts as a perfect mirror.
 pub const MIRROR_ALPHA: f64 = 1e-3;
@@ -47,6 +52,7 @@ pub struct PreparedMaterial {
     coat: CoatTables,
     /// Strength and albedos of the clear coat.
     clearcoat: Option<(f64, CoatTables)>,
+    retroreflector: Option<Retroreflector>,
 }
 
 /// Values of a material's textures at a point, which multiply its factors; 1 without a texture. The roughnesses are perceptual.
@@ -121,6 +127,7 @@ impl PreparedMaterial {
             ior,
             coat: CoatTables::new(m.roughness, m.surface_texture.is_some()),
             clearcoat: coated.then(|| (f64::from(m.clearcoat), clearcoat())),
+            retroreflector: m.retroreflector.filter(|r| r.share > 0.0).map(Retroreflector::new),
         }
     }
 
@@ -180,7 +187,8 @@ impl Bsdf<'_> {
         let m = self.material;
         let (opaque_plastic, metal) = ((1.0 - self.metallic) * (1.0 - m.transmission), self.metallic);
         let rough = !self.is_mirror() && (metal > 0.0 || opaque_plastic * self.f90 > 0.0)
-            || self.clearcoat.is_some_and(|top| !top.is_mirror());
+            || self.clearcoat.is_some_and(|top| !top.is_mirror())
+            || m.retroreflector.is_some();
         !rough && (opaque_plastic == 0.0 || self.base.iter().all(|&b| b == 0.0))
     }
 
@@ -189,6 +197,18 @@ impl Bsdf<'_> {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return [0.0; 3];
         }
+        let others = self.eval_others(wi, wo);
+        match &self.material.retroreflector {
+            None => others,
+            Some(r) => {
+                let lobe = r.share * r.lobe(wi, wo);
+                [0, 1, 2].map(|k| (1.0 - r.share) * others[k] + lobe * self.base[k])
+            }
+        }
+    }
+
+    /// [`Bsdf::eval`] without the retroreflector, for directions above the surface.
+    fn eval_others(&self, wi: DVec3, wo: DVec3) -> [f64; 3] {
         let m = self.material;
         let left = (1.0 - self.coat.albedo(wi.z)) * (1.0 - self.coat.albedo(wo.z)) / (1.0 - self.coat.mean());
         let diffuse = (1.0 - self.metallic) * (1.0 - m.transmission) * left / PI;
@@ -244,6 +264,12 @@ impl Bsdf<'_> {
         if wo.z <= 0.0 {
             return 0.0;
         }
+        let others = self.pdf_of_others(wi, wo);
+        let retroreflector = self.material.retroreflector.as_ref();
+        retroreflector.map_or(others, |r| r.share * r.pdf(wi, wo) + (1.0 - r.share) * others)
+    }
+
+    fn pdf_of_others(&self, wi: DVec3, wo: DVec3) -> f64 {
         let [lobe, diffuse, _, clearcoat] = self.choices(wo);
         let rough = if self.is_mirror() { 0.0 } else { ggx::pdf(self.coat.alpha, wi, wo) };
         let top = match self.clearcoat {
@@ -259,6 +285,16 @@ impl Bsdf<'_> {
         if wo.z <= 0.0 {
             return None;
         }
+        match &self.material.retroreflector {
+            None => self.sample_others(wo, inside, u),
+            Some(r) if u[0] < r.share => self.smooth_sample(r.sample(wo, u[1], u[2]), wo),
+            // The weight of a mirror stays: its light and the probability of choosing it fall by the same factor.
+            Some(r) => self.sample_others(wo, inside, [(u[0] - r.share) / (1.0 - r.share), u[1], u[2]]),
+        }
+    }
+
+    /// [`Bsdf::sample`] from all lobes but the retroreflector.
+    fn sample_others(&self, wo: DVec3, inside: bool, u: [f64; 3]) -> Option<Sample> {
         let [lobe, diffuse, dielectric, clearcoat] = self.choices(wo);
         if u[0] < dielectric {
             return self.sample_glass(wo, inside, u, dielectric);
@@ -283,6 +319,11 @@ impl Bsdf<'_> {
         } else {
             return None;
         };
+        self.smooth_sample(wi, wo)
+    }
+
+    /// The sample `wi` of a lobe that is neither a mirror nor glass. `None` if it lies below the surface.
+    fn smooth_sample(&self, wi: DVec3, wo: DVec3) -> Option<Sample> {
         let pdf = self.pdf(wi, wo);
         if wi.z <= 0.0 || pdf <= 0.0 {
             return None;

@@ -22,6 +22,7 @@ host_twins! {
         normal_texture: u32, normal_scale: f32, clearcoat: f32, clearcoat_alpha: f32,
         f0_color: [f32; 3], specular_color_texture: u32,
         specular_texture: u32, clearcoat_texture: u32, clearcoat_roughness_texture: u32, interior: u32,
+        retroreflection: f32, retroreflector_alpha: f32, pad: [u32; 2],
     }
 }
 
@@ -53,6 +54,7 @@ pub struct Features {
     pub transmission: bool,
     pub specular_colors: bool,
     pub clearcoat: bool,
+    pub retroreflectors: bool,
     /// Whether meshes bound media without bending light.
     pub null_boundaries: bool,
 }
@@ -73,7 +75,7 @@ impl Material {
 
 impl Features {
     /// Values of the WGSL `override` constants that switch each feature on (1) or off (0).
-    pub fn constants(&self) -> [(&'static str, f64); 12] {
+    pub fn constants(&self) -> [(&'static str, f64); 13] {
         [
             ("HAS_TEXTURES", self.textures),
             ("HAS_SURFACE_TEXTURES", self.surface_textures),
@@ -86,6 +88,7 @@ impl Features {
             ("HAS_TRANSMISSION", self.transmission),
             ("HAS_SPECULAR_COLORS", self.specular_colors),
             ("HAS_CLEARCOAT", self.clearcoat),
+            ("HAS_RETROREFLECTORS", self.retroreflectors),
             ("HAS_NULL_BOUNDARIES", self.null_boundaries),
         ]
         .map(|(name, on)| (name, if on { 1.0 } else { 0.0 }))
@@ -170,7 +173,10 @@ impl<'a> MaterialSet<'a> {
         self.features.surface_textures |= varies;
         self.features.coat_textures |= coat_varies;
         self.features.normal_maps |= normal_texture.is_some();
-        self.features.glossy |= m.metallic > 0.0 || f90 > 0.0 || m.transmission > 0.0 || m.clearcoat > 0.0;
+        let retroreflector = m.retroreflector.filter(|retroreflector| retroreflector.share > 0.0);
+        self.features.retroreflectors |= retroreflector.is_some();
+        let has_lobes = m.metallic > 0.0 || f90 > 0.0 || m.transmission > 0.0 || m.clearcoat > 0.0;
+        self.features.glossy |= has_lobes || retroreflector.is_some();
         self.features.specular_colors |= f0_color != [f0; 3] || specular_color_texture.is_some();
         self.features.clearcoat |= m.clearcoat > 0.0;
         // A texture may make the metalness smaller than its factor.
@@ -213,6 +219,9 @@ impl<'a> MaterialSet<'a> {
             clearcoat_texture: clearcoat_texture.unwrap_or(NONE),
             clearcoat_roughness_texture: clearcoat_roughness_texture.unwrap_or(NONE),
             interior: NONE,
+            retroreflection: retroreflector.map_or(0.0, |retroreflector| retroreflector.share),
+            retroreflector_alpha: retroreflector.map_or(0.0, |retroreflector| retroreflector.alpha() as f32),
+            pad: [0; 2],
         };
         let used = || material.textures().into_iter().filter(|&texture| texture != NONE);
         self.features.textures |= used().next().is_some();

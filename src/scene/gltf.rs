@@ -22,6 +22,7 @@ mod meshopt;
 mod node;
 mod pose;
 mod resolve;
+mod retroreflector;
 mod root;
 mod texture;
 mod texture_use;

@@ -15,6 +15,49 @@ pub enum AlphaMode {
     Blend,
 }
 
+/// A lobe around the direction that light comes from. It takes its share of the light from all other lobes of the material, and the
+/// base colour tints it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Retroreflector {
+    /// Share of the light, in [0, 1].
+    pub share: f32,
+    /// Angle between the directions to light and sensor at which the lobe falls to half of its maximum, for a surface seen head-on.
+    /// In degrees, from [`Retroreflector::MIN_ANGLE`] to [`Retroreflector::MAX_ANGLE`].
+    pub angle: f32,
+}
+
+impl Retroreflector {
+    /// Below this angle, the lobe would be as narrow as the lobes that count as mirrors.
+    pub const MIN_ANGLE: f32 = 0.1;
+    /// At this angle, the GGX alpha is 0.9; GGX describes no wider lobes.
+    pub const MAX_ANGLE: f32 = 60.0;
+
+    /// GGX alpha of the lobe. A facet that is tilted by half of `angle` sends the light to the angle. There the distribution of
+    /// facets is `1 / (1 + tan^2 / alpha^2)^2` of its maximum, except for the factor `cos^-4`, which is near 1.
+    pub fn alpha(&self) -> f64 {
+        (f64::from(self.angle).to_radians() / 2.0).tan() / (std::f64::consts::SQRT_2 - 1.0).sqrt()
+    }
+
+    fn check(&self, transmission: f32, of: &str) -> Checked {
+        let Retroreflector { share, angle } = self;
+        if !(0.0..=1.0).contains(share) {
+            return Err(format!("the retroreflector of {of} has a share of {share}; it must be from 0 to 1"));
+        }
+        let (min, max) = (Retroreflector::MIN_ANGLE, Retroreflector::MAX_ANGLE);
+        if !(min..=max).contains(angle) {
+            return Err(format!(
+                "the retroreflector of {of} has an angle of {angle} degrees; it must be from {min} to {max}"
+            ));
+        }
+        if transmission > 0.0 {
+            return Err(format!(
+                "{of} has a retroreflector and a transmission of {transmission}; set the transmission to 0"
+            ));
+        }
+        Ok(())
+    }
+}
+
 /// A metallic-roughness material with the glTF extensions that taugate reads.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
@@ -65,6 +108,8 @@ pub struct Material {
     pub alpha_mode: AlphaMode,
     /// Whether the back reflects and emits as the front does; otherwise the back is black.
     pub double_sided: bool,
+    /// What reflects a part of the light back to where it came from, as signs and number plates do.
+    pub retroreflector: Option<Retroreflector>,
     /// The medium inside closed meshes of this material, which must transmit light.
     pub interior: Option<Medium>,
 }
@@ -95,6 +140,7 @@ impl Material {
             clearcoat_roughness_texture: None,
             alpha_mode: AlphaMode::Opaque,
             double_sided: true,
+            retroreflector: None,
             interior: None,
         }
     }
@@ -166,6 +212,9 @@ impl Material {
         }
         if !(self.ior.is_finite() && self.ior >= 1.0) {
             return Err(format!("{} has an ior of {}; it must be 1 or more", name(), self.ior));
+        }
+        if let Some(retroreflector) = &self.retroreflector {
+            retroreflector.check(self.transmission, &name())?;
         }
         if let Some(interior) = &self.interior {
             interior.check_interior(&format!("the medium inside {}", name()))?;

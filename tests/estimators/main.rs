@@ -20,6 +20,7 @@ mod null_boundaries;
 mod orthographic;
 mod regressions;
 mod responses;
+mod retroreflector;
 mod rough_glass;
 mod sampling;
 mod scan;

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::internals::generate::stage;
-use taugate::internals::scene::Material;
+use taugate::internals::scene::{Material, Retroreflector};
 
 use crate::bsdf_sample::{Input, even, random};
 use crate::materials::Set;
@@ -41,6 +41,12 @@ pub fn edges() -> &'static Set {
         let rough_coat =
             |roughness| Material { clearcoat_roughness: roughness, ..coat(stage::diffuse("coated", white)) };
         kinds.extend([0.1, 0.5, 1.0].map(rough_coat));
+        let retroreflecting = |angle| Material {
+            retroreflector: Some(Retroreflector { share: 1.0, angle }),
+            ..stage::diffuse("retroreflector", white)
+        };
+        let [min, max] = [Retroreflector::MIN_ANGLE, Retroreflector::MAX_ANGLE];
+        kinds.extend([min, 1.0, 10.0, max].map(retroreflecting));
         Set::new(kinds)
     })
 }
@@ -160,8 +166,8 @@ fn samples_agree_with_evaluation_and_light_runs_either_way() {
             let (index_l, index_c) = (reference.index(wl, view.front), reference.index(wc, view.front));
             // The length of a direction has an error of about 1e-7. The two cosines to the facet then have a relative
             // difference of 1e-7 over the cosine.
-            let h = (index_l * wl + index_c * wc).normalize();
-            let facet = h.dot(wl).abs().min(h.dot(wc).abs());
+            let h = (index_l * reference.facing_lobe(wl) + index_c * wc).normalize();
+            let facet = h.dot(reference.facing_lobe(wl)).abs().min(h.dot(wc).abs());
             // Vulkan allows `inverseSqrt` an error of 2 ULP, and `normalize` and `reflect` inherit it. Reflection at a facet
             // of length 1 + e returns a direction of length 1 + 4 e. So the length of a direction shows the error of its
             // cosines.
@@ -215,7 +221,8 @@ fn a_white_furnace_gains_nothing_at_the_edges() {
     for (views, found) in views.chunks(40).map(|v| (v, sample(&kernel, v, &uniforms))) {
         for (view, samples) in views.iter().zip(&found) {
             let (m, albedo) = (&edges().kinds[view.material], albedo(view, samples));
-            let lossless = (m.roughness == 0.0 || m.specular == 0.0) && m.clearcoat == 0.0;
+            let is_smooth = m.roughness == 0.0 || m.specular == 0.0;
+            let lossless = is_smooth && m.clearcoat == 0.0 && m.retroreflector.is_none();
             let least = if lossless { 0.999 } else { 0.3 };
             if m.name == "conductor" {
                 println!("| {:.4} | {} | {albedo:.3} |", m.roughness.powi(2), view.angle);

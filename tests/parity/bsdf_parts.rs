@@ -7,7 +7,7 @@ use crate::materials::set;
 use crate::shader_function::ShaderFunction;
 use crate::values::{dvec, polar, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&FRESNEL, &GGX, &LOBES];
+pub const KERNELS: &[&ShaderFunction] = &[&FRESNEL, &GGX, &LOBES, &RETROREFLECTION];
 
 /// Whether `got` is within a relative tolerance of `expected`.
 fn close(got: f32, expected: f64, tolerance: f64) -> bool {
@@ -121,5 +121,45 @@ fn lobes_and_the_albedo_of_the_coat() {
         let ior = f64::from(set.kinds[g[4] as usize].ior);
         let eta = f64::from(f32::from_bits(r[6]));
         assert!((eta - if g[5] == 1 { ior } else { 1.0 / ior }).abs() < 1e-6);
+    }
+}
+
+const RETROREFLECTION: ShaderFunction = ShaderFunction {
+    imports: &["retroreflector"],
+    input: "w: vec3<f32>, alpha: f32, u: vec2<f32>, pad: vec2<f32>",
+    result: "direction: vec3<f32>, f: f32, pdf: f32, swapped: f32, reverse: f32, mirrored: f32",
+    body: "let d = sample_retroreflection(input.alpha, input.w, input.u);
+        result.direction = d; result.mirrored = dot(mirror_about_normal(input.w), input.w);
+        if (d.z > 0.0) {
+            result.f = retroreflection(input.alpha, d, input.w); result.swapped = retroreflection(input.alpha, input.w, d);
+            result.pdf = retroreflection_pdf(input.alpha, input.w, d);
+            result.reverse = retroreflection_pdf(input.alpha, d, input.w);
+        }",
+};
+
+#[test]
+fn retroreflection_agrees_with_f64() {
+    let mut pcg = Pcg::new(34);
+    let mut inputs: Vec<[f32; 8]> = vec![];
+    for i in 0..30_000 {
+        // The narrowest lobe, two that signs have, and wide ones.
+        let alpha = [0.00136, 0.003, 0.014, 0.1, 0.9][i % 5];
+        let w = vec3(polar(pcg.range(0.03, 1.0), pcg.range(0.0, 6.3)));
+        inputs.push([w[0], w[1], w[2], alpha, pcg.uniform() as f32, pcg.uniform() as f32, 0.0, 0.0]);
+    }
+    let results: Vec<[f32; 8]> = RETROREFLECTION.run(&inputs, &[]);
+    let turned = |w: glam::DVec3| glam::DVec3::new(-w.x, -w.y, w.z);
+    for (g, r) in inputs.iter().zip(&results) {
+        let (w, alpha, d) = (dvec(&g[..3]).normalize(), f64::from(g[3]), dvec(&r[..3]).normalize());
+        assert!((f64::from(r[7]) - w.dot(turned(w))).abs() < 1e-6);
+        if d.z < 0.02 {
+            continue;
+        }
+        // The half vector has an absolute error of 2e-7, and the lobe a slope of at most 2 / alpha.
+        let tolerance = 1e-3 + 5e-7 / alpha / w.z.min(d.z);
+        let (f, pdf) = (ggx::lobe(alpha, turned(d), w), ggx::pdf(alpha, turned(d), w));
+        assert!(close(r[3], f, tolerance) && close(r[5], f, tolerance), "{g:?} {r:?} {f}");
+        assert!(close(r[4], pdf, tolerance), "{g:?} {r:?} {pdf}");
+        assert!(close(r[6], ggx::pdf(alpha, turned(w), d), tolerance), "{g:?} {r:?}");
     }
 }

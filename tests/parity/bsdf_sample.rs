@@ -128,6 +128,8 @@ fn cases() -> Vec<Case> {
     add(set.named("coated plastic", 0.25), 0.6, true, true);
     add(set.named("coated rough glass", 0.36), 0.75, true, true);
     add(set.named("coated rough glass", 0.36), 0.75, false, false);
+    add(set.named("retroreflector", 0.25), 0.7, true, true);
+    add(set.named("coated retroreflector", 0.25), 0.5, true, false);
     cases
 }
 
@@ -163,6 +165,10 @@ fn directions_have_their_density() {
                 "plastic" => 1.15,
                 "coated plastic" => 1.5,
                 "coated rough glass" => 1.08,
+                "retroreflector" | "coated retroreflector" => {
+                    wider.retro_alpha *= 1.05;
+                    1.0
+                }
                 _ => 1.04,
             };
             p_value(wider, case.w)
@@ -271,7 +277,12 @@ fn weight(s: &Got) -> f64 {
 /// between facets, up to 70 %.
 fn minimum_albedo(m: &Material, angle: f64) -> f64 {
     let alpha = f64::from(m.roughness).powi(2);
-    if m.clearcoat > 0.0 {
+    if m.retroreflector.is_some() && m.clearcoat == 0.0 && m.roughness < 0.1 {
+        // Over a mirror, the wide lobe loses light to the horizon at grazing angles.
+        if angle < 70.0 { 0.98 } else { 0.7 }
+    } else if m.retroreflector.is_some_and(|retroreflector| retroreflector.angle < 1.0) {
+        if angle < 89.5 { 0.98 } else { 0.6 }
+    } else if m.clearcoat > 0.0 {
         // With two mirrors, the albedo is C + (1 - C)^2, where C is the albedo of the clear coat.
         if alpha < 1e-3 && m.clearcoat_roughness == 0.0 { 0.75 } else { 0.3 }
     } else if m.specular == 0.0 || alpha < 1e-3 {

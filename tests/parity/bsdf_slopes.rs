@@ -48,15 +48,17 @@ impl<'a> Grid<'a> {
         let reference = edges().at(view.material, [1.0; 3]);
         let w = unit(view.w());
         // The largest slope of a half vector between two directions above the surface.
-        let reflected = (1.0 + (2.0 / (w.z * reference.alpha)).powi(2)).ln();
+        let is_retroreflector = edges().kinds[view.material].retroreflector.is_some();
+        let alpha = if is_retroreflector { reference.retro_alpha } else { reference.alpha };
+        let reflected = (1.0 + (2.0 / (w.z * alpha)).powi(2)).ln();
         let end = if edges().kinds[view.material].transmission > 0.0 { reflected.max(16.0) } else { reflected };
-        Grid { view, reference, w, alpha: reference.alpha, end }
+        Grid { view, reference, w, alpha, end }
     }
 
     /// The half vector of the known direction and `d`, on the upper side.
     fn half(&self, d: DVec3) -> DVec3 {
         let h = if d.z > 0.0 {
-            self.w + d
+            self.w + self.reference.facing_lobe(d)
         } else {
             self.reference.index(self.w, self.view.front) * self.w + self.reference.index(d, self.view.front) * d
         };
@@ -85,7 +87,8 @@ impl<'a> Grid<'a> {
             return [0.0; 2];
         }
         let up = 2.0 * c * h - w;
-        let reflected = if up.z > 0.0 { self.reference.pdf(w, up, front) * 4.0 * c } else { 0.0 };
+        let reflected =
+            if up.z > 0.0 { self.reference.pdf(w, self.reference.facing_lobe(up), front) * 4.0 * c } else { 0.0 };
         if edges().kinds[self.view.material].transmission == 0.0 {
             return [reflected, 0.0];
         }

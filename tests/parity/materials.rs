@@ -11,12 +11,16 @@ use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::material::Material as DeviceMaterial;
 use taugate::internals::render::space::RenderSpace;
-use taugate::internals::scene::{Material, Mesh, Scene};
+use taugate::internals::scene::{Material, Mesh, Retroreflector, Scene};
 use taugate::internals::settings::Emitters;
 
 use crate::shader_function::{Contents, contents};
 
 pub const ALPHAS: [f64; 3] = [0.05, 0.3, 1.0];
+
+fn retroreflecting(share: f32, angle: f32, m: Material) -> Material {
+    Material { retroreflector: Some(Retroreflector { share, angle }), ..m }
+}
 
 /// Materials of all kinds; all are double-sided.
 pub fn kinds() -> Vec<Material> {
@@ -39,6 +43,10 @@ pub fn kinds() -> Vec<Material> {
     all.push(coated(stage::metal("coated mirror", white, 0.0), 0.3));
     all.push(coated(stage::metal("twice a mirror", white, 0.0), 0.0));
     all.push(coated(Material { roughness: 0.6, ..stage::glass("coated rough glass") }, 0.3));
+    all.push(retroreflecting(0.5, 20.0, stage::plastic("retroreflector", white, 0.5)));
+    all.push(retroreflecting(1.0, 0.2, stage::diffuse("narrow retroreflector", white)));
+    all.push(retroreflecting(0.3, 8.0, stage::metal("retroreflecting mirror", white, 0.0)));
+    all.push(retroreflecting(0.4, 10.0, coated(stage::plastic("coated retroreflector", white, 0.5), 0.3)));
     all.push(Material { metallic: 0.3, transmission: 0.6, ior: 1.7, ..stage::plastic("all at once", white, 0.5) });
     all
 }
@@ -89,7 +97,21 @@ impl Set {
         let m = &self.kinds[material];
         let f0 = f64::from((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
         let f0 = m.specular_color.map(|color| (f0 * f64::from(color)).min(1.0));
-        Reference { set: self, m, base, alpha: f64::from(m.roughness).powi(2), f0, ior: m.ior.into() }
+        // A lobe of another width replaces the retroreflector's where there is none; its share is 0.
+        let retroreflector = m.retroreflector.unwrap_or(Retroreflector { share: 0.0, angle: 1.0 });
+        let half = (0.5 * f64::from(retroreflector.angle)).to_radians().tan();
+        let share = retroreflector.share.into();
+        let retro_alpha = half / 0.643_594_252_905_582_6;
+        Reference {
+            set: self,
+            m,
+            base,
+            alpha: f64::from(m.roughness).powi(2),
+            share,
+            retro_alpha,
+            f0,
+            ior: m.ior.into(),
+        }
     }
 }
 
@@ -100,6 +122,9 @@ pub struct Reference<'a> {
     m: &'a Material,
     base: [f64; 3],
     pub alpha: f64,
+    /// Share and GGX alpha of the retroreflector.
+    share: f64,
+    pub retro_alpha: f64,
     f0: [f64; 3],
     ior: f64,
 }
@@ -114,6 +139,11 @@ impl Reference<'_> {
     /// Index of refraction on the side of `w`.
     pub fn index(&self, w: DVec3, front: bool) -> f64 {
         if (w.z > 0.0) == front { 1.0 } else { self.ior }
+    }
+
+    /// The direction whose half vector with the known direction determines the lobe: at a retroreflector, the mirror image of `d`.
+    pub fn facing_lobe(&self, d: DVec3) -> DVec3 {
+        if self.share > 0.0 { mirrored(d) } else { d }
     }
 
     pub fn is_delta(&self) -> bool {
@@ -166,6 +196,14 @@ impl Reference<'_> {
 
     /// f for light that arrives from `wl` and leaves towards `wc`, per colour channel. `front`: the +z side has index 1.
     pub fn f(&self, wl: DVec3, wc: DVec3, front: bool) -> [f64; 3] {
+        let others = self.f_of_others(wl, wc, front);
+        let above = wl.z > 0.0 && wc.z > 0.0 && self.share > 0.0;
+        let lobe = if above { ggx::lobe(self.retro_alpha, mirrored(wl), wc) } else { 0.0 };
+        [0, 1, 2].map(|k| (1.0 - self.share) * others[k] + self.share * lobe * self.base[k])
+    }
+
+    /// `f` without the retroreflector.
+    fn f_of_others(&self, wl: DVec3, wc: DVec3, front: bool) -> [f64; 3] {
         let [metal, plastic, glass] = self.shares();
         let above = if front { 1.0 } else { self.ior };
         let passes = (1.0 - self.clearcoat_albedo(wl.z)) * (1.0 - self.clearcoat_albedo(wc.z));
@@ -198,6 +236,12 @@ impl Reference<'_> {
             let turn = |d: DVec3| DVec3::new(d.x, -d.y, -d.z);
             return self.pdf(turn(w), turn(other), !front);
         }
+        let retro = if other.z > 0.0 { self.share * ggx::pdf(self.retro_alpha, mirrored(other), w) } else { 0.0 };
+        (1.0 - self.share) * self.pdf_of_others(w, other, front) + retro
+    }
+
+    /// `pdf` without the retroreflector, for `w` above the surface.
+    fn pdf_of_others(&self, w: DVec3, other: DVec3, front: bool) -> f64 {
         let [diffuse, gloss, glass, clearcoat] = self.lobes(w.z);
         if other.z < 0.0 {
             return glass * self.refraction(other, w, front).map_or(0.0, |r| r.pdf_from_c);
@@ -233,6 +277,11 @@ impl Reference<'_> {
         let visible = d * om.abs() / (o.z.abs() * (1.0 + lo));
         Some(Refraction { f, pdf_from_c: visible * passed * eta_i * eta_i * im.abs() / squared })
     }
+}
+
+/// The mirror image of `w` about the normal.
+fn mirrored(w: DVec3) -> DVec3 {
+    DVec3::new(-w.x, -w.y, w.z)
 }
 
 struct Refraction {

@@ -65,18 +65,26 @@ const RECEIVER: ShaderFunction = ShaderFunction {
 };
 
 /// A receiver has the mirrored direction, a lobe twice as wide as the slopes of the facets, and the probability of the glossy
-/// lobe (at most 0.9).
+/// lobe (at most 0.9). If a retroreflector lies there, it has the lobe of the retroreflector.
 #[test]
 fn a_receiver_has_the_gloss_of_its_material() {
     let mut pcg = Pcg::new(12);
     let points: Vec<_> = (0..5000).map(|_| vertex(&mut pcg)).collect();
     let results: Vec<[f32; 12]> = RECEIVER.run(&points, &buffers());
-    let (mut glossy, mut through) = (0, 0);
+    let (mut glossy, mut through, mut retroreflecting) = (0, 0, 0);
     for (q, r) in points.iter().zip(&results) {
         let (normal, before) = (dvec(&q.normal), dvec(&q.to_previous));
+        let material = &set().kinds[q.material as usize];
+        if let Some(retroreflector) = material.retroreflector {
+            let spread = (4.0 * retroreflector.alpha().powi(2)).max(0.01);
+            assert!(r[..3] == q.to_previous && r[7] == retroreflector.share.min(0.9), "{q:?} {r:?}");
+            assert!((f64::from(r[3]) / spread - 1.0).abs() < 1e-5, "{q:?} {r:?}");
+            retroreflecting += 1;
+            continue;
+        }
         let mirrored: DVec3 = 2.0 * normal.dot(before) * normal - before;
         assert!((dvec(&r[..3]) - mirrored).length() < 1e-5, "{q:?} {r:?}");
-        let alpha = f64::from(set().kinds[q.material as usize].roughness).powi(2);
+        let alpha = f64::from(material.roughness).powi(2);
         assert!((f64::from(r[3]) - (4.0 * alpha * alpha).max(0.01)).abs() < 1e-5, "{q:?} {r:?}");
         assert_eq!(r[4..7], q.geometric);
         assert!((r[7] - r[9].min(0.9)).abs() < 1e-5, "{q:?} {r:?}");
@@ -84,5 +92,6 @@ fn a_receiver_has_the_gloss_of_its_material() {
         glossy += usize::from(r[7] > 0.3);
         through += usize::from(r[8].to_bits() == 1);
     }
-    assert!(glossy > 500 && through > 200, "{glossy} glossy receivers, {through} that transmit");
+    let seen = glossy > 500 && through > 200 && retroreflecting > 200;
+    assert!(seen, "{glossy} glossy receivers, {through} that transmit, {retroreflecting} that retroreflect");
 }

@@ -1,6 +1,7 @@
 //! Materials: their extensions, and the textures of one material with their coordinates and transforms.
 
 use glam::{DAffine2, DVec2};
+use taugate::internals::scene::Retroreflector;
 
 use super::*;
 
@@ -216,4 +217,41 @@ fn transforms_that_cannot_be_undone_are_left_to_the_textures() {
     assert_eq!(scales, [0.0, 3.0]);
     glb.json["materials"][0]["emissiveTexture"] = transform(1e8);
     assert!(refusal(&glb.build()).contains("texture transforms of material `Paint` differ"));
+}
+
+#[test]
+fn retroreflectors_are_read() {
+    let with = |value: Value| {
+        let mut glb = complete();
+        extensions(&mut glb)["KHR_materials_transmission"]["transmissionFactor"] = json!(0.0);
+        glb.json["materials"][0]["extras"] = json!({ "retroreflector": value });
+        glb
+    };
+    let scene = read(&with(json!({ "share": 0.3, "angle": 0.5 })));
+    assert_eq!(scene.materials[0].retroreflector, Some(Retroreflector { share: 0.3, angle: 0.5 }));
+    assert!(scene.warnings.is_empty());
+    assert_eq!(read(&with(json!(null))).materials[0].retroreflector, None);
+    let mut glb = complete();
+    glb.json["materials"][0]["extras"] = json!("made of glass beads");
+    assert_eq!(read(&glb).materials[0].retroreflector, None);
+
+    for (value, part) in [
+        (json!({ "share": -0.1, "angle": 0.5 }), "a share of -0.1; it must be from 0 to 1"),
+        (json!({ "share": 1.5, "angle": 0.5 }), "a share of 1.5; it must be from 0 to 1"),
+        (json!({ "share": 0.3, "angle": 0.01 }), "an angle of 0.01 degrees; it must be from 0.1 to 60"),
+        (json!({ "share": 0.3, "angle": 1e30 }), "it must be from 0.1 to 60"),
+        (json!({ "share": 0.3, "angle": -1 }), "it must be from 0.1 to 60"),
+        (json!({ "share": "a lot", "angle": 0.5 }), "write {\"share\": 0.3, \"angle\": 0.5}"),
+        (json!({ "share": 0.3 }), "missing field `angle`"),
+        (json!({ "share": 0.3, "angle": 0.5, "width": 2 }), "unknown field `width`"),
+        (json!(true), "extras.retroreflector of material `Paint` cannot be read (it is no object)"),
+        (json!([0.3, 0.5]), "it is no object"),
+    ] {
+        let message = refusal(&with(value.clone()).build());
+        assert!(message.contains(part) && message.contains("Paint"), "{value}: {message}");
+    }
+    let mut glass = with(json!({ "share": 0.3, "angle": 0.5 }));
+    extensions(&mut glass)["KHR_materials_transmission"]["transmissionFactor"] = json!(1.0);
+    let message = refusal(&glass.build());
+    assert!(message.contains("has a retroreflector and a transmission of 1; set the transmission to 0"), "{message}");
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::generate::numbers::Pcg;
 use crate::generate::stage::{diffuse, metal, plastic};
+use crate::scene;
 
 fn direction(cos: f64, angle: f64) -> DVec3 {
     let sin = (1.0 - cos * cos).sqrt();
@@ -21,6 +22,8 @@ fn some_materials() -> Vec<Material> {
     all.push(coated(metal("", [1.0; 3], 0.3), 0.6));
     all.push(coated(plastic("", [1.0; 3], 0.8), 0.3));
     all.push(Material { specular_color: [30.0, 5.0, 0.0], ..plastic("", [1.0; 3], 0.5) });
+    let sheet = Some(scene::Retroreflector { share: 0.6, angle: 10.0 });
+    all.push(Material { retroreflector: sheet, ..plastic("", [1.0; 3], 0.7) });
     all
 }
 

@@ -5,11 +5,11 @@ use ::gltf::json::material::AlphaMode as JsonAlphaMode;
 use ::gltf::json::texture::Info;
 use ::gltf::json::validation::Checked::{Invalid, Valid};
 
-use super::Checked;
 use super::document::{Document, Warnings, finite, label};
 use super::material_extension::{Clearcoat, SpecularGlossiness, read};
 use super::texture::{Channels, Textures};
 use super::texture_use::{TextureUse, UvMapping, add_all, as_info};
+use super::{Checked, retroreflector};
 use crate::scene::{AlphaMode, Material};
 
 /// All materials of the file in its order, and the textures that they use.
@@ -219,6 +219,7 @@ impl Materials {
             clearcoat_roughness_texture,
             alpha_mode,
             double_sided: source.double_sided,
+            retroreflector: retroreflector::read(&source.extras, &name)?,
             interior: None,
             name,
         })
