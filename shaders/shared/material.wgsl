@@ -50,7 +50,6 @@ struct Material {
     // Share of the light that is reflected back to where it came from, and the GGX alpha of this lobe (retroreflector.wgsl).
     retroreflection: f32,
     retroreflector_alpha: f32,
-    pad: vec2<u32>,
 }
 
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
@@ -83,7 +82,7 @@ fn load_material(index: u32) -> Material {
         numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w,
         bumps.x, bitcast<f32>(bumps.y), bitcast<f32>(bumps.z), bitcast<f32>(bumps.w),
         bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, coats.w,
-        retroreflector.x, retroreflector.y, vec2<u32>(0u));
+        retroreflector.x, retroreflector.y);
 }
 
 // Index of refraction inside solids of this material.
