@@ -75,10 +75,21 @@ fn print(mut experiment: Experiment) -> anyhow::Result<ExitCode> {
 
 /// Loads the scene of an experiment, in the pose that it wants.
 pub fn load_scene(experiment: &Experiment) -> Result<Scene> {
+    let (path, allowed, playback) = source(experiment);
+    gltf::load_with(path, &allowed, playback)
+}
+
+/// Fails if the scene of the experiment has no pose at its time.
+fn check_pose(experiment: &Experiment) -> Result<()> {
+    let (path, allowed, playback) = source(experiment);
+    gltf::check_pose(path, &allowed, playback)
+}
+
+/// The file of the scene, the folders that it may refer to, and the time of the pose.
+fn source(experiment: &Experiment) -> (&Path, Vec<PathBuf>, Playback<'_>) {
     let path = experiment.scene.as_ref().expect("the experiment names a scene");
     let input = &experiment.input;
-    let playback = Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() };
-    gltf::load_with(path, &input.allowed(), playback)
+    (path, input.allowed(), Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() })
 }
 
 /// How a render ended.

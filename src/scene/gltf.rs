@@ -60,6 +60,15 @@ pub fn load_with(path: &Path, allowed: &[PathBuf], playback: Playback) -> Result
     load_from(&bytes, path, allowed, playback)
 }
 
+/// Fails as [`load_with`] does if the nodes of the file have no pose at the time of `playback`. Reads neither meshes nor images.
+pub fn check_pose(path: &Path, allowed: &[PathBuf], playback: Playback) -> Result<()> {
+    let bytes = resolve::read_file(path).map_err(|message| Error::Scene { path: path.into(), message })?;
+    guarded(path, || {
+        let mut doc = Document::open(&bytes, Folders::new(path, allowed))?;
+        animation::pose(&mut doc, playback, &mut Warnings::default()).map(drop)
+    })
+}
+
 /// The bytes of the scene's file, then of the external buffers and images that it names, in its order. A missing external file
 /// gives an empty entry: [`load`] reports it. Fails if the scene's file cannot be read.
 pub fn files(path: &Path) -> Result<Vec<Vec<u8>>> {
@@ -92,8 +101,13 @@ pub fn load_slice_at(bytes: &[u8], path: &Path, playback: Playback) -> Result<Sc
 
 fn load_from(bytes: &[u8], path: &Path, allowed: &[PathBuf], playback: Playback) -> Result<Scene> {
     let folders = Folders::new(path, allowed);
+    guarded(path, || read(bytes, folders, playback))
+}
+
+/// The result of `read` with the path of the file in its error.
+fn guarded<T>(path: &Path, read: impl FnOnce() -> Checked<T>) -> Result<T> {
     // A panic here is a defect of this reader or of a decoder. Report it as an error: the user can at least change the file.
-    catch_unwind(AssertUnwindSafe(|| read(bytes, folders, playback)))
+    catch_unwind(AssertUnwindSafe(read))
         .unwrap_or_else(|_| Err("the glTF reader failed on this file; re-export it, and report the file".into()))
         .map_err(|message| Error::Scene { path: path.into(), message })
 }

@@ -218,7 +218,7 @@ impl Response {
             Weight::Gate { edge: Edge::Sharp, .. } => gate,
             Weight::Gate { edge: Edge::Ramp(length), .. } => format!("{gate} with ramps of {length} m"),
             Weight::Gate { edge: Edge::Gauss(sigma), .. } => format!("{gate} with Gaussian edges of {sigma} m"),
-            Weight::Table(_) => format!("{} in the {gate}", self.name),
+            Weight::Table(_) => format!("response {} in the {gate}", self.name),
             Weight::Wave { .. } => self.name.clone(),
         }
     }

@@ -101,10 +101,11 @@ fn a_gate_that_sweeps_is_a_sequence() {
 fn mistakes_name_the_remedy() {
     let here = with("street");
     assert!(taugate(here.path(), &["generate", "cornell-box", "-o", "box.glb"]).status.success());
-    let table: [(&[&str], &str); 9] = [
+    let table: [(&[&str], &str); 10] = [
         (&["scene.glb", "--frames", "0..2", "-o", "f.exr"], "write the number of the frame as #"),
         (&["scene.glb", "--frames", "2..2", "-o", "f#.exr"], "like 0..24"),
         (&["scene.glb", "--frames", "50..52", "-o", "f#.exr"], "from 0 s to 2 s, so it has no pose at"),
+        (&["scene.glb", "--frames", "47..50", "-o", "f#.exr"], "no pose at 2.04"),
         (&["scene.glb", "--at", "9s", "-o", "f.exr"], "no pose at 9 s"),
         (&["scene.glb", "--at", "1s", "--animation", "walk", "-o", "f.exr"], "choose one of 'drive'"),
         (&["scene.glb", "--at", "1s", "--frames", "0..2", "-o", "f#.exr"], "cannot be used with"),

@@ -13,12 +13,16 @@ use taugate::internals::image::npy_file::description_path;
 use taugate::internals::input::resolve::{Outputs, outputs};
 use taugate::internals::input::sequence::Sequence;
 
-use super::{Outcome, Session};
+use super::{Outcome, Session, check_pose};
 
 /// Renders all frames, then the pictures of all of them.
 pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCode> {
     for path in sequence.contact_sheet.iter().chain(&sequence.gif) {
         check_writable(path)?;
+    }
+    // The first frames must not be rendered if the last one is beyond the end of the animation.
+    if let Some(last) = sequence.frames().next_back() {
+        check_pose(&sequence.frame(last))?;
     }
     session.is_sequence = true;
     let count = sequence.frames().len();
