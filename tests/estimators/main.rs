@@ -6,6 +6,7 @@ mod caustics;
 mod cells;
 #[path = "../common/orthographic.rs"]
 mod closed_form;
+mod continuous_wave;
 mod determinism;
 #[path = "../common/device.rs"]
 mod device;
