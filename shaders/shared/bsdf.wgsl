@@ -324,31 +324,22 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
     if (b.black || w.z <= 0.0) {
         return s;
     }
+    let lobes = lobe_probabilities(b, w.z);
+    var pick = u.w;
     if (is_retroreflector(b)) {
-        if (u.w < b.retroreflection) {
-            s.direction = sample_retroreflection(b.retroreflector_alpha, w, u.xy);
-            if (s.direction.z <= 0.0) {
-                return s;
-            }
-            return smooth_sample(b, w, s.direction, to_light);
-        }
         // The rest of the number chooses among the other lobes. The weight of a delta stays the same: the share of the light and the
         // probability of choosing the delta fall by the same factor.
-        let rest = (u.w - b.retroreflection) / (1.0 - b.retroreflection);
-        return sample_other_lobes(b, w, to_light, vec4<f32>(u.xyz, min(rest, 0.99999994)));
+        pick = min((u.w - b.retroreflection) / (1.0 - b.retroreflection), 0.99999994);
     }
-    return sample_other_lobes(b, w, to_light, u);
-}
-
-// As `bsdf_sample`, from all lobes but that of the retroreflector.
-fn sample_other_lobes(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSample {
-    var s: BsdfSample;
-    s.valid = false;
-    let lobes = lobe_probabilities(b, w.z);
-    if (u.w < lobes.diffuse) {
+    if (is_retroreflector(b) && u.w < b.retroreflection) {
+        s.direction = sample_retroreflection(b.retroreflector_alpha, w, u.xy);
+        if (s.direction.z <= 0.0) {
+            return s;
+        }
+    } else if (pick < lobes.diffuse) {
         s.direction = cosine_hemisphere(u.xy);
     } else {
-        let coat = is_coated(b) && u.w >= 1.0 - lobes.clearcoat;
+        let coat = is_coated(b) && pick >= 1.0 - lobes.clearcoat;
         let alpha = select(b.alpha, b.clearcoat_alpha, coat);
         var h = vec3<f32>(0.0, 0.0, 1.0);
         if (alpha >= DELTA_ALPHA) {
@@ -356,7 +347,7 @@ fn sample_other_lobes(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> Bs
         }
         s.direction = reflect(-w, h);
         var refracted = false;
-        if (HAS_TRANSMISSION && !coat && u.w >= lobes.diffuse + lobes.gloss) {
+        if (HAS_TRANSMISSION && !coat && pick >= lobes.diffuse + lobes.gloss) {
             refracted = u.z >= fresnel_dielectric(max(dot(w, h), 0.0), b.eta_above, b.eta_below);
             if (refracted) {
                 s.direction = refract(-w, h, b.eta_above / b.eta_below);
@@ -370,13 +361,6 @@ fn sample_other_lobes(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> Bs
             return delta_sample(b, w, s.direction, to_light, lobes, coat);
         }
     }
-    return smooth_sample(b, w, s.direction, to_light);
-}
-
-// The sample in `direction`, which came from one of the smooth lobes. Its density is that of all smooth lobes together.
-fn smooth_sample(b: Bsdf, w: vec3<f32>, direction: vec3<f32>, to_light: bool) -> BsdfSample {
-    var s: BsdfSample;
-    s.direction = direction;
     let wl = select(w, s.direction, to_light);
     let wc = select(s.direction, w, to_light);
     let value = bsdf_eval(b, wl, wc);

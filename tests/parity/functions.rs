@@ -88,8 +88,6 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("clearcoat_passes", "as is_coated"),
     ("is_retroreflector", "bsdf_eval and bsdf_sample on retroreflectors"),
     ("add_retroreflection", "as is_retroreflector"),
-    ("sample_other_lobes", "bsdf_sample"),
-    ("smooth_sample", "bsdf_sample"),
     ("intersect_triangle", "trace against a test of all triangles"),
     ("intersect_four", "trace against a test of all triangles"),
     ("to_ray", "trace against a test of all triangles, and watertight"),
