@@ -68,6 +68,9 @@ struct Frame {
     media_count: u32,
     // From the centre of the film to the principal point, the point where the camera axis meets the film. In pixels, y down.
     principal_offset: vec2<f32>,
+    // Travel times [hole_lo, hole_hi) inside the gate that count for no response, if HAS_HOLE.
+    hole_lo: f32,
+    hole_hi: f32,
 }
 
 // Parameters of one dispatch.
@@ -141,6 +144,8 @@ override HAS_RETROREFLECTORS: bool = true;
 override HAS_ORTHOGRAPHIC: bool = false;
 // Whether each pixel looks at a point of its own (`aims` in camera.wgsl).
 override HAS_AIMS: bool = false;
+// Whether two responses lie so far apart that the travel times between them are left out (gate.wgsl).
+override HAS_HOLE: bool = false;
 // Whether loops exit at their top. Some drivers lose the results of the last iteration of a loop that exits at
 // its end (src/gpu/quirks.rs).
 override EXIT_AT_TOP: bool = false;

@@ -7,7 +7,10 @@ fn travel_time(v_tau: f32, connection: f32, q_tau: f32) -> f32 {
     return v_tau + connection + q_tau;
 }
 
-// Factor of a contribution with travel time `tau`: 1 inside the gate, 0 outside.
+// Factor of a contribution with travel time `tau`: 1 inside the gate, 0 outside and between distant responses.
 fn gate_weight(tau: f32) -> f32 {
+    if (HAS_HOLE && tau >= frame.hole_lo && tau < frame.hole_hi) {
+        return 0.0;
+    }
     return select(0.0, 1.0, tau >= frame.gate_lo && tau < frame.gate_hi);
 }

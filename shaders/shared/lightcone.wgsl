@@ -10,6 +10,10 @@ struct Shell {
     // Minimum and maximum refractive index along a connection.
     eta_lo: f32,
     eta_hi: f32,
+    // Optical lengths strictly between these two miss all responses, if HAS_HOLE: ends of the hole minus q_tau, narrowed by the
+    // rounding allowance.
+    hole_lo: f32,
+    hole_hi: f32,
 }
 
 // Minimum (x) and maximum (y) distance from q to the box [lo, hi].
@@ -21,6 +25,9 @@ fn box_distances(q: vec3<f32>, lo: vec3<f32>, hi: vec3<f32>) -> vec2<f32> {
 
 // True if no vertex with a travel time in [tau_lo, tau_hi] and an optical distance in [d.x, d.y] can meet the gate (Eq. 19).
 fn is_pruned(tau_lo: f32, tau_hi: f32, d: vec2<f32>, shell: Shell) -> bool {
+    if (HAS_HOLE && tau_lo + d.x > shell.hole_lo && tau_hi + d.y < shell.hole_hi) {
+        return true;
+    }
     return tau_hi + d.y < shell.lo || tau_lo + d.x > shell.hi;
 }
 

@@ -250,6 +250,9 @@ impl Plan {
     /// Sets the seed and the responses, and the travel-time bounds that follow from the gate and from the sensor's position.
     pub fn set(&mut self, seed: u32, responses: Responses) {
         let gate = responses.support();
+        let hole =
+            responses.hole().map_or([OPEN; 2], |hole| [hole.lo, hole.hi].map(|end| self.space.length(end) as f32));
+        [self.frame.hole_lo, self.frame.hole_hi] = hole;
         self.responses = responses;
         // The corners are the farthest points of the sensor, also from the convex box of the sensor before.
         let farthest =
@@ -371,6 +374,7 @@ impl Plan {
             ("HAS_PARALLEL", switch(self.has_distant || self.is_orthographic)),
             ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
             ("HAS_AIMS", switch(self.aims > 0)),
+            ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
             ("HAS_SKY", switch(self.has_sky)),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
             ("GUIDES_FLIGHTS", switch(self.moves_events())),

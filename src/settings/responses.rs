@@ -92,6 +92,23 @@ impl Responses {
         self.iter().map(Response::support).reduce(around).expect("there is a response")
     }
 
+    /// The longest interval between the supports of two responses, if it takes at least a quarter of [`Responses::support`]. Its light
+    /// counts for no response. `None` if the supports lie closer together.
+    pub fn hole(&self) -> Option<Gate> {
+        let mut supports: Vec<Gate> = self.iter().map(Response::support).collect();
+        supports.sort_by(|a, b| a.lo.total_cmp(&b.lo));
+        let mut end = supports[0].hi;
+        let mut longest = Gate { lo: end, hi: end };
+        for support in supports {
+            if support.lo - end > longest.hi - longest.lo {
+                longest = Gate { lo: end, hi: support.lo };
+            }
+            end = end.max(support.hi);
+        }
+        let whole = self.support();
+        (longest.hi > longest.lo && longest.hi - longest.lo >= 0.25 * (whole.hi - whole.lo)).then_some(longest)
+    }
+
     /// The gate of the fewest steps of 32-bit travel times, the one where rounding is most visible.
     #[doc(hidden)]
     pub fn narrowest(&self) -> Gate {

@@ -52,6 +52,7 @@ host_twins! {
         crop_height: u32, first_sample: u32, emitter_points: u32, slots: u32,
         sensor: [f32; 3], query_sample_count: f32,
         splat_share: f32, media_count: u32, principal_offset: [f32; 2],
+        hole_lo: f32, hole_hi: f32, pad: [u32; 2],
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }

@@ -28,6 +28,38 @@ fn rendered(mut renderer: Renderer) -> Renderer {
     renderer
 }
 
+/// Two thin gates with a hole between them: a render leaves out the light of the hole. Each gate agrees with the closed form.
+#[test]
+fn gates_far_apart_agree_with_the_closed_form() {
+    let far = |stretch: f64| [[2.6, 2.8], [6.0, 6.4]].map(|[lo, hi]| Gate { lo: lo * stretch, hi: hi * stretch });
+    let gates = far(1.0).into_iter().enumerate().map(|(k, gate)| Response::new(format!("{k}"), gate, Edge::Sharp));
+    let responses = Responses::new(gates.collect()).unwrap();
+    assert_eq!(responses.hole(), Some(Gate { lo: 2.8, hi: 6.0 }));
+    for estimator in Estimator::ALL {
+        let settings = settings(estimator, [16, 16]).responses(responses.clone()).build().unwrap();
+        let mut renderer = renderer(&sphere(), &settings);
+        let mut means = [vec![], vec![]];
+        for seed in 0..SEEDS {
+            renderer.restart(500 + seed, responses.clone()).unwrap();
+            renderer.iterate(8).unwrap();
+            let film = renderer.responses().unwrap();
+            means.iter_mut().enumerate().for_each(|(k, means)| means.push(mean(&film.mean(k))));
+        }
+        let z = |k: usize, gate: Gate| {
+            let n = means[k].len() as f64;
+            let mean = means[k].iter().sum::<f64>() / n;
+            let variance = means[k].iter().map(|x| (x - mean).powi(2)).sum::<f64>() / ((n - 1.0) * n);
+            eprintln!("{estimator}, gate {k}: {mean} +- {}", variance.sqrt());
+            (mean - gated_radiance(RADIUS.into(), ALBEDO.into(), gate.lo, gate.hi)) / variance.sqrt()
+        };
+        for k in 0..2 {
+            assert!(z(k, far(1.0)[k]).abs() < threshold(8), "{estimator}, gate {k}: z = {:.2}", z(k, far(1.0)[k]));
+        }
+        // Negative control: gates that are 3 % late.
+        assert!((0..2).any(|k| z(k, far(1.03)[k]).abs() > threshold(8)), "{estimator}: late gates pass");
+    }
+}
+
 /// The bits of the images of all responses and of their variances.
 fn bits(renderer: &Renderer) -> Vec<u32> {
     let film = renderer.responses().expect("there are several responses");

@@ -22,7 +22,7 @@ const IMPORTANCE: ShaderFunction = ShaderFunction {
     imports: &["importance"],
     input: INPUT,
     result: "power: f32, importance: f32, pruned: u32, pad: u32",
-    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, 1.0);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, 1.0, 0.0, 0.0);
         let d = box_distances(input.q, input.c.lo, input.c.hi);
         result.power = power_through_gate(input.c, d, shell);
         result.importance = node_importance(input.c, Receiver(shell, input.normal, false, input.normal, 1.0, 0.0));
@@ -240,7 +240,7 @@ const SWITCHED: ShaderFunction = ShaderFunction {
     imports: &["importance"],
     input: INPUT,
     result: "importance: f32, power: f32, bucket_power: f32, distance2: f32, factor: f32, cosine: f32",
-    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, 1.0);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, 1.0, 0.0, 0.0);
         let d = box_distances(input.q, input.c.lo, input.c.hi);
         let extent = 0.5 * (input.c.hi - input.c.lo);
         let center = 0.5 * (input.c.hi + input.c.lo) - input.q;
@@ -344,7 +344,7 @@ const DESCEND: ShaderFunction = ShaderFunction {
     imports: &["resample"],
     input: "q: vec3<f32>, root: u32, normal: vec3<f32>, lo: f32, hi: f32, u: f32, seed: u32, pad: u32",
     result: "leaf: u32, weight: f32",
-    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, 1.0);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, 1.0, 0.0, 0.0);
         var rng = input.seed;
         let receiver = Receiver(shell, input.normal, false, input.normal, 1.0, 0.0);
         var frontier: Frontier;

@@ -17,7 +17,7 @@ const BOUNDS: ShaderFunction = ShaderFunction {
     imports: &["lightcone"],
     input: "c: TreeChild, q: vec3<f32>, lo: f32, hi: f32, eta_hi: f32, pad: vec2<f32>",
     result: "d: vec2<f32>, pruned: u32, overlap: f32, buckets: f32, bound3: f32, bound4: f32, first: f32",
-    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, input.eta_hi);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, input.eta_hi, 0.0, 0.0);
         let d = box_distances(input.q, input.c.lo, input.c.hi) * vec2<f32>(1.0, input.eta_hi);
         result.d = d;
         result.pruned = u32(is_pruned(input.c.tau_lo, input.c.tau_hi, d, shell));

@@ -16,7 +16,7 @@ const GLOSS: ShaderFunction = ShaderFunction {
     imports: &["importance"],
     input: "center: vec3<f32>, radius2: f32, mirrored: vec3<f32>, spread: f32",
     result: "factor: f32",
-    body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1.0, 1.0, 1.0);
+    body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1.0, 1.0, 1.0, 0.0, 0.0);
         let receiver = Receiver(shell, input.mirrored, false, input.mirrored, input.spread, 0.5);
         result.factor = gloss_factor(receiver, input.center, input.radius2);",
 };

@@ -27,7 +27,7 @@ const BOUNDS: ShaderFunction = ShaderFunction {
     imports: &["lightcone"],
     input: "q: vec3<f32>, node: u32, lo: f32, hi: f32, spatial: u32, pad: u32, eta_hi: f32",
     result: "left: f32, right: f32",
-    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, input.eta_hi);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, input.eta_hi, 0.0, 0.0);
         result.left = node_bound(load_tree_child(input.node, 0u), shell, input.spatial == 1u);
         result.right = node_bound(load_tree_child(input.node, 1u), shell, input.spatial == 1u);",
 };
@@ -36,7 +36,7 @@ const DRAW: ShaderFunction = ShaderFunction {
     imports: &["query"],
     input: "q: vec3<f32>, root: u32, lo: f32, hi: f32, spatial: u32, seed: u32, eta_hi: f32",
     result: "vertex: u32, weight: f32",
-    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, input.eta_hi);
+    body: "let shell = Shell(input.q, input.lo, input.hi, 1.0, input.eta_hi, 0.0, 0.0);
         var rng = input.seed;
         let found = descend(input.root, shell, input.spatial == 1u, &rng);
         result.vertex = found.vertex; result.weight = found.weight;",

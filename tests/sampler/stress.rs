@@ -186,7 +186,7 @@ const COUNT: ShaderFunction = ShaderFunction {
     imports: &["query"],
     input: "root: u32, vertex: u32, rounds: u32, seed: u32",
     result: "count: u32",
-    body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1e9, 1.0, 1.0);
+    body: "let shell = Shell(vec3<f32>(0.0), 0.0, 1e9, 1.0, 1.0, 0.0, 0.0);
         var rng = input.seed;
         for (var i = 0u; i < input.rounds; i++) {
             result.count += u32(descend(input.root, shell, false, &rng).vertex == input.vertex);
