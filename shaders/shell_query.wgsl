@@ -6,6 +6,8 @@
 //            proportional to its bound B(N, q) (Eq. 5). The bound is 0 if the child lies outside the light-cone shell
 //            (Eq. 19). Otherwise it shrinks with the part of the child that the shell misses (Eqs. 22 to 24). The traversal
 //            ends at a leaf, where P(j | q) is the product of the probabilities, or at a dead node.
+// lcs for histograms (ESTIMATOR_LCS_BY_TIME): K vertices, evenly spaced in the order of their travel times, among those that may
+//            meet the gate by their travel time alone.
 // All:       deterministic vertices (punctual lights, the spot of a thin beam) one by one. If there are many, some of them
 //            are drawn, or the trees hold them.
 //
@@ -16,6 +18,7 @@
 const ESTIMATOR_PT: u32 = 0u;
 const ESTIMATOR_BDPT: u32 = 1u;
 const ESTIMATOR_LCS_PAPER: u32 = 2u;
+const ESTIMATOR_LCS_BY_TIME: u32 = 3u;
 override ESTIMATOR: u32 = 2u;
 
 // One thread serves one shade point.
@@ -31,6 +34,10 @@ fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
         used = query_emitter(item.q, item.index, item.sample, item.depth, item.first, used);
     } else if (ESTIMATOR == ESTIMATOR_BDPT) {
         used = query_light_path(item.q, item.index, item.sample, item.first, used);
+    } else if (ESTIMATOR == ESTIMATOR_LCS_BY_TIME) {
+        if (item.is_open) {
+            used = query_by_time(item.q, item.index, item.sample, item.depth, item.first, used);
+        }
     } else {
         used = query_trees(item.q, item.index, item.sample, item.depth, item.first, used);
     }
@@ -54,6 +61,44 @@ fn query_light_path(q: PathVertex, index: u32, sample: u32, slot: u32, used: u32
     let count = min(path_offsets[path + 1u] - first, frame.slots - used);
     for (var i = 0u; i < count; i++) {
         write_candidate(slot + used + i, connectable_or_none(q, first + i), f32(frame.light_paths));
+    }
+    return used + count;
+}
+
+// The number of vertices, out of `count` from `first` on in the order of their travel times, whose travel time is below `tau`.
+fn vertices_before(tau: f32, first: u32, count: u32) -> u32 {
+    var lo = 0u;
+    var hi = count;
+    while (lo < hi) {
+        let middle = (lo + hi) / 2u;
+        let is_before = light_vertex_tau(first + middle) < tau;
+        lo = select(lo, middle + 1u, is_before);
+        hi = select(middle, hi, is_before);
+    }
+    return lo;
+}
+
+// Systematic sampling: each of the n vertices is drawn with probability K / n, and all of them if n is at most K.
+fn query_by_time(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, used: u32) -> u32 {
+    if (frame.tree4_root == NONE) {
+        return used;
+    }
+    let all = load_tree_child(frame.tree4_root, 0u);
+    let shell = make_shell(q);
+    let distances = box_distances(q.position, all.lo, all.hi);
+    let first = frame.deterministic_count;
+    let begin = vertices_before(shell.lo - distances.y * shell.eta_hi, first, all.child);
+    let n = vertices_before(shell.hi - distances.x * shell.eta_lo, first, all.child) - begin;
+    let count = min(frame.queries, n);
+    if (count == 0u) {
+        return used;
+    }
+    let offset = random_below(random_words(STREAM_QUERY, index, sample, depth, 1u, frame.seed).xy, n);
+    for (var k = 0u; k < count; k++) {
+        // k n / count, rounded down, without overflow.
+        let step = k * (n / count) + (k * (n % count)) / count;
+        let vertex = first + begin + (offset + step) % n;
+        write_candidate(slot + used + k, connectable_or_none(q, vertex), f32(n) / f32(count));
     }
     return used + count;
 }

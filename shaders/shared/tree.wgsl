@@ -52,6 +52,11 @@ fn load_light_vertex(index: u32) -> PathVertex {
     ));
 }
 
+// The travel time of a light vertex.
+fn light_vertex_tau(index: u32) -> f32 {
+    return bitcast<f32>(textureLoad(light_vertices, 7u * index, 0).w);
+}
+
 fn load_tree_child(node: u32, side: u32) -> TreeChild {
     let lo = bitcast<vec4<f32>>(textureLoad(tree_nodes, 6u * node + 3u * side, 0));
     let hi = bitcast<vec4<f32>>(textureLoad(tree_nodes, 6u * node + 3u * side + 1u, 0));

@@ -21,6 +21,8 @@ pub(super) static RECORD: Record = Record {
     constants: &[("ESTIMATOR", ESTIMATOR_BDPT)],
     slots: |pool| pool.longest_path,
     time_groups: 1,
+    for_histograms: None,
+    draws_per_query: 1,
     query_sample_count: |_, _| 1.0,
     splat_sample_weight: 1.0,
     draws_in_gate: false,

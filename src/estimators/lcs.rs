@@ -1,25 +1,32 @@
 //! `lcs`: light-cone shell queries by importance. Each tree gives up to K candidates per shade point; resampling keeps one of
-//! them for one shadow ray.
+//! them for one shadow ray. A histogram over a wide range of travel times is another task: nearly every vertex meets some bin, and
+//! each bin needs connections. Then vertices are drawn evenly over travel time, and each of them gets a shadow ray.
 
-use super::{Estimator, GateWidth, PoolOrder, Record, TreeDefaults};
-use crate::wgsl::layout::constants::MAX_TIME_GROUPS;
+use super::{Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
+use crate::wgsl::layout::constants::{ESTIMATOR_LCS_BY_TIME, MAX_TIME_GROUPS};
+
+const NAME: &str = "lcs";
+// Queries choose better among fewer vertices (docs/notebook/light-paths.md).
+const MAX_LIGHT_PATHS: u32 = 8192;
+// A single tree needs half as many queries as two trees. It holds points on emitters and scattered vertices alike
+// (docs/notebook/single-tree.md).
+const TREES: TreeDefaults = TreeDefaults { queries: 16, leaf_size: 16, single: true, by_importance: true };
 
 pub(super) static RECORD: Record = Record {
-    name: "lcs",
+    name: NAME,
     is_default: |c| c.gate == GateWidth::Narrow,
-    // Queries choose better among fewer vertices (docs/notebook/light-paths.md).
-    max_default_light_paths: 8192,
+    max_default_light_paths: MAX_LIGHT_PATHS,
     adaptive: true,
     light_subpaths: true,
-    // A single tree needs half as many queries as two trees. It holds points on emitters and scattered vertices alike
-    // (docs/notebook/single-tree.md).
-    trees: Some(TreeDefaults { queries: 16, leaf_size: 16, single: true, by_importance: true }),
+    trees: Some(TREES),
     pool_order: PoolOrder::Trees,
     query_kernel: "shell_resample",
     constants: &[],
     slots: |pool| pool.trees * pool.time_groups,
     // One vertex per tree would leave most gates without light (docs/notebook/histograms.md).
     time_groups: MAX_TIME_GROUPS,
+    for_histograms: Some(&FOR_HISTOGRAMS),
+    draws_per_query: 1,
     // A vertex that queries choose by its contribution stands for more samples than one that a subpath happens to reach. 4 K is a
     // compromise between four scenes (docs/notebook/mis-sample-count.md). In fog, K: light that returned from far away is rare, and
     // one such vertex must not dominate the image.
@@ -27,6 +34,32 @@ pub(super) static RECORD: Record = Record {
     // Light-tracing (t = 1) samples that matter are rare and bright in this estimator, so the other strategies get more weight
     // than their densities give them (docs/notebook/splat-weight.md).
     splat_sample_weight: 0.25,
+    draws_in_gate: true,
+    renders_references: true,
+    judge: Estimator::Bdpt,
+};
+
+/// Queries of trees and resampling do not pay in a wide histogram: a chosen vertex serves one bin, at the cost of several
+/// connections; and resampling in favour of bright bins leaves rare, far too bright vertices to dim ones
+/// (docs/notebook/histograms.md).
+static FOR_HISTOGRAMS: Record = Record {
+    name: NAME,
+    is_default: |_| false,
+    max_default_light_paths: MAX_LIGHT_PATHS,
+    adaptive: true,
+    light_subpaths: true,
+    trees: Some(TREES),
+    pool_order: PoolOrder::ByTime,
+    query_kernel: SHELL_QUERY,
+    constants: &[("ESTIMATOR", ESTIMATOR_LCS_BY_TIME)],
+    slots: |pool| pool.trees * pool.queries,
+    time_groups: 1,
+    for_histograms: None,
+    // A query of a tree takes longer than two connections.
+    draws_per_query: 2,
+    // Four times this value makes no difference on average, but rare samples become brighter. In fog a quarter, as in a single gate.
+    query_sample_count: |queries, has_media| if has_media { 0.0625 } else { 0.25 } * queries as f32,
+    splat_sample_weight: 1.0,
     draws_in_gate: true,
     renders_references: true,
     judge: Estimator::Bdpt,

@@ -53,6 +53,11 @@ pub struct Record {
     /// With several responses: maximum number of parts of the gate, for each of which the query kernel chooses a vertex; 1 if it
     /// chooses vertices without regard to these parts. At most MAX_TIME_GROUPS.
     pub time_groups: u32,
+    /// The record that replaces this one with several responses whose support is wide: nearly every light vertex then meets some
+    /// gate.
+    pub for_histograms: Option<&'static Record>,
+    /// Number of light vertices that the query kernel draws for each query of the settings.
+    pub draws_per_query: u32,
     /// Number of samples that a vertex chosen by `queries` queries stands for in the MIS heuristic.
     pub query_sample_count: fn(queries: u32, has_media: bool) -> f32,
     /// Weight of a light-tracing (t = 1) sample in the MIS heuristic, relative to one camera sample.
@@ -109,6 +114,8 @@ pub enum PoolOrder {
     ByPath,
     /// By leaf of the trees.
     Trees,
+    /// By travel time; one tree node holds the bounds of all vertices that are not deterministic, and their number.
+    ByTime,
 }
 
 /// Properties of an iteration's pool and of the settings that determine the number of slots.
@@ -118,7 +125,7 @@ pub struct PoolShape {
     pub has_emitter_points: bool,
     /// Number of vertices of the longest light subpath; 0 if the pool is not ordered by path.
     pub longest_path: u32,
-    /// Number of trees that are not empty.
+    /// Number of trees that are not empty; 1 for vertices in the order of their travel times.
     pub trees: u32,
     /// Number of parts of the gate, for each of which the query kernel may choose a vertex; see [`Record::time_groups`].
     pub time_groups: u32,
@@ -126,7 +133,7 @@ pub struct PoolShape {
     pub queries: u32,
 }
 
-/// Kernel of three estimators; its constant `ESTIMATOR` selects how it chooses from the pool.
+/// Kernel of all estimators except `lcs` for one gate; its constant `ESTIMATOR` selects how it chooses from the pool.
 const SHELL_QUERY: &str = "shell_query";
 
 impl Estimator {

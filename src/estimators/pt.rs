@@ -18,6 +18,8 @@ pub(super) static RECORD: Record = Record {
     constants: &[("ESTIMATOR", ESTIMATOR_PT)],
     slots: |pool| u32::from(pool.has_emitter_points),
     time_groups: 1,
+    for_histograms: None,
+    draws_per_query: 1,
     query_sample_count: |_, _| 1.0,
     splat_sample_weight: 1.0,
     draws_in_gate: false,

@@ -141,7 +141,6 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let mut warnings = Vec::new();
     let Experiment { render, .. } = experiment;
     let responses = responses(&experiment.gate, &mut warnings)?;
-    let gate = responses.support();
     // The user can correct these mistakes only in the scene, so the message names the scene's file.
     let unfit = |message: &str| Error::Scene {
         path: experiment.scene.clone().unwrap_or_else(|| "the scene".into()),
@@ -161,11 +160,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
-    let estimator = render.estimator.unwrap_or_else(|| {
-        // A scan has few pixels, so `lcs` serves each of its gates well, however many there are.
-        let gate = if experiment.scan.is_some() { responses.narrowest() } else { gate };
-        defaults::estimator(gate, scene, &emitters)
-    });
+    let estimator = render.estimator.unwrap_or_else(|| defaults::estimator(responses.widest(), scene, &emitters));
     let mut settings = Settings::builder()
         .table(render)
         .estimator(estimator)

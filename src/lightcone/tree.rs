@@ -160,7 +160,8 @@ fn quantise(powers: [f32; 8]) -> ([u8; 8], f32) {
     (powers.map(|p| if p > 0.0 { (p / unit).ceil().clamp(1.0, 255.0) as u8 } else { 0 }), unit)
 }
 
-fn bounds(items: &[Item]) -> ([f32; 4], [f32; 4]) {
+/// The smallest and the largest coordinates; infinite without items.
+pub fn bounds(items: &[Item]) -> ([f32; 4], [f32; 4]) {
     let (mut lo, mut hi) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
     for item in items {
         for k in 0..4 {

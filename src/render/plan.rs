@@ -24,6 +24,10 @@ use crate::wgsl::layout::{Frame, NONE};
 /// Represents infinity on the device. Its sum with any travel time is still finite.
 const OPEN: f32 = 3e38;
 
+/// With several responses, the estimator's record for histograms is used if their support is longer than this fraction of the
+/// scene's diagonal. Shorter ones miss most light vertices, and queries find those that they meet.
+const HISTOGRAM_WIDTH: f64 = 0.1;
+
 /// Parameters that change the speed but never the image; a test checks this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tuning {
@@ -132,7 +136,7 @@ impl Plan {
             return Err(Error::Settings(settings.estimator().beam_refusal("beams, the only emitters here")));
         }
         let all = settings.strategies() == Strategies::All;
-        let estimator = settings.estimator().record();
+        let estimator = record(scene, settings);
         let traces_light = estimator.light_subpaths && settings.max_depth() >= 2;
         let features = prepared.geometry.features;
         let camera = &scene.cameras[settings.camera()];
@@ -145,7 +149,7 @@ impl Plan {
                 prepared.aims.len()
             )));
         }
-        let mut frame = frame(settings, prepared, all);
+        let mut frame = frame(settings, estimator, prepared, all);
         if is_aimed {
             frame.keep_t1 = 0.0;
         }
@@ -155,7 +159,7 @@ impl Plan {
             light_paths: settings.light_paths(),
             splat_paths: settings.splat_paths(),
             buckets: settings.buckets(),
-            leaf_size: settings.leaf_size(),
+            leaf_size: if estimator.pool_order == PoolOrder::Trees { settings.leaf_size() } else { 0 },
             single_tree: settings.single_tree(),
             frontier: settings.frontier(),
             importance: settings.importance(),
@@ -394,13 +398,20 @@ impl Plan {
     }
 }
 
+/// The record of the estimator for the responses of the settings.
+fn record(scene: &Scene, settings: &Settings) -> &'static Record {
+    let (record, responses) = (settings.estimator().record(), settings.responses());
+    let support = responses.support();
+    let is_histogram = !responses.is_single_box() && support.hi - support.lo > HISTOGRAM_WIDTH * scene.diagonal();
+    record.for_histograms.filter(|_| is_histogram).unwrap_or(record)
+}
+
 /// The fields of the frame that are the same for all iterations and cameras; the other fields are 0 or NONE.
-fn frame(settings: &Settings, prepared: &PreparedScene, all: bool) -> Frame {
+fn frame(settings: &Settings, estimator: &Record, prepared: &PreparedScene, all: bool) -> Frame {
     let PreparedScene { emitters, media, .. } = prepared;
     let [width, height] = settings.resolution();
     let (emitter_lo, emitter_hi) = bounds(emitters);
     let switch = |on: bool| if on { 1.0 } else { 0.0 };
-    let estimator = settings.estimator().record();
     let query_sample_count = (estimator.query_sample_count)(settings.queries(), !media.list.is_empty());
     Frame {
         width,
@@ -409,7 +420,7 @@ fn frame(settings: &Settings, prepared: &PreparedScene, all: bool) -> Frame {
         emitter_hi,
         light_paths: settings.light_paths(),
         max_depth: settings.max_depth(),
-        queries: settings.queries(),
+        queries: settings.queries() * estimator.draws_per_query,
         emitter_count: emitters.table.len() as u32,
         media_count: media.outside as u32,
         tree3_root: NONE,

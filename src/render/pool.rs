@@ -1,6 +1,8 @@
 //! Phase 2 of Algorithm 1: the light-vertex pool of an iteration. The host collects the vertices that the device traced and
 //! sorts them for the estimator.
 
+use bytemuck::Zeroable;
+
 use super::plan::Plan;
 use super::pool_layout::PoolLayout;
 use super::selection_cdf::set_selection_cdf;
@@ -8,9 +10,9 @@ use super::stats::{Stats, stage};
 use crate::error::{Error, Result};
 use crate::estimators::PoolOrder;
 use crate::gpu::{Allocate, Buffer, BufferDesc, BufferList, Device};
-use crate::lightcone::tree::{Item, Tree, TreeOptions};
+use crate::lightcone::tree::{Item, Tree, TreeOptions, bounds};
 use crate::wgsl::layout::constants::*;
-use crate::wgsl::layout::{NONE, PathVertex, TreeNode};
+use crate::wgsl::layout::{NONE, PathVertex, TreeChild, TreeNode};
 
 /// Light vertices of an iteration, by kind. The kernels expect this order: deterministic, emitter points, scattered.
 #[derive(Default)]
@@ -71,6 +73,7 @@ impl LightPool {
             PoolOrder::ByPath => self.by_path(plan.light_paths),
             PoolOrder::EmitterPoints => self.emitters_only(),
             PoolOrder::Trees => self.trees(plan),
+            PoolOrder::ByTime => self.by_time(),
         }))
     }
 
@@ -112,13 +115,31 @@ impl LightPool {
         }
         let mut next = offsets.clone();
         let mut vertices = self.deterministic_with_cdf();
-        vertices.resize(offsets[light_paths as usize] as usize, bytemuck::Zeroable::zeroed());
+        vertices.resize(offsets[light_paths as usize] as usize, Zeroable::zeroed());
         for (path, vertex) in all() {
             let slot = &mut next[*path as usize];
             vertices[*slot as usize] = *vertex;
             *slot += 1;
         }
         SortedPool { vertices, nodes: vec![], offsets, layout: PoolLayout { longest_path, ..self.layout() } }
+    }
+
+    /// Sorts emitter points and scattered vertices by travel time. The left child of the only node has their bounds, and refers to
+    /// their number.
+    fn by_time(&self) -> SortedPool {
+        let all: Vec<PathVertex> = self.emitter_points.iter().chain(&self.scattered).map(|(_, v)| *v).collect();
+        let (_, mut items) = items(&all, 0);
+        items.sort_unstable_by(|a, b| a.point[3].total_cmp(&b.point[3]).then(a.index.cmp(&b.index)));
+        let mut vertices = self.deterministic_with_cdf();
+        vertices.extend(items.iter().map(|item| all[item.index as usize]));
+        let ([lo @ .., tau_lo], [hi @ .., tau_hi]) = bounds(&items);
+        let child = items.len() as u32;
+        let node = TreeNode {
+            left: TreeChild { lo, tau_lo, hi, tau_hi, child, ..Zeroable::zeroed() },
+            right: Zeroable::zeroed(),
+        };
+        let (nodes, tree4_root) = if items.is_empty() { (vec![], NONE) } else { (vec![node], 0) };
+        SortedPool { vertices, nodes, offsets: vec![], layout: PoolLayout { tree4_root, ..self.layout() } }
     }
 
     /// Builds the 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4), or a single 4D tree over

@@ -117,6 +117,12 @@ impl Responses {
         gates.min_by(|a, b| relative_width(a).total_cmp(&relative_width(b))).expect("there is a response")
     }
 
+    /// The longest gate, with its edges.
+    pub fn widest(&self) -> Gate {
+        let gates = self.iter().map(Response::support_of_pulse);
+        gates.max_by(|a, b| (a.hi - a.lo).total_cmp(&(b.hi - b.lo))).expect("there is a response")
+    }
+
     /// Fails if a gate is invalid, with the message of [`Gate::new`].
     pub(crate) fn check(&self) -> Result<()> {
         let gates = self.iter().flat_map(|response| [response.gate(), response.support()]);

@@ -223,8 +223,8 @@ table! {
     /// `[render]`: how the image is computed. At most one of `spp` and `time`.
     impl Settings for RenderTable {
         /// Estimator: pt (path tracing), bdpt (bidirectional path tracing), lcs-paper (light-cone shell queries of the paper),
-        /// lcs (light-cone shell queries with importance and resampling) [default with a gate: lcs, or bdpt if the gate is wider
-        /// than 0.4 times the scene's diagonal; default without a gate: pt, or bdpt if the scene has mirrors, glass, sharp gloss
+        /// lcs (light-cone shell queries with importance and resampling) [default with a gate: lcs, or bdpt if the gate, or one of
+        /// --gates, is wider than 0.4 times the scene's diagonal; default without a gate: pt, or bdpt if the scene has mirrors, glass, sharp gloss
         /// or a beam]
         estimator: Estimator, Setting::sampling("estimator", "NAME");
 
@@ -251,7 +251,8 @@ table! {
         /// Additional light subpaths per iteration, which only connect to the camera (t = 1); for caustics [default: 0]
         splat_paths: u32 = |_| 0, Setting::sampling("splat-paths", "N").within(0, MAX_LIGHT_PATHS).only_for(traces_light);
 
-        /// Queries per shade point and tree, 1 to 64 [default: 1; lcs: 16]
+        /// Queries per shade point and tree, 1 to 64; with several gates that are together wider than a tenth of the scene's
+        /// diagonal, lcs draws two light vertices per query by their travel times, without trees [default: 1; lcs: 16]
         queries: u32 = |s| s.estimator().default_queries(), Setting::sampling("queries", "N").within(1, MAX_QUERIES).only_for(Estimator::has_trees);
 
         /// Travel-time buckets of power per tree node, 1 to 8 [default: 8]

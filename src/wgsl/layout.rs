@@ -169,6 +169,7 @@ pub mod constants {
         ESTIMATOR_PT: u32 = 0,
         ESTIMATOR_BDPT: u32 = 1,
         ESTIMATOR_LCS_PAPER: u32 = 2,
+        ESTIMATOR_LCS_BY_TIME: u32 = 3,
         DETERMINISTIC_SLOTS: u32 = 8,
         MAX_SUBTREES: u32 = 32,
         MAX_TIME_GROUPS: u32 = 16,

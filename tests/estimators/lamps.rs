@@ -18,7 +18,7 @@ const ALBEDO: f32 = 0.5;
 
 /// The gated sphere with its point light replaced by `count` point lights at the same position, of unequal power and the same
 /// total.
-fn sphere_of(count: usize) -> Scene {
+pub fn sphere_of(count: usize) -> Scene {
     let mut scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: ALBEDO });
     let whole = scene.lights.remove(0);
     let LightKind::Point { intensity } = whole.kind else { panic!("the sphere's light is a point") };

@@ -2,12 +2,13 @@
 
 use super::cells::{SEEDS, renderer, settings, threshold, tuned};
 use super::drive::open;
+use super::lamps::sphere_of;
 use taugate::internals::generate::zoo::Light;
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::gpu::Drive;
 use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::render::{Renderer, Tuning};
-use taugate::internals::scene::Scene;
+use taugate::internals::scene::{Medium, PhaseFunction, Scene};
 use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Edge, Estimator, Response, Responses, Sampling, SettingsBuilder};
@@ -98,13 +99,13 @@ fn sphere() -> Scene {
     build(Kind::GatedSphere { radius: RADIUS, subdivisions: 6, albedo: ALBEDO })
 }
 
-/// z-scores of the mean over all pixels in each gate, against the closed form of gates that end `stretch` times as late.
-fn z_scores(estimator: Estimator, gates: Gates, stretch: f64) -> Vec<f64> {
+/// Mean over all pixels in each gate, with its squared standard error.
+fn means(scene: &Scene, estimator: Estimator, gates: Gates, first_seed: u32) -> Vec<[f64; 2]> {
     let settings = settings(estimator, [16, 16]).responses(gates).build().unwrap();
-    let mut renderer = renderer(&sphere(), &settings);
+    let mut renderer = renderer(scene, &settings);
     let mut means = vec![vec![]; gates.count() as usize];
     for seed in 0..SEEDS {
-        renderer.restart(100 + seed, gates).unwrap();
+        renderer.restart(first_seed + seed, gates).unwrap();
         renderer.iterate(8).unwrap();
         let film = renderer.responses().unwrap();
         for (k, means) in means.iter_mut().enumerate() {
@@ -112,25 +113,59 @@ fn z_scores(estimator: Estimator, gates: Gates, stretch: f64) -> Vec<f64> {
             means.push(image.iter().map(|&x| f64::from(x)).sum::<f64>() / image.len() as f64);
         }
     }
-    let z = |(k, means): (usize, Vec<f64>)| {
-        let Gate { lo, hi } = gates.gate(k as u32);
+    let statistics = |means: Vec<f64>| {
         let n = means.len() as f64;
         let mean = means.iter().sum::<f64>() / n;
-        let variance = means.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / ((n - 1.0) * n);
+        [mean, means.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / ((n - 1.0) * n)]
+    };
+    means.into_iter().map(statistics).collect()
+}
+
+/// z-scores of [`means`] in the sphere, against the closed form of gates that end `stretch` times as late.
+fn z_scores(means: &[[f64; 2]], gates: Gates, stretch: f64) -> Vec<f64> {
+    let z = |(k, [mean, variance]): (usize, &[f64; 2])| {
+        let Gate { lo, hi } = gates.gate(k as u32);
         (mean - gated_radiance(RADIUS.into(), ALBEDO.into(), lo * stretch, hi * stretch)) / variance.sqrt()
     };
-    means.into_iter().enumerate().map(z).collect()
+    means.iter().enumerate().map(z).collect()
 }
 
 #[test]
 fn every_gate_agrees_with_the_closed_form() {
     let gates = gates(2.25, 8.25, 12);
-    for estimator in [Estimator::Bdpt, Estimator::Lcs] {
-        for (k, z) in z_scores(estimator, gates, 1.0).into_iter().enumerate() {
+    // With one lamp, and with more lamps than are connected one by one.
+    for (scene, estimator) in [(sphere(), Estimator::Bdpt), (sphere(), Estimator::Lcs), (sphere_of(20), Estimator::Lcs)]
+    {
+        let means = means(&scene, estimator, gates, 100);
+        for (k, z) in z_scores(&means, gates, 1.0).into_iter().enumerate() {
             assert!(z.abs() < threshold(12), "{estimator:?}, gate {k}: z = {z:.2}");
         }
-        let wrong = z_scores(estimator, gates, 1.02).into_iter().filter(|z| z.abs() > threshold(12)).count();
+        let wrong = z_scores(&means, gates, 1.02).into_iter().filter(|z| z.abs() > threshold(12)).count();
         assert!(wrong > 3, "{estimator:?}: gates that are off by 2 % are rejected {wrong} times only");
+    }
+}
+
+/// The sphere, filled with fog.
+fn foggy_sphere() -> Scene {
+    let mut scene = sphere();
+    let phase = PhaseFunction::HenyeyGreenstein { g: 0.5 };
+    scene.media.push(Medium { sigma_s: [0.3; 3], sigma_a: [0.05; 3], phase, ..Medium::default() });
+    scene
+}
+
+#[test]
+fn a_short_histogram_in_fog_and_among_mirrors_has_the_light_of_bdpt() {
+    // These gates leave out most light vertices, so lcs draws from a part of them.
+    let scenes = [(foggy_sphere(), gates(3.0, 4.2, 4)), (build(Kind::Zoo(Light::Area)), gates(8.0, 10.0, 4))];
+    for (scene, gates) in scenes {
+        let [lcs, bdpt] =
+            [(Estimator::Lcs, 200), (Estimator::Bdpt, 300)].map(|(e, seed)| means(&scene, e, gates, seed));
+        let z = |factor: f64| -> Vec<f64> {
+            let pairs = lcs.iter().zip(&bdpt);
+            pairs.map(|([a, va], [b, vb])| (factor * a - b) / (factor * factor * va + vb).sqrt()).collect()
+        };
+        assert!(z(1.0).iter().all(|z| z.abs() < threshold(8)), "{:?}", z(1.0));
+        assert!(z(1.1).iter().any(|z| z.abs() > threshold(8)), "10 % more light goes unnoticed: {:?}", z(1.1));
     }
 }
 

@@ -8,7 +8,8 @@ use crate::settings::*;
 /// A gate is wide if its width is larger than this fraction of the scene's diagonal.
 const WIDE_GATE: f64 = 0.4;
 
-/// The estimator whose record fits this gate, this scene and these emitters.
+/// The estimator whose record fits this scene, these emitters and gates of which this is the widest. It does not matter how wide
+/// many narrow gates are together: `lcs` serves each of them.
 pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
     let is_beam = |light: &Light| light.kind.needs_light_subpaths() && emitters.include(&light.node);
     let width = if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {

@@ -81,6 +81,10 @@ fn wide_gates_are_for_bdpt() {
     let estimator = |gate: &str| settings_of(&format!("gate.gate = '{gate}'\nemitter.emitters = 'beam'")).estimator();
     assert_eq!(estimator("1m..2.38m"), Estimator::Lcs);
     assert_eq!(estimator("1m..2.39m"), Estimator::Bdpt);
+    let estimator =
+        |gates: &str| settings_of(&format!("gate.gates = '{gates}'\nemitter.emitters = 'beam'")).estimator();
+    assert_eq!(estimator("1m..9m/100"), Estimator::Lcs);
+    assert_eq!(estimator("1m..9m/2"), Estimator::Bdpt);
 }
 
 #[test]
