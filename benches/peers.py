@@ -114,13 +114,13 @@ def node_matrix(node):
     return matrix
 
 
-def mitsuba_scene(document, binary, size, gate):
+def mitsuba_scene(document, binary, size, gate, bins=1):
     camera = next(node for node in document["nodes"] if "camera" in node)
     view = node_matrix(camera)
     eye, ahead, up = view[:3, 3], -view[:3, 2], view[:3, 1]
     fov = np.degrees(document["cameras"][camera["camera"]]["perspective"]["yfov"])
-    film = {"type": "transient_hdr_film", "width": size[0], "height": size[1], "temporal_bins": 1, "start_opl": gate[0],
-            "bin_width_opl": gate[1] - gate[0], "rfilter": {"type": "box"}}
+    film = {"type": "transient_hdr_film", "width": size[0], "height": size[1], "temporal_bins": bins, "start_opl": gate[0],
+            "bin_width_opl": (gate[1] - gate[0]) / bins, "rfilter": {"type": "box"}}
     to_world = mi.ScalarTransform4f().look_at(origin=eye.tolist(), target=(eye + ahead).tolist(), up=up.tolist())
     sensor = {"type": "perspective", "fov": float(fov), "fov_axis": "y", "near_clip": 1e-4, "far_clip": 1000.0,
               "to_world": to_world, "film": film, "sampler": {"type": "independent"}}

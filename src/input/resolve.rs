@@ -160,7 +160,10 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let camera = camera(&experiment.camera, scene)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
-    let estimator = render.estimator.unwrap_or_else(|| defaults::estimator(responses.widest(), scene, &emitters));
+    let estimator = render.estimator.unwrap_or_else(|| {
+        let gate = defaults::decisive(&responses, scene, experiment.scan.is_some());
+        defaults::estimator(gate, scene, &emitters)
+    });
     let mut settings = Settings::builder()
         .table(render)
         .estimator(estimator)

@@ -8,8 +8,14 @@ use crate::settings::*;
 /// A gate is wide if its width is larger than this fraction of the scene's diagonal.
 const WIDE_GATE: f64 = 0.4;
 
-/// The estimator whose record fits this scene, these emitters and gates of which this is the widest. It does not matter how wide
-/// many narrow gates are together: `lcs` serves each of them.
+/// The gate that decides: of many gates the widest one, because `lcs` serves each of them, however long they are together. If light
+/// is focused, `lcs` has rare, far too bright samples in the first gates of a long histogram (docs/notebook/histograms.md). Then
+/// all gates together decide, except in a scan.
+pub(super) fn decisive(responses: &Responses, scene: &Scene, is_scan: bool) -> Gate {
+    if is_scan || !focuses_light(scene) { responses.widest() } else { responses.support() }
+}
+
+/// The estimator whose record fits this gate, this scene and these emitters.
 pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
     let is_beam = |light: &Light| light.kind.needs_light_subpaths() && emitters.include(&light.node);
     let width = if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {

@@ -85,6 +85,12 @@ fn wide_gates_are_for_bdpt() {
         |gates: &str| settings_of(&format!("gate.gates = '{gates}'\nemitter.emitters = 'beam'")).estimator();
     assert_eq!(estimator("1m..9m/100"), Estimator::Lcs);
     assert_eq!(estimator("1m..9m/2"), Estimator::Bdpt);
+    let mut mirror = scene();
+    mirror.materials[0] = Material { metallic: 1.0, roughness: 0.0, ..mirror.materials[0].clone() };
+    for (gates, expected) in [("1m..9m/100", Estimator::Bdpt), ("1m..2m/100", Estimator::Lcs)] {
+        let experiment = experiment(&format!("gate.gates = '{gates}'\nemitter.emitters = 'beam'"));
+        assert_eq!(resolve(&experiment, &mirror).unwrap().settings.estimator(), expected, "{gates}");
+    }
 }
 
 #[test]
