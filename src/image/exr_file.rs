@@ -14,7 +14,7 @@ use exr::prelude::{
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error, write_atomically};
-use crate::image::depth;
+use crate::image::channels::{self, ChannelGroup};
 use crate::image::film::Film;
 use crate::image::fingerprint;
 use crate::image::layers::{Layers, Plane};
@@ -86,9 +86,8 @@ pub fn write_with_layers(path: &Path, film: &Film, provenance: &Provenance, laye
     write_responses(path, film, None, provenance, layers)
 }
 
-/// As [`write_with_layers`], with the images of several responses. R, G, B and their variance are those of the first response. A
-/// further response NAME has the channels NAME.R and, with a variance, NAME.Variance.R, and so on. The attribute `tof:responses`
-/// lists the responses in order: a JSON array of names and gates.
+/// As [`write_with_layers`], with the images of several responses, see [`channels::of_render`]. The attribute `tof:responses` lists
+/// the responses in order: a JSON array of names and gates.
 pub fn write_responses(
     path: &Path,
     film: &Film,
@@ -97,26 +96,8 @@ pub fn write_responses(
     layers: &Layers,
 ) -> Result<()> {
     let Provenance { resolution, crop, responses, .. } = provenance;
-    let mut channels = vec![];
-    match images {
-        None => {
-            channels.extend(channels_of(&film.mean(), ""));
-            channels.extend(channels_of(&film.variance_of_mean(), "Variance."));
-        }
-        Some(images) => {
-            for (k, response) in responses.iter().enumerate() {
-                let prefix = if k == 0 { String::new() } else { format!("{}.", response.name()) };
-                channels.extend(channels_of(&images.mean(k), &prefix));
-                if images.has_variance() {
-                    channels.extend(channels_of(&images.variance_of_mean(k), &format!("{prefix}Variance.")));
-                }
-            }
-        }
-    }
-    if let Some((images, frequencies)) = images.zip(responses.frequencies()) {
-        let plane = |(name, values): (String, Vec<f32>)| AnyChannel::new(text(&name), FlatSamples::F32(values));
-        channels.extend(depth::planes(images, frequencies).into_iter().map(plane));
-    }
+    let groups = channels::of_render(film, images, responses, usize::MAX);
+    let mut channels: Vec<_> = groups.into_iter().flat_map(channels_of).collect();
     channels.extend(planes_of(layers));
 
     let gate = responses.iter().next().map_or(Gate::OPEN, Response::gate);
@@ -187,17 +168,12 @@ fn write_image(
 /// Writes R, G, B (interleaved, row 0 at the top) without variance or metadata.
 pub fn write_plain(path: &Path, width: u32, height: u32, rgb: &[f32]) -> Result<()> {
     let attributes = LayerAttributes { software_name: Some(text(&version())), ..LayerAttributes::default() };
-    write_image(path, [width, height], [width, height], attributes, channels_of(rgb, ""))
+    let channels = channels_of(ChannelGroup::rgb("", rgb.to_vec())).collect();
+    write_image(path, [width, height], [width, height], attributes, channels)
 }
 
-/// Splits interleaved R, G, B into three channels.
-fn channels_of(rgb: &[f32], prefix: &str) -> Vec<AnyChannel<FlatSamples>> {
-    let plane = |c| FlatSamples::F32(rgb.iter().skip(c).step_by(3).copied().collect());
-    ["R", "G", "B"]
-        .iter()
-        .enumerate()
-        .map(|(c, name)| AnyChannel::new(text(&format!("{prefix}{name}")), plane(c)))
-        .collect()
+fn channels_of(group: ChannelGroup) -> impl Iterator<Item = AnyChannel<FlatSamples>> {
+    group.into_channels().map(|(name, values)| AnyChannel::new(text(&name), FlatSamples::F32(values)))
 }
 
 fn planes_of(layers: &Layers) -> impl Iterator<Item = AnyChannel<FlatSamples>> {

@@ -2,6 +2,7 @@
 
 pub mod arrival_map;
 pub mod batches;
+pub mod channels;
 pub mod depth;
 pub mod exr_file;
 pub mod film;

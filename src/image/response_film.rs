@@ -67,38 +67,49 @@ impl ResponseFilm {
 
     /// Means over all samples of the channels of a pixel, response by response; 0 before the first iteration.
     pub fn means_of(&self, pixel: usize) -> impl ExactSizeIterator<Item = f32> {
-        let weights = self.samples.max(1) as f64;
-        self.row(pixel).map(move |at| (self.sums[at] / weights) as f32)
+        self.row(pixel).map(self.mean_at())
     }
 
     /// Estimated variances of [`ResponseFilm::means_of`], as in [`Film::variance_of_mean`](crate::Film::variance_of_mean). All 0
     /// with fewer than two iterations, or if the film does not estimate variances.
     pub fn variances_of(&self, pixel: usize) -> impl ExactSizeIterator<Item = f32> {
+        self.row(pixel).map(self.variance_at())
+    }
+
+    /// The image of a response: R, G, B interleaved, row 0 at the top.
+    pub fn mean(&self, response: usize) -> Vec<f32> {
+        self.image(response, self.mean_at())
+    }
+
+    /// The variance of [`ResponseFilm::mean`].
+    pub fn variance_of_mean(&self, response: usize) -> Vec<f32> {
+        self.image(response, self.variance_at())
+    }
+
+    fn image(&self, response: usize, value: impl Fn(usize) -> f32) -> Vec<f32> {
+        let starts = (0..self.pixels).map(|pixel| 3 * (pixel * self.responses + response));
+        starts.flat_map(|at| at..at + 3).map(value).collect()
+    }
+
+    /// The mean of the value with an index.
+    fn mean_at(&self) -> impl Fn(usize) -> f32 {
+        let weights = self.samples.max(1) as f64;
+        move |at| (self.sums[at] / weights) as f32
+    }
+
+    /// The variance of the mean of the value with an index.
+    fn variance_at(&self) -> impl Fn(usize) -> f32 {
         let weights = self.samples.max(1) as f64;
         let per_spread = 1.0 / (f64::from(self.iterations.max(2) - 1) * weights);
         let is_known = self.has_variance() && self.iterations >= 2;
-        self.row(pixel).map(move |at| {
+        move |at| {
             if !is_known {
                 return 0.0;
             }
             // Rounding may make a spread of 0 negative.
             let spread = (self.squares[at] - self.sums[at] * self.sums[at] / weights).max(0.0);
             (spread * per_spread).min(f64::from(f32::MAX)) as f32
-        })
-    }
-
-    /// The image of a response: R, G, B interleaved, row 0 at the top.
-    pub fn mean(&self, response: usize) -> Vec<f32> {
-        self.image(response, |pixel| self.means_of(pixel))
-    }
-
-    /// The variance of [`ResponseFilm::mean`].
-    pub fn variance_of_mean(&self, response: usize) -> Vec<f32> {
-        self.image(response, |pixel| self.variances_of(pixel))
-    }
-
-    fn image<I: Iterator<Item = f32>>(&self, response: usize, of: impl Fn(usize) -> I) -> Vec<f32> {
-        (0..self.pixels).flat_map(|pixel| of(pixel).skip(3 * response).take(3)).collect()
+        }
     }
 
     /// The indices of a pixel's values.
