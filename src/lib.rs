@@ -52,6 +52,8 @@ mod self_check;
 #[allow(missing_docs)]
 mod settings;
 #[allow(missing_docs)]
+mod tev;
+#[allow(missing_docs)]
 mod wgsl;
 
 pub use glam;
@@ -85,6 +87,6 @@ pub mod internals {
         ($($name:ident),* $(,)?) => { $(pub mod $name { pub use crate::$name::*; })* };
     }
     modules! {
-        bench, bvh, compare, detector, error, estimators, files, generate, gpu, image, input, lightcone, oracle, printable, render, scene, self_check, settings, wgsl,
+        bench, bvh, compare, detector, error, estimators, files, generate, gpu, image, input, lightcone, oracle, printable, render, scene, self_check, settings, tev, wgsl,
     }
 }

@@ -34,6 +34,8 @@ pub mod setting;
 pub mod sky;
 #[allow(missing_docs)]
 pub mod table;
+#[allow(missing_docs)]
+pub mod tev;
 pub mod units;
 #[allow(missing_docs)]
 pub mod values;
