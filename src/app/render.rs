@@ -1,5 +1,6 @@
 //! `taugate render`: from the command line to the files.
 
+mod live;
 mod ready;
 mod scan;
 mod sequence;
@@ -27,6 +28,7 @@ use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::sky::Sky;
 use taugate::internals::settings::{Budget, Settings};
+use taugate::internals::tev::TevStream;
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::preparation::Preparation;
@@ -34,6 +36,7 @@ use super::progress::{Position, Progress};
 use super::report::{Report, is_black};
 use super::{feasible, memory, strategies};
 use crate::app::cli::RenderArgs;
+use live::Live;
 use ready::Ready;
 
 /// The error for non-finite samples with --strict.
@@ -117,6 +120,8 @@ pub struct Session {
     /// Whether the experiments are the frames of a sequence: files that are there are kept, dark frames are no mistake, and a frame
     /// that is interrupted is not written.
     pub is_sequence: bool,
+    /// With --tev, from the first render on.
+    tev: Option<TevStream>,
     /// Notes and warnings that were printed.
     said: HashSet<String>,
 }
@@ -124,7 +129,8 @@ pub struct Session {
 impl Session {
     pub fn new(quiet: bool) -> anyhow::Result<Session> {
         let (interrupts, progress) = (Interrupts::new()?, Progress::new(quiet));
-        Ok(Session { interrupts, progress, device: None, ready: None, is_sequence: false, said: HashSet::new() })
+        let said = HashSet::new();
+        Ok(Session { interrupts, progress, device: None, ready: None, is_sequence: false, tev: None, said })
     }
 
     /// Prints a line, unless an earlier render of the session printed it.
@@ -159,6 +165,10 @@ impl Session {
         if outputs.strategy_images.is_some() {
             StrategyImages::check(settings)?;
         }
+        if self.tev.is_none() {
+            // The stream connects while the device is prepared.
+            self.tev = experiment.output.tev.clone().map(TevStream::new);
+        }
 
         // Prepare the device. The renderer of the frame before also renders this one, if only cameras, lights or gates moved.
         notes.iter().for_each(|note| self.say(format!("note: {note}")));
@@ -182,9 +192,12 @@ impl Session {
         // Render.
         self.interrupts.end_the_process_at(Interrupt::Second);
         let stop = &*self.interrupts.stop;
-        let strict = experiment.render.strict.unwrap_or(false);
+        let (strict, may_be_dark) =
+            (experiment.render.strict.unwrap_or(false), self.may_be_dark(&experiment, settings));
         let rendering = Instant::now();
-        let rendered = iterate(renderer, settings, strict, stop, &mut self.progress);
+        let (name, responses) = (outputs.name(), settings.responses());
+        let mut live = self.tev.as_mut().map(|stream| Live { stream, name, responses });
+        let rendered = iterate(renderer, settings, strict, stop, &mut self.progress, live.as_mut());
         self.progress.finish();
         let schedule = rendered?;
         let elapsed = rendering.elapsed();
@@ -197,7 +210,7 @@ impl Session {
             return Ok(Outcome::Interrupted);
         }
 
-        if !self.may_be_dark(&experiment, settings) && !interrupted && is_black(renderer) {
+        if !may_be_dark && !interrupted && is_black(renderer) {
             return Err(feasible::nothing_inside(device, scene, settings).into());
         }
 
@@ -213,8 +226,16 @@ impl Session {
             warnings: &warnings,
         };
         self.interrupts.end_the_process_at(Interrupt::None);
+        if let Some(live) = &mut live {
+            live.send_last(renderer);
+        }
         report.write(&outputs)?;
         report.summarise(&outputs, &self.progress);
+        if let Some(live) = live {
+            self.interrupts.end_the_process_at(Interrupt::Second);
+            live.finish(&self.progress);
+            self.interrupts.end_the_process_at(Interrupt::None);
+        }
         if interrupted && outputs.strategy_images.is_some() {
             strategies::report_interrupted(&self.progress);
         }
@@ -359,13 +380,15 @@ pub fn check_inputs(outputs: &[PathBuf], scene: &Path, experiment: &Experiment) 
     }
 }
 
-/// Adds iterations until the budget is used or an interrupt arrives. Returns the samples per pixel of each iteration.
+/// Adds iterations until the budget is used or an interrupt arrives. Shows the image with `live`. Returns the samples per pixel of
+/// each iteration.
 fn iterate(
     renderer: &mut Renderer,
     settings: &Settings,
     strict: bool,
     stop: &AtomicBool,
     progress: &mut Progress,
+    mut live: Option<&mut Live>,
 ) -> anyhow::Result<Vec<u32>> {
     let started = Instant::now();
     let mut schedule = vec![];
@@ -382,6 +405,9 @@ fn iterate(
         let dropped = renderer.stats().dropped;
         if strict && dropped > 0 {
             return Err(NotFinite { dropped }.into());
+        }
+        if let Some(live) = &mut live {
+            live.update(renderer, progress);
         }
         progress.update(&Position::of(renderer, started.elapsed()), &settings.budget());
     }

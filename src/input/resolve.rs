@@ -45,6 +45,11 @@ pub struct Outputs {
 }
 
 impl Outputs {
+    /// The name of the image: the path of its file.
+    pub fn name(&self) -> String {
+        self.exr.iter().chain(&self.npy).next().map_or(String::new(), |path| path.display().to_string())
+    }
+
     /// All files, without the folder for the images of the strategies.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut files: Vec<PathBuf> = [&self.exr, &self.npy].into_iter().flatten().cloned().collect();

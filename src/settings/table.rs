@@ -23,6 +23,7 @@ use crate::settings::phase::Phase;
 use crate::settings::response_specs::ResponseSpecs;
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
 use crate::settings::sky::{Sky, SkyScale};
+use crate::settings::tev::{DEFAULT_TEV, TevAddress};
 use crate::settings::units::{Depth, Gate};
 use crate::settings::values::{Files, Folders, Png, Resolution, Seconds};
 use crate::settings::*;
@@ -313,6 +314,10 @@ table! {
 
         /// Also write statistics: rays, times, the mean and its error, dropped samples, the fraction of light inside the gate
         stats: PathBuf, Setting::output("stats", "FILE.json");
+
+        /// Also show the image in the viewer tev while it is rendered, with its gates and variances as layers (-o is still needed); if no
+        /// tev answers, there is only a warning [default address: 127.0.0.1:14158]
+        tev: TevAddress, Setting::output("tev", "HOST:PORT").form(Form::Optional { bare: DEFAULT_TEV, equals: true });
 
         /// Render the frames A, A + 1, ... up to but not including B, each to a file of its own: # in the name of an output stands for
         /// the number. Frames that are there with the same settings are kept. The scene has the pose at the time of the frame

@@ -12,6 +12,7 @@ mod guide;
 mod info;
 mod scan;
 mod scenes;
+mod tev;
 mod texels;
 mod views;
 

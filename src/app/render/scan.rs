@@ -52,6 +52,9 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     for warning in scene.warnings.iter().chain(&resolved.warnings) {
         session.say(format!("warning: {warning}"));
     }
+    if experiment.output.tev.is_some() {
+        session.say("note: a scan is not shown in tev, because it is no image".into());
+    }
     memory::check(&settings, has_variance)?;
     memory::check_bytes(ScanFilm::bytes(&scan, settings.responses().len(), has_variance), "the array of the scan")?;
 

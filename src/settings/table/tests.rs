@@ -33,6 +33,7 @@ fn names_are_the_keys_of_the_file_and_all_have_help() {
                 "15",
                 "all",
                 "uniform",
+                "localhost:1",
                 "word",
             ];
             *slot = words.iter().find_map(|word| T::parse(word.as_ref()).ok());
