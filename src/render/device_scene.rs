@@ -1,5 +1,7 @@
 //! The scene on the device: group 0 of the kernels.
 
+use std::sync::Arc;
+
 use bytemuck::NoUninit;
 
 use super::geometry::TexelLayout;
@@ -12,7 +14,8 @@ use crate::wgsl::layout::{Emitter, Frame};
 /// Buffers of group 0, with their names in WGSL.
 pub struct DeviceScene {
     frame: Buffer,
-    buffers: Vec<(&'static str, Buffer)>,
+    /// Read-only while two renderers share them.
+    buffers: Arc<Vec<(&'static str, Buffer)>>,
 }
 
 /// An array of the scene: name in WGSL, buffer descriptor, contents.
@@ -67,6 +70,10 @@ fn texels_desc(prepared: &PreparedScene) -> BufferDesc {
     BufferDesc::of_texels::<[u8; TexelLayout::WORD]>("texels", prepared.geometry.texels.words, IMAGES)
 }
 
+fn frame_buffer(device: &Device) -> Result<Buffer> {
+    Buffer::new::<Frame>(device, "frame", 1, "choose another --device")
+}
+
 impl DeviceScene {
     /// Descriptors of the scene's buffers.
     pub fn buffer_descs(prepared: &PreparedScene) -> Vec<BufferDesc> {
@@ -90,8 +97,12 @@ impl DeviceScene {
         let mut texels = Buffer::from_desc(device, &texels_desc(prepared))?;
         prepared.geometry.texels.write(scene, |offset, bytes| texels.write(offset, bytes))?;
         buffers.push(("texels", texels));
-        let frame = Buffer::new::<Frame>(device, "frame", 1, "choose another --device")?;
-        Ok(DeviceScene { frame, buffers })
+        Ok(DeviceScene { frame: frame_buffer(device)?, buffers: Arc::new(buffers) })
+    }
+
+    /// The same arrays with a frame of its own, for another renderer of the scene. No array can be replaced while both exist.
+    pub fn share(&self, device: &Device) -> Result<DeviceScene> {
+        Ok(DeviceScene { frame: frame_buffer(device)?, buffers: self.buffers.clone() })
     }
 
     /// Writes the frame, which the kernels of the next dispatches read.
@@ -106,11 +117,12 @@ impl DeviceScene {
 
     /// Replaces the rays of the sensor points by as many others.
     pub fn write_aims(&mut self, aims: &[[f32; 4]]) -> Result<()> {
-        self.write(AIMS, aims)
+        if aims.is_empty() { Ok(()) } else { self.write(AIMS, aims) }
     }
 
     fn write<T: NoUninit>(&mut self, wgsl: &str, data: &[T]) -> Result<()> {
-        let buffer = self.buffers.iter_mut().find(|(name, _)| *name == wgsl);
+        let buffers = Arc::get_mut(&mut self.buffers).expect("the arrays of a renderer with siblings are fixed");
+        let buffer = buffers.iter_mut().find(|(name, _)| *name == wgsl);
         buffer.expect("the scene has all its arrays").1.write(0, data)
     }
 

@@ -39,6 +39,7 @@ mod submit_size;
 mod travel_time_bounds;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use crate::error::{Error, Result};
@@ -127,10 +128,21 @@ impl Renderer {
         Renderer::from_plan(device, Plan::new(scene, settings, prepared)?, size, scene, prepared)
     }
 
+    /// A renderer of the same scene on the same device with other settings, such as a smaller image. Both use one copy of the scene
+    /// on the device, so neither may call [`Renderer::set_lights`], which panics, nor [`Renderer::set_camera`] with aimed rays. `scene` and `prepared` are those of this renderer, and
+    /// `settings` select the same emitters.
+    #[doc(hidden)]
+    pub fn sibling(&self, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Renderer> {
+        let size = [settings.crop().width(), settings.crop().height()];
+        let plan = Plan::new(scene, settings, prepared)?;
+        let shared = self.scene.share(&self.device)?;
+        Renderer::on_device(&self.device, plan, size, shared, prepared, Stats::default())
+    }
+
     fn from_plan(
         device: &Device,
         plan: Plan,
-        [width, height]: [u32; 2],
+        size: [u32; 2],
         scene: &Scene,
         prepared: &PreparedScene,
     ) -> Result<Renderer> {
@@ -138,6 +150,18 @@ impl Renderer {
         buffer_desc::check_all(&memory::certain_buffers(device.info(), &plan, prepared), device.info())?;
         let mut stats = Stats::default();
         let scene = stats.prepared("upload scene", || DeviceScene::new(device, scene, prepared))?;
+        Renderer::on_device(device, plan, size, scene, prepared, stats)
+    }
+
+    /// Compiles the kernels for a scene that is on the device.
+    fn on_device(
+        device: &Device,
+        plan: Plan,
+        [width, height]: [u32; 2],
+        scene: DeviceScene,
+        prepared: &PreparedScene,
+        mut stats: Stats,
+    ) -> Result<Renderer> {
         let compaction = Arc::new(stats.prepared(stage::COMPILE, || Compaction::new(device, &plan.constants()))?);
         let light = stats.prepared(stage::COMPILE, || {
             LightTracer::new(device, &scene, &plan, &compaction, &prepared.emitters.deterministic)
@@ -168,6 +192,14 @@ impl Renderer {
     /// vertices and `samples` samples per pixel (1 to 16; for a camera with aimed rays to 1024): in every pixel, or on average if
     /// the sampling is adaptive. Fails if `samples` is out of range, if a buffer does not fit the device, or if the device's counts contradict each other.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
+        self.iterate_unless(samples, &Arc::default()).map(drop)
+    }
+
+    /// As [`Renderer::iterate`], but gives up soon after `stop` has become true, and returns whether the iteration was added to the
+    /// film. If it was not, the film is as before, and the next iteration is the same one. A render of several responses begins anew
+    /// instead, because a part of the iteration is already in its images.
+    #[doc(hidden)]
+    pub fn iterate_unless(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
         let max = self.plan.max_samples();
         if !(1..=max).contains(&samples) {
             return Err(Error::Settings(format!(
@@ -176,10 +208,12 @@ impl Renderer {
         }
         if self.plan.dark {
             self.add_black_iteration(samples);
-            return Ok(());
+            return Ok(true);
         }
         let iteration = self.next_iteration(samples);
         let waits = self.device.waits();
+        // Counts of a part of an iteration would contradict each other.
+        let before = self.stats.clone();
         let counts = match &self.allocation {
             Some(allocation) => self.stats.timed(stage::ALLOCATE_SAMPLES, || allocation.counts(samples)),
             None => SampleCounts::Uniform(samples),
@@ -193,6 +227,10 @@ impl Renderer {
             splat.add_to(&mut image);
             splats.extend(has_responses.then(|| splat.arrival()));
         })?;
+        if stop.load(Ordering::Relaxed) {
+            self.stats = before;
+            return Ok(false);
+        }
 
         // Phase 3: sensor tracing and connection. The allocation learns the error per pixel for later iterations.
         let Renderer { device, plan, scene, sensor, allocation, film, responses, stats, .. } = self;
@@ -205,7 +243,13 @@ impl Renderer {
             }
         };
         let ready = sensor.prepare(plan, &iteration, scene, &pool, stats)?;
-        ready.run(plan, &counts, &mut image, responses.as_mut(), learn, stats)?;
+        if !ready.run(plan, &counts, &mut image, responses.as_mut(), learn, stop, stats)? {
+            self.stats = before;
+            if has_responses {
+                self.clear();
+            }
+            return Ok(false);
+        }
 
         // Film.
         let image = responses.as_ref().map_or(&image[..], ResponseSums::total);
@@ -217,7 +261,7 @@ impl Renderer {
         stats.waits += device.waits() - waits;
         stats.device_bytes = stats.device_bytes.max(device.bytes_in_use());
         self.finish_iteration(counts.max());
-        Ok(())
+        Ok(true)
     }
 
     /// Phases 1 and 2 of Algorithm 1: traces the light subpaths and builds the trees over their vertices. Calls `visit` with
@@ -257,7 +301,7 @@ impl Renderer {
 
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
     /// statistics stay. Fails without any change if a gate does not have a finite start before its end, if there is a gate and
-    /// a light is infinitely far away, or if one of the two renders is of a single box and the other is not.
+    /// a light is infinitely far away, or if the responses need other kernels, as several responses do after a single box.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
         let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
@@ -271,15 +315,21 @@ impl Renderer {
                 "a light is infinitely far away, so its light has no travel time to gate; select other emitters".into(),
             ));
         }
-        if responses.is_single_box() == self.responses.is_some() {
+        if !self.can_restart(&responses) {
             return Err(Error::Settings(
-                "a render of one gate cannot continue with other responses, nor the reverse; make a new renderer"
-                    .into(),
+                "these responses need other kernels than those of the render so far; make a new renderer".into(),
             ));
         }
         self.plan.set(seed, responses);
         self.clear();
         Ok(())
+    }
+
+    /// Whether [`Renderer::restart`] accepts these responses: their kernels are the same. The kernels of one box differ from those of
+    /// several responses, and those of long histograms from those of short ones.
+    #[doc(hidden)]
+    pub fn can_restart(&self, responses: &Responses) -> bool {
+        self.plan.can_have(responses)
     }
 
     /// Clears the film and begins a new render with another camera and a film of the same size. The scene, the BVH, the

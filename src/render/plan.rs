@@ -17,7 +17,7 @@ use crate::estimators::{PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::{Aim, Camera, Scene};
 use crate::settings::units::Gate;
-use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategies};
+use crate::settings::{Crop, Estimator, Importance, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
 
@@ -79,6 +79,10 @@ pub struct Iteration {
 /// The parameters of a render that are the same in all iterations.
 pub struct Plan {
     pub estimator: &'static Record,
+    /// The estimator of the settings; `estimator` is its record for the responses.
+    chosen: Estimator,
+    /// Of the scene, in metres.
+    diagonal: f64,
     pub light_paths: u32,
     splat_paths: u32,
     pub buckets: u32,
@@ -136,7 +140,8 @@ impl Plan {
             return Err(Error::Settings(settings.estimator().beam_refusal("beams, the only emitters here")));
         }
         let all = settings.strategies() == Strategies::All;
-        let estimator = record(scene, settings);
+        let diagonal = scene.diagonal();
+        let estimator = record(settings.estimator(), settings.responses(), diagonal);
         let traces_light = estimator.light_subpaths && settings.max_depth() >= 2;
         let features = prepared.geometry.features;
         let camera = &scene.cameras[settings.camera()];
@@ -156,6 +161,8 @@ impl Plan {
         let emitter_count = frame.emitter_count;
         let mut plan = Plan {
             estimator,
+            chosen: settings.estimator(),
+            diagonal,
             light_paths: settings.light_paths(),
             splat_paths: settings.splat_paths(),
             buckets: settings.buckets(),
@@ -278,6 +285,13 @@ impl Plan {
         self.frame.cull_hi = if self.cull && closed { hi + omitted as f32 + rounding_allowance } else { OPEN };
     }
 
+    /// Whether a render with these kernels can begin again with `responses`.
+    pub fn can_have(&self, responses: &Responses) -> bool {
+        let kind = |responses: &Responses| (responses.is_single_box(), responses.hole().is_some());
+        let record = record(self.chosen, responses, self.diagonal);
+        kind(&self.responses) == kind(responses) && std::ptr::eq(self.estimator, record)
+    }
+
     /// Whether queries choose among `count` deterministic vertices. Otherwise each shade point connects to all of them.
     pub fn queries_deterministic(&self, count: u32) -> bool {
         self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
@@ -398,11 +412,12 @@ impl Plan {
     }
 }
 
-/// The record of the estimator for the responses of the settings.
-fn record(scene: &Scene, settings: &Settings) -> &'static Record {
-    let (record, responses) = (settings.estimator().record(), settings.responses());
-    let support = responses.support();
-    let is_histogram = !responses.is_single_box() && support.hi - support.lo > HISTOGRAM_WIDTH * scene.diagonal();
+/// The record of an estimator for these responses, in a scene with this diagonal in metres.
+fn record(estimator: Estimator, responses: &Responses, diagonal: f64) -> &'static Record {
+    let record = estimator.record();
+    let length = |gate: Gate| gate.hi - gate.lo;
+    let lit = length(responses.support()) - responses.hole().map_or(0.0, length);
+    let is_histogram = !responses.is_single_box() && lit > HISTOGRAM_WIDTH * diagonal;
     record.for_histograms.filter(|_| is_histogram).unwrap_or(record)
 }
 

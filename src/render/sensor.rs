@@ -9,6 +9,9 @@ mod phase;
 mod tile;
 mod tiles;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::compaction::{COUNTERS, indirect_over};
 use super::device_scene::DeviceScene;
 use super::plan::Plan;
@@ -51,6 +54,10 @@ pub struct SensorTracer {
     tile: usize,
     /// Number of shade points that one submit queries, adapted in the same way.
     query_batch: usize,
+    /// Becomes true when the iteration is to be abandoned.
+    stop: Arc<AtomicBool>,
+    /// Whether a part of the present iteration was left out, so that all of it must be.
+    abandoned: bool,
 }
 
 impl SensorTracer {
@@ -68,7 +75,15 @@ impl SensorTracer {
             capacity,
             tile,
             query_batch: MIN_QUERY_BATCH,
+            stop: Arc::default(),
+            abandoned: false,
         })
+    }
+
+    /// Whether the iteration is abandoned. Once this returned true, it does so until the next iteration.
+    fn is_abandoned(&mut self) -> bool {
+        self.abandoned |= self.stop.load(Ordering::Relaxed);
+        self.abandoned
     }
 
     /// Frees the buffers before larger ones are allocated, and keeps the compiled kernels.
@@ -97,7 +112,8 @@ impl SensorTracer {
     }
 
     /// Renders `counts` samples per pixel of the crop. Adds the mean of each pixel to `image` (RGB, row-major), and the arrivals to
-    /// `responses`. `visit`: see [`Buffers::add_film`]. Fails if the device's counts contradict each other.
+    /// `responses`. `visit`: see [`Buffers::add_film`]. Returns false, with nothing added to `image`, if `stop` became true before the
+    /// end. Fails if the device's counts contradict each other.
     #[allow(clippy::too_many_arguments)]
     pub fn run(
         &mut self,
@@ -107,12 +123,17 @@ impl SensorTracer {
         image: &mut [f32],
         mut responses: Option<&mut ResponseSums>,
         visit: impl FnOnce(&[[f32; 4]], &[f32]),
+        stop: &Arc<AtomicBool>,
         stats: &mut Stats,
-    ) -> Result<()> {
+    ) -> Result<bool> {
+        (self.stop, self.abandoned) = (stop.clone(), false);
         let mut tiles = Tiles::new(plan.crop, counts);
         while let Some((tile, is_last)) = stats.timed(stage::RECORD, || tiles.next(self.tile)) {
             let mut arrivals = vec![];
             self.run_tile(plan, bindings, tile, is_last, responses.is_some().then_some(&mut arrivals), stats)?;
+            if self.is_abandoned() {
+                return Ok(false);
+            }
             stats.samples += tile.len() as u64;
             if let Some(responses) = &mut responses {
                 stats.timed(stage::SORT_ARRIVALS, || responses.add(&tiles::pixels(plan.crop, tile), arrivals));
@@ -123,6 +144,7 @@ impl SensorTracer {
         stats.shadow_rays += tally[1];
         stats.inside_gate += tally[2];
         stats.candidates += tally[3];
-        stats.check()
+        stats.check()?;
+        Ok(true)
     }
 }

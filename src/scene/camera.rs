@@ -12,7 +12,7 @@ use glam::{DAffine3, DVec3};
 /// the pinhole, and for aimed rays it is their common start. For an orthographic camera it is a point of the sensor plane: the
 /// plane through the camera's place, perpendicular to the view. Surfaces behind this point are not seen; the near and far planes
 /// of a file have no effect.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
     /// Unique among the cameras of the scene.
     pub name: String,

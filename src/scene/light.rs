@@ -9,7 +9,7 @@ use super::check::{MAX_COORDINATE, is_unit};
 pub(crate) const MAX_DISTANT: f32 = 1e20;
 
 /// A light without a surface.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Light {
     /// Name of the node that carries it.
     pub node: String,

@@ -30,7 +30,7 @@ impl Ready {
         let Some(mut prepared) = prepared else { return Ok(None) };
         let (seed, responses) = (settings.seed(), settings.responses());
         let is_same_render = old.change().seed(seed).responses(responses.clone()).build()? == *settings
-            && old.responses().is_single_box() == responses.is_single_box();
+            && renderer.can_restart(responses);
         if !is_same_render || !before.has_same_objects(&scene) {
             return Ok(None);
         }

@@ -5,7 +5,8 @@ use crate::render::submit_size::size_factor;
 
 impl SensorTracer {
     /// Traces the `living` paths of a bounce and queries their new shade points. Records the connections, but does not submit
-    /// them. Returns the number of paths that continue and the seconds of the submit that traced them.
+    /// them. Returns the number of paths that continue and the seconds of the submit that traced them. If the iteration is abandoned,
+    /// no path continues.
     pub(super) fn run_bounce(
         &mut self,
         bindings: &SensorBindings,
@@ -18,12 +19,18 @@ impl SensorTracer {
             self.record_counters()
         })?;
         let seconds = stats.submit(&mut self.recorder)?;
+        if self.is_abandoned() {
+            return Ok((0, seconds));
+        }
         // The host reads the list lengths here, because even a dispatch over an empty list costs as much as tracing hundreds
         // of paths.
         let counters = self.read_counters(stats)?;
         let shade_points = counters[SHADE as usize];
         if shade_points > 0 {
             self.query(bindings, constants, shade_points, stats)?;
+            if self.is_abandoned() {
+                return Ok((0, seconds));
+            }
             stats.timed(stage::RECORD, || self.record_connections(bindings, constants, shade_points))?;
         }
         Ok((counters[LIVING[1 - constants.bounce as usize % 2] as usize], seconds))
@@ -65,7 +72,7 @@ impl SensorTracer {
     /// many, separate submits query them in batches, so that no submit takes long.
     fn query(&mut self, bindings: &SensorBindings, constants: &Dispatch, all: u32, stats: &mut Stats) -> Result<()> {
         let (mut done, all) = (0, all as usize);
-        while done < all {
+        while done < all && !self.is_abandoned() {
             let batch = self.query_batch;
             let constants = Dispatch { counter: SHADE, rank: done as u32, ..*constants };
             let groups = self.kernels.query.groups(batch.min(all - done));

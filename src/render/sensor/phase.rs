@@ -1,6 +1,7 @@
 //! The objects of phase 3 that stay from iteration to iteration. A pool that outgrows them replaces them with larger ones.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use super::*;
 use crate::render::compaction::Compaction;
@@ -73,6 +74,7 @@ impl SensorPhase {
 
 impl Ready {
     /// See [`SensorTracer::run`].
+    #[allow(clippy::too_many_arguments)]
     pub fn run(
         &mut self,
         plan: &Plan,
@@ -80,9 +82,10 @@ impl Ready {
         image: &mut [f32],
         responses: Option<&mut ResponseSums>,
         visit: impl FnOnce(&[[f32; 4]], &[f32]),
+        stop: &Arc<AtomicBool>,
         stats: &mut Stats,
-    ) -> Result<()> {
-        self.tracer.run(plan, &self.bindings, counts, image, responses, visit, stats)
+    ) -> Result<bool> {
+        self.tracer.run(plan, &self.bindings, counts, image, responses, visit, stop, stats)
     }
 
     /// See [`SensorTracer::observe`].
