@@ -10,8 +10,8 @@
 #
 # Environment: RESOLUTION of the images (640x360), CROP_RESOLUTION of the row (320x180), TAUGATE, the program
 # (target/release/taugate), and PYTHON (python3), which needs Pillow 10.1 or later, numpy and matplotlib (pip install pillow
-# numpy matplotlib). Scenes, EXR files and references
-# stay in bench-pictures.
+# numpy matplotlib). The pictures of the viewer need Debian's packages chromium and chromium-driver. Scenes, EXR files and
+# references stay in bench-pictures.
 set -euo pipefail
 
 seconds=${1:-600}
@@ -57,6 +57,15 @@ if [ "$seconds" != 0 ]; then
     "$python" "$root/examples/hidden_letter.py" "$work/letter.npy" "$pictures/letter.png"
 fi
 sequence "$root/scenes/street-drive.toml" --resolution 192x108 -o "$work/street.##.exr" --gif "$pictures/street.gif"
+
+# The page of the viewer, in the browser of the tests. A palette makes the files small.
+if [ "$seconds" != 0 ]; then
+    TAUGATE_PICTURES=$work cargo test --manifest-path "$root/Cargo.toml" --release --test view -- --ignored pictures
+    for name in view view-gates; do
+        "$python" -c 'import sys; from PIL import Image; Image.open(sys.argv[1]).convert("RGB").quantize(256).save(sys.argv[2], optimize=True)' \
+            "$work/$name.png" "$pictures/$name.png"
+    done
+fi
 
 race=("$taugate" bench "$pictures/crops.toml" --time "${race_seconds}s" --out "$work/crops")
 [ -z "${CROP_RESOLUTION:-}" ] || race+=(--resolution "$CROP_RESOLUTION")

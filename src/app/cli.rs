@@ -1,5 +1,6 @@
 //! The subcommands and flags that a user can type. `taugate::internals::input::resolve` turns them into settings.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
@@ -7,7 +8,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::settings::optical_path::OpticalPath;
 use taugate::internals::settings::values::{Pixel, Resolution, Seconds};
 
-use crate::app::flags::Flags;
+use crate::app::flags::{Flags, Info, Render, View};
 
 /// Renders what a time-gated sensor sees: only the light whose travel time falls inside a gate.
 #[derive(Debug, Parser)]
@@ -20,6 +21,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Render(Box<RenderArgs>),
+    View(Box<ViewArgs>),
     Compare(CompareArgs),
     Histogram(HistogramArgs),
     Detect(DetectArgs),
@@ -48,7 +50,7 @@ pub struct RenderArgs {
     pub input: PathBuf,
 
     #[command(flatten)]
-    flags: Flags<false>,
+    flags: Flags<Render>,
 
     /// Print nothing but errors
     #[arg(short, long, help_heading = "Output")]
@@ -64,6 +66,40 @@ impl RenderArgs {
     pub fn into_experiment(self) -> Experiment {
         self.flags.0
     }
+}
+
+const VIEW_EXAMPLES: &str = "\
+Examples:
+  taugate view room.glb --gate 12.5m..12.8m --open
+  taugate view room.glb --listen 127.0.0.1:9000
+  ssh -L 9000:localhost:9000 HOST                      then open the address here in a browser
+
+Exit codes: 0 ended by Ctrl-C, 2 wrong input or file, 4 device error";
+
+/// Watch a scene converge in a browser, and change gate, camera and settings by hand
+#[derive(Debug, Args)]
+#[command(after_help = VIEW_EXAMPLES)]
+pub struct ViewArgs {
+    /// A scene (.glb, .gltf), or an experiment (.toml)
+    #[arg(value_name = "SCENE|EXPERIMENT")]
+    pub input: PathBuf,
+
+    #[command(flatten)]
+    pub flags: Flags<View>,
+
+    /// Address and port of the page. Only this machine can reach a loopback address
+    /// [default: 127.0.0.1:8642, or a free port if that one is taken]
+    #[arg(long, value_name = "IP:PORT", help_heading = "Page")]
+    pub listen: Option<SocketAddr>,
+
+    /// Open the page in the default browser. Other users of this machine may see the address, with its token, in the list of
+    /// processes
+    #[arg(long, help_heading = "Page")]
+    pub open: bool,
+
+    /// Folder for the images that the page saves
+    #[arg(long, value_name = "DIR", help_heading = "Page", default_value = ".")]
+    pub save_to: PathBuf,
 }
 
 /// Measure the error of an image against a reference
@@ -268,7 +304,7 @@ pub struct InfoArgs {
     pub scene: PathBuf,
 
     #[command(flatten)]
-    flags: Flags<true>,
+    flags: Flags<Info>,
 
     /// Name the object at the centre of this pixel (column and row of the whole image, from 0), and print when light arrives in
     /// the pixel alone

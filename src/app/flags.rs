@@ -1,5 +1,7 @@
 //! Makes the command-line flags from the tables of settings, and reads their values into an [`Experiment`].
 
+use std::marker::PhantomData;
+
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::error::Error;
 use clap::parser::ValueSource;
@@ -51,18 +53,50 @@ const INFO_SETTINGS: [&str; 40] = [
     "device",
 ];
 
-/// The values of the flags of `taugate render` or, with `INFO`, of `taugate info`.
-#[derive(Debug, Clone)]
-pub struct Flags<const INFO: bool>(pub Experiment);
+/// Settings that `taugate view` does not have, beside those under the heading Output.
+const NOT_VIEWED: [&str; 3] = ["crop", "gate-keys", "strict"];
 
-impl<const INFO: bool> Args for Flags<INFO> {
+/// A command with flags for settings.
+pub trait Flagged {
+    fn has(setting: &Setting) -> bool;
+}
+
+#[derive(Debug, Clone)]
+pub struct Render;
+#[derive(Debug, Clone)]
+pub struct Info;
+#[derive(Debug, Clone)]
+pub struct View;
+
+impl Flagged for Render {
+    fn has(_: &Setting) -> bool {
+        true
+    }
+}
+
+impl Flagged for Info {
+    fn has(setting: &Setting) -> bool {
+        INFO_SETTINGS.contains(&setting.name)
+    }
+}
+
+impl Flagged for View {
+    fn has(setting: &Setting) -> bool {
+        setting.name == "tev" || (setting.heading != "Output" && !NOT_VIEWED.contains(&setting.name))
+    }
+}
+
+/// The values of the flags of a command.
+#[derive(Debug, Clone)]
+pub struct Flags<C>(pub Experiment, PhantomData<C>);
+
+impl<C: Flagged> Args for Flags<C> {
     fn augment_args(command: Command) -> Command {
-        let mut list = FlagList { args: vec![] };
+        let mut list = FlagList { args: vec![], has: C::has };
         Experiment::default().visit(&mut list);
-        let is_flag = |arg: &Arg| !INFO || INFO_SETTINGS.contains(&arg.get_id().as_str());
         // The help lists the group Diagnostics last.
         list.args.sort_by_key(|arg| arg.get_help_heading() == Some("Diagnostics"));
-        command.args(list.args.into_iter().filter(is_flag))
+        command.args(list.args)
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -70,11 +104,11 @@ impl<const INFO: bool> Args for Flags<INFO> {
     }
 }
 
-impl<const INFO: bool> FromArgMatches for Flags<INFO> {
+impl<C: Flagged> FromArgMatches for Flags<C> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
         let mut experiment = Experiment::default();
         experiment.visit(&mut TypedValues { matches });
-        Ok(Flags(experiment))
+        Ok(Flags(experiment, PhantomData))
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), Error> {
@@ -83,13 +117,17 @@ impl<const INFO: bool> FromArgMatches for Flags<INFO> {
     }
 }
 
-/// Makes one flag per setting.
+/// Makes one flag per setting that the command has.
 struct FlagList {
     args: Vec<Arg>,
+    has: fn(&Setting) -> bool,
 }
 
 impl Visitor for FlagList {
     fn visit<T: Value>(&mut self, setting: &'static Setting, _: &mut Option<T>) {
+        if !(self.has)(setting) {
+            return;
+        }
         let mut arg = Arg::new(setting.name)
             .long(setting.name)
             .help(setting.help.trim_start())
@@ -120,7 +158,7 @@ struct TypedValues<'m> {
 
 impl Visitor for TypedValues<'_> {
     fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-        // `try_get_many` fails for flags that `taugate info` does not have. For a switch that was not typed, clap returns a
+        // `try_get_many` fails for flags that the command does not have. For a switch that was not typed, clap returns a
         // default value; only values from the command line count.
         let values = self.matches.try_get_many::<T>(setting.name).ok().flatten();
         let values = values.filter(|_| self.matches.value_source(setting.name) == Some(ValueSource::CommandLine));

@@ -186,13 +186,7 @@ fn contents(scene: &Scene) -> Report {
     let used_materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(m, _)| m);
     let materials = used_materials().map(|m| m.name.clone());
     let interiors = used_materials().filter_map(|m| Some(describe_interior(&m.name, m.interior.as_ref()?))).collect();
-    // The first light of a node decides its kind.
-    let lights: HashMap<&str, &SceneLight> = scene.lights.iter().rev().map(|l| (l.node.as_str(), l)).collect();
-    let emitters = emitting_nodes(scene).into_iter().map(|node| Emitter {
-        node: node.into(),
-        kind: lights.get(node).map_or("emissive mesh".into(), |light| describe(light, scene)),
-        watts: None,
-    });
+    let emitters = emitters(scene).map(|(node, kind)| Emitter { node, kind, watts: None });
     let cameras = scene.cameras.iter().map(|camera| {
         let (degrees_high, metres_high) = match camera.projection {
             Projection::Perspective { yfov } => (Some(yfov.to_degrees()), None),
@@ -221,6 +215,14 @@ fn contents(scene: &Scene) -> Report {
         render: None,
         notes: vec![],
     }
+}
+
+/// The nodes that emit, with what they are.
+pub fn emitters(scene: &Scene) -> impl Iterator<Item = (String, String)> {
+    // The first light of a node decides its kind.
+    let lights: HashMap<&str, &SceneLight> = scene.lights.iter().rev().map(|l| (l.node.as_str(), l)).collect();
+    let kind = move |node: &str| lights.get(node).map_or("emissive mesh".into(), |light| describe(light, scene));
+    emitting_nodes(scene).into_iter().map(move |node| (node.to_string(), kind(node)))
 }
 
 /// What `light` is. For a sky this includes the irradiance on a floor from which all of its upper half is visible.

@@ -28,11 +28,11 @@ pub fn check(settings: &Settings, has_variance: bool) -> Result<()> {
     )))
 }
 
-/// Fails if `bytes` are more than are free. `what` needs them.
-pub fn check_bytes(bytes: u64, what: &str) -> Result<()> {
+/// Fails if `bytes` are more than are free. `what` needs them; `remedy` says how to need less.
+pub fn check_bytes(bytes: u64, what: &str, remedy: &str) -> Result<()> {
     match free().filter(|free| bytes > *free) {
         Some(free) => Err(Error::Settings(format!(
-            "{what} needs {:.1} GiB of memory, but only {:.1} GiB are free; use fewer gates or points",
+            "{what} needs {:.1} GiB of memory, but only {:.1} GiB are free; {remedy}",
             bytes as f64 / GIB,
             free as f64 / GIB
         ))),

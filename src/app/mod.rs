@@ -12,6 +12,7 @@ mod generate;
 mod histogram;
 mod info;
 mod interrupts;
+mod live;
 mod memory;
 mod preparation;
 mod progress;
@@ -19,6 +20,7 @@ pub mod render;
 mod report;
 mod rescue;
 mod strategies;
+mod view;
 
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::process::ExitCode;
@@ -33,6 +35,7 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     interrupts::outlive_size_limits()?;
     match cli.command {
         Command::Render(args) => render::run(*args),
+        Command::View(args) => view::run(*args),
         Command::Compare(args) => compare::run(&args),
         Command::Histogram(args) => histogram::run(&args),
         Command::Detect(args) => detect::run(&args),

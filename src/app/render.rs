@@ -1,6 +1,5 @@
 //! `taugate render`: from the command line to the files.
 
-mod live;
 mod ready;
 mod scan;
 mod sequence;
@@ -31,12 +30,12 @@ use taugate::internals::settings::{Budget, Settings};
 use taugate::internals::tev::TevStream;
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
+use super::live::Live;
 use super::preparation::Preparation;
 use super::progress::{Position, Progress};
 use super::report::{Report, is_black};
 use super::{feasible, memory, strategies};
 use crate::app::cli::RenderArgs;
-use live::Live;
 use ready::Ready;
 
 /// The error for non-finite samples with --strict.
@@ -48,7 +47,7 @@ pub struct NotFinite {
 
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
-    let experiment = read_experiment(args)?;
+    let experiment = read_experiment(args.input.clone(), args.into_experiment())?;
     experiment.check_paths()?;
     if print_config {
         return print(experiment);
@@ -308,10 +307,8 @@ fn of_file(error: Error, scene: &Path) -> Error {
     }
 }
 
-/// The experiment to render. If the input is an experiment file, flags take precedence over its keys. `scene` is always set.
-fn read_experiment(args: RenderArgs) -> Result<Experiment> {
-    let input = args.input.clone();
-    let mut typed = args.into_experiment();
+/// The experiment to render, from the file `input` and the flags `typed`. If the input is an experiment file, flags take precedence over its keys. `scene` is always set.
+pub fn read_experiment(input: PathBuf, mut typed: Experiment) -> Result<Experiment> {
     let extension = input.extension().unwrap_or_default().to_ascii_lowercase();
     if extension == "toml" {
         let experiment = typed.over(Experiment::read(&input)?);

@@ -4,6 +4,7 @@
 pub mod experiment;
 pub mod light_table;
 pub mod medium_tables;
+pub mod named;
 pub mod plain;
 pub mod resolve;
 pub mod response_table;

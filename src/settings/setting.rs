@@ -141,7 +141,7 @@ impl Setting {
 }
 
 /// A type of values that a setting can have.
-pub trait Value: Clone + Send + Sync + 'static {
+pub trait Value: Clone + serde::Serialize + Send + Sync + 'static {
     /// Parses a word of the command line.
     fn parse(word: &OsStr) -> Result<Self, String>;
 

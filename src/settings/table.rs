@@ -205,7 +205,7 @@ table! {
         /// image of its own, such as near=gauss:10m..11m,0.1m; may be repeated [default: box]
         response: ResponseSpecs, Setting::gate("response", "[NAME=]SPEC").form(Form::Repeated);
 
-        /// OpticalPath of a pulsed laser, as optical path or time, such as 100m: light of all pulses falls into the gates (range folding)
+        /// Period of a pulsed laser, as optical path or time, such as 100m: light of all pulses falls into the gates (range folding)
         repeat: OpticalPath, Setting::gate("repeat", "LENGTH").form(Form::Signed);
 
         /// Continuous-wave sensor: modulation frequencies in MHz, one or two. Four images per frequency, with the weights (1 + cos(2 pi
@@ -315,8 +315,8 @@ table! {
         /// Also write statistics: rays, times, the mean and its error, dropped samples, the fraction of light inside the gate
         stats: PathBuf, Setting::output("stats", "FILE.json");
 
-        /// Also show the image in the viewer tev while it is rendered, with its gates and variances as layers (-o is still needed); if no
-        /// tev answers, there is only a warning [default address: 127.0.0.1:14158]
+        /// Also show the image in the viewer tev while it is rendered, with its gates and variances as layers; if no tev
+        /// answers, there is only a warning [default address: 127.0.0.1:14158]
         tev: TevAddress, Setting::output("tev", "HOST:PORT").form(Form::Optional { bare: DEFAULT_TEV, equals: true });
 
         /// Render the frames A, A + 1, ... up to but not including B, each to a file of its own: # in the name of an output stands for

@@ -1,5 +1,5 @@
 //! Shows images in the viewer tev (<https://github.com/Tom94/tev>) while they are rendered. A thread of its own sends them, so a tev
-//! that is slow, absent or gone costs the render nothing.
+//! that is slow, absent or gone never makes the render wait.
 
 mod connection;
 mod mailbox;
@@ -74,6 +74,11 @@ impl TevStream {
         if !self.mailbox.is_down() {
             self.mailbox.put(make());
         }
+    }
+
+    /// Whether the last attempt to connect or to send failed.
+    pub fn is_down(&self) -> bool {
+        self.mailbox.is_down()
     }
 
     /// Waits until everything is sent, at most for `timeout`. After it waited in vain once, it does not wait again. Returns a warning

@@ -10,10 +10,13 @@ mod grids;
 #[cfg(unix)]
 mod guide;
 mod info;
+mod orthographic;
+mod regressions;
 mod scan;
 mod scenes;
 mod tev;
 mod texels;
+mod view;
 mod views;
 
 use std::path::{Path, PathBuf};
@@ -68,7 +71,7 @@ fn write_exr(path: &Path, width: u32, height: u32, value: f32) {
 fn help_is_what_was_reviewed() {
     let here = folder();
     let mut help = String::new();
-    for command in ["", "render", "compare", "histogram", "detect", "bench", "info", "devices", "generate"] {
+    for command in ["", "render", "view", "compare", "histogram", "detect", "bench", "info", "devices", "generate"] {
         let arguments: Vec<&str> = [command, "--help"].into_iter().filter(|a| !a.is_empty()).collect();
         let output = taugate(here.path(), &arguments);
         assert!(output.status.success());
@@ -287,7 +290,7 @@ fn files_cannot_command_the_terminal() {
     let hostile = "x\u{1b}[2J\u{9b}31m\u{202e}y";
     let harmless = |arguments: &[&str]| {
         let output = taugate(here.path(), arguments);
-        let text = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
+        let text = String::from_utf8(output.stdout).unwrap() + String::from_utf8(output.stderr).unwrap().as_str();
         let bad: Vec<char> = text.chars().filter(|&c| (c.is_control() && c != '\n') || c == '\u{202e}').collect();
         assert!(bad.is_empty(), "{arguments:?} prints {bad:?}: {}", text.escape_debug());
         assert!(text.contains("31m"), "{arguments:?} does not print the text: {text}");

@@ -56,7 +56,11 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         session.say("note: a scan is not shown in tev, because it is no image".into());
     }
     memory::check(&settings, has_variance)?;
-    memory::check_bytes(ScanFilm::bytes(&scan, settings.responses().len(), has_variance), "the array of the scan")?;
+    memory::check_bytes(
+        ScanFilm::bytes(&scan, settings.responses().len(), has_variance),
+        "the array of the scan",
+        "use fewer gates or points",
+    )?;
 
     // Prepare the device.
     let prepared = preparation.timed("build BVH and tables", || PreparedScene::new(&scene, &settings));

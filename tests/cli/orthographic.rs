@@ -1,18 +1,15 @@
 //! Runs the program on a glTF file with an orthographic camera.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use serde_json::Value;
 use taugate::internals::generate::glb;
 use taugate::internals::image::exr_file::read_picture;
 
-#[path = "common/orthographic.rs"]
+#[path = "../common/orthographic.rs"]
 mod closed_form;
 
-fn taugate(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
-}
+use crate::taugate;
 
 /// Runs a command that must exit with `code`. Returns stdout and stderr together.
 fn run(folder: &Path, arguments: &[&str], code: i32) -> String {

@@ -1,10 +1,10 @@
 //! Bugs that were found by using the program in hostile ways: one test per bug, named after it.
 
-#[path = "common/glb.rs"]
+#[path = "../common/glb.rs"]
 mod glb;
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
 use glb::complete;
 use serde_json::json;
@@ -12,9 +12,7 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::resolve;
 use taugate::internals::scene::{Light, LightKind, gltf};
 
-fn taugate(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).current_dir(folder).output().expect("taugate starts")
-}
+use crate::taugate;
 
 fn cornell_box(folder: &Path) {
     assert!(taugate(folder, &["generate", "cornell-box", "-o", "box.glb"]).status.success());

@@ -7,7 +7,7 @@ use taugate::internals::render::Renderer;
 use taugate::internals::settings::Responses;
 use taugate::internals::tev::{Snapshot, TevStream};
 
-use super::super::progress::Progress;
+use super::progress::Progress;
 
 /// Maximum number of gates that are shown, as in an image file.
 const MAX_RESPONSES: usize = 64;
@@ -42,7 +42,8 @@ impl Live<'_> {
     }
 }
 
-fn snapshot(name: &str, responses: &Responses, renderer: &Renderer) -> Snapshot {
+/// The channels of a render so far, under a name.
+pub fn snapshot(name: &str, responses: &Responses, renderer: &Renderer) -> Snapshot {
     let film = renderer.film();
     let groups = channels::of_render(film, renderer.responses(), responses, MAX_RESPONSES);
     Snapshot { name: name.into(), width: film.width(), height: film.height(), groups }

@@ -1,6 +1,7 @@
 //! Compares the oracle's path tracer with closed forms. Seeds are fixed; the tolerance is 4 standard errors.
 
-#[path = "common/orthographic.rs"]
+mod fog;
+#[path = "../common/orthographic.rs"]
 mod orthographic;
 
 use glam::DVec3;

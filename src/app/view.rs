@@ -1,0 +1,205 @@
+//! `taugate view`: renders a scene, and serves a page on which the user watches it converge and changes its settings.
+
+mod board;
+mod client;
+mod describe;
+mod engine;
+mod measure;
+mod message;
+mod page;
+mod picture;
+mod renderers;
+mod save;
+mod server;
+mod stage;
+
+use std::net::{SocketAddr, TcpListener};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use taugate::Error;
+use taugate::internals::gpu::Device;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::named;
+use taugate::internals::tev::TevStream;
+use tokio::sync::{mpsc, watch};
+
+use super::interrupts::{Interrupt, Interrupts};
+use super::render;
+use crate::app::cli::ViewArgs;
+use board::Board;
+use client::Shared;
+use engine::{Command, Engine, Work};
+use message::Report;
+use stage::Stage;
+
+/// Commands that wait for the engine.
+const INBOX: usize = 256;
+/// Time between two looks at the interrupts.
+const POLL: Duration = Duration::from_millis(50);
+/// Time that pages get to take their last message.
+const GOODBYE: Duration = Duration::from_secs(1);
+
+/// Where answers to one page go.
+#[derive(Clone)]
+pub struct Answers(mpsc::Sender<Arc<str>>);
+
+impl Answers {
+    /// Sends an answer. Drops it if the page is gone or takes no answers.
+    pub fn send(&self, report: &Report) {
+        let _ = self.0.try_send(report.to_json().into());
+    }
+}
+
+pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
+    let ViewArgs { input, flags, listen, open, save_to } = args;
+    let mut experiment = render::read_experiment(input.clone(), flags.0)?;
+    experiment.check_paths()?;
+    let tev = experiment.output.tev.take();
+    let left_out = reduce(&mut experiment)?;
+    let is_whole = left_out.is_empty();
+    if !is_whole {
+        super::say(&format!("note: the viewer leaves out {}", left_out.join(", ")));
+    }
+    let folder = save_to.canonicalize().with_context(|| format!("the folder {} of --save-to", save_to.display()))?;
+    if !folder.is_dir() {
+        return Err(Error::Settings(format!("--save-to {} is no folder", save_to.display())).into());
+    }
+
+    let interrupts = Interrupts::new()?;
+    interrupts.end_the_process_at(Interrupt::First);
+    let listener = server::bind(listen)?;
+    let address = listener.local_addr()?;
+    let stage = Stage::new(experiment)?;
+    let device = Device::open(stage.start().render.device.as_deref())?;
+    let token = token()?;
+
+    let (sender, inbox) = sync_channel(INBOX);
+    let engine = Engine {
+        device,
+        stage,
+        board: Arc::new(Board::new()),
+        inbox,
+        stop: Arc::default(),
+        input,
+        is_whole,
+        folder,
+        tev: tev.map(TevStream::new),
+        work: Work::default(),
+    };
+
+    let url = url(address, &token);
+    super::print(&format!("{url}\n"))?;
+    explain(address);
+    if open && let Err(e) = open::that_detached(&url) {
+        super::say(&format!("warning: no browser could be opened ({e}); open the address yourself"));
+    }
+    interrupts.end_the_process_at(Interrupt::Second);
+
+    serve_until_interrupt(engine, sender, token, listener, &interrupts)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Renders, and serves pages, until Ctrl-C. Fails if the render ends by a defect.
+fn serve_until_interrupt(
+    engine: Engine,
+    sender: SyncSender<Command>,
+    token: String,
+    listener: TcpListener,
+    interrupts: &Interrupts,
+) -> anyhow::Result<()> {
+    let (end, ended) = watch::channel(false);
+    let (board, stop) = (engine.board.clone(), engine.stop.clone());
+    let shared = Arc::new(Shared { token, board: board.clone(), engine: sender.clone(), stop: stop.clone(), ended });
+    let is_over = Arc::new(AtomicBool::new(false));
+    let over = OnDrop(is_over.clone());
+    let rendering = std::thread::Builder::new().name("render".into()).spawn(move || {
+        // Without the engine the pages would wait for ever, so its end, even by a panic, ends the server.
+        let _over = over;
+        engine.run();
+    })?;
+    let interrupted = interrupts.stop.clone();
+    let until = async move {
+        while !interrupted.load(Ordering::Relaxed) && !is_over.load(Ordering::Relaxed) {
+            tokio::time::sleep(POLL).await;
+        }
+        let _ = end.send(true);
+        // The pages get some time to hear of the end.
+        let start = Instant::now();
+        while board.connections() != [0, 0] && start.elapsed() < GOODBYE {
+            tokio::time::sleep(POLL).await;
+        }
+    };
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let served = runtime.block_on(async {
+        tokio::select! {
+            served = server::serve(listener, shared) => served,
+            () = until => Ok(()),
+        }
+    });
+    runtime.shutdown_timeout(GOODBYE);
+    let _ = sender.send(Command::End);
+    stop.store(true, Ordering::SeqCst);
+    anyhow::ensure!(rendering.join().is_ok(), "the render stopped because of a defect of taugate");
+    served.context("the server failed")
+}
+
+/// Sets a flag when it is dropped.
+struct OnDrop(Arc<AtomicBool>);
+
+impl Drop for OnDrop {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Leaves out what the viewer does not have, and returns the names of these settings. Fails for a scan.
+fn reduce(experiment: &mut Experiment) -> Result<Vec<&'static str>, Error> {
+    if experiment.scan.is_some() {
+        let message = "a scan has no picture to watch; render it with taugate render";
+        return Err(Error::Settings(message.into()));
+    }
+    let before = named::as_texts(experiment);
+    experiment.output = Default::default();
+    experiment.gate.gate_keys = None;
+    experiment.camera.crop = None;
+    let after = named::as_texts(experiment);
+    Ok(before.into_keys().filter(|name| !after.contains_key(name) && *name != "output").collect())
+}
+
+/// 128 random bits in hexadecimal digits.
+fn token() -> anyhow::Result<String> {
+    let mut bytes = [0u8; 16];
+    getrandom::fill(&mut bytes)
+        .map_err(|e| anyhow::anyhow!("the system gives no random numbers for the token: {e}"))?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// The address of the page. The token comes after the `#`, which browsers do not send to servers.
+fn url(address: SocketAddr, token: &str) -> String {
+    let host = match address.ip() {
+        ip if ip.is_loopback() || ip.is_unspecified() => "localhost".to_string(),
+        std::net::IpAddr::V6(ip) => format!("[{ip}]"),
+        ip => ip.to_string(),
+    };
+    format!("http://{host}:{}/#{token}", address.port())
+}
+
+/// Tells the user how to go on, and what it means to listen on other addresses.
+fn explain(address: SocketAddr) {
+    super::say("open this address in a browser; Ctrl-C ends the program");
+    if !address.ip().is_loopback() {
+        super::say(&format!(
+            "warning: {address} can be reached from other machines: whoever has the address of the page sees and changes this render, \
+             and nothing is encrypted; prefer ssh -L {0}:localhost:{0}",
+            address.port()
+        ));
+    }
+    if address.ip().is_unspecified() {
+        super::say("on another machine, write the IP address of this machine instead of localhost");
+    }
+}

@@ -1,0 +1,377 @@
+//! The thread that renders for the viewer. It obeys the pages between two steps of work, and a change of settings ends a step early.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
+use std::time::{Duration, Instant};
+
+use taugate::internals::error::Result;
+use taugate::internals::gpu::Device;
+use taugate::internals::render::Renderer;
+use taugate::internals::render::schedule::next_samples;
+use taugate::internals::settings::{Budget, MAX_SECONDS};
+use taugate::internals::tev::TevStream;
+
+use super::super::live::snapshot;
+use super::board::{Board, Topic};
+use super::message::{Change, Phase, Progress, Report, Welcome};
+use super::picture::{BETWEEN_PICTURES, Picture};
+use super::renderers::Renderers;
+use super::stage::{Effect, Stage};
+use super::{Answers, describe, save};
+
+/// Minimum time between two pictures without a page.
+const WITHOUT_PAGE: Duration = Duration::from_secs(10);
+/// A camera that has not moved for this time is worth the preparation of the full image.
+const SETTLED: Duration = Duration::from_millis(300);
+/// If the full image will take less than this many seconds, no finer preview comes first.
+const SOON: f64 = 0.3;
+/// Samples per pixel of a preview.
+const PREVIEW_SAMPLES: u32 = 2;
+/// Minimum ratio of the time between two pictures and the time that making one takes.
+const TIME_PER_PICTURE: u32 = 20;
+/// Time between two attempts to show a finished image in a tev that does not answer.
+const TEV_RETRY: Duration = Duration::from_secs(2);
+
+/// A request of a page. Answers go to its queue.
+pub enum Command {
+    Set { changes: BTreeMap<String, Change>, page: Answers },
+    Pause(bool),
+    Save { name: String, page: Answers },
+    End,
+}
+
+/// What the engine does after a step.
+enum Next {
+    Step,
+    /// Wait for a command.
+    Wait,
+    /// Wait for a command, at most this long.
+    WaitFor(Duration),
+    End,
+}
+
+pub struct Engine {
+    pub device: Device,
+    pub stage: Stage,
+    pub board: Arc<Board>,
+    pub inbox: Receiver<Command>,
+    /// Set with each change of the image, so that the present iteration is abandoned.
+    pub stop: Arc<AtomicBool>,
+    /// The file that the user named.
+    pub input: PathBuf,
+    /// Whether all settings of that file count in the viewer.
+    pub is_whole: bool,
+    /// Folder for saved images.
+    pub folder: PathBuf,
+    /// A tev that also shows the image.
+    pub tev: Option<TevStream>,
+    pub work: Work,
+}
+
+/// How far the render of the present settings has come.
+#[derive(Default)]
+pub struct Work {
+    pub(super) revision: u32,
+    paused: bool,
+    failed: bool,
+    welcome: Option<Welcome>,
+    pub(super) renderers: Option<Renderers>,
+    /// Number of previews that are done or left out.
+    previews: usize,
+    /// When the camera moved, if the full image does not have it yet.
+    moved: Option<Instant>,
+    /// Whether the histogram and the surfaces are those of the present camera and lights.
+    pub(super) has_arrivals: bool,
+    pub(super) has_surfaces: bool,
+    /// Time spent on the iterations of the full image.
+    seconds: f64,
+    /// Earliest time of the next picture, and whether samples were added since the last one.
+    next_picture: Option<Instant>,
+    has_news: bool,
+    /// Estimated relMSE of the last picture of the full image.
+    relmse: Option<f64>,
+}
+
+impl Engine {
+    /// Renders until the inbox is closed or the command to end arrives.
+    pub fn run(mut self) {
+        self.announce(true);
+        let mut next = Next::Step;
+        loop {
+            self.stop.store(false, Ordering::SeqCst);
+            let command = match next {
+                Next::End => return,
+                Next::Step => match self.inbox.try_recv() {
+                    Err(TryRecvError::Empty) => None,
+                    Err(TryRecvError::Disconnected) => return,
+                    Ok(command) => Some(command),
+                },
+                Next::Wait => match self.inbox.recv() {
+                    Err(_) => return,
+                    Ok(command) => Some(command),
+                },
+                Next::WaitFor(time) => match self.inbox.recv_timeout(time) {
+                    Err(RecvTimeoutError::Disconnected) => return,
+                    command => command.ok(),
+                },
+            };
+            next = match command {
+                Some(command) => self.obey(command),
+                None => self.step().unwrap_or_else(|error| self.fail(&error.to_string())),
+            };
+        }
+    }
+
+    fn obey(&mut self, command: Command) -> Next {
+        match command {
+            Command::End => return Next::End,
+            Command::Pause(on) => {
+                self.work.paused = on;
+                self.publish_state(false, true);
+            }
+            Command::Save { name, page } => page.send(&self.save(&name)),
+            Command::Set { changes, page } => match self.stage.change(&changes) {
+                Ok(Effect::Nothing) => self.publish_state(false, true),
+                Ok(effect) => self.begin(effect),
+                Err(error) => page.send(&Report::Problem { message: error.to_string() }),
+            },
+        }
+        Next::Step
+    }
+
+    /// Begins a render with the present settings.
+    fn begin(&mut self, effect: Effect) {
+        let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
+        let work = &mut self.work;
+        let done = match (&mut work.renderers, effect) {
+            (Some(renderers), Effect::Restart)
+                if work.moved.is_none() && renderers.full.can_restart(settings.responses()) =>
+            {
+                renderers.restart(settings.seed(), settings.responses()).map(|()| true)
+            }
+            (Some(renderers), Effect::Restart | Effect::Settings) if work.moved.is_none() => {
+                renderers.replace(scene, settings).map(|()| true)
+            }
+            (Some(renderers), Effect::Restart | Effect::Camera) => {
+                work.moved = Some(Instant::now());
+                renderers.aim_previews(scene, settings)
+            }
+            _ => Ok(false),
+        };
+        if !done.is_ok_and(|done| done) {
+            (work.renderers, work.moved) = (None, None);
+        }
+        work.failed = false;
+        (work.previews, work.seconds, work.has_news, work.relmse) = (0, 0.0, false, None);
+        self.announce(effect == Effect::Restart);
+    }
+
+    fn announce(&mut self, keeps_arrivals: bool) {
+        let work = &mut self.work;
+        work.revision += 1;
+        work.has_arrivals &= keeps_arrivals;
+        work.has_surfaces &= keeps_arrivals;
+        let welcome = describe::welcome(&self.stage, &self.device, &self.folder);
+        if work.welcome.as_ref() != Some(&welcome) {
+            self.board.report(Topic::Welcome, &Report::Welcome(welcome.clone()));
+            work.welcome = Some(welcome);
+        }
+        self.publish_state(true, keeps_arrivals);
+        if self.work.renderers.is_none() {
+            self.report_progress(Phase::Preparing);
+        }
+    }
+
+    fn publish_state(&self, is_new: bool, keeps_surfaces: bool) {
+        let work = &self.work;
+        let warnings = work.renderers.as_ref().map_or(&[][..], |renderers| &renderers.warnings);
+        let state = describe::state(&self.stage, work.revision, work.paused, warnings, (&self.input, self.is_whole));
+        let resolution = state.resolution;
+        self.board.state(&Report::State(Box::new(state)), resolution, is_new, keeps_surfaces);
+    }
+
+    fn fail(&mut self, message: &str) -> Next {
+        self.work.renderers = None;
+        self.work.failed = true;
+        self.board.report(Topic::Failed, &Report::Failed { message: message.into() });
+        Next::Wait
+    }
+
+    /// Does the next piece of work: previews, then the histogram of arriving light, then iterations of the full image.
+    fn step(&mut self) -> Result<Next> {
+        if self.work.failed {
+            return Ok(Next::Wait);
+        }
+        let is_moving = self.work.moved.filter(|moved| moved.elapsed() < SETTLED);
+        let Some(renderers) = &self.work.renderers else { return self.prepare(0) };
+        if self.work.previews < renderers.previews.len() {
+            return self.preview_step();
+        }
+        if let Some(moved) = is_moving {
+            return Ok(Next::WaitFor(SETTLED.saturating_sub(moved.elapsed())));
+        }
+        if self.work.moved.is_some() {
+            // The previews of this camera are shown already.
+            return self.prepare(usize::MAX);
+        }
+        if !self.work.has_arrivals {
+            self.measure_arrivals();
+            return Ok(Next::Step);
+        }
+        self.full_step()
+    }
+
+    /// Prepares the scene for the present settings. `previews`: how many previews are done.
+    fn prepare(&mut self, previews: usize) -> Result<Next> {
+        // Two copies of the scene are never on the device.
+        self.work.renderers = None;
+        let renderers = Renderers::new(&self.device, self.stage.scene(), &self.stage.view().settings)?;
+        let work = &mut self.work;
+        (work.moved, work.previews) = (None, previews.min(renderers.previews.len()));
+        let has_warnings = !renderers.warnings.is_empty();
+        work.renderers = Some(renderers);
+        if has_warnings {
+            self.publish_state(false, true);
+        }
+        // The first picture comes before the next command, or a camera that never rests would never be seen.
+        if self.work.previews == 0 && self.has_previews() { self.preview_step() } else { Ok(Next::Step) }
+    }
+
+    fn has_previews(&self) -> bool {
+        self.work.renderers.as_ref().is_some_and(|renderers| !renderers.previews.is_empty())
+    }
+
+    /// Renders the next preview and publishes it. The coarsest one is never abandoned. Leaves out finer previews if the image will be there soon.
+    fn preview_step(&mut self) -> Result<Next> {
+        let work = &mut self.work;
+        let preview = &mut work.renderers.as_mut().expect("the scene is prepared").previews[work.previews];
+        let start = Instant::now();
+        let never = Arc::default();
+        let stop = if work.previews == 0 { &never } else { &self.stop };
+        if !preview.iterate_unless(PREVIEW_SAMPLES, stop)? {
+            return Ok(Next::Step);
+        }
+        let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
+        let seconds_per_pixel =
+            start.elapsed().as_secs_f64() / pixels([preview.film().width(), preview.film().height()]);
+        self.board.picture(Picture::new(preview, work.revision));
+        let is_soon = seconds_per_pixel * pixels(self.stage.view().settings.resolution()) < SOON;
+        work.previews = if is_soon { usize::MAX } else { work.previews + 1 };
+        self.report_progress(Phase::Coarse);
+        Ok(Next::Step)
+    }
+
+    fn full_step(&mut self) -> Result<Next> {
+        let view = self.stage.view();
+        let render = &view.experiment.render;
+        let budget = match render.spp.is_some() || render.time.is_some() {
+            true => view.settings.budget(),
+            false => Budget::Seconds(MAX_SECONDS),
+        };
+        let work = &mut self.work;
+        let full = &mut work.renderers.as_mut().expect("the scene is prepared").full;
+        let film = full.film();
+        let samples = next_samples(&budget, film.iterations(), film.samples(), Duration::from_secs_f64(work.seconds));
+        let end = match full.is_dark() {
+            true if film.iterations() > 0 => Some(Phase::Dark),
+            _ if samples == 0 => Some(Phase::Done),
+            _ if work.paused && film.iterations() > 0 => Some(Phase::Paused),
+            _ => None,
+        };
+        if let Some(phase) = end {
+            self.publish_picture(phase);
+            let waits_for_tev = self.tev.as_ref().is_some_and(TevStream::is_down);
+            return Ok(if waits_for_tev { Next::WaitFor(TEV_RETRY) } else { Next::Wait });
+        }
+        let start = Instant::now();
+        if !full.iterate_unless(samples, &self.stop)? {
+            if full.film().iterations() == 0 {
+                (work.seconds, work.relmse) = (0.0, None);
+                full.clear_stats();
+            }
+            return Ok(Next::Step);
+        }
+        work.seconds += start.elapsed().as_secs_f64();
+        work.has_news = true;
+        if work.next_picture.is_none_or(|time| Instant::now() >= time) {
+            self.publish_picture(Phase::Rendering);
+        }
+        if !self.work.has_surfaces {
+            self.find_surfaces();
+        }
+        Ok(Next::Step)
+    }
+
+    /// Publishes the full image, if the film has more than the last picture, and the progress.
+    fn publish_picture(&mut self, phase: Phase) {
+        let work = &mut self.work;
+        let full = &work.renderers.as_ref().expect("the scene is prepared").full;
+        if let Some(tev) = &mut self.tev {
+            let (scene, responses) = (self.stage.start().scene.as_deref(), self.stage.view().settings.responses());
+            let name = scene.and_then(Path::file_name).unwrap_or_default().to_string_lossy();
+            let make = || snapshot(&name, responses, full);
+            if phase == Phase::Rendering {
+                tev.offer(make)
+            } else {
+                tev.offer_last(make)
+            }
+            if let Some(warning) = tev.warning() {
+                super::super::say(&format!("warning: {warning}"));
+            }
+        }
+        if work.has_news {
+            let start = Instant::now();
+            let picture = Picture::new(full, work.revision);
+            work.relmse = picture.relmse();
+            self.board.picture(picture);
+            let pause = if self.board.has_pages() { BETWEEN_PICTURES } else { WITHOUT_PAGE };
+            let pause = pause.max(start.elapsed() * TIME_PER_PICTURE);
+            (work.next_picture, work.has_news) = (Some(Instant::now() + pause), false);
+        }
+        self.report_progress(phase);
+    }
+
+    fn report_progress(&self, phase: Phase) {
+        let work = &self.work;
+        let full = work.renderers.as_ref().filter(|_| work.moved.is_none()).map(|renderers| &renderers.full);
+        let [min_samples, max_samples] = full.map_or([0; 2], Renderer::samples_in_pixels);
+        let rays = full.map_or(0, |full| full.stats().rays());
+        let progress = Progress {
+            revision: work.revision,
+            phase,
+            samples: full.map_or(0, |full| full.film().samples()),
+            min_samples,
+            max_samples,
+            iterations: full.map_or(0, |full| full.film().iterations()),
+            seconds: work.seconds,
+            rays_per_second: rays as f64 / work.seconds.max(1e-9),
+            relmse: work.relmse,
+        };
+        self.board.report(Topic::Progress, &Report::Progress(progress));
+    }
+
+    /// Saves the image so far. Returns the answer for the page.
+    fn save(&self, name: &str) -> Report {
+        let work = &self.work;
+        let full = work.renderers.as_ref().filter(|_| work.moved.is_none()).map(|renderers| &renderers.full);
+        let saved = full.filter(|full| full.film().samples() > 0).map_or_else(
+            || {
+                Err(match work.failed {
+                    true => "there is no image, because the render failed; change its settings".to_string(),
+                    false => "there is no image yet; save again after the first samples".to_string(),
+                })
+            },
+            |full| {
+                let finished = save::Finished { renderer: full, stage: &self.stage, seconds: work.seconds };
+                finished.save(&self.folder, name).map_err(|error| format!("{error:#}"))
+            },
+        );
+        match saved {
+            Ok(files) => Report::Saved { files: files.iter().map(|file| file.display().to_string()).collect() },
+            Err(message) => Report::Problem { message },
+        }
+    }
+}

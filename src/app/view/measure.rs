@@ -1,0 +1,64 @@
+//! What the engine measures beside the image: when light arrives, and what the pixels show. The image does not depend on either, so
+//! their errors are not those of the render: the page then has no histogram, or no depths.
+
+use taugate::internals::error::Result;
+use taugate::internals::render::{PreparedScene, TravelTimes, first_surfaces, probe};
+
+use super::super::feasible;
+use super::board::{Surfaces, Topic};
+use super::engine::Engine;
+use super::message::{Arrivals, Report};
+
+/// Number of bins of the histogram. It ends when [`ARRIVAL_PERCENT`] of the light has arrived.
+const ARRIVAL_BINS: usize = 256;
+const ARRIVAL_PERCENT: f64 = 99.5;
+
+impl Engine {
+    /// Measures when light arrives, without a gate.
+    pub(super) fn measure_arrivals(&mut self) {
+        self.work.has_arrivals = true;
+        let times = self.arrivals().ok().flatten();
+        let end = times.as_ref().and_then(|times| times.percentile(ARRIVAL_PERCENT));
+        let bins = times.as_ref().zip(end).map(|(times, end)| times.histogram(end, ARRIVAL_BINS)).unwrap_or_default();
+        let begin = bins.first().map_or(0.0, |([begin, _], _)| *begin);
+        let suggested = times.as_ref().and_then(|times| feasible::suggestion(times, self.stage.scene()));
+        let arrivals = Arrivals {
+            revision: self.work.revision,
+            begin,
+            end: end.unwrap_or(begin).max(begin),
+            light: bins.into_iter().map(|(_, light)| light).collect(),
+            suggested: suggested.map(|gate| [gate.lo, gate.hi]),
+        };
+        self.board.report(Topic::Arrivals, &Report::Arrivals(arrivals));
+    }
+
+    /// The travel times of all light that has one; `None` if all of it comes from infinitely far away.
+    fn arrivals(&self) -> Result<Option<TravelTimes>> {
+        let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
+        let prepared = &self.work.renderers.as_ref().expect("the scene is prepared").prepared;
+        if !prepared.has_distant() {
+            return probe(&self.device, scene, settings, prepared).map(Some);
+        }
+        match PreparedScene::without_distant(scene, settings) {
+            Some((settings, prepared)) => probe(&self.device, scene, &settings, &prepared).map(Some),
+            None => Ok(None),
+        }
+    }
+
+    /// Finds depth and object of every pixel.
+    pub(super) fn find_surfaces(&mut self) {
+        self.work.has_surfaces = true;
+        let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
+        let [width, height] = settings.resolution();
+        let pixels = width as usize * height as usize;
+        let (mut depth, mut object) = (vec![0.0; pixels], vec![Surfaces::NOTHING; pixels]);
+        let prepared = &self.work.renderers.as_ref().expect("the scene is prepared").prepared;
+        let found = first_surfaces(&self.device, scene, settings, prepared, &mut |pixel, surface| {
+            (depth[pixel], object[pixel]) = (surface.distance, surface.instance);
+        });
+        if found.is_ok() {
+            let names = scene.instances.iter().map(|instance| instance.node.clone()).collect();
+            self.board.surfaces(Surfaces { depth, object, names });
+        }
+    }
+}

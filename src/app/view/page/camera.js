@@ -1,0 +1,106 @@
+// The camera: turning, moving and flying change its place, its target and its upward direction.
+
+const EPSILON = 1e-9;
+/** The camera does not look closer to straight up or down than this angle (radians), where turning would flip it. */
+const LEAST_ANGLE = 0.02;
+
+const add = (a, b, factor = 1) => a.map((value, axis) => value + factor * b[axis]);
+const scaled = (a, factor) => a.map(value => value * factor);
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const length = a => Math.sqrt(dot(a, a));
+const unit = a => scaled(a, 1 / Math.max(length(a), EPSILON));
+
+/** Turns `vector` about the unit vector `axis` (Rodrigues' formula). */
+function turned(vector, axis, angle) {
+  const [c, s] = [Math.cos(angle), Math.sin(angle)];
+  return add(add(scaled(vector, c), cross(axis, vector), s), axis, dot(axis, vector) * (1 - c));
+}
+
+/** The axis of the world that is upwards: +Y, unless the camera's own upward direction is far from it. */
+function vertical(up) {
+  const sizes = up.map(Math.abs);
+  const axis = sizes[1] >= 0.5 * length(up) ? 1 : sizes.indexOf(Math.max(...sizes));
+  return [0, 1, 2].map(k => (k === axis ? Math.sign(up[k]) || 1 : 0));
+}
+
+/** Right, up and forward of a camera, as unit vectors. */
+function frameOf({ look_from, look_at, up }) {
+  const forward = unit(add(look_at, look_from, -1));
+  const right = unit(cross(forward, up));
+  return { forward, right, up: cross(right, forward) };
+}
+
+/** Turns the vector `arm` about the vertical and about the camera's right, by angles in radians; also turns `up`. */
+function turn(camera, arm, yaw, pitch) {
+  const axis = vertical(camera.up);
+  const { forward, right } = frameOf(camera);
+  const angle = Math.acos(Math.max(-1, Math.min(1, dot(forward, axis))));
+  const allowed = Math.max(angle - (Math.PI - LEAST_ANGLE), Math.min(angle - LEAST_ANGLE, pitch));
+  const apply = vector => turned(turned(vector, right, allowed), axis, yaw);
+  return { arm: apply(arm), up: apply(frameOf(camera).up) };
+}
+
+export const distance = camera => length(add(camera.look_at, camera.look_from, -1));
+
+/** Turns the camera about its target. Positive yaw moves the scene to the right, positive pitch looks from below. */
+export function orbit(camera, yaw, pitch) {
+  const { arm, up } = turn(camera, add(camera.look_from, camera.look_at, -1), -yaw, pitch);
+  return { ...camera, look_from: add(camera.look_at, arm), up };
+}
+
+/** Turns the camera on its place: positive yaw to the left, positive pitch upwards. */
+export function look(camera, yaw, pitch) {
+  const { arm, up } = turn(camera, add(camera.look_at, camera.look_from, -1), yaw, pitch);
+  return { ...camera, look_at: add(camera.look_from, arm), up };
+}
+
+/** Moves the camera and its target, in metres to the right, upwards and forwards. */
+export function move(camera, right, upwards, forwards) {
+  const axes = frameOf(camera);
+  const way = add(add(scaled(axes.right, right), axes.up, upwards), axes.forward, forwards);
+  return { ...camera, look_from: add(camera.look_from, way), look_at: add(camera.look_at, way) };
+}
+
+/** Divides the distance to the target by `factor`; an orthographic view shows a smaller part of the scene instead. */
+export function dolly(camera, factor) {
+  if (camera.ortho) return { ...camera, ortho: camera.ortho / factor };
+  const arm = add(camera.look_from, camera.look_at, -1);
+  return { ...camera, look_from: add(camera.look_at, arm, 1 / factor) };
+}
+
+/** Height of the view at the target, in metres. */
+export function viewHeight(camera) {
+  return camera.ortho ?? 2 * distance(camera) * Math.tan(((camera.fov ?? 40) * Math.PI) / 360);
+}
+
+const text = (vector, digits) => vector.map(value => String(Number(value.toFixed(digits)))).join(',');
+
+/** Decimals for lengths: a thousandth of a per cent of the distance to the target. */
+const decimals = camera => Math.max(0, Math.min(12, Math.ceil(5 - Math.log10(Math.max(distance(camera), 1e-12)))));
+
+/** A place as text, as precise as the distance to the camera's target needs. */
+export const placeText = (camera, key) => text(camera[key], decimals(camera));
+
+/** The camera of a state of the program. A target that the user gave stays where it is. */
+export function cameraOf({ camera, settings }) {
+  const target = settings['look-at']?.split(',').map(Number);
+  return target?.length === 3 && target.every(Number.isFinite) ? { ...camera, look_at: target } : camera;
+}
+
+/** The change of settings that makes `camera`. */
+export function cameraChange(camera) {
+  const axis = vertical(camera.up);
+  const isLevel = Math.abs(dot(frameOf(camera).right, axis)) < 1e-4;
+  const change = {
+    'look-from': placeText(camera, 'look_from'),
+    'look-at': placeText(camera, 'look_at'),
+    // +Y is the default of the program, so a level camera needs no flag.
+    up: isLevel ? (axis[1] === 1 ? false : text(axis, 0)) : text(camera.up, 6),
+  };
+  if (camera.ortho) change.ortho = String(Number(camera.ortho.toPrecision(6)));
+  return change;
+}
+
+/** The change of settings that goes back to the camera of the start. */
+export const CAMERA_RESET = { camera: null, 'look-from': null, 'look-at': null, up: null, fov: null, ortho: null };

@@ -1,0 +1,183 @@
+// The gate: its controls, and what the time line does with it.
+
+import { byId, choose, fill, onChoice, onEdit } from './dom.js';
+import { makePlay } from './play.js';
+import { makeTimeline } from './timeline.js';
+import { UNITS, describeGate, gateChange, gatesChange, inUnit, niceStep, parseTravelTime } from './units.js';
+
+/** After this time (ms) without a change on this page, the gate of the program counts again. */
+const SETTLE = 500;
+
+/** `onBin` is called with the number of the response that this page wants to see. */
+export function makeGate(link, { onBin, onProblem }) {
+  const model = { mode: 'steady', lo: 0, hi: Infinity, bins: [], bin: 0, unit: 'm' };
+  let touched = -Infinity;
+  let isSum = false;
+  let suggested = null;
+  let latest = null;
+  let about = null; // Middle of the gate that the user saw or picked last, in metres.
+
+  const timeline = makeTimeline(model, { move, pick });
+  const play = makePlay(link, { model, advance });
+
+  /** Sets the gate, or the range of many gates, to [lo, hi) in metres. */
+  function move(lo, hi) {
+    if (!(hi > lo)) return onProblem('The gate is empty: it must end after it begins.');
+    [model.lo, model.hi] = [Math.max(0, lo), hi];
+    touched = performance.now();
+    if (model.mode === 'many') {
+      const count = model.bins.length > 1 ? model.bins.length : Number(byId('gate-count').value);
+      link.set(gatesChange(model.lo, model.hi, count, model.unit));
+    } else {
+      model.mode = 'gate';
+      link.set(gateChange(model.lo, model.hi, model.unit));
+    }
+    show();
+  }
+
+  function pick(bin) {
+    if (bin === model.bin) return;
+    model.bin = bin;
+    about = middle(model.bins[bin].lo, model.bins[bin].hi ?? Infinity);
+    onBin(bin);
+    show();
+  }
+
+  /** One step of playing or of the buttons. Returns false at the end of the range. */
+  function advance(direction, part = 1) {
+    if (model.bins.length > 1) {
+      const next = model.bin + direction;
+      if (next < 0 || next >= model.bins.length) return false;
+      pick(next);
+      return true;
+    }
+    if (model.mode !== 'gate' || model.hi === Infinity) return false;
+    const size = model.hi - model.lo;
+    const lo = Math.max(0, model.lo + direction * size * part);
+    const [from, to] = timeline.range();
+    if (part < 1 && (lo + size > to || lo < from)) return false;
+    move(lo, lo + size);
+    return true;
+  }
+
+  /** The first gate of the range, to play from there. */
+  function rewind() {
+    if (model.bins.length > 1) return pick(0);
+    const [from] = timeline.range();
+    move(from, from + model.hi - model.lo);
+  }
+
+  function show() {
+    const { mode, lo, hi, unit } = model;
+    choose('gate-mode', mode);
+    byId('gate-numbers').hidden = mode === 'steady' || mode === 'other';
+    byId('gate-count-group').hidden = mode !== 'many';
+    byId('gate-steps').hidden = mode === 'steady';
+    byId('gate-suggested').hidden = !suggested || mode === 'many' || mode === 'other';
+    fill(byId('gate-from'), inUnit(lo, unit));
+    fill(byId('gate-to'), hi === Infinity ? 'inf' : inUnit(hi, unit));
+    const count = model.bins.length > 1 ? model.bins.length : 1;
+    fill(byId('gate-width'), hi === Infinity ? 'inf' : inUnit((hi - lo) / count, unit, 6));
+    const bin = model.bins[model.bin];
+    const many = model.bins.length > 1 && bin;
+    byId('gate-text').textContent = many && isSum ? `The picture shows the sum of all ${count} gates.`
+      : many ? `${bin.name} (${model.bin + 1} of ${count}): ${describeGate(bin.lo, bin.hi ?? Infinity)}`
+      : mode === 'steady' ? 'All travel times (steady state). Drag on the time line to set a gate.' : describeGate(lo, hi);
+    if (mode === 'gate') about = middle(lo, hi);
+    timeline.draw();
+  }
+
+  function followState(state) {
+    latest = state;
+    const { settings, responses } = state;
+    const isOther = responses.length !== model.bins.length;
+    model.bins = responses;
+    if (responses.length > 1) fill(byId('gate-count'), responses.length);
+    const isBusy = timeline.isDragging() || performance.now() - touched < SETTLE;
+    if (!isBusy) {
+      const first = responses[0];
+      const whole = [first.lo, Math.max(...responses.map(({ hi }) => hi ?? Infinity))];
+      if (settings.gates) model.mode = 'many';
+      else if (responses.length > 1) model.mode = 'other';
+      else model.mode = first.hi === null && first.lo === 0 ? 'steady' : 'gate';
+      if (model.mode !== 'steady') [model.lo, model.hi] = whole;
+    }
+    if (isOther) chooseBin();
+    show();
+  }
+
+  /** Of a new set of gates, the page shows the one where the light was that it showed before. */
+  function chooseBin() {
+    const bin = model.bins.length > 1 ? timeline.binAt(about ?? suggested?.[0] ?? 0) : 0;
+    if (bin !== model.bin) onBin(model.bin = bin);
+  }
+
+  // What the state said last counts once the user has stopped.
+  function settle() {
+    if (latest && !timeline.isDragging()) followState(latest);
+  }
+
+  onChoice('gate-mode', mode => {
+    touched = -Infinity;
+    play.stop();
+    if (mode === 'steady') return link.set({ gate: false, depth: false, gates: false });
+    // A gate that was there before comes back; else the suggestion, or the middle third of the range.
+    const [a, b] = timeline.range();
+    const hasGate = model.lo > 0 && model.hi < Infinity;
+    if (mode === 'gate') {
+      const bin = model.bins.length > 1 ? model.bins[model.bin] : null;
+      const ends = bin ? [bin.lo, bin.hi ?? Infinity] : hasGate ? [model.lo, model.hi] : suggested ?? [a + (b - a) / 3, b - (b - a) / 3];
+      link.set(gateChange(...ends, model.unit));
+    } else {
+      // The range begins and ends at round numbers.
+      const unit = UNITS[model.unit].metres;
+      const step = niceStep((b - a) / unit, 20) * unit;
+      const ends = [Math.floor(a / step) * step, Math.ceil(b / step) * step];
+      link.set(gatesChange(...ends, Number(byId('gate-count').value) || 30, model.unit));
+    }
+  });
+  onEdit(byId('gate-unit'), unit => { model.unit = unit; show(); });
+  const typed = (id, change) => onEdit(byId(id), text => {
+    const metres = /^(inf|∞)$/.test(text) ? Infinity : parseTravelTime(text, model.unit);
+    if (metres === null || Number.isNaN(metres)) {
+      onProblem(`'${text}' is not a travel time: write it like 6.2, 6.2m or 20.7ns.`);
+      return show();
+    }
+    change(metres);
+    show();
+  }, show);
+  typed('gate-from', metres => move(metres, model.hi > metres ? model.hi : metres + (model.hi - model.lo)));
+  typed('gate-to', metres => move(model.lo, metres));
+  typed('gate-width', metres => move(model.lo, model.lo + metres * Math.max(1, model.bins.length)));
+  onEdit(byId('gate-count'), text => {
+    touched = -Infinity;
+    link.set(gatesChange(model.lo, model.hi, Math.round(Number(text)), model.unit));
+  }, show);
+  byId('gate-back').addEventListener('click', () => advance(-1));
+  byId('gate-next').addEventListener('click', () => advance(1));
+  byId('gate-play').addEventListener('click', () => play.toggle(rewind));
+  byId('gate-suggested').addEventListener('click', () => {
+    touched = -Infinity;
+    link.set(gateChange(...suggested, model.unit));
+  });
+
+  link.on('state', followState);
+  link.on('problem', () => { touched = -Infinity; settle(); });
+  link.on('progress', () => { if (performance.now() - touched > SETTLE && performance.now() - touched < 4 * SETTLE) settle(); });
+  link.on('arrivals', message => {
+    suggested = message.suggested;
+    timeline.take(message);
+    if (about === null) chooseBin();
+    show();
+  });
+  link.on('picture', frame => {
+    play.seen(frame);
+    if (isSum === frame.isSum) return;
+    isSum = frame.isSum;
+    show();
+  });
+
+  return { model, showPixel: timeline.showPixel };
+}
+
+const middle = (lo, hi) => (hi === Infinity ? lo : (lo + hi) / 2);

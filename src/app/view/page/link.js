@@ -1,0 +1,127 @@
+// The connection to the program: messages out, messages in, and connecting again.
+
+import { parseFrame } from './frame.js';
+
+/** Pauses before connecting again, in ms: the first one, and the maximum. Each is twice the one before it. */
+const FIRST_PAUSE = 500;
+const LONGEST_PAUSE = 10000;
+/** Time between two messages of the same kind, in ms. */
+const SET_EVERY = 100;
+const PIXEL_EVERY = 100;
+const SHOW_EVERY = 40;
+
+/** Closings after which connecting again by itself would not help. */
+const ENDINGS = {
+  4401: 'This address has no valid token. Open the address that the program printed; the token is the part after #.',
+  4400: 'The program closed the connection because it did not understand this page. Load the page again.',
+  4429: 'The program closed the connection because this page sent too many messages.',
+  1001: 'The program has ended. Start it again, and open the address that it prints.',
+};
+
+/**
+ * Connects to the program that served this page. `on(kind, handler)` registers a handler for a kind of message (its `is`), or
+ * for `picture` and `connection`. A connection is { open, text, canRetry }.
+ */
+export function openLink(token) {
+  const handlers = new Map();
+  let socket = null;
+  let pause = FIRST_PAUSE;
+  let timer = 0;
+
+  const emit = (kind, value) => {
+    for (const handler of handlers.get(kind) ?? []) handler(value);
+  };
+  const send = message => {
+    if (socket?.readyState !== WebSocket.OPEN) return false;
+    socket.send(JSON.stringify(message));
+    return true;
+  };
+
+  const set = throttle(SET_EVERY, changes => send({ do: 'set', changes }));
+  const pixel = throttle(PIXEL_EVERY, place => send({ do: 'pixel', ...place }));
+  const show = throttle(SHOW_EVERY, what => send({ do: 'show', ...what }));
+
+  function connect() {
+    clearTimeout(timer);
+    const mine = new WebSocket(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/ws`);
+    socket = mine;
+    mine.binaryType = 'arraybuffer';
+    mine.onopen = () => send({ do: 'hello', token });
+    mine.onmessage = ({ data }) => {
+      if (data instanceof ArrayBuffer) {
+        const frame = parseFrame(data);
+        if (frame) emit('picture', frame);
+        return;
+      }
+      const message = JSON.parse(data);
+      if (message.is === 'welcome') {
+        pause = FIRST_PAUSE;
+        emit('connection', { open: true, text: 'Connected', canRetry: false });
+      }
+      emit(message.is, message);
+    };
+    mine.onclose = ({ code }) => {
+      if (socket !== mine) return;
+      for (const waiting of [set, pixel, show]) waiting.forget();
+      if (ENDINGS[code]) {
+        emit('connection', { open: false, text: ENDINGS[code], canRetry: code !== 4401 });
+        return;
+      }
+      const seconds = (pause / 1000).toFixed(1);
+      emit('connection', { open: false, text: `The connection to the program is lost. Trying again in ${seconds} s.`, canRetry: true });
+      timer = setTimeout(connect, pause);
+      pause = Math.min(2 * pause, LONGEST_PAUSE);
+    };
+  }
+
+  return {
+    on(kind, handler) {
+      handlers.set(kind, [...(handlers.get(kind) ?? []), handler]);
+    },
+    emit,
+    connect,
+    /** Changes settings: at most ten messages per second, and the last value always. */
+    set: changes => set.merge(changes),
+    /** Asks for the values of a pixel. Only the last question of a tenth of a second is asked. */
+    pixel: (x, y) => pixel.merge({ x, y }),
+    /** Says what this page wants to see. */
+    show: (layer, response) => show.merge({ layer, response }),
+    pause: on => send({ do: 'pause', on }),
+    save: name => send({ do: 'save', name }),
+    ack: frame => send({ do: 'ack', frame }),
+  };
+}
+
+/** Settings that exclude each other: setting one of them removes the others that still wait. */
+const EXCLUSIVE = [['gate', 'depth', 'gates'], ['fov', 'ortho']];
+
+/** Collects values and hands them to `deliver`: the first at once, later ones merged, at most one delivery per `period` ms. */
+function throttle(period, deliver) {
+  let waiting = null;
+  let timer = 0;
+  let last = -Infinity;
+  const flush = () => {
+    timer = 0;
+    if (!waiting) return;
+    last = performance.now();
+    deliver(waiting);
+    waiting = null;
+  };
+  return {
+    merge(values) {
+      waiting ??= {};
+      for (const group of EXCLUSIVE) {
+        if (group.some(key => key in values)) for (const key of group) delete waiting[key];
+      }
+      Object.assign(waiting, values);
+      const rest = last + period - performance.now();
+      if (rest <= 0) flush();
+      else timer ||= setTimeout(flush, rest);
+    },
+    forget() {
+      clearTimeout(timer);
+      timer = 0;
+      waiting = null;
+    },
+  };
+}

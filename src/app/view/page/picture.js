@@ -1,0 +1,94 @@
+// The picture on the stage: painter, zoom, pixel grid, and the marker of the pixel that is held.
+
+import { byId, fitCanvas, onceAFrame } from './dom.js';
+import { makeGlPainter } from './picture_gl.js';
+import { make2dPainter } from './picture_2d.js';
+import { makeView } from './view.js';
+
+/** Grey around the picture, as in style.css. */
+const BACKGROUND = [24, 24, 24];
+/** Zoom (pixels of the screen per pixel of the image) from which on the pixel grid is drawn, and its opacity. */
+const GRID_FROM = 10;
+const GRID_OPACITY = 0.16;
+
+/**
+ * `display` maps values to colours. With `without3d`, the 2D canvas is used even if there is WebGL2.
+ *
+ * A painter draws with these values: left, top (corner of the image on the stage) and zoom in pixels of the screen; image (its size
+ * in pixels); smooth (interpolate); falseColour, range (of radiance), factor (on half floats); grid (opacity); background.
+ */
+export function makePicture({ display, without3d, onProblem }) {
+  const stage = byId('stage');
+  const canvas = byId('picture');
+  const painter = (without3d ? null : makeGlPainter(canvas)) ?? make2dPainter(canvas);
+  canvas.dataset.painter = painter.name;
+  let frame = null;
+  let held = null;
+
+  const draw = onceAFrame(() => {
+    const { zoom, left, top, image, stage: size } = view.now;
+    const ratio = canvas.width / Math.max(1, size[0]);
+    if (frame) {
+      byId('zoom').textContent = `${Math.round(100 * zoom * ratio)} %`;
+      const isWhole = frame.width === image[0] && frame.height === image[1];
+      painter.draw({
+        left: left * ratio, top: top * ratio, zoom: zoom * ratio, image, background: BACKGROUND,
+        // A coarse picture has fewer pixels than the image: it is interpolated.
+        smooth: !isWhole,
+        grid: isWhole && zoom * ratio >= GRID_FROM ? GRID_OPACITY : 0,
+        ...display.mapping(frame),
+      });
+      // For those who watch the page from outside: what is on the screen.
+      Object.assign(canvas.dataset, { revision: frame.revision, samples: frame.samples, size: `${frame.width}x${frame.height}` });
+      canvas.dataset.layer = frame.layer;
+      canvas.dataset.response = frame.response;
+    }
+    drawMarker(zoom, left, top);
+  });
+  const view = makeView(draw);
+
+  function drawMarker(zoom, left, top) {
+    const { context } = fitCanvas(byId('overlay'));
+    if (!held) return;
+    const size = Math.max(zoom, 7);
+    const [x, y] = held.map((place, axis) => [left, top][axis] + (place + 0.5) * zoom);
+    for (const [colour, width] of [['#000', 3], ['#fff', 1]]) {
+      context.strokeStyle = colour;
+      context.lineWidth = width;
+      context.strokeRect(x - size / 2, y - size / 2, size, size);
+    }
+  }
+
+  function measure(image = view.now.image) {
+    const { width, height } = stage.getBoundingClientRect();
+    const ratio = window.devicePixelRatio || 1;
+    // A canvas that is resized is empty, so it is resized only if it must be.
+    const pixels = [width, height].map(size => Math.max(1, Math.round(size * ratio)));
+    if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
+    view.resize(image, [width, height]);
+    draw();
+  }
+  new ResizeObserver(() => measure()).observe(stage);
+
+  return {
+    view,
+    draw,
+    frame: () => frame,
+    setResolution: resolution => measure(resolution),
+    take(next) {
+      if (!painter.takes(next)) {
+        onProblem(`This browser cannot show ${next.width} x ${next.height} pixels with WebGL2; add ?2d to the address, or set a smaller resolution.`);
+        return;
+      }
+      frame = next;
+      painter.upload(next);
+      display.take(next);
+      draw();
+    },
+    hold(pixel) {
+      held = pixel;
+      draw();
+    },
+    held: () => held,
+  };
+}

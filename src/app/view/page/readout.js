@@ -1,0 +1,74 @@
+// The values of a pixel: the one under the pointer, or the one that is held.
+
+import { byId } from './dom.js';
+import { valueAt } from './frame.js';
+import { quantity, short, withError } from './units.js';
+
+/** The values are asked for again this often (ms) while pictures arrive. */
+const AGAIN = 500;
+
+/** `onHistogram` gets the light of the pixel in each gate, or null. */
+export function makeReadout(link, picture, { onHistogram }) {
+  let pointed = null;
+  let answer = null;
+  let asked = -Infinity;
+
+  const pixel = () => picture.held() ?? pointed;
+
+  function ask() {
+    const at = pixel();
+    if (!at) return;
+    asked = performance.now();
+    link.pixel(...at);
+  }
+
+  function show() {
+    const at = pixel();
+    const frame = picture.frame();
+    byId('unpin').hidden = !picture.held();
+    byId('readout-place').textContent = at ? `${picture.held() ? 'Held ' : ''}x ${at[0]}, y ${at[1]}` : 'No pixel';
+    const isThis = at && answer && answer.x === at[0] && answer.y === at[1];
+    const [radiance, more] = [byId('readout-radiance'), byId('readout-more')];
+    radiance.textContent = more.textContent = '';
+    onHistogram(isThis ? answer.histogram : null);
+    if (!at) return;
+    if (isThis) {
+      radiance.textContent = `${values(answer.radiance, answer.error)} W/(m² sr)`;
+      more.textContent = [
+        `${short(answer.samples, 6)} samples on average`,
+        answer.depth === null ? '' : `depth ${quantity(answer.depth)} m`,
+        answer.object ?? '',
+      ].filter(Boolean).join(' · ');
+    } else if (frame?.layer === 'mean') {
+      // The picture has the radiance already; the rest comes with the answer.
+      const { image } = picture.view.now;
+      radiance.textContent = `${values(valueAt(frame, (at[0] + 0.5) / image[0], (at[1] + 0.5) / image[1]), null)} W/(m² sr)`;
+    }
+  }
+
+  link.on('pixel', message => { answer = message; show(); });
+  link.on('picture', () => { if (performance.now() - asked > AGAIN) ask(); });
+  byId('unpin').addEventListener('click', () => hold(null));
+
+  function hold(at) {
+    picture.hold(at);
+    ask();
+    show();
+  }
+
+  return {
+    hold,
+    point(at) {
+      const isNew = at?.[0] !== pointed?.[0] || at?.[1] !== pointed?.[1];
+      pointed = at;
+      if (picture.held() || !isNew) return;
+      ask();
+      show();
+    },
+    ask,
+  };
+}
+
+function values(radiance, error) {
+  return ['R', 'G', 'B'].map((name, k) => `${name} ${withError(radiance[k], error?.[k])}`).join('  ');
+}

@@ -1,0 +1,76 @@
+// The camera that the user steers: it runs ahead of the program while the user moves it, and follows the program otherwise.
+
+import { CAMERA_RESET, cameraChange, cameraOf, move, viewHeight } from './camera.js';
+
+/** After this time (ms) without a movement, the camera of the program counts again. */
+const SETTLE = 500;
+/** Speed of flying, in heights of the view per second; and the factor with Shift. */
+const SPEED = 0.7;
+const FAST = 4;
+/** A key that is pressed for a moment flies as if for this time, in seconds. */
+const TAP = 0.05;
+
+const FLY_KEYS = { w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], e: [0, 1, 0], q: [0, -1, 0] };
+
+export function makeSteering(link) {
+  let camera = null;
+  let moved = -Infinity;
+  const pressed = new Set();
+  let fast = false;
+  let last = 0;
+
+  function change(by) {
+    if (!camera) return;
+    camera = by(camera);
+    moved = performance.now();
+    link.set(cameraChange(camera));
+  }
+
+  function fly(now) {
+    if (pressed.size === 0) return;
+    const seconds = Math.min(0.1, (now - last) / 1000);
+    last = now;
+    step(pressed, seconds);
+    requestAnimationFrame(fly);
+  }
+
+  function step(keys, seconds) {
+    const way = [0, 0, 0];
+    for (const key of keys) FLY_KEYS[key].forEach((part, axis) => { way[axis] += part; });
+    change(from => {
+      const size = SPEED * viewHeight(from) * seconds * (fast ? FAST : 1);
+      return move(from, ...way.map(part => part * size));
+    });
+  }
+
+  let latest = null;
+  link.on('state', state => {
+    latest = cameraOf(state);
+    if (performance.now() - moved > SETTLE) camera = latest;
+  });
+  // A camera that the program refused is given up.
+  link.on('problem', () => { camera = latest; });
+
+  return {
+    change,
+    camera: () => camera,
+    reset() {
+      moved = -Infinity;
+      link.set(CAMERA_RESET);
+    },
+    /** Returns whether the key is one of those that fly. */
+    press(key, isFast) {
+      if (!Object.hasOwn(FLY_KEYS, key)) return false;
+      fast = isFast;
+      if (!pressed.has(key)) step([key], TAP);
+      if (pressed.size === 0) {
+        last = performance.now();
+        requestAnimationFrame(fly);
+      }
+      pressed.add(key);
+      return true;
+    },
+    release: key => pressed.delete(key),
+    releaseAll: () => pressed.clear(),
+  };
+}

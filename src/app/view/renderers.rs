@@ -1,0 +1,100 @@
+//! The renderers of the viewer: one for the image, and smaller ones for previews. All share the scene on the device.
+
+use taugate::internals::error::Result;
+use taugate::internals::gpu::Device;
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::{Responses, Settings};
+
+use super::super::memory;
+
+/// Sides of the previews relative to the image, the coarsest first.
+const DIVISORS: [u32; 3] = [8, 4, 2];
+/// Minimum side of a preview in pixels.
+const MIN_SIDE: u32 = 32;
+
+/// The renderers for one set of settings.
+pub struct Renderers {
+    pub prepared: PreparedScene,
+    /// The image, with the bits of `taugate render`.
+    pub full: Renderer,
+    /// Smaller images, the coarsest first.
+    pub previews: Vec<Renderer>,
+    /// Warnings about the surfaces of the scene.
+    pub warnings: Vec<String>,
+}
+
+impl Renderers {
+    /// Prepares the scene and uploads it. Fails like [`PreparedScene::new`] and [`Renderer::from_prepared`].
+    pub fn new(device: &Device, scene: &Scene, settings: &Settings) -> Result<Renderers> {
+        let prepared = PreparedScene::new(scene, settings)?;
+        MemoryPlan::new(scene, settings, &prepared, Some(device.info()))?.check(device.info())?;
+        let full = with_variance(Renderer::from_prepared(device, scene, settings, &prepared)?, settings);
+        let previews = previews(&full, scene, settings, &prepared)?;
+        let warnings = prepared.warnings(scene);
+        Ok(Renderers { prepared, full, previews, warnings })
+    }
+
+    /// Replaces the renderers by others for new settings, with the same camera and emitters. The scene on the device stays.
+    pub fn replace(&mut self, scene: &Scene, settings: &Settings) -> Result<()> {
+        self.previews.clear();
+        self.full = with_variance(self.full.sibling(scene, settings, &self.prepared)?, settings);
+        self.previews = previews(&self.full, scene, settings, &self.prepared)?;
+        Ok(())
+    }
+
+    /// Begins again with another seed and other responses.
+    pub fn restart(&mut self, seed: u32, responses: &Responses) -> Result<()> {
+        let all = self.previews.iter_mut().chain([&mut self.full]);
+        for renderer in all {
+            renderer.restart(seed, responses.clone())?;
+            renderer.clear_stats();
+        }
+        Ok(())
+    }
+
+    /// Begins the previews again with the camera of `settings`, and its seed and responses. Returns false if there are none, or if the
+    /// camera is too far from the one that the scene was prepared for. The image keeps the camera that it has.
+    pub fn aim_previews(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
+        for preview in &mut self.previews {
+            if !preview.set_camera(&scene.cameras[settings.camera()])? {
+                return Ok(false);
+            }
+            preview.restart(settings.seed(), settings.responses().clone())?;
+        }
+        Ok(!self.previews.is_empty())
+    }
+}
+
+/// Estimates the variance of the images of several gates too, as `taugate render` does for image files, where there is memory for it.
+fn with_variance(mut renderer: Renderer, settings: &Settings) -> Renderer {
+    if memory::check(settings, true).is_ok() {
+        renderer.estimate_response_variance();
+    }
+    renderer
+}
+
+fn previews(full: &Renderer, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Vec<Renderer>> {
+    let preview = |size| full.sibling(scene, &settings.change().resolution(size).build()?, prepared);
+    preview_sizes(settings.resolution()).map(preview).collect()
+}
+
+/// Sizes of the previews of an image in pixels, the smallest first.
+fn preview_sizes([width, height]: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
+    let sizes = DIVISORS.map(|divisor| [width.div_ceil(divisor), height.div_ceil(divisor)]);
+    sizes.into_iter().filter(|[width, height]| width.min(height) >= &MIN_SIDE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn previews_are_neither_tiny_nor_the_image() {
+        let sizes = |size| preview_sizes(size).collect::<Vec<_>>();
+        assert_eq!(sizes([512, 512]), [[64, 64], [128, 128], [256, 256]]);
+        assert_eq!(sizes([640, 360]), [[80, 45], [160, 90], [320, 180]]);
+        assert_eq!(sizes([100, 70]), [[50, 35]]);
+        assert!(sizes([63, 1000]).len() == 1 && sizes([60, 60]).is_empty() && sizes([1, 1]).is_empty());
+    }
+}

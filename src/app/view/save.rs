@@ -1,0 +1,113 @@
+//! Saves the image of the viewer in the files that `taugate render` writes.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use taugate::internals::image::exr_file::Provenance;
+use taugate::internals::image::layers::Layers;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::{self, Outputs};
+use taugate::internals::render::Renderer;
+use taugate::internals::settings::values::Files;
+use taugate::internals::settings::{Budget, MAX_SPP};
+
+use super::super::preparation::Preparation;
+use super::super::report::Report;
+use super::stage::Stage;
+
+/// Maximum length of a name.
+const MAX_NAME: usize = 100;
+
+/// The image so far.
+pub struct Finished<'a> {
+    pub renderer: &'a Renderer,
+    pub stage: &'a Stage,
+    /// Time spent on the iterations.
+    pub seconds: f64,
+}
+
+impl Finished<'_> {
+    /// Writes the files of `name` into `folder` and returns their names. Fails if the name could lead elsewhere, or if a file exists.
+    pub fn save(&self, folder: &Path, name: &str) -> anyhow::Result<Vec<PathBuf>> {
+        let outputs = self.outputs(folder, name)?;
+        let files = outputs.files();
+        if let Some(file) = files.iter().find(|file| file.symlink_metadata().is_ok()) {
+            bail!("{} exists already; save under another name", file.display());
+        }
+        let view = self.stage.view();
+        let samples = self.renderer.film().samples().min(MAX_SPP.into()) as u32;
+        let settings = view.settings.change().budget(Budget::Spp(samples)).build()?;
+        let config = resolve::as_experiment(&view.placed, &settings, self.stage.scene());
+        let printed = Experiment { output: Default::default(), ..config }.to_toml();
+        let report = Report {
+            renderer: self.renderer,
+            settings: &settings,
+            provenance: &Provenance::new(&settings, self.seconds, printed),
+            layers: &Layers::default(),
+            preparation: &Preparation::new(),
+            warnings: &view.warnings,
+        };
+        report.write(&outputs)?;
+        Ok(files)
+    }
+
+    fn outputs(&self, folder: &Path, name: &str) -> anyhow::Result<Outputs> {
+        check_name(name)?;
+        let path = folder.join(name);
+        let mut wanted = Experiment { gate: self.stage.view().experiment.gate.clone(), ..Experiment::default() };
+        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+        // `resolve::outputs` needs an image or an array; pictures and numbers alone come without it.
+        let image = if extension == "exr" { path.clone() } else { path.with_extension("npy") };
+        wanted.output.output = Some(Files(vec![image]));
+        let outputs = match extension.to_str() {
+            Some("exr" | "npy") => resolve::outputs(&wanted)?,
+            Some("png") => Outputs { npy: None, png: Some(path), ..resolve::outputs(&wanted)? },
+            Some("json") => Outputs { npy: None, stats: Some(path), ..resolve::outputs(&wanted)? },
+            _ => {
+                bail!("'{name}' ends in none of .exr, .png, .npy and .json; add the ending of the format that you want")
+            }
+        };
+        Ok(outputs)
+    }
+}
+
+/// Fails if `name` is not the plain name of a visible file.
+fn check_name(name: &str) -> anyhow::Result<()> {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+    let begins_well = name.starts_with(|c: char| c.is_ascii_alphanumeric());
+    if begins_well && name.len() <= MAX_NAME && name.chars().all(is_plain) {
+        return Ok(());
+    }
+    bail!(
+        "a file name has at most {MAX_NAME} letters, digits, dots, dashes and underscores, and begins with a letter or a digit"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stay_in_the_folder() {
+        for good in ["a.exr", "Fog_12.5m-13m.png", "7.json"] {
+            check_name(good).unwrap();
+        }
+        let long = "a".repeat(101);
+        for bad in [
+            "",
+            ".",
+            "..",
+            ".hidden.exr",
+            "../a.exr",
+            "a/b.exr",
+            "a\\b.exr",
+            "-rf.exr",
+            "a b.exr",
+            "ä.exr",
+            "a\0.exr",
+            &long,
+        ] {
+            assert!(check_name(bad).is_err(), "{bad:?}");
+        }
+    }
+}

@@ -1,0 +1,394 @@
+//! The scene of the viewer and its present settings, which the page changes by the names of their flags.
+
+use std::collections::BTreeMap;
+
+use taugate::Error;
+use taugate::internals::error::Result;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::{named, resolve, scenery};
+use taugate::internals::scene::{Camera, Light, Material, Medium, Scene, SkyImage};
+use taugate::internals::settings::Settings;
+
+use super::super::{memory, render};
+use super::message::Change;
+
+/// The settings that a page may change. None of them names a file.
+pub const CHANGEABLE: [&str; 30] = [
+    "camera",
+    "look-from",
+    "look-at",
+    "up",
+    "fov",
+    "ortho",
+    "resolution",
+    "emitters",
+    "headlamp",
+    "headlamp-offset",
+    "double-sided",
+    "sigma-s",
+    "sigma-a",
+    "visibility",
+    "mor",
+    "albedo",
+    "phase-g",
+    "no-medium",
+    "gate",
+    "depth",
+    "gates",
+    "repeat",
+    "cw",
+    "force",
+    "estimator",
+    "seed",
+    "max-depth",
+    "light-paths",
+    "queries",
+    "sampling",
+];
+
+/// Bytes per pixel of the films, the sample statistics, and the pictures for the pages.
+const PIXEL_BYTES: u64 = 256;
+/// Bytes per pixel and gate: two pictures, and the sums of the film.
+const GATE_BYTES: u64 = 48;
+
+/// Settings that place a camera. Choosing another camera resets them.
+const PLACES: [&str; 6] = ["look-from", "look-at", "up", "fov", "ortho", "principal-point"];
+
+/// The parts of a scene that settings change.
+struct Changeable {
+    cameras: Vec<Camera>,
+    lights: Vec<Light>,
+    materials: Vec<Material>,
+    media: Vec<Medium>,
+    sky: Option<SkyImage>,
+}
+
+impl Changeable {
+    fn of(scene: &Scene) -> Changeable {
+        Changeable {
+            cameras: scene.cameras.clone(),
+            lights: scene.lights.clone(),
+            materials: scene.materials.clone(),
+            media: scene.media.clone(),
+            sky: scene.sky.clone(),
+        }
+    }
+
+    fn restore(&self, scene: &mut Scene) {
+        scene.cameras.clone_from(&self.cameras);
+        scene.lights.clone_from(&self.lights);
+        scene.materials.clone_from(&self.materials);
+        scene.media.clone_from(&self.media);
+        scene.sky.clone_from(&self.sky);
+    }
+}
+
+/// A render that the scene is ready for.
+pub struct View {
+    /// The settings that the user gave.
+    pub experiment: Experiment,
+    /// As `experiment`, with the choices that the program made for the scene, such as the place of an automatic camera.
+    pub placed: Experiment,
+    pub settings: Settings,
+    pub notes: Vec<String>,
+    pub warnings: Vec<String>,
+}
+
+/// How much of a render a change invalidates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Effect {
+    /// The image stays the same.
+    Nothing,
+    /// Only the seed or the responses changed.
+    Restart,
+    /// The camera stands elsewhere, or looks elsewhere.
+    Camera,
+    /// Other settings of the render, for the same scene, emitters and camera.
+    Settings,
+    /// The scene must be prepared again.
+    All,
+}
+
+/// The loaded scene, with the present settings applied to it.
+pub struct Stage {
+    start: Experiment,
+    /// What the page changed: text as on the command line, or `None` for a setting that is left out.
+    changes: BTreeMap<String, Option<String>>,
+    scene: Scene,
+    original: Changeable,
+    view: View,
+}
+
+impl Stage {
+    /// Loads the scene of an experiment.
+    pub fn new(start: Experiment) -> anyhow::Result<Stage> {
+        let mut scene = render::load_scene(&start)?;
+        let original = Changeable::of(&scene);
+        let view = apply(start.clone(), &mut scene)?;
+        Ok(Stage { start, changes: BTreeMap::new(), scene, original, view })
+    }
+
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// The experiment that the viewer started with.
+    pub fn start(&self) -> &Experiment {
+        &self.start
+    }
+
+    /// Names of the cameras in the file.
+    pub fn cameras(&self) -> impl Iterator<Item = &str> {
+        self.original.cameras.iter().map(|camera| camera.name.as_str())
+    }
+
+    /// Applies all changes, or none of them if one fails. Returns what the render must do again.
+    pub fn change(&mut self, changes: &BTreeMap<String, Change>) -> Result<Effect> {
+        let merged = self.merged(changes)?;
+        let mut experiment = self.start.clone();
+        // What is left out goes first, so that it cannot remove a value.
+        for (name, _) in merged.iter().filter(|(_, text)| text.is_none()) {
+            named::set(&mut experiment, name, None)?;
+        }
+        for (name, text) in &merged {
+            if let Some(text) = text {
+                named::set(&mut experiment, name, Some(text))?;
+            }
+        }
+        let before = Changeable::of(&self.scene);
+        self.original.restore(&mut self.scene);
+        match apply(experiment, &mut self.scene) {
+            Ok(view) => {
+                let effect = effect((&before, &self.view.settings), (&self.scene, &view.settings));
+                (self.changes, self.view) = (merged, view);
+                effect
+            }
+            Err(error) => {
+                before.restore(&mut self.scene);
+                Err(error)
+            }
+        }
+    }
+
+    fn merged(&self, changes: &BTreeMap<String, Change>) -> Result<BTreeMap<String, Option<String>>> {
+        let mut merged = self.changes.clone();
+        for (name, change) in changes {
+            if !CHANGEABLE.contains(&name.as_str()) {
+                return Err(Error::Settings(format!(
+                    "a page cannot change --{name}; restart taugate view with this flag"
+                )));
+            }
+            for other in named::excluding(name) {
+                merged.remove(other);
+            }
+            merged.remove(name);
+            if name == "camera" {
+                merged.retain(|name, _| !PLACES.contains(&name.as_str()));
+                if matches!(change, Change::Text(_)) {
+                    merged.extend(PLACES.map(|place| (place.to_string(), None)));
+                }
+            }
+        }
+        for (name, change) in changes {
+            match change {
+                Change::AsAtStart => {}
+                Change::LeaveOut => {
+                    merged.insert(name.clone(), None);
+                    if name == "gate" {
+                        // A steady image: gates of any kind are left out.
+                        merged.extend(["depth", "gates", "cw"].map(|other| (other.to_string(), None)));
+                    }
+                }
+                Change::Text(text) => drop(merged.insert(name.clone(), Some(text.clone()))),
+            }
+        }
+        Ok(merged)
+    }
+}
+
+/// The first value that its setting cannot have, whatever the scene and the other settings are.
+pub fn typing_error(changes: &BTreeMap<String, Change>) -> Option<Error> {
+    let texts = changes.iter().filter_map(|(name, change)| match change {
+        Change::Text(text) if CHANGEABLE.contains(&name.as_str()) => Some((name, text)),
+        _ => None,
+    });
+    texts.into_iter().find_map(|(name, text)| named::set(&mut Experiment::default(), name, Some(text)).err())
+}
+
+/// Applies an experiment to a scene as it was loaded.
+fn apply(experiment: Experiment, scene: &mut Scene) -> Result<View> {
+    let mut placed = experiment.clone();
+    let notes = scenery::apply(&mut placed, scene)?;
+    let resolved = resolve::resolve(&placed, scene)?;
+    memory::check(&resolved.settings, false)?;
+    let [width, height] = resolved.settings.resolution().map(u64::from);
+    let gates = resolved.settings.responses().len() as u64;
+    let bytes = width * height * (PIXEL_BYTES + GATE_BYTES * gates);
+    memory::check_bytes(bytes, "the image", "use a smaller --resolution or fewer gates")?;
+    let warnings = scene.warnings.iter().cloned().chain(resolved.warnings).collect();
+    Ok(View { experiment, placed, settings: resolved.settings, notes, warnings })
+}
+
+fn effect((before, old): (&Changeable, &Settings), (scene, new): (&Scene, &Settings)) -> Result<Effect> {
+    let has_same_objects = before.lights == scene.lights
+        && before.materials == scene.materials
+        && before.media == scene.media
+        && before.sky == scene.sky
+        && old.emitters() == new.emitters();
+    if !has_same_objects {
+        return Ok(Effect::All);
+    }
+    let camera = &scene.cameras[new.camera()];
+    let is_same_camera = before.cameras[old.camera()] == *camera && old.camera() == new.camera();
+    let with_new = old.change().seed(new.seed()).responses(new.responses().clone()).camera(new.camera()).build()?;
+    let is_same_render = with_new == *new && old.responses().is_single_box() == new.responses().is_single_box();
+    Ok(match (is_same_camera, is_same_render) {
+        (true, true) if old == new => Effect::Nothing,
+        (true, true) => Effect::Restart,
+        (false, true) => Effect::Camera,
+        // The sensor of a parallel view is as wide as the image.
+        (true, false) if !camera.projection.is_orthographic() => Effect::Settings,
+        _ => Effect::All,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_pcg::Pcg32;
+    use rand_pcg::rand_core::Rng;
+    use taugate::internals::generate::{Kind, build, glb};
+
+    use super::super::message::Request;
+    use super::*;
+
+    fn stage() -> (tempfile::TempDir, Stage) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("room.glb");
+        std::fs::write(&path, glb::write(&build(Kind::CornellBox))).unwrap();
+        let mut start = Experiment { scene: Some(path), ..Experiment::default() };
+        named::set(&mut start, "gate", Some("6m..7m")).unwrap();
+        (folder, Stage::new(start).unwrap())
+    }
+
+    fn changes(json: &str) -> BTreeMap<String, Change> {
+        serde_json::from_str(json).unwrap()
+    }
+
+    #[test]
+    fn changes_say_what_they_invalidate() {
+        let (_folder, mut stage) = stage();
+        for (json, expected) in [
+            (r#"{"gate": "6.2m..6.5m"}"#, Effect::Restart),
+            (r#"{"seed": "7"}"#, Effect::Restart),
+            (r#"{"look-from": "0,1,3.5"}"#, Effect::Camera),
+            (r#"{"estimator": "bdpt"}"#, Effect::Settings),
+            (r#"{"resolution": "64x64"}"#, Effect::Settings),
+            (r#"{"gates": "6m..7m/4"}"#, Effect::Settings),
+            (r#"{"headlamp": "3"}"#, Effect::All),
+            (r#"{"visibility": "60m"}"#, Effect::All),
+            (r#"{"ortho": "2"}"#, Effect::Camera),
+            (r#"{"resolution": "32x64"}"#, Effect::All),
+            (r#"{"resolution": "32x64"}"#, Effect::Nothing),
+        ] {
+            assert_eq!(stage.change(&changes(json)).unwrap(), expected, "{json}");
+        }
+    }
+
+    #[test]
+    fn values_return_to_those_of_the_start() {
+        let (_folder, mut stage) = stage();
+        let start = stage.view().settings.clone();
+        stage.change(&changes(r#"{"depth": "1m..2m", "fov": "50"}"#)).unwrap();
+        assert!(stage.view().experiment.gate.gate.is_none());
+        stage.change(&changes(r#"{"gate": false}"#)).unwrap();
+        assert!(stage.view().settings.responses().are_steady());
+        stage.change(&changes(r#"{"gate": null, "fov": null}"#)).unwrap();
+        assert!(stage.view().settings == start);
+    }
+
+    #[test]
+    fn a_refused_change_leaves_everything_as_it_was() {
+        let (_folder, mut stage) = stage();
+        stage.change(&changes(r#"{"look-from": "0,1,3"}"#)).unwrap();
+        let before = (stage.view().settings.clone(), stage.scene().cameras.clone(), stage.changes.clone());
+        for json in [
+            r#"{"seed": "1", "gate": "x"}"#,
+            r#"{"camera": "nobody"}"#,
+            r#"{"look-at": "0,1,3"}"#,
+            r#"{"sky": "a.exr"}"#,
+        ] {
+            stage.change(&changes(json)).unwrap_err();
+            assert!(
+                before == (stage.view().settings.clone(), stage.scene().cameras.clone(), stage.changes.clone()),
+                "{json}"
+            );
+        }
+    }
+
+    const MESSAGES: [&str; 12] = [
+        r#"{"do":"hello","token":"0123456789abcdef"}"#,
+        r#"{"do":"set","changes":{"gate":"6.2m..6.5m","estimator":"lcs"}}"#,
+        r#"{"do":"set","changes":{"gates":"4m..10m/30","resolution":"640x480"}}"#,
+        r#"{"do":"set","changes":{"look-from":"0,1,3.9","look-at":"-0.5,1e3,0","up":"0,1,0","fov":"40"}}"#,
+        r#"{"do":"set","changes":{"ortho":"2.5","headlamp":"100","headlamp-offset":"0.1,-2,0"}}"#,
+        r#"{"do":"set","changes":{"visibility":"60m","albedo":"0.9","phase-g":"-0.5","no-medium":true}}"#,
+        r#"{"do":"set","changes":{"sigma-s":"0.1,0.2,0.3","cw":"80,60","max-depth":null,"emitters":"light"}}"#,
+        r#"{"do":"set","changes":{"camera":"auto","sampling":"uniform","seed":"4294967295","depth":false}}"#,
+        r#"{"do":"show","layer":"error","response":3}"#,
+        r#"{"do":"pixel","x":10,"y":20}"#,
+        r#"{"do":"save","name":"out.exr"}"#,
+        r#"{"do":"pause","on":true}"#,
+    ];
+
+    /// A message with some bytes replaced, removed, repeated, or taken from another message.
+    fn mutated(random: &mut Pcg32) -> String {
+        let mut below = |n: usize| random.next_u32() as usize % n.max(1);
+        let mut bytes = MESSAGES[below(MESSAGES.len())].as_bytes().to_vec();
+        for _ in 0..below(6) {
+            let at = below(bytes.len());
+            match below(4) {
+                0 => bytes[at] = b"0123456789.,-+eEmnN/{}[]\":\\ \x00\xff"[below(30)],
+                1 => drop(bytes.drain(at..(at + below(8)).min(bytes.len()))),
+                2 => {
+                    let piece = bytes[at..(at + below(12)).min(bytes.len())].to_vec();
+                    bytes.splice(at..at, piece);
+                }
+                _ => {
+                    let other = MESSAGES[below(MESSAGES.len())].as_bytes();
+                    let from = below(other.len());
+                    bytes.splice(at..at, other[from..(from + below(20)).min(other.len())].iter().copied());
+                }
+            }
+            bytes.push(b' ');
+        }
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+
+    #[test]
+    fn malformed_messages_are_survived() {
+        let (_folder, mut stage) = stage();
+        let mut random = Pcg32::new(1, 1);
+        let (mut accepted, mut refused, mut unread) = (0, 0, 0);
+        for _ in 0..100_000 {
+            match Request::parse(&mutated(&mut random)) {
+                Ok(Request::Set { changes }) => match stage.change(&changes) {
+                    Ok(_) => accepted += 1,
+                    Err(_) => refused += 1,
+                },
+                Ok(_) => {}
+                Err(message) => {
+                    assert!(!message.is_empty());
+                    unread += 1;
+                }
+            }
+        }
+        assert!(accepted > 1000 && refused > 1000 && unread > 1000, "{accepted} {refused} {unread}");
+        // The stage still works.
+        stage.change(&CHANGEABLE.map(|name| (name.to_string(), Change::AsAtStart)).into()).unwrap();
+        assert_eq!(named::as_texts(&stage.view().experiment), named::as_texts(stage.start()));
+    }
+}

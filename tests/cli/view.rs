@@ -1,0 +1,407 @@
+//! `taugate view`, from the other end of its WebSocket. `tests/view` uses the page in a browser.
+
+#![cfg(unix)]
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use half::f16;
+use serde_json::{Value as Json, json};
+use taugate::internals::image::exr_file::read_picture;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+use crate::{fails, folder, taugate};
+
+/// No answer takes longer than this, even on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A running viewer. Dropping it ends the program.
+struct Viewer {
+    child: Child,
+    port: u16,
+    token: String,
+}
+
+impl Viewer {
+    /// Starts a viewer of `room.glb` in `folder`.
+    fn start(folder: &Path, flags: &[&str]) -> Viewer {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_taugate"))
+            .args(["view", "room.glb", "--listen", "127.0.0.1:0"])
+            .args(flags)
+            .current_dir(folder)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("taugate starts");
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let address = line.trim().strip_prefix("http://localhost:").unwrap_or_else(|| panic!("no address: {line:?}"));
+        let (port, token) = address.split_once("/#").expect("a token");
+        assert_eq!(token.len(), 32);
+        Viewer { child, port: port.parse().unwrap(), token: token.into() }
+    }
+
+    /// A connection that has sent the token.
+    fn page(&self) -> Page {
+        let mut page = self.connect(&format!("localhost:{}", self.port), "http://localhost:1").expect("a connection");
+        page.say(&json!({"do": "hello", "token": self.token}));
+        page
+    }
+
+    fn connect(&self, host: &str, origin: &str) -> Result<Page, String> {
+        let mut request = format!("ws://127.0.0.1:{}/ws", self.port).into_client_request().unwrap();
+        request.headers_mut().insert("Host", host.parse().unwrap());
+        request.headers_mut().insert("Origin", origin.parse().unwrap());
+        let stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let (socket, _) = tungstenite::client(request, stream).map_err(|e| e.to_string())?;
+        Ok(Page { socket, last: BTreeMap::new(), acknowledges: true })
+    }
+
+    /// The status line and the body of a request.
+    fn get(&self, path: &str, host: &str) -> (String, String) {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        let (head, body) = text.split_once("\r\n\r\n").expect("a response");
+        (head.into(), body.into())
+    }
+
+    fn signal(&self) {
+        assert!(Command::new("kill").args(["-INT", &self.child.id().to_string()]).status().unwrap().success());
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+struct Page {
+    socket: WebSocket<TcpStream>,
+    /// The newest message of each kind.
+    last: BTreeMap<String, Json>,
+    acknowledges: bool,
+}
+
+/// A picture as the page gets it.
+#[derive(Debug, Clone)]
+struct Picture {
+    revision: u32,
+    size: [u32; 2],
+    samples: u32,
+    rgb: Vec<f32>,
+}
+
+enum Received {
+    Text(String, Json),
+    Picture(Picture),
+    Closed(u16),
+}
+
+impl Page {
+    fn say(&mut self, message: &Json) {
+        self.socket.send(Message::text(message.to_string())).unwrap();
+    }
+
+    fn receive(&mut self) -> Received {
+        match self.socket.read().expect("a message in time") {
+            Message::Text(text) => {
+                let json: Json = serde_json::from_str(&text).unwrap();
+                let kind = json["is"].as_str().unwrap().to_string();
+                self.last.insert(kind.clone(), json.clone());
+                Received::Text(kind, json)
+            }
+            Message::Binary(bytes) => {
+                let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+                assert_eq!(&bytes[..4], b"TGP1");
+                let (size, scale) = ([word(12), word(16)], f32::from_bits(word(32)));
+                let halves = bytes[40..].chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32() * scale);
+                let picture = Picture { revision: word(8), size, samples: word(28), rgb: halves.collect() };
+                assert_eq!(picture.rgb.len(), 3 * (size[0] * size[1]) as usize);
+                if self.acknowledges {
+                    self.say(&json!({"do": "ack", "frame": word(4)}));
+                }
+                Received::Picture(picture)
+            }
+            Message::Close(frame) => Received::Closed(frame.map_or(1005, |frame| frame.code.into())),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Waits for a message of a kind for which `is_wanted` holds. Messages that are no answers may have arrived before.
+    fn wait(&mut self, kind: &str, is_wanted: impl Fn(&Json) -> bool) -> Json {
+        let is_answer = ["pixel", "saved", "problem"].contains(&kind);
+        if let Some(json) = self.last.get(kind).filter(|json| !is_answer && is_wanted(json)) {
+            return json.clone();
+        }
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
+            match self.receive() {
+                Received::Text(is, json) if is == kind && is_wanted(&json) => return json,
+                Received::Closed(code) => panic!("closed with {code}"),
+                _ => {}
+            }
+        }
+        panic!("no {kind}: {:?}", self.last);
+    }
+
+    fn wait_for_picture(&mut self, is_wanted: impl Fn(&Picture) -> bool) -> Picture {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
+            match self.receive() {
+                Received::Picture(picture) if is_wanted(&picture) => return picture,
+                Received::Closed(code) => panic!("closed with {code}"),
+                _ => {}
+            }
+        }
+        panic!("no picture");
+    }
+
+    fn wait_for_close(&mut self) -> u16 {
+        loop {
+            if let Received::Closed(code) = self.receive() {
+                return code;
+            }
+        }
+    }
+
+    /// Changes settings and returns the new state.
+    fn set(&mut self, changes: Json) -> Json {
+        self.say(&json!({"do": "set", "changes": changes}));
+        let before = self.last.get("state").map_or(0, |state| state["revision"].as_u64().unwrap());
+        self.wait("state", |state| state["revision"].as_u64().unwrap() > before)
+    }
+}
+
+fn room() -> tempfile::TempDir {
+    let here = folder();
+    assert!(taugate(here.path(), &["generate", "cornell-box", "-o", "room.glb"]).status.success());
+    here
+}
+
+const SMALL: [&str; 4] = ["--resolution", "40x32", "--spp", "4"];
+
+/// Saves the image, renders it with the command of the page, and compares the bits.
+fn is_what_its_command_renders(here: &Path, page: &mut Page, state: &Json, name: &str) -> Vec<f32> {
+    let revision = &state["revision"];
+    let progress = page.wait("progress", |p| p["phase"] == "done" && p["revision"] == *revision);
+    page.say(&json!({"do": "save", "name": format!("{name}.exr")}));
+    let saved = page.wait("saved", |_| true);
+    assert_eq!(saved["files"], json!([here.canonicalize().unwrap().join(format!("{name}.exr"))]));
+
+    let command = state["command"].as_str().unwrap();
+    let line = format!("{command} --spp {} -o command.exr", progress["samples"]);
+    let words = shlex::split(&line).unwrap();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    assert_eq!(words[0], "taugate");
+    let output = taugate(here, &words[1..]);
+    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    let read = |name: &str| read_picture(&here.join(name)).unwrap().rgb;
+    let (seen, rendered) = (read(&format!("{name}.exr")), read("command.exr"));
+    assert!(seen.iter().any(|&x| x > 0.0), "{line}: a black image proves nothing");
+    assert!(seen.iter().zip(&rendered).all(|(a, b)| a.to_bits() == b.to_bits()), "{line} renders another image");
+    seen
+}
+
+#[test]
+fn the_page_sees_what_its_command_renders() {
+    let here = room();
+    let viewer = Viewer::start(here.path(), &[&SMALL[..], &["--gate", "6.2m..6.5m"]].concat());
+    let mut page = viewer.page();
+    let welcome = page.wait("welcome", |_| true);
+    assert_eq!((&welcome["scene"], &welcome["cameras"]), (&json!("room.glb"), &json!(["camera"])));
+    let state = page.wait("state", |_| true);
+    assert_eq!((&state["estimator"], &state["resolution"]), (&json!("lcs"), &json!([40, 32])));
+    let camera_of_the_file = state["camera"].clone();
+
+    let picture = page.wait_for_picture(|picture| picture.samples == 4);
+    let image = is_what_its_command_renders(here.path(), &mut page, &state, "first");
+    let largest = picture.rgb.iter().copied().fold(0.0f32, f32::max);
+    let is_close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-3 * b + 1e-7 * largest;
+    assert!(picture.rgb.iter().zip(&image).all(is_close), "the picture is not the image");
+
+    // Another gate, then another camera, whose place is not in the file.
+    let state = page.set(json!({"gate": "6.6m..7m"}));
+    let gated = is_what_its_command_renders(here.path(), &mut page, &state, "gate");
+    let camera = json!({"look-from": "0.3,1.25,3.1", "look-at": "0,0.9,0", "fov": "45"});
+    let state = page.set(camera);
+    let turned = is_what_its_command_renders(here.path(), &mut page, &state, "camera");
+    assert!(gated != turned && gated != image);
+    let state = page.set(json!({"gate": false, "estimator": "bdpt", "look-from": null, "look-at": null, "fov": null}));
+    assert_eq!((&state["responses"][0]["hi"], &state["camera"]), (&Json::Null, &camera_of_the_file));
+    is_what_its_command_renders(here.path(), &mut page, &state, "steady");
+    let state = page.set(json!({"gate": null, "estimator": null}));
+    assert_eq!(state["command"].as_str().unwrap().matches("6.2").count(), 1, "{}", state["command"]);
+    is_what_its_command_renders(here.path(), &mut page, &state, "again");
+}
+
+#[test]
+fn a_pixel_has_its_values() {
+    let here = room();
+    let viewer = Viewer::start(here.path(), &[&SMALL[..], &["--gates", "5m..8m/6"]].concat());
+    let mut page = viewer.page();
+    page.wait("progress", |progress| progress["phase"] == "done");
+    let mut pixel = |x: u32, y: u32| {
+        page.say(&json!({"do": "pixel", "x": x, "y": y}));
+        page.say(&json!({"do": "pause", "on": false}));
+        page.wait("pixel", |pixel| pixel["x"] == x && pixel["y"] == y)
+    };
+    // The camera stands 3.9 m from the middle of the box, whose back wall is 1 m behind the middle.
+    let middle = pixel(20, 8);
+    assert_eq!(middle["object"], "back");
+    assert!((middle["depth"].as_f64().unwrap() - 4.9).abs() < 0.3, "{middle}");
+    let histogram: Vec<f64> = serde_json::from_value(middle["histogram"].clone()).unwrap();
+    assert!(histogram.len() == 6 && histogram.iter().any(|&light| light > 0.0), "{middle}");
+}
+
+#[test]
+fn mistakes_of_a_page_change_nothing() {
+    let here = room();
+    let viewer = Viewer::start(here.path(), &SMALL);
+    std::fs::write(here.path().join("there.exr"), "mine").unwrap();
+    let mut page = viewer.page();
+    page.wait("progress", |progress| progress["phase"] == "done");
+    let changes = [
+        (json!({"gate": "1..2"}), "no unit"),
+        (json!({"gate": "6m..7m", "fov": "200"}), "between 0 and 180"),
+        (json!({"resolution": "999999x1"}), "16384"),
+        (json!({"density-grid": "/etc/passwd"}), "cannot change"),
+        (json!({"output": "x.exr"}), "cannot change"),
+        (json!({"estimator": "magic"}), "lcs"),
+        (json!({"camera": "nobody"}), "no camera is called"),
+        (json!({"gates": "1m..2m/4096", "resolution": "4096x4096"}), "memory"),
+    ];
+    for (changes, part) in changes {
+        page.say(&json!({"do": "set", "changes": changes}));
+        let problem = page.wait("problem", |_| true);
+        let message = problem["message"].as_str().unwrap();
+        assert!(message.contains(part) && !message.contains('\n'), "{changes}: {message}");
+    }
+    for (name, part) in
+        [("there.exr", "exists"), ("../a.exr", "file name"), ("a.gif", "ends in none"), ("", "file name")]
+    {
+        page.say(&json!({"do": "save", "name": name}));
+        let problem = page.wait("problem", |_| true);
+        assert!(problem["message"].as_str().unwrap().contains(part), "{name}: {problem}");
+    }
+    for text in [
+        "",
+        "{",
+        "[]",
+        "{\"do\":\"fly\"}",
+        "{\"do\":\"ack\",\"frame\":-1}",
+        "{\"do\":\"set\",\"changes\":{\"gate\":[1]}}",
+    ] {
+        page.socket.send(Message::text(text)).unwrap();
+        page.wait("problem", |_| true);
+    }
+    assert_eq!(page.last["state"]["revision"], 1);
+    for _ in 0..20 {
+        page.socket.send(Message::binary(vec![1, 2, 3])).unwrap();
+    }
+    assert_eq!(page.wait_for_close(), 4400);
+    assert_eq!(std::fs::read_to_string(here.path().join("there.exr")).unwrap(), "mine");
+    assert_eq!(crate::names(here.path()), ["room.glb", "there.exr"]);
+}
+
+#[test]
+fn strangers_are_refused() {
+    let here = room();
+    let viewer = Viewer::start(here.path(), &SMALL);
+    let host = format!("localhost:{}", viewer.port);
+    for (host, origin) in
+        [("evil.example", "http://evil.example"), (host.as_str(), "http://evil.example"), (host.as_str(), "null")]
+    {
+        let refused = viewer.connect(host, origin).err().expect("it is refused");
+        assert!(refused.contains("403"), "{refused}");
+    }
+    // Another port is allowed, since ssh -L changes it.
+    viewer.connect("localhost:9", "http://localhost:9").unwrap();
+    let mut wrong = viewer.connect(&host, "http://localhost:1").unwrap();
+    wrong.say(&json!({"do": "hello", "token": "0".repeat(32)}));
+    assert_eq!(wrong.wait_for_close(), 4401);
+    let mut early = viewer.connect(&host, "http://localhost:1").unwrap();
+    early.say(&json!({"do": "pause", "on": true}));
+    assert_eq!(early.wait_for_close(), 4401);
+
+    let (head, body) = viewer.get("/", &host);
+    assert!(head.starts_with("HTTP/1.1 200") && body.contains("<title>"), "{head}");
+    assert!(head.to_lowercase().contains("content-security-policy: default-src 'none'"), "{head}");
+    assert!(!body.contains(&viewer.token), "the page must not contain the token");
+    for path in ["/../Cargo.toml", "/%2e%2e/Cargo.toml", "/page/main.js", "/nothing.js", "/ws/x"] {
+        let head = viewer.get(path, &host).0;
+        assert!(head.starts_with("HTTP/1.1 404") || head.starts_with("HTTP/1.1 400"), "{path}: {head}");
+    }
+    assert!(viewer.get("/", "evil.example").0.starts_with("HTTP/1.1 403"));
+    assert!(viewer.get("/ws", &host).0.starts_with("HTTP/1.1 4"));
+}
+
+#[test]
+fn pages_share_a_render_and_a_slow_page_gets_few_pictures() {
+    let here = room();
+    let mut viewer = Viewer::start(here.path(), &["--resolution", "24x24"]);
+    let mut slow = viewer.page();
+    slow.acknowledges = false;
+    slow.wait_for_picture(|_| true);
+    let mut pages: Vec<Page> = (0..9).map(|_| viewer.page()).collect();
+    for page in &mut pages {
+        page.wait_for_picture(|picture| picture.samples > 0 && picture.size == [24, 24]);
+    }
+    pages[0].set(json!({"gate": "6.2m..6.5m"}));
+    for page in &mut pages {
+        page.wait_for_picture(|picture| picture.revision == 2);
+    }
+    // A flood of messages ends the connection of its page alone.
+    for _ in 0..400 {
+        if pages[8].socket.send(Message::text(r#"{"do":"pause","on":false}"#)).is_err() {
+            break;
+        }
+    }
+    let flooded = loop {
+        match pages[8].socket.read() {
+            Ok(Message::Close(frame)) => break frame.map_or(1005, |frame| frame.code.into()),
+            Ok(_) => {}
+            Err(_) => break 4429,
+        }
+    };
+    assert_eq!(flooded, 4429);
+    // The slow page has got all texts, but no further picture.
+    let mut pictures = 0;
+    slow.say(&json!({"do": "pixel", "x": 1, "y": 1}));
+    loop {
+        match slow.receive() {
+            Received::Picture(_) => pictures += 1,
+            Received::Text(kind, _) if kind == "pixel" => break,
+            Received::Closed(code) => panic!("closed with {code}"),
+            Received::Text(..) => {}
+        }
+    }
+    assert_eq!(pictures, 0);
+
+    viewer.signal();
+    assert_eq!(pages[1].wait_for_close(), 1001);
+    assert_eq!(viewer.child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn a_viewer_needs_a_picture() {
+    let here = room();
+    fails(here.path(), &["view", "no.glb"], 2, "no.glb");
+    fails(here.path(), &["view", "room.glb", "--save-to", "nowhere"], 2, "nowhere");
+    fails(here.path(), &["view", "room.glb", "--listen", "localhost"], 2, "--listen");
+    fails(here.path(), &["view", "room.glb", "--spp", "0"], 2, "--spp");
+    std::fs::write(here.path().join("scan.toml"), "scene = 'room.glb'\n[scan]\n").unwrap();
+    fails(here.path(), &["view", "scan.toml"], 2, "scan");
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    fails(here.path(), &["view", "room.glb", "--listen", &address], 2, "give another --listen");
+}

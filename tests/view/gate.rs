@@ -1,0 +1,104 @@
+//! The gate: dragged, typed and played.
+
+use thirtyfour::prelude::*;
+
+use crate::browser::{Page, visit};
+use crate::program::{Program, agree, render, words};
+
+/// The gate in the fields, in metres.
+async fn fields(page: &Page) -> [f64; 2] {
+    [page.value("#gate-from").await.parse().unwrap(), page.value("#gate-to").await.parse().unwrap()]
+}
+
+#[test]
+fn the_gate_that_is_dragged_is_rendered() {
+    let program = Program::start(&["--gate", "6.2m..6.5m"]);
+    visit(&program.url.clone(), async move |page| {
+        page.picture_after(0, 1).await;
+        // The time line has its range when the light has been measured.
+        page.until("!document.getElementById('gate-suggested').hidden").await;
+        let before = page.revision().await;
+        page.drag("#gate-window", (0, 10), (90, 0)).await;
+        page.picture_after(before, 32).await;
+        let [from, to] = fields(&page).await;
+        assert!(from > 6.5 && (to - from - 0.3).abs() < 1e-6, "{from}..{to}");
+        page.pause().await;
+        let saved = page.save(&program, "dragged").await;
+        let (_folder, reference) = render(&words(&["--gate", &format!("{from}m..{to}m")]));
+        assert!(agree(&saved, &reference), "the picture is not that of the gate {from}..{to}");
+        page.go_on().await;
+
+        // One end, by pointer and by keyboard.
+        page.drag("#gate-end", (-8, 0), (40, 0)).await;
+        page.until(&format!("Number(document.getElementById('gate-to').value) > {to} + 0.1")).await;
+        assert_eq!(fields(&page).await[0], from);
+        let handle = page.find("#gate-begin").await;
+        handle.send_keys(Key::Right + Key::Right).await.unwrap();
+        page.until(&format!("Number(document.getElementById('gate-from').value) > {from}")).await;
+        let narrower = fields(&page).await;
+        page.find("#gate-window").await.send_keys("" + Key::PageUp).await.unwrap();
+        let width = narrower[1] - narrower[0];
+        page.until(&format!("Math.abs(document.getElementById('gate-from').value - {}) < 0.05", narrower[0] + width))
+            .await;
+        page.says_nothing().await;
+    });
+}
+
+#[test]
+fn the_gate_is_typed_in_all_units() {
+    let program = Program::start(&["--gate", "6.2m..6.5m", "--spp", "4"]);
+    visit(&program.url.clone(), async move |page| {
+        page.picture_after(0, 1).await;
+        page.enter("#gate-from", "20ns").await;
+        page.until("document.getElementById('command').textContent.includes('--gate 5.995')").await;
+        page.find("#gate-unit").await.send_keys("n").await.unwrap();
+        page.until("document.getElementById('gate-unit').value === 'ns'").await;
+        page.enter("#gate-to", "22").await;
+        page.until("document.getElementById('command').textContent.includes('--gate 5.99584916m..6.595434076m')").await;
+        page.find("#gate-unit").await.send_keys("m d").await.unwrap();
+        page.until("document.getElementById('gate-unit').value === 'depth'").await;
+        page.enter("#gate-from", "3.1").await;
+        page.enter("#gate-width", "0.1").await;
+        page.until("document.getElementById('command').textContent.includes('--depth 3.1m..3.2m')").await;
+
+        // A mistake is one sentence, and changes nothing.
+        page.enter("#gate-from", "soon").await;
+        page.until("document.querySelector('.alert.problem')?.textContent.includes('soon')").await;
+        assert_eq!(page.value("#gate-from").await, "3.1");
+
+        page.click("[value=steady]").await;
+        page.until("!/--(gate|depth)/.test(document.getElementById('command').textContent)").await;
+        let before = page.revision().await;
+        page.click("[value=gate]").await;
+        page.until("document.getElementById('command').textContent.includes('3.1m..3.2m')").await;
+        page.picture_after(before, 1).await;
+
+        // Playing moves the gate.
+        page.click("#gate-play").await;
+        page.until("Number(document.getElementById('gate-from').value) > 3.18").await;
+        page.click("#gate-play").await;
+        page.says_nothing().await;
+    });
+}
+
+#[test]
+fn many_gates_are_scrubbed_without_a_new_render() {
+    let program = Program::start(&["--gates", "5m..8m/12", "--spp", "4"]);
+    visit(&program.url.clone(), async move |page| {
+        page.picture_after(0, 1).await;
+        page.until("document.getElementById('picture').dataset.response > 0").await;
+        let revision = page.revision().await;
+        let bin = page.find("#gate-bin").await;
+        bin.send_keys("" + Key::Home).await.unwrap();
+        page.until("document.getElementById('picture').dataset.response === '0'").await;
+        bin.send_keys(Key::Right + Key::Right + Key::Right).await.unwrap();
+        page.until("document.getElementById('picture').dataset.response === '3'").await;
+        assert!(page.text("#gate-text").await.contains("(4 of 12): 5.75–6 m"));
+        page.drag("#gate-bin", (0, 0), (0, 0)).await;
+        page.click("#gate-play").await;
+        page.until("document.getElementById('picture').dataset.response > 6").await;
+        page.click("#gate-play").await;
+        assert_eq!(page.revision().await, revision);
+        page.says_nothing().await;
+    });
+}
