@@ -60,7 +60,7 @@ sequence "$root/scenes/street-drive.toml" --resolution 192x108 -o "$work/street.
 
 # The page of the viewer, in the browser of the tests. A palette makes the files small.
 if [ "$seconds" != 0 ]; then
-    TAUGATE_PICTURES=$work cargo test --manifest-path "$root/Cargo.toml" --release --test view -- --ignored pictures
+    TAUGATE_PICTURES=$work cargo test --manifest-path "$root/tests/view/Cargo.toml" --release -- --ignored pictures
     for name in view view-gates; do
         "$python" -c 'import sys; from PIL import Image; Image.open(sys.argv[1]).convert("RGB").quantize(256).save(sys.argv[2], optimize=True)' \
             "$work/$name.png" "$pictures/$name.png"

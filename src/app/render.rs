@@ -307,7 +307,8 @@ fn of_file(error: Error, scene: &Path) -> Error {
     }
 }
 
-/// The experiment to render, from the file `input` and the flags `typed`. If the input is an experiment file, flags take precedence over its keys. `scene` is always set.
+/// The experiment to render, from the file `input` and the flags `typed`. If the input is an experiment file, flags take precedence
+/// over its keys. `scene` is always set.
 pub fn read_experiment(input: PathBuf, mut typed: Experiment) -> Result<Experiment> {
     let extension = input.extension().unwrap_or_default().to_ascii_lowercase();
     if extension == "toml" {

@@ -129,8 +129,8 @@ impl Renderer {
     }
 
     /// A renderer of the same scene on the same device with other settings, such as a smaller image. Both use one copy of the scene
-    /// on the device, so neither may call [`Renderer::set_lights`], which panics, nor [`Renderer::set_camera`] with aimed rays. `scene` and `prepared` are those of this renderer, and
-    /// `settings` select the same emitters.
+    /// on the device, so neither may call [`Renderer::set_lights`], which panics, nor [`Renderer::set_camera`] with aimed rays.
+    /// `scene` and `prepared` are those of this renderer, and `settings` select the same emitters.
     #[doc(hidden)]
     pub fn sibling(&self, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Renderer> {
         let size = [settings.crop().width(), settings.crop().height()];

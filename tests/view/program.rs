@@ -5,13 +5,25 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Condvar, Mutex};
 
-use taugate::internals::image::exr_file;
+use exr::prelude::read_first_flat_layer_from_file;
 
 /// Width and height of all images of these tests.
 pub const SIZE: u32 = 32;
 
-fn scenes() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
+/// The root of the repository.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+pub fn scenes() -> PathBuf {
+    root().join("scenes")
+}
+
+fn taugate() -> Command {
+    let program =
+        std::env::var_os("TAUGATE_PROGRAM").map_or_else(|| root().join("target/release/taugate"), PathBuf::from);
+    assert!(program.exists(), "{} is not there; run cargo build --release first", program.display());
+    Command::new(program)
 }
 
 /// A running viewer. It ends when it is dropped.
@@ -55,7 +67,7 @@ impl Program {
     pub fn of(scene: &str, [width, height]: [u32; 2], flags: &[&str]) -> Program {
         let turn = Turn::wait();
         let folder = tempfile::tempdir().unwrap();
-        let mut process = Command::new(env!("CARGO_BIN_EXE_taugate"))
+        let mut process = taugate()
             .arg("view")
             .arg(scenes().join(scene))
             .args(["--resolution", &format!("{width}x{height}"), "--listen", "127.0.0.1:0", "--save-to"])
@@ -105,7 +117,7 @@ impl Drop for Program {
 pub fn render(words: &[String]) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let image = folder.path().join("image.exr");
-    let output = Command::new(env!("CARGO_BIN_EXE_taugate"))
+    let output = taugate()
         .args(words)
         .args(["--seed", "7", "--spp", "32", "--quiet", "-o"])
         .arg(&image)
@@ -125,7 +137,7 @@ pub fn words(flags: &[&str]) -> Vec<String> {
 /// Whether two images agree within their noise, as `taugate compare --z` decides.
 pub fn agree(a: &Path, b: &Path) -> bool {
     let folder = tempfile::tempdir().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_taugate"))
+    let output = taugate()
         .arg("compare")
         .args([a, b])
         .arg("--z")
@@ -139,7 +151,13 @@ pub fn agree(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// R, G, B of an image file.
+/// R, G, B of an image file, pixel by pixel.
 pub fn pixels(path: &Path) -> Vec<f32> {
-    exr_file::read_picture(path).unwrap().rgb
+    let image = read_first_flat_layer_from_file(path).unwrap();
+    let channels = &image.layer_data.channel_data.list;
+    let [r, g, b] = ["R", "G", "B"].map(|name| {
+        let channel = channels.iter().find(|channel| channel.name.to_string() == name).expect("a channel");
+        channel.sample_data.values_as_f32().collect::<Vec<f32>>()
+    });
+    r.into_iter().zip(g).zip(b).flat_map(|((r, g), b)| [r, g, b]).collect()
 }

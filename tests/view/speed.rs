@@ -1,7 +1,7 @@
 //! How fast the page feels: times from an action to the first new picture on the screen.
 
 use crate::browser::{Page, visit};
-use crate::program::Program;
+use crate::program::{Program, scenes};
 
 /// Does `action` and returns the time in ms until a picture of later settings is on the screen.
 async fn time(page: &Page, action: &str) -> f64 {
@@ -76,7 +76,7 @@ fn the_page_answers_soon_in_large_scenes() {
         ("../../shared/scenes/staircase/scene.glb", [16.0, 16.14]),
         ("../../shared/scenes/city/scene.glb", [24.0, 31.0]),
     ] {
-        if !std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene).exists() {
+        if !scenes().join(scene).exists() {
             println!("skipped: {scene} is not there");
         } else if let Some([gate, camera]) = answers(scene, gate) {
             assert!(gate < 1000.0 && camera < 1000.0);

@@ -30,8 +30,8 @@ pub fn welcome(stage: &Stage, device: &Device, folder: &Path) -> Welcome {
     }
 }
 
-/// The present settings. `warnings` come from the preparation of the scene. `input` is the file that the user named, and whether all its
-/// settings count in the viewer.
+/// The present settings. `warnings` come from the preparation of the scene. `input` is the file that the user named, and whether
+/// all its settings count in the viewer.
 pub fn state(stage: &Stage, revision: u32, paused: bool, warnings: &[String], input: (&Path, bool)) -> State {
     let (scene, view) = (stage.scene(), stage.view());
     let settings = &view.settings;

@@ -165,7 +165,9 @@ impl Engine {
             (work.renderers, work.moved) = (None, None);
         }
         work.failed = false;
-        (work.previews, work.seconds, work.has_news, work.relmse) = (0, 0.0, false, None);
+        (work.previews, work.seconds, work.relmse) = (0, 0.0, None);
+        // The first picture of the new image need not wait.
+        (work.next_picture, work.has_news) = (None, false);
         self.announce(effect == Effect::Restart);
     }
 
@@ -244,7 +246,8 @@ impl Engine {
         self.work.renderers.as_ref().is_some_and(|renderers| !renderers.previews.is_empty())
     }
 
-    /// Renders the next preview and publishes it. The coarsest one is never abandoned. Leaves out finer previews if the image will be there soon.
+    /// Renders the next preview and publishes it. The coarsest one is never abandoned. Leaves out finer previews if the image will be
+    /// there soon.
     fn preview_step(&mut self) -> Result<Next> {
         let work = &mut self.work;
         let preview = &mut work.renderers.as_mut().expect("the scene is prepared").previews[work.previews];

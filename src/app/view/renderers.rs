@@ -53,8 +53,8 @@ impl Renderers {
         Ok(())
     }
 
-    /// Begins the previews again with the camera of `settings`, and its seed and responses. Returns false if there are none, or if the
-    /// camera is too far from the one that the scene was prepared for. The image keeps the camera that it has.
+    /// Begins the previews again with the camera of `settings`, and its seed and responses. Returns false if there are none, or if
+    /// the camera is too far from the one that the scene was prepared for. The image keeps the camera that it has.
     pub fn aim_previews(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
         for preview in &mut self.previews {
             if !preview.set_camera(&scene.cameras[settings.camera()])? {
