@@ -142,6 +142,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),
     ("time_group", "estimators responses: gates from one render agree with the closed form"),
+    ("light_vertex_tau", "estimators responses: histograms agree with the closed form"),
     ("target_function", "as vertex_importance"),
     ("total_power", "frequencies of the leaves in importance"),
     ("sensor_sample", "crops against whole images in estimators/determinism; a unit test of the samples of tiles"),
