@@ -1,6 +1,6 @@
-// Retroreflection: a lobe around the direction that light comes from. The model is that of Portsmouth, Raab, Belcour and Liu, "The
-// Minimal Retroreflective Microfacet Model", JCGT 15(1), 2026: a GGX reflection in which one direction is replaced by its mirror image
-// about the normal. It is reciprocal, because GGX is the same for all azimuths, and its albedo is at most 1.
+// Retroreflection: a lobe around the direction that light comes from. It is a GGX reflection in which one direction is replaced by
+// its mirror image about the normal (Portsmouth, Raab, Belcour and Liu, "The Minimal Retroreflective Microfacet Model", JCGT 15(1),
+// 2026). It is reciprocal, because GGX is the same for all azimuths. Its albedo is at most 1.
 #import ggx
 
 // The mirror image of w about the normal.

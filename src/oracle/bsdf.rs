@@ -15,7 +15,7 @@
 //! A clear coat of strength c lies over f: a GGX lobe with F = c (0.04 + 0.96 (1 - cos)^5) and the albedo C. What lies under it is
 //! scaled by (1 - C(i)) (1 - C(o)).
 //!
-//! A retroreflector of share r turns f into (1 - r) f + r R, where R is the base colour times a GGX lobe of perfect mirrors around the
+//! A retroreflector of share r turns f into (1 - r) f + r R. R is the base colour times a GGX lobe of perfect mirrors, around the
 //! direction that light comes from.
 //!
 //! Dielectric: GGX microfacets of smooth glass with unpolarised Fresnel reflectance. Each crossing multiplies by the base colour.

@@ -55,7 +55,7 @@ pub use arrival::first_arrivals;
 pub use black_backs::{BlackBacks, black_backs};
 use compaction::Compaction;
 use device_scene::DeviceScene;
-pub use emitters::sky_table;
+pub use emitters::{luminance, sky_table};
 pub use first_surface::{FirstSurface, first_surfaces};
 pub use haze::{Haze, haze};
 pub use layers::{layers, object_ids};

@@ -1,6 +1,8 @@
 //! The parameters of the kernels: the frame of an iteration (`shared/frame.wgsl`), and the constants that are fixed for a
 //! render.
 
+mod constants;
+
 use std::ops::Range;
 
 use glam::{DVec3, Vec3};
@@ -375,41 +377,6 @@ impl Plan {
     pub fn traced_paths(&self) -> u32 {
         self.light_paths + if self.splats { self.splat_paths } else { 0 }
     }
-
-    /// Values of the WGSL `override` constants of all kernels.
-    pub fn constants(&self) -> Vec<(&'static str, f64)> {
-        let observe = match self.observe {
-            Observe::Nothing => 0,
-            Observe::Times => OBSERVE_TIMES,
-            Observe::Strategies => OBSERVE_STRATEGIES,
-            Observe::Responses => OBSERVE_RESPONSES,
-        };
-        let switch = |on: bool| if on { 1.0 } else { 0.0 };
-        let queried = self.queries_deterministic(self.max_deterministic);
-        let mut constants = self.features.constants().to_vec();
-        constants.extend([
-            ("WORKGROUP", self.tuning.workgroup.into()),
-            ("HAS_PARALLEL", switch(self.has_distant || self.is_orthographic)),
-            ("HAS_ORTHOGRAPHIC", switch(self.is_orthographic)),
-            ("HAS_AIMS", switch(self.aims > 0)),
-            ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
-            ("HAS_SKY", switch(self.has_sky)),
-            ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
-            ("GUIDES_FLIGHTS", switch(self.moves_events())),
-            ("BUCKET_COUNT", self.buckets.into()),
-            ("FRONTIER", self.frontier.into()),
-            ("QUERIED_PUNCTUAL", switch(queried)),
-            ("BY_CENTRE", switch(self.importance.centre)),
-            ("BY_COSINE", switch(self.importance.cosine)),
-            ("BY_OVERLAP", switch(self.importance.overlap)),
-            ("BY_GLOSS", switch(self.importance.gloss)),
-            ("OBSERVE", observe.into()),
-            ("TIME_GROUPS", self.time_groups().into()),
-        ]);
-        constants.extend(self.media_constants);
-        constants.extend(self.estimator.constants.iter().map(|&(name, value)| (name, value.into())));
-        constants
-    }
 }
 
 /// The record of an estimator for these responses, in a scene with this diagonal in metres.
@@ -458,34 +425,4 @@ fn bounds(emitters: &EmitterSet) -> ([f32; 3], [f32; 3]) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::generate::{Kind, build};
-
-    /// Adds a second camera to the Cornell box, `offset` metres from the first. Prepares the scene for the first camera and
-    /// plans a render with the second.
-    fn seen_from(offset: DVec3) -> (PreparedScene, Camera, Result<Plan>) {
-        let mut scene = build(Kind::CornellBox);
-        let mut beside = Camera { name: "beside".into(), ..scene.cameras[0].clone() };
-        beside.transform.translation += offset;
-        scene.add_camera(beside.clone());
-        let settings = |camera: usize| Settings::builder().camera(camera).build().unwrap();
-        let prepared = PreparedScene::new(&scene, &settings(0)).unwrap();
-        let plan = Plan::new(&scene, &settings(1), &prepared);
-        (prepared, beside, plan)
-    }
-
-    #[test]
-    fn the_sensor_stands_where_the_camera_does() {
-        let (prepared, camera, plan) = seen_from(DVec3::new(0.1, 0.0, 0.0));
-        let sensor = plan.unwrap().frame.sensor;
-        assert_ne!(sensor, [0.0; 3]);
-        assert_eq!(sensor, prepared.space.point(camera.transform.translation).to_array());
-    }
-
-    #[test]
-    fn a_camera_far_from_where_the_scene_was_prepared_for_is_refused() {
-        let message = seen_from(DVec3::new(9.0, 0.0, 0.0)).2.err().expect("it is too far").to_string();
-        assert!(message.contains("camera 'beside'"), "{message}");
-    }
-}
+mod tests;

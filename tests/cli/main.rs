@@ -290,7 +290,7 @@ fn files_cannot_command_the_terminal() {
     let hostile = "x\u{1b}[2J\u{9b}31m\u{202e}y";
     let harmless = |arguments: &[&str]| {
         let output = taugate(here.path(), arguments);
-        let text = String::from_utf8(output.stdout).unwrap() + String::from_utf8(output.stderr).unwrap().as_str();
+        let text = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
         let bad: Vec<char> = text.chars().filter(|&c| (c.is_control() && c != '\n') || c == '\u{202e}').collect();
         assert!(bad.is_empty(), "{arguments:?} prints {bad:?}: {}", text.escape_debug());
         assert!(text.contains("31m"), "{arguments:?} does not print the text: {text}");

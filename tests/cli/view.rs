@@ -305,7 +305,8 @@ fn mistakes_of_a_page_change_nothing() {
         page.wait("problem", |_| true);
     }
     assert_eq!(page.last["state"]["revision"], 1);
-    for _ in 0..20 {
+    // With the six above, one more than a page may send. More would meet a closed connection.
+    for _ in 0..15 {
         page.socket.send(Message::binary(vec![1, 2, 3])).unwrap();
     }
     assert_eq!(page.wait_for_close(), 4400);
@@ -366,14 +367,15 @@ fn pages_share_a_render_and_a_slow_page_gets_few_pictures() {
             break;
         }
     }
-    let flooded = loop {
+    // The program closes with a code, which is lost where the connection breaks before it is read.
+    let code = loop {
         match pages[8].socket.read() {
-            Ok(Message::Close(frame)) => break frame.map_or(1005, |frame| frame.code.into()),
+            Ok(Message::Close(frame)) => break frame.map(|frame| u16::from(frame.code)),
             Ok(_) => {}
-            Err(_) => break 4429,
+            Err(_) => break None,
         }
     };
-    assert_eq!(flooded, 4429);
+    assert!(code.is_none_or(|code| code == 4429), "{code:?}");
     // The slow page has got all texts, but no further picture.
     let mut pictures = 0;
     slow.say(&json!({"do": "pixel", "x": 1, "y": 1}));

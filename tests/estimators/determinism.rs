@@ -1,5 +1,7 @@
 //! The same seed gives the same bits when a render is repeated, cropped, or run with other tile and workgroup sizes.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::cells::{renderer, settings, tuned};
@@ -76,6 +78,54 @@ fn each_iteration_adds_its_samples() {
     let four = renderer.film().mean();
     assert_ne!(two, four);
     assert_eq!(renderer.film().samples(), 4);
+}
+
+/// Abandons an iteration after ever longer times, until it is completed.
+#[test]
+fn an_abandoned_iteration_leaves_no_trace() {
+    let scene = build(Kind::ClutteredRoom { triangles: 5_000 });
+    for estimator in [Estimator::Bdpt, Estimator::Lcs] {
+        let settings = settings(estimator, [96, 64]).build().unwrap();
+        let [mut whole, mut other] = [(); 2].map(|()| renderer(&scene, &settings));
+        for renderer in [&mut whole, &mut other] {
+            renderer.restart(5, GATE).unwrap();
+            renderer.iterate(2).unwrap();
+        }
+        whole.iterate(4).unwrap();
+        let mut abandoned = 0;
+        loop {
+            let stop = Arc::new(AtomicBool::new(false));
+            let later = std::thread::spawn({
+                let stop = stop.clone();
+                move || {
+                    std::thread::sleep(Duration::from_millis(1).mul_f64(1.4f64.powi(abandoned)));
+                    stop.store(true, Ordering::Relaxed);
+                }
+            });
+            let is_complete = other.iterate_unless(4, &stop).unwrap();
+            later.join().unwrap();
+            if is_complete {
+                break;
+            }
+            abandoned += 1;
+            assert_eq!(other.film().iterations(), 1);
+        }
+        assert!(abandoned > 3, "{estimator:?}: only {abandoned} iterations were abandoned");
+        let bits = |renderer: &Renderer| renderer.film().mean().iter().map(|x| x.to_bits()).collect::<Vec<u32>>();
+        assert!(bits(&whole) == bits(&other), "{estimator:?}: the image has other bits");
+        let counts = |renderer: &Renderer| {
+            let stats = renderer.stats();
+            [
+                stats.samples,
+                stats.closest_rays,
+                stats.shade_points,
+                stats.candidates,
+                stats.live_candidates,
+                stats.shadow_rays,
+            ]
+        };
+        assert_eq!(counts(&whole), counts(&other), "{estimator:?}");
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::time::Duration;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use taugate::internals::image::response_film::ResponseFilm;
-use taugate::internals::render::Renderer;
+use taugate::internals::render::{Renderer, luminance};
 
 use super::message::Layer;
 
@@ -83,7 +83,7 @@ impl Picture {
 
     /// Luminances of the pixel whose first channel is `at`, in each response. `None` if there is one response.
     pub fn histogram(&self, at: usize) -> Option<Vec<f32>> {
-        let luminance_at = |image: &[f32]| luminance([image[at], image[at + 1], image[at + 2]]);
+        let luminance_at = |image: &[f32]| luminance([image[at], image[at + 1], image[at + 2]]) as f32;
         (!self.responses.is_empty()).then(|| self.responses.chunks_exact(self.values()).map(luminance_at).collect())
     }
 
@@ -96,14 +96,18 @@ impl Picture {
         let pixels = self.mean.as_chunks::<3>().0.iter().zip(self.variance.as_chunks::<3>().0);
         let error = pixels.map(|(&mean, variance)| {
             let light = luminance(mean);
-            if light > 0.0 { luminance(variance.map(f32::sqrt)) / light } else { 0.0 }
+            if light > 0.0 { (luminance(variance.map(f32::sqrt)) / light) as f32 } else { 0.0 }
         });
         error.flat_map(|error| [error; 3]).collect()
     }
 
-    /// The binary message with this picture. Its header, little-endian: "TGP1", `frame` (u32), revision (u32), width (u32), height
-    /// (u32), response (u32; [`SUM`] for the sum of all of several), layer (u8: 0 radiance, 1 relative error) and 3 bytes 0, samples
-    /// per pixel (u32), scale (f32), and the number of responses (u32). Then half floats: R, G, B of each pixel, row 0 at the top. A value is half float times scale.
+    /// The binary message with this picture: a header of 40 bytes, then half floats, R, G, B of each pixel, row 0 at the top. A value is
+    /// half float times scale. The header is little-endian, in words of 32 bits unless noted:
+    ///
+    /// * "TGP1", `frame`, revision, width, height;
+    /// * response, or [`SUM`] if the picture shows the sum of several;
+    /// * layer (8 bits: 0 radiance, 1 relative error) and 24 bits 0;
+    /// * samples per pixel, scale (f32), number of responses.
     pub fn encode(&self, frame: u32, layer: Layer, response: u32) -> Vec<u8> {
         let errors;
         let values = match layer {
@@ -132,8 +136,8 @@ impl Picture {
         message
     }
 
-    /// The estimated relMSE of the image: the mean of variance / (mean^2 + eps) over pixels and channels, where eps is the square of
-    /// 1 % of the image's mean. `None` if the variance is not known or the image is black.
+    /// The estimated relMSE of the image: variance / (mean^2 + eps), averaged over pixels and channels. eps is (1 % of the image's mean)^2,
+    /// as in `taugate compare`. `None` if the variance is not known or the image is black.
     pub fn relmse(&self) -> Option<f64> {
         let mean = self.mean.iter().map(|&x| f64::from(x)).sum::<f64>() / self.values().max(1) as f64;
         if self.variance.is_empty() || mean <= 0.0 {
@@ -143,11 +147,6 @@ impl Picture {
         let of = |(&x, &v): (&f32, &f32)| f64::from(v) / (f64::from(x) * f64::from(x) + eps);
         Some(self.mean.iter().zip(&self.variance).map(of).sum::<f64>() / self.values() as f64)
     }
-}
-
-/// Luminance of linear RGB with the primaries of sRGB.
-fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 #[cfg(test)]
@@ -200,7 +199,7 @@ mod tests {
         let message = picture().encode(0, Layer::Error, 0);
         let scale = f32::from_bits(word(&message, 32));
         let error = f16::from_le_bytes(message[HEADER..HEADER + 2].try_into().unwrap()).to_f32() * scale;
-        let expected = 1e-10 / luminance([1e-9, 2e-9, 3e-9]);
+        let expected = (1e-10 / luminance([1e-9, 2e-9, 3e-9])) as f32;
         assert!((error / expected - 1.0).abs() < 2e-3, "{error} {expected}");
         // By hand, for two pixels of mean 1 and variance 0.1: 0.1 / (1 + 0.01^2).
         let even = Picture { mean: vec![1.0; 6], variance: vec![0.1; 6], ..picture() };
@@ -228,6 +227,6 @@ mod tests {
         let response = |layer, response| word(&picture.encode(0, layer, response), 20);
         assert_eq!([response(Layer::Mean, 1), response(Layer::Mean, 3), response(Layer::Error, 1)], [1, SUM, SUM]);
         let histogram = picture.histogram(3).unwrap();
-        assert_eq!((histogram.len(), histogram[1]), (3, luminance([9.0, 10.0, 11.0])));
+        assert_eq!((histogram.len(), histogram[1]), (3, luminance([9.0, 10.0, 11.0]) as f32));
     }
 }

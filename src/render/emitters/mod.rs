@@ -43,7 +43,7 @@ pub struct EmitterSet {
 }
 
 /// Rec. 709 luminance. Emitters are selected in proportion to it; any positive weight keeps the estimate unbiased.
-pub(super) fn luminance(c: [f32; 3]) -> f64 {
+pub fn luminance(c: [f32; 3]) -> f64 {
     0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
 }
 
