@@ -97,6 +97,30 @@ impl CellBatches {
         self.last = self.each;
     }
 
+    /// Each batch: its samples per pixel, and its sums. See [`CellBatches`].
+    pub(super) fn batches(&self) -> &[(f64, Vec<f64>)] {
+        &self.batches
+    }
+
+    /// Number of iterations in a full batch, and in the last batch.
+    pub(super) fn lengths(&self) -> [u32; 2] {
+        [self.each, self.last]
+    }
+
+    /// The batches of [`CellBatches::batches`] with the lengths of [`CellBatches::lengths`]. `None` if they are too many or do not fit
+    /// the image.
+    pub(super) fn from_batches(
+        [width, height]: [u32; 2],
+        batches: Vec<(f64, Vec<f64>)>,
+        [each, last]: [u32; 2],
+    ) -> Option<CellBatches> {
+        let empty = CellBatches::new(width, height);
+        let [columns, rows] = empty.grid();
+        let fits = batches.len() <= MAX_BATCHES && batches.iter().all(|(_, sums)| sums.len() == 3 * columns * rows);
+        let counts = each >= 1 && (1..=each).contains(&last);
+        (fits && counts).then_some(CellBatches { batches, each, last, ..empty })
+    }
+
     /// Mean over the pixels of `cells` in one channel, and the variance of that mean. Needs at least two batches.
     pub fn pooled(&self, cells: &[usize], channel: usize) -> (f64, f64) {
         let pixels: f64 = cells.iter().map(|&c| self.pixels(c) as f64).sum();

@@ -94,6 +94,23 @@ impl Film {
         self.iterations += other.iterations;
     }
 
+    /// The moments of every channel of every pixel, and those of the mean over all of them.
+    pub(super) fn moments(&self) -> (&[Moments], Moments) {
+        (&self.moments, self.image)
+    }
+
+    /// A film with these moments, see [`Film::moments`], of `iterations` iterations with `samples` samples per pixel together.
+    pub(super) fn from_moments(
+        moments: Vec<Moments>,
+        image: Moments,
+        cells: CellBatches,
+        [width, height]: [u32; 2],
+        samples: u64,
+        iterations: u32,
+    ) -> Film {
+        Film { width, height, moments, image, cells, samples, iterations }
+    }
+
     /// The mean over all samples; 0 before the first iteration.
     pub fn mean(&self) -> Vec<f32> {
         let weights = self.samples.max(1) as f64;

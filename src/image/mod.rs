@@ -1,5 +1,6 @@
 //! Images: accumulation, files, and fingerprints of everything that a result depends on.
 
+pub mod accumulation;
 pub mod arrival_map;
 pub mod batches;
 pub mod channels;

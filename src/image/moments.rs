@@ -50,6 +50,16 @@ impl Moments {
         self.wxx.merge(other.wxx);
     }
 
+    /// The sums of w x and of w x^2, each as its value and its rounding error.
+    pub(super) fn to_array(self) -> [f64; 4] {
+        [self.wx.high, self.wx.low, self.wxx.high, self.wxx.low]
+    }
+
+    /// The moments with the sums of [`Moments::to_array`].
+    pub(super) fn from_array([x, x_error, xx, xx_error]: [f64; 4]) -> Moments {
+        Moments { wx: Sum { high: x, low: x_error }, wxx: Sum { high: xx, low: xx_error } }
+    }
+
     /// The mean over all samples; `weights` is their number.
     pub fn mean(&self, weights: f64) -> f64 {
         (self.wx.high + self.wx.low) / weights

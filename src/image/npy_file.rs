@@ -158,16 +158,20 @@ fn shape(film: &Film, responses: Option<&ResponseFilm>) -> Vec<usize> {
 /// Writes an array of 32-bit floats in C order. `values` are as many as `shape` says.
 pub fn write_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item = f32>) -> Result<()> {
     write_atomically(path, |writer| {
-        writer.write_all(&header(shape))?;
+        writer.write_all(&header("<f4", shape))?;
         values.into_iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))
     })
 }
 
-/// The header of a `.npy` file of version 1.0 with little-endian 32-bit floats. Its length is a multiple of 64 bytes, so that
+/// The header of a `.npy` file of version 1.0 with values of the type `kind`: `<f4` or `<f8`, little-endian floats. Its length is a multiple of 64 bytes, so that
 /// programs can map the array into memory.
-fn header(shape: &[usize]) -> Vec<u8> {
-    let sides = shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
-    let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({sides}), }}");
+pub(super) fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
+    let mut sides = shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+    if shape.len() == 1 {
+        // A tuple of one number in Python.
+        sides.push(',');
+    }
+    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sides}), }}");
     // Ten bytes precede the text, and a line break ends it.
     let padding = (10 + text.len() + 1).next_multiple_of(64) - (10 + text.len() + 1);
     text.push_str(&" ".repeat(padding));
@@ -184,7 +188,7 @@ mod tests {
 
     #[test]
     fn a_header_is_as_numpy_writes_it() {
-        let bytes = header(&[2, 3, 300, 3]);
+        let bytes = header("<f4", &[2, 3, 300, 3]);
         assert_eq!(&bytes[..10], b"\x93NUMPY\x01\x00\x76\x00");
         assert_eq!(bytes.len(), 128);
         let text = std::str::from_utf8(&bytes[10..]).unwrap();

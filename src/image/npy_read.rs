@@ -73,7 +73,7 @@ pub fn read(path: &Path) -> Result<ImageArray> {
     let (text, data_at) = read_header(&mut file).map_err(|e| read_error(path, e))?.ok_or_else(|| {
         fail("this is not a NumPy array; give a file that taugate render -o OUT.npy or numpy.save wrote".into())
     })?;
-    let shape = shape(&text).map_err(fail)?;
+    let shape = shape(&text, "<f4").map_err(fail)?;
     let (height, width, responses) = match shape[..] {
         [height, width, 3] => (height, width, None),
         [height, width, responses, 3] => (height, width, Some(responses)),
@@ -98,7 +98,7 @@ pub fn read(path: &Path) -> Result<ImageArray> {
 }
 
 /// The text of the header, and the position of the first value; `None` if the file is no `.npy` file.
-fn read_header(file: &mut File) -> std::io::Result<Option<(String, u64)>> {
+pub(super) fn read_header(file: &mut impl Read) -> std::io::Result<Option<(String, u64)>> {
     let mut start = [0; 10];
     let is_whole = read_exactly(file, &mut start)?;
     if !is_whole || start[..6] != *b"\x93NUMPY" {
@@ -121,7 +121,7 @@ fn read_header(file: &mut File) -> std::io::Result<Option<(String, u64)>> {
 }
 
 /// Fills `bytes`; false if the file ends before.
-fn read_exactly(file: &mut File, bytes: &mut [u8]) -> std::io::Result<bool> {
+fn read_exactly(file: &mut impl Read, bytes: &mut [u8]) -> std::io::Result<bool> {
     match file.read_exact(bytes) {
         Ok(()) => Ok(true),
         Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Ok(false),
@@ -129,19 +129,22 @@ fn read_exactly(file: &mut File, bytes: &mut [u8]) -> std::io::Result<bool> {
     }
 }
 
-/// The shape in a header such as `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }`. Fails if the values are not 32-bit
-/// floats in C order.
-fn shape(header: &str) -> std::result::Result<Vec<usize>, String> {
-    const CONVERT: &str = "convert it in Python with numpy.save(FILE, numpy.ascontiguousarray(ARRAY, '<f4'))";
+/// The shape in a header such as `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }`. Fails if the values are not of the
+/// type `wanted`, `<f4` or `<f8`, in C order.
+pub(super) fn shape(header: &str, wanted: &str) -> std::result::Result<Vec<usize>, String> {
+    let convert = format!("convert it in Python with numpy.save(FILE, numpy.ascontiguousarray(ARRAY, '{wanted}'))");
+    let bits = if wanted == "<f4" { 32 } else { 64 };
     let after = |key: &str| header.split_once(key).map(|(_, rest)| rest.trim_start());
     let kind = after("'descr':").and_then(|rest| rest.strip_prefix('\'')?.split_once('\'')).map(|(kind, _)| kind);
     match kind {
-        Some("<f4") => {}
-        Some(kind) => return Err(format!("its values have the type '{kind}', not 32-bit floats '<f4'; {CONVERT}")),
-        None => return Err(format!("its values are not plain numbers; {CONVERT}")),
+        Some(kind) if kind == wanted => {}
+        Some(kind) => {
+            return Err(format!("its values have the type '{kind}', not {bits}-bit floats '{wanted}'; {convert}"));
+        }
+        None => return Err(format!("its values are not plain numbers; {convert}")),
     }
     if !after("'fortran_order':").is_some_and(|rest| rest.starts_with("False")) {
-        return Err(format!("its values are in the order of columns; {CONVERT}"));
+        return Err(format!("its values are in the order of columns; {convert}"));
     }
     let sides = after("'shape':").and_then(|rest| rest.strip_prefix('(')?.split_once(')')).map(|(sides, _)| sides);
     let sides = sides.unwrap_or_default().split(',').map(str::trim).filter(|side| !side.is_empty());

@@ -65,6 +65,39 @@ impl ResponseFilm {
         self.iterations += 1;
     }
 
+    /// Adds the iterations of `other`, a part of the same render. The order of the parts decides the last bits of the sums. If one of
+    /// the two does not estimate variances, the result does not.
+    ///
+    /// # Panics
+    /// If the films have different sizes.
+    pub(crate) fn merge(&mut self, other: &ResponseFilm) {
+        assert_eq!((self.pixels, self.responses), (other.pixels, other.responses), "the films have different sizes");
+        let add = |(sum, other): (&mut f64, &f64)| *sum += other;
+        self.sums.iter_mut().zip(&other.sums).for_each(add);
+        match other.has_variance() {
+            true => self.squares.iter_mut().zip(&other.squares).for_each(add),
+            false => self.squares.clear(),
+        }
+        self.samples += other.samples;
+        self.iterations += other.iterations;
+    }
+
+    /// The sums of w x and of w x^2, indexed by pixel, response and channel. The second are empty without variances.
+    pub(super) fn sums(&self) -> [&[f64]; 2] {
+        [&self.sums, &self.squares]
+    }
+
+    /// The film with the sums of [`ResponseFilm::sums`], of `iterations` iterations with `samples` samples per pixel together.
+    pub(super) fn from_sums(
+        [sums, squares]: [Vec<f64>; 2],
+        pixels: usize,
+        samples: u64,
+        iterations: u32,
+    ) -> ResponseFilm {
+        let responses = sums.len() / (3 * pixels);
+        ResponseFilm { pixels, responses, sums, squares, samples, iterations }
+    }
+
     /// Means over all samples of the channels of a pixel, response by response; 0 before the first iteration.
     pub fn means_of(&self, pixel: usize) -> impl ExactSizeIterator<Item = f32> {
         self.row(pixel).map(self.mean_at())

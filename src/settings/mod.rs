@@ -31,6 +31,8 @@ mod responses;
 #[allow(missing_docs)]
 pub mod setting;
 #[allow(missing_docs)]
+pub mod shard;
+#[allow(missing_docs)]
 pub mod sky;
 #[allow(missing_docs)]
 pub mod table;

@@ -1,0 +1,194 @@
+//! What a render has added up so far: all sums in f64, and which iterations are in them. From such an accumulation a render goes on,
+//! shards of a render become one, and all images can be made. [`file`] keeps it in a file, `.acc`.
+//!
+//! Researchers who average the images of several machines must weight them by samples, and cannot average their variances. Sums
+//! over iterations have neither problem: those of disjoint iterations add.
+
+pub mod file;
+mod iterations;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::image::film::Film;
+use crate::image::response_film::ResponseFilm;
+use crate::settings::shard::Shard;
+
+pub use iterations::Iterations;
+
+/// The version of the format, which [`file`] describes.
+pub const FORMAT: u32 = 1;
+
+/// The sums of a render or of a part of it.
+#[derive(Debug, Clone)]
+pub struct Accumulation {
+    pub about: About,
+    pub film: Film,
+    /// The images of several responses; `None` if there is one, whose image is the film.
+    pub responses: Option<ResponseFilm>,
+    /// `None` if the sampling is uniform.
+    pub adaptive: Option<AdaptiveState>,
+}
+
+/// What adaptive sampling has learned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AdaptiveState {
+    /// Per pixel of the crop, row by row: number of samples, sum of their luminances, sum of their squares, and sum over iterations
+    /// of the pixel's luminance times the average samples per pixel.
+    pub pixels: Vec<[f64; 4]>,
+    /// Samples per pixel so far, averaged over the pixels.
+    pub samples: f64,
+    pub iterations: u32,
+}
+
+/// What the sums are of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct About {
+    pub format: u32,
+    /// Name and version of the program.
+    pub version: String,
+    /// [`crate::image::fingerprint::RENDERER`].
+    pub renderer: String,
+    /// Fingerprint of the files of the scene.
+    pub scene: String,
+    /// The experiment without outputs, as TOML with absolute paths.
+    pub settings: String,
+    /// Width and height of the whole image.
+    pub resolution: [u32; 2],
+    /// The part of it in the arrays: x0, x1, y0, y1.
+    pub crop: [u32; 4],
+    /// Names of the responses along the axis T of the arrays.
+    pub responses: Vec<String>,
+    pub seed: u32,
+    pub samples_per_pixel: u64,
+    /// Seconds of rendering, summed over the parts.
+    pub seconds: f64,
+    pub iterations: Iterations,
+    /// Sample of the random sequences at which the next iteration begins.
+    pub next_sample: u32,
+    /// The shards that were merged, or the one that was rendered.
+    pub shards: Vec<Shard>,
+    /// Sources of the names in this file, for readers of the format.
+    pub axes: String,
+}
+
+/// The order of the axes of the arrays.
+pub const AXES: &str = "height, width, response, channel";
+
+impl About {
+    /// Number of columns and rows of the arrays.
+    pub fn size(&self) -> [u32; 2] {
+        let [x0, x1, y0, y1] = self.crop;
+        [x1.saturating_sub(x0), y1.saturating_sub(y0)]
+    }
+
+    /// The part of the render that an accumulation is, for one that may be continued; `None` if several were merged.
+    pub fn shard(&self) -> Option<Shard> {
+        match self.shards[..] {
+            [shard] => Some(shard),
+            _ => None,
+        }
+    }
+
+    /// Fails if the sums of `other` do not belong to the same render, with what differs. The number of samples or seconds may
+    /// differ. `name` and `other_name` stand for the two in the message.
+    pub fn check_same_render(&self, name: &str, other: &About, other_name: &str) -> Result<()> {
+        let fail = |what: String| Err(Error::Settings(what));
+        if self.renderer != other.renderer {
+            return fail(format!(
+                "{name} and {other_name} come from different versions of the renderer ({}, {} and {}, {}), which may differ by \
+                 more than noise; render both with one version",
+                self.version, self.renderer, other.version, other.renderer
+            ));
+        }
+        let differences = differences(&self.settings, &other.settings);
+        if !differences.is_empty() {
+            return fail(format!("{name} and {other_name} are not the same render: {}", differences.join("; ")));
+        }
+        if self.scene != other.scene {
+            return fail(format!(
+                "{name} and {other_name} are not the same render: the files of the scene have other contents"
+            ));
+        }
+        match (self.resolution, self.crop, &self.responses, self.seed)
+            == (other.resolution, other.crop, &other.responses, other.seed)
+        {
+            true => Ok(()),
+            false => fail(format!("{name} and {other_name} are not the same render: their images differ in size")),
+        }
+    }
+}
+
+impl Accumulation {
+    /// Adds the sums of a disjoint part of the same render. The order of the parts decides only the last bits. `name` and `other_name`
+    /// stand for the two in messages. Fails if they are not of the same render, or if both have an iteration.
+    pub fn merge(&mut self, name: &str, other: &Accumulation, other_name: &str) -> Result<()> {
+        self.about.check_same_render(name, &other.about, other_name)?;
+        if let Some(common) = self.about.iterations.common(&other.about.iterations) {
+            return Err(Error::Settings(format!(
+                "{other_name} has iteration {common}, which is already in {name}; merge every part once"
+            )));
+        }
+        self.film.merge(&other.film);
+        if let (Some(film), Some(other)) = (&mut self.responses, &other.responses) {
+            film.merge(other);
+        }
+        match (&mut self.adaptive, &other.adaptive) {
+            (Some(state), Some(other)) => {
+                let add = |(pixel, other): (&mut [f64; 4], &[f64; 4])| (0..4).for_each(|k| pixel[k] += other[k]);
+                state.pixels.iter_mut().zip(&other.pixels).for_each(add);
+                state.samples += other.samples;
+                state.iterations += other.iterations;
+            }
+            (state, _) => *state = None,
+        }
+        let (about, other) = (&mut self.about, &other.about);
+        about.samples_per_pixel += other.samples_per_pixel;
+        about.seconds += other.seconds;
+        about.iterations = about.iterations.with(&other.iterations);
+        about.next_sample = about.next_sample.max(other.next_sample);
+        about.shards.extend(&other.shards);
+        about.shards.sort_by_key(|shard| (shard.count(), shard.index()));
+        about.shards.dedup();
+        Ok(())
+    }
+}
+
+/// Settings on which no sum depends: they only say when a render ends, where it runs, or where the scene is.
+const WITHOUT_EFFECT: [&str; 5] = ["scene", "render.spp", "render.time", "render.device", "render.strict"];
+
+/// What differs between two experiments as TOML, one text per setting.
+fn differences(a: &str, b: &str) -> Vec<String> {
+    let [a, b] = [a, b].map(|text| {
+        let mut settings = std::collections::BTreeMap::new();
+        if let Ok(table) = text.parse::<toml::Table>() {
+            collect("", &toml::Value::Table(table), &mut settings);
+        }
+        settings
+    });
+    let names: std::collections::BTreeSet<&String> = a.keys().chain(b.keys()).collect();
+    let show = |value: Option<&String>| value.map_or("is not set".into(), |value| format!("is {value}"));
+    names
+        .into_iter()
+        .filter(|name| !WITHOUT_EFFECT.contains(&name.as_str()) && a.get(*name) != b.get(*name))
+        .map(|name| format!("{name} {} in one and {} in the other", show(a.get(name)), show(b.get(name))))
+        .collect()
+}
+
+/// Collects the values of all keys below `name`.
+fn collect(name: &str, value: &toml::Value, settings: &mut std::collections::BTreeMap<String, String>) {
+    match value {
+        toml::Value::Table(table) => {
+            for (key, value) in table {
+                let name = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
+                collect(&name, value, settings);
+            }
+        }
+        other => {
+            settings.insert(name.into(), other.to_string());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

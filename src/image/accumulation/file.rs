@@ -1,0 +1,406 @@
+//! The file of an accumulation, `.acc`: a zip of NumPy arrays of 64-bit floats, not compressed, and the text `about.json`, see
+//! [`About`]. `numpy.load` opens it.
+//!
+//! | array | shape | contents |
+//! |---|---|---|
+//! | `sums` | height, width, T, 3 | sums over the iterations of w x: x is the mean over the w samples per pixel of an iteration |
+//! | `squares` | height, width, T, 3 | sums of w x^2; missing without variances |
+//! | `sums_low`, `squares_low` | height, width, 1, 3 | rounding errors of the sums of a single response |
+//! | `total_sums`, ..., `total_squares_low` | height, width, 1, 3 | the same four sums, of the sum over all of several responses |
+//! | `image` | 4 | the same four sums, of the mean over all pixels and channels |
+//! | `cells` | batches, cells, 3 | sums over batches of iterations, of the pixels of each cell of 16 x 16 pixels times samples |
+//! | `cell_samples` | batches | samples per pixel of each batch |
+//! | `cell_lengths` | 2 | number of iterations of a full batch, and of the last one |
+//! | `adaptive` | height, width, 4 | what adaptive sampling has learned, see [`AdaptiveState`]; missing if the sampling is uniform |
+//! | `adaptive_counts` | 2 | samples per pixel and iterations of `adaptive` |
+//!
+//! The mean image is `sums[:, :, t] / samples_per_pixel`.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, Write};
+use std::path::Path;
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+use super::{About, Accumulation, AdaptiveState, FORMAT};
+use crate::error::{Error, Result};
+use crate::files::{check_readable, read_error, write_atomically};
+use crate::image::batches::CellBatches;
+use crate::image::film::Film;
+use crate::image::moments::Moments;
+use crate::image::npy_file::header;
+use crate::image::npy_read::{read_header, shape};
+use crate::image::response_film::ResponseFilm;
+use crate::settings::MAX_PIXELS;
+
+/// Name of the text in the zip.
+const ABOUT: &str = "about.json";
+/// Maximum size of that text in bytes.
+const MAX_ABOUT: u64 = 64 << 20;
+/// Number of values that are converted at a time.
+const CHUNK: usize = 1 << 13;
+/// From this size on, an entry needs the 64-bit extension of the format.
+const LARGE: u64 = u32::MAX as u64;
+
+/// Names of the four sums of [`Moments`], for a single response and for the total of several.
+const SINGLE: [&str; 4] = ["sums", "sums_low", "squares", "squares_low"];
+const TOTAL: [&str; 4] = ["total_sums", "total_sums_low", "total_squares", "total_squares_low"];
+
+/// The parts of an [`Accumulation`], borrowed from a render.
+#[derive(Clone, Copy)]
+pub struct Parts<'a> {
+    pub about: &'a About,
+    pub film: &'a Film,
+    pub responses: Option<&'a ResponseFilm>,
+    pub adaptive: Option<&'a AdaptiveState>,
+}
+
+impl Accumulation {
+    /// The parts.
+    pub fn parts(&self) -> Parts<'_> {
+        let Accumulation { about, film, responses, adaptive } = self;
+        Parts { about, film, responses: responses.as_ref(), adaptive: adaptive.as_ref() }
+    }
+}
+
+/// Writes the file, whole or not at all.
+pub fn write(path: &Path, parts: Parts) -> Result<()> {
+    write_atomically(path, |writer| write_to(writer, parts))
+}
+
+/// Writes the contents of the file.
+pub fn write_to(writer: &mut (impl Write + Seek), parts: Parts) -> io::Result<()> {
+    let mut writer = Silent { writer, error: None, position: 0, end: 0 };
+    write_entries(&mut writer, parts)?;
+    writer.error.map_or(Ok(()), Err)
+}
+
+/// Keeps the first error of a writer, and from then on only counts bytes. A [`ZipWriter`] that ends with an error would print it.
+struct Silent<W> {
+    writer: W,
+    error: Option<io::Error>,
+    position: u64,
+    end: u64,
+}
+
+impl<W> Silent<W> {
+    fn try_to<T>(&mut self, work: impl FnOnce(&mut W) -> io::Result<T>) -> Option<T> {
+        if self.error.is_some() {
+            return None;
+        }
+        work(&mut self.writer).map_err(|error| self.error = Some(error)).ok()
+    }
+}
+
+impl<W: Write> Write for Silent<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.try_to(|writer| writer.write(bytes)).unwrap_or(bytes.len());
+        self.position += written as u64;
+        self.end = self.end.max(self.position);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.try_to(W::flush);
+        Ok(())
+    }
+}
+
+impl<W: Seek> Seek for Silent<W> {
+    fn seek(&mut self, to: io::SeekFrom) -> io::Result<u64> {
+        let counted = match to {
+            io::SeekFrom::Start(position) => Some(position),
+            io::SeekFrom::Current(offset) => self.position.checked_add_signed(offset),
+            io::SeekFrom::End(offset) => self.end.checked_add_signed(offset),
+        };
+        self.position = counted.ok_or(io::ErrorKind::InvalidInput)?;
+        self.try_to(|writer| writer.seek(to));
+        Ok(self.position)
+    }
+}
+
+fn write_entries(writer: &mut (impl Write + Seek), parts: Parts) -> io::Result<()> {
+    let mut zip = ZipWriter::new(writer);
+    start(&mut zip, ABOUT, 0)?;
+    zip.write_all(&serde_json::to_vec_pretty(parts.about)?)?;
+
+    let Parts { film, responses, adaptive, .. } = parts;
+    let [height, width] = [film.height(), film.width()].map(|side| side as usize);
+    if let Some(all) = responses {
+        let shape = [height, width, all.responses(), 3];
+        for (name, values) in ["sums", "squares"].iter().zip(all.sums()) {
+            if !values.is_empty() {
+                array(&mut zip, name, &shape, values.iter().copied())?;
+            }
+        }
+    }
+    let (moments, image) = film.moments();
+    let names = if responses.is_some() { TOTAL } else { SINGLE };
+    for (k, name) in names.iter().enumerate() {
+        array(&mut zip, name, &[height, width, 1, 3], moments.iter().map(|moments| moments.to_array()[k]))?;
+    }
+    array(&mut zip, "image", &[4], image.to_array())?;
+
+    let cells = film.cells();
+    let (batches, [columns, rows]) = (cells.batches(), cells.grid());
+    let sums = batches.iter().flat_map(|(_, sums)| sums).copied();
+    array(&mut zip, "cells", &[batches.len(), columns * rows, 3], sums)?;
+    array(&mut zip, "cell_samples", &[batches.len()], batches.iter().map(|batch| batch.0))?;
+    array(&mut zip, "cell_lengths", &[2], cells.lengths().map(f64::from))?;
+
+    if let Some(state) = adaptive {
+        array(&mut zip, "adaptive", &[height, width, 4], state.pixels.iter().flatten().copied())?;
+        array(&mut zip, "adaptive_counts", &[2], [state.samples, f64::from(state.iterations)])?;
+    }
+    zip.finish()?;
+    Ok(())
+}
+
+/// Begins an entry of `bytes` bytes. All entries have the same date, so that equal sums give equal files.
+fn start(zip: &mut ZipWriter<impl Write + Seek>, name: &str, bytes: u64) -> io::Result<()> {
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .last_modified_time(zip::DateTime::default())
+        .large_file(bytes >= LARGE);
+    Ok(zip.start_file(name, options)?)
+}
+
+/// Writes an array of this shape.
+fn array(
+    zip: &mut ZipWriter<impl Write + Seek>,
+    name: &str,
+    shape: &[usize],
+    values: impl IntoIterator<Item = f64>,
+) -> io::Result<()> {
+    let header = header("<f8", shape);
+    let bytes = header.len() as u64 + 8 * shape.iter().product::<usize>() as u64;
+    start(zip, &format!("{name}.npy"), bytes)?;
+    zip.write_all(&header)?;
+    let mut values = values.into_iter();
+    let mut chunk: Vec<u8> = Vec::with_capacity(8 * CHUNK);
+    loop {
+        chunk.clear();
+        chunk.extend(values.by_ref().take(CHUNK).flat_map(f64::to_le_bytes));
+        if chunk.is_empty() {
+            return Ok(());
+        }
+        zip.write_all(&chunk)?;
+    }
+}
+
+/// Reads a file. Fails if it is no accumulation, if it is damaged, or if its numbers contradict each other.
+pub fn read(path: &Path) -> Result<Accumulation> {
+    let (_, mut source) = open(path)?;
+    read_from(&mut source).map_err(|problem| wrong(path, problem))
+}
+
+/// Reads only what the sums are of.
+pub fn read_about(path: &Path) -> Result<About> {
+    let (_, mut source) = open(path)?;
+    let mut zip = ZipArchive::new(&mut source).map_err(|e| wrong(path, Problem::from(e)))?;
+    about(&mut zip).map_err(|problem| wrong(path, problem))
+}
+
+fn open(path: &Path) -> Result<(u64, BufReader<File>)> {
+    let length = check_readable(path)?;
+    let file = File::open(path).map_err(|e| read_error(path, e))?;
+    Ok((length, BufReader::with_capacity(1 << 16, file)))
+}
+
+/// Why a file cannot be read.
+#[derive(Debug)]
+pub enum Problem {
+    /// The operating system cannot read it.
+    Io(io::Error),
+    /// The contents are wrong.
+    Contents(String),
+}
+
+impl From<String> for Problem {
+    fn from(message: String) -> Problem {
+        Problem::Contents(message)
+    }
+}
+
+impl From<zip::result::ZipError> for Problem {
+    fn from(error: zip::result::ZipError) -> Problem {
+        match error {
+            zip::result::ZipError::Io(error) => error.into(),
+            other => Problem::Contents(format!("it is no zip of arrays ({other})")),
+        }
+    }
+}
+
+impl From<io::Error> for Problem {
+    fn from(error: io::Error) -> Problem {
+        match error.kind() {
+            io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput => {
+                Problem::Contents(format!("it is damaged ({error})"))
+            }
+            _ => Problem::Io(error),
+        }
+    }
+}
+
+/// The error for a file that cannot be read.
+fn wrong(path: &Path, problem: Problem) -> Error {
+    match problem {
+        Problem::Io(error) => read_error(path, error),
+        Problem::Contents(message) => Error::File {
+            path: path.into(),
+            message: format!(
+                "this is not an accumulation of taugate (.acc): {message}; name a file that --checkpoint, -o OUT.acc or merge wrote"
+            ),
+        },
+    }
+}
+
+type Archive<'a, R> = ZipArchive<&'a mut R>;
+
+/// Reads the contents of a file. All numbers are checked.
+pub fn read_from(source: &mut (impl Read + Seek)) -> Result<Accumulation, Problem> {
+    let mut zip = ZipArchive::new(source)?;
+    let about = about(&mut zip)?;
+    let [width, height] = about.size();
+    let (columns, rows) = (width as usize, height as usize);
+    let pixels = columns * rows;
+    let count = about.responses.len();
+    let (samples, iterations) = (about.samples_per_pixel, about.iterations.len());
+
+    let responses = match count {
+        1 => None,
+        _ => {
+            let shape = [rows, columns, count, 3];
+            let sums = values(&mut zip, "sums", &shape)?;
+            let squares = match zip.index_for_name("squares.npy") {
+                Some(_) => values(&mut zip, "squares", &shape)?,
+                None => vec![],
+            };
+            Some(ResponseFilm::from_sums([sums, squares], pixels, samples, iterations))
+        }
+    };
+
+    let names = if count == 1 { SINGLE } else { TOTAL };
+    let mut moments = vec![[0.0; 4]; 3 * pixels];
+    for (k, name) in names.iter().enumerate() {
+        let values = values(&mut zip, name, &[rows, columns, 1, 3])?;
+        moments.iter_mut().zip(values).for_each(|(moments, value)| moments[k] = value);
+    }
+    let moments = moments.into_iter().map(Moments::from_array).collect();
+    let image = values(&mut zip, "image", &[4])?;
+    let image = Moments::from_array([image[0], image[1], image[2], image[3]]);
+    let cells = cells(&mut zip, [width, height])?;
+    let film = Film::from_moments(moments, image, cells, [width, height], samples, iterations);
+
+    let adaptive = match zip.index_for_name("adaptive.npy") {
+        Some(_) => Some(adaptive(&mut zip, [rows, columns])?),
+        None => None,
+    };
+    Ok(Accumulation { about, film, responses, adaptive })
+}
+
+/// Reads and checks what the sums are of.
+fn about<R: Read + Seek>(zip: &mut Archive<R>) -> Result<About, Problem> {
+    let wrong = |what: String| Problem::Contents(what);
+    let entry = zip.by_name(ABOUT).map_err(|_| wrong(format!("it has no {ABOUT}")))?;
+    let mut text = vec![];
+    entry.take(MAX_ABOUT).read_to_end(&mut text)?;
+    let format: serde_json::Value =
+        serde_json::from_slice(&text).map_err(|e| wrong(format!("{ABOUT} is no JSON ({e})")))?;
+    if format["format"] != FORMAT {
+        return Err(wrong(format!(
+            "its format is {}, and this version of taugate reads format {FORMAT}",
+            format["format"]
+        )));
+    }
+    let about: About = serde_json::from_value(format).map_err(|e| wrong(format!("{ABOUT} is incomplete ({e})")))?;
+    let [width, height] = about.size();
+    let [x0, x1, y0, y1] = about.crop;
+    let pixels = u64::from(width) * u64::from(height);
+    if x0 >= x1 || y0 >= y1 || x1 > about.resolution[0] || y1 > about.resolution[1] || pixels > MAX_PIXELS {
+        return Err(wrong("its crop does not lie in its image".into()));
+    }
+    if about.responses.is_empty() || about.shards.is_empty() {
+        return Err(wrong("it has no responses or no shards".into()));
+    }
+    let is_empty = about.samples_per_pixel == 0;
+    if is_empty != about.iterations.is_empty() || about.samples_per_pixel < u64::from(about.iterations.len()) {
+        return Err(wrong("its number of samples contradicts its iterations".into()));
+    }
+    if !(about.seconds >= 0.0 && about.seconds.is_finite()) {
+        return Err(wrong("its seconds are no time".into()));
+    }
+    Ok(about)
+}
+
+/// Reads an array, which has this shape and finite values.
+fn values<R: Read + Seek>(zip: &mut Archive<R>, name: &str, wanted: &[usize]) -> Result<Vec<f64>, Problem> {
+    let (found, values) = any_values(zip, name, |found| found == wanted)?;
+    debug_assert_eq!(found, wanted);
+    Ok(values)
+}
+
+/// Reads an array with a shape that `is_wanted`. Its values are finite.
+fn any_values<R: Read + Seek>(
+    zip: &mut Archive<R>,
+    name: &str,
+    is_wanted: impl Fn(&[usize]) -> bool,
+) -> Result<(Vec<usize>, Vec<f64>), Problem> {
+    let wrong = |what: &str| Problem::Contents(format!("its array {name} {what}"));
+    let mut entry = zip.by_name(&format!("{name}.npy")).map_err(|_| wrong("is missing or packed"))?;
+    if entry.compression() != CompressionMethod::Stored {
+        return Err(wrong("is compressed"));
+    }
+    let (length, stored) = (entry.size(), entry.compressed_size());
+    let (text, data_at) = read_header(&mut entry)?.ok_or_else(|| wrong("is no NumPy array"))?;
+    let shape = shape(&text, "<f8").map_err(|problem| wrong(&format!("cannot be used: {problem}")))?;
+    // The sizes agree before memory is taken, so a header cannot ask for more than the file holds.
+    let bytes = shape.iter().try_fold(8u64, |product, &side| product.checked_mul(side as u64));
+    let fits = bytes.and_then(|bytes| bytes.checked_add(data_at)) == Some(length) && length == stored;
+    if !fits || !is_wanted(&shape) {
+        return Err(wrong(&format!("has the shape {shape:?}, which does not fit the image")));
+    }
+    let mut values = Vec::new();
+    let mut chunk = vec![0; 8 * CHUNK];
+    let mut left = (length - data_at) as usize;
+    while left > 0 {
+        let part = &mut chunk[..left.min(8 * CHUNK)];
+        entry.read_exact(part)?;
+        values.extend(part.as_chunks().0.iter().map(|&bytes| f64::from_le_bytes(bytes)));
+        left -= part.len();
+    }
+    // Reads to the end, where the check sum is compared.
+    if entry.read(&mut [0])? != 0 {
+        return Err(wrong("is longer than it says"));
+    }
+    match values.iter().all(|value| value.is_finite()) {
+        true => Ok((shape, values)),
+        false => Err(wrong("has values that are not finite")),
+    }
+}
+
+fn cells<R: Read + Seek>(zip: &mut Archive<R>, size: [u32; 2]) -> Result<CellBatches, Problem> {
+    let wrong = || Problem::Contents("its batches of cells contradict each other".into());
+    let [columns, rows] = CellBatches::new(size[0], size[1]).grid();
+    let (shape, sums) = any_values(zip, "cells", |shape| matches!(shape, [_, n, 3] if *n == columns * rows))?;
+    let samples = values(zip, "cell_samples", &shape[..1])?;
+    let lengths = values(zip, "cell_lengths", &[2])?;
+    let is_count = |x: &f64| x.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(x);
+    if !lengths.iter().all(is_count) || samples.iter().any(|&samples| samples <= 0.0) {
+        return Err(wrong());
+    }
+    let batches = samples.into_iter().zip(sums.chunks(3 * columns * rows).map(<[f64]>::to_vec)).collect();
+    CellBatches::from_batches(size, batches, [lengths[0] as u32, lengths[1] as u32]).ok_or_else(wrong)
+}
+
+fn adaptive<R: Read + Seek>(zip: &mut Archive<R>, [rows, columns]: [usize; 2]) -> Result<AdaptiveState, Problem> {
+    let pixels = values(zip, "adaptive", &[rows, columns, 4])?;
+    let counts = values(zip, "adaptive_counts", &[2])?;
+    let (pixels, _) = pixels.as_chunks();
+    let is_wrong = |pixel: &[f64; 4]| pixel[0] < 0.0 || pixel[2] < 0.0;
+    if pixels.iter().any(is_wrong) || counts.iter().any(|&count| count < 0.0) {
+        return Err(Problem::Contents("its state of adaptive sampling has a negative count".into()));
+    }
+    Ok(AdaptiveState { pixels: pixels.to_vec(), samples: counts[0], iterations: counts[1] as u32 })
+}
