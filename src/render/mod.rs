@@ -28,6 +28,7 @@ mod pool_layout;
 mod prepared_scene;
 mod probe;
 mod responses;
+mod resume;
 mod samples;
 pub mod schedule;
 mod selection_cdf;
@@ -45,6 +46,7 @@ use std::time::Instant;
 use crate::error::{Error, Result};
 use crate::gpu::Device;
 use crate::gpu::buffer_desc;
+use crate::image::accumulation::Iterations;
 use crate::image::film::Film;
 use crate::image::response_film::ResponseFilm;
 use crate::scene::{Camera, Scene};
@@ -89,7 +91,10 @@ pub struct Renderer {
     /// `None` if there is one response with weight 1 in its gate: its image is the film.
     responses: Option<ResponseSums>,
     stats: Stats,
-    iterations: u32,
+    /// The iterations in the film.
+    done: Iterations,
+    /// The next iteration, and the sample of the random sequences at which it begins.
+    next: u32,
     first_sample: u32,
 }
 
@@ -183,7 +188,8 @@ impl Renderer {
             film,
             responses,
             stats,
-            iterations: 0,
+            done: Iterations::default(),
+            next: 0,
             first_sample: 0,
         })
     }
@@ -285,16 +291,17 @@ impl Renderer {
             responses.end();
         }
         self.stats.samples += self.plan.crop_pixels * u64::from(samples);
-        self.stats.iterations += 1;
+        self.finish_iteration(samples);
     }
 
     fn next_iteration(&self, samples: u32) -> Iteration {
-        Iteration { number: self.iterations, first_sample: self.first_sample, samples }
+        Iteration { number: self.next, first_sample: self.first_sample, samples }
     }
 
     /// `max`: the maximum number of samples in a pixel of the iteration.
     fn finish_iteration(&mut self, max: u32) {
-        self.iterations += 1;
+        self.done.add(self.next);
+        self.next += 1;
         self.first_sample += max;
         self.stats.iterations += 1;
     }
@@ -374,7 +381,8 @@ impl Renderer {
         if let Some(allocation) = &mut self.allocation {
             allocation.restart();
         }
-        (self.iterations, self.first_sample) = (0, 0);
+        self.done = Iterations::default();
+        (self.next, self.first_sample) = (0, 0);
     }
 
     /// Whether bounds show that no light can arrive inside the gate. If so, every sample is black and none is traced.
@@ -398,7 +406,7 @@ impl Renderer {
     /// # Panics
     /// If there was an iteration.
     pub fn estimate_response_variance(&mut self) {
-        assert_eq!(self.iterations, 0, "the variance must be known from the first iteration on");
+        assert!(self.done.is_empty(), "the variance must be known from the first iteration on");
         if self.responses.is_some() {
             self.responses = Some(ResponseSums::new(&self.plan, true));
         }

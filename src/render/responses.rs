@@ -86,6 +86,11 @@ impl ResponseSums {
         &self.film
     }
 
+    /// Goes on from the images of earlier iterations.
+    pub fn resume(&mut self, film: ResponseFilm) {
+        self.film = film;
+    }
+
     /// Begins an iteration with `samples` samples per pixel on average, with the splats of its light subpaths.
     pub fn begin(&mut self, mut splats: Vec<Arrival>, samples: u32) {
         splats.par_sort_by_key(|splat| splat.pixel);

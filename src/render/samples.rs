@@ -3,13 +3,14 @@
 use rayon::prelude::*;
 
 use super::emitters::luminance;
+use crate::image::accumulation::AdaptiveState;
 
 /// Maximum number of samples per pixel in one iteration, averaged over the pixels.
 pub const MAX_AVERAGE_SAMPLES: u32 = 16;
 /// Maximum number of samples per pixel in one iteration for a camera with aimed rays, which has few pixels.
 pub const MAX_AIMED_SAMPLES: u32 = 1024;
 /// Maximum samples of one pixel, relative to the average.
-const MAX_SHARE: u32 = 4;
+pub const MAX_SHARE: u32 = 4;
 /// Minimum samples of one pixel, relative to the average; never less than one sample. A pixel that has seen no light so far may
 /// still receive some.
 const MIN_SHARE: f64 = 0.25;
@@ -86,6 +87,19 @@ impl Allocation {
     pub fn restart(&mut self) {
         self.pixels.fill(PixelStats::default());
         (self.samples, self.iterations) = (0.0, 0);
+    }
+
+    /// What earlier iterations have found.
+    pub fn state(&self) -> AdaptiveState {
+        let pixels = self.pixels.iter().map(|p| [p.samples, p.sum, p.squares, p.light]).collect();
+        AdaptiveState { pixels, samples: self.samples, iterations: self.iterations }
+    }
+
+    /// Goes on from `state`, which has the same number of pixels.
+    pub fn resume(&mut self, state: &AdaptiveState) {
+        let stats = |&[samples, sum, squares, light]: &[f64; 4]| PixelStats { samples, sum, squares, light };
+        self.pixels = state.pixels.iter().map(stats).collect();
+        (self.samples, self.iterations) = (state.samples, state.iterations);
     }
 
     /// Adds an iteration with `samples` samples per pixel on average, distributed as in `counts`. `film` has one entry per

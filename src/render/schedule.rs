@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use super::samples::MAX_AIMED_SAMPLES;
 use crate::settings::Budget;
+use crate::settings::shard::Shard;
 
 /// The variance is estimated from at least two iterations.
 const MIN_ITERATIONS: u32 = 2;
@@ -23,6 +24,35 @@ pub fn samples_in(iteration: u32) -> u32 {
         0..8 => 2,
         8..20 => 4,
         _ => 8,
+    }
+}
+
+/// Samples per pixel in all iterations before iteration `iteration`.
+pub fn samples_before(iteration: u32) -> u64 {
+    let i = u64::from(iteration);
+    match iteration {
+        0..8 => 2 * i,
+        8..20 => 16 + 4 * (i - 8),
+        _ => 64 + 8 * (i - 20),
+    }
+}
+
+/// Samples per pixel of all iterations of `shard` in a render with `spp` samples per pixel.
+pub fn samples_of_shard(shard: Shard, spp: u32) -> u64 {
+    (shard.index()..)
+        .step_by(shard.count() as usize)
+        .map(|iteration| u64::from(spp).saturating_sub(samples_before(iteration)).min(samples_in(iteration).into()))
+        .take_while(|&samples| samples > 0)
+        .sum()
+}
+
+/// As [`next_samples`], for a render of which this machine renders `shard`. `iteration` is the number of its next iteration in the
+/// whole render, and `done` are its own samples per pixel so far. A budget of samples is that of all shards together, one of seconds
+/// that of each of them.
+pub fn next_samples_of(shard: Shard, budget: &Budget, iteration: u32, done: u64, elapsed: Duration) -> u32 {
+    match budget {
+        Budget::Spp(_) if !shard.is_all() => next_samples(budget, iteration, samples_before(iteration), elapsed),
+        _ => next_samples(budget, iteration, done, elapsed),
     }
 }
 
@@ -98,6 +128,32 @@ mod tests {
         }
         let endless = |iteration| next_samples(&Budget::Seconds(1e9), iteration, 9, Duration::from_secs(1));
         assert!(long.iter().enumerate().all(|(i, &samples)| endless(i as u32) == samples));
+    }
+
+    #[test]
+    fn shards_share_the_iterations_of_the_whole_render() {
+        for i in 0..200 {
+            assert_eq!(samples_before(i), (0..i).map(|i| u64::from(samples_in(i))).sum::<u64>(), "{i}");
+        }
+        for (spp, count) in [(1, 1), (7, 2), (64, 3), (100, 7), (1000, 4), (5, 9)] {
+            let whole = lengths(spp);
+            let mut all = vec![0; whole.len()];
+            for index in 0..count {
+                let shard = Shard::new(index, count).unwrap();
+                let mut done = 0;
+                for number in (index..).step_by(count as usize) {
+                    match next_samples_of(shard, &Budget::Spp(spp), number, done, Duration::MAX) {
+                        0 => break,
+                        samples => {
+                            all[number as usize] = samples;
+                            done += u64::from(samples);
+                        }
+                    }
+                }
+                assert_eq!(done, samples_of_shard(shard, spp), "{spp} samples, shard {shard}");
+            }
+            assert_eq!(all, whole, "{spp} samples");
+        }
     }
 
     /// Expected variance that the film estimates (`Film::variance_of_mean`), divided by the true variance of the mean. The
