@@ -1,5 +1,6 @@
 //! Reads and writes files with clear errors. A reader never sees a half-written file.
 
+mod lock;
 mod temporary;
 
 use std::fs::{self, File};
@@ -7,6 +8,7 @@ use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+pub use lock::Lock;
 pub use temporary::{folder as temporary_folder, remove_left_over};
 
 /// Maximum number of symbolic links that lead from one to the next, as in Linux.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use taugate::internals::input::experiment::Experiment;
+use taugate::internals::settings::exposure::Exposure;
 use taugate::internals::settings::optical_path::OpticalPath;
 use taugate::internals::settings::values::{Pixel, Resolution, Seconds};
 
@@ -22,6 +23,8 @@ pub struct Cli {
 pub enum Command {
     Render(Box<RenderArgs>),
     View(Box<ViewArgs>),
+    Merge(MergeArgs),
+    Develop(DevelopArgs),
     Compare(CompareArgs),
     Histogram(HistogramArgs),
     Detect(DetectArgs),
@@ -37,6 +40,7 @@ Examples:
   taugate render room.glb -o gated.exr --gate 12.5m..12.8m --spp 256
   taugate render room.glb -o gated.exr --gate 42.2ns+-0.5ns --emitters beam --time 30s
   taugate render experiment.toml --seed 7
+  taugate render room.glb -o room.exr --time 8h --checkpoint room.acc
 
 Exit codes: 0 done, 2 wrong input or file, 3 non-finite samples with --strict, 4 device error,
 130 interrupted (the image so far is written)";
@@ -46,8 +50,8 @@ Exit codes: 0 done, 2 wrong input or file, 3 non-finite samples with --strict, 4
 #[command(after_help = RENDER_EXAMPLES)]
 pub struct RenderArgs {
     /// A scene (.glb, .gltf), or an experiment (.toml) whose keys are these flags
-    #[arg(value_name = "SCENE|EXPERIMENT")]
-    pub input: PathBuf,
+    #[arg(value_name = "SCENE|EXPERIMENT", required_unless_present = "resume")]
+    pub input: Option<PathBuf>,
 
     #[command(flatten)]
     flags: Flags<Render>,
@@ -100,6 +104,69 @@ pub struct ViewArgs {
     /// Folder for the images that the page saves
     #[arg(long, value_name = "DIR", help_heading = "Page", default_value = ".")]
     pub save_to: PathBuf,
+}
+
+/// The files that merge and develop write
+#[derive(Debug, Args)]
+pub struct DevelopedFiles {
+    /// Files to write: image (.exr), NumPy array (.npy), picture (.png), or sums (.acc); may be repeated
+    #[arg(short, long, value_name = "OUT.exr|npy|png|acc", help_heading = "Output", required = true)]
+    pub output: Vec<PathBuf>,
+
+    /// Also write the variances of an array OUT.npy, to OUT.variance.npy
+    #[arg(long, help_heading = "Output")]
+    pub variance: bool,
+
+    /// Exposure of the picture: auto, or a number of stops [default: auto]
+    #[arg(long, value_name = "EV|auto", help_heading = "Output", allow_hyphen_values = true)]
+    pub exposure: Option<Exposure>,
+}
+
+const MERGE_EXAMPLES: &str = "\
+Examples:
+  taugate render room.glb --spp 4096 --shard 0/2 -o part0.acc        on one machine
+  taugate render room.glb --spp 4096 --shard 1/2 -o part1.acc        on another
+  taugate merge part0.acc part1.acc -o room.exr -o room.png
+
+Exit codes: 0 done, 2 wrong input or file";
+
+/// Join the shards of a render
+#[derive(Debug, Args)]
+#[command(after_help = MERGE_EXAMPLES)]
+pub struct MergeArgs {
+    /// The sums of the shards, in any order
+    #[arg(value_name = "SUMS.acc", required = true)]
+    pub parts: Vec<PathBuf>,
+
+    #[command(flatten)]
+    pub files: DevelopedFiles,
+
+    /// Print nothing but errors
+    #[arg(short, long, help_heading = "Output")]
+    pub quiet: bool,
+}
+
+const DEVELOP_EXAMPLES: &str = "\
+Examples:
+  taugate render room.glb --gates 5m..8m/30 --time 8h --checkpoint room.acc -o room.npy
+  taugate develop room.acc -o so-far.exr -o so-far.png               while it renders
+
+Exit codes: 0 done, 2 wrong input or file";
+
+/// Make images from the sums of a render, finished or not
+#[derive(Debug, Args)]
+#[command(after_help = DEVELOP_EXAMPLES)]
+pub struct DevelopArgs {
+    /// The sums, which render wrote with -o OUT.acc or --checkpoint, or merge
+    #[arg(value_name = "SUMS.acc")]
+    pub sums: PathBuf,
+
+    #[command(flatten)]
+    pub files: DevelopedFiles,
+
+    /// Print nothing but errors
+    #[arg(short, long, help_heading = "Output")]
+    pub quiet: bool,
 }
 
 /// Measure the error of an image against a reference

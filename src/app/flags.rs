@@ -82,7 +82,8 @@ impl Flagged for Info {
 
 impl Flagged for View {
     fn has(setting: &Setting) -> bool {
-        setting.name == "tev" || (setting.heading != "Output" && !NOT_VIEWED.contains(&setting.name))
+        setting.name == "tev"
+            || (!["Output", "Long renders"].contains(&setting.heading) && !NOT_VIEWED.contains(&setting.name))
     }
 }
 

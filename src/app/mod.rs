@@ -10,10 +10,12 @@ mod feasible;
 mod flags;
 mod generate;
 mod histogram;
+mod images;
 mod info;
 mod interrupts;
 mod live;
 mod memory;
+mod merge;
 mod preparation;
 mod progress;
 pub mod render;
@@ -36,6 +38,8 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     match cli.command {
         Command::Render(args) => render::run(*args),
         Command::View(args) => view::run(*args),
+        Command::Merge(args) => merge::run(&args.parts, &args.files, args.quiet),
+        Command::Develop(args) => merge::run(std::slice::from_ref(&args.sums), &args.files, args.quiet),
         Command::Compare(args) => compare::run(&args),
         Command::Histogram(args) => histogram::run(&args),
         Command::Detect(args) => detect::run(&args),

@@ -3,12 +3,13 @@
 mod ready;
 mod scan;
 mod sequence;
+mod sums;
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use taugate::Error;
 use taugate::internals::error::Result;
@@ -20,11 +21,12 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
-use taugate::internals::render::schedule::next_samples;
+use taugate::internals::render::schedule::{next_samples_of, samples_of_shard};
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::aov::Aov;
+use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::sky::Sky;
 use taugate::internals::settings::{Budget, Settings};
 use taugate::internals::tev::TevStream;
@@ -37,6 +39,7 @@ use super::report::{Report, is_black};
 use super::{feasible, memory, strategies};
 use crate::app::cli::RenderArgs;
 use ready::Ready;
+use sums::{Checkpoint, Earlier, Identity};
 
 /// The error for non-finite samples with --strict.
 #[derive(Debug, thiserror::Error)]
@@ -47,7 +50,10 @@ pub struct NotFinite {
 
 pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let (quiet, print_config) = (args.quiet, args.print_config);
-    let experiment = read_experiment(args.input.clone(), args.into_experiment())?;
+    let experiment = match args.input.clone() {
+        Some(input) => read_experiment(input, args.into_experiment())?,
+        None => sums::read_experiment(args.into_experiment())?,
+    };
     experiment.check_paths()?;
     if print_config {
         return print(experiment);
@@ -146,6 +152,7 @@ impl Session {
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
         check_inputs(&outputs.files(), &scene_path, &experiment)?;
+        let earlier = Earlier::read(&experiment, &outputs)?;
         // There is no result to keep yet.
         self.interrupts.end_the_process_at(Interrupt::First);
 
@@ -156,10 +163,22 @@ impl Session {
         let resolved = resolve::resolve(&experiment, &scene)?;
         let settings = &resolved.settings;
         let config = resolve::as_experiment(&experiment, settings, &scene);
+        let shard = match &earlier {
+            Some(earlier) => earlier.shard(experiment.output.shard)?,
+            None => experiment.output.shard.unwrap_or(Shard::ALL),
+        };
+        let identity = match outputs.sums().next().is_some() || earlier.is_some() {
+            true => Some(Identity::new(config.clone(), settings, shard)?),
+            false => None,
+        };
         let printed = Experiment { output: Default::default(), ..config }.to_toml();
-        if self.is_sequence && sequence::is_finished(&outputs, &printed)? {
+        if self.is_sequence && sequence::is_finished(&outputs, &printed, identity.as_ref())? {
             return Ok(Outcome::Kept);
         }
+        if let (Some(earlier), Some(identity)) = (&earlier, &identity) {
+            earlier.check(identity, outputs.has_variance())?;
+        }
+        let mut checkpoint = Checkpoint::new(&outputs)?;
         memory::check(settings, outputs.has_variance())?;
         if outputs.strategy_images.is_some() {
             StrategyImages::check(settings)?;
@@ -189,6 +208,14 @@ impl Session {
         let Ready { renderer, scene, warnings: of_surfaces, .. } = &mut ready;
 
         // Render.
+        let before = earlier.as_ref().map_or(0.0, |earlier| earlier.sums.about.seconds);
+        if let Some(earlier) = earlier {
+            self.progress.line(&earlier.describe());
+            if let Some(note) = earlier.note(shard) {
+                self.progress.line(&format!("note: {note}"));
+            }
+            renderer.resume(earlier.sums)?;
+        }
         self.interrupts.end_the_process_at(Interrupt::Second);
         let stop = &*self.interrupts.stop;
         let (strict, may_be_dark) =
@@ -196,10 +223,20 @@ impl Session {
         let rendering = Instant::now();
         let (name, responses) = (outputs.name(), settings.responses());
         let mut live = self.tev.as_mut().map(|stream| Live { stream, name, responses });
-        let rendered = iterate(renderer, settings, strict, stop, &mut self.progress, live.as_mut());
+        let mut watch = |renderer: &Renderer, seconds: f64, progress: &mut Progress| {
+            if let Some(live) = &mut live {
+                live.update(renderer, progress);
+            }
+            if let (Some(checkpoint), Some(identity)) = (&mut checkpoint, &identity) {
+                checkpoint.update(identity, renderer, seconds, progress);
+            }
+        };
+        let iterations = Iterations { settings, shard, before, strict, stop };
+        let rendered = iterations.run(renderer, &mut self.progress, &mut watch);
         self.progress.finish();
         let schedule = rendered?;
         let elapsed = rendering.elapsed();
+        let seconds = before + elapsed.as_secs_f64();
         let interrupted = stop.load(Ordering::Relaxed);
         if interrupted && (self.is_sequence || renderer.film().samples() == 0) {
             self.progress.line(match self.is_sequence {
@@ -214,12 +251,13 @@ impl Session {
         }
 
         // Write.
-        let provenance = Provenance::new(settings, elapsed.as_secs_f64(), printed);
+        let provenance = Provenance::new(settings, seconds, printed);
         let warnings = [&resolved.warnings[..], of_surfaces].concat();
         let report = Report {
             renderer,
             settings,
             provenance: &provenance,
+            seconds: elapsed.as_secs_f64(),
             layers: &layers,
             preparation: &preparation,
             warnings: &warnings,
@@ -228,12 +266,18 @@ impl Session {
         if let Some(live) = &mut live {
             live.send_last(renderer);
         }
-        report.write(&outputs)?;
+        report.write(&outputs, |path| match &identity {
+            Some(identity) => identity.write(path, renderer, seconds),
+            None => Ok(()),
+        })?;
         report.summarise(&outputs, &self.progress);
         if let Some(live) = live {
             self.interrupts.end_the_process_at(Interrupt::Second);
             live.finish(&self.progress);
             self.interrupts.end_the_process_at(Interrupt::None);
+        }
+        if let Some(checkpoint) = checkpoint.filter(|_| interrupted) {
+            self.progress.line(&format!("interrupted; the same command goes on from {}", checkpoint.path().display()));
         }
         if interrupted && outputs.strategy_images.is_some() {
             strategies::report_interrupted(&self.progress);
@@ -378,35 +422,49 @@ pub fn check_inputs(outputs: &[PathBuf], scene: &Path, experiment: &Experiment) 
     }
 }
 
-/// Adds iterations until the budget is used or an interrupt arrives. Shows the image with `live`. Returns the samples per pixel of
-/// each iteration.
-fn iterate(
-    renderer: &mut Renderer,
-    settings: &Settings,
+/// Adds iterations until the budget is used or an interrupt arrives.
+struct Iterations<'a> {
+    settings: &'a Settings,
+    shard: Shard,
+    /// Seconds of rendering before this process.
+    before: f64,
     strict: bool,
-    stop: &AtomicBool,
-    progress: &mut Progress,
-    mut live: Option<&mut Live>,
-) -> anyhow::Result<Vec<u32>> {
-    let started = Instant::now();
-    let mut schedule = vec![];
-    loop {
-        let (film, elapsed) = (renderer.film(), started.elapsed());
-        let samples = next_samples(&settings.budget(), film.iterations(), film.samples(), elapsed);
-        // If the image is certain to be black, two iterations are enough: they give a variance.
-        let black = renderer.is_dark() && matches!(settings.budget(), Budget::Seconds(_)) && schedule.len() == 2;
-        if samples == 0 || black || stop.load(Ordering::Relaxed) {
-            return Ok(schedule);
+    stop: &'a AtomicBool,
+}
+
+impl Iterations<'_> {
+    /// Calls `watch` after every iteration, with the seconds of rendering so far. Returns the samples per pixel of each iteration.
+    fn run(
+        &self,
+        renderer: &mut Renderer,
+        progress: &mut Progress,
+        watch: &mut dyn FnMut(&Renderer, f64, &mut Progress),
+    ) -> anyhow::Result<Vec<u32>> {
+        let Iterations { settings, shard, before, strict, stop } = *self;
+        let (budget, started) = (settings.budget(), Instant::now());
+        // The budget of this shard alone, to show its progress.
+        let own = match budget {
+            Budget::Spp(spp) if !shard.is_all() => Budget::Spp(samples_of_shard(shard, spp) as u32),
+            other => other,
+        };
+        let mut schedule = vec![];
+        loop {
+            renderer.go_to_next_of(shard);
+            let elapsed = started.elapsed() + Duration::from_secs_f64(before);
+            let samples = next_samples_of(shard, &budget, renderer.next(), renderer.film().samples(), elapsed);
+            // If the image is certain to be black, two iterations are enough: they give a variance.
+            let black = renderer.is_dark() && matches!(budget, Budget::Seconds(_)) && schedule.len() == 2;
+            if samples == 0 || black || stop.load(Ordering::Relaxed) {
+                return Ok(schedule);
+            }
+            renderer.iterate(samples)?;
+            schedule.push(samples);
+            let dropped = renderer.stats().dropped;
+            if strict && dropped > 0 {
+                return Err(NotFinite { dropped }.into());
+            }
+            watch(renderer, before + started.elapsed().as_secs_f64(), progress);
+            progress.update(&Position::of(renderer, started.elapsed()), &own);
         }
-        renderer.iterate(samples)?;
-        schedule.push(samples);
-        let dropped = renderer.stats().dropped;
-        if strict && dropped > 0 {
-            return Err(NotFinite { dropped }.into());
-        }
-        if let Some(live) = &mut live {
-            live.update(renderer, progress);
-        }
-        progress.update(&Position::of(renderer, started.elapsed()), &settings.budget());
     }
 }

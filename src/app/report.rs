@@ -1,17 +1,18 @@
 //! Writes the files of a render and prints its summary.
 
+use std::path::Path;
 use std::time::Duration;
 
 use serde::Serialize;
+use taugate::internals::error::Result;
 use taugate::internals::files::write_atomically;
-use taugate::internals::image::exr_file::{self, Provenance};
+use taugate::internals::image::exr_file::{Provenance, version};
 use taugate::internals::image::layers::Layers;
-use taugate::internals::image::{npy_file, png_file};
 use taugate::internals::input::resolve::{Outputs, gate_warning};
 use taugate::internals::render::{Renderer, Stage, Stats};
 use taugate::internals::settings::Settings;
-use taugate::internals::settings::exposure::Exposure;
 
+use super::images::Images;
 use super::preparation::Preparation;
 use super::progress::{Position, Progress, duration, rays};
 use super::rescue::Rescue;
@@ -21,6 +22,8 @@ pub struct Report<'a> {
     pub renderer: &'a Renderer,
     pub settings: &'a Settings,
     pub provenance: &'a Provenance,
+    /// Seconds of the iterations of this process; [`Provenance::seconds`] counts those of earlier ones too.
+    pub seconds: f64,
     /// Auxiliary layers of the image file.
     pub layers: &'a Layers,
     pub preparation: &'a Preparation,
@@ -66,38 +69,22 @@ pub fn is_black(renderer: &Renderer) -> bool {
 }
 
 impl Report<'_> {
-    fn seconds(&self) -> f64 {
-        self.provenance.seconds
-    }
-
     fn position(&self) -> Position {
-        Position::of(self.renderer, Duration::from_secs_f64(self.seconds()))
+        Position::of(self.renderer, Duration::from_secs_f64(self.seconds))
     }
 
-    /// Writes all files. Each file that cannot be written is saved elsewhere if possible; the error says where.
-    pub fn write(&self, outputs: &Outputs) -> anyhow::Result<()> {
-        let film = self.renderer.film();
+    fn images(&self) -> Images<'_> {
+        let Report { renderer, provenance, layers, .. } = self;
+        Images { film: renderer.film(), responses: renderer.responses(), provenance, layers }
+    }
+
+    /// Writes all files; `sums` writes one that keeps the sums. Each file that cannot be written is saved elsewhere if possible; the
+    /// error says where.
+    pub fn write(&self, outputs: &Outputs, sums: impl Fn(&Path) -> Result<()>) -> anyhow::Result<()> {
         let mut rescue = Rescue::default();
-        let responses = self.renderer.responses();
-        if let Some(path) = &outputs.exr {
-            rescue.write(path, |path| exr_file::write_responses(path, film, responses, self.provenance, self.layers));
-        }
-        if let Some(path) = &outputs.npy {
-            rescue.write(path, |path| npy_file::write_means(path, film, responses));
-            rescue.write(&npy_file::description_path(path), |path| {
-                npy_file::write_description(path, film, responses, self.provenance)
-            });
-            if let Some((images, frequencies)) = responses.zip(self.settings.responses().frequencies()) {
-                rescue
-                    .write(&npy_file::depth_path(path), |path| npy_file::write_depths(path, film, images, frequencies));
-            }
-            if outputs.variance {
-                rescue.write(&npy_file::variance_path(path), |path| npy_file::write_variances(path, film, responses));
-            }
-        }
-        if let Some(path) = &outputs.png {
-            let exposure = self.exposure(outputs);
-            rescue.write(path, |path| png_file::write(path, film.width(), film.height(), &film.mean(), exposure));
+        self.images().write(outputs, &mut rescue);
+        for path in outputs.sums() {
+            rescue.write(path, |path| sums(path));
         }
         if let Some(path) = &outputs.stats {
             let numbers = self.numbers();
@@ -108,20 +95,12 @@ impl Report<'_> {
         rescue.finish()
     }
 
-    /// The factor by which the picture multiplies linear values.
-    fn exposure(&self, outputs: &Outputs) -> f32 {
-        match outputs.exposure {
-            Exposure::Auto => png_file::exposure(&self.renderer.film().mean()),
-            Exposure::Stops(stops) => stops.exp2() as f32,
-        }
-    }
-
     fn numbers(&self) -> Numbers<'_> {
         let (film, stats) = (self.renderer.film(), self.renderer.stats());
         let (image_mean, image_mean_standard_error) = film.image_mean();
         let [min_samples_per_pixel, max_samples_per_pixel] = self.renderer.samples_in_pixels();
         Numbers {
-            version: exr_file::version(),
+            version: version(),
             gate: self.provenance.responses.support().to_string(),
             samples_per_pixel: film.samples(),
             min_samples_per_pixel,
@@ -129,8 +108,8 @@ impl Report<'_> {
             iterations: film.iterations(),
             prepare_seconds: self.preparation.seconds(),
             prepare_stages: self.preparation.stages(stats),
-            render_seconds: self.seconds(),
-            stages: stats.stages(self.seconds()),
+            render_seconds: self.seconds,
+            stages: stats.stages(self.seconds),
             rays_per_second: self.position().rays_per_second(),
             image_mean,
             image_mean_standard_error,
@@ -171,16 +150,11 @@ impl Report<'_> {
             self.settings.responses().describe(),
             self.settings.estimator(),
             film.samples(),
-            duration(self.seconds()),
+            duration(self.provenance.seconds),
             rays(self.position().rays_per_second()),
         ));
-        if let Some(png) = &outputs.png {
-            let stops = self.exposure(outputs).log2();
-            let repeat = match outputs.exposure {
-                Exposure::Auto => format!(" (auto; --exposure {stops:.2} gives other pictures the same)"),
-                Exposure::Stops(_) => String::new(),
-            };
-            progress.line(&format!("{}: exposure {stops:+.2} EV{repeat}", png.display()));
+        if let Some(line) = self.images().describe_exposure(outputs) {
+            progress.line(&line);
         }
         let (mean, error) = film.image_mean();
         let error = match error {

@@ -210,6 +210,18 @@ impl Experiment {
         })
     }
 
+    /// The files that the settings name, beside the scene and the outputs: grids, tables, the image of the sky.
+    pub fn input_files(&self) -> Vec<PathBuf> {
+        let mut inputs = Experiment { scene: None, output: OutputTable::default(), ..self.clone() };
+        let mut files = vec![];
+        let collected = inputs.each_path(|path| {
+            files.extend(path.is_file().then(|| path.clone()));
+            Ok(())
+        });
+        collected.expect("collecting does not fail");
+        files
+    }
+
     /// Makes all paths absolute. Fails if there is no current folder, or if a path is not UTF-8.
     pub fn with_absolute_paths(mut self) -> Result<Experiment> {
         self.each_path(|path| {

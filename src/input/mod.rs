@@ -8,7 +8,7 @@ pub mod named;
 pub mod plain;
 pub mod resolve;
 pub mod response_table;
-mod responses;
+pub mod responses;
 pub mod scan_table;
 pub mod scenery;
 pub mod sequence;

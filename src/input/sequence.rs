@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
 use crate::settings::frames::GateKeys;
 use crate::settings::moment::Moment;
+use crate::settings::shard::Shard;
 use crate::settings::table::OutputTable;
 use crate::settings::values::{Files, Png};
 
@@ -19,6 +20,8 @@ pub struct Sequence {
     /// The experiment without the settings of sequences; its outputs have patterns as names.
     experiment: Experiment,
     frames: Range<u32>,
+    /// The part of the frames that this machine renders.
+    shard: Shard,
     fps: u32,
     keys: Option<GateKeys>,
     /// Whether the scene is posed at the time of each frame.
@@ -32,8 +35,12 @@ impl Sequence {
     /// setting of sequences comes without frames, if the name of an output has no `#`, or if all frames would be the same.
     pub fn new(experiment: &Experiment, is_animated: impl FnOnce() -> bool) -> Result<Option<Sequence>> {
         let mut experiment = experiment.clone();
-        let OutputTable { frames, fps, contact_sheet, gif, .. } = &mut experiment.output;
+        if experiment.output.frames.is_some() {
+            check_long(&experiment.output)?;
+        }
+        let OutputTable { frames, fps, contact_sheet, gif, shard, .. } = &mut experiment.output;
         let (frames, fps, contact_sheet, gif) = (frames.take(), fps.take(), contact_sheet.take(), gif.take());
+        let shard = if frames.is_some() { shard.take().unwrap_or(Shard::ALL) } else { Shard::ALL };
         let keys = experiment.gate.gate_keys.take();
         let Some(frames) = frames else {
             let given = [
@@ -79,12 +86,18 @@ impl Sequence {
         if !(1..=MAX_FPS).contains(&fps) {
             return Err(settings(format!("--fps is {fps}; it must be from 1 to {MAX_FPS}")));
         }
-        Ok(Some(Sequence { experiment, frames, fps, keys, is_animated, contact_sheet, gif }))
+        Ok(Some(Sequence { experiment, frames, shard, fps, keys, is_animated, contact_sheet, gif }))
     }
 
     /// Numbers of all frames.
     pub fn frames(&self) -> Range<u32> {
         self.frames.clone()
+    }
+
+    /// Numbers of the frames that this machine renders: of N shards, every Nth.
+    pub fn own_frames(&self) -> impl Iterator<Item = u32> + Clone {
+        let (shard, start) = (self.shard, self.frames.start);
+        self.frames.clone().filter(move |frame| shard.has(frame - start))
     }
 
     /// Frames per second.
@@ -110,6 +123,26 @@ impl Sequence {
         stats.iter_mut().for_each(name);
         experiment
     }
+}
+
+/// Fails if a flag of long renders does not fit a sequence.
+fn check_long(output: &OutputTable) -> Result<()> {
+    if output.checkpoint.is_some() || output.resume.is_some() {
+        return Err(settings(
+            "frames that are finished are kept anyway, and the same command goes on after them: leave out --checkpoint and \
+             --resume"
+                .into(),
+        ));
+    }
+    let is_part = output.shard.is_some_and(|shard| !shard.is_all());
+    if is_part && (output.contact_sheet.is_some() || output.gif.is_some()) {
+        return Err(settings(
+            "a shard has not all frames: leave out --contact-sheet and --gif, and add them to the same command without \
+             --shard after the last shard"
+                .into(),
+        ));
+    }
+    Ok(())
 }
 
 /// `path` with the number of a frame in place of the last `#`s of its file name; `None` if it has none.
@@ -158,6 +191,8 @@ mod tests {
             ("frames = '0..2'\noutput = 'a#.exr'\nstrategy-images = 'b'", "with --at"),
             ("frames = '0..2'\noutput = 'a#.exr'", "--gate-keys"),
             ("frames = '0..2'\noutput = 'a#.exr'\nfps = 0", "--gate-keys"),
+            ("frames = '0..2'\noutput = 'a#.exr'\ncheckpoint = 'a.acc'", "finished are kept anyway"),
+            ("frames = '0..2'\noutput = 'a#.exr'\nshard = '0/2'\ngif = 'a.gif'", "has not all frames"),
             ("fps = 3\noutput = 'a#.exr'", "--fps is for a sequence"),
             ("gif = 'a.gif'", "--gif is for a sequence"),
         ] {

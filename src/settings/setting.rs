@@ -78,6 +78,10 @@ impl Setting {
         Setting::new("Output", name, value)
     }
 
+    pub const fn long_render(name: &'static str, value: &'static str) -> Setting {
+        Setting::new("Long renders", name, value)
+    }
+
     pub const fn diagnostics(name: &'static str, value: &'static str) -> Setting {
         Setting::new("Diagnostics", name, value)
     }

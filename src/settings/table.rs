@@ -22,6 +22,7 @@ use crate::settings::optical_path::OpticalPath;
 use crate::settings::phase::Phase;
 use crate::settings::response_specs::ResponseSpecs;
 use crate::settings::setting::{Form, Setting, Value, Visitor, table};
+use crate::settings::shard::Shard;
 use crate::settings::sky::{Sky, SkyScale};
 use crate::settings::tev::{DEFAULT_TEV, TevAddress};
 use crate::settings::units::{Depth, Gate};
@@ -294,9 +295,9 @@ table! {
     /// `[output]`: the files that a render writes.
     OutputTable {
         /// Image file (.exr): R, G, B, their variance, and the settings; of up to 64 --gates, the first one, and the others as layers.
-        /// Or NumPy array (.npy) of shape (height, width, 3) or (height, width, gates, 3), with a JSON file that describes it; may
-        /// be repeated
-        output: Files, Setting::output("output", "OUT.exr|OUT.npy").short('o').form(Form::Repeated);
+        /// NumPy array (.npy) of shape (height, width, 3) or (height, width, gates, 3), with a JSON file that describes it. Picture
+        /// (.png). Sums (.acc) for --resume, merge and develop. May be repeated
+        output: Files, Setting::output("output", "OUT.exr|npy|png|acc").short('o').form(Form::Repeated);
 
         /// Also write the variances of an array OUT.npy, to OUT.variance.npy; of many gates they take as much memory as the images
         variance: bool, Setting::output("variance", "").form(Form::Switch);
@@ -318,6 +319,21 @@ table! {
         /// Also show the image in the viewer tev while it is rendered, with its gates and variances as layers; if no tev
         /// answers, there is only a warning [default address: 127.0.0.1:14158]
         tev: TevAddress, Setting::output("tev", "HOST:PORT").form(Form::Optional { bare: DEFAULT_TEV, equals: true });
+
+        /// Also keep the sums so far in this file, at times and at the end or an interrupt. If the file is there, the render goes on
+        /// from it, with the same image as if it had never stopped
+        checkpoint: PathBuf, Setting::long_render("checkpoint", "FILE.acc");
+
+        /// Time between two writes of --checkpoint; more if the writes would take over 1 % of the time [default: 60s]
+        every: Seconds, Setting::long_render("every", "DURATION");
+
+        /// Go on from these sums, which --checkpoint, -o OUT.acc or merge wrote; --spp and --time count from the beginning of
+        /// the render. Without SCENE, its scene and settings are used
+        resume: PathBuf, Setting::long_render("resume", "FILE.acc");
+
+        /// Render part I of N (I from 0), every Nth iteration, to a file OUT.acc; taugate merge joins the parts. --spp is that of
+        /// all parts together, --time that of each. Of --frames, every Nth frame
+        shard: Shard, Setting::long_render("shard", "I/N");
 
         /// Render the frames A, A + 1, ... up to but not including B, each to a file of its own: # in the name of an output stands for
         /// the number. Frames that are there with the same settings are kept. The scene has the pose at the time of the frame

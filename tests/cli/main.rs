@@ -14,6 +14,7 @@ mod orthographic;
 mod regressions;
 mod scan;
 mod scenes;
+mod sums;
 mod tev;
 mod texels;
 mod view;
@@ -71,7 +72,20 @@ fn write_exr(path: &Path, width: u32, height: u32, value: f32) {
 fn help_is_what_was_reviewed() {
     let here = folder();
     let mut help = String::new();
-    for command in ["", "render", "view", "compare", "histogram", "detect", "bench", "info", "devices", "generate"] {
+    for command in [
+        "",
+        "render",
+        "view",
+        "merge",
+        "develop",
+        "compare",
+        "histogram",
+        "detect",
+        "bench",
+        "info",
+        "devices",
+        "generate",
+    ] {
         let arguments: Vec<&str> = [command, "--help"].into_iter().filter(|a| !a.is_empty()).collect();
         let output = taugate(here.path(), &arguments);
         assert!(output.status.success());

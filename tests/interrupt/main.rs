@@ -3,6 +3,8 @@
 
 #![cfg(unix)]
 
+mod checkpoints;
+
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;

@@ -18,6 +18,7 @@ use taugate::internals::input::scenery;
 use taugate::internals::render::schedule::scan_samples;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, first_surfaces};
 use taugate::internals::scene::{Aim, Camera, Scene};
+use taugate::internals::settings::table::OutputTable;
 use taugate::internals::settings::{Budget, Sampling, Settings};
 
 use super::super::interrupts::Interrupt;
@@ -139,7 +140,14 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
 
 /// The array that the scan writes. Fails if the user wants other files.
 fn output(experiment: &Experiment) -> Result<PathBuf> {
-    let files = experiment.output.output.clone().map_or(vec![], |files| files.0);
+    let OutputTable { output, checkpoint, resume, shard, .. } = &experiment.output;
+    if checkpoint.is_some() || resume.is_some() || shard.is_some() {
+        return Err(Error::Settings(
+            "a scan has no sums to keep: leave out --checkpoint, --resume and --shard, and scan fewer points per command"
+                .into(),
+        ));
+    }
+    let files = output.clone().map_or(vec![], |files| files.0);
     match &files[..] {
         [file] if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) => Ok(file.clone()),
         _ => Err(Error::Settings("a scan is one array: write -o OUT.npy".into())),

@@ -13,6 +13,7 @@ use taugate::internals::image::npy_file::description_path;
 use taugate::internals::input::resolve::{Outputs, outputs};
 use taugate::internals::input::sequence::Sequence;
 
+use super::sums::Identity;
 use super::{Outcome, Session, check_pose};
 
 /// Renders all frames, then the pictures of all of them.
@@ -25,9 +26,9 @@ pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCod
         check_pose(&sequence.frame(last))?;
     }
     session.is_sequence = true;
-    let count = sequence.frames().len();
+    let count = sequence.own_frames().count();
     let mut kept = 0;
-    for (number, frame) in sequence.frames().enumerate() {
+    for (number, frame) in sequence.own_frames().enumerate() {
         let outcome = session.render(sequence.frame(frame))?;
         kept += usize::from(outcome == Outcome::Kept);
         if outcome == Outcome::Done {
@@ -44,8 +45,8 @@ pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCod
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether all files of a frame are there, with the settings `wanted`. Fails if an image has other settings.
-pub fn is_finished(outputs: &Outputs, wanted: &str) -> Result<bool> {
+/// Whether all files of a frame are there, with the settings `wanted`; sums are those of `identity`. Fails if an image has other settings.
+pub fn is_finished(outputs: &Outputs, wanted: &str, identity: Option<&Identity>) -> Result<bool> {
     let found = [&outputs.exr, &outputs.npy].into_iter().flatten().filter(|path| path.exists());
     for path in found {
         if settings_of(path).as_deref() != Some(wanted) {
@@ -54,6 +55,9 @@ pub fn is_finished(outputs: &Outputs, wanted: &str) -> Result<bool> {
                 message: "is there already, but not with these settings; remove it, or choose another name".into(),
             });
         }
+    }
+    if let (Some(path), Some(identity)) = (outputs.acc.as_ref().filter(|path| path.exists()), identity) {
+        identity.check_file(path)?;
     }
     Ok(outputs.files().iter().all(|path| path.exists()))
 }

@@ -43,11 +43,12 @@ impl Finished<'_> {
             renderer: self.renderer,
             settings: &settings,
             provenance: &Provenance::new(&settings, self.seconds, printed),
+            seconds: self.seconds,
             layers: &Layers::default(),
             preparation: &Preparation::new(),
             warnings: &view.warnings,
         };
-        report.write(&outputs)?;
+        report.write(&outputs, |_| Ok(()))?;
         Ok(files)
     }
 

@@ -273,9 +273,24 @@ fn outputs_are_named_after_the_image() {
     assert_eq!((both.files(), both.has_variance()), (files, true));
     let bins = ok("gate.gates = '1m..2m/4096'\noutput.output = 'a.npy'");
     assert_eq!((bins.files(), bins.has_variance()), (vec!["a.npy".into(), "a.json".into()], false));
+    let sums = ok("gate.gates = '1m..2m/64'\noutput = { checkpoint = 'a.acc', output = ['b.acc', 'c.png'] }");
+    let files: Vec<PathBuf> = ["b.acc", "c.png", "a.acc"].map(PathBuf::from).into();
+    assert_eq!((sums.files(), sums.has_variance(), sums.checkpoint), (files, true, Some(("a.acc".into(), 60.0))));
+    // Sums of many gates have variances only if the user wants them.
+    for (variance, wanted) in [("", false), (", variance = true", true)] {
+        let many = ok(&format!("gate.gates = '1m..2m/65'\noutput = {{ output = 'a.acc'{variance} }}"));
+        assert_eq!(many.has_variance(), wanted);
+    }
     for (toml, part) in [
         ("", "-o OUT.exr"),
-        ("output.output = 'a.png'", "must end in .exr or .npy"),
+        ("output.output = 'a.jpg'", "must end in .exr, .npy, .png or .acc"),
+        ("output = { output = 'a.png', png = true }", "keep one"),
+        ("output = { checkpoint = 'a.acc', png = true }", "write --png FILE.png"),
+        ("output.checkpoint = 'a.exr'", "the file of --checkpoint, a.exr, must end in .acc"),
+        ("output = { output = 'a.exr', resume = 'b.npy' }", "the file of --resume, b.npy, must end in .acc"),
+        ("output = { output = 'a.exr', every = '5s' }", "add --checkpoint FILE.acc"),
+        ("output = { output = 'a.exr', shard = '0/2' }", "add -o OUT.acc"),
+        ("output = { output = 'a.acc', shard = '0/2', strategy-images = 'b' }", "all iterations in one run"),
         ("output.output = ['a.exr', 'b.exr']", "would hold the same image"),
         ("gate.gates = '1m..2m/65'\noutput.output = 'a.exr'", "write -o OUT.npy"),
         ("output = { output = 'a.exr', variance = true }", "--variance is for an array"),

@@ -34,6 +34,7 @@ fn names_are_the_keys_of_the_file_and_all_have_help() {
                 "all",
                 "uniform",
                 "localhost:1",
+                "0/2",
                 "word",
             ];
             *slot = words.iter().find_map(|word| T::parse(word.as_ref()).ok());

@@ -1,0 +1,181 @@
+//! `taugate merge` and `taugate develop`: images from the sums of a render or of its shards.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use taugate::Error;
+use taugate::internals::error::Result;
+use taugate::internals::files::{check_writable, lies_in};
+use taugate::internals::image::accumulation::file::{read, read_about, write};
+use taugate::internals::image::accumulation::{About, Accumulation};
+use taugate::internals::image::exr_file::Provenance;
+use taugate::internals::image::layers::Layers;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::{self, Outputs};
+use taugate::internals::input::responses::chosen;
+use taugate::internals::settings::Crop;
+use taugate::internals::settings::values::Files;
+
+use super::cli::DevelopedFiles;
+use super::images::Images;
+use super::progress::duration;
+use super::rescue::Rescue;
+
+/// Joins the sums `parts` and writes the files.
+pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Result<ExitCode> {
+    let order = order(parts)?;
+    let first = &order[0].1;
+    let experiment = experiment(&order[0].0, first)?;
+    let outputs = outputs(files, &experiment)?;
+    check_outputs(&outputs, parts)?;
+
+    let sums = merged(&order)?;
+    let provenance = provenance(&sums.about, &experiment)?;
+    if outputs.has_variance()
+        && sums.responses.as_ref().is_some_and(|film| !film.has_variance())
+        && outputs.acc.is_none()
+    {
+        return Err(Error::Settings(format!(
+            "{} has no variances of its gates; render with --variance, or write an array without --variance",
+            order[0].0.display()
+        ))
+        .into());
+    }
+    let mut rescue = Rescue::default();
+    let images = Images {
+        film: &sums.film,
+        responses: sums.responses.as_ref(),
+        provenance: &provenance,
+        layers: &Layers::default(),
+    };
+    images.write(&outputs, &mut rescue);
+    if let Some(path) = &outputs.acc {
+        rescue.write(path, |path| write(path, sums.parts()));
+    }
+    rescue.finish()?;
+    if !quiet {
+        warnings(&sums.about).iter().for_each(|warning| super::say(&format!("warning: {warning}")));
+        super::say(&summary(&sums, &outputs));
+        images.describe_exposure(&outputs).iter().for_each(|line| super::say(line));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The parts by their first iteration, so that the result does not depend on the order in which the user names them. Fails before
+/// the arrays are read if the parts do not belong together.
+fn order(parts: &[PathBuf]) -> Result<Vec<(PathBuf, About)>> {
+    let mut all = vec![];
+    for path in parts {
+        all.push((path.clone(), read_about(path)?));
+    }
+    all.sort_by_key(|(path, about)| (about.iterations.first(), path.clone()));
+    let (first_path, first) = &all[0];
+    let mut seen = first.iterations.clone();
+    for (path, about) in &all[1..] {
+        first.check_same_render(&name(first_path), about, &name(path))?;
+        if let Some(common) = seen.common(&about.iterations) {
+            return Err(Error::Settings(format!(
+                "{} has iteration {common}, which another of the files has too; merge every part once",
+                name(path)
+            )));
+        }
+        seen = seen.with(&about.iterations);
+    }
+    Ok(all)
+}
+
+fn name(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// The sums of all parts. At most two of them are in memory at a time.
+fn merged(order: &[(PathBuf, About)]) -> Result<Accumulation> {
+    let (first, others) = order.split_first().expect("the command names a file");
+    let mut sums = read(&first.0)?;
+    for (path, _) in others {
+        sums.merge(&name(&first.0), &read(path)?, &name(path))?;
+    }
+    Ok(sums)
+}
+
+/// The experiment of the sums.
+fn experiment(path: &Path, about: &About) -> Result<Experiment> {
+    Experiment::parse(&about.settings)
+        .map_err(|e| Error::File { path: path.into(), message: format!("its settings cannot be read: {e}") })
+}
+
+/// The files to write. `of_sums` says which gates the images have.
+fn outputs(files: &DevelopedFiles, of_sums: &Experiment) -> Result<Outputs> {
+    let mut wanted = Experiment { gate: of_sums.gate.clone(), ..Experiment::default() };
+    wanted.output.output = Some(Files(files.output.clone()));
+    wanted.output.variance = files.variance.then_some(true);
+    wanted.output.exposure = files.exposure;
+    resolve::outputs(&wanted)
+}
+
+/// Fails if a file cannot be written, or if it is one of the parts.
+fn check_outputs(outputs: &Outputs, parts: &[PathBuf]) -> Result<()> {
+    for path in outputs.files() {
+        check_writable(&path)?;
+        if path.exists() && parts.iter().any(|part| lies_in(&path, part)) {
+            let message = "is one of the files to read; choose another name".into();
+            return Err(Error::File { path, message });
+        }
+    }
+    Ok(())
+}
+
+fn provenance(about: &About, experiment: &Experiment) -> Result<Provenance> {
+    let [x0, x1, y0, y1] = about.crop;
+    let responses = chosen(&experiment.gate)?;
+    if responses.len() != about.responses.len() {
+        return Err(Error::Settings(format!(
+            "the sums have {} gates, but their settings {}; a file of --response may have changed",
+            about.responses.len(),
+            responses.len()
+        )));
+    }
+    Ok(Provenance {
+        resolution: about.resolution,
+        crop: Crop { x0, y0, x1, y1 },
+        responses,
+        seed: about.seed,
+        seconds: about.seconds,
+        settings: about.settings.clone(),
+    })
+}
+
+/// Sentences about parts that are missing.
+fn warnings(about: &About) -> Vec<String> {
+    let count = about.shards.iter().map(|shard| shard.count()).max().unwrap_or(1);
+    let has = |index: u32| about.shards.iter().any(|shard| (shard.index(), shard.count()) == (index, count));
+    let missing: Vec<String> =
+        (0..count).filter(|&index| !has(index)).map(|index| format!("{index}/{count}")).collect();
+    if !missing.is_empty() && about.shards.iter().all(|shard| shard.count() == count) {
+        let named = match missing.len() {
+            n if n > 8 => format!("{} and {} more", missing[..8].join(", "), n - 8),
+            _ => missing.join(", "),
+        };
+        return vec![format!("shards are missing ({named}), so the image has fewer samples than the whole render")];
+    }
+    let gap = about.iterations.gap();
+    gap.map(|gap| format!("iteration {gap} is missing, because a shard ended early; the image has fewer samples"))
+        .into_iter()
+        .collect()
+}
+
+fn summary(sums: &Accumulation, outputs: &Outputs) -> String {
+    let names: Vec<String> = outputs.files().iter().map(|path| name(path)).collect();
+    let (film, about) = (&sums.film, &sums.about);
+    let (mean, error) = film.image_mean();
+    let error = error.map_or(String::new(), |error| format!(" +- {error:.1e}"));
+    format!(
+        "{}: {}x{}, {} samples per pixel in {} iterations and {}, mean {mean:.6e}{error}",
+        names.join(", "),
+        film.width(),
+        film.height(),
+        film.samples(),
+        film.iterations(),
+        duration(about.seconds)
+    )
+}

@@ -1,0 +1,214 @@
+//! The sums of a render: where they come from, and files that keep them.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use taugate::Error;
+use taugate::internals::error::Result;
+use taugate::internals::files::Lock;
+use taugate::internals::image::accumulation::file::{self, Parts};
+use taugate::internals::image::accumulation::{AXES, About, Accumulation, FORMAT, Iterations};
+use taugate::internals::image::exr_file::version;
+use taugate::internals::image::fingerprint;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::Outputs;
+use taugate::internals::render::Renderer;
+use taugate::internals::scene::gltf;
+use taugate::internals::settings::Settings;
+use taugate::internals::settings::shard::Shard;
+
+use super::super::progress::Progress;
+
+/// A write of the sums takes at most this fraction of the time of a render.
+const MAX_SHARE: f64 = 0.01;
+
+/// What the sums of a render are of, but for their number.
+pub struct Identity(About);
+
+impl Identity {
+    /// `experiment` is the resolved experiment; the scene is where it says.
+    pub fn new(experiment: Experiment, settings: &Settings, shard: Shard) -> Result<Identity> {
+        let without_outputs = Experiment { output: Default::default(), ..experiment };
+        let experiment = without_outputs.with_absolute_paths()?;
+        let scene = experiment.scene.as_ref().expect("the experiment names a scene");
+        let mut files = gltf::paths(scene, &experiment.input.allowed());
+        files.extend(experiment.input_files());
+        let crop = settings.crop();
+        Ok(Identity(About {
+            format: FORMAT,
+            version: version(),
+            renderer: fingerprint::RENDERER.into(),
+            scene: fingerprint::of_files(&files)?,
+            settings: experiment.to_toml(),
+            resolution: settings.resolution(),
+            crop: [crop.x0, crop.x1, crop.y0, crop.y1],
+            responses: settings.responses().iter().map(|response| response.name().into()).collect(),
+            seed: settings.seed(),
+            samples_per_pixel: 0,
+            seconds: 0.0,
+            iterations: Iterations::default(),
+            next_sample: 0,
+            shards: vec![shard],
+            axes: AXES.into(),
+        }))
+    }
+
+    /// Fails if the sums in the file are those of another render.
+    pub fn check_file(&self, path: &Path) -> Result<()> {
+        let about = file::read_about(path)?;
+        about.check_same_render(&path.display().to_string(), &self.0, "this command")
+    }
+
+    /// Writes the sums after `seconds` of rendering.
+    pub fn write(&self, path: &Path, renderer: &Renderer, seconds: f64) -> Result<()> {
+        let about = About {
+            samples_per_pixel: renderer.film().samples(),
+            seconds,
+            iterations: renderer.done().clone(),
+            next_sample: renderer.next_sample(),
+            ..self.0.clone()
+        };
+        let adaptive = renderer.adaptive_state();
+        let (film, responses) = (renderer.film(), renderer.responses());
+        file::write(path, Parts { about: &about, film, responses, adaptive: adaptive.as_ref() })
+    }
+}
+
+/// The experiment of the sums that --resume names, below the flags `typed`. For a command without a scene.
+pub fn read_experiment(typed: Experiment) -> Result<Experiment> {
+    let path = typed.output.resume.clone().expect("a command without a scene has --resume");
+    let text = file::read_about(&path)?.settings;
+    let earlier = Experiment::parse(&text).map_err(|e| Error::File {
+        path: path.clone(),
+        message: format!("its settings cannot be read ({e}); name the scene and the settings in the command"),
+    })?;
+    match earlier.scene {
+        Some(_) => Ok(typed.over(earlier)),
+        None => Err(Error::File { path, message: "its settings name no scene; name the scene in the command".into() }),
+    }
+}
+
+/// The sums from which a render goes on.
+pub struct Earlier {
+    path: PathBuf,
+    pub sums: Accumulation,
+}
+
+impl Earlier {
+    /// Reads the file of --resume, or that of --checkpoint if it exists. Fails if both exist and are not the same file.
+    pub fn read(experiment: &Experiment, outputs: &Outputs) -> Result<Option<Earlier>> {
+        let checkpoint = outputs.checkpoint.as_ref().map(|(path, _)| path).filter(|path| path.exists());
+        let path = match (&experiment.output.resume, checkpoint) {
+            (Some(resume), Some(checkpoint)) if !is_same(resume, checkpoint) => {
+                return Err(Error::Settings(format!(
+                    "--resume would go on from {}, and --checkpoint from {}, which exists: keep one, or choose another name",
+                    resume.display(),
+                    checkpoint.display()
+                )));
+            }
+            (Some(path), _) | (None, Some(path)) => path,
+            (None, None) => return Ok(None),
+        };
+        Ok(Some(Earlier { path: path.clone(), sums: file::read(path)? }))
+    }
+
+    /// The shard to render: that of the flag, else that of the sums. Fails if they differ.
+    pub fn shard(&self, typed: Option<Shard>) -> Result<Shard> {
+        let of_sums = self.sums.about.shard();
+        match (typed, of_sums) {
+            (None, shard) => Ok(shard.unwrap_or(Shard::ALL)),
+            (Some(typed), Some(shard)) if typed == shard => Ok(typed),
+            (Some(typed), _) => Err(Error::Settings(format!(
+                "{} holds {}, and not shard {typed}; choose another file",
+                self.path.display(),
+                of_sums.map_or("merged shards".into(), |shard| match shard.is_all() {
+                    true => "a whole render".into(),
+                    false => format!("shard {shard}"),
+                })
+            ))),
+        }
+    }
+
+    /// Fails if the sums are not those of this render, or if they lack variances that the render must write.
+    pub fn check(&self, identity: &Identity, has_variance: bool) -> Result<()> {
+        let name = self.path.display().to_string();
+        self.sums.about.check_same_render(&name, &identity.0, "this command")?;
+        let lacks = self.sums.responses.as_ref().is_some_and(|film| !film.has_variance());
+        match has_variance && lacks {
+            true => Err(Error::Settings(format!(
+                "{name} has no variances of the gates, which the outputs need; leave out --variance and .exr, or render anew with \
+                 --variance"
+            ))),
+            false => Ok(()),
+        }
+    }
+
+    /// A line that says where the render goes on.
+    pub fn describe(&self) -> String {
+        let About { samples_per_pixel, iterations, .. } = &self.sums.about;
+        format!(
+            "{}: going on after {samples_per_pixel} samples per pixel in {} iterations",
+            self.path.display(),
+            iterations.len()
+        )
+    }
+
+    /// A note if the image will differ from that of a render that was never interrupted.
+    pub fn note(&self, shard: Shard) -> Option<String> {
+        use taugate::internals::render::schedule::samples_in;
+        let About { samples_per_pixel, iterations, shards, .. } = &self.sums.about;
+        let is_complete = iterations.iter().map(|i| u64::from(samples_in(i))).sum::<u64>() == *samples_per_pixel;
+        let has_gap = shard.is_all() && iterations.gap().is_some();
+        let reason = match (is_complete, has_gap || shards.len() > 1) {
+            (true, false) => return None,
+            (_, true) => "its iterations are not those of a single render",
+            (false, false) => "its last iteration was shortened to end with the wanted number of samples",
+        };
+        Some(format!(
+            "{}: {reason}; the image will be as right as that of a render that never stopped, with other noise",
+            self.path.display()
+        ))
+    }
+}
+
+fn is_same(a: &Path, b: &Path) -> bool {
+    std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b))
+}
+
+/// The file of --checkpoint while a render runs.
+pub struct Checkpoint {
+    path: PathBuf,
+    every: Duration,
+    /// When the last write ended, and how long it took.
+    last: Instant,
+    took: Duration,
+    _lock: Lock,
+}
+
+impl Checkpoint {
+    /// The checkpoint of these outputs; `None` without one. Fails if another render writes the same file.
+    pub fn new(outputs: &Outputs) -> Result<Option<Checkpoint>> {
+        let Some((path, seconds)) = &outputs.checkpoint else { return Ok(None) };
+        let every = Duration::try_from_secs_f64(*seconds).unwrap_or(Duration::MAX);
+        let lock = Lock::new(path)?;
+        Ok(Some(Checkpoint { path: path.clone(), every, last: Instant::now(), took: Duration::ZERO, _lock: lock }))
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes the sums if it is time. If they cannot be written, prints a warning, and the render goes on.
+    pub fn update(&mut self, identity: &Identity, renderer: &Renderer, seconds: f64, progress: &Progress) {
+        let pause = self.every.max(self.took.div_f64(MAX_SHARE));
+        if self.last.elapsed() < pause {
+            return;
+        }
+        let start = Instant::now();
+        if let Err(error) = identity.write(&self.path, renderer, seconds) {
+            progress.line(&format!("warning: {error}; the render goes on, and tries it again later"));
+        }
+        (self.last, self.took) = (Instant::now(), start.elapsed());
+    }
+}

@@ -1,0 +1,170 @@
+//! Sums of renders on the command line: renders that go on, and shards that become one render.
+
+use std::path::Path;
+
+use taugate::internals::image::exr_file::read_picture;
+use taugate::internals::image::npy_read;
+
+use crate::{fails, folder, names, taugate};
+
+const SMALL: [&str; 8] = ["--resolution", "24x16", "--gate", "5m..6m", "--light-paths", "1000", "--max-depth", "5"];
+
+fn with_box() -> tempfile::TempDir {
+    let here = folder();
+    run(here.path(), &["generate", "cornell-box", "-o", "box.glb"]);
+    here
+}
+
+/// Runs a command that must succeed. Returns what it prints.
+fn run(here: &Path, arguments: &[&str]) -> String {
+    let output = taugate(here, arguments);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{arguments:?}: {message}");
+    message
+}
+
+fn render(here: &Path, flags: &[&str]) -> String {
+    run(here, &[&["render", "box.glb"], &SMALL[..], flags].concat())
+}
+
+/// The bits of the image and of its variances.
+fn bits(here: &Path, name: &str) -> [Vec<u32>; 2] {
+    let picture = read_picture(&here.join(name)).unwrap();
+    assert!(picture.rgb.iter().any(|&x| x > 0.0), "{name} is black, which proves nothing");
+    [picture.rgb, picture.variance.unwrap()].map(|values| values.into_iter().map(f32::to_bits).collect())
+}
+
+#[test]
+fn a_render_that_goes_on_ends_with_the_same_bits() {
+    let here = with_box();
+    let here = here.path();
+    // lcs samples adaptively, lcs-paper uniformly. The counts of 20 and 40 samples end with whole iterations.
+    for estimator in ["lcs", "lcs-paper"] {
+        let estimator = ["--estimator", estimator];
+        render(here, &[&estimator[..], &["--spp", "40", "-o", "whole.exr"]].concat());
+        render(here, &[&estimator[..], &["--spp", "20", "--checkpoint", "sums.acc"]].concat());
+        let went_on =
+            render(here, &[&estimator[..], &["--spp", "40", "--checkpoint", "sums.acc", "-o", "b.exr"]].concat());
+        assert!(went_on.contains("going on after 20 samples per pixel in 9 iterations"), "{went_on}");
+        assert!(bits(here, "whole.exr") == bits(here, "b.exr"), "{estimator:?}");
+
+        // The sums know the scene and the settings. What is finished is written at once.
+        run(here, &["render", "--resume", "sums.acc", "--spp", "40", "-o", "c.exr"]);
+        run(here, &["develop", "sums.acc", "-o", "d.exr", "-o", "d.npy", "-o", "d.png"]);
+        assert!(bits(here, "whole.exr") == bits(here, "c.exr") && bits(here, "whole.exr") == bits(here, "d.exr"));
+        assert!(npy_read::read(&here.join("d.npy")).unwrap().values == read_picture(&here.join("d.exr")).unwrap().rgb);
+        std::fs::remove_file(here.join("sums.acc")).unwrap();
+    }
+}
+
+#[test]
+fn histograms_go_on_too() {
+    let here = with_box();
+    let here = here.path();
+    let gates = ["--resolution", "12x8", "--gates", "4m..8m/6", "--light-paths", "500"];
+    let render = |flags: &[&str]| run(here, &[&["render", "box.glb"], &gates[..], flags].concat());
+    render(&["--spp", "24", "-o", "whole.npy", "--variance"]);
+    render(&["--spp", "12", "--checkpoint", "sums.acc"]);
+    render(&["--spp", "24", "--checkpoint", "sums.acc", "-o", "b.npy", "--variance"]);
+    run(here, &["develop", "sums.acc", "-o", "c.npy", "--variance"]);
+    for suffix in ["npy", "variance.npy"] {
+        let read = |name: &str| npy_read::read(&here.join(format!("{name}.{suffix}"))).unwrap();
+        assert!(read("whole") == read("b") && read("whole") == read("c"), "{suffix}");
+    }
+}
+
+#[test]
+fn shards_become_one_render_in_any_order() {
+    let here = with_box();
+    let here = here.path();
+    let uniform = ["--sampling", "uniform", "--spp", "30"];
+    render(here, &[&uniform[..], &["-o", "whole.exr"]].concat());
+    for part in ["0", "1", "2"] {
+        let (shard, file) = (format!("{part}/3"), format!("{part}.acc"));
+        render(here, &[&uniform[..], &["--shard", &shard, "-o", &file]].concat());
+    }
+    let merged = run(here, &["merge", "2.acc", "0.acc", "1.acc", "-o", "a.exr", "-o", "a.acc"]);
+    assert!(merged.contains("30 samples per pixel in 12 iterations") && !merged.contains("warning"), "{merged}");
+    run(here, &["merge", "0.acc", "1.acc", "2.acc", "-o", "b.exr", "-o", "b.acc"]);
+    assert!(bits(here, "a.exr") == bits(here, "b.exr"));
+    assert!(std::fs::read(here.join("a.acc")).unwrap() == std::fs::read(here.join("b.acc")).unwrap());
+    for (a, b) in bits(here, "a.exr").iter().zip(&bits(here, "whole.exr")) {
+        assert!(a.iter().zip(b).all(|(a, b)| a.abs_diff(*b) <= 1));
+    }
+    // A shard goes on as itself. The other shards have no iteration of it.
+    let more = run(here, &["render", "--resume", "1.acc", "--spp", "60", "-o", "1b.acc"]);
+    assert!(more.contains("going on after"), "{more}");
+    let uneven = run(here, &["merge", "0.acc", "1b.acc", "2.acc", "-o", "c.exr"]);
+    assert!(uneven.contains("is missing, because a shard ended early"), "{uneven}");
+
+    let missing = run(here, &["merge", "2.acc", "0.acc", "-o", "c.exr"]);
+    assert!(missing.contains("warning: shards are missing (1/3)"), "{missing}");
+    fails(here, &["merge", "2.acc", "0.acc", "2.acc", "-o", "c.exr"], 2, "merge every part once");
+    fails(here, &["merge", "a.acc", "1.acc", "-o", "c.exr"], 2, "1.acc has iteration 1, which another");
+    fails(here, &["merge", "0.acc", "1.acc", "-o", "1.acc"], 2, "1.acc: is one of the files to read");
+    let other = [&["render", "box.glb"], &SMALL[..], &uniform, &["--shard", "0/2", "--checkpoint", "1.acc"]].concat();
+    fails(here, &other, 2, "1.acc holds shard 1/3, and not shard 0/2");
+}
+
+#[test]
+fn adaptive_shards_become_the_same_image_with_other_noise() {
+    let here = with_box();
+    let here = here.path();
+    for part in ["0/2", "1/2"] {
+        let file = format!("{}.acc", &part[..1]);
+        render(here, &["--spp", "128", "--shard", part, "-o", &file]);
+    }
+    run(here, &["merge", "0.acc", "1.acc", "-o", "merged.exr"]);
+    render(here, &["--spp", "128", "--seed", "7", "-o", "other.exr"]);
+    run(here, &["compare", "merged.exr", "other.exr", "--z", "z.png"]);
+    // A gate that is 2 % shorter is found.
+    let dim = [&["render", "box.glb"], &SMALL[..2], &["--gate", "5m..5.98m", "--spp", "128", "-o", "dim.exr"]].concat();
+    run(here, &[&dim[..], &["--seed", "7"], &SMALL[4..]].concat());
+    assert_eq!(taugate(here, &["compare", "merged.exr", "dim.exr", "--z", "z.png"]).status.code(), Some(1));
+}
+
+#[test]
+fn every_nth_frame_is_a_shard_of_a_sequence() {
+    let here = with_box();
+    let here = here.path();
+    let flags =
+        ["--frames", "3..8", "--gate-keys", "3=5m..6m", "--gate-keys", "7=6m..7m", "-o", "f#.exr", "--spp", "2"];
+    let small = ["--resolution", "12x8", "--light-paths", "500"];
+    let of = |shard: &str| run(here, &[&["render", "box.glb", "--shard", shard], &small[..], &flags].concat());
+    of("1/2");
+    assert_eq!(names(here), ["box.glb", "f4.exr", "f6.exr"]);
+    of("0/2");
+    let message = run(here, &[&["render", "box.glb", "--gif", "f.gif"], &small[..], &flags].concat());
+    assert!(message.contains("5 of 5 frames were there already"), "{message}");
+}
+
+#[test]
+fn another_render_is_refused_with_what_differs() {
+    let here = with_box();
+    let here = here.path();
+    render(here, &["--spp", "4", "--checkpoint", "sums.acc"]);
+    let before = std::fs::read(here.join("sums.acc")).unwrap();
+    let refused = |flags: &[&str], part: &str| {
+        let command = [&["render", "box.glb"], &SMALL[..], &["--checkpoint", "sums.acc"], flags].concat();
+        fails(here, &command, 2, part);
+    };
+    refused(&["--seed", "1"], "render.seed is 0 in one and is 1 in the other");
+    refused(&["--headlamp"], "emitter.headlamp");
+    refused(&["--estimator", "bdpt"], "render.estimator");
+    refused(&["--resume", "other.acc"], "keep one, or choose another name");
+    let gate = ["render", "--resume", "sums.acc", "--gate", "5m..7m", "-o", "a.exr"];
+    fails(here, &gate, 2, "gate.gate is \"5m..6m\" in one and is \"5m..7m\" in the other");
+    fails(here, &["render", "--resume", "missing.acc", "-o", "a.exr"], 2, "missing.acc: no such file");
+    fails(here, &["render", "-o", "a.exr"], 2, "<SCENE|EXPERIMENT>");
+
+    // The same file with other contents, which no setting shows.
+    run(here, &["generate", "cornell-box", "--roughness", "0.2", "-o", "box.glb"]);
+    refused(&["--spp", "8"], "the files of the scene have other contents");
+    assert!(std::fs::read(here.join("sums.acc")).unwrap() == before);
+
+    std::fs::write(here.join("sums.acc"), "nothing").unwrap();
+    refused(&[], "sums.acc: this is not an accumulation of taugate");
+    fails(here, &["develop", "sums.acc", "-o", "a.exr"], 2, "not an accumulation");
+    fails(here, &["develop", "sums.acc", "-o", "a.jpg"], 2, "not an accumulation");
+    assert_eq!(names(here), ["box.glb", "sums.acc"]);
+}
