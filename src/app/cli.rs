@@ -176,7 +176,7 @@ pub struct DevelopArgs {
                   2 error"
 )]
 pub struct CompareArgs {
-    /// The image to judge (.exr), or the array of a render with many gates (.npy)
+    /// The image to judge (.exr), the array of a render with many gates (.npy), or the sums of either (.acc)
     #[arg(value_name = "A")]
     pub image: PathBuf,
 
@@ -235,7 +235,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = DETECT_EXAMPLES)]
 pub struct DetectArgs {
-    /// The light: an array (.npy) or an image (.exr) that taugate rendered with gates; watts of its lamps count as joules per
+    /// The light: an array (.npy), an image (.exr) or sums (.acc) that taugate rendered with gates; watts of its lamps count as joules per
     /// pulse
     #[arg(value_name = "LIGHT")]
     pub input: PathBuf,

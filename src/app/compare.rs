@@ -9,10 +9,12 @@ use taugate::Error;
 use taugate::internals::compare::agreement::{Agreement, SIGNIFICANCE, agreement, colours};
 use taugate::internals::compare::flip;
 use taugate::internals::compare::metrics::{self, RELMSE_FORMULA, TRIMMED};
+use taugate::internals::image::accumulation::file::read_about;
 use taugate::internals::image::batches::CellBatches;
 use taugate::internals::image::exr_file::{Picture, read_picture, read_size, write_plain};
 use taugate::internals::image::png_file;
 
+use super::accumulated;
 use crate::app::cli::CompareArgs;
 
 pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
@@ -21,11 +23,15 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     {
         return Err(Error::Settings(format!("--max-relmse is {max}; it must be 0 or more, such as 0.05")).into());
     }
-    if [&args.image, &args.reference].iter().any(|path| arrays::is_array(path)) {
+    let mut is_array = false;
+    for path in [&args.image, &args.reference] {
+        is_array |= arrays::is_array(path)?;
+    }
+    if is_array {
         return arrays::run(args);
     }
     // A small file may hold a huge image, so compare the sizes before decoding.
-    let [[width, height], [reference_width, reference_height]] = [read_size(&args.image)?, read_size(&args.reference)?];
+    let [[width, height], [reference_width, reference_height]] = [size(&args.image)?, size(&args.reference)?];
     if [width, height] != [reference_width, reference_height] {
         return Err(Error::Settings(format!(
             "the images differ in size: {} is {width}x{height}, {} is {reference_width}x{reference_height}; render both with \
@@ -154,8 +160,16 @@ fn describe(verdict: &Agreement) -> String {
     text
 }
 
+/// Columns and rows of an image.
+fn size(path: &Path) -> Result<[u32; 2], Error> {
+    match accumulated::is_sums(path) {
+        true => Ok(read_about(path)?.size()),
+        false => read_size(path),
+    }
+}
+
 fn read_finite(path: &Path) -> Result<Picture, Error> {
-    let picture = read_picture(path)?;
+    let picture = if accumulated::is_sums(path) { accumulated::picture(path)? } else { read_picture(path)? };
     if let Some((pixel, channel)) = metrics::first_non_finite(&picture.rgb) {
         let (x, y) = (pixel % picture.width as usize, pixel / picture.width as usize);
         let value = picture.rgb[3 * pixel + channel];

@@ -12,6 +12,7 @@ use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::npy_file::{description_path, write_array};
 use taugate::internals::image::npy_read::{ImageArray, described, read};
 
+use super::accumulated;
 use crate::app::cli::DetectArgs;
 
 /// The radiance that the detector sees.
@@ -99,9 +100,14 @@ fn input(path: &Path) -> Result<Input, Error> {
         let description =
             std::fs::read(description_path(path)).ok().and_then(|text| serde_json::from_slice(&text).ok());
         (array, gates, description)
+    } else if accumulated::is_sums(path) {
+        let (array, responses) = accumulated::array(path)?;
+        let end = |end: Option<f64>| end.unwrap_or(f64::INFINITY);
+        let gates = responses.iter().map(|response| [response.gate_begin_m, end(response.gate_end_m)]).collect();
+        (array, gates, None)
     } else {
         return Err(settings(format!(
-            "{} must be an array (.npy) or an image (.exr) of taugate render",
+            "{} must be an array (.npy), an image (.exr) or sums (.acc) of taugate render",
             path.display()
         )));
     };

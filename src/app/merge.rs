@@ -12,10 +12,10 @@ use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
-use taugate::internals::input::responses::chosen;
-use taugate::internals::settings::Crop;
 use taugate::internals::settings::values::Files;
+use taugate::internals::settings::{Crop, Responses};
 
+use super::accumulated;
 use super::cli::DevelopedFiles;
 use super::images::Images;
 use super::progress::duration;
@@ -24,20 +24,20 @@ use super::rescue::Rescue;
 /// Joins the sums `parts` and writes the files.
 pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Result<ExitCode> {
     let order = order(parts)?;
-    let first = &order[0].1;
-    let experiment = experiment(&order[0].0, first)?;
-    let outputs = outputs(files, &experiment)?;
+    let (path, first) = &order[0];
+    let outputs = outputs(files, &accumulated::experiment(path, first)?)?;
+    let responses = accumulated::responses(path, first)?;
     check_outputs(&outputs, parts)?;
 
     let sums = merged(&order)?;
-    let provenance = provenance(&sums.about, &experiment)?;
+    let provenance = provenance(&sums.about, responses);
     if outputs.has_variance()
         && sums.responses.as_ref().is_some_and(|film| !film.has_variance())
         && outputs.acc.is_none()
     {
         return Err(Error::Settings(format!(
             "{} has no variances of its gates; render with --variance, or write an array without --variance",
-            order[0].0.display()
+            path.display()
         ))
         .into());
     }
@@ -88,20 +88,21 @@ fn name(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// The sums of all parts. At most two of them are in memory at a time.
+/// The sums of all parts. A thread reads the next part while one is added, so at most four are in memory at a time.
 fn merged(order: &[(PathBuf, About)]) -> Result<Accumulation> {
     let (first, others) = order.split_first().expect("the command names a file");
     let mut sums = read(&first.0)?;
-    for (path, _) in others {
-        sums.merge(&name(&first.0), &read(path)?, &name(path))?;
-    }
-    Ok(sums)
-}
-
-/// The experiment of the sums.
-fn experiment(path: &Path, about: &About) -> Result<Experiment> {
-    Experiment::parse(&about.settings)
-        .map_err(|e| Error::File { path: path.into(), message: format!("its settings cannot be read: {e}") })
+    std::thread::scope(|scope| {
+        let (sender, parts) = std::sync::mpsc::sync_channel(1);
+        scope.spawn(move || {
+            // After an error nobody receives more parts.
+            others.iter().map(|(path, _)| read(path)).find_map(|part| sender.send(part).err());
+        });
+        for (part, (path, _)) in parts.iter().zip(others) {
+            sums.merge(&name(&first.0), &part?, &name(path))?;
+        }
+        Ok(sums)
+    })
 }
 
 /// The files to write. `of_sums` says which gates the images have.
@@ -125,24 +126,16 @@ fn check_outputs(outputs: &Outputs, parts: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-fn provenance(about: &About, experiment: &Experiment) -> Result<Provenance> {
+fn provenance(about: &About, responses: Responses) -> Provenance {
     let [x0, x1, y0, y1] = about.crop;
-    let responses = chosen(&experiment.gate)?;
-    if responses.len() != about.responses.len() {
-        return Err(Error::Settings(format!(
-            "the sums have {} gates, but their settings {}; a file of --response may have changed",
-            about.responses.len(),
-            responses.len()
-        )));
-    }
-    Ok(Provenance {
+    Provenance {
         resolution: about.resolution,
         crop: Crop { x0, y0, x1, y1 },
         responses,
         seed: about.seed,
         seconds: about.seconds,
         settings: about.settings.clone(),
-    })
+    }
 }
 
 /// Sentences about parts that are missing.

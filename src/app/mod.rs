@@ -1,5 +1,6 @@
 //! The commands. Only this module and `main` print: results to stdout, everything else to stderr.
 
+mod accumulated;
 mod bench;
 mod check;
 pub mod cli;

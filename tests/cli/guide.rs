@@ -112,7 +112,7 @@ fn the_commands_of_readme_work() {
 
 #[test]
 fn the_commands_of_the_guide_work() {
-    assert_eq!(run("docs/GUIDE.md"), 13, "code blocks of docs/GUIDE.md that are not run");
+    assert_eq!(run("docs/GUIDE.md"), 14, "code blocks of docs/GUIDE.md that are not run");
 }
 
 /// Every link to a file leads to an existing file, and every link within a page to one of its headings. Links to the web are not

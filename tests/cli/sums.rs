@@ -23,6 +23,13 @@ fn run(here: &Path, arguments: &[&str]) -> String {
     message
 }
 
+/// Runs a command that prints JSON.
+fn run_for_result(here: &Path, arguments: &[&str]) -> serde_json::Value {
+    let output = taugate(here, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
 fn render(here: &Path, flags: &[&str]) -> String {
     run(here, &[&["render", "box.glb"], &SMALL[..], flags].concat())
 }
@@ -65,11 +72,16 @@ fn histograms_go_on_too() {
     let render = |flags: &[&str]| run(here, &[&["render", "box.glb"], &gates[..], flags].concat());
     render(&["--spp", "24", "-o", "whole.npy", "--variance"]);
     render(&["--spp", "12", "--checkpoint", "sums.acc"]);
-    render(&["--spp", "24", "--checkpoint", "sums.acc", "-o", "b.npy", "--variance"]);
-    run(here, &["develop", "sums.acc", "-o", "c.npy", "--variance"]);
+    render(&["--spp", "24", "--checkpoint", "sums.acc", "-o", "c.npy", "--variance"]);
+    run(here, &["develop", "sums.acc", "-o", "d.npy", "--variance"]);
+    let same = run_for_result(here, &["compare", "sums.acc", "whole.npy", "--json"]);
+    assert_eq!(same["relmse"], 0.0, "{same}");
+    run(here, &["detect", "sums.acc", "-o", "a.npy", "--photons", "1e4"]);
+    run(here, &["detect", "whole.npy", "-o", "b.npy", "--photons", "1e4"]);
+    assert!(npy_read::read(&here.join("a.npy")).unwrap() == npy_read::read(&here.join("b.npy")).unwrap());
     for suffix in ["npy", "variance.npy"] {
         let read = |name: &str| npy_read::read(&here.join(format!("{name}.{suffix}"))).unwrap();
-        assert!(read("whole") == read("b") && read("whole") == read("c"), "{suffix}");
+        assert!(read("whole") == read("c") && read("whole") == read("d"), "{suffix}");
     }
 }
 
@@ -117,6 +129,9 @@ fn adaptive_shards_become_the_same_image_with_other_noise() {
     run(here, &["merge", "0.acc", "1.acc", "-o", "merged.exr"]);
     render(here, &["--spp", "128", "--seed", "7", "-o", "other.exr"]);
     run(here, &["compare", "merged.exr", "other.exr", "--z", "z.png"]);
+    run(here, &["develop", "0.acc", "-o", "half.exr"]);
+    let same = run_for_result(here, &["compare", "0.acc", "half.exr", "--json"]);
+    assert_eq!(same["relmse"], 0.0, "{same}");
     // A gate that is 2 % shorter is found.
     let dim = [&["render", "box.glb"], &SMALL[..2], &["--gate", "5m..5.98m", "--spp", "128", "-o", "dim.exr"]].concat();
     run(here, &[&dim[..], &["--seed", "7"], &SMALL[4..]].concat());

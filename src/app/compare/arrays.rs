@@ -6,26 +6,27 @@ use std::process::ExitCode;
 use taugate::Error;
 use taugate::internals::compare::histogram::{HistogramComparison, MIN_LIGHT};
 use taugate::internals::compare::metrics::{RELMSE_FORMULA, TRIMMED, first_non_finite};
-use taugate::internals::image::npy_read::{ImageArray, described, read};
+use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
 
+use crate::app::accumulated;
 use crate::app::cli::CompareArgs;
 
 /// Number of gates with the largest errors that the report names.
 const WORST: usize = 5;
 
-/// Whether `path` names an array.
-pub fn is_array(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"))
+/// Whether `path` names an array, or sums of several gates.
+pub fn is_array(path: &Path) -> Result<bool, Error> {
+    Ok(path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy")) || accumulated::has_many(path)?)
 }
 
 pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
-    if !is_array(&args.image) || !is_array(&args.reference) {
+    if !is_array(&args.image)? || !is_array(&args.reference)? {
         return Err(settings("an array (.npy) is only compared with an array; render both with -o OUT.npy").into());
     }
     if args.z.is_some() {
         return Err(settings("--z needs images (.exr), because arrays do not hold batches of samples").into());
     }
-    let (image, reference) = (read_finite(&args.image)?, read_finite(&args.reference)?);
+    let ((image, gates), (reference, others)) = (read_finite(&args.image)?, read_finite(&args.reference)?);
     let shape = |array: &ImageArray| [array.height, array.width, array.images()];
     if shape(&image) != shape(&reference) {
         let describe = |array: &ImageArray| format!("{}x{} with {} gates", array.width, array.height, array.images());
@@ -38,8 +39,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         ))
         .into());
     }
-    let gates = described(&args.image, &image).map(|gates| (gates, described(&args.reference, &reference)));
-    if let Some((gates, Some(others))) = &gates
+    if let (Some(gates), Some(others)) = (&gates, &others)
         && gates != others
     {
         crate::app::say("note: the files beside the arrays describe different gates");
@@ -53,7 +53,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         json["within"] = within.into();
         crate::app::print(&format!("{json:#}\n"))?;
     } else {
-        let names = gates.map(|(gates, _)| gates.into_iter().map(|gate| gate.name).collect::<Vec<_>>());
+        let names = gates.map(|gates| gates.into_iter().map(|gate| gate.name).collect::<Vec<_>>());
         let mut text = describe(&result, names.as_deref());
         if let Some(max) = args.max_relmse {
             text += &format!("threshold       {} {max:e}\n", if within { "met:" } else { "exceeded:" });
@@ -86,8 +86,16 @@ fn describe(result: &HistogramComparison, names: Option<&[String]>) -> String {
     text
 }
 
-fn read_finite(path: &Path) -> Result<ImageArray, Error> {
-    let array = read(path)?;
+/// An array and its gates, if they are known.
+fn read_finite(path: &Path) -> Result<(ImageArray, Option<Vec<DescribedResponse>>), Error> {
+    let (array, gates) = if accumulated::is_sums(path) {
+        let (array, gates) = accumulated::array(path)?;
+        (array, Some(gates))
+    } else {
+        let array = read(path)?;
+        let gates = described(path, &array);
+        (array, gates)
+    };
     if let Some((at, channel)) = first_non_finite(&array.values) {
         let (pixel, gate) = (at / array.images(), at % array.images());
         let (x, y) = (pixel % array.width, pixel / array.width);
@@ -98,7 +106,7 @@ fn read_finite(path: &Path) -> Result<ImageArray, Error> {
         );
         return Err(Error::File { path: path.into(), message });
     }
-    Ok(array)
+    Ok((array, gates))
 }
 
 fn settings(message: &str) -> Error {

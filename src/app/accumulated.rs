@@ -1,0 +1,88 @@
+//! The images of sums (`.acc`), for the commands that read images.
+
+use std::path::Path;
+
+use taugate::Error;
+use taugate::internals::error::Result;
+use taugate::internals::image::accumulation::file::{read, read_about};
+use taugate::internals::image::accumulation::{About, Accumulation};
+use taugate::internals::image::exr_file::Picture;
+use taugate::internals::image::npy_read::{DescribedResponse, ImageArray};
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::responses::chosen;
+use taugate::internals::settings::Responses;
+
+/// Whether `path` names sums.
+pub fn is_sums(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("acc"))
+}
+
+/// Whether `path` names sums of several responses.
+pub fn has_many(path: &Path) -> Result<bool> {
+    Ok(is_sums(path) && read_about(path)?.responses.len() > 1)
+}
+
+/// The experiment of the sums in the file `path`.
+pub fn experiment(path: &Path, about: &About) -> Result<Experiment> {
+    Experiment::parse(&about.settings)
+        .map_err(|e| Error::File { path: path.into(), message: format!("its settings cannot be read: {e}") })
+}
+
+/// The responses of the sums in the file `path`. Fails if they are not those of its settings, because the file of a `--response` is
+/// another one now.
+pub fn responses(path: &Path, about: &About) -> Result<Responses> {
+    let responses = chosen(&experiment(path, about)?.gate)?;
+    match responses.len() == about.responses.len() {
+        true => Ok(responses),
+        false => Err(Error::File {
+            path: path.into(),
+            message: format!(
+                "has sums of {} gates, but its settings name {}; restore the files of --response",
+                about.responses.len(),
+                responses.len()
+            ),
+        }),
+    }
+}
+
+/// The image of a single response.
+pub fn picture(path: &Path) -> Result<Picture> {
+    let Accumulation { about, film, responses: many, .. } = read(path)?;
+    if many.is_some() {
+        let message =
+            "has several gates, and an image is compared with an image; take the sums of a single gate".into();
+        return Err(Error::File { path: path.into(), message });
+    }
+    let gate = responses(path, &about)?.support();
+    Ok(Picture {
+        width: film.width(),
+        height: film.height(),
+        rgb: film.mean(),
+        variance: Some(film.variance_of_mean()),
+        cell_batches: Some(film.cells().to_floats()),
+        seed: Some(about.seed.to_string()),
+        renderer: Some(about.renderer),
+        seconds: Some(about.seconds),
+        gate: Some([gate.lo, gate.hi]),
+        corner: [about.crop[0] as i32, about.crop[2] as i32],
+    })
+}
+
+/// The images of all responses, and their gates.
+pub fn array(path: &Path) -> Result<(ImageArray, Vec<DescribedResponse>)> {
+    let Accumulation { about, film, responses: many, .. } = read(path)?;
+    let (width, height) = (film.width() as usize, film.height() as usize);
+    let array = match many {
+        None => ImageArray { width, height, responses: None, values: film.mean() },
+        Some(all) => {
+            let values = (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)).collect();
+            ImageArray { width, height, responses: Some(all.responses()), values }
+        }
+    };
+    let described = |response: &taugate::Response| DescribedResponse {
+        name: response.name().into(),
+        gate_begin_m: response.gate().lo,
+        gate_end_m: Some(response.gate().hi).filter(|end| end.is_finite()),
+    };
+    Ok((array, responses(path, &about)?.iter().map(described).collect()))
+}
