@@ -33,11 +33,6 @@ fn oracle_cells(film: &Film, bin: usize) -> Vec<(f64, f64)> {
     sums.into_iter().map(|(m, v, n)| (m / n as f64, v / (n * n) as f64)).collect()
 }
 
-/// Compares all estimators with the oracle over several gates.
-pub fn against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [u32; 2]) -> Vec<String> {
-    against(name, &estimators(scene), scene, gates, &oracle(scene, gates, resolution, 800))
-}
-
 /// The estimators that can render the scene's emitters: `pt` cannot render beams.
 fn estimators(scene: &Scene) -> Vec<Estimator> {
     let mut estimators = vec![Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
@@ -149,22 +144,24 @@ fn shifted_bins_are_rejected() {
 #[test]
 fn door_ajar_with_its_beam_agrees_with_the_oracle() {
     let scene = build(Kind::DoorAjar);
-    assert_none(against_oracle("door", &scene, &[(14.0, 15.0), (0.0, f64::INFINITY)], [32, 16]));
+    let gates = [(14.0, 15.0), (0.0, f64::INFINITY)];
+    assert_none(against("door", &estimators(&scene), &scene, &gates, &oracle(&scene, &gates, [32, 16], 800)));
 }
 
 #[test]
 fn clutter_with_mirror_and_glass_agrees_with_the_oracle() {
     let scene = build(Kind::ClutteredRoom { triangles: 20_000 });
-    assert_none(against_oracle("clutter", &scene, &[(8.0, 9.0), (0.0, f64::INFINITY)], [32, 16]));
+    assert_none(feature_against_oracle("clutter", &scene, &[(8.0, 9.0), (0.0, f64::INFINITY)], [32, 16]));
 }
 
+/// `devices --check` compares all estimators with stored means of these rooms.
 #[test]
 fn a_room_with_every_feature_agrees_with_the_oracle() {
     for (name, light, lo) in
         [("lamp", Light::Area, 5.0), ("punctual", Light::Punctual, 5.0), ("beam", Light::Beam, 6.5)]
     {
         let gates = [(lo, lo + 1.0), (0.0, f64::INFINITY)];
-        assert_none(against_oracle(name, &zoo(light), &gates, [24, 16]));
+        assert_none(feature_against_oracle(name, &zoo(light), &gates, [24, 16]));
     }
 }
 

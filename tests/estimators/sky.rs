@@ -32,7 +32,7 @@ fn under_the_sky(shapes: Vec<(Material, Mesh)>, from: DVec3, yfov: f64) -> Scene
 
 /// Mean and standard error of the radiance over the image.
 fn radiance(estimator: Estimator, scene: &Scene, max_depth: u32) -> (f64, f64) {
-    let settings = settings(estimator, [8, 8]).max_depth(max_depth).light_paths(10_000).build().unwrap();
+    let settings = settings(estimator, [8, 8]).max_depth(max_depth).light_paths(4000).build().unwrap();
     Cells::measure(&mut renderer(scene, &settings), Gate::OPEN, 8, 1, 8, 100).whole()
 }
 
