@@ -1,0 +1,204 @@
+//! All readers of files, as functions of bytes: for the fuzzer (`fuzz/run`) and for the test of its corpus (`tests/corpus.rs`).
+
+use std::cell::LazyCell;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use taugate::Scene;
+use taugate::internals::image::{exr_file, npy_read};
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::outputs;
+use taugate::internals::input::scenery;
+use taugate::internals::scene::{gltf, grid};
+
+use crate::memory::peak_of;
+
+/// Longest time that a reader may take for a file of the corpus or of the fuzzer.
+const MAX_TIME: Duration = Duration::from_secs(5);
+
+/// A reader of a kind of file. A new format is one more entry in [`READERS`].
+pub struct Reader {
+    /// Name of the target, and of the folder of its corpus.
+    pub name: &'static str,
+    read: fn(&[u8]),
+}
+
+pub const READERS: &[Reader] = &[
+    Reader { name: "gltf", read: gltf },
+    Reader { name: "image", read: image },
+    Reader { name: "draco", read: draco },
+    Reader { name: "meshopt", read: meshopt },
+    Reader { name: "experiment", read: experiment },
+    Reader { name: "exr", read: exr },
+    Reader { name: "npy", read: npy },
+    Reader { name: "vol", read: vol },
+    Reader { name: "grid_npy", read: grid_npy },
+    Reader { name: "response_csv", read: response_csv },
+    Reader { name: "phase_csv", read: phase_csv },
+];
+
+impl Reader {
+    /// Reads `bytes`. Panics if the reader does, if it takes more than 5 s, or if it allocates more than 20 times the length of
+    /// the file plus 256 MB.
+    pub fn check(&self, bytes: &[u8]) {
+        let start = Instant::now();
+        let peak = peak_of(|| (self.read)(bytes));
+        let time = start.elapsed();
+        assert!(time < MAX_TIME, "{}: a file of {} bytes takes {time:?}", self.name, bytes.len());
+        let limit = 20 * bytes.len() + 256_000_000;
+        assert!(peak <= limit, "{}: a file of {} bytes takes {peak} bytes of memory", self.name, bytes.len());
+    }
+}
+
+/// Reads a scene. The reader turns panics into errors, which count as panics here.
+fn load(bytes: &[u8]) {
+    if let Err(error) = gltf::load_slice(bytes, Path::new("fuzz.glb")) {
+        assert!(!error.to_string().contains("reader failed"), "the reader panicked");
+    }
+}
+
+/// The bytes of a `.glb` file, or the text of a `.gltf` file.
+fn gltf(bytes: &[u8]) {
+    load(bytes);
+}
+
+/// Reads a scene with this JSON chunk, whose buffer is `bytes`.
+fn load_with(mut json: serde_json::Value, bytes: &[u8]) {
+    json["asset"] = json!({ "version": "2.0" });
+    json["buffers"] = json!([{ "byteLength": bytes.len() }]);
+    json["nodes"] = json!([{ "mesh": 0 }]);
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut data = bytes.to_vec();
+    data.resize(data.len().next_multiple_of(4), 0);
+    let mut file = b"glTF\x02\0\0\0".to_vec();
+    file.extend((28 + text.len() as u32 + data.len() as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &data)] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    load(&file);
+}
+
+/// A PNG, JPEG or WebP image, as the texture of a triangle.
+fn image(bytes: &[u8]) {
+    let accessor = |shape: &str| json!({ "componentType": 5126, "type": shape, "count": 3 });
+    let json = json!({
+        "accessors": [accessor("VEC3"), accessor("VEC2")],
+        "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
+        "images": [{ "bufferView": 0, "mimeType": "image/png" }],
+        "textures": [{ "source": 0 }],
+        "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "material": 0 }] }],
+    });
+    load_with(json, bytes);
+}
+
+/// Draco data of a mesh with positions, normals and texture coordinates. The first three bytes are the numbers of vertices
+/// and of corners.
+fn draco(bytes: &[u8]) {
+    let Some((&[count, low, high], bytes)) = bytes.split_first_chunk() else { return };
+    let accessor = |shape: &str| json!({ "componentType": 5126, "type": shape, "count": count });
+    let attributes = json!({ "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2 });
+    let json = json!({
+        "accessors": [accessor("VEC3"), accessor("VEC3"), accessor("VEC2"),
+            { "componentType": 5123, "type": "SCALAR", "count": u16::from_le_bytes([low, high]) }],
+        "bufferViews": [{ "buffer": 0, "byteLength": bytes.len() }],
+        "extensionsUsed": ["KHR_draco_mesh_compression"],
+        "extensionsRequired": ["KHR_draco_mesh_compression"],
+        "meshes": [{ "primitives": [{ "attributes": attributes, "indices": 3, "extensions": {
+            "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": attributes } } }] }],
+    });
+    load_with(json, bytes);
+}
+
+/// Meshopt data. The first three bytes are the mode and filter, the stride in words, and the number of elements.
+fn meshopt(bytes: &[u8]) {
+    let Some((&[kind, stride, count], bytes)) = bytes.split_first_chunk() else { return };
+    let mode = ["ATTRIBUTES", "TRIANGLES", "INDICES"][usize::from(kind % 3)];
+    let filter = ["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"][usize::from(kind / 3 % 4)];
+    let (stride, count) = (4 * (u64::from(stride) % 65), u64::from(count));
+    let length = stride * count;
+    let json = json!({
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": count }],
+        "bufferViews": [{ "buffer": 0, "byteLength": length, "byteStride": stride, "extensions": {
+            "EXT_meshopt_compression": { "buffer": 0, "byteLength": bytes.len(), "byteStride": stride, "count": count,
+                "mode": mode, "filter": filter } } }],
+        "extensionsUsed": ["EXT_meshopt_compression"],
+        "extensionsRequired": ["EXT_meshopt_compression"],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+    });
+    load_with(json, bytes);
+}
+
+/// An experiment file, with its tables of lights and of a scan. What was read is written and read again.
+fn experiment(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let Ok(experiment) = Experiment::parse(text) else { return };
+    for (i, light) in experiment.light.iter().enumerate() {
+        let _ = light.light(i + 1);
+    }
+    if let Some(Ok(scan)) = experiment.scan.as_ref().map(|scan| scan.scan()) {
+        let _ = (scan.light(0), scan.camera(0));
+    }
+    let again = experiment.to_toml();
+    assert!(Experiment::parse(&again).is_ok(), "an experiment is written as\n{again}");
+}
+
+/// A file of this process with these bytes, in memory if possible.
+fn with_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(&Path) -> T) -> T {
+    thread_local! {
+        static FOLDER: LazyCell<tempfile::TempDir> = LazyCell::new(|| {
+            let memory = Path::new("/dev/shm");
+            let folder = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
+            folder.expect("a temporary folder")
+        });
+    }
+    FOLDER.with(|folder| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).expect("a temporary file");
+        read(&path)
+    })
+}
+
+/// An image of `compare`.
+fn exr(bytes: &[u8]) {
+    with_file("a.exr", bytes, |path| {
+        let _ = exr_file::read_settings(path);
+        let _ = exr_file::read_picture(path);
+    });
+}
+
+/// An array of `compare` and `detect`.
+fn npy(bytes: &[u8]) {
+    with_file("a.npy", bytes, |path| drop(npy_read::read(path)));
+}
+
+fn vol(bytes: &[u8]) {
+    with_file("a.vol", bytes, |path| drop(grid::load(path, None)));
+}
+
+fn grid_npy(bytes: &[u8]) {
+    let bounds = Some([taugate::glam::DVec3::ZERO, taugate::glam::DVec3::ONE]);
+    with_file("grid.npy", bytes, |path| drop(grid::load(path, bounds)));
+}
+
+/// The experiment with `line`, in which `FILE` stands for the path.
+fn experiment_with(line: &str, path: &Path) -> Experiment {
+    Experiment::parse(&line.replace("FILE", path.to_str().expect("a plain path"))).expect("a good experiment")
+}
+
+fn response_csv(bytes: &[u8]) {
+    with_file("a.csv", bytes, |path: &Path| {
+        let _ = outputs(&experiment_with("[gate]\nresponse = ['FILE']\n[output]\noutput = 'a.npy'", path));
+    });
+}
+
+fn phase_csv(bytes: &[u8]) {
+    with_file("a.csv", bytes, |path: &Path| {
+        let mut experiment = experiment_with("[medium]\nsigma_s = 1\nphase = 'FILE'", path);
+        let _ = scenery::apply(&mut experiment, &mut Scene::default());
+    });
+}
