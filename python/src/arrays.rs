@@ -1,0 +1,144 @@
+//! Scenes from arrays.
+
+use std::collections::BTreeSet;
+
+use glam::{DAffine3, DMat4};
+use numpy::ndarray::{ArrayView, Dimension};
+use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use serde::Deserialize;
+use taugate::internals::input::light_table::LightTable;
+use taugate::internals::scene::{self, AlphaMode, Image, Instance, Material, Scene};
+
+use crate::errors::{Result, settings};
+
+/// Triangles of one material.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Mesh<'py> {
+    name: String,
+    vertices: PyReadonlyArray2<'py, f32>,
+    triangles: PyReadonlyArray2<'py, u32>,
+    normals: Option<PyReadonlyArray2<'py, f32>>,
+    uvs: Option<PyReadonlyArray2<'py, f32>>,
+    material: u32,
+}
+
+/// What may change between renders without new meshes.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Objects {
+    /// Name, index of the mesh, and world from mesh space, row by row.
+    instances: Vec<(String, u32, [[f64; 4]; 4])>,
+    /// JSON: the tables `[[light]]` of an experiment.
+    lights: String,
+    /// Names of instances that may move.
+    moves: Vec<String>,
+}
+
+/// The class `Material` of Python.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MaterialSpec {
+    name: String,
+    color: [f32; 3],
+    alpha: f32,
+    metallic: f32,
+    roughness: f32,
+    specular: f32,
+    specular_color: [f32; 3],
+    ior: f32,
+    transmission: f32,
+    clearcoat: f32,
+    clearcoat_roughness: f32,
+    emission: [f32; 3],
+    double_sided: bool,
+    texture: Option<u32>,
+}
+
+impl MaterialSpec {
+    fn material(self) -> Material {
+        let [r, g, b] = self.color;
+        Material {
+            base_color: [r, g, b, self.alpha],
+            base_color_texture: self.texture,
+            metallic: self.metallic,
+            roughness: self.roughness,
+            emission: self.emission,
+            specular: self.specular,
+            specular_color: self.specular_color,
+            ior: self.ior,
+            transmission: self.transmission,
+            clearcoat: self.clearcoat,
+            clearcoat_roughness: self.clearcoat_roughness,
+            alpha_mode: if self.alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque },
+            double_sided: self.double_sided,
+            ..Material::diffuse(&self.name, self.color)
+        }
+    }
+}
+
+/// The scene of materials, textures (row 0 at the top) and meshes, without placements.
+pub fn scene(materials: &str, textures: Vec<PyReadonlyArray3<'_, u8>>, meshes: Vec<Mesh>) -> Result<Scene> {
+    let materials: Vec<MaterialSpec> = parsed("the materials", materials)?;
+    let mut scene = Scene::default();
+    for texels in textures {
+        let (height, width) = (texels.shape()[0] as u32, texels.shape()[1] as u32);
+        let rgba = rows(&texels.as_array(), "the texture")?;
+        scene.add_texture(Image { width, height, rgba });
+    }
+    scene.materials = materials.into_iter().map(MaterialSpec::material).collect();
+    for mesh in meshes {
+        let name = &mesh.name;
+        let optional = |array: &Option<PyReadonlyArray2<f32>>| array.as_ref().map(|array| array.as_array().to_owned());
+        let positions = rows(&mesh.vertices.as_array(), &format!("the vertices of '{name}'"))?;
+        let triangles = rows(&mesh.triangles.as_array(), &format!("the triangles of '{name}'"))?;
+        scene.add_mesh(scene::Mesh {
+            name: name.clone(),
+            positions,
+            normals: match optional(&mesh.normals) {
+                Some(array) => rows(&array.view(), &format!("the normals of '{name}'"))?,
+                None => vec![],
+            },
+            uvs: match optional(&mesh.uvs) {
+                Some(array) => rows(&array.view(), &format!("the uvs of '{name}'"))?,
+                None => vec![],
+            },
+            triangles,
+            material: mesh.material,
+            ..scene::Mesh::default()
+        });
+    }
+    Ok(scene)
+}
+
+impl Objects {
+    /// Places meshes, lights and what may move, and forgets those before.
+    pub fn place(self, scene: &mut Scene) -> Result<()> {
+        let lights: Vec<LightTable> = parsed("the lights", &self.lights)?;
+        let lights = lights.iter().enumerate().map(|(k, table)| table.light(k + 1));
+        scene.lights = lights.collect::<std::result::Result<_, _>>().map_err(settings)?;
+        let instance = |(node, mesh, matrix)| Instance { mesh, transform: transform(matrix), node };
+        scene.instances = self.instances.into_iter().map(instance).collect();
+        scene.moving = (!self.moves.is_empty()).then(|| BTreeSet::from_iter(self.moves));
+        Ok(())
+    }
+}
+
+/// The transform of a matrix given by its rows.
+pub fn transform(rows: [[f64; 4]; 4]) -> DAffine3 {
+    DAffine3::from_mat4(DMat4::from_cols_array_2d(&rows).transpose())
+}
+
+fn parsed<T: for<'de> Deserialize<'de>>(what: &str, json: &str) -> Result<T> {
+    serde_json::from_str(json).map_err(|error| settings(format!("{what} cannot be read: {error}")))
+}
+
+/// The rows of an array whose last axis has N values.
+fn rows<T: Copy, D: Dimension, const N: usize>(array: &ArrayView<'_, T, D>, what: &str) -> Result<Vec<[T; N]>> {
+    if array.shape().last() != Some(&N) {
+        return Err(settings(format!("{what} have the shape {:?}; the last axis must be {N} long", array.shape())));
+    }
+    let values: Vec<T> = array.iter().copied().collect();
+    Ok(values.chunks_exact(N).map(|row| std::array::from_fn(|k| row[k])).collect())
+}

@@ -1,0 +1,44 @@
+//! The camera of a render as matrices.
+
+use pyo3::prelude::*;
+use taugate::internals::scene::{Camera, Projection, Scene};
+use taugate::internals::settings::Settings;
+
+/// What the class `Camera` of Python is made from.
+#[pyclass(frozen, get_all, module = "taugate._native")]
+#[derive(Clone)]
+pub struct View {
+    name: String,
+    /// `perspective`, `orthographic` or `aimed`.
+    kind: &'static str,
+    /// World from camera space, row by row; the camera looks along -Z, and +Y is up.
+    world_from_camera: [[f64; 4]; 4],
+    /// Vertical field of view in radians, or height of the view in metres.
+    extent: f64,
+    principal_point: [f64; 2],
+    /// Of the whole image.
+    resolution: [u32; 2],
+    /// x0, x1, y0, y1.
+    crop: [u32; 4],
+}
+
+impl View {
+    pub fn of(scene: &Scene, settings: &Settings) -> PyResult<View> {
+        let Camera { name, transform, projection, principal_point, .. } = &scene.cameras[settings.camera()];
+        let (kind, extent) = match *projection {
+            Projection::Perspective { yfov } => ("perspective", yfov),
+            Projection::Orthographic { height } => ("orthographic", height),
+            Projection::Aimed { pixel_fov, .. } => ("aimed", pixel_fov),
+        };
+        let crop = settings.crop();
+        Ok(View {
+            name: name.clone(),
+            kind,
+            world_from_camera: glam::DMat4::from(*transform).transpose().to_cols_array_2d(),
+            extent,
+            principal_point: *principal_point,
+            resolution: settings.resolution(),
+            crop: [crop.x0, crop.x1, crop.y0, crop.y1],
+        })
+    }
+}

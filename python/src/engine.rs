@@ -1,0 +1,201 @@
+//! Renders: devices that all renders of the process share, preparation, and iterations that Python can watch and interrupt.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use taugate::internals::gpu::Device;
+use taugate::internals::image::layers::Layers;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::render::schedule::next_samples;
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::aov::Aov;
+use taugate::internals::settings::{Budget, Settings};
+
+use crate::errors::{Failure, Result};
+use crate::shared::feasible;
+use crate::shared::ready::Ready;
+
+/// How long a render waits before it asks Python for interrupts, in the main thread.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+static DEVICES: Mutex<Option<HashMap<Option<String>, Device>>> = Mutex::new(None);
+
+/// Locks a mutex; a panic elsewhere left its contents whole.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The device of this name. It is opened once, and its kernels stay.
+pub fn device(name: Option<&str>) -> Result<Device> {
+    let mut devices = lock(&DEVICES);
+    let devices = devices.get_or_insert_default();
+    let key = name.map(String::from);
+    if let Some(device) = devices.get(&key) {
+        return Ok(device.clone());
+    }
+    let device = Device::open(name)?;
+    devices.insert(key, device.clone());
+    Ok(device)
+}
+
+/// A render that is ready for its first iteration.
+pub struct Prepared {
+    pub ready: Ready,
+    pub layers: Layers,
+}
+
+/// Makes a renderer, or takes over the one of the render before, if only cameras, lights, moving surfaces, gates or the seed are others. The
+/// image has the same bits in both cases.
+pub fn prepare(
+    before: Option<Ready>,
+    scene: Scene,
+    experiment: &Experiment,
+    settings: &Settings,
+    has_variance: bool,
+) -> Result<Prepared> {
+    let aov = experiment.output.aov.unwrap_or_default();
+    let device_name = experiment.render.device.as_deref();
+    if aov == Aov::default()
+        && let Some(before) = before.filter(|ready| ready.renderer.has_response_variance() == has_variance)
+    {
+        // The device is open, so this cannot fail.
+        if let Some(ready) = before.follow(&device(device_name)?, scene.clone(), settings)? {
+            return Ok(Prepared { ready, layers: Layers::default() });
+        }
+    }
+    let prepared = PreparedScene::new(&scene, settings)?;
+    let warnings = prepared.warnings(&scene);
+    if !may_be_dark(experiment, settings) {
+        feasible::check_gate(&scene, settings, &prepared, device_name)?;
+    }
+    let device = device(device_name)?;
+    MemoryPlan::new(&scene, settings, &prepared, Some(device.info()))?.check(device.info())?;
+    // The layers come before the image, so that two copies of the scene are never on the device.
+    let layers = match aov {
+        none if none == Aov::default() => Layers::default(),
+        aov => layers(&device, &scene, settings, &prepared, aov)?,
+    };
+    let mut renderer = Renderer::from_prepared(&device, &scene, settings, &prepared)?;
+    if has_variance {
+        renderer.estimate_response_variance();
+    }
+    let settings = settings.clone();
+    Ok(Prepared { ready: Ready { renderer, scene, settings, prepared: Some(prepared), warnings }, layers })
+}
+
+/// Whether a black image is no mistake.
+pub fn may_be_dark(experiment: &Experiment, settings: &Settings) -> bool {
+    experiment.gate.force.unwrap_or(false) || settings.responses().are_steady()
+}
+
+/// What happened in the iterations so far.
+pub struct Step {
+    /// Share of the budget that is used, in [0, 1].
+    pub fraction: f64,
+    /// Samples per pixel.
+    pub samples: u64,
+    pub seconds: f64,
+}
+
+/// Runs `work` in a thread of its own. The calling thread gives each step to `progress`, and asks Python for interrupts. After an
+/// exception of either it sets the flag that `work` gets, and waits for its end. Returns the result and the exception.
+pub fn watched<T: Send>(
+    progress: Option<&Py<PyAny>>,
+    work: impl FnOnce(Sender<Step>, &Arc<AtomicBool>) -> T + Send,
+) -> (T, Option<PyErr>) {
+    let stop = Arc::new(AtomicBool::new(false));
+    let (sender, receiver) = channel();
+    thread::scope(|scope| {
+        let worker = scope.spawn(|| work(sender, &stop));
+        let mut failure = None;
+        loop {
+            let step = match receiver.recv_timeout(PATIENCE) {
+                Ok(step) => Some(step),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => break,
+            };
+            // After an exception, only wait for the end.
+            if failure.is_some() {
+                continue;
+            }
+            let asked = Python::attach(|py| {
+                py.check_signals()?;
+                match (progress, step) {
+                    (Some(call), Some(step)) => {
+                        call.call1(py, (step.fraction, step.samples, step.seconds)).map(drop)
+                    }
+                    _ => Ok(()),
+                }
+            });
+            if let Err(error) = asked {
+                stop.store(true, Ordering::SeqCst);
+                failure = Some(error);
+            }
+        }
+        let result = worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        (result, failure)
+    })
+}
+
+/// Whether an exception asks to stop, and keeps the result so far.
+pub fn is_interrupt(error: &PyErr) -> bool {
+    Python::attach(|py| error.is_instance_of::<PyKeyboardInterrupt>(py))
+}
+
+/// Adds iterations until the budget is used or Python asks to stop. Returns the seconds, and whether Python asked.
+pub fn iterate(
+    renderer: &mut Renderer,
+    settings: &Settings,
+    strict: bool,
+    progress: Option<&Py<PyAny>>,
+) -> Result<(f64, Option<PyErr>)> {
+    let started = Instant::now();
+    let (ended, failure) = watched(progress, |steps, stop| add(renderer, settings, strict, &steps, stop, started));
+    ended?;
+    match failure {
+        Some(error) if !is_interrupt(&error) => Err(error.into()),
+        interrupt => Ok((started.elapsed().as_secs_f64(), interrupt)),
+    }
+}
+
+fn add(
+    renderer: &mut Renderer,
+    settings: &Settings,
+    strict: bool,
+    steps: &Sender<Step>,
+    stop: &Arc<AtomicBool>,
+    started: Instant,
+) -> Result<()> {
+    let budget = settings.budget();
+    // An abandoned iteration would clear the images of several responses.
+    let never = Arc::default();
+    loop {
+        let (film, elapsed) = (renderer.film(), started.elapsed());
+        let samples = next_samples(&budget, film.iterations(), film.samples(), elapsed);
+        // If the image is certain to be black, two iterations are enough: they give a variance.
+        let black = renderer.is_dark() && matches!(budget, Budget::Seconds(_)) && film.iterations() == 2;
+        if samples == 0 || black || stop.load(Ordering::SeqCst) {
+            return Ok(());
+        }
+        let has_responses = renderer.responses().is_some();
+        renderer.iterate_unless(samples, if has_responses { &never } else { stop })?;
+        let dropped = renderer.stats().dropped;
+        if strict && dropped > 0 {
+            return Err(Failure::NotFinite(dropped));
+        }
+        let (done, seconds) = (renderer.film().samples(), started.elapsed().as_secs_f64());
+        let fraction = match budget {
+            Budget::Spp(spp) => done as f64 / f64::from(spp),
+            Budget::Seconds(all) => seconds / all,
+        };
+        // Nobody listens after an exception.
+        let _ = steps.send(Step { fraction: fraction.min(1.0), samples: done, seconds });
+    }
+}

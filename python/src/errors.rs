@@ -1,0 +1,66 @@
+//! Errors of the library as Python exceptions.
+
+use pyo3::prelude::*;
+use taugate::{Error, ErrorKind};
+
+/// What can go wrong in a render.
+pub enum Failure {
+    Library(Error),
+    /// Non-finite samples in a render with `strict`.
+    NotFinite(u64),
+    /// An exception of Python, such as the one of a callback.
+    Python(PyErr),
+}
+
+pub type Result<T> = std::result::Result<T, Failure>;
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Failure {
+        Failure::Library(error)
+    }
+}
+
+impl From<PyErr> for Failure {
+    fn from(error: PyErr) -> Failure {
+        Failure::Python(error)
+    }
+}
+
+impl From<Failure> for PyErr {
+    fn from(failure: Failure) -> PyErr {
+        match failure {
+            Failure::Library(error) => exception(name(error.kind()), error.to_string()),
+            Failure::NotFinite(dropped) => exception(
+                "NotFiniteError",
+                format!("{dropped} samples were not finite, so strict=True gives no image; without it they count as 0"),
+            ),
+            Failure::Python(error) => error,
+        }
+    }
+}
+
+/// A mistake in the arguments.
+pub fn settings(message: impl Into<String>) -> Failure {
+    Failure::Library(Error::Settings(message.into()))
+}
+
+fn name(kind: ErrorKind) -> &'static str {
+    match kind {
+        ErrorKind::Scene => "SceneError",
+        ErrorKind::Settings => "SettingsError",
+        ErrorKind::Device => "DeviceError",
+        ErrorKind::File => "FileError",
+        _ => "Error",
+    }
+}
+
+/// The exception `name` of `taugate._errors`.
+fn exception(name: &str, message: String) -> PyErr {
+    Python::attach(|py| {
+        let class = py.import("taugate._errors").and_then(|module| module.getattr(name));
+        match class.and_then(|class| class.call1((message,))) {
+            Ok(error) => PyErr::from_value(error),
+            Err(error) => error,
+        }
+    })
+}

@@ -1,0 +1,93 @@
+//! Keyword arguments as settings: each has the name of a flag of the command line, and its words.
+
+use std::ffi::OsStr;
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::named::excluding;
+use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
+
+use crate::errors::{Result, settings};
+
+/// The name of a flag, without its dashes, and the words that the user would type after it, each time that he gives the flag.
+pub type Words = (String, Vec<String>);
+
+/// Settings under the heading Output that a render in Python has.
+const OUTPUTS: [&str; 2] = ["aov", "variance"];
+
+/// The experiment of the flags. Fails if there is no such flag, if a word is no value of it, or if two flags exclude each other.
+pub fn experiment(flags: &[Words]) -> Result<Experiment> {
+    for (k, (name, _)) in flags.iter().enumerate() {
+        let excluding = excluding(name);
+        if let Some((other, _)) = flags[..k].iter().find(|(other, _)| excluding.contains(&other.as_str())) {
+            return Err(settings(format!("--{name} cannot be used with --{other}; keep one")));
+        }
+    }
+    let mut experiment = Experiment::default();
+    for (name, words) in flags {
+        let mut set = Set { name, words, found: None };
+        experiment.visit(&mut set);
+        let found = set.found.unwrap_or_else(|| Err(format!("there is no setting --{name}")));
+        found.map_err(settings)?;
+    }
+    Ok(experiment)
+}
+
+struct Set<'a> {
+    name: &'a str,
+    words: &'a [String],
+    found: Option<std::result::Result<(), String>>,
+}
+
+impl Visitor for Set<'_> {
+    fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
+        // Tables of a list `[[medium]]` have the same names as the flags, which come first.
+        if setting.name != self.name || self.found.is_some() {
+            return;
+        }
+        let parse = |word: &String| T::parse(OsStr::new(word)).map_err(|message| wrong(setting, word, &message));
+        let values: std::result::Result<Vec<T>, String> = self.words.iter().map(parse).collect();
+        self.found = Some(values.map(|values| *slot = values.into_iter().reduce(T::and)));
+    }
+}
+
+/// The sentence of the command line about a word that is no value of a flag.
+fn wrong(setting: &Setting, word: &str, message: &str) -> String {
+    let flag = match (setting.form, setting.value) {
+        (Form::Switch, _) | (_, "") => format!("--{}", setting.name),
+        (Form::Optional { equals: false, .. }, value) => format!("--{} [<{value}>]", setting.name),
+        (Form::Optional { equals: true, .. }, value) => format!("--{}[=<{value}>]", setting.name),
+        (_, value) => format!("--{} <{value}>", setting.name),
+    };
+    format!("invalid value '{word}' for '{flag}': {message}")
+}
+
+/// The settings of a render: for each name how its flag takes values (`value`, `repeated`, `switch`, or `optional`), the word that
+/// the flag alone stands for, and the help text.
+#[pyfunction]
+pub fn flags(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let mut list = List(vec![]);
+    Experiment::default().visit(&mut list);
+    let dict = PyDict::new(py);
+    for setting in list.0 {
+        let (form, bare) = match setting.form {
+            Form::Value | Form::Signed => ("value", ""),
+            Form::Repeated | Form::SignedRepeated => ("repeated", ""),
+            Form::Switch => ("switch", "true"),
+            Form::Optional { bare, .. } => ("optional", bare),
+        };
+        dict.set_item(setting.name, (form, bare, setting.help.trim()))?;
+    }
+    Ok(dict)
+}
+
+struct List(Vec<&'static Setting>);
+
+impl Visitor for List {
+    fn visit<T: Value>(&mut self, setting: &'static Setting, _: &mut Option<T>) {
+        if setting.heading != "Output" || OUTPUTS.contains(&setting.name) {
+            self.0.push(setting);
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! The result of a render: arrays for NumPy, and the files of the command line.
+
+use std::path::PathBuf;
+
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use taugate::internals::image::exr_file::{self, Provenance};
+use taugate::internals::image::film::Film;
+use taugate::internals::image::layers::{Layers, Plane};
+use taugate::internals::image::response_film::ResponseFilm;
+use taugate::internals::image::{depth, npy_file, png_file};
+use taugate::internals::render::Renderer;
+use taugate::internals::settings::Settings;
+
+use crate::camera::View;
+use crate::errors::{Result, settings};
+
+/// A finished or interrupted render.
+#[pyclass(frozen, name = "NativeImage", module = "taugate._native")]
+pub struct Image {
+    film: Film,
+    /// `None` if there is one response, whose image is `film`.
+    responses: Option<ResponseFilm>,
+    settings: Settings,
+    provenance: Provenance,
+    layers: Layers,
+    view: View,
+    notes: Vec<String>,
+    warnings: Vec<String>,
+    samples_in_pixels: [u64; 2],
+    dropped: u64,
+}
+
+impl Image {
+    pub fn new(
+        renderer: &Renderer,
+        settings: &Settings,
+        provenance: Provenance,
+        layers: Layers,
+        view: View,
+        notes: Vec<String>,
+        warnings: Vec<String>,
+    ) -> Image {
+        Image {
+            film: renderer.film().clone(),
+            responses: renderer.responses().cloned(),
+            settings: settings.clone(),
+            provenance,
+            layers,
+            view,
+            notes,
+            warnings,
+            samples_in_pixels: renderer.samples_in_pixels(),
+            dropped: renderer.stats().dropped,
+        }
+    }
+
+    fn shape(&self) -> [usize; 3] {
+        [self.film.height() as usize, self.film.width() as usize, 3]
+    }
+
+    fn write(&self, path: &PathBuf, exposure: Option<f32>) -> Result<()> {
+        let (film, responses) = (&self.film, self.responses.as_ref());
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        match extension.as_str() {
+            "exr" => exr_file::write_responses(path, film, responses, &self.provenance, &self.layers)?,
+            "png" => {
+                let mean = film.mean();
+                let factor = exposure.map_or_else(|| png_file::exposure(&mean), f32::exp2);
+                png_file::write(path, film.width(), film.height(), &mean, factor)?;
+            }
+            "npy" => {
+                npy_file::write_means(path, film, responses)?;
+                npy_file::write_description(&npy_file::description_path(path), film, responses, &self.provenance)?;
+                if let Some((images, frequencies)) = responses.zip(self.settings.responses().frequencies()) {
+                    npy_file::write_depths(&npy_file::depth_path(path), film, images, frequencies)?;
+                }
+                if responses.is_none_or(ResponseFilm::has_variance) {
+                    npy_file::write_variances(&npy_file::variance_path(path), film, responses)?;
+                }
+            }
+            _ => return Err(settings(format!("the output {} must end in .exr, .npy or .png", path.display()))),
+        }
+        Ok(())
+    }
+}
+
+type Array<'py> = Bound<'py, PyAny>;
+
+/// An array of this shape.
+fn array<'py, T: numpy::Element>(py: Python<'py>, values: Vec<T>, shape: &[usize]) -> PyResult<Array<'py>> {
+    Ok(PyArray1::from_vec(py, values).reshape(shape.to_vec())?.into_any())
+}
+
+#[pymethods]
+impl Image {
+    /// Mean of the image, or of the sum of all images: (H, W, 3).
+    fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        array(py, self.film.mean(), &self.shape())
+    }
+
+    /// Variance of `pixels`.
+    fn variance<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        array(py, self.film.variance_of_mean(), &self.shape())
+    }
+
+    /// The images of all responses: (H, W, T, 3).
+    fn bins<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let [height, width, _] = self.shape();
+        match &self.responses {
+            None => array(py, self.film.mean(), &[height, width, 1, 3]),
+            Some(all) => {
+                let values: Vec<f32> = (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)).collect();
+                array(py, values, &[height, width, all.responses(), 3])
+            }
+        }
+    }
+
+    /// Variance of `bins`; `None` if it was not estimated.
+    fn bin_variance<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
+        let [height, width, _] = self.shape();
+        match &self.responses {
+            None => array(py, self.film.variance_of_mean(), &[height, width, 1, 3]).map(Some),
+            Some(all) if !all.has_variance() => Ok(None),
+            Some(all) => {
+                let values: Vec<f32> = (0..all.pixels()).flat_map(|pixel| all.variances_of(pixel)).collect();
+                array(py, values, &[height, width, all.responses(), 3]).map(Some)
+            }
+        }
+    }
+
+    /// Layers by the names of their channels, each (H, W): auxiliary layers, and those of a continuous-wave sensor.
+    fn layers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let shape = &self.shape()[..2];
+        let dict = PyDict::new(py);
+        for (name, plane) in &self.layers.channels {
+            let layer = match plane {
+                Plane::Floats(values) => array(py, values.clone(), shape)?,
+                Plane::Ids(ids) => array(py, ids.clone(), shape)?,
+            };
+            dict.set_item(name, layer)?;
+        }
+        if let Some((images, frequencies)) = self.responses.as_ref().zip(self.settings.responses().frequencies()) {
+            for (name, values) in depth::planes(images, frequencies) {
+                dict.set_item(name, array(py, values, shape)?)?;
+            }
+        }
+        Ok(dict)
+    }
+
+    /// Names of the objects in the layer `object.ID`.
+    fn objects<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        self.layers.objects.iter().try_for_each(|(id, name)| dict.set_item(id, name))?;
+        Ok(dict)
+    }
+
+    /// Name, begin and end of each response, in metres of optical path.
+    #[getter]
+    fn gates(&self) -> Vec<(String, f64, f64)> {
+        let responses = self.settings.responses().iter();
+        responses.map(|response| (response.name().into(), response.gate().lo, response.gate().hi)).collect()
+    }
+
+    /// Begin, width and number of the gates, if they all have one width and abut.
+    #[getter]
+    fn uniform(&self) -> Option<(f64, f64, u32)> {
+        self.settings.responses().uniform().map(|gates| (gates.whole().lo, gates.width(), gates.count()))
+    }
+
+    /// The support of all responses, as the command line takes it.
+    #[getter]
+    fn support(&self) -> String {
+        self.settings.responses().support().to_string()
+    }
+
+    #[getter]
+    fn samples(&self) -> u64 {
+        self.film.samples()
+    }
+
+    #[getter]
+    fn samples_in_pixels(&self) -> [u64; 2] {
+        self.samples_in_pixels
+    }
+
+    #[getter]
+    fn iterations(&self) -> u32 {
+        self.film.iterations()
+    }
+
+    #[getter]
+    fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    #[getter]
+    fn seconds(&self) -> f64 {
+        self.provenance.seconds
+    }
+
+    #[getter]
+    fn settings(&self) -> &str {
+        &self.provenance.settings
+    }
+
+    #[getter]
+    fn view(&self) -> View {
+        self.view.clone()
+    }
+
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+
+    /// Mean over all pixels and channels, and its standard error.
+    #[getter]
+    fn mean(&self) -> (f64, Option<f64>) {
+        self.film.image_mean()
+    }
+
+    /// Writes a file, and the files that the command line writes beside it. `exposure` in stops is for pictures.
+    #[pyo3(signature = (path, exposure=None))]
+    fn save(&self, py: Python<'_>, path: PathBuf, exposure: Option<f32>) -> PyResult<()> {
+        Ok(py.detach(|| self.write(&path, exposure))?)
+    }
+
+    /// Linear values as sRGB bytes, (H, W, 3), with the exposure of pictures.
+    #[pyo3(signature = (exposure=None))]
+    fn picture<'py>(&self, py: Python<'py>, exposure: Option<f32>) -> PyResult<Array<'py>> {
+        let mean = self.film.mean();
+        let factor = exposure.map_or_else(|| png_file::exposure(&mean), f32::exp2);
+        array(py, png_file::expose(&mean, factor), &self.shape())
+    }
+}

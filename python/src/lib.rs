@@ -1,0 +1,21 @@
+//! The native part of taugate for Python. `taugate/` wraps it; users import only that.
+
+mod arrays;
+mod camera;
+mod engine;
+mod errors;
+mod flags;
+mod image;
+mod scene;
+mod shared;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("VERSION", taugate::internals::image::exr_file::version())?;
+    module.add_class::<scene::NativeScene>()?;
+    module.add_class::<image::Image>()?;
+    module.add_class::<camera::View>()?;
+    module.add_function(wrap_pyfunction!(flags::flags, module)?)
+}

@@ -1,0 +1,300 @@
+//! A scene of Python: a file or arrays, the settings that belong to it, and the renderer of its last render.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use glam::{DAffine3, DMat4};
+use numpy::PyReadonlyArray3;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use taugate::Error;
+use taugate::internals::image::exr_file::Provenance;
+use taugate::internals::input::experiment::Experiment;
+use taugate::internals::input::resolve::{self, Resolved, emitting_nodes};
+use taugate::internals::input::scenery;
+use taugate::internals::input::sequence::Sequence;
+use taugate::internals::render::{PreparedScene, object_ids, probe};
+use taugate::internals::scene::Scene;
+use taugate::internals::scene::gltf::{self, Playback};
+use taugate::internals::settings::table::InputTable;
+
+use crate::arrays::{Mesh, Objects, transform};
+use crate::camera::View;
+use crate::engine::{self, Prepared, lock};
+use crate::errors::{Result, settings};
+use crate::flags::{self, Words};
+use crate::image::Image;
+use crate::shared::ready::Ready;
+use crate::shared::{feasible, memory};
+
+/// A scene, see the class of the same name in Python.
+#[pyclass(frozen, module = "taugate._native")]
+pub struct NativeScene {
+    state: Mutex<State>,
+}
+
+struct State {
+    /// Settings of the file and of the scene itself; a render adds its own.
+    base: Experiment,
+    /// What the render before has read.
+    scene: Scene,
+    /// How the file was read; `None` for arrays.
+    input: Option<InputTable>,
+    /// Names of nodes that may move, and where those that have moved stand.
+    moves: Vec<String>,
+    moved: BTreeMap<String, DAffine3>,
+    ready: Option<Ready>,
+}
+
+/// A render that needs no more choices.
+pub struct Job {
+    pub experiment: Experiment,
+    pub scene: Scene,
+    pub resolved: Resolved,
+    pub notes: Vec<String>,
+    /// The experiment with all defaults, as TOML.
+    pub printed: String,
+}
+
+#[pymethods]
+impl NativeScene {
+    /// Reads a scene (.glb, .gltf) or an experiment (.toml).
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf, flags: Vec<Words>, moves: Vec<String>) -> PyResult<NativeScene> {
+        let state = py.detach(|| State::load(path, &flags, moves))?;
+        Ok(NativeScene { state: Mutex::new(state) })
+    }
+
+    /// A scene of meshes and materials without any placement, light or camera. `materials` is JSON.
+    #[staticmethod]
+    fn from_arrays(
+        materials: &str,
+        textures: Vec<PyReadonlyArray3<'_, u8>>,
+        meshes: Vec<Mesh>,
+        flags: Vec<Words>,
+    ) -> PyResult<NativeScene> {
+        let scene = crate::arrays::scene(materials, textures, meshes)?;
+        let base = flags::experiment(&flags)?;
+        let state = State { base, scene, input: None, moves: vec![], moved: BTreeMap::new(), ready: None };
+        Ok(NativeScene { state: Mutex::new(state) })
+    }
+
+    /// Replaces all placements, lights and media of a scene of arrays.
+    fn place(&self, py: Python<'_>, objects: Objects) -> PyResult<()> {
+        py.detach(|| {
+            let mut state = lock(&self.state);
+            state.moved.clear();
+            objects.place(&mut state.scene)
+        })?;
+        Ok(())
+    }
+
+    /// Moves the node `name`; `matrix` is its world from mesh space, row by row.
+    fn set_transform(&self, py: Python<'_>, name: &str, matrix: [[f64; 4]; 4]) -> PyResult<()> {
+        py.detach(|| {
+            let mut state = lock(&self.state);
+            if !state.scene.instances.iter().any(|instance| instance.node == name) {
+                return Err(settings(format!("the scene has no node '{name}' with a mesh; check the name")));
+            }
+            state.moved.insert(name.into(), transform(matrix));
+            Ok(())
+        })?;
+        Ok(())
+    }
+
+    /// World from mesh space of the first mesh of the node `name`, row by row.
+    fn transform(&self, py: Python<'_>, name: &str) -> PyResult<[[f64; 4]; 4]> {
+        let found = py.detach(|| {
+            let state = lock(&self.state);
+            let moved = state.moved.get(name).copied();
+            let instance = state.scene.instances.iter().find(|instance| instance.node == name);
+            moved.or(instance.map(|instance| instance.transform))
+        });
+        let found = found.ok_or_else(|| settings(format!("the scene has no node '{name}' with a mesh; check the name")))?;
+        Ok(DMat4::from(found).transpose().to_cols_array_2d())
+    }
+
+    /// What the scene contains. With `arrival` also when its light arrives.
+    fn info<'py>(&self, py: Python<'py>, flags: Vec<Words>, arrival: bool) -> PyResult<Bound<'py, PyDict>> {
+        let (job, times) = py.detach(|| {
+            let job = lock(&self.state).job(&flags)?;
+            let times = if arrival { Some(arrivals(&job)?) } else { None };
+            Result::Ok((job, times))
+        })?;
+        let scene = &job.scene;
+        let dict = PyDict::new(py);
+        let cameras: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        let triangles: usize = scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len()).sum();
+        let bounds = scene.bounds().map(|corners| corners.map(|corner| corner.to_array()));
+        let objects = PyDict::new(py);
+        for (id, instance) in object_ids(scene).into_iter().zip(&scene.instances) {
+            objects.set_item(id, &instance.node)?;
+        }
+        dict.set_item("cameras", cameras)?;
+        dict.set_item("emitters", emitting_nodes(scene))?;
+        dict.set_item("objects", objects)?;
+        dict.set_item("triangles", triangles)?;
+        dict.set_item("bounds", bounds)?;
+        dict.set_item("diagonal", scene.diagonal())?;
+        dict.set_item("media", scene.media.len())?;
+        dict.set_item("resolution", job.resolved.settings.resolution())?;
+        dict.set_item("notes", &job.notes)?;
+        dict.set_item("warnings", [&scene.warnings[..], &job.resolved.warnings].concat())?;
+        if let Some((percentiles, gate)) = times {
+            dict.set_item("arrival", percentiles.map(|all| all.to_vec()))?;
+            dict.set_item("suggested_gate", gate)?;
+        }
+        Ok(dict)
+    }
+
+    /// The settings of a render as TOML, with all defaults.
+    fn settings(&self, py: Python<'_>, flags: Vec<Words>) -> PyResult<String> {
+        Ok(py.detach(|| lock(&self.state).job(&flags).map(|job| job.printed))?)
+    }
+
+    /// The camera of a render.
+    fn view(&self, py: Python<'_>, flags: Vec<Words>) -> PyResult<View> {
+        let job = py.detach(|| lock(&self.state).job(&flags))?;
+        View::of(&job.scene, &job.resolved.settings)
+    }
+
+    /// Renders. `single`: fail if there are several responses. Returns the image, and the exception that interrupted it, if any.
+    #[pyo3(signature = (flags, single, progress=None))]
+    fn render(
+        &self,
+        py: Python<'_>,
+        flags: Vec<Words>,
+        single: bool,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Image, Option<PyErr>)> {
+        Ok(py.detach(|| lock(&self.state).render(&flags, single, progress.as_ref()))?)
+    }
+}
+
+impl NativeScene {
+    /// The settings of a scan, and the scene with its sensor and laser.
+    pub fn scan_job(&self, flags: &[Words]) -> Result<Job> {
+        lock(&self.state).job(flags)
+    }
+}
+
+impl State {
+    fn load(path: PathBuf, flags: &[Words], moves: Vec<String>) -> Result<State> {
+        let typed = flags::experiment(flags)?;
+        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+        let base = if extension == "toml" {
+            typed.over(Experiment::read(&path)?)
+        } else if extension == "glb" || extension == "gltf" {
+            Experiment { scene: Some(path.clone()), ..typed }
+        } else {
+            let message = "is neither a scene (.glb, .gltf) nor an experiment (.toml)".into();
+            return Err(Error::File { path, message }.into());
+        };
+        if base.scene.is_none() {
+            let message = "names no scene; add a first line like scene = \"room.glb\"".into();
+            return Err(Error::File { path: path.clone(), message }.into());
+        }
+        base.check_paths()?;
+        let mut state = State { base, scene: Scene::default(), input: None, moves, moved: BTreeMap::new(), ready: None };
+        let input = state.base.input.clone();
+        state.read(&input)?;
+        Ok(state)
+    }
+
+    /// Reads the file, unless it was read in the same way before.
+    fn read(&mut self, input: &InputTable) -> Result<()> {
+        let Some(path) = self.base.scene.clone() else { return Ok(()) };
+        if self.input.as_ref() == Some(input) {
+            return Ok(());
+        }
+        let playback = Playback { at: input.at.map(|at| at.0), animation: input.animation.as_deref() };
+        let mut scene = gltf::load_with(&path, &input.allowed(), playback)?;
+        if let Some(unknown) = self.moves.iter().find(|name| !scene.instances.iter().any(|i| i.node == **name)) {
+            return Err(settings(format!("the scene has no node '{unknown}', so it cannot move; check the name")));
+        }
+        if !self.moves.is_empty() {
+            scene.moving.get_or_insert_default().extend(self.moves.iter().cloned());
+        }
+        self.scene = scene;
+        self.input = Some(input.clone());
+        Ok(())
+    }
+
+    fn job(&mut self, flags: &[Words]) -> Result<Job> {
+        let mut experiment = flags::experiment(flags)?.over(self.base.clone());
+        experiment.check_paths()?;
+        if Sequence::new(&experiment, || true)?.is_some() {
+            return Err(settings("this experiment is a sequence of frames; render one of them at a time, with at=SECONDS"));
+        }
+        self.read(&experiment.input.clone())?;
+        let mut scene = self.scene.clone();
+        for instance in &mut scene.instances {
+            instance.transform = self.moved.get(&instance.node).copied().unwrap_or(instance.transform);
+        }
+        let notes = scenery::apply(&mut experiment, &mut scene)?;
+        let resolved = resolve::resolve(&experiment, &scene)?;
+        let config = resolve::as_experiment(&experiment, &resolved.settings, &scene);
+        let printed = Experiment { output: Default::default(), ..config }.to_toml();
+        Ok(Job { experiment, scene, resolved, notes, printed })
+    }
+
+    fn render(
+        &mut self,
+        flags: &[Words],
+        single: bool,
+        progress: Option<&Py<PyAny>>,
+    ) -> Result<(Image, Option<PyErr>)> {
+        let Job { experiment, scene, resolved, notes, printed } = self.job(flags)?;
+        let settings = &resolved.settings;
+        let count = settings.responses().len();
+        if experiment.scan.is_some() {
+            return Err(crate::errors::settings("this experiment is a scan; measure it with taugate.scan"));
+        }
+        if single && count > 1 {
+            return Err(crate::errors::settings(format!(
+                "these are {count} gates, so the result is no single image; use taugate.histogram"
+            )));
+        }
+        let has_variance = count > 1 && experiment.output.variance.unwrap_or(false);
+        memory::check(settings, has_variance)?;
+        let mut warnings = [&scene.warnings[..], &resolved.warnings].concat();
+        let prepared = engine::prepare(self.ready.take(), scene, &experiment, settings, has_variance);
+        let Prepared { mut ready, layers } = prepared.map_err(|failure| self.of_file(failure))?;
+        warnings.extend(ready.warnings.iter().cloned());
+        let strict = experiment.render.strict.unwrap_or(false);
+        let (seconds, interrupt) = engine::iterate(&mut ready.renderer, settings, strict, progress)?;
+        let film = ready.renderer.film();
+        let is_black = ready.renderer.stats().inside_gate == 0 && film.mean().iter().all(|&x| x == 0.0);
+        if is_black && interrupt.is_none() && !engine::may_be_dark(&experiment, settings) {
+            let device = engine::device(experiment.render.device.as_deref())?;
+            return Err(feasible::nothing_inside(&device, &ready.scene, settings).into());
+        }
+        let provenance = Provenance::new(settings, seconds, printed);
+        let view = View::of(&ready.scene, settings)?;
+        let image = Image::new(&ready.renderer, settings, provenance, layers, view, notes, warnings);
+        self.ready = Some(ready);
+        Ok((image, interrupt))
+    }
+
+    /// Adds the scene's file to an error of the settings, because the scene may be the cause.
+    fn of_file(&self, failure: crate::errors::Failure) -> crate::errors::Failure {
+        use crate::errors::Failure::Library;
+        match (failure, &self.base.scene) {
+            (Library(Error::Settings(message)), Some(path)) if !message.contains("--force") => {
+                Library(Error::Scene { path: path.clone(), message })
+            }
+            (other, _) => other,
+        }
+    }
+}
+
+/// Percentiles of the travel times of all light, in metres: first, 5, 50, 95 and last. And a gate around the median, which shows light.
+fn arrivals(job: &Job) -> Result<(Option<[f64; 5]>, Option<String>)> {
+    let settings = &job.resolved.settings;
+    let prepared = PreparedScene::new(&job.scene, settings)?;
+    let times = probe(&engine::device(job.experiment.render.device.as_deref())?, &job.scene, settings, &prepared)?;
+    let percentile = |percent| times.percentile(percent).unwrap_or(f64::NAN);
+    let found = times.range().map(|(first, last)| [first, percentile(5.0), percentile(50.0), percentile(95.0), last]);
+    Ok((found, feasible::suggestion(&times, &job.scene).map(|gate| gate.to_string())))
+}

@@ -1,0 +1,10 @@
+//! Parts of the program that the module uses as they are.
+
+#![allow(dead_code)]
+
+#[path = "../../src/app/feasible.rs"]
+pub mod feasible;
+#[path = "../../src/app/memory.rs"]
+pub mod memory;
+#[path = "../../src/app/render/ready.rs"]
+pub mod ready;

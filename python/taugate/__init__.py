@@ -1,0 +1,37 @@
+"""taugate for Python: images and histograms of time-gated sensors as NumPy arrays.
+
+    scene = taugate.load("room.glb")
+    image = taugate.render(scene, gate="12.5m..12.8m", spp=64)
+    image.show()
+
+Lengths and travel times are in metres; the speed of light is 1. Importing the module needs no Vulkan; rendering does.
+"""
+
+from ._camera import Camera
+from ._errors import DeviceError, Error, FileError, Interrupted, NotFiniteError, SceneError, SettingsError
+from ._image import Histogram, Image
+from ._material import Material
+from ._native import VERSION as __version__
+from ._render import Progress, histogram, render
+from ._scene import Scene, load
+from ._words import settings
+
+__all__ = [
+    "Camera",
+    "DeviceError",
+    "Error",
+    "FileError",
+    "Histogram",
+    "Image",
+    "Interrupted",
+    "Material",
+    "NotFiniteError",
+    "Progress",
+    "Scene",
+    "SceneError",
+    "SettingsError",
+    "histogram",
+    "load",
+    "render",
+    "settings",
+]

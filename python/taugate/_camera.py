@@ -1,0 +1,148 @@
+"""Cameras as matrices."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from ._errors import SettingsError
+
+# Columns: the axes of OpenCV (x right, y down, z forward) in those of OpenGL (x right, y up, z backward).
+FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera: where it stands, and what it sees.
+
+    ``world_from_camera`` (4 x 4) has the axes of OpenCV: x to the right of the image, y down, z forward. ``world_from_camera_gl`` has those of
+    OpenGL, Blender and glTF: y up, z backward. Lengths are in metres.
+
+    ``resolution`` is (width, height) of the whole image. ``fov`` is the vertical field of view in degrees; an orthographic camera has the
+    ``height`` of its view in metres instead. ``principal_point`` is where the axis meets the image, as fractions of width and height from the
+    top left corner. ``crop`` (x0, x1, y0, y1) is the part that was rendered; ``None``: all.
+    """
+
+    world_from_camera: np.ndarray
+    resolution: tuple
+    fov: float = None
+    height: float = None
+    principal_point: tuple = (0.5, 0.5)
+    name: str = ""
+    crop: tuple = None
+
+    @classmethod
+    def look_at(cls, eye, target, up=(0, 1, 0), fov=40.0, resolution=(512, 512), height=None):
+        """A camera at ``eye`` that looks at the point ``target``."""
+        eye, target, up = (np.asarray(x, float) for x in (eye, target, up))
+        forward = target - eye
+        right = np.cross(forward, up)
+        if not np.linalg.norm(right) > 1e-9 * np.linalg.norm(forward) * np.linalg.norm(up) > 0:
+            raise SettingsError("the camera needs a target that differs from its place, and an up that is not parallel to its view")
+        forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
+        matrix = np.eye(4)
+        matrix[:3] = np.stack([right, np.cross(forward, right), forward, eye], axis=1)
+        return cls(matrix, tuple(resolution), None if height else float(fov), height)
+
+    @classmethod
+    def from_matrices(cls, K, world_from_camera, resolution, axes="opencv"):
+        """A camera with the 3 x 3 matrix ``K`` of intrinsics and the pose ``world_from_camera`` (4 x 4, rigid).
+
+        The centre of the first pixel is at (0.5, 0.5). OpenCV puts it at (0, 0): add 0.5 to its principal point. Pixels must be square and
+        without skew. ``axes``: "opencv" or "opengl", the axes of the pose.
+        """
+        K, matrix = np.asarray(K, float), np.asarray(world_from_camera, float)
+        if K.shape != (3, 3) or matrix.shape != (4, 4):
+            raise SettingsError(f"K must be 3 x 3 and world_from_camera 4 x 4, not {K.shape} and {matrix.shape}")
+        if axes not in ("opencv", "opengl"):
+            raise SettingsError(f"axes is {axes!r}; choose 'opencv' or 'opengl'")
+        if abs(K[0, 0] - K[1, 1]) > 1e-6 * K[1, 1] or abs(K[0, 1]) > 1e-6 * K[1, 1]:
+            raise SettingsError("pixels must be square and without skew: K[0, 0] = K[1, 1] and K[0, 1] = 0")
+        rotation = matrix[:3, :3]
+        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
+            raise SettingsError("the left 3 x 3 part of world_from_camera must be a rotation, without scale or mirror")
+        width, height = resolution
+        fov = math.degrees(2 * math.atan(height / (2 * K[1, 1])))
+        pose = matrix @ FLIP if axes == "opengl" else matrix
+        return cls(pose, (width, height), fov, None, (K[0, 2] / width, K[1, 2] / height))
+
+    @classmethod
+    def _of(cls, view):
+        """The camera of a native view."""
+        is_perspective = view.kind == "perspective"
+        return cls(
+            np.array(view.world_from_camera) @ FLIP,
+            tuple(view.resolution),
+            math.degrees(view.extent) if is_perspective else None,
+            view.extent if view.kind == "orthographic" else None,
+            tuple(view.principal_point),
+            view.name,
+            tuple(view.crop),
+        )
+
+    @property
+    def world_from_camera_gl(self):
+        """The pose with the axes of OpenGL, Blender and glTF."""
+        return self.world_from_camera @ FLIP
+
+    @property
+    def camera_from_world(self):
+        """The extrinsics: the inverse of ``world_from_camera``."""
+        return np.linalg.inv(self.world_from_camera)
+
+    @property
+    def K(self):
+        """Intrinsics (3 x 3) of the rendered part: pixel = K (x, y, z) / z, with the centre of its first pixel at (0.5, 0.5)."""
+        if self.fov is None:
+            raise SettingsError("a camera with parallel rays has no matrix K")
+        width, height = self.resolution
+        focal = height / (2 * math.tan(math.radians(self.fov) / 2))
+        x0, y0 = (self.crop[0], self.crop[2]) if self.crop else (0, 0)
+        cx, cy = self.principal_point[0] * width - x0, self.principal_point[1] * height - y0
+        return np.array([[focal, 0, cx], [0, focal, cy], [0, 0, 1.0]])
+
+    def moved(self, right=0.0, down=0.0, forward=0.0):
+        """The same camera, moved along its own axes by these lengths in metres."""
+        step = np.eye(4)
+        step[:3, 3] = right, down, forward
+        return dataclasses.replace(self, world_from_camera=self.world_from_camera @ step)
+
+    def stereo(self, baseline):
+        """A rectified pair: this camera, and one ``baseline`` metres to its right. Disparity in pixels is ``K[0, 0] * baseline / z``."""
+        return self, self.moved(right=baseline)
+
+    def rays(self):
+        """Unit vectors (H, W, 3) in world space through the centres of the rendered pixels. Perspective cameras only."""
+        width, height = self._size()
+        K = self.K
+        u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        local = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u)], axis=-1)
+        rays = local @ self.world_from_camera[:3, :3].T
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+    def points(self, depth):
+        """World positions (H, W, 3) of a depth layer, which holds lengths of camera rays."""
+        return self.world_from_camera[:3, 3] + np.asarray(depth, float)[..., None] * self.rays()
+
+    def project(self, points):
+        """Pixels (..., 2) and z (...) of world positions (..., 3)."""
+        local = np.asarray(points, float) @ self.camera_from_world[:3, :3].T + self.camera_from_world[:3, 3]
+        pixels = local @ self.K.T
+        return pixels[..., :2] / pixels[..., 2:], local[..., 2]
+
+    def _size(self):
+        x0, x1, y0, y1 = self.crop or (0, self.resolution[0], 0, self.resolution[1])
+        return x1 - x0, y1 - y0
+
+    def _settings(self):
+        """The camera as settings of a render."""
+        eye, forward, down = (self.world_from_camera[:3, k] for k in (3, 2, 1))
+        view = {"fov": self.fov} if self.height is None else {"ortho": self.height}
+        return {
+            "look_from": tuple(eye),
+            "look_at": tuple(eye + forward),
+            "up": tuple(-down),
+            "principal_point": tuple(self.principal_point),
+            "resolution": tuple(self.resolution),
+            **view,
+        }

@@ -1,0 +1,37 @@
+"""Exceptions. Their messages are the sentences of the command line."""
+
+
+class Error(Exception):
+    """An error of taugate."""
+
+
+class SettingsError(Error, ValueError):
+    """A keyword argument has a wrong value."""
+
+
+class SceneError(Error, ValueError):
+    """The scene must be changed."""
+
+
+class FileError(Error, OSError):
+    """A file has the wrong contents, or cannot be read or written."""
+
+
+class DeviceError(Error, RuntimeError):
+    """There is no usable Vulkan device, or its memory is too small."""
+
+
+class NotFiniteError(Error, ArithmeticError):
+    """A sample was not finite, in a render with ``strict=True``."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """An interrupt (Ctrl-C, or Stop in a notebook) ended a render early.
+
+    ``image`` is the image, histogram or scan so far; ``None`` if nothing was rendered yet. As this is a ``KeyboardInterrupt``, loops over many
+    renders end too.
+    """
+
+    def __init__(self, image=None):
+        super().__init__("the render was interrupted; the result so far is in .image")
+        self.image = image

@@ -1,0 +1,199 @@
+"""Results of renders."""
+
+import functools
+
+import numpy as np
+
+from ._camera import Camera
+from ._errors import SettingsError
+
+
+class _Result:
+    """What an image and a histogram have in common."""
+
+    def __init__(self, native, scene=None):
+        self._native = native
+        self.scene = scene
+
+    @property
+    def samples(self):
+        """Samples per pixel, on average."""
+        return self._native.samples
+
+    @property
+    def iterations(self):
+        """Number of iterations; the variances are estimated from them."""
+        return self._native.iterations
+
+    @property
+    def seconds(self):
+        """Time of all iterations, without preparations."""
+        return self._native.seconds
+
+    @property
+    def settings(self):
+        """All settings with their defaults, as an experiment file (TOML) of the program. It holds neither arrays nor what was moved."""
+        return self._native.settings
+
+    @property
+    def notes(self):
+        """Choices that taugate made, one sentence each."""
+        return self._native.notes
+
+    @property
+    def warnings(self):
+        """Warnings, one sentence each."""
+        return self._native.warnings
+
+    @property
+    def dropped(self):
+        """Samples that were not finite and count as 0."""
+        return self._native.dropped
+
+    @functools.cached_property
+    def camera(self):
+        """The camera, with intrinsics and pose as matrices."""
+        return Camera._of(self._native.view)
+
+    @functools.cached_property
+    def layers(self):
+        """Auxiliary layers (``aov=...``) by name: ``depth`` (H, W) length of the camera ray in metres, ``normal`` (H, W, 3), ``albedo``
+        (H, W, 3), ``object`` (H, W) numbers of :attr:`objects`, ``arrival`` (H, W) metres of optical path. Where the camera ray meets no
+        surface, they are 0."""
+        channels = self._native.layers()
+        layers = {}
+        for group, parts in (("depth", "Z"), ("normal", "XYZ"), ("albedo", "RGB"), ("object", ("ID",)), ("arrival", "Z")):
+            names = [f"{group}.{part}" for part in parts]
+            if all(name in channels for name in names):
+                planes = [channels.pop(name) for name in names]
+                layers[group] = planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)
+        return {**layers, **channels}
+
+    def __getattr__(self, name):
+        if name in ("depth", "normal", "albedo", "object", "arrival"):
+            if name in self.layers:
+                return self.layers[name]
+            raise AttributeError(f"this render has no layer {name}; render with aov='{name}'")
+        raise AttributeError(f"{type(self).__name__} has no {name}")
+
+    @functools.cached_property
+    def objects(self):
+        """Names of the objects in the layer ``object``, by number. The numbers are those of ``scene.info()["objects"]``."""
+        return self._native.objects()
+
+    def save(self, path, exposure=None):
+        """Writes the files of the program: ``.exr``, or ``.npy`` with a description ``.json`` and variances ``.variance.npy``, or a picture
+        ``.png`` with this exposure in stops (``None``: automatic)."""
+        self._native.save(path, exposure)
+
+
+class Image(_Result):
+    """An image of one gate, or of all light.
+
+    ``pixels`` and ``variance`` are float32 arrays (H, W, 3), row 0 at the top: radiance in W/(m^2 sr), integrated over the gate, and the variance
+    of its mean.
+    """
+
+    @functools.cached_property
+    def pixels(self):
+        return self._native.pixels()
+
+    @functools.cached_property
+    def variance(self):
+        return self._native.variance()
+
+    @property
+    def gate(self):
+        """Begin and end of the gate in metres of optical path; ``(0, inf)`` for all light."""
+        [(_, begin, end)] = self._native.gates
+        return begin, end
+
+    def __array__(self, dtype=None, copy=None):
+        return np.array(self.pixels, dtype=dtype or np.float32)
+
+    def show(self, exposure=None, ax=None):
+        """Plots the picture with matplotlib, and returns the axes."""
+        ax = ax or _pyplot().subplots()[1]
+        ax.imshow(self._native.picture(exposure))
+        ax.set_axis_off()
+        begin, end = self.gate
+        ax.set_title("all light" if end == float("inf") else f"{begin:.6g} m to {end:.6g} m")
+        return ax
+
+    def __repr__(self):
+        height, width, _ = self.pixels.shape
+        return f"<taugate.Image {width}x{height}, gate {self._native.support}, {self.samples} samples>"
+
+
+class Histogram(_Result):
+    """Images of many gates, from the same light paths.
+
+    ``pixels`` is a float32 array (H, W, T, 3): radiance in W/(m^2 sr), integrated over each gate. ``variance`` has the same shape; it is ``None``
+    unless the render had ``variance=True``.
+    """
+
+    @functools.cached_property
+    def pixels(self):
+        return self._native.bins()
+
+    @functools.cached_property
+    def variance(self):
+        return self._native.bin_variance()
+
+    @functools.cached_property
+    def gates(self):
+        """Begin and end of each gate in metres of optical path: (T, 2)."""
+        return np.array([(begin, end) for _, begin, end in self._native.gates])
+
+    @property
+    def names(self):
+        """Names of the gates."""
+        return [name for name, _, _ in self._native.gates]
+
+    @functools.cached_property
+    def edges(self):
+        """The T + 1 edges of the gates in metres of optical path, like those of ``numpy.histogram``. Fails if the gates do not abut."""
+        gates = self.gates
+        if not np.allclose(gates[1:, 0], gates[:-1, 1], rtol=1e-12):
+            raise SettingsError("these gates do not abut, so they have no common edges; use .gates")
+        return np.append(gates[:, 0], gates[-1, 1])
+
+    @property
+    def centers(self):
+        """The middle of each gate in metres of optical path."""
+        return self.gates.mean(axis=1)
+
+    def to_mitransient(self):
+        """The pair (steady, transient) that ``mi.render`` of mitransient gives: (H, W, 3) and (H, W, T, 3). Its film is described by
+        :meth:`mitransient_film`."""
+        return self.pixels.sum(axis=2), self.pixels
+
+    def mitransient_film(self):
+        """``start_opl``, ``bin_width_opl`` and ``temporal_bins`` of mitransient's film. Fails if the gates have different widths."""
+        uniform = self._native.uniform
+        if uniform is None:
+            raise SettingsError("mitransient's film has gates of one width that abut, such as gates='1m..2m/100'")
+        start, width, count = uniform
+        return {"start_opl": start, "bin_width_opl": width, "temporal_bins": count}
+
+    def show(self, pixel=None, ax=None):
+        """Plots the histogram of a pixel (column, row), or of the mean over all pixels, with matplotlib. Returns the axes."""
+        ax = ax or _pyplot().subplots()[1]
+        light = self.pixels.mean(axis=(0, 1)) if pixel is None else self.pixels[pixel[1], pixel[0]]
+        ax.stairs(light.mean(axis=-1), self.edges)
+        ax.set_xlabel("optical path (m)")
+        ax.set_ylabel("radiance in each gate (W/m$^2$/sr)")
+        ax.set_title("mean over all pixels" if pixel is None else f"pixel {pixel[0]}, {pixel[1]}")
+        return ax
+
+    def __repr__(self):
+        height, width, count, _ = self.pixels.shape
+        return f"<taugate.Histogram {width}x{height}, {count} gates in {self._native.support}, {self.samples} samples>"
+
+
+def _pyplot():
+    try:
+        import matplotlib.pyplot
+    except ImportError:
+        raise ImportError("show() needs matplotlib: pip install matplotlib") from None
+    return matplotlib.pyplot

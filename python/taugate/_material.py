@@ -1,0 +1,67 @@
+"""Materials."""
+
+import dataclasses
+
+import numpy as np
+
+
+@dataclasses.dataclass
+class Material:
+    """A metallic-roughness material of glTF, with its extensions. Colours are linear RGB.
+
+    ``color`` is the base colour, and ``alpha`` its coverage. ``emission`` is radiance in W/(m^2 sr). ``texture`` (H, W, 3 or 4, uint8, sRGB, row 0
+    at the top) multiplies the base colour. With ``specular`` 0 and ``metallic`` 0 a material is purely diffuse.
+    """
+
+    color: tuple = (1.0, 1.0, 1.0)
+    alpha: float = 1.0
+    metallic: float = 0.0
+    roughness: float = 1.0
+    specular: float = 1.0
+    specular_color: tuple = (1.0, 1.0, 1.0)
+    ior: float = 1.5
+    transmission: float = 0.0
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.0
+    emission: tuple = (0.0, 0.0, 0.0)
+    double_sided: bool = True
+    texture: np.ndarray = None
+
+    @classmethod
+    def diffuse(cls, color=(0.5, 0.5, 0.5), **more):
+        """A Lambertian surface with this albedo."""
+        return cls(color=_rgb(color), specular=0.0, **more)
+
+    @classmethod
+    def plastic(cls, color=(0.5, 0.5, 0.5), roughness=0.3, **more):
+        """A diffuse base under a glossy coat."""
+        return cls(color=_rgb(color), roughness=roughness, **more)
+
+    @classmethod
+    def metal(cls, color=(0.9, 0.9, 0.9), roughness=0.2, **more):
+        """A conductor; a mirror at roughness 0."""
+        return cls(color=_rgb(color), roughness=roughness, metallic=1.0, **more)
+
+    @classmethod
+    def glass(cls, ior=1.5, roughness=0.0, **more):
+        """A clear dielectric. Its meshes must be closed."""
+        return cls(ior=ior, roughness=roughness, transmission=1.0, **more)
+
+    @classmethod
+    def emitter(cls, radiance, **more):
+        """A lamp with this radiance in W/(m^2 sr) on its front, which reflects nothing."""
+        return cls(**{"color": (0.0, 0.0, 0.0), "specular": 0.0, "emission": _rgb(radiance), "double_sided": False, **more})
+
+    def _plain(self, name, texture):
+        """The fields as the native part takes them; `texture` is the index of the texture."""
+        plain = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        for key in ("color", "specular_color", "emission"):
+            plain[key] = _rgb(plain[key])
+        plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in plain.items()}
+        return {**plain, "name": name, "texture": texture}
+
+
+def _rgb(color):
+    """Three numbers from one or three."""
+    values = np.broadcast_to(np.asarray(color, float), 3)
+    return tuple(float(x) for x in values)

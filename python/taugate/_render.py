@@ -1,0 +1,115 @@
+"""Renders, and their progress."""
+
+import collections
+import logging
+import os
+import sys
+import warnings
+
+from ._errors import Interrupted, SettingsError
+from ._image import Histogram, Image
+from ._scene import Scene, load
+
+LOG = logging.getLogger("taugate")
+
+#: What a progress callback gets: the share of the budget that is used (0 to 1), samples per pixel, and seconds.
+Progress = collections.namedtuple("Progress", ["fraction", "samples", "seconds"])
+
+
+def render(scene, *, progress=None, **settings):
+    """Renders the image of one gate, or of all light, and returns an :class:`Image`.
+
+    ``scene`` is a :class:`Scene`, or the name of a file. Keyword arguments are settings with the names of the flags of the program, with
+    underscores for dashes; :func:`settings` lists them. Values are text as on the command line, or numbers, tuples and arrays in metres and
+    seconds. The same settings give the same bits as the program. ``camera`` may be a :class:`Camera`.
+
+    ``progress``: a function that gets a :class:`Progress` after each iteration, or ``True`` for a progress bar (tqdm, if it is installed). An
+    exception of the function ends the render. An interrupt (Ctrl-C) raises :class:`Interrupted`, whose ``image`` is the image so far.
+    """
+    return _run("render", Image, True, scene, progress, settings)
+
+
+def histogram(scene, *, progress=None, **settings):
+    """Renders the images of many gates from the same light paths, and returns a :class:`Histogram`. Arguments as for :func:`render`.
+
+    ``gates="A..B/N"`` or ``(A, B, N)`` in metres divides a range into N gates; ``response`` and ``cw`` give others. ``variance=True`` also
+    estimates variances.
+    """
+    if not any(settings.get(key) is not None for key in ("gates", "response", "cw", "gate", "depth")) and isinstance(scene, Scene):
+        if not any(scene.settings.get(key) is not None for key in ("gates", "response", "cw")) and not _is_experiment(scene.path):
+            raise SettingsError("a histogram needs gates, such as gates='5m..15m/100'")
+    return _run("histogram", Histogram, False, scene, progress, settings)
+
+
+def _is_experiment(path):
+    return path is not None and os.path.splitext(path)[1].lower() == ".toml"
+
+
+def _run(call, kind, single, scene, progress, settings):
+    scene = scene if isinstance(scene, Scene) else load(scene)
+    native, flags = scene._job(settings, call)
+    with watcher(progress) as watch:
+        try:
+            image, interrupt = native.render(flags, single, watch)
+        except KeyboardInterrupt as interrupt:
+            raise Interrupted() from interrupt
+    result = kind(image, scene)
+    for note in result.notes:
+        LOG.info(note)
+    for warning in result.warnings:
+        warnings.warn(warning, stacklevel=3)
+    if result.dropped:
+        warnings.warn(f"{result.dropped} samples were not finite and count as 0", stacklevel=3)
+    if interrupt is not None:
+        raise Interrupted(result if result.samples else None) from interrupt
+    return result
+
+
+def watcher(progress):
+    """A context that gives the callback for the native part; ``None`` if nobody watches."""
+    if progress is None or progress is False:
+        return _Silent()
+    return _Bar() if progress is True else _Caller(progress)
+
+
+class _Silent:
+    def __enter__(self):
+        return None
+
+    def __exit__(self, *_):
+        return None
+
+
+class _Caller(_Silent):
+    def __init__(self, call):
+        if not callable(call):
+            raise SettingsError("progress must be True or a function")
+        self.call = call
+
+    def __enter__(self):
+        return lambda *step: self.call(Progress(*step))
+
+
+class _Bar(_Silent):
+    """A bar of tqdm, or a line on stderr."""
+
+    def __enter__(self):
+        try:
+            from tqdm.auto import tqdm
+        except ImportError:
+            self.bar = None
+            return lambda fraction, samples, seconds: print(
+                f"\r{100 * fraction:3.0f} %, {samples} samples, {seconds:.0f} s", end="", file=sys.stderr
+            )
+        self.bar = tqdm(total=100, bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}")
+        return self._update
+
+    def _update(self, fraction, samples, seconds):
+        self.bar.set_postfix_str(f"{samples} samples", refresh=False)
+        self.bar.update(100 * fraction - self.bar.n)
+
+    def __exit__(self, *_):
+        if self.bar is None:
+            print(file=sys.stderr)
+        else:
+            self.bar.close()

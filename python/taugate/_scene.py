@@ -1,0 +1,260 @@
+"""Scenes: files, and scenes from arrays."""
+
+import copy
+import json
+import os
+
+import numpy as np
+
+from . import _native
+from ._camera import Camera
+from ._errors import SettingsError
+from ._material import Material
+from ._words import words
+
+# Settings that place a camera.
+PLACING = ("camera", "look_from", "look_at", "up", "fov", "ortho", "principal_point")
+LIGHTS = ("point", "spot", "beam")
+
+
+class Scene:
+    """A scene from arrays; :func:`load` reads one from a file.
+
+    Keyword arguments are settings of all renders of the scene. Lengths are in metres. A scene can be pickled: it remembers its file, or its
+    arrays.
+
+    Renders of a scene share what they can: the device, the kernels, and the prepared meshes as long as only cameras, lights, gates, the seed and
+    the instances with ``moves=True`` change.
+    """
+
+    def __init__(self, **settings):
+        words(settings, "Scene")
+        self.path = None
+        self.moves = ()
+        #: Settings of all renders of the scene.
+        self.settings = settings
+        #: Cameras by name. The first one is the default.
+        self.cameras = {}
+        self._materials = {}
+        self._meshes = {}
+        self._instances = {}
+        self._lights = {}
+        self._moved = {}
+        self._changed()
+
+    # Objects.
+
+    def add_material(self, name, material):
+        """Adds or replaces a :class:`Material`."""
+        self._of_arrays()
+        self._materials[name] = material
+        self._changed()
+
+    def add_mesh(self, name, vertices, triangles, material=None, *, transform=None, normals=None, uvs=None, moves=False):
+        """Adds or replaces a mesh and places it.
+
+        ``vertices`` (N, 3) in metres; ``triangles`` (M, 3) indices of vertices, counter-clockwise as seen from the front; ``normals`` (N, 3) for
+        smooth shading; ``uvs`` (N, 2) for textures. ``material``: a :class:`Material` or the name of one; by default grey and diffuse. ``transform``
+        (4 x 4) is world from mesh space; ``None``: the identity. ``moves``: the instance will move, so prepare for that (see
+        :meth:`set_transform`).
+        """
+        self._of_arrays()
+        if isinstance(material, str) and material not in self._materials:
+            raise SettingsError(f"the scene has no material '{material}'; add it with add_material")
+        if not isinstance(material, str):
+            self._materials[name] = material or Material.diffuse()
+            material = name
+        self._meshes[name] = {
+            "name": name,
+            "vertices": _array(vertices, np.float32, 2, "vertices"),
+            "triangles": _array(triangles, np.uint32, 2, "triangles"),
+            "normals": None if normals is None else _array(normals, np.float32, 2, "normals"),
+            "uvs": None if uvs is None else _array(uvs, np.float32, 2, "uvs"),
+            "material": material,
+        }
+        self._changed()
+        self.add_instance(name, name, transform, moves=moves)
+
+    def add_instance(self, name, mesh, transform=None, *, moves=False):
+        """Adds or replaces another placement of a mesh."""
+        self._of_arrays()
+        if mesh not in self._meshes:
+            raise SettingsError(f"the scene has no mesh '{mesh}'; add it with add_mesh")
+        self._instances[name] = (mesh, _matrix(transform), bool(moves))
+        self._stale = True
+
+    def add_light(self, kind, name, position, **more):
+        """Adds or replaces a light without a surface: a ``point`` (``intensity`` in W/sr), a ``spot`` (``intensity``, ``direction`` or
+        ``target``, ``inner_angle``, ``outer_angle`` in degrees) or a ``beam`` (``power`` in W, ``radius``, ``direction`` or ``target``)."""
+        self._of_arrays("lights with the settings lamp=... and headlamp=...")
+        if kind not in LIGHTS:
+            raise SettingsError(f"the light is a {kind!r}; choose one of {', '.join(LIGHTS)}")
+        self._lights[name] = {"type": kind, "name": name, "position": position, **more}
+        self._stale = True
+
+    def add_camera(self, name, camera):
+        """Adds or replaces a :class:`Camera`. Renders use the first one, unless they have ``camera="name"``."""
+        self.cameras[name] = camera
+
+    def remove(self, name):
+        """Removes the mesh, instance, light or camera of this name. A mesh takes its instances with it."""
+        found = [objects for objects in (self._meshes, self._instances, self._lights, self.cameras) if name in objects]
+        if not found:
+            raise SettingsError(f"the scene has no mesh, instance, light or camera '{name}'; check the name")
+        for objects in found:
+            del objects[name]
+        self._instances = {key: one for key, one in self._instances.items() if one[0] in self._meshes}
+        self._changed()
+
+    def set_transform(self, name, matrix):
+        """Moves an instance, or the node of a file: ``matrix`` (4 x 4) is its world from mesh space.
+
+        The next render only repeats what depends on it if the instance was added with ``moves=True``, or :func:`load` named it in ``moves``.
+        Otherwise the next render prepares the scene anew. The image is the same, except for rounding.
+        """
+        matrix = _matrix(matrix)
+        if self.path is None:
+            if name not in self._instances:
+                raise SettingsError(f"the scene has no instance '{name}'; check the name")
+            mesh, _, moves = self._instances[name]
+            self._instances[name] = (mesh, matrix, moves)
+            self._stale = True
+        else:
+            self._built().set_transform(name, matrix.tolist())
+            self._moved[name] = matrix
+
+    def transform(self, name):
+        """World from mesh space (4 x 4) of an instance, or of a node of a file."""
+        if self.path is None and name in self._instances:
+            return self._instances[name][1].copy()
+        return np.array(self._built().transform(name))
+
+    # What renders see.
+
+    def camera(self, **settings):
+        """The :class:`Camera` that a render with these settings has."""
+        native, flags = self._job(settings, "camera")
+        return Camera._of(native.view(flags))
+
+    def info(self, arrival=False, **settings):
+        """A dictionary that describes the scene as a render with these settings sees it: ``cameras`` and ``emitters`` (names), ``objects`` (names
+        by number), ``triangles``, ``bounds`` (two corners in metres), ``diagonal``, ``media`` (how many), ``resolution``, ``notes``, ``warnings``.
+
+        With ``arrival=True``, which needs a device, also ``arrival``: first, 5 %, 50 %, 95 % and last of the travel times of the light, in metres
+        (``None``: no light arrives), and ``suggested_gate``, which shows light.
+        """
+        native, flags = self._job(settings, "info")
+        info = native.info(flags, arrival)
+        return {**info, "cameras": list(self.cameras) + [name for name in info["cameras"] if name != "look" or not self.cameras]}
+
+    def experiment(self, **settings):
+        """The settings of a render with all defaults, as an experiment file (TOML) of the program."""
+        native, flags = self._job(settings, "experiment")
+        return native.settings(flags)
+
+    # Inside.
+
+    def _of_arrays(self, instead="other objects in its file"):
+        if self.path is not None:
+            raise SettingsError(f"this scene was read from a file, so it takes {instead}")
+
+    def _changed(self):
+        """Meshes or materials are others, so the native scene must be made again."""
+        self._native = None
+        self._stale = True
+
+    def _job(self, settings, call):
+        """The native scene, and the flags of a render with these settings."""
+        return self._built(), words(self._with_camera(settings), call)
+
+    def _with_camera(self, settings):
+        settings = dict(settings)
+        camera = settings.get("camera")
+        if isinstance(camera, str) and camera in self.cameras:
+            camera = self.cameras[camera]
+        elif camera is None and self.cameras and not any(settings.get(key) is not None for key in PLACING):
+            camera = next(iter(self.cameras.values()))
+        if isinstance(camera, Camera):
+            del_camera = {key: value for key, value in settings.items() if key != "camera"}
+            settings = {**camera._settings(), **{key: value for key, value in del_camera.items() if value is not None}}
+        return settings
+
+    def _built(self):
+        if self.path is not None:
+            if self._native is None:
+                self._native = _native.NativeScene.load(self.path, words(self.settings, "load"), list(self.moves))
+                for name, matrix in self._moved.items():
+                    self._native.set_transform(name, matrix.tolist())
+            return self._native
+        if self._native is None:
+            self._native = self._from_arrays()
+        if self._stale:
+            meshes = list(self._meshes)
+            self._native.place({
+                "instances": [(name, meshes.index(mesh), matrix.tolist()) for name, (mesh, matrix, _) in self._instances.items()],
+                "lights": json.dumps(list(self._lights.values()), default=lambda value: np.asarray(value).tolist()),
+                "moves": [name for name, (_, _, moves) in self._instances.items() if moves],
+            })
+            self._stale = False
+        return self._native
+
+    def _from_arrays(self):
+        textures, materials = [], []
+        for name, material in self._materials.items():
+            index = None
+            if material.texture is not None:
+                texels = _array(material.texture, np.uint8, 3, "texture")
+                if texels.shape[2] == 3:
+                    texels = np.concatenate([texels, np.full_like(texels[..., :1], 255)], axis=2)
+                index = len(textures)
+                textures.append(texels)
+            materials.append(material._plain(name, index))
+        names = list(self._materials)
+        meshes = [{**mesh, "material": names.index(mesh["material"])} for mesh in self._meshes.values()]
+        return _native.NativeScene.from_arrays(json.dumps(materials), textures, meshes, words(self.settings, "Scene"))
+
+    def __getstate__(self):
+        return {**self.__dict__, "_native": None, "_stale": True}
+
+    def __deepcopy__(self, memo):
+        twin = copy.copy(self)
+        twin.__dict__.update(copy.deepcopy(self.__getstate__(), memo))
+        return twin
+
+    def __repr__(self):
+        if self.path is not None:
+            return f"<taugate.Scene of {self.path}>"
+        return f"<taugate.Scene of {len(self._instances)} instances, {len(self._lights)} lights>"
+
+
+def load(path, *, moves=(), **settings):
+    """Reads a scene (.glb, .gltf) or an experiment (.toml), and returns a :class:`Scene`.
+
+    Keyword arguments are settings of all renders of the scene. They have the names of the flags of the program, with underscores for dashes;
+    :func:`settings` lists them. ``moves`` names nodes that :meth:`Scene.set_transform` will move.
+    """
+    scene = Scene(**settings)
+    scene.path = os.fspath(path)
+    scene.moves = (moves,) if isinstance(moves, str) else tuple(moves)
+    scene._built()
+    return scene
+
+
+def _array(values, kind, axes, what):
+    """A copy of the values as an array of this type and number of axes."""
+    values = np.asarray(values)
+    if values.ndim != axes:
+        raise SettingsError(f"{what} have the shape {values.shape}, but must have {axes} axes")
+    if np.issubdtype(kind, np.integer) and values.size and (values.dtype.kind not in "iu" or values.min() < 0):
+        raise SettingsError(f"{what} must be whole numbers from 0 on")
+    return np.array(values, dtype=kind, order="C")
+
+
+def _matrix(matrix):
+    """A copy of a 4 x 4 matrix; the identity if there is none."""
+    if matrix is None:
+        return np.eye(4)
+    matrix = np.array(matrix, dtype=float)
+    if matrix.shape != (4, 4) or not np.allclose(matrix[3], (0, 0, 0, 1)):
+        raise SettingsError("a transform is a 4 x 4 matrix with the last row 0, 0, 0, 1")
+    return matrix

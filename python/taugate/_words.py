@@ -1,0 +1,72 @@
+"""Keyword arguments as words of the command line."""
+
+import difflib
+import numbers
+import os
+
+import numpy as np
+
+from . import _native
+from ._errors import SettingsError
+
+FLAGS = {name.replace("-", "_"): (name, *about) for name, about in _native.flags().items()}
+# Numbers in these settings are metres of optical path, seconds, or metres.
+RANGES = ("gate", "depth")
+UNITS = {"time": "s", "at": "s", "repeat": "m", "visibility": "m", "mor": "m"}
+
+
+def words(settings, call):
+    """The settings of the function `call` as pairs of a flag and its words. Settings that are ``None`` are left out."""
+    pairs = []
+    for keyword, value in settings.items():
+        if value is None:
+            continue
+        if keyword not in FLAGS:
+            near = difflib.get_close_matches(keyword, FLAGS, 1)
+            hint = f"; did you mean {near[0]}?" if near else "; taugate.settings() lists them"
+            raise TypeError(f"{call}() has no setting '{keyword}'{hint}")
+        flag, form, bare, _ = FLAGS[keyword]
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        if value is True and form in ("switch", "optional"):
+            pairs.append((flag, [bare]))
+        elif value is False and form == "optional":
+            continue
+        elif form == "repeated" and _is_list(value) and not all(isinstance(x, numbers.Real) for x in value):
+            pairs.append((flag, [_word(keyword, one) for one in value]))
+        else:
+            pairs.append((flag, [_word(keyword, value)]))
+    return pairs
+
+
+def _is_list(value):
+    return isinstance(value, (list, tuple))
+
+
+def _word(keyword, value):
+    """One value as the command line takes it."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if _is_list(value):
+        if keyword in RANGES and len(value) == 2:
+            return f"{_number(value[0])}m..{_number(value[1])}m"
+        if keyword == "gates" and len(value) == 3:
+            return f"{_number(value[0])}m..{_number(value[1])}m/{_number(value[2])}"
+        return ("x" if keyword == "resolution" else ",").join(_word("", one) for one in value)
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, numbers.Real):
+        return _number(value) + UNITS.get(keyword, "")
+    if isinstance(value, (str, os.PathLike)):
+        return os.fspath(value)
+    raise SettingsError(f"{keyword} is a {type(value).__name__}, but must be text, a number or a list of them")
+
+
+def _number(value):
+    """A number with the digits that give the same number."""
+    return str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
+
+
+def settings():
+    """All settings of a render: a dictionary from keyword to help text. The same names with dashes are the flags of the program."""
+    return {keyword: " ".join(about[3].split()) for keyword, about in FLAGS.items()}

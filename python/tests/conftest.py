@@ -1,0 +1,65 @@
+"""What the tests share."""
+
+import os
+import pathlib
+import subprocess
+
+import numpy as np
+import pytest
+
+import taugate
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SCENES = ROOT / "scenes"
+PROGRAM = os.environ.get("TAUGATE_PROGRAM", ROOT / "target/release/taugate")
+
+SIZE = (32, 32)
+
+
+@pytest.fixture(scope="session")
+def box():
+    return taugate.load(SCENES / "cornell-box.glb", resolution=SIZE)
+
+
+@pytest.fixture
+def program(tmp_path):
+    """Runs the program in a new folder, and returns its exit code and stderr."""
+    if not os.path.exists(PROGRAM):
+        pytest.skip("the program is not built: cargo build --release")
+
+    def run(*words):
+        done = subprocess.run([PROGRAM, *map(str, words)], cwd=tmp_path, capture_output=True, text=True)
+        return done.returncode, done.stderr
+
+    return run
+
+
+def quad(x=(0, 0, 0), right=(1, 0, 0), up=(0, 1, 0)):
+    """Vertices and triangles of a parallelogram around x; its front faces cross(right, up)."""
+    x, right, up = (np.array(v, float) for v in (x, right, up))
+    vertices = [x - right - up, x + right - up, x + right + up, x - right + up]
+    return np.array(vertices), np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def room(**settings):
+    """A floor, a wall, a lamp and a camera, from arrays."""
+    scene = taugate.Scene(resolution=SIZE, **settings)
+    scene.add_mesh("floor", *quad((0, 0, 0), (2, 0, 0), (0, 0, -2)), taugate.Material.diffuse(0.6))
+    scene.add_mesh("wall", *quad((0, 2, -2), (2, 0, 0), (0, 2, 0)), taugate.Material.diffuse((0.7, 0.5, 0.3)))
+    scene.add_mesh("board", *quad((0, 0, 0), (0.4, 0, 0), (0, 0.4, 0)), transform=shift(0, 0.5, -1), moves=True)
+    scene.add_light("point", "lamp", (0.5, 2.5, 0.5), intensity=10.0)
+    scene.add_camera("front", taugate.Camera.look_at((0, 1.2, 4), (0, 0.8, 0), fov=40, resolution=SIZE))
+    return scene
+
+
+def shift(x, y, z):
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def agree(a, b, limit=4.5):
+    """Whether two images are the same within their errors: the z score of their means."""
+    difference = a.pixels.mean(dtype=float) - b.pixels.mean(dtype=float)
+    spread = np.hypot(*(np.sqrt(image.variance.astype(float)).mean() for image in (a, b)))
+    return abs(difference) < limit * spread

@@ -1,0 +1,199 @@
+"""Renders of files: their bits are those of the program, their mistakes have its sentences."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import taugate
+from conftest import SCENES, SIZE
+
+BOX = SCENES / "cornell-box.glb"
+
+
+def test_an_image_has_the_bits_of_the_program(box, program, tmp_path):
+    words = ["--gate", "6m..7m", "--spp", 4, "--resolution", "32x32", "--variance"]
+    code, text = program("render", BOX, *words, "-o", "cli.npy")
+    assert code == 0, text
+    image = taugate.render(box, gate="6m..7m", spp=4)
+    assert image.pixels.shape == (32, 32, 3) and image.pixels.dtype == np.float32
+    assert image.pixels.any()
+    assert np.array_equal(image.pixels, np.load(tmp_path / "cli.npy"))
+    assert np.array_equal(image.variance, np.load(tmp_path / "cli.variance.npy"))
+    assert (image.gate, image.samples) == ((6.0, 7.0), 4)
+    # Counterexample: another seed has other bits.
+    assert not np.array_equal(taugate.render(box, gate="6m..7m", spp=4, seed=1).pixels, image.pixels)
+
+
+def test_a_histogram_has_the_bits_and_the_description_of_the_program(box, program, tmp_path):
+    code, text = program("render", BOX, "--gates", "5m..9m/8", "--spp", 4, "--resolution", "32x32", "-o", "cli.npy")
+    assert code == 0, text
+    histogram = taugate.histogram(box, gates=(5, 9, 8), spp=4)
+    assert np.array_equal(histogram.pixels, np.load(tmp_path / "cli.npy"))
+    assert histogram.pixels.shape == (32, 32, 8, 3) and histogram.variance is None
+    assert np.allclose(histogram.edges, np.linspace(5, 9, 9))
+    histogram.save(tmp_path / "python.npy")
+    of_program, of_python = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("cli", "python"))
+    for volatile in ("seconds", "settings"):
+        del of_program[volatile], of_python[volatile]
+    assert of_program == of_python and of_python["temporal_bins"] == 8
+    steady, transient = histogram.to_mitransient()
+    assert steady.shape == (32, 32, 3) and transient.shape == (32, 32, 8, 3)
+    assert histogram.mitransient_film() == {"start_opl": 5, "bin_width_opl": 0.5, "temporal_bins": 8}
+
+
+def test_renders_after_one_another_have_the_bits_of_new_scenes(box):
+    taugate.render(box, gate="5m..6m", spp=2)
+    for settings in ({"gate": "6m..7m"}, {"seed": 3, "gate": "6m..7m"}, {"spp": 3}, {"gates": "5m..9m/4"}, {"aov": "depth", "spp": 2}):
+        again = taugate.load(BOX, resolution=SIZE)
+        render = taugate.histogram if "gates" in settings else taugate.render
+        assert np.array_equal(render(box, **{"spp": 2, **settings}).pixels, render(again, **{"spp": 2, **settings}).pixels), settings
+
+
+def test_files_are_those_of_the_program(box, program, tmp_path):
+    image = taugate.render(box, spp=2, aov="all")
+    for name in ("x.exr", "x.png", "x.npy"):
+        image.save(tmp_path / name)
+    assert np.array_equal(np.load(tmp_path / "x.npy"), image.pixels)
+    assert (tmp_path / "x.png").read_bytes()[1:4] == b"PNG"
+    code, text = program("compare", "x.exr", "x.exr")
+    assert code == 0, text
+    words = ["--spp", 2, "--resolution", "32x32", "--aov", "all"]
+    code, text = program("render", BOX, *words, "-o", "cli.exr", "--png")
+    assert code == 0, text
+    assert (tmp_path / "x.png").read_bytes() == (tmp_path / "cli.png").read_bytes()
+    with pytest.raises(taugate.SettingsError, match="must end in .exr, .npy or .png"):
+        image.save(tmp_path / "x.tif")
+    with pytest.raises(taugate.FileError):
+        image.save(tmp_path / "no folder" / "x.exr")
+
+
+def test_settings_are_an_experiment_of_the_program(box, program, tmp_path):
+    image = taugate.render(box, gate="6m..7m", spp=2, lamp=[(0, 1, 0, 5), (0.5, 1, 0, 3)], emitters=["light", "lamp-2"])
+    (tmp_path / "again.toml").write_text(image.settings)
+    code, text = program("render", "again.toml", "-o", "again.npy")
+    assert code == 0, text
+    assert np.array_equal(np.load(tmp_path / "again.npy"), image.pixels)
+    assert np.array_equal(taugate.render(taugate.load(tmp_path / "again.toml")).pixels, image.pixels)
+
+
+MISTAKES = [
+    ({"gate": "1..2"}, ["--gate", "1..2"]),
+    ({"gate": "90m..91m"}, ["--gate", "90m..91m"]),
+    ({"spp": 0}, ["--spp", "0"]),
+    ({"estimator": "magic"}, ["--estimator", "magic"]),
+    ({"camera": "side"}, ["--camera", "side"]),
+    ({"emitters": "sun"}, ["--emitters", "sun"]),
+    ({"resolution": (0, 5)}, ["--resolution", "0x5"]),
+]
+
+
+@pytest.mark.parametrize("settings, words", MISTAKES, ids=lambda value: str(value)[:30])
+def test_a_mistake_has_the_sentence_of_the_program(box, program, settings, words):
+    size = [] if "resolution" in settings else ["--resolution", "32x32"]
+    code, text = program("render", BOX, *words, *size, "-o", "x.exr")
+    assert code == 2
+    with pytest.raises(taugate.Error) as error:
+        taugate.render(box, **settings)
+    assert str(error.value) in text, text
+    assert isinstance(error.value, ValueError)
+
+
+def test_mistakes_of_python_are_explained(box):
+    with pytest.raises(TypeError, match="render\\(\\) has no setting 'gte'; did you mean gate"):
+        taugate.render(box, gte="1m..2m")
+    with pytest.raises(TypeError, match="no setting 'output'"):
+        taugate.render(box, output="x.exr")
+    with pytest.raises(taugate.SettingsError, match="cannot be used with"):
+        taugate.render(box, gate="1m..2m", depth="1m..2m")
+    with pytest.raises(taugate.SettingsError, match="use taugate.histogram"):
+        taugate.render(box, gates="5m..9m/8")
+    with pytest.raises(taugate.SettingsError, match="needs gates"):
+        taugate.histogram(box)
+    with pytest.raises(taugate.SettingsError, match="gate is a dict"):
+        taugate.render(box, gate={})
+    with pytest.raises(taugate.FileError, match="no such file"):
+        taugate.load("missing.toml")
+    with pytest.raises(taugate.SceneError, match="missing.glb"):
+        taugate.load("missing.glb")
+    with pytest.raises(taugate.FileError, match="neither a scene"):
+        taugate.load("x.obj")
+
+
+def test_no_driver_is_one_exception_that_names_the_remedy(tmp_path):
+    code = "import taugate, sys; s = taugate.load(sys.argv[1]); s.info(); print('imported'); taugate.render(s, spp=1)"
+    environment = {**os.environ, "VK_DRIVER_FILES": "/nowhere", "VK_ICD_FILENAMES": "/nowhere"}
+    command = [sys.executable, "-c", code, str(BOX)]
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
+    assert done.stdout == "imported\n"
+    assert "DeviceError" in done.stderr and "setup.sh" in done.stderr, done.stderr
+
+
+def test_progress_is_reported_and_an_exception_in_it_ends_the_render(box):
+    steps = []
+    taugate.render(box, spp=6, progress=steps.append)
+    assert [step.samples for step in steps] == [2, 4, 6] and steps[-1].fraction == 1.0
+
+    def stop(step):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        taugate.render(box, spp=1000, progress=stop)
+    # The scene still works.
+    assert taugate.render(box, spp=2).samples == 2
+
+
+def test_an_interrupt_keeps_the_image_so_far(box):
+    timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    started = time.monotonic()
+    with pytest.raises(taugate.Interrupted) as stopped:
+        taugate.render(box, time=60)
+    assert time.monotonic() - started < 10
+    assert isinstance(stopped.value, KeyboardInterrupt)
+    image = stopped.value.image
+    assert image.samples > 0 and np.isfinite(image.pixels).all() and image.pixels.any()
+
+
+def test_other_threads_run_during_a_render(box):
+    count = [0, True]
+
+    def work():
+        while count[1]:
+            count[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    image = taugate.render(box, time=0.5)
+    count[1] = False
+    thread.join()
+    assert image.samples > 2 and count[0] > 50
+
+
+def test_a_scene_says_what_it_contains(box):
+    info = box.info(arrival=True)
+    assert info["cameras"] == ["camera"] and info["emitters"] == ["light"] and info["triangles"] == 36
+    assert np.allclose(info["bounds"], [[-1, 0, -1], [1, 2, 1]])
+    first, _, median, _, last = info["arrival"]
+    assert 3 < first < median < last
+    assert taugate.render(box, gate=info["suggested_gate"], spp=2).pixels.any()
+
+
+def test_a_continuous_wave_sensor_has_layers_of_depth(box):
+    waves = taugate.histogram(box, cw=20, spp=2)
+    assert waves.pixels.shape == (32, 32, 4, 3)
+    assert any("depth" in name for name in waves.layers), list(waves.layers)
+
+
+def test_results_are_plotted_in_one_line(box):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    assert taugate.render(box, spp=2).show().images
+    assert taugate.histogram(box, gates="5m..9m/8", spp=2).show(pixel=(3, 4)).patches
