@@ -125,10 +125,11 @@ class Camera:
         return self.world_from_camera[:3, 3] + np.asarray(depth, float)[..., None] * self.rays()
 
     def project(self, points):
-        """Pixels (..., 2) and z (...) of world positions (..., 3)."""
+        """Pixels (..., 2) and z (...) of world positions (..., 3). Pixels of the camera's own place are NaN."""
         local = np.asarray(points, float) @ self.camera_from_world[:3, :3].T + self.camera_from_world[:3, 3]
         pixels = local @ self.K.T
-        return pixels[..., :2] / pixels[..., 2:], local[..., 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return pixels[..., :2] / pixels[..., 2:], local[..., 2]
 
     def _size(self):
         x0, x1, y0, y1 = self.crop or (0, self.resolution[0], 0, self.resolution[1])

@@ -1,0 +1,95 @@
+"""Cameras as matrices, and the layers beside an image."""
+
+import numpy as np
+import pytest
+
+import taugate
+from conftest import SIZE, room
+
+
+def test_points_of_the_depth_layer_lie_on_the_surfaces():
+    scene = room()
+    image = taugate.render(scene, spp=1, aov="all")
+    points = image.camera.points(image.depth)
+    names = image.objects
+    assert set(names.values()) == {"floor", "wall", "board"} and scene.info()["objects"] == {1: "floor", 2: "wall", 3: "board"}
+    number = {name: key for key, name in names.items()}
+    for name, axis, value in (("floor", 1, 0), ("wall", 2, -2), ("board", 2, -1)):
+        seen = points[image.object == number[name]]
+        assert len(seen) > 5 and np.allclose(seen[:, axis], value, atol=1e-3), name
+        assert np.allclose(np.abs(image.normal[image.object == number[name]][:, axis]), 1, atol=1e-5)
+    # Counterexample: with the convention of OpenCV for the centre of a pixel, half a pixel away, points are off the floor.
+    K = image.camera.K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+    shifted = taugate.Camera.from_matrices(K, image.camera.world_from_camera, SIZE)
+    assert np.abs(shifted.points(image.depth)[image.object == number["floor"]][:, 1]).max() > 0.01
+    assert (image.arrival[image.object > 0] > 0).all() and image.albedo.shape == (32, 32, 3)
+
+
+def test_matrices_describe_the_camera_that_renders():
+    scene = room()
+    camera = scene.camera()
+    assert camera.resolution == SIZE and np.allclose(camera.world_from_camera[:3, 3], (0, 1.2, 4))
+    again = taugate.Camera.from_matrices(camera.K, camera.world_from_camera, SIZE)
+    of_gl = taugate.Camera.from_matrices(camera.K, camera.world_from_camera_gl, SIZE, axes="opengl")
+    image = taugate.render(scene, spp=2, aov="depth")
+    for twin in (again, of_gl):
+        assert np.allclose(twin.K, camera.K) and np.allclose(twin.world_from_camera, camera.world_from_camera)
+        assert np.allclose(taugate.render(scene, camera=twin, spp=2, aov="depth").depth, image.depth, atol=1e-4)
+    pixels, z = camera.project(camera.points(image.depth))
+    u, v = np.meshgrid(np.arange(32) + 0.5, np.arange(32) + 0.5)
+    seen = image.depth > 0
+    assert np.allclose(pixels[seen], np.stack([u, v], axis=-1)[seen]) and (z[seen] > 0).all()
+
+
+def test_an_off_centre_camera_and_a_crop_keep_their_pixels():
+    scene = room()
+    K = np.array([[40.0, 0, 10], [0, 40, 20], [0, 0, 1]])
+    camera = taugate.Camera.from_matrices(K, scene.camera().world_from_camera, (48, 32))
+    image = taugate.render(scene, camera=camera, spp=1, aov="depth")
+    assert image.pixels.shape == (32, 48, 3) and np.allclose(image.camera.K, K)
+    part = taugate.render(scene, camera=camera, spp=1, aov="depth", crop=(5, 30, 10, 20))
+    assert part.pixels.shape == (10, 25, 3)
+    assert np.array_equal(part.depth, image.depth[10:20, 5:30])
+    assert np.allclose(part.camera.points(part.depth), image.camera.points(image.depth)[10:20, 5:30])
+
+
+def test_a_stereo_pair_has_the_disparity_of_its_baseline():
+    scene = room()
+    left, right = scene.camera().stereo(0.1)
+    a, b = (taugate.render(scene, camera=camera, spp=1, aov="depth,object") for camera in (left, right))
+    points = a.camera.points(a.depth)[a.depth > 0]
+    (in_left, z), (in_right, _) = a.camera.project(points), b.camera.project(points)
+    assert np.allclose(in_left[:, 0] - in_right[:, 0], left.K[0, 0] * 0.1 / z) and np.allclose(in_left[:, 1], in_right[:, 1])
+    assert np.allclose(b.camera.world_from_camera[:3, 3], (0.1, 1.2, 4))
+    # Both see one world: the points of the right image have the same heights on the wall.
+    wall = b.camera.points(b.depth)[b.object == 2]
+    assert np.allclose(wall[:, 2], -2, atol=1e-3)
+
+
+def test_cameras_are_chosen_by_name_or_by_settings():
+    scene = room()
+    scene.add_camera("above", taugate.Camera.look_at((0, 4, 0.1), (0, 0, 0), resolution=SIZE))
+    assert scene.info()["cameras"] == ["front", "above"]
+    assert np.allclose(scene.camera(camera="above").world_from_camera[:3, 3], (0, 4, 0.1))
+    assert np.allclose(scene.camera(look_from=(1, 1, 5)).world_from_camera[:3, 3], (1, 1, 5))
+    parallel = scene.camera(ortho=3, look_from=(0, 1, 5), look_at=(0, 1, 0))
+    assert (parallel.height, parallel.fov) == (3.0, None)
+    with pytest.raises(taugate.SettingsError, match="no matrix K"):
+        parallel.K
+    assert taugate.render(scene, camera=parallel, spp=1).pixels.any()
+
+
+def test_mistakes_in_matrices_are_explained():
+    camera = room().camera()
+    with pytest.raises(taugate.SettingsError, match="must be a rotation"):
+        taugate.Camera.from_matrices(camera.K, 2 * camera.world_from_camera, SIZE)
+    with pytest.raises(taugate.SettingsError, match="square"):
+        taugate.Camera.from_matrices(np.diag([30.0, 40, 1]), np.eye(4), SIZE)
+    with pytest.raises(taugate.SettingsError, match="opencv"):
+        taugate.Camera.from_matrices(camera.K, np.eye(4), SIZE, axes="colmap")
+    with pytest.raises(taugate.SettingsError, match="3 x 3"):
+        taugate.Camera.from_matrices(np.eye(4), np.eye(4), SIZE)
+    with pytest.raises(taugate.SettingsError, match="not parallel"):
+        taugate.Camera.look_at((0, 1, 0), (0, 0, 0))
+    with pytest.raises(AttributeError, match="render with aov='depth'"):
+        taugate.render(room(), spp=1).depth
