@@ -6,6 +6,7 @@ mod engine;
 mod errors;
 mod flags;
 mod image;
+mod scan;
 mod scene;
 mod shared;
 
@@ -17,5 +18,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::NativeScene>()?;
     module.add_class::<image::Image>()?;
     module.add_class::<camera::View>()?;
+    module.add_function(wrap_pyfunction!(scan::scan, module)?)?;
     module.add_function(wrap_pyfunction!(flags::flags, module)?)
 }

@@ -13,6 +13,7 @@ from ._image import Histogram, Image
 from ._material import Material
 from ._native import VERSION as __version__
 from ._render import Progress, histogram, render
+from ._scan import Scan, scan
 from ._scene import Scene, load
 from ._words import settings
 
@@ -27,11 +28,13 @@ __all__ = [
     "Material",
     "NotFiniteError",
     "Progress",
+    "Scan",
     "Scene",
     "SceneError",
     "SettingsError",
     "histogram",
     "load",
     "render",
+    "scan",
     "settings",
 ]

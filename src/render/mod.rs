@@ -1,6 +1,7 @@
 //! Algorithm 1: light subpaths, trees, sensor subpaths with queries and connections, film. [`Renderer::iterate`] runs these
 //! phases in order; each phase has its own file.
 
+mod aimed_points;
 pub mod albedo;
 mod arrival;
 mod black_backs;
@@ -53,6 +54,7 @@ use crate::scene::{Camera, Scene};
 use crate::settings::units::Gate;
 use crate::settings::{Responses, Settings};
 
+pub use aimed_points::check_aimed_points;
 pub use arrival::first_arrivals;
 pub use black_backs::{BlackBacks, black_backs};
 use compaction::Compaction;

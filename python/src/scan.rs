@@ -1,0 +1,153 @@
+//! Scans: one render per point of the laser, on one renderer.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
+use std::time::Instant;
+
+use pyo3::prelude::*;
+use taugate::internals::image::exr_file::Provenance;
+use taugate::internals::image::npy_file::{description_path, variance_path};
+use taugate::internals::image::scan_file::ScanFilm;
+use taugate::internals::input::scan_table::Scan;
+use taugate::internals::render::schedule::scan_samples;
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, check_aimed_points};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::{Budget, Sampling, Settings};
+
+use crate::engine::{self, Step, is_interrupt, watched};
+use crate::errors::{Failure, Result, settings as mistake};
+use crate::flags::Words;
+use crate::scene::{Job, NativeScene};
+use crate::shared::{feasible, memory};
+
+/// Measures all pairs of points of the scan of `scene`, and writes the files of the program: the array `path` (.npy), its description and,
+/// with the setting `variance`, its variances. Returns the number of points of the laser that were measured, warnings, and the exception that
+/// interrupted the scan, if any. Writes nothing if no point was measured.
+#[pyfunction]
+#[pyo3(signature = (scene, flags, path, progress=None))]
+pub fn scan(
+    py: Python<'_>,
+    scene: &NativeScene,
+    flags: Vec<Words>,
+    path: PathBuf,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(usize, Vec<String>, Option<PyErr>)> {
+    Ok(py.detach(|| run(&scene.scan_job(&flags)?, &path, progress.as_ref()))?)
+}
+
+fn run(job: &Job, path: &Path, progress: Option<&Py<PyAny>>) -> Result<(usize, Vec<String>, Option<PyErr>)> {
+    let Job { experiment, scene, resolved, printed, .. } = job;
+    let Some(table) = &experiment.scan else {
+        return Err(mistake("this is no scan; load an experiment (.toml) with a table [scan]"));
+    };
+    let scan = table.scan().map_err(mistake)?;
+    let settings = resolved.settings.change().sampling(Sampling::Uniform).build()?;
+    let has_variance = experiment.output.variance.unwrap_or(false);
+    memory::check(&settings, has_variance)?;
+    let bytes = ScanFilm::bytes(&scan, settings.responses().len(), has_variance);
+    memory::check_bytes(bytes, "the array of the scan", "use fewer gates or points")?;
+
+    let prepared = PreparedScene::new(scene, &settings)?;
+    let device = engine::device(experiment.render.device.as_deref())?;
+    MemoryPlan::new(scene, &settings, &prepared, Some(device.info()))?.check(device.info())?;
+    if !scan.accounts_first_and_last {
+        let seen = scan.sensor_points.as_ref().unwrap_or(&scan.laser_points);
+        check_aimed_points(&device, scene, &settings, "sensor", &Scan::camera_at(scan.sensor, seen))?;
+        check_aimed_points(&device, scene, &settings, "laser", &Scan::camera_at(scan.laser, &scan.laser_points))?;
+    }
+    let mut renderer = Renderer::from_prepared(&device, scene, &settings, &prepared)?;
+    if has_variance {
+        renderer.estimate_response_variance();
+    }
+
+    let film = ScanFilm::new(&scan, settings.responses().len(), has_variance);
+    let strict = experiment.render.strict.unwrap_or(false);
+    let started = Instant::now();
+    let mut measuring =
+        Measuring { scan: &scan, scene: scene.clone(), prepared, settings: &settings, strict, film, measured: 0, samples: 0 };
+    let (ended, failure) = watched(progress, |steps, stop| measuring.run(&mut renderer, &steps, stop));
+    ended?;
+    if let Some(error) = failure.as_ref().filter(|error| !is_interrupt(error)) {
+        return Err(Python::attach(|py| error.clone_ref(py)).into());
+    }
+    let Measuring { film, measured, samples, .. } = measuring;
+    let is_whole = measured == scan.laser_points.len();
+    if is_whole && renderer.stats().inside_gate == 0 && !experiment.gate.force.unwrap_or(false) {
+        return Err(feasible::nothing_inside(&device, scene, &settings).into());
+    }
+    if measured > 0 {
+        let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), printed.clone());
+        film.write_means(path, &scan)?;
+        film.write_description(&description_path(path), table, &scan, measured, samples, &provenance)?;
+        if has_variance {
+            film.write_variances(&variance_path(path), &scan)?;
+        }
+    }
+    let warnings = [&scene.warnings[..], &resolved.warnings].concat();
+    Ok((measured, warnings, failure.filter(|_| !is_whole)))
+}
+
+struct Measuring<'a> {
+    scan: &'a Scan,
+    scene: Scene,
+    prepared: PreparedScene,
+    settings: &'a Settings,
+    strict: bool,
+    film: ScanFilm,
+    /// Number of points of the laser.
+    measured: usize,
+    /// Samples of each pair of points.
+    samples: u64,
+}
+
+impl Measuring<'_> {
+    /// Measures one point of the laser after the other, until `stop` is true. A point that was begun does not count.
+    fn run(&mut self, renderer: &mut Renderer, steps: &Sender<Step>, stop: &Arc<AtomicBool>) -> Result<()> {
+        let (started, count) = (Instant::now(), self.scan.laser_points.len());
+        let laser = self.scene.lights.len() - 1;
+        while self.measured < count {
+            self.scene.lights[laser] = self.scan.light(self.measured);
+            if !self.prepared.follow(&self.scene, self.settings)? || !renderer.set_camera(&self.scan.camera(self.measured))? {
+                unreachable!("laser and sensor keep their places, and turn");
+            }
+            renderer.set_lights(&self.prepared, self.settings)?;
+            let seed = self.settings.seed().wrapping_add(self.measured as u32);
+            renderer.restart(seed, self.settings.responses().clone())?;
+            if !self.point(renderer, stop)? {
+                return Ok(());
+            }
+            self.film.set(self.measured, renderer.film(), renderer.responses());
+            (self.measured, self.samples) = (self.measured + 1, renderer.film().samples());
+            let fraction = self.measured as f64 / count as f64;
+            // Nobody listens after an exception.
+            let _ = steps.send(Step { fraction, samples: self.samples, seconds: started.elapsed().as_secs_f64() });
+        }
+        Ok(())
+    }
+
+    /// Renders one point of the laser. Returns false if it was stopped before its end.
+    fn point(&self, renderer: &mut Renderer, stop: &AtomicBool) -> Result<bool> {
+        let budget = match self.settings.budget() {
+            Budget::Seconds(seconds) => Budget::Seconds(seconds / self.scan.laser_points.len() as f64),
+            budget => budget,
+        };
+        let started = Instant::now();
+        loop {
+            let film = renderer.film();
+            let samples = scan_samples(&budget, film.width(), film.samples(), started.elapsed());
+            if samples == 0 {
+                return Ok(true);
+            }
+            if stop.load(Ordering::SeqCst) {
+                return Ok(false);
+            }
+            renderer.iterate(samples)?;
+            let dropped = renderer.stats().dropped;
+            if self.strict && dropped > 0 {
+                return Err(Failure::NotFinite(dropped));
+            }
+        }
+    }
+}

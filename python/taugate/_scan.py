@@ -1,0 +1,178 @@
+"""Scans: a laser and a sensor that look at points of a wall, and the HDF5 files of tal."""
+
+import json
+import os
+import pathlib
+import tempfile
+import warnings
+
+import numpy as np
+
+from . import _native
+from ._errors import Interrupted, SettingsError
+from ._render import watcher
+from ._scene import Scene, load
+
+# Numbers of tal's enumerations HFormat, GridFormat and VolumeFormat.
+H_FORMATS = {"T_Sx_Sy": 1, "T_Lx_Ly_Sx_Sy": 2, "T_Si": 3, "T_Li_Si": 4}
+GRID_FORMATS = {2: 1, 3: 2}
+UNKNOWN_VOLUME = 0
+
+
+class Scan:
+    """The result of a scan.
+
+    ``data`` is a float32 array (T, points) of a confocal scan, or (T, points of the laser, points of the sensor): radiance of the points in
+    W/(m^2 sr), mean of red, green and blue. Points that an interrupt left out are NaN. ``variance`` has the same shape; ``None`` if the scan
+    had no ``variance=True``. ``description`` is the JSON of the program: positions, gates, settings.
+    """
+
+    def __init__(self, data, description, variance=None):
+        self.data, self.description, self.variance = data, description, variance
+
+    @classmethod
+    def load(cls, path):
+        """Reads the array ``path`` (.npy) that the program or :meth:`save` wrote, and its description (.json) beside it."""
+        path = pathlib.Path(path)
+        description = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        if "laser_points" not in description:
+            raise SettingsError(f"{path} is no scan, but an image")
+        variance = path.with_suffix(".variance.npy")
+        return cls(np.load(path), description, np.load(variance) if variance.exists() else None)
+
+    def save(self, path):
+        """Writes the array (.npy), its description (.json), and its variances (.variance.npy) if there are any."""
+        path = pathlib.Path(path)
+        if path.suffix != ".npy":
+            raise SettingsError(f"the output {path} must end in .npy; to_tal writes HDF5")
+        np.save(path, self.data)
+        path.with_suffix(".json").write_text(json.dumps(self.description, indent=2), encoding="utf-8")
+        if self.variance is not None:
+            np.save(path.with_suffix(".variance.npy"), self.variance)
+
+    @property
+    def is_confocal(self):
+        """Whether laser and sensor look at the same points together."""
+        return self.data.ndim == 2
+
+    @property
+    def laser_points(self):
+        """Positions (N, 3) of the points of the laser, in metres."""
+        return np.array(self.description["laser_points"])
+
+    @property
+    def sensor_points(self):
+        """Positions (N, 3) of the points of the sensor, in metres."""
+        return np.array(self.description["sensor_points"])
+
+    @property
+    def edges(self):
+        """The T + 1 edges of the gates in metres of optical path."""
+        start, width, count = self._bins()
+        return start + width * np.arange(count + 1)
+
+    def _bins(self):
+        keys = ("start_opl", "bin_width_opl", "temporal_bins")
+        if not all(key in self.description for key in keys):
+            raise SettingsError("the gates of this scan have different widths; scan with gates='A..B/N'")
+        return tuple(self.description[key] for key in keys)
+
+    def to_tal(self, path):
+        """Writes the HDF5 file of tal (y-tal), which reconstructs hidden scenes. Needs h5py.
+
+        Grids of points become axes x (columns) and y (rows). H is the sum over the channels. A single point of the laser has no axis in H.
+        Normals are those of the plane through the points, on the side of the laser or the sensor.
+        """
+        try:
+            import h5py
+        except ImportError:
+            raise ImportError("to_tal() needs h5py: pip install h5py") from None
+        start, width, _ = self._bins()
+        about = self.description
+        laser, sensor = np.array(about["laser"]), np.array(about["sensor"])
+        laser_axes, laser_grid = _grid(self.laser_points, about["laser_grid"])
+        sensor_axes, sensor_grid = _grid(self.sensor_points, about["sensor_grid"])
+        H = 3 * self.data
+        bins = [len(H)]
+        if self.is_confocal:
+            H, name = _columns_first(H.reshape(bins + sensor_axes), 1), ["T_Si", "T_Sx_Sy"][len(sensor_axes) - 1]
+        elif len(self.laser_points) == 1:
+            H, name = _columns_first(H.reshape(bins + sensor_axes), 1), ["T_Si", "T_Sx_Sy"][len(sensor_axes) - 1]
+            # tal expects a grid of one point beside a grid.
+            laser_grid = laser_grid.reshape([1] * len(sensor_axes) + [3])
+        elif len(laser_axes) != len(sensor_axes):
+            raise SettingsError("tal needs two grids or two lists of points, not one of each")
+        else:
+            H = H.reshape(bins + laser_axes + sensor_axes)
+            H, name = _columns_first(H, 1, 1 + len(laser_axes)), ["T_Li_Si", "T_Lx_Ly_Sx_Sy"][len(sensor_axes) - 1]
+        info = {"original_format": "HDF5_TAL", "config": {"renderer": about["version"], "unit": about["unit"]}}
+        contents = {
+            "H": H.astype(np.float32),
+            "H_format": H_FORMATS[name],
+            "sensor_xyz": sensor.astype(np.float32),
+            "sensor_grid_xyz": sensor_grid.astype(np.float32),
+            "sensor_grid_normals": _normals(sensor_grid, sensor).astype(np.float32),
+            "sensor_grid_format": GRID_FORMATS[sensor_grid.ndim],
+            "laser_xyz": laser.astype(np.float32),
+            "laser_grid_xyz": laser_grid.astype(np.float32),
+            "laser_grid_normals": _normals(laser_grid, laser, sensor_grid).astype(np.float32),
+            "laser_grid_format": GRID_FORMATS[laser_grid.ndim],
+            "volume_format": UNKNOWN_VOLUME,
+            "delta_t": np.float32(width),
+            "t_start": np.float32(start),
+            "t_accounts_first_and_last_bounces": bool(about["account_first_and_last_bounces"]),
+            # JSON is YAML.
+            "scene_info": json.dumps(info),
+        }
+        with h5py.File(os.fspath(path), "w") as file:
+            for key, value in contents.items():
+                file[key] = value
+
+    def __repr__(self):
+        return f"<taugate.Scan {' x '.join(map(str, self.data.shape))}>"
+
+
+def scan(scene, *, progress=None, **settings):
+    """Measures a scan and returns a :class:`Scan`.
+
+    ``scene`` is an experiment (.toml) with a table ``[scan]``, or a :class:`Scene` that was loaded from one. Keyword arguments and ``progress`` are
+    as for :func:`render`; the samples are for each pair of points. An interrupt raises :class:`Interrupted`, whose ``image`` is the scan so far.
+    """
+    scene = scene if isinstance(scene, Scene) else load(scene)
+    native, flags = scene._job(settings, "scan")
+    with tempfile.TemporaryDirectory() as folder, watcher(progress) as watch:
+        path = os.path.join(folder, "scan.npy")
+        measured, found, interrupt = _native.scan(native, flags, path, watch)
+        result = Scan.load(path) if measured else None
+    for warning in found:
+        warnings.warn(warning, stacklevel=2)
+    if interrupt is not None:
+        raise Interrupted(result) from interrupt
+    return result
+
+
+def _grid(points, grid):
+    """The axes of points in an array, and their positions with columns before rows."""
+    if grid is None:
+        return [len(points)], points
+    columns, rows = grid
+    return [rows, columns], points.reshape(rows, columns, 3).swapaxes(0, 1)
+
+
+def _columns_first(H, *first):
+    """Swaps the rows and columns of the grids that begin at these axes."""
+    for axis in first:
+        if H.ndim > axis + 1:
+            H = H.swapaxes(axis, axis + 1)
+    return H
+
+
+def _normals(points, place, plane=None):
+    """Unit normals of the plane through `plane` (by default the points themselves), towards `place`, one per point."""
+    around = (points if plane is None or points.size > 6 else plane).reshape(-1, 3)
+    _, spread, axes = np.linalg.svd(around - around.mean(axis=0))
+    towards = place - points
+    if len(around) < 3 or spread[1] < 1e-9 * spread[0]:
+        # The points have no plane.
+        return towards / np.linalg.norm(towards, axis=-1, keepdims=True)
+    return axes[2] * np.sign(towards @ axes[2])[..., None]

@@ -1,0 +1,93 @@
+"""Scans: bits of the program, and files that tal opens."""
+
+import os
+import signal
+import threading
+
+import numpy as np
+import pytest
+
+import taugate
+from conftest import SCENES
+
+SCAN = f"""
+scene = "{SCENES}/hidden-letter.glb"
+[scan]
+laser = [2, 0, 1.5]
+POINTS
+[gate]
+gates = "1.9m..3.9m/10"
+[render]
+spp = 4
+"""
+GRID = "{ corner = [-0.8, 0.8, 0], across = [1.6, 0, 0], down = [0, -1.6, 0], count = [3, 2] }"
+CONFOCAL = f"points = {GRID}"
+EXHAUSTIVE = f"laser-points = {GRID}\nsensor-points = {GRID.replace('[3, 2]', '[2, 4]')}"
+SINGLE = f"laser-points = [[0.1, 0, 0]]\nsensor-points = {GRID}"
+
+
+def written(folder, points):
+    path = folder / "scan.toml"
+    path.write_text(SCAN.replace("POINTS", points))
+    return path
+
+
+def test_a_scan_has_the_bits_of_the_program(program, tmp_path):
+    path = written(tmp_path, CONFOCAL)
+    code, text = program("render", path, "-o", "cli.npy", "--variance")
+    assert code == 0, text
+    steps = []
+    scan = taugate.scan(path, variance=True, progress=steps.append)
+    program_scan = taugate.Scan.load(tmp_path / "cli.npy")
+    assert np.array_equal(scan.data, program_scan.data) and scan.data.shape == (10, 6) and scan.data.any()
+    assert np.array_equal(scan.variance, program_scan.variance)
+    assert len(steps) == 6 and steps[-1].fraction == 1
+    scan.save(tmp_path / "again.npy")
+    assert np.array_equal(taugate.Scan.load(tmp_path / "again.npy").data, scan.data)
+    assert np.allclose(scan.edges, np.linspace(1.9, 3.9, 11))
+
+
+@pytest.mark.parametrize("points, shape", [(CONFOCAL, (10, 3, 2)), (EXHAUSTIVE, (10, 3, 2, 2, 4)), (SINGLE, (10, 3, 2))])
+def test_tal_opens_a_scan(tmp_path, points, shape):
+    h5py = pytest.importorskip("h5py")
+    scan = taugate.scan(written(tmp_path, points), spp=1)
+    scan.to_tal(tmp_path / "scan.hdf5")
+    with h5py.File(tmp_path / "scan.hdf5") as file:
+        assert file["H"].shape == shape and file["H"].dtype == np.float32
+        assert file["t_start"][()] == np.float32(1.9) and np.isclose(file["delta_t"][()], 0.2)
+        grid, normals, H = (file[key][()] for key in ("sensor_grid_xyz", "sensor_grid_normals", "H"))
+    # Axis x of the grid goes to the right, axis y down, as the scan does.
+    assert (np.diff(grid[..., 0], axis=0) > 0).all() and (np.diff(grid[..., 1], axis=1) < 0).all()
+    assert np.allclose(normals, (0, 0, 1))
+    if scan.is_confocal:
+        # The point in column 2 of row 1 is the last one.
+        assert np.allclose(H[:, 2, 1], 3 * scan.data[:, 5])
+    elif len(shape) == 5:
+        # Point 4 of the laser is in column 1 of row 1, and point 3 of the sensor in column 1 of row 1.
+        assert np.allclose(H[:, 1, 1, 1, 1], 3 * scan.data[:, 4, 3])
+    tal = pytest.importorskip("tal", reason="y-tal is not installed")
+    capture = tal.io.read_capture(str(tmp_path / "scan.hdf5"))
+    assert capture.H.shape == shape and capture.H_format.name == ("T_Lx_Ly_Sx_Sy" if len(shape) == 5 else "T_Sx_Sy")
+    assert capture.is_confocal() == scan.is_confocal
+    assert np.allclose(capture.laser_xyz, (2, 0, 1.5)) and not capture.t_accounts_first_and_last_bounces
+
+
+def test_an_interrupted_scan_keeps_its_points(tmp_path):
+    path = written(tmp_path, CONFOCAL)
+    scene = taugate.load(path)
+    taugate.scan(scene, spp=1)
+    threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(taugate.Interrupted) as stopped:
+        taugate.scan(scene, time=6)
+    scan = stopped.value.image
+    assert np.isfinite(scan.data[:, 0]).all() and np.isnan(scan.data[:, -1]).all()
+
+
+def test_mistakes_of_scans_are_explained(box, tmp_path):
+    with pytest.raises(taugate.SettingsError, match="is no scan"):
+        taugate.scan(box)
+    with pytest.raises(taugate.SettingsError, match="measure it with taugate.scan"):
+        taugate.render(written(tmp_path, CONFOCAL))
+    off = CONFOCAL.replace("0.8, 0]", "0.8, 0.5]")
+    with pytest.raises(taugate.SettingsError, match="are not on a surface"):
+        taugate.scan(written(tmp_path, off))

@@ -1,0 +1,47 @@
+//! Checks that the points of a scan lie on the surfaces that its laser and its sensor see.
+
+use super::first_surface::first_surfaces;
+use super::prepared_scene::PreparedScene;
+use crate::error::{Error, Result};
+use crate::gpu::Device;
+use crate::scene::{Aim, Camera, Scene};
+use crate::settings::Settings;
+
+/// Maximum distance between a point of a scan and the surface there, relative to the distance from the laser or the sensor.
+const MAX_GAP: f64 = 1e-3;
+
+/// Fails if a point of the aimed `camera` does not lie on the first surface in its direction: travel times would begin or end elsewhere.
+/// `who` is the laser or the sensor, for the message.
+///
+/// # Panics
+/// If the camera is not [`crate::scene::Projection::Aimed`].
+pub fn check_aimed_points(device: &Device, scene: &Scene, settings: &Settings, who: &str, camera: &Camera) -> Result<()> {
+    let mut scene = scene.clone();
+    let index = scene.add_camera(camera.clone());
+    let aims = camera.projection.aims().expect("the camera of a scan has points");
+    let settings = settings.change().camera(index).resolution([aims.len() as u32, 1]).crop(None).build()?;
+    let prepared = PreparedScene::new(&scene, &settings)?;
+    let mut distances = vec![f64::INFINITY; aims.len()];
+    first_surfaces(device, &scene, &settings, &prepared, &mut |pixel, surface| {
+        distances[pixel] = surface.distance.into();
+    })?;
+    let place = camera.transform.translation;
+    let is_off = |(aim, distance): &(&Aim, f64)| {
+        let wanted = aim.point.distance(place);
+        (distance - wanted).abs() > MAX_GAP * wanted
+    };
+    let off: Vec<_> = aims.iter().zip(distances).filter(is_off).collect();
+    let Some((aim, distance)) = off.first() else { return Ok(()) };
+    let found = match distance.is_finite() {
+        true => format!("the first surface there is {distance:.4} m from the {who}"),
+        false => "there is no surface there".into(),
+    };
+    Err(Error::Settings(format!(
+        "{} of {} points of the {who} are not on a surface; the first is {}, {:.4} m from the {who}, but {found}; move the points to \
+         the wall, or let travel times contain the ways to the wall (account_first_and_last_bounces = true)",
+        off.len(),
+        aims.len(),
+        aim.point,
+        aim.point.distance(place)
+    )))
+}
