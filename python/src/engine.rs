@@ -128,9 +128,7 @@ pub fn watched<T: Send>(
             let asked = Python::attach(|py| {
                 py.check_signals()?;
                 match (progress, step) {
-                    (Some(call), Some(step)) => {
-                        call.call1(py, (step.fraction, step.samples, step.seconds)).map(drop)
-                    }
+                    (Some(call), Some(step)) => call.call1(py, (step.fraction, step.samples, step.seconds)).map(drop),
                     _ => Ok(()),
                 }
             });

@@ -1,6 +1,6 @@
 //! The result of a render: arrays for NumPy, and the files of the command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -60,7 +60,7 @@ impl Image {
         [self.film.height() as usize, self.film.width() as usize, 3]
     }
 
-    fn write(&self, path: &PathBuf, exposure: Option<f32>) -> Result<()> {
+    fn write(&self, path: &Path, exposure: Option<f32>) -> Result<()> {
         let (film, responses) = (&self.film, self.responses.as_ref());
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         match extension.as_str() {

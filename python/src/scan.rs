@@ -65,8 +65,16 @@ fn run(job: &Job, path: &Path, progress: Option<&Py<PyAny>>) -> Result<(usize, V
     let film = ScanFilm::new(&scan, settings.responses().len(), has_variance);
     let strict = experiment.render.strict.unwrap_or(false);
     let started = Instant::now();
-    let mut measuring =
-        Measuring { scan: &scan, scene: scene.clone(), prepared, settings: &settings, strict, film, measured: 0, samples: 0 };
+    let mut measuring = Measuring {
+        scan: &scan,
+        scene: scene.clone(),
+        prepared,
+        settings: &settings,
+        strict,
+        film,
+        measured: 0,
+        samples: 0,
+    };
     let (ended, failure) = watched(progress, |steps, stop| measuring.run(&mut renderer, &steps, stop));
     ended?;
     if let Some(error) = failure.as_ref().filter(|error| !is_interrupt(error)) {
@@ -109,7 +117,9 @@ impl Measuring<'_> {
         let laser = self.scene.lights.len() - 1;
         while self.measured < count {
             self.scene.lights[laser] = self.scan.light(self.measured);
-            if !self.prepared.follow(&self.scene, self.settings)? || !renderer.set_camera(&self.scan.camera(self.measured))? {
+            if !self.prepared.follow(&self.scene, self.settings)?
+                || !renderer.set_camera(&self.scan.camera(self.measured))?
+            {
                 unreachable!("laser and sensor keep their places, and turn");
             }
             renderer.set_lights(&self.prepared, self.settings)?;

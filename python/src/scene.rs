@@ -111,7 +111,8 @@ impl NativeScene {
             let instance = state.scene.instances.iter().find(|instance| instance.node == name);
             moved.or(instance.map(|instance| instance.transform))
         });
-        let found = found.ok_or_else(|| settings(format!("the scene has no node '{name}' with a mesh; check the name")))?;
+        let found =
+            found.ok_or_else(|| settings(format!("the scene has no node '{name}' with a mesh; check the name")))?;
         Ok(DMat4::from(found).transpose().to_cols_array_2d())
     }
 
@@ -196,7 +197,8 @@ impl State {
             return Err(Error::File { path: path.clone(), message }.into());
         }
         base.check_paths()?;
-        let mut state = State { base, scene: Scene::default(), input: None, moves, moved: BTreeMap::new(), ready: None };
+        let mut state =
+            State { base, scene: Scene::default(), input: None, moves, moved: BTreeMap::new(), ready: None };
         let input = state.base.input.clone();
         state.read(&input)?;
         Ok(state)
@@ -225,7 +227,9 @@ impl State {
         let mut experiment = flags::experiment(flags)?.over(self.base.clone());
         experiment.check_paths()?;
         if Sequence::new(&experiment, || true)?.is_some() {
-            return Err(settings("this experiment is a sequence of frames; render one of them at a time, with at=SECONDS"));
+            return Err(settings(
+                "this experiment is a sequence of frames; render one of them at a time, with at=SECONDS",
+            ));
         }
         self.read(&experiment.input.clone())?;
         let mut scene = self.scene.clone();

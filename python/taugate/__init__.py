@@ -11,6 +11,7 @@ from ._camera import Camera
 from ._errors import DeviceError, Error, FileError, Interrupted, NotFiniteError, SceneError, SettingsError
 from ._image import Histogram, Image
 from ._material import Material
+from ._mitsuba import from_mitsuba
 from ._native import VERSION as __version__
 from ._render import Progress, histogram, render
 from ._scan import Scan, scan
@@ -32,6 +33,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "SettingsError",
+    "from_mitsuba",
     "histogram",
     "load",
     "render",

@@ -35,6 +35,8 @@ class Scene:
         self.settings = settings
         #: Cameras by name. The first one is the default.
         self.cameras = {}
+        #: What :func:`from_mitsuba` approximated or left out, one sentence each.
+        self.not_converted = []
         self._materials = {}
         self._meshes = {}
         self._instances = {}

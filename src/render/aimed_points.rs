@@ -15,7 +15,13 @@ const MAX_GAP: f64 = 1e-3;
 ///
 /// # Panics
 /// If the camera is not [`crate::scene::Projection::Aimed`].
-pub fn check_aimed_points(device: &Device, scene: &Scene, settings: &Settings, who: &str, camera: &Camera) -> Result<()> {
+pub fn check_aimed_points(
+    device: &Device,
+    scene: &Scene,
+    settings: &Settings,
+    who: &str,
+    camera: &Camera,
+) -> Result<()> {
     let mut scene = scene.clone();
     let index = scene.add_camera(camera.clone());
     let aims = camera.projection.aims().expect("the camera of a scan has points");

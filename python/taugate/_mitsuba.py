@@ -1,0 +1,265 @@
+"""Scenes of Mitsuba 3, read by Mitsuba itself."""
+
+import math
+import os
+import re
+
+import numpy as np
+
+from ._camera import Camera
+from ._errors import SceneError, SettingsError
+from ._material import Material
+from ._scene import Scene
+
+# Parts around a circle of shapes that become triangles.
+PARTS = 64
+KINDS = (
+    "SmoothDiffuse", "SmoothPlastic", "RoughPlastic", "SmoothConductor", "RoughConductor", "SmoothDielectric", "RoughDielectric",
+)
+
+
+def from_mitsuba(scene, **settings):
+    """A :class:`Scene` from a scene of Mitsuba 3: the name of an XML file, a dictionary for ``mi.load_dict``, or an ``mi.Scene``.
+
+    Needs the package ``mitsuba``, with a variant for RGB; without a variant it chooses ``llvm_ad_rgb`` or ``scalar_rgb``. Keyword arguments are
+    settings of all renders. ``scene.not_converted`` of the result lists, in sentences, what is approximated or missing.
+    """
+    try:
+        import mitsuba as mi
+    except ImportError:
+        raise ImportError("from_mitsuba() needs Mitsuba 3: pip install mitsuba") from None
+    if mi.variant() is None:
+        mi.set_variant("llvm_ad_rgb", "scalar_rgb")
+    if "rgb" not in mi.variant():
+        raise SettingsError(f"the variant of Mitsuba is {mi.variant()}; choose one for RGB, such as mi.set_variant('llvm_ad_rgb')")
+    if isinstance(scene, (str, os.PathLike)):
+        scene = mi.load_file(os.fspath(scene))
+    elif isinstance(scene, dict):
+        scene = mi.load_dict(scene)
+    return _Reader(mi, settings).read(scene)
+
+
+class _Reader:
+    def __init__(self, mi, settings):
+        self.mi = mi
+        self.scene = Scene(**settings)
+        self.notes = []
+
+    def note(self, text):
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def read(self, scene):
+        for k, shape in enumerate(scene.shapes()):
+            self.shape(shape, self.name(shape, f"shape-{k}"))
+        for k, emitter in enumerate(scene.emitters()):
+            self.emitter(emitter, self.name(emitter, f"light-{k}"))
+        for k, sensor in enumerate(scene.sensors()):
+            self.sensor(sensor, self.name(sensor, f"camera-{k}"))
+        self.scene.not_converted = self.notes
+        return self.scene
+
+    def name(self, item, otherwise):
+        """The id of an object; Mitsuba makes up ids that begin with an underscore."""
+        name = item.id()
+        return otherwise if not name or name.startswith("_") else name
+
+    def values(self, item, prefix=""):
+        """The parameters of an object by name, without those of nested objects."""
+        found = self.mi.traverse(item)
+        return {key: found[key] for key in found.keys()}
+
+    # Shapes.
+
+    def shape(self, shape, name):
+        geometry = self.triangles(shape, name)
+        if geometry is None:
+            return
+        vertices, triangles, normals = geometry
+        if self.is_flipped(shape, vertices, triangles):
+            triangles, normals = triangles[:, ::-1], None if normals is None else -normals
+        material = self.material(shape.bsdf(), name)
+        if shape.is_emitter():
+            material.emission = self.rgb(self.values(shape.emitter()), "radiance", f"the emitter of '{name}'")
+            material.double_sided = False
+        if shape.interior_medium() is not None or shape.exterior_medium() is not None:
+            self.note(f"the medium of the shape '{name}' is left out")
+        self.scene.add_mesh(name, vertices, triangles, material, normals=normals)
+
+    def triangles(self, shape, name):
+        """Vertices in world space, triangles, and normals or ``None``; ``None`` for a shape that is left out."""
+        kind = shape.class_name()
+        if kind in SHAPES:
+            vertices, triangles, normals = SHAPES[kind]()
+            matrix = _matrix(self.values(shape)["to_world"])
+            world = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+            if kind in ("Sphere", "Cylinder"):
+                self.note(f"the {kind.lower()} '{name}' is a mesh of flat triangles with smooth normals")
+            if np.linalg.det(matrix[:3, :3]) < 0:
+                triangles = triangles[:, ::-1]
+            if normals is not None:
+                normals = normals @ np.linalg.inv(matrix[:3, :3])
+                normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+            return world, triangles, normals
+        if not shape.is_mesh():
+            self.note(f"the shape '{name}' of the type {kind} is left out")
+            return None
+        values = self.values(shape)
+        vertices = np.array(values["vertex_positions"]).reshape(-1, 3)
+        triangles = np.array(values["faces"]).reshape(-1, 3)
+        normals = np.array(values.get("vertex_normals", [])).reshape(-1, 3)
+        if not len(normals) or shape.has_face_normals():
+            return vertices, triangles, None
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        return vertices, triangles, normals / lengths if (lengths > 0).all() else None
+
+    def is_flipped(self, shape, vertices, triangles):
+        """Whether the front of the shape is the back of the triangles."""
+        sample = shape.sample_position(0, self.mi.Point2f(0.3, 0.4))
+        point, normal = (np.array(value, float).reshape(3) for value in (sample.p, sample.n))
+        corners = vertices[triangles]
+        crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        crosses /= np.maximum(np.linalg.norm(crosses, axis=1, keepdims=True), 1e-300)
+        # The triangle of the point: the sum of the solid angles is not needed, because the nearest centre with the nearest plane will do.
+        offset = point - corners.mean(axis=1)
+        size = np.abs(corners - corners.mean(axis=1, keepdims=True)).max()
+        distance = np.abs((offset * crosses).sum(axis=1)) / size + 1e-3 * np.linalg.norm(offset, axis=1) / size
+        return crosses[distance.argmin()] @ normal < 0
+
+    # Materials.
+
+    def material(self, bsdf, name):
+        text = str(bsdf)
+        kind = next((kind for kind in re.findall(r"\b(\w+)\[", text) if kind in KINDS), None)
+        is_twosided = bsdf.class_name().startswith("TwoSided")
+        if kind is None or (bsdf.class_name() not in KINDS and not is_twosided):
+            self.note(f"the BSDF {bsdf.class_name()} of '{name}' becomes grey and diffuse")
+            return Material.diffuse(0.5)
+        # A two-sided BSDF has the parameters of its front and, with another name, of its back.
+        values = {re.sub(r"^(brdf_0|bsdf_0|bsdf|brdf)\.", "", key): value for key, value in self.values(bsdf).items()}
+        of = f"the BSDF of '{name}'"
+        sides = {"double_sided": is_twosided}
+        alpha = self.mean(values, "alpha", 0.0, of) if kind.startswith("Rough") else 0.0
+        # The roughness of glTF is the square root of the alpha of GGX.
+        roughness = math.sqrt(min(max(alpha, 0.0), 1.0))
+        if "alpha_u.value" in values or "alpha_u" in values:
+            self.note(f"the anisotropic roughness of '{name}' is left out")
+        if "distribution = beckmann" in text.lower():
+            self.note(f"the microfacets of '{name}' are GGX instead of Beckmann")
+        if kind == "SmoothDiffuse":
+            return Material.diffuse(self.rgb(values, "reflectance", of), **sides)
+        if kind.endswith("Plastic"):
+            self.note(f"the plastic of '{name}' has the coat of glTF, which differs by some percent")
+            color = self.rgb(values, "diffuse_reflectance", of)
+            return Material.plastic(color, roughness, ior=self.mean(values, "eta", 1.49, of), **sides)
+        if kind.endswith("Conductor"):
+            self.note(f"the conductor of '{name}' has its reflectance at normal incidence, and Schlick's rise towards grazing angles")
+            eta, k = (np.array(self.rgb(values, key, of)) for key in ("eta", "k"))
+            color = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
+            if any(key.startswith("specular_reflectance") for key in values):
+                color = color * np.array(self.rgb(values, "specular_reflectance", of))
+            return Material.metal(tuple(np.clip(color, 0, 1)), roughness, **sides)
+        eta = self.mean(values, "eta", 1.5, of)
+        if eta < 1:
+            self.note(f"the dielectric of '{name}' has an index below 1, so its inside counts as vacuum")
+        return Material.glass(max(eta, 1.0), roughness)
+
+    def rgb(self, values, key, of):
+        """Three numbers. A texture becomes its mean."""
+        for full in (f"{key}.value", key):
+            if full in values:
+                value = np.array(values[full], float).ravel()
+                return tuple(float(x) for x in (np.repeat(value, 3) if value.size == 1 else value[:3]))
+        if f"{key}.data" in values:
+            data = np.array(values[f"{key}.data"], float)
+            self.note(f"the texture {key} of {of} becomes its mean colour")
+            mean = data.reshape(-1, data.shape[-1]).mean(axis=0)
+            return tuple(float(x) for x in (np.repeat(mean, 3) if mean.size == 1 else mean[:3]))
+        self.note(f"{key} of {of} is not a colour; it becomes 1")
+        return (1.0, 1.0, 1.0)
+
+    def mean(self, values, key, default, of):
+        known = f"{key}.value" in values or key in values or f"{key}.data" in values
+        return float(np.mean(self.rgb(values, key, of))) if known else default
+
+    # Lights and cameras.
+
+    def emitter(self, emitter, name):
+        kind, values = emitter.class_name(), self.values(emitter)
+        if kind == "AreaLight":
+            return
+        if kind == "PointLight":
+            position = np.array(values["position"], float).ravel()
+            self.scene.add_light("point", name, position.tolist(), intensity=list(self.rgb(values, "intensity", f"'{name}'")))
+        elif kind == "SpotLight":
+            matrix = _matrix(values["to_world"])
+            outer, inner = (float(np.array(values[key]).item()) for key in ("cutoff_angle", "beam_width"))
+            self.note(f"the light of the spot '{name}' falls off between its angles as in glTF, not linearly")
+            self.scene.add_light(
+                "spot", name, matrix[:3, 3].tolist(), direction=matrix[:3, 2].tolist(), inner_angle=inner, outer_angle=outer,
+                intensity=list(self.rgb(values, "intensity", f"'{name}'")),
+            )
+        else:
+            self.note(f"the emitter '{name}' of the type {kind} is left out")
+
+    def sensor(self, sensor, name):
+        kind, values = sensor.class_name(), self.values(sensor)
+        if kind != "PerspectiveCamera":
+            self.note(f"the sensor '{name}' of the type {kind} is left out")
+            return
+        matrix = _matrix(values["to_world"])
+        width, height = (int(x) for x in np.array(values["film.size"]).ravel())
+        crop = np.array(values["film.crop_size"]).ravel()
+        if tuple(crop) != (width, height):
+            self.note(f"the crop of the sensor '{name}' is left out; give it as the setting crop")
+        if any(float(np.array(values.get(f"principal_point_offset_{axis}", 0)).item()) for axis in "xy"):
+            self.note(f"the principal point of the sensor '{name}' is left out")
+        # Mitsuba's cameras look along +Z, with +X to the left and +Y up.
+        pose = np.eye(4)
+        pose[:3, :3] = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0) * (-1, -1, 1)
+        pose[:3, 3] = matrix[:3, 3]
+        half = math.tan(math.radians(float(np.array(values["x_fov"]).item())) / 2) * height / width
+        if np.linalg.det(pose[:3, :3]) < 0:
+            raise SceneError(f"the sensor '{name}' mirrors its image; remove the mirror from its transform")
+        self.scene.add_camera(name, Camera(pose, (width, height), math.degrees(2 * math.atan(half)), name=name))
+
+
+def _matrix(transform):
+    """The 4 x 4 matrix of a transform of any variant."""
+    return np.array(transform.matrix, float).reshape(4, 4) if hasattr(transform, "matrix") else np.array(transform, float)
+
+
+def _rectangle():
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
+    return corners, np.array([(0, 1, 2), (0, 2, 3)]), None
+
+
+def _disk():
+    angles = 2 * math.pi * np.arange(PARTS) / PARTS
+    # The polygon has the area of the disk.
+    radius = math.sqrt(math.pi / (PARTS / 2 * math.sin(2 * math.pi / PARTS)))
+    rim = radius * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    k = np.arange(PARTS)
+    return np.vstack([rim, [(0, 0, 0)]]), np.stack([np.full(PARTS, PARTS), k, (k + 1) % PARTS], axis=1), None
+
+
+def _sphere():
+    rows = PARTS // 2
+    theta, phi = np.meshgrid(math.pi * np.arange(rows + 1) / rows, 2 * math.pi * np.arange(PARTS + 1) / PARTS, indexing="ij")
+    points = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1).reshape(-1, 3)
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(rows), np.arange(PARTS), indexing="ij"))
+    a, b = i * (PARTS + 1) + j, (i + 1) * (PARTS + 1) + j
+    triangles = np.concatenate([np.stack([a, b, b + 1], axis=1)[i < rows - 1], np.stack([a, b + 1, a + 1], axis=1)[i > 0]])
+    return points, triangles, points
+
+
+def _cylinder():
+    angles = 2 * math.pi * np.arange(PARTS + 1) / PARTS
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    k = np.arange(PARTS)
+    top = k + PARTS + 1
+    triangles = np.concatenate([np.stack([k, k + 1, top + 1], axis=1), np.stack([k, top + 1, top], axis=1)])
+    return np.vstack([ring, ring + (0, 0, 1)]), triangles, np.vstack([ring, ring])
+
+
+SHAPES = {"Rectangle": _rectangle, "Disk": _disk, "Sphere": _sphere, "Cylinder": _cylinder}
