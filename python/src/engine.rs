@@ -25,17 +25,25 @@ use crate::shared::ready::Ready;
 /// How long a render waits before it asks Python for interrupts, in the main thread.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-static DEVICES: Mutex<Option<HashMap<Option<String>, Device>>> = Mutex::new(None);
+/// The devices of this process by the names that chose them, and the process that opened them.
+static DEVICES: Mutex<Option<(u32, HashMap<Option<String>, Device>)>> = Mutex::new(None);
 
 /// Locks a mutex; a panic elsewhere left its contents whole.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The device of this name. It is opened once, and its kernels stay.
+/// The device of this name. It is opened once, and its kernels stay. Fails in a process that was forked from one with a device,
+/// because threads of the driver do not survive that.
 pub fn device(name: Option<&str>) -> Result<Device> {
     let mut devices = lock(&DEVICES);
-    let devices = devices.get_or_insert_default();
+    let (process, devices) = devices.get_or_insert_with(|| (std::process::id(), HashMap::new()));
+    if *process != std::process::id() {
+        return Err(taugate::Error::Device(
+            "this process was forked from one that has rendered; start processes with multiprocessing.get_context('spawn')".into(),
+        )
+        .into());
+    }
     let key = name.map(String::from);
     if let Some(device) = devices.get(&key) {
         return Ok(device.clone());

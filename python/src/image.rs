@@ -28,7 +28,6 @@ pub struct Image {
     view: View,
     notes: Vec<String>,
     warnings: Vec<String>,
-    samples_in_pixels: [u64; 2],
     dropped: u64,
 }
 
@@ -51,7 +50,6 @@ impl Image {
             view,
             notes,
             warnings,
-            samples_in_pixels: renderer.samples_in_pixels(),
             dropped: renderer.stats().dropped,
         }
     }
@@ -178,11 +176,6 @@ impl Image {
     #[getter]
     fn samples(&self) -> u64 {
         self.film.samples()
-    }
-
-    #[getter]
-    fn samples_in_pixels(&self) -> [u64; 2] {
-        self.samples_in_pixels
     }
 
     #[getter]

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
+use std::thread::{self, ThreadId};
 
 use glam::{DAffine3, DMat4};
 use numpy::PyReadonlyArray3;
@@ -32,6 +33,8 @@ use crate::shared::{feasible, memory};
 #[pyclass(frozen, module = "taugate._native")]
 pub struct NativeScene {
     state: Mutex<State>,
+    /// The thread that renders.
+    renders: Mutex<Option<ThreadId>>,
 }
 
 struct State {
@@ -63,7 +66,7 @@ impl NativeScene {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, flags: Vec<Words>, moves: Vec<String>) -> PyResult<NativeScene> {
         let state = py.detach(|| State::load(path, &flags, moves))?;
-        Ok(NativeScene { state: Mutex::new(state) })
+        Ok(NativeScene::new(state))
     }
 
     /// A scene of meshes and materials without any placement, light or camera. `materials` is JSON.
@@ -77,13 +80,13 @@ impl NativeScene {
         let scene = crate::arrays::scene(materials, textures, meshes)?;
         let base = flags::experiment(&flags)?;
         let state = State { base, scene, input: None, moves: vec![], moved: BTreeMap::new(), ready: None };
-        Ok(NativeScene { state: Mutex::new(state) })
+        Ok(NativeScene::new(state))
     }
 
     /// Replaces all placements, lights and media of a scene of arrays.
     fn place(&self, py: Python<'_>, objects: Objects) -> PyResult<()> {
         py.detach(|| {
-            let mut state = lock(&self.state);
+            let mut state = self.state()?;
             state.moved.clear();
             objects.place(&mut state.scene)
         })?;
@@ -93,7 +96,7 @@ impl NativeScene {
     /// Moves the node `name`; `matrix` is its world from mesh space, row by row.
     fn set_transform(&self, py: Python<'_>, name: &str, matrix: [[f64; 4]; 4]) -> PyResult<()> {
         py.detach(|| {
-            let mut state = lock(&self.state);
+            let mut state = self.state()?;
             if !state.scene.instances.iter().any(|instance| instance.node == name) {
                 return Err(settings(format!("the scene has no node '{name}' with a mesh; check the name")));
             }
@@ -106,11 +109,11 @@ impl NativeScene {
     /// World from mesh space of the first mesh of the node `name`, row by row.
     fn transform(&self, py: Python<'_>, name: &str) -> PyResult<[[f64; 4]; 4]> {
         let found = py.detach(|| {
-            let state = lock(&self.state);
+            let state = self.state()?;
             let moved = state.moved.get(name).copied();
             let instance = state.scene.instances.iter().find(|instance| instance.node == name);
-            moved.or(instance.map(|instance| instance.transform))
-        });
+            Result::Ok(moved.or(instance.map(|instance| instance.transform)))
+        })?;
         let found =
             found.ok_or_else(|| settings(format!("the scene has no node '{name}' with a mesh; check the name")))?;
         Ok(DMat4::from(found).transpose().to_cols_array_2d())
@@ -119,7 +122,7 @@ impl NativeScene {
     /// What the scene contains. With `arrival` also when its light arrives.
     fn info<'py>(&self, py: Python<'py>, flags: Vec<Words>, arrival: bool) -> PyResult<Bound<'py, PyDict>> {
         let (job, times) = py.detach(|| {
-            let job = lock(&self.state).job(&flags)?;
+            let job = self.state()?.job(&flags)?;
             let times = if arrival { Some(arrivals(&job)?) } else { None };
             Result::Ok((job, times))
         })?;
@@ -151,12 +154,12 @@ impl NativeScene {
 
     /// The settings of a render as TOML, with all defaults.
     fn settings(&self, py: Python<'_>, flags: Vec<Words>) -> PyResult<String> {
-        Ok(py.detach(|| lock(&self.state).job(&flags).map(|job| job.printed))?)
+        Ok(py.detach(|| self.state()?.job(&flags).map(|job| job.printed))?)
     }
 
     /// The camera of a render.
     fn view(&self, py: Python<'_>, flags: Vec<Words>) -> PyResult<View> {
-        let job = py.detach(|| lock(&self.state).job(&flags))?;
+        let job = py.detach(|| self.state()?.job(&flags))?;
         View::of(&job.scene, &job.resolved.settings)
     }
 
@@ -169,14 +172,35 @@ impl NativeScene {
         single: bool,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(Image, Option<PyErr>)> {
-        Ok(py.detach(|| lock(&self.state).render(&flags, single, progress.as_ref()))?)
+        Ok(py.detach(|| {
+            let mut state = self.state()?;
+            *lock(&self.renders) = Some(thread::current().id());
+            let result = state.render(&flags, single, progress.as_ref());
+            *lock(&self.renders) = None;
+            result
+        })?)
     }
 }
 
 impl NativeScene {
+    fn new(state: State) -> NativeScene {
+        NativeScene { state: Mutex::new(state), renders: Mutex::new(None) }
+    }
+
+    /// Waits until no other thread uses the scene. Fails in a function that this thread calls while it renders the scene: it would
+    /// wait for ever.
+    fn state(&self) -> Result<MutexGuard<'_, State>> {
+        if *lock(&self.renders) == Some(thread::current().id()) {
+            return Err(settings(
+                "this scene is being rendered, so a progress function cannot use it; use it after the render",
+            ));
+        }
+        Ok(lock(&self.state))
+    }
+
     /// The settings of a scan, and the scene with its sensor and laser.
     pub fn scan_job(&self, flags: &[Words]) -> Result<Job> {
-        lock(&self.state).job(flags)
+        self.state()?.job(flags)
     }
 }
 
@@ -259,6 +283,9 @@ impl State {
             return Err(crate::errors::settings(format!(
                 "these are {count} gates, so the result is no single image; use taugate.histogram"
             )));
+        }
+        if !single && count == 1 && settings.responses().are_steady() {
+            return Err(crate::errors::settings("a histogram needs gates, such as gates='5m..15m/100'"));
         }
         let has_variance = count > 1 && experiment.output.variance.unwrap_or(false);
         memory::check(settings, has_variance)?;

@@ -21,6 +21,11 @@ class _Result:
         return self._native.samples
 
     @property
+    def mean(self):
+        """Mean over all pixels and channels, and its standard error; ``None`` instead of the error after one iteration."""
+        return self._native.mean
+
+    @property
     def iterations(self):
         """Number of iterations; the variances are estimated from them."""
         return self._native.iterations

@@ -46,7 +46,6 @@ class NativeImage:
     uniform: Optional[tuple[float, float, int]]
     support: str
     samples: int
-    samples_in_pixels: list[int]
     iterations: int
     dropped: int
     seconds: float

@@ -2,7 +2,6 @@
 
 import collections
 import logging
-import os
 import sys
 import warnings
 
@@ -35,14 +34,7 @@ def histogram(scene, *, progress=None, **settings):
     ``gates="A..B/N"`` or ``(A, B, N)`` in metres divides a range into N gates; ``response`` and ``cw`` give others. ``variance=True`` also
     estimates variances.
     """
-    if not any(settings.get(key) is not None for key in ("gates", "response", "cw", "gate", "depth")) and isinstance(scene, Scene):
-        if not any(scene.settings.get(key) is not None for key in ("gates", "response", "cw")) and not _is_experiment(scene.path):
-            raise SettingsError("a histogram needs gates, such as gates='5m..15m/100'")
     return _run("histogram", Histogram, False, scene, progress, settings)
-
-
-def _is_experiment(path):
-    return path is not None and os.path.splitext(path)[1].lower() == ".toml"
 
 
 def _run(call, kind, single, scene, progress, settings):

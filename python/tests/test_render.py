@@ -149,6 +149,40 @@ def test_progress_is_reported_and_an_exception_in_it_ends_the_render(box):
     assert taugate.render(box, spp=2).samples == 2
 
 
+def test_a_progress_function_cannot_use_its_scene(box):
+    with pytest.raises(taugate.SettingsError, match="being rendered"):
+        taugate.render(box, spp=4, progress=lambda step: box.info())
+    # Other scenes can be rendered meanwhile.
+    other = taugate.load(BOX, resolution=SIZE)
+    inner = []
+    taugate.render(box, spp=4, progress=lambda step: inner.append(taugate.render(other, spp=2)))
+    assert len(inner) == 2
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+@pytest.mark.filterwarnings("ignore:This process")
+def test_a_forked_process_explains_itself(box):
+    taugate.render(box, spp=1)
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            taugate.render(box, spp=1)
+            text = "rendered"
+        except taugate.DeviceError as error:
+            text = str(error)
+        os.write(write, text.encode())
+        os._exit(0)
+    os.waitpid(child, 0)
+    assert "get_context('spawn')" in os.read(read, 1000).decode()
+
+
+def test_the_mean_is_that_of_the_pixels(box):
+    image = taugate.render(box, spp=4)
+    mean, error = image.mean
+    assert np.isclose(mean, image.pixels.mean(dtype=float), rtol=1e-5) and 0 < error < mean
+
+
 def test_an_interrupt_keeps_the_image_so_far(box):
     timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
