@@ -86,7 +86,7 @@ struct List(Vec<&'static Setting>);
 
 impl Visitor for List {
     fn visit<T: Value>(&mut self, setting: &'static Setting, _: &mut Option<T>) {
-        if setting.heading != "Output" || OUTPUTS.contains(&setting.name) {
+        if !["Output", "Long renders"].contains(&setting.heading) || OUTPUTS.contains(&setting.name) {
             self.0.push(setting);
         }
     }

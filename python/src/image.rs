@@ -54,6 +54,20 @@ impl Image {
         }
     }
 
+    /// The image of sums, without layers.
+    pub fn of_sums(
+        film: Film,
+        responses: Option<ResponseFilm>,
+        settings: &Settings,
+        provenance: Provenance,
+        view: View,
+        notes: Vec<String>,
+        warnings: Vec<String>,
+    ) -> Image {
+        let (settings, layers) = (settings.clone(), Layers::default());
+        Image { film, responses, settings, provenance, layers, view, notes, warnings, dropped: 0 }
+    }
+
     fn shape(&self) -> [usize; 3] {
         [self.film.height() as usize, self.film.width() as usize, 3]
     }

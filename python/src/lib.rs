@@ -9,6 +9,7 @@ mod image;
 mod scan;
 mod scene;
 mod shared;
+mod sums;
 
 use pyo3::prelude::*;
 
@@ -19,5 +20,10 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<image::Image>()?;
     module.add_class::<camera::View>()?;
     module.add_function(wrap_pyfunction!(scan::scan, module)?)?;
+    module.add_class::<sums::Sums>()?;
+    module.add_function(wrap_pyfunction!(sums::accumulate, module)?)?;
+    module.add_function(wrap_pyfunction!(sums::developed, module)?)?;
+    module.add_function(wrap_pyfunction!(sums::part, module)?)?;
+    module.add_function(wrap_pyfunction!(sums::samples_before_iteration, module)?)?;
     module.add_function(wrap_pyfunction!(flags::flags, module)?)
 }

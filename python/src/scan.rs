@@ -34,7 +34,7 @@ pub fn scan(
     path: PathBuf,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(usize, Vec<String>, Option<PyErr>)> {
-    Ok(py.detach(|| run(&scene.scan_job(&flags)?, &path, progress.as_ref()))?)
+    Ok(py.detach(|| run(&scene.job(&flags)?, &path, progress.as_ref()))?)
 }
 
 fn run(job: &Job, path: &Path, progress: Option<&Py<PyAny>>) -> Result<(usize, Vec<String>, Option<PyErr>)> {

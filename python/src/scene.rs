@@ -15,9 +15,10 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Resolved, emitting_nodes};
 use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
-use taugate::internals::render::{PreparedScene, object_ids, probe};
+use taugate::internals::render::{PreparedScene, Renderer, object_ids, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
+use taugate::internals::settings::Settings;
 use taugate::internals::settings::table::InputTable;
 
 use crate::arrays::{Mesh, Objects, transform};
@@ -198,8 +199,25 @@ impl NativeScene {
         Ok(lock(&self.state))
     }
 
-    /// The settings of a scan, and the scene with its sensor and laser.
-    pub fn scan_job(&self, flags: &[Words]) -> Result<Job> {
+    /// Calls `work` with a renderer without iterations, its settings, and the experiment as TOML.
+    pub fn with_renderer<T>(
+        &self,
+        flags: &[Words],
+        work: impl FnOnce(&mut Renderer, &Settings, &str) -> Result<T>,
+    ) -> Result<T> {
+        let mut state = self.state()?;
+        let Job { experiment, scene, resolved, printed, .. } = state.job(flags)?;
+        let settings = &resolved.settings;
+        let has_variance = settings.responses().len() > 1 && experiment.output.variance.unwrap_or(false);
+        memory::check(settings, has_variance)?;
+        let mut ready = engine::prepare(state.ready.take(), scene, &experiment, settings, has_variance)?.ready;
+        let result = work(&mut ready.renderer, settings, &printed);
+        state.ready = Some(ready);
+        result
+    }
+
+    /// A render that needs no more choices.
+    pub fn job(&self, flags: &[Words]) -> Result<Job> {
         self.state()?.job(flags)
     }
 }

@@ -59,15 +59,21 @@ impl Renderer {
         Ok(())
     }
 
-    /// Makes the next iteration of `shard` the next one: for the whole render there is nothing to do. Its random numbers are those of
-    /// this iteration in the whole render, and no other iteration has them.
+    /// As [`Renderer::go_to`], for the next iteration of `shard`. For the whole render there is nothing to do.
     #[doc(hidden)]
     pub fn go_to_next_of(&mut self, shard: Shard) {
         if shard.is_all() {
             return;
         }
         let from = self.done.end();
-        self.next = (from..).find(|&number| shard.has(number)).expect("a shard has no last iteration");
+        self.go_to((from..).find(|&number| shard.has(number)).expect("a shard has no last iteration"));
+    }
+
+    /// Makes iteration `number` the next one, for a part of a render. Its random numbers are those of this iteration in the whole
+    /// render, and no other iteration has them.
+    #[doc(hidden)]
+    pub fn go_to(&mut self, number: u32) {
+        self.next = number;
         let before = samples_before(self.next) as u32;
         // With adaptive sampling a pixel may have had this many samples in the iterations before.
         self.first_sample = if self.allocation.is_some() { MAX_SHARE * before } else { before };

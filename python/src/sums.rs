@@ -1,0 +1,180 @@
+//! The sums of parts of a render, which a farm of machines renders and joins.
+
+use std::io::Cursor;
+use std::sync::Mutex;
+
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use taugate::internals::image::accumulation::file::{self, Parts, Problem};
+use taugate::internals::image::accumulation::{AXES, About, Accumulation, FORMAT};
+use taugate::internals::image::exr_file::{Provenance, version};
+use taugate::internals::image::fingerprint;
+use taugate::internals::render::Renderer;
+use taugate::internals::render::schedule::{samples_before, samples_in};
+use taugate::internals::settings::Settings;
+use taugate::internals::settings::shard::Shard;
+
+use crate::camera::View;
+use crate::engine::lock;
+use crate::errors::{Failure, Result, settings};
+use crate::flags::Words;
+use crate::image::Image;
+use crate::scene::NativeScene;
+
+/// The sums of some iterations of a render.
+#[pyclass(frozen, module = "taugate._native")]
+pub struct Sums(Mutex<Accumulation>);
+
+#[pymethods]
+impl Sums {
+    /// Reads the bytes of a file `.acc`.
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Sums> {
+        let read = py.detach(|| file::read_from(&mut Cursor::new(bytes)));
+        let read = read.map_err(|problem| match problem {
+            Problem::Contents(message) => settings(format!("this part is no accumulation: {message}")),
+            Problem::Io(error) => settings(format!("this part cannot be read: {error}")),
+        });
+        Ok(Sums(Mutex::new(read.map_err(PyErr::from)?)))
+    }
+
+    /// The bytes of a file `.acc`.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let bytes = py.detach(|| bytes(lock(&self.0).parts()))?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// Adds another part of the same render, which has other iterations.
+    fn merge(&self, py: Python<'_>, other: &Sums) -> PyResult<()> {
+        if std::ptr::eq(self, other) {
+            return Err(settings("sums cannot be merged with themselves").into());
+        }
+        let merged = py.detach(|| {
+            let other = lock(&other.0).clone();
+            lock(&self.0).merge("the sums", &other, "the part").map_err(Failure::from)
+        });
+        Ok(merged?)
+    }
+
+    /// Samples per pixel.
+    #[getter]
+    fn samples(&self) -> u64 {
+        lock(&self.0).film.samples()
+    }
+
+    /// Number of iterations.
+    #[getter]
+    fn iterations(&self) -> u32 {
+        lock(&self.0).film.iterations()
+    }
+
+    /// Seconds of rendering, summed over the parts.
+    #[getter]
+    fn seconds(&self) -> f64 {
+        lock(&self.0).about.seconds
+    }
+
+    /// Root mean square of the standard errors of all pixels and channels, relative to the mean of the image. Infinite with fewer than
+    /// two iterations, or if the image is black.
+    fn relative_error(&self, py: Python<'_>) -> f64 {
+        py.detach(|| {
+            let sums = lock(&self.0);
+            let average = |values: Vec<f32>| values.iter().map(|&x| f64::from(x)).sum::<f64>() / values.len() as f64;
+            let (variance, mean) = (average(sums.film.variance_of_mean()), average(sums.film.mean()));
+            match sums.film.iterations() >= 2 && mean > 0.0 {
+                true => variance.sqrt() / mean,
+                false => f64::INFINITY,
+            }
+        })
+    }
+}
+
+/// Renders the iterations `begin` to `end` (not included) of a render, as bytes of a file `.acc` without the state of adaptive sampling. With `spp`, the render ends after so many
+/// samples per pixel. `contents` identifies the scene.
+#[pyfunction]
+pub fn accumulate<'py>(
+    py: Python<'py>,
+    scene: &NativeScene,
+    flags: Vec<Words>,
+    contents: String,
+    begin: u32,
+    end: u32,
+    spp: Option<u32>,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let bytes = py.detach(|| {
+        scene.with_renderer(&flags, |renderer, settings, printed| {
+            let started = std::time::Instant::now();
+            for number in begin..end {
+                let left = spp.map_or(u64::MAX, |spp| u64::from(spp).saturating_sub(samples_before(number)));
+                let samples = left.min(samples_in(number).into()) as u32;
+                if samples > 0 {
+                    renderer.go_to(number);
+                    renderer.iterate(samples)?;
+                }
+            }
+            let about = about(renderer, settings, printed, contents, started.elapsed().as_secs_f64());
+            let (film, responses) = (renderer.film(), renderer.responses());
+            // Each part adapts by itself, so nobody needs what it has learned.
+            bytes(Parts { about: &about, film, responses, adaptive: None })
+        })
+    })?;
+    Ok(PyBytes::new(py, &bytes))
+}
+
+/// The image of sums, as if `scene` had been rendered with `flags` here.
+#[pyfunction]
+pub fn developed(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>, sums: &Sums) -> PyResult<Image> {
+    let image = py.detach(|| {
+        let job = scene.job(&flags)?;
+        let settings = &job.resolved.settings;
+        let Accumulation { about, film, responses, .. } = lock(&sums.0).clone();
+        let provenance = Provenance::new(settings, about.seconds, job.printed);
+        let view = View::of(&job.scene, settings)?;
+        let warnings = [&job.scene.warnings[..], &job.resolved.warnings].concat();
+        Result::Ok(Image::of_sums(film, responses, settings, provenance, view, job.notes, warnings))
+    });
+    Ok(image?)
+}
+
+/// Number of the iteration after `begin` at which a part ends that has at least `samples` samples per pixel, and their number.
+#[pyfunction]
+pub fn part(begin: u32, samples: f64) -> (u32, u64) {
+    let mut end = begin + 1;
+    while ((samples_before(end) - samples_before(begin)) as f64) < samples {
+        end += 1;
+    }
+    (end, samples_before(end) - samples_before(begin))
+}
+
+/// Samples per pixel of all iterations before `number`.
+#[pyfunction]
+pub fn samples_before_iteration(number: u32) -> u64 {
+    samples_before(number)
+}
+
+fn about(renderer: &Renderer, settings: &Settings, printed: &str, contents: String, seconds: f64) -> About {
+    let crop = settings.crop();
+    About {
+        format: FORMAT,
+        version: version(),
+        renderer: fingerprint::RENDERER.into(),
+        scene: contents,
+        settings: printed.into(),
+        resolution: settings.resolution(),
+        crop: [crop.x0, crop.x1, crop.y0, crop.y1],
+        responses: settings.responses().iter().map(|response| response.name().into()).collect(),
+        seed: settings.seed(),
+        samples_per_pixel: renderer.film().samples(),
+        seconds,
+        iterations: renderer.done().clone(),
+        next_sample: renderer.next_sample(),
+        shards: vec![Shard::ALL],
+        axes: AXES.into(),
+    }
+}
+
+fn bytes(parts: Parts) -> Result<Vec<u8>> {
+    let mut file = Cursor::new(vec![]);
+    file::write_to(&mut file, parts).map_err(|e| settings(format!("the sums cannot be written: {e}")))?;
+    Ok(file.into_inner())
+}

@@ -1,0 +1,103 @@
+"""A farm of workers on this machine."""
+
+import os
+import pathlib
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import taugate
+
+from conftest import SCENES, SIZE
+
+distributed = pytest.importorskip("distributed")
+
+SETTINGS = dict(resolution=SIZE, gate="5m..6m", light_paths=1000, sampling="uniform")
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    # Few processes, because each of them compiles the kernels.
+    with distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=None, processes=True) as cluster:
+        with distributed.Client(cluster) as client:
+            yield client
+
+
+def by_hand(scene, spp, ranges):
+    """The sums of these parts, added in order."""
+    native, flags = taugate.load(scene)._job(SETTINGS, "test")
+    total = None
+    for begin, end in ranges:
+        part = taugate._native.Sums.from_bytes(taugate._native.accumulate(native, flags, "x", begin, end, spp))
+        if total is None:
+            total = part
+        else:
+            total.merge(part)
+    return taugate.Image(taugate._native.developed(native, flags, total))
+
+
+def test_a_killed_worker_changes_no_bit(cluster):
+    scene = SCENES / "cornell-box.glb"
+    pids = cluster.run(os.getpid)
+    updates = []
+
+    def update(image):
+        updates.append((image.samples, float(np.sqrt(image.variance.mean()) / image.pixels.mean())))
+        if len(updates) == 2:
+            os.kill(next(iter(pids.values())), signal.SIGKILL)
+
+    from taugate import farm
+
+    image = farm.render(scene, client=cluster, spp=400, part_seconds=0.2, on_update=update, **SETTINGS)
+    assert image.samples == 400 and len(updates) > 5
+    assert set(cluster.run(os.getpid).values()) != set(pids.values()), "no worker was killed"
+    # The error bar falls.
+    assert updates[-1][1] < 0.5 * updates[0][1]
+    alone = taugate.render(scene, spp=400, **SETTINGS)
+    assert image.pixels.tobytes() == alone.pixels.tobytes()
+    assert np.allclose(image.variance, alone.variance, rtol=1e-6)
+    whole = by_hand(scene, 400, [(0, 7), (7, 20), (20, 62)])
+    assert image.pixels.tobytes() == whole.pixels.tobytes() and image.variance.tobytes() == whole.variance.tobytes()
+
+
+def test_an_error_or_a_time_ends_a_render(cluster):
+    from taugate import farm
+
+    scene = taugate.load(SCENES / "cornell-box.glb", **SETTINGS)
+    image = farm.render(scene, client=cluster, error=0.1, part_seconds=0.2)
+    assert np.sqrt(image.variance.mean()) <= 0.1 * image.pixels.mean()
+    started = time.monotonic()
+    image = farm.render(scene, client=cluster, time=1.0, part_seconds=0.2)
+    assert image.samples > 0 and time.monotonic() - started < 20
+
+
+def test_histograms_and_mistakes(cluster):
+    from taugate import farm
+
+    scene = taugate.load(SCENES / "cornell-box.glb", resolution=(16, 12), light_paths=500, sampling="uniform")
+    settings = dict(gates="4m..8m/6", spp=24)
+    histogram = farm.render(scene, client=cluster, part_seconds=0.2, **settings)
+    alone = taugate.histogram(scene, **settings)
+    assert histogram.pixels.shape == (12, 16, 6, 3)
+    assert np.allclose(histogram.pixels, alone.pixels, rtol=1e-6)
+    with pytest.raises(taugate.SettingsError, match="no unit"):
+        farm.render(scene, client=cluster, gate="1..2")
+
+
+def test_a_data_set_is_continued(cluster, tmp_path):
+    from taugate import farm
+
+    scene = taugate.load(SCENES / "cornell-box.glb", **SETTINGS)
+    jobs = [(f"seed{seed}", scene, dict(seed=seed, spp=2)) for seed in range(3)]
+    made = sorted(farm.dataset(jobs[:2], client=cluster, folder=tmp_path))
+    assert [pathlib.Path(path).name for path in made] == ["seed0.npy", "seed1.npy"]
+    first = os.stat(made[0]).st_mtime_ns
+    assert len(list(farm.dataset(iter(jobs), client=cluster, folder=tmp_path))) == 3
+    assert os.stat(made[0]).st_mtime_ns == first, "what is there is kept"
+    assert (np.load(tmp_path / "seed2.npy") == taugate.render(scene, seed=2, spp=2).pixels).all()
+    jobs[1:1] = [("broken", scene, dict(gate="1..2", spp=2))]
+    with pytest.raises(taugate.SettingsError, match="no unit"):
+        list(farm.dataset(jobs, client=cluster, folder=tmp_path))
