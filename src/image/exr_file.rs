@@ -26,6 +26,12 @@ use crate::settings::{Crop, MAX_PIXELS, Response, Responses, Settings};
 /// per thread. A block of our own largest image has 16 MiB
 /// with all auxiliary layers.
 const MAX_BLOCK_BYTES: u64 = 64 << 20;
+/// Pixels that an image may have whatever the length of its file. Together with [`PIXELS_PER_BYTE`], this stops small files that
+/// claim gigabytes.
+const FREE_PIXELS: u64 = 8 << 20;
+/// Pixels that an image may have for each byte of its file, beyond [`FREE_PIXELS`]. Deflate packs at most 1032 bytes into one, and
+/// a pixel of three 16-bit channels has 6.
+const PIXELS_PER_BYTE: u64 = 256;
 /// Names of the channels that taugate reads. The variance may be missing.
 const COLOR_CHANNELS: [&str; 3] = ["R", "G", "B"];
 const VARIANCE_CHANNELS: [&str; 3] = ["Variance.R", "Variance.G", "Variance.B"];
@@ -324,7 +330,7 @@ impl Values {
 /// checked before memory is allocated.
 pub fn read_size(path: &Path) -> Result<[u32; 2]> {
     let fail = |message: String| Err(Error::File { path: path.into(), message });
-    check_readable(path)?;
+    let length = check_readable(path)?;
     let file = File::open(path).map_err(|e| read_error(path, e))?;
     let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(|e| unreadable(path, e))?;
     let [header] = &meta.headers[..] else {
@@ -338,6 +344,11 @@ pub fn read_size(path: &Path) -> Result<[u32; 2]> {
         return fail(format!(
             "has a header of {width} x {height} pixels, but taugate reads at most {} megapixels; crop the image",
             MAX_PIXELS >> 20
+        ));
+    }
+    if width * height > FREE_PIXELS + PIXELS_PER_BYTE * length {
+        return fail(format!(
+            "has a header of {width} x {height} pixels, too many for its {length} bytes; write the image again"
         ));
     }
     if block_bytes(header) > MAX_BLOCK_BYTES {

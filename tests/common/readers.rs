@@ -46,7 +46,7 @@ impl Reader {
         let peak = peak_of(|| (self.read)(bytes));
         let time = start.elapsed();
         assert!(time < MAX_TIME, "{}: a file of {} bytes takes {time:?}", self.name, bytes.len());
-        let limit = 20 * bytes.len() + 256_000_000;
+        let limit = 20 * bytes.len() + (256 << 20);
         assert!(peak <= limit, "{}: a file of {} bytes takes {peak} bytes of memory", self.name, bytes.len());
     }
 }

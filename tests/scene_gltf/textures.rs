@@ -201,3 +201,22 @@ fn images_that_are_too_large_together_are_refused_before_one_is_decoded() {
     }
     assert!(peak < 64, "{peak} MiB");
 }
+
+/// A file of a hundred bytes once took a gigabyte before its end was noticed.
+#[test]
+fn images_that_are_too_short_for_their_size_are_refused_before_they_are_decoded() {
+    let mut file = plain([1, 2, 3], ImageFormat::Png);
+    // Width and height are in the header, whose checksum follows.
+    file[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
+    let checksum = file[12..29].iter().fold(!0u32, |sum, &byte| {
+        (0..8).fold(sum ^ u32::from(byte), |sum, _| sum >> 1 ^ (0xedb8_8320 & (sum & 1).wrapping_neg()))
+    });
+    file[29..33].copy_from_slice(&(!checksum).to_be_bytes());
+    let mut glb = untextured();
+    let view = glb.view(&file);
+    glb.push("images", json!({ "bufferView": view }));
+    glb.push("textures", json!({ "source": 0 }));
+    use_texture(&mut glb, 0);
+    let message = refusal(&glb.build());
+    assert!(message.contains("too few for their 268435456 pixels"), "{message}");
+}

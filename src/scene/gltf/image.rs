@@ -20,6 +20,12 @@ use crate::scene::Image;
 const MAX_SIDE: u32 = 16384;
 /// Maximum number of texels of all images together: 2 GiB, the usual limit of an array on a device.
 const MAX_TEXELS: u64 = 1 << 29;
+/// Bytes that images may take whatever the length of their files: those of 8192 x 8192 texels. Together with [`BYTES_PER_BYTE`], this
+/// stops small files that decode to gigabytes.
+const FREE_BYTES: u64 = 4 << 26;
+/// Bytes that images may take for each byte of their files, beyond [`FREE_BYTES`]. Deflate packs at most 1032 bytes into one, and a
+/// grey texel becomes four bytes.
+const BYTES_PER_BYTE: u64 = 4 * 1032;
 /// Maximum number of texels of the images that are decoded at the same time, unless a single image has more. Some decoders need
 /// up to 8 bytes per texel of their own.
 const MAX_TEXELS_AT_ONCE: u64 = 1 << 25;
@@ -29,8 +35,9 @@ const MAX_DECODER_BYTES: u64 = 64 << 20;
 /// Decodes `images`; returns them in that order.
 pub fn load(doc: &Document, folders: Folders, images: &[ImageUse], warnings: &mut Warnings) -> Checked<Vec<Image>> {
     let sources: Vec<Source> = images.iter().map(|image| Source::new(doc, folders, image)).collect();
-    let sizes: Vec<[u32; 2]> = sources.iter().map(Source::size).collect::<Checked<_>>()?;
-    check_total(&sources, &sizes)?;
+    let headers: Vec<ImageHeader> = sources.iter().map(Source::header).collect::<Checked<_>>()?;
+    let sizes: Vec<[u32; 2]> = headers.iter().map(|header| header.size).collect();
+    check_total(&sources, &headers)?;
     let texels: Vec<u64> = sizes.iter().map(texel_count).collect();
     let mut decoded = Vec::with_capacity(images.len());
     for run in runs(&texels, MAX_TEXELS_AT_ONCE) {
@@ -63,20 +70,38 @@ fn texel_count([width, height]: &[u32; 2]) -> u64 {
     u64::from(*width) * u64::from(*height)
 }
 
-/// Fails if the images together have too many texels; names the largest image.
-fn check_total(sources: &[Source], sizes: &[[u32; 2]]) -> Checked<()> {
+/// What is known of an image before it is decoded.
+struct ImageHeader {
+    /// Width and height in pixels.
+    size: [u32; 2],
+    /// Bytes of the file, and bytes that [`rgba8`] needs.
+    file: u64,
+    decoded: u64,
+}
+
+/// Fails if the images together have too many texels, or too many for the length of their files; names the largest image.
+fn check_total(sources: &[Source], headers: &[ImageHeader]) -> Checked<()> {
     let gibibytes = |texels: u64| texels as f64 * 4.0 / f64::from(1 << 30);
-    let total: u64 = sizes.iter().map(texel_count).sum();
-    match sources.iter().zip(sizes).max_by_key(|(_, size)| texel_count(size)) {
-        Some((largest, [width, height])) if total > MAX_TEXELS => Err(format!(
-            "the images of the textures need {:.1} GiB, but taugate reads at most {} GiB; the largest is {} with {width} x \
+    let total: u64 = headers.iter().map(|header| texel_count(&header.size)).sum();
+    let largest = sources.iter().zip(headers).max_by_key(|(_, header)| texel_count(&header.size));
+    let Some((largest, ImageHeader { size: [width, height], .. })) = largest else { return Ok(()) };
+    let name = &largest.name;
+    if total > MAX_TEXELS {
+        return Err(format!(
+            "the images of the textures need {:.1} GiB, but taugate reads at most {} GiB; the largest is {name} with {width} x \
              {height} pixels; scale images down",
             gibibytes(total),
             gibibytes(MAX_TEXELS),
-            largest.name
-        )),
-        _ => Ok(()),
+        ));
     }
+    let bytes: u64 = headers.iter().map(|header| header.file).sum();
+    if headers.iter().map(|header| header.decoded).sum::<u64>() > FREE_BYTES + BYTES_PER_BYTE * bytes {
+        return Err(format!(
+            "the images of the textures have {bytes} bytes, too few for their {total} pixels; the largest is {name} with {width} x \
+             {height} pixels; scale images of a single colour down, or save damaged images again"
+        ));
+    }
+    Ok(())
 }
 
 /// Splits the images with these sizes into runs of consecutive images. The sum of each run is at most `limit`, but a larger
@@ -124,11 +149,12 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Width and height by the header.
-    fn size(&self) -> Checked<[u32; 2]> {
+    fn header(&self) -> Checked<ImageHeader> {
         let bytes = self.bytes()?;
-        let (width, height) = decoder(&bytes).map_err(|e| self.failed(&e, &bytes))?.dimensions();
-        Ok([width, height])
+        let decoder = decoder(&bytes).map_err(|e| self.failed(&e, &bytes))?;
+        let size = <[u32; 2]>::from(decoder.dimensions());
+        let decoded = texel_count(&size) * 4 * u64::from(decoder.color_type().bytes_per_pixel().div_ceil(4));
+        Ok(ImageHeader { size, file: bytes.len() as u64, decoded })
     }
 
     /// The texels of the image, and whether the file has more than 8 bits per channel.
