@@ -25,8 +25,15 @@ use crate::shared::ready::Ready;
 /// How long a render waits before it asks Python for interrupts, in the main thread.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// The devices of this process by the names that chose them, and the process that opened them.
-static DEVICES: Mutex<Option<(u32, HashMap<Option<String>, Device>)>> = Mutex::new(None);
+static DEVICES: Mutex<Option<Devices>> = Mutex::new(None);
+
+/// The open devices.
+struct Devices {
+    /// The process that opened them.
+    process: u32,
+    /// By the names that chose them.
+    open: HashMap<Option<String>, Device>,
+}
 
 /// Locks a mutex; a panic elsewhere left its contents whole.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -37,19 +44,19 @@ pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// because threads of the driver do not survive that.
 pub fn device(name: Option<&str>) -> Result<Device> {
     let mut devices = lock(&DEVICES);
-    let (process, devices) = devices.get_or_insert_with(|| (std::process::id(), HashMap::new()));
-    if *process != std::process::id() {
+    let devices = devices.get_or_insert_with(|| Devices { process: std::process::id(), open: HashMap::new() });
+    if devices.process != std::process::id() {
         return Err(taugate::Error::Device(
             "this process was forked from one that has rendered; start processes with multiprocessing.get_context('spawn')".into(),
         )
         .into());
     }
     let key = name.map(String::from);
-    if let Some(device) = devices.get(&key) {
+    if let Some(device) = devices.open.get(&key) {
         return Ok(device.clone());
     }
     let device = Device::open(name)?;
-    devices.insert(key, device.clone());
+    devices.open.insert(key, device.clone());
     Ok(device)
 }
 

@@ -1,11 +1,13 @@
 //! All readers of files, as functions of bytes: for the fuzzer (`fuzz/run`) and for the test of its corpus (`tests/corpus.rs`).
 
 use std::cell::LazyCell;
+use std::io::Cursor;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::json;
 use taugate::Scene;
+use taugate::internals::image::accumulation::file::{read_from, write_to};
 use taugate::internals::image::{exr_file, npy_read};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::outputs;
@@ -36,6 +38,8 @@ pub const READERS: &[Reader] = &[
     Reader { name: "grid_npy", read: grid_npy },
     Reader { name: "response_csv", read: response_csv },
     Reader { name: "phase_csv", read: phase_csv },
+    Reader { name: "acc", read: acc },
+    Reader { name: "acc_about", read: acc_about },
 ];
 
 impl Reader {
@@ -201,4 +205,30 @@ fn phase_csv(bytes: &[u8]) {
         let mut experiment = experiment_with("[medium]\nsigma_s = 1\nphase = 'FILE'", path);
         let _ = scenery::apply(&mut experiment, &mut Scene::default());
     });
+}
+
+/// The sums of a render. What was read is written and read again.
+fn acc(bytes: &[u8]) {
+    let Ok(sums) = read_from(&mut Cursor::new(bytes)) else { return };
+    let mut again = Cursor::new(vec![]);
+    write_to(&mut again, sums.parts()).expect("memory takes all bytes");
+    assert!(read_from(&mut again).is_ok(), "sums that were read are written as a wrong file");
+}
+
+/// Sums whose `about.json` is `bytes`. Check sums hide the inside of a file from a fuzzer.
+fn acc_about(bytes: &[u8]) {
+    const GOOD: &[u8] = include_bytes!("../../fuzz/corpus/acc/single");
+    let mut zip = zip::ZipArchive::new(Cursor::new(GOOD)).expect("the corpus has whole files");
+    let mut file = zip::ZipWriter::new(Cursor::new(vec![]));
+    let options = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for i in 0..zip.len() {
+        let mut entry = zip.by_index(i).expect("an entry");
+        let name = entry.name().expect("a name").into_owned();
+        let mut contents = vec![];
+        std::io::Read::read_to_end(&mut entry, &mut contents).expect("its contents");
+        file.start_file(&name, options).expect("a small file");
+        let contents = if name == "about.json" { bytes } else { &contents };
+        std::io::Write::write_all(&mut file, contents).expect("memory takes all bytes");
+    }
+    acc(&file.finish().expect("a small file").into_inner());
 }

@@ -282,9 +282,11 @@ pub fn read_from(source: &mut (impl Read + Seek)) -> Result<Accumulation, Proble
     };
 
     let names = if count == 1 { SINGLE } else { TOTAL };
-    let mut moments = vec![[0.0; 4]; 3 * pixels];
+    let mut moments = vec![];
     for (k, name) in names.iter().enumerate() {
         let values = values(&mut zip, name, &[rows, columns, 1, 3])?;
+        // Memory is taken only for what the file holds.
+        moments.resize(values.len(), [0.0; 4]);
         moments.iter_mut().zip(values).for_each(|(moments, value)| moments[k] = value);
     }
     let moments = moments.into_iter().map(Moments::from_array).collect();
