@@ -16,8 +16,8 @@ use taugate::internals::input::resolve;
 use taugate::internals::input::scan_table::{Scan, ScanTable};
 use taugate::internals::input::scenery;
 use taugate::internals::render::schedule::scan_samples;
-use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, first_surfaces};
-use taugate::internals::scene::{Aim, Camera, Scene};
+use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, check_aimed_points};
+use taugate::internals::scene::Scene;
 use taugate::internals::settings::table::OutputTable;
 use taugate::internals::settings::{Budget, Sampling, Settings};
 
@@ -27,9 +27,6 @@ use super::super::progress::{Position, duration, rays};
 use super::super::rescue::Rescue;
 use super::super::{feasible, memory};
 use super::{NotFinite, Outcome, Session, check_inputs, check_outputs, load_scene, of_file};
-
-/// Maximum distance between a point of a scan and the surface there, relative to the distance from the laser or the sensor.
-const MAX_GAP: f64 = 1e-3;
 
 /// Measures all pairs of points and writes the array.
 pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session) -> anyhow::Result<ExitCode> {
@@ -188,37 +185,6 @@ fn measure(
 /// elsewhere.
 fn check_points(device: &Device, scene: &Scene, settings: &Settings, scan: &Scan) -> Result<()> {
     let sensor_points = scan.sensor_points.as_ref().unwrap_or(&scan.laser_points);
-    check_seen(device, scene, settings, "sensor", &Scan::camera_at(scan.sensor, sensor_points))?;
-    check_seen(device, scene, settings, "laser", &Scan::camera_at(scan.laser, &scan.laser_points))
-}
-
-fn check_seen(device: &Device, scene: &Scene, settings: &Settings, who: &str, camera: &Camera) -> Result<()> {
-    let mut scene = scene.clone();
-    let index = scene.add_camera(camera.clone());
-    let aims = camera.projection.aims().expect("the camera of a scan has points");
-    let settings = settings.change().camera(index).resolution([aims.len() as u32, 1]).crop(None).build()?;
-    let prepared = PreparedScene::new(&scene, &settings)?;
-    let mut distances = vec![f64::INFINITY; aims.len()];
-    first_surfaces(device, &scene, &settings, &prepared, &mut |pixel, surface| {
-        distances[pixel] = surface.distance.into();
-    })?;
-    let place = camera.transform.translation;
-    let is_off = |(aim, distance): &(&Aim, f64)| {
-        let wanted = aim.point.distance(place);
-        (distance - wanted).abs() > MAX_GAP * wanted
-    };
-    let off: Vec<_> = aims.iter().zip(distances).filter(is_off).collect();
-    let Some((aim, distance)) = off.first() else { return Ok(()) };
-    let found = match distance.is_finite() {
-        true => format!("the first surface there is {distance:.4} m from the {who}"),
-        false => "there is no surface there".into(),
-    };
-    Err(Error::Settings(format!(
-        "{} of {} points of the {who} are not on a surface; the first is {}, {:.4} m from the {who}, but {found}; move the points to \
-         the wall, or let travel times contain the ways to the wall (account_first_and_last_bounces = true)",
-        off.len(),
-        aims.len(),
-        aim.point,
-        aim.point.distance(place)
-    )))
+    check_aimed_points(device, scene, settings, "sensor", &Scan::camera_at(scan.sensor, sensor_points))?;
+    check_aimed_points(device, scene, settings, "laser", &Scan::camera_at(scan.laser, &scan.laser_points))
 }
