@@ -1,5 +1,6 @@
 //! `taugate render`: from the command line to the files.
 
+mod iterations;
 mod ready;
 mod scan;
 mod sequence;
@@ -8,8 +9,8 @@ mod sums;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use taugate::Error;
 use taugate::internals::error::Result;
@@ -21,23 +22,23 @@ use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::scenery;
 use taugate::internals::input::sequence::Sequence;
-use taugate::internals::render::schedule::{next_samples_of, samples_of_shard};
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
+use taugate::internals::settings::Settings;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::sky::Sky;
-use taugate::internals::settings::{Budget, Settings};
 use taugate::internals::tev::TevStream;
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::live::Live;
 use super::preparation::Preparation;
-use super::progress::{Position, Progress};
+use super::progress::Progress;
 use super::report::{Report, is_black};
 use super::{feasible, memory, strategies};
 use crate::app::cli::RenderArgs;
+use iterations::Iterations;
 use ready::Ready;
 use sums::{Checkpoint, Earlier, Identity};
 
@@ -152,6 +153,8 @@ impl Session {
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
         check_inputs(&outputs.files(), &scene_path, &experiment)?;
+        // The lock comes first, so that the sums are those of the last render that wrote the file.
+        let mut checkpoint = Checkpoint::new(&outputs)?;
         let earlier = Earlier::read(&experiment, &outputs)?;
         // There is no result to keep yet.
         self.interrupts.end_the_process_at(Interrupt::First);
@@ -178,7 +181,6 @@ impl Session {
         if let (Some(earlier), Some(identity)) = (&earlier, &identity) {
             earlier.check(identity, outputs.has_variance())?;
         }
-        let mut checkpoint = Checkpoint::new(&outputs)?;
         memory::check(settings, outputs.has_variance())?;
         if outputs.strategy_images.is_some() {
             StrategyImages::check(settings)?;
@@ -419,52 +421,5 @@ pub fn check_inputs(outputs: &[PathBuf], scene: &Path, experiment: &Experiment) 
             Err(Error::File { path: output.clone(), message })
         }
         None => Ok(()),
-    }
-}
-
-/// Adds iterations until the budget is used or an interrupt arrives.
-struct Iterations<'a> {
-    settings: &'a Settings,
-    shard: Shard,
-    /// Seconds of rendering before this process.
-    before: f64,
-    strict: bool,
-    stop: &'a AtomicBool,
-}
-
-impl Iterations<'_> {
-    /// Calls `watch` after every iteration, with the seconds of rendering so far. Returns the samples per pixel of each iteration.
-    fn run(
-        &self,
-        renderer: &mut Renderer,
-        progress: &mut Progress,
-        watch: &mut dyn FnMut(&Renderer, f64, &mut Progress),
-    ) -> anyhow::Result<Vec<u32>> {
-        let Iterations { settings, shard, before, strict, stop } = *self;
-        let (budget, started) = (settings.budget(), Instant::now());
-        // The budget of this shard alone, to show its progress.
-        let own = match budget {
-            Budget::Spp(spp) if !shard.is_all() => Budget::Spp(samples_of_shard(shard, spp) as u32),
-            other => other,
-        };
-        let mut schedule = vec![];
-        loop {
-            renderer.go_to_next_of(shard);
-            let elapsed = started.elapsed() + Duration::from_secs_f64(before);
-            let samples = next_samples_of(shard, &budget, renderer.next(), renderer.film().samples(), elapsed);
-            // If the image is certain to be black, two iterations are enough: they give a variance.
-            let black = renderer.is_dark() && matches!(budget, Budget::Seconds(_)) && schedule.len() == 2;
-            if samples == 0 || black || stop.load(Ordering::Relaxed) {
-                return Ok(schedule);
-            }
-            renderer.iterate(samples)?;
-            schedule.push(samples);
-            let dropped = renderer.stats().dropped;
-            if strict && dropped > 0 {
-                return Err(NotFinite { dropped }.into());
-            }
-            watch(renderer, before + started.elapsed().as_secs_f64(), progress);
-            progress.update(&Position::of(renderer, started.elapsed()), &own);
-        }
     }
 }

@@ -1,21 +1,20 @@
 //! Resolves an experiment and a scene to [`Settings`]: fills in defaults from the scene, and checks names and the gate.
 
 mod defaults;
+mod outputs;
 
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::image::npy_file;
 use crate::input::experiment::Experiment;
 use crate::input::responses::chosen;
 use crate::scene::{Camera, Scene};
-use crate::settings::aov::Aov;
-use crate::settings::exposure::Exposure;
-use crate::settings::table::{CameraTable, EmitterTable, GateTable, OutputTable, RenderTable, Tables};
+use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable, Tables};
 use crate::settings::units::{Gate, GatePrecision};
-use crate::settings::values::{Png, Resolution};
+use crate::settings::values::Resolution;
 use crate::settings::*;
+
+pub use outputs::{Outputs, outputs};
 
 /// The settings of a render, and warnings for the user.
 #[derive(Debug, Clone)]
@@ -23,182 +22,6 @@ pub struct Resolved {
     pub settings: Settings,
     /// One sentence per warning.
     pub warnings: Vec<String>,
-}
-
-/// The files that a render writes: an image, an array, or both.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Outputs {
-    pub exr: Option<PathBuf>,
-    pub npy: Option<PathBuf>,
-    /// The sums.
-    pub acc: Option<PathBuf>,
-    /// Whether the variances of the array are written too.
-    pub variance: bool,
-    /// Whether the array is of a continuous-wave sensor, so that its depths are written too.
-    pub depth: bool,
-    /// Auxiliary layers of the image file.
-    pub aov: Aov,
-    pub png: Option<PathBuf>,
-    /// Exposure of the picture `png`.
-    pub exposure: Exposure,
-    pub stats: Option<PathBuf>,
-    /// Folder for the images of the strategies.
-    pub strategy_images: Option<PathBuf>,
-    /// The sums so far, written every so many seconds.
-    pub checkpoint: Option<(PathBuf, f64)>,
-    /// Whether the sums need variances.
-    pub keeps_variance: bool,
-}
-
-impl Outputs {
-    /// The name of the image: the path of its file.
-    pub fn name(&self) -> String {
-        let checkpoint = self.checkpoint.as_ref().map(|(path, _)| path);
-        let first = self.exr.iter().chain(&self.npy).chain(&self.acc).chain(&self.png).chain(checkpoint).next();
-        first.map_or(String::new(), |path| path.display().to_string())
-    }
-
-    /// All files, without the folder for the images of the strategies.
-    pub fn files(&self) -> Vec<PathBuf> {
-        let mut files: Vec<PathBuf> = [&self.exr, &self.npy, &self.acc].into_iter().flatten().cloned().collect();
-        if let Some(npy) = &self.npy {
-            files.push(npy_file::description_path(npy));
-            files.extend(self.variance.then(|| npy_file::variance_path(npy)));
-            files.extend(self.depth.then(|| npy_file::depth_path(npy)));
-        }
-        files.extend([&self.png, &self.stats].into_iter().flatten().cloned());
-        files.extend(self.checkpoint.iter().map(|(path, _)| path.clone()));
-        files
-    }
-
-    /// The files that keep the sums.
-    pub fn sums(&self) -> impl Iterator<Item = &Path> {
-        let checkpoint = self.checkpoint.as_ref().map(|(path, _)| path);
-        self.acc.iter().chain(checkpoint).map(PathBuf::as_path)
-    }
-
-    /// Whether a file contains variances.
-    pub fn has_variance(&self) -> bool {
-        self.exr.is_some() || self.variance || self.keeps_variance
-    }
-}
-
-/// Extensions of output files.
-const EXTENSIONS: [&str; 4] = ["exr", "npy", "png", "acc"];
-/// Default of --every in seconds.
-const DEFAULT_EVERY: f64 = 60.0;
-/// Maximum number of responses in an image file (.exr).
-const MAX_EXR_RESPONSES: usize = 64;
-
-/// The files that a render writes. Fails if there is no output file, or if a file has the wrong extension. The function needs no
-/// scene, so a mistake is found before the scene is loaded.
-pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
-    let wanted = &experiment.output;
-    let files = wanted.output.clone().map_or(vec![], |files| files.0);
-    let has = |path: &PathBuf, extension: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension));
-    if files.is_empty() && wanted.checkpoint.is_none() {
-        return Err(settings("no output file: add -o OUT.exr or -o OUT.npy"));
-    }
-    let is_known = |path: &&PathBuf| EXTENSIONS.iter().any(|extension| has(path, extension));
-    if let Some(other) = files.iter().find(|path| !is_known(path)) {
-        return Err(settings(format!("the output {} must end in .exr, .npy, .png or .acc", other.display())));
-    }
-    let only = |extension: &str| {
-        let mut all = files.iter().filter(|path| has(path, extension));
-        match (all.next(), all.next()) {
-            (Some(one), Some(two)) => Err(settings(format!(
-                "{} and {} would hold the same image; name one .{extension} file",
-                one.display(),
-                two.display()
-            ))),
-            (one, _) => Ok(one.cloned()),
-        }
-    };
-    let [exr, npy, acc, picture] = [only("exr")?, only("npy")?, only("acc")?, only("png")?];
-    let count = chosen(&experiment.gate)?.len();
-    if exr.is_some() && count > MAX_EXR_RESPONSES {
-        return Err(settings(format!(
-            "an .exr file holds at most {MAX_EXR_RESPONSES} gates, and these are {count}; write -o OUT.npy"
-        )));
-    }
-    let variance = wanted.variance.unwrap_or(false);
-    let checkpoint = checkpoint(wanted)?;
-    let keeps_sums = acc.is_some() || checkpoint.is_some();
-    if variance && npy.is_none() && !keeps_sums {
-        return Err(settings("--variance is for an array: add -o OUT.npy (an .exr file always has the variance)"));
-    }
-    let aov = wanted.aov.unwrap_or_default();
-    if aov != Aov::default() && exr.is_none() {
-        return Err(settings("--aov adds layers to an image file: add -o OUT.exr"));
-    }
-    let png = match &wanted.png {
-        None | Some(Png::Wanted(false)) => picture,
-        Some(_) if picture.is_some() => return Err(settings("-o OUT.png and --png both name the picture: keep one")),
-        Some(Png::Wanted(true)) => match files.first() {
-            Some(first) => Some(first.with_extension("png")),
-            None => {
-                return Err(settings("--png takes its name from the output: add -o OUT.exr, or write --png FILE.png"));
-            }
-        },
-        Some(Png::File(path)) if has(path, "png") => Some(path.clone()),
-        Some(Png::File(path)) => return Err(settings(format!("the picture {} must end in .png", path.display()))),
-    };
-    if wanted.exposure.is_some() && png.is_none() {
-        return Err(settings("--exposure is for the picture: add --png"));
-    }
-    // With the extension .json the file cannot overwrite the scene, the experiment or an image.
-    let stats = wanted.stats.clone();
-    if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
-        return Err(settings(format!("the --stats file {} must end in .json", path.display())));
-    }
-    if count > 1 && wanted.strategy_images.is_some() {
-        return Err(settings("--strategy-images needs a single gate: render it alone, with --gate"));
-    }
-    let exposure = wanted.exposure.unwrap_or_default();
-    let depth = experiment.gate.cw.is_some();
-    let keeps_variance = keeps_sums && (variance || count <= MAX_EXR_RESPONSES);
-    Ok(Outputs {
-        exr,
-        npy,
-        acc,
-        variance,
-        depth,
-        aov,
-        png,
-        exposure,
-        stats,
-        strategy_images: wanted.strategy_images.clone(),
-        checkpoint,
-        keeps_variance,
-    })
-}
-
-/// The file of --checkpoint and the seconds between two writes. Fails if flags of long renders do not fit together.
-fn checkpoint(wanted: &OutputTable) -> Result<Option<(PathBuf, f64)>> {
-    let is_acc = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("acc"));
-    for (flag, path) in [("checkpoint", &wanted.checkpoint), ("resume", &wanted.resume)] {
-        if let Some(path) = path.as_ref().filter(|path| !is_acc(path)) {
-            return Err(settings(format!("the file of --{flag}, {}, must end in .acc", path.display())));
-        }
-    }
-    if wanted.every.is_some() && wanted.checkpoint.is_none() {
-        return Err(settings("--every is for the file of --checkpoint: add --checkpoint FILE.acc"));
-    }
-    let is_long = wanted.checkpoint.is_some() || wanted.resume.is_some() || wanted.shard.is_some();
-    if is_long && wanted.strategy_images.is_some() {
-        return Err(settings(
-            "--strategy-images needs all iterations in one run: leave out --checkpoint, --resume and --shard",
-        ));
-    }
-    let is_kept =
-        wanted.checkpoint.is_some() || wanted.output.iter().flat_map(|files| &files.0).any(|path| is_acc(&path));
-    if wanted.shard.is_some_and(|shard| !shard.is_all()) && !is_kept {
-        return Err(settings(
-            "a shard is a part of a render: add -o OUT.acc, so that taugate merge can join the parts",
-        ));
-    }
-    let seconds = wanted.every.map_or(DEFAULT_EVERY, |every| every.0);
-    Ok(wanted.checkpoint.clone().map(|path| (path, seconds)))
 }
 
 /// Fills in all settings. `experiment` (flags and file, already merged) has priority over the scene, and the scene over the

@@ -134,6 +134,14 @@ fn check_long(output: &OutputTable) -> Result<()> {
                 .into(),
         ));
     }
+    let names = output.output.iter().flat_map(|files| &files.0);
+    let is_picture = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    if names.clone().next().is_some() && names.clone().all(is_picture) {
+        return Err(settings(
+            "a picture does not say with which settings it was rendered, so it cannot be kept: add -o OUT.####.exr"
+                .into(),
+        ));
+    }
     let is_part = output.shard.is_some_and(|shard| !shard.is_all());
     if is_part && (output.contact_sheet.is_some() || output.gif.is_some()) {
         return Err(settings(
@@ -191,6 +199,7 @@ mod tests {
             ("frames = '0..2'\noutput = 'a#.exr'\nstrategy-images = 'b'", "with --at"),
             ("frames = '0..2'\noutput = 'a#.exr'", "--gate-keys"),
             ("frames = '0..2'\noutput = 'a#.exr'\nfps = 0", "--gate-keys"),
+            ("frames = '0..2'\noutput = 'a#.png'", "a picture does not say"),
             ("frames = '0..2'\noutput = 'a#.exr'\ncheckpoint = 'a.acc'", "finished are kept anyway"),
             ("frames = '0..2'\noutput = 'a#.exr'\nshard = '0/2'\ngif = 'a.gif'", "has not all frames"),
             ("fps = 3\noutput = 'a#.exr'", "--fps is for a sequence"),

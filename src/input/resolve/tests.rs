@@ -1,3 +1,5 @@
+use std::path::PathBuf;
+
 use glam::{DAffine3, DVec3};
 
 use super::*;

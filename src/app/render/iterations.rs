@@ -1,0 +1,59 @@
+//! The loop of a render: iterations until the budget is used.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use taugate::internals::render::Renderer;
+use taugate::internals::render::schedule::{next_samples_of, samples_of_shard};
+use taugate::internals::settings::shard::Shard;
+use taugate::internals::settings::{Budget, Settings};
+
+use super::super::progress::{Position, Progress};
+use super::NotFinite;
+
+/// Adds iterations until the budget is used or an interrupt arrives.
+pub struct Iterations<'a> {
+    pub settings: &'a Settings,
+    pub shard: Shard,
+    /// Seconds of rendering before this process.
+    pub before: f64,
+    pub strict: bool,
+    pub stop: &'a AtomicBool,
+}
+
+impl Iterations<'_> {
+    /// Calls `watch` after every iteration, with the seconds of rendering so far. Returns the samples per pixel of each iteration.
+    pub fn run(
+        &self,
+        renderer: &mut Renderer,
+        progress: &mut Progress,
+        watch: &mut dyn FnMut(&Renderer, f64, &mut Progress),
+    ) -> anyhow::Result<Vec<u32>> {
+        let Iterations { settings, shard, before, strict, stop } = *self;
+        let (budget, started) = (settings.budget(), Instant::now());
+        // The budget of this shard alone, to show its progress.
+        let own = match budget {
+            Budget::Spp(spp) if !shard.is_all() => Budget::Spp(samples_of_shard(shard, spp) as u32),
+            other => other,
+        };
+        let mut schedule = vec![];
+        loop {
+            renderer.go_to_next_of(shard);
+            let elapsed = started.elapsed() + Duration::from_secs_f64(before);
+            let samples = next_samples_of(shard, &budget, renderer.next(), renderer.film().samples(), elapsed);
+            // If the image is certain to be black, two iterations are enough: they give a variance.
+            let black = renderer.is_dark() && matches!(budget, Budget::Seconds(_)) && schedule.len() == 2;
+            if samples == 0 || black || stop.load(Ordering::Relaxed) {
+                return Ok(schedule);
+            }
+            renderer.iterate(samples)?;
+            schedule.push(samples);
+            let dropped = renderer.stats().dropped;
+            if strict && dropped > 0 {
+                return Err(NotFinite { dropped }.into());
+            }
+            watch(renderer, before + started.elapsed().as_secs_f64(), progress);
+            progress.update(&Position::of(renderer, started.elapsed()), &own);
+        }
+    }
+}
