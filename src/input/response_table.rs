@@ -85,6 +85,8 @@ mod tests {
             ("shape = 'a=gauss:0.1m'", "use the keys name and gate"),
             ("shape = 'a.csv'\ngate = '1m..2m'", "remove its gate"),
             ("name = 'a.b'", "must not be empty or contain a dot"),
+            ("name = ' '", "spaces at its ends"),
+            ("name = 'a=b'", "an equals sign"),
             ("gte = '1m..2m'", "has no key gte: choose one of name, gate, depth, shape"),
         ] {
             let error = Experiment::parse(&format!("[[response]]\n{keys}\n")).unwrap_err();

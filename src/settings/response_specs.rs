@@ -48,12 +48,13 @@ impl ResponseSpec {
     }
 }
 
-/// Fails if `name` cannot be part of the names of channels in an image file.
+/// Fails if `name` cannot be part of the names of channels in an image file, or of a response as a flag writes it.
 pub fn check_name(name: &str) -> Result<()> {
-    match name.is_empty() || name.contains('.') {
+    match name.is_empty() || name.contains(['.', '=']) || name.trim() != name {
         false => Ok(()),
         true => Err(Error::Settings(format!(
-            "'{name}' is not a name for a response: it names the layers of an image, so it must not be empty or contain a dot"
+            "'{name}' is not a name for a response: it names the layers of an image, so it must not be empty or contain a dot, an \
+             equals sign, or spaces at its ends"
         ))),
     }
 }
