@@ -192,7 +192,7 @@ fn outputs_are_checked_before_anything_is_loaded() {
     for (output, part) in [
         ("no/such/folder/a.exr", "does not exist"),
         ("dir.exr", "not a plain file"),
-        ("a.png", "must end in .exr"),
+        ("a.jpg", "must end in .exr"),
         #[cfg(target_os = "linux")]
         ("/proc/a.exr", "cannot be written"),
         #[cfg(target_os = "linux")]
