@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import signal
 import subprocess
 
 import numpy as np
@@ -14,6 +15,14 @@ SCENES = ROOT / "scenes"
 PROGRAM = os.environ.get("TAUGATE_PROGRAM", ROOT / "target/release/taugate")
 
 SIZE = (32, 32)
+
+
+@pytest.fixture(autouse=True)
+def interrupts():
+    """Python ignores Ctrl-C if its parent did, as shells do for jobs in the background; the tests send it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")
