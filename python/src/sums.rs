@@ -6,12 +6,9 @@ use std::sync::Mutex;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use taugate::internals::image::accumulation::file::{self, Parts, Problem};
-use taugate::internals::image::accumulation::{AXES, About, Accumulation, FORMAT};
-use taugate::internals::image::exr_file::{Provenance, version};
-use taugate::internals::image::fingerprint;
-use taugate::internals::render::Renderer;
+use taugate::internals::image::accumulation::{About, Accumulation};
+use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::render::schedule::{samples_before, samples_in};
-use taugate::internals::settings::Settings;
 use taugate::internals::settings::shard::Shard;
 
 use crate::camera::View;
@@ -112,7 +109,8 @@ pub fn accumulate<'py>(
                     renderer.iterate(samples)?;
                 }
             }
-            let about = about(renderer, settings, printed, contents, started.elapsed().as_secs_f64());
+            let render = About::new(settings, printed.into(), contents, Shard::ALL);
+            let about = renderer.about(&render, started.elapsed().as_secs_f64());
             let (film, responses) = (renderer.film(), renderer.responses());
             // Each part adapts by itself, so nobody needs what it has learned.
             bytes(Parts { about: &about, film, responses, adaptive: None })
@@ -150,27 +148,6 @@ pub fn part(begin: u32, samples: f64) -> (u32, u64) {
 #[pyfunction]
 pub fn samples_before_iteration(number: u32) -> u64 {
     samples_before(number)
-}
-
-fn about(renderer: &Renderer, settings: &Settings, printed: &str, contents: String, seconds: f64) -> About {
-    let crop = settings.crop();
-    About {
-        format: FORMAT,
-        version: version(),
-        renderer: fingerprint::RENDERER.into(),
-        scene: contents,
-        settings: printed.into(),
-        resolution: settings.resolution(),
-        crop: [crop.x0, crop.x1, crop.y0, crop.y1],
-        responses: settings.responses().iter().map(|response| response.name().into()).collect(),
-        seed: settings.seed(),
-        samples_per_pixel: renderer.film().samples(),
-        seconds,
-        iterations: renderer.done().clone(),
-        next_sample: renderer.next_sample(),
-        shards: vec![Shard::ALL],
-        axes: AXES.into(),
-    }
 }
 
 fn bytes(parts: Parts) -> Result<Vec<u8>> {

@@ -10,7 +10,7 @@ use taugate::internals::detector::{Bins, Blind, Detector};
 use taugate::internals::files::{check_writable, write_atomically};
 use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::npy_file::{description_path, write_array};
-use taugate::internals::image::npy_read::{ImageArray, described, read};
+use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
 
 use super::accumulated;
 use crate::app::cli::DetectArgs;
@@ -85,6 +85,9 @@ fn detector(args: &DetectArgs) -> Result<Detector, Error> {
 
 fn input(path: &Path) -> Result<Input, Error> {
     let fail = |message: &str| Error::File { path: path.into(), message: message.into() };
+    let ends = |gates: Vec<DescribedResponse>| {
+        gates.into_iter().map(|gate| [gate.gate_begin_m, gate.gate_end_m.unwrap_or(f64::INFINITY)]).collect()
+    };
     let (array, gates, description) = if has_extension(path, "exr") {
         let picture = read_picture(path)?;
         let gate =
@@ -95,16 +98,12 @@ fn input(path: &Path) -> Result<Input, Error> {
         let array = read(path)?;
         let responses = described(path, &array)
             .ok_or_else(|| fail("comes without the JSON file that names its gates; keep that file beside the array"))?;
-        let end = |end: Option<f64>| end.unwrap_or(f64::INFINITY);
-        let gates = responses.iter().map(|response| [response.gate_begin_m, end(response.gate_end_m)]).collect();
         let description =
             std::fs::read(description_path(path)).ok().and_then(|text| serde_json::from_slice(&text).ok());
-        (array, gates, description)
+        (array, ends(responses), description)
     } else if accumulated::is_sums(path) {
         let (array, responses) = accumulated::array(path)?;
-        let end = |end: Option<f64>| end.unwrap_or(f64::INFINITY);
-        let gates = responses.iter().map(|response| [response.gate_begin_m, end(response.gate_end_m)]).collect();
-        (array, gates, None)
+        (array, ends(responses), None)
     } else {
         return Err(settings(format!(
             "{} must be an array (.npy), an image (.exr) or sums (.acc) of taugate render",

@@ -10,14 +10,17 @@ mod iterations;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::image::exr_file::version;
 use crate::image::film::Film;
+use crate::image::fingerprint;
 use crate::image::response_film::ResponseFilm;
+use crate::settings::Settings;
 use crate::settings::shard::Shard;
 
 pub use iterations::Iterations;
 
 /// The version of the format, which [`file`] describes.
-pub const FORMAT: u32 = 1;
+const FORMAT: u32 = 1;
 
 /// The sums of a render or of a part of it.
 #[derive(Debug, Clone)]
@@ -68,14 +71,36 @@ pub struct About {
     pub next_sample: u32,
     /// The shards that were merged, or the one that was rendered.
     pub shards: Vec<Shard>,
-    /// Sources of the names in this file, for readers of the format.
+    /// Order of the axes of `sums` and `squares`, for readers of the file.
     pub axes: String,
 }
 
-/// The order of the axes of the arrays.
-pub const AXES: &str = "height, width, response, channel";
+const AXES: &str = "height, width, response, channel";
 
 impl About {
+    /// What the sums of a render with `settings` are of, before its first iteration. `experiment` is its TOML, and `scene` the
+    /// fingerprint of its files.
+    pub fn new(settings: &Settings, experiment: String, scene: String, shard: Shard) -> About {
+        let crop = settings.crop();
+        About {
+            format: FORMAT,
+            version: version(),
+            renderer: fingerprint::RENDERER.into(),
+            scene,
+            settings: experiment,
+            resolution: settings.resolution(),
+            crop: [crop.x0, crop.x1, crop.y0, crop.y1],
+            responses: settings.responses().iter().map(|response| response.name().into()).collect(),
+            seed: settings.seed(),
+            samples_per_pixel: 0,
+            seconds: 0.0,
+            iterations: Iterations::default(),
+            next_sample: 0,
+            shards: vec![shard],
+            axes: AXES.into(),
+        }
+    }
+
     /// Number of columns and rows of the arrays.
     pub fn size(&self) -> [u32; 2] {
         let [x0, x1, y0, y1] = self.crop;

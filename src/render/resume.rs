@@ -4,15 +4,21 @@ use super::samples::MAX_SHARE;
 use super::schedule::samples_before;
 use super::{Renderer, ResponseSums};
 use crate::error::{Error, Result};
-use crate::image::accumulation::{Accumulation, AdaptiveState, Iterations};
+use crate::image::accumulation::{About, Accumulation, AdaptiveState};
 use crate::settings::shard::Shard;
 
 #[warn(missing_docs)]
 impl Renderer {
-    /// The iterations in the film.
+    /// What the sums so far are of: `render` with the iterations in the film, after `seconds` of rendering.
     #[doc(hidden)]
-    pub fn done(&self) -> &Iterations {
-        &self.done
+    pub fn about(&self, render: &About, seconds: f64) -> About {
+        About {
+            samples_per_pixel: self.film.samples(),
+            seconds,
+            iterations: self.done.clone(),
+            next_sample: self.first_sample,
+            ..render.clone()
+        }
     }
 
     /// The number of the next iteration.
@@ -21,21 +27,15 @@ impl Renderer {
         self.next
     }
 
-    /// Sample of the random sequences at which the next iteration begins.
-    #[doc(hidden)]
-    pub fn next_sample(&self) -> u32 {
-        self.first_sample
-    }
-
     /// What adaptive sampling has learned; `None` if the sampling is uniform.
     #[doc(hidden)]
     pub fn adaptive_state(&self) -> Option<AdaptiveState> {
         self.allocation.as_ref().map(|allocation| allocation.state())
     }
 
-    /// Continues the render of `earlier`, which has the same settings and the same scene: the film becomes its film, and the next
-    /// iteration follows its last one. A renderer of the whole render then adds the same bits as one that was never interrupted. Fails
-    /// without any change if the images differ in size.
+    /// Continues the render of `earlier`, which has the same settings and the same scene. The film becomes its film, and the next
+    /// iteration follows its last one. So the image gets the bits of a render that was never interrupted. Fails without any change
+    /// if the images differ in size.
     #[doc(hidden)]
     pub fn resume(&mut self, earlier: Accumulation) -> Result<()> {
         let Accumulation { about, film, responses, adaptive } = earlier;
@@ -69,8 +69,7 @@ impl Renderer {
         self.go_to((from..).find(|&number| shard.has(number)).expect("a shard has no last iteration"));
     }
 
-    /// Makes iteration `number` the next one, for a part of a render. Its random numbers are those of this iteration in the whole
-    /// render, and no other iteration has them.
+    /// Makes iteration `number` the next one. Its random numbers are those that it has in the whole render.
     #[doc(hidden)]
     pub fn go_to(&mut self, number: u32) {
         self.next = number;

@@ -7,12 +7,12 @@ use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::files::Lock;
 use taugate::internals::image::accumulation::file::{self, Parts};
-use taugate::internals::image::accumulation::{AXES, About, Accumulation, FORMAT, Iterations};
-use taugate::internals::image::exr_file::version;
+use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::fingerprint;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::Outputs;
 use taugate::internals::render::Renderer;
+use taugate::internals::render::schedule::samples_in;
 use taugate::internals::scene::gltf;
 use taugate::internals::settings::Settings;
 use taugate::internals::settings::shard::Shard;
@@ -33,24 +33,8 @@ impl Identity {
         let scene = experiment.scene.as_ref().expect("the experiment names a scene");
         let mut files = gltf::paths(scene, &experiment.input.allowed());
         files.extend(experiment.input_files());
-        let crop = settings.crop();
-        Ok(Identity(About {
-            format: FORMAT,
-            version: version(),
-            renderer: fingerprint::RENDERER.into(),
-            scene: fingerprint::of_files(&files)?,
-            settings: experiment.to_toml(),
-            resolution: settings.resolution(),
-            crop: [crop.x0, crop.x1, crop.y0, crop.y1],
-            responses: settings.responses().iter().map(|response| response.name().into()).collect(),
-            seed: settings.seed(),
-            samples_per_pixel: 0,
-            seconds: 0.0,
-            iterations: Iterations::default(),
-            next_sample: 0,
-            shards: vec![shard],
-            axes: AXES.into(),
-        }))
+        let scene = fingerprint::of_files(&files)?;
+        Ok(Identity(About::new(settings, experiment.to_toml(), scene, shard)))
     }
 
     /// Fails if the sums in the file are those of another render.
@@ -61,13 +45,7 @@ impl Identity {
 
     /// Writes the sums after `seconds` of rendering.
     pub fn write(&self, path: &Path, renderer: &Renderer, seconds: f64) -> Result<()> {
-        let about = About {
-            samples_per_pixel: renderer.film().samples(),
-            seconds,
-            iterations: renderer.done().clone(),
-            next_sample: renderer.next_sample(),
-            ..self.0.clone()
-        };
+        let about = renderer.about(&self.0, seconds);
         let adaptive = renderer.adaptive_state();
         let (film, responses) = (renderer.film(), renderer.responses());
         file::write(path, Parts { about: &about, film, responses, adaptive: adaptive.as_ref() })
@@ -155,7 +133,6 @@ impl Earlier {
 
     /// A note if the image will differ from that of a render that was never interrupted.
     pub fn note(&self, shard: Shard) -> Option<String> {
-        use taugate::internals::render::schedule::samples_in;
         let About { samples_per_pixel, iterations, shards, .. } = &self.sums.about;
         let is_complete = iterations.iter().map(|i| u64::from(samples_in(i))).sum::<u64>() == *samples_per_pixel;
         let has_gap = shard.is_all() && iterations.gap().is_some();

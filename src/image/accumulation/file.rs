@@ -191,21 +191,21 @@ fn array(
 
 /// Reads a file. Fails if it is no accumulation, if it is damaged, or if its numbers contradict each other.
 pub fn read(path: &Path) -> Result<Accumulation> {
-    let (_, mut source) = open(path)?;
+    let mut source = open(path)?;
     read_from(&mut source).map_err(|problem| wrong(path, problem))
 }
 
 /// Reads only what the sums are of.
 pub fn read_about(path: &Path) -> Result<About> {
-    let (_, mut source) = open(path)?;
+    let mut source = open(path)?;
     let mut zip = ZipArchive::new(&mut source).map_err(|e| wrong(path, Problem::from(e)))?;
     about(&mut zip).map_err(|problem| wrong(path, problem))
 }
 
-fn open(path: &Path) -> Result<(u64, BufReader<File>)> {
-    let length = check_readable(path)?;
+fn open(path: &Path) -> Result<BufReader<File>> {
+    check_readable(path)?;
     let file = File::open(path).map_err(|e| read_error(path, e))?;
-    Ok((length, BufReader::with_capacity(1 << 16, file)))
+    Ok(BufReader::with_capacity(1 << 16, file))
 }
 
 /// Why a file cannot be read.
