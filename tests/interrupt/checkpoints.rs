@@ -111,7 +111,7 @@ fn a_killed_render_goes_on_from_whole_sums() {
 }
 
 #[test]
-#[ignore = "takes about 4 minutes"]
+#[ignore = "starts 200 renders"]
 fn a_render_survives_being_killed_200_times() {
     survives_being_killed(200);
 }
