@@ -18,6 +18,10 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = list[id.x];
     let path = dispatch.first + slot;
     var s = states[slot];
+    var before: PathVertex;
+    if (HAS_ELLIPSOIDS) {
+        before = vertices[slot];
+    }
     states[slot].flags = 0u;
     vertices[slot].flags = 0u;
 
@@ -35,6 +39,9 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     var v = arrival.vertex;
     let depth = dispatch.bounce + 1u;
     v.flags |= depth;
+    if (HAS_ELLIPSOIDS && depth >= 2u) {
+        add_auxiliary_sum(&v, before);
+    }
     v.owner = s.emitter;
     var random = min((s.flags >> PATH_RANDOM_SHIFT) + 1u, 3u);
     if (was_deterministic && is_in_medium(v)) {

@@ -65,6 +65,10 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     var q = arrival.vertex;
     q.owner = slot;
     q.flags |= depth;
+    if (HAS_ELLIPSOIDS && depth >= 3u) {
+        // The first surface is no auxiliary vertex (weights.wgsl).
+        add_auxiliary_sum(&q, shade_points[slot]);
+    }
 
     // Strategy s = 0: the subpath has hit an emitter.
     if (frame.keep_s0 > 0.0 && !is_in_medium(q)) {

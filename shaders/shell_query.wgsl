@@ -8,6 +8,7 @@
 //            ends at a leaf, where P(j | q) is the product of the probabilities, or at a dead node.
 // lcs for histograms (ESTIMATOR_LCS_BY_TIME): K vertices, evenly spaced in the order of their travel times, among those that may
 //            meet the gate by their travel time alone.
+// epc:       as bdpt. If the connection is too short for the gate, the candidate stands for an ellipsoidal connection.
 // All:       deterministic vertices (punctual lights, the spot of a thin beam) one by one. If there are many, some of them
 //            are drawn, or the trees hold them.
 //
@@ -19,6 +20,7 @@ const ESTIMATOR_PT: u32 = 0u;
 const ESTIMATOR_BDPT: u32 = 1u;
 const ESTIMATOR_LCS_PAPER: u32 = 2u;
 const ESTIMATOR_LCS_BY_TIME: u32 = 3u;
+const ESTIMATOR_EPC: u32 = 4u;
 override ESTIMATOR: u32 = 2u;
 
 // One thread serves one shade point.
@@ -32,7 +34,7 @@ fn shell_query(@builtin(global_invocation_id) id: vec3<u32>) {
     var used = item.used;
     if (ESTIMATOR == ESTIMATOR_PT) {
         used = query_emitter(item.q, item.index, item.sample, item.depth, item.first, used);
-    } else if (ESTIMATOR == ESTIMATOR_BDPT) {
+    } else if (ESTIMATOR == ESTIMATOR_BDPT || ESTIMATOR == ESTIMATOR_EPC) {
         used = query_light_path(item.q, item.index, item.sample, item.first, used);
     } else if (ESTIMATOR == ESTIMATOR_LCS_BY_TIME) {
         if (item.is_open) {

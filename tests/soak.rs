@@ -39,7 +39,9 @@ fn round(device: &Device, scenes: &[Scene], folder: &Path, seed: u32) {
         std::fs::write(&path, glb::write(scene)).unwrap();
         let loaded = load_scene(&path).unwrap();
         assert!(gltf::load_slice(b"glTF no scene", &path).is_err());
-        for (estimator, sampling) in Estimator::ALL.into_iter().zip([Sampling::Uniform, Sampling::Adaptive].repeat(2)) {
+        for (estimator, sampling) in
+            Estimator::ALL.into_iter().zip([Sampling::Uniform, Sampling::Adaptive].into_iter().cycle())
+        {
             let settings = Settings::builder().estimator(estimator).sampling(sampling).resolution([16, 12]);
             let settings = settings.budget(Budget::Spp(4)).light_paths(200).seed(seed).max_depth(6);
             let one = settings.clone().build().unwrap();

@@ -71,6 +71,10 @@ struct Frame {
     // Travel times [hole_lo, hole_hi) inside the gate that count for no response, if HAS_HOLE.
     hole_lo: f32,
     hole_hi: f32,
+    // Ellipsoidal connections form only paths whose detour over the auxiliary vertex is at least this long. 3e38 if the gate is open.
+    min_detour: f32,
+    // Factor of the density of auxiliary vertices in MIS weights: 1 / (gate width MEAN_ARC).
+    auxiliary_density: f32,
 }
 
 // Parameters of one dispatch.
@@ -137,6 +141,8 @@ override HAS_GRIDS: bool = true;
 // Whether events in a medium are moved along their segment, into the gate, before a deterministic vertex is connected to them
 // (shared/fog.wgsl).
 override DRAWS_IN_GATE: bool = true;
+// Whether the estimator forms ellipsoidal connections (ellipsoidal_connection.wgsl). Vertices then keep what their MIS weights need.
+override HAS_ELLIPSOIDS: bool = false;
 override HAS_SPECULAR_COLORS: bool = true;
 override HAS_CLEARCOAT: bool = true;
 override HAS_RETROREFLECTORS: bool = true;

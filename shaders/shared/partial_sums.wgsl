@@ -1,6 +1,6 @@
 // The partial MIS sums that a subpath carries from vertex to vertex (Georgiev, "Implementing Vertex Connection and Merging",
 // 2012), with every term squared for the power heuristic. `weights.wgsl` starts the sums and turns them into weights.
-#import vertex
+#import auxiliary
 
 // Upper limit of the partial sums, which keeps them finite. The weight of a strategy with so large a sum is 0 in practice.
 const MAX_SUM: f32 = 1e30;
@@ -34,17 +34,21 @@ fn flight_density(scattering: vec3<f32>) -> f32 {
     return max(dot(exp(-scattering), vec3<f32>(1.0 / 3.0)), 1e-12);
 }
 
-// Updates the partial sums when a subpath continues from a vertex (Georgiev 2012, Eqs. 35 and 36). Distance and cosine at the next
+// Updates the partial sums when a subpath continues from the vertex v (Georgiev 2012, Eqs. 35 and 36). Distance and cosine at the next
 // vertex are not known yet. `sample_count`: number of samples that the connection strategy takes at the next vertex of a light
 // subpath, relative to this vertex, times the probability of the emitter after deterministic vertices; 1 for sensor subpaths.
-fn mis_scatter(state: ptr<function, PathState>, s: Scatter, sample_count: f32) {
+fn mis_scatter(state: ptr<function, PathState>, v: PathVertex, s: Scatter, sample_count: f32) {
     if (s.delta) {
         (*state).d_vcm = 0.0;
         (*state).d_vc = (*state).d_vc * mis(s.cosine / sample_count);
         return;
     }
     let density = s.pdf * sample_count;
-    (*state).d_vc = min(mis(s.cosine / density) * ((*state).d_vcm + (*state).d_vc * mis(s.pdf_reverse)), MAX_SUM);
+    var shorter = (*state).d_vcm;
+    if (HAS_ELLIPSOIDS) {
+        shorter += auxiliary_sum(v);
+    }
+    (*state).d_vc = min(mis(s.cosine / density) * (shorter + (*state).d_vc * mis(s.pdf_reverse)), MAX_SUM);
     (*state).d_vcm = min(mis(1.0 / density), MAX_SUM);
 }
 

@@ -68,12 +68,12 @@ struct PathVertex {
     eta: f32,
     // See Surface.offset.
     offset: f32,
-    // Probability of selecting the emitter; 1 unless the vertex is deterministic.
+    // Probability of selecting the emitter; 1 unless the vertex is deterministic. With HAS_ELLIPSOIDS see `previous_distance`.
     select_pdf: f32,
     // Light: number of the emitter. Sensor: number of the path in the tile.
     owner: u32,
     // Deterministic vertices, if only some of them are drawn: start of this vertex's interval in the cumulative distribution,
-    // in units of 2^-32. The interval ends where the interval of the next vertex starts.
+    // in units of 2^-32. The interval ends where the interval of the next vertex starts. With HAS_ELLIPSOIDS see `auxiliary_sum`.
     selection_cdf: u32,
 }
 
@@ -132,6 +132,26 @@ fn unpack_vertex(texels: array<vec4<u32>, 7>) -> PathVertex {
 // Number of vertices of the light subpath, up to and including v, that are not deterministic; at most 3.
 fn random_vertices(v: PathVertex) -> u32 {
     return (v.flags >> VERTEX_RANDOM_SHIFT) & 3u;
+}
+
+// Probability of selecting the emitter of v, see PathVertex; 1 unless v is deterministic.
+fn selection_pdf(v: PathVertex) -> f32 {
+    return select(v.select_pdf, 1.0, HAS_ELLIPSOIDS && (v.flags & VERTEX_DETERMINISTIC) == 0u);
+}
+
+// Distance from v, which is neither deterministic nor on an emitter, to the previous vertex of its subpath. `epc` keeps it where other
+// estimators keep `select_pdf`.
+fn previous_distance(v: PathVertex) -> f32 {
+    return v.select_pdf;
+}
+
+// MIS sum of the ellipsoidal connections that end at v: their auxiliary vertex is the one before v. Divided, as `d_vcm`, by the squared
+// density of the strategy that traces v. `epc` keeps it where other estimators keep `selection_cdf`.
+fn auxiliary_sum(v: PathVertex) -> f32 {
+    if (!HAS_ELLIPSOIDS || (v.flags & VERTEX_DETERMINISTIC) != 0u) {
+        return 0.0;
+    }
+    return bitcast<f32>(v.selection_cdf);
 }
 
 // x squared: a term of the power heuristic (Eq. 27, beta = 2). The result is finite, so that its product with 0 is 0.

@@ -111,7 +111,6 @@ struct Emitter {
 // cosine-weighted mean of each row over the hemisphere.
 @group(0) @binding(10) var<storage, read> albedo_table: array<vec2<f32>>;
 @group(0) @binding(11) var<storage, read> details: array<VertexDetails>;
-
 const ALBEDO_COLUMNS: u32 = 64u;
 const ALBEDO_ROWS: u32 = 32u;
 

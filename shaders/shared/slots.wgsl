@@ -5,6 +5,7 @@
 #import fog
 #import samples
 #import shade_point
+#import detour
 
 @group(2) @binding(1) var<storage, read> list: array<u32>;
 @group(2) @binding(2) var<storage, read> counters: array<u32>;
@@ -43,9 +44,14 @@ fn can_connect(q: PathVertex, v: PathVertex) -> bool {
         && gate_weight(connection_time(q, v, w, d)) > 0.0 && faces(q, w) && faces(v, -w);
 }
 
-// `vertex` if connecting it to q can contribute, otherwise NONE.
+// `vertex` if connecting it to q can contribute, with the bit ELLIPSOIDAL if it can contribute over an auxiliary vertex; otherwise NONE.
 fn connectable_or_none(q: PathVertex, vertex: u32) -> u32 {
-    return select(NONE, vertex, can_connect(q, load_light_vertex(vertex)));
+    let v = load_light_vertex(vertex);
+    let is_direct = can_connect(q, v);
+    if (HAS_ELLIPSOIDS && !is_direct && can_connect_over_surface(q, v, drawn_travel_time(sensor_sample(q.owner)))) {
+        return vertex | ELLIPSOIDAL;
+    }
+    return select(NONE, vertex, is_direct);
 }
 
 // The deterministic vertex whose interval of the cumulative distribution contains `u`, in units of 2^-32, and 1 / P. Integers

@@ -208,14 +208,14 @@ fn evaluate_light_vertex(v: PathVertex, w: vec3<f32>) -> Evaluation {
     if ((v.flags & VERTEX_EMITTER) != 0u) {
         let profile = emitter_profile(v, w);
         c.value = vec3<f32>(profile.x);
-        c.pdf = profile.y * v.select_pdf;
+        c.pdf = profile.y * selection_pdf(v);
         c.pdf_reverse = 0.0;
         c.cosine = vertex_cosine(v, w);
         return c;
     }
     if (is_in_medium(v)) {
         c = evaluate_medium_vertex(v, w);
-        c.pdf *= v.select_pdf;
+        c.pdf *= selection_pdf(v);
         return c;
     }
     let b = vertex_bsdf(v);
@@ -229,7 +229,7 @@ fn evaluate_light_vertex(v: PathVertex, w: vec3<f32>) -> Evaluation {
     // the shading cosine.
     let correction = abs(wl.z) / max(abs(dot(v.geometric, v.to_previous)), 1e-9);
     c.value = select(vec3<f32>(0.0), value.f * (abs(side) * correction), consistent);
-    c.pdf = value.pdf_to_sensor * normal_probability(v, v.to_previous, w) * v.select_pdf;
+    c.pdf = value.pdf_to_sensor * normal_probability(v, v.to_previous, w) * selection_pdf(v);
     c.pdf_reverse = value.pdf_to_light;
     c.cosine = abs(side);
     return c;

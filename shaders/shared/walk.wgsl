@@ -3,6 +3,7 @@
 #import guided_flight
 #import visibility
 #import partial_sums
+#import surface_vertex
 
 // The vertex at which a subpath arrived.
 struct Arrival {
@@ -96,8 +97,6 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     let distance2 = dot(segment, segment);
     let towards = -(*state).direction;
     let side = dot(surface.geometric, towards);
-    let flip = select(1.0, -1.0, side < 0.0);
-    let passes = HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0;
     let is_parallel = HAS_PARALLEL && ((*state).flags & PATH_PARALLEL) != 0u;
     mis_arrive(state, select(distance2, 1.0, is_parallel), abs(side));
     if (HAS_PARALLEL) {
@@ -107,25 +106,23 @@ fn arrive(state: ptr<function, PathState>, surface: Surface) -> PathVertex {
     (*state).position = surface.position;
     (*state).triangle = surface.triangle;
 
-    var v: PathVertex;
-    v.position = surface.position;
+    var v = surface_vertex(surface, towards);
     v.tau = (*state).tau;
     v.throughput = (*state).throughput;
-    v.material = surface.material;
-    let normal = bumped_normal(surface);
-    v.normal = normal * flip;
     v.d_vcm = (*state).d_vcm;
-    v.geometric = surface.geometric * flip;
     v.d_vc = (*state).d_vc;
-    v.to_previous = towards;
-    v.flags = select(0u, VERTEX_FRONT, side >= 0.0) | select(0u, VERTEX_TRANSMITS, passes)
-        | select(0u, VERTEX_BUMPED, HAS_NORMAL_MAPS && any(normal != surface.normal));
     v.flags |= path_solid(*state) << VERTEX_SOLID_SHIFT;
-    v.base_color = point_words(surface);
     v.eta = (*state).eta;
-    v.offset = surface.offset;
-    v.select_pdf = 1.0;
+    if (HAS_ELLIPSOIDS) {
+        v.select_pdf = sqrt(distance2);
+    }
     return v;
+}
+
+// Adds to v the MIS sum of the ellipsoidal connections whose auxiliary vertex is `before`, the vertex before v on its subpath.
+fn add_auxiliary_sum(v: ptr<function, PathVertex>, before: PathVertex) {
+    let sum = sum_over_auxiliary(before, -(*v).to_previous, previous_distance(*v));
+    (*v).selection_cdf = bitcast<u32>(min(min(sum, MAX_SUM) * (*v).d_vcm, MAX_SUM));
 }
 
 // Moves `state` to the scattering event of `flight`. Returns the vertex there.
@@ -150,7 +147,7 @@ fn arrive_in_medium(state: ptr<function, PathState>, flight: Flight) -> PathVert
     v.to_previous = -(*state).direction;
     v.flags = VERTEX_IN_MEDIUM | (path_solid(*state) << VERTEX_SOLID_SHIFT);
     v.eta = (*state).eta;
-    v.select_pdf = 1.0;
+    v.select_pdf = select(1.0, flight.distance, HAS_ELLIPSOIDS);
     return v;
 }
 
@@ -177,7 +174,7 @@ fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, 
     if (follows_connected(v)) {
         (*state).d_vcm = min((*state).d_vcm * mis(density_gain(v.material, v.to_previous, s.direction)), MAX_SUM);
     }
-    mis_scatter(state, s, select(sample_count_ratio(v) * v.select_pdf, 1.0, to_light));
+    mis_scatter(state, v, s, select(sample_count_ratio(v) * selection_pdf(v), 1.0, to_light));
     if (is_in_medium(v)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
         return true;

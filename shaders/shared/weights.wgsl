@@ -63,6 +63,12 @@ fn connection_weight(q: PathVertex, v: PathVertex, at_q: Evaluation, at_v: Evalu
     var w_light = mis(q_to_v) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse));
     var w_sensor = frame.keep_s2
         * (mis(ratios.x * v_to_q) * q.d_vcm + mis(ratios.y * v_to_q) * (q.d_vc * mis(at_q.pdf_reverse)));
+    if (HAS_ELLIPSOIDS) {
+        let w = normalize(v.position - q.position);
+        let r = distance(v.position, q.position);
+        w_light += mis(q_to_v) * auxiliary_sum(v) + sum_over_auxiliary(v, -w, r);
+        w_sensor += mis(v_to_q) * auxiliary_sum(q) + sum_over_sensor_auxiliary(q, w, r);
+    }
     if (is_in_medium(q) && is_drawn_in_gate(v)) {
         w_sensor /= mis(density_gain(q.material, normalize(v.position - q.position), q.to_previous));
     } else if (follows_connected(v)) {
@@ -81,7 +87,7 @@ fn emitter_weight(q: PathVertex, depth: u32, direct: f32, emitted: f32) -> f32 {
     }
     let ratios = sample_count_ratios(0u, depth);
     let further = frame.keep_s2 * mis(ratios.y * direct) * (mis(emitted) * q.d_vc);
-    return 1.0 / (1.0 + mis(ratios.x * direct) * q.d_vcm + further);
+    return 1.0 / (1.0 + mis(ratios.x * direct) * (q.d_vcm + auxiliary_sum(q)) + further);
 }
 
 // Weight of t = 1 at v. `area_density`: density per area with which a sensor sample of the pixel reaches v.
@@ -89,7 +95,35 @@ fn splat_weight(v: PathVertex, at_v: Evaluation, area_density: f32) -> f32 {
     // n(r) divided by the number of samples of t = 1.
     let g = frame.query_sample_count;
     let ratio = g * select(1.0, g, random_vertices(v) == 2u) / frame.splat_sample_count;
-    return 1.0 / (1.0 + mis(ratio * area_density) * (v.d_vcm + v.d_vc * mis(at_v.pdf_reverse)));
+    return 1.0 / (1.0 + mis(ratio * area_density) * (v.d_vcm + auxiliary_sum(v) + v.d_vc * mis(at_v.pdf_reverse)));
+}
+
+// `sum_over_auxiliary` for a shade point. The first surface is no auxiliary vertex: its neighbour on the sensor's side is the sensor.
+fn sum_over_sensor_auxiliary(q: PathVertex, w: vec3<f32>, r: f32) -> f32 {
+    if ((q.flags & VERTEX_DEPTH) < 2u) {
+        return 0.0;
+    }
+    return sum_over_auxiliary(q, w, r);
+}
+
+// Weight of the ellipsoidal connection of q and v over the auxiliary vertex x. to_v, r1, to_q, r2: unit directions and distances from x.
+// d2: their squares, in media divided by the `flight_density` of the segments.
+fn ellipsoidal_weight(
+    q: PathVertex, v: PathVertex, x: PathVertex, at_q: Evaluation, at_v: Evaluation, at_x: Evaluation,
+    d2: vec2<f32>, to_v: vec3<f32>, r1: f32, to_q: vec3<f32>, r2: f32,
+) -> f32 {
+    let squared = auxiliary_density2(x.geometric, to_v, r1, to_q, r2);
+    let cosine_v = vertex_cosine(x, to_v);
+    let cosine_q = vertex_cosine(x, to_q);
+    // Strategies that trace x from q: they connect it to v, or trace v from it too.
+    let x_to_v = mis(at_x.pdf * at_v.cosine / d2.x);
+    let before = x_to_v * (v.d_vcm + auxiliary_sum(v) + v.d_vc * mis(at_v.pdf_reverse));
+    let w_light = mis(at_q.pdf * cosine_q / d2.y) * (1.0 + before + sum_over_auxiliary(v, -to_v, r1));
+    // Strategies that trace x from v.
+    let x_to_q = mis(at_x.pdf_reverse * at_q.cosine / d2.y);
+    let after = x_to_q * (q.d_vcm + auxiliary_sum(q) + q.d_vc * mis(at_q.pdf_reverse));
+    let w_sensor = mis(at_v.pdf * cosine_v / d2.x) * (1.0 + after + sum_over_sensor_auxiliary(q, -to_q, r2));
+    return squared / (squared + w_light + w_sensor);
 }
 
 // Factor of the strategy s = 0 for light from the sky in the MIS sums: 0 if it is switched off, otherwise 1.

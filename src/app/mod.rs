@@ -17,6 +17,7 @@ mod interrupts;
 mod live;
 mod memory;
 mod merge;
+mod pace;
 mod preparation;
 mod progress;
 pub mod render;

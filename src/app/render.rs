@@ -36,7 +36,7 @@ use super::live::Live;
 use super::preparation::Preparation;
 use super::progress::Progress;
 use super::report::{Report, is_black};
-use super::{feasible, memory, strategies};
+use super::{feasible, memory, pace, strategies};
 use crate::app::cli::RenderArgs;
 use iterations::Iterations;
 use ready::Ready;
@@ -335,6 +335,9 @@ impl Session {
             none if none == Aov::default() => Layers::default(),
             aov => preparation.timed("auxiliary layers", || layers(device, &scene, settings, &prepared, aov))?,
         };
+        if let Some(note) = preparation.timed("measure the pace", || pace::note(device, &scene, settings, &prepared))? {
+            self.progress.line(&note);
+        }
         let mut renderer = Renderer::from_prepared(device, &scene, settings, &prepared)?;
         if outputs.has_variance() {
             renderer.estimate_response_variance();

@@ -73,15 +73,16 @@ pub fn report_interrupted(progress: &Progress) {
     progress.line("interrupted: no strategy images were written");
 }
 
-/// `s02_t03_weighted.exr`
-fn name(s: u32, t: u32, weighting: &str) -> String {
-    format!("s{s:02}_t{t:02}_{weighting}.exr")
+/// `s02_t03_weighted.exr`, or `s02_t03_ellipsoidal_weighted.exr`
+fn name(s: u32, t: u32, ellipsoidal: bool, weighting: &str) -> String {
+    let kind = if ellipsoidal { "ellipsoidal_" } else { "" };
+    format!("s{s:02}_t{t:02}_{kind}{weighting}.exr")
 }
 
 fn is_ours(file: &str) -> bool {
     let parts: Vec<&str> = file.split('_').collect();
     let number = |text: &str, letter| text.strip_prefix(letter).is_some_and(|n| n.parse::<u8>().is_ok());
-    matches!(parts[..], [s, t, "weighted.exr" | "unweighted.exr"] if number(s, 's') && number(t, 't'))
+    matches!(parts[..], [s, t, "weighted.exr" | "unweighted.exr"] | [s, t, "ellipsoidal", "weighted.exr" | "unweighted.exr"] if number(s, 's') && number(t, 't'))
 }
 
 /// Creates a temporary folder beside `folder`, so that a rename can move it there, and its lock. `folder` is a [`real_place`].
@@ -111,7 +112,11 @@ impl Job<'_> {
         let (fresh, _lock) = temporary_beside(&place)?;
         for image in images.images() {
             for (film, weighting) in [(&image.weighted, "weighted"), (&image.unweighted, "unweighted")] {
-                exr_file::write(&fresh.path().join(name(image.s, image.t, weighting)), film, provenance)?;
+                exr_file::write(
+                    &fresh.path().join(name(image.s, image.t, image.ellipsoidal, weighting)),
+                    film,
+                    provenance,
+                )?;
             }
         }
         put_in_place(fresh, &place).map_err(|e| {
@@ -153,11 +158,11 @@ mod tests {
         let folder = here.path().join("pyramid");
         check_folder(&folder).unwrap();
         fs::create_dir(&folder).unwrap();
-        fs::write(folder.join(name(2, 13, "weighted")), "old").unwrap();
+        fs::write(folder.join(name(2, 13, false, "weighted")), "old").unwrap();
         check_folder(&folder).unwrap();
 
         let (fresh, _lock) = temporary_beside(&folder).unwrap();
-        fs::write(fresh.path().join(name(0, 2, "unweighted")), "new").unwrap();
+        fs::write(fresh.path().join(name(0, 2, false, "unweighted")), "new").unwrap();
         put_in_place(fresh, &folder).unwrap();
         let names = |path: &Path| -> Vec<_> { fs::read_dir(path).unwrap().map(|e| e.unwrap().file_name()).collect() };
         assert_eq!(names(&folder), ["s00_t02_unweighted.exr"]);
@@ -169,9 +174,9 @@ mod tests {
         assert!(message.contains("thesis.tex"), "{message}");
         assert!(check_folder(&thesis).is_err());
         fs::remove_file(&thesis).unwrap();
-        fs::create_dir(folder.join(name(2, 3, "weighted"))).unwrap();
+        fs::create_dir(folder.join(name(2, 3, true, "weighted"))).unwrap();
         assert!(check_folder(&folder).is_err(), "a folder with the name of an image");
-        fs::remove_dir(folder.join(name(2, 3, "weighted"))).unwrap();
+        fs::remove_dir(folder.join(name(2, 3, true, "weighted"))).unwrap();
         #[cfg(target_os = "linux")]
         {
             use std::os::unix::ffi::OsStrExt;

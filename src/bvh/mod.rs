@@ -3,6 +3,7 @@
 mod dense;
 pub mod hash;
 mod joined;
+mod parts;
 
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;

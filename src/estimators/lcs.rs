@@ -35,6 +35,7 @@ pub(super) static RECORD: Record = Record {
     // than their densities give them (docs/notebook/splat-weight.md).
     splat_sample_weight: 0.25,
     draws_in_gate: true,
+    ellipsoidal: false,
     renders_references: true,
     judge: Estimator::Bdpt,
 };
@@ -61,6 +62,7 @@ static FOR_HISTOGRAMS: Record = Record {
     query_sample_count: |queries, has_media| if has_media { 0.0625 } else { 0.25 } * queries as f32,
     splat_sample_weight: 1.0,
     draws_in_gate: true,
+    ellipsoidal: false,
     renders_references: true,
     judge: Estimator::Bdpt,
 };

@@ -23,6 +23,7 @@ pub(super) static RECORD: Record = Record {
     query_sample_count: |_, _| 1.0,
     splat_sample_weight: 1.0,
     draws_in_gate: false,
+    ellipsoidal: false,
     renders_references: false,
     judge: Estimator::Bdpt,
 };

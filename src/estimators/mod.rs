@@ -4,6 +4,7 @@
 #![warn(missing_docs)]
 
 mod bdpt;
+mod epc;
 mod lcs;
 mod lcs_paper;
 mod pt;
@@ -20,6 +21,8 @@ pub enum Estimator {
     Pt,
     /// Full bidirectional path tracing; paths outside the gate are rejected.
     Bdpt,
+    /// Ellipsoidal path connections: bidirectional path tracing that draws the travel time inside the gate.
+    Epc,
     /// Light-cone shell queries as in the paper (Secs. 5 and 6); `docs/ARCHITECTURE.md` lists our decisions beyond the paper.
     LcsPaper,
     /// Light-cone shell queries by importance; K candidates per tree are resampled to one shadow ray.
@@ -64,6 +67,8 @@ pub struct Record {
     pub splat_sample_weight: f32,
     /// Whether events in a medium that are lit by a deterministic vertex are drawn inside the gate, instead of left to free flight.
     pub draws_in_gate: bool,
+    /// Whether connections that are too short for the gate run over an auxiliary vertex on an ellipsoid.
+    pub ellipsoidal: bool,
     /// Whether the bench considers this estimator when it looks for the fastest way to render a reference.
     pub renders_references: bool,
     /// Estimator that checks the references rendered by this one: it finds the same paths by another method.
@@ -138,7 +143,8 @@ const SHELL_QUERY: &str = "shell_query";
 
 impl Estimator {
     /// All estimators, the simplest first.
-    pub const ALL: [Estimator; 4] = [Estimator::Pt, Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
+    pub const ALL: [Estimator; 5] =
+        [Estimator::Pt, Estimator::Bdpt, Estimator::Epc, Estimator::LcsPaper, Estimator::Lcs];
 
     /// Estimator for renders without a gate that measure which travel times a scene has: it finds every path.
     pub const UNGATED: Estimator = Estimator::Bdpt;
@@ -148,6 +154,7 @@ impl Estimator {
         match self {
             Estimator::Pt => &pt::RECORD,
             Estimator::Bdpt => &bdpt::RECORD,
+            Estimator::Epc => &epc::RECORD,
             Estimator::LcsPaper => &lcs_paper::RECORD,
             Estimator::Lcs => &lcs::RECORD,
         }
@@ -254,7 +261,7 @@ mod tests {
             assert_eq!(estimator.to_string().parse::<Estimator>().unwrap(), estimator);
         }
         let error = "magic".parse::<Estimator>().unwrap_err().to_string();
-        assert_eq!(error, "no estimator is called 'magic': choose pt, bdpt, lcs-paper or lcs");
+        assert_eq!(error, "no estimator is called 'magic': choose pt, bdpt, epc, lcs-paper or lcs");
     }
 
     #[test]
@@ -268,6 +275,9 @@ mod tests {
     #[test]
     fn a_refusal_names_what_does_see_beams() {
         let refusal = Estimator::Pt.beam_refusal("the beam 'laser'");
-        assert!(refusal.contains("the beam 'laser'") && refusal.ends_with("use bdpt, lcs-paper or lcs"), "{refusal}");
+        assert!(
+            refusal.contains("the beam 'laser'") && refusal.ends_with("use bdpt, epc, lcs-paper or lcs"),
+            "{refusal}"
+        );
     }
 }

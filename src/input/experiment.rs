@@ -333,7 +333,7 @@ png = true
             ("render = 3\n", 1, 10, "write [render]"),
             ("[render]\nspp = -4\n", 2, 7, "the number -4"),
             ("[render]\nspp = \"four\"\n", 2, 7, "the text"),
-            ("[render]\nestimator = \"magic\"\n", 2, 13, "choose pt, bdpt, lcs-paper or lcs"),
+            ("[render]\nestimator = \"magic\"\n", 2, 13, "choose pt, bdpt, epc, lcs-paper or lcs"),
             ("[gate]\ngate = \"1..2\"\n", 2, 8, "no unit"),
             ("[gate]\ngate = \"1m..2m\"\ndepth = \"1m..2m\"\n", 3, 1, "keep one"),
             (

@@ -19,6 +19,8 @@ pub struct Contribution {
     pub s: u32,
     /// Number of vertices of the sensor subpath, the one on the sensor included.
     pub t: u32,
+    /// Whether an auxiliary vertex lies between the two subpaths, so that the path has s + t + 1 vertices.
+    pub ellipsoidal: bool,
     /// With [`Observe::Times`] the travel time in units of the render space; with [`Observe::Strategies`] the MIS weight.
     pub tau_or_weight: f32,
 }
@@ -35,7 +37,7 @@ impl Renderer {
             let Splat { rgb, pixel_or_tau, weight_or_tau, s } = splat;
             let (pixel, tau_or_weight) =
                 if times { (NONE, pixel_or_tau) } else { (pixel_or_tau.to_bits(), weight_or_tau) };
-            visit(Contribution { rgb, pixel, s, t: 1, tau_or_weight });
+            visit(Contribution { rgb, pixel, s, t: 1, ellipsoidal: false, tau_or_weight });
         };
         let pool = self.build_pool(&iteration, show)?;
 
@@ -49,7 +51,8 @@ impl Renderer {
                 Some(vertex) => (pool.vertices[vertex as usize].flags & VERTEX_DEPTH) + 1,
             };
             let rgb = seen.rgb.map(|x| x * share);
-            visit(Contribution { rgb, pixel: seen.pixel, s, t: seen.t, tau_or_weight: seen.tau_or_weight });
+            let SensorContribution { pixel, t, ellipsoidal, tau_or_weight, .. } = seen;
+            visit(Contribution { rgb, pixel, s, t, ellipsoidal, tau_or_weight });
         };
         sensor.prepare(plan, &iteration, scene, &pool, stats)?.observe(plan, &SampleCounts::Uniform(samples), show)?;
 

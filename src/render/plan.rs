@@ -30,6 +30,9 @@ const OPEN: f32 = 3e38;
 /// scene's diagonal. Shorter ones miss most light vertices, and queries find those that they meet.
 const HISTOGRAM_WIDTH: f64 = 0.1;
 
+/// Maximum number of triangles in a part of the BVH, whose search for ellipsoids is a unit of work.
+const PART_TRIANGLES: u32 = 4096;
+
 /// Parameters that change the speed but never the image; a test checks this.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tuning {
@@ -106,6 +109,8 @@ pub struct Plan {
     has_media: bool,
     /// Travel time per length outside of solids.
     group_index: f64,
+    /// Parts of the BVH for [`Bvh::parts`](crate::bvh::Bvh::parts); empty unless the estimator forms ellipsoidal connections.
+    pub bvh_parts: Vec<u32>,
     /// Values of the WGSL `override` constants that depend on the media.
     media_constants: [(&'static str, f64); 7],
     pub crop: Crop,
@@ -181,6 +186,7 @@ impl Plan {
             aims: prepared.aims.len(),
             has_media: !prepared.media.list.is_empty(),
             group_index: prepared.media.surrounding[1].into(),
+            bvh_parts: if estimator.ellipsoidal { prepared.geometry.bvh.parts(PART_TRIANGLES) } else { vec![] },
             media_constants: prepared.media.constants(),
             crop: settings.crop(),
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
@@ -284,6 +290,12 @@ impl Plan {
         self.frame.gate_lo = gate.lo as f32;
         self.frame.gate_hi = hi;
         self.frame.rounding_allowance = rounding_allowance;
+        let width = gate.hi - gate.lo;
+        // A detour as long as the gate means that the straight connection is too short for it. So no pair of vertices needs both kinds
+        // of connections. Detours must also be longer than their rounding errors. Lengths are outside of solids.
+        let detour = width.max(rounding_allowance.into()) / self.group_index;
+        self.frame.min_detour = if closed { detour as f32 } else { OPEN };
+        self.frame.auxiliary_density = (self.group_index / (width * f64::from(MEAN_ARC))) as f32;
         self.frame.cull_hi = if self.cull && closed { hi + omitted as f32 + rounding_allowance } else { OPEN };
     }
 

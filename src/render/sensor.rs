@@ -40,6 +40,11 @@ const MIN_GROUP_LIMIT: u32 = 65_535;
 /// Minimum number of shade points in a submit of queries. Larger batches are multiples of it, so they fill whole workgroups.
 const MIN_QUERY_BATCH: usize = 256;
 
+/// Limits of the work of a submit that searches for ellipsoids, in candidates times parts of the BVH. A batch that is not the last
+/// of a bounce is a multiple of the smallest, so it fills workgroups.
+const MIN_SEARCH_BATCH: usize = 64;
+const MAX_SEARCH_BATCH: usize = 1 << 20;
+
 /// Kernels and buffers of the sensor subpaths.
 pub struct SensorTracer {
     kernels: Kernels,
@@ -54,6 +59,10 @@ pub struct SensorTracer {
     tile: usize,
     /// Number of shade points that one submit queries, adapted in the same way.
     query_batch: usize,
+    /// Work of one submit that searches for ellipsoids, adapted in the same way.
+    search_batch: usize,
+    /// Number of parts of the BVH for these searches.
+    parts: usize,
     /// Becomes true when the iteration is to be abandoned.
     stop: Arc<AtomicBool>,
     /// Whether a part of the present iteration was left out, so that all of it must be.
@@ -64,17 +73,21 @@ impl SensorTracer {
     /// Allocates the buffers for `slots` candidate slots per shade point.
     pub fn new(device: &Device, plan: &Plan, slots: u32, kernels: Kernels, stats: &mut Stats) -> Result<SensorTracer> {
         let capacity = SensorTracer::capacity(device.info(), plan, slots);
-        let buffers = stats.timed(stage::ALLOCATE, || Buffers::new(device, plan, capacity, slots as usize))?;
+        let mut buffers = stats.timed(stage::ALLOCATE, || Buffers::new(device, plan, capacity, slots as usize))?;
+        buffers.bvh_parts.write(0, &plan.bvh_parts)?;
         let tile = plan.tuning.tile.unwrap_or(1 << 13).min(capacity);
         Ok(SensorTracer {
             kernels,
             buffers,
             recorder: Recorder::new(device)?,
-            waits_per_bounce: device.info().drive.waits_per_bounce,
+            // The host divides the search for ellipsoids into submits, so it must know the number of candidates.
+            waits_per_bounce: device.info().drive.waits_per_bounce || plan.estimator.ellipsoidal,
             slots,
             capacity,
             tile,
             query_batch: MIN_QUERY_BATCH,
+            search_batch: MIN_SEARCH_BATCH,
+            parts: plan.bvh_parts.len(),
             stop: Arc::default(),
             abandoned: false,
         })

@@ -21,6 +21,8 @@ pub struct StrategyImage {
     pub s: u32,
     /// Number of vertices of the sensor subpath, the one on the sensor included.
     pub t: u32,
+    /// Whether an auxiliary vertex lies between the two subpaths, so that the paths have s + t + 1 vertices.
+    pub ellipsoidal: bool,
     /// Contributions times their MIS weights. The sum over all strategies is the image.
     pub weighted: Film,
     /// Contributions with weight 1: the image that this strategy alone would render, from the paths that it can find.
@@ -33,15 +35,21 @@ pub struct StrategyImages {
     images: Vec<StrategyImage>,
 }
 
-/// The strategies (s, t) that the estimator forms, sorted by path length (s + t - 1 segments), then by s. A strategy in the
-/// list may still find no light in this scene: no ray hits a point light.
-pub fn strategies(settings: &Settings) -> Vec<(u32, u32)> {
+/// The strategies (s, t) that the estimator forms, sorted by path length, then by s: first those of s + t - 1 segments, then
+/// ellipsoidal connections (true) with one segment more. A strategy in the list may still find no light in this scene: no ray hits a
+/// point light.
+pub fn strategies(settings: &Settings) -> Vec<(u32, u32, bool)> {
     let (all, light_subpaths) =
         (settings.strategies() == Strategies::All, settings.estimator().record().light_subpaths);
     let kept =
         |s: u32, t: u32| (s, t) != (1, 1) && (all || (s >= 1 && t >= 2)) && (light_subpaths || (s <= 1 && t >= 2));
     let of_length = |k: u32| (0..=k).map(move |s| (s, k + 1 - s));
-    (1..=settings.max_depth()).flat_map(of_length).filter(|&(s, t)| kept(s, t)).collect()
+    let direct = |k: u32| of_length(k).filter(|&(s, t)| kept(s, t)).map(|(s, t)| (s, t, false));
+    let ellipsoidal = |k: u32| {
+        let all = if settings.estimator().record().ellipsoidal { 1..k - 1 } else { 0..0 };
+        all.map(move |s| (s, k - s, true))
+    };
+    (1..=settings.max_depth()).flat_map(|k| direct(k).chain(ellipsoidal(k))).collect()
 }
 
 impl StrategyImages {
@@ -58,7 +66,7 @@ impl StrategyImages {
         plan.observe = Observe::Strategies;
         let renderer = Renderer::from_plan(device, plan, [1, 1], scene, prepared)?;
         let film = || Film::new(width, height);
-        let image = |(s, t)| StrategyImage { s, t, weighted: film(), unweighted: film() };
+        let image = |(s, t, ellipsoidal)| StrategyImage { s, t, ellipsoidal, weighted: film(), unweighted: film() };
         Ok(StrategyImages { renderer, images: strategies(settings).into_iter().map(image).collect() })
     }
 
@@ -88,9 +96,9 @@ impl StrategyImages {
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         let pixels = self.renderer.plan.crop_pixels as usize;
         let longest = self.renderer.plan.max_depth as usize + 2;
-        let mut index = vec![None; longest * longest];
+        let mut index = vec![[None; 2]; longest * longest];
         for (i, image) in self.images.iter().enumerate() {
-            index[image.s as usize * longest + image.t as usize] = Some(i);
+            index[image.s as usize * longest + image.t as usize][usize::from(image.ellipsoidal)] = Some(i);
         }
         let mut sums = vec![[vec![0.0f32; 3 * pixels], vec![0.0f32; 3 * pixels]]; self.images.len()];
         self.renderer.observe(samples, &mut |seen: Contribution| {
@@ -98,7 +106,7 @@ impl StrategyImages {
             if !(seen.rgb.iter().all(|x| x.is_finite()) && weight.is_finite()) {
                 return;
             }
-            let i = index[seen.s as usize * longest + seen.t as usize]
+            let i = index[seen.s as usize * longest + seen.t as usize][usize::from(seen.ellipsoidal)]
                 .expect("`strategies` lists every strategy that the kernels form");
             let [weighted, unweighted] = &mut sums[i];
             for (k, x) in seen.rgb.into_iter().enumerate() {

@@ -224,7 +224,7 @@ table! {
 table! {
     /// `[render]`: how the image is computed. At most one of `spp` and `time`.
     impl Settings for RenderTable {
-        /// Estimator: pt (path tracing), bdpt (bidirectional path tracing), lcs-paper (light-cone shell queries of the paper),
+        /// Estimator: pt (path tracing), bdpt (bidirectional path tracing), epc (ellipsoidal path connections), lcs-paper (light-cone shell queries of the paper),
         /// lcs (light-cone shell queries with importance and resampling) [default with a gate: lcs, or bdpt if the gate is wider than
         /// 0.4 times the scene's diagonal (or one of --gates, or all of them together in a scene with mirrors, glass or sharp gloss); default without a gate: pt, or bdpt if the scene has mirrors, glass, sharp gloss
         /// or a beam]

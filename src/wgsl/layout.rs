@@ -52,7 +52,7 @@ host_twins! {
         crop_height: u32, first_sample: u32, emitter_points: u32, slots: u32,
         sensor: [f32; 3], query_sample_count: f32,
         splat_share: f32, media_count: u32, principal_offset: [f32; 2],
-        hole_lo: f32, hole_hi: f32, pad: [u32; 2],
+        hole_lo: f32, hole_hi: f32, min_detour: f32, auxiliary_density: f32,
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }
@@ -115,6 +115,8 @@ host_twins! {
     TreeNode { left: TreeChild, right: TreeChild }
     /// `shared/candidate.wgsl`
     Candidate { vertex: u32, weight: f32 }
+    /// `shared/ellipsoid_search.wgsl`
+    TriangleChoice { triangle: u32, count: u32 }
 }
 
 /// Constants that the host shares with the kernels; the layout test compares their values.
@@ -170,6 +172,10 @@ pub mod constants {
         ESTIMATOR_BDPT: u32 = 1,
         ESTIMATOR_LCS_PAPER: u32 = 2,
         ESTIMATOR_LCS_BY_TIME: u32 = 3,
+        ESTIMATOR_EPC: u32 = 4,
+        ELLIPSOIDAL: u32 = 0x4000_0000,
+        PART_LEAVES: u32 = 0x8000_0000,
+        MEAN_ARC: f32 = 25.0,
         DETERMINISTIC_SLOTS: u32 = 8,
         MAX_SUBTREES: u32 = 32,
         MAX_TIME_GROUPS: u32 = 16,

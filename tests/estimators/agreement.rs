@@ -35,7 +35,7 @@ fn oracle_cells(film: &Film, bin: usize) -> Vec<(f64, f64)> {
 
 /// The estimators that can render the scene's emitters: `pt` cannot render beams.
 fn estimators(scene: &Scene) -> Vec<Estimator> {
-    let mut estimators = vec![Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs];
+    let mut estimators = vec![Estimator::Bdpt, Estimator::Epc, Estimator::LcsPaper, Estimator::Lcs];
     if !has_only_beams(scene) {
         estimators.push(Estimator::Pt);
     }

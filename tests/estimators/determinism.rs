@@ -13,7 +13,7 @@ use taugate::internals::settings::{Budget, Crop, Estimator, Sampling};
 
 const SIZE: [u32; 2] = [40, 24];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
-const ESTIMATORS: [Estimator; 4] = Estimator::ALL;
+const ESTIMATORS: [Estimator; 5] = Estimator::ALL;
 
 fn image(mut renderer: Renderer, seed: u32) -> Vec<u32> {
     renderer.restart(seed, GATE).unwrap();

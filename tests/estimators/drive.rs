@@ -87,7 +87,8 @@ fn light_paths_of_several_batches_and_submits_are_the_same_bits() {
 fn a_card_waits_once_per_tile_and_allocates_nothing() {
     let device = open(Drive::CARD);
     let scene = build(Kind::Zoo(Light::Area));
-    for estimator in Estimator::ALL {
+    // The host divides the searches of `epc` into submits.
+    for estimator in Estimator::ALL.into_iter().filter(|&estimator| estimator != Estimator::Epc) {
         let settings = settings(estimator, SIZE).max_depth(16).build().unwrap();
         let mut renderer = renderer(&device, &scene, &settings, TILE);
         renderer.iterate(2).unwrap_or_else(|e| panic!("{e}"));

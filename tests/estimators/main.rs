@@ -11,6 +11,7 @@ mod determinism;
 #[path = "../common/device.rs"]
 mod device;
 mod drive;
+mod ellipsoids;
 mod fog;
 mod furnace;
 mod grid;

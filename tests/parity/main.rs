@@ -14,6 +14,7 @@ mod bsdf_sample;
 mod bsdf_slopes;
 mod bump;
 mod camera;
+mod ellipsoid;
 mod emitter;
 mod functions;
 mod grid;

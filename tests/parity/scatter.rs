@@ -277,7 +277,7 @@ const SUMS: ShaderFunction = ShaderFunction {
     body: "var state: PathState; state.d_vcm = input.d_vcm; state.d_vc = input.d_vc;
         var s: Scatter; s.pdf = input.pdf; s.pdf_reverse = input.pdf_reverse; s.cosine = input.cosine;
         s.delta = input.delta == 1u;
-        mis_scatter(&state, s, input.select_pdf);
+        var left: PathVertex; mis_scatter(&state, left, s, input.select_pdf);
         result.left = vec2<f32>(state.d_vcm, state.d_vc);
         mis_arrive(&state, input.length * input.length, input.cosine);
         result.met = vec2<f32>(state.d_vcm, state.d_vc);

@@ -131,7 +131,7 @@ fn opposed(mut mesh: Mesh) -> Mesh {
 }
 
 /// Smooth and flat shapes at random places, scaled, rotated and mirrored. Some have reversed shading normals.
-fn scene() -> Scene {
+pub fn scene() -> Scene {
     let mut pcg = Pcg::new(131);
     let mut scene = Scene::default();
     let material = stage::material(&mut scene, stage::diffuse("white", [1.0; 3]));

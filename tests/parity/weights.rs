@@ -18,14 +18,14 @@ pub const KERNELS: &[&ShaderFunction] = &[&WEIGHTS];
 const LONGEST: usize = 6;
 
 const WEIGHTS: ShaderFunction = ShaderFunction {
-    imports: &["walk", "weights"],
+    imports: &["walk", "weights", "segment"],
     input: "place: array<vec4<f32>, 6>, geometric: array<vec4<f32>, 6>, normal: array<vec4<f32>, 6>, segments: u32, kind: u32,
         density: f32, select_pdf: f32",
-    result: "weights: array<f32, 8>",
+    result: "weights: array<f32, 12>",
     body: "var path = input; let k = path.segments; let beam = path.kind == 4u || path.kind == 5u;
         let area = path.kind <= 1u; let from_sky = path.kind == 6u;
         var lights: array<PathVertex, 6>; var sensors: array<PathVertex, 6>;
-        for (var i = 0u; i < 8u; i++) { result.weights[i] = -1.0; }
+        for (var i = 0u; i < 12u; i++) { result.weights[i] = -1.0; }
 
         // From the emitter.
         var e: Emission; e.vertex.position = path.place[0].xyz; e.vertex.geometric = path.geometric[0].xyz;
@@ -48,15 +48,16 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             surface.normal = path.normal[i].xyz; surface.material = bitcast<u32>(path.normal[i].w);
             find_solid(&light, surface);
             var v = arrive(&light, surface);
+            if (HAS_ELLIPSOIDS && i > 1u) { add_auxiliary_sum(&v, lights[i - 1u]); }
             if (deterministic) { v.select_pdf = path.select_pdf; v.flags |= VERTEX_DETERMINISTIC; }
             random = select(min(random + 1u, 3u), 0u, deterministic); v.flags |= random << VERTEX_RANDOM_SHIFT;
             lights[i] = v;
             if (i + 1u < k) {
                 light.direction = normalize(path.place[i + 1u].xyz - path.place[i].xyz);
                 let c = evaluate_light_vertex(v, light.direction);
-                var s: Scatter; s.pdf = c.pdf / v.select_pdf; s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
+                var s: Scatter; s.pdf = c.pdf / selection_pdf(v); s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
                 s.delta = !is_connectible(v);
-                mis_scatter(&light, s, sample_count_ratio(v) * v.select_pdf);
+                mis_scatter(&light, v, s, sample_count_ratio(v) * selection_pdf(v));
                 deterministic = deterministic && s.delta;
             }
         }
@@ -77,13 +78,14 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             find_solid(&sensor, surface);
             var q = arrive(&sensor, surface);
             q.flags |= n + 1u;
+            if (HAS_ELLIPSOIDS && n > 1u) { add_auxiliary_sum(&q, sensors[j + 1u]); }
             sensors[j] = q;
             if (j > 0u) {
                 sensor.direction = normalize(path.place[j - 1u].xyz - path.place[j].xyz);
                 let c = evaluate_shade_point(q, sensor.direction);
                 var s: Scatter; s.pdf = c.pdf; s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
                 s.delta = !is_connectible(q);
-                mis_scatter(&sensor, s, 1.0);
+                mis_scatter(&sensor, q, s, 1.0);
             }
         }
 
@@ -102,6 +104,15 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
                 if (from_sky && s == 1u) {
                     result.weights[s] = sky_connection_weight(q, evaluate_shade_point(q, w), path.density);
                 }
+            }
+        }
+        for (var i = 1u; i + 1u < k && HAS_ELLIPSOIDS; i++) {
+            let v = lights[i - 1u]; let q = sensors[i + 1u]; var x = sensors[i];
+            if (select(is_connectible(v), !beam, i == 1u) && is_connectible(x) && is_connectible(q)) {
+                let to_v = segment_between(x.position, v.position); let to_q = segment_between(x.position, q.position);
+                result.weights[6u + i] = ellipsoidal_weight(q, v, x, evaluate_shade_point(q, -to_q.direction),
+                    evaluate_light_vertex(v, -to_v.direction), evaluate_shade_point(x, to_v.direction),
+                    vec2<f32>(to_v.length2, to_q.length2), to_v.direction, sqrt(to_v.length2), to_q.direction, sqrt(to_q.length2));
             }
         }
         if (k > 1u && frame.keep_t1 > 0.0 && is_connectible(lights[k - 1u])) {
@@ -171,23 +182,24 @@ const KEPT: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], 
 
 /// The weights of all strategies for every path, indexed by s; -1 where a strategy is not formed. `sample_count` is the
 /// number of samples that the connection strategy takes at a random light vertex.
-fn weights(kept: [f32; 3], sample_count: f32, orthographic: bool, paths: &[Path]) -> Vec<[f32; 8]> {
+fn weights(kept: [f32; 3], sample_count: f32, constants: &[(&str, f64)], paths: &[Path]) -> Vec<[f32; 12]> {
     // Of two buffers with one name, the first is bound; `buffers` also has a frame.
     let mut all = vec![frame(|f| {
         f.forward = [0.0, 0.0, -1.0];
         (f.pixel_area, f.splat_sample_count) = (0.05, 3.0);
         f.query_sample_count = sample_count;
         [f.keep_s0, f.keep_t1, f.keep_s2] = [kept[0] / sample_count.powi(2), kept[1] / sample_count.powi(2), kept[2]];
+        (f.min_detour, f.auxiliary_density) = (0.3, 0.2);
     })];
     all.push(contents("sky", &[1u32, 1, 0.3f32.to_bits(), 0.7f32.to_bits()]));
     all.extend(buffers());
-    WEIGHTS.compile(&[("HAS_ORTHOGRAPHIC", f64::from(u8::from(orthographic)))]).run(paths, &all)
+    WEIGHTS.compile(constants).run(paths, &all)
 }
 
 /// Indices of the paths whose weights do not sum to 1 if the strategy s = `without` is left out, and the number of paths for
 /// which that strategy was formed. If `length` is given, only paths with so many segments count.
 fn wrong(
-    results: &[[f32; 8]],
+    results: &[[f32; 12]],
     segments: &[usize],
     without: Option<usize>,
     length: Option<usize>,
@@ -226,7 +238,8 @@ fn sum_to_one(orthographic: bool) {
     let paths: Vec<Path> =
         kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, orthographic)).collect();
     for (kept, sample_count) in KEPT.into_iter().flat_map(|kept| [1.0, 4.0].map(|sample_count| (kept, sample_count))) {
-        let results = weights(kept, sample_count, orthographic, &paths);
+        let constants = [("HAS_ORTHOGRAPHIC", f64::from(u8::from(orthographic)))];
+        let results = weights(kept, sample_count, &constants, &paths);
         let (offenders, formed) = wrong(&results, &segments, None, None);
         let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
         assert!(
@@ -244,5 +257,26 @@ fn sum_to_one(orthographic: bool) {
                 assert!(!all || formed > 50, "s = {s} of {k} segments was formed only {formed} times");
             }
         }
+    }
+}
+
+/// With ellipsoidal connections. Results 7 to 10 are the weights of those with auxiliary vertex 1 to 4.
+#[test]
+fn weights_with_ellipsoidal_connections_sum_to_one() {
+    let mut pcg = Pcg::new(152);
+    let segments: Vec<usize> = (0..6000).map(|_| 2 + pcg.below(LONGEST - 1)).collect();
+    let kinds: Vec<u32> = segments.iter().map(|_| KINDS[pcg.below(5)]).collect();
+    let paths: Vec<Path> = kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, false)).collect();
+    let results = weights(KEPT[0], 1.0, &[("HAS_ELLIPSOIDS", 1.0)], &paths);
+    let (offenders, formed) = wrong(&results, &segments, None, None);
+    let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
+    assert!(offenders.is_empty(), "{} of {formed}: {shown:?}", offenders.len());
+    for (k, i) in (3..=LONGEST).flat_map(|k| (1..k - 1).map(move |i| (k, i))) {
+        let (offenders, formed) = wrong(&results, &segments, Some(6 + i), Some(k));
+        assert!(
+            formed > 200 && offenders.len() > 100,
+            "auxiliary vertex {i} of {k} segments: {} of {formed}",
+            offenders.len()
+        );
     }
 }

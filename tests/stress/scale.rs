@@ -109,7 +109,7 @@ fn near(scene: &Scene, name: &str, estimator: Estimator, places: &[(f64, f64)]) 
         println!("{summary}");
         match estimator {
             Estimator::Pt | Estimator::Bdpt => assert!(moved < ROUNDING, "{summary}"),
-            Estimator::LcsPaper | Estimator::Lcs => {
+            Estimator::Epc | Estimator::LcsPaper | Estimator::Lcs => {
                 assert!(error < PRECISE && gain.abs() <= 1e-6 + threshold(TESTS) * error, "{summary}")
             }
         }

@@ -23,6 +23,7 @@ impl Plan {
             ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
             ("HAS_SKY", switch(self.has_sky)),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
+            ("HAS_ELLIPSOIDS", switch(self.estimator.ellipsoidal)),
             ("GUIDES_FLIGHTS", switch(self.moves_events())),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),

@@ -31,7 +31,12 @@ impl SensorTracer {
             if self.is_abandoned() {
                 return Ok((0, seconds));
             }
-            stats.timed(stage::RECORD, || self.record_connections(bindings, constants, shade_points))?;
+            stats.timed(stage::RECORD, || self.record_candidates(bindings, constants, shade_points))?;
+            self.search_ellipsoids(bindings, constants, stats)?;
+            if self.is_abandoned() {
+                return Ok((0, seconds));
+            }
+            stats.timed(stage::RECORD, || self.record_connections(bindings, constants))?;
         }
         Ok((counters[LIVING[1 - constants.bounce as usize % 2] as usize], seconds))
     }
@@ -48,7 +53,8 @@ impl SensorTracer {
             &shade_points,
             indirect_over(&b.arguments, SHADE),
         )?;
-        self.record_connections(bindings, constants, constants.count)
+        self.record_candidates(bindings, constants, constants.count)?;
+        self.record_connections(bindings, constants)
     }
 
     /// Records the tracing of the living paths of a bounce (at most `max`), and the lists of the continuing paths and of the
@@ -92,14 +98,62 @@ impl SensorTracer {
         Ok(())
     }
 
-    /// Records the connections of the shade points (at most `max`) to their live candidates, and adds the contributions to the
-    /// radiance of their paths.
-    fn record_connections(&mut self, bindings: &SensorBindings, constants: &Dispatch, max: u32) -> Result<()> {
-        let at = |counter: u32| Dispatch { counter, ..*constants };
-        let lists = Dispatch { list_a: CANDIDATES, list_b: NONE, ..at(SHADE) };
+    /// Records the list of the live candidates of the shade points (at most `max`).
+    fn record_candidates(&mut self, bindings: &SensorBindings, constants: &Dispatch, max: u32) -> Result<()> {
+        let lists = Dispatch { counter: SHADE, list_a: CANDIDATES, list_b: NONE, ..*constants };
         let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
         let entries = max as usize * self.slots as usize;
-        k.compaction.record(r, &bindings.compact_candidates, &lists, entries, &b.arguments)?;
+        k.compaction.record(r, &bindings.compact_candidates, &lists, entries, &b.arguments)
+    }
+
+    /// Chooses the triangles of all ellipsoidal connections, if the estimator forms them. Separate submits search parts of the BVH for
+    /// some of the candidates, so that no submit takes long.
+    fn search_ellipsoids(&mut self, bindings: &SensorBindings, constants: &Dispatch, stats: &mut Stats) -> Result<()> {
+        if self.parts == 0 {
+            return Ok(());
+        }
+        self.record_counters()?;
+        stats.submit(&mut self.recorder)?;
+        let candidates = self.read_counters(stats)?[CANDIDATES as usize] as usize;
+        let mut done = 0;
+        while done < candidates {
+            // Few candidates at a time if the BVH has many parts, but enough to fill the cores.
+            let wanted = (self.search_batch / self.parts).max(MIN_SEARCH_BATCH);
+            let batch = (wanted / MIN_SEARCH_BATCH * MIN_SEARCH_BATCH).min(candidates - done);
+            let mut first = 0;
+            while first < self.parts {
+                let count = (self.search_batch / batch).clamp(1, self.parts - first);
+                let part = Dispatch { first: first as u32, count: count as u32, rank: done as u32, ..*constants };
+                let factor = size_factor(self.search(bindings, &part, batch, stats)?);
+                if self.is_abandoned() {
+                    return Ok(());
+                }
+                // A submit that was smaller than wanted and took less than the target time says nothing about a full one.
+                if factor < 1.0 || batch * count >= self.search_batch {
+                    let size = (batch * count) as f64 * factor;
+                    self.search_batch = (size as usize).clamp(MIN_SEARCH_BATCH, MAX_SEARCH_BATCH);
+                }
+                first += count;
+            }
+            done += batch;
+        }
+        Ok(())
+    }
+
+    /// Searches parts of the BVH (`part.first`, `part.count`) for `batch` candidates from `part.rank` on. Returns the seconds.
+    fn search(&mut self, bindings: &SensorBindings, part: &Dispatch, batch: usize, stats: &mut Stats) -> Result<f64> {
+        let missing = "a tracer with parts of the BVH searches them";
+        let (kernel, bound) = (self.kernels.ellipsoids.as_ref(), bindings.ellipsoids.as_ref());
+        let (kernel, bound) = (kernel.expect(missing), bound.expect(missing));
+        let part = Dispatch { counter: CANDIDATES, ..*part };
+        self.recorder.dispatch("ellipsoid_triangles", kernel, bound, &part, kernel.groups(batch))?;
+        stats.submit(&mut self.recorder)
+    }
+
+    /// Records the connections of the listed candidates, and adds the contributions to the radiance of their paths.
+    fn record_connections(&mut self, bindings: &SensorBindings, constants: &Dispatch) -> Result<()> {
+        let at = |counter: u32| Dispatch { counter, ..*constants };
+        let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
         r.dispatch_indirect(
             "connect",
             &k.connect,

@@ -6,7 +6,7 @@ use crate::gpu::{Allocate, Buffer, BufferDesc, Device, Recorder};
 use crate::render::compaction::{ARGUMENTS, COUNTERS, chunk_counts};
 use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
-use crate::wgsl::layout::{Candidate, FogSegment, PathState, PathVertex};
+use crate::wgsl::layout::{Candidate, FogSegment, PathState, PathVertex, TriangleChoice};
 
 /// Buffers of the sensor subpaths of a tile, and the film.
 pub struct Buffers<A: Allocate = Device> {
@@ -23,6 +23,8 @@ pub struct Buffers<A: Allocate = Device> {
     pub marks: A::Buffer,
     pub chunk_counts: A::Buffer,
     pub candidates: A::Buffer,
+    pub bvh_parts: A::Buffer,
+    pub choices: A::Buffer,
     pub contributions: A::Buffer,
     pub counters: A::ReadBack,
     pub arguments: A::Buffer,
@@ -58,6 +60,12 @@ impl<A: Allocate> Buffers<A> {
             marks: to.buffer(quads("marks", entries.next_multiple_of(CHUNK as usize) / 4))?,
             chunk_counts: to.buffer(BufferDesc::of::<[u32; 2]>("chunk counts", chunk_counts(entries), few))?,
             candidates: to.buffer(BufferDesc::of::<Candidate>("candidates", entries, few))?,
+            bvh_parts: to.buffer(words("parts of the BVH", plan.bvh_parts.len().max(1)))?,
+            choices: to.buffer(BufferDesc::of::<TriangleChoice>(
+                "triangles of ellipsoids",
+                if plan.estimator.ellipsoidal { entries } else { 1 },
+                few,
+            ))?,
             contributions: to.buffer(quads("contributions", entries))?,
             counters: to.read_back(words("counters", COUNTERS))?,
             arguments: to.buffer(words("dispatch arguments", ARGUMENTS))?,
@@ -82,6 +90,8 @@ impl Buffers {
             ("marks", &self.marks),
             ("chunk_counts", &self.chunk_counts),
             ("candidates", &self.candidates),
+            ("bvh_parts", &self.bvh_parts),
+            ("choices", &self.choices),
             ("contributions", &self.contributions),
             ("counters", self.counters.buffer()),
             ("arguments", &self.arguments),

@@ -18,6 +18,8 @@ pub struct SensorContribution {
     pub t: u32,
     /// Index in the pool of the connected light vertex, or SKY_VERTEX; `None` if the subpath hit an emitter or left the scene.
     pub vertex: Option<u32>,
+    /// Whether an auxiliary vertex lies between the two subpaths.
+    pub ellipsoidal: bool,
 }
 
 impl SensorTracer {
@@ -77,16 +79,16 @@ impl SensorTracer {
         let counters = self.read_counters(&mut Stats::default())?;
         let length = |list: u32| counters[list as usize] as usize;
         let parity = bounce as usize % 2;
-        let seen = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<u32>| {
+        let seen = |[r, g, b, tau_or_weight]: [f32; 4], path: u32, vertex: Option<u32>, ellipsoidal: bool| {
             let pixel = tiles::crop_pixel(plan.crop, tile[path as usize][0]);
-            SensorContribution { rgb: [r, g, b], tau_or_weight, path, pixel, t: bounce + 2, vertex }
+            SensorContribution { rgb: [r, g, b], tau_or_weight, path, pixel, t: bounce + 2, vertex, ellipsoidal }
         };
 
         // Emitter hits of the traced paths.
         let traced = b.living[parity].to_vec::<u32>(length(LIVING[parity]))?;
         b.emitted.with::<[f32; 4], _>(self.capacity, |emitted| {
             let lit = traced.iter().map(|&path| (emitted[path as usize], path)).filter(|(e, _)| *e != [0.0; 4]);
-            lit.for_each(|(e, path)| visit(seen(e, path, None)));
+            lit.for_each(|(e, path)| visit(seen(e, path, None, false)));
         })?;
 
         if length(SHADE) == 0 {
@@ -103,7 +105,9 @@ impl SensorTracer {
         b.candidates.with::<Candidate, _>(entries, |candidates| {
             for (slot, c) in live {
                 let vertex = candidates[slot as usize].vertex;
-                visit(seen(c, shade_list[(slot / self.slots) as usize], Some(vertex)));
+                let ellipsoidal = vertex != SKY_VERTEX && vertex & ELLIPSOIDAL != 0;
+                let vertex = if ellipsoidal { vertex & !ELLIPSOIDAL } else { vertex };
+                visit(seen(c, shade_list[(slot / self.slots) as usize], Some(vertex), ellipsoidal));
             }
         })?;
         Ok(())

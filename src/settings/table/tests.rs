@@ -57,7 +57,7 @@ fn names_are_the_keys_of_the_file_and_all_have_help() {
 fn notes_name_the_estimators_that_use_a_setting() {
     let setting = Setting::sampling("splat-paths", "N").only_for(traces_light);
     assert_eq!(setting.without_effect(Estimator::Bdpt), None);
-    let note = "--splat-paths is only for bdpt, lcs-paper and lcs; pt ignores it";
+    let note = "--splat-paths is only for bdpt, epc, lcs-paper and lcs; pt ignores it";
     assert_eq!(setting.without_effect(Estimator::Pt).as_deref(), Some(note));
     let note =
         Setting::sampling("frontier", "N").only_for(Estimator::by_importance).without_effect(Estimator::Bdpt).unwrap();

@@ -1,0 +1,207 @@
+// The ellipsoid of all points x with |x - v| + |x - q| = length, and its curves in the planes of triangles.
+//
+// The map that turns the ellipsoid into the unit sphere turns such a curve into a circle. The edges of the triangle cut the circle into
+// arcs. If the length is uniform in a range of width W, and the angle uniform on arcs of total length `arc`, the density per area of the
+// point is (coarea formula)
+//     sqrt(length^2 - |P(q - v)|^2) / (W arc |x - v| |x - q|),
+// where P projects onto the plane of the triangle.
+#import math
+
+struct Ellipsoid {
+    centre: vec3<f32>,
+    // Half of the long axis.
+    long: f32,
+    // Unit vector from the focus v to the focus q.
+    axis: vec3<f32>,
+    // Half of the two equal short axes.
+    short: f32,
+}
+
+// The ellipsoid with the foci v and q. `length` must exceed their distance.
+fn make_ellipsoid(v: vec3<f32>, q: vec3<f32>, length: f32) -> Ellipsoid {
+    let offset = q - v;
+    let d = sqrt(dot(offset, offset));
+    let axis = select(vec3<f32>(0.0, 0.0, 1.0), offset / d, d > 0.0);
+    return Ellipsoid(v + 0.5 * offset, 0.5 * length, axis, 0.5 * sqrt(max((length - d) * (length + d), 0.0)));
+}
+
+// The point p in coordinates in which the ellipsoid is the unit sphere.
+fn to_sphere(e: Ellipsoid, p: vec3<f32>) -> vec3<f32> {
+    let offset = p - e.centre;
+    let along = dot(offset, e.axis) * e.axis;
+    return along / e.long + (offset - along) / e.short;
+}
+
+// The normal n of a plane, which need not have unit length, in the coordinates of `to_sphere`, up to its length.
+fn normal_to_sphere(e: Ellipsoid, n: vec3<f32>) -> vec3<f32> {
+    let along = dot(n, e.axis) * e.axis;
+    return e.long * along + e.short * (n - along);
+}
+
+// sqrt(length^2 - |P(q - v)|^2) / (|x - v| |x - q|) for the point x with unit normal n: see above. w1, r1: unit direction and distance to
+// v, w2, r2: to q. Written as a sum of positive terms, so that no digits cancel.
+fn inverse_stretch(n: vec3<f32>, w1: vec3<f32>, r1: f32, w2: vec3<f32>, r2: f32) -> f32 {
+    let c1 = dot(n, w1);
+    let c2 = dot(n, w2);
+    return sqrt(max(2.0 * (1.0 + dot(w1, w2)) / (r1 * r2) + square(c2 / r1 - c1 / r2), 0.0));
+}
+
+// The part of the ellipsoid in a triangle.
+struct Curve {
+    // Total length of its arcs on the unit circle, in radians; 0 if the ellipsoid misses the triangle.
+    arc: f32,
+    // Barycentric weights of corners 1 and 2 at the sampled point.
+    weights: vec2<f32>,
+}
+
+// Signed distances in the plane, in units of the radius of the circle: the corners of the triangle relative to the circle's centre.
+struct PlaneTriangle {
+    a: vec2<f32>,
+    b: vec2<f32>,
+    c: vec2<f32>,
+}
+
+fn cross2(a: vec2<f32>, b: vec2<f32>) -> f32 {
+    return a.x * b.y - a.y * b.x;
+}
+
+// Angle of the vector p, in [-pi, pi], to float precision (Cephes, Moshier 1992). Vulkan allows atan2 an error of 4096 ulp.
+fn angle_of(p: vec2<f32>) -> f32 {
+    let size = abs(p);
+    let ratio = min(size.x, size.y) / max(size.x, size.y);
+    let is_large = ratio > 0.41421356;
+    let t = select(ratio, (ratio - 1.0) / (ratio + 1.0), is_large);
+    let t2 = t * t;
+    let series = ((8.05374449538e-2 * t2 - 1.38776856032e-1) * t2 + 1.99777106478e-1) * t2 - 3.33329491539e-1;
+    let first = select(0.0, 0.25 * PI, is_large) + (series * t2 * t + t);
+    let octants = select(first, 0.5 * PI - first, size.y > size.x);
+    let upper = select(octants, PI - octants, p.x < 0.0);
+    return select(upper, -upper, p.y < 0.0);
+}
+
+// The unit vector with an angle in [-pi, pi].
+fn at_angle(angle: f32) -> vec2<f32> {
+    let turn = cosine_and_sine(abs(angle));
+    return vec2<f32>(turn.x, select(turn.y, -turn.y, angle < 0.0));
+}
+
+// The two angles in [-pi, pi] at which the unit circle crosses the line through a and b; -pi twice if it does not.
+fn line_crossings(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
+    let along = b - a;
+    let length2 = dot(along, along);
+    // Distance of the line from the centre, times its length.
+    let offset = cross2(a, b);
+    let reach2 = length2 - offset * offset;
+    if (!(reach2 > 0.0)) {
+        return vec2<f32>(-PI);
+    }
+    let foot = vec2<f32>(along.y, -along.x) * offset;
+    let half = along * sqrt(reach2);
+    let first = foot - half;
+    let second = foot + half;
+    return vec2<f32>(angle_of(first), angle_of(second));
+}
+
+// Barycentric weights of b and c at the point p of the plane.
+fn plane_weights(t: PlaneTriangle, p: vec2<f32>) -> vec2<f32> {
+    let area = cross2(t.b - t.a, t.c - t.a);
+    return vec2<f32>(cross2(p - t.a, t.c - t.a), cross2(t.b - t.a, p - t.a)) / area;
+}
+
+// Whether the middle of the arc from the angle `lo` to `hi` lies in the triangle.
+fn is_arc_inside(t: PlaneTriangle, lo: f32, hi: f32) -> bool {
+    let middle = 0.5 * (lo + hi);
+    let w = plane_weights(t, at_angle(middle));
+    return hi > lo && min(w.x, w.y) >= 0.0 && w.x + w.y <= 1.0;
+}
+
+fn in_order(x: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(min(x.x, x.y), max(x.x, x.y));
+}
+
+// The ends of the arcs in ascending order: the six crossings of the edges, between -pi and pi. Arc i runs from end i to end i + 1.
+fn arc_ends(t: PlaneTriangle) -> array<f32, 8> {
+    let ab = in_order(line_crossings(t.a, t.b));
+    let bc = in_order(line_crossings(t.b, t.c));
+    let ca = in_order(line_crossings(t.c, t.a));
+    // Merges ab and bc, then inserts both ends of ca.
+    let low = in_order(vec2<f32>(ab.x, bc.x));
+    let high = in_order(vec2<f32>(ab.y, bc.y));
+    let mid = in_order(vec2<f32>(low.y, high.x));
+    let four = vec4<f32>(low.x, mid.x, mid.y, high.y);
+    let p = four_and(four, ca.x);
+    let p4 = max(four.w, ca.x);
+    // The five values p.x to p4 and ca.y.
+    let q0 = min(p.x, ca.y);
+    let r0 = max(p.x, ca.y);
+    let q1 = min(p.y, r0);
+    let r1 = max(p.y, r0);
+    let q2 = min(p.z, r1);
+    let r2 = max(p.z, r1);
+    let q3 = min(p.w, r2);
+    let r3 = max(p.w, r2);
+    return array<f32, 8>(-PI, q0, q1, q2, q3, min(p4, r3), max(p4, r3), PI);
+}
+
+// The four smallest of the ascending values x and of y, in ascending order.
+fn four_and(x: vec4<f32>, y: f32) -> vec4<f32> {
+    let r0 = max(x.x, y);
+    let r1 = max(x.y, r0);
+    let r2 = max(x.z, r1);
+    return vec4<f32>(min(x.x, y), min(x.y, r0), min(x.z, r1), min(x.w, r2));
+}
+
+// The curve of the ellipsoid in the triangle with these corners, and a point on it whose angle is uniform on the arcs. `u`: uniform in
+// [0, 1).
+fn curve_in_triangle(e: Ellipsoid, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, u: f32) -> Curve {
+    let miss = Curve(0.0, vec2<f32>(0.0));
+    let a = to_sphere(e, v0);
+    let b = to_sphere(e, v1);
+    let c = to_sphere(e, v2);
+    let across = cross(b - a, c - a);
+    let length2 = dot(across, across);
+    if (!(length2 > 0.0)) {
+        return miss;
+    }
+    let normal = across * inverseSqrt(length2);
+    let height = dot(normal, a);
+    let radius2 = 1.0 - height * height;
+    if (!(radius2 > 0.0)) {
+        return miss;
+    }
+    // The first axis points to the middle of the triangle, so that the angles of a small triangle are small and precise.
+    let centre = height * normal;
+    let middle = (a + b + c) / 3.0 - centre;
+    let middle2 = dot(middle, middle);
+    let other = frame_around(normal)[0];
+    let x_axis = select(other, middle * inverseSqrt(max(middle2, 1e-30)), middle2 > 1e-12);
+    let y_axis = cross(normal, x_axis);
+    let scale = inverseSqrt(radius2);
+    let t = PlaneTriangle(
+        scale * vec2<f32>(dot(a - centre, x_axis), dot(a - centre, y_axis)),
+        scale * vec2<f32>(dot(b - centre, x_axis), dot(b - centre, y_axis)),
+        scale * vec2<f32>(dot(c - centre, x_axis), dot(c - centre, y_axis)),
+    );
+    let ends = arc_ends(t);
+    var arc = 0.0;
+    for (var i = 0u; i < 7u; i++) {
+        arc += select(0.0, ends[i + 1u] - ends[i], is_arc_inside(t, ends[i], ends[i + 1u]));
+    }
+    if (!(arc > 0.0)) {
+        return miss;
+    }
+    var left = u * arc;
+    var angle = 0.0;
+    var found = false;
+    for (var i = 0u; i < 7u; i++) {
+        if (is_arc_inside(t, ends[i], ends[i + 1u])) {
+            let part = ends[i + 1u] - ends[i];
+            // The last arc also takes what rounding leaves over.
+            angle = select(ends[i] + min(left, part), angle, found);
+            found |= left < part;
+            left -= part;
+        }
+    }
+    let w = clamp(plane_weights(t, at_angle(angle)), vec2<f32>(0.0), vec2<f32>(1.0));
+    return Curve(arc, w / max(w.x + w.y, 1.0));
+}

@@ -1,0 +1,27 @@
+//! A note before a render that will take long.
+
+use taugate::internals::error::Result;
+use taugate::internals::gpu::Device;
+use taugate::internals::render::{PreparedScene, seconds_per_sample};
+use taugate::internals::scene::Scene;
+use taugate::internals::settings::Settings;
+
+use super::progress::duration;
+
+/// Number of triangles from which on the pace of an estimator that searches all of them is measured.
+const MANY_TRIANGLES: usize = 10_000;
+
+/// How long a sample per pixel takes, if the estimator's time grows with the number of triangles and the scene has many.
+pub fn note(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Option<String>> {
+    let triangles = prepared.triangles();
+    if !settings.estimator().record().ellipsoidal || triangles < MANY_TRIANGLES {
+        return Ok(None);
+    }
+    let seconds = seconds_per_sample(device, scene, settings, prepared)?;
+    Ok(Some(format!(
+        "note: each connection of {} searches the {triangles} triangles, so one sample per pixel takes about {}; the time of lcs hardly \
+         depends on triangles",
+        settings.estimator(),
+        duration(seconds)
+    )))
+}

@@ -1,0 +1,27 @@
+//! `epc`: ellipsoidal path connections (Pediredla, Veeraraghavan and Gkioulekas 2019). As `bdpt`, but where a connection is too short
+//! for the gate, it runs over an auxiliary vertex on an ellipsoid, so that the path has a travel time inside the gate.
+
+use super::{Estimator, PoolOrder, Record, SHELL_QUERY};
+use crate::wgsl::layout::constants::ESTIMATOR_EPC;
+
+pub(super) static RECORD: Record = Record {
+    name: "epc",
+    is_default: |_| false,
+    max_default_light_paths: 50_000,
+    adaptive: true,
+    light_subpaths: true,
+    trees: None,
+    pool_order: PoolOrder::ByPath,
+    query_kernel: SHELL_QUERY,
+    constants: &[("ESTIMATOR", ESTIMATOR_EPC)],
+    slots: |pool| pool.longest_path,
+    time_groups: 1,
+    for_histograms: None,
+    draws_per_query: 1,
+    query_sample_count: |_, _| 1.0,
+    splat_sample_weight: 1.0,
+    draws_in_gate: false,
+    ellipsoidal: true,
+    renders_references: false,
+    judge: Estimator::Bdpt,
+};

@@ -1,0 +1,42 @@
+//! How long a render takes, from a few of its samples.
+
+use std::time::Instant;
+
+use super::Renderer;
+use super::prepared_scene::PreparedScene;
+use crate::error::Result;
+use crate::gpu::Device;
+use crate::scene::Scene;
+use crate::settings::{Crop, Sampling, Settings};
+
+/// Sides of the small images. The first is quick in any scene; the next one fills the device better.
+const SIDES: [u32; 3] = [4, 16, 64];
+/// An image that takes this many seconds tells the pace.
+const LONG_ENOUGH: f64 = 0.2;
+
+/// Seconds that one sample in every pixel of the crop takes. Renders a small image of the same view, with few light subpaths, whose time
+/// does not depend on the resolution. Each image is rendered twice, because kernels are compiled during the first time.
+pub fn seconds_per_sample(
+    device: &Device,
+    scene: &Scene,
+    settings: &Settings,
+    prepared: &PreparedScene,
+) -> Result<f64> {
+    let pixels = f64::from(settings.crop().width()) * f64::from(settings.crop().height());
+    let mut seconds = 0.0;
+    for side in SIDES {
+        let crop = Crop { x0: 0, y0: 0, x1: side, y1: side };
+        let small = settings.change().resolution([side, side]).crop(crop).light_paths(256).splat_paths(0);
+        let settings = small.sampling(Sampling::Uniform).build()?;
+        let mut renderer = Renderer::from_prepared(device, scene, &settings, prepared)?;
+        renderer.iterate(1)?;
+        let begin = Instant::now();
+        renderer.iterate(1)?;
+        let elapsed = begin.elapsed().as_secs_f64();
+        seconds = elapsed * pixels / f64::from(side * side);
+        if elapsed > LONG_ENOUGH {
+            break;
+        }
+    }
+    Ok(seconds)
+}

@@ -1,0 +1,52 @@
+//! `epc` in gates that bdpt hardly ever hits. The other estimators' tests cover it in wide gates.
+
+use super::agreement::{against, assert_none, bin, oracle};
+use super::cells::{Cells, renderer, settings, threshold};
+use taugate::internals::generate::zoo::{Light, zoo};
+use taugate::internals::generate::{Kind, build};
+use taugate::internals::oracle::sphere::gated_radiance;
+use taugate::internals::scene::{Medium, PhaseFunction, Scene};
+use taugate::internals::settings::Estimator;
+use taugate::internals::settings::units::Gate;
+
+/// Gates that begin here hold light that was scattered at least twice, so every path has an auxiliary vertex.
+const BEGIN: f64 = 3.3;
+/// The last gate is 16 f32 steps wide.
+const WIDTHS: [f64; 4] = [0.1, 1e-2, 1e-4, 16.0 / (1u32 << 22) as f64];
+
+#[test]
+fn thin_gates_of_a_sphere_agree_with_the_closed_form() {
+    let scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 4, albedo: 0.5 });
+    let mut renderer = renderer(&scene, &settings(Estimator::Epc, [16, 16]).light_paths(2000).build().unwrap());
+    for width in WIDTHS {
+        let gate = Gate { lo: BEGIN, hi: BEGIN + width };
+        let (mean, error) = Cells::measure(&mut renderer, gate, 16, 1, 8, 40).whole();
+        let truth = gated_radiance(1.0, 0.5, gate.lo, gate.hi);
+        eprintln!("width {width:.1e}: {:.4} +- {:.4} of the closed form", mean / truth, error / truth);
+        assert!(error < 0.02 * truth, "width {width}: {mean} +- {error}");
+        // The mesh of 5,120 triangles is smaller than the sphere by 0.1 %.
+        let allowed = 0.005 * truth;
+        assert!(
+            (mean - truth).abs() < allowed + threshold(WIDTHS.len()) * error,
+            "width {width}: {mean} against {truth}"
+        );
+        assert!((1.1 * mean - truth).abs() > allowed + threshold(1) * error, "10 % more light is not rejected");
+    }
+}
+
+/// The scene in fog, so that events in fog are neighbours of auxiliary vertices.
+fn foggy(scene: Scene) -> Scene {
+    let phase = PhaseFunction::HenyeyGreenstein { g: 0.5 };
+    Scene { media: vec![Medium { sigma_s: [0.15, 0.1, 0.2], sigma_a: [0.02; 3], phase, ..Medium::default() }], ..scene }
+}
+
+#[test]
+fn glass_alpha_and_fog_agree_with_the_oracle() {
+    let gates = [(5.0, 5.5), (8.0, 8.5), (5.5, 6.0)];
+    for (name, scene) in [("lamp", zoo(Light::Area)), ("fog", foggy(zoo(Light::Punctual)))] {
+        let truth = oracle(&scene, &gates, [24, 20], 800);
+        assert_none(against(name, &[Estimator::Epc], &scene, &gates[..2], &truth));
+        let shifted = against(name, &[Estimator::Epc], &scene, &gates[..1], &bin(&truth, 2));
+        assert!(!shifted.is_empty(), "{name}: a gate that is shifted by its width is not rejected");
+    }
+}

@@ -1,0 +1,207 @@
+//! `shared/ellipsoid.wgsl` and `ellipsoid_search.wgsl`: curves of ellipsoids in triangles, their density, and the search for triangles.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::render::albedo::AlbedoTable;
+use taugate::internals::render::geometry::Geometry;
+use taugate::internals::render::space::RenderSpace;
+use taugate::internals::settings::Emitters;
+use taugate::internals::wgsl::layout::constants::PART_LEAVES;
+
+use crate::shader_function::{ShaderFunction, contents};
+use crate::trace;
+use crate::values::{direction, dvec, frame, vec3};
+
+pub const KERNELS: &[&ShaderFunction] = &[&CURVE, &SEARCH, &MEETS];
+
+const CURVE: ShaderFunction = ShaderFunction {
+    imports: &["ellipsoid"],
+    input: "v: vec3<f32>, length: f32, q: vec3<f32>, u: f32, v0: vec3<f32>, pad0: f32, v1: vec3<f32>, pad1: f32, v2: vec3<f32>, pad2: f32",
+    result: "x: vec3<f32>, arc: f32, stretch: f32",
+    body: "let e = make_ellipsoid(input.v, input.q, input.length);
+        let curve = curve_in_triangle(e, input.v0, input.v1, input.v2, input.u);
+        let x = input.v0 + curve.weights.x * (input.v1 - input.v0) + curve.weights.y * (input.v2 - input.v0);
+        let n = normalize(cross(input.v1 - input.v0, input.v2 - input.v0));
+        result.arc = curve.arc; result.x = x;
+        result.stretch = inverse_stretch(n, normalize(input.v - x), distance(input.v, x), normalize(input.q - x), distance(input.q, x));",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Input {
+    v: [f32; 3],
+    length: f32,
+    q: [f32; 3],
+    u: f32,
+    corners: [[f32; 4]; 3],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Got {
+    x: [f32; 3],
+    arc: f32,
+    stretch: f32,
+    pad: [f32; 3],
+}
+
+/// Two foci, a range of lengths and a triangle.
+struct Case {
+    foci: [DVec3; 2],
+    lengths: [f64; 2],
+    corners: [DVec3; 3],
+}
+
+impl Case {
+    /// A triangle of this size through which ellipsoids of the range pass.
+    fn new(pcg: &mut Pcg, size: f64) -> Case {
+        let foci = [direction(pcg), 0.8 * direction(pcg)];
+        let middle = 1.5 * direction(pcg);
+        let corners = [0; 3].map(|_| (middle + size * direction(pcg)).as_vec3().as_dvec3());
+        let sum = focal_sum(foci, middle);
+        let width = size * pcg.range(0.2, 1.5);
+        let lo = (sum - width * pcg.uniform()).max(1.02 * foci[0].distance(foci[1]));
+        Case { foci, lengths: [lo, lo + width], corners }
+    }
+
+    fn input(&self, length: f64, u: f64) -> Input {
+        let [v, q] = self.foci.map(vec3);
+        let corners = self.corners.map(|c| [c.x as f32, c.y as f32, c.z as f32, 0.0]);
+        Input { v, q, length: length as f32, u: u as f32, corners }
+    }
+
+    /// Area of the part of the triangle where the focal sum is in the range, by a regular grid.
+    fn area(&self) -> f64 {
+        const N: usize = 400;
+        let [a, b, c] = self.corners;
+        let mut inside = 0;
+        for i in 0..N {
+            for j in 0..N {
+                let r = ((i as f64 + 0.5) / N as f64).sqrt();
+                let s = (j as f64 + 0.5) / N as f64;
+                let x = a + r * ((1.0 - s) * (b - a) + s * (c - a));
+                inside += usize::from((self.lengths[0]..self.lengths[1]).contains(&focal_sum(self.foci, x)));
+            }
+        }
+        0.5 * (b - a).cross(c - a).length() * inside as f64 / (N * N) as f64
+    }
+
+    /// sqrt(length^2 - |P(q - v)|^2) / (|x - v| |x - q|), where P projects onto the plane of the triangle, or is left out.
+    fn stretch(&self, x: DVec3, projects: bool) -> f64 {
+        let [a, b, c] = self.corners;
+        let n = (b - a).cross(c - a).normalize();
+        let [v, q] = self.foci;
+        let apart = if projects { (q - v).reject_from_normalized(n) } else { q - v };
+        let length2 = focal_sum(self.foci, x).powi(2) - apart.length_squared();
+        length2.max(0.0).sqrt() / (x.distance(v) * x.distance(q))
+    }
+}
+
+fn focal_sum([v, q]: [DVec3; 2], x: DVec3) -> f64 {
+    x.distance(v) + x.distance(q)
+}
+
+#[test]
+fn points_on_curves_have_the_density_of_the_coarea_formula() {
+    // Lengths, because the arc as a function of the length may jump, and points per length.
+    const N: [usize; 2] = [512, 18];
+    // The samples of each case are a regular grid.
+    let mut pcg = Pcg::new(771);
+    let kernel = CURVE.compile(&[]);
+    let (mut tested, mut rejected) = (0, 0);
+    for case in (0..40).map(|i| Case::new(&mut pcg, [2.0, 0.5, 0.1, 0.01][i % 4])) {
+        let [lo, hi] = case.lengths;
+        let at = |k: usize| {
+            let [i, j] = [k / N[1], k % N[1]].map(|i| i as f64 + 0.5);
+            case.input(lo + (hi - lo) * i / N[0] as f64, j / N[1] as f64)
+        };
+        let inputs: Vec<Input> = (0..N[0] * N[1]).map(at).collect();
+        let results: Vec<Got> = kernel.run(&inputs, &[frame(|_| ())]);
+        let (mut area, mut wrong) = (0.0, 0.0);
+        for (input, got) in inputs.iter().zip(&results).filter(|(_, got)| got.arc > 0.0) {
+            let x = dvec(&got.x);
+            let off = focal_sum(case.foci, x) - f64::from(input.length);
+            assert!(off.abs() < 3e-6, "a point lies {off:.1e} beside the ellipsoid");
+            let exact = case.stretch(x, true);
+            assert!((f64::from(got.stretch) / exact - 1.0).abs() < 1e-3, "{} against {exact}", got.stretch);
+            area += (hi - lo) * f64::from(got.arc) / f64::from(got.stretch) / (N[0] * N[1]) as f64;
+            wrong += (hi - lo) * f64::from(got.arc) / case.stretch(x, false) / (N[0] * N[1]) as f64;
+        }
+        let exact = case.area();
+        let size = 0.5 * (case.corners[1] - case.corners[0]).cross(case.corners[2] - case.corners[0]).length();
+        if exact < 0.1 * size {
+            continue;
+        }
+        tested += 1;
+        assert!((area / exact - 1.0).abs() < 0.02, "area {area:.6} against {exact:.6}, {:?}", case.lengths);
+        rejected += usize::from((wrong / exact - 1.0).abs() > 0.02);
+    }
+    assert!(tested > 20, "only {tested} triangles were met");
+    assert!(rejected > tested / 3, "only {rejected} of {tested} tell a wrong density");
+}
+
+const SEARCH: ShaderFunction = ShaderFunction {
+    imports: &["ellipsoid_search"],
+    input: "v: vec3<f32>, length: f32, q: vec3<f32>, part: u32",
+    result: "triangle: u32, count: u32",
+    body: "let search = make_search(input.v, input.q, input.length);
+        var choice = TriangleChoice(NONE, 0u);
+        search_part(input.part, search, vec4<u32>(id.x, 1u, 2u, 3u), &choice);
+        result.triangle = choice.triangle; result.count = choice.count;",
+};
+
+/// Whether the ellipsoid meets a triangle that has both foci on one side.
+const MEETS: ShaderFunction = ShaderFunction {
+    imports: &["ellipsoid", "scene"],
+    input: "v: vec3<f32>, length: f32, q: vec3<f32>, triangle: u32",
+    result: "meets: u32",
+    body: "let t = load_triangle(input.triangle);
+        let n = cross(t.v1 - t.v0, t.v2 - t.v0);
+        let curve = curve_in_triangle(make_ellipsoid(input.v, input.q, input.length), t.v0, t.v1, t.v2, 0.5);
+        result.meets = u32(curve.arc > 0.0 && dot(n, input.v - t.v0) * dot(n, input.q - t.v0) > 0.0);",
+};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Sought {
+    v: [f32; 3],
+    length: f32,
+    q: [f32; 3],
+    index: u32,
+}
+
+#[test]
+fn the_search_finds_every_triangle_equally_often() {
+    const DRAWS: usize = 20_000;
+    let scene = trace::scene();
+    let mut buffers = vec![frame(|_| ())];
+    buffers.extend(trace::buffers(&scene, DVec3::ZERO));
+    let geometry = Geometry::new(&scene, &RenderSpace::metres(DVec3::ZERO), &Emitters::Scene, &AlbedoTable::new());
+    let parts = geometry.bvh.parts(64);
+    assert!(parts.len() > 10 && parts.iter().any(|part| part & PART_LEAVES != 0));
+    assert_eq!(geometry.bvh.parts(1 << 20), [0]);
+    let (search, meets) = (SEARCH.compile(&[]), MEETS.compile(&[]));
+    let mut pcg = Pcg::new(772);
+    let mut met_in_all = 0;
+    for _ in 0..10 {
+        let (v, q) = (5.0 * direction(&mut pcg), 5.0 * direction(&mut pcg));
+        let length = (v.distance(q) + pcg.range(0.01, 2.0)) as f32;
+        let sought = |index: u32| Sought { v: vec3(v), length, q: vec3(q), index };
+        let all: Vec<Sought> = (0..geometry.triangles.len() as u32).map(sought).collect();
+        let met: Vec<u32> = meets.run(&all, &buffers);
+        let drawn: Vec<[u32; 2]> = search.run(&vec![sought(0); DRAWS], &buffers);
+        let count = drawn[0][1];
+        assert!(drawn.iter().all(|d| d[1] == count));
+        let in_parts: Vec<[u32; 2]> = search.run(&parts.iter().map(|&part| sought(part)).collect::<Vec<_>>(), &buffers);
+        assert_eq!(in_parts.iter().map(|d| d[1]).sum::<u32>(), count, "the parts cover each triangle once");
+        let mut times = vec![0usize; all.len()];
+        drawn.iter().filter(|d| d[1] > 0).for_each(|d| times[d[0] as usize] += 1);
+        let mean = DRAWS as f64 / f64::from(count.max(1));
+        for (i, &n) in times.iter().enumerate().filter(|(i, n)| met[*i] == 1 || **n > 0) {
+            assert!((n as f64 - mean).abs() < 6.0 * mean.sqrt(), "triangle {i} was drawn {n} times of {mean:.0}");
+        }
+        met_in_all += met.iter().sum::<u32>();
+    }
+    assert!(met_in_all > 100, "the ellipsoids meet only {met_in_all} triangles");
+}
