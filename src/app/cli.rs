@@ -120,6 +120,10 @@ pub struct DevelopedFiles {
     /// Exposure of the picture: auto, or a number of stops [default: auto]
     #[arg(long, value_name = "EV|auto", help_heading = "Output", allow_hyphen_values = true)]
     pub exposure: Option<Exposure>,
+
+    /// Refused with the remedy, because sums have no layers
+    #[arg(long, hide = true, num_args = 0..=1, default_missing_value = "")]
+    pub aov: Option<String>,
 }
 
 const MERGE_EXAMPLES: &str = "\

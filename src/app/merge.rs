@@ -23,6 +23,13 @@ use super::rescue::Rescue;
 
 /// Joins the sums `parts` and writes the files.
 pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Result<ExitCode> {
+    if files.aov.is_some() {
+        return Err(Error::Settings(
+            "sums have no auxiliary layers: make them with taugate render --resume SUMS.acc --aov depth -o OUT.exr"
+                .into(),
+        )
+        .into());
+    }
     let order = order(parts)?;
     let (path, first) = &order[0];
     let outputs = outputs(files, &accumulated::experiment(path, first)?)?;

@@ -25,10 +25,10 @@ use taugate::internals::input::sequence::Sequence;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
-use taugate::internals::settings::Settings;
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::sky::Sky;
+use taugate::internals::settings::{Sampling, Settings};
 use taugate::internals::tev::TevStream;
 
 use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
@@ -213,7 +213,7 @@ impl Session {
         let before = earlier.as_ref().map_or(0.0, |earlier| earlier.sums.about.seconds);
         if let Some(earlier) = earlier {
             self.progress.line(&earlier.describe());
-            if let Some(note) = earlier.note(shard) {
+            if let Some(note) = earlier.note(shard, settings.sampling() == Sampling::Adaptive) {
                 self.progress.line(&format!("note: {note}"));
             }
             renderer.resume(earlier.sums)?;

@@ -7,6 +7,9 @@
 pub mod file;
 mod iterations;
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
@@ -52,10 +55,13 @@ pub struct About {
     pub version: String,
     /// [`crate::image::fingerprint::RENDERER`].
     pub renderer: String,
-    /// Fingerprint of the files of the scene.
+    /// Fingerprint of the contents of the scene, and of the files that the settings name.
     pub scene: String,
     /// The experiment without outputs, as TOML with absolute paths.
     pub settings: String,
+    /// The paths in `settings` of files whose contents are in the fingerprint.
+    #[serde(default)]
+    pub files: Vec<String>,
     /// Width and height of the whole image.
     pub resolution: [u32; 2],
     /// The part of it in the arrays: x0, x1, y0, y1.
@@ -78,9 +84,9 @@ pub struct About {
 const AXES: &str = "height, width, response, channel";
 
 impl About {
-    /// What the sums of a render with `settings` are of, before its first iteration. `experiment` is its TOML, and `scene` the
-    /// fingerprint of its files.
-    pub fn new(settings: &Settings, experiment: String, scene: String, shard: Shard) -> About {
+    /// What the sums of a render with `settings` are of, before its first iteration. `experiment` is its TOML, `files` are the paths
+    /// in it of files that it reads beside the scene, and `scene` is the fingerprint of scene and files.
+    pub fn new(settings: &Settings, experiment: String, files: &[PathBuf], scene: String, shard: Shard) -> About {
         let crop = settings.crop();
         About {
             format: FORMAT,
@@ -88,6 +94,7 @@ impl About {
             renderer: fingerprint::RENDERER.into(),
             scene,
             settings: experiment,
+            files: files.iter().map(|path| path.to_string_lossy().into()).collect(),
             resolution: settings.resolution(),
             crop: [crop.x0, crop.x1, crop.y0, crop.y1],
             responses: settings.responses().iter().map(|response| response.name().into()).collect(),
@@ -126,13 +133,14 @@ impl About {
                 self.version, self.renderer, other.version, other.renderer
             ));
         }
-        let differences = differences(&self.settings, &other.settings);
+        let differences = differences(self, other);
         if !differences.is_empty() {
             return fail(format!("{name} and {other_name} are not the same render: {}", differences.join("; ")));
         }
         if self.scene != other.scene {
             return fail(format!(
-                "{name} and {other_name} are not the same render: the files of the scene have other contents"
+                "{name} and {other_name} are not the same render: the files of the scene, or those that the settings name, have other \
+                 contents"
             ));
         }
         match (self.resolution, self.crop, &self.responses, self.seed)
@@ -179,19 +187,23 @@ impl Accumulation {
     }
 }
 
-/// Settings on which no sum depends: they only say when a render ends, where it runs, or where the scene is.
-const WITHOUT_EFFECT: [&str; 5] = ["scene", "render.spp", "render.time", "render.device", "render.strict"];
+/// Settings on which no sum depends: they only say when a render ends, where it runs, or where its files are.
+const WITHOUT_EFFECT: [&str; 6] =
+    ["scene", "input.allow-path", "render.spp", "render.time", "render.device", "render.strict"];
 
-/// What differs between two experiments as TOML, one text per setting.
-fn differences(a: &str, b: &str) -> Vec<String> {
-    let [a, b] = [a, b].map(|text| {
-        let mut settings = std::collections::BTreeMap::new();
-        if let Ok(table) = text.parse::<toml::Table>() {
-            collect("", &toml::Value::Table(table), &mut settings);
+/// What differs between the settings of two renders, one text per setting. Where the files are makes no difference.
+fn differences(a: &About, b: &About) -> Vec<String> {
+    let [a, b] = [a, b].map(|about| {
+        let mut settings = BTreeMap::new();
+        // A path may begin with another one.
+        let mut files: Vec<&str> = about.files.iter().map(String::as_str).collect();
+        files.sort_by_key(|path| std::cmp::Reverse(path.len()));
+        if let Ok(table) = about.settings.parse::<toml::Table>() {
+            collect("", toml::Value::Table(table), &files, &mut settings);
         }
         settings
     });
-    let names: std::collections::BTreeSet<&String> = a.keys().chain(b.keys()).collect();
+    let names: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
     let show = |value: Option<&String>| value.map_or("is not set".into(), |value| format!("is {value}"));
     names
         .into_iter()
@@ -200,18 +212,31 @@ fn differences(a: &str, b: &str) -> Vec<String> {
         .collect()
 }
 
-/// Collects the values of all keys below `name`.
-fn collect(name: &str, value: &toml::Value, settings: &mut std::collections::BTreeMap<String, String>) {
+/// Collects the values of all keys below `name`, with the word FILE instead of the paths `files`.
+fn collect(name: &str, value: toml::Value, files: &[&str], settings: &mut BTreeMap<String, String>) {
     match value {
         toml::Value::Table(table) => {
             for (key, value) in table {
-                let name = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
-                collect(&name, value, settings);
+                let name = if name.is_empty() { key } else { format!("{name}.{key}") };
+                collect(&name, value, files, settings);
             }
         }
         other => {
-            settings.insert(name.into(), other.to_string());
+            settings.insert(name.into(), without_paths(other, files).to_string());
         }
+    }
+}
+
+fn without_paths(value: toml::Value, files: &[&str]) -> toml::Value {
+    match value {
+        toml::Value::String(text) => files.iter().fold(text, |text, path| text.replace(path, "FILE")).into(),
+        toml::Value::Array(list) => {
+            toml::Value::Array(list.into_iter().map(|value| without_paths(value, files)).collect())
+        }
+        toml::Value::Table(table) => {
+            toml::Value::Table(table.into_iter().map(|(key, value)| (key, without_paths(value, files))).collect())
+        }
+        other => other,
     }
 }
 

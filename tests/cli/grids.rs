@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::{fails, folder, names, taugate};
 
 /// A NumPy file with these values of 32 bits.
-fn npy(descr: &str, shape: &str, values: &[f32]) -> Vec<u8> {
+pub fn npy(descr: &str, shape: &str, values: &[f32]) -> Vec<u8> {
     let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
     let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
     bytes.extend(format!("{header:117}\n").bytes());

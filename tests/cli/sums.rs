@@ -5,6 +5,7 @@ use std::path::Path;
 use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::npy_read;
 
+use crate::grids::npy;
 use crate::{fails, folder, names, taugate};
 
 const SMALL: [&str; 8] = ["--resolution", "24x16", "--gate", "5m..6m", "--light-paths", "1000", "--max-depth", "5"];
@@ -167,6 +168,14 @@ fn another_render_is_refused_with_what_differs() {
     refused(&["--headlamp"], "emitter.headlamp");
     refused(&["--estimator", "bdpt"], "render.estimator");
     refused(&["--resume", "other.acc"], "keep one, or choose another name");
+    for command in ["develop", "merge"] {
+        fails(
+            here,
+            &[command, "sums.acc", "--aov", "depth", "-o", "a.exr"],
+            2,
+            "render --resume SUMS.acc --aov depth -o",
+        );
+    }
     let gate = ["render", "--resume", "sums.acc", "--gate", "5m..7m", "-o", "a.exr"];
     fails(here, &gate, 2, "gate.gate is \"5m..6m\" in one and is \"5m..7m\" in the other");
     fails(here, &["render", "--resume", "missing.acc", "-o", "a.exr"], 2, "missing.acc: no such file");
@@ -174,7 +183,7 @@ fn another_render_is_refused_with_what_differs() {
 
     // The same file with other contents, which no setting shows.
     run(here, &["generate", "cornell-box", "--roughness", "0.2", "-o", "box.glb"]);
-    refused(&["--spp", "8"], "the files of the scene have other contents");
+    refused(&["--spp", "8"], "the files of the scene, or those that the settings name, have other contents");
     assert!(std::fs::read(here.join("sums.acc")).unwrap() == before);
 
     std::fs::write(here.join("sums.acc"), "nothing").unwrap();
@@ -182,4 +191,22 @@ fn another_render_is_refused_with_what_differs() {
     fails(here, &["develop", "sums.acc", "-o", "a.exr"], 2, "not an accumulation");
     fails(here, &["develop", "sums.acc", "-o", "a.jpg"], 2, "not an accumulation");
     assert_eq!(names(here), ["box.glb", "sums.acc"]);
+}
+
+#[test]
+fn files_may_move_while_their_contents_stay() {
+    let here = with_box();
+    let here = here.path();
+    let grid =
+        |name: &str, density: f32| std::fs::write(here.join(name), npy("<f4", "(1, 1, 2)", &[0.5, density])).unwrap();
+    let fog = ["--sigma-s", "0.1", "--medium-bounds=-0.5,0.5,-0.5,0.5,1.5,0.5", "--density-grid"];
+    grid("a.npy", 0.25);
+    render(here, &[&fog[..], &["a.npy", "--spp", "4", "--checkpoint", "sums.acc"]].concat());
+    std::fs::rename(here.join("a.npy"), here.join("b.npy")).unwrap();
+    let more = [&fog[..], &["b.npy", "--spp", "8", "--resume", "sums.acc", "-o", "more.exr"]].concat();
+    let said = render(here, &more);
+    assert!(said.contains("going on after 4 samples per pixel"), "{said}");
+    grid("b.npy", 0.125);
+    let more = [&["render", "box.glb"], &SMALL[..], &more].concat();
+    fails(here, &more, 2, "or those that the settings name, have other contents");
 }

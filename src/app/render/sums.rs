@@ -31,10 +31,10 @@ impl Identity {
         let without_outputs = Experiment { output: Default::default(), ..experiment };
         let experiment = without_outputs.with_absolute_paths()?;
         let scene = experiment.scene.as_ref().expect("the experiment names a scene");
-        let mut files = gltf::paths(scene, &experiment.input.allowed());
-        files.extend(experiment.input_files());
-        let scene = fingerprint::of_files(&files)?;
-        Ok(Identity(About::new(settings, experiment.to_toml(), scene, shard)))
+        let files = experiment.input_files();
+        let read = [gltf::paths(scene, &experiment.input.allowed()), files.clone()].concat();
+        let scene = fingerprint::of_files(&read)?;
+        Ok(Identity(About::new(settings, experiment.to_toml(), &files, scene, shard)))
     }
 
     /// Fails if the sums in the file are those of another render.
@@ -132,11 +132,12 @@ impl Earlier {
     }
 
     /// A note if the image will differ from that of a render that was never interrupted.
-    pub fn note(&self, shard: Shard) -> Option<String> {
+    pub fn note(&self, shard: Shard, is_adaptive: bool) -> Option<String> {
         let About { samples_per_pixel, iterations, shards, .. } = &self.sums.about;
         let is_complete = iterations.iter().map(|i| u64::from(samples_in(i))).sum::<u64>() == *samples_per_pixel;
         let has_gap = shard.is_all() && iterations.gap().is_some();
         let reason = match (is_complete, has_gap || shards.len() > 1) {
+            _ if is_adaptive && self.sums.adaptive.is_none() => "it lacks what adaptive sampling has learned",
             (true, false) => return None,
             (_, true) => "its iterations are not those of a single render",
             (false, false) => "its last iteration was shortened to end with the wanted number of samples",

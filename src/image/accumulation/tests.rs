@@ -38,6 +38,7 @@ fn accumulation(numbers: impl IntoIterator<Item = u32>, count: usize, has_varian
         renderer: "r".into(),
         scene: "s".into(),
         settings: SETTINGS.into(),
+        files: vec![],
         resolution: [8, 8],
         crop: [1, 4, 2, 4],
         responses: (0..count).map(|t| format!("g{t}")).collect(),
@@ -140,6 +141,28 @@ fn other_renders_are_refused_with_what_differs() {
         let message = refused(change).unwrap_err();
         assert!(message.contains(part), "{message}");
     }
+}
+
+#[test]
+fn the_contents_of_files_decide_and_not_their_paths() {
+    let at = |folder: &str, edge: &str| {
+        let mut about = accumulation(0..1, 1, false).about;
+        about.files = [format!("{folder}/a"), format!("{folder}/a.csv")].into();
+        about.settings = format!(
+            "{SETTINGS}[medium]\ngrid = '{folder}/a'\n[gate]\nresponse = ['one={folder}/a.csv', 'two=gauss:{edge}']\n"
+        )
+        .replace("[gate]\ngate = '1m..2m'\n", "");
+        about
+    };
+    let check = |a: &About, b: &About| a.check_same_render("a.acc", b, "b.acc").map_err(|e| e.to_string());
+    let here = at("/here", "1m");
+    assert_eq!(check(&here, &at("/there", "1m")), Ok(()));
+    let message = check(&here, &at("/there", "2m")).unwrap_err();
+    assert!(message.contains("one=FILE") && message.contains("gauss:2m"), "{message}");
+    let message = check(&here, &About { scene: "t".into(), ..at("/there", "1m") }).unwrap_err();
+    assert!(message.contains("those that the settings name, have other contents"), "{message}");
+    // Without a list of files, paths are settings like others.
+    assert!(check(&here, &About { files: vec![], ..at("/there", "1m") }).is_err());
 }
 
 #[test]
