@@ -98,8 +98,8 @@ fn auxiliary_layers_stand_beside_the_image() {
         settings: SETTINGS.into(),
     };
     let channels = vec![
-        ("depth.Z", Plane::Floats((0..24).map(|i| i as f32).collect())),
-        ("object.ID", Plane::Ids((0..24).map(|i| i % 3).collect())),
+        ("depth.Z".into(), Plane::Floats((0..24).map(|i| i as f32).collect())),
+        ("object.ID".into(), Plane::Ids((0..24).map(|i| i % 3).collect())),
     ];
     let objects = [(1, "Größe \"x\"".to_string()), (2, "wall".into())].into();
     exr_file::write_with_layers(&path, &film, &provenance, &Layers { channels, objects }).unwrap();

@@ -166,7 +166,7 @@ fn a_crop_has_the_layers_of_the_whole_image() {
     };
     let (whole, part) = (of(&whole), of(&part));
     let names = ["depth.Z", "normal.X", "normal.Y", "normal.Z", "albedo.R", "albedo.G", "albedo.B", "object.ID"];
-    assert_eq!(part.channels.iter().map(|(name, _)| *name).collect::<Vec<_>>(), names);
+    assert_eq!(part.channels.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), names);
     fn cut<T: Copy>(values: &[T], crop: Crop) -> Vec<T> {
         let row = |y: u32| &values[(y * 20 + crop.x0) as usize..(y * 20 + crop.x1) as usize];
         (crop.y0..crop.y1).flat_map(row).copied().collect()

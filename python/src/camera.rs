@@ -1,16 +1,17 @@
 //! The camera of a render as matrices.
 
 use pyo3::prelude::*;
+use serde::{Deserialize, Serialize};
 use taugate::internals::scene::{Camera, Projection, Scene};
 use taugate::internals::settings::Settings;
 
 /// What the class `Camera` of Python is made from.
 #[pyclass(frozen, get_all, module = "taugate._native")]
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct View {
     name: String,
     /// `perspective`, `orthographic` or `aimed`.
-    kind: &'static str,
+    kind: String,
     /// World from camera space, row by row; the camera looks along -Z, and +Y is up.
     world_from_camera: [[f64; 4]; 4],
     /// Vertical field of view in radians, or height of the view in metres.
@@ -33,7 +34,7 @@ impl View {
         let crop = settings.crop();
         Ok(View {
             name: name.clone(),
-            kind,
+            kind: kind.into(),
             world_from_camera: glam::DMat4::from(*transform).transpose().to_cols_array_2d(),
             extent,
             principal_point: *principal_point,

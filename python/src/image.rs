@@ -2,81 +2,71 @@
 
 use std::path::{Path, PathBuf};
 
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
+use serde::{Deserialize, Serialize};
+use taugate::internals::image::accumulation::{self, About, Accumulation};
 use taugate::internals::image::exr_file::{self, Provenance};
 use taugate::internals::image::film::Film;
 use taugate::internals::image::layers::{Layers, Plane};
 use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::image::{depth, npy_file, png_file};
-use taugate::internals::render::Renderer;
-use taugate::internals::settings::Settings;
+use taugate::internals::settings::{Crop, Responses};
 
 use crate::camera::View;
 use crate::errors::{Result, settings};
+use crate::sums::{bytes, read};
 
 /// A finished or interrupted render.
 #[pyclass(frozen, name = "NativeImage", module = "taugate._native")]
 pub struct Image {
-    film: Film,
-    /// `None` if there is one response, whose image is `film`.
-    responses: Option<ResponseFilm>,
-    settings: Settings,
-    provenance: Provenance,
-    layers: Layers,
-    view: View,
+    /// The images, and what they are of. The fingerprint of the scene is empty unless the sums are those of a farm.
+    pub sums: Accumulation,
+    pub responses: Responses,
+    pub layers: Layers,
+    pub view: View,
+    pub notes: Vec<String>,
+    pub warnings: Vec<String>,
+    pub dropped: u64,
+}
+
+/// What a pickle holds beside the sums and the layers, as TOML.
+#[derive(Serialize, Deserialize)]
+struct Rest {
     notes: Vec<String>,
     warnings: Vec<String>,
     dropped: u64,
+    objects: Vec<(u32, String)>,
+    view: View,
+    responses: Responses,
 }
 
 impl Image {
-    pub fn new(
-        renderer: &Renderer,
-        settings: &Settings,
-        provenance: Provenance,
-        layers: Layers,
-        view: View,
-        notes: Vec<String>,
-        warnings: Vec<String>,
-    ) -> Image {
-        Image {
-            film: renderer.film().clone(),
-            responses: renderer.responses().cloned(),
-            settings: settings.clone(),
-            provenance,
-            layers,
-            view,
-            notes,
-            warnings,
-            dropped: renderer.stats().dropped,
-        }
+    fn film(&self) -> &Film {
+        &self.sums.film
     }
 
-    /// The image of sums, without layers.
-    pub fn of_sums(
-        film: Film,
-        responses: Option<ResponseFilm>,
-        settings: &Settings,
-        provenance: Provenance,
-        view: View,
-        notes: Vec<String>,
-        warnings: Vec<String>,
-    ) -> Image {
-        let (settings, layers) = (settings.clone(), Layers::default());
-        Image { film, responses, settings, provenance, layers, view, notes, warnings, dropped: 0 }
+    /// `None` if there is one response, whose image is the film.
+    fn images(&self) -> Option<&ResponseFilm> {
+        self.sums.responses.as_ref()
+    }
+
+    fn provenance(&self) -> Provenance {
+        let About { resolution, crop: [x0, x1, y0, y1], seed, seconds, settings, .. } = self.sums.about.clone();
+        let crop = Crop { x0, y0, x1, y1 };
+        Provenance { resolution, crop, responses: self.responses.clone(), seed, seconds, settings }
     }
 
     fn shape(&self) -> [usize; 3] {
-        [self.film.height() as usize, self.film.width() as usize, 3]
+        [self.film().height() as usize, self.film().width() as usize, 3]
     }
 
     fn write(&self, path: &Path, exposure: Option<f32>) -> Result<()> {
-        let (film, responses) = (&self.film, self.responses.as_ref());
+        let (film, responses, provenance) = (self.film(), self.images(), &self.provenance());
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         match extension.as_str() {
-            "exr" => exr_file::write_responses(path, film, responses, &self.provenance, &self.layers)?,
+            "exr" => exr_file::write_responses(path, film, responses, provenance, &self.layers)?,
             "png" => {
                 let mean = film.mean();
                 let factor = exposure.map_or_else(|| png_file::exposure(&mean), f32::exp2);
@@ -84,15 +74,21 @@ impl Image {
             }
             "npy" => {
                 npy_file::write_means(path, film, responses)?;
-                npy_file::write_description(&npy_file::description_path(path), film, responses, &self.provenance)?;
-                if let Some((images, frequencies)) = responses.zip(self.settings.responses().frequencies()) {
+                npy_file::write_description(&npy_file::description_path(path), film, responses, provenance)?;
+                if let Some((images, frequencies)) = responses.zip(self.responses.frequencies()) {
                     npy_file::write_depths(&npy_file::depth_path(path), film, images, frequencies)?;
                 }
                 if responses.is_none_or(ResponseFilm::has_variance) {
                     npy_file::write_variances(&npy_file::variance_path(path), film, responses)?;
                 }
             }
-            _ => return Err(settings(format!("the output {} must end in .exr, .npy or .png", path.display()))),
+            "acc" if self.sums.about.scene.is_empty() => {
+                return Err(settings(
+                    "only images of taugate.farm can be saved as sums (.acc); the program writes them with taugate render -o OUT.acc",
+                ));
+            }
+            "acc" => accumulation::file::write(path, self.sums.parts())?,
+            _ => return Err(settings(format!("the output {} must end in .exr, .npy, .png or .acc", path.display()))),
         }
         Ok(())
     }
@@ -107,21 +103,71 @@ fn array<'py, T: numpy::Element>(py: Python<'py>, values: Vec<T>, shape: &[usize
 
 #[pymethods]
 impl Image {
+    /// The same image, because nothing can change it.
+    fn __deepcopy__<'py>(slf: &Bound<'py, Self>, _memo: &Bound<'py, PyAny>) -> Bound<'py, Self> {
+        slf.clone()
+    }
+
+    /// The function that makes an equal image, and its arguments, see `restored`.
+    #[allow(clippy::type_complexity)]
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Array<'py>, (Bound<'py, PyBytes>, Bound<'py, PyDict>, String))> {
+        let sums = py.detach(|| bytes(self.sums.parts()))?;
+        let planes = PyDict::new(py);
+        for (name, plane) in &self.layers.channels {
+            let plane = match plane {
+                Plane::Floats(values) => PyArray1::from_slice(py, values).into_any(),
+                Plane::Ids(ids) => PyArray1::from_slice(py, ids).into_any(),
+            };
+            planes.set_item(name, plane)?;
+        }
+        let rest = Rest {
+            notes: self.notes.clone(),
+            warnings: self.warnings.clone(),
+            dropped: self.dropped,
+            objects: self.layers.objects.clone().into_iter().collect(),
+            view: self.view.clone(),
+            responses: self.responses.clone(),
+        };
+        let rest =
+            toml::to_string(&rest).map_err(|e| PyErr::from(settings(format!("the image cannot be pickled: {e}"))))?;
+        Ok((py.get_type::<Image>().getattr("restored")?, (PyBytes::new(py, &sums), planes, rest)))
+    }
+
+    /// The image of a pickle: the bytes of a file `.acc`, the layers by the names of their channels, and the rest as TOML.
+    #[staticmethod]
+    fn restored(py: Python<'_>, sums: &[u8], planes: &Bound<'_, PyDict>, rest: &str) -> PyResult<Image> {
+        let sums = py.detach(|| read(sums))?;
+        let rest = toml::from_str(rest).map_err(|e| PyErr::from(settings(format!("this is no pickled image: {e}"))))?;
+        let Rest { notes, warnings, dropped, objects, view, responses } = rest;
+        let mut layers = Layers { objects: objects.into_iter().collect(), ..Layers::default() };
+        for (name, plane) in planes {
+            let plane = match plane.extract::<PyReadonlyArray1<'_, f32>>() {
+                Ok(values) => Plane::Floats(values.as_slice()?.to_vec()),
+                Err(_) => Plane::Ids(plane.extract::<PyReadonlyArray1<'_, u32>>()?.as_slice()?.to_vec()),
+            };
+            layers.channels.push((name.extract()?, plane));
+        }
+        Ok(Image { sums, responses, layers, view, notes, warnings, dropped })
+    }
+
     /// Mean of the image, or of the sum of all images: (H, W, 3).
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        array(py, self.film.mean(), &self.shape())
+        array(py, self.film().mean(), &self.shape())
     }
 
     /// Variance of `pixels`.
     fn variance<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        array(py, self.film.variance_of_mean(), &self.shape())
+        array(py, self.film().variance_of_mean(), &self.shape())
     }
 
     /// The images of all responses: (H, W, T, 3).
     fn bins<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let [height, width, _] = self.shape();
-        match &self.responses {
-            None => array(py, self.film.mean(), &[height, width, 1, 3]),
+        match self.images() {
+            None => array(py, self.film().mean(), &[height, width, 1, 3]),
             Some(all) => {
                 let values: Vec<f32> = (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)).collect();
                 array(py, values, &[height, width, all.responses(), 3])
@@ -132,8 +178,8 @@ impl Image {
     /// Variance of `bins`; `None` if it was not estimated.
     fn bin_variance<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
         let [height, width, _] = self.shape();
-        match &self.responses {
-            None => array(py, self.film.variance_of_mean(), &[height, width, 1, 3]).map(Some),
+        match self.images() {
+            None => array(py, self.film().variance_of_mean(), &[height, width, 1, 3]).map(Some),
             Some(all) if !all.has_variance() => Ok(None),
             Some(all) => {
                 let values: Vec<f32> = (0..all.pixels()).flat_map(|pixel| all.variances_of(pixel)).collect();
@@ -153,7 +199,7 @@ impl Image {
             };
             dict.set_item(name, layer)?;
         }
-        if let Some((images, frequencies)) = self.responses.as_ref().zip(self.settings.responses().frequencies()) {
+        if let Some((images, frequencies)) = self.images().zip(self.responses.frequencies()) {
             for (name, values) in depth::planes(images, frequencies) {
                 dict.set_item(name, array(py, values, shape)?)?;
             }
@@ -171,30 +217,30 @@ impl Image {
     /// Name, begin and end of each response, in metres of optical path.
     #[getter]
     fn gates(&self) -> Vec<(String, f64, f64)> {
-        let responses = self.settings.responses().iter();
+        let responses = self.responses.iter();
         responses.map(|response| (response.name().into(), response.gate().lo, response.gate().hi)).collect()
     }
 
     /// Begin, width and number of the gates, if they all have one width and abut.
     #[getter]
     fn uniform(&self) -> Option<(f64, f64, u32)> {
-        self.settings.responses().uniform().map(|gates| (gates.whole().lo, gates.width(), gates.count()))
+        self.responses.uniform().map(|gates| (gates.whole().lo, gates.width(), gates.count()))
     }
 
     /// The support of all responses, as the command line takes it.
     #[getter]
     fn support(&self) -> String {
-        self.settings.responses().support().to_string()
+        self.responses.support().to_string()
     }
 
     #[getter]
     fn samples(&self) -> u64 {
-        self.film.samples()
+        self.film().samples()
     }
 
     #[getter]
     fn iterations(&self) -> u32 {
-        self.film.iterations()
+        self.film().iterations()
     }
 
     #[getter]
@@ -204,12 +250,12 @@ impl Image {
 
     #[getter]
     fn seconds(&self) -> f64 {
-        self.provenance.seconds
+        self.sums.about.seconds
     }
 
     #[getter]
     fn settings(&self) -> &str {
-        &self.provenance.settings
+        &self.sums.about.settings
     }
 
     #[getter]
@@ -230,7 +276,7 @@ impl Image {
     /// Mean over all pixels and channels, and its standard error.
     #[getter]
     fn mean(&self) -> (f64, Option<f64>) {
-        self.film.image_mean()
+        self.film().image_mean()
     }
 
     /// Writes a file, and the files that the command line writes beside it. `exposure` in stops is for pictures.
@@ -242,7 +288,7 @@ impl Image {
     /// Linear values as sRGB bytes, (H, W, 3), with the exposure of pictures.
     #[pyo3(signature = (exposure=None))]
     fn picture<'py>(&self, py: Python<'py>, exposure: Option<f32>) -> PyResult<Array<'py>> {
-        let mean = self.film.mean();
+        let mean = self.film().mean();
         let factor = exposure.map_or_else(|| png_file::exposure(&mean), f32::exp2);
         array(py, png_file::expose(&mean, factor), &self.shape())
     }

@@ -21,6 +21,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<camera::View>()?;
     module.add_function(wrap_pyfunction!(scan::scan, module)?)?;
     module.add_class::<sums::Sums>()?;
+    module.add_function(wrap_pyfunction!(sums::check_parts, module)?)?;
     module.add_function(wrap_pyfunction!(sums::accumulate, module)?)?;
     module.add_function(wrap_pyfunction!(sums::developed, module)?)?;
     module.add_function(wrap_pyfunction!(sums::part, module)?)?;

@@ -10,7 +10,8 @@ use numpy::PyReadonlyArray3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use taugate::Error;
-use taugate::internals::image::exr_file::Provenance;
+use taugate::internals::image::accumulation::{About, Accumulation};
+use taugate::internals::image::fingerprint;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Resolved, emitting_nodes};
 use taugate::internals::input::scenery;
@@ -19,6 +20,7 @@ use taugate::internals::render::{PreparedScene, Renderer, object_ids, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::Settings;
+use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::table::InputTable;
 
 use crate::arrays::{Mesh, Objects, transform};
@@ -216,6 +218,14 @@ impl NativeScene {
         result
     }
 
+    /// The fingerprint that the program gives to the files of an experiment; `None` if the scene is from arrays, or nodes were moved.
+    pub fn fingerprint(&self, experiment: &Experiment) -> Result<Option<String>> {
+        let was_moved = !self.state()?.moved.is_empty();
+        let Some(scene) = experiment.scene.as_ref().filter(|_| !was_moved) else { return Ok(None) };
+        let files = [gltf::paths(scene, &experiment.input.allowed()), experiment.input_files()].concat();
+        Ok(Some(fingerprint::of_files(&files)?))
+    }
+
     /// A render that needs no more choices.
     pub fn job(&self, flags: &[Words]) -> Result<Job> {
         self.state()?.job(flags)
@@ -319,9 +329,16 @@ impl State {
             let device = engine::device(experiment.render.device.as_deref())?;
             return Err(feasible::nothing_inside(&device, &ready.scene, settings).into());
         }
-        let provenance = Provenance::new(settings, seconds, printed);
-        let view = View::of(&ready.scene, settings)?;
-        let image = Image::new(&ready.renderer, settings, provenance, layers, view, notes, warnings);
+        let renderer = &ready.renderer;
+        let about = About::new(settings, printed, &[], String::new(), Shard::ALL);
+        let sums = Accumulation {
+            about: renderer.about(&about, seconds),
+            film: renderer.film().clone(),
+            responses: renderer.responses().cloned(),
+            adaptive: None,
+        };
+        let (view, dropped) = (View::of(&ready.scene, settings)?, renderer.stats().dropped);
+        let image = Image { sums, responses: settings.responses().clone(), layers, view, notes, warnings, dropped };
         self.ready = Some(ready);
         Ok((image, interrupt))
     }

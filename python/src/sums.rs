@@ -7,9 +7,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use taugate::internals::image::accumulation::file::{self, Parts, Problem};
 use taugate::internals::image::accumulation::{About, Accumulation};
-use taugate::internals::image::exr_file::Provenance;
+use taugate::internals::image::layers::Layers;
+use taugate::internals::input::experiment::Experiment;
 use taugate::internals::render::schedule::{samples_before, samples_in};
 use taugate::internals::settings::shard::Shard;
+use taugate::internals::settings::{Budget, Settings};
 
 use crate::camera::View;
 use crate::engine::lock;
@@ -27,12 +29,7 @@ impl Sums {
     /// Reads the bytes of a file `.acc`.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Sums> {
-        let read = py.detach(|| file::read_from(&mut Cursor::new(bytes)));
-        let read = read.map_err(|problem| match problem {
-            Problem::Contents(message) => settings(format!("this part is no accumulation: {message}")),
-            Problem::Io(error) => settings(format!("this part cannot be read: {error}")),
-        });
-        Ok(Sums(Mutex::new(read.map_err(PyErr::from)?)))
+        Ok(Sums(Mutex::new(py.detach(|| read(bytes))?)))
     }
 
     /// The bytes of a file `.acc`.
@@ -86,6 +83,40 @@ impl Sums {
     }
 }
 
+/// Fails with one sentence if the render of `scene` with `flags` cannot be divided into parts. Returns the fingerprint of the files,
+/// which is `None` if arrays or moved nodes say what the scene is, and the samples per pixel or else the seconds of the settings.
+#[pyfunction]
+pub fn check_parts(
+    py: Python<'_>,
+    scene: &NativeScene,
+    flags: Vec<Words>,
+) -> PyResult<(Option<String>, Option<u32>, Option<f64>)> {
+    let checked = py.detach(|| {
+        let job = scene.job(&flags)?;
+        let Experiment { scan, output, render, .. } = &job.experiment;
+        let refusals = [
+            (scan.is_some(), "a farm does not divide the points of a scan; measure it with taugate.scan"),
+            (
+                output.aov.is_some(),
+                "the sums of a farm have no auxiliary layers; leave out aov, and make them with taugate.render(..., aov=..., spp=1)",
+            ),
+            (
+                render.strict == Some(true),
+                "a farm counts samples that are not finite as 0; leave out strict, or use taugate.render",
+            ),
+        ];
+        if let Some((_, message)) = refusals.into_iter().find(|(refused, _)| *refused) {
+            return Err(settings(message));
+        }
+        let (spp, seconds) = match job.resolved.settings.budget() {
+            Budget::Spp(spp) => (Some(spp), None),
+            Budget::Seconds(seconds) => (None, Some(seconds)),
+        };
+        Ok((scene.fingerprint(&job.experiment)?, spp, seconds))
+    });
+    Ok(checked?)
+}
+
 /// Renders the iterations `begin` to `end` (not included) of a render, as bytes of a file `.acc` without the state of adaptive sampling. With `spp`, the render ends after so many
 /// samples per pixel. `contents` identifies the scene.
 #[pyfunction]
@@ -109,7 +140,7 @@ pub fn accumulate<'py>(
                     renderer.iterate(samples)?;
                 }
             }
-            let render = About::new(settings, printed.into(), contents, Shard::ALL);
+            let render = about(settings, printed, contents)?;
             let about = renderer.about(&render, started.elapsed().as_secs_f64());
             let (film, responses) = (renderer.film(), renderer.responses());
             // Each part adapts by itself, so nobody needs what it has learned.
@@ -125,11 +156,19 @@ pub fn developed(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>, sums: &
     let image = py.detach(|| {
         let job = scene.job(&flags)?;
         let settings = &job.resolved.settings;
-        let Accumulation { about, film, responses, .. } = lock(&sums.0).clone();
-        let provenance = Provenance::new(settings, about.seconds, job.printed);
-        let view = View::of(&job.scene, settings)?;
-        let warnings = [&job.scene.warnings[..], &job.resolved.warnings].concat();
-        Result::Ok(Image::of_sums(film, responses, settings, provenance, view, job.notes, warnings))
+        let mut sums = lock(&sums.0).clone();
+        // The workers may have the files elsewhere.
+        let About { settings: printed, files, .. } = about(settings, &job.printed, String::new())?;
+        (sums.about.settings, sums.about.files) = (printed, files);
+        Result::Ok(Image {
+            sums,
+            responses: settings.responses().clone(),
+            layers: Layers::default(),
+            view: View::of(&job.scene, settings)?,
+            notes: job.notes,
+            warnings: [&job.scene.warnings[..], &job.resolved.warnings].concat(),
+            dropped: 0,
+        })
     });
     Ok(image?)
 }
@@ -150,7 +189,23 @@ pub fn samples_before_iteration(number: u32) -> u64 {
     samples_before(number)
 }
 
-fn bytes(parts: Parts) -> Result<Vec<u8>> {
+/// What the sums of a render are of, before its first iteration. `printed` is its experiment as TOML.
+fn about(settings: &Settings, printed: &str, contents: String) -> Result<About> {
+    let experiment = Experiment::parse(printed).map_err(|e| crate::errors::settings(e.to_string()))?;
+    let experiment = experiment.with_absolute_paths()?;
+    Ok(About::new(settings, experiment.to_toml(), &experiment.input_files(), contents, Shard::ALL))
+}
+
+/// The sums in the bytes of a file `.acc`.
+pub fn read(bytes: &[u8]) -> Result<Accumulation> {
+    file::read_from(&mut Cursor::new(bytes)).map_err(|problem| match problem {
+        Problem::Contents(message) => settings(format!("these are no sums: {message}")),
+        Problem::Io(error) => settings(format!("the sums cannot be read: {error}")),
+    })
+}
+
+/// The bytes of a file `.acc`.
+pub fn bytes(parts: Parts) -> Result<Vec<u8>> {
     let mut file = Cursor::new(vec![]);
     file::write_to(&mut file, parts).map_err(|e| settings(format!("the sums cannot be written: {e}")))?;
     Ok(file.into_inner())

@@ -9,7 +9,7 @@ from ._errors import SettingsError
 
 
 class _Result:
-    """What an image and a histogram have in common."""
+    """What an image and a histogram have in common. They can be pickled and copied."""
 
     def __init__(self, native, scene=None):
         self._native = native
@@ -88,7 +88,7 @@ class _Result:
 
     def save(self, path, exposure=None):
         """Writes the files of the program: ``.exr``, or ``.npy`` with a description ``.json`` and variances ``.variance.npy``, or a picture
-        ``.png`` with this exposure in stops (``None``: automatic)."""
+        ``.png`` with this exposure in stops (``None``: automatic). Results of ``taugate.farm`` also have sums (``.acc``)."""
         self._native.save(path, exposure)
 
 

@@ -20,8 +20,8 @@ LIGHTS = ("point", "spot", "beam")
 class Scene:
     """A scene from arrays; :func:`load` reads one from a file.
 
-    Keyword arguments are settings of all renders of the scene. Lengths are in metres. A scene can be pickled: it remembers its file, or its
-    arrays.
+    Keyword arguments are settings of all renders of the scene. Lengths are in metres. ``density_grid`` may be an array (Z, Y, X) of densities,
+    here and in :func:`render`. A scene can be pickled: it remembers its file, or its arrays.
 
     Renders of a scene share what they can: the device, the kernels, and the prepared meshes as long as only cameras, lights, gates, the seed and
     the instances with ``moves=True`` change.
@@ -32,7 +32,7 @@ class Scene:
         self.path = None
         self.moves = ()
         #: Settings of all renders of the scene.
-        self.settings = settings
+        self.settings = {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in settings.items()}
         #: Cameras by name. The first one is the default.
         self.cameras = {}
         #: What :func:`from_mitsuba` approximated or left out, one sentence each.
@@ -163,6 +163,8 @@ class Scene:
     def _changed(self):
         """Meshes or materials are others, so the native scene must be made again."""
         self._native = None
+        #: The settings that the native scene has, with their temporary files.
+        self._words = None
         self._stale = True
 
     def _job(self, settings, call):
@@ -184,7 +186,8 @@ class Scene:
     def _built(self):
         if self.path is not None:
             if self._native is None:
-                self._native = _native.NativeScene.load(self.path, words(self.settings, "load"), list(self.moves))
+                self._words = words(self.settings, "load")
+                self._native = _native.NativeScene.load(self.path, self._words, list(self.moves))
                 for name, matrix in self._moved.items():
                     self._native.set_transform(name, matrix.tolist())
             return self._native
@@ -213,10 +216,11 @@ class Scene:
             materials.append(material._plain(name, index))
         names = list(self._materials)
         meshes = [{**mesh, "material": names.index(mesh["material"])} for mesh in self._meshes.values()]
-        return _native.NativeScene.from_arrays(json.dumps(materials), textures, meshes, words(self.settings, "Scene"))
+        self._words = words(self.settings, "Scene")
+        return _native.NativeScene.from_arrays(json.dumps(materials), textures, meshes, self._words)
 
     def __getstate__(self):
-        return {**self.__dict__, "_native": None, "_stale": True}
+        return {**self.__dict__, "_native": None, "_words": None, "_stale": True}
 
     def __deepcopy__(self, memo):
         twin = copy.copy(self)

@@ -8,6 +8,7 @@ import numpy as np
 
 from . import _native
 from ._errors import SettingsError
+from ._grid import grid_file
 
 FLAGS = {name.replace("-", "_"): (name, *about) for name, about in _native.flags().items()}
 # Numbers in these settings are metres of optical path, seconds, or metres.
@@ -15,9 +16,17 @@ RANGES = ("gate", "depth")
 UNITS = {"time": "s", "at": "s", "repeat": "m", "visibility": "m", "mor": "m"}
 
 
+class Words(list):
+    """Pairs of flags and words, with the temporary files that they name, which exist as long as this list."""
+
+    def __init__(self):
+        super().__init__()
+        self.files = []
+
+
 def words(settings, call):
     """The settings of the function `call` as pairs of a flag and its words. Settings that are ``None`` are left out."""
-    pairs = []
+    pairs = Words()
     for keyword, value in settings.items():
         if value is None:
             continue
@@ -26,6 +35,9 @@ def words(settings, call):
             hint = f"; did you mean {near[0]}?" if near else "; taugate.settings() lists them"
             raise TypeError(f"{call}() has no setting '{keyword}'{hint}")
         flag, form, bare, _ = FLAGS[keyword]
+        if keyword == "density_grid" and isinstance(value, np.ndarray):
+            pairs.files.append(grid_file(value))
+            value = pairs.files[-1].path
         if isinstance(value, np.ndarray):
             value = value.tolist()
         if value is True and form in ("switch", "optional"):

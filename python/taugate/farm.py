@@ -7,6 +7,7 @@ A render is divided into parts: runs of iterations, whose random numbers are tho
 are sums, and the sums of all parts add up to the image of one machine. A part counts whole or not at all, whatever happens to its machine.
 """
 
+import copy
 import hashlib
 import os
 import pickle
@@ -15,6 +16,8 @@ import threading
 import time as clock
 import uuid
 import weakref
+
+import numpy as np
 
 from . import _native
 from ._errors import Error, Interrupted, SettingsError
@@ -55,7 +58,7 @@ def render(
     name on all machines.
 
     The render ends after ``spp`` samples per pixel, after ``time`` seconds, or when the relative error of the image is at most ``error``,
-    whichever comes first; with none of them after 64 samples. The relative error is the root mean square of the standard errors of all pixels,
+    whichever comes first; with none of them, the settings of the scene decide, by default 64 samples. The relative error is the root mean square of the standard errors of all pixels,
     divided by the mean of the image.
 
     A part takes about ``part_seconds``. After each one, ``on_update`` gets the image so far, and ``progress`` a :class:`Progress`. Further keyword
@@ -64,8 +67,15 @@ def render(
     Parts of a worker that is lost are rendered by another one. A part that fails four times is left out. The sums are added in the order of the
     iterations, so the image does not depend on which machine was fast: with ``spp`` and ``sampling="uniform"`` it is that of
     :func:`taugate.render`. With adaptive sampling each part adapts by itself.
+
+    ``image.save("x.acc")`` writes the sums, which ``taugate develop``, ``merge`` and ``render --resume`` read. A scan, auxiliary layers (``aov``)
+    and ``strict`` are refused.
     """
-    job = _Job(scene, settings, spp if (spp, time, error) != (None, None, None) else 64)
+    job = _Job(scene, settings, spp)
+    fingerprint, of_scene, seconds = _native.check_parts(job.native, job.flags)
+    job.contents = fingerprint or job.key
+    if (spp, time, error) == (None, None, None):
+        job.spp, time = of_scene, seconds
     with watcher(progress) as watch:
         run = _Run(job, client, time, error, float(part_seconds), on_update, watch)
         try:
@@ -130,6 +140,10 @@ class _Job:
     def __init__(self, scene, settings, spp):
         self.scene = scene if isinstance(scene, Scene) else load(scene)
         self.settings = {key: value for key, value in settings.items() if value is not None}
+        if isinstance(self.settings.get("density_grid"), np.ndarray):
+            # The array goes to each worker once, with the scene, and not with each part.
+            self.scene = copy.copy(self.scene)
+            self.scene.settings = {**self.scene.settings, "density_grid": self.settings.pop("density_grid").copy()}
         self.spp = spp
         self.native, self.flags = self.scene._job(self.settings, "farm.render")
         path = self.scene.path
@@ -139,6 +153,8 @@ class _Job:
                 contents = file.read()
         self.payload = pickle.dumps((self.scene, contents))
         self.key = hashlib.sha256(self.payload).hexdigest()
+        #: What identifies the scene in the sums.
+        self.contents = self.key
 
 
 class _Run:
@@ -228,6 +244,7 @@ class _Run:
                 self.job.key,
                 self.scene,
                 self.job.settings,
+                self.job.contents,
                 begin,
                 self.next,
                 self.job.spp,
@@ -284,11 +301,11 @@ def _scene(key, payload):
         return _scenes[key]
 
 
-def _accumulate(key, payload, settings, begin, end, spp):
+def _accumulate(key, payload, settings, contents, begin, end, spp):
     """The sums of a part, as bytes."""
     scene = _scene(key, payload)
     native, flags = scene._job(settings, "farm.render")
-    return _native.accumulate(native, flags, key, begin, end, spp)
+    return _native.accumulate(native, flags, contents, begin, end, spp)
 
 
 def _render_whole(key, payload, settings):

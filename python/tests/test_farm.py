@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import pickle
 import signal
 import threading
 import time
@@ -85,6 +86,52 @@ def test_histograms_and_mistakes(cluster):
     assert np.allclose(histogram.pixels, alone.pixels, rtol=1e-6)
     with pytest.raises(taugate.SettingsError, match="no unit"):
         farm.render(scene, client=cluster, gate="1..2")
+
+
+def test_what_a_farm_cannot_do_is_refused_before_it_works(tmp_path):
+    from taugate import farm
+
+    scene = taugate.load(SCENES / "cornell-box.glb", **SETTINGS)
+    (tmp_path / "scan.toml").write_text(
+        f"""scene = "{SCENES / 'cornell-box.glb'}"
+[scan]
+laser = [0, 1, 1]
+points = {{ corner = [-0.2, 0.8, -0.5], across = [0.4, 0, 0], down = [0, -0.4, 0], count = [2, 2] }}
+[gate]
+gates = "4m..8m/4"
+"""
+    )
+    # Nobody asks a client that is None.
+    with pytest.raises(taugate.SettingsError, match="scan; measure it with taugate.scan"):
+        farm.render(tmp_path / "scan.toml", client=None)
+    with pytest.raises(taugate.SettingsError, match="no auxiliary layers; leave out aov"):
+        farm.render(scene, client=None, aov="depth")
+    with pytest.raises(taugate.SettingsError, match="leave out strict"):
+        farm.render(scene, client=None, strict=True)
+
+
+def test_sums_and_grids(cluster, tmp_path, program):
+    from taugate import farm
+
+    # Adaptive, and the settings of the scene say when it ends.
+    small = dict(gate="5m..6m", resolution=(16, 12), light_paths=500)
+    scene = taugate.load(SCENES / "cornell-box.glb", spp=12, **small)
+    image = farm.render(scene, client=cluster, part_seconds=0.2)
+    assert image.samples == 12
+    image.save(tmp_path / "a.acc")
+    copy = pickle.loads(pickle.dumps(image))
+    copy.save(tmp_path / "b.acc")
+    assert (tmp_path / "a.acc").read_bytes() == (tmp_path / "b.acc").read_bytes()
+    code, message = program("develop", "a.acc", "-o", "a.npy")
+    assert code == 0, message
+    assert (np.load(tmp_path / "a.npy") == image.pixels).all() and image.pixels.any()
+    # The program knows the scene, and goes on.
+    code, message = program("render", "--resume", "a.acc", "--spp", "20", "-o", "more.npy")
+    assert code == 0 and "going on after 12 samples" in message and "adaptive sampling has learned" in message, message
+
+    fog = dict(sigma_s=0.1, medium_bounds=(-1, 0, -1, 1, 2, 1), density_grid=np.full((2, 2, 2), 0.5), sampling="uniform", spp=8)
+    clouds = farm.render(scene, client=cluster, part_seconds=0.2, **fog)
+    assert np.allclose(clouds.pixels, taugate.render(scene, **fog).pixels, rtol=1e-6) and clouds.pixels.any()
 
 
 def test_a_data_set_is_continued(cluster, tmp_path):

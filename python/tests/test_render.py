@@ -68,7 +68,7 @@ def test_files_are_those_of_the_program(box, program, tmp_path):
     code, text = program("render", BOX, *words, "-o", "cli.exr", "--png")
     assert code == 0, text
     assert (tmp_path / "x.png").read_bytes() == (tmp_path / "cli.png").read_bytes()
-    with pytest.raises(taugate.SettingsError, match="must end in .exr, .npy or .png"):
+    with pytest.raises(taugate.SettingsError, match="must end in .exr, .npy, .png or .acc"):
         image.save(tmp_path / "x.tif")
     with pytest.raises(taugate.FileError):
         image.save(tmp_path / "no folder" / "x.exr")

@@ -14,7 +14,7 @@ pub enum Plane {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Layers {
     /// Names of channels, such as `depth.Z`, and their values.
-    pub channels: Vec<(&'static str, Plane)>,
+    pub channels: Vec<(String, Plane)>,
     /// Names of the objects whose ids are in `object.ID`.
     pub objects: BTreeMap<u32, String>,
 }

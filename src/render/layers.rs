@@ -60,6 +60,7 @@ pub fn layers(
         Plane::Floats(values) => !values.is_empty(),
         Plane::Ids(ids) => !ids.is_empty(),
     });
+    let channels = channels.into_iter().map(|(name, plane)| (name.into(), plane)).collect();
     Ok(Layers { channels, objects })
 }
 

@@ -34,15 +34,15 @@ impl Renderer {
     }
 
     /// Continues the render of `earlier`, which has the same settings and the same scene. The film becomes its film, and the next
-    /// iteration follows its last one. So the image gets the bits of a render that was never interrupted. Fails without any change
-    /// if the images differ in size.
+    /// iteration follows its last one. So the image gets the bits of a render that was never interrupted, unless the sums lack what
+    /// adaptive sampling has learned: it then begins anew. Fails without any change if the images differ in size.
     #[doc(hidden)]
     pub fn resume(&mut self, earlier: Accumulation) -> Result<()> {
         let Accumulation { about, film, responses, adaptive } = earlier;
         let count = self.responses().map_or(1, |film| film.responses());
         let fits = (film.width(), film.height()) == (self.film.width(), self.film.height())
             && responses.as_ref().map_or(1, |film| film.responses()) == count
-            && adaptive.is_some() == self.allocation.is_some();
+            && (adaptive.is_none() || self.allocation.is_some());
         if !fits {
             return Err(Error::Settings("the sums of the earlier render do not fit the image of this one".into()));
         }

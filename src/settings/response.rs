@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::settings::units::Gate;
 
@@ -10,7 +12,7 @@ const GAUSS_CUT: f64 = 4.0;
 
 /// How the weight rises and falls at the ends of a gate. With the edges of two gates that abut, the weights add up to 1 at every
 /// travel time.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Edge {
     /// From 0 to 1 at once.
     Sharp,
@@ -46,13 +48,13 @@ impl Edge {
 
 /// A measured response: travel times in metres, in ascending order, and weights, which are linear between them. Before the first
 /// and after the last time the weight is 0.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Table {
     rows: Vec<[f64; 2]>,
     file: Option<PathBuf>,
 }
 
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 enum Weight {
     Gate {
         gate: Gate,
@@ -68,7 +70,7 @@ enum Weight {
 
 /// A response of the sensor: a name, and a weight for every travel time. The image of a response is the light of each travel time
 /// times its weight.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Response {
     name: String,
     weight: Weight,

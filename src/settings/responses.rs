@@ -2,6 +2,8 @@
 
 use std::collections::HashSet;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::settings::frequencies::Frequencies;
 use crate::settings::gates::{Gates, MAX_GATES};
@@ -15,7 +17,7 @@ use crate::settings::units::Gate;
 const RESERVED_NAMES: [&str; 6] = ["Variance", "depth", "normal", "albedo", "object", "arrival"];
 
 /// The responses that a render measures, at least one. A plain gate is a list of one.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Responses {
     list: Vec<Response>,
     /// The gates that the list was made from, if they all have the same width and abut.

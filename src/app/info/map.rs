@@ -59,7 +59,7 @@ pub fn write(
 ) -> Result<Map> {
     let arrivals = first_arrivals(device, scene, settings, prepared)?;
     let (pixels, map, crop) = (arrivals.len(), arrival_map(&arrivals), settings.crop());
-    let layers = Layers { channels: vec![("arrival.Z", Plane::Floats(arrivals))], ..Layers::default() };
+    let layers = Layers { channels: vec![("arrival.Z".into(), Plane::Floats(arrivals))], ..Layers::default() };
     for path in files {
         if extension(path) == "exr" {
             exr_file::write_layers(path, settings.resolution(), crop, &layers)?;
