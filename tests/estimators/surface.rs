@@ -149,6 +149,23 @@ fn varying_clear_coats_agree_with_the_oracle() {
     assert!(!against("plain clear coat", &[Estimator::Lcs], &plain, &GATES[..1], &truth).is_empty());
 }
 
+/// Adds a surface beside the room at `z`, with coats whose strengths, colour and roughness are textures. Scenes that have it share
+/// their kernels, which take many seconds to compile, whatever coats their other surfaces have.
+fn add_textured_coats(scene: &mut Scene, z: f64, roughness: f32) {
+    let white = Some(scene.add_texture(Image { width: 1, height: 1, rgba: vec![[255; 4]] }));
+    let material = scene.add_material(Material {
+        roughness,
+        specular: 1.0,
+        clearcoat: 1.0,
+        specular_texture: white,
+        specular_color_texture: white,
+        clearcoat_texture: white,
+        clearcoat_roughness_texture: white,
+        ..diffuse("coats", [0.5; 3])
+    });
+    add(scene, "coats", material, quad(DVec3::new(0.0, 0.0, z), DVec3::X * 0.1, DVec3::Y * 0.1, [1.0, 1.0]));
+}
+
 /// Textures of one colour change the image as much as their bytes round.
 #[test]
 fn constant_textures_are_factors() {
@@ -160,7 +177,7 @@ fn constant_textures_are_factors() {
     };
     // The bytes of colours are sRGB: 188 is 0.503.
     let half = 0.502_886_5;
-    let factors = room_of(|m| Material {
+    let mut factors = room_of(|m| Material {
         specular: 0.4,
         specular_color: [20.0 * half, 10.0, 5.0 * half],
         clearcoat: 0.2,
@@ -184,6 +201,9 @@ fn constant_textures_are_factors() {
         clearcoat_roughness_texture: coat,
         ..m
     });
+    for scene in [&mut factors, &mut textured] {
+        add_textured_coats(scene, -6.0, 0.6);
+    }
     let (a, b) = (image_of(&factors), image_of(&textured));
     let sum: f64 = a.iter().map(|x| f64::from(*x)).sum();
     let off: f64 = a.iter().zip(&b).map(|(x, y)| f64::from((x - y).abs())).sum();
@@ -271,6 +291,7 @@ fn a_textured_coat_reflects_in_proportion_to_its_texels() {
         m.normal_texture = None;
         let (clearcoat, specular) = if clearcoat_texture.is_some() { (1.0, 0.0) } else { (0.0, 1.0) };
         *m = Material { clearcoat, specular, clearcoat_texture, specular_texture, specular_color_texture, ..m.clone() };
+        add_textured_coats(&mut scene, -4.0, 0.0);
         for estimator in feature_estimators(&scene) {
             let s = settings(estimator, [8, 8]).max_depth(2).build().unwrap();
             let mut renderer = renderer(&scene, &s);
