@@ -1,6 +1,7 @@
 // Queries of a light tree by importance (lcs): from a subtree to a leaf, from the leaf to one of its vertices, and from K
 // such vertices to the one that gets a shadow ray.
 #import frontier
+#import leaf
 #import slots
 #import connection
 
@@ -46,15 +47,19 @@ fn scattered_share(q: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
     return max(vertex_cosine(q, w), min_cosine);
 }
 
-// Contribution of v to q if both were diffuse and saw each other; 0 if v cannot contribute.
+// Contribution of v to q if both were diffuse and saw each other; 0 if v cannot contribute. v comes from its leaf record, whose
+// normal is rounded: v may face away by DIRECTION_ERROR.
 fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
-    let segment = segment_between(q.position, v.position);
-    let w = segment.direction;
+    let offset = v.position - q.position;
+    let d2 = dot(offset, offset);
+    let d = sqrt(d2);
+    let w = offset * (1.0 / d);
     // At grazing angles, glossy and transmitting surfaces return more light than the cosine says.
     let min_cosine = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
     let cosines = scattered_share(q, w, min_cosine) * outgoing_light(v, -w, min_cosine);
-    let sent = max(max_component(v.throughput) * cosines / segment.length2, MIN_IMPORTANCE);
-    return select(0.0, sent, can_connect(q, v) && cosines > 0.0);
+    let sent = max(max_component(v.throughput) * cosines / d2, MIN_IMPORTANCE);
+    let is_facing = !is_one_sided(v) | (dot(v.geometric, w) < DIRECTION_ERROR);
+    return select(0.0, sent, is_in_reach(q, v, w, d) & faces(q, w) & is_facing & (cosines > 0.0));
 }
 
 // Chooses a vertex of a leaf by `vertex_importance`; NONE if none can contribute. The weight of `leaf` is 1 / P(leaf | q),
@@ -66,7 +71,7 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     var chosen_importance = 0.0;
     var sum = 0.0;
     for (var i = 0u; i < count; i++) {
-        let importance = vertex_importance(q, load_light_vertex(first + i));
+        let importance = vertex_importance(q, load_leaf_vertex(first + i));
         sum += importance;
         // The uniform is below 1, so that the first vertex that can contribute is taken. The uniform has steps of 2^-32,
         // so that a rare vertex is taken with exactly the probability that its weight contains.

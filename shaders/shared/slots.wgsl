@@ -30,18 +30,22 @@ fn write_candidate(slot: u32, vertex: u32, weight: f32) {
 // them apart, and squared densities per area between them overflow.
 const COINCIDENCE_TOLERANCE: f32 = 2.3841858e-7;
 
+// Whether a connection of q to v, which lies at the distance `d` along `w`, can contribute if both face each other. Tests
+// coincidence, number of segments and gate.
+fn is_in_reach(q: PathVertex, v: PathVertex, w: vec3<f32>, d: f32) -> bool {
+    let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
+    // Without short circuits: on masked SIMD, a branch costs more than the test that it saves.
+    return (d > COINCIDENCE_TOLERANCE * max_component(abs(q.position))) & (segments <= frame.max_depth)
+        & (gate_weight(connection_time(q, v, w, d)) > 0.0) & !(is_in_medium(q) & is_drawn_in_gate(v));
+}
+
 // Whether connecting v to q can contribute. Tests coincidence, number of segments, gate and facing.
 fn can_connect(q: PathVertex, v: PathVertex) -> bool {
-    if (is_in_medium(q) && is_drawn_in_gate(v)) {
-        return false;
-    }
     let offset = v.position - q.position;
     let d2 = dot(offset, offset);
     let d = sqrt(d2);
     let w = offset / d;
-    let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
-    return d > COINCIDENCE_TOLERANCE * max_component(abs(q.position)) && segments <= frame.max_depth
-        && gate_weight(connection_time(q, v, w, d)) > 0.0 && faces(q, w) && faces(v, -w);
+    return is_in_reach(q, v, w, d) && faces(q, w) && faces(v, -w);
 }
 
 // `vertex` if connecting it to q can contribute, with the bit ELLIPSOIDAL if it can contribute over an auxiliary vertex; otherwise NONE.

@@ -114,7 +114,8 @@ fn pool_buffers(plan: &Plan, vertices: u32) -> Vec<BufferDesc> {
     // The tree splits its vertices in halves, so every leaf is at least half full.
     let nodes = if leaf_size > 0 { vertices * 2 / (leaf_size + 1) } else { 0 };
     let offsets = if plan.estimator.pool_order == PoolOrder::ByPath { plan.light_paths as usize + 1 } else { 0 };
-    DevicePool::buffer_descs(vertices as usize, nodes as usize, offsets)
+    let records = if plan.estimator.pool_order == PoolOrder::Trees { vertices } else { 0 };
+    DevicePool::buffer_descs(vertices as usize, records as usize, nodes as usize, offsets)
 }
 
 /// Host bytes of the loaded scene: meshes, images and density grids.

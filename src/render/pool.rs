@@ -12,7 +12,7 @@ use crate::estimators::PoolOrder;
 use crate::gpu::{Allocate, Buffer, BufferDesc, BufferList, Device};
 use crate::lightcone::tree::{Item, Tree, TreeOptions, bounds};
 use crate::wgsl::layout::constants::*;
-use crate::wgsl::layout::{NONE, PathVertex, TreeChild, TreeNode};
+use crate::wgsl::layout::{LeafRecord, NONE, PathVertex, TreeChild, TreeNode};
 
 /// Light vertices of an iteration, by kind. The kernels expect this order: deterministic, emitter points, scattered.
 #[derive(Default)]
@@ -30,6 +30,7 @@ const MAX_VERTICES: usize = LEAF_FIRST as usize;
 /// The pool on the device: group 1 of the kernels.
 pub struct DevicePool<A: Allocate = Device> {
     vertices: A::Buffer,
+    records: A::Buffer,
     nodes: A::Buffer,
     offsets: A::Buffer,
 }
@@ -37,6 +38,8 @@ pub struct DevicePool<A: Allocate = Device> {
 /// The arrays of a pool, ready for upload.
 pub struct SortedPool {
     pub vertices: Vec<PathVertex>,
+    /// The records of all vertices, if queries choose vertices in leaves.
+    pub records: Vec<LeafRecord>,
     pub nodes: Vec<TreeNode>,
     pub offsets: Vec<u32>,
     pub layout: PoolLayout,
@@ -97,7 +100,7 @@ impl LightPool {
     fn emitters_only(&self) -> SortedPool {
         let mut vertices = self.deterministic_with_cdf();
         vertices.extend(self.emitter_points.iter().map(|(_, v)| *v));
-        SortedPool { vertices, nodes: vec![], offsets: vec![], layout: self.layout() }
+        SortedPool { vertices, records: vec![], nodes: vec![], offsets: vec![], layout: self.layout() }
     }
 
     /// Counting sort by light path. The vertices of a path stay in the order of the path.
@@ -121,7 +124,7 @@ impl LightPool {
             vertices[*slot as usize] = *vertex;
             *slot += 1;
         }
-        SortedPool { vertices, nodes: vec![], offsets, layout: PoolLayout { longest_path, ..self.layout() } }
+        SortedPool { vertices, records: vec![], nodes: vec![], offsets, layout: PoolLayout { longest_path, ..self.layout() } }
     }
 
     /// Sorts emitter points and scattered vertices by travel time. The left child of the only node has their bounds, and refers to
@@ -139,7 +142,7 @@ impl LightPool {
             right: Zeroable::zeroed(),
         };
         let (nodes, tree4_root) = if items.is_empty() { (vec![], NONE) } else { (vec![node], 0) };
-        SortedPool { vertices, nodes, offsets: vec![], layout: PoolLayout { tree4_root, ..self.layout() } }
+        SortedPool { vertices, records: vec![], nodes, offsets: vec![], layout: PoolLayout { tree4_root, ..self.layout() } }
     }
 
     /// Builds the 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4), or a single 4D tree over
@@ -177,14 +180,24 @@ impl LightPool {
             tree4_root: tree4.root,
             ..self.layout()
         };
-        SortedPool { vertices, nodes: [tree3.nodes, tree4.nodes].concat(), offsets: vec![], layout }
+        SortedPool {
+            records: vertices.iter().map(leaf_record).collect(),
+            vertices,
+            nodes: [tree3.nodes, tree4.nodes].concat(),
+            offsets: vec![],
+            layout,
+        }
     }
+}
+
+/// The largest channel of the throughput.
+fn power(v: &PathVertex) -> f32 {
+    v.throughput.iter().fold(0.0f32, |a, &x| a.max(x))
 }
 
 /// Tree items of the vertices with a positive and finite power, and the number of these items among the first `separate`
 /// vertices.
 fn items(vertices: &[PathVertex], separate: usize) -> (usize, Vec<Item>) {
-    let power = |v: &PathVertex| v.throughput.iter().fold(0.0f32, |a, &x| a.max(x));
     let items: Vec<Item> = vertices
         .iter()
         .enumerate()
@@ -198,12 +211,32 @@ fn items(vertices: &[PathVertex], separate: usize) -> (usize, Vec<Item>) {
     (items.partition_point(|item| (item.index as usize) < separate), items)
 }
 
+/// What the choice of a vertex in a leaf needs of `v`.
+pub fn leaf_record(v: &PathVertex) -> LeafRecord {
+    let direction = if v.flags & VERTEX_IN_MEDIUM != 0 { v.to_previous } else { v.geometric };
+    LeafRecord {
+        position: v.position,
+        tau: v.tau,
+        power: power(v),
+        direction: pack_direction(direction),
+        flags: v.flags,
+        material: v.material,
+    }
+}
+
+/// Packs a unit vector as three signed fractions of 10 bits, x lowest.
+fn pack_direction(v: [f32; 3]) -> u32 {
+    let bits = v.map(|x| (x.clamp(-1.0, 1.0) * 511.0).round() as i32 as u32 & 0x3ff);
+    bits[0] | bits[1] << 10 | bits[2] << 20
+}
+
 impl<A: Allocate> DevicePool<A> {
-    fn allocate(to: &A, vertices: usize, nodes: usize, offsets: usize) -> Result<DevicePool<A>> {
+    fn allocate(to: &A, vertices: usize, records: usize, nodes: usize, offsets: usize) -> Result<DevicePool<A>> {
         let remedy = "use fewer --light-paths";
         let room = |n: usize| n + n / 8 + 64;
         Ok(DevicePool {
             vertices: to.buffer(BufferDesc::of_texels::<PathVertex>("light vertices", room(vertices), remedy))?,
+            records: to.buffer(BufferDesc::of_texels::<LeafRecord>("leaf records", room(records), remedy))?,
             nodes: to.buffer(BufferDesc::of_texels::<TreeNode>("tree nodes", room(nodes), remedy))?,
             offsets: to.buffer(BufferDesc::of::<u32>("light path offsets", offsets, remedy))?,
         })
@@ -213,32 +246,45 @@ impl<A: Allocate> DevicePool<A> {
 impl DevicePool {
     /// Uploads `pool` into new buffers with some extra room, because the size of the pool varies from iteration to iteration.
     pub fn new(device: &Device, pool: &SortedPool) -> Result<DevicePool> {
-        let mut buffers = DevicePool::allocate(device, pool.vertices.len(), pool.nodes.len(), pool.offsets.len())?;
+        let mut buffers = DevicePool::allocate(
+            device,
+            pool.vertices.len(),
+            pool.records.len(),
+            pool.nodes.len(),
+            pool.offsets.len(),
+        )?;
         buffers.replace(pool)?;
         Ok(buffers)
     }
 
     /// Descriptors of the buffers for a pool of this size, extra room included.
-    pub fn buffer_descs(vertices: usize, nodes: usize, offsets: usize) -> Vec<BufferDesc> {
-        BufferList::of(|list| DevicePool::allocate(list, vertices, nodes, offsets))
+    pub fn buffer_descs(vertices: usize, records: usize, nodes: usize, offsets: usize) -> Vec<BufferDesc> {
+        BufferList::of(|list| DevicePool::allocate(list, vertices, records, nodes, offsets))
     }
 
     /// Overwrites the buffers with `pool`. Returns false, and writes nothing, if `pool` does not fit.
     pub fn replace(&mut self, pool: &SortedPool) -> Result<bool> {
         let fits = |buffer: &Buffer, bytes: usize| buffer.size() >= bytes as u64;
         if !fits(&self.vertices, size_of_val(&pool.vertices[..]))
+            || !fits(&self.records, size_of_val(&pool.records[..]))
             || !fits(&self.nodes, size_of_val(&pool.nodes[..]))
             || !fits(&self.offsets, size_of_val(&pool.offsets[..]))
         {
             return Ok(false);
         }
         self.vertices.write(0, &pool.vertices)?;
+        self.records.write(0, &pool.records)?;
         self.nodes.write(0, &pool.nodes)?;
         self.offsets.write(0, &pool.offsets)?;
         Ok(true)
     }
 
     pub fn bindings(&self) -> Vec<(&str, &Buffer)> {
-        vec![("light_vertices", &self.vertices), ("tree_nodes", &self.nodes), ("path_offsets", &self.offsets)]
+        vec![
+            ("light_vertices", &self.vertices),
+            ("leaf_records", &self.records),
+            ("tree_nodes", &self.nodes),
+            ("path_offsets", &self.offsets),
+        ]
     }
 }

@@ -113,6 +113,8 @@ host_twins! {
     TreeChild { lo: [f32; 3], tau_lo: f32, hi: [f32; 3], tau_hi: f32, buckets_low: u32, buckets_high: u32, power_unit: f32, child: u32 }
     /// `shared/tree.wgsl`
     TreeNode { left: TreeChild, right: TreeChild }
+    /// `shared/leaf.wgsl`
+    LeafRecord { position: [f32; 3], tau: f32, power: f32, direction: u32, flags: u32, material: u32 }
     /// `shared/candidate.wgsl`
     Candidate { vertex: u32, weight: f32 }
     /// `shared/ellipsoid_search.wgsl`

@@ -43,6 +43,7 @@ pub const SOURCES: &[(&str, &str)] = sources![
     "shared/grid",
     "shared/guided_flight",
     "shared/importance",
+    "shared/leaf",
     "shared/lightcone",
     "shared/material",
     "shared/math",
