@@ -24,10 +24,20 @@ const POWER_PROBABILITY: f32 = 1.0 / 16.0;
 struct Frontier {
     // A ring buffer that begins at `first`.
     nodes: array<u32, MAX_SUBTREES>,
-    // Power (x) and importance (y) of each subtree. `grow_frontier` turns them into prefix sums.
-    weights: array<vec2<f32>, MAX_SUBTREES>,
+    // Power and importance of each subtree: see `pack_weights`.
+    weights: array<u32, MAX_SUBTREES>,
     first: u32,
     count: u32,
+    // Sums of the powers (x) and of the importances (y) of all subtrees.
+    all: vec2<f32>,
+    // What `sample_frontier` adds to the power of each subtree.
+    min_power: f32,
+    // The subtree that the next query looks at first, and the sums of the subtrees before it. The queries come in the order of their
+    // uniforms, so none looks back.
+    next: u32,
+    before: vec2<f32>,
+    // Whether `before` and `next` belong to choices by power, which come first.
+    is_by_power: bool,
 }
 
 // The start of a traversal of a light tree.
@@ -51,12 +61,28 @@ fn remap_uniform(u: f32, start: f32, part: f32, rng: ptr<function, u32>) -> f32 
     return select(stretched, min(fresh, 1.0 - UNIFORM_STEP), part < 1.0 / 256.0);
 }
 
-// Appends a subtree to the ring. `weights`: its power and its importance.
-fn push_subtree(f: ptr<function, Frontier>, node: u32, weights: vec2<f32>) {
+// Power (x) and importance (y) in one word, without the lower half of their digits. Private arrays are slow, and any positive weights
+// are right: P contains the weights as they are stored.
+fn pack_weights(weights: vec2<f32>) -> u32 {
+    let words = bitcast<vec2<u32>>(weights);
+    return (words.x & 0xffff0000u) | (words.y >> 16u);
+}
+
+fn unpack_weights(word: u32) -> vec2<f32> {
+    return bitcast<vec2<f32>>(vec2<u32>(word & 0xffff0000u, word << 16u));
+}
+
+// Appends a subtree to the ring. `weights`: its power and its importance, packed.
+fn push_subtree(f: ptr<function, Frontier>, node: u32, weights: u32) {
     let at = ((*f).first + (*f).count) % MAX_SUBTREES;
     (*f).nodes[at] = node;
     (*f).weights[at] = weights;
     (*f).count += 1u;
+}
+
+// Power and importance of the subtree with the given number, from 0 in the order of the ring.
+fn subtree_weights(f: ptr<function, Frontier>, number: u32) -> vec2<f32> {
+    return unpack_weights((*f).weights[((*f).first + number) % MAX_SUBTREES]) + vec2<f32>((*f).min_power, 0.0);
 }
 
 // Opens subtrees breadth first from `root` on until there are enough, and leaves out subtrees with importance 0. The frontier
@@ -64,7 +90,7 @@ fn push_subtree(f: ptr<function, Frontier>, node: u32, weights: vec2<f32>) {
 fn grow_frontier(f: ptr<function, Frontier>, root: u32, receiver: Receiver) {
     (*f).first = 0u;
     (*f).count = 0u;
-    push_subtree(f, root, vec2<f32>(1.0));
+    push_subtree(f, root, pack_weights(vec2<f32>(1.0)));
     // Number of leaves met in a row. If it reaches the number of subtrees, all subtrees are leaves.
     var closed = 0u;
     for (var visit = 0u; visit < MAX_VISITS && closed < (*f).count && (*f).count < FRONTIER; visit++) {
@@ -81,45 +107,52 @@ fn grow_frontier(f: ptr<function, Frontier>, root: u32, receiver: Receiver) {
         let node = load_tree_node(current);
         let importance = vec2<f32>(node_importance(node.left, receiver), node_importance(node.right, receiver));
         if (importance.x > 0.0) {
-            push_subtree(f, node.left.child, vec2<f32>(total_power(node.left), importance.x));
+            push_subtree(f, node.left.child, pack_weights(vec2<f32>(total_power(node.left), importance.x)));
         }
         if (importance.y > 0.0) {
-            push_subtree(f, node.right.child, vec2<f32>(total_power(node.right), importance.y));
+            push_subtree(f, node.right.child, pack_weights(vec2<f32>(total_power(node.right), importance.y)));
         }
     }
+    (*f).min_power = 0.0;
     var power = 0.0;
     for (var i = 0u; i < (*f).count; i++) {
-        power += (*f).weights[((*f).first + i) % MAX_SUBTREES].x;
+        power += subtree_weights(f, i).x;
     }
-    var sum = vec2<f32>(0.0);
+    (*f).min_power = MIN_SHARE * power;
+    (*f).all = vec2<f32>(0.0);
     for (var i = 0u; i < (*f).count; i++) {
-        let at = ((*f).first + i) % MAX_SUBTREES;
-        sum += (*f).weights[at] + vec2<f32>(MIN_SHARE * power, 0.0);
-        (*f).weights[at] = sum;
+        (*f).all += subtree_weights(f, i);
     }
+    (*f).next = 0u;
+    (*f).before = vec2<f32>(0.0);
+    (*f).is_by_power = true;
 }
 
-// Chooses a subtree of a frontier that is not empty, at the uniform `u`. Stratified values of `u` lead to different
-// parts of the tree.
+// Chooses a subtree of a frontier that is not empty, at the uniform `u`, which must not be less than that of the call before.
+// Stratified values of `u` lead to different parts of the tree.
 fn sample_frontier(f: ptr<function, Frontier>, u: f32, rng: ptr<function, u32>) -> Traversal {
     let by_power = u < POWER_PROBABILITY;
     let start_of_mode = select(POWER_PROBABILITY, 0.0, by_power);
     let rest = remap_uniform(u, start_of_mode, select(1.0 - POWER_PROBABILITY, POWER_PROBABILITY, by_power), rng);
-    let all = (*f).weights[((*f).first + (*f).count - 1u) % MAX_SUBTREES];
-    // The first subtree whose prefix sum is above `wanted`.
-    let wanted = rest * select(all.y, all.x, by_power);
-    var lo = 0u;
-    var hi = (*f).count - 1u;
-    while (lo < hi) {
-        let middle = (lo + hi) / 2u;
-        let sum = (*f).weights[((*f).first + middle) % MAX_SUBTREES];
-        let below = wanted < select(sum.y, sum.x, by_power);
-        lo = select(middle + 1u, lo, below);
-        hi = select(hi, middle, below);
+    if (!by_power && (*f).is_by_power) {
+        (*f).is_by_power = false;
+        (*f).next = 0u;
+        (*f).before = vec2<f32>(0.0);
     }
-    let at = ((*f).first + lo) % MAX_SUBTREES;
-    let before = select((*f).weights[((*f).first + max(lo, 1u) - 1u) % MAX_SUBTREES], vec2<f32>(0.0), lo == 0u) / all;
-    let p = (*f).weights[at] / all - before;
+    // The first subtree whose sum is above `wanted`. P contains differences of rounded sums.
+    let wanted = rest * select((*f).all.y, (*f).all.x, by_power);
+    var after = (*f).before + subtree_weights(f, (*f).next);
+    loop {
+        let is_found = wanted < select(after.y, after.x, by_power) || (*f).next + 1u >= (*f).count;
+        if (is_found) {
+            break;
+        }
+        (*f).next += 1u;
+        (*f).before = after;
+        after += subtree_weights(f, (*f).next);
+    }
+    let before = (*f).before / (*f).all;
+    let p = after / (*f).all - before;
     let start = select(before.y, before.x, by_power);
-    return Traversal((*f).nodes[at], by_power, remap_uniform(rest, start, select(p.y, p.x, by_power), rng), p);
+    return Traversal((*f).nodes[((*f).first + (*f).next) % MAX_SUBTREES], by_power, remap_uniform(rest, start, select(p.y, p.x, by_power), rng), p);
 }
