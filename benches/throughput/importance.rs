@@ -7,6 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
+use taugate::internals::render::leaf_record;
 use taugate::internals::render::material::Material;
 use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST, MAX_SUBTREES};
 use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE, PathVertex, TreeChild, TreeNode};
@@ -282,6 +283,10 @@ pub fn compare(device: &Device, light: &[Point], shade: &[Point]) {
         ("frame", upload("frame", bytemuck::bytes_of(&frame))),
         ("tree_nodes", upload("nodes", bytemuck::cast_slice(&tree.nodes))),
         ("light_vertices", upload("vertices", bytemuck::cast_slice(&vertices))),
+        (
+            "leaf_records",
+            upload("leaf records", bytemuck::cast_slice(&vertices.iter().map(leaf_record).collect::<Vec<_>>())),
+        ),
         ("shade_points", upload("points", bytemuck::cast_slice(&points))),
         ("materials", Buffer::new::<Material>(device, "materials", 1, "").expect("materials")),
         ("found", Buffer::new::<u32>(device, "found", shade.len(), "").expect("found")),

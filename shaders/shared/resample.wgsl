@@ -115,7 +115,10 @@ struct Choices {
     sums: array<f32, MAX_TIME_GROUPS>,
 }
 
-// Resampling of K stratified queries of one tree by their unshadowed contribution (Talbot et al. 2005). Writes one vertex per part
+// Minimum number of queries of a shade point, unless K is smaller.
+const MIN_QUERIES: u32 = 4u;
+
+// Resampling of up to K stratified queries of one tree by their unshadowed contribution (Talbot et al. 2005). Writes one vertex per part
 // of the gate to the slots from `first` on, with the factor that replaces 1 / (K P(j | q)).
 fn resample(root: u32, q: PathVertex, receiver: Receiver, first: u32, rng: ptr<function, u32>) {
     var chosen: Choices;
@@ -126,9 +129,11 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, first: u32, rng: ptr<f
     var frontier: Frontier;
     grow_frontier(&frontier, root, receiver);
     let jitter = min(next_fine_uniform(rng), 1.0 - UNIFORM_STEP);
-    let queries = select(frame.queries, 0u, frontier.count == 0u);
+    // If the whole frontier has few subtrees, two queries per subtree are enough.
+    let enough = select(frame.queries, max(2u * frontier.count, MIN_QUERIES), FRONTIER == MAX_SUBTREES);
+    let queries = select(min(frame.queries, enough), 0u, frontier.count == 0u);
     for (var k = 0u; k < queries; k++) {
-        let start = sample_frontier(&frontier, (f32(k) + jitter) / f32(frame.queries), rng);
+        let start = sample_frontier(&frontier, (f32(k) + jitter) / f32(queries), rng);
         let leaf = descend_by_importance(start, receiver, rng);
         if (leaf.vertex == NONE) {
             continue;
@@ -157,7 +162,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, first: u32, rng: ptr<f
     }
     for (var g = 0u; g < TIME_GROUPS; g++) {
         let vertex = chosen.vertices[g];
-        let weight = chosen.sums[g] / (chosen.targets[g] * f32(frame.queries));
+        let weight = chosen.sums[g] / (chosen.targets[g] * f32(queries));
         // A query that finds nothing counts as a tried connection too, so its weight is not 0.
         write_candidate(first + g, vertex, select(weight, 1.0, vertex == NONE));
     }

@@ -1,4 +1,4 @@
-// Light vertices and the two trees over them (Sec. 5.4). Only this file declares group 1.
+// Light vertices and the two trees over them (Sec. 5.4). Group 1 is declared here and in leaf.wgsl.
 #import frame
 #import path
 #import math

@@ -70,6 +70,7 @@ pub use pace::seconds_per_sample;
 pub use plan::Tuning;
 use plan::{Iteration, Observe, Plan};
 use pool::SortedPool;
+pub use pool::leaf_record;
 pub use prepared_scene::PreparedScene;
 pub use probe::{TravelTimes, probe};
 use responses::ResponseSums;

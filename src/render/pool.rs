@@ -124,7 +124,13 @@ impl LightPool {
             vertices[*slot as usize] = *vertex;
             *slot += 1;
         }
-        SortedPool { vertices, records: vec![], nodes: vec![], offsets, layout: PoolLayout { longest_path, ..self.layout() } }
+        SortedPool {
+            vertices,
+            records: vec![],
+            nodes: vec![],
+            offsets,
+            layout: PoolLayout { longest_path, ..self.layout() },
+        }
     }
 
     /// Sorts emitter points and scattered vertices by travel time. The left child of the only node has their bounds, and refers to
@@ -142,7 +148,13 @@ impl LightPool {
             right: Zeroable::zeroed(),
         };
         let (nodes, tree4_root) = if items.is_empty() { (vec![], NONE) } else { (vec![node], 0) };
-        SortedPool { vertices, records: vec![], nodes, offsets: vec![], layout: PoolLayout { tree4_root, ..self.layout() } }
+        SortedPool {
+            vertices,
+            records: vec![],
+            nodes,
+            offsets: vec![],
+            layout: PoolLayout { tree4_root, ..self.layout() },
+        }
     }
 
     /// Builds the 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4), or a single 4D tree over

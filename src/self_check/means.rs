@@ -119,8 +119,12 @@ fn by_many_lamps(mut scene: Scene) -> Scene {
 }
 
 impl Case {
-    /// Whether the estimator finds the light of this scene.
+    /// Whether the estimator finds the light of this scene, in a short time. `epc` searches all triangles for each connection.
     pub fn is_for(&self, estimator: Estimator) -> bool {
+        let triangles: usize = self.scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+        if estimator.record().ellipsoidal && triangles > 10_000 {
+            return false;
+        }
         let has_beam = self.scene.lights.iter().any(|light| light.kind.needs_light_subpaths());
         estimator.sees_beams() || !has_beam
     }

@@ -16,7 +16,9 @@ fn every_check_is_ok_on_this_device() {
     assert!(!text.contains("FAILED") && text.trim_end().lines().last().unwrap().starts_with("all "), "{text}");
     for estimator in Estimator::ALL {
         for sampling in Sampling::ALL {
-            for what in ["a lamp seen directly", "the sphere", "the zoo lit by a lamp", "bits"] {
+            // The sphere has too many triangles for `epc`.
+            let sphere = if estimator == Estimator::Epc { "the zoo" } else { "the sphere" };
+            for what in ["a lamp seen directly", sphere, "the zoo lit by a lamp", "bits"] {
                 let name = format!("ok     {estimator}, {sampling}, {what}");
                 assert!(text.lines().any(|line| line.starts_with(&name)), "no line '{name}' in:\n{text}");
             }

@@ -62,7 +62,8 @@ fn resampled_queries_agree_with_the_closed_form() {
 
 #[test]
 fn a_sphere_of_a_hundred_metres_agrees_with_the_closed_form() {
-    for estimator in Estimator::ALL {
+    // `ellipsoids` has a sphere with fewer triangles for `epc`.
+    for estimator in Estimator::ALL.into_iter().filter(|&estimator| estimator != Estimator::Epc) {
         agrees(100.0, estimator, &[GATES[0], GATES[3], GATES[6]]);
     }
 }

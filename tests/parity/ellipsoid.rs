@@ -9,7 +9,7 @@ use taugate::internals::render::space::RenderSpace;
 use taugate::internals::settings::Emitters;
 use taugate::internals::wgsl::layout::constants::PART_LEAVES;
 
-use crate::shader_function::{ShaderFunction, contents};
+use crate::shader_function::ShaderFunction;
 use crate::trace;
 use crate::values::{direction, dvec, frame, vec3};
 

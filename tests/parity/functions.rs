@@ -10,6 +10,12 @@ use crate::shader_function::ShaderFunction;
 
 /// Functions that no test kernel calls, and the tests that cover them.
 const ELSEWHERE: &[(&str, &str)] = &[
+    ("is_in_reach", "kernels choose and connect pairs as the oracle does (pairs)"),
+    ("load_leaf_vertex", "kernels choose and connect pairs as the oracle does (pairs)"),
+    ("unpack_direction", "kernels choose and connect pairs as the oracle does (pairs)"),
+    ("pack_weights", "descend_by_importance"),
+    ("unpack_weights", "descend_by_importance"),
+    ("subtree_weights", "descend_by_importance"),
     ("to_sphere", "curve_in_triangle"),
     ("normal_to_sphere", "search_part"),
     ("angle_of", "curve_in_triangle"),

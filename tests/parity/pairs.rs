@@ -12,6 +12,7 @@ use taugate::internals::generate::{shapes, stage};
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
 use taugate::internals::render::albedo::AlbedoTable;
+use taugate::internals::render::leaf_record;
 use taugate::internals::scene::{Material, Scene};
 use taugate::internals::wgsl::layout::constants::*;
 use taugate::internals::wgsl::layout::{Candidate, Dispatch, Frame, NONE, PathVertex};
@@ -216,6 +217,7 @@ impl Bench {
         let extra = [
             contents("frame", &[*frame]),
             contents("light_vertices", lights),
+            contents("leaf_records", &lights.iter().map(leaf_record).collect::<Vec<_>>()),
             contents("tree_nodes", &[tree3.nodes, tree4.nodes].concat()),
             contents("path_offsets", &[0u32; 4]),
             contents("shade_points", points),
