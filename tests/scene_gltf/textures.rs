@@ -220,3 +220,23 @@ fn images_that_are_too_short_for_their_size_are_refused_before_they_are_decoded(
     let message = refusal(&glb.build());
     assert!(message.contains("too few for their 268435456 pixels"), "{message}");
 }
+
+/// The decoder keeps a second copy of a lossless image without alpha. A file of 35 bytes once took 320 MB.
+#[test]
+fn a_large_webp_image_opens_but_not_if_it_is_too_short_for_the_memory_of_its_decoder() {
+    let mut file = Cursor::new(vec![]);
+    let image = RgbImage::from_pixel(8192, 4096, Rgb([128; 3]));
+    DynamicImage::ImageRgb8(image).write_to(&mut file, ImageFormat::WebP).unwrap();
+    let scene = |bytes: &[u8]| {
+        let mut glb = untextured();
+        let view = glb.view(bytes);
+        glb.push("images", json!({ "bufferView": view }));
+        glb.push("textures", json!({ "source": 0 }));
+        use_texture(&mut glb, 0);
+        glb.build()
+    };
+    let image = &load_slice(&scene(file.get_ref()), Path::new("test.glb")).unwrap().images[0];
+    assert_eq!((image.width, image.height), (8192, 4096));
+    let message = refusal(&scene(&file.get_ref()[..100]));
+    assert!(message.contains("too few for their 33554432 pixels"), "{message}");
+}

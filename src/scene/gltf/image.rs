@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use std::io::Cursor;
 use std::ops::Range;
 
-use ::image::{ColorType, ImageDecoder, ImageError, ImageReader, Limits};
+use ::image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 use rayon::prelude::*;
 
 use super::document::{Document, Warnings, label, printable};
@@ -20,14 +20,14 @@ use crate::scene::Image;
 const MAX_SIDE: u32 = 16384;
 /// Maximum number of texels of all images together: 2 GiB, the usual limit of an array on a device.
 const MAX_TEXELS: u64 = 1 << 29;
-/// Bytes that images may take whatever the length of their files: those of 8192 x 8192 texels. Together with [`BYTES_PER_BYTE`], this
+/// Bytes that images may take with their decoders whatever the length of their files: those of 8192 x 8192 texels. Together with [`BYTES_PER_BYTE`], this
 /// stops small files that decode to gigabytes.
 const FREE_BYTES: u64 = 4 << 26;
 /// Bytes that images may take for each byte of their files, beyond [`FREE_BYTES`]. Deflate packs at most 1032 bytes into one, and a
 /// grey texel becomes four bytes.
 const BYTES_PER_BYTE: u64 = 4 * 1032;
-/// Maximum number of texels of the images that are decoded at the same time, unless a single image has more. Some decoders need
-/// up to 8 bytes per texel of their own.
+/// Maximum number of texels of the images that are decoded at the same time, unless a single image has more. See
+/// [`memory_of_decoder`].
 const MAX_TEXELS_AT_ONCE: u64 = 1 << 25;
 /// Maximum size in bytes of the rows and the metadata that a PNG decoder keeps.
 const MAX_DECODER_BYTES: u64 = 64 << 20;
@@ -74,9 +74,9 @@ fn texel_count([width, height]: &[u32; 2]) -> u64 {
 struct ImageHeader {
     /// Width and height in pixels.
     size: [u32; 2],
-    /// Bytes of the file, and bytes that [`rgba8`] needs.
+    /// Bytes of the file, and bytes that [`rgba8`] takes with its decoder.
     file: u64,
-    decoded: u64,
+    memory: u64,
 }
 
 /// Fails if the images together have too many texels, or too many for the length of their files; names the largest image.
@@ -95,7 +95,7 @@ fn check_total(sources: &[Source], headers: &[ImageHeader]) -> Checked<()> {
         ));
     }
     let bytes: u64 = headers.iter().map(|header| header.file).sum();
-    if headers.iter().map(|header| header.decoded).sum::<u64>() > FREE_BYTES + BYTES_PER_BYTE * bytes {
+    if headers.iter().map(|header| header.memory).sum::<u64>() > FREE_BYTES + BYTES_PER_BYTE * bytes {
         return Err(format!(
             "the images of the textures have {bytes} bytes, too few for their {total} pixels; the largest is {name} with {width} x \
              {height} pixels; scale images of a single colour down, or save damaged images again"
@@ -153,8 +153,9 @@ impl<'a> Source<'a> {
         let bytes = self.bytes()?;
         let decoder = decoder(&bytes).map_err(|e| self.failed(&e, &bytes))?;
         let size = <[u32; 2]>::from(decoder.dimensions());
-        let decoded = texel_count(&size) * 4 * u64::from(decoder.color_type().bytes_per_pixel().div_ceil(4));
-        Ok(ImageHeader { size, file: bytes.len() as u64, decoded })
+        let texels = texel_count(&size);
+        let result = texels * 4 * u64::from(decoder.color_type().bytes_per_pixel().div_ceil(4));
+        Ok(ImageHeader { size, file: bytes.len() as u64, memory: result + memory_of_decoder(&bytes, texels) })
     }
 
     /// The texels of the image, and whether the file has more than 8 bits per channel.
@@ -204,6 +205,25 @@ fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + use<'_>, ImageError> {
     limits.max_alloc = Some(MAX_DECODER_BYTES);
     reader.limits(limits);
     reader.into_decoder()
+}
+
+/// Maximum number of bytes that the decoder of this image with `texels` texels takes besides its result. It may take them before
+/// it notices that the file is too short. Tables whose length the file limits do not count.
+fn memory_of_decoder(bytes: &[u8], texels: u64) -> u64 {
+    /// A part of a lossy WebP image. The decoder takes the length that the file names, of 24 bits.
+    const PART: u64 = 1 << 24;
+    match (::image::guess_format(bytes), bytes.get(12..16)) {
+        // Two bytes for each coefficient of a progressive image, in up to four channels.
+        (Ok(ImageFormat::Jpeg), _) => 8 * texels,
+        // A copy with alpha (4), the data of two transforms (1/4 each), and the entropy image (3/8).
+        (Ok(ImageFormat::WebP), Some(b"VP8L")) => 5 * texels,
+        // Brightness (1) and colour (1/2).
+        (Ok(ImageFormat::WebP), Some(b"VP8 ")) => 2 * texels + PART,
+        // The alpha of a lossy image (1) is decoded as a lossless one (5). An animation has a frame (4) and a canvas (4).
+        (Ok(ImageFormat::WebP), _) => 8 * texels + PART,
+        // Rows only.
+        _ => 0,
+    }
 }
 
 /// Decodes `texels` texels. The decoder writes the image to the end of the returned buffer. Then the pixels are converted in
@@ -259,7 +279,7 @@ fn narrow(channel: u16) -> u8 {
 
 #[cfg(test)]
 mod tests {
-    use ::image::{DynamicImage, ImageFormat};
+    use ::image::DynamicImage;
 
     use super::*;
 
