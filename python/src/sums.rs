@@ -84,7 +84,8 @@ impl Sums {
 }
 
 /// Fails with one sentence if the render of `scene` with `flags` cannot be divided into parts. Returns the fingerprint of the files,
-/// which is `None` if arrays or moved nodes say what the scene is, and the samples per pixel or else the seconds of the settings.
+/// and the samples per pixel or else the seconds of the settings. The fingerprint is `None` if the scene is from arrays or has moved
+/// nodes.
 #[pyfunction]
 pub fn check_parts(
     py: Python<'_>,

@@ -1,5 +1,5 @@
-// The auxiliary vertex of an ellipsoidal connection (Pediredla et al. 2019): a surface point x between a light vertex v and a shade
-// point q, chosen so that the path through it has a drawn travel time. This module has its density in the MIS weights.
+// The auxiliary vertex of an ellipsoidal connection (Pediredla et al. 2019) is a surface point x between a light vertex v and a shade
+// point q. The path through x has the travel time that was drawn. This module has the density of x in the MIS weights.
 //
 // The density per area of x is that of `ellipsoid.wgsl`, except that MEAN_ARC stands for arc / P(triangle). Both depend on all
 // triangles that the ellipsoid meets, so the other strategies of a path could not compute them. The weights still sum to 1, because
@@ -10,8 +10,8 @@
 // Mean of arc / P(triangle) over the connections of simple rooms, in radians (docs/notebook/ellipsoids.md).
 const MEAN_ARC: f32 = 25.0;
 
-// Squared density per area of x as an auxiliary vertex between points at the distances r1 and r2 in the unit directions w1 and w2;
-// 0 if the detour over x is too short. `n`: unit normal at x.
+// Squared density per area of the auxiliary vertex x; 0 if the detour over x is too short. w1, r1: unit direction and distance from x
+// to one neighbour. w2, r2: to the other. `n`: unit normal at x.
 fn auxiliary_density2(n: vec3<f32>, w1: vec3<f32>, r1: f32, w2: vec3<f32>, r2: f32) -> f32 {
     let along = 1.0 + dot(w1, w2);
     let direct = sqrt(max(square(r1 + r2) - 2.0 * r1 * r2 * along, 0.0));

@@ -43,15 +43,17 @@ fn may_meet(s: EllipsoidSearch, index: u32) -> bool {
     return side_v * side_q > 0.0 && height * height <= dot(reach, reach) * (1.0 + ELLIPSOID_SLACK) && farthest >= s.lo && !is_null;
 }
 
+// |p - v| + |p - q|.
 fn focal_sum(s: EllipsoidSearch, p: vec3<f32>) -> f32 {
     return distance(p, s.v) + distance(p, s.q);
 }
 
-// Distances from `p` to the nearest (x) and the farthest (y) points of an interval, per axis, for four intervals.
+// Distance from `p` to the nearest point of an interval of an axis, for four intervals.
 fn nearest_four(lo: vec4<f32>, hi: vec4<f32>, p: f32) -> vec4<f32> {
     return max(max(lo - p, p - hi), vec4<f32>(0.0));
 }
 
+// The same to the farthest point.
 fn farthest_four(lo: vec4<f32>, hi: vec4<f32>, p: f32) -> vec4<f32> {
     return max(abs(lo - p), abs(hi - p));
 }

@@ -1,5 +1,5 @@
-// An ellipsoidal connection of a shade point q and a light vertex v: over an auxiliary vertex x, so that the travel time of the path is
-// one that was drawn uniformly in the gate (Pediredla et al. 2019).
+// An ellipsoidal connection joins a shade point q and a light vertex v over an auxiliary vertex x (Pediredla et al. 2019). The travel
+// time of the path was drawn before, uniformly in the gate.
 #import detour
 #import ellipsoid_search
 #import surface_vertex

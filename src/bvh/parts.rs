@@ -4,9 +4,9 @@ use super::Bvh;
 use crate::wgsl::layout::constants::PART_LEAVES;
 
 impl Bvh {
-    /// Parts that together cover each triangle once, as `search_part` (`shaders/shared/ellipsoid_search.wgsl`) takes them: the index of
-    /// a node with at most `most` triangles below it, or the index of a larger node and [`PART_LEAVES`] for the triangles that are
-    /// its own children. At least one part.
+    /// Parts that together cover each triangle once, for `search_part` (`shaders/shared/ellipsoid_search.wgsl`). At least one part.
+    /// A part is the index of a node with at most `most` triangles below it. Larger nodes are divided. If triangles are their own
+    /// children, these are a part: the index of the node with the bit [`PART_LEAVES`].
     pub fn parts(&self, most: u32) -> Vec<u32> {
         let nodes = &self.host.nodes;
         if nodes.is_empty() {

@@ -14,8 +14,8 @@ const SIDES: [u32; 3] = [4, 16, 64];
 /// An image that takes this many seconds tells the pace.
 const LONG_ENOUGH: f64 = 0.2;
 
-/// Seconds that one sample in every pixel of the crop takes. Renders a small image of the same view, with few light subpaths, whose time
-/// does not depend on the resolution. Each image is rendered twice, because kernels are compiled during the first time.
+/// Seconds that one sample in every pixel of the crop takes. Renders a small image of the camera's whole view. It has few light subpaths,
+/// because their time does not depend on the resolution. Each image is rendered twice, because kernels are compiled during the first time.
 pub fn seconds_per_sample(
     device: &Device,
     scene: &Scene,

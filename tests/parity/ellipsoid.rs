@@ -104,9 +104,8 @@ fn focal_sum([v, q]: [DVec3; 2], x: DVec3) -> f64 {
 
 #[test]
 fn points_on_curves_have_the_density_of_the_coarea_formula() {
-    // Lengths, because the arc as a function of the length may jump, and points per length.
+    // Number of lengths, and of points per length: a regular grid. The arc may jump from one length to the next, so lengths are many.
     const N: [usize; 2] = [512, 18];
-    // The samples of each case are a regular grid.
     let mut pcg = Pcg::new(771);
     let kernel = CURVE.compile(&[]);
     let (mut tested, mut rejected) = (0, 0);
