@@ -16,8 +16,10 @@
 // xyz: contribution of a candidate to its pixel. w: travel time. With OBSERVE_STRATEGIES, w is the MIS weight, and xyz does
 // not contain it. In both cases w is -1 if no ray was traced.
 @group(2) @binding(5) var<storage, read_write> contributions: array<vec4<f32>>;
-// With HAS_ELLIPSOIDS only: the triangle that each entry of `slot_list` has chosen (ellipsoid_triangles.wgsl).
+// epc only: the triangle that each entry of `slot_list` has chosen (ellipsoid_triangles.wgsl).
 @group(2) @binding(6) var<storage, read> choices: array<TriangleChoice>;
+// With RESAMPLES_ELLIPSOIDS only: the auxiliary vertex of each shade point (ellipsoid_resample.wgsl).
+@group(2) @binding(7) var<storage, read> auxiliary_points: array<AuxiliaryPoint>;
 // With DRAWS_IN_GATE only: the segments before the shade points.
 @group(2) @binding(9) var<storage, read> segments: array<FogSegment>;
 
@@ -36,7 +38,16 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let sensor = sensor_sample(q.owner);
     if (HAS_ELLIPSOIDS && (candidate.vertex & ELLIPSOIDAL) != 0u) {
-        contributions[slot] = connect_by_ellipsoid(q, load_light_vertex(candidate.vertex & ~ELLIPSOIDAL), sensor, choices[id.x], slot);
+        let v = load_light_vertex(candidate.vertex & ~ELLIPSOIDAL);
+        if (RESAMPLES_ELLIPSOIDS) {
+            contributions[slot] = connect_by_ellipsoid(q, v, sensor, auxiliary_points[slot / frame.slots], 1.0, slot);
+            return;
+        }
+        let tau = drawn_travel_time(sensor);
+        let choice = choices[id.x];
+        let words = pcg4d(ellipsoid_key(sensor, dispatch.bounce, slot) ^ vec4<u32>(0u, 0u, 0u, choice.triangle));
+        let point = draw_on_triangle(q, v, tau, choice, f32(words.x >> 8u) * (1.0 / 16777216.0));
+        contributions[slot] = connect_by_ellipsoid(q, v, sensor, AuxiliaryPoint(point.triangle, tau, point.weights), point.inverse_density, slot);
         return;
     }
     let v = load_light_vertex(candidate.vertex);
@@ -71,28 +82,28 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     contributions[slot] = vec4<f32>(select(vec3<f32>(0.0), value * passed, lit), last);
 }
 
-// The entry in `contributions` for an ellipsoidal connection of q and v over the chosen triangle.
-fn connect_by_ellipsoid(q: PathVertex, v: PathVertex, sensor: SensorSample, choice: TriangleChoice, slot: u32) -> vec4<f32> {
+// The entry in `contributions` for an ellipsoidal connection of q and v over the point `x`. `inverse_density`: see `EllipsoidPoint`.
+fn connect_by_ellipsoid(
+    q: PathVertex, v: PathVertex, sensor: SensorSample, x: AuxiliaryPoint, inverse_density: f32, slot: u32,
+) -> vec4<f32> {
     let nothing = vec4<f32>(0.0, 0.0, 0.0, -1.0);
-    let tau = drawn_travel_time(sensor);
-    if (choice.triangle == NONE || gate_weight(tau) == 0.0) {
+    if (x.triangle == NONE || gate_weight(x.tau) == 0.0) {
         return nothing;
     }
-    let key = ellipsoid_key(sensor, dispatch.bounce, slot);
-    let words = pcg4d(key ^ vec4<u32>(0u, 0u, 0u, choice.triangle));
-    let c = connect_over(q, v, tau, choice, f32(words.x >> 8u) * (1.0 / 16777216.0));
+    let c = connect_over(q, v, x.triangle, x.weights);
     if (!c.found) {
         return nothing;
     }
-    let value = c.value * (candidates[slot].weight * select(c.weight, 1.0, OBSERVE == OBSERVE_STRATEGIES));
+    let value = c.value * (inverse_density * candidates[slot].weight * select(c.weight, 1.0, OBSERVE == OBSERVE_STRATEGIES));
     if (!(max_component(abs(value)) > 0.0)) {
         return vec4<f32>(value, -1.0);
     }
+    let words = pcg4d(ellipsoid_key(sensor, dispatch.bounce, slot) ^ vec4<u32>(0u, 0u, 0u, x.triangle));
     let lit_q = is_unoccluded(ray_end(q, -c.to_q), ray_end(c.x, c.to_q), words);
     let passed_q = traced_transmittance(q, -c.to_q, distance(q.position, c.x.position));
     let lit = lit_q && is_unoccluded(ray_end(v, -c.to_v), ray_end(c.x, c.to_v), words.yzwx);
     let passed_v = traced_transmittance(v, -c.to_v, distance(v.position, c.x.position));
-    let last = select(tau, c.weight, OBSERVE == OBSERVE_STRATEGIES);
+    let last = select(x.tau, c.weight, OBSERVE == OBSERVE_STRATEGIES);
     return vec4<f32>(select(vec3<f32>(0.0), value * passed_q * passed_v, lit), last);
 }
 

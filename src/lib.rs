@@ -76,6 +76,7 @@ pub use settings::gates::Gates;
 pub use settings::units::Gate;
 pub use settings::{
     Budget, Crop, Edge, Emitters, Estimator, Importance, Response, Responses, Sampling, Settings, Strategies,
+    UseEllipsoids,
 };
 
 /// All modules, for the program, the tests and the benches of this package. They are not part of the API and may change at any

@@ -46,14 +46,6 @@ fn inverse_stretch(n: vec3<f32>, w1: vec3<f32>, r1: f32, w2: vec3<f32>, r2: f32)
     return sqrt(max(2.0 * (1.0 + dot(w1, w2)) / (r1 * r2) + square(c2 / r1 - c1 / r2), 0.0));
 }
 
-// The part of the ellipsoid in a triangle.
-struct Curve {
-    // Total length of its arcs on the unit circle, in radians; 0 if the ellipsoid misses the triangle.
-    arc: f32,
-    // Barycentric weights of corners 1 and 2 at the sampled point.
-    weights: vec2<f32>,
-}
-
 // Signed distances in the plane, in units of the radius of the circle: the corners of the triangle relative to the circle's centre.
 struct PlaneTriangle {
     a: vec2<f32>,
@@ -85,21 +77,35 @@ fn at_angle(angle: f32) -> vec2<f32> {
     return vec2<f32>(turn.x, select(turn.y, -turn.y, angle < 0.0));
 }
 
-// The two angles in [-pi, pi] at which the unit circle crosses the line through a and b; -pi twice if it does not.
-fn line_crossings(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
+// The part of the unit circle on the left of a line.
+struct HalfCircle {
+    // The angles in [-pi, pi] at which the circle crosses the line, in ascending order; -pi twice if it does not.
+    ends: vec2<f32>,
+    // Whether the angles between the two are on the left. Otherwise the others are.
+    is_between: bool,
+}
+
+// For the line from a to b.
+fn half_circle(a: vec2<f32>, b: vec2<f32>) -> HalfCircle {
     let along = b - a;
     let length2 = dot(along, along);
-    // Distance of the line from the centre, times its length.
+    // Distance of the line from the centre, times its length; positive if the centre is on the left.
     let offset = cross2(a, b);
     let reach2 = length2 - offset * offset;
     if (!(reach2 > 0.0)) {
-        return vec2<f32>(-PI);
+        return HalfCircle(vec2<f32>(-PI), offset <= 0.0);
     }
     let foot = vec2<f32>(along.y, -along.x) * offset;
     let half = along * sqrt(reach2);
-    let first = foot - half;
-    let second = foot + half;
-    return vec2<f32>(angle_of(first), angle_of(second));
+    let first = angle_of(foot - half);
+    let second = angle_of(foot + half);
+    // Counterclockwise, the left side lies between `second` and `first`.
+    return HalfCircle(in_order(vec2<f32>(first, second)), second < first);
+}
+
+// Whether the angle is on the left of the line.
+fn is_on_left(h: HalfCircle, angle: f32) -> bool {
+    return (angle > h.ends.x && angle < h.ends.y) == h.is_between;
 }
 
 // Barycentric weights of b and c at the point p of the plane.
@@ -108,22 +114,12 @@ fn plane_weights(t: PlaneTriangle, p: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(cross2(p - t.a, t.c - t.a), cross2(t.b - t.a, p - t.a)) / area;
 }
 
-// Whether the middle of the arc from the angle `lo` to `hi` lies in the triangle.
-fn is_arc_inside(t: PlaneTriangle, lo: f32, hi: f32) -> bool {
-    let middle = 0.5 * (lo + hi);
-    let w = plane_weights(t, at_angle(middle));
-    return hi > lo && min(w.x, w.y) >= 0.0 && w.x + w.y <= 1.0;
-}
-
 fn in_order(x: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(min(x.x, x.y), max(x.x, x.y));
 }
 
 // The ends of the arcs in ascending order: the six crossings of the edges, between -pi and pi. Arc i runs from end i to end i + 1.
-fn arc_ends(t: PlaneTriangle) -> array<f32, 8> {
-    let ab = in_order(line_crossings(t.a, t.b));
-    let bc = in_order(line_crossings(t.b, t.c));
-    let ca = in_order(line_crossings(t.c, t.a));
+fn arc_ends(ab: vec2<f32>, bc: vec2<f32>, ca: vec2<f32>) -> array<f32, 8> {
     // Merges ab and bc, then inserts both ends of ca.
     let low = in_order(vec2<f32>(ab.x, bc.x));
     let high = in_order(vec2<f32>(ab.y, bc.y));
@@ -151,23 +147,33 @@ fn four_and(x: vec4<f32>, y: f32) -> vec4<f32> {
     return vec4<f32>(min(x.x, y), min(x.y, r0), min(x.z, r1), min(x.w, r2));
 }
 
-// The curve of the ellipsoid in the triangle with these corners, and a point on it whose angle is uniform on the arcs. `u`: uniform in
-// [0, 1).
-fn curve_in_triangle(e: Ellipsoid, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, u: f32) -> Curve {
-    let miss = Curve(0.0, vec2<f32>(0.0));
+// The arcs of the unit circle in a triangle: the part of an ellipsoid in the triangle.
+struct Arcs {
+    triangle: PlaneTriangle,
+    // Angles in ascending order: see `arc_ends`.
+    ends: array<f32, 8>,
+    // Bit i: the arc from end i to end i + 1 lies in the triangle.
+    inside: u32,
+    // Total length in radians; 0 if the ellipsoid misses the triangle.
+    length: f32,
+}
+
+// The part of the ellipsoid in the triangle with these corners.
+fn arcs_in_triangle(e: Ellipsoid, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> Arcs {
+    var arcs: Arcs;
     let a = to_sphere(e, v0);
     let b = to_sphere(e, v1);
     let c = to_sphere(e, v2);
     let across = cross(b - a, c - a);
     let length2 = dot(across, across);
     if (!(length2 > 0.0)) {
-        return miss;
+        return arcs;
     }
     let normal = across * inverseSqrt(length2);
     let height = dot(normal, a);
     let radius2 = 1.0 - height * height;
     if (!(radius2 > 0.0)) {
-        return miss;
+        return arcs;
     }
     // The first axis points to the middle of the triangle, so that the angles of a small triangle are small and precise.
     let centre = height * normal;
@@ -177,31 +183,38 @@ fn curve_in_triangle(e: Ellipsoid, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>, 
     let x_axis = select(other, middle * inverseSqrt(max(middle2, 1e-30)), middle2 > 1e-12);
     let y_axis = cross(normal, x_axis);
     let scale = inverseSqrt(radius2);
-    let t = PlaneTriangle(
+    arcs.triangle = PlaneTriangle(
         scale * vec2<f32>(dot(a - centre, x_axis), dot(a - centre, y_axis)),
         scale * vec2<f32>(dot(b - centre, x_axis), dot(b - centre, y_axis)),
         scale * vec2<f32>(dot(c - centre, x_axis), dot(c - centre, y_axis)),
     );
-    let ends = arc_ends(t);
-    var arc = 0.0;
+    let ab = half_circle(arcs.triangle.a, arcs.triangle.b);
+    let bc = half_circle(arcs.triangle.b, arcs.triangle.c);
+    let ca = half_circle(arcs.triangle.c, arcs.triangle.a);
+    arcs.ends = arc_ends(ab.ends, bc.ends, ca.ends);
     for (var i = 0u; i < 7u; i++) {
-        arc += select(0.0, ends[i + 1u] - ends[i], is_arc_inside(t, ends[i], ends[i + 1u]));
+        let middle = 0.5 * (arcs.ends[i] + arcs.ends[i + 1u]);
+        let is_inside = arcs.ends[i + 1u] > arcs.ends[i] && is_on_left(ab, middle) && is_on_left(bc, middle) && is_on_left(ca, middle);
+        arcs.length += select(0.0, arcs.ends[i + 1u] - arcs.ends[i], is_inside);
+        arcs.inside |= select(0u, 1u << i, is_inside);
     }
-    if (!(arc > 0.0)) {
-        return miss;
-    }
-    var left = u * arc;
+    return arcs;
+}
+
+// Barycentric weights of corners 1 and 2 at the point that lies the fraction `u` of the length along the arcs.
+fn point_on_arcs(arcs: Arcs, u: f32) -> vec2<f32> {
+    var left = u * arcs.length;
     var angle = 0.0;
     var found = false;
     for (var i = 0u; i < 7u; i++) {
-        if (is_arc_inside(t, ends[i], ends[i + 1u])) {
-            let part = ends[i + 1u] - ends[i];
+        if ((arcs.inside & (1u << i)) != 0u) {
+            let part = arcs.ends[i + 1u] - arcs.ends[i];
             // The last arc also takes what rounding leaves over.
-            angle = select(ends[i] + min(left, part), angle, found);
+            angle = select(arcs.ends[i] + min(left, part), angle, found);
             found |= left < part;
             left -= part;
         }
     }
-    let w = clamp(plane_weights(t, at_angle(angle)), vec2<f32>(0.0), vec2<f32>(1.0));
-    return Curve(arc, w / max(w.x + w.y, 1.0));
+    let w = clamp(plane_weights(arcs.triangle, at_angle(angle)), vec2<f32>(0.0), vec2<f32>(1.0));
+    return w / max(w.x + w.y, 1.0);
 }

@@ -24,6 +24,15 @@ struct TriangleChoice {
     count: u32,
 }
 
+// A point of the ellipsoid on a triangle. NONE if none was found.
+struct EllipsoidPoint {
+    triangle: u32,
+    // Barycentric weights of corners 1 and 2.
+    weights: vec2<f32>,
+    // 1 / density of the point per radian on the arcs of its triangle.
+    inverse_density: f32,
+}
+
 fn make_search(v: vec3<f32>, q: vec3<f32>, length: f32) -> EllipsoidSearch {
     let slack = ELLIPSOID_SLACK * (length + max_component(abs(v)) + max_component(abs(q)));
     return EllipsoidSearch(make_ellipsoid(v, q, length), v, length - slack, q, length + slack);

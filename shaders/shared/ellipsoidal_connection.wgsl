@@ -12,11 +12,31 @@ fn ellipsoid_key(sensor: SensorSample, bounce: u32, slot: u32) -> vec4<u32> {
     return vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);
 }
 
+// Draws a point of the ellipsoid on the chosen triangle, if there is one. `u`: uniform in [0, 1).
+fn draw_on_triangle(q: PathVertex, v: PathVertex, tau: f32, choice: TriangleChoice, u: f32) -> EllipsoidPoint {
+    if (choice.triangle == NONE) {
+        return EllipsoidPoint(NONE, vec2<f32>(0.0), 0.0);
+    }
+    let t = load_triangle(choice.triangle);
+    let arcs = arcs_in_triangle(make_ellipsoid(v.position, q.position, detour_length(q, v, tau)), t.v0, t.v1, t.v2);
+    return EllipsoidPoint(select(NONE, choice.triangle, arcs.length > 0.0), point_on_arcs(arcs, u), f32(choice.count) * arcs.length);
+}
+
+// The auxiliary vertex of a resampled connection.
+struct AuxiliaryPoint {
+    // NONE if no connection was chosen.
+    triangle: u32,
+    // Travel time of the path.
+    tau: f32,
+    // Barycentric weights of corners 1 and 2.
+    weights: vec2<f32>,
+}
+
 // An ellipsoidal connection before the visibility test.
 struct EllipsoidalConnection {
-    // Whether there is an auxiliary vertex that can contribute.
+    // Whether the auxiliary vertex can contribute.
     found: bool,
-    // Contribution without visibility, the MIS weight, the gate and the weight of the candidate.
+    // Contribution for a density of 1 per radian on the arcs. Without visibility, the MIS weight, the gate and the weight of the candidate.
     value: vec3<f32>,
     // MIS weight.
     weight: f32,
@@ -26,16 +46,10 @@ struct EllipsoidalConnection {
     to_q: vec3<f32>,
 }
 
-// Draws the auxiliary vertex on the chosen triangle. `u`: uniform in [0, 1).
-fn connect_over(q: PathVertex, v: PathVertex, tau: f32, choice: TriangleChoice, u: f32) -> EllipsoidalConnection {
+// Connects q and v over the point of a triangle with the barycentric weights `weights`, which lies on the ellipsoid.
+fn connect_over(q: PathVertex, v: PathVertex, triangle: u32, weights: vec2<f32>) -> EllipsoidalConnection {
     var c: EllipsoidalConnection;
-    let length = detour_length(q, v, tau);
-    let t = load_triangle(choice.triangle);
-    let curve = curve_in_triangle(make_ellipsoid(v.position, q.position, length), t.v0, t.v1, t.v2, u);
-    if (curve.arc == 0.0) {
-        return c;
-    }
-    let surface = surface_at(choice.triangle, curve.weights.x, curve.weights.y);
+    let surface = surface_at(triangle, weights.x, weights.y);
     let v_segment = segment_between(surface.position, v.position);
     let q_segment = segment_between(surface.position, q.position);
     c.to_v = v_segment.direction;
@@ -58,7 +72,7 @@ fn connect_over(q: PathVertex, v: PathVertex, tau: f32, choice: TriangleChoice, 
     let cosine = vertex_cosine(c.x, c.to_q);
     let stretch = inverse_stretch(c.x.geometric, c.to_v, r1, c.to_q, r2);
     // 1 / (density per area of x).
-    let inverse_density = (frame.gate_hi - frame.gate_lo) / SURROUNDING_GROUP_INDEX * f32(choice.count) * curve.arc / stretch;
+    let inverse_density = (frame.gate_hi - frame.gate_lo) / SURROUNDING_GROUP_INDEX / stretch;
     var coverage_at_x = 1.0;
     if (HAS_ALPHA) {
         coverage_at_x = coverage(surface);

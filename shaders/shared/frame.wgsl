@@ -73,8 +73,14 @@ struct Frame {
     hole_hi: f32,
     // Ellipsoidal connections form only paths whose detour over the auxiliary vertex is at least this long. 3e38 if the gate is open.
     min_detour: f32,
-    // Factor of the density of auxiliary vertices in MIS weights: 1 / (gate width MEAN_ARC).
+    // Factor of the density of auxiliary vertices in MIS weights: 1 / (gate width MEAN_ARC), times the number of samples that an
+    // ellipsoidal connection counts for.
     auxiliary_density: f32,
+    // Light vertices in the pool.
+    vertex_count: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 // Parameters of one dispatch.
@@ -143,6 +149,8 @@ override HAS_GRIDS: bool = true;
 override DRAWS_IN_GATE: bool = true;
 // Whether the estimator forms ellipsoidal connections (ellipsoidal_connection.wgsl). Vertices then keep what their MIS weights need.
 override HAS_ELLIPSOIDS: bool = false;
+// Whether one of several ellipsoidal connections is chosen per shade point (ellipsoid_resample.wgsl), instead of one per light vertex.
+override RESAMPLES_ELLIPSOIDS: bool = false;
 override HAS_SPECULAR_COLORS: bool = true;
 override HAS_CLEARCOAT: bool = true;
 override HAS_RETROREFLECTORS: bool = true;

@@ -11,16 +11,20 @@ fn make_shell(q: PathVertex) -> Shell {
         eta.x, eta.y, frame.hole_lo - q.tau + frame.rounding_allowance, frame.hole_hi - q.tau - frame.rounding_allowance);
 }
 
+// Advances the generator of a query. Returns 32 random bits.
+fn next_word(rng: ptr<function, u32>) -> u32 {
+    *rng = *rng * 747796405u + 2891336453u;
+    return hash32(*rng);
+}
+
 // Advances the generator of a query. Returns a uniform in [0, 1), in steps of 2^-24.
 fn next_uniform(rng: ptr<function, u32>) -> f32 {
-    *rng = *rng * 747796405u + 2891336453u;
-    return f32(hash32(*rng) >> 8u) * (1.0 / 16777216.0);
+    return f32(next_word(rng) >> 8u) * (1.0 / 16777216.0);
 }
 
 // Advances the generator of a query. Returns a uniform in [0, 1], in steps of 2^-32 near 0. Rounding can make it exactly 1.
 fn next_fine_uniform(rng: ptr<function, u32>) -> f32 {
-    *rng = *rng * 747796405u + 2891336453u;
-    return f32(hash32(*rng)) * (1.0 / 4294967296.0);
+    return f32(next_word(rng)) * (1.0 / 4294967296.0);
 }
 
 // One traversal of lcs-paper from `root`. Returns a vertex and 1 / P(j | q), or NONE at a dead node. `spatial`: 3D tree.

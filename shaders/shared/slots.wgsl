@@ -52,7 +52,7 @@ fn can_connect(q: PathVertex, v: PathVertex) -> bool {
 fn connectable_or_none(q: PathVertex, vertex: u32) -> u32 {
     let v = load_light_vertex(vertex);
     let is_direct = can_connect(q, v);
-    if (HAS_ELLIPSOIDS && !is_direct && can_connect_over_surface(q, v, drawn_travel_time(sensor_sample(q.owner)))) {
+    if (HAS_ELLIPSOIDS && !RESAMPLES_ELLIPSOIDS && !is_direct && can_connect_over_surface(q, v, drawn_travel_time(sensor_sample(q.owner)))) {
         return vertex | ELLIPSOIDAL;
     }
     return select(NONE, vertex, is_direct);

@@ -67,7 +67,7 @@ fn connection_weight(q: PathVertex, v: PathVertex, at_q: Evaluation, at_v: Evalu
         let w = normalize(v.position - q.position);
         let r = distance(v.position, q.position);
         w_light += mis(q_to_v) * auxiliary_sum(v) + sum_over_auxiliary(v, -w, r);
-        w_sensor += mis(v_to_q) * auxiliary_sum(q) + sum_over_sensor_auxiliary(q, w, r);
+        w_sensor += mis(ratios.x * v_to_q) * auxiliary_sum(q) + sum_over_sensor_auxiliary(q, w, r);
     }
     if (is_in_medium(q) && is_drawn_in_gate(v)) {
         w_sensor /= mis(density_gain(q.material, normalize(v.position - q.position), q.to_previous));
@@ -121,8 +121,9 @@ fn ellipsoidal_weight(
     let w_light = mis(at_q.pdf * cosine_q / d2.y) * (1.0 + before + sum_over_auxiliary(v, -to_v, r1));
     // Strategies that trace x from v.
     let x_to_q = mis(at_x.pdf_reverse * at_q.cosine / d2.y);
-    let after = x_to_q * (q.d_vcm + auxiliary_sum(q) + q.d_vc * mis(at_q.pdf_reverse));
-    let w_sensor = mis(at_v.pdf * cosine_v / d2.x) * (1.0 + after + sum_over_sensor_auxiliary(q, -to_q, r2));
+    let ratios = sample_count_ratios(random_vertices(v) + 1u, q.flags & VERTEX_DEPTH);
+    let after = x_to_q * (mis(ratios.x) * (q.d_vcm + auxiliary_sum(q)) + mis(ratios.y) * (q.d_vc * mis(at_q.pdf_reverse)));
+    let w_sensor = mis(sample_count_ratio(v) * at_v.pdf * cosine_v / d2.x) * (1.0 + after + sum_over_sensor_auxiliary(q, -to_q, r2));
     return squared / (squared + w_light + w_sensor);
 }
 

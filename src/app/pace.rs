@@ -1,6 +1,7 @@
 //! A note before a render that will take long.
 
 use taugate::internals::error::Result;
+use taugate::internals::estimators::Ellipsoids;
 use taugate::internals::gpu::Device;
 use taugate::internals::render::{PreparedScene, seconds_per_sample};
 use taugate::internals::scene::Scene;
@@ -14,7 +15,7 @@ const MANY_TRIANGLES: usize = 10_000;
 /// How long a sample per pixel takes, if the estimator's time grows with the number of triangles and the scene has many.
 pub fn note(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Option<String>> {
     let triangles = prepared.triangles();
-    if !settings.estimator().record().ellipsoidal || triangles < MANY_TRIANGLES {
+    if settings.estimator().record().ellipsoids != Ellipsoids::Enumerated || triangles < MANY_TRIANGLES {
         return Ok(None);
     }
     let seconds = seconds_per_sample(device, scene, settings, prepared)?;

@@ -1,7 +1,7 @@
 //! `bdpt`: full bidirectional path tracing (Veach 1997, ch. 10). Each shade point is connected to every vertex of one light
 //! subpath; paths outside the gate are rejected. The paper compares its method with this one.
 
-use super::{Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
+use super::{Ellipsoids, Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_BDPT;
 
 pub(super) static RECORD: Record = Record {
@@ -22,11 +22,13 @@ pub(super) static RECORD: Record = Record {
     slots: |pool| pool.longest_path,
     time_groups: 1,
     for_histograms: None,
+    for_thin_gates: None,
     draws_per_query: 1,
     query_sample_count: |_, _| 1.0,
     splat_sample_weight: 1.0,
     draws_in_gate: false,
-    ellipsoidal: false,
+    ellipsoids: Ellipsoids::None,
+    ellipsoid_sample_count: 1.0,
     renders_references: true,
     judge: Estimator::LcsPaper,
 };

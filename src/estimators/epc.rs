@@ -1,7 +1,7 @@
 //! `epc`: ellipsoidal path connections (Pediredla, Veeraraghavan and Gkioulekas 2019). As `bdpt`, but where a connection is too short
 //! for the gate, it runs over an auxiliary vertex on an ellipsoid, so that the path has a travel time inside the gate.
 
-use super::{Estimator, PoolOrder, Record, SHELL_QUERY};
+use super::{Ellipsoids, Estimator, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_EPC;
 
 pub(super) static RECORD: Record = Record {
@@ -17,11 +17,13 @@ pub(super) static RECORD: Record = Record {
     slots: |pool| pool.longest_path,
     time_groups: 1,
     for_histograms: None,
+    for_thin_gates: None,
     draws_per_query: 1,
     query_sample_count: |_, _| 1.0,
     splat_sample_weight: 1.0,
     draws_in_gate: false,
-    ellipsoidal: true,
+    ellipsoids: Ellipsoids::Enumerated,
+    ellipsoid_sample_count: 1.0,
     renders_references: false,
     judge: Estimator::Bdpt,
 };

@@ -2,7 +2,7 @@
 //! them for one shadow ray. A histogram over a wide range of travel times is another task: nearly every vertex meets some bin, and
 //! each bin needs connections. Then vertices are drawn evenly over travel time, and each of them gets a shadow ray.
 
-use super::{Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
+use super::{Ellipsoids, Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
 use crate::wgsl::layout::constants::{ESTIMATOR_LCS_BY_TIME, MAX_TIME_GROUPS};
 
 const NAME: &str = "lcs";
@@ -12,7 +12,9 @@ const MAX_LIGHT_PATHS: u32 = 8192;
 // (docs/notebook/single-tree.md).
 const TREES: TreeDefaults = TreeDefaults { queries: 16, leaf_size: 16, single: true, by_importance: true };
 
-pub(super) static RECORD: Record = Record {
+pub(super) static RECORD: Record = Record { for_thin_gates: Some(&FOR_THIN_GATES), ..GENERAL };
+
+const GENERAL: Record = Record {
     name: NAME,
     is_default: |c| c.gate == GateWidth::Narrow,
     max_default_light_paths: MAX_LIGHT_PATHS,
@@ -26,6 +28,7 @@ pub(super) static RECORD: Record = Record {
     // One vertex per tree would leave most gates without light (docs/notebook/histograms.md).
     time_groups: MAX_TIME_GROUPS,
     for_histograms: Some(&FOR_HISTOGRAMS),
+    for_thin_gates: None,
     draws_per_query: 1,
     // A vertex that queries choose by its contribution stands for more samples than one that a subpath happens to reach. 4 K is a
     // compromise between four scenes (docs/notebook/mis-sample-count.md). In fog, K: light that returned from far away is rare, and
@@ -35,9 +38,20 @@ pub(super) static RECORD: Record = Record {
     // than their densities give them (docs/notebook/splat-weight.md).
     splat_sample_weight: 0.25,
     draws_in_gate: true,
-    ellipsoidal: false,
+    ellipsoids: Ellipsoids::None,
+    ellipsoid_sample_count: 1.0,
     renders_references: true,
     judge: Estimator::Bdpt,
+};
+
+/// Hardly any pair of vertices meets a thin gate. So ellipsoidal connections are formed too: they have a travel time inside the gate. Eight
+/// candidates cost two shadow rays.
+static FOR_THIN_GATES: Record = Record {
+    slots: |pool| pool.trees * pool.time_groups + 1,
+    ellipsoids: Ellipsoids::Resampled,
+    // From 0.1 to 1 makes little difference (docs/notebook/ellipsoids.md).
+    ellipsoid_sample_count: 0.3,
+    ..GENERAL
 };
 
 /// Queries of trees and resampling do not pay in a wide histogram: a chosen vertex serves one bin, at the cost of several
@@ -56,13 +70,15 @@ static FOR_HISTOGRAMS: Record = Record {
     slots: |pool| pool.trees * pool.queries,
     time_groups: 1,
     for_histograms: None,
+    for_thin_gates: None,
     // A query of a tree takes longer than two connections.
     draws_per_query: 2,
     // Four times this value makes no difference on average, but rare samples become brighter. In fog a quarter, as in a single gate.
     query_sample_count: |queries, has_media| if has_media { 0.0625 } else { 0.25 } * queries as f32,
     splat_sample_weight: 1.0,
     draws_in_gate: true,
-    ellipsoidal: false,
+    ellipsoids: Ellipsoids::None,
+    ellipsoid_sample_count: 1.0,
     renders_references: true,
     judge: Estimator::Bdpt,
 };

@@ -1,7 +1,7 @@
 //! `lcs-paper`: light-cone shell queries as in the paper (Secs. 5 and 6). A 3D tree holds the points on emitters, a 4D tree the
 //! scattered vertices. Each shade point sends K queries per tree, and one shadow ray per query.
 
-use super::{Estimator, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
+use super::{Ellipsoids, Estimator, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
 use crate::wgsl::layout::constants::ESTIMATOR_LCS_PAPER;
 
 pub(super) static RECORD: Record = Record {
@@ -19,11 +19,13 @@ pub(super) static RECORD: Record = Record {
     slots: |pool| pool.queries * pool.trees,
     time_groups: 1,
     for_histograms: None,
+    for_thin_gates: None,
     draws_per_query: 1,
     query_sample_count: |_, _| 1.0,
     splat_sample_weight: 1.0,
     draws_in_gate: false,
-    ellipsoidal: false,
+    ellipsoids: Ellipsoids::None,
+    ellipsoid_sample_count: 1.0,
     renders_references: false,
     judge: Estimator::Bdpt,
 };

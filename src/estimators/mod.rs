@@ -59,6 +59,8 @@ pub struct Record {
     /// The record that replaces this one with several responses whose support is wide: nearly every light vertex then meets some
     /// gate.
     pub for_histograms: Option<&'static Record>,
+    /// The record that replaces this one if the gate is thin: few pairs of vertices meet it.
+    pub for_thin_gates: Option<&'static Record>,
     /// Number of light vertices that the query kernel draws for each query of the settings.
     pub draws_per_query: u32,
     /// Number of samples that a vertex chosen by `queries` queries stands for in the MIS heuristic.
@@ -67,12 +69,25 @@ pub struct Record {
     pub splat_sample_weight: f32,
     /// Whether events in a medium that are lit by a deterministic vertex are drawn inside the gate, instead of left to free flight.
     pub draws_in_gate: bool,
-    /// Whether connections that are too short for the gate run over an auxiliary vertex on an ellipsoid.
-    pub ellipsoidal: bool,
+    /// How connections that are too short for the gate run over an auxiliary vertex on an ellipsoid.
+    pub ellipsoids: Ellipsoids,
+    /// Number of samples that an ellipsoidal connection counts for in the MIS heuristic.
+    pub ellipsoid_sample_count: f32,
     /// Whether the bench considers this estimator when it looks for the fastest way to render a reference.
     pub renders_references: bool,
     /// Estimator that checks the references rendered by this one: it finds the same paths by another method.
     pub judge: Estimator,
+}
+
+/// How an estimator forms ellipsoidal connections.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ellipsoids {
+    /// It forms none.
+    None,
+    /// One for each light vertex that is too near. All triangles that its ellipsoid meets are listed.
+    Enumerated,
+    /// One per shade point, out of several candidates whose triangles are drawn by importance.
+    Resampled,
 }
 
 /// Properties of the scene and the gate that the default estimator depends on.

@@ -1,7 +1,7 @@
 //! `pt`: path tracing with next-event estimation. Light subpaths end on their emitters, so it has only the strategies s <= 1, t
 //! >= 2.
 
-use super::{Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
+use super::{Ellipsoids, Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_PT;
 
 pub(super) static RECORD: Record = Record {
@@ -19,11 +19,13 @@ pub(super) static RECORD: Record = Record {
     slots: |pool| u32::from(pool.has_emitter_points),
     time_groups: 1,
     for_histograms: None,
+    for_thin_gates: None,
     draws_per_query: 1,
     query_sample_count: |_, _| 1.0,
     splat_sample_weight: 1.0,
     draws_in_gate: false,
-    ellipsoidal: false,
+    ellipsoids: Ellipsoids::None,
+    ellipsoid_sample_count: 1.0,
     renders_references: false,
     judge: Estimator::Bdpt,
 };

@@ -15,11 +15,11 @@ use super::samples::{MAX_AIMED_SAMPLES, MAX_AVERAGE_SAMPLES};
 use super::space::RenderSpace;
 use super::travel_time_bounds::{Box3, TravelTimeBounds};
 use crate::error::{Error, Result};
-use crate::estimators::{PoolOrder, Record};
+use crate::estimators::{Ellipsoids, PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::{Aim, Camera, Scene};
 use crate::settings::units::Gate;
-use crate::settings::{Crop, Estimator, Importance, Responses, Sampling, Settings, Strategies};
+use crate::settings::{Crop, Estimator, Importance, Responses, Sampling, Settings, Strategies, UseEllipsoids};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
 
@@ -29,6 +29,10 @@ const OPEN: f32 = 3e38;
 /// With several responses, the estimator's record for histograms is used if their support is longer than this fraction of the
 /// scene's diagonal. Shorter ones miss most light vertices, and queries find those that they meet.
 const HISTOGRAM_WIDTH: f64 = 0.1;
+
+/// Gates that are narrower than this fraction of the scene's diagonal have ellipsoidal connections, if the estimator has a record for
+/// thin gates (docs/notebook/ellipsoids.md).
+const THIN_GATE: f64 = 0.0002;
 
 /// Maximum number of triangles in a part of the BVH, whose search for ellipsoids is a unit of work.
 const PART_TRIANGLES: u32 = 4096;
@@ -84,10 +88,8 @@ pub struct Iteration {
 /// The parameters of a render that are the same in all iterations.
 pub struct Plan {
     pub estimator: &'static Record,
-    /// The estimator of the settings; `estimator` is its record for the responses.
-    chosen: Estimator,
-    /// Of the scene, in metres.
-    diagonal: f64,
+    /// What `estimator` was chosen by, beside the responses.
+    choice: Choice,
     pub light_paths: u32,
     splat_paths: u32,
     pub buckets: u32,
@@ -147,8 +149,8 @@ impl Plan {
             return Err(Error::Settings(settings.estimator().beam_refusal("beams, the only emitters here")));
         }
         let all = settings.strategies() == Strategies::All;
-        let diagonal = scene.diagonal();
-        let estimator = record(settings.estimator(), settings.responses(), diagonal);
+        let choice = Choice::new(scene, settings, prepared)?;
+        let estimator = choice.record(settings.responses());
         let traces_light = estimator.light_subpaths && settings.max_depth() >= 2;
         let features = prepared.geometry.features;
         let camera = &scene.cameras[settings.camera()];
@@ -168,8 +170,7 @@ impl Plan {
         let emitter_count = frame.emitter_count;
         let mut plan = Plan {
             estimator,
-            chosen: settings.estimator(),
-            diagonal,
+            choice,
             light_paths: settings.light_paths(),
             splat_paths: settings.splat_paths(),
             buckets: settings.buckets(),
@@ -186,7 +187,11 @@ impl Plan {
             aims: prepared.aims.len(),
             has_media: !prepared.media.list.is_empty(),
             group_index: prepared.media.surrounding[1].into(),
-            bvh_parts: if estimator.ellipsoidal { prepared.geometry.bvh.parts(PART_TRIANGLES) } else { vec![] },
+            bvh_parts: if estimator.ellipsoids == Ellipsoids::Enumerated {
+                prepared.geometry.bvh.parts(PART_TRIANGLES)
+            } else {
+                vec![]
+            },
             media_constants: prepared.media.constants(),
             crop: settings.crop(),
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
@@ -295,14 +300,15 @@ impl Plan {
         // of connections. Detours must also be longer than their rounding errors. Lengths are outside of solids.
         let detour = width.max(rounding_allowance.into()) / self.group_index;
         self.frame.min_detour = if closed { detour as f32 } else { OPEN };
-        self.frame.auxiliary_density = (self.group_index / (width * f64::from(MEAN_ARC))) as f32;
+        self.frame.auxiliary_density = (f64::from(self.estimator.ellipsoid_sample_count) * self.group_index
+            / (width * f64::from(MEAN_ARC))) as f32;
         self.frame.cull_hi = if self.cull && closed { hi + omitted as f32 + rounding_allowance } else { OPEN };
     }
 
     /// Whether a render with these kernels can begin again with `responses`.
     pub fn can_have(&self, responses: &Responses) -> bool {
         let kind = |responses: &Responses| (responses.is_single_box(), responses.hole().is_some());
-        let record = record(self.chosen, responses, self.diagonal);
+        let record = self.choice.record(responses);
         kind(&self.responses) == kind(responses) && std::ptr::eq(self.estimator, record)
     }
 
@@ -355,6 +361,7 @@ impl Plan {
             tree3_root: if spatial { 0 } else { NONE },
             tree4_root: if all { 0 } else { NONE },
             longest_path: self.max_depth,
+            vertices: 0,
         })
     }
 
@@ -371,6 +378,7 @@ impl Plan {
         };
         if let Some((pool, slots)) = pool {
             frame.deterministic_count = pool.deterministic;
+            frame.vertex_count = pool.vertices;
             frame.emitter_points = pool.emitter_points;
             frame.tree3_root = pool.tree3_root;
             frame.tree4_root = pool.tree4_root;
@@ -391,13 +399,42 @@ impl Plan {
     }
 }
 
-/// The record of an estimator for these responses, in a scene with this diagonal in metres.
-fn record(estimator: Estimator, responses: &Responses, diagonal: f64) -> &'static Record {
-    let record = estimator.record();
-    let length = |gate: Gate| gate.hi - gate.lo;
-    let lit = length(responses.support()) - responses.hole().map_or(0.0, length);
-    let is_histogram = !responses.is_single_box() && lit > HISTOGRAM_WIDTH * diagonal;
-    record.for_histograms.filter(|_| is_histogram).unwrap_or(record)
+/// What decides, beside the responses, which record of an estimator a render uses.
+struct Choice {
+    estimator: Estimator,
+    /// Diagonal of the scene in metres.
+    diagonal: f64,
+    /// Whether thin gates have ellipsoidal connections. `None`: if the gate is thin enough.
+    ellipsoids: Option<bool>,
+}
+
+impl Choice {
+    /// Fails if ellipsoidal connections are wanted in a scene that cannot have them.
+    fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Choice> {
+        let has_media = !prepared.media.list.is_empty();
+        let ellipsoids = match settings.ellipsoids() {
+            UseEllipsoids::Auto if has_media || settings.strategies() == Strategies::Paper => Some(false),
+            UseEllipsoids::Auto => None,
+            UseEllipsoids::On if has_media => {
+                return Err(Error::Settings(
+                    "--ellipsoids on is not possible in a scene with participating media; leave it out, or use --estimator epc"
+                        .into(),
+                ));
+            }
+            wanted => Some(wanted == UseEllipsoids::On),
+        };
+        Ok(Choice { estimator: settings.estimator(), diagonal: scene.diagonal(), ellipsoids })
+    }
+
+    fn record(&self, responses: &Responses) -> &'static Record {
+        let record = self.estimator.record();
+        let length = |gate: Gate| gate.hi - gate.lo;
+        let lit = length(responses.support()) - responses.hole().map_or(0.0, length);
+        let is_histogram = !responses.is_single_box() && lit > HISTOGRAM_WIDTH * self.diagonal;
+        let is_thin = self.ellipsoids.unwrap_or(lit < THIN_GATE * self.diagonal);
+        let special = if is_histogram { record.for_histograms } else { record.for_thin_gates.filter(|_| is_thin) };
+        special.unwrap_or(record)
+    }
 }
 
 /// The fields of the frame that are the same for all iterations and cameras; the other fields are 0 or NONE.

@@ -87,6 +87,7 @@ impl LightPool {
             tree3_root: NONE,
             tree4_root: NONE,
             longest_path: 0,
+            vertices: 0,
         }
     }
 
@@ -190,6 +191,7 @@ impl LightPool {
             emitter_points: items3.len() as u32,
             tree3_root: tree3.root,
             tree4_root: tree4.root,
+            vertices: vertices.len() as u32,
             ..self.layout()
         };
         SortedPool {

@@ -12,6 +12,8 @@ pub struct PoolLayout {
     pub tree4_root: u32,
     /// Number of vertices of the longest light path; 0 if the pool is not ordered by path.
     pub longest_path: u32,
+    /// All light vertices.
+    pub vertices: u32,
 }
 
 impl PoolLayout {

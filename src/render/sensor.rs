@@ -20,6 +20,7 @@ use super::responses::{Arrival, ResponseSums};
 use super::samples::{MAX_SAMPLES_PER_PIXEL, SampleCounts};
 use super::stats::{Stats, stage};
 use crate::error::Result;
+use crate::estimators::Ellipsoids;
 use crate::gpu::{BufferDesc, BufferList, Device, DeviceInfo, Recorder};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Dispatch, NONE, PathVertex};
@@ -81,7 +82,8 @@ impl SensorTracer {
             buffers,
             recorder: Recorder::new(device)?,
             // The host divides the search for ellipsoids into submits, so it must know the number of candidates.
-            waits_per_bounce: device.info().drive.waits_per_bounce || plan.estimator.ellipsoidal,
+            waits_per_bounce: device.info().drive.waits_per_bounce
+                || plan.estimator.ellipsoids == Ellipsoids::Enumerated,
             slots,
             capacity,
             tile,

@@ -5,6 +5,7 @@ use super::observe::Contribution;
 use super::plan::{Observe, Plan};
 use super::prepared_scene::PreparedScene;
 use crate::error::{Error, Result};
+use crate::estimators::Ellipsoids;
 use crate::gpu::Device;
 use crate::image::film::Film;
 use crate::scene::Scene;
@@ -35,10 +36,10 @@ pub struct StrategyImages {
     images: Vec<StrategyImage>,
 }
 
-/// The strategies (s, t) that the estimator forms, sorted by path length, then by s: first those of s + t - 1 segments, then
+/// The strategies (s, t) that a render forms, sorted by path length, then by s: first those of s + t - 1 segments, then
 /// ellipsoidal connections (true) with one segment more. A strategy in the list may still find no light in this scene: no ray hits a
 /// point light.
-pub fn strategies(settings: &Settings) -> Vec<(u32, u32, bool)> {
+pub fn strategies(settings: &Settings, forms_ellipsoids: bool) -> Vec<(u32, u32, bool)> {
     let (all, light_subpaths) =
         (settings.strategies() == Strategies::All, settings.estimator().record().light_subpaths);
     let kept =
@@ -46,7 +47,7 @@ pub fn strategies(settings: &Settings) -> Vec<(u32, u32, bool)> {
     let of_length = |k: u32| (0..=k).map(move |s| (s, k + 1 - s));
     let direct = |k: u32| of_length(k).filter(|&(s, t)| kept(s, t)).map(|(s, t)| (s, t, false));
     let ellipsoidal = |k: u32| {
-        let all = if settings.estimator().record().ellipsoidal { 1..k - 1 } else { 0..0 };
+        let all = if forms_ellipsoids { 1..k - 1 } else { 0..0 };
         all.map(move |s| (s, k - s, true))
     };
     (1..=settings.max_depth()).flat_map(|k| direct(k).chain(ellipsoidal(k))).collect()
@@ -64,10 +65,12 @@ impl StrategyImages {
         let [width, height] = [settings.crop().width(), settings.crop().height()];
         let mut plan = Plan::new(scene, settings, prepared)?;
         plan.observe = Observe::Strategies;
+        let strategies = strategies(settings, plan.estimator.ellipsoids != Ellipsoids::None);
+        check_memory(settings, strategies.len())?;
         let renderer = Renderer::from_plan(device, plan, [1, 1], scene, prepared)?;
         let film = || Film::new(width, height);
         let image = |(s, t, ellipsoidal)| StrategyImage { s, t, ellipsoidal, weighted: film(), unweighted: film() };
-        Ok(StrategyImages { renderer, images: strategies(settings).into_iter().map(image).collect() })
+        Ok(StrategyImages { renderer, images: strategies.into_iter().map(image).collect() })
     }
 
     /// Fails if the images of all strategies take more than 2 GiB, or if the sampling is adaptive: a render that observes
@@ -78,18 +81,8 @@ impl StrategyImages {
                 "--strategy-images needs the same number of samples in every pixel; add --sampling uniform".into(),
             ));
         }
-        let count = strategies(settings).len() as u64;
-        let bytes = count * PIXEL_BYTES * u64::from(settings.crop().width()) * u64::from(settings.crop().height());
-        if bytes <= MAX_BYTES {
-            return Ok(());
-        }
-        Err(Error::Settings(format!(
-            "--strategy-images: the images of {count} strategies take {} MiB, and the maximum is {} MiB; use a smaller \
-             --max-depth (now {}), a smaller --resolution or a --crop",
-            bytes >> 20,
-            MAX_BYTES >> 20,
-            settings.max_depth()
-        )))
+        // The render may turn out to form more strategies, for a thin gate.
+        check_memory(settings, strategies(settings, settings.estimator().record().ellipsoids != Ellipsoids::None).len())
     }
 
     /// Renders one iteration with `samples` samples per pixel; see [`Renderer::iterate`].
@@ -126,4 +119,19 @@ impl StrategyImages {
     pub fn images(&self) -> &[StrategyImage] {
         &self.images
     }
+}
+
+/// Fails if the images of `count` strategies take more than 2 GiB.
+fn check_memory(settings: &Settings, count: usize) -> Result<()> {
+    let bytes = count as u64 * PIXEL_BYTES * u64::from(settings.crop().width()) * u64::from(settings.crop().height());
+    if bytes <= MAX_BYTES {
+        return Ok(());
+    }
+    Err(Error::Settings(format!(
+        "--strategy-images: the images of {count} strategies take {} MiB, and the maximum is {} MiB; use a smaller \
+         --max-depth (now {}), a smaller --resolution or a --crop",
+        bytes >> 20,
+        MAX_BYTES >> 20,
+        settings.max_depth()
+    )))
 }

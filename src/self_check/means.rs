@@ -6,6 +6,7 @@ use glam::{DAffine3, DVec3};
 use super::{Method, Verdict};
 use crate::compare::statistics::{normal_score, sidak_threshold};
 use crate::error::Result;
+use crate::estimators::Ellipsoids;
 use crate::generate::numbers::sin_cos;
 use crate::generate::{Kind, build, stage, zoo::Light};
 use crate::gpu::Device;
@@ -122,7 +123,7 @@ impl Case {
     /// Whether the estimator finds the light of this scene, in a short time. `epc` searches all triangles for each connection.
     pub fn is_for(&self, estimator: Estimator) -> bool {
         let triangles: usize = self.scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
-        if estimator.record().ellipsoidal && triangles > 10_000 {
+        if estimator.record().ellipsoids == Ellipsoids::Enumerated && triangles > 10_000 {
             return false;
         }
         let has_beam = self.scene.lights.iter().any(|light| light.kind.needs_light_subpaths());

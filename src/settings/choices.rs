@@ -55,6 +55,31 @@ impl Sampling {
     }
 }
 
+/// Whether `lcs` also forms ellipsoidal connections. The mean of the image does not depend on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum UseEllipsoids {
+    /// In gates so thin that they pay off.
+    Auto,
+    /// In any gate.
+    On,
+    /// Never.
+    Off,
+}
+
+impl UseEllipsoids {
+    /// All choices.
+    pub const ALL: [UseEllipsoids; 3] = [UseEllipsoids::Auto, UseEllipsoids::On, UseEllipsoids::Off];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            UseEllipsoids::Auto => "auto",
+            UseEllipsoids::On => "on",
+            UseEllipsoids::Off => "off",
+        }
+    }
+}
+
 /// The factors of a tree node's importance beside its power, for the estimator `lcs`. The mean of the image does not depend on
 /// them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -189,6 +214,24 @@ impl FromStr for Sampling {
             .into_iter()
             .find(|s| s.name() == text)
             .ok_or_else(|| Error::Settings(format!("'{text}' is not a sampling mode: choose uniform or adaptive")))
+    }
+}
+
+impl fmt::Display for UseEllipsoids {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for UseEllipsoids {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<UseEllipsoids> {
+        UseEllipsoids::ALL.into_iter().find(|s| s.name() == text).ok_or_else(|| {
+            Error::Settings(format!(
+                "'{text}' does not say when to form ellipsoidal connections: choose auto, on or off"
+            ))
+        })
     }
 }
 

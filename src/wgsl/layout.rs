@@ -53,6 +53,7 @@ host_twins! {
         sensor: [f32; 3], query_sample_count: f32,
         splat_share: f32, media_count: u32, principal_offset: [f32; 2],
         hole_lo: f32, hole_hi: f32, min_detour: f32, auxiliary_density: f32,
+        vertex_count: u32, pad0: u32, pad1: u32, pad2: u32,
     }
     /// `shared/frame.wgsl`
     Dispatch { first: u32, count: u32, bounce: u32, counter: u32, list_a: u32, list_b: u32, rank: u32, emitter: u32 }
@@ -119,6 +120,8 @@ host_twins! {
     Candidate { vertex: u32, weight: f32 }
     /// `shared/ellipsoid_search.wgsl`
     TriangleChoice { triangle: u32, count: u32 }
+    /// `shared/ellipsoidal_connection.wgsl`
+    AuxiliaryPoint { triangle: u32, tau: f32, weights: [f32; 2] }
 }
 
 /// Constants that the host shares with the kernels; the layout test compares their values.

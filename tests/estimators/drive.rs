@@ -9,7 +9,7 @@ use taugate::internals::image::film::Film;
 use taugate::internals::render::{PreparedScene, Renderer, StrategyImage, StrategyImages, Tuning, probe};
 use taugate::internals::scene::Scene;
 use taugate::internals::settings::units::Gate;
-use taugate::internals::settings::{Estimator, Sampling, Settings};
+use taugate::internals::settings::{Estimator, Sampling, Settings, UseEllipsoids};
 
 const SIZE: [u32; 2] = [20, 14];
 const GATE: Gate = Gate { lo: 7.0, hi: 12.0 };
@@ -71,6 +71,12 @@ fn lights_without_area_are_the_same_bits_too() {
         assert_same(&build(Kind::Zoo(light)), &settings(Estimator::Bdpt, SIZE).build().unwrap(), &[Drive::CARD]);
     }
     assert_same(&build(Kind::Zoo(Light::Beam)), &settings(Estimator::Lcs, SIZE).build().unwrap(), &HALVES);
+}
+
+#[test]
+fn ellipsoidal_connections_of_lcs_are_the_same_bits_too() {
+    let settings = settings(Estimator::Lcs, SIZE).ellipsoids(UseEllipsoids::On).build().unwrap();
+    assert_same(&build(Kind::Zoo(Light::Punctual)), &settings, &[Drive::CARD]);
 }
 
 #[test]

@@ -1,13 +1,14 @@
-//! `epc` in gates that bdpt hardly ever hits. The other estimators' tests cover it in wide gates.
+//! Ellipsoidal connections, of `epc` and of `lcs`, in gates that bdpt hardly ever hits. The other estimators' tests cover `epc` in wide
+//! gates.
 
 use super::agreement::{against, assert_none, bin, oracle};
-use super::cells::{Cells, renderer, settings, threshold};
+use super::cells::{Cells, disagreements, renderer, settings, threshold};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::scene::{Medium, PhaseFunction, Scene};
-use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Estimator, Settings, UseEllipsoids};
 
 /// Gates that begin here hold light that was scattered at least twice, so every path has an auxiliary vertex.
 const BEGIN: f64 = 3.3;
@@ -16,8 +17,16 @@ const WIDTHS: [f64; 4] = [0.1, 1e-2, 1e-4, 16.0 / (1u32 << 22) as f64];
 
 #[test]
 fn thin_gates_of_a_sphere_agree_with_the_closed_form() {
+    for settings in
+        [settings(Estimator::Epc, [16, 16]), settings(Estimator::Lcs, [16, 16]).ellipsoids(UseEllipsoids::On)]
+    {
+        thin_gates_of_a_sphere(&settings.light_paths(2000).build().unwrap());
+    }
+}
+
+fn thin_gates_of_a_sphere(settings: &Settings) {
     let scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 4, albedo: 0.5 });
-    let mut renderer = renderer(&scene, &settings(Estimator::Epc, [16, 16]).light_paths(2000).build().unwrap());
+    let mut renderer = renderer(&scene, settings);
     for width in WIDTHS {
         let gate = Gate { lo: BEGIN, hi: BEGIN + width };
         let (mean, error) = Cells::measure(&mut renderer, gate, 16, 1, 8, 40).whole();
@@ -48,5 +57,23 @@ fn glass_alpha_and_fog_agree_with_the_oracle() {
         assert_none(against(name, &[Estimator::Epc], &scene, &gates[..2], &truth));
         let shifted = against(name, &[Estimator::Epc], &scene, &gates[..1], &bin(&truth, 2));
         assert!(!shifted.is_empty(), "{name}: a gate that is shifted by its width is not rejected");
+    }
+}
+
+/// `lcs` with and without ellipsoidal connections has the same mean in every cell.
+#[test]
+fn ellipsoidal_connections_leave_the_mean_of_lcs() {
+    let gate = Gate { lo: 8.0, hi: 8.02 };
+    for light in [Light::Area, Light::Punctual, Light::Beam] {
+        let scene = zoo(light);
+        let cells = |ellipsoids: UseEllipsoids, gate: Gate, seed: u32| {
+            let settings = settings(Estimator::Lcs, [24, 20]).max_depth(6).ellipsoids(ellipsoids).build().unwrap();
+            Cells::measure(&mut renderer(&scene, &settings), gate, 8, 1, 16, seed)
+        };
+        let (with, without) = (cells(UseEllipsoids::On, gate, 40), cells(UseEllipsoids::Off, gate, 400));
+        eprintln!("{light:?}: {:?} and {:?}", with.whole(), without.whole());
+        assert_none(disagreements(&with, &without));
+        let later = cells(UseEllipsoids::On, Gate { lo: gate.lo + 0.5, hi: gate.hi + 0.5 }, 40);
+        assert!(!disagreements(&later, &without).is_empty(), "{light:?}: a later gate is not rejected");
     }
 }

@@ -149,7 +149,7 @@ fn agree_unweighted(name: &str, scene: &Scene) {
 
 #[test]
 fn the_strategies_that_are_listed() {
-    let count = |estimator, kept| strategies(&small(estimator, kept, Gate::OPEN)).len();
+    let count = |estimator, kept| strategies(&small(estimator, kept, Gate::OPEN), estimator == Estimator::Epc).len();
     // bdpt: k + 1 strategies for paths of k = 1 to 6 segments, without (1, 1): 2 + ... + 7 - 1. pt (s <= 1, t >= 2): two for each
     // length, but one for the shortest.
     assert_eq!(count(Estimator::Bdpt, Strategies::All), 26);

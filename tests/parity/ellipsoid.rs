@@ -13,17 +13,18 @@ use crate::shader_function::ShaderFunction;
 use crate::trace;
 use crate::values::{direction, dvec, frame, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&CURVE, &SEARCH, &MEETS];
+pub const KERNELS: &[&ShaderFunction] = &[&CURVE, &SEARCH, &MEETS, &DRAW];
 
 const CURVE: ShaderFunction = ShaderFunction {
     imports: &["ellipsoid"],
     input: "v: vec3<f32>, length: f32, q: vec3<f32>, u: f32, v0: vec3<f32>, pad0: f32, v1: vec3<f32>, pad1: f32, v2: vec3<f32>, pad2: f32",
     result: "x: vec3<f32>, arc: f32, stretch: f32",
     body: "let e = make_ellipsoid(input.v, input.q, input.length);
-        let curve = curve_in_triangle(e, input.v0, input.v1, input.v2, input.u);
-        let x = input.v0 + curve.weights.x * (input.v1 - input.v0) + curve.weights.y * (input.v2 - input.v0);
+        let arcs = arcs_in_triangle(e, input.v0, input.v1, input.v2);
+        let weights = point_on_arcs(arcs, input.u);
+        let x = input.v0 + weights.x * (input.v1 - input.v0) + weights.y * (input.v2 - input.v0);
         let n = normalize(cross(input.v1 - input.v0, input.v2 - input.v0));
-        result.arc = curve.arc; result.x = x;
+        result.arc = arcs.length; result.x = x;
         result.stretch = inverse_stretch(n, normalize(input.v - x), distance(input.v, x), normalize(input.q - x), distance(input.q, x));",
 };
 
@@ -150,15 +151,28 @@ const SEARCH: ShaderFunction = ShaderFunction {
         result.triangle = choice.triangle; result.count = choice.count;",
 };
 
-/// Whether the ellipsoid meets a triangle that has both foci on one side.
+/// Draws a point of an ellipsoid by a descent of the BVH. The foci see all directions.
+const DRAW: ShaderFunction = ShaderFunction {
+    imports: &["ellipsoid_descent"],
+    input: "v: vec3<f32>, length: f32, q: vec3<f32>, part: u32",
+    result: "triangle: u32, inverse_density: f32",
+    body: "let search = make_search(input.v, input.q, input.length);
+        var rng = pcg4d(vec4<u32>(id.x, 1u, 2u, 3u)).x;
+        let all = vec3<f32>(0.0);
+        let point = draw_on_ellipsoid(search, Focus(input.v, all), Focus(input.q, all), &rng);
+        result.triangle = point.triangle; result.inverse_density = point.inverse_density;",
+};
+
+/// Whether the ellipsoid meets a triangle that has both foci on one side, and the length of its arcs.
 const MEETS: ShaderFunction = ShaderFunction {
     imports: &["ellipsoid", "scene"],
     input: "v: vec3<f32>, length: f32, q: vec3<f32>, triangle: u32",
-    result: "meets: u32",
+    result: "meets: u32, arc: f32",
     body: "let t = load_triangle(input.triangle);
         let n = cross(t.v1 - t.v0, t.v2 - t.v0);
-        let curve = curve_in_triangle(make_ellipsoid(input.v, input.q, input.length), t.v0, t.v1, t.v2, 0.5);
-        result.meets = u32(curve.arc > 0.0 && dot(n, input.v - t.v0) * dot(n, input.q - t.v0) > 0.0);",
+        let arcs = arcs_in_triangle(make_ellipsoid(input.v, input.q, input.length), t.v0, t.v1, t.v2);
+        result.arc = arcs.length;
+        result.meets = u32(arcs.length > 0.0 && dot(n, input.v - t.v0) * dot(n, input.q - t.v0) > 0.0);",
 };
 
 #[repr(C)]
@@ -171,7 +185,7 @@ struct Sought {
 }
 
 #[test]
-fn the_search_finds_every_triangle_equally_often() {
+fn searches_and_descents_find_triangles_as_often_as_they_say() {
     const DRAWS: usize = 20_000;
     let scene = trace::scene();
     let mut buffers = vec![frame(|_| ())];
@@ -180,15 +194,33 @@ fn the_search_finds_every_triangle_equally_often() {
     let parts = geometry.bvh.parts(64);
     assert!(parts.len() > 10 && parts.iter().any(|part| part & PART_LEAVES != 0));
     assert_eq!(geometry.bvh.parts(1 << 20), [0]);
-    let (search, meets) = (SEARCH.compile(&[]), MEETS.compile(&[]));
+    let (search, meets, draw) = (SEARCH.compile(&[]), MEETS.compile(&[]), DRAW.compile(&[]));
     let mut pcg = Pcg::new(772);
-    let mut met_in_all = 0;
+    let (mut met_in_all, mut drawn_in_all) = (0, 0);
     for _ in 0..10 {
         let (v, q) = (5.0 * direction(&mut pcg), 5.0 * direction(&mut pcg));
         let length = (v.distance(q) + pcg.range(0.01, 2.0)) as f32;
         let sought = |index: u32| Sought { v: vec3(v), length, q: vec3(q), index };
         let all: Vec<Sought> = (0..geometry.triangles.len() as u32).map(sought).collect();
-        let met: Vec<u32> = meets.run(&all, &buffers);
+        let met: Vec<(u32, f32)> =
+            meets.run::<_, [f32; 2]>(&all, &buffers).iter().map(|m| (m[0].to_bits(), m[1])).collect();
+        let points: Vec<(u32, f64)> = draw
+            .run::<_, [f32; 2]>(&vec![sought(0); DRAWS], &buffers)
+            .iter()
+            .map(|p| (p[0].to_bits(), f64::from(p[1])))
+            .collect();
+        for (i, &(meets, arc)) in met.iter().enumerate() {
+            let weights: Vec<f64> = points.iter().map(|&(t, w)| if t == i as u32 { w } else { 0.0 }).collect();
+            let mean = weights.iter().sum::<f64>() / DRAWS as f64;
+            let square = weights.iter().map(|w| w * w).sum::<f64>() / DRAWS as f64;
+            let arc = if meets == 1 { f64::from(arc) } else { 0.0 };
+            let error = (square / DRAWS as f64).sqrt();
+            drawn_in_all += u32::from(mean > 0.0);
+            assert!(
+                (mean - arc).abs() <= 5.0 * error + 1e-3 * arc,
+                "triangle {i}: {mean} +- {error} for an arc of {arc}"
+            );
+        }
         let drawn: Vec<[u32; 2]> = search.run(&vec![sought(0); DRAWS], &buffers);
         let count = drawn[0][1];
         assert!(drawn.iter().all(|d| d[1] == count));
@@ -197,10 +229,11 @@ fn the_search_finds_every_triangle_equally_often() {
         let mut times = vec![0usize; all.len()];
         drawn.iter().filter(|d| d[1] > 0).for_each(|d| times[d[0] as usize] += 1);
         let mean = DRAWS as f64 / f64::from(count.max(1));
-        for (i, &n) in times.iter().enumerate().filter(|(i, n)| met[*i] == 1 || **n > 0) {
+        for (i, &n) in times.iter().enumerate().filter(|(i, n)| met[*i].0 == 1 || **n > 0) {
             assert!((n as f64 - mean).abs() < 6.0 * mean.sqrt(), "triangle {i} was drawn {n} times of {mean:.0}");
         }
-        met_in_all += met.iter().sum::<u32>();
+        met_in_all += met.iter().map(|m| m.0).sum::<u32>();
     }
     assert!(met_in_all > 100, "the ellipsoids meet only {met_in_all} triangles");
+    assert!(drawn_in_all > 100, "only {drawn_in_all} triangles were drawn");
 }

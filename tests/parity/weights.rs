@@ -267,16 +267,18 @@ fn weights_with_ellipsoidal_connections_sum_to_one() {
     let segments: Vec<usize> = (0..6000).map(|_| 2 + pcg.below(LONGEST - 1)).collect();
     let kinds: Vec<u32> = segments.iter().map(|_| KINDS[pcg.below(5)]).collect();
     let paths: Vec<Path> = kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, false)).collect();
-    let results = weights(KEPT[0], 1.0, &[("HAS_ELLIPSOIDS", 1.0)], &paths);
-    let (offenders, formed) = wrong(&results, &segments, None, None);
-    let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
-    assert!(offenders.is_empty(), "{} of {formed}: {shown:?}", offenders.len());
-    for (k, i) in (3..=LONGEST).flat_map(|k| (1..k - 1).map(move |i| (k, i))) {
-        let (offenders, formed) = wrong(&results, &segments, Some(6 + i), Some(k));
-        assert!(
-            formed > 200 && offenders.len() > 100,
-            "auxiliary vertex {i} of {k} segments: {} of {formed}",
-            offenders.len()
-        );
+    for sample_count in [1.0, 4.0] {
+        let results = weights(KEPT[0], sample_count, &[("HAS_ELLIPSOIDS", 1.0)], &paths);
+        let (offenders, formed) = wrong(&results, &segments, None, None);
+        let shown: Vec<_> = offenders.iter().take(3).map(|&i| (kinds[i], segments[i], results[i])).collect();
+        assert!(offenders.is_empty(), "sample_count {sample_count}: {} of {formed}: {shown:?}", offenders.len());
+        for (k, i) in (3..=LONGEST).flat_map(|k| (1..k - 1).map(move |i| (k, i))) {
+            let (offenders, formed) = wrong(&results, &segments, Some(6 + i), Some(k));
+            assert!(
+                formed > 200 && offenders.len() > 100,
+                "auxiliary vertex {i} of {k} segments: {} of {formed}",
+                offenders.len()
+            );
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! The constants of the kernels of a render: the values that decide which code they contain.
 
 use super::{Observe, Plan};
+use crate::estimators::Ellipsoids;
 use crate::wgsl::layout::constants::{OBSERVE_RESPONSES, OBSERVE_STRATEGIES, OBSERVE_TIMES};
 
 impl Plan {
@@ -23,7 +24,8 @@ impl Plan {
             ("HAS_HOLE", switch(self.frame.hole_lo < self.frame.hole_hi)),
             ("HAS_SKY", switch(self.has_sky)),
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
-            ("HAS_ELLIPSOIDS", switch(self.estimator.ellipsoidal)),
+            ("HAS_ELLIPSOIDS", switch(self.estimator.ellipsoids != Ellipsoids::None)),
+            ("RESAMPLES_ELLIPSOIDS", switch(self.estimator.ellipsoids == Ellipsoids::Resampled)),
             ("GUIDES_FLIGHTS", switch(self.moves_events())),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),

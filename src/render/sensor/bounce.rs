@@ -53,6 +53,10 @@ impl SensorTracer {
             &shade_points,
             indirect_over(&b.arguments, SHADE),
         )?;
+        if let (Some(kernel), Some(bound)) = (&k.ellipsoids, &bindings.ellipsoids) {
+            let arguments = indirect_over(&b.arguments, SHADE);
+            r.dispatch_indirect("ellipsoid_resample", kernel, bound, &shade_points, arguments)?;
+        }
         self.record_candidates(bindings, constants, constants.count)?;
         self.record_connections(bindings, constants)
     }
@@ -83,6 +87,9 @@ impl SensorTracer {
             let constants = Dispatch { counter: SHADE, rank: done as u32, ..*constants };
             let groups = self.kernels.query.groups(batch.min(all - done));
             self.recorder.dispatch("shell_query", &self.kernels.query, &bindings.query, &constants, groups)?;
+            if let (0, Some(kernel), Some(bound)) = (self.parts, &self.kernels.ellipsoids, &bindings.ellipsoids) {
+                self.recorder.dispatch("ellipsoid_resample", kernel, bound, &constants, groups)?;
+            }
             if all <= MIN_QUERY_BATCH {
                 return Ok(());
             }

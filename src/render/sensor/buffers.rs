@@ -2,11 +2,12 @@
 
 use super::TileSample;
 use crate::error::Result;
+use crate::estimators::Ellipsoids;
 use crate::gpu::{Allocate, Buffer, BufferDesc, Device, Recorder};
 use crate::render::compaction::{ARGUMENTS, COUNTERS, chunk_counts};
 use crate::render::plan::{Observe, Plan};
 use crate::wgsl::layout::constants::*;
-use crate::wgsl::layout::{Candidate, FogSegment, PathState, PathVertex, TriangleChoice};
+use crate::wgsl::layout::{AuxiliaryPoint, Candidate, FogSegment, PathState, PathVertex, TriangleChoice};
 
 /// Buffers of the sensor subpaths of a tile, and the film.
 pub struct Buffers<A: Allocate = Device> {
@@ -25,6 +26,7 @@ pub struct Buffers<A: Allocate = Device> {
     pub candidates: A::Buffer,
     pub bvh_parts: A::Buffer,
     pub choices: A::Buffer,
+    pub auxiliary_points: A::Buffer,
     pub contributions: A::Buffer,
     pub counters: A::ReadBack,
     pub arguments: A::Buffer,
@@ -63,7 +65,12 @@ impl<A: Allocate> Buffers<A> {
             bvh_parts: to.buffer(words("parts of the BVH", plan.bvh_parts.len().max(1)))?,
             choices: to.buffer(BufferDesc::of::<TriangleChoice>(
                 "triangles of ellipsoids",
-                if plan.estimator.ellipsoidal { entries } else { 1 },
+                if plan.estimator.ellipsoids == Ellipsoids::Enumerated { entries } else { 1 },
+                few,
+            ))?,
+            auxiliary_points: to.buffer(BufferDesc::of::<AuxiliaryPoint>(
+                "auxiliary vertices",
+                if plan.estimator.ellipsoids == Ellipsoids::Resampled { paths } else { 1 },
                 few,
             ))?,
             contributions: to.buffer(quads("contributions", entries))?,
@@ -92,6 +99,7 @@ impl Buffers {
             ("candidates", &self.candidates),
             ("bvh_parts", &self.bvh_parts),
             ("choices", &self.choices),
+            ("auxiliary_points", &self.auxiliary_points),
             ("contributions", &self.contributions),
             ("counters", self.counters.buffer()),
             ("arguments", &self.arguments),

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::buffers::Buffers;
 use crate::error::Result;
+use crate::estimators::Ellipsoids;
 use crate::gpu::{Bindings, Device, Kernel};
 use crate::render::compaction::{Compaction, CompactionBindings};
 use crate::render::device_scene::DeviceScene;
@@ -45,9 +46,10 @@ impl Kernels {
             trace: make("sensor_trace", "sensor_trace")?,
             compaction,
             query: make(plan.estimator.query_kernel, plan.estimator.query_kernel)?,
-            ellipsoids: match plan.estimator.ellipsoidal {
-                true => Some(make("ellipsoid_triangles", "ellipsoid_triangles")?),
-                false => None,
+            ellipsoids: match plan.estimator.ellipsoids {
+                Ellipsoids::None => None,
+                Ellipsoids::Enumerated => Some(make("ellipsoid_triangles", "ellipsoid_triangles")?),
+                Ellipsoids::Resampled => Some(make("ellipsoid_resample", "ellipsoid_resample")?),
             },
             connect: make("connect", "connect")?,
             gather: make("gather", "gather")?,

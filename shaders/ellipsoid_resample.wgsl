@@ -1,0 +1,92 @@
+// lcs in thin gates: draws ellipsoidal connections for a shade point, and chooses one of them by its unshadowed contribution (Talbot et
+// al. 2005). So many candidates cost two shadow rays. Bindings: shared/slots.wgsl.
+#import ellipsoidal_connection
+#import ellipsoid_descent
+#import leaf
+#import slots
+
+// For each entry of `list`: the auxiliary vertex of the chosen connection.
+@group(2) @binding(5) var<storage, read_write> auxiliary_points: array<AuxiliaryPoint>;
+
+// Stream of the random numbers, beside those of the trees in shell_resample.wgsl.
+const ELLIPSOID_STREAM: u32 = 24u;
+
+// Candidates per shade point, and light vertices from which one is chosen for each (docs/notebook/ellipsoids.md).
+const CANDIDATES: u32 = 8u;
+const VERTEX_DRAWS: u32 = 8u;
+
+// A light vertex among `count` from `first` on for an ellipsoidal connection to q with the travel time `tau`, and 1 / its probability as
+// an estimate. NONE if none can be connected.
+fn draw_vertex(q: PathVertex, tau: f32, first: u32, count: u32, rng: ptr<function, u32>) -> Candidate {
+    var chosen = Candidate(NONE, 0.0);
+    var chosen_importance = 0.0;
+    var sum = 0.0;
+    for (var i = 0u; i < VERTEX_DRAWS; i++) {
+        let vertex = first + multiply_wide(next_word(rng), count).x;
+        let v = load_leaf_vertex(vertex);
+        let importance = select(0.0, v.throughput.x, can_connect_over_surface(q, v, tau));
+        sum += importance;
+        if (next_uniform(rng) * sum < importance) {
+            chosen.vertex = vertex;
+            chosen_importance = importance;
+        }
+    }
+    chosen.weight = f32(count) / f32(VERTEX_DRAWS) * (sum / chosen_importance);
+    return chosen;
+}
+
+// One thread serves one shade point. The connection takes the last slot.
+@compute @workgroup_size(WORKGROUP)
+fn ellipsoid_resample(@builtin(global_invocation_id) id: vec3<u32>) {
+    let rank = dispatch.rank + id.x;
+    if (rank >= counters[dispatch.counter]) {
+        return;
+    }
+    let q = load_shade_point(list[rank]);
+    let sensor = sensor_sample(q.owner);
+    let dimension = (STREAM_QUERY << 28u) | ((q.flags & VERTEX_DEPTH) << 14u) | ELLIPSOID_STREAM;
+    var rng = pcg4d(vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed)).x;
+    let slot = rank * frame.slots + frame.slots - 1u;
+    let lamps = frame.deterministic_count;
+    let others = frame.vertex_count - lamps;
+    // Half of the candidates begin at a deterministic vertex, if there are vertices of both kinds.
+    let of_lamps = select(select(CANDIDATES / 2u, CANDIDATES, others == 0u), 0u, lamps == 0u);
+    let to_q = focus_at(q);
+    var chosen = AuxiliaryPoint(NONE, 0.0, vec2<f32>(0.0));
+    var chosen_vertex = NONE;
+    var chosen_target = 0.0;
+    var sum = 0.0;
+    for (var k = 0u; k < CANDIDATES; k++) {
+        let is_lamp = k < of_lamps;
+        let n = select(others, lamps, is_lamp);
+        let draws = select(CANDIDATES - of_lamps, of_lamps, is_lamp);
+        // Travel times are stratified.
+        let number = select(k - of_lamps, k, is_lamp);
+        let tau = travel_time_at((f32(number) + next_uniform(&rng)) / f32(draws));
+        if (n == 0u || gate_weight(tau) == 0.0) {
+            continue;
+        }
+        let drawn = draw_vertex(q, tau, select(lamps, 0u, is_lamp), n, &rng);
+        if (drawn.vertex == NONE) {
+            continue;
+        }
+        let v = load_light_vertex(drawn.vertex);
+        let search = make_search(v.position, q.position, detour_length(q, v, tau));
+        let x = draw_on_ellipsoid(search, focus_at(v), to_q, &rng);
+        if (x.triangle == NONE) {
+            continue;
+        }
+        let c = connect_over(q, v, x.triangle, x.weights);
+        let value = select(0.0, (c.value.x + c.value.y + c.value.z) * c.weight, c.found);
+        let weight = value * x.inverse_density * (drawn.weight / f32(draws));
+        sum += weight;
+        // A connection whose weight is not a number or not finite stays, so that it is counted as dropped.
+        if (next_uniform(&rng) * sum < weight || !(sum < 3e38)) {
+            chosen = AuxiliaryPoint(x.triangle, tau, x.weights);
+            chosen_vertex = drawn.vertex;
+            chosen_target = value;
+        }
+    }
+    auxiliary_points[rank] = chosen;
+    write_candidate(slot, select(chosen_vertex | ELLIPSOIDAL, NONE, chosen_vertex == NONE), sum / chosen_target);
+}
