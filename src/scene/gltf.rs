@@ -13,6 +13,7 @@ mod draco;
 mod extension;
 mod image;
 mod instancing;
+mod jpeg;
 mod light;
 mod material;
 mod material_extension;

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::document::{Document, Warnings, label, printable};
 use super::resolve::Folders;
 use super::texture::{Channels, FROM_AVIF, FROM_KTX2, FROM_OTHERS, ImageUse};
-use super::{Checked, resolve};
+use super::{Checked, jpeg, resolve};
 use crate::scene::Image;
 
 /// Maximum width and height of an image in pixels.
@@ -199,6 +199,10 @@ impl<'a> Source<'a> {
 /// A decoder that has read the header of the image.
 fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + use<'_>, ImageError> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(ImageError::IoError)?;
+    if reader.format() == Some(ImageFormat::Jpeg) && jpeg::samples_colour_finer(bytes) {
+        let message = "a colour channel of this JPEG has more samples than its first channel";
+        return Err(ImageError::IoError(std::io::Error::other(message)));
+    }
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
