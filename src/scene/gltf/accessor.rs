@@ -11,9 +11,9 @@ use super::document::Document;
 
 /// Maximum number of elements of an accessor: three corners per triangle of the largest allowed scene.
 pub const MAX_ELEMENTS: u64 = 3 * super::mesh::MAX_TRIANGLES;
-/// Maximum number of elements of an accessor without a buffer view, whose elements are zeros: a file of a few bytes must not fill
-/// the memory.
-const MAX_ZEROS: u64 = 1 << 24;
+/// Maximum number of elements of an accessor without a buffer view, whose elements are zeros, beyond the bytes of all buffers. The
+/// other attributes of a large mesh take more than one byte per vertex, but a file of a few bytes must not fill the memory.
+const FREE_ZEROS: u64 = 1 << 18;
 
 /// A component type, and whether its integers are normalized, i.e. stand for fractions of their largest value.
 pub type Format = (ComponentType, bool);
@@ -101,16 +101,21 @@ impl Document<'_> {
         Ok(elements.map(unsigned))
     }
 
-    /// Number of elements of an accessor, 1 to [`MAX_ELEMENTS`].
+    /// Number of elements of an accessor, 1 to [`MAX_ELEMENTS`]; fewer if no bytes belong to the elements.
     pub fn count(&self, index: usize, what: &str) -> Checked<u64> {
         let accessor = (self.root.accessors.get(index))
             .ok_or_else(|| format!("{what} refers to accessor {index}, which does not exist; re-export the file"))?;
-        let count = self.draco.count(self, index, what).unwrap_or(Ok(accessor.count.0))?;
+        let in_draco = self.draco.count(self, index, what).transpose()?;
+        let count = in_draco.unwrap_or(accessor.count.0);
+        let has_bytes = in_draco.is_some() || accessor.buffer_view.is_some();
         match count {
             0 => Err(format!("accessor {index} ({what}) has no elements; remove the mesh and re-export")),
             count if count > MAX_ELEMENTS => Err(format!(
                 "accessor {index} ({what}) has {count} elements; at most {MAX_ELEMENTS} are read, split the mesh"
             )),
+            count if !has_bytes && count > FREE_ZEROS + self.buffer_bytes() => {
+                Err(format!("accessor {index} ({what}) has no bufferView for its {count} elements; re-export the file"))
+            }
             count => Ok(count),
         }
     }
@@ -142,9 +147,6 @@ impl Document<'_> {
         let size = component.size() * shape.multiplicity();
 
         let bytes = match accessor.buffer_view {
-            None if count > MAX_ZEROS => {
-                return Err(format!("{name} has no bufferView for its {count} elements; re-export the file"));
-            }
             None => None,
             Some(view) => {
                 let offset = accessor.byte_offset.unwrap_or_default().0;

@@ -82,6 +82,11 @@ impl<'a> Document<'a> {
             .ok_or_else(|| format!("{name} reaches beyond the end of buffer {number}; re-export the file"))
     }
 
+    /// Number of bytes of all buffers together.
+    pub fn buffer_bytes(&self) -> u64 {
+        self.buffers.iter().flatten().map(|buffer| buffer.len() as u64).sum()
+    }
+
     /// The node's name; `node 17` if node 17 has no name.
     pub fn node_name(&self, index: usize) -> String {
         label(self.root.nodes.get(index).and_then(|node| node.name.as_deref()), "node", index)
