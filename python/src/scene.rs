@@ -12,6 +12,7 @@ use pyo3::types::PyDict;
 use taugate::Error;
 use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::fingerprint;
+use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Resolved, emitting_nodes};
 use taugate::internals::input::scenery;
@@ -336,6 +337,7 @@ impl State {
             film: renderer.film().clone(),
             responses: renderer.responses().cloned(),
             adaptive: None,
+            layers: Layers::default(),
         };
         let (view, dropped) = (View::of(&ready.scene, settings)?, renderer.stats().dropped);
         let image = Image { sums, responses: settings.responses().clone(), layers, view, notes, warnings, dropped };

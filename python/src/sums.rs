@@ -145,7 +145,7 @@ pub fn accumulate<'py>(
             let about = renderer.about(&render, started.elapsed().as_secs_f64());
             let (film, responses) = (renderer.film(), renderer.responses());
             // Each part adapts by itself, so nobody needs what it has learned.
-            bytes(Parts { about: &about, film, responses, adaptive: None })
+            bytes(Parts { about: &about, film, responses, adaptive: None, layers: &Layers::default() })
         })
     })?;
     Ok(PyBytes::new(py, &bytes))

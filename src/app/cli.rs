@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use taugate::internals::input::experiment::Experiment;
+use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::exposure::Exposure;
 use taugate::internals::settings::optical_path::OpticalPath;
 use taugate::internals::settings::values::{Pixel, Resolution, Seconds};
@@ -121,9 +122,9 @@ pub struct DevelopedFiles {
     #[arg(long, value_name = "EV|auto", help_heading = "Output", allow_hyphen_values = true)]
     pub exposure: Option<Exposure>,
 
-    /// Refused with the remedy, because sums have no layers
-    #[arg(long, hide = true, num_args = 0..=1, default_missing_value = "")]
-    pub aov: Option<String>,
+    /// Auxiliary layers to keep, of those that the sums have [default: all of them]
+    #[arg(long, value_name = "NAME,...", help_heading = "Output")]
+    pub aov: Option<Aov>,
 }
 
 const MERGE_EXAMPLES: &str = "\

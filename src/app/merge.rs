@@ -12,6 +12,7 @@ use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
+use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::values::Files;
 use taugate::internals::settings::{Crop, Responses};
 
@@ -23,20 +24,16 @@ use super::rescue::Rescue;
 
 /// Joins the sums `parts` and writes the files.
 pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Result<ExitCode> {
-    if files.aov.is_some() {
-        return Err(Error::Settings(
-            "sums have no auxiliary layers: make them with taugate render --resume SUMS.acc --aov depth -o OUT.exr"
-                .into(),
-        )
-        .into());
-    }
     let order = order(parts)?;
     let (path, first) = &order[0];
     let outputs = outputs(files, &accumulated::experiment(path, first)?)?;
     let responses = accumulated::responses(path, first)?;
     check_outputs(&outputs, parts)?;
 
-    let sums = merged(&order)?;
+    let mut sums = merged(&order)?;
+    if let Some(aov) = files.aov {
+        keep_layers(&mut sums.layers, aov)?;
+    }
     let provenance = provenance(&sums.about, responses);
     if outputs.has_variance()
         && sums.responses.as_ref().is_some_and(|film| !film.has_variance())
@@ -49,12 +46,8 @@ pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Re
         .into());
     }
     let mut rescue = Rescue::default();
-    let images = Images {
-        film: &sums.film,
-        responses: sums.responses.as_ref(),
-        provenance: &provenance,
-        layers: &Layers::default(),
-    };
+    let images =
+        Images { film: &sums.film, responses: sums.responses.as_ref(), provenance: &provenance, layers: &sums.layers };
     images.write(&outputs, &mut rescue);
     if let Some(path) = &outputs.acc {
         rescue.write(path, |path| write(path, sums.parts()));
@@ -112,12 +105,26 @@ fn merged(order: &[(PathBuf, About)]) -> Result<Accumulation> {
     })
 }
 
+/// Keeps the layers `wanted`. Fails if the sums lack one of them; `all` are those that are there.
+fn keep_layers(layers: &mut Layers, wanted: Aov) -> Result<()> {
+    let missing = match wanted == Aov::ALL && !layers.channels.is_empty() {
+        true => None,
+        false => layers.keep(wanted).err(),
+    };
+    missing.map_or(Ok(()), |name| {
+        Err(Error::Settings(format!(
+            "the sums have no layer {name}: make it with taugate render --resume SUMS.acc --aov {name} -o OUT.exr"
+        )))
+    })
+}
+
 /// The files to write. `of_sums` says which gates the images have.
 fn outputs(files: &DevelopedFiles, of_sums: &Experiment) -> Result<Outputs> {
     let mut wanted = Experiment { gate: of_sums.gate.clone(), ..Experiment::default() };
     wanted.output.output = Some(Files(files.output.clone()));
     wanted.output.variance = files.variance.then_some(true);
     wanted.output.exposure = files.exposure;
+    wanted.output.aov = files.aov;
     resolve::outputs(&wanted)
 }
 

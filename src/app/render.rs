@@ -7,6 +7,7 @@ mod sequence;
 mod sums;
 
 use std::collections::HashSet;
+use std::mem::take;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -201,7 +202,7 @@ impl Session {
             }
             _ => None,
         };
-        let (mut ready, layers) = match followed {
+        let (mut ready, mut layers) = match followed {
             Some(ready) => (ready, Layers::default()),
             None => self.prepare(scene, &experiment, settings, &outputs, &mut preparation)?,
         };
@@ -211,7 +212,8 @@ impl Session {
 
         // Render.
         let before = earlier.as_ref().map_or(0.0, |earlier| earlier.sums.about.seconds);
-        if let Some(earlier) = earlier {
+        if let Some(mut earlier) = earlier {
+            layers.add_missing(take(&mut earlier.sums.layers));
             self.progress.line(&earlier.describe());
             if let Some(note) = earlier.note(shard, settings.sampling() == Sampling::Adaptive) {
                 self.progress.line(&format!("note: {note}"));
@@ -230,7 +232,7 @@ impl Session {
                 live.update(renderer, progress);
             }
             if let (Some(checkpoint), Some(identity)) = (&mut checkpoint, &identity) {
-                checkpoint.update(identity, renderer, seconds, progress);
+                checkpoint.update(identity, renderer, &layers, seconds, progress);
             }
         };
         let iterations = Iterations { settings, shard, before, strict, stop };
@@ -269,7 +271,7 @@ impl Session {
             live.send_last(renderer);
         }
         report.write(&outputs, |path| match &identity {
-            Some(identity) => identity.write(path, renderer, seconds),
+            Some(identity) => identity.write(path, renderer, &layers, seconds),
             None => Ok(()),
         })?;
         report.summarise(&outputs, &self.progress);

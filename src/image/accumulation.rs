@@ -6,6 +6,7 @@
 
 pub mod file;
 mod iterations;
+mod layer_arrays;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::image::exr_file::version;
 use crate::image::film::Film;
 use crate::image::fingerprint;
+use crate::image::layers::Layers;
 use crate::image::response_film::ResponseFilm;
 use crate::settings::Settings;
 use crate::settings::shard::Shard;
@@ -34,6 +36,8 @@ pub struct Accumulation {
     pub responses: Option<ResponseFilm>,
     /// `None` if the sampling is uniform.
     pub adaptive: Option<AdaptiveState>,
+    /// Auxiliary layers of the image. They do not depend on the number of samples.
+    pub layers: Layers,
 }
 
 /// What adaptive sampling has learned.
@@ -175,6 +179,7 @@ impl Accumulation {
             }
             (state, _) => *state = None,
         }
+        self.layers.add_missing(other.layers.clone());
         let (about, other) = (&mut self.about, &other.about);
         about.samples_per_pixel += other.samples_per_pixel;
         about.seconds += other.seconds;

@@ -8,7 +8,7 @@ use super::first_surface::first_surfaces;
 use super::prepared_scene::PreparedScene;
 use crate::error::Result;
 use crate::gpu::Device;
-use crate::image::layers::{Layers, Plane};
+use crate::image::layers::{CHANNELS, Layers, Plane};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::aov::Aov;
@@ -49,18 +49,18 @@ pub fn layers(
             }
         })?;
     }
-    let mut channels = vec![("depth.Z", Plane::Floats(depth))];
-    channels.extend(["normal.X", "normal.Y", "normal.Z"].into_iter().zip(normal.map(Plane::Floats)));
-    channels.extend(["albedo.R", "albedo.G", "albedo.B"].into_iter().zip(albedo.map(Plane::Floats)));
-    channels.push(("object.ID", Plane::Ids(object)));
-    if wanted.arrival {
-        channels.push(("arrival.Z", Plane::Floats(first_arrivals(device, scene, settings, prepared)?)));
-    }
-    channels.retain(|(_, plane)| match plane {
+    let arrival = match wanted.arrival {
+        true => first_arrivals(device, scene, settings, prepared)?,
+        false => vec![],
+    };
+    let ([x, y, z], [r, g, b]) = (normal, albedo);
+    let [depth, x, y, z, r, g, b, arrival] = [depth, x, y, z, r, g, b, arrival].map(Plane::Floats);
+    let planes: [Plane; CHANNELS.len()] = [depth, x, y, z, r, g, b, Plane::Ids(object), arrival];
+    let channels = CHANNELS.into_iter().zip(planes).filter(|(_, plane)| match plane {
         Plane::Floats(values) => !values.is_empty(),
         Plane::Ids(ids) => !ids.is_empty(),
     });
-    let channels = channels.into_iter().map(|(name, plane)| (name.into(), plane)).collect();
+    let channels = channels.map(|(name, plane)| (name.into(), plane)).collect();
     Ok(Layers { channels, objects })
 }
 

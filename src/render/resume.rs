@@ -38,7 +38,7 @@ impl Renderer {
     /// adaptive sampling has learned: it then begins anew. Fails without any change if the images differ in size.
     #[doc(hidden)]
     pub fn resume(&mut self, earlier: Accumulation) -> Result<()> {
-        let Accumulation { about, film, responses, adaptive } = earlier;
+        let Accumulation { about, film, responses, adaptive, .. } = earlier;
         let count = self.responses().map_or(1, |film| film.responses());
         let fits = (film.width(), film.height()) == (self.film.width(), self.film.height())
             && responses.as_ref().map_or(1, |film| film.responses()) == count

@@ -28,6 +28,11 @@ impl Aov {
         ]
     }
 
+    /// The names of the chosen layers.
+    pub fn names(mut self) -> impl Iterator<Item = &'static str> {
+        self.parts().map(|(name, is_on)| is_on.then_some(name)).into_iter().flatten()
+    }
+
     /// Whether any layer shows the first surface along a ray.
     pub fn needs_surfaces(&self) -> bool {
         self.depth || self.normal || self.albedo || self.object
@@ -59,9 +64,7 @@ fn not_a_layer(name: &str) -> Error {
 
 impl fmt::Display for Aov {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut chosen = *self;
-        let names: Vec<&str> = chosen.parts().into_iter().filter(|(_, on)| **on).map(|(name, _)| name).collect();
-        f.write_str(&names.join(","))
+        f.write_str(&self.names().collect::<Vec<_>>().join(","))
     }
 }
 

@@ -155,6 +155,45 @@ fn every_nth_frame_is_a_shard_of_a_sequence() {
 }
 
 #[test]
+fn auxiliary_layers_stay_with_the_sums() {
+    let here = with_box();
+    let here = here.path();
+    let layers = |name: &str| {
+        use exr::prelude::*;
+        let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+        let layer = image.all_attributes().from_file(here.join(name)).unwrap().layer_data;
+        let channels = layer.channel_data.list.into_iter().filter(|channel| {
+            let name = channel.name.to_string();
+            name.contains('.') && !name.starts_with("Variance")
+        });
+        let objects = layer.attributes.other.get(&Text::from("tof:objects")).cloned();
+        (channels.map(|channel| (channel.name.to_string(), channel.sample_data)).collect::<Vec<_>>(), objects)
+    };
+    let names = |name: &str| layers(name).0.into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+    let aov = ["--aov", "depth,object"];
+    render(here, &[&aov[..], &["--spp", "8", "--shard", "0/2", "-o", "a.exr", "--checkpoint", "a.acc"]].concat());
+    render(here, &["--spp", "8", "--shard", "1/2", "-o", "b.acc"]);
+    assert_eq!(names("a.exr"), ["depth.Z", "object.ID"]);
+    assert!(layers("a.exr").1.is_some());
+
+    // Sums from sums keep them, and so does a render that goes on.
+    run(here, &["merge", "b.acc", "a.acc", "-o", "merged.acc"]);
+    run(here, &["develop", "merged.acc", "-o", "merged.exr"]);
+    run(here, &["render", "--resume", "a.acc", "--spp", "16", "-o", "more.exr", "-o", "more.acc"]);
+    run(here, &["develop", "more.acc", "-o", "developed.exr"]);
+    for other in ["merged.exr", "more.exr", "developed.exr"] {
+        assert!(layers(other) == layers("a.exr"), "{other}");
+    }
+
+    run(here, &["develop", "a.acc", "--aov", "depth", "-o", "depth.exr"]);
+    assert_eq!((names("depth.exr"), layers("depth.exr").1), (vec!["depth.Z".into()], None));
+    run(here, &["develop", "a.acc", "--aov", "all", "-o", "all.exr"]);
+    assert!(layers("all.exr") == layers("a.exr"));
+    fails(here, &["develop", "a.acc", "--aov", "normal", "-o", "none.exr"], 2, "no layer normal");
+    fails(here, &["develop", "a.acc", "--aov", "depth", "-o", "none.png"], 2, "-o OUT.acc");
+}
+
+#[test]
 fn another_render_is_refused_with_what_differs() {
     let here = with_box();
     let here = here.path();

@@ -9,6 +9,7 @@ use taugate::internals::files::Lock;
 use taugate::internals::image::accumulation::file::{self, Parts};
 use taugate::internals::image::accumulation::{About, Accumulation};
 use taugate::internals::image::fingerprint;
+use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::Outputs;
 use taugate::internals::render::Renderer;
@@ -43,12 +44,12 @@ impl Identity {
         about.check_same_render(&path.display().to_string(), &self.0, "this command")
     }
 
-    /// Writes the sums after `seconds` of rendering.
-    pub fn write(&self, path: &Path, renderer: &Renderer, seconds: f64) -> Result<()> {
+    /// Writes the sums after `seconds` of rendering, with the auxiliary layers of the image.
+    pub fn write(&self, path: &Path, renderer: &Renderer, layers: &Layers, seconds: f64) -> Result<()> {
         let about = renderer.about(&self.0, seconds);
         let adaptive = renderer.adaptive_state();
         let (film, responses) = (renderer.film(), renderer.responses());
-        file::write(path, Parts { about: &about, film, responses, adaptive: adaptive.as_ref() })
+        file::write(path, Parts { about: &about, film, responses, adaptive: adaptive.as_ref(), layers })
     }
 }
 
@@ -178,13 +179,20 @@ impl Checkpoint {
     }
 
     /// Writes the sums if it is time. If they cannot be written, prints a warning, and the render goes on.
-    pub fn update(&mut self, identity: &Identity, renderer: &Renderer, seconds: f64, progress: &Progress) {
+    pub fn update(
+        &mut self,
+        identity: &Identity,
+        renderer: &Renderer,
+        layers: &Layers,
+        seconds: f64,
+        progress: &Progress,
+    ) {
         let pause = self.every.max(self.took.div_f64(MAX_SHARE));
         if self.last.elapsed() < pause {
             return;
         }
         let start = Instant::now();
-        if let Err(error) = identity.write(&self.path, renderer, seconds) {
+        if let Err(error) = identity.write(&self.path, renderer, layers, seconds) {
             progress.line(&format!("warning: {error}; the render goes on, and tries it again later"));
         }
         (self.last, self.took) = (Instant::now(), start.elapsed());

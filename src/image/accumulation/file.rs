@@ -13,6 +13,9 @@
 //! | `cell_lengths` | 2 | number of iterations of a full batch, and of the last one |
 //! | `adaptive` | height, width, 4 | what adaptive sampling has learned, see [`AdaptiveState`]; missing if the sampling is uniform |
 //! | `adaptive_counts` | 2 | samples per pixel and iterations of `adaptive` |
+//! | `depth.Z`, `object.ID`, ... | height, width | auxiliary layers, see [`CHANNELS`]; only those that were rendered |
+//!
+//! `objects.json` gives the name for each number in `object.ID`.
 //!
 //! The mean image is `sums[:, :, t] / samples_per_pixel`.
 
@@ -23,11 +26,14 @@ use std::path::Path;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::{About, Accumulation, AdaptiveState, FORMAT};
+use super::{About, Accumulation, AdaptiveState, FORMAT, layer_arrays};
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error, write_atomically};
 use crate::image::batches::CellBatches;
 use crate::image::film::Film;
+#[cfg(doc)]
+use crate::image::layers::CHANNELS;
+use crate::image::layers::Layers;
 use crate::image::moments::Moments;
 use crate::image::npy_file::header;
 use crate::image::npy_read::{read_header, shape};
@@ -36,8 +42,8 @@ use crate::settings::MAX_PIXELS;
 
 /// Name of the text in the zip.
 const ABOUT: &str = "about.json";
-/// Maximum size of that text in bytes.
-const MAX_ABOUT: u64 = 64 << 20;
+/// Maximum size of a text in bytes.
+const MAX_TEXT: u64 = 64 << 20;
 /// Number of values that are converted at a time.
 const CHUNK: usize = 1 << 13;
 /// From this size on, an entry needs the 64-bit extension of the format.
@@ -54,13 +60,14 @@ pub struct Parts<'a> {
     pub film: &'a Film,
     pub responses: Option<&'a ResponseFilm>,
     pub adaptive: Option<&'a AdaptiveState>,
+    pub layers: &'a Layers,
 }
 
 impl Accumulation {
     /// The parts.
     pub fn parts(&self) -> Parts<'_> {
-        let Accumulation { about, film, responses, adaptive } = self;
-        Parts { about, film, responses: responses.as_ref(), adaptive: adaptive.as_ref() }
+        let Accumulation { about, film, responses, adaptive, layers } = self;
+        Parts { about, film, responses: responses.as_ref(), adaptive: adaptive.as_ref(), layers }
     }
 }
 
@@ -125,7 +132,7 @@ fn write_entries(writer: &mut (impl Write + Seek), parts: Parts) -> io::Result<(
     start(&mut zip, ABOUT, 0)?;
     zip.write_all(&serde_json::to_vec_pretty(parts.about)?)?;
 
-    let Parts { film, responses, adaptive, .. } = parts;
+    let Parts { film, responses, adaptive, layers, .. } = parts;
     let [height, width] = [film.height(), film.width()].map(|side| side as usize);
     if let Some(all) = responses {
         let shape = [height, width, all.responses(), 3];
@@ -153,12 +160,13 @@ fn write_entries(writer: &mut (impl Write + Seek), parts: Parts) -> io::Result<(
         array(&mut zip, "adaptive", &[height, width, 4], state.pixels.iter().flatten().copied())?;
         array(&mut zip, "adaptive_counts", &[2], [state.samples, f64::from(state.iterations)])?;
     }
+    layer_arrays::write(&mut zip, [height, width], layers)?;
     zip.finish()?;
     Ok(())
 }
 
 /// Begins an entry of `bytes` bytes. All entries have the same date, so that equal sums give equal files.
-fn start(zip: &mut ZipWriter<impl Write + Seek>, name: &str, bytes: u64) -> io::Result<()> {
+pub(super) fn start(zip: &mut ZipWriter<impl Write + Seek>, name: &str, bytes: u64) -> io::Result<()> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Stored)
         .last_modified_time(zip::DateTime::default())
@@ -167,7 +175,7 @@ fn start(zip: &mut ZipWriter<impl Write + Seek>, name: &str, bytes: u64) -> io::
 }
 
 /// Writes an array of this shape.
-fn array(
+pub(super) fn array(
     zip: &mut ZipWriter<impl Write + Seek>,
     name: &str,
     shape: &[usize],
@@ -256,7 +264,7 @@ fn wrong(path: &Path, problem: Problem) -> Error {
     }
 }
 
-type Archive<'a, R> = ZipArchive<&'a mut R>;
+pub(super) type Archive<'a, R> = ZipArchive<&'a mut R>;
 
 /// Reads the contents of a file. All numbers are checked.
 pub fn read_from(source: &mut (impl Read + Seek)) -> Result<Accumulation, Problem> {
@@ -299,15 +307,22 @@ pub fn read_from(source: &mut (impl Read + Seek)) -> Result<Accumulation, Proble
         Some(_) => Some(adaptive(&mut zip, [rows, columns])?),
         None => None,
     };
-    Ok(Accumulation { about, film, responses, adaptive })
+    let layers = layer_arrays::read(&mut zip, [rows, columns])?;
+    Ok(Accumulation { about, film, responses, adaptive, layers })
+}
+
+/// The bytes of a small entry.
+pub(super) fn text<R: Read + Seek>(zip: &mut Archive<R>, name: &str) -> Result<Vec<u8>, Problem> {
+    let entry = zip.by_name(name).map_err(|_| Problem::Contents(format!("it has no {name}")))?;
+    let mut text = vec![];
+    entry.take(MAX_TEXT).read_to_end(&mut text)?;
+    Ok(text)
 }
 
 /// Reads and checks what the sums are of.
 fn about<R: Read + Seek>(zip: &mut Archive<R>) -> Result<About, Problem> {
     let wrong = |what: String| Problem::Contents(what);
-    let entry = zip.by_name(ABOUT).map_err(|_| wrong(format!("it has no {ABOUT}")))?;
-    let mut text = vec![];
-    entry.take(MAX_ABOUT).read_to_end(&mut text)?;
+    let text = text(zip, ABOUT)?;
     let format: serde_json::Value =
         serde_json::from_slice(&text).map_err(|e| wrong(format!("{ABOUT} is no JSON ({e})")))?;
     if format["format"] != FORMAT {
@@ -340,11 +355,18 @@ fn about<R: Read + Seek>(zip: &mut Archive<R>) -> Result<About, Problem> {
 fn values<R: Read + Seek>(zip: &mut Archive<R>, name: &str, wanted: &[usize]) -> Result<Vec<f64>, Problem> {
     let (found, values) = any_values(zip, name, |found| found == wanted)?;
     debug_assert_eq!(found, wanted);
-    Ok(values)
+    finite(name, values)
 }
 
-/// Reads an array with a shape that `is_wanted`. Its values are finite.
-fn any_values<R: Read + Seek>(
+fn finite(name: &str, values: Vec<f64>) -> Result<Vec<f64>, Problem> {
+    match values.iter().all(|value| value.is_finite()) {
+        true => Ok(values),
+        false => Err(Problem::Contents(format!("its array {name} has values that are not finite"))),
+    }
+}
+
+/// Reads an array with a shape that `is_wanted`.
+pub(super) fn any_values<R: Read + Seek>(
     zip: &mut Archive<R>,
     name: &str,
     is_wanted: impl Fn(&[usize]) -> bool,
@@ -376,16 +398,14 @@ fn any_values<R: Read + Seek>(
     if entry.read(&mut [0])? != 0 {
         return Err(wrong("is longer than it says"));
     }
-    match values.iter().all(|value| value.is_finite()) {
-        true => Ok((shape, values)),
-        false => Err(wrong("has values that are not finite")),
-    }
+    Ok((shape, values))
 }
 
 fn cells<R: Read + Seek>(zip: &mut Archive<R>, size: [u32; 2]) -> Result<CellBatches, Problem> {
     let wrong = || Problem::Contents("its batches of cells contradict each other".into());
     let [columns, rows] = CellBatches::new(size[0], size[1]).grid();
     let (shape, sums) = any_values(zip, "cells", |shape| matches!(shape, [_, n, 3] if *n == columns * rows))?;
+    let sums = finite("cells", sums)?;
     let samples = values(zip, "cell_samples", &shape[..1])?;
     let lengths = values(zip, "cell_lengths", &[2])?;
     let is_count = |x: &f64| x.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(x);

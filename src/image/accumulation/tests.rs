@@ -2,6 +2,8 @@ use std::io::{Cursor, Write};
 
 use super::file::{read, read_from, write, write_to};
 use super::*;
+use crate::image::layers::Plane;
+use crate::settings::aov::Aov;
 use crate::settings::shard::Shard;
 
 const SETTINGS: &str = "scene = '/a.glb'\n[gate]\ngate = '1m..2m'\n[render]\nspp = 64\nseed = 3\n";
@@ -52,7 +54,8 @@ fn accumulation(numbers: impl IntoIterator<Item = u32>, count: usize, has_varian
     };
     let adaptive =
         Some(AdaptiveState { pixels, samples: samples_so_far, iterations: film.iterations() }).filter(|_| count == 1);
-    Accumulation { about, film, responses: (count > 1).then_some(responses), adaptive }
+    let layers = Layers::default();
+    Accumulation { about, film, responses: (count > 1).then_some(responses), adaptive, layers }
 }
 
 fn bytes(accumulation: &Accumulation) -> Vec<u8> {
@@ -97,6 +100,42 @@ fn a_file_keeps_every_bit() {
         }
         close(&read, &whole, 0);
         assert_eq!(read.film.image_mean(), whole.film.image_mean());
+    }
+}
+
+/// Layers of the image of 3 x 2 pixels.
+fn layers() -> Layers {
+    let arrival = vec![1.5, f32::INFINITY, 0.1, f32::MIN_POSITIVE, 0.0, 7.25];
+    let channels = vec![
+        ("object.ID".into(), Plane::Ids(vec![0, 1, 2, 1, u32::MAX, 7])),
+        ("arrival.Z".into(), Plane::Floats(arrival)),
+    ];
+    Layers { channels, objects: [(1, "Floor \"1\"".into()), (7, "Wand \u{fc}".into())].into() }
+}
+
+#[test]
+fn layers_are_kept_and_added_once() {
+    let whole = Accumulation { layers: layers(), ..accumulation(0..5, 1, false) };
+    assert_eq!(read_from(&mut Cursor::new(bytes(&whole))).unwrap().layers, layers());
+
+    let mut merged = accumulation(5..9, 1, false);
+    merged.merge("a.acc", &whole, "b.acc").unwrap();
+    merged.merge("a.acc", &Accumulation { layers: layers(), ..accumulation(10..12, 1, false) }, "c.acc").unwrap();
+    assert_eq!(merged.layers, layers());
+
+    let mut kept = layers();
+    assert_eq!(kept.keep("arrival,depth".parse().unwrap()), Err("depth"));
+    assert_eq!(kept, layers());
+    kept.keep("arrival".parse().unwrap()).unwrap();
+    assert_eq!(kept, Layers { channels: layers().channels[1..].to_vec(), ..Layers::default() });
+    assert_eq!(Layers::default().keep(Aov::ALL), Err("depth"));
+
+    // Files that other programs could write.
+    for (channel, plane) in [("object.ID", [0.5; 6].to_vec()), ("object.ID", vec![-1.0; 6]), ("depth.Z", vec![1.0; 5])]
+    {
+        let channels = vec![(channel.into(), Plane::Floats(plane))];
+        let file = bytes(&Accumulation { layers: Layers { channels, ..layers() }, ..whole.clone() });
+        assert!(read_from(&mut Cursor::new(file)).is_err(), "{channel}");
     }
 }
 

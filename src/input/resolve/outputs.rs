@@ -115,8 +115,8 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         return Err(settings("--variance is for an array: add -o OUT.npy (an .exr file always has the variance)"));
     }
     let aov = wanted.aov.unwrap_or_default();
-    if aov != Aov::default() && exr.is_none() {
-        return Err(settings("--aov adds layers to an image file: add -o OUT.exr"));
+    if aov != Aov::default() && exr.is_none() && !keeps_sums {
+        return Err(settings("--aov adds layers to an image file or to sums: add -o OUT.exr or -o OUT.acc"));
     }
     let png = match &wanted.png {
         None | Some(Png::Wanted(false)) => picture,

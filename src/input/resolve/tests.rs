@@ -296,7 +296,7 @@ fn outputs_are_named_after_the_image() {
         ("output.output = ['a.exr', 'b.exr']", "would hold the same image"),
         ("gate.gates = '1m..2m/65'\noutput.output = 'a.exr'", "write -o OUT.npy"),
         ("output = { output = 'a.exr', variance = true }", "--variance is for an array"),
-        ("output = { output = 'a.npy', aov = 'depth' }", "--aov adds layers to an image file"),
+        ("output = { output = 'a.npy', aov = 'depth' }", "--aov adds layers to an image file or to sums"),
         ("gate.gates = '1m..2m/2'\noutput = { output = 'a.exr', strategy-images = 'b' }", "needs a single gate"),
         ("output = { output = 'a.exr', png = 'a.jpg' }", "must end in .png"),
         ("output = { output = 'a.exr', stats = 'a.exr' }", "must end in .json"),
