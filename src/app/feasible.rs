@@ -67,16 +67,19 @@ fn refuse(settings: &Settings, scene: &Scene, found: &str, probed: Option<&Probe
     if let Some(backs) = probed.and_then(|probed| probed.backs.as_ref()) {
         message += &format!("; {backs}");
     }
-    if let Some(gate) = times.and_then(|t| suggestion(t, scene)) {
+    if let Some(gate) = times.and_then(|t| suggestion(t, scene, MEDIAN)) {
         message += &format!("; try --gate {gate}");
     }
     Error::Settings(format!("{message} (--force renders anyway)"))
 }
 
-/// A gate around the median travel time, [`SUGGESTED_PART`] of the scene's diagonal wide.
-pub fn suggestion(times: &TravelTimes, scene: &Scene) -> Option<Gate> {
+/// The percentile of the suggested gate.
+pub const MEDIAN: f64 = 50.0;
+
+/// A gate around the time at which `percent` of the light has arrived, [`SUGGESTED_PART`] of the scene's diagonal wide.
+pub fn suggestion(times: &TravelTimes, scene: &Scene, percent: f64) -> Option<Gate> {
     let (low, high) = bounds(scene)?;
-    times.suggestion(SUGGESTED_PART * (high - low).length())
+    times.gate_at(percent, SUGGESTED_PART * (high - low).length())
 }
 
 /// World-space bounds of all instances, in metres; `None` without triangles.

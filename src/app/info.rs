@@ -355,7 +355,7 @@ fn light(times: &TravelTimes, scene: &Scene) -> Option<Light> {
         first: arrival(0.0, first),
         last: arrival(100.0, last),
         percentiles: percentiles.collect(),
-        suggested_gate: feasible::suggestion(times, scene).map(|gate| gate.to_string()),
+        suggested_gate: feasible::suggestion(times, scene, feasible::MEDIAN).map(|gate| gate.to_string()),
     })
 }
 

@@ -80,15 +80,16 @@ impl TravelTimes {
         parts
     }
 
-    /// A gate of `width` metres around the median, with ends rounded to a few digits. `None` if no light arrived.
-    pub fn suggestion(&self, width: f64) -> Option<Gate> {
-        let median = self.percentile(50.0)?;
+    /// A gate of `width` metres around the time at which `percent` of the light has arrived, with ends rounded to a few digits. `None`
+    /// if no light arrived.
+    pub fn gate_at(&self, percent: f64, width: f64) -> Option<Gate> {
+        let middle = self.percentile(percent)?;
         let step = 10f64.powf((width / 4.0).log10().floor());
         let round = |x: f64| {
             let digits = (-step.log10()).max(0.0).round() as usize;
             format!("{:.digits$}", (x / step).round() * step).parse::<f64>().unwrap_or(x)
         };
-        Gate::new(round((median - 0.5 * width).max(0.0)), round(median + 0.5 * width)).ok()
+        Gate::new(round((middle - 0.5 * width).max(0.0)), round(middle + 0.5 * width)).ok()
     }
 }
 
@@ -188,15 +189,15 @@ mod tests {
     #[test]
     fn light_without_a_finite_positive_weight_does_not_count() {
         let t = times(&[(f32::NAN, 1.0), (1.0, 0.0), (1.0, f64::NAN), (-1.0, 1.0), (f32::INFINITY, 1.0), (1.0, -1.0)]);
-        assert_eq!((t.range(), t.percentile(50.0), t.suggestion(1.0)), (None, None, None));
+        assert_eq!((t.range(), t.percentile(50.0), t.gate_at(50.0, 1.0)), (None, None, None));
     }
 
     #[test]
     fn a_suggestion_is_short_and_about_the_median() {
         let t = times(&[(12.4567, 1.0)]);
-        assert_eq!(t.suggestion(0.3).unwrap(), Gate { lo: 12.31, hi: 12.61 });
-        assert_eq!(t.suggestion(0.3).unwrap().to_string(), "12.31m..12.61m");
-        assert_eq!(t.suggestion(14.0).unwrap(), Gate { lo: 5.0, hi: 19.0 });
-        assert_eq!(t.suggestion(100.0).unwrap().lo, 0.0);
+        assert_eq!(t.gate_at(50.0, 0.3).unwrap(), Gate { lo: 12.31, hi: 12.61 });
+        assert_eq!(t.gate_at(50.0, 0.3).unwrap().to_string(), "12.31m..12.61m");
+        assert_eq!(t.gate_at(50.0, 14.0).unwrap(), Gate { lo: 5.0, hi: 19.0 });
+        assert_eq!(t.gate_at(50.0, 100.0).unwrap().lo, 0.0);
     }
 }

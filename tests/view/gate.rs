@@ -16,7 +16,7 @@ fn the_gate_that_is_dragged_is_rendered() {
     visit(&program.url.clone(), async move |page| {
         page.picture_after(0, 1).await;
         // The time line has its range when the light has been measured.
-        page.until("!document.getElementById('gate-suggested').hidden").await;
+        page.until("document.querySelector('#gate-preset [value=Median]')").await;
         let before = page.revision().await;
         page.drag("#gate-window", (0, 10), (90, 0)).await;
         page.picture_after(before, 32).await;
@@ -40,6 +40,48 @@ fn the_gate_that_is_dragged_is_rendered() {
         let width = narrower[1] - narrower[0];
         page.until(&format!("Math.abs(document.getElementById('gate-from').value - {}) < 0.05", narrower[0] + width))
             .await;
+        page.says_nothing().await;
+    });
+}
+
+#[test]
+fn presets_set_both_ends_of_the_gate() {
+    let program = Program::start(&["--gate", "6.2m..6.5m", "--spp", "4"]);
+    visit(&program.url.clone(), async move |page| {
+        page.picture_after(0, 1).await;
+        page.until("document.querySelector('#gate-preset [value=Median]')").await;
+        page.until("document.getElementById('gate-preset').value === 'As at the start'").await;
+        let preset = page.find("#gate-preset").await;
+        let mut gates = vec![];
+        for (key, name) in [(Key::Home, "First light"), (Key::Down, "Median"), (Key::Down, "Late light")] {
+            let before = page.revision().await;
+            preset.send_keys("" + key).await.unwrap();
+            page.picture_after(before, 1).await;
+            page.until(&format!("document.getElementById('gate-preset').value === '{name}'")).await;
+            gates.push(fields(&page).await);
+        }
+        assert!(gates.is_sorted_by(|a, b| a[0] < b[0] && a[1] < b[1]), "{gates:?}");
+        // Another gate is no preset.
+        page.enter("#gate-to", "20").await;
+        page.until("document.getElementById('gate-preset').value === ''").await;
+        preset.send_keys("" + Key::End).await.unwrap();
+        page.until("document.getElementById('gate-to').value === '6.5'").await;
+        assert_eq!(fields(&page).await, [6.2, 6.5]);
+        page.says_nothing().await;
+    });
+}
+
+#[test]
+fn named_responses_are_presets_without_a_new_render() {
+    let program = Program::start(&["--response", "near=box:5m..6m", "--response", "far=gauss:8m..9m,0.1m", "--spp", "4"]);
+    visit(&program.url.clone(), async move |page| {
+        page.picture_after(0, 1).await;
+        let revision = page.revision().await;
+        for (key, number) in [(Key::End, "1"), (Key::Home, "0")] {
+            page.find("#gate-preset").await.send_keys("" + key).await.unwrap();
+            page.until(&format!("document.getElementById('picture').dataset.response === '{number}'")).await;
+        }
+        assert_eq!(page.revision().await, revision);
         page.says_nothing().await;
     });
 }

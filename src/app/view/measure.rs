@@ -2,16 +2,22 @@
 //! their errors are not those of the render: the page then has no histogram, or no depths.
 
 use taugate::internals::error::Result;
+use taugate::internals::input::responses::chosen;
 use taugate::internals::render::{PreparedScene, TravelTimes, first_surfaces, probe};
+use taugate::internals::settings::units::Gate;
 
 use super::super::feasible;
 use super::board::{Surfaces, Topic};
 use super::engine::Engine;
-use super::message::{Arrivals, Report};
+use super::message::{Arrivals, Report, Response};
 
 /// Number of bins of the histogram. It ends when [`ARRIVAL_PERCENT`] of the light has arrived.
 const ARRIVAL_BINS: usize = 256;
 const ARRIVAL_PERCENT: f64 = 99.5;
+/// Name of the gate that the user gave on the command line.
+const AT_START: &str = "As at the start";
+/// Gates that a page offers: name, and percentage of the light that arrives before the middle of the gate.
+const PRESETS: [(&str, f64); 3] = [("First light", 5.0), ("Median", feasible::MEDIAN), ("Late light", 95.0)];
 
 impl Engine {
     /// Measures when light arrives, without a gate.
@@ -21,13 +27,18 @@ impl Engine {
         let end = times.as_ref().and_then(|times| times.percentile(ARRIVAL_PERCENT));
         let bins = times.as_ref().zip(end).map(|(times, end)| times.histogram(end, ARRIVAL_BINS)).unwrap_or_default();
         let begin = bins.first().map_or(0.0, |([begin, _], _)| *begin);
-        let suggested = times.as_ref().and_then(|times| feasible::suggestion(times, self.stage.scene()));
+        let preset = |name: &str, gate: Gate| Response { name: name.into(), lo: gate.lo, hi: Some(gate.hi) };
+        let measured = PRESETS.into_iter().filter_map(|(name, percent)| {
+            Some(preset(name, feasible::suggestion(times.as_ref()?, self.stage.scene(), percent)?))
+        });
+        let at_start = chosen(&self.stage.start().gate).ok().filter(|responses| responses.len() == 1);
+        let at_start = at_start.map(|responses| responses.support()).filter(|gate| gate.hi.is_finite());
         let arrivals = Arrivals {
             revision: self.work.revision,
             begin,
             end: end.unwrap_or(begin).max(begin),
             light: bins.into_iter().map(|(_, light)| light).collect(),
-            suggested: suggested.map(|gate| [gate.lo, gate.hi]),
+            presets: measured.chain(at_start.map(|gate| preset(AT_START, gate))).collect(),
         };
         self.board.report(Topic::Arrivals, &Report::Arrivals(arrivals));
     }

@@ -202,7 +202,8 @@ pub struct Arrivals {
     pub end: f64,
     /// Fractions of all light.
     pub light: Vec<f64>,
-    pub suggested: Option<[f64; 2]>,
+    /// Gates where much light arrives, and the gate of the command line.
+    pub presets: Vec<Response>,
 }
 
 #[derive(Debug, Clone, Serialize)]

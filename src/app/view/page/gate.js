@@ -1,6 +1,6 @@
 // The gate: its controls, and what the time line does with it.
 
-import { byId, choose, fill, onChoice, onEdit } from './dom.js';
+import { byId, choose, fill, onChoice, onEdit, setOptions } from './dom.js';
 import { makePlay } from './play.js';
 import { makeTimeline } from './timeline.js';
 import { UNITS, describeGate, gateChange, gatesChange, inUnit, niceStep, parseTravelTime } from './units.js';
@@ -13,7 +13,8 @@ export function makeGate(link, { onBin, onProblem }) {
   const model = { mode: 'steady', lo: 0, hi: Infinity, bins: [], bin: 0, unit: 'm' };
   let touched = -Infinity;
   let isSum = false;
-  let suggested = null;
+  let offered = []; // Gates that the program offers.
+  let suggested = null; // The one of them around the median, as [lo, hi].
   let latest = null;
   let about = null; // Middle of the gate that the user saw or picked last, in metres.
 
@@ -73,7 +74,7 @@ export function makeGate(link, { onBin, onProblem }) {
     byId('gate-numbers').hidden = mode === 'steady' || mode === 'other';
     byId('gate-count-group').hidden = mode !== 'many';
     byId('gate-steps').hidden = mode === 'steady';
-    byId('gate-suggested').hidden = !suggested || mode === 'many' || mode === 'other';
+    showPresets();
     fill(byId('gate-from'), inUnit(lo, unit));
     fill(byId('gate-to'), hi === Infinity ? 'inf' : inUnit(hi, unit));
     const count = model.bins.length > 1 ? model.bins.length : 1;
@@ -85,6 +86,33 @@ export function makeGate(link, { onBin, onProblem }) {
       : mode === 'steady' ? 'All travel times (steady state). Drag on the time line to set a gate.' : describeGate(lo, hi);
     if (mode === 'gate') about = middle(lo, hi);
     timeline.draw();
+  }
+
+  /** The gates of the user's named responses, which are rendered already; else those that the program offers. */
+  function presets() {
+    if (model.mode === 'other') return model.bins.map((gate, bin) => ({ ...gate, bin }));
+    return model.mode === 'many' ? [] : offered;
+  }
+
+  function showPresets() {
+    const all = presets();
+    const select = byId('gate-preset');
+    const near = (a, b) => Math.abs(a - b) < 1e-6 * (model.hi - model.lo);
+    const present = all.find(({ bin, lo, hi }) => (bin === undefined ? near(lo, model.lo) && near(hi, model.hi) : bin === model.bin));
+    const names = [...(present ? [] : ['']), ...all.map(({ name }) => name)];
+    if (names.join('\n') !== [...select.options].map(({ value }) => value).join('\n')) {
+      setOptions(select, names.map(name => [name, name || '–']));
+    }
+    select.value = present?.name ?? '';
+    byId('gate-presets').hidden = all.length === 0;
+  }
+
+  function pickPreset(name) {
+    const preset = presets().find(preset => preset.name === name);
+    if (!preset) return show();
+    if (preset.bin !== undefined) return pick(preset.bin);
+    touched = -Infinity;
+    link.set(gateChange(preset.lo, preset.hi, model.unit));
   }
 
   function followState(state) {
@@ -156,16 +184,15 @@ export function makeGate(link, { onBin, onProblem }) {
   byId('gate-back').addEventListener('click', () => advance(-1));
   byId('gate-next').addEventListener('click', () => advance(1));
   byId('gate-play').addEventListener('click', () => play.toggle(rewind));
-  byId('gate-suggested').addEventListener('click', () => {
-    touched = -Infinity;
-    link.set(gateChange(...suggested, model.unit));
-  });
+  byId('gate-preset').addEventListener('change', event => pickPreset(event.target.value));
 
   link.on('state', followState);
   link.on('problem', () => { touched = -Infinity; settle(); });
   link.on('progress', () => { if (performance.now() - touched > SETTLE && performance.now() - touched < 4 * SETTLE) settle(); });
   link.on('arrivals', message => {
-    suggested = message.suggested;
+    offered = message.presets;
+    const median = offered.find(({ name }) => name === 'Median');
+    suggested = median ? [median.lo, median.hi] : null;
     timeline.take(message);
     if (about === null) chooseBin();
     show();
