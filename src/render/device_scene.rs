@@ -14,6 +14,7 @@ use crate::wgsl::layout::{Emitter, Frame};
 /// Buffers of group 0, with their names in WGSL.
 pub struct DeviceScene {
     frame: Buffer,
+    emitters: Buffer,
     /// Read-only while two renderers share them.
     buffers: Arc<Vec<(&'static str, Buffer)>>,
 }
@@ -21,7 +22,7 @@ pub struct DeviceScene {
 /// An array of the scene: name in WGSL, buffer descriptor, contents.
 type Part<'a> = (&'static str, BufferDesc, &'a [u8]);
 
-// Names in WGSL of the arrays that change between renders.
+/// Names in WGSL of the arrays that change between renders.
 const EMITTERS: &str = "emitters";
 const AIMS: &str = "aims";
 
@@ -70,6 +71,18 @@ fn texels_desc(prepared: &PreparedScene) -> BufferDesc {
     BufferDesc::of_texels::<[u8; TexelLayout::WORD]>("texels", prepared.geometry.texels.words, IMAGES)
 }
 
+/// Allocates and fills an array.
+fn upload(device: &Device, (wgsl, desc, data): Part) -> Result<(&'static str, Buffer)> {
+    let mut buffer = Buffer::from_desc(device, &desc)?;
+    buffer.write(0, data)?;
+    Ok((wgsl, buffer))
+}
+
+fn emitters_buffer(device: &Device, prepared: &PreparedScene) -> Result<Buffer> {
+    let part = parts(prepared).into_iter().find(|(wgsl, ..)| *wgsl == EMITTERS);
+    Ok(upload(device, part.expect("a scene has emitters"))?.1)
+}
+
 fn frame_buffer(device: &Device) -> Result<Buffer> {
     Buffer::new::<Frame>(device, "frame", 1, "choose another --device")
 }
@@ -88,21 +101,20 @@ impl DeviceScene {
 
     /// Uploads the scene. `prepared` was made from `scene`. Fails, with the remedy, if a buffer exceeds a limit of the device.
     pub fn new(device: &Device, scene: &Scene, prepared: &PreparedScene) -> Result<DeviceScene> {
-        let upload = |(wgsl, desc, data): Part| {
-            let mut buffer = Buffer::from_desc(device, &desc)?;
-            buffer.write(0, data)?;
-            Ok((wgsl, buffer))
-        };
-        let mut buffers = parts(prepared).into_iter().map(upload).collect::<Result<Vec<_>>>()?;
+        let shared = parts(prepared).into_iter().filter(|(wgsl, ..)| *wgsl != EMITTERS);
+        let mut buffers = shared.map(|part| upload(device, part)).collect::<Result<Vec<_>>>()?;
         let mut texels = Buffer::from_desc(device, &texels_desc(prepared))?;
         prepared.geometry.texels.write(scene, |offset, bytes| texels.write(offset, bytes))?;
         buffers.push(("texels", texels));
-        Ok(DeviceScene { frame: frame_buffer(device)?, buffers: Arc::new(buffers) })
+        let emitters = emitters_buffer(device, prepared)?;
+        Ok(DeviceScene { frame: frame_buffer(device)?, emitters, buffers: Arc::new(buffers) })
     }
 
-    /// The same arrays with a frame of its own, for another renderer of the scene. No array can be replaced while both exist.
-    pub fn share(&self, device: &Device) -> Result<DeviceScene> {
-        Ok(DeviceScene { frame: frame_buffer(device)?, buffers: self.buffers.clone() })
+    /// The same arrays with a frame and emitters of its own, for another renderer of the scene. No other array can be replaced
+    /// while both exist.
+    pub fn share(&self, device: &Device, prepared: &PreparedScene) -> Result<DeviceScene> {
+        let emitters = emitters_buffer(device, prepared)?;
+        Ok(DeviceScene { frame: frame_buffer(device)?, emitters, buffers: self.buffers.clone() })
     }
 
     /// Writes the frame, which the kernels of the next dispatches read.
@@ -112,29 +124,28 @@ impl DeviceScene {
 
     /// Replaces the emitters by as many others.
     pub fn write_emitters(&mut self, emitters: &[Emitter]) -> Result<()> {
-        self.write(EMITTERS, emitters)
+        self.emitters.write(0, emitters)
     }
 
     /// Replaces the rays of the sensor points by as many others.
     pub fn write_aims(&mut self, aims: &[[f32; 4]]) -> Result<()> {
-        if aims.is_empty() { Ok(()) } else { self.write(AIMS, aims) }
-    }
-
-    fn write<T: NoUninit>(&mut self, wgsl: &str, data: &[T]) -> Result<()> {
+        if aims.is_empty() {
+            return Ok(());
+        }
         let buffers = Arc::get_mut(&mut self.buffers).expect("the arrays of a renderer with siblings are fixed");
-        let buffer = buffers.iter_mut().find(|(name, _)| *name == wgsl);
-        buffer.expect("the scene has all its arrays").1.write(0, data)
+        let buffer = buffers.iter_mut().find(|(name, _)| *name == AIMS);
+        buffer.expect("the scene has all its arrays").1.write(0, aims)
     }
 
     /// All buffers of group 0; a kernel may use any of them.
     pub fn bindings(&self) -> Vec<(&str, &Buffer)> {
         let mut all: Vec<_> = self.buffers.iter().map(|(name, buffer)| (*name, buffer)).collect();
-        all.push(("frame", &self.frame));
+        all.extend([("frame", &self.frame), (EMITTERS, &self.emitters)]);
         all
     }
 
     /// Total bytes of the scene's arrays on the device.
     pub fn bytes(&self) -> u64 {
-        self.buffers.iter().map(|(_, b)| b.size()).sum()
+        self.buffers.iter().map(|(_, b)| b.size()).sum::<u64>() + self.emitters.size()
     }
 }

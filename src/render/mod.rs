@@ -139,13 +139,13 @@ impl Renderer {
     }
 
     /// A renderer of the same scene on the same device with other settings, such as a smaller image. Both use one copy of the scene
-    /// on the device, so neither may call [`Renderer::set_lights`], which panics, nor [`Renderer::set_camera`] with aimed rays.
+    /// on the device, so neither may call [`Renderer::set_camera`] with aimed rays, which panics.
     /// `scene` and `prepared` are those of this renderer, and `settings` select the same emitters.
     #[doc(hidden)]
     pub fn sibling(&self, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Renderer> {
         let size = [settings.crop().width(), settings.crop().height()];
         let plan = Plan::new(scene, settings, prepared)?;
-        let shared = self.scene.share(&self.device)?;
+        let shared = self.scene.share(&self.device, prepared)?;
         Renderer::on_device(&self.device, plan, size, shared, prepared, Stats::default())
     }
 
@@ -367,6 +367,17 @@ impl Renderer {
         self.scene.write_emitters(&prepared.emitters.table)?;
         self.light.set_punctual(&prepared.emitters.deterministic);
         self.plan.set_lights(prepared, settings);
+        self.clear();
+        Ok(())
+    }
+
+    /// As [`Renderer::set_lights`], for lights that have moved by at most `distance` metres ([`PreparedScene::follow_nearby`]). It does
+    /// not visit the triangles again, so that it takes no time in large scenes. Fewer paths are culled instead.
+    #[doc(hidden)]
+    pub fn move_lights(&mut self, prepared: &PreparedScene, distance: f64) -> Result<()> {
+        self.scene.write_emitters(&prepared.emitters.table)?;
+        self.light.set_punctual(&prepared.emitters.deterministic);
+        self.plan.move_lights(prepared, distance);
         self.clear();
         Ok(())
     }

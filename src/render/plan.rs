@@ -271,6 +271,13 @@ impl Plan {
         self.set(self.frame.seed, self.responses.clone());
     }
 
+    /// As [`Plan::set_lights`], for lights that have moved by at most `distance` metres.
+    pub fn move_lights(&mut self, prepared: &PreparedScene, distance: f64) {
+        (self.frame.emitter_lo, self.frame.emitter_hi) = bounds(&prepared.emitters);
+        self.travel_time_bounds = self.travel_time_bounds.moved(distance);
+        self.set(self.frame.seed, self.responses.clone());
+    }
+
     /// Sets the seed and the responses, and the travel-time bounds that follow from the gate and from the sensor's position.
     pub fn set(&mut self, seed: u32, responses: Responses) {
         let gate = responses.support();

@@ -61,10 +61,17 @@ impl PreparedScene {
     /// there are other emitters than before, or a light or the camera has moved so far that another render space suits it.
     pub fn follow(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
         scene.check()?;
+        let space = RenderSpace::of_camera(scene, &scene.cameras[settings.camera()], settings.emitters());
+        Ok(space == self.space && self.follow_nearby(scene, settings)?.is_some())
+    }
+
+    /// As [`PreparedScene::follow`], but keeps the render space, so the image has other rounding errors than that of a new
+    /// preparation. For previews. Returns how far lights have moved at most, in metres.
+    pub fn follow_nearby(&mut self, scene: &Scene, settings: &Settings) -> Result<Option<f64>> {
+        scene.check_lights()?;
         let selected = settings.emitters();
-        let space = RenderSpace::of_camera(scene, &scene.cameras[settings.camera()], selected);
-        if self.emitters.has_distant || space != self.space {
-            return Ok(false);
+        if self.emitters.has_distant {
+            return Ok(None);
         }
         let densities =
             |geometry: &Geometry| geometry.materials.iter().map(|m| m.emission_density).collect::<Vec<f32>>();
@@ -74,13 +81,15 @@ impl PreparedScene {
             && emitters.table.len() == self.emitters.table.len()
             && emitters.deterministic.len() == self.emitters.deterministic.len()
             && emitters.thin_beams == self.emitters.thin_beams;
-        if is_like_before {
-            self.emitters = emitters;
-        } else {
+        if !is_like_before {
             let materials = self.geometry.materials.iter_mut().zip(before);
             materials.for_each(|(material, density)| material.emission_density = density);
+            return Ok(None);
         }
-        Ok(is_like_before)
+        let pairs = self.emitters.lights.iter().zip(&emitters.lights);
+        let moved = pairs.map(|((a, _), (b, radius))| f64::from(a.distance(*b) + radius)).fold(0.0, f64::max);
+        self.emitters = emitters;
+        Ok(Some(moved * self.space.unit))
     }
 
     /// As [`PreparedScene::follow`], if the surfaces have moved too that may move ([`Scene::moving`]). A new renderer is needed then.

@@ -63,8 +63,8 @@ impl TravelTimeBounds {
         TravelTimeBounds { min, max_segment, indices, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
     }
 
-    /// Bounds for a sensor of which every point is at most `distance` metres away from the present one. They follow from the
-    /// triangle inequality alone, so they are wider than bounds computed from the scene.
+    /// Bounds for a sensor, or for lights, of which every point is at most `distance` metres away from the present one. They follow from
+    /// the triangle inequality alone, so they are wider than bounds computed from the scene.
     pub fn moved(&self, distance: f64) -> TravelTimeBounds {
         let min = (self.min - distance * self.indices[0]).max(0.0);
         let max_segment = self.max_segment + distance * self.indices[1] * (1.0 + SLACK);

@@ -29,6 +29,11 @@ impl Scene {
         self.checked().map_err(|message| Error::Scene { path: PathBuf::from("the scene"), message })
     }
 
+    /// As [`Scene::check`], for the lights alone.
+    pub(crate) fn check_lights(&self) -> Result<()> {
+        self.lights.iter().try_for_each(Light::check).map_err(Error::Settings)
+    }
+
     pub(super) fn checked(&self) -> Checked {
         self.images.iter().enumerate().try_for_each(|(i, image)| check_image(i, image))?;
         for (i, texture) in self.textures.iter().enumerate() {

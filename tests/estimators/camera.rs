@@ -4,12 +4,12 @@ use glam::DVec3;
 use taugate::internals::generate::shapes::cuboid;
 use taugate::internals::generate::stage::{add, glass, light, material};
 use taugate::internals::generate::{Kind, build};
-use taugate::internals::render::Renderer;
+use taugate::internals::render::{PreparedScene, Renderer};
 use taugate::internals::scene::{Camera, LightKind, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Sampling, Settings};
 
-use super::cells::{Cells, disagreements, renderer, settings};
+use super::cells::{Cells, device, disagreements, renderer, settings};
 
 const SIZE: [u32; 2] = [24, 16];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
@@ -135,4 +135,39 @@ fn a_moved_camera_has_its_own_bounds() {
     renderer.iterate(4).unwrap_or_else(|e| panic!("{e}"));
     assert!(renderer.film().mean().iter().any(|&x| x > 0.0), "the lamp is in view");
     assert!(renderer.set_camera(&back(0.9)).unwrap());
+}
+
+/// A preview shares the scene with the image, and follows the camera and its headlamp alone.
+#[test]
+fn a_headlamp_moves_with_the_camera_of_a_preview() {
+    let with_headlamp = |camera: Camera| {
+        let mut scene = mixed();
+        light(
+            &mut scene,
+            "headlamp",
+            camera.transform.translation,
+            DVec3::NEG_Z,
+            LightKind::Point { intensity: [9.0; 3] },
+        );
+        Scene { cameras: vec![camera], ..scene }
+    };
+    let scene = with_headlamp(mixed().cameras[0].clone());
+    let elsewhere = with_headlamp(moved(&scene, 0.99 * MAX_DISTANCE));
+    for estimator in [Estimator::Pt, Estimator::Bdpt] {
+        let settings = short(estimator);
+        let usual = image(&mut renderer(&scene, &settings));
+
+        let mut prepared = PreparedScene::new(&elsewhere, &settings).unwrap();
+        let mut full = Renderer::from_prepared(&device(), &elsewhere, &settings, &prepared).unwrap();
+        let before = image(&mut full);
+        let mut preview = full.sibling(&elsewhere, &settings, &prepared).unwrap();
+        let distance = prepared.follow_nearby(&scene, &settings).unwrap().unwrap();
+        assert!((distance - 0.99 * MAX_DISTANCE).abs() < 1e-5, "{distance}");
+        assert!(preview.set_camera(&scene.cameras[0]).unwrap());
+        assert!(difference(&usual, &image(&mut preview)) > 2.0 * ROUNDING, "the headlamp makes no difference");
+        preview.move_lights(&prepared, distance).unwrap();
+        let difference = difference(&usual, &image(&mut preview));
+        assert!(difference < ROUNDING, "{estimator:?}: {difference:e}");
+        assert!(image(&mut full) == before, "the lights of the image moved too");
+    }
 }

@@ -155,9 +155,9 @@ impl Engine {
             (Some(renderers), Effect::Restart | Effect::Settings) if work.moved.is_none() => {
                 renderers.replace(scene, settings).map(|()| true)
             }
-            (Some(renderers), Effect::Restart | Effect::Camera) => {
+            (Some(renderers), Effect::Restart | Effect::Camera | Effect::CameraAndLights) => {
                 work.moved = Some(Instant::now());
-                renderers.aim_previews(scene, settings)
+                renderers.aim_previews(scene, settings, effect == Effect::CameraAndLights)
             }
             _ => Ok(false),
         };

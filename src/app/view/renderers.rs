@@ -53,12 +53,23 @@ impl Renderers {
         Ok(())
     }
 
-    /// Begins the previews again with the camera of `settings`, and its seed and responses. Returns false if there are none, or if
-    /// the camera is too far from the one that the scene was prepared for. The image keeps the camera that it has.
-    pub fn aim_previews(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
+    /// Begins the previews again with the camera of `settings`, and its seed and responses. Also follows the lights, such as a
+    /// headlamp, if they moved. Returns false if there are no previews, if the camera is too far from the one that the scene was
+    /// prepared for, or if other lights emit than before. The image keeps the camera and the lights that it has.
+    pub fn aim_previews(&mut self, scene: &Scene, settings: &Settings, with_lights: bool) -> Result<bool> {
+        let moved = match with_lights {
+            true => match self.prepared.follow_nearby(scene, settings)? {
+                Some(distance) => Some(distance),
+                None => return Ok(false),
+            },
+            false => None,
+        };
         for preview in &mut self.previews {
             if !preview.set_camera(&scene.cameras[settings.camera()])? {
                 return Ok(false);
+            }
+            if let Some(distance) = moved {
+                preview.move_lights(&self.prepared, distance)?;
             }
             preview.restart(settings.seed(), settings.responses().clone())?;
         }

@@ -1,6 +1,7 @@
 //! The scene of the viewer and its present settings, which the page changes by the names of their flags.
 
 use std::collections::BTreeMap;
+use std::mem::discriminant;
 
 use taugate::Error;
 use taugate::internals::error::Result;
@@ -103,6 +104,8 @@ pub enum Effect {
     Restart,
     /// The camera stands elsewhere, or looks elsewhere.
     Camera,
+    /// Lights without a surface have moved too, or have another strength. A headlamp moves with the camera.
+    CameraAndLights,
     /// Other settings of the render, for the same scene, emitters and camera.
     Settings,
     /// The scene must be prepared again.
@@ -234,7 +237,10 @@ fn apply(experiment: Experiment, scene: &mut Scene) -> Result<View> {
 }
 
 fn effect((before, old): (&Changeable, &Settings), (scene, new): (&Scene, &Settings)) -> Result<Effect> {
-    let has_same_objects = before.lights == scene.lights
+    let is_like = |(a, b): (&Light, &Light)| a.node == b.node && discriminant(&a.kind) == discriminant(&b.kind);
+    let has_same_lights = before.lights == scene.lights;
+    let has_same_objects = before.lights.len() == scene.lights.len()
+        && before.lights.iter().zip(&scene.lights).all(is_like)
         && before.materials == scene.materials
         && before.media == scene.media
         && before.sky == scene.sky
@@ -246,6 +252,9 @@ fn effect((before, old): (&Changeable, &Settings), (scene, new): (&Scene, &Setti
     let is_same_camera = before.cameras[old.camera()] == *camera && old.camera() == new.camera();
     let with_new = old.change().seed(new.seed()).responses(new.responses().clone()).camera(new.camera()).build()?;
     let is_same_render = with_new == *new && old.responses().is_single_box() == new.responses().is_single_box();
+    if !has_same_lights {
+        return Ok(if is_same_render { Effect::CameraAndLights } else { Effect::All });
+    }
     Ok(match (is_same_camera, is_same_render) {
         (true, true) if old == new => Effect::Nothing,
         (true, true) => Effect::Restart,
@@ -289,6 +298,9 @@ mod tests {
             (r#"{"resolution": "64x64"}"#, Effect::Settings),
             (r#"{"gates": "6m..7m/4"}"#, Effect::Settings),
             (r#"{"headlamp": "3"}"#, Effect::All),
+            (r#"{"look-from": "0,1,3.4"}"#, Effect::CameraAndLights),
+            (r#"{"headlamp-offset": "0.1,0,0"}"#, Effect::CameraAndLights),
+            (r#"{"headlamp": "4", "estimator": "lcs"}"#, Effect::All),
             (r#"{"visibility": "60m"}"#, Effect::All),
             (r#"{"ortho": "2"}"#, Effect::Camera),
             (r#"{"resolution": "32x64"}"#, Effect::All),
