@@ -89,6 +89,9 @@ fn make_varying_bsdf(material: u32, p: PointProperties, front: bool) -> Bsdf {
     var b = make_bsdf(material, p.base, front);
     b.metallic = p.metallic;
     b.alpha = p.alpha;
+    if (HAS_TRANSMISSION_TEXTURES) {
+        b.transmission *= p.transmission;
+    }
     if (HAS_COAT_TEXTURES) {
         let m = load_material(material);
         b.f0_color = min(b.f0_color * p.coats.specular_color, vec3<f32>(m.f90)) * p.coats.specular;

@@ -129,6 +129,8 @@ override HAS_VERTEX_COLORS: bool = true;
 override HAS_ALPHA: bool = true;
 override HAS_GLOSSY: bool = true;
 override HAS_TRANSMISSION: bool = true;
+// The transmission varies over a surface.
+override HAS_TRANSMISSION_TEXTURES: bool = true;
 // Whether subpaths may start with parallel rays (PATH_PARALLEL).
 override HAS_PARALLEL: bool = true;
 // Whether the scene has a sky (sky.wgsl).

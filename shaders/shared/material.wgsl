@@ -50,6 +50,8 @@ struct Material {
     // Share of the light that is reflected back to where it came from, and the GGX alpha of this lobe (retroreflector.wgsl).
     retroreflection: f32,
     retroreflector_alpha: f32,
+    // Index into `textures`, or NONE: red multiplies the transmission.
+    transmission_texture: u32,
 }
 
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
@@ -73,16 +75,17 @@ fn load_material(index: u32) -> Material {
     if (HAS_COAT_TEXTURES || HAS_INTERIORS) {
         coats = textureLoad(materials, 9u * index + 7u, 0);
     }
-    var retroreflector = vec2<f32>(0.0);
-    if (HAS_RETROREFLECTORS) {
-        retroreflector = bitcast<vec2<f32>>(textureLoad(materials, 9u * index + 8u, 0).xy);
+    var last = vec4<u32>(0u, 0u, NONE, 0u);
+    if (HAS_RETROREFLECTORS || HAS_TRANSMISSION_TEXTURES) {
+        last = textureLoad(materials, 9u * index + 8u, 0);
     }
+    let retroreflector = bitcast<vec2<f32>>(last.xy);
     let numbers = bitcast<vec3<f32>>(rest.xyz);
     return Material(color.xyz, color.w, light.xyz, light.w, lobes.x, lobes.y, lobes.z, lobes.w,
         numbers.x, numbers.y, numbers.z, rest.w, images.x, images.y, bitcast<f32>(images.z), images.w,
         bumps.x, bitcast<f32>(bumps.y), bitcast<f32>(bumps.z), bitcast<f32>(bumps.w),
         bitcast<vec3<f32>>(specular.xyz), specular.w, coats.x, coats.y, coats.z, coats.w,
-        retroreflector.x, retroreflector.y);
+        retroreflector.x, retroreflector.y, last.z);
 }
 
 // Index of refraction inside solids of this material.

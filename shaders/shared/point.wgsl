@@ -7,6 +7,8 @@ struct PointProperties {
     // GGX alpha; 0 if the lobe is a delta.
     alpha: f32,
     coats: CoatFactors,
+    // Texel that multiplies the transmission.
+    transmission: f32,
 }
 
 // Texels that multiply the properties of the coats, each from 0 to 1.
@@ -29,14 +31,14 @@ fn varies(m: Material) -> bool {
 
 // The properties in three words. Each colour channel and the roughness have 16 bits. The words hold square roots of colours, so
 // that dark colours lose no digits: the relative error is below 0.1 % for all sRGB bytes above 0. The metalness has 8 bits, as in
-// the texture.
+// the texture, and so has the transmission.
 fn pack_point(p: PointProperties) -> vec3<u32> {
     if (HAS_COAT_TEXTURES) {
         return pack_coated_point(p);
     }
     let root = sqrt(p.base);
     return vec3<u32>(pack2x16unorm(root.xy), pack2x16unorm(vec2<f32>(root.z, sqrt(p.alpha))),
-        pack4x8unorm(vec4<f32>(p.metallic, 0.0, 0.0, 0.0)));
+        pack4x8unorm(vec4<f32>(p.metallic, select(0.0, p.transmission, HAS_TRANSMISSION_TEXTURES), 0.0, 0.0)));
 }
 
 // The properties that `pack_point` has packed.
@@ -48,28 +50,39 @@ fn unpack_point(words: vec3<u32>) -> PointProperties {
     let blue_roughness = unpack2x16unorm(words.y);
     let root = vec3<f32>(red_green, blue_roughness.x);
     let alpha = square(blue_roughness.y);
-    return PointProperties(root * root, unpack4x8unorm(words.z).x, select(alpha, 0.0, alpha < DELTA_ALPHA), WHITE_COATS);
+    let rest = unpack4x8unorm(words.z);
+    return PointProperties(root * root, rest.x, select(alpha, 0.0, alpha < DELTA_ALPHA), WHITE_COATS,
+        select(1.0, rest.y, HAS_TRANSMISSION_TEXTURES));
 }
 
 // As `pack_point`, with the factors of the coats. The base colour and the roughness have 10 bits, all others have 8. The roots
-// of colours have a step of at most 0.4 %, which is no larger than that of an sRGB byte.
+// of colours have a step of at most 0.4 %, which is no larger than that of an sRGB byte. With a transmission, all have 8 bits.
 fn pack_coated_point(p: PointProperties) -> vec3<u32> {
+    let factors = pack4x8unorm(vec4<f32>(p.metallic, p.coats.specular, p.coats.clearcoat, p.coats.clearcoat_roughness));
+    if (HAS_TRANSMISSION_TEXTURES) {
+        return vec3<u32>(pack4x8unorm(vec4<f32>(sqrt(p.base), p.transmission)),
+            pack4x8unorm(vec4<f32>(sqrt(p.coats.specular_color), sqrt(p.alpha))), factors);
+    }
     let base = vec3<u32>(sqrt(p.base) * 1023.0 + 0.5);
     let roughness = u32(sqrt(p.alpha) * 1023.0 + 0.5);
     let color = pack4x8unorm(vec4<f32>(sqrt(p.coats.specular_color), 0.0));
     return vec3<u32>(base.x | (base.y << 10u) | (base.z << 20u) | ((roughness >> 8u) << 30u),
-        color | (roughness << 24u),
-        pack4x8unorm(vec4<f32>(p.metallic, p.coats.specular, p.coats.clearcoat, p.coats.clearcoat_roughness)));
+        color | (roughness << 24u), factors);
 }
 
 // The properties that `pack_coated_point` has packed.
 fn unpack_coated_point(words: vec3<u32>) -> PointProperties {
+    let rest = unpack4x8unorm(words.z);
+    let color = unpack4x8unorm(words.y);
+    let factors = CoatFactors(color.xyz * color.xyz, rest.y, rest.z, rest.w);
+    if (HAS_TRANSMISSION_TEXTURES) {
+        let root = unpack4x8unorm(words.x);
+        let alpha = square(color.w);
+        return PointProperties(root.xyz * root.xyz, rest.x, select(alpha, 0.0, alpha < DELTA_ALPHA), factors, root.w);
+    }
     let base = vec3<f32>((vec3<u32>(words.x) >> vec3<u32>(0u, 10u, 20u)) & vec3<u32>(1023u)) / 1023.0;
     let alpha = square(f32((words.y >> 24u) | ((words.x >> 30u) << 8u)) / 1023.0);
-    let color = unpack4x8unorm(words.y).xyz;
-    let rest = unpack4x8unorm(words.z);
-    return PointProperties(base * base, rest.x, select(alpha, 0.0, alpha < DELTA_ALPHA),
-        CoatFactors(color * color, rest.y, rest.z, rest.w));
+    return PointProperties(base * base, rest.x, select(alpha, 0.0, alpha < DELTA_ALPHA), factors, 1.0);
 }
 
 // Metalness (x) and GGX alpha (y) at a point with this material. `words`: `base_color` of the vertex.
@@ -79,6 +92,14 @@ fn metallic_and_alpha(m: Material, words: vec3<u32>) -> vec2<f32> {
         return vec2<f32>(p.metallic, p.alpha);
     }
     return vec2<f32>(m.metallic, m.alpha);
+}
+
+// Transmission at a point with this material. `words`: `base_color` of the vertex.
+fn transmission_at(m: Material, words: vec3<u32>) -> f32 {
+    if (HAS_TRANSMISSION_TEXTURES && varies(m)) {
+        return m.transmission * unpack_point(words).transmission;
+    }
+    return m.transmission;
 }
 
 // GGX alpha of the clear coat where a texture multiplies its roughness by `factor`; 0 if the lobe is a delta.

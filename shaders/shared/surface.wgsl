@@ -133,7 +133,8 @@ fn point_words(s: Surface) -> vec3<u32> {
         return bitcast<vec3<u32>>(base);
     }
     let factors = sample_encoded(m.surface_texture, s.uv, ENCODING_DATA);
-    return pack_point(PointProperties(base, m.metallic * factors.z, m.alpha * square(factors.y), coat_factors(m, s.uv)));
+    return pack_point(PointProperties(base, m.metallic * factors.z, m.alpha * square(factors.y), coat_factors(m, s.uv),
+        transmission_factor(m, s.uv)));
 }
 
 // The texels of the textures of both coats.
@@ -145,6 +146,14 @@ fn coat_factors(m: Material, uv: vec2<f32>) -> CoatFactors {
         sample_encoded(m.specular_texture, uv, ENCODING_DATA).w,
         sample_encoded(m.clearcoat_texture, uv, ENCODING_DATA).x,
         sample_encoded(m.clearcoat_roughness_texture, uv, ENCODING_DATA).y);
+}
+
+// The texel that multiplies the transmission.
+fn transmission_factor(m: Material, uv: vec2<f32>) -> f32 {
+    if (!HAS_TRANSMISSION_TEXTURES) {
+        return 1.0;
+    }
+    return sample_encoded(m.transmission_texture, uv, ENCODING_DATA).x;
 }
 
 // Minimum cosine between a normal of a normal map and the geometric normal: the map tilts a normal by up to 84 degrees.

@@ -118,7 +118,7 @@ fn is_connectible(v: PathVertex) -> bool {
     let m = load_material(v.material);
     let black = (v.flags & VERTEX_FRONT) == 0u && (m.flags & MATERIAL_DOUBLE_SIDED) == 0u && m.transmission <= 0.0;
     let lobe = metallic_and_alpha(m, v.base_color);
-    let diffuse = lobe.x < 1.0 && m.transmission < 1.0;
+    let diffuse = lobe.x < 1.0 && transmission_at(m, v.base_color) < 1.0;
     let retroreflects = HAS_RETROREFLECTORS && m.retroreflection > 0.0;
     return !black && (lobe.y >= DELTA_ALPHA || diffuse || retroreflects || has_rough_clearcoat(m, v.base_color));
 }

@@ -259,7 +259,9 @@ impl File {
             extend("KHR_materials_ior", json!({"ior": number(m.ior)}));
         }
         if m.transmission != 0.0 {
-            extend("KHR_materials_transmission", json!({"transmissionFactor": number(m.transmission)}));
+            let mut transmission = json!({"transmissionFactor": number(m.transmission)});
+            add_textures(&mut transmission, [("transmissionTexture", m.transmission_texture)]);
+            extend("KHR_materials_transmission", transmission);
         }
         if !extensions.is_empty() {
             out["extensions"] = extensions.into();
@@ -298,7 +300,7 @@ impl File {
 }
 
 /// Adds the textures that exist to the JSON of an extension, each under its key.
-fn add_textures(extension: &mut Value, textures: [(&str, Option<u32>); 2]) {
+fn add_textures<const N: usize>(extension: &mut Value, textures: [(&str, Option<u32>); N]) {
     for (key, texture) in textures {
         if let Some(index) = texture {
             extension[key] = json!({"index": index});

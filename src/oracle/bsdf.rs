@@ -64,6 +64,7 @@ pub struct Texels {
     pub specular_color: [f64; 3],
     pub clearcoat: f64,
     pub clearcoat_roughness: f64,
+    pub transmission: f64,
 }
 
 /// A material at a point: a [`PreparedMaterial`] with the base colour and the texels of the point.
@@ -72,6 +73,7 @@ pub struct Bsdf<'a> {
     material: &'a PreparedMaterial,
     base: [f64; 3],
     metallic: f64,
+    transmission: f64,
     /// Reflectance of the plastic's coat at normal incidence and at grazing angles.
     f0: [f64; 3],
     f90: f64,
@@ -110,6 +112,7 @@ impl Texels {
         specular_color: [1.0; 3],
         clearcoat: 1.0,
         clearcoat_roughness: 1.0,
+        transmission: 1.0,
     };
 }
 
@@ -147,7 +150,8 @@ impl PreparedMaterial {
             Clearcoat { strength, coat: tables.at(texels.clearcoat_roughness, 0.04 * strength, strength) }
         });
         let coat = self.coat.at(texels.roughness, brightest, f90);
-        Bsdf { material: self, base, metallic: self.metallic * texels.metallic, f0, f90, coat, clearcoat }
+        let (metallic, transmission) = (self.metallic * texels.metallic, self.transmission * texels.transmission);
+        Bsdf { material: self, base, metallic, transmission, f0, f90, coat, clearcoat }
     }
 }
 
@@ -185,7 +189,7 @@ impl Bsdf<'_> {
     /// Whether the material scatters only as a mirror or glass, so that no connection to this point has a contribution.
     pub fn only_delta(&self) -> bool {
         let m = self.material;
-        let (opaque_plastic, metal) = ((1.0 - self.metallic) * (1.0 - m.transmission), self.metallic);
+        let (opaque_plastic, metal) = ((1.0 - self.metallic) * (1.0 - self.transmission), self.metallic);
         let rough = !self.is_mirror() && (metal > 0.0 || opaque_plastic * self.f90 > 0.0)
             || self.clearcoat.is_some_and(|top| !top.is_mirror())
             || m.retroreflector.is_some();
@@ -209,9 +213,8 @@ impl Bsdf<'_> {
 
     /// [`Bsdf::eval`] without the retroreflector, for directions above the surface.
     fn eval_others(&self, wi: DVec3, wo: DVec3) -> [f64; 3] {
-        let m = self.material;
         let left = (1.0 - self.coat.albedo(wi.z)) * (1.0 - self.coat.albedo(wo.z)) / (1.0 - self.coat.mean());
-        let diffuse = (1.0 - self.metallic) * (1.0 - m.transmission) * left / PI;
+        let diffuse = (1.0 - self.metallic) * (1.0 - self.transmission) * left / PI;
         let lobe = if self.is_mirror() { 0.0 } else { ggx::lobe(self.coat.alpha, wi, wo) };
         let c = wi.dot((wi + wo).normalize());
         let fresnel = self.fresnel(c);
@@ -232,8 +235,7 @@ impl Bsdf<'_> {
 
     /// Fresnel factor of the GGX lobe, for coat and conductor together; `c` is the cosine to the half vector.
     fn fresnel(&self, c: f64) -> [f64; 3] {
-        let m = self.material;
-        let plastic = (1.0 - self.metallic) * (1.0 - m.transmission);
+        let plastic = (1.0 - self.metallic) * (1.0 - self.transmission);
         let coat = self.coat_fresnel(c);
         [0, 1, 2].map(|k| plastic * coat[k] + self.metallic * schlick(self.base[k], 1.0, c))
     }
@@ -241,12 +243,11 @@ impl Bsdf<'_> {
     /// Probabilities of sampling the GGX (or mirror) lobe, the diffuse base, the dielectric, and the clear coat. All are 0 for a
     /// black material.
     fn choices(&self, wo: DVec3) -> [f64; 4] {
-        let m = self.material;
         let brightest = self.base.iter().copied().fold(0.0, f64::max);
-        let plastic = (1.0 - self.metallic) * (1.0 - m.transmission);
+        let plastic = (1.0 - self.metallic) * (1.0 - self.transmission);
         let e = self.coat.albedo(wo.z);
         let diffuse = plastic * (1.0 - e) * brightest;
-        let dielectric = (1.0 - self.metallic) * m.transmission;
+        let dielectric = (1.0 - self.metallic) * self.transmission;
         let mut lobe = plastic * e + self.metallic * brightest.max(0.05);
         if lobe > 0.0 {
             // For light at grazing angles, the lobe is brighter than its albedo at `wo` suggests.
@@ -338,7 +339,7 @@ impl Bsdf<'_> {
     fn sample_glass(&self, wo: DVec3, inside: bool, u: [f64; 3], chosen: f64) -> Option<Sample> {
         let m = self.material;
         // Given that glass was chosen, `u[0]` is uniform in [0, chosen). After rescaling, it chooses reflection or refraction.
-        let (choice, share) = (u[0] / chosen, (1.0 - self.metallic) * m.transmission / chosen);
+        let (choice, share) = (u[0] / chosen, (1.0 - self.metallic) * self.transmission / chosen);
         let facet = if self.is_mirror() { DVec3::Z } else { ggx::sample_normal(self.coat.alpha, wo, u[1], u[2]) };
         let relative = if inside { 1.0 / m.ior } else { m.ior };
         let cos = wo.dot(facet);

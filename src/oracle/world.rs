@@ -140,6 +140,7 @@ impl<'a> World<'a> {
             specular_color: [red, green, blue],
             clearcoat: data(m.clearcoat_texture)[0],
             clearcoat_roughness: data(m.clearcoat_roughness_texture)[1],
+            transmission: data(m.transmission_texture)[0],
         }
     }
 

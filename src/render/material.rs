@@ -22,7 +22,7 @@ host_twins! {
         normal_texture: u32, normal_scale: f32, clearcoat: f32, clearcoat_alpha: f32,
         f0_color: [f32; 3], specular_color_texture: u32,
         specular_texture: u32, clearcoat_texture: u32, clearcoat_roughness_texture: u32, interior: u32,
-        retroreflection: f32, retroreflector_alpha: f32, pad: [u32; 2],
+        retroreflection: f32, retroreflector_alpha: f32, transmission_texture: u32, pad: u32,
     }
 }
 
@@ -52,6 +52,7 @@ pub struct Features {
     /// Whether any material is not purely Lambertian.
     pub glossy: bool,
     pub transmission: bool,
+    pub transmission_textures: bool,
     pub specular_colors: bool,
     pub clearcoat: bool,
     pub retroreflectors: bool,
@@ -61,21 +62,21 @@ pub struct Features {
 
 impl Material {
     /// Indices of the textures that the material uses, and NONE for the others.
-    pub fn textures(&self) -> [u32; 8] {
+    pub fn textures(&self) -> [u32; 9] {
         let shading = [self.base_texture, self.emission_texture, self.normal_texture, self.surface_texture];
         let specular = [self.specular_texture, self.specular_color_texture];
         let clearcoat = [self.clearcoat_texture, self.clearcoat_roughness_texture];
-        let mut all = [NONE; 8];
+        let mut all = [self.transmission_texture; 9];
         all[..4].copy_from_slice(&shading);
         all[4..6].copy_from_slice(&specular);
-        all[6..].copy_from_slice(&clearcoat);
+        all[6..8].copy_from_slice(&clearcoat);
         all
     }
 }
 
 impl Features {
     /// Values of the WGSL `override` constants that switch each feature on (1) or off (0).
-    pub fn constants(&self) -> [(&'static str, f64); 13] {
+    pub fn constants(&self) -> [(&'static str, f64); 14] {
         [
             ("HAS_TEXTURES", self.textures),
             ("HAS_SURFACE_TEXTURES", self.surface_textures),
@@ -86,6 +87,7 @@ impl Features {
             ("HAS_ALPHA", self.alpha),
             ("HAS_GLOSSY", self.glossy),
             ("HAS_TRANSMISSION", self.transmission),
+            ("HAS_TRANSMISSION_TEXTURES", self.transmission_textures),
             ("HAS_SPECULAR_COLORS", self.specular_colors),
             ("HAS_CLEARCOAT", self.clearcoat),
             ("HAS_RETROREFLECTORS", self.retroreflectors),
@@ -169,7 +171,10 @@ impl<'a> MaterialSet<'a> {
         let emission_texture = if emission == [0.0; 3] { None } else { m.emission_texture };
         let coats = [specular_texture, specular_color_texture, clearcoat_texture, clearcoat_roughness_texture];
         let coat_varies = coats.iter().any(|texture| texture.is_some());
-        let varies = coat_varies || m.surface_texture.is_some();
+        // A texture may make the metalness smaller than its factor.
+        let transmits = m.transmission > 0.0 && (m.metallic < 1.0 || m.surface_texture.is_some());
+        let transmission_texture = m.transmission_texture.filter(|_| transmits);
+        let varies = coat_varies || m.surface_texture.is_some() || transmission_texture.is_some();
         self.features.surface_textures |= varies;
         self.features.coat_textures |= coat_varies;
         self.features.normal_maps |= normal_texture.is_some();
@@ -179,8 +184,8 @@ impl<'a> MaterialSet<'a> {
         self.features.glossy |= has_lobes || retroreflector.is_some();
         self.features.specular_colors |= f0_color != [f0; 3] || specular_color_texture.is_some();
         self.features.clearcoat |= m.clearcoat > 0.0;
-        // A texture may make the metalness smaller than its factor.
-        if m.transmission > 0.0 && (m.metallic < 1.0 || m.surface_texture.is_some()) {
+        self.features.transmission_textures |= transmission_texture.is_some();
+        if transmits {
             self.features.transmission = true;
             self.max_ior = self.max_ior.max(m.ior);
         }
@@ -221,7 +226,8 @@ impl<'a> MaterialSet<'a> {
             interior: NONE,
             retroreflection: retroreflector.map_or(0.0, |retroreflector| retroreflector.share),
             retroreflector_alpha: retroreflector.map_or(0.0, |retroreflector| retroreflector.alpha() as f32),
-            pad: [0; 2],
+            transmission_texture: transmission_texture.unwrap_or(NONE),
+            pad: 0,
         };
         let used = || material.textures().into_iter().filter(|&texture| texture != NONE);
         self.features.textures |= used().next().is_some();

@@ -96,6 +96,8 @@ pub struct Material {
     pub ior: f32,
     /// KHR_materials_transmission, in [0, 1].
     pub transmission: f32,
+    /// Index into [`Scene::textures`](super::Scene::textures). Its red channel multiplies `transmission`; linear.
+    pub transmission_texture: Option<u32>,
     /// KHR_materials_clearcoat: the strength of a clear coat over everything else, in [0, 1].
     pub clearcoat: f32,
     /// Index into [`Scene::textures`](super::Scene::textures). Its red channel multiplies `clearcoat`; linear.
@@ -134,6 +136,7 @@ impl Material {
             specular_color_texture: None,
             ior: 1.5,
             transmission: 0.0,
+            transmission_texture: None,
             clearcoat: 0.0,
             clearcoat_texture: None,
             clearcoat_roughness: 0.0,
@@ -169,7 +172,8 @@ impl Material {
     /// reflected nor refracted nor coloured. Such boundaries do not count as vertices of paths.
     pub fn is_null_boundary(&self, outside: f32) -> bool {
         let is_clear = self.base_color[..3] == [1.0; 3] && self.base_color_texture.is_none();
-        let only_transmits = self.transmission == 1.0 && self.metallic == 0.0 && self.clearcoat == 0.0;
+        let transmits = self.transmission == 1.0 && self.transmission_texture.is_none();
+        let only_transmits = transmits && self.metallic == 0.0 && self.clearcoat == 0.0;
         self.interior.is_some() && self.ior == outside && is_clear && only_transmits && self.emission == [0.0; 3]
     }
 
@@ -179,11 +183,12 @@ impl Material {
         others.into_iter().chain(self.factor_textures()).flatten()
     }
 
-    /// Textures that multiply a factor other than the base colour: those of metalness and roughness, of the dielectric coat and of
-    /// the clear coat. With such a texture, more than the base colour varies over a surface.
-    pub(crate) fn factor_textures(&self) -> [Option<u32>; 5] {
+    /// Textures that multiply a factor other than the base colour: those of metalness and roughness, of the dielectric coat, of the
+    /// clear coat and of transmission. With such a texture, more than the base colour varies over a surface.
+    pub(crate) fn factor_textures(&self) -> [Option<u32>; 6] {
         let [strength, color] = [self.specular_texture, self.specular_color_texture];
-        [self.surface_texture, strength, color, self.clearcoat_texture, self.clearcoat_roughness_texture]
+        let [coat, coat_roughness] = [self.clearcoat_texture, self.clearcoat_roughness_texture];
+        [self.surface_texture, strength, color, coat, coat_roughness, self.transmission_texture]
     }
 
     /// Fails with one sentence if a number is out of range, or if a texture index is not below `textures`, the number of

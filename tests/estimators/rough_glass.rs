@@ -1,12 +1,13 @@
 //! Images of rough glass: a ball in front of a lit room, and a pane in front of a lamp. The oracle samples one microfacet after
 //! the other and never evaluates the BSDF; the estimators evaluate the BSDF in every connection.
 
-use super::agreement::{against, assert_none, oracle};
+use super::agreement::{against, assert_none, bin, feature_estimators, oracle};
 use super::cells::{Cells, disagreements, renderer, settings};
 use glam::DVec3;
+use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::generate::shapes::{cuboid, icosphere, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, emitter, glass, material, mesh, place};
-use taugate::internals::scene::{Material, Scene};
+use taugate::internals::scene::{Image, Material, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
@@ -45,6 +46,24 @@ fn rough_glass_agrees_with_the_oracle() {
     assert_none(against("rough glass", &ESTIMATORS, &scene(1.0), &gates, &truth));
     // Negative control: alpha is a quarter larger.
     assert!(!against("rougher glass", &[Estimator::Lcs], &scene(1.25), &gates[..1], &truth).is_empty());
+}
+
+/// A part of the pane is smooth glass, and the rest is painted. A painted spot can be connected, although its glass cannot.
+#[test]
+fn a_partly_transmitting_pane_agrees_with_the_oracle() {
+    let mut pcg = Pcg::new(86);
+    let mut plain = scene(1.0);
+    let texels = (0..64).map(|i| [if i % 3 == 0 { 0 } else { pcg.below(256) as u8 }, 0, 0, 255]).collect();
+    let texture = plain.add_texture(Image { width: 8, height: 8, rgba: texels });
+    let pane = plain.materials.iter().position(|material| material.name == "pane").unwrap();
+    plain.materials[pane].roughness = 0.0;
+    let mut painted = plain.clone();
+    painted.materials[pane].transmission_texture = Some(texture);
+    let gates = [GATES[0], (0.0, f64::INFINITY)];
+    let truth = oracle(&painted, &gates, SIZE, 800);
+    assert_none(against("painted pane", &feature_estimators(&painted), &painted, &gates, &truth));
+    // Negative control: glass alone.
+    assert!(!against("glass pane", &[Estimator::Lcs], &plain, &gates[1..], &bin(&truth, 1)).is_empty());
 }
 
 #[test]

@@ -24,9 +24,9 @@ const PACK: ShaderFunction = ShaderFunction {
     input: "base: vec3<f32>, metallic: f32, color: vec3<f32>, alpha: f32, rest: vec4<f32>",
     result: "base: vec3<f32>, metallic: f32, color: vec3<f32>, alpha: f32, rest: vec4<f32>",
     body: "let coats = CoatFactors(input.color, input.rest.x, input.rest.y, input.rest.z);
-        let p = unpack_point(pack_point(PointProperties(input.base, input.metallic, input.alpha, coats)));
+        let p = unpack_point(pack_point(PointProperties(input.base, input.metallic, input.alpha, coats, input.rest.w)));
         result.base = p.base; result.metallic = p.metallic; result.alpha = p.alpha; result.color = p.coats.specular_color;
-        result.rest = vec4<f32>(p.coats.specular, p.coats.clearcoat, p.coats.clearcoat_roughness, 0.0);",
+        result.rest = vec4<f32>(p.coats.specular, p.coats.clearcoat, p.coats.clearcoat_roughness, p.transmission);",
 };
 
 #[repr(C)]
@@ -37,7 +37,7 @@ struct Point {
     // The specular colour.
     color: [f32; 3],
     alpha: f32,
-    // Specular strength, clear coat and its roughness.
+    // Specular strength, clear coat and its roughness, transmission.
     rest: [f32; 4],
 }
 
@@ -45,7 +45,7 @@ struct Point {
 fn points(count: usize) -> Vec<Point> {
     let mut pcg = Pcg::new(201);
     let zeros =
-        Point { base: [0.0, 1.0, 0.0], metallic: 1.0, color: [1.0, 0.0, 1.0], alpha: 1.0, rest: [0.0, 1.0, 0.0, 0.0] };
+        Point { base: [0.0, 1.0, 0.0], metallic: 1.0, color: [1.0, 0.0, 1.0], alpha: 1.0, rest: [0.0, 1.0, 0.0, 1.0] };
     let ones =
         Point { base: [1.0, 0.0, 1.0], metallic: 0.0, color: [0.0, 1.0, 0.0], alpha: 0.0, rest: [1.0, 0.0, 1.0, 0.0] };
     let mut unit = || pcg.uniform() as f32;
@@ -54,7 +54,7 @@ fn points(count: usize) -> Vec<Point> {
         let base = [unit().powi(2), unit().powi(4), unit()];
         let (metallic, alpha) = (unit(), unit().powi(2));
         let color = [unit().powi(2), unit().powi(4), unit()];
-        Point { base, metallic, color, alpha, rest: [unit(), unit(), unit(), 0.0] }
+        Point { base, metallic, color, alpha, rest: [0; 4].map(|_| unit()) }
     };
     [zeros, ones].into_iter().chain((0..count).map(&mut random)).collect()
 }
@@ -65,30 +65,42 @@ fn is_near(a: f32, b: f32, steps: f32) -> bool {
     (a - b).abs() <= 1.1 / steps * a.sqrt() + 0.3 / steps.powi(2) + 1e-9
 }
 
-/// With textures of the coats, colour and roughness have fewer bits, and the words hold the factors of the coats as well.
+/// With textures of the coats, colour and roughness have fewer bits, and the words hold the factors of the coats as well. With a
+/// texture of the transmission, too, they have 8 bits.
 #[test]
 fn packed_coats_keep_their_digits() {
     let inputs = points(20_000);
-    let results: Vec<Point> = PACK.run(&inputs, &[]);
-    assert_eq!(results[..2], inputs[..2], "0 and 1 are exact");
-    for (g, r) in inputs.iter().zip(&results) {
-        let all = |a: [f32; 3], b: [f32; 3], steps| a.into_iter().zip(b).all(|(a, b)| is_near(a, b, steps));
-        assert!(all(g.base, r.base, 1023.0) && all(g.color, r.color, 255.0), "{g:?} {r:?}");
-        let exact = [(g.metallic, r.metallic), (g.rest[0], r.rest[0]), (g.rest[1], r.rest[1]), (g.rest[2], r.rest[2])];
-        assert!(exact.iter().all(|(a, b)| (a - b).abs() <= 0.51 / 255.0), "{g:?} {r:?}");
-        assert!(is_near(g.alpha, r.alpha, 1023.0) || (r.alpha == 0.0 && g.alpha < 1.1e-3), "{g:?} {r:?}");
+    for (transmits, steps) in [(0.0, 1023.0), (1.0, 255.0)] {
+        let results: Vec<Point> = PACK.compile(&[("HAS_TRANSMISSION_TEXTURES", transmits)]).run(&inputs, &[]);
+        for (i, (g, r)) in inputs.iter().zip(&results).enumerate() {
+            let transmission = if transmits > 0.0 { g.rest[3] } else { 1.0 };
+            let all = |a: [f32; 3], b: [f32; 3], steps| a.into_iter().zip(b).all(|(a, b)| is_near(a, b, steps));
+            assert!(all(g.base, r.base, steps) && all(g.color, r.color, 255.0), "{g:?} {r:?}");
+            let mut exact = vec![(g.metallic, r.metallic), (transmission, r.rest[3])];
+            exact.extend((0..3).map(|k| (g.rest[k], r.rest[k])));
+            assert!(exact.iter().all(|(a, b)| (a - b).abs() <= 0.51 / 255.0), "{g:?} {r:?}");
+            let least = if transmits > 0.0 { 1.3e-3 } else { 1.1e-3 };
+            assert!(is_near(g.alpha, r.alpha, steps) || (r.alpha == 0.0 && g.alpha < least), "{g:?} {r:?}");
+            let expected = Point { rest: [g.rest[0], g.rest[1], g.rest[2], transmission], ..*g };
+            assert!(i > 1 || *r == expected, "0 and 1 are exact");
+        }
     }
 }
 
 #[test]
 fn packed_properties_keep_their_digits() {
     let inputs = points(20_000);
-    let results: Vec<Point> = PACK.compile(&[("HAS_COAT_TEXTURES", 0.0)]).run(&inputs, &[]);
-    for (g, r) in inputs.iter().zip(&results) {
-        assert!(g.base.into_iter().zip(r.base).all(|(a, b)| is_near(a, b, 65535.0)), "{g:?} {r:?}");
-        assert!((g.metallic - r.metallic).abs() <= 0.51 / 255.0, "{g:?} {r:?}");
-        assert!(is_near(g.alpha, r.alpha, 65535.0) || (r.alpha == 0.0 && g.alpha < 1.001e-3), "{g:?} {r:?}");
-        assert_eq!((r.color, r.rest), ([1.0; 3], [1.0, 1.0, 1.0, 0.0]), "without textures, the coats are white");
+    for transmits in [0.0, 1.0] {
+        let constants = [("HAS_COAT_TEXTURES", 0.0), ("HAS_TRANSMISSION_TEXTURES", transmits)];
+        let results: Vec<Point> = PACK.compile(&constants).run(&inputs, &[]);
+        for (g, r) in inputs.iter().zip(&results) {
+            assert!(g.base.into_iter().zip(r.base).all(|(a, b)| is_near(a, b, 65535.0)), "{g:?} {r:?}");
+            assert!((g.metallic - r.metallic).abs() <= 0.51 / 255.0, "{g:?} {r:?}");
+            assert!(is_near(g.alpha, r.alpha, 65535.0) || (r.alpha == 0.0 && g.alpha < 1.001e-3), "{g:?} {r:?}");
+            let transmission = if transmits > 0.0 { g.rest[3] } else { 1.0 };
+            assert!((transmission - r.rest[3]).abs() <= 0.51 / 255.0, "{g:?} {r:?}");
+            assert_eq!((r.color, &r.rest[..3]), ([1.0; 3], &[1.0; 3][..]), "without textures, the coats are white");
+        }
     }
 }
 
@@ -97,7 +109,7 @@ const VARY: ShaderFunction = ShaderFunction {
     input: "wl: vec3<f32>, other: u32, wc: vec3<f32>, constant: u32, base: vec3<f32>, front: u32",
     result: "f: vec4<f32>, pdfs: vec4<f32>, expected_f: vec4<f32>, expected_pdfs: vec4<f32>",
     body: "let m = load_material(input.constant);
-        let p = PointProperties(input.base, m.metallic, m.alpha, WHITE_COATS);
+        let p = PointProperties(input.base, m.metallic, m.alpha, WHITE_COATS, 1.0);
         let a = bsdf_eval(make_varying_bsdf(input.other, p, input.front == 1u), input.wl, input.wc);
         let b = bsdf_eval(make_bsdf(input.constant, input.base, input.front == 1u), input.wl, input.wc);
         result.f = vec4<f32>(a.f, 0.0); result.pdfs = vec4<f32>(a.pdf_to_light, a.pdf_to_sensor, 0.0, 0.0);
@@ -152,11 +164,12 @@ fn a_varying_bsdf_is_the_constant_bsdf_of_the_point() {
 const WORDS: ShaderFunction = ShaderFunction {
     imports: &["surface"],
     input: "uv: vec2<f32>, material: u32, pad: u32",
-    result: "base: vec3<f32>, metallic: f32, alpha: f32, varies: u32, pad: vec2<u32>",
+    result: "base: vec3<f32>, metallic: f32, alpha: f32, varies: u32, transmission: f32, factor: f32",
     body: "var s: Surface; s.uv = input.uv; s.material = input.material; s.color = vec4<f32>(1.0);
         let words = point_words(s); let m = load_material(s.material);
         let lobe = metallic_and_alpha(m, words);
         result.varies = u32(varies(m)); result.metallic = lobe.x; result.alpha = lobe.y;
+        result.transmission = transmission_at(m, words); result.factor = transmission_factor(m, input.uv);
         result.base = bitcast<vec3<f32>>(words);
         if (varies(m)) { result.base = unpack_point(words).base; }",
 };
@@ -168,7 +181,7 @@ const COATS: ShaderFunction = ShaderFunction {
     result: "f: vec4<f32>, pdfs: vec4<f32>, expected_f: vec4<f32>, expected_pdfs: vec4<f32>",
     body: "let m = load_material(input.constant); let base = vec3<f32>(0.5, 0.9, 0.2);
         let coats = CoatFactors(input.color, input.specular, input.clearcoat, input.clearcoat_roughness);
-        let p = PointProperties(base, m.metallic, m.alpha, coats);
+        let p = PointProperties(base, m.metallic, m.alpha, coats, 1.0);
         let a = bsdf_eval(make_varying_bsdf(input.other, p, true), input.wl, input.wc);
         let b = bsdf_eval(make_bsdf(input.constant, base, true), input.wl, input.wc);
         result.f = vec4<f32>(a.f, 0.0); result.pdfs = vec4<f32>(a.pdf_to_light, a.pdf_to_sensor, 0.0, 0.0);
@@ -239,7 +252,7 @@ const FACTORS: ShaderFunction = ShaderFunction {
     body: "let m = load_material(input.material); let coats = coat_factors(m, input.uv);
         result.color = coats.specular_color; result.specular = coats.specular; result.clearcoat = coats.clearcoat;
         result.clearcoat_roughness = coats.clearcoat_roughness; result.varies = u32(varies(m));
-        let p = PointProperties(vec3<f32>(0.5), m.metallic, m.alpha, coats);
+        let p = PointProperties(vec3<f32>(0.5), m.metallic, m.alpha, coats, 1.0);
         result.rough = u32(has_rough_clearcoat(m, pack_point(p)));",
 };
 
@@ -315,6 +328,8 @@ fn surface_textures_multiply_the_factors() {
             base_color_texture: Some(color),
             surface_texture,
             metallic: 0.75,
+            transmission: 0.5,
+            transmission_texture: surface_texture,
             ..stage::plastic("textured", [0.9, 0.5, 0.3], 0.8)
         };
         let material = stage::material(&mut scene, material);
@@ -324,7 +339,7 @@ fn surface_textures_multiply_the_factors() {
         stage::place(&mut scene, "node", mesh, DAffine3::IDENTITY);
     }
     let geometry = Geometry::new(&scene, &RenderSpace::metres(DVec3::ZERO), &Emitters::Scene, &AlbedoTable::new());
-    assert!(geometry.features.surface_textures);
+    assert!(geometry.features.surface_textures && geometry.features.transmission_textures);
     let buffers = [
         contents("materials", &geometry.materials),
         contents("textures", &geometry.textures),
@@ -339,11 +354,14 @@ fn surface_textures_multiply_the_factors() {
         let m = &scene.materials[g[2] as usize];
         let base = sample(&scene, m.base_color_texture, uv);
         let [_, green, blue, _] = sample_data(&scene, m.surface_texture, uv);
+        let red = sample_data(&scene, m.transmission_texture, uv)[0];
         let value = |k: usize| f64::from(f32::from_bits(r[k]));
         assert_eq!(r[5], g[2], "only the second material varies");
         let close = |k: usize| (value(k) - f64::from(m.base_color[k]) * base[k]).abs() < 1e-4;
         assert!((0..3).all(close), "{g:?} {r:?}");
-        // The vertex stores the metalness with 8 bits.
+        assert!((value(7) - red).abs() < 1e-4, "{g:?} {r:?}");
+        // The vertex stores the metalness and the transmission with 8 bits.
+        assert!((value(6) - f64::from(m.transmission) * red).abs() < 2.1e-3, "{g:?} {r:?}");
         assert!((value(3) - f64::from(m.metallic) * blue).abs() < 2.1e-3, "{g:?} {r:?}");
         assert!((value(4) - (f64::from(m.roughness) * green).powi(2)).abs() < 2e-4, "{g:?} {r:?}");
     }

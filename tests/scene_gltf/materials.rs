@@ -90,6 +90,19 @@ fn clear_coats_and_specular_colours_are_read() {
 }
 
 #[test]
+fn textures_of_transmission_are_read() {
+    let mut glb = complete();
+    let plain = read(&glb).materials[0].clone();
+    extensions(&mut glb)["KHR_materials_transmission"]["transmissionTexture"] = json!({ "index": 0 });
+    let scene = read(&glb);
+    check_invariants(&scene);
+    assert_eq!((plain.transmission_texture, &scene.warnings), (None, &vec![]));
+    assert!(scene.materials[0].transmission_texture.is_some());
+    extensions(&mut glb)["KHR_materials_transmission"]["transmissionFactor"] = json!(0);
+    assert_eq!(read(&glb).materials[0].transmission_texture, None);
+}
+
+#[test]
 fn textures_of_coats_are_read() {
     let mut glb = complete();
     let texture = |number: u32| json!({ "index": number });

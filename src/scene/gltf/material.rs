@@ -155,7 +155,6 @@ impl Materials {
                 warnings.once(what, || format!("{what} (first: material `{name}`)"));
             }
         };
-        ignored(transmission.transmission_texture.is_some(), "transmission textures are not read");
         ignored(
             coated > 0.0 && !is_same_map(&clearcoat, source),
             "clear coats have the normals of the surface under them, although the file gives them others",
@@ -180,6 +179,7 @@ impl Materials {
             of(reflected * brightest(specular_color), &specular.specular_color_texture, "specularColorTexture")?,
             of(coated, &clearcoat.clearcoat_texture, "clearcoatTexture")?,
             of(coated * coat_roughness, &clearcoat.clearcoat_roughness_texture, "clearcoatRoughnessTexture")?,
+            of(transmitted, &transmission.transmission_texture, "transmissionTexture")?,
         ];
         if let Some(glossy) = &glossy {
             let glossiness = unit(glossy.glossiness_factor, "glossinessFactor")?;
@@ -195,7 +195,8 @@ impl Materials {
         let (textures, uv_mapping) = add_all(uses, 3, &name, doc, &mut self.textures, warnings)?;
         self.uv_mappings.push(uv_mapping);
         let [base_color_texture, emission_texture, surface_texture, normal_texture, ..] = textures;
-        let [.., specular_texture, specular_color_texture, clearcoat_texture, clearcoat_roughness_texture] = textures;
+        let [.., specular_texture, specular_color_texture, clearcoat_texture, _, _] = textures;
+        let [.., clearcoat_roughness_texture, transmission_texture] = textures;
         Ok(Material {
             base_color,
             base_color_texture,
@@ -213,6 +214,7 @@ impl Materials {
             specular_color_texture,
             ior,
             transmission: transmitted,
+            transmission_texture,
             clearcoat: coated,
             clearcoat_texture,
             clearcoat_roughness: coat_roughness,
