@@ -134,7 +134,8 @@ fn z_scores(means: &[[f64; 2]], gates: Gates, stretch: f64) -> Vec<f64> {
 fn every_gate_agrees_with_the_closed_form() {
     let gates = gates(2.25, 8.25, 12);
     // With one lamp, and with more lamps than are connected one by one.
-    for (scene, estimator) in [(sphere(), Estimator::Bdpt), (sphere(), Estimator::Lcs), (sphere_of(20), Estimator::Lcs)]
+    for (scene, estimator) in
+        [(sphere(), Estimator::Bdpt), (sphere(), Estimator::Lcs), (sphere_of(20, 6), Estimator::Lcs)]
     {
         let means = means(&scene, estimator, gates, 100);
         for (k, z) in z_scores(&means, gates, 1.0).into_iter().enumerate() {
