@@ -34,7 +34,6 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("sums_before", "draw_on_ellipsoid"),
     ("with_even_share", "draw_on_ellipsoid"),
     ("descend_bvh", "draw_on_ellipsoid"),
-    ("contribution_estimate", "draw_on_ellipsoid"),
     ("focus_cosine", "draw_on_ellipsoid"),
     ("focus_at", "renders of lcs with ellipsoidal connections agree with the oracle"),
     ("nearest_four", "search_part"),

@@ -73,7 +73,8 @@ fn presets_set_both_ends_of_the_gate() {
 
 #[test]
 fn named_responses_are_presets_without_a_new_render() {
-    let program = Program::start(&["--response", "near=box:5m..6m", "--response", "far=gauss:8m..9m,0.1m", "--spp", "4"]);
+    let program =
+        Program::start(&["--response", "near=box:5m..6m", "--response", "far=gauss:8m..9m,0.1m", "--spp", "4"]);
     visit(&program.url.clone(), async move |page| {
         page.picture_after(0, 1).await;
         let revision = page.revision().await;

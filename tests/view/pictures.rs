@@ -24,8 +24,10 @@ async fn take(page: &Page, name: &str, target: &str) {
 async fn open(page: &Page) {
     page.browser.set_window_rect(0, 0, WINDOW.0, WINDOW.1).await.unwrap();
     page.until("document.getElementById('picture').dataset.revision").await;
-    page.until("document.querySelector('#gate-preset [value=Median]') || document.querySelector('[value=many]').checked")
-        .await;
+    page.until(
+        "document.querySelector('#gate-preset [value=Median]') || document.querySelector('[value=many]').checked",
+    )
+    .await;
 }
 
 #[test]

@@ -33,6 +33,7 @@ fn names_are_the_keys_of_the_file_and_all_have_help() {
                 "15",
                 "all",
                 "uniform",
+                "on",
                 "localhost:1",
                 "0/2",
                 "word",
