@@ -11,12 +11,12 @@
 // Stream of the random numbers, beside those of the trees in shell_resample.wgsl.
 const ELLIPSOID_STREAM: u32 = 24u;
 
-// Candidates per shade point, and light vertices from which one is chosen for each (docs/notebook/ellipsoids.md).
+// Candidates per shade point, and light vertices from which one is chosen for each (docs/notebook/ellipsoids-by-importance.md).
 const CANDIDATES: u32 = 8u;
 const VERTEX_DRAWS: u32 = 8u;
 
-// A light vertex among `count` from `first` on for an ellipsoidal connection to q with the travel time `tau`, and 1 / its probability as
-// an estimate. NONE if none can be connected.
+// A light vertex for an ellipsoidal connection to q with the travel time `tau`, among `count` vertices from `first` on. The weight is an
+// unbiased estimate of 1 / its probability (Talbot et al. 2005). NONE if none of those drawn can be connected.
 fn draw_vertex(q: PathVertex, tau: f32, first: u32, count: u32, rng: ptr<function, u32>) -> Candidate {
     var chosen = Candidate(NONE, 0.0);
     var chosen_importance = 0.0;

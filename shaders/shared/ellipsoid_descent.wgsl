@@ -20,9 +20,9 @@ fn focus_at(v: PathVertex) -> Focus {
     return Focus(v.position, select(vec3<f32>(0.0), v.geometric, is_one_sided(v)));
 }
 
-// Importance of four children of a node: an estimate of the light that v sends to q over the surfaces in the box, within the travel
-// times of the ellipsoid. 0 if the ellipsoid does not meet the box, or the box lies behind a focus. x, y, z: the bytes of the four
-// lower and of the four upper planes of each axis.
+// Importance of four children of a node. It estimates the light that v sends to q over the surfaces in the box, with the travel time of
+// the ellipsoid. 0 if the ellipsoid does not meet the box, or the box lies behind a focus. x, y, z: bytes of the four lower and of the
+// four upper planes of each axis.
 fn ellipsoid_importance(
     x: vec2<u32>, y: vec2<u32>, z: vec2<u32>, origin: vec3<f32>, scale: vec3<f32>, s: EllipsoidSearch, v: Focus, q: Focus,
 ) -> vec4<f32> {
@@ -105,8 +105,8 @@ fn with_even_share(weights: vec4<f32>, share: f32) -> vec4<f32> {
 const DESCENTS: u32 = 4u;
 const POINT_DRAWS: u32 = 2u;
 
-// Contribution of a connection of diffuse vertices v and q over a diffuse point with this unit normal, up to a factor. 0 if it lies
-// behind v or q.
+// Contribution of a connection of diffuse vertices v and q over a diffuse point with this unit normal, up to a factor: the integrand of
+// the coarea formula in ellipsoid.wgsl. 0 if the point lies behind v or q.
 fn contribution_estimate(position: vec3<f32>, normal: vec3<f32>, v: Focus, q: Focus) -> f32 {
     let from_v = position - v.position;
     let from_q = position - q.position;
@@ -134,35 +134,28 @@ struct TriangleGroup {
 
 // Chooses triangles that the ellipsoid of `s` may meet, with a descent of the BVH.
 fn descend_bvh(s: EllipsoidSearch, v: Focus, q: Focus, rng: ptr<function, u32>) -> TriangleGroup {
-    var node = 0u;
+    var index = 0u;
+    var is_inner = true;
     var group = TriangleGroup(0u, 0u, 1.0);
     // The loop exits at its end: with a condition at the top, masked SIMD would run the body once more.
     loop {
-        let base = node * 5u;
-        let n0 = textureLoad(bvh_nodes, base, 0);
-        let n1 = textureLoad(bvh_nodes, base + 1u, 0);
-        let n2 = textureLoad(bvh_nodes, base + 2u, 0);
-        let n3 = textureLoad(bvh_nodes, base + 3u, 0);
-        let n4 = textureLoad(bvh_nodes, base + 4u, 0);
-        let scale = vec3<f32>(
-            bitcast<f32>(extract_byte(n0.w, 0u) << 23u),
-            bitcast<f32>(extract_byte(n0.w, 1u) << 23u),
-            bitcast<f32>(extract_byte(n0.w, 2u) << 23u),
-        );
-        let origin = bitcast<vec3<f32>>(n0.xyz);
+        let node = load_bvh_node(index);
+        let meta4 = node.children.zw;
         // Empty children have no bits.
-        let first = select(vec4<f32>(0.0), ellipsoid_importance(n2.xz, n3.xz, n4.xz, origin, scale, s, v, q), bytes_to_floats(n1.z) > vec4<f32>(0.0));
-        let second = select(vec4<f32>(0.0), ellipsoid_importance(n2.yw, n3.yw, n4.yw, origin, scale, s, v, q), bytes_to_floats(n1.w) > vec4<f32>(0.0));
+        let first = select(vec4<f32>(0.0), ellipsoid_importance(node.x.xz, node.y.xz, node.z.xz, node.origin, node.scale, s, v, q),
+            bytes_to_floats(meta4.x) > vec4<f32>(0.0));
+        let second = select(vec4<f32>(0.0), ellipsoid_importance(node.x.yw, node.y.yw, node.z.yw, node.origin, node.scale, s, v, q),
+            bytes_to_floats(meta4.y) > vec4<f32>(0.0));
         let share = EVEN_SHARE / 8.0 * (dot(first, vec4<f32>(1.0)) + dot(second, vec4<f32>(1.0)));
         let choice = choose_child(with_even_share(first, share), with_even_share(second, share), next_fine_uniform(rng));
-        let child_meta = extract_byte(select(n1.z, n1.w, choice.slot >= 4u), choice.slot & 3u);
-        let is_inner = (n0.w >> (24u + choice.slot)) & 1u;
+        let child_meta = extract_byte(select(meta4.x, meta4.y, choice.slot >= 4u), choice.slot & 3u);
+        is_inner = ((node.inner >> choice.slot) & 1u) != 0u;
         group.probability *= choice.probability;
-        node = n1.x + countOneBits((n0.w >> 24u) & ~(0xffffffffu << choice.slot));
-        group.first = n1.y + (child_meta & 0x1fu);
+        index = node.children.x + countOneBits(node.inner & ~(0xffffffffu << choice.slot));
+        group.first = node.children.y + (child_meta & 0x1fu);
         group.count = countOneBits(child_meta >> 5u);
         continuing {
-            break if is_inner == 0u || !(group.probability > 0.0);
+            break if !is_inner || !(group.probability > 0.0);
         }
     }
     return group;

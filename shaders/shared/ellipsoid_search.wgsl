@@ -117,23 +117,12 @@ fn search_part(part: u32, s: EllipsoidSearch, key: vec4<u32>, choice: ptr<functi
                 depth += 1u;
             }
             let rank = countOneBits(nodes.y & ~(0xffffffffu << (bit - 24u)));
-            let base = (child_base + rank) * 5u;
-            let n0 = textureLoad(bvh_nodes, base, 0);
-            let n1 = textureLoad(bvh_nodes, base + 1u, 0);
-            let n2 = textureLoad(bvh_nodes, base + 2u, 0);
-            let n3 = textureLoad(bvh_nodes, base + 3u, 0);
-            let n4 = textureLoad(bvh_nodes, base + 4u, 0);
-            let scale = vec3<f32>(
-                bitcast<f32>(extract_byte(n0.w, 0u) << 23u),
-                bitcast<f32>(extract_byte(n0.w, 1u) << 23u),
-                bitcast<f32>(extract_byte(n0.w, 2u) << 23u),
-            );
-            let origin = bitcast<vec3<f32>>(n0.xyz);
-            let mask = search_four(n1.z, n2.xz, n3.xz, n4.xz, origin, scale, s)
-                | search_four(n1.w, n2.yw, n3.yw, n4.yw, origin, scale, s);
+            let node = load_bvh_node(child_base + rank);
+            let mask = search_four(node.children.z, node.x.xz, node.y.xz, node.z.xz, node.origin, node.scale, s)
+                | search_four(node.children.w, node.x.yw, node.y.yw, node.z.yw, node.origin, node.scale, s);
             let inner = select(mask & 0xff000000u, 0u, leaves_only);
-            nodes = vec2<u32>(n1.x, inner | (n0.w >> 24u));
-            leaves = vec2<u32>(n1.y, mask & 0x00ffffffu);
+            nodes = vec2<u32>(node.children.x, inner | node.inner);
+            leaves = vec2<u32>(node.children.y, mask & 0x00ffffffu);
         }
         // The loop exits at its end: with a condition at the top, masked SIMD would run the body once more.
         loop {

@@ -129,6 +129,33 @@ struct Slabs {
     t_max: f32,
 }
 
+// A node of the BVH as it is stored: five texels (Ylitie et al. 2017, Sec. 4).
+struct BvhNode {
+    // First inner child (x), first triangle (y), and the meta bytes of children 0 to 3 (z) and 4 to 7 (w).
+    children: vec4<u32>,
+    // Bytes of the planes of each axis: lower planes of children 0 to 3 and 4 to 7, then their upper planes.
+    x: vec4<u32>,
+    y: vec4<u32>,
+    z: vec4<u32>,
+    // A plane lies at its byte times `scale` plus `origin`.
+    origin: vec3<f32>,
+    scale: vec3<f32>,
+    // Bit i: child i is an inner node.
+    inner: u32,
+}
+
+fn load_bvh_node(index: u32) -> BvhNode {
+    let base = index * 5u;
+    let n0 = textureLoad(bvh_nodes, base, 0);
+    let scale = vec3<f32>(
+        bitcast<f32>(extract_byte(n0.w, 0u) << 23u),
+        bitcast<f32>(extract_byte(n0.w, 1u) << 23u),
+        bitcast<f32>(extract_byte(n0.w, 2u) << 23u),
+    );
+    return BvhNode(textureLoad(bvh_nodes, base + 1u, 0), textureLoad(bvh_nodes, base + 2u, 0), textureLoad(bvh_nodes, base + 3u, 0),
+        textureLoad(bvh_nodes, base + 4u, 0), bitcast<vec3<f32>>(n0.xyz), scale, n0.w >> 24u);
+}
+
 // Hit mask of four of a node's eight children: inner children in bits 24 to 31 by traversal priority, triangles in
 // bits 0 to 23. `near` and `far` hold, for each axis, the bytes of the four near and far planes. `oct4` holds the
 // octant of the ray in every byte.
@@ -178,31 +205,21 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, last_hit: LastHit, t_max: f32, any_hit: 
             }
             let slot = (bit - 24u) ^ oct;
             let rank = countOneBits(nodes.y & ~(0xffffffffu << slot));
-            let base = (child_base + rank) * 5u;
-            let n0 = textureLoad(bvh_nodes, base, 0);
-            let n1 = textureLoad(bvh_nodes, base + 1u, 0);
-            let n2 = textureLoad(bvh_nodes, base + 2u, 0);
-            let n3 = textureLoad(bvh_nodes, base + 3u, 0);
-            let n4 = textureLoad(bvh_nodes, base + 4u, 0);
-            let scale = vec3<f32>(
-                bitcast<f32>(extract_byte(n0.w, 0u) << 23u),
-                bitcast<f32>(extract_byte(n0.w, 1u) << 23u),
-                bitcast<f32>(extract_byte(n0.w, 2u) << 23u),
-            ) * inverse;
-            let origin = (bitcast<vec3<f32>>(n0.xyz) - o) * inverse;
+            let node = load_bvh_node(child_base + rank);
+            let scale = node.scale * inverse;
+            let origin = (node.origin - o) * inverse;
             let wider_scale = SLAB_SLACK * abs(scale);
             let wider_origin = SLAB_SLACK * abs(origin);
             let slabs = Slabs(scale - wider_scale, origin - wider_origin, scale + wider_scale, origin + wider_origin, last_hit.t,
                 hit.t);
-            // The words of an axis are the lower planes of children 0 to 3 and 4 to 7, then their upper planes. The sign of
-            // the direction decides which planes are near.
-            let x = select(n2, n2.zwxy, backwards.x);
-            let y = select(n3, n3.zwxy, backwards.y);
-            let z = select(n4, n4.zwxy, backwards.z);
-            let mask = intersect_four(n1.z, vec3<u32>(x.x, y.x, z.x), vec3<u32>(x.z, y.z, z.z), slabs, oct4)
-                | intersect_four(n1.w, vec3<u32>(x.y, y.y, z.y), vec3<u32>(x.w, y.w, z.w), slabs, oct4);
-            nodes = vec2<u32>(n1.x, (mask & 0xff000000u) | (n0.w >> 24u));
-            leaves = vec2<u32>(n1.y, mask & 0x00ffffffu);
+            // The sign of the direction decides which planes are near.
+            let x = select(node.x, node.x.zwxy, backwards.x);
+            let y = select(node.y, node.y.zwxy, backwards.y);
+            let z = select(node.z, node.z.zwxy, backwards.z);
+            let mask = intersect_four(node.children.z, vec3<u32>(x.x, y.x, z.x), vec3<u32>(x.z, y.z, z.z), slabs, oct4)
+                | intersect_four(node.children.w, vec3<u32>(x.y, y.y, z.y), vec3<u32>(x.w, y.w, z.w), slabs, oct4);
+            nodes = vec2<u32>(node.children.x, (mask & 0xff000000u) | node.inner);
+            leaves = vec2<u32>(node.children.y, mask & 0x00ffffffu);
         } else {
             leaves = nodes;
             nodes = vec2<u32>(0u, 0u);

@@ -44,12 +44,12 @@ const GENERAL: Record = Record {
     judge: Estimator::Bdpt,
 };
 
-/// Hardly any pair of vertices meets a thin gate. So ellipsoidal connections are formed too: they have a travel time inside the gate. Eight
-/// candidates cost two shadow rays.
+/// Hardly any pair of vertices meets a thin gate. Ellipsoidal connections have a travel time inside the gate. So
+/// they are formed too: eight candidates cost two shadow rays.
 static FOR_THIN_GATES: Record = Record {
     slots: |pool| pool.trees * pool.time_groups + 1,
     ellipsoids: Ellipsoids::Resampled,
-    // From 0.1 to 1 makes little difference (docs/notebook/ellipsoids.md).
+    // From 0.1 to 1 makes little difference (docs/notebook/ellipsoids-by-importance.md).
     ellipsoid_sample_count: 0.3,
     ..GENERAL
 };

@@ -1,6 +1,7 @@
 //! The parameters of the kernels: the frame of an iteration (`shared/frame.wgsl`), and the constants that are fixed for a
 //! render.
 
+mod choice;
 mod constants;
 
 use std::ops::Range;
@@ -19,20 +20,13 @@ use crate::estimators::{Ellipsoids, PoolOrder, Record};
 use crate::lightcone::gate::rounding_allowance;
 use crate::scene::{Aim, Camera, Scene};
 use crate::settings::units::Gate;
-use crate::settings::{Crop, Estimator, Importance, Responses, Sampling, Settings, Strategies, UseEllipsoids};
+use crate::settings::{Crop, Importance, Responses, Sampling, Settings, Strategies};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Frame, NONE};
+use choice::Choice;
 
 /// Represents infinity on the device. Its sum with any travel time is still finite.
 const OPEN: f32 = 3e38;
-
-/// With several responses, the estimator's record for histograms is used if their support is longer than this fraction of the
-/// scene's diagonal. Shorter ones miss most light vertices, and queries find those that they meet.
-const HISTOGRAM_WIDTH: f64 = 0.1;
-
-/// Gates that are narrower than this fraction of the scene's diagonal have ellipsoidal connections, if the estimator has a record for
-/// thin gates (docs/notebook/ellipsoids.md).
-const THIN_GATE: f64 = 0.0002;
 
 /// Maximum number of triangles in a part of the BVH, whose search for ellipsoids is a unit of work.
 const PART_TRIANGLES: u32 = 4096;
@@ -403,44 +397,6 @@ impl Plan {
     /// only the strategies with t = 1.
     pub fn traced_paths(&self) -> u32 {
         self.light_paths + if self.splats { self.splat_paths } else { 0 }
-    }
-}
-
-/// What decides, beside the responses, which record of an estimator a render uses.
-struct Choice {
-    estimator: Estimator,
-    /// Diagonal of the scene in metres.
-    diagonal: f64,
-    /// Whether thin gates have ellipsoidal connections. `None`: if the gate is thin enough.
-    ellipsoids: Option<bool>,
-}
-
-impl Choice {
-    /// Fails if ellipsoidal connections are wanted in a scene that cannot have them.
-    fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Choice> {
-        let has_media = !prepared.media.list.is_empty();
-        let ellipsoids = match settings.ellipsoids() {
-            UseEllipsoids::Auto if has_media || settings.strategies() == Strategies::Paper => Some(false),
-            UseEllipsoids::Auto => None,
-            UseEllipsoids::On if has_media => {
-                return Err(Error::Settings(
-                    "--ellipsoids on is not possible in a scene with participating media; leave it out, or use --estimator epc"
-                        .into(),
-                ));
-            }
-            wanted => Some(wanted == UseEllipsoids::On),
-        };
-        Ok(Choice { estimator: settings.estimator(), diagonal: scene.diagonal(), ellipsoids })
-    }
-
-    fn record(&self, responses: &Responses) -> &'static Record {
-        let record = self.estimator.record();
-        let length = |gate: Gate| gate.hi - gate.lo;
-        let lit = length(responses.support()) - responses.hole().map_or(0.0, length);
-        let is_histogram = !responses.is_single_box() && lit > HISTOGRAM_WIDTH * self.diagonal;
-        let is_thin = self.ellipsoids.unwrap_or(lit < THIN_GATE * self.diagonal);
-        let special = if is_histogram { record.for_histograms } else { record.for_thin_gates.filter(|_| is_thin) };
-        special.unwrap_or(record)
     }
 }
 

@@ -1,0 +1,55 @@
+//! Which record of an estimator a render uses.
+
+use crate::error::{Error, Result};
+use crate::estimators::Record;
+use crate::render::prepared_scene::PreparedScene;
+use crate::scene::Scene;
+use crate::settings::units::Gate;
+use crate::settings::{Estimator, Responses, Settings, Strategies, UseEllipsoids};
+
+/// With several responses, the estimator's record for histograms is used if their support is longer than this fraction of the
+/// scene's diagonal. Shorter ones miss most light vertices, and queries find those that they meet.
+const HISTOGRAM_WIDTH: f64 = 0.1;
+
+/// Gates that are narrower than this fraction of the scene's diagonal have ellipsoidal connections, if the estimator has a record for
+/// thin gates (docs/notebook/ellipsoids-by-importance.md).
+const THIN_GATE: f64 = 0.0002;
+
+/// What decides, beside the responses, which record of an estimator a render uses.
+pub struct Choice {
+    estimator: Estimator,
+    /// Diagonal of the scene in metres.
+    diagonal: f64,
+    /// Whether thin gates have ellipsoidal connections. `None`: if the gate is thin enough.
+    ellipsoids: Option<bool>,
+}
+
+impl Choice {
+    /// Fails if ellipsoidal connections are wanted in a scene that cannot have them.
+    pub fn new(scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Choice> {
+        let has_media = !prepared.media.list.is_empty();
+        let ellipsoids = match settings.ellipsoids() {
+            UseEllipsoids::Auto if has_media || settings.strategies() == Strategies::Paper => Some(false),
+            UseEllipsoids::Auto => None,
+            UseEllipsoids::On if has_media => {
+                return Err(Error::Settings(
+                    "--ellipsoids on is not possible in a scene with participating media; leave it out, or use --estimator epc"
+                        .into(),
+                ));
+            }
+            wanted => Some(wanted == UseEllipsoids::On),
+        };
+        Ok(Choice { estimator: settings.estimator(), diagonal: scene.diagonal(), ellipsoids })
+    }
+
+    /// The record for these responses.
+    pub fn record(&self, responses: &Responses) -> &'static Record {
+        let record = self.estimator.record();
+        let length = |gate: Gate| gate.hi - gate.lo;
+        let lit = length(responses.support()) - responses.hole().map_or(0.0, length);
+        let is_histogram = !responses.is_single_box() && lit > HISTOGRAM_WIDTH * self.diagonal;
+        let is_thin = self.ellipsoids.unwrap_or(lit < THIN_GATE * self.diagonal);
+        let special = if is_histogram { record.for_histograms } else { record.for_thin_gates.filter(|_| is_thin) };
+        special.unwrap_or(record)
+    }
+}

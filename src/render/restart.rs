@@ -1,0 +1,104 @@
+//! A renderer begins again with another seed, gate, camera or other lights, and keeps the scene and the kernels.
+
+use super::prepared_scene::PreparedScene;
+use super::responses::ResponseSums;
+use super::{Iterations, Renderer, Stats};
+use crate::error::{Error, Result};
+use crate::image::film::Film;
+use crate::scene::Camera;
+#[cfg(doc)]
+use crate::scene::Scene;
+use crate::settings::units::Gate;
+use crate::settings::{Responses, Settings};
+
+impl Renderer {
+    /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
+    /// statistics stay. Fails without any change if a gate does not have a finite start before its end, if there is a gate and
+    /// a light is infinitely far away, or if the responses need other kernels, as several responses do after a single box.
+    pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
+        let responses = responses.into();
+        let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
+        if !responses.iter().all(|response| is_interval(response.gate())) {
+            return Err(Error::Settings(
+                "a gate must start at a finite time and end later, such as 12.5m..12.8m".into(),
+            ));
+        }
+        if self.plan.has_distant && !responses.are_steady() {
+            return Err(Error::Settings(
+                "a light is infinitely far away, so its light has no travel time to gate; select other emitters".into(),
+            ));
+        }
+        if !self.can_restart(&responses) {
+            return Err(Error::Settings(
+                "these responses need other kernels than those of the render so far; make a new renderer".into(),
+            ));
+        }
+        self.plan.set(seed, responses);
+        self.clear();
+        Ok(())
+    }
+
+    /// Whether [`Renderer::restart`] accepts these responses: their kernels are the same. The kernels of one box differ from those of
+    /// several responses, and those of long histograms from those of short ones.
+    #[doc(hidden)]
+    pub fn can_restart(&self, responses: &Responses) -> bool {
+        self.plan.can_have(responses)
+    }
+
+    /// Clears the film and begins a new render with another camera and a film of the same size. The scene, the BVH, the
+    /// kernels and the statistics stay. Fails if [`Scene::check`] would refuse the camera.
+    ///
+    /// Returns false and changes nothing in two cases; create a new renderer then. `camera` is too far from the camera that the
+    /// scene was prepared for, so positions would be imprecise. Or the two are of different kinds, such as perspective and
+    /// orthographic, or aim at different numbers of points.
+    pub fn set_camera(&mut self, camera: &Camera) -> Result<bool> {
+        camera.check()?;
+        let moved = self.plan.set_camera(camera);
+        if moved {
+            self.scene.write_aims(&self.plan.space.aims(camera))?;
+            self.clear();
+        }
+        Ok(moved)
+    }
+
+    /// Clears the film and begins a new render with lights that have moved. The BVH, the kernels and the statistics stay.
+    /// `prepared` is the scene that the renderer was made from, after [`PreparedScene::follow`].
+    #[doc(hidden)]
+    pub fn set_lights(&mut self, prepared: &PreparedScene, settings: &Settings) -> Result<()> {
+        self.scene.write_emitters(&prepared.emitters.table)?;
+        self.light.set_punctual(&prepared.emitters.deterministic);
+        self.plan.set_lights(prepared, settings);
+        self.clear();
+        Ok(())
+    }
+
+    /// As [`Renderer::set_lights`], for lights that have moved by at most `distance` metres ([`PreparedScene::follow_nearby`]). It does
+    /// not visit the triangles again, so that it takes no time in large scenes. Fewer paths are culled instead.
+    #[doc(hidden)]
+    pub fn move_lights(&mut self, prepared: &PreparedScene, distance: f64) -> Result<()> {
+        self.scene.write_emitters(&prepared.emitters.table)?;
+        self.light.set_punctual(&prepared.emitters.deterministic);
+        self.plan.move_lights(prepared, distance);
+        self.clear();
+        Ok(())
+    }
+
+    /// Forgets the counts and times so far, except those of the scene.
+    #[doc(hidden)]
+    pub fn clear_stats(&mut self) {
+        let Stats { scene_bytes, triangles, .. } = self.stats;
+        self.stats = Stats { scene_bytes, triangles, ..Stats::default() };
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.film = Film::new(self.film.width(), self.film.height());
+        if let Some(responses) = &mut self.responses {
+            *responses = ResponseSums::new(&self.plan, responses.film().has_variance());
+        }
+        if let Some(allocation) = &mut self.allocation {
+            allocation.restart();
+        }
+        self.done = Iterations::default();
+        (self.next, self.first_sample) = (0, 0);
+    }
+}
