@@ -308,9 +308,15 @@ impl Plan {
 
     /// Whether a render with these kernels can begin again with `responses`.
     pub fn can_have(&self, responses: &Responses) -> bool {
-        let kind = |responses: &Responses| (responses.is_single_box(), responses.hole().is_some());
-        let record = self.choice.record(responses);
-        kind(&self.responses) == kind(responses) && std::ptr::eq(self.estimator, record)
+        let kind = |responses: &Responses| {
+            (responses.is_single_box(), responses.hole().is_some(), self.choice.is_histogram(responses))
+        };
+        kind(&self.responses) == kind(responses)
+    }
+
+    /// Whether it then has the bits of a new render with `responses`.
+    pub fn has_bits_of(&self, responses: &Responses) -> bool {
+        self.can_have(responses) && std::ptr::eq(self.estimator, self.choice.record(responses))
     }
 
     /// Whether queries choose among `count` deterministic vertices. Otherwise each shade point connects to all of them.

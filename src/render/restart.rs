@@ -15,6 +15,8 @@ impl Renderer {
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
     /// statistics stay. Fails without any change if a gate does not have a finite start before its end, if there is a gate and
     /// a light is infinitely far away, or if the responses need other kernels, as several responses do after a single box.
+    ///
+    /// The renderer goes on to form ellipsoidal connections, or to form none, as it did for the gate that it was made for.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
         let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
@@ -28,7 +30,7 @@ impl Renderer {
                 "a light is infinitely far away, so its light has no travel time to gate; select other emitters".into(),
             ));
         }
-        if !self.can_restart(&responses) {
+        if !self.plan.can_have(&responses) {
             return Err(Error::Settings(
                 "these responses need other kernels than those of the render so far; make a new renderer".into(),
             ));
@@ -38,11 +40,12 @@ impl Renderer {
         Ok(())
     }
 
-    /// Whether [`Renderer::restart`] accepts these responses: their kernels are the same. The kernels of one box differ from those of
-    /// several responses, and those of long histograms from those of short ones.
+    /// Whether [`Renderer::restart`] accepts these responses, and then renders the bits of a new renderer. The kernels of one box differ
+    /// from those of several responses, those of long histograms from those of short ones, and those of thin gates from those of wide
+    /// ones.
     #[doc(hidden)]
     pub fn can_restart(&self, responses: &Responses) -> bool {
-        self.plan.can_have(responses)
+        self.plan.has_bits_of(responses)
     }
 
     /// Clears the film and begins a new render with another camera and a film of the same size. The scene, the BVH, the

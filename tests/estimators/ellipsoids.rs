@@ -43,6 +43,20 @@ fn thin_gates_of_a_sphere(settings: &Settings) {
     }
 }
 
+/// A renderer for a wide gate takes a thin one too, but a new renderer would have other bits.
+#[test]
+fn a_renderer_takes_gates_of_any_width() {
+    let scene = build(Kind::CornellBox);
+    let gates = [Gate { lo: 6.0, hi: 6.5 }, Gate { lo: 6.0, hi: 6.0001 }];
+    for (own, other) in [(gates[0], gates[1]), (gates[1], gates[0])] {
+        let mut renderer = renderer(&scene, &settings(Estimator::Lcs, [8, 8]).gate(own).build().unwrap());
+        assert!(renderer.can_restart(&own.into()) && !renderer.can_restart(&other.into()));
+        renderer.restart(1, other).unwrap();
+        renderer.iterate(4).unwrap();
+        assert!(renderer.film().mean().iter().any(|&x| x > 0.0));
+    }
+}
+
 /// The scene in fog, so that events in fog are neighbours of auxiliary vertices.
 fn foggy(scene: Scene) -> Scene {
     let phase = PhaseFunction::HenyeyGreenstein { g: 0.5 };

@@ -45,11 +45,23 @@ impl Choice {
     /// The record for these responses.
     pub fn record(&self, responses: &Responses) -> &'static Record {
         let record = self.estimator.record();
-        let length = |gate: Gate| gate.hi - gate.lo;
-        let lit = length(responses.support()) - responses.hole().map_or(0.0, length);
-        let is_histogram = !responses.is_single_box() && lit > HISTOGRAM_WIDTH * self.diagonal;
-        let is_thin = self.ellipsoids.unwrap_or(lit < THIN_GATE * self.diagonal);
-        let special = if is_histogram { record.for_histograms } else { record.for_thin_gates.filter(|_| is_thin) };
+        let is_thin = self.ellipsoids.unwrap_or(lit_length(responses) < THIN_GATE * self.diagonal);
+        let special = match self.is_histogram(responses) {
+            true => record.for_histograms,
+            false => record.for_thin_gates.filter(|_| is_thin),
+        };
         special.unwrap_or(record)
     }
+
+    /// Whether nearly every light vertex meets some of these responses, and the estimator has a record for that.
+    pub fn is_histogram(&self, responses: &Responses) -> bool {
+        let has_record = self.estimator.record().for_histograms.is_some();
+        has_record && !responses.is_single_box() && lit_length(responses) > HISTOGRAM_WIDTH * self.diagonal
+    }
+}
+
+/// Length in metres of the travel times that count for some response.
+fn lit_length(responses: &Responses) -> f64 {
+    let length = |gate: Gate| gate.hi - gate.lo;
+    length(responses.support()) - responses.hole().map_or(0.0, length)
 }
