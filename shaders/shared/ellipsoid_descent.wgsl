@@ -139,7 +139,7 @@ fn descend_bvh(s: EllipsoidSearch, v: Focus, q: Focus, rng: ptr<function, u32>) 
     var group = TriangleGroup(0u, 0u, 1.0);
     // The loop exits at its end: with a condition at the top, masked SIMD would run the body once more.
     loop {
-        let node = load_bvh_node(index);
+        let node = unpack_bvh_node(index);
         let meta4 = node.children.zw;
         // Empty children have no bits.
         let first = select(vec4<f32>(0.0), ellipsoid_importance(node.x.xz, node.y.xz, node.z.xz, node.origin, node.scale, s, v, q),

@@ -117,7 +117,7 @@ fn search_part(part: u32, s: EllipsoidSearch, key: vec4<u32>, choice: ptr<functi
                 depth += 1u;
             }
             let rank = countOneBits(nodes.y & ~(0xffffffffu << (bit - 24u)));
-            let node = load_bvh_node(child_base + rank);
+            let node = unpack_bvh_node(child_base + rank);
             let mask = search_four(node.children.z, node.x.xz, node.y.xz, node.z.xz, node.origin, node.scale, s)
                 | search_four(node.children.w, node.x.yw, node.y.yw, node.z.yw, node.origin, node.scale, s);
             let inner = select(mask & 0xff000000u, 0u, leaves_only);

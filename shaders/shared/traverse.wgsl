@@ -129,7 +129,7 @@ struct Slabs {
     t_max: f32,
 }
 
-// A node of the BVH as it is stored: five texels (Ylitie et al. 2017, Sec. 4).
+// A node of the BVH, unpacked from its five texels (Ylitie et al. 2017, Sec. 4).
 struct BvhNode {
     // First inner child (x), first triangle (y), and the meta bytes of children 0 to 3 (z) and 4 to 7 (w).
     children: vec4<u32>,
@@ -144,7 +144,7 @@ struct BvhNode {
     inner: u32,
 }
 
-fn load_bvh_node(index: u32) -> BvhNode {
+fn unpack_bvh_node(index: u32) -> BvhNode {
     let base = index * 5u;
     let n0 = textureLoad(bvh_nodes, base, 0);
     let scale = vec3<f32>(
@@ -205,7 +205,7 @@ fn traverse(o: vec3<f32>, d: vec3<f32>, last_hit: LastHit, t_max: f32, any_hit: 
             }
             let slot = (bit - 24u) ^ oct;
             let rank = countOneBits(nodes.y & ~(0xffffffffu << slot));
-            let node = load_bvh_node(child_base + rank);
+            let node = unpack_bvh_node(child_base + rank);
             let scale = node.scale * inverse;
             let origin = (node.origin - o) * inverse;
             let wider_scale = SLAB_SLACK * abs(scale);

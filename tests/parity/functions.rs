@@ -28,7 +28,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("arc_ends", "arcs_in_triangle"),
     ("four_and", "arcs_in_triangle"),
     ("may_meet", "search_part"),
-    ("load_bvh_node", "search_part"),
+    ("unpack_bvh_node", "search_part"),
     ("focal_sum", "search_part"),
     ("ellipsoid_importance", "draw_on_ellipsoid"),
     ("choose_child", "draw_on_ellipsoid"),
