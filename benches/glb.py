@@ -4,7 +4,7 @@ import struct
 
 
 def read(path):
-    """The JSON document and the binary chunk of a GLB file, which is empty if the file has none."""
+    """The JSON document and the binary chunk of a GLB file. The chunk is empty if the file has none."""
     with open(path, "rb") as file:
         data = file.read()
     length = struct.unpack_from("<I", data, 12)[0]

@@ -7,10 +7,10 @@
     python3 benches/corpus/against_cycles.py --picture docs/pictures/from-blender.png
 
 Every scene has a floor, a sphere and a cube, and is exported as docs/GUIDE.md recommends. Cycles renders it with plain GGX lobes
-and without shortcuts (clamping, blurred reflections, light threshold). The table gives taugate / Cycles for each object: the
-median over cells of 4 x 4 pixels, and the range that holds the middle 90 % of the cells. Cells at edges of objects are left out,
-and cells darker than 2 % of the object's median. Exits with 1 if a median is off by more than 3 % although both programs have the
-same material model.
+and without shortcuts (clamping, blurred reflections, light threshold). The table gives the ratio taugate / Cycles for each object:
+the median over cells of 4 x 4 pixels, and the range that holds the middle 90 % of the cells. Cells at edges of objects, and cells
+darker than 2 % of the object's median, are left out. Exits with 1 if a median is off by more than 3 % although both programs have
+the same material model.
 """
 import argparse
 import subprocess
@@ -70,7 +70,7 @@ SCENES = [(diffuse, "point", True), (diffuse, "spot", True), (diffuse, "area", T
 
 
 def objects_seen():
-    """The number of the object at the centre of each pixel, from 1 (0: another one or none). Row 0 is at the top."""
+    """For each pixel, the number of the object at its centre, from 1; 0 for another object or none. Row 0 is at the top."""
     blender, eye = bpy.context.scene, bpy.context.scene.camera
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -124,7 +124,7 @@ def cells(values):
 
 
 def ratios(ours, theirs, seen, number):
-    """taugate / Cycles for all lit cells and channels. Cells lie inside the object with a border of one pixel."""
+    """taugate / Cycles for all lit cells and channels. Each cell, and a border of one pixel around it, lies inside the object."""
     is_inside = np.pad(seen == number, 1)
     is_inside = np.lib.stride_tricks.sliding_window_view(is_inside, (3, 3)).all(axis=(2, 3))
     inside = cells(is_inside.astype(float))[..., 0] == 1

@@ -14,8 +14,8 @@ programs have:
     metal      white metal, roughness 0.5 (GGX alpha 0.25); Fresnel reflectance 1 at all angles
     plastic    base colour 0.8 under a dielectric coat of roughness 0.5; Mitsuba: `principled`, a different model
 
-A camera and a point light are added. The table gives taugate / Mitsuba: the median over cells of 4 x 4 pixels, and the range that
-holds the middle 90 % of the cells. Cells with an unlit pixel, for example at silhouettes, are left out. Exits with 1 if a median
+A camera and a point light are added. The table gives the ratio taugate / Mitsuba: the median over cells of 4 x 4 pixels, and the range
+that holds the middle 90 % of the cells. Cells with an unlit pixel, for example at silhouettes, are left out. Exits with 1 if a median
 is off by more than 3 % although both programs have the same material model. Without Mitsuba it prints a message and exits with 0.
 """
 import argparse
@@ -61,7 +61,7 @@ def read_meshes(path):
 
 
 def view(meshes, direction):
-    """Camera to world, and the place of the light: above and to the right of the camera."""
+    """The camera-to-world matrix, the position of the light (above and to the right of the camera), and the camera's distance."""
     corners = np.array([mesh.bounds for mesh, _ in meshes])
     low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
     middle, radius = (low + high) / 2, np.linalg.norm(high - low) / 2

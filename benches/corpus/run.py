@@ -6,7 +6,7 @@
     python3 benches/corpus/run.py FOLDER [--program target/release/taugate] [--out FOLDER/results]
 
 Each file is rendered with `--camera auto --headlamp`, so files without camera or light show something as well. The output folder
-gets `results.csv` and `sheet-NN.png`, pictures with names. A picture is exposed by its own brightness. Results:
+gets `results.csv` and the contact sheets `sheet-NN.png`. The exposure of each picture follows its brightness. Results:
 
     rendered   the file opened without a warning
     warned     it opened; the warnings name what is ignored

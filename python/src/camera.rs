@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use taugate::internals::scene::{Camera, Projection, Scene};
 use taugate::internals::settings::Settings;
 
-/// What the class `Camera` of Python is made from.
+/// The data of the Python class `Camera`.
 #[pyclass(frozen, get_all, module = "taugate._native")]
 #[derive(Clone, Serialize, Deserialize)]
 pub struct View {

@@ -1,4 +1,4 @@
-//! Scans: one render per point of the laser, on one renderer.
+//! Scans: one render per laser point, all with the same renderer.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,8 +22,8 @@ use crate::flags::Words;
 use crate::scene::{Job, NativeScene};
 use crate::shared::{feasible, memory};
 
-/// Measures all pairs of points of the scan of `scene`, and writes the files of the program: the array `path` (.npy), its description and,
-/// with the setting `variance`, its variances. Returns the number of points of the laser that were measured, warnings, and the exception that
+/// Measures all pairs of points of the scan of `scene`. Writes the same files as the command line: the array `path` (.npy), its description
+/// and, with the setting `variance`, its variances. Returns the number of laser points that were measured, warnings, and the exception that
 /// interrupted the scan, if any. Writes nothing if no point was measured.
 #[pyfunction]
 #[pyo3(signature = (scene, flags, path, progress=None))]
@@ -104,14 +104,14 @@ struct Measuring<'a> {
     settings: &'a Settings,
     strict: bool,
     film: ScanFilm,
-    /// Number of points of the laser.
+    /// Number of laser points measured so far.
     measured: usize,
     /// Samples of each pair of points.
     samples: u64,
 }
 
 impl Measuring<'_> {
-    /// Measures one point of the laser after the other, until `stop` is true. A point that was begun does not count.
+    /// Measures one laser point after the other, until `stop` is true. The point that `stop` interrupts does not count.
     fn run(&mut self, renderer: &mut Renderer, steps: &Sender<Step>, stop: &Arc<AtomicBool>) -> Result<()> {
         let (started, count) = (Instant::now(), self.scan.laser_points.len());
         let laser = self.scene.lights.len() - 1;

@@ -69,8 +69,8 @@ impl<'a> World<'a> {
         self.first_there(&ray, pcg).is_none()
     }
 
-    /// The nearest surface that is present for this ray. A ray can cross a triangle only once. So the search continues without
-    /// the triangles that the ray has passed, because another triangle may lie at the same distance.
+    /// The nearest surface that is present for this ray. The search continues without the triangles that the ray has passed, not from
+    /// a larger distance, because another triangle may lie at the same distance. A ray can cross a triangle only once.
     fn first_there(&self, ray: &Ray, pcg: &mut Pcg) -> Option<Surface> {
         let mut passed = vec![];
         loop {
@@ -163,7 +163,7 @@ impl<'a> World<'a> {
 }
 
 impl Vertex<'_> {
-    /// Whether no connection to this vertex has a contribution.
+    /// Whether every connection to this vertex contributes 0.
     pub fn only_delta(&self) -> bool {
         self.black || self.bsdf.only_delta()
     }

@@ -58,8 +58,8 @@ fn gated_sphere_with_a_point_light() {
     assert!(control > 4.0, "a gate that is off by 2 % passes with {control} errors");
 }
 
-/// A beam from the centre of the sphere. After its first hit the light follows the chords of the closed form, if the view is
-/// averaged over all directions. Every order beyond the first then returns P / (4 pi^2 R^2) times the closed form.
+/// A beam from the centre of the sphere, with the view averaged over all directions. After its first hit, the light follows the
+/// chords of the closed form. So every order of reflection beyond the first returns P / (4 pi^2 R^2) times the closed form.
 fn beam_in_a_sphere(radius: f32) {
     let mut scene = build(Kind::GatedSphere { radius: 1.0, subdivisions: 6, albedo: 0.5 });
     let kind = LightKind::Beam { power: [3.0; 3], radius };
@@ -126,7 +126,7 @@ fn beam_on_a_wall(radius: f32, aim: DVec3) -> Film {
 
 #[test]
 fn the_spot_of_a_beam_as_the_camera_sees_it() {
-    // The wall is parallel to the image, so the image's mean is rho / pi P over the area of the wall in view.
+    // The wall is parallel to the image, so the image's mean is (rho / pi) P divided by the area of the wall in view.
     let truth = 0.6 * 2.0 / std::f64::consts::PI / (4.0 * 4.0 * 0.5f64.tan().powi(2));
     for radius in [0.0, 0.2] {
         for aim in [DVec3::new(0.3, 0.0, -2.0), DVec3::new(-0.2, 0.3, -2.0)] {
@@ -140,7 +140,7 @@ fn the_spot_of_a_beam_as_the_camera_sees_it() {
     }
 }
 
-/// Every pixel of the floor that an orthographic camera sees at an angle, through each gate.
+/// Compares every pixel through each gate. The orthographic camera sees the floor at an angle.
 #[test]
 fn an_orthographic_camera_sees_the_closed_form() {
     use orthographic::{GATES, RESOLUTION, floor, gated_pixels};
@@ -154,14 +154,14 @@ fn an_orthographic_camera_sees_the_closed_form() {
             off.count()
         };
         assert_eq!(wrong(&truth), 0, "gate {gate:?}");
-        // Negative control: travel times that end 5 cm too late.
+        // Negative control: gates that are 5 cm too late.
         let late = gated_pixels((gate.0 + 0.05, gate.1 + 0.05));
         assert!(gate.1.is_infinite() || wrong(&late) > 5, "gate {gate:?}");
     }
 }
 
 /// The spot of a thin beam, seen by an orthographic camera at an angle. The spot is in one pixel, so the image's mean is rho / pi
-/// times the beam's power, times the cosine of the view, over the area of the sensor.
+/// times the beam's power, times the cosine of the viewing angle, divided by the area of the sensor.
 #[test]
 fn the_spot_of_a_beam_as_an_orthographic_camera_sees_it() {
     let mut scene = orthographic::floor();
@@ -181,7 +181,7 @@ fn the_spot_of_a_beam_as_an_orthographic_camera_sees_it() {
     for bin in [0, 1] {
         assert!((average(&film, bin).0 / truth - 1.0).abs() < 1e-6, "{:?} and not {truth}", average(&film, bin));
     }
-    // The point is right of the axis and above it by these parts of the 4 m high view.
+    // The point is `x` metres right of the axis and `y` metres above it, in a view that is 4 m high.
     let right = axis.cross(DVec3::Y).normalize();
     let (x, y) = (right.dot(DVec3::new(0.3, 0.2, 0.0)), right.cross(axis).dot(DVec3::new(0.3, 0.2, 0.0)));
     let (column, row) = ((0.3 * 24.0 + x * 4.0).floor() as usize, (0.6 * 16.0 - y * 4.0).floor() as usize);

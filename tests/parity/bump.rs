@@ -102,7 +102,7 @@ fn compare(scene: &Scene, count: usize) -> (usize, usize) {
 
 #[test]
 fn normal_maps_and_vertex_colours_agree_with_the_oracle() {
-    // Normals up to about 50 degrees from the surface, and, with a scale, up to the limit of 84 degrees.
+    // Normals tilted by up to about 50 degrees and, with a scale, by up to the limit of 84 degrees.
     let random = |pcg: &mut Pcg| [40 + pcg.below(176) as u8, 40 + pcg.below(176) as u8, 200, 255];
     for scale in [1.0, -0.5, 30.0] {
         let (hits, turned) = compare(&scene(random, scale), 20_000);

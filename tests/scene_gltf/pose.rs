@@ -6,7 +6,7 @@ use super::*;
 
 const TRIANGLE: [[f32; 3]; 3] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
-/// Positions of the corners of the only triangle of the instance with number `index`, in the world.
+/// World-space corners of the only triangle of instance `index`.
 fn corners(scene: &Scene, index: usize) -> [DVec3; 3] {
     let instance = &scene.instances[index];
     let mesh = &scene.meshes[instance.mesh as usize];
@@ -21,7 +21,7 @@ fn assert_near(corners: [DVec3; 3], want: [[f64; 3]; 3]) {
 
 #[test]
 fn integers_of_all_kinds_are_read() {
-    // Component type, whether it is normalized, the bytes of 0, 1 and -1 or 2, and their values.
+    // Component type, whether it is normalized, the bytes of `zero`, `one` and `end`, and their values.
     type Case = (u32, bool, [&'static [u8]; 3], [f32; 3]);
     let cases: [Case; 8] = [
         (5120, false, [&[0], &[127], &[0x80]], [0.0, 127.0, -128.0]),
@@ -94,7 +94,7 @@ fn every_copy_of_a_node_is_an_instance_with_its_name() {
     assert_near(corners(&scene, 1), [[20.0, 0.0, 0.0], [20.0, 2.0, 0.0], [18.0, 0.0, 0.0]]);
     assert_near(corners(&scene, 2), [[0.0, 40.0, 0.0], [4.0, 40.0, 0.0], [0.0, 46.0, 0.0]]);
 
-    // Custom attributes alone make copies in one place.
+    // With custom attributes alone, all copies are in one place.
     glb.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = json!({ "_ID": translation });
     assert_eq!(read(&glb).instances.len(), 4);
 }
@@ -117,12 +117,12 @@ fn morph_targets_have_the_weights_of_the_node_or_of_the_mesh() {
     assert_eq!(scene.warnings, Vec::<String>::new());
     assert_near(corners(&scene, 0), [[2.0, 0.0, 10.0], [3.0, 0.0, 10.0], [2.0, 1.0, 10.0]]);
     assert_near(corners(&scene, 1), [[0.0, 0.0, 2.0], [1.0, 0.0, 2.0], [0.0, 1.0, 2.0]]);
-    // The plain normal has length 2 along Z; the target adds half of 2 along X.
+    // The mesh's normal has length 2 along Z; the second target adds half of 2 along X.
     let normal = Vec3::from(scene.meshes[scene.instances[0].mesh as usize].normals[0]);
     assert!((normal - Vec3::new(1.0, 0.0, 2.0).normalize()).length() < 1e-6);
 }
 
-/// The complete scene, whose triangle has a skin with two joints: node 5 stands at (100, 0, 0), node 6 turns by a quarter about Z.
+/// The complete scene, but its triangle has a skin with two joints. Node 5 is at (100, 0, 0); node 6 makes a quarter turn about Z.
 fn skinned(weights: [[f32; 4]; 3]) -> Glb {
     let mut glb = complete();
     let half = std::f32::consts::FRAC_1_SQRT_2;
@@ -151,13 +151,14 @@ fn skinned_meshes_follow_their_joints_at_rest() {
     let scene = read(&glb);
     check_invariants(&scene);
     assert_eq!(scene.warnings, Vec::<String>::new());
-    // The node of a skinned mesh, at (7, 7, 17), has no effect. (0, 1, 0) goes halfway between (100, 1, -1) and (-1, 0, 0).
+    // The transform of a skinned mesh's node, here to (7, 7, 17), has no effect. The joints move vertex (0, 1, 0) to (100, 1, -1)
+    // and (-1, 0, 0); it goes halfway between.
     let want = [[100.0, 0.0, -1.0], [0.0, 1.0, 0.0], [49.5, 0.5, -0.5]];
     assert_near(corners(&scene, 0), want);
     // A node without the skin shares the glTF mesh, but not its pose.
     assert_near(corners(&scene, 1), [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
 
-    // Weights count in proportion; vertices without weights follow the first joint.
+    // Weights are divided by their sum; vertices without weights follow the first joint.
     let scene = read(&skinned([[0.0; 4], [0.0, 7.0, 0.0, 0.0], [3.0, 3.0, 0.0, 0.0]]));
     assert_near(corners(&scene, 0), want);
 }
@@ -165,12 +166,12 @@ fn skinned_meshes_follow_their_joints_at_rest() {
 #[test]
 fn normals_turn_with_their_joint() {
     let mut glb = skinned([[0.0, 1.0, 0.0, 0.0]; 3]);
-    // A normal along X, and a joint that stretches X before it turns X to Y.
+    // A normal between X and Y, and a joint that stretches X before it turns X to Y.
     let normals = glb.floats(&[[1.0, 1.0, 0.0]; 3]);
     glb.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normals);
     glb.json["nodes"][6]["scale"] = json!([2.0, 1.0, 1.0]);
     let normal = Vec3::from(read(&glb).meshes[0].normals[0]);
-    // Across a stretched direction a normal shrinks: (1/2, 1) turned by a quarter.
+    // The normal shrinks along the stretched axis, to (1/2, 1), and then makes a quarter turn.
     assert!((normal - Vec3::new(-1.0, 0.5, 0.0).normalize()).length() < 1e-6, "{normal}");
 }
 

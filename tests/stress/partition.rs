@@ -8,8 +8,8 @@ use taugate::internals::settings::{Estimator, Strategies};
 use super::cells::{renderer, settings, threshold};
 use super::{image, sum};
 
-/// `n` gates that together cover every travel time. Their inner ends lie between 3 m and 18 m, where most light of the box
-/// arrives.
+/// `n` gates that together cover every travel time. The edges between neighbours lie between 3 m and 18 m, where most light of the
+/// box arrives.
 fn abutting(n: u32) -> Vec<Gate> {
     let edge = |i: u32| match i {
         0 => 0.0,
@@ -24,8 +24,8 @@ fn cornell(estimator: Estimator, max_depth: u32, light_paths: u32) -> Renderer {
     renderer(&build(Kind::CornellBox), &s)
 }
 
-/// Largest difference of a pixel between the sum over `gates` and the ungated image with the same seed, relative to the image's
-/// mean.
+/// Largest difference of any pixel between the sum of the gated images and the ungated image, relative to the mean of the ungated
+/// image. All images have the same seed.
 fn worst(estimator: Estimator, gates: &[Gate]) -> f64 {
     let mut renderer = cornell(estimator, 6, 100);
     let whole = image(&mut renderer, 7, Gate::OPEN, 1, 2);
@@ -56,9 +56,9 @@ fn a_thousand_gates_add_up_with_the_same_seed() {
     }
 }
 
-/// Returns the light in the image of each of `n` gates, the light of the ungated image, and the standard error of the difference
-/// between the sum of the first and the second. Each gate is rendered with `seeds` seeds of its own, so that the variances of the
-/// gates add up. The error is small only without t = 1, because rare bright pixels of this strategy dominate the variance.
+/// Returns the light in the image of each of `n` gates, the light of the ungated image, and the standard error of the sum of the
+/// gates minus the ungated light. Each gate is rendered with `seeds` seeds of its own, so that the variances of the gates add up.
+/// The error is small only without t = 1, because rare bright pixels of this strategy dominate the variance.
 fn totals(estimator: Estimator, strategies: Strategies, n: u32, seeds: u32, whole_seeds: u32) -> (Vec<f64>, f64, f64) {
     let s = settings(estimator, [8, 8]).max_depth(4).light_paths(2000).strategies(strategies).build().unwrap();
     let mut renderer = renderer(&build(Kind::CornellBox), &s);

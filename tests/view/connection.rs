@@ -1,4 +1,4 @@
-//! Pages that come, go, come back, or may not come at all.
+//! Pages that connect, disconnect, connect again, or are refused.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

@@ -62,7 +62,7 @@ pub(super) fn phase(table: &MediumTable) -> Result<PhaseFunction, String> {
                 g: first()?,
                 g_draine: second("the parameter g of its second lobe")?,
                 weight_draine: 1.0 - weight()?,
-                alpha: table.alpha.map(|Alpha(x)| x).ok_or(missing("--phase-alpha", "of its second lobe"))?,
+                alpha: table.alpha.map(|Alpha(x)| x).ok_or(missing("--phase-alpha", "the alpha of its second lobe"))?,
             },
         },
         Phase::Table(path) => read_table(&path)?,
@@ -78,8 +78,8 @@ fn only(used: &[&str]) -> String {
     }
 }
 
-/// Droplets of water of this diameter in micrometres, from 5 to 50: the fit to Mie scattering of Jendersie and d'Eon 2023,
-/// equations 4 to 7.
+/// Phase function of water droplets with the diameter `d`, 5 to 50 micrometres: the fit of Jendersie and d'Eon 2023, equations 4 to 7,
+/// to Mie scattering.
 fn droplets(d: f64) -> PhaseFunction {
     PhaseFunction::HenyeyGreensteinDraine {
         g: (-0.0990567 / (d - 1.67154)).exp(),

@@ -1,4 +1,4 @@
-//! A lobe around the direction that light comes from: a GGX reflection of which one direction is mirrored about the normal
+//! A lobe around the direction that light comes from: a GGX reflection with one of its two directions mirrored about the normal
 //! (Portsmouth et al. 2026).
 
 use std::f64::consts::SQRT_2;

@@ -35,7 +35,7 @@ pub enum Channels {
     Glossiness(f32),
 }
 
-/// An image that is needed.
+/// An image that a material uses.
 pub struct ImageUse {
     /// Index of the glTF image.
     pub index: usize,
@@ -49,9 +49,9 @@ pub struct Textures {
     pub list: Vec<Texture>,
     /// The source of each [`crate::scene::Image`].
     pub images: Vec<ImageUse>,
-    /// From the glTF index of a texture, its transform and the number of its image in `images` to an index into `list`.
+    /// Maps the glTF index of a texture, its transform and its index into `images` to an index into `list`.
     texture_of: HashMap<(usize, [u64; 6], u32), u32>,
-    /// From the glTF index of an image and the bits of its [`Channels::Glossiness`] to an index into `images`.
+    /// Maps the glTF index of an image and the bits of its [`Channels::Glossiness`] to an index into `images`.
     image_of: HashMap<(usize, Option<u32>), u32>,
     /// For each glTF image, the first glTF image with the same data.
     first_alike: Vec<usize>,
@@ -68,8 +68,8 @@ impl Textures {
         }
     }
 
-    /// Index into `list` of the glTF texture `source` with this transform, which is added on first use. `what` names the user in
-    /// messages.
+    /// Index into `list` of the glTF texture `source` with this transform. The first use adds the texture to `list`. `what` names the
+    /// user in messages.
     pub fn add(
         &mut self,
         doc: &Document,
@@ -113,7 +113,7 @@ impl Textures {
         }))
     }
 
-    /// Index into `images` of the glTF image `index`, which is added on first use.
+    /// Index into `images` of the glTF image `index`. The first use adds it to `images`.
     fn image(&mut self, index: usize, channels: Channels, what: &str) -> u32 {
         let glossiness = match channels {
             Channels::Stored => None,
@@ -127,7 +127,7 @@ impl Textures {
 }
 
 /// The glTF index of the image that the texture with index `source` shows: its WebP image if it has one, otherwise its PNG or
-/// JPEG image. The image exists.
+/// JPEG image. Fails if there is no such image.
 fn image_index(
     doc: &Document,
     source: usize,
