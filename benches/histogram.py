@@ -7,15 +7,15 @@
 
 With --peer it also measures mitransient (pip install mitransient mitsuba; see peers.py), and all surfaces are diffuse.
 
-Cases: 300 bins over the arrival range of the Cornell box and of staircase, and 20 bins of 1 % of the diagonal around the median. The
-variants take turns. Other work on the machine changes what a second of wall time is worth, so each render has a number of samples
-that takes about --seconds of processor time. The figure to compare is the error times the processor time, start-up excluded. It
-does not depend on how long a render takes.
+Cases, for the Cornell box and for staircase: 300 bins over the range of arrival times, and 20 bins around the median arrival time,
+each 1 % of the scene's diagonal wide. The variants take turns. Other work on the machine slows a render down, so each render has a
+number of samples that takes about --seconds of processor time, not of wall time. The figure to compare is the error times the
+processor time, start-up excluded. It does not depend on how long a render takes.
 
 The error is relMSE per bin, averaged over bins: the mean of (x - r)^2 / (r^2 + eps) over pixels and channels, with eps = (1 % of the
-mean of the bin)^2. Bins with less than a thousandth of the light of the brightest one are left out. The reference has two halves a
-and b, by bdpt and by lcs, with other seeds; r is their mean. (x - a) (x - b) replaces (x - r)^2: its expected value contains no
-error of the reference. The page states the relMSE of the reference itself, from a quarter of (a - b)^2.
+mean of the bin)^2. Bins with less than a thousandth of the light of the brightest bin are left out. The reference has two halves,
+a from bdpt and b from lcs, with another seed than the variants; r is their mean. (x - a) (x - b) replaces (x - r)^2: its expected
+value contains no error of the reference. The page also states the relMSE of the reference, computed from (a - b)^2 / 4.
 """
 import argparse
 import os
@@ -61,7 +61,7 @@ def cpu_seconds(command):
 
 
 class Case:
-    """A scene with its gates, and the start-up times of the variants."""
+    """A scene with its gates, and for each variant the start-up time and the time per sample."""
 
     def __init__(self, arguments, scene, gates, bins, size, folder):
         self.binary, self.scene, self.folder, self.size, self.gates, self.bins = arguments.binary, scene, folder, size, gates, bins
@@ -83,7 +83,7 @@ class Case:
 
 
 class Peer:
-    """mitransient, which renders in passes of one size. The first passes compile its kernels and find the size."""
+    """mitransient, which renders in passes of equal size. The first passes compile its kernels and find this size, `spp`."""
 
     def __init__(self, peers, document, binary, case, seconds):
         self.mi = peers.mi

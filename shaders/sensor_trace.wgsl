@@ -14,8 +14,8 @@
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
 @group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
 @group(2) @binding(6) var<storage, read_write> tallies: array<vec4<u32>>;
-// The emission at the hit, for OBSERVE only. OBSERVE_TIMES, OBSERVE_RESPONSES: with its MIS weight, and the travel time in w.
-// OBSERVE_STRATEGIES: without its MIS weight, which is in w.
+// The emission at the hit, if OBSERVE is not 0. OBSERVE_TIMES and OBSERVE_RESPONSES: times its MIS weight; w is the travel time.
+// OBSERVE_STRATEGIES: not multiplied by its MIS weight; w is this weight.
 @group(2) @binding(7) var<storage, read_write> emitted: array<vec4<f32>>;
 
 // With DRAWS_IN_GATE only: the segments before the shade points.
@@ -66,7 +66,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     q.owner = slot;
     q.flags |= depth;
     if (HAS_ELLIPSOIDS && depth >= 3u) {
-        // The first surface is no auxiliary vertex (weights.wgsl).
+        // The vertex before q is an auxiliary vertex unless it is the first surface (weights.wgsl).
         add_auxiliary_sum(&q, shade_points[slot]);
     }
 
@@ -86,7 +86,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         }
     }
 
-    // The path still has to reach an emitter.
+    // The path still has to reach an emitter. It is late if even the nearest point of the emitters' box is too far for the gate.
     let nearest = clamp(q.position, frame.emitter_lo, frame.emitter_hi);
     let is_late = is_too_late(q, nearest);
     if (depth >= frame.max_depth || (is_late && !has_segment)) {

@@ -7,8 +7,8 @@
     python3 benches/corpus/against_cycles.py --picture docs/pictures/from-blender.png
 
 Every scene has a floor, a sphere and a cube, and is exported as docs/GUIDE.md recommends. Cycles renders it with plain GGX lobes
-and without shortcuts (clamping, blurred reflections, light threshold). The table gives the ratio taugate / Cycles for each object:
-the median over cells of 4 x 4 pixels, and the range that holds the middle 90 % of the cells. Cells at edges of objects, and cells
+and without shortcuts (clamping, blurred reflections, light threshold). The table gives taugate / Cycles for each object: the
+median over cells of 4 x 4 pixels, and the range that holds the middle 90 % of the cells. Cells at edges of objects, and cells
 darker than 2 % of the object's median, are left out. Exits with 1 if a median is off by more than 3 % although both programs have
 the same material model.
 """

@@ -14,9 +14,9 @@ programs have:
     metal      white metal, roughness 0.5 (GGX alpha 0.25); Fresnel reflectance 1 at all angles
     plastic    base colour 0.8 under a dielectric coat of roughness 0.5; Mitsuba: `principled`, a different model
 
-A camera and a point light are added. The table gives the ratio taugate / Mitsuba: the median over cells of 4 x 4 pixels, and the range
-that holds the middle 90 % of the cells. Cells with an unlit pixel, for example at silhouettes, are left out. Exits with 1 if a median
-is off by more than 3 % although both programs have the same material model. Without Mitsuba it prints a message and exits with 0.
+A camera and a point light are added. The table gives taugate / Mitsuba: the median over cells of 4 x 4 pixels, and the range
+that holds the middle 90 % of the cells. Cells with an unlit pixel, for example at silhouettes, are left out. Exits with 1 if a
+median is off by more than 3 % although both programs have the same material model. Without Mitsuba it prints a message and exits with 0.
 """
 import argparse
 import subprocess

@@ -1,4 +1,4 @@
-//! Renders: devices that all renders of the process share, preparation, and iterations that Python can watch and interrupt.
+//! Rendering: devices that all renders of the process share, preparation, and iterations that Python can watch and interrupt.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,7 +22,7 @@ use crate::errors::{Failure, Result};
 use crate::shared::feasible;
 use crate::shared::ready::Ready;
 
-/// How long a render waits before it asks Python for interrupts, in the main thread.
+/// How long the calling thread waits for a step before it asks Python for interrupts. They reach only the main thread.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 static DEVICES: Mutex<Option<Devices>> = Mutex::new(None);
@@ -31,17 +31,17 @@ static DEVICES: Mutex<Option<Devices>> = Mutex::new(None);
 struct Devices {
     /// The process that opened them.
     process: u32,
-    /// By the names that chose them.
+    /// By the name that selected the device.
     open: HashMap<Option<String>, Device>,
 }
 
-/// Locks a mutex; a panic elsewhere left its contents whole.
+/// Locks a mutex, even a poisoned one: a panic elsewhere leaves its contents intact.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The device of this name. It is opened once, and its kernels stay. Fails in a process that was forked from one with a device,
-/// because threads of the driver do not survive that.
+/// The device of this name. It is opened once, and keeps its compiled kernels. Fails in a process that was forked from one with a
+/// device, because threads of the driver do not survive a fork.
 pub fn device(name: Option<&str>) -> Result<Device> {
     let mut devices = lock(&DEVICES);
     let devices = devices.get_or_insert_with(|| Devices { process: std::process::id(), open: HashMap::new() });
@@ -66,8 +66,8 @@ pub struct Prepared {
     pub layers: Layers,
 }
 
-/// Makes a renderer, or takes over the one of the render before, if only cameras, lights, moving surfaces, gates or the seed are others. The
-/// image has the same bits in both cases.
+/// Makes a renderer, or takes over the renderer of the previous render if only cameras, lights, moving surfaces, gates or the seed
+/// differ. The image has the same bits in both cases.
 pub fn prepare(
     before: Option<Ready>,
     scene: Scene,
@@ -110,7 +110,7 @@ pub fn may_be_dark(experiment: &Experiment, settings: &Settings) -> bool {
     experiment.gate.force.unwrap_or(false) || settings.responses().are_steady()
 }
 
-/// What happened in the iterations so far.
+/// Progress of the iterations so far.
 pub struct Step {
     /// Share of the budget that is used, in [0, 1].
     pub fraction: f64,
@@ -119,8 +119,9 @@ pub struct Step {
     pub seconds: f64,
 }
 
-/// Runs `work` in a thread of its own. The calling thread gives each step to `progress`, and asks Python for interrupts. After an
-/// exception of either it sets the flag that `work` gets, and waits for its end. Returns the result and the exception.
+/// Runs `work` in a thread of its own. The calling thread passes each step to `progress`, and asks Python for interrupts. If
+/// either raises an exception, it sets the flag that `work` gets, and waits for the end of `work`. Returns the result of `work`
+/// and the exception.
 pub fn watched<T: Send>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(Sender<Step>, &Arc<AtomicBool>) -> T + Send,
@@ -157,12 +158,12 @@ pub fn watched<T: Send>(
     })
 }
 
-/// Whether an exception asks to stop, and keeps the result so far.
+/// Whether an exception asks to stop and to keep the result so far.
 pub fn is_interrupt(error: &PyErr) -> bool {
     Python::attach(|py| error.is_instance_of::<PyKeyboardInterrupt>(py))
 }
 
-/// Adds iterations until the budget is used or Python asks to stop. Returns the seconds, and whether Python asked.
+/// Adds iterations until the budget is used or Python asks to stop. Returns the seconds, and the interrupt if Python asked.
 pub fn iterate(
     renderer: &mut Renderer,
     settings: &Settings,
@@ -187,7 +188,7 @@ fn add(
     started: Instant,
 ) -> Result<()> {
     let budget = settings.budget();
-    // An abandoned iteration would clear the images of several responses.
+    // With several responses, no iteration is abandoned: this would clear their images.
     let never = Arc::default();
     loop {
         let (film, elapsed) = (renderer.film(), started.elapsed());

@@ -1,4 +1,4 @@
-//! Keyword arguments as settings: each has the name of a flag of the command line, and its words.
+//! Turns keyword arguments into settings. Each argument has the name and the words of a flag of the command line.
 
 use std::ffi::OsStr;
 
@@ -10,7 +10,7 @@ use taugate::internals::settings::setting::{Form, Setting, Value, Visitor};
 
 use crate::errors::{Result, settings};
 
-/// The name of a flag, without its dashes, and the words that the user would type after it, each time that he gives the flag.
+/// The name of a flag without its dashes, and its words: one for each time that the user would type the flag.
 pub type Words = (String, Vec<String>);
 
 /// Settings under the heading Output that a render in Python has.
@@ -42,7 +42,7 @@ struct Set<'a> {
 
 impl Visitor for Set<'_> {
     fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-        // Tables of a list `[[medium]]` have the same names as the flags, which come first.
+        // Settings in a list of tables `[[medium]]` have the same names as flags. The visit begins with the flags.
         if setting.name != self.name || self.found.is_some() {
             return;
         }
@@ -52,7 +52,7 @@ impl Visitor for Set<'_> {
     }
 }
 
-/// The sentence of the command line about a word that is no value of a flag.
+/// The message of the command line about a word that is no value of a flag.
 fn wrong(setting: &Setting, word: &str, message: &str) -> String {
     let flag = match (setting.form, setting.value) {
         (Form::Switch, _) | (_, "") => format!("--{}", setting.name),
@@ -63,8 +63,8 @@ fn wrong(setting: &Setting, word: &str, message: &str) -> String {
     format!("invalid value '{word}' for '{flag}': {message}")
 }
 
-/// The settings of a render: for each name how its flag takes values (`value`, `repeated`, `switch`, or `optional`), the word that
-/// the flag alone stands for, and the help text.
+/// The settings of a render by name. Each has three entries: how its flag takes values (`value`, `repeated`, `switch`, or
+/// `optional`), the value of the flag without a word, and the help text.
 #[pyfunction]
 pub fn flags(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let mut list = List(vec![]);

@@ -21,7 +21,7 @@ use crate::sums::{bytes, read};
 /// A finished or interrupted render.
 #[pyclass(frozen, name = "NativeImage", module = "taugate._native")]
 pub struct Image {
-    /// The images, and what they are of. The fingerprint of the scene is empty unless the sums are those of a farm.
+    /// The images and their description. Its fingerprint of the scene is empty unless the sums come from `taugate.farm`.
     pub sums: Accumulation,
     pub responses: Responses,
     pub layers: Layers,
@@ -31,7 +31,7 @@ pub struct Image {
     pub dropped: u64,
 }
 
-/// What a pickle holds beside the sums and the layers, as TOML.
+/// The rest of a pickle besides the sums and the planes of the layers, as TOML.
 #[derive(Serialize, Deserialize)]
 struct Rest {
     notes: Vec<String>,
@@ -108,7 +108,7 @@ impl Image {
         slf.clone()
     }
 
-    /// The function that makes an equal image, and its arguments, see `restored`.
+    /// The function that makes an equal image, and its arguments: see `restored`.
     #[allow(clippy::type_complexity)]
     fn __reduce__<'py>(
         &self,
@@ -153,7 +153,7 @@ impl Image {
         Ok(Image { sums, responses, layers, view, notes, warnings, dropped })
     }
 
-    /// Mean of the image, or of the sum of all images: (H, W, 3).
+    /// The image, or the sum of the images of all responses: (H, W, 3).
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         array(py, self.film().mean(), &self.shape())
     }
@@ -221,7 +221,7 @@ impl Image {
         responses.map(|response| (response.name().into(), response.gate().lo, response.gate().hi)).collect()
     }
 
-    /// Begin, width and number of the gates, if they all have one width and abut.
+    /// Begin, width and number of the gates, if all have the same width and abut.
     #[getter]
     fn uniform(&self) -> Option<(f64, f64, u32)> {
         self.responses.uniform().map(|gates| (gates.whole().lo, gates.width(), gates.count()))
@@ -285,7 +285,7 @@ impl Image {
         Ok(py.detach(|| self.write(&path, exposure))?)
     }
 
-    /// Linear values as sRGB bytes, (H, W, 3), with the exposure of pictures.
+    /// The image as sRGB bytes, (H, W, 3), with the exposure of a PNG file.
     #[pyo3(signature = (exposure=None))]
     fn picture<'py>(&self, py: Python<'py>, exposure: Option<f32>) -> PyResult<Array<'py>> {
         let mean = self.film().mean();

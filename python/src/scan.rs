@@ -22,9 +22,9 @@ use crate::flags::Words;
 use crate::scene::{Job, NativeScene};
 use crate::shared::{feasible, memory};
 
-/// Measures all pairs of points of the scan of `scene`. Writes the same files as the command line: the array `path` (.npy), its description
-/// and, with the setting `variance`, its variances. Returns the number of laser points that were measured, warnings, and the exception that
-/// interrupted the scan, if any. Writes nothing if no point was measured.
+/// Measures all pairs of points of the scan of `scene`. Writes the same files as the command line: the array `path` (.npy), its
+/// description and, with the setting `variance`, its variances. Returns the number of laser points that were measured, warnings, and
+/// the exception that interrupted the scan, if any. Writes nothing if no point was measured.
 #[pyfunction]
 #[pyo3(signature = (scene, flags, path, progress=None))]
 pub fn scan(

@@ -1,6 +1,6 @@
 // Surface scattering in the local frame of the shading normal (+z).
 //
-// A material mixes three parts, all with one GGX lobe: a conductor (weight metallic), and for the rest glass (weight
+// A material mixes three parts that share one GGX lobe: a conductor (weight metallic) and, for the rest, glass (weight
 // transmission) and a dielectric coat over a diffuse base. A clear coat with a GGX lobe of its own may lie over the mix. A
 // retroreflector may take a share of the light from all of this. `f` follows the flow of light: `wl` points to where light comes
 // from, `wc` to where it goes (towards the sensor). Both point away from the surface. Densities are per solid angle.
@@ -100,7 +100,7 @@ fn make_varying_bsdf(material: u32, p: PointProperties, front: bool) -> Bsdf {
         b.clearcoat *= p.coats.clearcoat;
         b.clearcoat_alpha = clearcoat_alpha(m, p.coats.clearcoat_roughness);
     }
-    // The mean albedos of the rows follow the table. With them, the scale agrees with that of a material with constant alpha.
+    // The mean albedos of the rows are stored after the table. They give the same scale as in a material with constant alpha.
     let row = sqrt(min(p.alpha, 1.0)) * f32(ALBEDO_ROWS - 1u);
     let i = min(u32(row), ALBEDO_ROWS - 2u);
     let means = ALBEDO_COLUMNS * ALBEDO_ROWS + i;
@@ -154,8 +154,8 @@ fn clearcoat_fresnel(b: Bsdf, cosine: f32) -> f32 {
     return b.clearcoat * schlick(vec3<f32>(CLEARCOAT_F0), cosine).x;
 }
 
-// Factor on what lies under the clear coat: the light that the coat lets in along one direction and out along the other.
-// The product is reciprocal, and with the albedo of the coat it is at most 1 in a white furnace.
+// Factor on the lobes under the clear coat: the share of light that the coat lets in along one direction and out along the other.
+// The product is reciprocal. In a white furnace, the coat and these lobes together reflect at most 1.
 fn clearcoat_passes(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> f32 {
     return (1.0 - clearcoat_albedo(b, abs(wl.z))) * (1.0 - clearcoat_albedo(b, abs(wc.z)));
 }
@@ -213,7 +213,7 @@ fn bsdf_eval(b: Bsdf, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     return r;
 }
 
-// Value and densities with the retroreflector. `others`: the same of all other lobes, as if there were no retroreflector.
+// Value and densities with the retroreflector. `others`: value and densities of the other lobes, as if without a retroreflector.
 fn add_retroreflection(b: Bsdf, others: BsdfValue, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     let rest = 1.0 - b.retroreflection;
     var r = BsdfValue(rest * others.f, rest * others.pdf_to_light, rest * others.pdf_to_sensor);
@@ -225,8 +225,8 @@ fn add_retroreflection(b: Bsdf, others: BsdfValue, wl: vec3<f32>, wc: vec3<f32>)
     return r;
 }
 
-// Value and densities with the clear coat. `under`: the same without it, with densities that already include the probability
-// of not sampling the coat.
+// Value and densities with the clear coat. `under`: value and densities without it. The densities of `under` already include the
+// probability of not sampling the coat.
 fn add_clearcoat(b: Bsdf, under: BsdfValue, wl: vec3<f32>, wc: vec3<f32>) -> BsdfValue {
     var r = under;
     r.f *= clearcoat_passes(b, wl, wc);
@@ -330,7 +330,7 @@ fn bsdf_sample(b: Bsdf, w: vec3<f32>, to_light: bool, u: vec4<f32>) -> BsdfSampl
     let lobes = lobe_probabilities(b, w.z);
     var pick = u.w;
     if (is_retroreflector(b)) {
-        // The rest of the number chooses among the other lobes. The weight of a delta stays the same: the share of the light and the
+        // The rest of `u.w` chooses among the other lobes. The weight of a delta stays the same: the share of the light and the
         // probability of choosing the delta fall by the same factor.
         pick = min((u.w - b.retroreflection) / (1.0 - b.retroreflection), 0.99999994);
     }

@@ -83,13 +83,13 @@ fn print(mut experiment: Experiment) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Loads the scene of an experiment, in the pose that it wants.
+/// Loads the scene of an experiment, in the pose that the experiment selects.
 pub fn load_scene(experiment: &Experiment) -> Result<Scene> {
     let (path, allowed, playback) = source(experiment);
     gltf::load_with(path, &allowed, playback)
 }
 
-/// Fails if the scene of the experiment has no pose at its time.
+/// Fails if the scene has no pose at the time that the experiment selects.
 fn check_pose(experiment: &Experiment) -> Result<()> {
     let (path, allowed, playback) = source(experiment);
     gltf::check_pose(path, &allowed, playback)
@@ -117,17 +117,17 @@ impl Outcome {
     }
 }
 
-/// Renders one experiment after the other on one device, whose kernels stay.
+/// Renders one experiment after the other on one device, and keeps its compiled kernels.
 pub struct Session {
     pub interrupts: Interrupts,
     pub progress: Progress,
     device: Option<Device>,
-    /// The renderer of the frame before.
+    /// The renderer of the previous frame.
     ready: Option<Ready>,
-    /// Whether the experiments are the frames of a sequence: files that are there are kept, dark frames are no mistake, and a frame
-    /// that is interrupted is not written.
+    /// Whether the experiments are the frames of a sequence. If so, existing files are kept, dark frames are no mistake, and an
+    /// interrupted frame is not written.
     pub is_sequence: bool,
-    /// With --tev, from the first render on.
+    /// The stream of --tev; `None` before the first render.
     tev: Option<TevStream>,
     /// Notes and warnings that were printed.
     said: HashSet<String>,
@@ -154,7 +154,7 @@ impl Session {
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
         check_inputs(&outputs.files(), &scene_path, &experiment)?;
-        // The lock comes first, so that the sums are those of the last render that wrote the file.
+        // Lock the checkpoint before reading it, so that the sums are those of the last render that wrote the file.
         let mut checkpoint = Checkpoint::new(&outputs)?;
         let earlier = Earlier::read(&experiment, &outputs)?;
         // There is no result to keep yet.
@@ -191,7 +191,7 @@ impl Session {
             self.tev = experiment.output.tev.clone().map(TevStream::new);
         }
 
-        // Prepare the device. The renderer of the frame before also renders this one, if only cameras, lights or gates moved.
+        // Prepare the device. The renderer of the previous frame also renders this frame if only cameras, lights or gates moved.
         notes.iter().for_each(|note| self.say(format!("note: {note}")));
         for warning in scene.warnings.iter().chain(&resolved.warnings) {
             self.say(format!("warning: {warning}"));
@@ -407,7 +407,7 @@ fn check_outputs(outputs: &Outputs) -> Result<()> {
     }
 }
 
-/// Refuses outputs that would overwrite a file that is read: of the scene, such as a texture, or the image of the sky.
+/// Refuses outputs that would overwrite an input: a file of the scene, such as a texture, or the image of the sky.
 pub fn check_inputs(outputs: &[PathBuf], scene: &Path, experiment: &Experiment) -> Result<()> {
     let existing: Vec<_> = outputs.iter().filter(|path| path.exists()).collect();
     if existing.is_empty() {

@@ -69,8 +69,8 @@ impl<'a> World<'a> {
         self.first_there(&ray, pcg).is_none()
     }
 
-    /// The nearest surface that is present for this ray. The search continues without the triangles that the ray has passed, not from
-    /// a larger distance, because another triangle may lie at the same distance. A ray can cross a triangle only once.
+    /// The nearest surface that is present for this ray. The search continues without the triangles that the ray has passed, not
+    /// from a larger distance, because another triangle may lie at the same distance. A ray can cross a triangle only once.
     fn first_there(&self, ray: &Ray, pcg: &mut Pcg) -> Option<Surface> {
         let mut passed = vec![];
         loop {

@@ -1,5 +1,4 @@
-//! `shared/point.wgsl`: properties of a material that vary over the surface, as a vertex stores them, and the BSDF that they
-//! make.
+//! `shared/point.wgsl`: how a vertex stores material properties that vary over the surface, and the BSDF with these properties.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec2, DVec3};
@@ -59,14 +58,14 @@ fn points(count: usize) -> Vec<Point> {
     [zeros, ones].into_iter().chain((0..count).map(&mut random)).collect()
 }
 
-/// Whether a value was stored as a square root in steps of 1 / `steps`: half a step of the root is an error of the square of the
-/// step times the root.
+/// Whether `b` may be `a` after the square root was rounded to a multiple of 1 / `steps`. Half a step of the root changes its
+/// square by about a step times the root.
 fn is_near(a: f32, b: f32, steps: f32) -> bool {
     (a - b).abs() <= 1.1 / steps * a.sqrt() + 0.3 / steps.powi(2) + 1e-9
 }
 
-/// With textures of the coats, colour and roughness have fewer bits, and the words hold the factors of the coats as well. With a
-/// texture of the transmission, too, they have 8 bits.
+/// With coat textures, the words also hold the factors of the coats, so base colour and roughness have fewer bits. With a
+/// transmission texture as well, base colour and roughness have 8 bits.
 #[test]
 fn packed_coats_keep_their_digits() {
     let inputs = points(20_000);
@@ -99,7 +98,7 @@ fn packed_properties_keep_their_digits() {
             assert!(is_near(g.alpha, r.alpha, 65535.0) || (r.alpha == 0.0 && g.alpha < 1.001e-3), "{g:?} {r:?}");
             let transmission = if transmits > 0.0 { g.rest[3] } else { 1.0 };
             assert!((transmission - r.rest[3]).abs() <= 0.51 / 255.0, "{g:?} {r:?}");
-            assert_eq!((r.color, &r.rest[..3]), ([1.0; 3], &[1.0; 3][..]), "without textures, the coats are white");
+            assert_eq!((r.color, &r.rest[..3]), ([1.0; 3], &[1.0; 3][..]), "without textures, the coat factors are 1");
         }
     }
 }
@@ -128,7 +127,7 @@ struct Pair {
     front: u32,
 }
 
-/// A material with other factors gives the same BSDF where it has the metalness and the alpha of a constant material.
+/// Where a varying material has the metalness and the alpha of a constant material, both have the same BSDF.
 #[test]
 fn a_varying_bsdf_is_the_constant_bsdf_of_the_point() {
     let glass = |metallic, roughness| Material {
@@ -256,7 +255,7 @@ const FACTORS: ShaderFunction = ShaderFunction {
         result.rough = u32(has_rough_clearcoat(m, pack_point(p)));",
 };
 
-/// Each texture gives one factor, from the right channels. A material without textures of coats has white ones.
+/// Each texture gives one factor, from the right channels. Without coat textures, the factors are 1.
 #[test]
 fn coat_factors_come_from_their_channels() {
     let mut pcg = Pcg::new(205);
@@ -305,7 +304,7 @@ fn coat_factors_come_from_their_channels() {
             assert!((f64::from(f32::from_bits(r[k])) - expected).abs() < 1e-4, "{k}: {g:?} {r:?} {expected}");
         }
         assert_eq!(r[7], g[2], "only the second material varies");
-        // The clear coat is a mirror below a GGX alpha of 0.001. The vertex has 8 bits per factor.
+        // The clear coat is a mirror below a GGX alpha of 0.001. Values close to it are skipped: the vertex has 8 bits per factor.
         if (0.1 * roughness - 0.001f64.sqrt()).abs() > 4e-4 {
             assert_eq!(r[6] == 1, clearcoat > 0.0 && 0.1 * roughness > 0.001f64.sqrt(), "{g:?} {r:?}");
         }

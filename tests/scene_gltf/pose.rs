@@ -122,7 +122,7 @@ fn morph_targets_have_the_weights_of_the_node_or_of_the_mesh() {
     assert!((normal - Vec3::new(1.0, 0.0, 2.0).normalize()).length() < 1e-6);
 }
 
-/// The complete scene, but its triangle has a skin with two joints. Node 5 is at (100, 0, 0); node 6 makes a quarter turn about Z.
+/// The complete scene, but with a skin with two joints. Node 5 is at (100, 0, 0); node 6 makes a quarter turn about Z.
 fn skinned(weights: [[f32; 4]; 3]) -> Glb {
     let mut glb = complete();
     let half = std::f32::consts::FRAC_1_SQRT_2;

@@ -8,8 +8,8 @@ use taugate::internals::settings::{Estimator, Strategies};
 use super::cells::{renderer, settings, threshold};
 use super::{image, sum};
 
-/// `n` gates that together cover every travel time. The edges between neighbours lie between 3 m and 18 m, where most light of the
-/// box arrives.
+/// `n` gates that together cover every travel time. The edges between neighbours lie from 3 m to 18 m, where most light of the box
+/// arrives.
 fn abutting(n: u32) -> Vec<Gate> {
     let edge = |i: u32| match i {
         0 => 0.0,
@@ -56,8 +56,8 @@ fn a_thousand_gates_add_up_with_the_same_seed() {
     }
 }
 
-/// Returns the light in the image of each of `n` gates, the light of the ungated image, and the standard error of the sum of the
-/// gates minus the ungated light. Each gate is rendered with `seeds` seeds of its own, so that the variances of the gates add up.
+/// Returns the light in the image of each of `n` gates, the light of the ungated image, and the standard error of the difference:
+/// the sum of the gates minus the ungated light. Each gate is rendered with `seeds` seeds of its own, so that the variances of the gates add up.
 /// The error is small only without t = 1, because rare bright pixels of this strategy dominate the variance.
 fn totals(estimator: Estimator, strategies: Strategies, n: u32, seeds: u32, whole_seeds: u32) -> (Vec<f64>, f64, f64) {
     let s = settings(estimator, [8, 8]).max_depth(4).light_paths(2000).strategies(strategies).build().unwrap();

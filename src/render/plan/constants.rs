@@ -1,4 +1,4 @@
-//! The constants of the kernels of a render: the values that decide which code they contain.
+//! The constants of a render's kernels. These values decide which code the kernels contain.
 
 use super::{Observe, Plan};
 use crate::estimators::Ellipsoids;

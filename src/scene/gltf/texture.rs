@@ -68,8 +68,8 @@ impl Textures {
         }
     }
 
-    /// Index into `list` of the glTF texture `source` with this transform. The first use adds the texture to `list`. `what` names the
-    /// user in messages.
+    /// Index into `list` of the glTF texture `source` with this transform. The first use adds the texture to `list`. `what` names
+    /// the user in messages.
     pub fn add(
         &mut self,
         doc: &Document,
