@@ -66,7 +66,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     q.owner = slot;
     q.flags |= depth;
     if (HAS_ELLIPSOIDS && depth >= 3u) {
-        // The vertex before q is an auxiliary vertex unless it is the first surface (weights.wgsl).
+        // The vertex before q can be an auxiliary vertex, unless it is the first surface (weights.wgsl).
         add_auxiliary_sum(&q, shade_points[slot]);
     }
 

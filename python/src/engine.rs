@@ -120,7 +120,7 @@ pub struct Step {
 }
 
 /// Runs `work` in a thread of its own. The calling thread passes each step to `progress`, and asks Python for interrupts. If
-/// either raises an exception, it sets the flag that `work` gets, and waits for the end of `work`. Returns the result of `work`
+/// either raises an exception, this thread sets the flag that `work` gets, and waits for `work` to end. Returns the result of `work`
 /// and the exception.
 pub fn watched<T: Send>(
     progress: Option<&Py<PyAny>>,
