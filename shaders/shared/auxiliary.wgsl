@@ -2,8 +2,8 @@
 // point q. The path through x has the travel time that was drawn. This module computes the density of x for the MIS weights.
 //
 // The density per area of x is that of `ellipsoid.wgsl`, but with MEAN_ARC in place of arc / P(triangle). The arc and P depend on
-// all triangles that the ellipsoid meets, so the other strategies of a path could not compute them. The weights still sum to 1, because
-// all strategies use the same estimate.
+// all triangles that the ellipsoid meets, so the other strategies of a path could not compute them. The weights still sum to 1,
+// because all strategies use the same estimate.
 #import vertex
 #import ellipsoid
 
