@@ -27,49 +27,53 @@ fn grid(resolution: [u32; 3], density: Vec<f32>, filter: GridFilter) -> Medium {
     Medium { bounds: None, grid: Some(grid), ..fog(BOX, 1.0) }
 }
 
-/// Means of images through abutting gates and without a gate.
-fn means(scene: &Scene, estimator: Estimator) -> [f64; 3] {
-    let s = settings(estimator, [24, 16]).max_depth(6).build().unwrap();
+/// Values of images by `bdpt` through abutting gates and without a gate. `lcs` would make other random choices after each rounding,
+/// because the order of its light vertices may change.
+fn images(scene: &Scene) -> Vec<f32> {
+    let s = settings(Estimator::Bdpt, [24, 16]).max_depth(6).build().unwrap();
     let mut renderer = renderer(scene, &s);
-    [[5.0, 5.8], [5.8, 6.6], [0.0, f64::INFINITY]].map(|[lo, hi]| {
+    let mut image = |[lo, hi]: [f64; 2]| {
         renderer.restart(8, Gate { lo, hi }).unwrap();
         (0..4).for_each(|_| renderer.iterate(8).unwrap());
-        let mean = renderer.film().mean();
-        mean.iter().map(|&x| f64::from(x)).sum::<f64>() / mean.len() as f64
-    })
+        renderer.film().mean()
+    };
+    [[5.0, 5.8], [5.8, 6.6], [0.0, f64::INFINITY]].into_iter().flat_map(&mut image).collect()
 }
 
-fn largest_difference(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a.into_iter().zip(b).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
+/// Share of the lit values that differ by more than 1e-4 of themselves.
+fn share_that_differs(a: &[f32], b: &[f32]) -> f64 {
+    let lit = || a.iter().zip(b).filter(|(a, b)| a.max(**b) > 0.0);
+    lit().filter(|(a, b)| (*a - *b).abs() > 1e-4 * a.max(**b)).count() as f64 / lit().count() as f64
 }
 
-/// Flights use the same random numbers with and without a grid, so the images differ by rounding alone.
+/// Two versions of a medium give the same image but for rounding, which seldom changes a random choice. A third medium, with a density
+/// that is a few per cent higher, gives another image.
+fn assert_only_rounding(name: &str, image: &[f32], same: &[f32], other: &[f32]) {
+    let (rounding, control) = (share_that_differs(image, same), share_that_differs(image, other));
+    eprintln!("{name}: {rounding:.1e} of the values differ, {control:.2} with another density");
+    assert!(rounding < 0.02, "{name}: {rounding}");
+    assert!(control > 0.5, "{name}: {control}");
+}
+
+/// Flights use the same random numbers with and without a grid.
 #[test]
 fn equal_voxels_are_homogeneous_fog() {
-    for (filter, estimator) in [(GridFilter::Linear, Estimator::Lcs), (GridFilter::Nearest, Estimator::Bdpt)] {
-        let homogeneous = means(&room(vec![fog(BOX, 0.8)]), estimator);
-        let equal = |density: f32| means(&room(vec![grid([9, 7, 12], vec![density; 9 * 7 * 12], filter)]), estimator);
-        let difference = largest_difference(equal(0.8), homogeneous);
-        eprintln!("{filter:?}: {difference:.1e}");
-        assert!(difference < 1e-4, "{filter:?}: {difference}");
-        assert!(largest_difference(equal(0.82), homogeneous) > 1e-3, "{filter:?}");
+    let homogeneous = images(&room(vec![fog(BOX, 0.8)]));
+    for filter in [GridFilter::Linear, GridFilter::Nearest] {
+        let equal = |density: f32| images(&room(vec![grid([9, 7, 12], vec![density; 9 * 7 * 12], filter)]));
+        assert_only_rounding(&format!("{filter:?}"), &homogeneous, &equal(0.8), &equal(0.82));
     }
 }
 
-/// `lcs` would make other random choices, because it chooses candidates by the mean density of a grid.
 #[test]
 fn a_grid_of_two_halves_is_two_boxes() {
     let [lo, hi] = BOX;
     let middle = 0.5 * (lo.x + hi.x);
     let left = fog([lo, DVec3::new(middle, hi.y, hi.z)], 0.4);
     let right = fog([DVec3::new(middle, lo.y, lo.z), hi], 1.6);
-    let boxes = means(&room(vec![left, right]), Estimator::Bdpt);
-    let halves =
-        |density: [f32; 2]| means(&room(vec![grid([2, 1, 1], density.to_vec(), GridFilter::Nearest)]), Estimator::Bdpt);
-    let difference = largest_difference(halves([0.4, 1.6]), boxes);
-    eprintln!("{difference:.1e}");
-    assert!(difference < 1e-4, "{difference}");
-    assert!(largest_difference(halves([0.42, 1.6]), boxes) > 1e-3);
+    let halves = |density: [f32; 2]| images(&room(vec![grid([2, 1, 1], density.to_vec(), GridFilter::Nearest)]));
+    let boxes = images(&room(vec![left, right]));
+    assert_only_rounding("halves", &boxes, &halves([0.4, 1.6]), &halves([0.42, 1.6]));
 }
 
 /// A turned cloud with holes in thin fog.
