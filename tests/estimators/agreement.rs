@@ -51,10 +51,15 @@ pub fn feature_against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], r
     against(name, &feature_estimators(scene), scene, gates, &oracle(scene, gates, resolution, 800))
 }
 
+/// Whether tests run with all estimators and variants, because the environment variable `TAUGATE_ALL_ESTIMATORS` is set.
+pub fn is_long() -> bool {
+    std::env::var_os("TAUGATE_ALL_ESTIMATORS").is_some()
+}
+
 /// All estimators evaluate materials, media and cameras with the same functions. So two estimators check such a feature: those that
-/// have the least in common. With the environment variable `TAUGATE_ALL_ESTIMATORS`, all estimators that can render the scene do.
+/// have the least in common. Long runs ([`is_long`]) have all estimators that can render the scene.
 pub fn feature_estimators(scene: &Scene) -> Vec<Estimator> {
-    if std::env::var_os("TAUGATE_ALL_ESTIMATORS").is_some() {
+    if is_long() {
         return estimators(scene);
     }
     let least_like_lcs = if has_only_beams(scene) { Estimator::Bdpt } else { Estimator::Pt };

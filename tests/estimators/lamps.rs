@@ -11,7 +11,7 @@ use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Emitters, Estimator, Settings};
 
-use super::agreement::{against, assert_none, feature_estimators, oracle};
+use super::agreement::{against, assert_none, feature_estimators, is_long, oracle};
 use super::cells::{Cells, renderer, settings, threshold};
 
 const ALBEDO: f32 = 0.5;
@@ -55,7 +55,10 @@ const GATES: [[f64; 2]; 3] = [[-0.05, 0.25], [0.5, 1.0], [2.0, 3.0]];
 #[test]
 fn many_points_in_one_place_agree_with_the_closed_form() {
     let cases = COUNTS.len() * Estimator::ALL.len() * GATES.len();
-    for (count, estimator) in COUNTS.into_iter().flat_map(|n| Estimator::ALL.map(|e| (n, e))) {
+    // Estimators draw 9 lamps as they draw 100. Long runs have all estimators with both.
+    let is_run = |count, estimator| count == COUNTS[1] || is_long() || estimator == Estimator::Lcs;
+    let all = COUNTS.into_iter().flat_map(|n| Estimator::ALL.map(|e| (n, e)));
+    for (count, estimator) in all.filter(|&(count, estimator)| is_run(count, estimator)) {
         for (gate, z) in GATES.iter().zip(z_of_sphere(count, estimator, &GATES, 1.0)) {
             assert!(z.abs() < threshold(cases), "{count} lamps, {estimator}, gate {gate:?}: z = {z:.2}");
         }

@@ -1,6 +1,7 @@
 //! One image per strategy. The MIS-weighted images add up to the rendered image. Without MIS weights, all strategies that can
 //! find all paths with k segments have the same expected image.
 
+use super::agreement::is_long;
 use super::cells::{device, renderer, settings};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
@@ -76,7 +77,7 @@ fn weighted_strategies_sum_to_the_image() {
         ("foggy punctual", foggy(zoo(Light::Punctual)), Estimator::Lcs, Strategies::All, gate),
     ];
     // `lcs` and `lcs-paper` weight these alike.
-    if std::env::var_os("TAUGATE_ALL_ESTIMATORS").is_some() {
+    if is_long() {
         cases.push(("punctual", zoo(Light::Punctual), Estimator::LcsPaper, Strategies::All, gate));
         cases.push(("foggy lamp", foggy(zoo(Light::Area)), Estimator::LcsPaper, Strategies::All, gate));
     }
