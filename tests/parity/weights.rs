@@ -25,6 +25,9 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
     body: "var path = input; let k = path.segments; let beam = path.kind == 4u || path.kind == 5u;
         let area = path.kind <= 1u; let from_sky = path.kind == 6u;
         var lights: array<PathVertex, 6>; var sensors: array<PathVertex, 6>;
+        // Scattering towards the next vertex of the path. Each kind has one call, because calls of BSDFs take long to compile.
+        var to_sensor: array<Evaluation, 6>; var to_emitter: array<Evaluation, 6>;
+        let seen = segment_to_sensor(path.place[k - 1u].xyz);
         for (var i = 0u; i < 12u; i++) { result.weights[i] = -1.0; }
 
         // From the emitter.
@@ -43,18 +46,23 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
         if (area) { e.vertex.d_vcm = emitter_point_sum(e.density); e.vertex.select_pdf = 1.0; }
         e.vertex.flags |= u32(area) << VERTEX_RANDOM_SHIFT; lights[0] = e.vertex;
         var deterministic = path.kind == 5u; var random = select(u32(area), 2u, from_sky);
-        for (var i = 1u; i < k; i++) {
-            var surface: Surface; surface.position = path.place[i].xyz; surface.geometric = path.geometric[i].xyz;
-            surface.normal = path.normal[i].xyz; surface.material = bitcast<u32>(path.normal[i].w);
-            find_solid(&light, surface);
-            var v = arrive(&light, surface);
-            if (HAS_ELLIPSOIDS && i > 1u) { add_auxiliary_sum(&v, lights[i - 1u]); }
-            if (deterministic) { v.select_pdf = path.select_pdf; v.flags |= VERTEX_DETERMINISTIC; }
-            random = select(min(random + 1u, 3u), 0u, deterministic); v.flags |= random << VERTEX_RANDOM_SHIFT;
-            lights[i] = v;
-            if (i + 1u < k) {
-                light.direction = normalize(path.place[i + 1u].xyz - path.place[i].xyz);
-                let c = evaluate_light_vertex(v, light.direction);
+        for (var i = 0u; i < k; i++) {
+            var v = lights[i];
+            if (i > 0u) {
+                var surface: Surface; surface.position = path.place[i].xyz; surface.geometric = path.geometric[i].xyz;
+                surface.normal = path.normal[i].xyz; surface.material = bitcast<u32>(path.normal[i].w);
+                find_solid(&light, surface);
+                v = arrive(&light, surface);
+                if (HAS_ELLIPSOIDS && i > 1u) { add_auxiliary_sum(&v, lights[i - 1u]); }
+                if (deterministic) { v.select_pdf = path.select_pdf; v.flags |= VERTEX_DETERMINISTIC; }
+                random = select(min(random + 1u, 3u), 0u, deterministic); v.flags |= random << VERTEX_RANDOM_SHIFT;
+                lights[i] = v;
+            }
+            light.direction = seen.direction;
+            if (i + 1u < k) { light.direction = normalize(path.place[i + 1u].xyz - path.place[i].xyz); }
+            let c = evaluate_light_vertex(v, light.direction);
+            to_sensor[i] = c;
+            if (i > 0u && i + 1u < k) {
                 var s: Scatter; s.pdf = c.pdf / selection_pdf(v); s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
                 s.delta = !is_connectible(v);
                 mis_scatter(&light, v, s, sample_count_ratio(v) * selection_pdf(v));
@@ -63,7 +71,6 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
         }
 
         // From the sensor.
-        let seen = segment_to_sensor(path.place[k - 1u].xyz);
         var sensor: PathState; sensor.eta = 1.0; sensor.position = seen.end; sensor.direction = -seen.direction;
         if (HAS_ORTHOGRAPHIC) { sensor.flags = PATH_PARALLEL; }
         start_sensor_sums(&sensor, dot(sensor.direction, frame.forward));
@@ -83,6 +90,7 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             if (j > 0u) {
                 sensor.direction = normalize(path.place[j - 1u].xyz - path.place[j].xyz);
                 let c = evaluate_shade_point(q, sensor.direction);
+                to_emitter[j] = c;
                 var s: Scatter; s.pdf = c.pdf; s.pdf_reverse = c.pdf_reverse; s.cosine = c.cosine;
                 s.delta = !is_connectible(q);
                 mis_scatter(&sensor, q, s, 1.0);
@@ -98,11 +106,10 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             let v = lights[s - 1u]; let q = sensors[s];
             let stands = select(is_connectible(v), !beam, s == 1u) && is_connectible(q);
             if (stands && (s == 1u || frame.keep_s2 > 0.0)) {
-                let offset = v.position - q.position; let w = normalize(offset);
-                result.weights[s] = connection_weight(q, v, evaluate_shade_point(q, w), evaluate_light_vertex(v, -w),
-                    dot(offset, offset));
+                let offset = v.position - q.position;
+                result.weights[s] = connection_weight(q, v, to_emitter[s], to_sensor[s - 1u], dot(offset, offset));
                 if (from_sky && s == 1u) {
-                    result.weights[s] = sky_connection_weight(q, evaluate_shade_point(q, w), path.density);
+                    result.weights[s] = sky_connection_weight(q, to_emitter[s], path.density);
                 }
             }
         }
@@ -110,13 +117,12 @@ const WEIGHTS: ShaderFunction = ShaderFunction {
             let v = lights[i - 1u]; let q = sensors[i + 1u]; var x = sensors[i];
             if (select(is_connectible(v), !beam, i == 1u) && is_connectible(x) && is_connectible(q)) {
                 let to_v = segment_between(x.position, v.position); let to_q = segment_between(x.position, q.position);
-                result.weights[6u + i] = ellipsoidal_weight(q, v, x, evaluate_shade_point(q, -to_q.direction),
-                    evaluate_light_vertex(v, -to_v.direction), evaluate_shade_point(x, to_v.direction),
+                result.weights[6u + i] = ellipsoidal_weight(q, v, x, to_emitter[i + 1u], to_sensor[i - 1u], to_emitter[i],
                     vec2<f32>(to_v.length2, to_q.length2), to_v.direction, sqrt(to_v.length2), to_q.direction, sqrt(to_q.length2));
             }
         }
         if (k > 1u && frame.keep_t1 > 0.0 && is_connectible(lights[k - 1u])) {
-            let v = lights[k - 1u]; let c = evaluate_light_vertex(v, seen.direction);
+            let v = lights[k - 1u]; let c = to_sensor[k - 1u];
             let density = pixel_pdf(dot(-seen.direction, frame.forward));
             let spread = select(seen.length * seen.length, 1.0, HAS_ORTHOGRAPHIC);
             result.weights[k] = splat_weight(v, c, density * c.cosine / spread);
