@@ -4,6 +4,7 @@
 //! Researchers who average the images of several machines must weight them by samples, and cannot average their variances. Sums
 //! over iterations have neither problem: those of disjoint iterations add.
 
+mod arrays;
 pub mod file;
 mod iterations;
 mod layer_arrays;

@@ -5,7 +5,8 @@ use std::io::{self, Read, Seek, Write};
 
 use zip::ZipWriter;
 
-use super::file::{Archive, Problem, any_values, array, start, text};
+use super::arrays::{Archive, any_values, array, start, text};
+use super::file::Problem;
 use crate::image::layers::{CHANNELS, Layers, Plane};
 
 /// Name of the text with the names of the objects, by their numbers.
