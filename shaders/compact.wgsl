@@ -1,5 +1,5 @@
-// Stable compaction in three steps: counts of chunks, their prefix sums, scatter. It uses no atomics, so lists keep their
-// order.
+// Stable compaction in three steps: count the members of each chunk, compute prefix sums of the counts, scatter the members.
+// It uses no atomics, so lists keep their order.
 #import frame
 #import math
 
@@ -7,18 +7,18 @@
 @group(2) @binding(0) var marks: texture_1d<u32>;
 // The path that each entry stands for.
 @group(2) @binding(1) var<storage, read> source: array<u32>;
-// For each chunk: number of its members, after `compact_scan` the number of members in the earlier chunks.
+// For each chunk: the number of its members. After `compact_scan`: the number of members in all earlier chunks.
 @group(2) @binding(2) var<storage, read_write> chunk_counts: array<vec2<u32>>;
 @group(2) @binding(3) var<storage, read_write> list_a: array<u32>;
 @group(2) @binding(4) var<storage, read_write> list_b: array<u32>;
 // Lengths of the lists, and their totals: see COUNTER_TOTALS.
 @group(2) @binding(5) var<storage, read_write> counters: array<u32>;
-// Sizes of indirect dispatches in workgroups, three words per list: dispatches with one thread per entry of the list. From
-// LISTS on: the dispatches that compact the list.
+// Sizes of indirect dispatches in workgroups, three words each. The first LISTS sizes give one thread per entry of a list. The
+// next LISTS sizes give one thread per chunk, to compact the list.
 @group(2) @binding(6) var<storage, read_write> arguments: array<u32>;
 
 const CHUNK: u32 = 32u;
-// Threads in the workgroup of the kernels that add up.
+// Threads per workgroup of `compact_scan` and `compact_short`.
 const SCAN_THREADS: u32 = 64u;
 
 // Number of lists that `counters` and `arguments` have room for.
@@ -30,8 +30,8 @@ fn entry_count() -> u32 {
     return counters[dispatch.counter] * select(1u, frame.slots, dispatch.list_b == NONE);
 }
 
-// Members among the entries from `first` on, for `first` < n, one bit per entry: x for list_a, y for list_b. Entries from n
-// on are not members.
+// Members of the chunk that begins at entry `first` < n, one bit per entry: x for list_a, y for list_b. Entries from n on are
+// not members.
 fn chunk_members(first: u32, n: u32) -> vec2<u32> {
     var members = vec2<u32>(0u);
     for (var i = 0u; i < CHUNK; i += 4u) {
@@ -67,7 +67,7 @@ fn chunks_of(entries: u32) -> u32 {
     return (entries + CHUNK - 1u) / CHUNK;
 }
 
-// The range [x, y) of chunks that a thread of the only workgroup works on.
+// The range [x, y) of chunks that one thread processes, if there is only one workgroup.
 fn share_of_chunks(thread: u32) -> vec2<u32> {
     let chunks = chunks_of(entry_count());
     let share = (chunks + SCAN_THREADS - 1u) / SCAN_THREADS;
@@ -103,7 +103,7 @@ fn compact_scan(@builtin(local_invocation_index) thread: u32) {
     set_lengths(thread, sums.all);
 }
 
-// One workgroup runs the three steps at once. For lists so short that further dispatches would cost more than the work.
+// One workgroup runs the three steps at once. It serves lists so short that further dispatches would cost more than the work.
 @compute @workgroup_size(SCAN_THREADS)
 fn compact_short(@builtin(local_invocation_index) thread: u32) {
     let n = entry_count();
@@ -120,7 +120,7 @@ fn compact_short(@builtin(local_invocation_index) thread: u32) {
     set_lengths(thread, sums.all);
 }
 
-// Call this after a barrier after which no thread reads list lengths.
+// Call this only after a barrier, once no thread reads list lengths any more.
 fn set_lengths(thread: u32, total: vec2<u32>) {
     if (thread == 0u) {
         set_length(dispatch.list_a, total.x);
@@ -171,7 +171,7 @@ fn scatter_chunk(first: u32, n: u32, position: vec2<u32>) -> vec2<u32> {
     return to;
 }
 
-// What the lists store for an entry: its path if there are two output lists, otherwise the number of the entry, a slot.
+// The value that a list stores for an entry: its path if there are two output lists, otherwise the number of the entry (a slot).
 fn payload(entry: u32) -> u32 {
     if (dispatch.list_b == NONE) {
         return entry;

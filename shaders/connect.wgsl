@@ -13,10 +13,10 @@
 @group(2) @binding(2) var<storage, read> slot_list: array<u32>;
 @group(2) @binding(3) var<storage, read> counters: array<u32>;
 @group(2) @binding(4) var<storage, read> candidates: array<Candidate>;
-// xyz: contribution of a candidate to its pixel. w: travel time. With OBSERVE_STRATEGIES, w is the MIS weight, and xyz does
-// not contain it. In both cases w is -1 if no ray was traced.
+// xyz: contribution of a candidate to its pixel. w: travel time. With OBSERVE_STRATEGIES, w is the MIS weight, and xyz is
+// not multiplied by it. In both cases w is -1 if no ray was traced.
 @group(2) @binding(5) var<storage, read_write> contributions: array<vec4<f32>>;
-// epc only: the triangle that each entry of `slot_list` has chosen (ellipsoid_triangles.wgsl).
+// epc only: the triangle chosen for each entry of `slot_list` (ellipsoid_triangles.wgsl).
 @group(2) @binding(6) var<storage, read> choices: array<TriangleChoice>;
 // With RESAMPLES_ELLIPSOIDS only: the auxiliary vertex of each shade point (ellipsoid_resample.wgsl).
 @group(2) @binding(7) var<storage, read> auxiliary_points: array<AuxiliaryPoint>;
@@ -107,7 +107,7 @@ fn connect_by_ellipsoid(
     return vec4<f32>(select(vec3<f32>(0.0), value * passed_q * passed_v, lit), last);
 }
 
-// The entry in `contributions` for a connection of q to the sky, in a direction sampled by luminance (s = 1).
+// The entry in `contributions` for a connection of q to the sky, in a direction sampled in proportion to luminance (s = 1).
 fn connect_to_sky(q: PathVertex, slot: u32) -> vec4<f32> {
     let sensor = sensor_sample(q.owner);
     let seen = sample_sky(random_words(STREAM_QUERY, sensor.index, sensor.sample, q.flags & VERTEX_DEPTH, 2u, frame.seed));

@@ -1,5 +1,5 @@
 // lcs in thin gates: draws ellipsoidal connections for a shade point, and chooses one of them by its unshadowed contribution (Talbot et
-// al. 2005). So many candidates cost two shadow rays. Bindings: shared/slots.wgsl.
+// al. 2005). All drawn connections together cost two shadow rays. Bindings: shared/slots.wgsl.
 #import ellipsoidal_connection
 #import ellipsoid_descent
 #import leaf
@@ -8,15 +8,15 @@
 // For each entry of `list`: the auxiliary vertex of the chosen connection.
 @group(2) @binding(5) var<storage, read_write> auxiliary_points: array<AuxiliaryPoint>;
 
-// Stream of the random numbers, beside those of the trees in shell_resample.wgsl.
+// Stream of the random numbers. The trees in shell_resample.wgsl have other streams.
 const ELLIPSOID_STREAM: u32 = 24u;
 
-// Candidates per shade point, and light vertices from which one is chosen for each (docs/notebook/ellipsoids-by-importance.md).
+// Candidates per shade point, and light vertices drawn per candidate (docs/notebook/ellipsoids-by-importance.md).
 const CANDIDATES: u32 = 8u;
 const VERTEX_DRAWS: u32 = 8u;
 
-// A light vertex for an ellipsoidal connection to q with the travel time `tau`, among `count` vertices from `first` on. The weight is an
-// unbiased estimate of 1 / its probability (Talbot et al. 2005). NONE if none of those drawn can be connected.
+// Draws a light vertex for an ellipsoidal connection to q with the travel time `tau`, among `count` vertices from `first` on. The weight
+// is an unbiased estimate of 1 / probability of the vertex (Talbot et al. 2005). NONE if no drawn vertex can be connected.
 fn draw_vertex(q: PathVertex, tau: f32, first: u32, count: u32, rng: ptr<function, u32>) -> Candidate {
     var chosen = Candidate(NONE, 0.0);
     var chosen_importance = 0.0;

@@ -1,5 +1,5 @@
-// epc: chooses one of the triangles that the ellipsoid of a candidate may meet, uniformly. A dispatch searches some parts of the BVH, so
-// that no submit takes long; the choice goes on in the next dispatch.
+// epc: chooses uniformly one of the triangles that the ellipsoid of a candidate may meet. Each dispatch searches only some parts of the
+// BVH, so that no submission takes long. The next dispatch continues the choice.
 #import candidate
 #import ellipsoidal_connection
 #import shade_point
@@ -11,10 +11,10 @@
 @group(2) @binding(4) var<storage, read> candidates: array<Candidate>;
 // Parts that cover the BVH; see `search_part`.
 @group(2) @binding(5) var<storage, read> bvh_parts: array<u32>;
-// For each entry of `slot_list`.
+// The triangle chosen so far for each entry of `slot_list`.
 @group(2) @binding(6) var<storage, read_write> choices: array<TriangleChoice>;
 
-// One thread searches for one candidate. dispatch.first, dispatch.count: the parts.
+// One thread searches for one candidate. dispatch.first, dispatch.count: range of the parts in `bvh_parts`.
 @compute @workgroup_size(WORKGROUP)
 fn ellipsoid_triangles(@builtin(global_invocation_id) id: vec3<u32>) {
     let rank = dispatch.rank + id.x;

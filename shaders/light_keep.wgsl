@@ -1,4 +1,4 @@
-// Appends the vertices that light subpaths have just reached to those of earlier bounces. So the host reads all of them at once.
+// Appends the vertices that light subpaths have just reached to the vertices of earlier bounces. So the host reads all at once.
 #import path
 
 @group(2) @binding(0) var<storage, read> vertices: array<PathVertex>;

@@ -7,7 +7,7 @@
 // xyz: radiance of the pixel from this vertex. w: bits of the pixel's index in the crop, or NONE if there is no light. With
 // OBSERVE_TIMES, w holds the travel time.
 @group(2) @binding(2) var<storage, read_write> splats: array<vec4<f32>>;
-// With OBSERVE_STRATEGIES, the MIS weights of the splats, which are then not contained in `splats`. With OBSERVE_RESPONSES, the
+// With OBSERVE_STRATEGIES, the MIS weights of the splats; `splats` is then not multiplied by them. With OBSERVE_RESPONSES, the
 // travel times.
 @group(2) @binding(3) var<storage, read_write> splat_details: array<f32>;
 @group(2) @binding(4) var<storage, read> counters: array<u32>;
@@ -22,7 +22,8 @@ fn light_splat(@builtin(global_invocation_id) id: vec3<u32>) {
     let v = vertices[slot];
     splats[slot] = vec4<f32>(vec3<f32>(0.0), bitcast<f32>(NONE));
     let pixel = pixel_of(v.position - frame.sensor);
-    // Only sensor subpaths form paths with one event next to a deterministic vertex (shared/fog.wgsl).
+    // If an event is the only vertex between a deterministic vertex and the sensor, only sensor subpaths form the path
+    // (shared/fog.wgsl).
     if ((v.flags & VERTEX_VALID) == 0u || pixel == NONE || follows_connected(v)) {
         return;
     }

@@ -30,7 +30,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let key = vec4<u32>(path, frame.iteration, dimension, frame.seed);
     let was_deterministic = (s.flags & PATH_DETERMINISTIC) != 0u;
     let fixed_emitter = dispatch.emitter != NONE;
-    // A fixed emitter yields the first vertex on a surface. The other subpaths of its beam find the events on the way.
+    // The subpath of a fixed emitter goes straight to the first surface. Other subpaths of the beam find the events before it.
     let arrival = advance(&s, fixed_emitter, false, key, flight_uniforms(key));
     // Stop if the light arrives after the gate even on the shortest line to the sensor.
     if (!arrival.found || is_too_late(arrival.vertex, nearest_sensor_point(arrival.vertex.position))) {

@@ -14,8 +14,8 @@
 @group(2) @binding(4) var<storage, read_write> marks: array<u32>;
 @group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
 @group(2) @binding(6) var<storage, read_write> tallies: array<vec4<u32>>;
-// The emission at the hit, if OBSERVE is not 0. OBSERVE_TIMES and OBSERVE_RESPONSES: times its MIS weight; w is the travel time.
-// OBSERVE_STRATEGIES: not multiplied by its MIS weight; w is this weight.
+// The emission at the hit, if OBSERVE is not 0. OBSERVE_TIMES and OBSERVE_RESPONSES: xyz is multiplied by the MIS weight, and w is
+// the travel time. OBSERVE_STRATEGIES: xyz is not multiplied by the MIS weight, and w is this weight.
 @group(2) @binding(7) var<storage, read_write> emitted: array<vec4<f32>>;
 
 // With DRAWS_IN_GATE only: the segments before the shade points.
@@ -47,7 +47,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         flight = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_FLIGHT, frame.seed);
     }
     let arrival = advance(&s, false, true, key, flight);
-    // Whether light may be connected to events on the segment.
+    // Whether light vertices may be connected to events on the segment.
     let has_segment = DRAWS_IN_GATE && arrival.segment.limit > 0.0 && depth < frame.max_depth;
     if (has_segment) {
         segments[slot] = arrival.segment;

@@ -5,9 +5,9 @@
 // lcs-paper: K independent traversals of each tree. At every node, one of the two children is taken with a probability
 //            proportional to its bound B(N, q) (Eq. 5). The bound is 0 if the child lies outside the light-cone shell
 //            (Eq. 19). Otherwise it shrinks with the part of the child that the shell misses (Eqs. 22 to 24). The traversal
-//            ends at a leaf, where P(j | q) is the product of the probabilities, or at a dead node.
-// lcs for histograms (ESTIMATOR_LCS_BY_TIME): K vertices, evenly spaced in the order of their travel times, among those that may
-//            meet the gate by their travel time alone.
+//            ends at a leaf, where P(j | q) is the product of the probabilities, or at a dead node: both bounds are 0.
+// lcs for histograms (ESTIMATOR_LCS_BY_TIME): all vertices whose travel time allows them to meet the gate are sorted by travel
+//            time. K evenly spaced vertices of this list are chosen.
 // epc:       as bdpt. If the connection is too short for the gate, the candidate stands for an ellipsoidal connection.
 // All:       deterministic vertices (punctual lights, the spot of a thin beam) one by one. If there are many, some of them
 //            are drawn, or the trees hold them.
@@ -67,7 +67,7 @@ fn query_light_path(q: PathVertex, index: u32, sample: u32, slot: u32, used: u32
     return used + count;
 }
 
-// The number of vertices, out of `count` from `first` on in the order of their travel times, whose travel time is below `tau`.
+// Number of vertices with a travel time below `tau`, among the `count` vertices from `first` on, which are sorted by travel time.
 fn vertices_before(tau: f32, first: u32, count: u32) -> u32 {
     var lo = 0u;
     var hi = count;

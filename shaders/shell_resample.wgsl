@@ -1,5 +1,6 @@
-// lcs: chooses one vertex of each tree for a shade point, out of K queries by importance. So K candidates cost one shadow
-// ray. With several responses, it chooses one vertex of each tree for each part of the gate. The deterministic vertices in the first slots are all kept. Bindings: shared/slots.wgsl.
+// lcs: draws K vertices of each tree for a shade point by importance, and chooses one of them. So K candidates cost one shadow
+// ray. With several responses, it chooses one vertex of each tree for each part of the gate. All deterministic vertices in the
+// first slots are kept. Bindings: shared/slots.wgsl.
 #import resample
 #import receiver
 

@@ -1,6 +1,6 @@
 // Null boundaries: closed meshes that bound a medium and change nothing else (`Material::is_null_boundary` on the host). Rays pass
-// them. `trace` notes where. The medium at each point of the ray follows from these places: a ray that leaves a mesh before it
-// enters it has started inside. For this, `trace` also looks for boundaries behind the surface that it hits.
+// through them, and `trace` records the crossings. The medium at each point of the ray follows from the crossings: a ray that leaves
+// a mesh without entering it first has started inside. Therefore `trace` also looks for boundaries behind the surface that it hits.
 #import math
 
 struct Crossing {
@@ -11,10 +11,10 @@ struct Crossing {
     enters: bool,
 }
 
-// Maximum number of crossings that a ray notes; it treats further ones as absent.
+// Maximum number of crossings recorded per ray. Further crossings are ignored.
 const MAX_CROSSINGS: u32 = 16u;
 
-// Crossings of the ray that `trace` followed last, in the order of the ray.
+// Crossings of the ray that `trace` followed last, ordered by distance.
 var<private> crossings: array<Crossing, MAX_CROSSINGS>;
 var<private> crossing_count: u32 = 0u;
 // Whether rays hit null boundaries only.
@@ -27,7 +27,7 @@ fn note_crossing(crossing: Crossing) {
     }
 }
 
-// x: the medium of the ray just behind t, or NONE. Inside of several meshes, it is that of the mesh which the ray leaves first.
+// x: the medium just behind the distance t, or NONE. Inside several meshes, it is the medium of the mesh that the ray leaves first.
 // y: distance of the next crossing (bits of a float).
 fn enclosing_medium(t: f32) -> vec2<u32> {
     var medium = NONE;

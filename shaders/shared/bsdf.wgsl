@@ -128,8 +128,8 @@ fn lobe_albedo(alpha: f32, cosine: f32) -> vec2<f32> {
     return mix(low, high, f.y);
 }
 
-// Directional albedo of the coat, in [0, 1]: that of the channel in which the coat reflects most. The base under the coat
-// gets the same part of the light in all channels, so that it does not take the complementary colour.
+// Directional albedo of the coat, in [0, 1], in the channel in which the coat reflects most. The base under the coat gets the
+// same share of the light in all channels. Otherwise the base would take the colour complementary to the coat.
 fn coat_albedo(b: Bsdf, cosine: f32) -> f32 {
     let ab = lobe_albedo(b.alpha, cosine);
     return clamp(b.f0 * ab.x + b.f90 * ab.y, 0.0, 1.0);
@@ -138,7 +138,6 @@ fn coat_albedo(b: Bsdf, cosine: f32) -> f32 {
 // Reflectance of the clear coat at normal incidence: its index of refraction is 1.5.
 const CLEARCOAT_F0: f32 = 0.04;
 
-// Whether the surface has a clear coat.
 fn is_coated(b: Bsdf) -> bool {
     return HAS_CLEARCOAT && b.clearcoat > 0.0;
 }

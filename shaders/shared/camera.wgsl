@@ -1,18 +1,18 @@
 // The camera: rays of film points, the pixel that sees a point, and the segment from a point to the sensor.
 //
-// A pinhole has all camera rays start at one point. The rays of an orthographic camera are parallel. They start on the sensor
-// plane, which passes through the camera perpendicular to its axis, and travel times end there. Each pixel of a scanning sensor has a
-// direction of its own, in `aims` (HAS_AIMS), and a square field of view around it, which may be a single ray. All rays start at one
-// point. Light vertices are not connected to this sensor.
+// All camera rays of a pinhole start at one point. The rays of an orthographic camera are parallel. They start on the sensor
+// plane, which passes through the camera perpendicular to its axis, and travel times end there. Each pixel of a scanning sensor
+// (HAS_AIMS) has its own direction in `aims`, and a square field of view around this direction, which may be a single ray. All
+// its rays start at one point. Light vertices are not connected to a scanning sensor.
 #import frame
 #import math
 
-// One word per pixel of the whole film: its unit direction, and the length that does not count for its travel times.
+// One texel per pixel of the whole film: its unit direction, and the length by which its travel times are shortened.
 @group(0) @binding(17) var aims: texture_1d<u32>;
 
 struct CameraRay {
     origin: vec3<f32>,
-    // Not normalised: its component along the camera axis is 1. If HAS_AIMS, along the direction of the pixel.
+    // Not normalised: its component along the camera axis (with HAS_AIMS: along the direction of the pixel) is 1.
     direction: vec3<f32>,
 }
 

@@ -2,8 +2,8 @@
 //
 // For q = q^(t) and v = v^(s) the contribution is (Eq. 25)
 //     w_{s,t} omega_t phi_j f_j(q) / (K P(j | q)),   f_j = f(q) cos f(v) cos V(q, v) / d^2,
-// with the transmittance T of the segment as a further factor of f_j in media, if the travel time is inside the gate. w_{s,t} is the power heuristic (Eq. 27) over all strategies that are
-// kept: see `weights.wgsl`.
+// if the travel time is inside the gate. In media, the transmittance T of the segment is a further factor of f_j. w_{s,t} is the
+// power heuristic (Eq. 27) over all strategies that are kept: see `weights.wgsl`.
 #import weights
 #import segment
 

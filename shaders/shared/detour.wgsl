@@ -7,20 +7,20 @@
 // Bit of `Candidate.vertex` that marks an ellipsoidal connection.
 const ELLIPSOIDAL: u32 = 0x40000000u;
 
-// The travel time at the fraction `u`, in [0, 1), of the gate. What rounding would move to the end of the gate, which lies outside,
-// goes to its start: in a gate of 16 f32 steps that is 3 % of the light.
+// The travel time at the fraction `u`, in [0, 1), of the gate. The end of the gate does not belong to it, so a time that rounds to the
+// end goes to the start instead. In a gate of 16 f32 steps, this concerns 3 % of the light.
 fn travel_time_at(u: f32) -> f32 {
     let tau = frame.gate_lo + (frame.gate_hi - frame.gate_lo) * u;
     return select(frame.gate_lo, tau, tau < frame.gate_hi);
 }
 
-// The travel time of all ellipsoidal connections of a sensor sample of epc, uniform in the gate.
+// epc: the travel time of all ellipsoidal connections of a sensor sample, uniform in the gate.
 fn drawn_travel_time(sensor: SensorSample) -> f32 {
     let word = random_words(STREAM_QUERY, sensor.index, sensor.sample, 0u, 3u, frame.seed).x;
     return travel_time_at(f32(word >> 8u) * (1.0 / 16777216.0));
 }
 
-// Length of the two segments of an ellipsoidal connection.
+// Total length of the two segments of an ellipsoidal connection.
 fn detour_length(q: PathVertex, v: PathVertex, tau: f32) -> f32 {
     return (tau - v.tau - q.tau) / SURROUNDING_GROUP_INDEX;
 }

@@ -39,14 +39,14 @@ fn normal_to_sphere(e: Ellipsoid, n: vec3<f32>) -> vec3<f32> {
 }
 
 // sqrt(length^2 - |P(q - v)|^2) / (|x - v| |x - q|) for the point x with unit normal n: see above. w1, r1: unit direction and distance to
-// v, w2, r2: to q. Written as a sum of positive terms, so that no digits cancel.
+// v; w2, r2: to q. Written as a sum of positive terms, so that no digits cancel.
 fn inverse_stretch(n: vec3<f32>, w1: vec3<f32>, r1: f32, w2: vec3<f32>, r2: f32) -> f32 {
     let c1 = dot(n, w1);
     let c2 = dot(n, w2);
     return sqrt(max(2.0 * (1.0 + dot(w1, w2)) / (r1 * r2) + square(c2 / r1 - c1 / r2), 0.0));
 }
 
-// Signed distances in the plane, in units of the radius of the circle: the corners of the triangle relative to the circle's centre.
+// Corners of the triangle in its plane: coordinates relative to the centre of the circle, in units of its radius.
 struct PlaneTriangle {
     a: vec2<f32>,
     b: vec2<f32>,
@@ -79,17 +79,17 @@ fn at_angle(angle: f32) -> vec2<f32> {
 
 // The part of the unit circle on the left of a line.
 struct HalfCircle {
-    // The angles in [-pi, pi] at which the circle crosses the line, in ascending order; -pi twice if it does not.
+    // The angles in [-pi, pi] at which the circle crosses the line, in ascending order; both are -pi without a crossing.
     ends: vec2<f32>,
-    // Whether the angles between the two are on the left. Otherwise the others are.
+    // Whether the angles between the two ends are on the left. If not, the other angles are.
     is_between: bool,
 }
 
-// For the line from a to b.
+// The part of the unit circle on the left of the line from a to b.
 fn half_circle(a: vec2<f32>, b: vec2<f32>) -> HalfCircle {
     let along = b - a;
     let length2 = dot(along, along);
-    // Distance of the line from the centre, times its length; positive if the centre is on the left.
+    // Distance of the line from the centre, times |b - a|; positive if the centre is on the left.
     let offset = cross2(a, b);
     let reach2 = length2 - offset * offset;
     if (!(reach2 > 0.0)) {
@@ -139,7 +139,7 @@ fn arc_ends(ab: vec2<f32>, bc: vec2<f32>, ca: vec2<f32>) -> array<f32, 8> {
     return array<f32, 8>(-PI, q0, q1, q2, q3, min(p4, r3), max(p4, r3), PI);
 }
 
-// The four smallest of the ascending values x and of y, in ascending order.
+// The four smallest of y and the components of x, in ascending order. The components of x are in ascending order.
 fn four_and(x: vec4<f32>, y: f32) -> vec4<f32> {
     let r0 = max(x.x, y);
     let r1 = max(x.y, r0);

@@ -10,10 +10,10 @@ struct Focus {
     normal: vec3<f32>,
 }
 
-// Minimum of the cosine factor of a focus: the box of a node says little about its directions.
+// Minimum of the cosine factor of a focus, because the box of a node says little about the directions from the focus to its surfaces.
 const MIN_FOCUS_COSINE: f32 = 0.1;
-// Share of the importance of all children that is divided evenly among those that the ellipsoid may meet. The importance is an
-// estimate, and its errors multiply from level to level.
+// EVEN_SHARE / 8 of the importance of all children is added to the importance of each child that the ellipsoid may meet. The
+// importance is an estimate, and its errors multiply from level to level.
 const EVEN_SHARE: f32 = 0.1;
 
 fn focus_at(v: PathVertex) -> Focus {
@@ -61,7 +61,7 @@ fn ellipsoid_importance(
         factor *= max(height * inverseSqrt(d2), vec4<f32>(MIN_FOCUS_COSINE)) / d2;
     }
     is_alive &= (least <= vec4<f32>(s.hi)) & (most >= vec4<f32>(s.lo));
-    // The lengths over points of the box are spread over the range, so few of them have the wanted length if it is wide.
+    // Path lengths over points of the box range from `least` to `most`. In a wide range, few paths have the wanted length.
     let importance = factor / max(most - least, vec4<f32>(ELLIPSOID_SLACK * s.hi));
     return select(vec4<f32>(0.0), max(importance, vec4<f32>(1e-36)), is_alive);
 }
@@ -87,7 +87,7 @@ fn choose_child(first: vec4<f32>, second: vec4<f32>, u: f32) -> ChildChoice {
     let is_second = wanted >= half;
     let weights = select(first, second, is_second);
     let before = sums_before(weights) + select(0.0, half, is_second);
-    // The last child with a weight that begins at `wanted` or before.
+    // The last child with a positive weight whose interval begins at `wanted` or before.
     let begun = (before <= vec4<f32>(wanted)) & (weights > vec4<f32>(0.0));
     var chosen = select(0u, 1u, begun.y);
     chosen = select(chosen, 2u, begun.z);
@@ -101,7 +101,7 @@ fn with_even_share(weights: vec4<f32>, share: f32) -> vec4<f32> {
     return select(vec4<f32>(0.0), weights + share, weights > vec4<f32>(0.0));
 }
 
-// Number of descents per pair of foci, and of points per triangle, from which one point is chosen.
+// Number of descents per pair of foci, and number of points per triangle. One of all these points is chosen.
 const DESCENTS: u32 = 4u;
 const POINT_DRAWS: u32 = 2u;
 
@@ -128,7 +128,7 @@ fn focus_cosine(f: Focus, w: vec3<f32>) -> f32 {
 struct TriangleGroup {
     first: u32,
     count: u32,
-    // 0 if none was found.
+    // 0 if no triangle was found.
     probability: f32,
 }
 

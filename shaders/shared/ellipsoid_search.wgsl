@@ -6,10 +6,10 @@
 // Relative slack of the tests, so that rounding never loses a triangle.
 const ELLIPSOID_SLACK: f32 = 4e-6;
 
-// A part of the BVH: a node with all that lies below it, or with PART_LEAVES only the triangles of the node itself.
+// A part of the BVH is a node with everything below it. With the bit PART_LEAVES, it is only the triangles of the node itself.
 const PART_LEAVES: u32 = 0x80000000u;
 
-// What a search seeks: the foci, and the range of |x - v| + |x - q|, widened by the slack.
+// The ellipsoid that a search looks for: its foci, and its range of |x - v| + |x - q|, widened by the slack.
 struct EllipsoidSearch {
     ellipsoid: Ellipsoid,
     v: vec3<f32>,
@@ -24,7 +24,7 @@ struct TriangleChoice {
     count: u32,
 }
 
-// A point of the ellipsoid on a triangle. NONE if none was found.
+// A point of the ellipsoid on a triangle. `triangle` is NONE if no point was found.
 struct EllipsoidPoint {
     triangle: u32,
     // Barycentric weights of corners 1 and 2.
@@ -44,7 +44,7 @@ fn may_meet(s: EllipsoidSearch, index: u32) -> bool {
     let n = cross(t.v1 - t.v0, t.v2 - t.v0);
     let side_v = dot(n, s.v - t.v0);
     let side_q = dot(n, s.q - t.v0);
-    // |n| times the distance of the plane from the centre, and its maximum for a plane that cuts the ellipsoid.
+    // |n| times the distance of the plane from the centre. If the plane cuts the ellipsoid, it is at most the length of `reach`.
     let height = 0.5 * abs(side_v + side_q);
     let reach = normal_to_sphere(s.ellipsoid, n);
     let farthest = max(max(focal_sum(s, t.v0), focal_sum(s, t.v1)), focal_sum(s, t.v2));
@@ -62,7 +62,7 @@ fn nearest_four(lo: vec4<f32>, hi: vec4<f32>, p: f32) -> vec4<f32> {
     return max(max(lo - p, p - hi), vec4<f32>(0.0));
 }
 
-// The same to the farthest point.
+// Distance from `p` to the farthest point of each interval.
 fn farthest_four(lo: vec4<f32>, hi: vec4<f32>, p: f32) -> vec4<f32> {
     return max(abs(lo - p), abs(hi - p));
 }
@@ -99,8 +99,8 @@ fn search_four(meta4: u32, x: vec2<u32>, y: vec2<u32>, z: vec2<u32>, origin: vec
     return a | b | c | d;
 }
 
-// Counts the triangles of a part of the BVH that the ellipsoid may meet, and replaces `choice` by each with probability 1 / count. So the
-// final choice is uniform over all parts that were searched. `key`: of the random numbers of this choice.
+// Counts the triangles in a part of the BVH that the ellipsoid may meet. Each of them replaces `choice` with probability 1 / count, so
+// the final choice is uniform over the triangles of all parts that were searched. `key`: key of the random numbers for this choice.
 fn search_part(part: u32, s: EllipsoidSearch, key: vec4<u32>, choice: ptr<function, TriangleChoice>) {
     var stack: array<vec2<u32>, STACK_SIZE>;
     var depth = 0u;

@@ -36,7 +36,7 @@ struct AuxiliaryPoint {
 struct EllipsoidalConnection {
     // Whether the auxiliary vertex can contribute.
     found: bool,
-    // Contribution for a density of 1 per radian on the arcs. Without visibility, the MIS weight, the gate and the weight of the candidate.
+    // Contribution if the density on the arcs is 1 per radian, without visibility, MIS weight, gate and weight of the candidate.
     value: vec3<f32>,
     // MIS weight.
     weight: f32,
@@ -46,7 +46,7 @@ struct EllipsoidalConnection {
     to_q: vec3<f32>,
 }
 
-// Connects q and v over the point of a triangle with the barycentric weights `weights`, which lies on the ellipsoid.
+// Connects q and v over a point of the triangle that lies on the ellipsoid. `weights`: barycentric weights of the point.
 fn connect_over(q: PathVertex, v: PathVertex, triangle: u32, weights: vec2<f32>) -> EllipsoidalConnection {
     var c: EllipsoidalConnection;
     let surface = surface_at(triangle, weights.x, weights.y);

@@ -1,5 +1,5 @@
-// Light subpaths start here: choice of an emitter, a point and a direction. Also the light that an emitter point
-// sends along a direction.
+// Light subpaths start here: this module chooses an emitter, a point and a direction. It also evaluates the light that an
+// emitter point sends along a direction.
 #import surface
 #import path
 #import bsdf
@@ -173,7 +173,7 @@ fn sample_punctual(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     (*r).throughput = e.strength * (falloff / ((*r).pdf_direction * e.select_pdf));
 }
 
-// A point on the disk of a beam or a sun, and their only direction.
+// Samples a point on the disk of a beam or a sun, whose direction is fixed.
 fn sample_beam(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     let radius = e.outer * sqrt(a.x);
     let turn = cosine_and_sine(2.0 * PI * a.y);
@@ -185,7 +185,7 @@ fn sample_beam(e: Emitter, a: vec4<f32>, r: ptr<function, Emission>) {
     (*r).throughput = e.strength / e.select_pdf;
     (*r).beam = !sun;
     (*r).parallel = sun;
-    // With alpha, random choices at surfaces make the first hit random.
+    // Surfaces with alpha let rays pass at random, so the first hit is then random.
     (*r).deterministic = e.outer == 0.0 && !HAS_ALPHA;
 }
 
