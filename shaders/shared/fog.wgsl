@@ -1,8 +1,8 @@
-// Single scattering inside the gate: besides its end, each segment of a sensor subpath in fog gives an event per deterministic
-// vertex, at a place from which the light of that vertex arrives inside the gate.
+// Single scattering inside the gate: on each segment of a sensor subpath in fog, one scattering event is drawn per deterministic
+// vertex, where light from this vertex arrives inside the gate. These events are connected in addition to the end of the segment.
 //
-// With x the start of the segment, w its direction and D the way from x to the light vertex, the length s + |s w - D| of the way over
-// the event at x + s w grows with s. So the gate is one interval of the segment.
+// Let x be the start of the segment, w its direction, and D the vector from x to the light vertex. The path over the event at x + s w
+// has the length s + |s w - D|, which grows with s. So the gate corresponds to one interval of the segment.
 #import guided_flight
 #import partial_sums
 #import segment
@@ -36,8 +36,8 @@ fn can_draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex) -> bool {
     return interval.x < interval.y && is_drawn_in_gate(v) && (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u <= frame.max_depth;
 }
 
-// An event at a random place of the `gate_interval`, with the throughput over the density of that place. The density is the mean
-// of two: equiangular as seen from v (Kulla and Fajardo 2012), and exponential. The throughput is 0 outside of media.
+// Draws an event in the `gate_interval`. Its throughput is divided by the density of its position. This density is the mean of
+// two: equiangular as seen from v (Kulla and Fajardo 2012), and exponential. The throughput is 0 outside of media.
 fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>) -> PathVertex {
     let interval = gate_interval(q, segment, v);
     let w = -q.to_previous;

@@ -10,8 +10,8 @@ struct Frame {
     height: u32,
     forward: vec3<f32>,
     seed: u32,
-    // Half extents of the image plane: at distance 1 from a pinhole, or of the sensor plane of an orthographic camera. If HAS_AIMS:
-    // of a pixel at distance 1.
+    // Half extents of the image plane at distance 1 from a pinhole, or of the sensor plane of an orthographic camera. If HAS_AIMS:
+    // half extents of a pixel at distance 1.
     extent: vec2<f32>,
     // Area of a pixel on that plane.
     pixel_area: f32,
@@ -21,7 +21,7 @@ struct Frame {
     // The gate [gate_lo, gate_hi) of optical path. gate_hi is 3e38 for an open gate.
     gate_lo: f32,
     gate_hi: f32,
-    // A subpath stops if its travel time must reach this value, because longer paths miss the gate. 3e38 switches this off.
+    // A subpath stops once its whole path is known to take at least this time, and so to miss the gate. 3e38 switches this off.
     cull_hi: f32,
     // Rounding allowance of a travel time. Bounds are widened by it, so that rounding never prunes a valid vertex.
     rounding_allowance: f32,
@@ -111,8 +111,8 @@ var<immediate> dispatch: Dispatch;
 
 // Threads per workgroup. The image does not depend on it.
 override WORKGROUP: u32 = 64u;
-// What the kernels report to the host for each contribution, in addition to the image: nothing (0), its travel time, its
-// strategy and MIS weight, or pixel and travel time for the responses of the sensor.
+// Data that the kernels report to the host for each contribution, in addition to the image: nothing (0), the travel time, the
+// strategy and MIS weight, or the pixel and travel time for the responses of the sensor.
 override OBSERVE: u32 = 0u;
 const OBSERVE_TIMES: u32 = 1u;
 const OBSERVE_STRATEGIES: u32 = 2u;
@@ -137,7 +137,7 @@ override HAS_PARALLEL: bool = true;
 override HAS_SKY: bool = true;
 // Whether the scene has participating media.
 override HAS_MEDIA: bool = true;
-// Index of refraction and group index outside of transmitting solids. A path takes the group index times its length there.
+// Index of refraction and group index outside of transmitting solids. The travel time there is the group index times the length.
 override SURROUNDING_IOR: f32 = 1.0;
 override SURROUNDING_GROUP_INDEX: f32 = 1.0;
 // Whether transmitting solids may contain media (solid.wgsl).
@@ -146,12 +146,11 @@ override HAS_INTERIORS: bool = true;
 override HAS_NULL_BOUNDARIES: bool = true;
 // Whether a medium has a density grid (grid.wgsl).
 override HAS_GRIDS: bool = true;
-// Whether events in a medium are moved along their segment, into the gate, before a deterministic vertex is connected to them
-// (shared/fog.wgsl).
+// Whether the events in a medium that are connected to deterministic vertices are drawn inside the gate (shared/fog.wgsl).
 override DRAWS_IN_GATE: bool = true;
-// Whether the estimator forms ellipsoidal connections (ellipsoidal_connection.wgsl). Vertices then keep what their MIS weights need.
+// Whether the estimator forms ellipsoidal connections (ellipsoidal_connection.wgsl). Vertices then also store data for their MIS weights.
 override HAS_ELLIPSOIDS: bool = false;
-// Whether one of several ellipsoidal connections is chosen per shade point (ellipsoid_resample.wgsl), instead of one per light vertex.
+// Whether each shade point gets one of several ellipsoidal connections (ellipsoid_resample.wgsl). Otherwise each candidate may be one.
 override RESAMPLES_ELLIPSOIDS: bool = false;
 override HAS_SPECULAR_COLORS: bool = true;
 override HAS_CLEARCOAT: bool = true;

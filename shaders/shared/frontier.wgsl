@@ -1,6 +1,6 @@
 // The frontier of a tree for a shade point: subtrees that together hold every vertex that can contribute. K queries start at
 // these subtrees instead of at the root. The importance of a small box is more accurate than a chain of choices between large
-// boxes, and the upper levels of the tree are paid for once per shade point.
+// boxes, and the upper levels of the tree are visited only once per shade point.
 #import importance
 #import query
 
@@ -30,10 +30,10 @@ struct Frontier {
     count: u32,
     // Sums of the powers (x) and of the importances (y) of all subtrees.
     all: vec2<f32>,
-    // What `sample_frontier` adds to the power of each subtree.
+    // Power that `subtree_weights` adds to the power of each subtree.
     min_power: f32,
-    // The subtree that the next query looks at first, and the sums of the subtrees before it. The queries come in the order of their
-    // uniforms, so none looks back.
+    // The subtree that the next query looks at first, and the sums of the subtrees before it. The uniforms of the queries ascend, so no
+    // query looks back.
     next: u32,
     before: vec2<f32>,
     // Whether `before` and `next` belong to choices by power, which come first.
@@ -61,8 +61,8 @@ fn remap_uniform(u: f32, start: f32, part: f32, rng: ptr<function, u32>) -> f32 
     return select(stretched, min(fresh, 1.0 - UNIFORM_STEP), part < 1.0 / 256.0);
 }
 
-// Power (x) and importance (y) in one word, without the lower half of their digits. Private arrays are slow, and any positive weights
-// are right: P contains the weights as they are stored.
+// Power (x) and importance (y) in one word, without the lower half of their digits. This halves the private array, which is slow.
+// Rounding causes no bias, because P contains the weights as they are stored.
 fn pack_weights(weights: vec2<f32>) -> u32 {
     let words = bitcast<vec2<u32>>(weights);
     return (words.x & 0xffff0000u) | (words.y >> 16u);
@@ -128,7 +128,7 @@ fn grow_frontier(f: ptr<function, Frontier>, root: u32, receiver: Receiver) {
     (*f).is_by_power = true;
 }
 
-// Chooses a subtree of a frontier that is not empty, at the uniform `u`, which must not be less than that of the call before.
+// Chooses a subtree of a frontier that is not empty, at the uniform `u`, which must not be less than in the call before.
 // Stratified values of `u` lead to different parts of the tree.
 fn sample_frontier(f: ptr<function, Frontier>, u: f32, rng: ptr<function, u32>) -> Traversal {
     let by_power = u < POWER_PROBABILITY;

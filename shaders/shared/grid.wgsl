@@ -1,8 +1,8 @@
 // Density grids: the density of a medium at a point, and its integral along a ray.
 //
-// A grid consists of cells. The density is trilinear in a cell, so it is a cubic polynomial along a ray, and two points of Gauss give
-// its integral exactly. Optical depths are therefore exact: no random numbers are needed, and media with a grid are sampled like
-// homogeneous ones.
+// A grid consists of cells. The density is trilinear in a cell, so it is a cubic polynomial along a ray, and two-point Gauss quadrature
+// gives its integral exactly. Optical depths are therefore exact: no random numbers are needed, and media with a grid are sampled
+// like homogeneous media.
 #import frame
 #import math
 
@@ -29,8 +29,8 @@ const BLOCK: u32 = 8u;
 
 // Five texels per medium.
 @group(0) @binding(15) var grids: texture_1d<u32>;
-// Per cell: the densities at its corners in units of `scale`, 16 bits each, x fastest. Per block: the bits of its density if that is
-// constant, else those of a negative number.
+// Per cell: the densities at its corners in units of `scale`, 16 bits each, x fastest. Per block: the bits of its density if it is
+// constant, else the bits of a negative number.
 @group(0) @binding(16) var densities: texture_1d<u32>;
 
 fn load_grid(index: u32) -> Grid {
@@ -52,7 +52,7 @@ fn point_in_grid(g: Grid, p: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(dot(g.x.xyz, p) + g.x.w, dot(g.y.xyz, p) + g.y.w, dot(g.z.xyz, p) + g.z.w);
 }
 
-// The direction d in the space of cells, of another length. No component is 0, so that the caller may divide by it.
+// The direction d in the space of cells, not normalised. No component is 0, so that the caller may divide by it.
 fn direction_in_grid(g: Grid, d: vec3<f32>) -> vec3<f32> {
     let direction = vec3<f32>(dot(g.x.xyz, d), dot(g.y.xyz, d), dot(g.z.xyz, d));
     return select(direction, vec3<f32>(1e-30), abs(direction) < vec3<f32>(1e-30));
@@ -84,7 +84,7 @@ fn cell_corners(g: Grid, cell: vec3<u32>) -> Cell {
         vec4<f32>(unpack2x16unorm(words.z), unpack2x16unorm(words.w)));
 }
 
-// Density of the cell at `p`, from 0 to 1 per axis.
+// Density of the cell at `p`, whose coordinates in the cell are from 0 to 1.
 fn cell_density(c: Cell, p: vec3<f32>) -> f32 {
     let f = clamp(p, vec3<f32>(0.0), vec3<f32>(1.0));
     let corners = mix(c.low, c.high, f.z);
@@ -92,8 +92,8 @@ fn cell_density(c: Cell, p: vec3<f32>) -> f32 {
     return mix(edge.x, edge.y, f.x);
 }
 
-// Integral of the density of the cell over 0 < t < 1 on the line p + t d, by the two points of Gauss (1 -+ 1 / sqrt(3)) / 2. Exact
-// for a cubic polynomial.
+// Integral of the density of the cell over 0 < t < 1 on the line p + t d, by Gauss quadrature at the two points
+// (1 -+ 1 / sqrt(3)) / 2. It is exact for a cubic polynomial.
 fn cell_integral(c: Cell, p: vec3<f32>, d: vec3<f32>) -> f32 {
     return 0.5 * (cell_density(c, p + 0.21132487 * d) + cell_density(c, p + 0.78867513 * d));
 }
@@ -153,7 +153,8 @@ fn pass_grid(g: Grid, o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, needed:
         found = integral + amount >= needed;
         if (!found) {
             integral += amount;
-            // The face by which the ray leaves decides about its axis, so that rounding cannot keep the ray in the cell.
+            // On the axis of the face through which the ray leaves, the ray always enters the neighbour behind this face. So rounding
+            // cannot keep the ray in the cell.
             let inside = clamp(vec3<i32>(floor(origin + end * direction)), low, high - 1);
             cell = select(inside, select(low - 1, high, rises), faces <= vec3<f32>(leave));
             let is_outside = any(cell < vec3<i32>(0)) || any(cell >= vec3<i32>(g.cells));

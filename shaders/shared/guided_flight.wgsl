@@ -1,13 +1,13 @@
 // Flights of sensor subpaths through fog, towards the places from which light can still arrive inside the gate (lcs).
 #import medium
 
-// Whether `guided_flight` replaces `free_flight` for sensor subpaths through a closed gate.
+// Whether `guided_flight` replaces `free_flight` for sensor subpaths, if the gate has an end.
 override GUIDES_FLIGHTS: bool = false;
-// Share of the events on the first segment that are drawn uniformly in the gate. Events on later segments have analogue densities:
-// the factors of many events would multiply to a few bright paths.
+// Share of the events on the first segment that are drawn uniformly in the gate. On later segments, all events are drawn in
+// proportion to scattering, because the factors of many events would multiply to a few bright paths.
 const GUIDED_SHARE: f32 = 0.5;
 
-// Stands for infinity as a distance; its products do not overflow.
+// A distance that stands for infinity. Its products do not overflow.
 const MAX_LENGTH: f32 = 1e15;
 
 // The distance s at which s + |s w - D| is `path`, for path > |D| = `straight`. `along`: w . D.
@@ -15,9 +15,9 @@ fn distance_at(path: f32, straight: f32, along: f32) -> f32 {
     return (path - straight) * (path + straight) / max(2.0 * (path - along), 1e-30);
 }
 
-// Distances s along o + s d between which an event may lie on a path from an emitter straight to the event, inside the gate.
+// Range of distances s along o + s d at which light that comes straight from an emitter may scatter and arrive inside the gate.
 // `elapsed`: travel time from o to the sensor. Beyond y, every path is too long for the gate. The bounding sphere of the emitters
-// stands for all of them. Empty (x > y) if no path is short enough.
+// stands for all emitters. Empty (x > y) if no path is short enough.
 fn guiding_interval(o: vec3<f32>, d: vec3<f32>, elapsed: f32, eta: f32) -> vec2<f32> {
     let to_center = 0.5 * (frame.emitter_lo + frame.emitter_hi) - o;
     let radius = 0.5 * distance(frame.emitter_lo, frame.emitter_hi);
@@ -29,8 +29,8 @@ fn guiding_interval(o: vec3<f32>, d: vec3<f32>, elapsed: f32, eta: f32) -> vec2<
         select(-1.0, distance_at(hi, straight, along), hi > straight));
 }
 
-// As `free_flight`, but no event lies where its light would be too late, and a share of the events lies where light that has scattered
-// nowhere else is inside the gate. `elapsed`: travel time from o to the sensor.
+// As `free_flight`, with two differences. No event lies where its light would be too late for the gate. A share of the events lies
+// where light that comes straight from an emitter is inside the gate. `elapsed`: travel time from o to the sensor.
 fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32, throughput: vec3<f32>, u: vec2<f32>) -> Flight {
     let interval = guiding_interval(o, d, elapsed, eta);
     let last = clamp(interval.y, 0.0, limit);
@@ -38,7 +38,7 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
     let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
     let scattered = dot(shares, one_minus_exp(whole.scattering));
     let transmitted = dot(shares, exp(-whole.scattering));
-    // Where the end of the ray is too late, every flight ends in an event.
+    // If light from the end of the ray is too late, every flight ends in an event.
     let reaches = select(0.0, end_share(transmitted), last >= limit);
     let end_probability = select(reaches, 1.0, scattered <= 0.0);
     if (u.x < end_probability) {
@@ -46,7 +46,7 @@ fn guided_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, elapsed: f32, eta: f32,
         return Flight(false, limit, NONE, weight * (transmitted / end_probability), whole.scattering);
     }
 
-    // The place of the event: uniform in the gate, or by the scattering.
+    // The position of the event: uniform in the gate, or in proportion to scattering.
     let extent = media_extent(o, d);
     let first = max(interval.x, extent.x);
     let width = min(last, extent.y) - first;

@@ -1,4 +1,4 @@
-// What a query needs to choose a vertex in a leaf, in two texels per vertex of the pool. Only the chosen vertex is then loaded whole.
+// Leaf records: the data that a query needs to choose a vertex in a leaf. Only the chosen vertex is then loaded whole.
 #import tree
 #import vertex
 
@@ -26,7 +26,7 @@ fn unpack_direction(word: u32) -> vec3<f32> {
     return vec3<f32>(bits) * (1.0 / 511.0);
 }
 
-// The vertex as far as its record knows it: the fields that `vertex_importance` reads. Punctual lights are loaded whole, because
+// A vertex with only the fields that `vertex_importance` reads, from its leaf record. Punctual lights are loaded whole, because
 // their light depends on the direction.
 fn load_leaf_vertex(index: u32) -> PathVertex {
     let place = bitcast<vec4<f32>>(textureLoad(leaf_records, 2u * index, 0));

@@ -36,8 +36,8 @@ struct Material {
     // Strength of the clear coat over everything else, and its GGX alpha.
     clearcoat: f32,
     clearcoat_alpha: f32,
-    // Reflectance of the dielectric coat at normal incidence, per channel. With a texture of this colour, the product with the
-    // texel is limited to f90; without one, this value is.
+    // Reflectance of the dielectric coat at normal incidence, per channel, at most f90. If a texture multiplies this colour, only the
+    // product with the texel is limited to f90.
     f0_color: vec3<f32>,
     // Indices into `textures`, or NONE. The specular colour (red, green, blue) multiplies `f0_color`, and the specular strength
     // (alpha) multiplies `f0_color` and `f90`. Red multiplies the clear coat, green its roughness.

@@ -1,9 +1,9 @@
 // Participating media: where they are, how far light flies in them, and what they transmit.
 //
-// A medium fills a box, a density grid, all space, or the inside of a mesh. Outside of solids boxes and grids may overlap; then the
-// last one counts, and the inside of a null boundary counts more. Flights are sampled by scattering alone; absorption is a factor. Of
-// the density of a distance, MIS weights contain the mean transmittance only (`flight_density`): the coefficient at an event stands
-// in every strategy of a path.
+// A medium fills a box, a density grid, all space, or the inside of a mesh. Outside of solids, boxes and grids may overlap; then the
+// last one counts. The inside of a null boundary has priority over them. Flights are sampled by scattering alone; absorption is a
+// factor of the throughput. In MIS weights, the density of a distance is the mean transmittance only (`flight_density`): the
+// coefficient at an event is a factor of every strategy of a path, so it cancels.
 #import boundary
 #import frame
 #import grid
@@ -16,7 +16,7 @@ struct Medium {
     // PHASE_ constant of phase.wgsl.
     phase: u32,
     hi: vec3<f32>,
-    // Two lobes, also with one of Draine: share of the second lobe, 0 to 1.
+    // Phase functions with two lobes, also if one is of Draine: share of the second lobe, 0 to 1.
     share: f32,
     // Coefficients of scattering and absorption per unit of length.
     sigma_s: vec3<f32>,
@@ -76,7 +76,7 @@ fn medium_density(index: u32, p: vec3<f32>) -> f32 {
 
 // Whether `optical_depths` takes the mean density of each grid. This costs less, and is good enough to choose among candidates.
 var<private> uses_mean_densities: bool = false;
-// A mean density makes no place darker than a depth of this, because the grid may have holes.
+// Maximum optical depth that a mean density gives to a part of a ray, because the grid may have holes.
 const MAX_MEAN_DEPTH: f32 = 16.0;
 
 // As `pass_grid`, for medium `index`, which may have no grid.
@@ -96,14 +96,14 @@ fn pass_medium(index: u32, o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, ne
     return Passage(flown, flown);
 }
 
-// Code of the solid that surrounds the ray which the functions below receive (solid.wgsl). Their callers set it.
+// Code of the solid around the ray (solid.wgsl). Callers of the functions below set it.
 var<private> surrounding_solid: u32 = OUTSIDE_SOLIDS;
 
 // A part of a ray inside one medium.
 struct Stretch {
     // Index of the medium, or NONE.
     medium: u32,
-    // Distance along the ray at which the medium may change, more than where the stretch begins.
+    // Distance along the ray at which the medium may change. It is greater than the start of the stretch.
     end: f32,
 }
 
@@ -132,7 +132,7 @@ fn stretch_at(o: vec3<f32>, d: vec3<f32>, t: f32) -> Stretch {
     return s;
 }
 
-// A ray has at most this number of stretches, less 1.
+// Maximum number of stretches of a ray, minus 1.
 fn last_stretch() -> u32 {
     return 2u * frame.media_count + select(0u, crossing_count, HAS_NULL_BOUNDARIES);
 }
@@ -196,7 +196,7 @@ fn minus_log_rest(x: f32) -> f32 {
     return select(-log(1.0 - x), x * (1.0 + x * (0.5 + x * (1.0 / 3.0))), x < 0.01);
 }
 
-// exp(-depth), up to a factor that makes its mean over the channels, weighted by `shares`, 1. `event`: a further factor.
+// event * exp(-depth), divided by its mean over the channels. `shares`: weights of the channels in this mean.
 fn normalised(depth: vec3<f32>, event: vec3<f32>, shares: vec3<f32>) -> vec3<f32> {
     // Relative to the clearest channel, so that the exponentials of a thick medium do not all underflow.
     let clearest = min(depth.x, min(depth.y, depth.z));
@@ -223,10 +223,9 @@ fn end_share(transmitted: f32) -> f32 {
     return select(transmitted, sqrt(transmitted), dispatch.bounce == 0u);
 }
 
-// Samples a flight along o + t d for 0 < t < limit. `throughput`: of the subpath so far; it is the probability, up to a factor,
-// with which each channel chooses the distance. The density is that of all channels together, so that no channel gets a large
-// weight.
-// `to_light`: see `end_share`.
+// Samples a flight along o + t d for 0 < t < limit. `throughput`: throughput of the subpath so far. Each channel chooses the
+// distance with a probability in proportion to its throughput. The density is the sum over all channels, so that no channel gets
+// a large weight. `to_light`: see `end_share`.
 fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to_light: bool, u: vec2<f32>) -> Flight {
     let whole = optical_depths(o, d, limit);
     let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
@@ -244,8 +243,8 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to
     return f;
 }
 
-// Samples a flight along o + t d that ends in an event with 0 < t < limit. `whole`: depths up to `limit`. The weight is that of a flight
-// which may also pass all media.
+// Samples a flight along o + t d that ends in an event with 0 < t < limit. `whole`: depths up to `limit`. The weight is
+// valid for a flight that may also pass all media without an event; callers correct it.
 fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, whole: Depths, u: vec2<f32>) -> Flight {
     // The channel that chooses the optical depth of the event.
     let events = shares * one_minus_exp(whole.scattering);

@@ -5,16 +5,16 @@
 // Upper limit of the partial sums, which keeps them finite. The weight of a strategy with so large a sum is 0 in practice.
 const MAX_SUM: f32 = 1e30;
 
-// The first event of a light subpath after a deterministic vertex. Sensor subpaths that reach such an event connect it to the
-// deterministic vertex, at a place that they draw in the gate. So both ends of a path can form the event.
+// Whether v is the first event of a light subpath after a deterministic vertex. Sensor subpaths form the same event: they draw its
+// position in the gate, and connect it to the deterministic vertex. So the event can be formed from both ends of a path.
 fn follows_connected(v: PathVertex) -> bool {
     return DRAWS_IN_GATE && (v.flags & VERTEX_FOLLOWS_CONNECTED) != 0u;
 }
 
-// Density per length of drawing an event in the gate, over that of a flight from the deterministic vertex, as an estimate:
-// MIS weights contain the density of a distance only here. `medium`: of the event. `back`: unit direction from the event to the
-// deterministic vertex. `onwards`: to the other neighbour. The length of the path grows by 1 + cos(back, onwards) per length by which
-// the event moves, so a gate is drawn with that density over its width. A wide gate does not limit the flight.
+// Estimate of a ratio: density per length of drawing an event in the gate, over the density of a flight from the deterministic vertex.
+// Only here do MIS weights contain the density of a distance. `medium`: medium of the event. `back`: unit direction from the event to
+// the deterministic vertex. `onwards`: to the other neighbour. If the event moves by a length, the path grows 1 + cos(back, onwards)
+// times as much. The density in the gate is this factor over the width of the gate. A wide gate does not limit the flight.
 fn density_gain(medium: u32, back: vec3<f32>, onwards: vec3<f32>) -> f32 {
     return max((1.0 + dot(back, onwards)) / ((frame.gate_hi - frame.gate_lo) * mean_extinction(medium)), 1.0);
 }
@@ -24,9 +24,9 @@ fn sample_count_ratio(v: PathVertex) -> f32 {
     return select(1.0, frame.query_sample_count, random_vertices(v) < 2u);
 }
 
-// Factor of a segment with this optical depth of scattering in the densities of the MIS weights: the mean transmittance, with
-// which flights pass the segment. The density of an event itself cancels, because every strategy contains it. Null boundaries on a
-// segment are known only after its ray was traced, so in such scenes the weights do without transmittance.
+// Factor of a segment in the densities of the MIS weights: the mean transmittance, for the optical depth `scattering`. The density of
+// an event itself cancels, because every strategy contains it. Null boundaries on a segment are known only after its ray was
+// traced, so scenes with null boundaries have MIS weights without transmittance.
 fn flight_density(scattering: vec3<f32>) -> f32 {
     if (!HAS_MEDIA || HAS_NULL_BOUNDARIES) {
         return 1.0;
@@ -35,8 +35,8 @@ fn flight_density(scattering: vec3<f32>) -> f32 {
 }
 
 // Updates the partial sums when a subpath continues from the vertex v (Georgiev 2012, Eqs. 35 and 36). Distance and cosine at the next
-// vertex are not known yet. `sample_count`: number of samples that the connection strategy takes at the next vertex of a light
-// subpath, relative to this vertex, times the probability of the emitter after deterministic vertices; 1 for sensor subpaths.
+// vertex are not known yet. `sample_count` is 1 for sensor subpaths. For light subpaths, it is the number of samples that the
+// connection strategy takes at the next vertex, relative to v, times `selection_pdf(v)`.
 fn mis_scatter(state: ptr<function, PathState>, v: PathVertex, s: Scatter, sample_count: f32) {
     if (s.delta) {
         (*state).d_vcm = 0.0;

@@ -139,14 +139,14 @@ fn selection_pdf(v: PathVertex) -> f32 {
     return select(v.select_pdf, 1.0, HAS_ELLIPSOIDS && (v.flags & VERTEX_DETERMINISTIC) == 0u);
 }
 
-// Distance from v, which is neither deterministic nor on an emitter, to the previous vertex of its subpath. `epc` keeps it where other
-// estimators keep `select_pdf`.
+// Distance from v, which is neither deterministic nor on an emitter, to the previous vertex of its subpath. With HAS_ELLIPSOIDS, the
+// field `select_pdf` holds it.
 fn previous_distance(v: PathVertex) -> f32 {
     return v.select_pdf;
 }
 
 // MIS sum of the ellipsoidal connections that end at v: their auxiliary vertex is the one before v. Divided, as `d_vcm`, by the squared
-// density of the strategy that traces v. `epc` keeps it where other estimators keep `selection_cdf`.
+// density of the strategy that traces v. With HAS_ELLIPSOIDS, the field `selection_cdf` holds it.
 fn auxiliary_sum(v: PathVertex) -> f32 {
     if (!HAS_ELLIPSOIDS || (v.flags & VERTEX_DETERMINISTIC) != 0u) {
         return 0.0;

@@ -117,7 +117,7 @@ fn load_node(m: Medium, index: u32) -> vec3<f32> {
     return bitcast<vec3<f32>>(textureLoad(phase_tables, m.table + index, 0).xyz);
 }
 
-// The last node of m's table, but not the end of the table, at which the component is at most x.
+// Number of the last node of m's table at which the component is at most x, the final node excepted.
 fn table_interval(m: Medium, component: u32, x: f32) -> u32 {
     var below = 0u;
     var above = m.table_size - 1u;

@@ -35,7 +35,7 @@ fn random4(stream: u32, index: u32, sample: u32, depth: u32, dimension: u32, see
     return vec4<f32>(random_words(stream, index, sample, depth, dimension, seed) >> vec4<u32>(8u)) * (1.0 / 16777216.0);
 }
 
-// A bit of the third word of a ray's key that surfaces with alpha leave 0.
+// Bit of the third word of a ray's key. It is 0 for the random choices at surfaces with alpha.
 const FLIGHT_BIT: u32 = 0x2000u;
 
 // Two independent uniforms in [0, 1) for a flight through media along the ray with this key. They are independent of the choices at

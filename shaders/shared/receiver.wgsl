@@ -22,7 +22,7 @@ fn make_receiver(q: PathVertex) -> Receiver {
         // A mirrored direction turns by twice the angle that the normal turns by.
         r.spread = max(4.0 * b.alpha * b.alpha, MIN_LOBE_WIDTH2);
         r.gloss = select(min(lobes.gloss, 1.0 - MIN_DIFFUSE), 0.0, is_delta(b));
-        // A receiver has one lobe. The retroreflector is the narrower one of both in practice.
+        // A receiver has only one lobe. The retroreflector's lobe is kept, because it is narrower in practice.
         if (is_retroreflector(b)) {
             r.mirrored = q.to_previous;
             r.spread = max(4.0 * square(b.retroreflector_alpha), MIN_LOBE_WIDTH2);
@@ -32,8 +32,8 @@ fn make_receiver(q: PathVertex) -> Receiver {
     return r;
 }
 
-// The receiver of q, an event in a medium. The phase function counts as a glossy lobe: light that comes from the direction in
-// which the sensor subpath travels is scattered least.
+// The receiver of q, an event in a medium. The phase function counts as a glossy lobe around the direction in which the sensor
+// subpath travels, or around the opposite direction if it scatters mainly backwards.
 fn medium_receiver(receiver: Receiver, q: PathVertex) -> Receiver {
     var r = receiver;
     if (BY_GLOSS) {

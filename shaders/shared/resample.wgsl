@@ -39,7 +39,7 @@ fn descend_by_importance(start: Traversal, receiver: Receiver, rng: ptr<function
     return Candidate(current, 1.0 / (POWER_PROBABILITY * p.x + (1.0 - POWER_PROBABILITY) * p.y));
 }
 
-// Share of the light from the direction `w` that q scatters to the sensor, as for `outgoing_light`: both are symmetric.
+// Share of the light from the direction `w` that q scatters to the sensor, with the approximations of `outgoing_light`.
 fn scattered_share(q: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
     if (is_in_medium(q)) {
         return 4.0 * PI * phase_value(load_medium(q.material), -dot(q.to_previous, w));

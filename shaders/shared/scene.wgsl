@@ -34,7 +34,7 @@ struct VertexAttributes {
     v: f32,
 }
 
-// What only some meshes have. The index is that of `attributes`.
+// Attributes that only some meshes have. They have the same index as in `attributes`.
 struct VertexDetails {
     // Linear vertex colour, 16 bits per channel: red and green, then blue and alpha.
     red_green: u32,

@@ -1,13 +1,13 @@
-// The sky: light that arrives from infinitely far away, from all directions. It is an equirectangular image with +Y up, each of
-// whose texels has one radiance. A constant sky is an image of one texel.
+// The sky: light that arrives from infinitely far away, from all directions. It is an equirectangular image with +Y up. The
+// radiance is constant in each texel. A constant sky is an image of one texel.
 #import scene
 #import path
 
-// First a header (SkyHeader). Then a texel per row: start and end of the row in the cumulative distribution over rows, and the
-// bits of the squared sines of half the angles between its two edges and the pole. The pole is the nearer one: +Y for rows whose
-// centre is not below the equator, otherwise -Y. Then for each row its texels, and one more as the end of the last texel: the
-// bits of the radiance, and the start of the texel in the cumulative distribution within its row. The distributions are in
-// units of 2^-31, so probabilities are exact.
+// First a header (SkyHeader). Then one texel per row: start and end of the row in the cumulative distribution over rows, and for
+// each of its two edges the bits of sin^2(a / 2), where a is the angle between the edge and the nearer pole. The nearer pole is
+// +Y for rows whose centre is not below the equator, otherwise -Y. Then for each row its texels, and one more as the end of the
+// last texel: the bits of the radiance, and the start of the texel in the cumulative distribution within its row. The
+// distributions are in units of 2^-31, so probabilities are exact.
 @group(0) @binding(12) var sky: texture_1d<u32>;
 
 struct SkyHeader {
@@ -56,7 +56,7 @@ fn sky_towards(w: vec3<f32>) -> SkySample {
     return SkySample(w, bitcast<vec3<f32>>(here.xyz), probability / solid_angle);
 }
 
-// Samples a direction in proportion to luminance, from four random words. The result is what `sky_towards` finds there, so
+// Samples a direction in proportion to luminance, from four random words. The result comes from `sky_towards`, so
 // that all strategies agree about directions near the edges of texels.
 fn sample_sky(words: vec4<u32>) -> SkySample {
     let header = load_sky();

@@ -48,7 +48,8 @@ fn can_connect(q: PathVertex, v: PathVertex) -> bool {
     return is_in_reach(q, v, w, d) && faces(q, w) && faces(v, -w);
 }
 
-// `vertex` if connecting it to q can contribute, with the bit ELLIPSOIDAL if it can contribute over an auxiliary vertex; otherwise NONE.
+// `vertex` if connecting it to q can contribute. With the bit ELLIPSOIDAL if only a connection over an auxiliary vertex can contribute.
+// Otherwise NONE.
 fn connectable_or_none(q: PathVertex, vertex: u32) -> u32 {
     let v = load_light_vertex(vertex);
     let is_direct = can_connect(q, v);
@@ -116,8 +117,8 @@ struct WorkItem {
     is_open: bool,
 }
 
-// The shade point at a position in the list. The deterministic vertices are written to its first slots: first those for its
-// segment, then those for q itself. Then comes the sky.
+// The shade point at a position in the list. Deterministic vertices are written to its first slots: first for connections to its
+// segment, then for connections to q itself. Then comes the sky.
 fn begin_work_item(rank: u32) -> WorkItem {
     let q = load_shade_point(list[rank]);
     let sensor = sensor_sample(q.owner);

@@ -62,7 +62,7 @@ fn surface_at(index: u32, u: f32, v: f32) -> Surface {
     return s;
 }
 
-// Adds what `details` holds for the three corners. `facing` is -1 in mirrored instances.
+// Adds the vertex colour and the tangent that `details` holds for the three corners. `facing` is -1 in mirrored instances.
 fn add_details(s: ptr<function, Surface>, numbers: vec3<u32>, weights: vec3<f32>, instance: u32, facing: f32) {
     let a = details[numbers.x];
     let b = details[numbers.y];
@@ -125,7 +125,7 @@ fn base_color(s: Surface) -> vec4<f32> {
     return factor * sample_texture(m.base_texture, s.uv);
 }
 
-// What a vertex at the point stores in `base_color`.
+// The words that a vertex at the point stores in `base_color`.
 fn point_words(s: Surface) -> vec3<u32> {
     let base = base_color(s).xyz;
     let m = load_material(s.material);

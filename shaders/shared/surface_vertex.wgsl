@@ -2,7 +2,7 @@
 #import vertex
 #import surface
 
-// The vertex at `surface`, without what depends on the rest of the path. `towards`: unit direction to the previous vertex.
+// The vertex at `surface`, without the fields that depend on the rest of the path. `towards`: unit direction to the previous vertex.
 fn surface_vertex(surface: Surface, towards: vec3<f32>) -> PathVertex {
     let side = dot(surface.geometric, towards);
     let flip = select(1.0, -1.0, side < 0.0);

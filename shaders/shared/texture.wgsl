@@ -17,7 +17,7 @@ fn wrap_texel(i: i32, size: i32, mode: u32) -> i32 {
     return select(select(repeated, mirrored, mode == 1u), clamped, mode == 2u);
 }
 
-// What the bytes of a texture mean. Colours: sRGB, with linear alpha. Data: four linear channels. Normals: as data, but
+// Meaning of the bytes of a texture. Colours: sRGB, with linear alpha. Data: four linear channels. Normals: as data, but
 // from about -1 to 1. A byte of 128 means exactly 0, so that a flat normal map changes nothing.
 const ENCODING_COLOR: u32 = 0u;
 const ENCODING_DATA: u32 = 1u;

@@ -12,7 +12,7 @@ struct Hit {
 }
 
 // A position in the order in which a ray meets triangles: by distance, and at equal distance by index. A ray continues
-// strictly after it, so that the ray also meets a second surface in the plane of one that it has passed.
+// strictly after this position, so that it also meets a second surface in the plane of a surface that it has passed.
 struct LastHit {
     t: f32,
     // NONE if no triangle at this distance remains.

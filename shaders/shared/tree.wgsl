@@ -3,7 +3,7 @@
 #import path
 #import math
 
-// One child of an inner node: the facts by which a query decides whether to go there. 48 bytes; a node is two children.
+// One child of an inner node: the data by which a query decides whether to visit it. 48 bytes; a node is two children.
 struct TreeChild {
     lo: vec3<f32>,
     // N_tau^-: minimum travel time of the vertices below the child.
@@ -34,7 +34,7 @@ override BUCKET_COUNT: f32 = f32(BUCKETS);
 // The vertices of the pool: seven texels per PathVertex.
 @group(1) @binding(0) var light_vertices: texture_1d<u32>;
 // 3D tree over emitter points (v_tau = 0) and 4D tree over scattered vertices, in one array: six texels per TreeNode. With a
-// single tree, emitter points are in the 4D tree. Too many lamps to connect one by one are always in the 3D tree.
+// single tree, emitter points are in the 4D tree. Punctual lights, if too many to connect one by one, are always in the 3D tree.
 @group(1) @binding(1) var tree_nodes: texture_1d<u32>;
 // bdpt: the vertices of light path i are light_vertices[path_offsets[i] .. path_offsets[i + 1]].
 @group(1) @binding(2) var<storage, read> path_offsets: array<u32>;

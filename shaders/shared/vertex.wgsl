@@ -30,8 +30,8 @@ fn is_sun(v: PathVertex) -> bool {
     return HAS_PARALLEL && (v.flags & VERTEX_EMITTER) != 0u && v.material == EMIT_SUN;
 }
 
-// Whether connections of events in a medium to v are drawn in the gate: v depends on no random numbers. The light of suns has no
-// travel time.
+// Whether events in a medium that are connected to v are drawn in the gate. For this, v must be deterministic and no sun: the light
+// of a sun has no travel time.
 fn is_drawn_in_gate(v: PathVertex) -> bool {
     return DRAWS_IN_GATE && (v.flags & VERTEX_DETERMINISTIC) != 0u && !is_sun(v);
 }
@@ -61,8 +61,8 @@ fn vertex_cosine(v: PathVertex, w: vec3<f32>) -> f32 {
 override QUERIED_PUNCTUAL: bool = true;
 
 // Light that v sends along `w` (unit), relative to its throughput. A surface counts as diffuse, with a cosine of at least
-// `min_cosine`. An event in a medium is exact, up to the factor 4 pi. A punctual light is exact: the result is 0 outside the cone of
-// a spot.
+// `min_cosine`. For an event in a medium, the result is exact up to the factor 4 pi. For a punctual light, it is exact: 0 outside the
+// cone of a spot.
 fn outgoing_light(v: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
     if (is_in_medium(v)) {
         return 4.0 * PI * phase_value(load_medium(v.material), -dot(v.to_previous, w));
@@ -92,7 +92,7 @@ fn is_in_solid(v: PathVertex, w: vec3<f32>) -> bool {
     return transmits(v) && (dot(v.geometric, w) < 0.0) == ((v.flags & VERTEX_FRONT) != 0u);
 }
 
-// Code of the solid that a segment runs in which leaves v along `w` (solid.wgsl).
+// Code of the solid around a segment that leaves v along `w` (solid.wgsl).
 fn solid_towards(v: PathVertex, w: vec3<f32>) -> u32 {
     if (transmits(v)) {
         return select(OUTSIDE_SOLIDS, solid_of(v.material), is_in_solid(v, w));
@@ -151,10 +151,10 @@ fn scattering_normal(v: PathVertex, wc: vec3<f32>) -> vec3<f32> {
     return select(v.normal, v.geometric, flat);
 }
 
-// Probability that a light subpath, which arrives from `wl` and does not know wc yet, samples wc with the turned normal. With
-// the angle a between the normals, a Lambert surface scatters (1 + cos a) / 2 of its light with the turned normal, and a flat
-// sample hits the remaining directions with probability (1 - cos a) / 2. The result, 1 / (1 + tan(a / 2)), gives the sum of
-// both the smallest variance.
+// Probability that a light subpath, which arrives from `wl` and does not know wc yet, samples wc with the turned normal. Let
+// a be the angle between the normals. A Lambert surface scatters (1 + cos a) / 2 of its light with the turned normal. A sample with
+// the flat normal hits the remaining directions with probability (1 - cos a) / 2. The result, 1 / (1 + tan(a / 2)), gives the sum
+// of both the smallest variance.
 fn bump_probability(v: PathVertex, wl: vec3<f32>) -> f32 {
     if (!HAS_NORMAL_MAPS || (v.flags & VERTEX_BUMPED) == 0u) {
         return 1.0;

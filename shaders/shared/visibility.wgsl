@@ -3,7 +3,7 @@
 #import surface
 #import random
 
-// Whether a surface with alpha stops a ray if it covers at least half of the point, instead of by chance.
+// Whether a surface with alpha stops a ray exactly where its coverage is at least one half. Otherwise chance decides.
 override AT_HALF_COVERAGE: bool = false;
 
 // Closest surface that the ray o + t d hits for 0 < t < t_max, or some surface if `any_hit` is set. `d` may have any length.

@@ -19,7 +19,7 @@ struct Arrival {
 }
 
 // Traces the ray of `state` to the nearest surface, or to a scattering event before it, and moves the subpath there. With
-// `is_direct` there is no such event: the throughput falls by the transmittance instead. `to_light`: true for sensor subpaths.
+// `is_direct` the subpath never scatters: the throughput falls by the transmittance instead. `to_light`: true for sensor subpaths.
 // `key`: see `trace`. `u`: samples the flight.
 fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key: vec4<u32>, u: vec2<f32>) -> Arrival {
     var a: Arrival;
@@ -58,7 +58,7 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key
 }
 
 // Sets eta and the solid of the ray of `state`, which hits `surface`. If the surface transmits light, the side that was hit
-// determines them; subpaths from either end of a segment find the same. Returns the code of the solid.
+// determines both, so subpaths from either end of a segment find the same values. Returns the code of the solid.
 fn find_solid(state: ptr<function, PathState>, surface: Surface) -> u32 {
     if (!(HAS_TRANSMISSION && load_material(surface.material).transmission > 0.0)) {
         return path_solid(*state);
@@ -152,8 +152,9 @@ fn arrive_in_medium(state: ptr<function, PathState>, flight: Flight) -> PathVert
 }
 
 // Sends `state` on from v along a sampled direction. Returns false if the subpath ends here. `u` samples direction and lobe.
-// `survival` is the uniform of Russian roulette; the probability of survival is the throughput factor of this bounce and of the
-// flight before it (`carried_before`), clamped to [0.05, 1]. With several responses it is the root of that factor. A negative `survival` switches roulette off.
+// `survival` is the uniform of Russian roulette; a negative value switches roulette off. The probability of survival is the
+// throughput factor of this bounce and of the flight before it (`carried_before`), clamped to [0.05, 1]. With several responses,
+// it is the square root of this factor, clamped likewise.
 fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, to_light: bool, u: vec4<f32>, survival: f32) -> bool {
     let s = sample_vertex(v, to_light, u);
     if (!s.valid) {

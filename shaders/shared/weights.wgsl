@@ -5,8 +5,8 @@
 // A vertex of a light subpath is random unless it is deterministic. A query chooses among all light subpaths by their
 // contribution, whereas a sensor subpath takes the vertex that it happens to hit. So the first two random vertices of a
 // connected light subpath count as g = `query_sample_count` samples each: a strategy with r random vertices takes n(r) =
-// g^min(r, 2) samples. Later vertices do not count more, because subpaths with many segments are rare: one pool of them must
-// not dominate the image.
+// g^min(r, 2) samples. Later vertices do not raise the count, because subpaths with many segments are rare, and the few in one
+// pool must not dominate the image.
 //
 // No query serves t = 1. It takes m n(r - 1) / g samples, where m is `splat_sample_count`: m / g times as many as the
 // connection to the vertex before. If that vertex is deterministic, t = 1 takes m samples, because no query chooses the
@@ -115,7 +115,7 @@ fn ellipsoidal_weight(
     let squared = auxiliary_density2(x.geometric, to_v, r1, to_q, r2);
     let cosine_v = vertex_cosine(x, to_v);
     let cosine_q = vertex_cosine(x, to_q);
-    // Strategies that trace x from q: they connect it to v, or trace v from it too.
+    // Strategies that trace x from q: they connect x to v, or also trace v from x.
     let x_to_v = mis(at_x.pdf * at_v.cosine / d2.x);
     let before = x_to_v * (v.d_vcm + auxiliary_sum(v) + v.d_vc * mis(at_v.pdf_reverse));
     let w_light = mis(at_q.pdf * cosine_q / d2.y) * (1.0 + before + sum_over_auxiliary(v, -to_v, r1));
@@ -142,7 +142,7 @@ fn sky_connection_weight(q: PathVertex, at_q: Evaluation, pdf: f32) -> f32 {
     return 1.0 / (1.0 + w_light + w_sensor);
 }
 
-// Weight of s = 0 for a sensor subpath that leaves the scene with its segment `depth`. `pdf`: as above.
+// Weight of s = 0 for a sensor subpath that leaves the scene with its segment `depth`. `pdf`: see `sky_connection_weight`.
 fn sky_escape_weight(s: PathState, depth: u32, pdf: f32) -> f32 {
     if (depth == 1u) {
         return 1.0;
