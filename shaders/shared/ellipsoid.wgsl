@@ -209,7 +209,7 @@ fn point_on_arcs(arcs: Arcs, u: f32) -> vec2<f32> {
     for (var i = 0u; i < 7u; i++) {
         if ((arcs.inside & (1u << i)) != 0u) {
             let part = arcs.ends[i + 1u] - arcs.ends[i];
-            // The last arc also takes what rounding leaves over.
+            // If rounding leaves a rest after all arcs, the point is the end of the last arc.
             angle = select(arcs.ends[i] + min(left, part), angle, found);
             found |= left < part;
             left -= part;

@@ -75,7 +75,7 @@ fn draw_in_gate(q: PathVertex, segment: FogSegment, v: PathVertex, u: vec2<f32>)
     event.owner = q.owner;
     event.d_vc = segment.d_vc;
     let depths = optical_depths(x, w, s);
-    // No other strategy forms a path whose only event is drawn: see `follows_connected`.
+    // At depth 1, no other strategy forms the path, so d_vcm stays 0 (`follows_connected` in light_splat.wgsl).
     if ((q.flags & VERTEX_DEPTH) > 1u) {
         event.d_vcm = min(segment.d_vcm * mis(s * s / flight_density(depths.scattering)), MAX_SUM);
     }

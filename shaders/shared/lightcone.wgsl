@@ -10,7 +10,7 @@ struct Shell {
     // Minimum and maximum refractive index along a connection.
     eta_lo: f32,
     eta_hi: f32,
-    // Optical lengths strictly between these two miss all responses, if HAS_HOLE: ends of the hole minus q_tau, narrowed by the
+    // If HAS_HOLE, optical lengths strictly between hole_lo and hole_hi miss all responses: ends of the hole minus q_tau, narrowed by the
     // rounding allowance.
     hole_lo: f32,
     hole_hi: f32,

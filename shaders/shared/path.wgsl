@@ -31,8 +31,8 @@ struct PathState {
 const PATH_ALIVE: u32 = 1u;
 // The path has made no random choice yet: it follows a beam of zero radius, or the reflection of this beam by mirrors.
 const PATH_DETERMINISTIC: u32 = 2u;
-// The ray belongs to a bundle of parallel rays, such as those of a sun, the sky or an orthographic camera. The density of their next
-// vertices per area does not fall with the distance.
+// The ray belongs to a bundle of parallel rays, such as those of a sun, the sky or an orthographic camera. The density per
+// area of the next vertex does not fall with the distance.
 const PATH_PARALLEL: u32 = 4u;
 // Light subpaths: the last vertex is deterministic, and shade points connect to it.
 const PATH_LEAVES_CONNECTED: u32 = 8u;

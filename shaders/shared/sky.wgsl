@@ -15,7 +15,7 @@ struct SkyHeader {
     height: u32,
     // Probability that a light subpath starts from the sky.
     select_pdf: f32,
-    // Density per area of the point where such a subpath starts, on a disk beside the scene that is perpendicular to it.
+    // Density per area of the point where a subpath from the sky starts: on a disk beside the scene, perpendicular to the subpath.
     disk_pdf: f32,
 }
 

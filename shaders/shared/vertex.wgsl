@@ -295,7 +295,7 @@ fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
         if (to_light) {
             s.pdf_reverse *= normal_probability(v, s.direction, v.to_previous);
         } else {
-            // The other normal is responsible for the direction.
+            // If light in this direction scatters with the other normal, the sample is lost.
             s.valid = s.valid && all(normal == scattering_normal(v, s.direction));
             s.pdf *= probability;
         }

@@ -76,7 +76,7 @@ fn fly(state: ptr<function, PathState>, limit: f32, is_direct: bool, to_light: b
         let depths = optical_depths((*state).position, (*state).direction, limit);
         return Flight(false, limit, NONE, transmitted(depths), depths.scattering);
     }
-    // Guided flights expect the emitters in the same medium, without a boundary that bends light.
+    // Guided flights assume that light comes straight from the emitters, so rays inside solids do not use them.
     if (GUIDES_FLIGHTS && to_light && frame.cull_hi < 3e38 && surrounding_solid == OUTSIDE_SOLIDS) {
         let s = *state;
         return guided_flight(s.position, s.direction, limit, s.tau, s.eta, s.throughput, u);
