@@ -42,12 +42,12 @@ pub enum Projection {
         /// Height of the view in metres, > 0: twice the `ymag` of glTF.
         height: f64,
     },
-    /// Each pixel looks from the camera's place at a point: a sensor that scans a wall, or a LiDAR. No glTF file has such a camera.
+    /// Each pixel looks from the camera's place at a point of its own: a scan of a wall, or a LiDAR. No glTF file has such a camera.
     Aimed {
-        /// The points of the pixels row by row, as many as pixels.
+        /// One point per pixel, row by row.
         aims: Arc<[Aim]>,
-        /// Width and height in radians of the square field of view of each pixel, in [0, pi / 2]. 0: the pixel measures the radiance
-        /// along a single ray.
+        /// Width and height in radians of the square field of view of each pixel, in [0, pi / 2]. 0: the pixel measures the
+        /// radiance along a single ray.
         pixel_fov: f64,
     },
 }
@@ -55,10 +55,10 @@ pub enum Projection {
 /// The point at which a pixel of [`Projection::Aimed`] looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aim {
-    /// World space, in metres; not the camera's place.
+    /// World space, in metres. It must differ from the camera's place.
     pub point: DVec3,
-    /// Length in metres, >= 0, that does not count for the travel times of this pixel. For example the distance of the point from the
-    /// camera, if times count from the wall.
+    /// Length in metres, >= 0, that is subtracted from the travel times of this pixel. For example, the distance between the point
+    /// and the camera, if travel times end at the point.
     pub omitted: f64,
 }
 
@@ -76,8 +76,8 @@ impl Projection {
         }
     }
 
-    /// Half the height of the image plane: at distance 1 from a pinhole, without unit, or of the sensor plane in metres. For
-    /// [`Projection::Aimed`], half the height of a pixel at distance 1.
+    /// Half the height of the image plane at distance 1 from a pinhole (without unit), or of the sensor plane (in metres). For
+    /// [`Projection::Aimed`], half the height of one pixel at distance 1.
     pub(crate) fn half_height(&self) -> f64 {
         match *self {
             Projection::Perspective { yfov } => (0.5 * yfov).tan(),
@@ -92,8 +92,8 @@ impl Camera {
     pub const CENTRED: [f64; 2] = [0.5; 2];
 
     /// Unit direction in world space of the camera ray through the point `film` of an image of this resolution. `film` is in
-    /// pixels: column, then row from the top; the centre of the first pixel is (0.5, 0.5). Of [`Projection::Aimed`]: the direction of
-    /// the pixel's point.
+    /// pixels: column, then row from the top; the centre of the first pixel is (0.5, 0.5). For [`Projection::Aimed`], the
+    /// direction towards the pixel's point.
     pub fn direction(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
         let local = match &self.projection {
             Projection::Perspective { .. } => self.on_image_plane(resolution, film) - DVec3::Z,
@@ -122,7 +122,8 @@ impl Camera {
         [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]].map(|film| self.origin(resolution, film))
     }
 
-    /// The point `film` on the image plane, right and up of the principal point, in the unit of [`Projection::half_height`].
+    /// The point `film` on the image plane relative to the principal point: x to the right, y up, in the unit of
+    /// [`Projection::half_height`].
     fn on_image_plane(&self, resolution: [u32; 2], film: [f64; 2]) -> DVec3 {
         let [width, height] = resolution.map(f64::from);
         let half_height = self.projection.half_height();

@@ -24,7 +24,8 @@ pub(super) type Checked = std::result::Result<(), String>;
 
 impl Scene {
     /// Checks the properties that the renderer relies on: indices are in range, numbers are finite and in their range, directions
-    /// have unit length, transforms can be inverted. A scene from [`super::gltf::load`] has already passed.
+    /// have unit length, transforms can be inverted. A scene from [`super::gltf::load`] has already
+    /// passed this check.
     pub fn check(&self) -> Result<()> {
         self.checked().map_err(|message| Error::Scene { path: PathBuf::from("the scene"), message })
     }
@@ -66,8 +67,8 @@ impl Camera {
     }
 }
 
-/// An error if `index` is not below `count`. `of` names the object that refers to the index, `what` the kind of the indexed
-/// objects.
+/// An error if `index` is not below `count`. `of` names the object that has the index, `what` the kind of object that the
+/// index selects.
 pub(super) fn below(index: u32, count: usize, of: impl Fn() -> String, what: &str) -> Checked {
     match (index as usize) < count {
         true => Ok(()),

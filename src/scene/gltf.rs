@@ -70,8 +70,8 @@ pub fn check_pose(path: &Path, allowed: &[PathBuf], playback: Playback) -> Resul
     })
 }
 
-/// The bytes of the scene's file, then of the external buffers and images that it names, in its order. A missing external file
-/// gives an empty entry: [`load`] reports it. Fails if the scene's file cannot be read.
+/// The bytes of the scene's file, then of the external buffers and images that it names, in the order of the file. A missing
+/// external file gives an empty entry: [`load`] reports it. Fails if the scene's file cannot be read.
 pub fn files(path: &Path) -> Result<Vec<Vec<u8>>> {
     let wrong = |message: String| Error::Scene { path: path.into(), message };
     let bytes = resolve::read_file(path).map_err(wrong)?;
@@ -82,7 +82,7 @@ pub fn files(path: &Path) -> Result<Vec<Vec<u8>>> {
 }
 
 /// Paths of the scene's file and of the external buffers and images that it names; only its own path if the file cannot be read.
-/// `allowed` is that of [`load_with`].
+/// `allowed` has the same meaning as in [`load_with`].
 pub fn paths(path: &Path, allowed: &[PathBuf]) -> Vec<PathBuf> {
     let named = || Some(resolve::external_paths(&resolve::read_file(path).ok()?, Folders::new(path, allowed)));
     let mut all = catch_unwind(AssertUnwindSafe(named)).ok().flatten().unwrap_or_default();
@@ -105,7 +105,7 @@ fn load_from(bytes: &[u8], path: &Path, allowed: &[PathBuf], playback: Playback)
     guarded(path, || read(bytes, folders, playback))
 }
 
-/// The result of `read` with the path of the file in its error.
+/// The result of `read`. An error gets the path of the file.
 fn guarded<T>(path: &Path, read: impl FnOnce() -> Checked<T>) -> Result<T> {
     // A panic here is a defect of this reader or of a decoder. Report it as an error: the user can at least change the file.
     catch_unwind(AssertUnwindSafe(read))
@@ -160,7 +160,7 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
     Ok(scene)
 }
 
-/// One instance per primitive of each node's mesh and copy of the node, in the order of the nodes.
+/// The instances, in the order of the nodes: one per primitive of a node's mesh and per copy of the node.
 fn place(
     doc: &Document,
     worlds: &node::Worlds,

@@ -28,8 +28,9 @@ struct Contents {
 /// The error is one sentence that says why the file cannot be read; [`load`] adds the path.
 type Checked<T> = std::result::Result<T, String>;
 
-/// Reads a grid with one density per voxel from a `.vol` or `.npy` file; the name decides. `bounds` are the corners of the grid
-/// in metres: `.npy` files need them, and they replace those of a `.vol` file. The grid has no transform, and a linear filter.
+/// Reads a grid with one density per voxel from a `.vol` or `.npy` file; the extension selects the format. `bounds` are the
+/// corners of the grid in metres: `.npy` files need them, and they replace the corners in a `.vol` file. The grid has no transform,
+/// and a linear filter.
 pub fn load(path: &Path, bounds: Option<[DVec3; 2]>) -> Result<DensityGrid> {
     let wrong = |message: String| Error::File { path: path.into(), message };
     let read = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
@@ -54,7 +55,8 @@ pub fn load(path: &Path, bounds: Option<[DVec3; 2]>) -> Result<DensityGrid> {
     Ok(grid)
 }
 
-/// An error unless `data` has exactly one value of `size` bytes per voxel. Says how many voxels there are.
+/// An error unless `data` has exactly one value of `size` bytes per voxel. The message gives both
+/// numbers of bytes.
 fn check_length(data: &[u8], resolution: [u32; 3], size: u64) -> Checked<()> {
     let voxels = voxel_count(resolution)?;
     match data.len() as u64 {

@@ -77,13 +77,13 @@ pub enum LightKind {
         /// Radius of the disk in metres, >= 0.
         radius: f32,
     },
-    /// A sun: infinitely far away, so its light is parallel and has no travel time. Only renders without a gate have it.
+    /// A sun: infinitely far away, so its light is parallel and has no travel time. Only renders without a gate include it.
     Directional {
         /// Irradiance in W / m^2 on a surface that faces the light, at most 1e20.
         irradiance: [f32; 3],
     },
-    /// A sky: light from all directions, infinitely far away, so it has no travel time. Only renders without a gate have it. A
-    /// scene has at most one sky.
+    /// A sky: light from all directions, infinitely far away, so it has no travel time. Only renders without a gate include
+    /// it. A scene has at most one sky.
     Sky {
         /// Radiance in W / (m^2 sr), at most 1e20. It multiplies [`super::Scene::sky`], if there is such an image.
         radiance: [f32; 3],

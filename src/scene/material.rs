@@ -15,8 +15,8 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// A lobe around the direction that light comes from. It takes its share of the light from all other lobes of the material, and the
-/// base colour tints it.
+/// A lobe around the direction that light comes from. Its share of the light is taken from all other lobes of the material. The
+/// base colour tints the lobe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Retroreflector {
     /// Share of the light, in [0, 1].
@@ -32,8 +32,8 @@ impl Retroreflector {
     /// At this angle, the GGX alpha is 0.9; GGX describes no wider lobes.
     pub const MAX_ANGLE: f32 = 60.0;
 
-    /// GGX alpha of the lobe. A facet that is tilted by half of `angle` sends the light to the angle. There the distribution of
-    /// facets is `1 / (1 + tan^2 / alpha^2)^2` of its maximum, except for the factor `cos^-4`, which is near 1.
+    /// GGX alpha of the lobe. A facet that is tilted by half of `angle` deflects the light by `angle`. At this tilt, the
+    /// distribution of facets is `1 / (1 + tan^2 / alpha^2)^2` = 1 / 2 of its maximum. This ignores its factor `cos^-4`, near 1.
     pub fn alpha(&self) -> f64 {
         (f64::from(self.angle).to_radians() / 2.0).tan() / (std::f64::consts::SQRT_2 - 1.0).sqrt()
     }
@@ -83,7 +83,8 @@ pub struct Material {
     pub emission: [f32; 3],
     /// Index into [`Scene::textures`](super::Scene::textures); multiplied with `emission`. sRGB.
     pub emission_texture: Option<u32>,
-    /// KHR_materials_specular: the strength of the dielectric coat, in [0, 1]. With `specular` 0 and `metallic` 0 the material is purely Lambertian.
+    /// KHR_materials_specular: the strength of the dielectric coat, in [0, 1]. With `specular` 0 and `metallic` 0 the material is
+    /// purely Lambertian.
     pub specular: f32,
     /// Index into [`Scene::textures`](super::Scene::textures). Its alpha channel multiplies `specular`; linear.
     pub specular_texture: Option<u32>,
@@ -110,7 +111,7 @@ pub struct Material {
     pub alpha_mode: AlphaMode,
     /// Whether the back reflects and emits as the front does; otherwise the back is black.
     pub double_sided: bool,
-    /// What reflects a part of the light back to where it came from, as signs and number plates do.
+    /// A lobe that reflects a part of the light back to where it came from, as road signs and number plates do.
     pub retroreflector: Option<Retroreflector>,
     /// The medium inside closed meshes of this material, which must transmit light.
     pub interior: Option<Medium>,
@@ -168,8 +169,8 @@ impl Material {
         Material { emission: radiance, double_sided: false, ..Material::diffuse(name, [0.0; 3]) }
     }
 
-    /// Whether surfaces of this material only bound a medium: light that comes from a medium with the index `outside` is neither
-    /// reflected nor refracted nor coloured. Such boundaries do not count as vertices of paths.
+    /// Whether surfaces of this material only bound a medium: they do not reflect, refract or colour light that comes from a
+    /// medium with the index `outside`. Such boundaries do not count as vertices of paths.
     pub fn is_null_boundary(&self, outside: f32) -> bool {
         let is_clear = self.base_color[..3] == [1.0; 3] && self.base_color_texture.is_none();
         let transmits = self.transmission == 1.0 && self.transmission_texture.is_none();
@@ -183,8 +184,8 @@ impl Material {
         others.into_iter().chain(self.factor_textures()).flatten()
     }
 
-    /// Textures that multiply a factor other than the base colour: those of metalness and roughness, of the dielectric coat, of the
-    /// clear coat and of transmission. With such a texture, more than the base colour varies over a surface.
+    /// Textures of metalness and roughness, of the dielectric coat, of the clear coat and of transmission. With such a texture,
+    /// more than the base colour varies over a surface.
     pub(crate) fn factor_textures(&self) -> [Option<u32>; 6] {
         let [strength, color] = [self.specular_texture, self.specular_color_texture];
         let [coat, coat_roughness] = [self.clearcoat_texture, self.clearcoat_roughness_texture];

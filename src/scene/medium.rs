@@ -16,8 +16,8 @@ pub const MAX_VOXELS: u64 = 1 << 29;
 
 /// A medium that scatters and absorbs light. Lengths are in metres and world space.
 ///
-/// Media of [`Scene::media`](super::Scene::media) fill the space outside of transmissive solids. Where several overlap, the last
-/// of the list counts, and the others count as absent.
+/// Media of [`Scene::media`](super::Scene::media) fill the space outside of transmissive solids. Where several overlap, only
+/// the last one in the list counts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Medium {
     /// Scattering coefficient per metre for red, green and blue, in [0, 1e15].
@@ -26,10 +26,10 @@ pub struct Medium {
     pub sigma_a: [f64; 3],
     /// Distribution of the directions after scattering.
     pub phase: PhaseFunction,
-    /// Index of refraction, >= 1. A value other than 1 needs an unbounded medium, because bounds do not bend light. Solids in
-    /// the medium then take their index relative to `ior`.
+    /// Index of refraction, >= 1. A value other than 1 needs an unbounded medium, because bounds do not refract light. The
+    /// relative index at the surface of a solid in the medium is then the solid's index over `ior`.
     pub ior: f32,
-    /// Group index, >= 1: light takes `group_ior` times the distance. As `ior`, it is 1 unless the medium is unbounded.
+    /// Group index, >= 1: it multiplies distances in the travel time. Like `ior`, it is 1 unless the medium is unbounded.
     pub group_ior: f32,
     /// Lower and upper corner of an axis-aligned box in world space. Outside the box the medium is absent. `None`: no limit.
     pub bounds: Option<[DVec3; 2]>,
@@ -135,7 +135,7 @@ impl Medium {
         match (self.bounds, grid) {
             (Some([lo, hi]), Some([grid_lo, grid_hi])) => {
                 let lo = lo.max(grid_lo);
-                // Where the two do not overlap, the box is empty.
+                // If the bounds and the grid do not overlap, the box is empty.
                 Some([lo, hi.min(grid_hi).max(lo)])
             }
             (bounds, grid) => bounds.or(grid),
@@ -164,7 +164,8 @@ impl Medium {
         self.grid.as_ref().map_or(Ok(()), |grid| grid.check(name))
     }
 
-    /// As [`Medium::check`], for the medium inside a closed mesh. The mesh determines its extent and its indices.
+    /// As [`Medium::check`], for the medium inside a closed mesh. The mesh determines the extent, and
+    /// the material of the mesh the index of refraction.
     pub(super) fn check_interior(&self, name: &str) -> Checked {
         self.check(name)?;
         if self.bounds.is_some() {

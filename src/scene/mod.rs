@@ -50,8 +50,8 @@ pub struct Scene {
     pub media: Vec<Medium>,
     /// The image of the sky, if one of the lights is a [`LightKind::Sky`] that is not the same in all directions.
     pub sky: Option<SkyImage>,
-    /// If the scene is one moment of an animation: names of the nodes that stand elsewhere at other moments. A mesh that a skin or a
-    /// morph target deforms counts too.
+    /// Names of the nodes that move, if the scene is one moment of an animation. A node also moves if the animation deforms its
+    /// mesh through a skin or morph targets.
     pub moving: Option<BTreeSet<String>>,
     /// Features of the file that taugate does not support, one sentence each, in the order of the file.
     pub warnings: Vec<String>,
@@ -63,12 +63,12 @@ impl Scene {
         self.bounds().map_or(0.0, |[lo, hi]| (hi - lo).length())
     }
 
-    /// Whether the instance stands elsewhere at other moments.
+    /// Whether an animation moves the instance.
     pub(crate) fn is_moving(&self, instance: &Instance) -> bool {
         self.moving.as_ref().is_some_and(|moving| moving.contains(&instance.node))
     }
 
-    /// Whether all surfaces stand where they stand in `other`, which has the same objects.
+    /// Whether all surfaces have the same place as in `other`, which must have the same objects.
     #[doc(hidden)]
     pub fn has_same_places(&self, other: &Scene) -> bool {
         self.instances == other.instances
@@ -98,8 +98,8 @@ impl Scene {
     }
 
     /// Lower and upper corner of a box around all instances, in metres. The box contains the transformed box of each mesh, so it may
-    /// be larger than the tightest box around the triangles. Without instances it is a box around the media that have bounds or a grid;
-    /// `None` if there are none either.
+    /// be larger than the tightest box around the triangles. Without instances, it is a box around the media that have bounds or
+    /// a grid; `None` if there are no such media.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         let corners =

@@ -1,4 +1,4 @@
-//! How thick media are along a ray.
+//! Optical thickness of media along a ray.
 
 use std::cmp::Ordering;
 
@@ -6,12 +6,12 @@ use glam::DVec3;
 
 use super::medium::{DensityGrid, Medium};
 
-/// Number of points at which the density of a grid is read, per part of a ray.
+/// Number of points at which the density of a grid is read, per part of a ray in one medium.
 const POINTS: u32 = 256;
 
-/// Optical thickness of the media along the first `length` metres of a ray, as a mean over the channels. The light that goes straight
-/// on falls by the factor exp(-thickness). `direction` is a unit vector; `length` may be infinite. Where media overlap, the last one
-/// counts. Densities of grids are those of the nearest voxel.
+/// Optical thickness of the media along the first `length` metres of a ray, as a mean over the channels. The fraction
+/// exp(-thickness) of the light goes straight on. `direction` is a unit vector; `length` may be infinite. Where media overlap, only the last one
+/// counts. The density of a grid is that of the nearest voxel.
 pub fn optical_thickness(media: &[Medium], origin: DVec3, direction: DVec3, length: f64) -> f64 {
     let spans: Vec<Option<[f64; 2]>> = media.iter().map(|medium| medium.span(origin, direction)).collect();
     let ends = spans.iter().flatten().flatten().copied();
@@ -62,7 +62,7 @@ impl Medium {
         (span[0] < span[1]).then_some(span)
     }
 
-    /// Mean density along a part of a ray inside the medium.
+    /// Mean density along the part of a ray from distance `from` to `to`, which must be inside the medium.
     fn mean_density(&self, origin: DVec3, direction: DVec3, [from, to]: [f64; 2]) -> f64 {
         let Some(grid) = &self.grid else { return 1.0 };
         let to_grid = grid.transform.inverse();

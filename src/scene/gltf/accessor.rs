@@ -11,7 +11,7 @@ use super::document::Document;
 
 /// Maximum number of elements of an accessor: three corners per triangle of the largest allowed scene.
 pub const MAX_ELEMENTS: u64 = 3 * super::mesh::MAX_TRIANGLES;
-/// Maximum number of elements of an accessor without a buffer view, whose elements are zeros, beyond the bytes of all buffers. The
+/// The elements of an accessor without a buffer view are zeros. Their number may exceed the bytes of all buffers by this number: the
 /// other attributes of a large mesh take more than one byte per vertex, but a file of a few bytes must not fill the memory.
 const FREE_ZEROS: u64 = 1 << 18;
 
@@ -20,7 +20,7 @@ pub type Format = (ComponentType, bool);
 
 /// Formats of inverse bind matrices, and of the translations and scales of instances.
 pub const FLOAT: &[Format] = &[(F32, false)];
-/// Formats of POSITION and TEXCOORD_n. KHR_mesh_quantization allows all but long integers.
+/// Formats of POSITION and TEXCOORD_n. KHR_mesh_quantization allows all types but 32-bit integers.
 pub const QUANTIZED: &[Format] = &[
     (F32, false),
     (I8, false),
@@ -101,7 +101,7 @@ impl Document<'_> {
         Ok(elements.map(unsigned))
     }
 
-    /// Number of elements of an accessor, 1 to [`MAX_ELEMENTS`]; fewer if no bytes belong to the elements.
+    /// Number of elements of an accessor, 1 to [`MAX_ELEMENTS`]. Without data, the limit is lower: see `FREE_ZEROS`.
     pub fn count(&self, index: usize, what: &str) -> Checked<u64> {
         let accessor = (self.root.accessors.get(index))
             .ok_or_else(|| format!("{what} refers to accessor {index}, which does not exist; re-export the file"))?;

@@ -14,7 +14,7 @@ use super::document::{Document, Warnings, label};
 /// Which animations to play, and the time of the pose.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Playback<'a> {
-    /// Seconds since the begin of the animations; `None`: the nodes keep the transforms in the file.
+    /// Seconds since the start of the animations; `None`: the nodes keep the transforms in the file.
     pub at: Option<f64>,
     /// Name of the animation; `None` plays all of them together.
     pub animation: Option<&'a str>,
@@ -86,7 +86,8 @@ struct Curve {
     property: Property,
 }
 
-/// Names of the nodes that the animations of `curves` move: their own nodes, all below them, and the meshes that they deform.
+/// Names of the nodes that move if animations change `nodes`: these nodes, all nodes below them, and nodes whose skin has a joint
+/// that moves.
 fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSet<String> {
     let all = &doc.root.nodes;
     let mut moves = vec![false; all.len()];
@@ -257,8 +258,8 @@ impl Curve {
         Ok(Curve { times, values, interpolation, property })
     }
 
-    /// The value at `time`; before the first and after the last time those of the ends. Rotations have unit length, unless they
-    /// are zero.
+    /// The value at `time`: before the first key the value of the first key, after the last key the value of the last key. Rotations
+    /// have unit length, unless they are zero.
     fn value(&self, time: f64) -> Vec<f32> {
         let after = self.times.partition_point(|&t| f64::from(t) <= time);
         let last = self.times.len() - 1;

@@ -74,7 +74,7 @@ fn source(view: &View, index: usize) -> Checked<Option<Source>> {
         .map_err(|e| format!("the compression of bufferView {index} cannot be read ({e}); re-export the file"))
 }
 
-/// Whether a buffer only stands for data that is compressed elsewhere.
+/// Whether a buffer is only a placeholder for data that is compressed in another buffer.
 pub fn is_fallback(buffer: &::gltf::json::Buffer) -> bool {
     let extensions = buffer.extensions.as_ref().map(|extensions| &extensions.others);
     let tag = |name: &&str| extensions?.get(*name)?.get("fallback")?.as_bool();

@@ -117,8 +117,8 @@ pub fn label(name: Option<&str>, kind: &str, index: usize) -> String {
     }
 }
 
-/// The first `limit` characters of `text`. Characters that a terminal may obey are replaced, because names come from the file and
-/// go to a terminal.
+/// The first `limit` characters of `text`. Characters that may control a terminal are replaced, because names come from the file
+/// and go to a terminal.
 pub fn printable(text: &str, limit: usize) -> String {
     text.chars().take(limit).map(|c| if is_command(c) { '\u{fffd}' } else { c }).collect()
 }

@@ -18,7 +18,7 @@ enum Treatment {
 
 use Treatment::{Harmless, Read, Refused, Without};
 
-/// Every extension that is known to taugate. Others are refused if the file requires them, and give a warning if not.
+/// Every extension that is known to taugate. A file that requires any other extension is refused; an optional one gives a warning.
 #[rustfmt::skip]
 const EXTENSIONS: &[(&str, Treatment)] = &[
     ("ADOBE_materials_clearcoat_specular", Without("clear coats reflect as usual")),

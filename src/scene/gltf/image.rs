@@ -20,11 +20,11 @@ use crate::scene::Image;
 const MAX_SIDE: u32 = 16384;
 /// Maximum number of texels of all images together: 2 GiB, the usual limit of an array on a device.
 const MAX_TEXELS: u64 = 1 << 29;
-/// Bytes that images may take with their decoders whatever the length of their files: those of 8192 x 8192 texels. Together with [`BYTES_PER_BYTE`], this
-/// stops small files that decode to gigabytes.
+/// Bytes that images and their decoders may take together, however short the files are: the bytes of 8192 x 8192 texels. Together
+/// with [`BYTES_PER_BYTE`], this limit stops small files that decode to gigabytes.
 const FREE_BYTES: u64 = 4 << 26;
-/// Bytes that images may take for each byte of their files, beyond [`FREE_BYTES`]. Deflate packs at most 1032 bytes into one, and a
-/// grey texel becomes four bytes.
+/// Bytes that images may take for each byte of their files, beyond [`FREE_BYTES`]. Deflate packs at most 1032 bytes into one, and
+/// the byte of a grey texel becomes four bytes.
 const BYTES_PER_BYTE: u64 = 4 * 1032;
 /// Maximum number of texels of the images that are decoded at the same time, unless a single image has more. See
 /// [`memory_of_decoder`].
@@ -60,7 +60,7 @@ pub fn load(doc: &Document, folders: Folders, images: &[ImageUse], warnings: &mu
     Ok(decoded)
 }
 
-/// Converts texels with a glossiness in alpha, which multiplies `factor`, to those of a metallic-roughness texture.
+/// Converts the texels of a glossiness texture to those of a metallic-roughness texture. The glossiness is alpha times `factor`.
 fn to_roughness(image: &mut Image, factor: f32) {
     let table: Vec<u8> = (0..=255u8).map(|alpha| (255.0 - factor * f32::from(alpha)).round() as u8).collect();
     image.rgba.iter_mut().for_each(|texel| *texel = [255, table[usize::from(texel[3])], 255, 255]);
@@ -74,7 +74,7 @@ fn texel_count([width, height]: &[u32; 2]) -> u64 {
 struct ImageHeader {
     /// Width and height in pixels.
     size: [u32; 2],
-    /// Bytes of the file, and bytes that [`rgba8`] takes with its decoder.
+    /// Bytes of the file, and bytes of memory that [`rgba8`] and its decoder take together.
     file: u64,
     memory: u64,
 }
@@ -212,14 +212,15 @@ fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + use<'_>, ImageError> {
 }
 
 /// Maximum number of bytes that the decoder of this image with `texels` texels takes besides its result. It may take them before
-/// it notices that the file is too short. Tables whose length the file limits do not count.
+/// it notices that the file is too short. Tables do not count, because the
+/// length of the file limits them.
 fn memory_of_decoder(bytes: &[u8], texels: u64) -> u64 {
-    /// A part of a lossy WebP image. The decoder takes the length that the file names, of 24 bits.
+    /// Maximum size of a part of a lossy WebP image. The file gives the size in 24 bits, and the decoder allocates this size.
     const PART: u64 = 1 << 24;
     match (::image::guess_format(bytes), bytes.get(12..16)) {
         // Two bytes for each coefficient of a progressive image, in up to four channels.
         (Ok(ImageFormat::Jpeg), _) => 8 * texels,
-        // A copy with alpha (4), the data of two transforms (1/4 each), and the entropy image (3/8).
+        // In bytes per texel: a copy with alpha (4), the data of two transforms (1/4 each), and the entropy image (3/8).
         (Ok(ImageFormat::WebP), Some(b"VP8L")) => 5 * texels,
         // Brightness (1) and colour (1/2).
         (Ok(ImageFormat::WebP), Some(b"VP8 ")) => 2 * texels + PART,

@@ -1,12 +1,12 @@
 //! Finds JPEG images with which the decoder `zune-jpeg` 0.5 panics.
 
 /// True if a colour channel of this JPEG image has more samples than the first channel, in a row or in a column. `zune-jpeg` then
-/// computes the length of rows from the channels before, and writes behind the end of its buffers. No program saves such images.
+/// computes the length of rows from the earlier channels, and writes beyond the end of its buffers. No program saves such images.
 ///
 /// The decoder skips bytes between markers. So this function looks for a frame header everywhere, not only where one should be.
 pub fn samples_colour_finer(bytes: &[u8]) -> bool {
     bytes.windows(10).enumerate().any(|(at, header)| {
-        // The decoder takes zeros between the two bytes of a marker.
+        // The decoder accepts zeros between the two bytes of a marker.
         let &[0 | 0xff, 0xc0..=0xc2, 0, length, 8, .., channels] = header else { return false };
         let channels = usize::from(channels);
         let Some(rest) = bytes.get(at + 10..at + 10 + 3 * channels) else { return false };

@@ -99,7 +99,7 @@ impl Materials {
         };
         let pbr = &source.pbr_metallic_roughness;
         let glossy: Option<SpecularGlossiness> = read(&ext.others, "KHR_materials_pbrSpecularGlossiness", &name)?;
-        // A file must not combine KHR_materials_pbrSpecularGlossiness with these three.
+        // glTF forbids KHR_materials_pbrSpecularGlossiness together with these three extensions.
         let specular = ext.specular.filter(|_| glossy.is_none()).unwrap_or_default();
         let transmission = ext.transmission.filter(|_| glossy.is_none()).unwrap_or_default();
         let mut ior = ext.ior.filter(|_| glossy.is_none()).unwrap_or_default().ior.0;

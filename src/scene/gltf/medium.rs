@@ -62,8 +62,8 @@ pub fn load(doc: &Document) -> Checked<Vec<Medium>> {
     Ok(medium.into_iter().collect())
 }
 
-/// Adds the media inside the meshes of each material: that of its extras, and the absorption of KHR_materials_volume. If a material
-/// has both, their absorption adds up. `materials` begins with the materials of the file, in its order.
+/// Adds the media inside the meshes of each material: the medium of its extras, and the absorption of KHR_materials_volume. If a
+/// material has both, their absorption adds up. `materials` begins with the materials of the file, in its order.
 pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut Warnings) -> Checked<()> {
     for (index, (source, material)) in doc.root.materials.iter().zip(materials).enumerate() {
         let name = label(source.name.as_deref(), "material", index);
@@ -79,7 +79,7 @@ pub fn add_interiors(doc: &Document, materials: &mut [Material], warnings: &mut 
     Ok(())
 }
 
-/// The medium in the extras of the object `of`. Extras that are no object, or whose `medium` is none, are of other programs.
+/// The medium in the extras of the object `of`. `None` if the extras have no object `medium`: other programs use extras too.
 fn read(extras: &Extras, of: &str) -> Checked<Option<Medium>> {
     #[derive(Deserialize)]
     struct WithMedium {

@@ -1,8 +1,8 @@
 //! Decodes the streams of EXT_meshopt_compression and KHR_meshopt_compression.
 //!
-//! The names and steps are those of appendices A (bitstream) and B (filters) of KHR_meshopt_compression, which include the older
-//! extension. A stream comes from a file, so every read is checked. Before memory is allocated, the stream must be long enough
-//! for its number of elements.
+//! The names and steps are those of appendices A (bitstream) and B (filters) of KHR_meshopt_compression, which also cover the
+//! older extension. A stream comes from a file, so every read is checked. Before memory is allocated, the stream must be long
+//! enough for its number of elements.
 
 mod filter;
 mod triangles;
@@ -138,7 +138,7 @@ fn read_groups(data: &mut &[u8], deltas: &mut [u8], bits: [u32; 4]) -> Option<()
                 let sentinel = (1u8 << width) - 1;
                 for (i, delta) in group.iter_mut().enumerate() {
                     let bit = i as u32 * width;
-                    // Deltas of one bit begin at the lowest bit of a byte, others at the highest.
+                    // Deltas of one bit begin at the lowest bit of a byte, wider deltas at the highest.
                     let shift = if width == 1 { bit % 8 } else { 8 - width - bit % 8 };
                     *delta = packed[bit as usize / 8] >> shift & sentinel;
                     if *delta == sentinel {

@@ -1,5 +1,5 @@
-//! Deforms meshes to the pose of the file: morph targets with their default weights, and skins whose joints have the transforms
-//! of the file.
+//! Deforms meshes to the pose of the nodes: morph targets with the weights of the node or mesh, and skins with the transforms of
+//! their joints. [`super::animation`] has already posed the nodes.
 
 use ::gltf::json::mesh::{Primitive, Semantic};
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
@@ -14,7 +14,7 @@ use crate::scene::Mesh;
 /// Number of sets of four joints per vertex that are read.
 const MAX_SETS: u32 = 4;
 
-/// A skin whose joints have the transforms of the file.
+/// A skin with the transforms of its joints.
 pub struct Skin {
     name: String,
     /// World from mesh space, by joint.
@@ -60,7 +60,7 @@ impl Skin {
                 ));
             }
             for (joint, matrix) in joints.iter_mut().zip(&matrices) {
-                // The last row of an affine matrix is always 0, 0, 0, 1, but exporters round it.
+                // The last row of an affine matrix is 0, 0, 0, 1. It is not read, because exporters round it.
                 *joint *= DAffine3::from_mat4(DMat4::from_cols_array(&matrix.map(f64::from)));
             }
         }

@@ -40,7 +40,8 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// The JSON chunk, and the BIN chunk of a GLB that has one. The splitter of the `gltf` crate underflows on short lengths.
+/// The JSON chunk, and the BIN chunk of a GLB that has one. The parser of the `gltf` crate is not used: it
+/// underflows on short lengths.
 pub fn split_container(bytes: &[u8]) -> Checked<(&[u8], Option<&[u8]>)> {
     let Some(rest) = bytes.strip_prefix(b"glTF") else {
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
@@ -110,7 +111,7 @@ pub fn external(bytes: &[u8], folders: Folders) -> Vec<Vec<u8>> {
     external_uris(bytes).iter().map(|uri| uri_bytes(uri, folders, "the scene").unwrap_or_default()).collect()
 }
 
-/// The paths of these files, without those that may not be read.
+/// The paths of the files that [`external`] reads. A file that may not be read is left out.
 pub fn external_paths(bytes: &[u8], folders: Folders) -> Vec<PathBuf> {
     let uris = external_uris(bytes);
     uris.iter().filter_map(|uri| Some(folders.of_scene.join(relative_name(uri, folders).ok()?))).collect()

@@ -16,8 +16,8 @@ struct Json {
     angle: f32,
 }
 
-/// The retroreflector in the extras of the material `name`. Extras that are no object, or that have no `retroreflector`, are of other
-/// programs. The scene checks the range of both numbers.
+/// The retroreflector in the extras of the material `name`. `None` if the extras have no `retroreflector`, because other
+/// programs use extras too. The scene checks the range of both numbers.
 pub fn read(extras: &Extras, name: &str) -> Checked<Option<Retroreflector>> {
     #[derive(Deserialize)]
     struct WithRetroreflector {

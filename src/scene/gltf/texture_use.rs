@@ -52,8 +52,8 @@ pub fn as_info(normal: &NormalTexture) -> Info {
 }
 
 /// Adds the textures of material `name`; returns their indices into `textures.list`, and the coordinates that its meshes need.
-/// `normal` is the place of the normal map in `uses`: tangents follow the coordinates of the meshes, so these become those of the
-/// normal map.
+/// `normal` is the index of the normal map in `uses`. Tangents follow the coordinates of the meshes, so the meshes get the
+/// coordinates of the normal map.
 pub fn add_all<const N: usize>(
     mut uses: [Option<TextureUse>; N],
     normal: usize,
@@ -76,7 +76,7 @@ pub fn add_all<const N: usize>(
     }
     let transforms = || uses.iter().flatten().map(|texture| texture.transform);
     let of_meshes = uses[normal].as_ref().map(|map| map.transform).or_else(|| transforms().next()).unwrap_or_default();
-    // A transform that cannot be undone is left to the textures, unless all of them have it.
+    // If the transform of the meshes cannot be inverted, each texture applies its own transform. Equal transforms need no inverse.
     let fits = transforms().all(|transform| is_moderate(&relative(transform, of_meshes)));
     let of_meshes = if fits { of_meshes } else { DAffine2::IDENTITY };
     if !transforms().all(|transform| is_moderate(&relative(transform, of_meshes))) {
@@ -103,7 +103,7 @@ fn is_moderate(transform: &DAffine2) -> bool {
     transform.to_cols_array().iter().all(|entry| entry.abs() <= MAX_TRANSFORM)
 }
 
-/// The transform from coordinates to which `first` was applied to those after `transform`.
+/// The transform from coordinates after `first` to coordinates after `transform`.
 fn relative(transform: DAffine2, first: DAffine2) -> DAffine2 {
     if transform == first { DAffine2::IDENTITY } else { transform * first.inverse() }
 }

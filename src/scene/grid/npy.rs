@@ -1,7 +1,7 @@
 //! NumPy's `.npy` files, versions 1 to 3: an array of shape (nz, ny, nx) or (nz, ny, nx, 1) of 32-bit or 64-bit floats.
 //!
-//! The crates for this format (`npyz`, `ndarray-npy`) parse the header as Python. That needs a parser generator, and at build
-//! time a C compiler. NumPy itself writes the header in one form only, which the few lines here read.
+//! The crates for this format (`npyz`, `ndarray-npy`) parse the header as Python. That needs a parser generator, and a C
+//! compiler at build time. NumPy itself writes the header in one form only, and the few lines here read this form.
 
 use super::{Checked, Contents, MAX_HEADER, check_length};
 

@@ -21,7 +21,7 @@ fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|x| x.to_le_bytes()).collect()
 }
 
-/// What [`load`] does with a file of this name and these bytes.
+/// The result of [`load`] for a file with this name and these bytes.
 fn load_bytes(name: &str, bytes: &[u8], bounds: Option<[DVec3; 2]>) -> Result<DensityGrid> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
