@@ -158,7 +158,7 @@ impl File {
             "samplers": [{"input": input, "output": output, "interpolation": "LINEAR"}]})
     }
 
-    /// An accessor that no vertex uses.
+    /// An accessor that holds no vertex attribute.
     fn accessor_of(&mut self, values: &[f32], kind: &str, count: usize) -> usize {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         let view = self.view(&bytes, None);

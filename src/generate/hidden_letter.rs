@@ -1,4 +1,4 @@
-//! `hidden-letter`: a wall, and behind a screen the letter F, which a laser and a sensor beside the screen see only by way of the wall.
+//! `hidden-letter`: the letter F behind a screen. A laser and a sensor beside the screen see the letter only by way of a wall.
 //!
 //! The wall is z = 0, with x and y in [-1, 1]. The letter is in the plane z = 1 and faces the wall. The equipment stands at
 //! [`EQUIPMENT`]. All in metres.

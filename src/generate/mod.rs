@@ -55,7 +55,7 @@ pub enum Kind {
     Zoo(zoo::Light),
     /// Hall of 12 x 4 x 12 m under a hundred spot lights of unequal power.
     HundredLamps,
-    /// Street of 72 m at night, lit from the camera, with a car that drives towards it for two seconds.
+    /// Street of 72 m at night, lit by a lamp beside the camera. A car drives towards the camera for two seconds.
     Street,
     /// A letter that a laser and a sensor see only by way of a wall.
     HiddenLetter,
@@ -94,8 +94,8 @@ impl Kind {
         })
     }
 
-    /// The scene with another roughness or number of triangles, where given. The error names the parameter that is out of range
-    /// or that the scene does not have.
+    /// The scene with another roughness or another number of triangles, if they are given. The error names the parameter that is
+    /// out of range or that the scene does not have.
     pub fn with(self, roughness: Option<f32>, triangles: Option<u32>) -> Result<Kind, String> {
         if let Some(roughness) = roughness.filter(|r| !(0.0..=1.0).contains(r)) {
             return Err(format!("the roughness is {roughness}; it must be from 0 to 1"));
@@ -141,7 +141,7 @@ pub fn scene(kind: Kind) -> Vec<u8> {
     glb::write_moving(&build(kind), motion.as_ref())
 }
 
-/// The scene as plain data, as the loader would return it; of a scene that moves, at the begin.
+/// The scene as plain data, as the loader would return it. A scene that moves is at its first moment.
 pub fn build(kind: Kind) -> Scene {
     match kind {
         Kind::CornellBox => cornell::build(cornell::ROUGHNESS, 0),

@@ -12,7 +12,7 @@ use crate::scene::{LightKind, Mesh, Scene};
 const LENGTH: f64 = 72.0;
 /// Half the distance between the houses in metres.
 const HALF_WIDTH: f64 = 7.0;
-/// The car's way in metres in front of the camera, at its begin and at its end.
+/// Distances in metres of the car in front of the camera, at the start and at the end of the drive.
 const WAY: [f64; 2] = [48.0, 14.0];
 /// Duration of the drive in seconds.
 const SECONDS: f32 = 2.0;
@@ -28,7 +28,7 @@ pub fn build() -> Scene {
     scene
 }
 
-/// The drive of the car: evenly along the street.
+/// The drive of the car: along the street at constant speed.
 pub fn motion() -> Motion {
     Motion {
         node: "car",

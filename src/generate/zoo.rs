@@ -75,8 +75,8 @@ fn things(scene: &mut Scene, specular: bool) {
 pub enum Light {
     /// A textured lamp. The room also has a mirror and a glass block.
     Area,
-    /// A point light and a spot light. Nothing in the room is specular, because the oracle's path tracer cannot find their
-    /// caustics.
+    /// A point light and a spot light. Nothing in the room is specular, because the oracle's path tracer cannot find caustics
+    /// of these lights.
     Punctual,
     /// A collimated beam. Nothing in the room is specular, as for `Punctual`.
     Beam,

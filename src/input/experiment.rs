@@ -140,7 +140,7 @@ impl Experiment {
         if self.render.spp.is_some() || self.render.time.is_some() {
             (below.render.spp, below.render.time) = (None, None);
         }
-        // The place of another camera says nothing about a camera that is given by its name.
+        // If `self` names a camera, the place and the view in `below` may belong to another camera.
         if self.camera.camera.is_some() {
             let CameraTable { camera, resolution, crop, .. } = below.camera;
             below.camera = CameraTable { camera, resolution, crop, ..CameraTable::default() };

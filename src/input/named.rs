@@ -1,4 +1,4 @@
-//! Settings by the names of their flags: changes one of them, and writes all of them as the words of a command line.
+//! Changes a setting by the name of its flag, and writes all settings as the words of a command line.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -9,8 +9,8 @@ use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
 use crate::settings::setting::{Form, Setting, Value, Visitor};
 
-/// Gives the setting `name` the value that `text` has on the command line, and leaves out all settings that exclude it. `None`
-/// leaves out the setting alone. Fails without any change if there is no such setting, or if the text is no value of it.
+/// Sets the setting `name` to `text`, read as on the command line, and removes all settings that exclude it. `None` only removes
+/// the setting itself. Fails without any change if there is no such setting, or if the text is not a valid value.
 pub fn set(experiment: &mut Experiment, name: &str, text: Option<&str>) -> Result<()> {
     let mut changed = experiment.clone();
     let mut set = Set { name, text, found: None };
@@ -30,8 +30,8 @@ pub fn excluding(name: &str) -> Vec<&'static str> {
     excluding.found
 }
 
-/// The flags that give the settings of `experiment`, as words of a command line, with the digits that give the same numbers.
-/// The scene and the lists of tables (`[[light]]`, `[[medium]]`, `[scan]`) are left out, see [`has_tables`].
+/// The flags for the settings of `experiment`, as words of a command line. Numbers have all digits that are needed to read the
+/// same numbers back. The scene and the tables `[[light]]`, `[[medium]]` and `[scan]` are left out, see [`has_tables`].
 pub fn as_words(experiment: &Experiment) -> Vec<String> {
     let mut words = Words(vec![]);
     let mut experiment = experiment.clone();
@@ -158,7 +158,7 @@ mod tests {
         Experiment::parse(text).unwrap_or_else(|e| panic!("{text}: {e}"))
     }
 
-    /// The experiment that the words of [`as_words`] give.
+    /// The experiment that results from the words of [`as_words`].
     fn from_words(words: &[String]) -> Experiment {
         let mut experiment = Experiment::default();
         let mut at = 0;
@@ -197,7 +197,7 @@ mod tests {
             let words = as_words(&experiment);
             assert_eq!(from_words(&words), experiment, "{text}: {words:?}");
         }
-        // A wrong digit must be seen.
+        // The comparison above must notice a wrong digit.
         let close = as_words(&parsed("gate.gate = '0.1m..0.3m'"));
         assert_ne!(from_words(&close), parsed("gate.gate = '0.1m..0.30000000000000004m'"));
     }

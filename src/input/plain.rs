@@ -30,7 +30,7 @@ impl Place {
             let outer = line.trim_start_matches('[').rsplit_once('.').map(|(outer, _)| format!("[{outer}]"));
             return Place { table: outer.unwrap_or_default(), key: None };
         }
-        // The parser reports a mistake in a whole table at the start of its header. So the line of the mistake may be the header.
+        // The parser reports a mistake in a whole table at the start of its header. So the line at `at` may itself be the header.
         let header = text[..line_end].lines().rev().map(str::trim).find(|line| is_header(line));
         let mut table = header
             .map_or(String::new(), |line| line.split_inclusive(']').take_while(|part| part.ends_with(']')).collect());
@@ -171,7 +171,7 @@ mod tests {
         assert_eq!(Place::new("a", 99), Place::default());
     }
 
-    /// The words of each message that serde and toml make, for each table and each type.
+    /// The plain text for each message of serde and toml, for each table and each type.
     #[test]
     fn no_message_names_a_type_of_rust() {
         let tables = [

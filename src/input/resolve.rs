@@ -175,7 +175,7 @@ fn emitters(table: &EmitterTable, scene: &Scene, is_steady: bool, warnings: &mut
     let emitters = table.emitters.clone().unwrap_or(Emitters::Scene);
     let emitters = match emitters {
         Emitters::Scene => Emitters::Scene,
-        // A list with this word means the same as the word, unless it is the name of a node.
+        // A list with the one word `scene` means the same as the word alone, unless a node has this name.
         Emitters::Nodes(names) if names == ["scene"] && !candidates.contains(&"scene") => Emitters::Scene,
         Emitters::Nodes(names) if names.is_empty() => {
             return Err(settings(format!("no emitter is selected; choose from {}", list(&candidates))));
@@ -211,16 +211,15 @@ fn emitters(table: &EmitterTable, scene: &Scene, is_steady: bool, warnings: &mut
     )))
 }
 
-/// The candidates that `typed` names, in order. A list that is split at its commas also splits a name that contains commas, so
-/// several parts in sequence may spell one name. A name without commas has priority. Fails with the first part that is in no
-/// name.
+/// The candidates that `typed` names, in order. `typed` was split at its commas. A node's name may contain commas, so several
+/// consecutive parts may spell one name. A name without commas has priority. The error is the first part that is in no name.
 fn whole_names(typed: &[String], candidates: &[&str]) -> Result<Vec<String>, String> {
     let spells = |name: &str, parts: &[String]| match parts {
         [whole] if whole == name => true,
         _ => name.split(',').map(str::trim).eq(parts.iter().map(String::as_str)),
     };
-    // For each position, from last to first: the end of the name that begins there, and the name. `None` if no name begins there
-    // such that all later parts spell names too.
+    // For each position, filled from last to first: the end of the name that begins there, and the name. `None` unless all parts
+    // from there on spell names.
     let mut ends = vec![None; typed.len() + 1];
     ends[typed.len()] = Some((typed.len(), ""));
     for from in (0..typed.len()).rev() {

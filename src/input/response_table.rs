@@ -69,7 +69,7 @@ mod tests {
                       [[response]]\nshape = 'laser.csv'\n";
         let flags = "[gate]\nresponse = ['near=gauss:10m..11m,0.1m', 'far=box:12m..14m', 'laser.csv']\n";
         assert_eq!(Experiment::parse(tables), Experiment::parse(flags));
-        // Both may stand in one file, and the tables come last.
+        // One file may have the key and the tables. The tables come last.
         let both = Experiment::parse(&format!("{flags}[[response]]\nname = 'more'\n")).unwrap();
         let specs = both.gate.response.clone().unwrap().0;
         assert_eq!((specs.len(), specs[3].name.as_deref()), (4, Some("more")));

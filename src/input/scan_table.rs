@@ -95,8 +95,8 @@ impl Points {
         matches!(self, Points::Directions(_))
     }
 
-    /// The points; of directions, those at 1 m from `place`. Fails with one sentence if there are too few or too many points, or if a
-    /// number is not finite or out of range.
+    /// The points. A direction gives the point at 1 m from `place`. Fails with one sentence if there are too few or too many
+    /// points, or if a number is not finite or out of range.
     fn positions(&self, place: DVec3) -> Result<Vec<DVec3>, String> {
         let (list, numbers) = match self {
             Points::List(list) => (list.len() as u64, list.clone()),
@@ -126,7 +126,7 @@ impl Grid {
 }
 
 impl Directions {
-    /// All numbers. Fails if an angle is out of range or if `forward` has no direction or is vertical.
+    /// The numbers that must be finite: those of `forward`. Fails if an angle is out of range or if `forward` is zero or vertical.
     fn numbers(&self) -> Result<Vec<[f64; 3]>, String> {
         let [a0, a1] = self.azimuth;
         let [e0, e1] = self.elevation;
@@ -249,7 +249,7 @@ impl Scan {
         }
     }
 
-    /// A camera at `place` that looks at `points`; all of their travel times count.
+    /// A camera at `place` that looks at `points`. Nothing is subtracted from the travel times.
     pub fn camera_at(place: DVec3, points: &[DVec3]) -> Camera {
         aimed(place, points, 0.0, |_| 0.0)
     }
@@ -266,7 +266,7 @@ impl Scan {
     }
 }
 
-/// A camera at `place` that looks at `points`, of whose travel times `omitted` metres do not count.
+/// A camera at `place` that looks at `points`. For each point, `omitted` metres are subtracted from the travel times.
 fn aimed(place: DVec3, points: &[DVec3], pixel_fov: f64, omitted: impl Fn(DVec3) -> f64) -> Camera {
     let aims: Arc<[Aim]> = points.iter().map(|&point| Aim { point, omitted: omitted(point) }).collect();
     Camera {
@@ -276,7 +276,8 @@ fn aimed(place: DVec3, points: &[DVec3], pixel_fov: f64, omitted: impl Fn(DVec3)
 }
 
 impl ScanTable {
-    /// Fails if the experiment has settings of other renders: a camera, lights, or files that a scan does not write.
+    /// Fails if the experiment has settings that a scan does not have: a camera, lights, frames, or files that a scan does not
+    /// write.
     pub fn check_experiment(experiment: &super::experiment::Experiment) -> Result<()> {
         let output = &experiment.output;
         let has_lights = !experiment.light.is_empty() || experiment.emitter != Default::default();

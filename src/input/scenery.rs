@@ -12,13 +12,14 @@ use crate::error::Result;
 use crate::input::experiment::Experiment;
 use crate::scene::Scene;
 
-/// Adds the camera and the lights of `experiment`, or its scan, to a scene that was just loaded, or places the scene's own camera elsewhere.
-/// Makes all surfaces double-sided if the user wants that. Call it once per scene, before [`super::resolve::resolve`].
+/// Adds the camera and the lights of `experiment`, or its scan, to a scene that was just loaded. Moves the scene's own camera if
+/// the user places it. Makes all surfaces double-sided if the user wants that. Call it once per scene, before
+/// [`super::resolve::resolve`].
 ///
 /// Choices that depend on the scene, such as the place of an automatic camera, are written into `experiment`. So the experiment
 /// renders the same image later, even if the rules for these choices have changed.
 ///
-/// Returns notes for the user, one sentence each, about choices that the user did not make. Fails if a camera has no direction
+/// Returns notes for the user, one sentence each, about choices that this function made. Fails if a camera has no direction
 /// or a light is out of range, or if a name is unknown.
 pub fn apply(experiment: &mut Experiment, scene: &mut Scene) -> Result<Vec<String>> {
     let mut notes = vec![];

@@ -29,8 +29,8 @@ struct Contents {
 type Checked<T> = std::result::Result<T, String>;
 
 /// Reads a grid with one density per voxel from a `.vol` or `.npy` file; the extension selects the format. `bounds` are the
-/// corners of the grid in metres: `.npy` files need them, and they replace the corners in a `.vol` file. The grid has no transform,
-/// and a linear filter.
+/// corners of the grid in metres: `.npy` files need them, and they replace the corners in a `.vol` file. The grid has no
+/// transform, and a linear filter.
 pub fn load(path: &Path, bounds: Option<[DVec3; 2]>) -> Result<DensityGrid> {
     let wrong = |message: String| Error::File { path: path.into(), message };
     let read = match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {

@@ -89,7 +89,7 @@ pub struct Material {
     /// Index into [`Scene::textures`](super::Scene::textures). Its alpha channel multiplies `specular`; linear.
     pub specular_texture: Option<u32>,
     /// KHR_materials_specular: multiplies the reflectance of the dielectric coat at normal incidence, linear RGB, each >= 0. The
-    /// product is at most 1.
+    /// renderer clamps the product to 1.
     pub specular_color: [f32; 3],
     /// Index into [`Scene::textures`](super::Scene::textures); multiplied with `specular_color`. sRGB.
     pub specular_color_texture: Option<u32>,

@@ -97,9 +97,9 @@ impl Scene {
             && self.images == other.images
     }
 
-    /// Lower and upper corner of a box around all instances, in metres. The box contains the transformed box of each mesh, so it may
-    /// be larger than the tightest box around the triangles. Without instances, it is a box around the media that have bounds or
-    /// a grid; `None` if there are no such media.
+    /// Lower and upper corner of a box around all instances, in metres. The box contains the transformed box of each mesh, so it
+    /// may be larger than the tightest box around the triangles. Without instances, it is a box around the media that have bounds
+    /// or a grid; `None` if there are no such media.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let boxes: Vec<[DVec3; 2]> = self.meshes.iter().map(Mesh::bounds).collect();
         let corners =

@@ -10,8 +10,8 @@ use super::medium::{DensityGrid, Medium};
 const POINTS: u32 = 256;
 
 /// Optical thickness of the media along the first `length` metres of a ray, as a mean over the channels. The fraction
-/// exp(-thickness) of the light goes straight on. `direction` is a unit vector; `length` may be infinite. Where media overlap, only the last one
-/// counts. The density of a grid is that of the nearest voxel.
+/// exp(-thickness) of the light goes straight on. `direction` is a unit vector; `length` may be infinite. Where media overlap,
+/// only the last one counts. The density of a grid is that of the nearest voxel.
 pub fn optical_thickness(media: &[Medium], origin: DVec3, direction: DVec3, length: f64) -> f64 {
     let spans: Vec<Option<[f64; 2]>> = media.iter().map(|medium| medium.span(origin, direction)).collect();
     let ends = spans.iter().flatten().flatten().copied();

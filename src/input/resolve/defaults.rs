@@ -8,14 +8,14 @@ use crate::settings::*;
 /// A gate is wide if its width is larger than this fraction of the scene's diagonal.
 const WIDE_GATE: f64 = 0.4;
 
-/// The gate that decides: of many gates the widest one, because `lcs` serves each of them, however long they are together. If light
-/// is focused, `lcs` has rare, far too bright samples in the first gates of a long histogram (docs/notebook/histograms.md). Then
-/// all gates together decide, except in a scan.
+/// The gate that decides the default estimator. It is the widest of the gates, because `lcs` suits each of them, however long they
+/// are together. But if light is focused, `lcs` has rare samples that are far too bright in the first gates of a long histogram
+/// (docs/notebook/histograms.md). Then the interval of all gates together decides, except in a scan.
 pub(super) fn decisive(responses: &Responses, scene: &Scene, is_scan: bool) -> Gate {
     if is_scan || !focuses_light(scene) { responses.widest() } else { responses.support() }
 }
 
-/// The estimator whose record fits this gate, this scene and these emitters.
+/// The default estimator for this gate, this scene and these emitters.
 pub(super) fn estimator(gate: Gate, scene: &Scene, emitters: &Emitters) -> Estimator {
     let is_beam = |light: &Light| light.kind.needs_light_subpaths() && emitters.include(&light.node);
     let width = if gate.hi - gate.lo <= WIDE_GATE * scene.diagonal() {
@@ -50,10 +50,10 @@ fn is_sharp(scene: &Scene, factor: f32, texture: Option<u32>) -> bool {
     factor < SHARP || texture.is_some_and(|texture| f64::from(factor) * mean_green(scene, texture) < SHARP.into())
 }
 
-/// Texels that are read of a texture at most, about.
+/// About how many texels of a texture are read at most.
 const MAX_TEXELS: usize = 1 << 16;
 
-/// Mean of the green channel of a texture, in [0, 1]; the mean over evenly spaced texels if there are many.
+/// Mean of the green channel of a texture, in [0, 1]. For a large texture, it is the mean over evenly spaced texels.
 fn mean_green(scene: &Scene, texture: u32) -> f64 {
     let texels = &scene.images[scene.textures[texture as usize].image as usize].rgba;
     // An odd step does not stay in one column of an image whose width is a power of two.

@@ -17,11 +17,11 @@ use crate::settings::values::Png;
 pub struct Outputs {
     pub exr: Option<PathBuf>,
     pub npy: Option<PathBuf>,
-    /// The sums.
+    /// File for the sums.
     pub acc: Option<PathBuf>,
     /// Whether the variances of the array are written too.
     pub variance: bool,
-    /// Whether the array is of a continuous-wave sensor, so that its depths are written too.
+    /// Whether the array is of a continuous-wave sensor. Then its depths are written too.
     pub depth: bool,
     /// Auxiliary layers of the image file.
     pub aov: Aov,
@@ -31,14 +31,14 @@ pub struct Outputs {
     pub stats: Option<PathBuf>,
     /// Folder for the images of the strategies.
     pub strategy_images: Option<PathBuf>,
-    /// The sums so far, written every so many seconds.
+    /// File for the sums so far, and the seconds between two writes.
     pub checkpoint: Option<(PathBuf, f64)>,
     /// Whether the sums need variances.
     pub keeps_variance: bool,
 }
 
 impl Outputs {
-    /// The name of the image: the path of its file.
+    /// The name of the image: the path of the first file that holds it.
     pub fn name(&self) -> String {
         let checkpoint = self.checkpoint.as_ref().map(|(path, _)| path);
         let first = self.exr.iter().chain(&self.npy).chain(&self.acc).chain(&self.png).chain(checkpoint).next();
@@ -133,7 +133,7 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     if wanted.exposure.is_some() && png.is_none() {
         return Err(settings("--exposure is for the picture: add --png"));
     }
-    // With the extension .json the file cannot overwrite the scene, the experiment or an image.
+    // The extension .json ensures that the file cannot overwrite the scene, the experiment or an image.
     let stats = wanted.stats.clone();
     if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
         return Err(settings(format!("the --stats file {} must end in .json", path.display())));

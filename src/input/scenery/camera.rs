@@ -58,7 +58,7 @@ fn chosen(table: &CameraTable, scene: &Scene, notes: &mut Vec<String>) -> Result
     let is_placed = table.look_from.is_some() || table.look_at.is_some();
     match table.camera.as_deref() {
         Some(AUTO) => Ok(None),
-        // A printed experiment names the camera that it placed, but the file does not have this camera.
+        // A printed experiment names the camera that it placed, but the scene's file does not have this camera.
         Some(LOOK) if is_placed && find_camera(LOOK, scene).is_err() => Ok(None),
         Some(name) => find_camera(name, scene).map(Some),
         None if !scene.cameras.is_empty() => Ok(Some(0)),
@@ -126,7 +126,7 @@ fn frame([lo, hi]: [DVec3; 2], tangents: [f64; 2]) -> DVec3 {
     centre + away(distance)
 }
 
-/// From the scene to the automatic camera at this distance; 1 m if the scene is a point.
+/// Vector from the centre of the scene to the automatic camera, `distance` long; 1 m long if the scene is a point.
 fn away(distance: f64) -> DVec3 {
     TO_CAMERA.normalize() * if distance > MIN_SIZE { distance } else { 1.0 }
 }
@@ -136,8 +136,8 @@ pub(super) fn centre(scene: &Scene) -> DVec3 {
     scene.bounds().map_or(DVec3::ZERO, |[lo, hi]| 0.5 * (lo + hi))
 }
 
-/// The transform of a camera after the flags that place it; `present` is its transform before. If the user gave only the place of
-/// the camera, writes the point at which it looks into `table`.
+/// The transform of a camera after the flags that place it are applied to its transform `present`. If the user gave only the place
+/// of the camera, writes the point at which it looks into `table`.
 fn aim(table: &mut CameraTable, present: &DAffine3, scene: &Scene) -> Result<DAffine3> {
     if table.look_from.is_none() && table.look_at.is_none() && table.up.is_none() {
         return Ok(*present);

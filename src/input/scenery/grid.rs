@@ -7,8 +7,8 @@ use crate::settings::grid::Filter;
 use crate::settings::numbers::Numbers;
 use crate::settings::table::MediumTable;
 
-/// The grid of `table`, if the user gave one. `bounds`: its corners before the transform, instead of those of the file. Fails with
-/// one sentence if the file is no grid, or if a setting has no effect.
+/// The grid of `table`, if the user gave one. `bounds` are its corners before the transform; they replace the corners in the file.
+/// Fails with one sentence if the file is no grid, or if a setting has no effect.
 pub(super) fn grid(table: &MediumTable, bounds: Option<[DVec3; 2]>) -> Result<Option<DensityGrid>, String> {
     let Some(path) = &table.grid else {
         let settings =

@@ -48,7 +48,7 @@ pub(super) fn apply(
     let wanted = table.headlamp.is_some() || table.headlamp_offset.is_some();
     let has_lamp = has_lamp(scene, is_steady(&experiment.gate));
     if !wanted && (has_lamp || has_bright_surface(scene)) {
-        // Without a camera of its own, the scene is probably a model, and its surfaces are not meant to light it.
+        // A scene without a camera is probably a model whose surfaces are not meant to light it.
         if !has_lamp && !notes.is_empty() {
             notes.push("the only light comes from surfaces that emit; if the picture is dark, add --headlamp".into());
         }

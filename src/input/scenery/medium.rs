@@ -10,14 +10,15 @@ use crate::scene::{Medium, Scene};
 use crate::settings::medium::{Bounds, Coefficient, Distance, RefractiveIndex, Share};
 use crate::settings::table::MediumTable;
 
-/// Contrast that a black object keeps at the visibility (Koschmieder 1924), and at the meteorological optical range (CIE, WMO).
+/// Contrast that a black object keeps at the distance called visibility (Koschmieder 1924), and at the meteorological optical
+/// range, MOR (CIE, WMO).
 const CONTRAST_AT_VISIBILITY: f64 = 0.02;
 const CONTRAST_AT_MOR: f64 = 0.05;
 /// Albedo of droplets in visible light.
 const DEFAULT_ALBEDO: f64 = 0.99;
 
-/// Replaces the media of the scene by those of `tables`, if the user gave one; removes them with `no_medium`. Fails if settings
-/// are missing, exclude each other, or have no effect.
+/// Replaces the media of the scene by the media of `tables`, if the user gave any. With `no_medium`, only removes the media of the
+/// scene. Fails if settings are missing, exclude each other, or have no effect.
 pub(super) fn apply(tables: &MediumTables, scene: &mut Scene) -> Result<()> {
     let MediumTables { one, list } = tables;
     if !list.is_empty() {
@@ -162,7 +163,7 @@ mod tests {
     fn water_needs_no_coefficients() {
         let water = &media("ior = 1.33\ngroup-ior = 1.35").unwrap()[0];
         assert_eq!((water.ior, water.group_ior, water.sigma_s), (1.33, 1.35, [0.0; 3]));
-        // Without a group index, light travels at the index of refraction.
+        // Without a group index, the index of refraction gives the speed of light.
         assert_eq!(media("sigma-a = 0.1\nior = '1.33'").unwrap()[0].group_ior, 1.33);
         assert!(media("ior = 0.9").unwrap_err().contains("from 1 to 5"));
         assert!(media("ior = 1.33\nbounds = [[0, 0, 0], [1, 1, 1]]").unwrap_err().contains("limited extent"));

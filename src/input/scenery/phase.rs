@@ -8,7 +8,7 @@ use crate::settings::medium::{Alpha, DropletDiameter, MeanCosine};
 use crate::settings::phase::Phase;
 use crate::settings::table::MediumTable;
 
-/// Maximum size of a table in bytes; a table of a thousand rows has 20,000.
+/// Maximum size of a table in bytes; a table of a thousand rows has 20,000 bytes.
 const MAX_TABLE_BYTES: u64 = 8 << 20;
 
 /// The phase function of `table`. Fails with one sentence if a parameter is missing, or has no effect.

@@ -11,8 +11,8 @@ use super::document::Document;
 
 /// Maximum number of elements of an accessor: three corners per triangle of the largest allowed scene.
 pub const MAX_ELEMENTS: u64 = 3 * super::mesh::MAX_TRIANGLES;
-/// The elements of an accessor without a buffer view are zeros. Their number may exceed the bytes of all buffers by this number: the
-/// other attributes of a large mesh take more than one byte per vertex, but a file of a few bytes must not fill the memory.
+/// The elements of an accessor without a buffer view are zeros. Their number may exceed the bytes of all buffers by this number:
+/// the other attributes of a large mesh take more than one byte per vertex, but a file of a few bytes must not fill the memory.
 const FREE_ZEROS: u64 = 1 << 18;
 
 /// A component type, and whether its integers are normalized, i.e. stand for fractions of their largest value.

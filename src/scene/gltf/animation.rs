@@ -258,8 +258,8 @@ impl Curve {
         Ok(Curve { times, values, interpolation, property })
     }
 
-    /// The value at `time`: before the first key the value of the first key, after the last key the value of the last key. Rotations
-    /// have unit length, unless they are zero.
+    /// The value at `time`: before the first key the value of the first key, after the last key the value of the last key.
+    /// Interpolated rotations have unit length, unless they are zero.
     fn value(&self, time: f64) -> Vec<f32> {
         let after = self.times.partition_point(|&t| f64::from(t) <= time);
         let last = self.times.len() - 1;
