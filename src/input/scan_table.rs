@@ -36,7 +36,7 @@ pub struct ScanTable {
     pub power: Option<f64>,
     /// Full angle in degrees of the cone of the laser. 0, the default: a beam without width.
     pub divergence: Option<f64>,
-    /// Width and height in degrees of what the sensor sees at once. 0, the default: a point.
+    /// Width and height in degrees of the field of view of a pixel. 0, the default: a point.
     pub pixel_fov: Option<f64>,
     /// Whether travel times contain the way from the laser to its point, and the way from the point of the sensor to the sensor.
     /// By default only for directions, which have no points.
@@ -164,13 +164,13 @@ fn centres([columns, rows]: [u32; 2]) -> impl Iterator<Item = [f64; 2]> {
     (0..rows).flat_map(move |row| (0..columns).map(move |column| [part(column, columns), part(row, rows)]))
 }
 
-/// A scan: the renders that it consists of. Each has one point of the laser.
+/// A scan. It consists of one render per point of the laser.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scan {
     pub laser: DVec3,
     pub sensor: DVec3,
     power: f64,
-    /// Full angle of the laser's cone, and width of what the sensor sees at once, in radians.
+    /// Full angle of the laser's cone, and width and height of the field of view of a pixel, in radians.
     pub divergence: f64,
     pub pixel_fov: f64,
     pub accounts_first_and_last: bool,

@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use crate::settings::Emitters;
 use crate::settings::values::Resolution;
 
-/// Adds the laser and the sensor of `table` to the scene, as they look at their first points, and selects them in `experiment`.
+/// Adds the laser and the sensor of `table` to the scene, aimed at their first points, and selects them in `experiment`.
 pub(super) fn apply(table: &ScanTable, experiment: &mut Experiment, scene: &mut Scene) -> Result<()> {
     ScanTable::check_experiment(experiment)?;
     let scan = table.scan().map_err(|message| Error::Settings(format!("[scan]: {message}")))?;
