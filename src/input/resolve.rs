@@ -135,8 +135,8 @@ fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {
     table.camera.as_ref().map_or(Ok(0), |name| find_camera(name, scene))
 }
 
-/// Index of the camera `name`. A camera that the user added comes last, and has priority over a camera of the file with the
-/// same name.
+/// Index of the camera `name`. A camera that the user added comes last, and has priority over a camera of the file with the same
+/// name.
 pub(super) fn find_camera(name: &str, scene: &Scene) -> Result<usize> {
     scene.cameras.iter().rposition(|camera| camera.name == name).ok_or_else(|| {
         let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).chain(["auto"]).collect();

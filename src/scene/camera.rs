@@ -42,7 +42,7 @@ pub enum Projection {
         /// Height of the view in metres, > 0: twice the `ymag` of glTF.
         height: f64,
     },
-    /// Each pixel looks from the camera's place at a point of its own: a scan of a wall, or a LiDAR. No glTF file has such a
+    /// Each pixel looks from the camera's place at a point of its own, as in a scan of a wall or a LiDAR. No glTF file has such a
     /// camera.
     Aimed {
         /// One point per pixel, row by row.

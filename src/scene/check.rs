@@ -24,8 +24,7 @@ pub(super) type Checked = std::result::Result<(), String>;
 
 impl Scene {
     /// Checks the properties that the renderer relies on: indices are in range, numbers are finite and in their range, directions
-    /// have unit length, transforms can be inverted. A scene from [`super::gltf::load`] has already
-    /// passed this check.
+    /// have unit length, transforms can be inverted. A scene from [`super::gltf::load`] has already passed this check.
     pub fn check(&self) -> Result<()> {
         self.checked().map_err(|message| Error::Scene { path: PathBuf::from("the scene"), message })
     }

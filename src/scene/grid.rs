@@ -55,8 +55,7 @@ pub fn load(path: &Path, bounds: Option<[DVec3; 2]>) -> Result<DensityGrid> {
     Ok(grid)
 }
 
-/// An error unless `data` has exactly one value of `size` bytes per voxel. The message gives both
-/// numbers of bytes.
+/// An error unless `data` has exactly one value of `size` bytes per voxel. The message gives both numbers of bytes.
 fn check_length(data: &[u8], resolution: [u32; 3], size: u64) -> Checked<()> {
     let voxels = voxel_count(resolution)?;
     match data.len() as u64 {

@@ -164,8 +164,8 @@ impl Medium {
         self.grid.as_ref().map_or(Ok(()), |grid| grid.check(name))
     }
 
-    /// As [`Medium::check`], for the medium inside a closed mesh. The mesh determines the extent, and
-    /// the material of the mesh the index of refraction.
+    /// As [`Medium::check`], for the medium inside a closed mesh. The mesh determines the extent, and the material of the mesh
+    /// the index of refraction.
     pub(super) fn check_interior(&self, name: &str) -> Checked {
         self.check(name)?;
         if self.bounds.is_some() {

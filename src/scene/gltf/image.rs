@@ -212,8 +212,7 @@ fn decoder(bytes: &[u8]) -> Result<impl ImageDecoder + use<'_>, ImageError> {
 }
 
 /// Maximum number of bytes that the decoder of this image with `texels` texels takes besides its result. It may take them before
-/// it notices that the file is too short. Tables do not count, because the
-/// length of the file limits them.
+/// it notices that the file is too short. Tables do not count, because the length of the file limits them.
 fn memory_of_decoder(bytes: &[u8], texels: u64) -> u64 {
     /// Maximum size of a part of a lossy WebP image. The file gives the size in 24 bits, and the decoder allocates this size.
     const PART: u64 = 1 << 24;

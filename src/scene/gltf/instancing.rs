@@ -21,8 +21,7 @@ struct Source {
     attributes: BTreeMap<String, usize>,
 }
 
-/// Transforms from mesh space to the node's space, one per copy; only the identity if the node does not have
-/// the extension.
+/// Transforms from mesh space to the node's space, one per copy; only the identity if the node does not have the extension.
 pub fn copies(doc: &Document, index: usize, node: &Node) -> Checked<Vec<DAffine3>> {
     let object = node.extensions.as_ref().and_then(|extensions| extensions.others.get(EXTENSION));
     let Some(object) = object else { return Ok(vec![DAffine3::IDENTITY]) };

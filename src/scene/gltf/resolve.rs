@@ -40,8 +40,8 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// The JSON chunk, and the BIN chunk of a GLB that has one. The parser of the `gltf` crate is not used: it
-/// underflows on short lengths.
+/// The JSON chunk, and the BIN chunk of a GLB that has one. The parser of the `gltf` crate is not used: it underflows on short
+/// lengths.
 pub fn split_container(bytes: &[u8]) -> Checked<(&[u8], Option<&[u8]>)> {
     let Some(rest) = bytes.strip_prefix(b"glTF") else {
         let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
