@@ -1,5 +1,5 @@
 //! `bdpt`: full bidirectional path tracing (Veach 1997, ch. 10). Each shade point is connected to every vertex of one light
-//! subpath; paths outside the gate are rejected. The paper compares its method with this one.
+//! subpath; paths outside the gate are rejected. `bdpt` is a baseline of the paper.
 
 use super::{Ellipsoids, Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_BDPT;

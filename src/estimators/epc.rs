@@ -1,5 +1,5 @@
-//! `epc`: ellipsoidal path connections (Pediredla, Veeraraghavan and Gkioulekas 2019). As `bdpt`, but where a connection is too short
-//! for the gate, it runs over an auxiliary vertex on an ellipsoid, so that the path has a travel time inside the gate.
+//! `epc`: ellipsoidal path connections (Pediredla, Veeraraghavan and Gkioulekas 2019). As `bdpt`, but a connection that is too
+//! short for the gate gets an auxiliary vertex on an ellipsoid. The path then has a travel time inside the gate.
 
 use super::{Ellipsoids, Estimator, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_EPC;

@@ -1,6 +1,6 @@
-//! `lcs`: light-cone shell queries by importance. Each tree gives up to K candidates per shade point; resampling keeps one of
-//! them for one shadow ray. A histogram over a wide range of travel times is another task: nearly every vertex meets some bin, and
-//! each bin needs connections. Then vertices are drawn evenly over travel time, and each of them gets a shadow ray.
+//! `lcs`: light-cone shell queries by importance. Each tree yields at most K candidates per shade point; resampling keeps one of
+//! the candidates for one shadow ray. In a histogram over a wide range of travel times, nearly every vertex meets some bin, and
+//! each bin needs connections. So `lcs` draws vertices evenly over travel time there, and traces a shadow ray to each of them.
 
 use super::{Ellipsoids, Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY, TreeDefaults};
 use crate::wgsl::layout::constants::{ESTIMATOR_LCS_BY_TIME, MAX_TIME_GROUPS};
@@ -44,8 +44,8 @@ const GENERAL: Record = Record {
     judge: Estimator::Bdpt,
 };
 
-/// Hardly any pair of vertices meets a thin gate. Ellipsoidal connections have a travel time inside the gate. So
-/// they are formed too: eight candidates cost two shadow rays.
+/// Hardly any pair of vertices meets a thin gate. So ellipsoidal connections, whose travel time lies inside the gate, are
+/// formed too: eight candidates cost two shadow rays.
 static FOR_THIN_GATES: Record = Record {
     slots: |pool| pool.trees * pool.time_groups + 1,
     ellipsoids: Ellipsoids::Resampled,
@@ -54,8 +54,8 @@ static FOR_THIN_GATES: Record = Record {
     ..GENERAL
 };
 
-/// Queries of trees and resampling do not pay in a wide histogram: a chosen vertex serves one bin, at the cost of several
-/// connections; and resampling in favour of bright bins leaves rare, far too bright vertices to dim ones
+/// Queries of trees and resampling do not pay in a wide histogram. A chosen vertex serves one bin, at the cost of several
+/// connections. Resampling favours bright bins, so dim bins get few vertices, with far too large weights
 /// (docs/notebook/histograms.md).
 static FOR_HISTOGRAMS: Record = Record {
     name: NAME,
@@ -73,7 +73,7 @@ static FOR_HISTOGRAMS: Record = Record {
     for_thin_gates: None,
     // A query of a tree takes longer than two connections.
     draws_per_query: 2,
-    // Four times this value makes no difference on average, but rare samples become brighter. In fog a quarter, as in a single gate.
+    // Four times this value makes no difference on average, but rare samples become brighter. In fog, a quarter, as with one gate.
     query_sample_count: |queries, has_media| if has_media { 0.0625 } else { 0.25 } * queries as f32,
     splat_sample_weight: 1.0,
     draws_in_gate: true,

@@ -33,14 +33,14 @@ pub enum Estimator {
 pub struct Record {
     /// The name on the command line.
     pub name: &'static str,
-    /// Whether this estimator is the default under these conditions. For all conditions exactly one estimator is.
+    /// Whether this estimator is the default under these conditions. Exactly one estimator is, whatever the conditions.
     pub is_default: fn(&Conditions) -> bool,
     /// Upper bound on the default number of light subpaths per iteration.
     pub max_default_light_paths: u32,
     /// Default of adaptive sampling: whether the sample allocation follows the error of the pixels.
     pub adaptive: bool,
-    /// Whether light subpaths continue beyond the emitter, so that the strategies t = 1 and s >= 2 exist. An estimator without
-    /// them finds no light of beams.
+    /// Whether light subpaths continue beyond the emitter, so that the strategies t = 1 and s >= 2 exist. Without these
+    /// strategies an estimator finds no light of beams.
     pub light_subpaths: bool,
     /// Defaults of the tree settings; `None` for an estimator without trees.
     pub trees: Option<TreeDefaults>,
@@ -53,21 +53,21 @@ pub struct Record {
     /// Number of candidate slots per shade point for the vertices that the query kernel chooses. Deterministic vertices have
     /// other slots.
     pub slots: fn(&PoolShape) -> u32,
-    /// With several responses: maximum number of parts of the gate, for each of which the query kernel chooses a vertex; 1 if it
-    /// chooses vertices without regard to these parts. At most MAX_TIME_GROUPS.
+    /// With several responses: maximum number of parts of the gate. The query kernel chooses a vertex for each part. 1 if it
+    /// chooses vertices without regard to parts. At most MAX_TIME_GROUPS.
     pub time_groups: u32,
-    /// The record that replaces this one with several responses whose support is wide: nearly every light vertex then meets some
-    /// gate.
+    /// The record that replaces this one if there are several responses and their support is wide: nearly every light vertex then
+    /// meets some gate.
     pub for_histograms: Option<&'static Record>,
-    /// The record that replaces this one if the gate is thin: few pairs of vertices meet it.
+    /// The record that replaces this one if the gate is thin: few pairs of vertices then meet the gate.
     pub for_thin_gates: Option<&'static Record>,
-    /// Number of light vertices that the query kernel draws for each query of the settings.
+    /// Number of light vertices that the query kernel draws for each query that `--queries` asks for.
     pub draws_per_query: u32,
     /// Number of samples that a vertex chosen by `queries` queries stands for in the MIS heuristic.
     pub query_sample_count: fn(queries: u32, has_media: bool) -> f32,
     /// Weight of a light-tracing (t = 1) sample in the MIS heuristic, relative to one camera sample.
     pub splat_sample_weight: f32,
-    /// Whether events in a medium that are lit by a deterministic vertex are drawn inside the gate, instead of left to free flight.
+    /// Whether an event in a medium is drawn inside the gate for a connection to a deterministic vertex, instead of by free flight.
     pub draws_in_gate: bool,
     /// How connections that are too short for the gate run over an auxiliary vertex on an ellipsoid.
     pub ellipsoids: Ellipsoids,
@@ -82,11 +82,11 @@ pub struct Record {
 /// How an estimator forms ellipsoidal connections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ellipsoids {
-    /// It forms none.
+    /// No ellipsoidal connections.
     None,
-    /// One for each light vertex that is too near. All triangles that its ellipsoid meets are listed.
+    /// One connection for each light vertex that is too near for the gate. All triangles that the ellipsoid meets are listed.
     Enumerated,
-    /// One per shade point, out of several candidates whose triangles are drawn by importance.
+    /// One connection per shade point, resampled from several candidates whose triangles are drawn by importance.
     Resampled,
 }
 
@@ -145,15 +145,15 @@ pub struct PoolShape {
     pub has_emitter_points: bool,
     /// Number of vertices of the longest light subpath; 0 if the pool is not ordered by path.
     pub longest_path: u32,
-    /// Number of trees that are not empty; 1 for vertices in the order of their travel times.
+    /// Number of trees that are not empty; 1 if the pool is ordered by travel time.
     pub trees: u32,
-    /// Number of parts of the gate, for each of which the query kernel may choose a vertex; see [`Record::time_groups`].
+    /// Number of parts of the gate; the query kernel may choose a vertex for each part. See [`Record::time_groups`].
     pub time_groups: u32,
     /// Queries per shade point and tree.
     pub queries: u32,
 }
 
-/// Kernel of all estimators except `lcs` for one gate; its constant `ESTIMATOR` selects how it chooses from the pool.
+/// Query kernel of all estimators; `lcs` uses it only for histograms. Its constant `ESTIMATOR` selects how it chooses.
 const SHELL_QUERY: &str = "shell_query";
 
 impl Estimator {
@@ -186,7 +186,7 @@ impl Estimator {
         self.record().name
     }
 
-    /// Whether its light vertices are kept in trees.
+    /// Whether the estimator keeps its light vertices in trees.
     pub fn has_trees(self) -> bool {
         self.record().trees.is_some()
     }
@@ -211,7 +211,7 @@ impl Estimator {
         self.record().trees.as_ref().map_or(0, |trees| trees.leaf_size)
     }
 
-    /// Whether it finds the light of collimated beams.
+    /// Whether the estimator finds the light of collimated beams.
     pub fn sees_beams(self) -> bool {
         self.record().light_subpaths
     }

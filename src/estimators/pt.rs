@@ -1,5 +1,5 @@
-//! `pt`: path tracing with next-event estimation. Light subpaths end on their emitters, so it has only the strategies s <= 1, t
-//! >= 2.
+//! `pt`: path tracing with next-event estimation. Light subpaths end on their emitters, so only the strategies with s <= 1 and
+//! t >= 2 exist.
 
 use super::{Ellipsoids, Estimator, GateWidth, PoolOrder, Record, SHELL_QUERY};
 use crate::wgsl::layout::constants::ESTIMATOR_PT;

@@ -10,8 +10,8 @@
 //! | Phi_N, Phi_b | power of a node, and of one of its buckets | as for phi, scaled to a total of 1 |
 //! | B, K, M | buckets per node, queries per shade point, light subpaths per iteration | |
 //!
-//! Kernels measure lengths in the unit of `render/space.rs` instead of metres. The queries run on the device. Those of the paper
-//! are in `shaders/shell_query.wgsl` and `shared/query.wgsl`. Those by importance are in `shaders/shell_resample.wgsl`,
+//! Kernels measure lengths in the unit of `render/space.rs` instead of metres. The queries run on the device. The paper's queries
+//! are in `shaders/shell_query.wgsl` and `shared/query.wgsl`. Queries by importance are in `shaders/shell_resample.wgsl`,
 //! `shared/importance.wgsl`, `shared/frontier.wgsl` and `shared/resample.wgsl`. Both prune with `shared/lightcone.wgsl`.
 
 pub mod gate;

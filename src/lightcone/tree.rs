@@ -92,9 +92,8 @@ struct Builder {
 }
 
 impl Builder {
-    /// Builds the subtree over `items` into exactly `slots`. `first` is the index of its first vertex, `base` that of its first
-    /// slot.
-    /// Returns the record by which its parent refers to it.
+    /// Builds the subtree over `items` into exactly `slots`. `first` is the index of its first vertex, `base` the index of its
+    /// first slot. Returns the record by which its parent refers to it.
     fn subtree(&self, items: &mut [Item], first: u32, slots: &mut [TreeNode], base: u32) -> TreeChild {
         let (lo, hi) = bounds(items);
         let mut summary = self.summary(items, lo, hi);

@@ -23,7 +23,7 @@ pub struct Geometry {
     /// As long as `attributes`, or empty if no mesh has vertex colours or tangents.
     pub details: Vec<VertexDetails>,
     pub instances: Vec<InstanceNormals>,
-    /// One device material per pair (material, whether its node is a selected emitter) in use.
+    /// See [`MaterialSet::list`].
     pub materials: Vec<Material>,
     pub textures: Vec<TextureInfo>,
     /// Where the texels of the scene's images lie on the device. The texels are not copied before the upload.
@@ -68,8 +68,8 @@ impl Geometry {
         geometry
     }
 
-    /// Computes what depends on the transforms of the instances: triangles, BVH, and matrices of normals. Keeps the BVH of the
-    /// instances that do not move from the call before.
+    /// Computes what depends on the transforms of the instances: triangles, BVH, and matrices of normals. The BVH of the instances
+    /// that never move is built in the first call and kept.
     pub fn place(&mut self, scene: &Scene, space: &RenderSpace) {
         self.instances = scene.instances.iter().map(|instance| normal_columns(instance.transform.matrix3)).collect();
         let fixed = match self.fixed.take() {
@@ -151,7 +151,7 @@ impl Part {
 }
 
 impl Geometry {
-    /// What distinguishes the triangle from others with the same corners and material.
+    /// The data that distinguish the triangle from others with the same corners and material.
     fn shading_attributes(&self, t: &Triangle) -> ShadingAttributes {
         let material = &self.materials[(t.material & TRIANGLE_MATERIAL) as usize];
         let smooth = t.material & TRIANGLE_SMOOTH != 0;
@@ -278,7 +278,7 @@ impl TexelLayout {
     }
 }
 
-/// The records of the textures, then the records of their transforms, and the places of the texels.
+/// The records of the textures, then the records of their transforms; and the layout of the texels.
 fn textures(scene: &Scene, needed: bool) -> (Vec<TextureInfo>, TexelLayout) {
     if !needed {
         return (vec![], TexelLayout::default());

@@ -139,7 +139,7 @@ impl Renderer {
     }
 
     /// A renderer of the same scene on the same device with other settings, such as a smaller image. Both use one copy of the scene
-    /// on the device, so neither may call [`Renderer::set_camera`] with aimed rays, which panics.
+    /// on the device, so [`Renderer::set_camera`] with aimed rays panics in either.
     /// `scene` and `prepared` are those of this renderer, and `settings` select the same emitters.
     #[doc(hidden)]
     pub fn sibling(&self, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Renderer> {
@@ -201,14 +201,15 @@ impl Renderer {
 
     /// Renders one iteration (Algorithm 1 of the paper) and adds it to the film. An iteration has a new pool of light
     /// vertices and `samples` samples per pixel (1 to 16; for a camera with aimed rays to 1024): in every pixel, or on average if
-    /// the sampling is adaptive. Fails if `samples` is out of range, if a buffer does not fit the device, or if the device's counts contradict each other.
+    /// the sampling is adaptive. Fails if `samples` is out of range, if a buffer does not fit the device, or if the device's
+    /// counts contradict each other.
     pub fn iterate(&mut self, samples: u32) -> Result<()> {
         self.iterate_unless(samples, &Arc::default()).map(drop)
     }
 
-    /// As [`Renderer::iterate`], but gives up soon after `stop` has become true, and returns whether the iteration was added to the
-    /// film. If it was not, the film is as before, and the next iteration is the same one. A render of several responses begins anew
-    /// instead, because a part of the iteration is already in its images.
+    /// As [`Renderer::iterate`], but gives up soon after `stop` has become true. Returns whether the iteration was added to the
+    /// film. If not, the film is as before, and the next call renders the same iteration. A render of several responses begins
+    /// anew instead if a part of the iteration may be in its images.
     #[doc(hidden)]
     pub fn iterate_unless(&mut self, samples: u32, stop: &Arc<AtomicBool>) -> Result<bool> {
         let max = self.plan.max_samples();
@@ -223,7 +224,7 @@ impl Renderer {
         }
         let iteration = self.next_iteration(samples);
         let waits = self.device.waits();
-        // Counts of a part of an iteration would contradict each other.
+        // Restored if the iteration is abandoned: counts of a part of an iteration would contradict each other.
         let before = self.stats.clone();
         let counts = match &self.allocation {
             Some(allocation) => self.stats.timed(stage::ALLOCATE_SAMPLES, || allocation.counts(samples)),

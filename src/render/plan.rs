@@ -28,7 +28,7 @@ use choice::Choice;
 /// Represents infinity on the device. Its sum with any travel time is still finite.
 const OPEN: f32 = 3e38;
 
-/// Maximum number of triangles in a part of the BVH, whose search for ellipsoids is a unit of work.
+/// Maximum number of triangles in a part of the BVH. A work item searches one part for the triangles that an ellipsoid meets.
 const PART_TRIANGLES: u32 = 4096;
 
 /// Parameters that change the speed but never the image; a test checks this.
@@ -82,7 +82,7 @@ pub struct Iteration {
 /// The parameters of a render that are the same in all iterations.
 pub struct Plan {
     pub estimator: &'static Record,
-    /// What `estimator` was chosen by, beside the responses.
+    /// The conditions, besides the responses, by which `estimator` was chosen.
     choice: Choice,
     pub light_paths: u32,
     splat_paths: u32,
@@ -99,7 +99,7 @@ pub struct Plan {
     pub has_distant: bool,
     /// Whether there is a sky.
     has_sky: bool,
-    /// The kernels are compiled for one kind of camera: whether the camera rays are parallel, and the number of aimed rays.
+    /// The kind of camera that the kernels are compiled for: whether the camera rays are parallel, and the number of aimed rays.
     is_orthographic: bool,
     aims: usize,
     has_media: bool,
@@ -127,7 +127,7 @@ pub struct Plan {
     prepared_sensor: Box3,
     /// Corners of the present sensor in render space; four equal points for a pinhole.
     sensor_corners: [Vec3; 4],
-    /// Maximum length in metres that does not count for the travel times of a pixel.
+    /// Maximum over the pixels of the length in metres that does not count for their travel times.
     omitted: f64,
     /// Whether culling is on and the bounds show that no light can arrive inside the gate. Then there is nothing to trace.
     pub dark: bool,
@@ -279,7 +279,7 @@ impl Plan {
             responses.hole().map_or([OPEN; 2], |hole| [hole.lo, hole.hi].map(|end| self.space.length(end) as f32));
         [self.frame.hole_lo, self.frame.hole_hi] = hole;
         self.responses = responses;
-        // The corners are the farthest points of the sensor, also from the convex box of the sensor before.
+        // The distance to a point or to a convex box, such as `prepared_sensor`, is largest at a corner of the sensor.
         let farthest =
             |distance: &dyn Fn(Vec3) -> f64| self.sensor_corners.map(distance).into_iter().fold(0.0, f64::max);
         let from_origin = farthest(&|corner| corner.as_dvec3().length());
@@ -289,7 +289,7 @@ impl Plan {
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
-        // Travel times on the device begin at minus the omitted length, so bounds on them hold before it is added.
+        // On the device, a sensor subpath begins at minus the omitted length, but a light subpath begins at 0. Culling allows for this.
         let omitted = self.space.length(self.omitted * self.group_index);
         let rounding_allowance = rounding_allowance(gate, from_origin + omitted);
         self.frame.seed = seed;
@@ -297,8 +297,8 @@ impl Plan {
         self.frame.gate_hi = hi;
         self.frame.rounding_allowance = rounding_allowance;
         let width = gate.hi - gate.lo;
-        // A detour as long as the gate means that the straight connection is too short for it. So no pair of vertices needs both kinds
-        // of connections. Detours must also be longer than their rounding errors. Lengths are outside of solids.
+        // If a path needs a detour as long as the gate, its straight connection is too short for the gate. So no pair of vertices
+        // needs both kinds of connections. Detours must also be longer than their rounding errors. They lie outside of solids.
         let detour = width.max(rounding_allowance.into()) / self.group_index;
         self.frame.min_detour = if closed { detour as f32 } else { OPEN };
         self.frame.auxiliary_density = (f64::from(self.estimator.ellipsoid_sample_count) * self.group_index
@@ -314,7 +314,7 @@ impl Plan {
         kind(&self.responses) == kind(responses)
     }
 
-    /// Whether it then has the bits of a new render with `responses`.
+    /// Whether the render then has the same bits as a new render with `responses`.
     pub fn has_bits_of(&self, responses: &Responses) -> bool {
         self.can_have(responses) && std::ptr::eq(self.estimator, self.choice.record(responses))
     }
@@ -324,18 +324,18 @@ impl Plan {
         self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
     }
 
-    /// Whether the estimator chooses the places of events by the gate. It would have to know the null boundaries on segments that it
-    /// does not trace.
+    /// Whether the estimator chooses the positions of events by the gate. It cannot do so with null boundaries: it does not know
+    /// them on segments that it does not trace.
     fn moves_events(&self) -> bool {
         self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries
     }
 
-    /// Whether events in media are drawn in the gate, for connections to deterministic vertices.
+    /// Whether events in media are drawn inside the gate, for connections to deterministic vertices.
     pub fn draws_in_gate(&self) -> bool {
         self.moves_events() && !self.queries_deterministic(self.max_deterministic)
     }
 
-    /// Number of parts of the gate, for each of which a query kernel may choose a vertex.
+    /// Number of parts of the gate; a query kernel may choose a vertex for each part.
     fn time_groups(&self) -> u32 {
         match self.observe {
             Observe::Responses => self.estimator.time_groups,
@@ -361,8 +361,7 @@ impl Plan {
             false => (emitters.has_area() || queried, self.traces_light || queried),
         };
         self.slots(&PoolLayout {
-            // If thin beams miss everything, only the punctual lights are left, and they may be few enough for one-by-one
-            // slots.
+            // If thin beams miss everything, only the punctual lights are left. They may be few enough for one slot each.
             deterministic: if self.queries_deterministic(punctual) { 0 } else { self.max_deterministic },
             emitter_points: u32::from(emitters.has_area()),
             tree3_root: if spatial { 0 } else { NONE },

@@ -89,7 +89,7 @@ impl Allocation {
         (self.samples, self.iterations) = (0.0, 0);
     }
 
-    /// What earlier iterations have found.
+    /// The statistics of earlier iterations.
     pub fn state(&self) -> AdaptiveState {
         let pixels = self.pixels.iter().map(|p| [p.samples, p.sum, p.squares, p.light]).collect();
         AdaptiveState { pixels, samples: self.samples, iterations: self.iterations }

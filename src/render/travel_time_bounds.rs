@@ -63,15 +63,15 @@ impl TravelTimeBounds {
         TravelTimeBounds { min, max_segment, indices, ..TravelTimeBounds::default() }.to_depth(settings.max_depth())
     }
 
-    /// Bounds for a sensor, or for lights, of which every point is at most `distance` metres away from the present one. They follow from
-    /// the triangle inequality alone, so they are wider than bounds computed from the scene.
+    /// Bounds after the sensor, or the lights, have moved by at most `distance` metres. They follow from the triangle inequality
+    /// alone, so they are wider than bounds computed from the scene.
     pub fn moved(&self, distance: f64) -> TravelTimeBounds {
         let min = (self.min - distance * self.indices[0]).max(0.0);
         let max_segment = self.max_segment + distance * self.indices[1] * (1.0 + SLACK);
         TravelTimeBounds { min, max_segment, ..*self }.to_depth(self.max_depth)
     }
 
-    /// Bounds where up to `omitted` metres of a path do not count.
+    /// Bounds if up to `omitted` metres of a path do not count.
     pub fn without(&self, omitted: f64) -> TravelTimeBounds {
         TravelTimeBounds { min: (self.min - omitted * self.indices[1] * (1.0 + SLACK)).max(0.0), ..*self }
     }
@@ -129,8 +129,8 @@ impl Box3 {
     }
 }
 
-/// Minimum distance from the sensor that the scene was prepared for to an emissive triangle, which this sensor may see directly.
-/// Infinite if there is none.
+/// Minimum distance from the prepared sensor to an emissive triangle, because the sensor may see the triangle directly. Infinite
+/// if there is none.
 fn nearest_emissive_triangle(prepared: &PreparedScene) -> f64 {
     let triangles = prepared.emitters.triangles.iter();
     let distances = triangles.map(|&i| Box3::of(&prepared.geometry.triangles[i as usize]).distance(&prepared.sensor));
@@ -147,8 +147,8 @@ fn punctual_emitters(prepared: &PreparedScene) -> Vec<Box3> {
     }
 }
 
-/// Minimum distance from the sensor to a light without a surface. It is a lower bound on the paths by way of a medium, because a
-/// medium may scatter light anywhere between the two.
+/// Minimum distance from the sensor to a light without a surface. It is a lower bound on the length of paths through a medium,
+/// because a medium may scatter light anywhere between the two.
 fn nearest(sensor: &Box3, emitters: &[Box3]) -> f64 {
     emitters.iter().map(|emitter| emitter.distance(sensor)).fold(f64::INFINITY, f64::min)
 }

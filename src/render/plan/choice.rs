@@ -8,19 +8,19 @@ use crate::settings::units::Gate;
 use crate::settings::{Estimator, Responses, Settings, Strategies, UseEllipsoids};
 
 /// With several responses, the estimator's record for histograms is used if their support is longer than this fraction of the
-/// scene's diagonal. Shorter ones miss most light vertices, and queries find those that they meet.
+/// scene's diagonal. A shorter support misses most light vertices; queries find the rest.
 const HISTOGRAM_WIDTH: f64 = 0.1;
 
 /// Gates that are narrower than this fraction of the scene's diagonal have ellipsoidal connections, if the estimator has a record for
 /// thin gates (docs/notebook/ellipsoids-by-importance.md).
 const THIN_GATE: f64 = 0.0002;
 
-/// What decides, beside the responses, which record of an estimator a render uses.
+/// The conditions, besides the responses, that decide which record of an estimator a render uses.
 pub struct Choice {
     estimator: Estimator,
     /// Diagonal of the scene in metres.
     diagonal: f64,
-    /// Whether thin gates have ellipsoidal connections. `None`: if the gate is thin enough.
+    /// Whether the gate has ellipsoidal connections. `None`: only if the gate is thin.
     ellipsoids: Option<bool>,
 }
 
@@ -60,7 +60,7 @@ impl Choice {
     }
 }
 
-/// Length in metres of the travel times that count for some response.
+/// Total length in metres of the intervals of travel time that count for some response.
 fn lit_length(responses: &Responses) -> f64 {
     let length = |gate: Gate| gate.hi - gate.lo;
     length(responses.support()) - responses.hole().map_or(0.0, length)
