@@ -40,7 +40,7 @@ impl Groups {
                 false => groups.members.extend(members.into_iter().map(|i| vec![i])),
             }
         }
-        // Keep the order of the scene, in which obvhs would see the triangles without groups.
+        // Keep the order of the scene: obvhs would see the triangles in this order without groups.
         groups.members.sort_unstable_by_key(|members| members[0]);
         groups.boxes = groups.members.iter().map(|members| union_of(boxes, members)).collect();
         Some(groups)

@@ -12,8 +12,8 @@ use super::{Bvh, wide_with};
 const INNER: u8 = 0b0010_0000;
 
 impl Bvh {
-    /// A hierarchy over the triangles of `first`, followed by those of `second`: a root with the roots of both as its children. If one
-    /// has no triangles, it is the other one. It has one level more than the deeper of the two.
+    /// A hierarchy over the triangles of `first`, followed by those of `second`: a root with the roots of both as its children. It
+    /// has one level more than the deeper of the two. If one has no triangles, the result is the other one.
     pub fn joined(first: &Bvh, second: &Bvh) -> Bvh {
         let halves = [&first.host, &second.host];
         if let Some(empty) = halves.iter().position(|half| half.primitive_indices.is_empty()) {
@@ -22,7 +22,7 @@ impl Bvh {
         let (root, is_swapped) = root(halves.map(|half| half.total_aabb));
         let order = if is_swapped { [1, 0] } else { [0, 1] };
         let count = first.order.len() as u32;
-        // The root, the roots of both halves, the other nodes of the first half, those of the second.
+        // Order of the nodes: the root, the roots of both halves, the other nodes of the first half, the other nodes of the second half.
         let offsets = [2, 1 + first.host.nodes.len() as u32];
         let moved = |half: usize, node: &CwBvhNode| CwBvhNode {
             child_base_idx: node.child_base_idx + offsets[half],

@@ -31,7 +31,7 @@ pub struct Bvh {
     pub host: CwBvh,
 }
 
-/// Maximum number of levels for which the kernels' traversal stacks have room, with a root above that [`Bvh::joined`] may add.
+/// Maximum number of levels. One more fits the kernels' traversal stacks: the root that [`Bvh::joined`] may add.
 pub const MAX_LEVELS: usize = STACK_SIZE as usize - 1;
 
 impl Bvh {

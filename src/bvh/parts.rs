@@ -5,8 +5,8 @@ use crate::wgsl::layout::constants::PART_LEAVES;
 
 impl Bvh {
     /// Parts that together cover each triangle once, for `search_part` (`shaders/shared/ellipsoid_search.wgsl`). At least one part.
-    /// A part is the index of a node with at most `most` triangles below it. Larger nodes are divided. If triangles are their own
-    /// children, these are a part: the index of the node with the bit [`PART_LEAVES`].
+    /// A part is the index of a node with at most `most` triangles below it. Larger nodes are divided. If a divided node has leaves
+    /// as children, their triangles form a part: the index of the node with the bit [`PART_LEAVES`].
     pub fn parts(&self, most: u32) -> Vec<u32> {
         let nodes = &self.host.nodes;
         if nodes.is_empty() {
@@ -37,7 +37,7 @@ fn children(first: u32, imask: u8) -> std::ops::Range<u32> {
     first..first + imask.count_ones()
 }
 
-/// Number of triangles that are children of a node: the upper three bits of a leaf's byte count its triangles in unary.
+/// Number of triangles in the leaves among a node's children: the upper three bits of a leaf's byte count its triangles in unary.
 fn own_triangles(child_meta: &[u8; 8]) -> u32 {
     let is_inner = |meta: u8| meta & 0x18 == 0x18;
     child_meta.iter().filter(|&&meta| !is_inner(meta)).map(|&meta| (meta >> 5).count_ones()).sum()

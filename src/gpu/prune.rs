@@ -23,12 +23,12 @@ struct Globals<'a> {
     expressions: &'a Arena<Expression>,
 }
 
-/// The stored value of each variable that has no name and exactly one store. naga makes such variables for `a && b`: an `if` with a
-/// store in each branch, of which pruning may leave one.
+/// The stored value of each variable that has no name and exactly one store. For `a && b`, naga makes a variable without a name, and
+/// an `if` with a store in each branch. Pruning may leave one of these stores.
 type Stored = HashMap<Handle<LocalVariable>, Handle<Expression>>;
 
 fn prune(function: &mut Function, globals: &Globals) {
-    // The names of expressions would keep removed ones alive.
+    // A name would keep an expression alive after its statement is removed.
     function.named_expressions.clear();
     loop {
         let stored = stored_once(function);

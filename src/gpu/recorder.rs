@@ -136,8 +136,8 @@ impl Recorder {
         );
     }
 
-    /// Makes the first `bytes` bytes of `read_back` readable for the host after the submit, in the state after the dispatches
-    /// that are recorded so far.
+    /// Makes the first `bytes` bytes of `read_back` readable for the host after the submit, as the dispatches recorded so far leave
+    /// them.
     pub fn read_back(&mut self, read_back: &ReadBack, bytes: u64) -> Result<()> {
         let Some(copy) = &read_back.copy else { return Ok(()) };
         let (from, to) = (&read_back.buffer.allocation, &copy.allocation);

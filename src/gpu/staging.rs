@@ -10,8 +10,8 @@ use super::drive::FOR_HOST;
 use super::shared::Shared;
 use crate::error::Result;
 
-/// Size of the staging memory in bytes, which one submit can copy at most. It is small for the host, but large enough for
-/// everything that an iteration writes between two submits, except a large pool of light vertices.
+/// Size of the staging memory in bytes: one submit cannot copy more. It is small for the host, but large enough for everything
+/// that an iteration writes between two submits, except a large pool of light vertices.
 const SIZE: u64 = 16 << 20;
 /// Every copy begins at a multiple of this number of bytes.
 const ALIGNMENT: u64 = 16;

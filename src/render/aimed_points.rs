@@ -10,8 +10,8 @@ use crate::settings::Settings;
 /// Maximum distance between a point of a scan and the surface there, relative to the distance from the laser or the sensor.
 const MAX_GAP: f64 = 1e-3;
 
-/// Fails if a point of the aimed `camera` does not lie on the first surface in its direction: travel times would begin or end elsewhere.
-/// `who` is the laser or the sensor, for the message.
+/// Fails if a point of the aimed `camera` does not lie on the first surface in its direction: travel times would then begin or
+/// end at another point. `who` is the laser or the sensor, for the message.
 ///
 /// # Panics
 /// If the camera is not [`crate::scene::Projection::Aimed`].

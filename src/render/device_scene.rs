@@ -110,8 +110,8 @@ impl DeviceScene {
         Ok(DeviceScene { frame: frame_buffer(device)?, emitters, buffers: Arc::new(buffers) })
     }
 
-    /// The same arrays with a frame and emitters of its own, for another renderer of the scene. No other array can be replaced
-    /// while both exist.
+    /// A device scene for another renderer of the same scene. It has its own frame and emitters and shares all other arrays, which
+    /// cannot be replaced while both exist.
     pub fn share(&self, device: &Device, prepared: &PreparedScene) -> Result<DeviceScene> {
         let emitters = emitters_buffer(device, prepared)?;
         Ok(DeviceScene { frame: frame_buffer(device)?, emitters, buffers: self.buffers.clone() })
@@ -122,12 +122,12 @@ impl DeviceScene {
         self.frame.write(0, &[*frame])
     }
 
-    /// Replaces the emitters by as many others.
+    /// Replaces the emitters; their number must stay the same.
     pub fn write_emitters(&mut self, emitters: &[Emitter]) -> Result<()> {
         self.emitters.write(0, emitters)
     }
 
-    /// Replaces the rays of the sensor points by as many others.
+    /// Replaces the rays of the sensor points; their number must stay the same.
     pub fn write_aims(&mut self, aims: &[[f32; 4]]) -> Result<()> {
         if aims.is_empty() {
             return Ok(());

@@ -18,16 +18,16 @@ use crate::gpu::{Allocate, Bindings, Buffer, BufferDesc, BufferList, Device, Dev
 use crate::wgsl::layout::{Dispatch, NONE, PathState, PathVertex};
 use device_loop::DeviceLoop;
 
-/// Maximum number of light paths in a batch, small enough for a short submit. It is the same for all devices, because the
-/// order of vertices and splats depends on it, and with the order the last bits of the image.
+/// Maximum number of light paths in a batch, small enough for a short submit. It is the same for all devices, because it
+/// determines the order of vertices and splats, and this order determines the last bits of the image.
 const BATCH: usize = 1 << 16;
 
 /// Contribution of a light vertex that is connected to the sensor (t = 1).
 pub struct Splat {
     /// Contribution to the mean of the pixel. With [`Observe::Strategies`] the MIS weight is not included.
     pub rgb: [f32; 3],
-    /// The row-major index in the crop as the bits of an f32; with [`Observe::Times`] the travel time in units of the render
-    /// space.
+    /// The row-major index of the pixel in the crop, as the bits of an f32; with [`Observe::Times`] the travel time in units of
+    /// the render space.
     pub pixel_or_tau: f32,
     /// With [`Observe::Strategies`] the MIS weight; with [`Observe::Responses`] the travel time in units of the render space;
     /// otherwise 1.

@@ -189,7 +189,7 @@ impl<'a> MaterialSet<'a> {
             self.features.transmission = true;
             self.max_ior = self.max_ior.max(m.ior);
         }
-        // The light that the coat lets in on average. A perfect reflector lets in nothing, and 0 / 0 is not a number.
+        // Fraction of the light that the coat lets in on average. The lower bound avoids 0 / 0 for a perfect reflector.
         let below = (1.0 - self.albedo.mean(alpha.into(), f0.into(), f90.into())).max(MIN_BELOW_COAT.into());
         let (mode, cutoff) = match m.alpha_mode {
             AlphaMode::Opaque => (0, 0.0),

@@ -80,7 +80,7 @@ impl Media {
     }
 }
 
-/// Index in [`Media::list`] of the medium inside of solids of a material.
+/// Index in [`Media::list`] of the medium inside solids with this material.
 pub fn interior_index(scene: &Scene, material: u32) -> Option<u32> {
     let (before, rest) = scene.materials.split_at(material as usize);
     let number = before.iter().filter(|m| m.interior.is_some()).count();

@@ -37,7 +37,7 @@ fn open_edges(mesh: &Mesh) -> usize {
             }
         }
     }
-    // An edge between two corners at one place balances itself only in pairs, so it does not count.
+    // An edge whose two ends have the same position has no direction, so it does not count.
     balance.into_iter().filter(|((a, b), sum)| a != b && *sum != 0).count()
 }
 

@@ -31,7 +31,7 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Vec<
     }
     for light in scene.lights.iter().filter(|light| !light.kind.is_distant()) {
         let position = space.point(light.position);
-        // A light at the pinhole has no extent, and is no part of the scene that a surface could swallow.
+        // A light at the pinhole would be a scene of size 0, for which every ray offset is too large.
         if position != Vec3::ZERO {
             enclose(position.abs().max_element(), &[position]);
         }
@@ -128,7 +128,7 @@ mod tests {
         assert_eq!(build(Kind::CornellBox).lights.len(), 0);
     }
 
-    /// A light at the pinhole must not count as a scene without size, which every triangle around the pinhole would swallow.
+    /// A light at the pinhole must not count as a scene of size 0, for which every ray offset is too large.
     #[test]
     fn a_light_at_the_pinhole_changes_nothing() {
         let mut scene = build(Kind::CornellBox);

@@ -11,11 +11,12 @@ use crate::settings::{Crop, Sampling, Settings};
 
 /// Sides of the small images. The first is quick in any scene; the next one fills the device better.
 const SIDES: [u32; 3] = [4, 16, 64];
-/// An image that takes this many seconds tells the pace.
+/// An image that takes more than this many seconds suffices; larger ones are not rendered.
 const LONG_ENOUGH: f64 = 0.2;
 
-/// Seconds that one sample in every pixel of the crop takes. Renders a small image of the camera's whole view. It has few light subpaths,
-/// because their time does not depend on the resolution. Each image is rendered twice, because kernels are compiled during the first time.
+/// Seconds that one sample in every pixel of the crop takes. Renders small images of the camera's whole view, with few light
+/// subpaths, because the time for these does not depend on the resolution. Each image is rendered twice, because the first time
+/// includes compiling kernels.
 pub fn seconds_per_sample(
     device: &Device,
     scene: &Scene,

@@ -33,7 +33,7 @@ pub fn set(phase: &PhaseFunction, medium: &mut Medium, tables: &mut Vec<Node>) {
 
 /// The nodes of a table. The integral of the density over the sphere is 1.
 pub fn nodes(cosines: &[f64], values: &[f64]) -> Vec<Node> {
-    // Integrals over the intervals, for the cosines as the device knows them.
+    // Integrals over the intervals, for the cosines rounded to f32 as on the device.
     let cosines: Vec<f64> = cosines.iter().map(|&cosine| f64::from(cosine as f32)).collect();
     let greatest = values.iter().copied().fold(0.0, f64::max);
     let values: Vec<f64> = values.iter().map(|value| value / greatest).collect();
@@ -62,7 +62,7 @@ pub fn mean_cosine(phase: &PhaseFunction) -> f64 {
             (1.0 - weight_draine) * g + weight_draine * draine
         }
         PhaseFunction::Table { cosines, values } => {
-            // The integral of a product of two linear functions over an interval, over that of the value alone.
+            // The integral of cosine times value, divided by the integral of the value; both are linear in each interval.
             let greatest = values.iter().copied().fold(0.0, f64::max);
             let integral = |product: fn([f64; 2], [f64; 2]) -> f64| -> f64 {
                 let intervals = cosines.windows(2).zip(values.windows(2));

@@ -289,7 +289,7 @@ impl Plan {
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
-        // On the device, a sensor subpath begins at minus the omitted length, but a light subpath begins at 0. Culling allows for this.
+        // A sensor subpath begins at minus the omitted length, but a light subpath begins at 0. Culling allows for this.
         let omitted = self.space.length(self.omitted * self.group_index);
         let rounding_allowance = rounding_allowance(gate, from_origin + omitted);
         self.frame.seed = seed;

@@ -134,8 +134,8 @@ impl LightPool {
         }
     }
 
-    /// Sorts emitter points and scattered vertices by travel time. The left child of the only node has their bounds, and refers to
-    /// their number.
+    /// Sorts emitter points and scattered vertices by travel time. The left child of the only node holds their bounds, and in
+    /// `child` their number.
     fn by_time(&self) -> SortedPool {
         let all: Vec<PathVertex> = self.emitter_points.iter().chain(&self.scattered).map(|(_, v)| *v).collect();
         let (_, mut items) = items(&all, 0);
@@ -159,9 +159,9 @@ impl LightPool {
     }
 
     /// Builds the 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4), or a single 4D tree over
-    /// all of them. Both are valid: the weight of a query is 1 / P of the vertex that it returns, of either kind. If the
-    /// deterministic vertices are too many to connect one by one, they form a separate subtree in the tree of their kind:
-    /// lamps in the 3D tree, which gives them a shadow ray of their own, and the spots of thin beams in the 4D tree.
+    /// all of them. Both are valid: a query weights the vertex that it returns, of either kind, by 1 / P of this vertex. If the
+    /// deterministic vertices are too many to connect one by one, they form separate subtrees: lamps in the 3D tree, which gives
+    /// them a shadow ray of their own, and the spots of thin beams in the 4D tree.
     fn trees(&self, plan: &Plan) -> SortedPool {
         let in_trees = plan.queries_deterministic(self.deterministic.len() as u32);
         let (one_by_one, queried) = self.deterministic.split_at(if in_trees { 0 } else { self.deterministic.len() });
@@ -225,7 +225,7 @@ fn items(vertices: &[PathVertex], separate: usize) -> (usize, Vec<Item>) {
     (items.partition_point(|item| (item.index as usize) < separate), items)
 }
 
-/// What the choice of a vertex in a leaf needs of `v`.
+/// The part of `v` that a query reads to choose a vertex in a leaf.
 pub fn leaf_record(v: &PathVertex) -> LeafRecord {
     let direction = if v.flags & VERTEX_IN_MEDIUM != 0 { v.to_previous } else { v.geometric };
     LeafRecord {

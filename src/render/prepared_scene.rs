@@ -56,17 +56,18 @@ impl PreparedScene {
         Ok(PreparedScene { geometry, emitters, media, albedo, space, sensor, aims })
     }
 
-    /// Follows lights without a surface and cameras that have moved since `scene` was prepared. The rest of `scene` must be as before,
-    /// and so must the camera and the emitters of `settings`. Returns false and changes nothing if the scene must be prepared again:
-    /// there are other emitters than before, or a light or the camera has moved so far that another render space suits it.
+    /// Follows lights without a surface and cameras that have moved since `scene` was prepared. The rest of `scene` must be as
+    /// before, and `settings` must select the same camera and emitters. Returns false and changes nothing if the scene must be
+    /// prepared again: there are other emitters than before, a light is infinitely far away, or a light or the camera has moved
+    /// so far that the render space changes.
     pub fn follow(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
         scene.check()?;
         let space = RenderSpace::of_camera(scene, &scene.cameras[settings.camera()], settings.emitters());
         Ok(space == self.space && self.follow_nearby(scene, settings)?.is_some())
     }
 
-    /// As [`PreparedScene::follow`], but keeps the render space, so the image has other rounding errors than that of a new
-    /// preparation. For previews. Returns how far lights have moved at most, in metres.
+    /// As [`PreparedScene::follow`], for previews: keeps the render space, so the image has other rounding errors than after a new
+    /// preparation. Returns an upper bound in metres on the motion of the lights; `None` instead of false.
     pub fn follow_nearby(&mut self, scene: &Scene, settings: &Settings) -> Result<Option<f64>> {
         scene.check_lights()?;
         let selected = settings.emitters();
@@ -92,7 +93,8 @@ impl PreparedScene {
         Ok(Some(moved * self.space.unit))
     }
 
-    /// As [`PreparedScene::follow`], if the surfaces have moved too that may move ([`Scene::moving`]). A new renderer is needed then.
+    /// As [`PreparedScene::follow`], but surfaces that may move ([`Scene::moving`]) may have moved too. A new renderer is then
+    /// needed. Also returns false, but changes `self`, if nothing emits.
     pub fn follow_surfaces(&mut self, scene: &Scene, settings: &Settings) -> Result<bool> {
         scene.check()?;
         null_boundary::check(scene)?;

@@ -20,11 +20,11 @@ pub struct Arrival {
 
 /// The weights of all responses.
 struct Weights {
-    /// If all are boxes: begin and end of each gate in the device's numbers, so that it has the same ends as in a render of its own.
+    /// If all responses are boxes: begin and end of each gate as f32 in render space, the same as in a render with this gate alone.
     boxes: Vec<[f32; 2]>,
-    /// Whether no box begins before the one before it ends, so that a search finds the box of a travel time.
+    /// Whether each box ends before the next one begins, so that a binary search finds the box of a travel time.
     are_sorted: bool,
-    /// If some are no boxes: all responses.
+    /// If some responses are not boxes: all responses.
     others: Vec<Response>,
     /// Metres per unit of the render space.
     unit: f64,
@@ -137,7 +137,7 @@ impl ResponseSums {
     }
 }
 
-/// The light of a pixel per response, for the responses that see any.
+/// The light of a pixel per response, for the responses that see light.
 fn sums(weights: &Weights, arrivals: &[Arrival]) -> Vec<(u32, [f64; 3])> {
     let mut seen = vec![];
     for arrival in arrivals {

@@ -14,9 +14,9 @@ use crate::settings::{Responses, Settings};
 impl Renderer {
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
     /// statistics stay. Fails without any change if a gate does not have a finite start before its end, if there is a gate and
-    /// a light is infinitely far away, or if the responses need other kernels, as several responses do after a single box.
+    /// a light is infinitely far away, or if the responses need other kernels: several responses do after a single box.
     ///
-    /// The renderer goes on to form ellipsoidal connections, or to form none, as it did for the gate that it was made for.
+    /// The new gate does not decide whether there are ellipsoidal connections: the gate that the renderer was made for did.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
         let responses = responses.into();
         let is_interval = |gate: Gate| gate.lo.is_finite() && gate.lo < gate.hi;
@@ -40,9 +40,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Whether [`Renderer::restart`] accepts these responses, and then renders the bits of a new renderer. The kernels of one box differ
-    /// from those of several responses, those of long histograms from those of short ones, and those of thin gates from those of wide
-    /// ones.
+    /// Whether [`Renderer::restart`] accepts these responses, and the image then has the bits of a new renderer. Kernels differ
+    /// between one box and several responses, between long and short histograms, and between thin and wide gates.
     #[doc(hidden)]
     pub fn can_restart(&self, responses: &Responses) -> bool {
         self.plan.has_bits_of(responses)
@@ -75,8 +74,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// As [`Renderer::set_lights`], for lights that have moved by at most `distance` metres ([`PreparedScene::follow_nearby`]). It does
-    /// not visit the triangles again, so that it takes no time in large scenes. Fewer paths are culled instead.
+    /// As [`Renderer::set_lights`], for lights that have moved by at most `distance` metres ([`PreparedScene::follow_nearby`]).
+    /// Does not visit the triangles again, so it is fast in large scenes too, but fewer paths are culled.
     #[doc(hidden)]
     pub fn move_lights(&mut self, prepared: &PreparedScene, distance: f64) -> Result<()> {
         self.scene.write_emitters(&prepared.emitters.table)?;

@@ -9,7 +9,7 @@ use crate::settings::shard::Shard;
 
 #[warn(missing_docs)]
 impl Renderer {
-    /// What the sums so far are of: `render` with the iterations in the film, after `seconds` of rendering.
+    /// Describes the sums so far: `render` with the iterations in the film, after `seconds` of rendering.
     #[doc(hidden)]
     pub fn about(&self, render: &About, seconds: f64) -> About {
         About {
@@ -27,15 +27,16 @@ impl Renderer {
         self.next
     }
 
-    /// What adaptive sampling has learned; `None` if the sampling is uniform.
+    /// The state of adaptive sampling; `None` if the sampling is uniform.
     #[doc(hidden)]
     pub fn adaptive_state(&self) -> Option<AdaptiveState> {
         self.allocation.as_ref().map(|allocation| allocation.state())
     }
 
     /// Continues the render of `earlier`, which has the same settings and the same scene. The film becomes its film, and the next
-    /// iteration follows its last one. So the image gets the bits of a render that was never interrupted, unless the sums lack what
-    /// adaptive sampling has learned: it then begins anew. Fails without any change if the images differ in size.
+    /// iteration follows its last one. So the image gets the bits of a render that was never interrupted, unless `earlier` lacks
+    /// the state of adaptive sampling, which then begins anew. Fails without any change if the images differ in size or number, or
+    /// if only `earlier` has such a state.
     #[doc(hidden)]
     pub fn resume(&mut self, earlier: Accumulation) -> Result<()> {
         let Accumulation { about, film, responses, adaptive, .. } = earlier;
@@ -59,7 +60,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// As [`Renderer::go_to`], for the next iteration of `shard`. For the whole render there is nothing to do.
+    /// As [`Renderer::go_to`], for the next iteration of `shard`. Does nothing if `shard` is the whole render.
     #[doc(hidden)]
     pub fn go_to_next_of(&mut self, shard: Shard) {
         if shard.is_all() {

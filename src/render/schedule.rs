@@ -46,9 +46,9 @@ pub fn samples_of_shard(shard: Shard, spp: u32) -> u64 {
         .sum()
 }
 
-/// As [`next_samples`], for a render of which this machine renders `shard`. `iteration` is the number of its next iteration in the
-/// whole render, and `done` are its own samples per pixel so far. A budget of samples is that of all shards together, one of seconds
-/// that of each of them.
+/// As [`next_samples`], for a render of which this machine renders `shard`. `iteration` is the number of the shard's next
+/// iteration in the whole render, and `done` the shard's samples per pixel so far. A budget of samples holds for all shards
+/// together, a budget of seconds for each shard.
 pub fn next_samples_of(shard: Shard, budget: &Budget, iteration: u32, done: u64, elapsed: Duration) -> u32 {
     match budget {
         Budget::Spp(_) if !shard.is_all() => next_samples(budget, iteration, samples_before(iteration), elapsed),
@@ -76,8 +76,8 @@ pub fn next_samples(budget: &Budget, iterations: u32, done: u64, elapsed: Durati
 /// Samples of all points together in an iteration of a scan. So many samples share the cost of the light subpaths.
 const SCAN_SAMPLES: u32 = 4096;
 
-/// As [`next_samples`], for the iterations of a scan with `points` sensor points, all of which have the same length. It is short enough
-/// for four iterations of a budget of samples.
+/// As [`next_samples`], for a scan with `points` sensor points. All iterations have the same length, short enough that a budget of
+/// samples has four iterations.
 pub fn scan_samples(budget: &Budget, points: u32, done: u64, elapsed: Duration) -> u32 {
     let samples = (SCAN_SAMPLES / points).clamp(2, MAX_AIMED_SAMPLES);
     match *budget {
@@ -191,8 +191,8 @@ mod tests {
         assert_eq!([next(1, 2, 15.9), next(1, 2, 16.0)], [2, 0], "the second iteration runs unless the time is over");
         // Each sample takes 1 s: the iterations take 2 s, then 4 s.
         assert_eq!([next(6, 12, 12.0), next(7, 14, 14.0), next(8, 16, 16.0)], [2, 2, 0]);
-        // One more iteration would end 4 samples later. From 12.8 s its end is nearer to 16 s; from 14.4 s and 15.2 s it is
-        // not.
+        // The next iteration would take 4 samples. After 12.8 s its end is nearer to the budget of 16 s; after 14.4 s and 15.2 s
+        // it is not.
         assert_eq!([next(8, 16, 12.8), next(8, 16, 14.4), next(8, 16, 15.2)], [4, 0, 0]);
         assert_eq!([next(20, 64, 15.0), next(20, 64, 15.1)], [8, 0]);
     }

@@ -41,8 +41,8 @@ const MIN_GROUP_LIMIT: u32 = 65_535;
 /// Minimum number of shade points in a submit of queries. Larger batches are multiples of it, so they fill whole workgroups.
 const MIN_QUERY_BATCH: usize = 256;
 
-/// Limits of the work of a submit that searches for ellipsoids, in candidates times parts of the BVH. A batch that is not the last
-/// of a bounce is a multiple of the smallest, so it fills workgroups.
+/// Minimum and maximum work of a submit that searches for ellipsoids, in candidates times parts of the BVH. Except in the last
+/// batch of a bounce, the number of candidates is a multiple of the minimum, so a batch fills whole workgroups.
 const MIN_SEARCH_BATCH: usize = 64;
 const MAX_SEARCH_BATCH: usize = 1 << 20;
 
@@ -66,7 +66,7 @@ pub struct SensorTracer {
     parts: usize,
     /// Becomes true when the iteration is to be abandoned.
     stop: Arc<AtomicBool>,
-    /// Whether a part of the present iteration was left out, so that all of it must be.
+    /// Whether a part of the present iteration was left out. Then the whole iteration must be dropped.
     abandoned: bool,
 }
 
@@ -95,7 +95,7 @@ impl SensorTracer {
         })
     }
 
-    /// Whether the iteration is abandoned. Once this returned true, it does so until the next iteration.
+    /// Whether the iteration is abandoned. Once true, the answer stays true until the next iteration.
     fn is_abandoned(&mut self) -> bool {
         self.abandoned |= self.stop.load(Ordering::Relaxed);
         self.abandoned

@@ -5,10 +5,10 @@ use glam::{DVec3, Vec3};
 use crate::scene::{Camera, Medium, Scene};
 use crate::settings::Emitters;
 
-/// World space, translated and scaled. The origin is a sensor, so that f32 coordinates near the sensor are precise wherever
-/// it stands. The unit of length is near the size of the scene. MIS weights square densities per area, and with this unit such
-/// fourth powers of lengths neither overflow nor underflow in f32. The unit is a power of two, so scaling changes no bit of a
-/// mantissa, and a scene twice as large gives the same image.
+/// World space, translated and scaled. The origin is at or near a sensor, so that f32 coordinates near the sensor are precise.
+/// The unit of length is near the size of the scene. MIS weights contain squares of densities per area, which are fourth powers
+/// of lengths. With this unit they neither overflow nor underflow in f32. The unit is a power of two, so scaling changes no bit
+/// of a mantissa, and a scene twice as large gives the same image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderSpace {
     /// The origin in world space, in metres.
@@ -32,8 +32,8 @@ impl RenderSpace {
         RenderSpace { origin, unit: exponent.exp2() }
     }
 
-    /// Render space for a camera of `scene`. Its origin is the camera. In a scene that moves it is the nearest point of a grid instead,
-    /// so that frames from nearby cameras have the same render space.
+    /// Render space for a camera of `scene`. Its origin is the camera, or in a scene that moves, the nearest point of a grid. So
+    /// frames from nearby cameras have the same render space.
     pub fn of_camera(scene: &Scene, camera: &Camera, selected: &Emitters) -> RenderSpace {
         let place = camera.transform.translation;
         let space = RenderSpace::new(scene, place, selected);

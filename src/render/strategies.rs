@@ -36,9 +36,9 @@ pub struct StrategyImages {
     images: Vec<StrategyImage>,
 }
 
-/// The strategies (s, t) that a render forms, sorted by path length, then by s: first those of s + t - 1 segments, then
-/// ellipsoidal connections (true) with one segment more. A strategy in the list may still find no light in this scene: no ray hits a
-/// point light.
+/// The strategies (s, t) that a render forms, sorted by path length. For each length, the direct connections (false, s + t - 1
+/// segments) come before the ellipsoidal ones (true, one segment more); both are sorted by s. A strategy in the list may still
+/// find no light in this scene: no ray hits a point light.
 pub fn strategies(settings: &Settings, forms_ellipsoids: bool) -> Vec<(u32, u32, bool)> {
     let (all, light_subpaths) =
         (settings.strategies() == Strategies::All, settings.estimator().record().light_subpaths);
@@ -81,7 +81,7 @@ impl StrategyImages {
                 "--strategy-images needs the same number of samples in every pixel; add --sampling uniform".into(),
             ));
         }
-        // The render may turn out to form more strategies, for a thin gate.
+        // This is a lower bound: for a thin gate, the render forms more strategies.
         check_memory(settings, strategies(settings, settings.estimator().record().ellipsoids != Ellipsoids::None).len())
     }
 

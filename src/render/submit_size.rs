@@ -1,6 +1,6 @@
 //! Adapts the amount of work in one submit to the time that earlier submits took, so that no submit takes long.
 
-/// Target time of a submit. Single submits take longer; with this target the longest stay under 0.1 s.
+/// Target time of a submit. Some submits take longer; with this target the longest stay under 0.1 s.
 const TARGET_SECONDS: f64 = 0.035;
 /// Minimum number of paths in a tile.
 const MIN_TILE: usize = 1024;

@@ -39,7 +39,7 @@ pub struct LightRecord {
 }
 
 impl LightRecord {
-    /// `around`: a sphere that contains the scene. The light of a sun or a sky starts beside it. `sky`: the image of the sky.
+    /// `around`: a sphere that contains the scene. The light of a sun or a sky starts outside it. `sky`: the image of the sky.
     pub fn new(light: &Light, sky: &SkyImage, space: &RenderSpace, around: &Sphere) -> LightRecord {
         let position = space.point(light.position);
         let placed = Emitter {

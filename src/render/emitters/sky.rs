@@ -6,11 +6,11 @@ use super::luminance;
 use crate::scene::SkyImage;
 use crate::wgsl::layout::SkyHeader;
 
-/// The unit of the cumulative distributions: probabilities are multiples of its inverse.
+/// Stands for probability 1 in the cumulative distributions, which hold integers.
 const ONE: f64 = (1u32 << 31) as f64;
 
-/// The texel buffer of a sky: header, rows, texels. `image` times `radiance` is its radiance. `select_pdf`: probability that a
-/// light subpath starts from the sky. `disk_pdf`: density per area of its point on the disk, in units of render space.
+/// The texel buffer of a sky: header, rows, texels. The radiance of the sky is `image` times `radiance`. `select_pdf`: probability
+/// that a light subpath starts from the sky. `disk_pdf`: density per area of its start on the disk, in units of render space.
 pub fn table(image: &SkyImage, radiance: [f32; 3], select_pdf: f32, disk_pdf: f32) -> Vec<[u32; 4]> {
     let SkyImage { width, height, rgb } = image;
     let lit: Vec<[f32; 3]> = rgb.iter().map(|texel| [0, 1, 2].map(|k| texel[k] * radiance[k])).collect();
@@ -37,15 +37,15 @@ pub fn table(image: &SkyImage, radiance: [f32; 3], select_pdf: f32, disk_pdf: f3
     table
 }
 
-/// The sums of the weights before each entry, and of all of them, relative to the last, in units of 2^-31. All 0 if the weights
-/// are.
+/// Cumulative sums of the weights: before each entry, then the total. The total is scaled to 1, in units of 2^-31. All sums are 0
+/// if all weights are 0.
 fn cumulative(weights: impl Iterator<Item = f64> + Clone) -> Vec<u32> {
     let total: f64 = weights.clone().sum();
     let mut sum = 0.0;
     let mut starts = vec![0];
     starts.extend(weights.map(|weight| {
         sum += weight;
-        // Once the sum is the total, this is exactly 1, so black texels at the end have no part in it.
+        // When the sum reaches the total, the result is exactly 1, so black texels at the end have probability 0.
         if total > 0.0 { (sum / total * ONE) as u32 } else { 0 }
     }));
     starts
@@ -62,7 +62,7 @@ mod tests {
         let table = table(&image, [2.0, 1.0, 1.0], 0.5, 0.25);
         assert_eq!(table.len(), 1 + 3 + 3 * 3);
         assert_eq!(table[0], [2, 3, 0.5f32.to_bits(), 0.25f32.to_bits()]);
-        // The caps have the solid angle pi, so the rows have 4 and 2 parts of the light.
+        // Both polar rows have the solid angle pi, so their light is in the ratio 4 : 2.
         let third = f64::from(table[1][1]) / ONE;
         assert!((third - 2.0 / 3.0).abs() < 1e-9, "{third}");
         assert_eq!((table[1][0], table[2][0], table[2][1], table[3][1]), (0, table[1][1], table[1][1], 1 << 31));

@@ -13,7 +13,7 @@ use crate::wgsl::layout::constants::*;
 pub struct EmissiveTriangle {
     /// Entry of the device's emitter table.
     pub entry: Emitter,
-    /// Luminance-weighted power in render space; times the square of the unit it is in W.
+    /// Luminance-weighted power in render space. Multiply it by the square of the unit to get W.
     pub flux: f64,
     pub corners: [Vec3; 3],
     pub instance: u32,

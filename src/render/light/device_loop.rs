@@ -168,7 +168,7 @@ impl DeviceLoop {
         Ok(())
     }
 
-    /// Records the given rounds: the start of the paths (round 0) and bounces. `living` paths take part in the first of them.
+    /// Records the given rounds: the start of the paths (round 0) and bounces. `living` paths take part in the first given round.
     fn record(
         &mut self,
         subpaths: &mut Subpaths,
