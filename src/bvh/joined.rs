@@ -1,4 +1,4 @@
-//! One hierarchy out of two: that of the surfaces that stay, and that of the surfaces that move.
+//! Joins two hierarchies: one over the surfaces that stay, one over the surfaces that move.
 
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -22,7 +22,7 @@ impl Bvh {
         let (root, is_swapped) = root(halves.map(|half| half.total_aabb));
         let order = if is_swapped { [1, 0] } else { [0, 1] };
         let count = first.order.len() as u32;
-        // Order of the nodes: the root, the roots of both halves, the other nodes of the first half, the other nodes of the second half.
+        // Order of the nodes: the root, the roots of both halves, the other nodes of the first half, then of the second half.
         let offsets = [2, 1 + first.host.nodes.len() as u32];
         let moved = |half: usize, node: &CwBvhNode| CwBvhNode {
             child_base_idx: node.child_base_idx + offsets[half],

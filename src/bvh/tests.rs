@@ -162,7 +162,7 @@ fn joined_hierarchies_have_all_triangles() {
     }
 }
 
-/// The leaf slots of all triangles with the intersections of the boxes on the way to them.
+/// Leaf slot of each triangle, and the intersection of the boxes on the way from the root to it.
 fn slots(bvh: &Bvh) -> Vec<(usize, [[f32; 3]; 2])> {
     let mut found = vec![];
     let mut open = vec![(0usize, [[f32::NEG_INFINITY; 3], [f32::INFINITY; 3]])];

@@ -1,6 +1,6 @@
-//! Index checks for debugging. A kernel compares every computed index with the length of the buffer, texel buffer or local array,
-//! and stores the number of the place where an index is too large. (naga's policy `ReadZeroSkipWrite` makes an access out of
-//! range harmless, but does not report it.)
+//! Index checks for debugging. A kernel compares every computed index with the length of the buffer, texel buffer or local array.
+//! If an index is too large, the kernel stores the number of its place in the source. (naga's policy `ReadZeroSkipWrite` makes an
+//! access out of range harmless, but does not report it.)
 
 use std::collections::HashMap;
 

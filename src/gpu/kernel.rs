@@ -51,8 +51,8 @@ impl KernelCache {
 }
 
 impl Kernel {
-    /// Compiles entry point `entry` of `shaders/<file>.wgsl`. `constants` are values of override constants; a constant that the file
-    /// does not declare is ignored. Fails if the source is wrong or the driver cannot compile it.
+    /// Compiles entry point `entry` of `shaders/<file>.wgsl`. `constants` are values of override constants; a constant that the
+    /// file does not declare is ignored. Fails if the source is wrong or the driver cannot compile it.
     pub fn new(device: &Device, file: &'static str, entry: &str, constants: &[(&str, f64)]) -> Result<Kernel> {
         Kernel::compile(device, Source::of_file(file, entry, constants)?)
     }

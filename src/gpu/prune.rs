@@ -23,8 +23,8 @@ struct Globals<'a> {
     expressions: &'a Arena<Expression>,
 }
 
-/// The stored value of each variable that has no name and exactly one store. For `a && b`, naga makes a variable without a name, and
-/// an `if` with a store in each branch. Pruning may leave one of these stores.
+/// The stored value of each variable that has no name and exactly one store. For `a && b`, naga makes a variable without a
+/// name, and an `if` with a store in each branch. Pruning may leave one of these stores.
 type Stored = HashMap<Handle<LocalVariable>, Handle<Expression>>;
 
 fn prune(function: &mut Function, globals: &Globals) {

@@ -1,5 +1,5 @@
 //! Removes triangles that a file lists more than once. A ray hits only one of the copies. If every copy of a lamp were an
-//! emitter, emitter sampling would count its light once per copy, but rays that hit the lamp would count it only once.
+//! emitter, emitter sampling would count the lamp's light once per copy. Rays that hit the lamp would count the light only once.
 
 use rayon::prelude::*;
 

@@ -44,7 +44,7 @@ pub fn first_surfaces(
     prepared: &PreparedScene,
     visit: &mut impl FnMut(usize, FirstSurface),
 ) -> Result<()> {
-    // The estimator does not matter here, but some refuse scenes that others accept.
+    // The estimator does not matter here, but some estimators refuse scenes that this one accepts.
     let settings = settings.change().estimator(Estimator::UNGATED).build()?;
     let plan = Plan::new(scene, &settings, prepared)?;
     let mut on_device = DeviceScene::new(device, scene, prepared)?;

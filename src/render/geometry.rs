@@ -16,7 +16,7 @@ use crate::wgsl::layout::{InstanceNormals, NONE, TextureInfo, Triangle, VertexAt
 pub struct Geometry {
     pub bvh: Bvh,
     pub triangles: Vec<Triangle>,
-    /// Number of triangles that were dropped as copies, and the instance of the first of them.
+    /// Number of triangles that were dropped as copies, and the instance of the first one.
     pub copies: Option<(usize, u32)>,
     pub corners: Vec<u32>,
     pub attributes: Vec<VertexAttributes>,

@@ -36,7 +36,7 @@ pub struct Splat {
     pub s: u32,
 }
 
-/// Numbers of splats inside the gate, and of splats that were dropped because they are not finite.
+/// Number of splats inside the gate, and number of splats that were dropped because they are not finite.
 #[derive(Default)]
 struct Tally {
     inside_gate: u64,

@@ -237,7 +237,7 @@ impl<'a> MaterialSet<'a> {
     }
 }
 
-/// Whether the alpha of the material, or that of the vertex colours, may let light through the surface.
+/// Whether the alpha of the material, or the alpha of the vertex colours, may let light through the surface.
 fn is_partial(m: &scene::Material, mesh: &scene::Mesh) -> bool {
     let opaque = match m.alpha_mode {
         AlphaMode::Opaque => f32::NEG_INFINITY,

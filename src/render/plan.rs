@@ -123,7 +123,7 @@ pub struct Plan {
     pub observe: Observe,
     cull: bool,
     travel_time_bounds: TravelTimeBounds,
-    /// The sensor that the scene was prepared for. `travel_time_bounds` are those of this sensor.
+    /// The sensor that the scene was prepared for, and that `travel_time_bounds` hold for.
     prepared_sensor: Box3,
     /// Corners of the present sensor in render space; four equal points for a pinhole.
     sensor_corners: [Vec3; 4],

@@ -91,7 +91,7 @@ impl LightPool {
         }
     }
 
-    /// The deterministic vertices with the CDF for drawing among them.
+    /// The deterministic vertices, with the CDF for drawing one of them.
     fn deterministic_with_cdf(&self) -> Vec<PathVertex> {
         let mut vertices = self.deterministic.clone();
         set_selection_cdf(&mut vertices);

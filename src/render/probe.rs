@@ -64,8 +64,8 @@ impl TravelTimes {
         Some(reached.map_or(hi, |(weight, moment)| (moment / weight).clamp(lo, hi)))
     }
 
-    /// The fraction of the light that arrives in each of `count` parts of equal width from the first arrival to the travel time
-    /// `end` in metres. Empty if no light arrived before `end`.
+    /// Divides the travel times from the first arrival to `end` (metres) into `count` bins of equal width. Returns the bins, each
+    /// with the fraction of the light that arrives in it. Empty if no light arrived before `end`.
     pub fn histogram(&self, end: f64, count: usize) -> Vec<([f64; 2], f64)> {
         let Some((begin, _)) = self.range().filter(|(begin, _)| *begin < end) else { return vec![] };
         let width = (end - begin) / count as f64;

@@ -13,8 +13,8 @@ use crate::settings::{Responses, Settings};
 
 impl Renderer {
     /// Clears the film and begins a new render with another seed and other responses. The scene, the kernels and the
-    /// statistics stay. Fails without any change if a gate does not have a finite start before its end, if there is a gate and
-    /// a light is infinitely far away, or if the responses need other kernels: several responses do after a single box.
+    /// statistics stay. Fails without any change if a gate does not have a finite start before its end, or if there is a gate and
+    /// a light is infinitely far away. Also fails if the responses need other kernels, as several responses do after a single box.
     ///
     /// The new gate does not decide whether there are ellipsoidal connections: the gate that the renderer was made for did.
     pub fn restart(&mut self, seed: u32, responses: impl Into<Responses>) -> Result<()> {
@@ -85,7 +85,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Forgets the counts and times so far, except those of the scene.
+    /// Forgets the counts and times so far, except the counts of the scene.
     #[doc(hidden)]
     pub fn clear_stats(&mut self) {
         let Stats { scene_bytes, triangles, .. } = self.stats;

@@ -171,8 +171,8 @@ impl Allocation {
         (0..self.pixels.len()).into_par_iter().with_min_len(1 << 12).map(error).collect()
     }
 
-    /// Rounds `shares` to whole numbers, at least 1. Each pixel passes its rounding error on to the next pixel, so every
-    /// count, and the sum over every row-major range of pixels, differs from the exact value by at most one. The first
+    /// Rounds `shares` to whole numbers, at least 1. Each pixel passes its rounding error on to the next pixel. So every
+    /// count differs from the exact value by at most one, and so does the sum over every row-major range of pixels. The first
     /// carried error changes with the iteration, so that no pixel is always rounded down.
     fn round_shares(&self, shares: impl Iterator<Item = f64>) -> SampleCounts {
         let golden = 0.618_033_988_749_895;

@@ -1,8 +1,8 @@
 //! Number of samples per pixel in each iteration. Short iterations give more batches to estimate the variance from; long
 //! iterations share the cost of the light paths among more samples.
 //!
-//! The length of an iteration depends on its index alone. So a longer render begins with the same bits as a shorter one, and
-//! a render with a budget of seconds with the same bits as a render with a budget of samples. `docs/notebook/schedule.md`
+//! The length of an iteration depends on its index alone. So a longer render begins with the same bits as a shorter one. A
+//! render with a budget of seconds begins with the same bits as one with a budget of samples. `docs/notebook/schedule.md`
 //! compares lengths.
 
 use std::time::Duration;

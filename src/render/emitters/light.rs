@@ -186,7 +186,7 @@ mod tests {
         assert!(close(flux(LightKind::Beam { power: [3.0; 3], radius: 0.1 }), 3.0));
     }
 
-    /// The far vertex gives the scene the irradiance of the sun, and its density is that of the disk, seen from the scene.
+    /// The far vertex gives the scene the irradiance of the sun. Seen from the scene, its density equals the density on the disk.
     #[test]
     fn the_vertex_of_a_sun_shines_as_its_disk_does() {
         let r = record(LightKind::Directional { irradiance: [3.0; 3] });

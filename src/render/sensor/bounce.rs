@@ -61,8 +61,8 @@ impl SensorTracer {
         self.record_connections(bindings, constants)
     }
 
-    /// Records the tracing of the living paths of a bounce (at most `max`), and the lists of the continuing paths and of the
-    /// new shade points.
+    /// Records a bounce of the living paths (at most `max`): their tracing, then the lists of continuing paths and of new shade
+    /// points.
     fn record_trace(&mut self, bindings: &SensorBindings, constants: &Dispatch, max: u32) -> Result<()> {
         let (k, b, r) = (&self.kernels, &self.buffers, &mut self.recorder);
         let parity = constants.bounce as usize % 2;

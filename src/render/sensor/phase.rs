@@ -1,4 +1,4 @@
-//! The objects of phase 3 that stay from iteration to iteration. A pool that outgrows them replaces them with larger ones.
+//! The objects of phase 3 that stay from iteration to iteration. If a pool outgrows them, larger ones replace them.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
