@@ -22,7 +22,7 @@ pub struct Arrival {
 struct Weights {
     /// If all responses are boxes: begin and end of each gate as f32 in render space, the same as in a render with this gate alone.
     boxes: Vec<[f32; 2]>,
-    /// Whether each box ends before the next one begins, so that a binary search finds the box of a travel time.
+    /// Whether no box begins before the previous box ends, so that a binary search finds the box of a travel time.
     are_sorted: bool,
     /// If some responses are not boxes: all responses.
     others: Vec<Response>,

@@ -81,8 +81,8 @@ impl RenderSpace {
 }
 
 /// Maximum distance of a sensor from the origin, in units. At this distance the rounding error of a coordinate is 2^-26 units
-/// and the offset of a ray origin from its surface is 2^-21 units. In a Cornell box of 2 m, 1e-6 of the light then falls on
-/// other samples than with the sensor at the origin. With an origin 60 m away from the box it would be 1e-3.
+/// and the offset of a ray origin from its surface is 2^-21 units. For a Cornell box of 2 m, the image then differs by 1e-6 of
+/// its light from the image with the sensor at the origin. With an origin 60 m away from the box, it would differ by 1e-3.
 const MAX_SENSOR_DISTANCE: f32 = 0.25;
 
 /// Maximum distance along an axis from `origin` to the bounding boxes of the meshes and media and to the selected lights, in
