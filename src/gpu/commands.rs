@@ -79,7 +79,7 @@ impl Commands {
         }
     }
 
-    /// Submits the commands recorded in `first` and then those recorded here, and waits until the device has executed both. All
+    /// Submits the commands recorded in `first`, then the commands recorded here, and waits until the device has executed both. All
     /// writes are then visible to the host and to later submits. The device no longer uses anything that was recorded, even if
     /// this function returns an error.
     pub fn submit(&mut self, first: Option<&mut Commands>) -> Result<()> {

@@ -101,7 +101,7 @@ fn visit(block: &Block, see: &mut impl FnMut(&Statement)) {
     }
 }
 
-/// `block` without the branches that are not taken. Statements after one that leaves the block are left out as well.
+/// `block` without the branches that are not taken, and without the statements after a statement that leaves the block.
 fn pruned(block: Block, known: &impl Fn(Handle<Expression>) -> Option<bool>, changed: &mut bool) -> Block {
     let mut out = Block::with_capacity(block.len());
     for (statement, span) in block.span_into_iter() {

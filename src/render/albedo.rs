@@ -7,8 +7,8 @@ use super::material::DELTA_ALPHA;
 use crate::wgsl::layout::constants::{ALBEDO_COLUMNS, ALBEDO_ROWS};
 
 /// Table of `COLUMNS` x `ROWS` pairs (a, b) with albedo = a f0 + b f90. Columns are uniform in sqrt(cosine), rows in
-/// roughness = sqrt(alpha), both over [0, 1]; the column varies fastest. The square root gives more columns to small cosines,
-/// where the albedo of a narrow lobe changes: within an angle of about alpha from grazing.
+/// roughness = sqrt(alpha), both over [0, 1]; the column varies fastest. The square root gives more columns to small cosines:
+/// the albedo of a narrow lobe changes within an angle of about alpha from grazing.
 ///
 /// Then come `ROWS` pairs, one per row: the cosine-weighted mean over the hemisphere, see [`AlbedoTable::mean`].
 pub struct AlbedoTable {

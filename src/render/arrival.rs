@@ -15,7 +15,7 @@ const ITERATIONS: u32 = 4;
 
 /// The travel time (metres of optical path) at which the first light arrives in each pixel of the crop, row by row; 0 where no
 /// light was found. Light from suns, from the sky, or straight from an emitter in view does not count. The result is the
-/// minimum over 16 samples per pixel, of all strategies but t = 1. So it is an upper bound. It is exact where a point light or
+/// minimum over 16 samples per pixel and all strategies except t = 1. So it is an upper bound. It is exact where a point light or
 /// the spot of a beam lights the first surface. Elsewhere it is late by up to the size of the lamp or of the scattering surface.
 pub fn first_arrivals(
     device: &Device,

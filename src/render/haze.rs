@@ -8,7 +8,7 @@ use crate::gpu::Device;
 use crate::scene::{Scene, optical_thickness};
 use crate::settings::Settings;
 
-/// Optical thickness along camera rays, each up to its first surface; infinite if a ray has no end in a medium.
+/// Optical thickness along camera rays, each up to its first surface; infinite if a ray goes on forever in a medium.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Haze {
     /// Along the ray in the centre of the view.

@@ -19,8 +19,8 @@ const MAX_MEDIA: usize = 4000;
 
 /// The media of the scene in render space.
 pub struct Media {
-    /// First the media outside of solids, in the order of the scene. Then those inside of solids, by material. Coefficients are
-    /// per unit of length.
+    /// First the media outside of solids, in the order of the scene; then the media inside solids, in the order of the materials.
+    /// Coefficients are per unit of length.
     pub list: Vec<Medium>,
     /// Number of media outside of solids.
     pub outside: usize,
