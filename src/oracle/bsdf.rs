@@ -7,13 +7,14 @@
 //!
 //! Conductor: GGX with Schlick's Fresnel factor from the base colour.
 //!
-//! Plastic: a GGX coat with F0 = ((n - 1) / (n + 1))^2 over a diffuse base. The base is scaled by the light that the coat leaves,
-//! (1 - E(i)) (1 - E(o)) / (1 - E_avg), which is reciprocal and conserves energy. `specular` scales both Fresnel terms.
+//! Plastic: a GGX coat with F0 = ((n - 1) / (n + 1))^2 over a diffuse base. With the coat's directional albedo E, the base is
+//! scaled by (1 - E(i)) (1 - E(o)) / (1 - E_avg). This factor is reciprocal and conserves energy. `specular` scales both Fresnel
+//! terms.
 //!
 //! `specular_color` scales F0 per channel, up to 1; E is the albedo of the channel with the largest F0.
 //!
-//! A clear coat of strength c lies over f: a GGX lobe with F = c (0.04 + 0.96 (1 - cos)^5) and the albedo C. What lies under it is
-//! scaled by (1 - C(i)) (1 - C(o)).
+//! A clear coat of strength c lies over f: a GGX lobe with F = c (0.04 + 0.96 (1 - cos)^5) and the albedo C. The light that
+//! scatters under it is scaled by (1 - C(i)) (1 - C(o)).
 //!
 //! A retroreflector of share r turns f into (1 - r) f + r R. R is the base colour times a GGX lobe of perfect mirrors, around the
 //! direction that light comes from.
@@ -134,12 +135,12 @@ impl PreparedMaterial {
         }
     }
 
-    /// The material where its base colour is `base` and where its other properties are those of the factors.
+    /// The material at a point with the base colour `base`. No texture multiplies its other factors.
     pub fn at(&self, base: [f64; 3]) -> Bsdf<'_> {
         self.at_point(base, &Texels::WHITE)
     }
 
-    /// The material where its base colour is `base`, and where textures multiply its factors by `texels`.
+    /// The material at a point with the base colour `base`, where textures multiply its other factors by `texels`.
     pub fn at_point(&self, base: [f64; 3], texels: &Texels) -> Bsdf<'_> {
         let f90 = self.specular * texels.specular;
         let colored = |k: usize| (self.uncolored * self.specular_color[k] * texels.specular_color[k]).min(1.0);
@@ -170,7 +171,7 @@ impl Clearcoat<'_> {
         self.strength * schlick(0.04, 1.0, c)
     }
 
-    /// Factor on what lies under the coat, for a direction of light on each side of it.
+    /// Factor on light that scatters under the coat, and enters and leaves it in the directions `a` and `b`.
     fn passes(&self, a: DVec3, b: DVec3) -> f64 {
         (1.0 - self.coat.albedo(a.z.abs())) * (1.0 - self.coat.albedo(b.z.abs()))
     }
@@ -289,7 +290,7 @@ impl Bsdf<'_> {
         match &self.material.retroreflector {
             None => self.sample_others(wo, inside, u),
             Some(r) if u[0] < r.share => self.smooth_sample(r.sample(wo, u[1], u[2]), wo),
-            // The weight of a mirror stays: its light and the probability of choosing it fall by the same factor.
+            // The weight of a mirror needs no factor 1 - share: it would scale the light and the probability alike.
             Some(r) => self.sample_others(wo, inside, [(u[0] - r.share) / (1.0 - r.share), u[1], u[2]]),
         }
     }

@@ -18,7 +18,8 @@ pub struct LightSample {
     /// Unit vector from the vertex to the emitter.
     pub wi: DVec3,
     pub distance: f64,
-    /// Radiance times cosine over density. The caller multiplies by f cos at the vertex, and by visibility.
+    /// Radiance over `pdf`. Without a `pdf`: irradiance on a surface that faces the light, over the probability of choosing the
+    /// light. The caller multiplies by f cos at the vertex, and by visibility.
     pub weight: [f64; 3],
     /// Density per steradian, including the probability of choosing the emitter. `None` for lights that no ray can hit.
     pub pdf: Option<f64>,
@@ -26,15 +27,15 @@ pub struct LightSample {
     pub far: bool,
 }
 
-/// All emitters of a scene. [`EmitterSet::sample`] chooses uniformly between the punctual lights, suns and the sky included, and one
-/// more, which stands for all emissive triangles together.
+/// All emitters of a scene. [`EmitterSet::sample`] gives the same probability to every punctual light (suns and the sky included)
+/// and to the set of all emissive triangles.
 pub struct EmitterSet<'a> {
     world: &'a World<'a>,
     punctual: Vec<&'a Light>,
     /// Length in metres of a shadow ray that leaves the scene.
     outside: f64,
     pub beams: Vec<&'a Light>,
-    /// Emissive triangles, each with the sum of areas up to and including it.
+    /// Emissive triangles, each with the sum of the areas up to its own.
     luminous: Vec<(u32, f64)>,
 }
 
@@ -152,19 +153,20 @@ fn intensity(light: &Light, away: DVec3) -> Option<[f64; 3]> {
     }
 }
 
-/// A spot of a beam: a point where the beam scatters, on its way in a medium or on a surface, directly or after mirrors and glass.
-/// Sensor paths connect to spots as to emitters.
+/// A spot of a beam: a point in a medium or on a surface where the beam scatters. Mirrors and glass may redirect the beam before
+/// the spot. Sensor paths connect to spots as to emitters.
 pub struct BeamSpot<'a> {
     /// The vertex, seen from the direction of the incident beam.
     pub vertex: PathVertex<'a>,
-    /// Incident power over the density of the point. [`BeamSpot::towards`] multiplies it by f and by the cosines.
+    /// Power of the beam times the weights of the mirrors and glass before the spot. On a surface it is the irradiance over the
+    /// density per area.
     power: [f64; 3],
     pub tau: f64,
     /// Number of segments from the beam's origin to the spot.
     pub segments: u32,
     /// The region into which the spot scatters light.
     pub region: Region,
-    /// Density per area of the point, if a sensor path that hits this point can also find the beam by [`straight`]. Else `None`.
+    /// Density per area of the point. `None` if [`straight`] cannot find the beam from a sensor path that hits this point.
     pub density: Option<f64>,
 }
 
@@ -227,8 +229,8 @@ pub fn spots<'a>(
     found
 }
 
-/// Light of a beam that falls on a vertex in `region` directly: the distance to the disk of the beam, and the vertex's factor
-/// times irradiance. `None` if the radius is 0, if the vertex is outside the beam, or if the beam is occluded.
+/// Light that arrives at a vertex in `region` straight from a beam: the distance to the disk of the beam, and the irradiance times
+/// the BSDF or phase function. `None` if the radius is 0, if the vertex is outside the beam, or if the beam is occluded.
 pub fn straight(
     world: &World,
     light: &Light,

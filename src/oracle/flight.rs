@@ -129,8 +129,8 @@ impl World<'_> {
         }
     }
 
-    /// The part of the light that gets from `b` to `a`, which lies in `region`: 0 behind surfaces, else the transmittance of the
-    /// media or an estimate of it. With `far`, `b` stands for a point at infinity.
+    /// Fraction of the light that travels from `b` to `a`. It is 0 if a surface lies between the points, else the transmittance of
+    /// the media or an unbiased estimate. `a` lies in `region`. With `far`, `b` stands for a point at infinity.
     pub fn transmittance(
         &self,
         [a, b]: [DVec3; 2],
@@ -166,7 +166,7 @@ impl World<'_> {
         self.media.region(&self.geometry, ray, |material| self.ior_of(material))
     }
 
-    /// The region behind a surface, which light crosses in direction `onwards`. `region` is the one before the surface.
+    /// The region behind a surface for a ray that crosses it in direction `onwards`. `region` is the region before the surface.
     pub fn beyond(&self, vertex: &Vertex, onwards: DVec3, region: Region) -> Region {
         match vertex.inside {
             true => self.region(Ray::new(vertex.position, onwards)),

@@ -18,13 +18,13 @@ pub struct Coefficients {
 /// [lo, hi). An isotropic point light of intensity `intensity` (W / sr) is at `light`. `phase` is the phase function (1 / sr) of
 /// the cosine between the directions of travel before and after scattering.
 ///
-/// With s0 = w . light, h the distance of the light from the ray, and u = tan(psi) = (tau - s0) / h,
+/// With s0 = w . light, h the distance of the light from the line of the ray, and tan(psi) = (tau - s0) / h,
 ///
 ///   L = (2 sigma_s I / h) exp(-sigma_t s0) * integral over psi of phase(cos 2 psi) exp(-sigma_t h tan psi).
 ///
-/// For h = 0 the limit is L = sigma_s I phase(-1) * integral of exp(-sigma_t (2 s - s0)) / (s - s0)^2 over the distance s > s0.
-/// It is infinite if the gate contains |light|, the travel time on the straight line. The relative error of the quadrature is
-/// below 1e-9 for smooth phase functions and sigma_t (hi - lo) < 10.
+/// For h = 0 the limit is L = sigma_s I phase(-1) * integral of exp(-sigma_t (2 s - s0)) / (s - s0)^2. Here s > s0 is the distance
+/// along the ray, and the gate contains 2 s - s0. If the light is on the ray and the gate contains s0, L is infinite. The relative
+/// error of the quadrature is below 1e-9 for smooth phase functions and sigma_t (hi - lo) < 10.
 ///
 /// By reciprocity, the same number is the fluence (W / m^2) at the pinhole if a beam of power `intensity` (W) starts at `light`
 /// and its direction is -w.
@@ -68,14 +68,14 @@ pub fn first_scatter_fluence(medium: Coefficients, r: f64, tau: f64) -> f64 {
     medium.sigma_s * (-medium.sigma_t * tau).exp() / (4.0 * PI * r * tau) * ((tau + r) / (tau - r)).ln()
 }
 
-/// The mean squared distance (m^2) from the light at time `tau` (m), over all light of a pulse from a point. There is no absorption;
-/// `g` is the mean cosine of the phase function, which may be any.
+/// The mean squared distance (m^2) from the light at time `tau` (m), over all light of a pulse from a point, without absorption.
+/// The phase function may be any with the mean cosine `g`.
 ///
 ///   (2 / s^2) (s tau - 1 + exp(-s tau)),   s = sigma_s (1 - g)
 pub fn second_moment(sigma_s: f64, g: f64, tau: f64) -> f64 {
     let x = sigma_s * (1.0 - g) * tau;
     if x < 1e-3 {
-        // The first terms of the series, because the closed form cancels.
+        // The first terms of the series: the closed form would lose digits by cancellation.
         return tau * tau * (1.0 - x / 3.0 + x * x / 12.0);
     }
     2.0 * tau * tau * (x - 1.0 + (-x).exp()) / (x * x)
@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn edges_of_single_scattering() {
         let value = |light, gate| gated_single_scattering(FOG, isotropic, 1.0, light, DVec3::Z, gate);
-        // Light and sensor at one place: the value in the renderer's design.
+        // Light and sensor at one place: the limit h = 0.
         let collocated = value(DVec3::ZERO, [40.0, 50.0]);
         assert!((collocated / 3.45304e-6 - 1.0).abs() < 2e-6, "{collocated}");
         // Nothing arrives before the straight line's time, and gates that abut add up.

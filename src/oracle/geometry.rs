@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, DVec3, Vec2, Vec3, Vec4};
 
 use crate::scene::Scene;
 
-/// A triangle in world space. Seen against `normal`, its corners are counter-clockwise, except in mirrored instances.
+/// A triangle in world space. Seen from the front, its corners are counter-clockwise, except in mirrored instances.
 #[derive(Debug, Clone, Copy)]
 pub struct Triangle {
     corner: DVec3,
@@ -302,7 +302,7 @@ impl<'a> Geometry<'a> {
             color = [0, 1, 2, 3].map(|k| (0..3).map(|c| f64::from(mesh.colors[corners[c]][k]) * weights[c]).sum());
         }
         let tangents = (!mesh.tangents.is_empty()).then(|| {
-            // The bitangent is made in the space of the mesh, then transformed as the direction that it is.
+            // The bitangent is made in the space of the mesh, then transformed as a direction, not as a normal.
             let matrix = instance.transform.matrix3;
             let normal = matrix.transpose() * shading;
             let of = |i: usize| Vec4::from(mesh.tangents[i]).truncate().as_dvec3();

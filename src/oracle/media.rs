@@ -10,13 +10,13 @@ use crate::scene::{DensityGrid, GridFilter, Medium, Scene};
 
 /// All media of a scene.
 pub struct Media<'a> {
-    /// Outside of solids; where several overlap, the last counts.
+    /// Media outside of solids. Where several overlap, only the last one counts.
     outside: Vec<PreparedMedium<'a>>,
-    /// By material: the medium inside.
+    /// The medium inside, per material.
     interiors: Vec<Option<PreparedMedium<'a>>>,
     /// The region outside of all solids.
     surrounding: Region,
-    /// By material.
+    /// Per material.
     is_null_boundary: Vec<bool>,
     /// Whether all coefficients are the same in the three channels.
     is_grey: bool,
@@ -108,7 +108,7 @@ impl<'a> Media<'a> {
         Channel { index, weight }
     }
 
-    /// The inside of a solid of this material, entered from `outside`. `ior` is its index of refraction.
+    /// The region inside a solid of this material, for a ray that enters it from `outside`. `ior` is the index of the solid.
     pub fn inside(&self, material: u32, ior: f64, outside: Region) -> Region {
         match self.is_null_boundary(material) {
             true => Region { solid: Some(material), ..outside },
@@ -139,7 +139,7 @@ impl<'a> Media<'a> {
         self.surrounding
     }
 
-    /// The media along the first `length` metres of a ray in a region, in order and without gaps of more than clear air.
+    /// The media along the first `length` metres of a ray in a region, in order. Gaps between them contain no medium.
     pub fn stretches<'m>(&'m self, ray: &Ray, length: f64, region: Region) -> Vec<Stretch<'m, 'a>> {
         let clipped = |medium: &PreparedMedium| {
             let (from, to) = medium.span(ray)?;

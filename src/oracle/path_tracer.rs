@@ -4,10 +4,10 @@
 //! the scene towards the sky, by chance. The balance heuristic weights these two strategies.
 //!
 //! A beam emits in one direction only, so no vertex can sample it as an emitter. Instead, the tracer follows the beam to its
-//! spot, the first point that scatters, and connects the spot to every sensor vertex. If the beam has a radius and its spot is
-//! hit directly, there is a second strategy: a sensor vertex inside the spot adds the light that arrives straight from the beam.
-//! The balance heuristic weights the two. If the vertex before is the sensor, a mirror or glass, only the second strategy
-//! exists.
+//! spot, the first point that scatters, and connects the spot to every sensor vertex. If the beam has a radius and no mirror or
+//! glass redirects it, there is a second strategy: a sensor vertex inside the spot adds the light that arrives straight from the
+//! beam. The balance heuristic weights the two. If the previous vertex of the sensor path is the sensor, a mirror or
+//! glass, only the second strategy exists.
 //!
 //! If the second strategy is impossible (radius 0, or a mirror or glass in front of the beam), the spot is also projected into
 //! the image. The tracer does not find such a spot, or a point light, if the sensor sees it through a mirror or glass.
@@ -46,7 +46,7 @@ pub struct Settings {
     pub emitters: Emitters,
 }
 
-/// Estimated radiance of a pixel in a bin, and the variance of this estimate (not of a sample).
+/// Estimated radiance of a pixel in a bin, and the variance of this estimate (not of one sample).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pixel {
     pub mean: [f64; 3],
@@ -109,7 +109,8 @@ type Splat = (usize, f64, DVec3);
 
 /// Renders all bins at once. The same settings give the same bits with any number of threads.
 ///
-/// # Panics If a directional light or a sky is switched on and a bin is a gate: its light has no travel time.
+/// # Panics
+/// If a directional light or a sky is switched on, and a bin is not the steady state: such light has no travel time.
 pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let world = World::new(scene, &settings.emitters);
     let has_distant = scene.lights.iter().any(|light| light.kind.is_distant() && world.shines(&light.node));
@@ -126,7 +127,7 @@ pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let count = (width * height) as usize;
     let traced: Vec<(Vec<Sums>, Vec<Splat>)> = (0..count).into_par_iter().map(|i| tracer.pixel(i)).collect();
 
-    // A splat of any sample may fall on any pixel, so a pixel averages over the samples of all pixels.
+    // A sample of any pixel may splat to any other pixel, so splats are averaged over the samples of all pixels.
     let mut splatted = vec![vec![Sums::default(); count]; settings.bins.len()];
     for &(pixel, tau, value) in traced.iter().flat_map(|(_, splats)| splats) {
         for (bin, &(lo, hi)) in splatted.iter_mut().zip(&settings.bins) {
@@ -246,7 +247,7 @@ impl Tracer<'_> {
 
     /// Adds the light of beams that fall on the vertex directly.
     fn beams(&self, end: &PathEnd, sample_bins: &mut SampleBins, pcg: &mut Pcg) {
-        // A point of a medium that can be connected to the vertex before it is left to the other strategy.
+        // In a medium, the other strategy finds this light, unless the vertex before is a mirror or glass.
         let only_strategy = end.last.is_none() && end.segments > 1;
         if end.vertex.surface().is_none() && !only_strategy {
             return;

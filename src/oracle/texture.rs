@@ -6,8 +6,8 @@ use glam::{DVec2, DVec3};
 
 use crate::scene::{Scene, Wrap};
 
-/// Linear RGBA at a texture coordinate of the mesh. After the transform of the texture, (0, 0) is the outer corner of the first texel. Without a texture, the result is
-/// white.
+/// Linear RGBA at a texture coordinate of the mesh. After the transform of the texture, (0, 0) is the outer corner of the first
+/// texel. Without a texture, the result is white.
 pub fn sample(scene: &Scene, texture: Option<u32>, uv: DVec2) -> [f64; 4] {
     filtered(scene, texture, uv, |[r, g, b, a]| [linear(r), linear(g), linear(b), f64::from(a) / 255.0])
 }

@@ -1,4 +1,5 @@
-//! Directional albedo of a GGX lobe with Schlick's Fresnel factor: the light that a coat keeps from what lies under it.
+//! Directional albedo of a GGX lobe with Schlick's Fresnel factor: the fraction of light that a coat reflects, so that it does not
+//! reach the layer below.
 //!
 //! Schlick's factor is linear in the reflectances f0 (along the normal) and f90 (at grazing angles), and so is the albedo.
 
@@ -17,7 +18,7 @@ const LEVELS: usize = 25;
 pub struct CoatTables {
     /// GGX alpha of the roughness factor.
     alpha: f64,
-    /// One table, or, if the roughness varies, `LEVELS` tables from roughness 0 to the roughness factor.
+    /// One table. If the roughness varies: `LEVELS` tables, from roughness 0 to the roughness factor.
     levels: Vec<Table>,
 }
 
