@@ -1,8 +1,8 @@
-//! What a render has added up so far: all sums in f64, and which iterations are in them. From such an accumulation a render goes on,
-//! shards of a render become one, and all images can be made. [`file`] keeps it in a file, `.acc`.
+//! The state of a render so far: all sums in f64, and the iterations in them. A render can continue from an accumulation, the
+//! accumulations of shards can be merged, and all images can be made from one. [`file`] keeps it in a file, `.acc`.
 //!
 //! Researchers who average the images of several machines must weight them by samples, and cannot average their variances. Sums
-//! over iterations have neither problem: those of disjoint iterations add.
+//! have neither problem: the sums of disjoint iterations add up.
 
 mod arrays;
 pub mod file;
@@ -41,18 +41,18 @@ pub struct Accumulation {
     pub layers: Layers,
 }
 
-/// What adaptive sampling has learned.
+/// What adaptive sampling has measured so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AdaptiveState {
-    /// Per pixel of the crop, row by row: number of samples, sum of their luminances, sum of their squares, and sum over iterations
-    /// of the pixel's luminance times the average samples per pixel.
+    /// Per pixel of the crop, row by row: number of samples, sum of their luminances, sum of their squared luminances, and sum
+    /// over iterations of the pixel's luminance times the average samples per pixel.
     pub pixels: Vec<[f64; 4]>,
     /// Samples per pixel so far, averaged over the pixels.
     pub samples: f64,
     pub iterations: u32,
 }
 
-/// What the sums are of.
+/// The render that the sums belong to, and the part of it that they contain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct About {
     pub format: u32,
@@ -69,7 +69,7 @@ pub struct About {
     pub files: Vec<String>,
     /// Width and height of the whole image.
     pub resolution: [u32; 2],
-    /// The part of it in the arrays: x0, x1, y0, y1.
+    /// The part of the image in the arrays: x0, x1, y0, y1.
     pub crop: [u32; 4],
     /// Names of the responses along the axis T of the arrays.
     pub responses: Vec<String>,
@@ -78,7 +78,7 @@ pub struct About {
     /// Seconds of rendering, summed over the parts.
     pub seconds: f64,
     pub iterations: Iterations,
-    /// Sample of the random sequences at which the next iteration begins.
+    /// Index in the random sequences at which the next iteration begins.
     pub next_sample: u32,
     /// The shards that were merged, or the one that was rendered.
     pub shards: Vec<Shard>,
@@ -89,8 +89,8 @@ pub struct About {
 const AXES: &str = "height, width, response, channel";
 
 impl About {
-    /// What the sums of a render with `settings` are of, before its first iteration. `experiment` is its TOML, `files` are the paths
-    /// in it of files that it reads beside the scene, and `scene` is the fingerprint of scene and files.
+    /// Describes a render with `settings` before its first iteration. `experiment` is its TOML. `files` are the paths of the files
+    /// that `experiment` names beside the scene. `scene` is the fingerprint of the scene and these files.
     pub fn new(settings: &Settings, experiment: String, files: &[PathBuf], scene: String, shard: Shard) -> About {
         let crop = settings.crop();
         About {
@@ -119,7 +119,7 @@ impl About {
         [x1.saturating_sub(x0), y1.saturating_sub(y0)]
     }
 
-    /// The part of the render that an accumulation is, for one that may be continued; `None` if several were merged.
+    /// The shard in the accumulation, from which a render may continue; `None` if several shards were merged.
     pub fn shard(&self) -> Option<Shard> {
         match self.shards[..] {
             [shard] => Some(shard),
@@ -127,8 +127,8 @@ impl About {
         }
     }
 
-    /// Fails if the sums of `other` do not belong to the same render, with what differs. The number of samples or seconds may
-    /// differ. `name` and `other_name` stand for the two in the message.
+    /// Fails if the sums of `other` do not belong to the same render; the message says in which settings they differ. The number of
+    /// samples or seconds may differ. The message calls the two `name` and `other_name`.
     pub fn check_same_render(&self, name: &str, other: &About, other_name: &str) -> Result<()> {
         let fail = |what: String| Err(Error::Settings(what));
         if self.renderer != other.renderer {
@@ -158,8 +158,8 @@ impl About {
 }
 
 impl Accumulation {
-    /// Adds the sums of a disjoint part of the same render. The order of the parts decides only the last bits. `name` and `other_name`
-    /// stand for the two in messages. Fails if they are not of the same render, or if both have an iteration.
+    /// Adds the sums of a disjoint part of the same render. The order of the parts changes only the last bits. Messages call the two
+    /// `name` and `other_name`. Fails if they are not of the same render, or if they have an iteration in common.
     pub fn merge(&mut self, name: &str, other: &Accumulation, other_name: &str) -> Result<()> {
         self.about.check_same_render(name, &other.about, other_name)?;
         if let Some(common) = self.about.iterations.common(&other.about.iterations) {
@@ -197,11 +197,11 @@ impl Accumulation {
 const WITHOUT_EFFECT: [&str; 6] =
     ["scene", "input.allow-path", "render.spp", "render.time", "render.device", "render.strict"];
 
-/// What differs between the settings of two renders, one text per setting. Where the files are makes no difference.
+/// The differences between the settings of two renders, one text per setting. Paths of files may differ.
 fn differences(a: &About, b: &About) -> Vec<String> {
     let [a, b] = [a, b].map(|about| {
         let mut settings = BTreeMap::new();
-        // A path may begin with another one.
+        // Longest first, because a path may begin with a shorter one.
         let mut files: Vec<&str> = about.files.iter().map(String::as_str).collect();
         files.sort_by_key(|path| std::cmp::Reverse(path.len()));
         if let Ok(table) = about.settings.parse::<toml::Table>() {
@@ -218,7 +218,7 @@ fn differences(a: &About, b: &About) -> Vec<String> {
         .collect()
 }
 
-/// Collects the values of all keys below `name`, with the word FILE instead of the paths `files`.
+/// Collects the values of all keys below `name`. The word FILE replaces the paths `files`.
 fn collect(name: &str, value: toml::Value, files: &[&str], settings: &mut BTreeMap<String, String>) {
     match value {
         toml::Value::Table(table) => {

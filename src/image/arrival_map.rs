@@ -1,6 +1,6 @@
 //! A map of arrival times as a picture in colours.
 
-/// Part of the lit pixels that the scale of the colours covers. Later arrivals have the last colour, so that a few late pixels do
+/// Fraction of the lit pixels that the scale of the colours covers. Later arrivals have the last colour, so that a few late pixels do
 /// not leave most of the scale unused.
 const COVERED: f64 = 0.99;
 

@@ -28,7 +28,7 @@ impl CellBatches {
         CellBatches { width: width as usize, height: height as usize, batches: vec![], each: 1, last: 1 }
     }
 
-    /// Number of cells across and down. Those at the right and lower edge may be smaller.
+    /// Number of cells across and down. Cells at the right and lower edge may be smaller.
     pub fn grid(&self) -> [usize; 2] {
         [self.width.div_ceil(CELL), self.height.div_ceil(CELL)]
     }

@@ -8,9 +8,10 @@ use crate::settings::frequencies::Frequencies;
 pub struct Echo {
     /// Phase of the modulation in radians, 0 to 2 pi.
     pub phase: f32,
-    /// Strength of the modulation, as radiance: the light that arrives, if all of it has one travel time. Less if not.
+    /// Amplitude of the modulation, as radiance. It is the radiance of all light that arrives if this light has one travel time, and
+    /// less otherwise.
     pub amplitude: f32,
-    /// One-way distance in metres, 0 to half a period; farther surfaces seem nearer by multiples of half a period. NaN if no light
+    /// One-way distance in metres, 0 to half a period. Farther surfaces seem nearer by multiples of half a period. NaN if no light
     /// arrives.
     pub depth: f32,
 }
@@ -28,16 +29,16 @@ pub fn echo(images: [f64; 4], period: f64) -> Echo {
     Echo { phase: phase as f32, amplitude: amplitude as f32, depth: (0.5 * period * phase / turn) as f32 }
 }
 
-/// The depth that two frequencies agree on: of all depths that one or the other allows, the pair with the smallest difference, up
-/// to the distance at which both phases repeat together. Returns the mean of the pair, weighted by the squared frequencies, as
-/// errors of the phase count less at the higher one. NaN if a depth is NaN.
+/// The depth that two frequencies agree on. Each frequency allows several depths, up to the distance at which both phases repeat
+/// together. This function takes the pair with the smallest difference and returns its mean. The weights are the squared
+/// frequencies, because an error of the phase changes the depth less at the higher frequency. NaN if a depth is NaN.
 pub fn unwrapped(depths: [f32; 2], megahertz: [f64; 2]) -> f32 {
     let half = megahertz.map(|f| 0.5 * Frequencies::period(f));
     let turns = common_turns(megahertz);
     let at = |i: usize, n: u32| f64::from(depths[i]) + f64::from(n) * half[i];
     let mut best = (f64::INFINITY, f64::NAN);
     for n in 0..turns[0] {
-        // The depth of the other frequency that is nearest.
+        // The nearest depth that the other frequency allows.
         let near = ((at(0, n) - at(1, 0)) / half[1]).round().clamp(0.0, f64::from(turns[1] - 1)) as u32;
         let difference = (at(0, n) - at(1, near)).abs();
         if difference < best.0 {
@@ -76,7 +77,7 @@ pub fn echoes(film: &ResponseFilm, frequencies: &Frequencies, index: usize) -> V
         .collect()
 }
 
-/// The depth images of all frequencies and, of two frequencies, the unwrapped depth: names of layers and one value per pixel.
+/// The depth images of all frequencies and, for two frequencies, the unwrapped depth: names of layers and one value per pixel.
 pub fn planes(film: &ResponseFilm, frequencies: &Frequencies) -> Vec<(String, Vec<f32>)> {
     let all: Vec<Vec<Echo>> = (0..frequencies.megahertz().len()).map(|i| echoes(film, frequencies, i)).collect();
     let mut planes = vec![];

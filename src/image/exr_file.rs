@@ -23,10 +23,9 @@ use crate::settings::units::{Gate, METRES_PER_NS};
 use crate::settings::{Crop, MAX_PIXELS, Response, Responses, Settings};
 
 /// Maximum size in bytes of a decoded block of an EXR file: a tile or some rows, with all channels. The decoder holds one block
-/// per thread. A block of our own largest image has 16 MiB
-/// with all auxiliary layers.
+/// per thread. A block of our own largest image, with all auxiliary layers, has 16 MiB.
 const MAX_BLOCK_BYTES: u64 = 64 << 20;
-/// Pixels that an image may have whatever the length of its file. Together with [`PIXELS_PER_BYTE`], this stops small files that
+/// Number of pixels that an image may have even if its file is short. Together with [`PIXELS_PER_BYTE`], this stops small files that
 /// claim gigabytes.
 const FREE_PIXELS: u64 = 8 << 20;
 /// Pixels that an image may have for each byte of its file, beyond [`FREE_PIXELS`]. Deflate packs at most 1032 bytes into one, and
@@ -72,7 +71,8 @@ pub fn version() -> String {
     format!("taugate {}{commit}", env!("CARGO_PKG_VERSION"))
 }
 
-/// Writes the film of a render with these settings that took `elapsed`: mean and variance of every pixel, gate, seed and version.
+/// Writes the film of a render with these settings: mean and variance of every pixel, gate, seed and version. The render took
+/// `elapsed`.
 /// The attribute `tof:settings` holds the settings as an experiment file. It lacks the path of the scene and the name of the
 /// camera, which the settings do not contain. After [`crate::Renderer::restart`], `settings` must have the seed and the gate
 /// passed to it.
@@ -135,7 +135,7 @@ pub fn write_responses(
         let list = serde_json::Value::from_iter(responses.iter().map(gates)).to_string();
         attributes.other.insert(text("tof:responses"), AttributeValue::Text(text(&list)));
     } else {
-        // The cells are those of the film, which with several responses is in no channel.
+        // The cells belong to the film. With several responses, the file has no channels of the film.
         attributes.other.insert(text("tof:cellBatches"), floats(&film.cells().to_floats()));
     }
     if !layers.objects.is_empty() {

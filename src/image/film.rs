@@ -132,7 +132,7 @@ impl Film {
     }
 
     /// The mean over all pixels and channels, and its standard error. The error comes from the means of whole iterations, because
-    /// the pixels of one iteration are correlated. `None` instead of an error with fewer than two iterations.
+    /// the pixels of one iteration are correlated. The error is `None` with fewer than two iterations.
     pub fn image_mean(&self) -> (f64, Option<f64>) {
         let weights = self.samples.max(1) as f64;
         let variance = self.image.spread(weights) * self.per_spread();
@@ -140,7 +140,7 @@ impl Film {
     }
 
     /// Estimated variance of [`Film::mean`]: sum_i w_i (x_i - mean)^2 / ((n - 1) sum_i w_i) for n iterations with w_i samples. It
-    /// is unbiased for iterations of equal length, and for others if the variance of an iteration is inversely proportional to
+    /// is unbiased for iterations of equal length, and for unequal ones if the variance of an iteration is inversely proportional to
     /// its samples. Adaptive samples break that rule: a pixel with 4 times the average samples has them only from the second
     /// iteration on. With the lengths of [`crate::render::schedule`] the estimate is then at most 7 % too large. Always finite; 0
     /// with fewer than two iterations.

@@ -36,7 +36,7 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Adds an iteration with mean `x` over `weight` samples. Its products are exact for an f32 `x` and a `weight` of at most 5
+    /// Adds an iteration with mean `x` over `weight` samples. The products are exact for an f32 `x` and a `weight` of at most 5
     /// significant bits.
     pub fn add(&mut self, x: f64, weight: f64) {
         let wx = weight * x;

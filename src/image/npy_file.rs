@@ -63,7 +63,7 @@ pub(super) struct Entry<'a> {
     gate_begin_m: f64,
     /// Null for a gate without an end.
     gate_end_m: f64,
-    /// The period of a pulsed laser, whose light of all pulses counts.
+    /// The period of a pulsed laser: light of all its pulses counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     repeat_m: Option<f64>,
 }
@@ -117,7 +117,7 @@ pub fn depth_path(path: &Path) -> PathBuf {
     path.with_extension("depth.npy")
 }
 
-/// Writes the depths in metres, of shape (height, width): of two frequencies, the depth that both agree on.
+/// Writes the depths in metres, of shape (height, width). For two frequencies, it is the depth that both agree on.
 pub fn write_depths(path: &Path, film: &Film, images: &ResponseFilm, frequencies: &Frequencies) -> Result<()> {
     let depths = depth::planes(images, frequencies).pop().map_or(vec![], |(_, depths)| depths);
     write_array(path, &[film.height() as usize, film.width() as usize], depths)
@@ -163,12 +163,12 @@ pub fn write_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item 
     })
 }
 
-/// The header of a `.npy` file of version 1.0 with values of the type `kind`: `<f4` or `<f8`, little-endian floats. Its length is a multiple of 64 bytes, so that
-/// programs can map the array into memory.
+/// The header of a `.npy` file of version 1.0 with values of the type `kind`: `<f4` or `<f8`, little-endian floats. Its length is a
+/// multiple of 64 bytes, so that programs can map the array into memory.
 pub(super) fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     let mut sides = shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     if shape.len() == 1 {
-        // A tuple of one number in Python.
+        // Python writes a tuple of one number with a comma.
         sides.push(',');
     }
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({sides}), }}");

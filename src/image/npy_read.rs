@@ -46,7 +46,7 @@ impl ImageArray {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct DescribedResponse {
     pub name: String,
-    /// Ends of the gate in metres of optical path; no end if there is none.
+    /// Begin and end of the gate in metres of optical path. The end is `None` for a gate without an end.
     pub gate_begin_m: f64,
     pub gate_end_m: Option<f64>,
 }
@@ -83,7 +83,7 @@ pub fn read(path: &Path) -> Result<ImageArray> {
             )));
         }
     };
-    // The sizes agree before memory is taken, so a header cannot ask for more than the file holds.
+    // Compare the sizes before memory is allocated: a header could claim more than the file holds.
     let count = shape.iter().try_fold(4u64, |product, &side| product.checked_mul(side as u64));
     if count.is_none_or(|bytes| bytes == 0 || bytes.checked_add(data_at) != Some(length)) {
         return Err(fail(format!("its shape {shape:?} does not fit its {length} bytes; write the file again")));
@@ -104,7 +104,7 @@ pub(super) fn read_header(file: &mut impl Read) -> std::io::Result<Option<(Strin
     if !is_whole || start[..6] != *b"\x93NUMPY" {
         return Ok(None);
     }
-    // Version 1 has a length of two bytes; later versions have two more.
+    // Version 1 stores the length of the header in two bytes, later versions in four.
     let (length, before) = match start[6] {
         1 => (usize::from(u16::from_le_bytes([start[8], start[9]])), 10),
         _ => {

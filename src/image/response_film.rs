@@ -2,8 +2,8 @@
 
 #![warn(missing_docs)]
 
-/// Accumulated images of `responses` responses, each with R, G and B. Unlike [`Film`](crate::Film) it adds up single values, so
-/// that a histogram of many gates takes little time in pixels where few of them see light.
+/// Accumulated images of `responses` responses, each with R, G and B. Unlike [`Film`](crate::Film) it adds one pixel and
+/// response at a time. So a histogram of many gates takes little time if few gates of a pixel receive light.
 #[derive(Debug, Clone)]
 pub struct ResponseFilm {
     pixels: usize,
@@ -46,8 +46,8 @@ impl ResponseFilm {
         !self.squares.is_empty()
     }
 
-    /// Adds the light of one pixel and response in the present iteration, which has `samples` samples per pixel on average: a
-    /// mean over the samples of the pixel. Call it at most once per iteration for the same pixel and response.
+    /// Adds the light of one pixel and response in the present iteration. `rgb` is the mean over the samples of the pixel;
+    /// `samples` is the average number of samples per pixel. Call it at most once per iteration for the same pixel and response.
     pub(crate) fn add(&mut self, pixel: u32, response: u32, rgb: [f64; 3], samples: u32) {
         let at = 3 * (pixel as usize * self.responses + response as usize);
         let weight = f64::from(samples);
@@ -65,7 +65,7 @@ impl ResponseFilm {
         self.iterations += 1;
     }
 
-    /// Adds the iterations of `other`, a part of the same render. The order of the parts decides the last bits of the sums. If one of
+    /// Adds the iterations of `other`, a part of the same render. The order of the parts changes the last bits of the sums. If one of
     /// the two does not estimate variances, the result does not.
     ///
     /// # Panics
@@ -82,7 +82,7 @@ impl ResponseFilm {
         self.iterations += other.iterations;
     }
 
-    /// The sums of w x and of w x^2, indexed by pixel, response and channel. The second are empty without variances.
+    /// The sums of w x and of w x^2, indexed by pixel, response and channel. Without variances, the sums of w x^2 are empty.
     pub(super) fn sums(&self) -> [&[f64]; 2] {
         [&self.sums, &self.squares]
     }

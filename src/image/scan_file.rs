@@ -12,8 +12,8 @@ use crate::image::npy_file::{Bins, Entry, write_array};
 use crate::image::response_film::ResponseFilm;
 use crate::input::scan_table::{Points, Scan, ScanTable};
 
-/// Mean radiance in W / (m^2 sr) per response, point of the laser and point of the sensor: the mean of red, green and blue. What was
-/// not measured is NaN.
+/// Mean radiance in W / (m^2 sr) per response, point of the laser and point of the sensor: the mean of red, green and blue. Pairs that
+/// were not measured are NaN.
 pub struct ScanFilm {
     responses: usize,
     pairs: usize,
@@ -135,14 +135,14 @@ struct Description<'a> {
     unit: &'static str,
     laser: [f64; 3],
     sensor: [f64; 3],
-    /// Full angle of the laser's cone, and width of what the sensor sees at once.
+    /// Full angle of the laser's cone, and width of the sensor's square field of view.
     divergence_degrees: f64,
     pixel_fov_degrees: f64,
     account_first_and_last_bounces: bool,
     /// Columns and rows of the points; null if they are a list.
     laser_grid: Option<[u32; 2]>,
     sensor_grid: Option<[u32; 2]>,
-    /// Of directions, the points at 1 m from the laser.
+    /// For directions: the points at 1 m from the laser.
     laser_points: Vec<[f64; 3]>,
     sensor_points: Vec<[f64; 3]>,
     /// Less than the number of points of the laser if the scan was interrupted; the rest of the array is NaN.

@@ -13,7 +13,7 @@ use crate::image::npy_read::{read_header, shape};
 const MAX_TEXT: u64 = 64 << 20;
 /// Number of values that are converted at a time.
 const CHUNK: usize = 1 << 13;
-/// From this size on, an entry needs the 64-bit extension of the format.
+/// Entries of this size in bytes, or larger, need the 64-bit extension of the zip format.
 const LARGE: u64 = u32::MAX as u64;
 
 pub type Archive<'a, R> = ZipArchive<&'a mut R>;
@@ -58,7 +58,7 @@ pub fn text<R: Read + Seek>(zip: &mut Archive<R>, name: &str) -> Result<Vec<u8>,
     Ok(text)
 }
 
-/// Reads an array, which has this shape and finite values.
+/// Reads an array. Fails unless it has this shape and finite values.
 pub fn values<R: Read + Seek>(zip: &mut Archive<R>, name: &str, wanted: &[usize]) -> Result<Vec<f64>, Problem> {
     let (found, values) = any_values(zip, name, |found| found == wanted)?;
     debug_assert_eq!(found, wanted);
@@ -103,7 +103,7 @@ pub fn visit_values<R: Read + Seek>(
     let (length, stored) = (entry.size(), entry.compressed_size());
     let (text, data_at) = read_header(&mut entry)?.ok_or_else(|| wrong("is no NumPy array"))?;
     let shape = shape(&text, "<f8").map_err(|problem| wrong(&format!("cannot be used: {problem}")))?;
-    // The sizes agree before memory is taken, so a header cannot ask for more than the file holds.
+    // Compare the sizes before memory is allocated: a header could claim more than the file holds.
     let bytes = shape.iter().try_fold(8u64, |product, &side| product.checked_mul(side as u64));
     let fits = bytes.and_then(|bytes| bytes.checked_add(data_at)) == Some(length) && length == stored;
     if !fits || !is_wanted(&shape) {

@@ -6,12 +6,12 @@
 //! | `sums` | height, width, T, 3 | sums over the iterations of w x: x is the mean over the w samples per pixel of an iteration |
 //! | `squares` | height, width, T, 3 | sums of w x^2; missing without variances |
 //! | `sums_low`, `squares_low` | height, width, 1, 3 | rounding errors of the sums of a single response |
-//! | `total_sums`, ..., `total_squares_low` | height, width, 1, 3 | the same four sums, of the sum over all of several responses |
-//! | `image` | 4 | the same four sums, of the mean over all pixels and channels |
-//! | `cells` | batches, cells, 3 | sums over batches of iterations, of the pixels of each cell of 16 x 16 pixels times samples |
+//! | `total_sums`, ..., `total_squares_low` | height, width, 1, 3 | the same four sums, for the total of several responses |
+//! | `image` | 4 | the same four sums, for the mean over all pixels and channels |
+//! | `cells` | batches, cells, 3 | per batch of iterations and cell of 16 x 16 pixels: sum over the pixels, times samples |
 //! | `cell_samples` | batches | samples per pixel of each batch |
 //! | `cell_lengths` | 2 | number of iterations of a full batch, and of the last one |
-//! | `adaptive` | height, width, 4 | what adaptive sampling has learned, see [`AdaptiveState`]; missing if the sampling is uniform |
+//! | `adaptive` | height, width, 4 | what adaptive sampling has measured, see [`AdaptiveState`]; missing if the sampling is uniform |
 //! | `adaptive_counts` | 2 | samples per pixel and iterations of `adaptive` |
 //! | `depth.Z`, `object.ID`, ... | height, width | auxiliary layers, see [`CHANNELS`]; only those that were rendered |
 //!
@@ -55,7 +55,6 @@ pub struct Parts<'a> {
 }
 
 impl Accumulation {
-    /// The parts.
     pub fn parts(&self) -> Parts<'_> {
         let Accumulation { about, film, responses, adaptive, layers } = self;
         Parts { about, film, responses: responses.as_ref(), adaptive: adaptive.as_ref(), layers }
@@ -74,7 +73,7 @@ pub fn write_to(writer: &mut (impl Write + Seek), parts: Parts) -> io::Result<()
     writer.error.map_or(Ok(()), Err)
 }
 
-/// Keeps the first error of a writer, and from then on only counts bytes. A [`ZipWriter`] that ends with an error would print it.
+/// Keeps the first error of a writer, and after it only counts bytes. A [`ZipWriter`] prints an error of its writer when it is dropped.
 struct Silent<W> {
     writer: W,
     error: Option<io::Error>,
@@ -162,7 +161,7 @@ pub fn read(path: &Path) -> Result<Accumulation> {
     read_from(&mut source).map_err(|problem| wrong(path, problem))
 }
 
-/// Reads only what the sums are of.
+/// Reads only `about.json`.
 pub fn read_about(path: &Path) -> Result<About> {
     let mut source = open(path)?;
     let mut zip = ZipArchive::new(&mut source).map_err(|e| wrong(path, Problem::from(e)))?;
@@ -267,7 +266,7 @@ pub fn read_from(source: &mut (impl Read + Seek)) -> Result<Accumulation, Proble
     Ok(Accumulation { about, film, responses, adaptive, layers })
 }
 
-/// Reads and checks what the sums are of.
+/// Reads and checks `about.json`.
 fn about<R: Read + Seek>(zip: &mut Archive<R>) -> Result<About, Problem> {
     let wrong = |what: String| Problem::Contents(what);
     let text = text(zip, ABOUT)?;

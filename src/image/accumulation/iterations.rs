@@ -20,7 +20,6 @@ impl Iterations {
         self.0.len() as u32
     }
 
-    /// Whether the set is empty.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -58,7 +57,7 @@ impl Iterations {
         Iterations(all)
     }
 
-    /// The first iteration before the last one that the set does not have.
+    /// The first missing iteration before the last one of the set.
     pub fn gap(&self) -> Option<u32> {
         let number = self.0.iter().zip(0..).find(|&(&number, at)| number != at)?.1;
         Some(number)

@@ -68,7 +68,7 @@ fn bits(values: Vec<f32>) -> Vec<u32> {
     values.into_iter().map(f32::to_bits).collect()
 }
 
-/// Whether all results are equal up to an ulp, or up to `ulps`.
+/// Checks that all results are equal, up to `ulps` units in the last place.
 fn close(a: &Accumulation, b: &Accumulation, ulps: u32) {
     let near = |a: Vec<f32>, b: Vec<f32>| {
         assert!(bits(a.clone()).iter().zip(&bits(b.clone())).all(|(a, b)| a.abs_diff(*b) <= ulps), "{a:?} {b:?}");
@@ -94,7 +94,7 @@ fn a_file_keeps_every_bit() {
         assert_eq!(read.film.cells(), whole.film.cells());
         close(&read, &whole, 0);
         assert_eq!(bytes(&read), bytes(&whole));
-        // They also go on with the same bits.
+        // Further iterations give the same bits, too.
         for film in [&mut read.film, &mut whole.film] {
             (50..90).map(iteration).for_each(|(image, samples)| film.add(&image, samples));
         }
