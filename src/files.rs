@@ -67,7 +67,7 @@ fn checked_target(path: &Path) -> Result<PathBuf> {
     if target.as_os_str().to_string_lossy().ends_with(std::path::is_separator) {
         return fail("this is the name of a folder; name a file");
     }
-    // Of `path`, not of `target`: the operating system may forbid to follow the links of other users.
+    // The metadata of `path`, not of `target`: the operating system may forbid to follow the links of other users.
     match fs::metadata(path) {
         // The rename would replace a device or a folder instead of writing to it.
         Ok(metadata) if !metadata.is_file() => fail("exists and is not a plain file; choose another name"),

@@ -31,7 +31,7 @@ pub struct Growth {
     pub power_law: Option<PowerLaw>,
 }
 
-/// The cost over every sweep of the suite, for every variant with rows.
+/// One entry per sweep of the suite and variant with rows.
 pub fn growth(suite: &Suite, rows: &[Row]) -> Vec<Growth> {
     let mut all = vec![];
     for sweep in Sweep::ALL {
@@ -79,7 +79,7 @@ pub fn write(path: &Path, growths: &[Growth]) -> Result<()> {
     })
 }
 
-/// Rounds to six decimals, which removes the digits of rounding errors.
+/// Rounds to six decimals, so that rounding errors do not show.
 fn short(x: f64) -> f64 {
     (x * 1e6).round() / 1e6
 }

@@ -140,7 +140,7 @@ mod tests {
 
     use super::*;
 
-    /// The names of the references of a suite with these keys in its scene.
+    /// The name of the reference of a scene with these keys.
     fn reference(keys: &str) -> String {
         let text = format!(
             "[[scene]]\nname = 'box'\ngenerate = {{ name = 'cornell-box' }}\nresolution = '8x8'\n{keys}\n[[variant]]\nname = 'bdpt'\n"

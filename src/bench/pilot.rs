@@ -36,15 +36,15 @@ impl Pilot {
     }
 }
 
-/// A pilot that misses this part of the lit blocks, or more, cannot know its own error.
+/// A pilot that misses at least this fraction of the lit blocks cannot estimate its own error.
 const BLIND: f64 = 0.05;
 
-/// The pilot with the smallest product of its costs, over all pixels and trimmed. Rare bright samples count, but a short
-/// render meets one only by luck. A pilot that saw nothing where others saw light is chosen only if all pilots are like it: where
-/// it saw nothing, its variance is 0.
+/// The pilot with the smallest product of two costs: over all pixels, and trimmed. Rare bright samples count, but a short render
+/// meets one only by luck. A pilot that misses light which other pilots found is chosen only if all pilots miss light: where it
+/// found none, its variance is 0, so its cost is too small.
 ///
 /// All pilots are compared with the same image: the mean of all pilots over blocks of pixels. With single pixels, the noise
-/// of the other pilots would decide the error of the best one.
+/// of the other pilots would dominate the error of the best one.
 pub fn fastest(pilots: &[Pilot]) -> &Pilot {
     let n = pilots.len() as f32;
     let width = pilots[0].settings.crop().width() as usize;
@@ -128,7 +128,7 @@ pub fn pilots(
 }
 
 /// The settings of an entry with another estimator and the defaults of that estimator. Camera, gate, emitters and the set of
-/// paths stay the same, and so does a number of light paths that is not the default.
+/// paths stay the same. If the entry gives a number of light paths, this number stays too.
 pub fn with(entry: &Entry, estimator: Estimator) -> Settings {
     let plain =
         entry.settings.change().estimator(estimator).splat_paths(None).queries(None).buckets(None).leaf_size(None);

@@ -8,8 +8,8 @@ pub const MARGIN: f64 = 20.0;
 /// error by this false brightness.
 pub const MAX_REFERENCE_RELMSE: f64 = 0.02;
 
-/// Whether a result with this `relmse` may be compared with a reference whose own relMSE is `own`. Each of [`Means`] is
-/// judged by itself.
+/// Whether a result with this `relmse` may be compared with a reference whose own relMSE is `own`. Call it for each of [`Means`]
+/// separately.
 pub fn is_good(own: f64, relmse: f64) -> bool {
     own <= MAX_REFERENCE_RELMSE && own * MARGIN <= relmse
 }

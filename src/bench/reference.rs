@@ -34,10 +34,10 @@ const CHECK_INTERVAL: f64 = 1.05;
 /// Seeds of the two halves, which differ from the seeds of races. Each extension adds [`EXTENSION`] to all seeds.
 const HALVES: [u32; 2] = [0x4000_0001, 0x4000_0002];
 const EXTENSION: u32 = 0x1000;
-/// Minimum number of iterations of a half; the judge needs twice as many. With fewer, their noise cannot be estimated.
+/// Minimum number of iterations of a half; the judge needs twice as many. With fewer iterations, the noise cannot be estimated.
 const MIN_ITERATIONS: u32 = MAX_BATCHES as u32 / 2;
-/// Seeds of the judge's renders, and their fractions of the reference's time. One alarm in a thousand is false, so the first
-/// alarm counts only if the second, longer render confirms it.
+/// The judge is another estimator, which checks the reference. Its renders have these seeds, and take these fractions of the
+/// reference's time. One alarm in a thousand is false, so the first alarm counts only if the second, longer render confirms it.
 const JUDGES: [(u32, f64); 2] = [(0x4000_0003, 0.25), (0x4000_0004, 1.0)];
 /// A reference by another version of the renderer is compared with a render that takes this fraction of its time. A difference
 /// that stays undetected is smaller than the noise of that render.
@@ -124,7 +124,7 @@ pub fn make(
         Means { all: of(|means| means.all), trimmed: of(|means| means.trimmed) }
     };
 
-    // Two halves in turns.
+    // Render two halves in turns.
     let mut previous = PreviousReference::read(path)?;
     let extension = previous.as_ref().map_or(0, |previous| previous.extensions + 1).wrapping_mul(EXTENSION);
     let mut other = OtherVersion::None;
@@ -203,8 +203,8 @@ pub fn make(
         }
     }
     let agreement = verdict.expect("there is a judge");
-    // Keep the batches of the longer render only. The two renders may have different estimators, and then the spread of all
-    // batches together would not give the noise of their mean.
+    // Keep only the batches of the longer render, the previous or the new one. They may have different estimators, and then the
+    // spread of all batches together would not give the noise of the mean.
     film.set_cells(previous.filter(|previous| previous.seconds > seconds).map_or(cells, |previous| previous.cells));
     if agreement.agree {
         if matches!(other, OtherVersion::Rejected(_) | OtherVersion::Unverified) {
@@ -223,7 +223,7 @@ fn advance(timed: &mut TimedRenderer) -> Result<()> {
 
 /// A reference from an earlier run that was not accurate enough.
 struct PreviousReference {
-    /// Two batches that have the mean and the variance of the reference: the mean plus and minus its standard error.
+    /// Two images with the mean and the variance of the reference: the mean plus and minus its standard error.
     halves: [Vec<f32>; 2],
     seconds: f64,
     /// Number of times it was extended.

@@ -1,8 +1,8 @@
 //! A suite: a TOML file with the scenes, gates and variants to compare.
 //!
 //! Every `[[scene]]` is rendered with every `[[variant]]`. The `render` table of a variant has the same keys as that of an
-//! experiment. Its values take precedence over those of the scene, and these over those of the suite. A scene is a file, or a
-//! scene of the project itself (`generate`). The scenes of one `sweep` differ in one quantity; [`super::growth`] fits how the
+//! experiment. A value of the variant takes precedence over that of the scene, and that of the scene over that of the suite. A scene
+//! is a file, or is generated (`generate`). The scenes of one `sweep` differ in one quantity; [`super::growth`] fits how the
 //! cost of a sample depends on this quantity. With `errors = false` only costs are measured, and no references are needed. The
 //! report shows the text under `paper` beside the results of the scene.
 
@@ -64,7 +64,8 @@ pub struct SceneEntry {
     pub generated: Option<Kind>,
     /// Scene, camera, emitters, gate and the settings that all variants share.
     pub experiment: Experiment,
-    /// Byte ranges in the suite of the scene's path, its gate (or its name, without a gate) and its name; see [`Part`].
+    /// Byte ranges of the scene's path, gate and name in the suite; see [`Part`]. Without a gate, the second range is that of the
+    /// name.
     at: [Range<usize>; 3],
 }
 
@@ -341,7 +342,7 @@ fn render(table: Option<Spanned<RenderTable>>) -> Result<RenderTable, Mistake> {
     }
 }
 
-/// Checks a name, which becomes part of file names and of the table, and that it is used once.
+/// Checks that a name can be part of file names and of the table, and that no other name is equal.
 fn unique(seen: &mut BTreeSet<String>, name: &Spanned<String>) -> Result<(), Mistake> {
     let text = name.get_ref();
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_.+ ".contains(c);

@@ -226,7 +226,7 @@ pub(super) mod tests {
         assert!((lines[2].slope.unwrap() + 1.0).abs() < 1e-12);
         assert_eq!((lines[0].all.relmse.median, lines[0].all.relmse.max, lines[0].dropped), (0.25, 0.5, 3));
         assert_eq!(lines[0].trimmed.relmse.median, 0.125);
-        // The best errors, 0.0125 of all pixels, are less than 20 times that of the reference, 0.001.
+        // Over all pixels the best error, 0.0125, is less than 20 times the error of the reference, 0.001.
         let reliable: Vec<_> =
             lines.iter().map(|l| (l.all.reliable, l.all.ratio.is_some(), l.trimmed.reliable)).collect();
         assert_eq!(reliable, [(true, true, true), (true, true, true), (false, false, true)]);

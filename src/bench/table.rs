@@ -14,8 +14,8 @@ use crate::files::{read_error, write_atomically};
 /// * `reference_...`: relMSE of the reference itself, estimated from its halves.
 /// * `dropped`: non-finite samples.
 /// * `light_vertices`: light vertices that are kept per iteration.
-/// * `queries_per_s`: queries that shade points start, per second of rendering.
-/// * `dead_query_share`: fraction of the queries that find no light vertex inside gate, depth and facing.
+/// * `queries_per_s`: queries of the shade points, per second of rendering.
+/// * `dead_query_share`: fraction of the queries that find no light vertex which meets the gate, the maximum depth and the facing.
 /// * `triangles`: triangles of all instances.
 /// * `gate_m`: width of the gate in metres, `inf` without a gate.
 /// * `us_per_sample`: microseconds per pixel sample.

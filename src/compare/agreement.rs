@@ -9,9 +9,9 @@ use crate::image::batches::{CELL, CellBatches};
 
 /// Probability of a false alarm: that two images of the same scene are found to differ, whatever the number of cells (Sidak).
 pub const SIGNIFICANCE: f64 = 1e-3;
-/// Minimum number of independent batches for a variance estimate.
+/// Minimum number of independent batches per image for a variance estimate.
 pub const MIN_BATCHES: usize = 8;
-/// A cell is tested alone if the standard error of its mean is at most this fraction of the mean, as with a hundred equal hits.
+/// A cell is tested alone if the standard error of its mean is at most this fraction of the mean. A hundred equal hits reach it.
 const MAX_RELATIVE_ERROR: f64 = 0.1;
 /// Cells grow until cells that are tested alone hold at least this fraction of the light.
 const MIN_JUDGED_SHARE: f64 = 0.75;

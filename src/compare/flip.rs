@@ -16,7 +16,8 @@ use filter::{Features, Filters};
 /// Exponents of colour and feature differences (Secs. 4.1.3 and 4.3).
 const COLOUR_EXPONENT: f32 = 0.7;
 const FEATURE_EXPONENT: f32 = 0.5;
-/// Colour differences up to this part of the largest possible one map to [0, `PERCEIVED`]; larger ones map to the rest of [0, 1].
+/// Colour differences up to this fraction of the largest possible difference map to [0, `PERCEIVED`], larger ones to the rest of
+/// [0, 1].
 const LARGE: f32 = 0.4;
 const PERCEIVED: f32 = 0.95;
 /// log2 of the linear value that the tone mapper maps to 0.85 of white: a root of the ACES rational polynomial.

@@ -21,7 +21,7 @@ pub struct HistogramComparison {
     pub ratio_of_means: f64,
     /// Number of gates that are compared, at least 1.
     pub compared: usize,
-    /// The comparison of each gate; none for gates that are darker than [`MIN_LIGHT`].
+    /// The comparison of each gate; `None` for gates that are darker than [`MIN_LIGHT`].
     pub gates: Vec<Option<Comparison>>,
 }
 

@@ -43,7 +43,7 @@ pub struct Detector {
     pub blind: Blind,
 }
 
-/// Gates of a detector: they end, are in ascending order, and do not overlap.
+/// The gates of a detector. Every gate has an end. They are in ascending order and do not overlap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bins(Vec<[f64; 2]>);
 
@@ -85,7 +85,7 @@ impl Detector {
                     |mean: f64| Poisson::new(self.pulses as f64 * mean).map_or(0.0, |p| p.sample(&mut random));
                 jitter::spread(means, &bins.0, self.jitter).into_iter().map(poisson).collect()
             }
-            // Each pulse counts at most once, so the counts are multinomial, also after the jitter.
+            // Each pulse gives at most one count, so the counts are multinomial, also after the jitter.
             Blind::UntilNextPulse => {
                 let first = jitter::spread(&first_photon(means), &bins.0, self.jitter);
                 let (mut pulses, mut rest) = (self.pulses, 1.0);
@@ -103,7 +103,7 @@ impl Detector {
         }
     }
 
-    /// Simulates every pulse: the next photon after each dead time.
+    /// Simulates every pulse photon by photon. After a count, the next photon is drawn from the end of the dead time on.
     fn pulse_by_pulse(&self, means: &[f64], Bins(gates): &Bins, dead: f64, random: &mut Pcg64Mcg) -> Vec<f64> {
         let mut counts = vec![0.0; means.len()];
         let error = Normal::new(0.0, self.jitter).expect("the jitter is finite");

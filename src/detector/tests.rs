@@ -51,7 +51,7 @@ fn the_first_photon_hides_later_ones() {
         assert!((mean - 1000.0 * p).abs() < 5.0 * (1000.0 * p * (1.0 - p) / 2000.0).sqrt(), "{mean} {p}");
         assert!((variance / (1000.0 * p * (1.0 - p)) - 1.0).abs() < 0.17, "{variance} {p}");
     }
-    // A dead time longer than all gates is the same law, found photon by photon.
+    // A dead time longer than all gates has the same distribution, but is simulated photon by photon.
     for ((mean, _), p) in
         moments(Detector { blind: Blind::For(10.0), ..detector }, &means, &bins, 200).into_iter().zip(laws)
     {
@@ -67,7 +67,7 @@ fn a_dead_time_lowers_the_rate() {
     let counts = detector.counts(&[2.0; 100], &bins, 3);
     let rate = counts[10..].iter().sum::<f64>() / (90.0 * 3000.0);
     assert!((rate - 1.0).abs() < 0.01, "{rate}");
-    // Early light is found at nearly its full rate: 1 + (1 - exp(-2 t)) / 2 of the first instant falls off within the dead time.
+    // A pulse begins without dead time, so the rate in the first gate is higher.
     assert!(counts[0] > 1.1 * 3000.0, "{}", counts[0]);
     // Light in one gate, and darkness after it.
     let counts = Detector { blind: Blind::For(0.1), ..detector }.counts(&[0.0, 3.0, 0.0], &self::bins(3, 1.0), 3);
@@ -86,7 +86,7 @@ fn jitter_widens_a_return_by_its_standard_deviation() {
         let mean = counts.iter().enumerate().map(|(k, n)| n * (k as f64 + 0.5) * 0.01).sum::<f64>() / total;
         let variance =
             counts.iter().enumerate().map(|(k, n)| n * ((k as f64 + 0.5) * 0.01 - mean).powi(2)).sum::<f64>() / total;
-        // The spread of the gates, before and after, adds twice their width squared / 12.
+        // Photons are spread evenly over a gate before the jitter, and counted per gate after it. Each adds width^2 / 12.
         assert!((mean - 2.005).abs() < 0.003 && (total - 1e5).abs() < 2000.0, "{blind:?}: {mean} {total}");
         assert!(
             (variance / (0.15f64.powi(2) + 2.0 * 0.01f64.powi(2) / 12.0) - 1.0).abs() < 0.02,

@@ -9,8 +9,8 @@ use crate::error::{Error, Result};
 /// Attempts to lock a file that another process is removing.
 const ATTEMPTS: u32 = 100;
 
-/// While it lives, no other process can lock the same output. It is a hidden file beside the output, which goes with the lock. The
-/// operating system releases the lock of a process that was killed.
+/// While it lives, no other process can lock the same output. The lock is on a hidden file beside the output, which is removed with
+/// it. The operating system releases the lock of a process that was killed.
 #[derive(Debug)]
 pub struct Lock {
     path: PathBuf,
@@ -33,7 +33,7 @@ impl Lock {
                     message: "another render is writing this file; wait for it, or choose another name".into(),
                 });
             }
-            // A process that ended in between has removed the file that was locked here.
+            // Otherwise another process removed this file before it was locked here: try again.
             if is_at(&file, &lock) {
                 return Ok(Lock { path: lock, _file: file });
             }
@@ -44,7 +44,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // A file that stays does no harm: nobody holds its lock.
+        // If the file stays, it does no harm: nobody holds its lock.
         let _ = fs::remove_file(&self.path);
     }
 }
@@ -78,7 +78,7 @@ mod tests {
         drop(lock);
         drop(Lock::new(&path).unwrap());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "only the lock of b.acc is left");
-        // What a killed process leaves is no obstacle.
+        // The file that a killed process leaves is no obstacle.
         fs::write(folder.path().join(".taugate-a.acc.lock"), "").unwrap();
         assert!(Lock::new(&path).is_ok());
         let missing = Lock::new(&folder.path().join("no/a.acc")).unwrap_err().to_string();

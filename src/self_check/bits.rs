@@ -1,4 +1,4 @@
-//! Checks that the same seed gives the same bits for all sizes of tiles and workgroups.
+//! Checks that the same seed gives the same bits in a second render, and with other sizes of tiles and workgroups.
 
 use super::{Method, Verdict};
 use crate::error::Result;

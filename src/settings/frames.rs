@@ -89,7 +89,7 @@ impl Value for GateKeys {
     fn and(self, later: GateKeys) -> GateKeys {
         let mut keys = [self.0, later.0].concat();
         keys.sort_by_key(|(frame, _)| *frame);
-        // Of two gates for one frame the later one counts.
+        // If a frame has two gates, the later one counts.
         keys.reverse();
         keys.dedup_by_key(|(frame, _)| *frame);
         keys.reverse();

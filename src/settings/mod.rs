@@ -115,8 +115,8 @@ impl Settings {
         SettingsBuilder::default()
     }
 
-    /// A builder that starts from these settings. A setting that was not chosen stays so: with another estimator it has the
-    /// default of that estimator.
+    /// A builder that starts from these settings. A setting that was not chosen has the default of the estimator, also if the
+    /// estimator changes.
     pub fn change(&self) -> SettingsBuilder {
         self.chosen.clone()
     }

@@ -10,8 +10,8 @@ use crate::settings::units::Gate;
 /// Standard deviations at which a Gaussian edge is cut off.
 const GAUSS_CUT: f64 = 4.0;
 
-/// How the weight rises and falls at the ends of a gate. With the edges of two gates that abut, the weights add up to 1 at every
-/// travel time.
+/// How the weight rises and falls at the ends of a gate. Where two gates with the same edges abut, their weights add up to 1 at
+/// every travel time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Edge {
     /// From 0 to 1 at once.
@@ -79,7 +79,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// Weight 1 inside `gate` and 0 outside, except near its ends, where `edge` says more.
+    /// Weight 1 inside `gate` and 0 outside. `edge` shapes the weight near the ends.
     pub fn new(name: impl Into<String>, gate: Gate, edge: Edge) -> Response {
         Response { name: name.into(), weight: Weight::Gate { gate, edge }, period: None }
     }
@@ -129,7 +129,7 @@ impl Response {
         &self.name
     }
 
-    /// The gate without its edges, of the first pulse; of a table, its first and last time. [`Gate::OPEN`] if all light may count.
+    /// The gate of the first pulse, without its edges. For a table: its first and last time. [`Gate::OPEN`] if all light may count.
     pub fn gate(&self) -> Gate {
         match &self.weight {
             Weight::Gate { gate, .. } => *gate,
@@ -160,7 +160,7 @@ impl Response {
         match self.period {
             None => Gate { lo: lo.max(0.0), hi },
             Some(period) => {
-                // The earliest light is that of the pulse whose support begins or ends first after time 0.
+                // The earliest light belongs to the first pulse whose support begins or ends after time 0.
                 let begin = lo.rem_euclid(period);
                 let reaches_zero = begin + (hi - lo) > period;
                 Gate { lo: if reaches_zero { 0.0 } else { begin }, hi: f64::INFINITY }
@@ -193,7 +193,7 @@ impl Response {
         match &self.weight {
             Weight::Gate { gate, edge } => {
                 let falls = if gate.hi.is_finite() { edge.rise(tau - gate.hi) } else { 0.0 };
-                // A gate from 0 on has no edge there: no light is earlier.
+                // A gate that begins at 0 has no edge there, because no light is earlier.
                 let rises = if gate.lo == 0.0 { 1.0 } else { edge.rise(tau - gate.lo) };
                 (rises - falls).max(0.0)
             }
@@ -242,7 +242,7 @@ mod tests {
             assert!((ramp(tau) - weight).abs() < 1e-12, "{tau}");
         }
         let gauss = of(Edge::Gauss(0.1));
-        // The standard normal distribution at 0, 1 and -2 (tables), as the cut at 4 moves it by 3e-5.
+        // Tabulated values of the standard normal distribution at 0, 1 and -2. The cut at 4 changes them by 3e-5.
         for (tau, weight) in [(2.0, 0.5), (2.1, 0.841345), (1.8, 0.022750), (2.5, 1.0), (1.59, 0.0), (3.41, 0.0)] {
             assert!((gauss(tau) - weight).abs() < 4e-5, "{tau}: {}", gauss(tau));
         }

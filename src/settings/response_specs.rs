@@ -48,7 +48,7 @@ impl ResponseSpec {
     }
 }
 
-/// Fails if `name` cannot be part of the names of channels in an image file, or of a response as a flag writes it.
+/// Fails if `name` cannot be part of the names of channels in an image file, or of the text of a response in a flag.
 pub fn check_name(name: &str) -> Result<()> {
     match name.is_empty() || name.contains(['.', '=']) || name.trim() != name {
         false => Ok(()),

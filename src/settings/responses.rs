@@ -94,8 +94,8 @@ impl Responses {
         self.iter().map(Response::support).reduce(around).expect("there is a response")
     }
 
-    /// The longest interval between the supports of two responses, if it takes at least a quarter of [`Responses::support`]. Its light
-    /// counts for no response. `None` if the supports lie closer together.
+    /// The longest interval in which light counts for no response, between the supports of two responses. `None` if it is shorter than
+    /// a quarter of [`Responses::support`].
     pub fn hole(&self) -> Option<Gate> {
         let mut supports: Vec<Gate> = self.iter().map(Response::support).collect();
         supports.sort_by(|a, b| a.lo.total_cmp(&b.lo));
@@ -111,7 +111,7 @@ impl Responses {
         (longest.hi > longest.lo && longest.hi - longest.lo >= 0.25 * (whole.hi - whole.lo)).then_some(longest)
     }
 
-    /// The gate of the fewest steps of 32-bit travel times, the one where rounding is most visible.
+    /// The gate with the fewest steps of 32-bit travel times. Rounding is most visible in this gate.
     #[doc(hidden)]
     pub fn narrowest(&self) -> Gate {
         let relative_width = |gate: &Gate| (gate.hi - gate.lo) / gate.hi;

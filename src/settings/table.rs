@@ -31,8 +31,8 @@ use crate::settings::*;
 
 const BARE_TRUE: Form = Form::Optional { bare: "true", equals: true };
 
-/// One light subpath per pixel, within bounds: enough for trees that represent the light well, but not more than are worth their
-/// time.
+/// One light subpath per pixel, within bounds. The lower bound keeps the trees a good representation of the light; more subpaths
+/// than the upper bound are not worth their time.
 fn default_light_paths(settings: &Settings) -> u32 {
     let [width, height] = settings.resolution();
     (width * height).clamp(MIN_DEFAULT_LIGHT_PATHS, settings.estimator().record().max_default_light_paths)

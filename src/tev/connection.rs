@@ -13,7 +13,7 @@ use crate::tev::packets::{Packet, Rectangle};
 /// Side of a tile in pixels. A packet with three channels has about 200 kB.
 const TILE: u32 = 128;
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
-/// Maximum time that tev takes no data.
+/// Maximum time during which tev may accept no data.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(10);
 
 pub struct Connection {

@@ -99,13 +99,13 @@ impl Mailbox {
         state.snapshot.take().filter(|_| !state.is_closed)
     }
 
-    /// Whether sending the present snapshot has become useless.
+    /// Whether the present snapshot need not be sent any more.
     pub fn has_newer(&self) -> bool {
         let state = self.lock();
         state.snapshot.is_some() || state.is_closed
     }
 
-    /// Notes that the connection failed. The snapshot that waits is dropped.
+    /// Notes that the connection failed, and drops the waiting snapshot.
     pub fn fail(&self, warning: String) {
         let mut state = self.lock();
         (state.link, state.snapshot) = (Link::Down, None);

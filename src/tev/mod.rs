@@ -16,7 +16,7 @@ use mailbox::Mailbox;
 
 /// Minimum time between two snapshots that are offered.
 const PERIOD: Duration = Duration::from_millis(250);
-/// Minimum ratio of the time between two snapshots and the time that making one takes. Sending costs about as much processor time
+/// Minimum time between two snapshots, relative to the time that making one takes. Sending costs about as much processor time
 /// again, and both together shall stay below 1 %.
 const PERIOD_PER_COST: u32 = 300;
 /// Time between two attempts to connect.
@@ -40,7 +40,7 @@ pub struct TevStream {
     mailbox: Arc<Mailbox>,
     /// Earliest time of the next snapshot that is offered.
     next_offer: Instant,
-    /// False after [`TevStream::finish`] waited in vain.
+    /// False after [`TevStream::finish`] reached its timeout.
     is_patient: bool,
 }
 
@@ -55,8 +55,8 @@ impl TevStream {
         TevStream { address, mailbox, next_offer: Instant::now(), is_patient: true }
     }
 
-    /// Sends the snapshot that `make` returns, if tev is there, the snapshot before has been sent, and enough time has passed since
-    /// then. Otherwise it does not call `make`. It never waits for tev.
+    /// Sends the snapshot that `make` returns, if tev is there, the previous snapshot has been sent, and enough time has passed since
+    /// it was made. Otherwise `make` is not called. This method never waits for tev.
     pub fn offer(&mut self, make: impl FnOnce() -> Snapshot) {
         let start = Instant::now();
         if start < self.next_offer || !self.mailbox.is_free() {
@@ -68,8 +68,8 @@ impl TevStream {
         self.mailbox.put(snapshot);
     }
 
-    /// Sends the snapshot that `make` returns, now or after the tile that is being sent, unless tev is known to be absent. It never
-    /// waits for tev.
+    /// Sends the snapshot that `make` returns, now or after the tile that is being sent, unless tev is known to be absent. This
+    /// method never waits for tev.
     pub fn offer_last(&mut self, make: impl FnOnce() -> Snapshot) {
         if !self.mailbox.is_down() {
             self.mailbox.put(make());
@@ -81,8 +81,8 @@ impl TevStream {
         self.mailbox.is_down()
     }
 
-    /// Waits until everything is sent, at most for `timeout`. After it waited in vain once, it does not wait again. Returns a warning
-    /// like [`TevStream::warning`].
+    /// Waits until everything is sent, at most for `timeout`. After one timeout, later calls do not wait. Returns a warning like
+    /// [`TevStream::warning`].
     pub fn finish(&mut self, timeout: Duration) -> Option<String> {
         if self.is_patient && !self.mailbox.wait_until_sent(timeout) {
             self.is_patient = false;
@@ -107,7 +107,7 @@ impl Drop for TevStream {
     }
 }
 
-/// Connects, and sends the snapshots of the mailbox until it is closed. Connects again if that fails.
+/// Connects, and sends the snapshots of the mailbox until it is closed. Connects again after a failure.
 fn run(mailbox: &Mailbox, address: &TevAddress) {
     loop {
         match Connection::open(address) {
@@ -142,7 +142,7 @@ fn send_all(mailbox: &Mailbox, mut connection: Connection) -> std::io::Result<()
 fn reason(error: &std::io::Error) -> String {
     use std::io::ErrorKind::{TimedOut, WouldBlock};
     match error.kind() {
-        // On Unix, a write that takes too long would block.
+        // On Unix, `WouldBlock` is the error of a write that takes too long.
         TimedOut | WouldBlock => "no answer in time".into(),
         _ => error.to_string(),
     }

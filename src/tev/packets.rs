@@ -15,7 +15,8 @@ pub struct Rectangle {
     pub height: u32,
 }
 
-/// Makes packets, in the memory of the packet before. They fail if the image is too large for the numbers of the protocol.
+/// Makes packets. Each packet reuses the memory of the one before. The methods fail if the image is too large for the numbers of the
+/// protocol.
 #[derive(Default)]
 pub struct Packet {
     bytes: Vec<u8>,
