@@ -54,8 +54,8 @@ fn heat(error: f32) -> [u8; 3] {
     [0, 1, 2].map(|c| (STOPS[from][c] + part * (STOPS[from + 1][c] - STOPS[from][c])) as u8)
 }
 
-/// Corner of the window of this size with the highest contrast: the sum of the differences between neighbouring pixels, in the cube
-/// root of their brightness.
+/// Corner of the window of this size with the highest contrast. Contrast is the sum of the differences between neighbouring pixels,
+/// in the cube root of their brightness.
 fn place(picture: &Picture, [w, h]: [u32; 2]) -> [u32; 2] {
     let steps = |all: u32, part: u32| (0..=STEPS).map(move |i| (all - part) * i / STEPS);
     let candidates = steps(picture.height, h).flat_map(|y| steps(picture.width, w).map(move |x| [x, y]));

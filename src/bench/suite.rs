@@ -342,7 +342,7 @@ fn render(table: Option<Spanned<RenderTable>>) -> Result<RenderTable, Mistake> {
     }
 }
 
-/// Checks that a name can be part of file names and of the table, and that no other name is equal.
+/// Checks that a name can be part of file names and of the table, and that it is used only once.
 fn unique(seen: &mut BTreeSet<String>, name: &Spanned<String>) -> Result<(), Mistake> {
     let text = name.get_ref();
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_.+ ".contains(c);

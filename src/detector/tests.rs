@@ -67,7 +67,7 @@ fn a_dead_time_lowers_the_rate() {
     let counts = detector.counts(&[2.0; 100], &bins, 3);
     let rate = counts[10..].iter().sum::<f64>() / (90.0 * 3000.0);
     assert!((rate - 1.0).abs() < 0.01, "{rate}");
-    // A pulse begins without dead time, so the rate in the first gate is higher.
+    // The detector is not blind when a pulse begins, so the rate in the first gate is higher.
     assert!(counts[0] > 1.1 * 3000.0, "{}", counts[0]);
     // Light in one gate, and darkness after it.
     let counts = Detector { blind: Blind::For(0.1), ..detector }.counts(&[0.0, 3.0, 0.0], &self::bins(3, 1.0), 3);

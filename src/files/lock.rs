@@ -9,8 +9,8 @@ use crate::error::{Error, Result};
 /// Attempts to lock a file that another process is removing.
 const ATTEMPTS: u32 = 100;
 
-/// While it lives, no other process can lock the same output. The lock is on a hidden file beside the output, which is removed with
-/// it. The operating system releases the lock of a process that was killed.
+/// While it lives, no other process can lock the same output. The lock is on a hidden file beside the output. That file is
+/// removed when the lock ends. The operating system releases the lock of a process that was killed.
 #[derive(Debug)]
 pub struct Lock {
     path: PathBuf,
@@ -33,7 +33,7 @@ impl Lock {
                     message: "another render is writing this file; wait for it, or choose another name".into(),
                 });
             }
-            // Otherwise another process removed this file before it was locked here: try again.
+            // If `lock` now leads to another file, a process removed this one before it was locked: try again.
             if is_at(&file, &lock) {
                 return Ok(Lock { path: lock, _file: file });
             }

@@ -24,8 +24,8 @@ const TESTS: usize = 80;
 const ROUNDING: f64 = 2e-4;
 /// Number of lamps in the sphere with many lamps: more than the estimators connect one by one.
 const LAMPS: usize = 12;
-/// Distance of the [`LAMPS`] lamps from the centre, relative to the radius. The lamps stand in opposite pairs, so the relative error of
-/// the closed form is about the square of this distance.
+/// Distance of the [`LAMPS`] lamps from the centre, relative to the radius. The lamps stand in opposite pairs, so the relative error
+/// of the closed form is about the square of this distance.
 const ASIDE: f64 = 0.01;
 /// Width and height of images of the sphere in pixels. All pixels have the same expected value, so few of them suffice.
 const SPHERE_SIDE: u32 = 32;

@@ -49,7 +49,7 @@ impl SettingsBuilder {
     }
 
     /// The travel times that count; [`Gate::OPEN`] (the default) is the steady state. A gate of fewer than 16 steps of 32-bit
-    /// travel times is accepted, but its brightness is mostly rounding error.
+    /// travel times is accepted, but rounding may change its brightness by more than 6 %.
     pub fn gate(self, gate: Gate) -> SettingsBuilder {
         SettingsBuilder { responses: gate.into(), ..self }
     }

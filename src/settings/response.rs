@@ -10,8 +10,7 @@ use crate::settings::units::Gate;
 /// Standard deviations at which a Gaussian edge is cut off.
 const GAUSS_CUT: f64 = 4.0;
 
-/// How the weight rises and falls at the ends of a gate. Where two gates with the same edges abut, their weights add up to 1 at
-/// every travel time.
+/// How the weight rises and falls at the ends of a gate. Where two gates with the same edges abut, their weights add up to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Edge {
     /// From 0 to 1 at once.
@@ -84,9 +83,9 @@ impl Response {
         Response { name: name.into(), weight: Weight::Gate { gate, edge }, period: None }
     }
 
-    /// Weights that are linear between `rows` of travel time in metres and weight, and 0 before and after. Two rows of one time are
-    /// a step. Fails if there are fewer than two rows, if the times are negative or descend, if a number is not finite, or if a
-    /// weight is negative or all are 0. `file`: where the rows come from.
+    /// Weights that are linear between `rows` of travel time in metres and weight, and 0 before and after. Two rows with the same
+    /// time make a step. Fails if there are fewer than two rows, if the times are negative or descend, if a number is not finite, or
+    /// if a weight is negative or all are 0. `file`: where the rows come from.
     pub fn table(name: impl Into<String>, rows: Vec<[f64; 2]>, file: Option<&Path>) -> Result<Response> {
         let fail = |message: &str| Err(Error::Settings(message.into()));
         if rows.len() < 2 {

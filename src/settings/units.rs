@@ -22,7 +22,8 @@ pub const METRES_PER_NS: f64 = 0.299_792_458;
 /// Maximum travel time in metres at which a gate may begin or end (except infinity). f32 represents somewhat larger numbers.
 const MAX_TRAVEL_TIME: f64 = 1e30;
 
-/// A gate with a width of fewer f32 steps is refused, because its brightness would be wrong by several per cent.
+/// The program refuses a gate with a width of fewer f32 steps, unless the user gives `--force`. Its brightness may be wrong by more
+/// than 6 %.
 pub const REFUSED_ULPS: f64 = 16.0;
 /// A gate with a width of fewer f32 steps is rendered with a warning.
 pub const COARSE_ULPS: f64 = 256.0;
@@ -39,7 +40,7 @@ pub enum GatePrecision {
         /// Width in f32 steps.
         ulps: f64,
     },
-    /// Fewer than [`REFUSED_ULPS`] steps: the brightness is mostly rounding error.
+    /// Fewer than [`REFUSED_ULPS`] steps: rounding may change the brightness by more than 6 %.
     TooThin {
         /// Width in f32 steps.
         ulps: f64,
