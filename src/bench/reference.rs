@@ -61,7 +61,7 @@ pub struct ReferenceReport {
     pub seconds: f64,
     /// Seconds of an earlier reference that was extended; 0 without one.
     pub before: f64,
-    /// What happened to a reference by another version of the renderer.
+    /// Whether a reference by another version of the renderer was used.
     pub other: OtherVersion,
     /// Samples per pixel. An earlier reference counts with as many samples as its seconds would render now.
     pub samples: u64,
@@ -73,7 +73,7 @@ pub struct ReferenceReport {
     pub agreement: Agreement,
 }
 
-/// What happened to a reference by another version of the renderer.
+/// Whether a reference by another version of the renderer was used.
 #[derive(Debug, Clone)]
 pub enum OtherVersion {
     /// There was none.

@@ -1,4 +1,4 @@
-//! Error of the images of many gates against those of a reference.
+//! Error of the images of many gates against the images of a reference.
 
 #![warn(missing_docs)]
 

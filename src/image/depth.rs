@@ -3,7 +3,7 @@
 use crate::image::response_film::ResponseFilm;
 use crate::settings::frequencies::Frequencies;
 
-/// What one frequency measures in a pixel.
+/// The measurement of one frequency in one pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Echo {
     /// Phase of the modulation in radians, 0 to 2 pi.

@@ -10,7 +10,7 @@
 //! glass, only the second strategy exists.
 //!
 //! If the second strategy is impossible (radius 0, or a mirror or glass in front of the beam), the spot is also projected into
-//! the image. The tracer does not find such a spot, or a point light, if the sensor sees it through a mirror or glass.
+//! the image. The tracer finds neither this spot nor a point light if the sensor sees it through a mirror or glass.
 //!
 //! In media, vertices are also points of the medium. A beam has spots along its way, each at the end of a random flight. The
 //! first strategy alone finds such a spot, except behind a mirror or glass, where only the second can. In coloured media, each
@@ -110,7 +110,7 @@ type Splat = (usize, f64, DVec3);
 /// Renders all bins at once. The same settings give the same bits with any number of threads.
 ///
 /// # Panics
-/// If a directional light or a sky is switched on, and a bin is not the steady state: such light has no travel time.
+/// If a directional light or a sky is switched on, and a bin is not the steady state: their light has no travel time.
 pub fn render(scene: &Scene, settings: &Settings) -> Film {
     let world = World::new(scene, &settings.emitters);
     let has_distant = scene.lights.iter().any(|light| light.kind.is_distant() && world.shines(&light.node));

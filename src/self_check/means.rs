@@ -1,4 +1,4 @@
-//! Checks the mean over an image against a closed form, or against the stored mean of long renders. Other tests compare such
+//! Checks the mean over an image against a closed form, or against the stored mean of long renders. Other tests compare these
 //! renders with an independent path tracer.
 
 use glam::{DAffine3, DVec3};

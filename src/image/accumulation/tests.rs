@@ -200,7 +200,7 @@ fn the_contents_of_files_decide_and_not_their_paths() {
     assert!(message.contains("one=FILE") && message.contains("gauss:2m"), "{message}");
     let message = check(&here, &About { scene: "t".into(), ..at("/there", "1m") }).unwrap_err();
     assert!(message.contains("those that the settings name, have other contents"), "{message}");
-    // Without a list of files, paths are settings like others.
+    // Without a list of files, paths are compared like other settings.
     assert!(check(&here, &About { files: vec![], ..at("/there", "1m") }).is_err());
 }
 
