@@ -127,8 +127,8 @@ impl About {
         }
     }
 
-    /// Fails if the sums of `other` do not belong to the same render; the message says in which settings they differ. The number of
-    /// samples or seconds may differ. The message calls the two `name` and `other_name`.
+    /// Fails if the sums of `other` do not belong to the same render; the message says how they differ. The number of samples or
+    /// seconds may differ. The message calls the two `name` and `other_name`.
     pub fn check_same_render(&self, name: &str, other: &About, other_name: &str) -> Result<()> {
         let fail = |what: String| Err(Error::Settings(what));
         if self.renderer != other.renderer {

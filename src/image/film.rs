@@ -78,9 +78,9 @@ impl Film {
         self.iterations += 1;
     }
 
-    /// Adds the iterations of `other`, an independent part of the same render. Mean and variance become
-    /// equal, to an ulp, to those of one film with all iterations, whatever the order of the parts. The batches of cells may
-    /// become coarser than in one film.
+    /// Adds the iterations of `other`, an independent part of the same render. Mean and variance become equal,
+    /// to an ulp, to those of one film with all iterations, whatever the order of the parts. The batches of cells may become
+    /// coarser than in one film.
     ///
     /// # Panics
     /// If the films have different sizes.

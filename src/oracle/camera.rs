@@ -7,8 +7,8 @@
 //! A small surface with the intensity I (W / sr) towards the sensor adds I p to its pixel. Here p is the density, per area
 //! perpendicular to the line of sight, with which the uniform camera rays of the pixel pass the surface. With the area A of a
 //! pixel on the image plane, p = 1 / A for parallel rays. The rays of a pinhole have the density 1 / (A cos^3) per solid angle,
-//! so p = 1 / (A cos^3 d^2) at the distance d. An aimed pixel has a single ray, even if it has a field of view, so no
-//! light is projected into it.
+//! so p = 1 / (A cos^3 d^2) at the distance d. An aimed pixel has a single ray, even if it has a field of view, so no light is
+//! projected into it.
 
 use glam::DVec3;
 

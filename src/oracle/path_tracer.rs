@@ -6,8 +6,8 @@
 //! A beam emits in one direction only, so no vertex can sample it as an emitter. Instead, the tracer follows the beam to its
 //! spot, the first point that scatters, and connects the spot to every sensor vertex. If the beam has a radius and no mirror or
 //! glass redirects it, there is a second strategy: a sensor vertex inside the spot adds the light that arrives straight from the
-//! beam. The balance heuristic weights the two. If the previous vertex of the sensor path is the sensor, a mirror or
-//! glass, only the second strategy exists.
+//! beam. The balance heuristic weights the two. If the previous vertex of the sensor path is the sensor, a mirror or glass, only
+//! the second strategy exists.
 //!
 //! If the second strategy is impossible (radius 0, or a mirror or glass in front of the beam), the spot is also projected into
 //! the image. The tracer finds neither this spot nor a point light if the sensor sees it through a mirror or glass.
