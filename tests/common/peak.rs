@@ -5,7 +5,7 @@ use std::process::Command;
 
 const FILE: &str = "TAUGATE_TEST_FILE";
 
-/// Runs the ignored test `helper` of this program with `file`. Returns the maximum of its resident memory in MiB, and its report.
+/// Runs the ignored test `helper` of this program with `file`. Returns its peak resident memory in MiB, and its report.
 pub fn peak(helper: &str, file: &Path) -> (u64, String) {
     let output = Command::new(std::env::current_exe().expect("this program has a path"))
         .args(["--exact", "--ignored", "--nocapture", helper])
@@ -20,7 +20,7 @@ pub fn peak(helper: &str, file: &Path) -> (u64, String) {
     (kib.parse::<u64>().expect("a number") >> 10, report.into())
 }
 
-/// The body of a helper: prints the maximum of the memory after `report` has read the file. Does nothing if nobody gave a file.
+/// The body of a helper: prints the peak memory after `report` has read the file. Does nothing without a file.
 pub fn helper(report: impl FnOnce(&Path) -> String) {
     let Some(file) = std::env::var_os(FILE) else { return };
     let report = report(Path::new(&file));

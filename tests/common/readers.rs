@@ -22,8 +22,8 @@ const MAX_TIME: Duration = Duration::from_secs(5);
 const FREE_BYTES: usize = 256 << 20;
 /// Bytes of memory that a reader may take for each byte of the file, beyond [`FREE_BYTES`].
 const BYTES_PER_BYTE: usize = 20;
-/// The same for readers of images. Images may take 4128 bytes per byte of their files. A Huffman table of 4 KiB can take four bytes
-/// of a WebP image, besides.
+/// The same for readers of images. Images may take 4128 bytes per byte of their files. In addition, four bytes of a
+/// WebP image can declare a Huffman table of 4 KiB.
 const IMAGE_BYTES_PER_BYTE: usize = 6000;
 
 /// A reader of a kind of file. A new format is one more entry in [`READERS`].
@@ -149,7 +149,7 @@ fn meshopt(bytes: &[u8]) {
     load_with(json, bytes);
 }
 
-/// An experiment file, with its tables of lights and of a scan. What was read is written and read again.
+/// An experiment file, with its tables of lights and of a scan. Writes the experiment and reads it again.
 fn experiment(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(experiment) = Experiment::parse(text) else { return };
@@ -179,7 +179,7 @@ fn with_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(&Path) -> T) -> T {
     })
 }
 
-/// An image of `compare`.
+/// An image that `compare` reads.
 fn exr(bytes: &[u8]) {
     with_file("a.exr", bytes, |path| {
         let _ = exr_file::read_settings(path);
@@ -187,7 +187,7 @@ fn exr(bytes: &[u8]) {
     });
 }
 
-/// An array of `compare` and `detect`.
+/// An array that `compare` or `detect` reads.
 fn npy(bytes: &[u8]) {
     with_file("a.npy", bytes, |path| drop(npy_read::read(path)));
 }
@@ -219,7 +219,7 @@ fn phase_csv(bytes: &[u8]) {
     });
 }
 
-/// The sums of a render. What was read is written and read again.
+/// The sums of a render. Writes the sums and reads them again.
 fn acc(bytes: &[u8]) {
     let Ok(sums) = read_from(&mut Cursor::new(bytes)) else { return };
     let mut again = Cursor::new(vec![]);

@@ -37,8 +37,8 @@ fn corner() -> Scene {
 struct Modulation(Vec<[[f64; 2]; CELLS]>);
 
 impl Modulation {
-    /// Depth of a cell in metres, and its standard error. The depth is that of the mean over all renders, so it has no bias. Its error
-    /// comes from the spread across the direction of the mean.
+    /// Depth of a cell in metres, and its standard error. The depth is computed from the mean over all renders, so it has no
+    /// bias. The error comes from the spread perpendicular to the mean.
     fn depth(&self, cell: usize) -> (f64, f64) {
         let n = self.0.len() as f64;
         let of = |k: usize| self.0.iter().map(|render| render[cell][k]).sum::<f64>() / n;
@@ -74,7 +74,7 @@ fn rendered(estimator: Estimator) -> Modulation {
     Modulation((0..SEEDS).map(render).collect())
 }
 
-/// The oracle knows no modulation: it sorts light into gates of 5 cm, and each gate counts with the phase of its middle.
+/// The oracle has no modulated sensor. It sorts light into gates of 5 cm, and all light of a gate gets the phase of its middle.
 fn oracle(max_depth: u32) -> Modulation {
     const WIDTH: f64 = 0.05;
     let bins: Vec<(f64, f64)> = (20..320).map(|i| (f64::from(i) * WIDTH, f64::from(i + 1) * WIDTH)).collect();
@@ -99,7 +99,7 @@ fn oracle(max_depth: u32) -> Modulation {
 #[test]
 fn the_multipath_error_in_a_corner_is_that_of_the_oracle() {
     let (whole, direct) = (oracle(MAX_DEPTH), oracle(2));
-    // Light that one wall alone reflects gives the true depth: 2.5 m at the edge, less on the walls.
+    // Light that only one wall reflects gives the true depth: 2.5 m at the edge, less on the walls.
     let far = (0..CELLS).map(|cell| direct.depth(cell).0).fold(0.0, f64::max);
     assert!((2.2..2.5).contains(&far), "{far}");
     for estimator in [Estimator::Pt, Estimator::Bdpt, Estimator::Lcs] {

@@ -1,5 +1,5 @@
-//! Ellipsoidal connections, of `epc` and of `lcs`, in gates that bdpt hardly ever hits. The other estimators' tests cover `epc` in wide
-//! gates.
+//! Ellipsoidal connections, of `epc` and of `lcs`, in gates that bdpt hardly ever hits. Tests in other files cover `epc` in
+//! wide gates.
 
 use super::agreement::{against, assert_none, bin, is_long, oracle};
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
@@ -44,7 +44,7 @@ fn thin_gates_of_a_sphere(settings: &Settings) {
     }
 }
 
-/// A renderer for a wide gate takes a thin one too, but a new renderer would have other bits.
+/// A renderer for a wide gate accepts a thin one, and the reverse, but a new renderer would give other bits.
 #[test]
 fn a_renderer_takes_gates_of_any_width() {
     let scene = build(Kind::CornellBox);

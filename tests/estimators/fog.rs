@@ -47,7 +47,7 @@ fn henyey_greenstein(cosine: f64) -> f64 {
     (1.0 - G * G) / (4.0 * PI * (1.0 + G * G - 2.0 * G * cosine).powf(1.5))
 }
 
-/// Radiance after one scattering, by the closed form with a coefficient of scattering `sigma_s`.
+/// Radiance after one scattering, by the closed form with a scattering coefficient `sigma_s`.
 pub fn truth(lamp: DVec3, sigma_s: f64, gate: [f64; 2]) -> f64 {
     let medium = Coefficients { sigma_s, sigma_t: SIGMA_T };
     gated_single_scattering(medium, henyey_greenstein, INTENSITY.into(), lamp, DVec3::NEG_Z, gate)
@@ -98,8 +98,9 @@ fn light_that_scatters_once_in_the_gate_is_nearly_free_of_noise() {
     }
 }
 
-/// Absorption multiplies the light of a path by exp(-sigma_a tau). `pt` draws flights from the scattering alone, so with the same
-/// random numbers this is the ratio of two images through a thin gate. In the other estimators, absorption also ends light subpaths.
+/// Absorption multiplies the light of a path by exp(-sigma_a tau). `pt` draws flights from sigma_s alone, so with the same random
+/// numbers this factor is the ratio of two images through a thin gate. In the other estimators, absorption also ends light
+/// subpaths.
 #[test]
 fn absorption_is_a_factor_that_falls_with_travel_time() {
     let (sigma_a, [lo, hi]) = (0.3, [6.5, 6.5006]);
@@ -119,7 +120,7 @@ fn absorption_is_a_factor_that_falls_with_travel_time() {
     assert!((ratio / expected.powf(1.001) - 1.0).abs() > 1e-4, "{ratio}");
 }
 
-/// Droplets as they are in fog, and a table with a narrow forward peak and light that returns.
+/// The phase function of fog droplets, and a table with a narrow forward peak and a peak backwards.
 #[test]
 fn light_that_returns_from_droplets_and_tables_has_the_radiance_of_the_closed_form() {
     let lamp = DVec3::new(0.05, 0.0, 0.0);
@@ -150,7 +151,7 @@ fn light_that_returns_from_droplets_and_tables_has_the_radiance_of_the_closed_fo
     }
 }
 
-/// A room with a lamp that has a surface, and with droplets around a box of fog whose phase function is a table.
+/// A room with an area light. Droplets surround a box of fog whose phase function is a table.
 /// `cargo test --release --test estimators -- --ignored --nocapture rooms`
 #[test]
 #[ignore = "takes half a minute; the closed forms are tested always"]

@@ -46,8 +46,8 @@ fn share_that_differs(a: &[f32], b: &[f32]) -> f64 {
     lit().filter(|(a, b)| (*a - *b).abs() > 1e-4 * a.max(**b)).count() as f64 / lit().count() as f64
 }
 
-/// Two versions of a medium give the same image but for rounding, which seldom changes a random choice. A third medium, with a density
-/// that is a few per cent higher, gives another image.
+/// Two versions of a medium give the same image except for rounding, which seldom changes a random choice. A third medium, whose
+/// density is a few per cent higher, gives another image.
 fn assert_only_rounding(name: &str, image: &[f32], same: &[f32], other: &[f32]) {
     let (rounding, control) = (share_that_differs(image, same), share_that_differs(image, other));
     eprintln!("{name}: {rounding:.1e} of the values differ, {control:.2} with another density");
@@ -76,7 +76,7 @@ fn a_grid_of_two_halves_is_two_boxes() {
     assert_only_rounding("halves", &boxes, &halves([0.4, 1.6]), &halves([0.42, 1.6]));
 }
 
-/// A turned cloud with holes in thin fog.
+/// A rotated cloud with holes, surrounded by thin fog.
 fn cloud() -> Scene {
     let mut pcg = Pcg::new(6);
     let [nx, ny, nz] = [11, 6, 9];

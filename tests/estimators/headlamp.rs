@@ -69,7 +69,7 @@ fn a_continuous_wave_sensor_measures_the_distance_of_a_wall() {
     assert!(unwrapped.iter().all(|&d| (f64::from(d) - 2.0).abs() < 5e-4), "{unwrapped:?}");
 }
 
-/// The Cornell box without its camera and its light, seen from its open side, after `keys`.
+/// The Cornell box without its camera and light. The experiment `keys` adds a camera at the open side and its headlamp.
 fn dark_box(keys: &str) -> Scene {
     let mut scene = build(Kind::CornellBox);
     scene.cameras.clear();

@@ -129,7 +129,7 @@ fn glass_with_media_inside_agrees_with_the_oracle() {
     let gates = [(2.4, 3.0), (0.0, f64::INFINITY)];
     let truth = oracle(&balls(1.0), &gates, SIZE, 1000);
     assert_none(against("balls", &[Estimator::Bdpt, Estimator::Lcs], &balls(1.0), &gates, &truth));
-    // Negative control: the media are half as dense again.
+    // Negative control: the media are 1.5 times as dense.
     assert!(!against("denser balls", &[Estimator::Lcs], &balls(1.5), &gates[1..], &bin(&truth, 1)).is_empty());
 }
 

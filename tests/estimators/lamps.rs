@@ -55,7 +55,7 @@ const GATES: [[f64; 2]; 3] = [[-0.05, 0.25], [0.5, 1.0], [2.0, 3.0]];
 #[test]
 fn many_points_in_one_place_agree_with_the_closed_form() {
     let cases = COUNTS.len() * Estimator::ALL.len() * GATES.len();
-    // Estimators draw 9 lamps as they draw 100. Long runs have all estimators with both.
+    // Estimators draw 9 lamps in the same way as 100. Long runs test all estimators with both counts.
     let is_run = |count, estimator| count == COUNTS[1] || is_long() || estimator == Estimator::Lcs;
     let all = COUNTS.into_iter().flat_map(|n| Estimator::ALL.map(|e| (n, e)));
     for (count, estimator) in all.filter(|&(count, estimator)| is_run(count, estimator)) {
@@ -65,7 +65,7 @@ fn many_points_in_one_place_agree_with_the_closed_form() {
     }
 }
 
-/// Negative control: a truth that is off by 3 %, as if probabilities of lamps were.
+/// Negative control: a truth that is off by 3 %, as if the probabilities of the lamps were wrong.
 #[test]
 fn probabilities_off_by_three_percent_are_rejected() {
     for estimator in Estimator::ALL {

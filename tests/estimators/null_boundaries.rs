@@ -1,4 +1,4 @@
-//! Null boundaries: fog in meshes that bend no light is fog in boxes.
+//! Null boundaries: fog in meshes that do not refract gives the same image as fog in boxes.
 
 use glam::DVec3;
 use taugate::internals::generate::shapes::cuboid;
@@ -50,7 +50,7 @@ fn image(scene: &Scene, estimator: Estimator, [lo, hi]: [f64; 2], seed: u32) -> 
     Cells::measure(&mut renderer(scene, &s), Gate { lo, hi }, 8, 1, 4, seed)
 }
 
-/// Compares images with meshes with images with boxes, and rejects media that scatter half as much again.
+/// Compares images of fog in meshes with an image of fog in boxes. Fog with 1.5 times the density must differ.
 fn compare(lamps: Light, is_inside: bool, gate: [f64; 2], estimators: &[Estimator]) {
     let boxes = image(&room(lamps, 1.0, false, is_inside), Estimator::Lcs, gate, 1);
     for &estimator in estimators {

@@ -133,7 +133,7 @@ fn culling_removes_no_light() {
     }
 }
 
-/// A camera that turns and moves keeps the renderer, and has the image of a renderer of its own. A camera of the other kind does not.
+/// A renderer accepts a camera that turned and moved, and gives the image of a new renderer. It rejects another projection.
 #[test]
 fn a_moved_camera_sees_what_one_there_sees() {
     let scene = orthographic(build(Kind::CornellBox), 1.5);

@@ -68,7 +68,7 @@ fn a_thin_beam_keeps_its_light_beside_a_far_stronger_lamp() {
     }
 }
 
-/// A mask with a cutoff above 1 hides the whole surface. The surface was opaque where its alpha was 1.
+/// A mask with a cutoff above 1 hides the whole surface. The bug: the surface was opaque where its alpha was 1.
 #[test]
 fn a_mask_that_no_alpha_reaches_is_not_there() {
     let mut scene = Scene::default();

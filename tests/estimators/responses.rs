@@ -1,4 +1,4 @@
-//! Many gates from one render: every gate has the light of a render of its own, and abutting gates add up to the whole.
+//! Many gates from one render: every gate gets the light that a separate render finds, and abutting gates add up to the whole.
 
 use super::cells::{SEEDS, renderer, settings, threshold, tuned};
 use super::drive::open;
@@ -68,8 +68,8 @@ fn bits(renderer: &Renderer) -> Vec<u32> {
     (0..film.pixels()).flat_map(of_pixel).map(f32::to_bits).collect()
 }
 
-/// Checks that the gates add up to the film, which a single gate around all of them fills. The sums are in another order, so a
-/// pixel may differ by a few steps of f32. Returns the number of gates with light.
+/// Checks that the gates add up to the film, whose gate spans all of them. The order of additions differs, so a pixel may differ
+/// by a few steps of f32. Returns the number of gates with light.
 fn add_up(scene: &Scene, settings: SettingsBuilder) -> usize {
     let rendered = rendered(renderer(scene, &settings.build().unwrap()));
     let (whole, film) = (rendered.film().mean(), rendered.responses().unwrap());
@@ -195,7 +195,7 @@ fn a_render_of_one_gate_does_not_continue_with_several() {
 
 #[test]
 fn a_pulsed_laser_adds_up_the_gates_of_all_pulses() {
-    // Light arrives up to some 12 m, so that the gate 9..10 m with a period of 3 m sees that of four pulses.
+    // Light arrives until about 12 m. So with a period of 3 m, the gate 9..10 m sees light of four pulses.
     let parts = gates(0.0, 40.0, 40);
     let folded = Response::new("folded", Gate { lo: 9.0, hi: 10.0 }, Edge::Sharp).repeated(3.0);
     let parts = (0..40).map(|k| Response::new(format!("{k}"), parts.gate(k), Edge::Sharp));
@@ -241,7 +241,7 @@ fn a_response_is_a_weighted_sum_of_thin_gates() {
         assert!((found / shifted - 1.0).abs() > 1e-3, "{}: a shift of 2 cm goes unnoticed", response.name());
     }
 
-    // A response alone is the image of the render.
+    // If a render has only one response, the image shows it.
     let alone = Responses::new(vec![responses.iter().nth(1).unwrap().clone()]).unwrap();
     let alone = rendered(renderer(&scene, &settings.change().responses(alone).build().unwrap()));
     assert!(alone.responses().is_none());

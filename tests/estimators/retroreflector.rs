@@ -83,7 +83,7 @@ fn a_plate_in_the_light_of_a_headlamp_has_the_radiance_of_the_closed_form() {
     }
 }
 
-/// The angle is that at which the lobe falls to half. Without a diffuse part, so does the radiance.
+/// At this angle the lobe falls to half its maximum. Without a diffuse part, the radiance also falls to half.
 #[test]
 fn the_radiance_falls_to_half_at_the_angle() {
     let sheet = Retroreflector { share: 1.0, angle: ANGLE };

@@ -48,7 +48,7 @@ fn rough_glass_agrees_with_the_oracle() {
     assert!(!against("rougher glass", &[Estimator::Lcs], &scene(1.25), &gates[..1], &truth).is_empty());
 }
 
-/// A part of the pane is smooth glass, and the rest is painted. A painted spot can be connected, although its glass cannot.
+/// A part of the pane is smooth glass, and the rest is painted. Painted points can be connected; points of smooth glass cannot.
 #[test]
 fn a_partly_transmitting_pane_agrees_with_the_oracle() {
     let mut pcg = Pcg::new(86);

@@ -22,8 +22,8 @@ const SEEN: [DVec3; 3] = [DVec3::new(0.2, 0.3, 0.0), DVec3::new(-0.4, 0.1, 0.0),
 /// Travel times between the first and the last point on the wall, in metres. Light arrives from 2.0 m to 3.3 m.
 const GATES: [(f64, f64); 4] = [(1.9, 2.1), (2.1, 2.3), (2.3, 2.35), (2.5, 4.0)];
 
-/// A wall, z = 0, and an object of 1 m x 1 m that faces it at a distance of 1 m. The sensor looks at `points`, and `omitted` metres do
-/// not count for the travel times of each.
+/// A wall, z = 0, and an object of 1 m x 1 m that faces it at a distance of 1 m. The sensor looks at `points`. For each
+/// point, travel times leave out `omitted` metres.
 fn scene(lit: DVec3, points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Scene {
     let mut scene = Scene::default();
     let wall = material(&mut scene, diffuse("wall", [WALL; 3]));
@@ -42,7 +42,7 @@ fn sensor(points: &[DVec3], omitted: impl Fn(DVec3) -> f64) -> Camera {
     Camera { projection, ..Camera::looking_at("sensor", SENSOR, points[0], 1.0, [points.len() as u32, 1]) }
 }
 
-/// Length of the ways to and from the wall.
+/// Distance from the laser to the wall plus distance from the wall to the sensor.
 fn ends(lit: DVec3, seen: DVec3) -> f64 {
     LASER.distance(lit) + SENSOR.distance(seen)
 }
@@ -134,7 +134,7 @@ fn a_lidar_sees_what_its_laser_lights() {
     }
 }
 
-/// A laser and a sensor that turn give the same bits as new ones.
+/// After the laser and the sensor turned, a renderer gives the same bits as a new renderer.
 #[test]
 fn a_turned_laser_gives_the_bits_of_a_new_render() {
     let settings = scan_settings(Estimator::Lcs, &SEEN);
@@ -156,10 +156,10 @@ fn a_turned_laser_gives_the_bits_of_a_new_render() {
     let after = render(&mut turned);
     assert!(new.iter().any(|&x| x > 0.0) && after == new && before != new);
 
-    // A lamp more is another scene.
+    // A renderer cannot follow a scene with one more lamp.
     let mut more = second.clone();
     light(&mut more, "lamp", DVec3::Z, DVec3::NEG_Z, LightKind::Point { intensity: [1.0; 3] });
     assert!(!prepared.follow(&more, &settings).unwrap());
-    // Another number of points is another film.
+    // Another number of points needs another film.
     assert!(!turned.set_camera(&sensor(&SEEN[..2], |_| 0.0)).unwrap());
 }

@@ -61,7 +61,7 @@ fn a_convex_body_has_its_albedo_times_the_radiance_of_the_sky() {
     }
 }
 
-/// A white furnace: objects that absorb nothing cannot be told from the sky behind them, whether they are concave, mirrors or
+/// A white furnace: objects that absorb nothing look like the sky behind them, whether they are concave, mirrors or
 /// glass. Light is lost only to paths that are too long. Faces are flat, because shading normals lose light.
 #[test]
 fn objects_that_absorb_nothing_vanish_under_a_white_sky() {
@@ -166,7 +166,7 @@ fn estimators_agree_with_the_oracle_under_the_image_of_a_sky() {
     agrees("image", &open_box(Some(sky_with_a_sun())));
 }
 
-/// The light of the sky has no travel time, so a renderer that has it takes no gate.
+/// The light of the sky has no travel time, so a renderer of a scene with a sky rejects gates.
 #[test]
 fn a_renderer_with_a_sky_takes_no_gate() {
     let mut renderer = renderer(&open_box(None), &settings(Estimator::Bdpt, [8, 8]).build().unwrap());

@@ -76,7 +76,7 @@ fn weighted_strategies_sum_to_the_image() {
         ("foggy lamp", foggy(zoo(Light::Area)), Estimator::Lcs, Strategies::All, gate),
         ("foggy punctual", foggy(zoo(Light::Punctual)), Estimator::Lcs, Strategies::All, gate),
     ];
-    // `lcs` and `lcs-paper` weight these alike.
+    // `lcs-paper` gives these cases the same weights as `lcs` does.
     if is_long() {
         cases.push(("punctual", zoo(Light::Punctual), Estimator::LcsPaper, Strategies::All, gate));
         cases.push(("foggy lamp", foggy(zoo(Light::Area)), Estimator::LcsPaper, Strategies::All, gate));

@@ -104,7 +104,7 @@ fn suns_among_many_lamps_agree_with_the_oracle() {
     agrees("suns and lamps", &scene);
 }
 
-/// The light of a sun has no travel time, so a renderer that has one takes no gate.
+/// The light of a sun has no travel time, so a renderer of a scene with a sun rejects gates.
 #[test]
 fn a_renderer_with_a_sun_takes_no_gate() {
     let mut renderer = renderer(&wall(0.5, 1.0, 0.0), &settings(Estimator::Bdpt, [8, 8]).build().unwrap());

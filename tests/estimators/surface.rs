@@ -23,8 +23,8 @@ fn image(seed: u64, mut texel: impl FnMut(&mut Pcg) -> [u8; 3]) -> Image {
     Image { width: 8, height: 8, rgba: (0..64).map(&mut opaque).collect() }
 }
 
-/// An image of one white texel, which changes no factor. Negative controls have it instead of another image, so that they share the
-/// kernels of the scene that they are controls of.
+/// An image of one white texel, which changes no factor. Negative controls use it in place of another image, so that they share
+/// the kernels of the tested scene.
 fn white() -> Image {
     Image { width: 1, height: 1, rgba: vec![[255; 4]] }
 }
@@ -86,7 +86,7 @@ fn varying_roughness_metalness_and_colours_agree_with_the_oracle() {
     assert!(!against("no texture", &[Estimator::Lcs], &plain, &GATES[..1], &truth).is_empty());
 }
 
-/// The room, whose floor, walls and ring have another material: `change` of a diffuse one.
+/// The room. `change_one` makes the materials of its floor, walls and ring from diffuse ones.
 fn room_of(change_one: impl Fn(Material) -> Material) -> Scene {
     let mut scene = zoo(Light::Area);
     change(&mut scene, |m| change_one(Material { metallic: 0.0, roughness: 0.6, specular: 0.0, ..m }));
@@ -125,7 +125,7 @@ fn four_channels() -> Image {
     Image { width: 8, height: 8, rgba: (0..64).map(texel).collect() }
 }
 
-/// Adds a texture to a room whose material `with` changes.
+/// Adds a texture to the room, and changes materials with `with`, which receives the texture.
 fn with_texture(room: &Scene, image: Image, with: impl Fn(Material, Option<u32>) -> Material) -> Scene {
     let mut scene = room.clone();
     let texture = Some(scene.add_texture(image));
@@ -169,8 +169,8 @@ fn varying_clear_coats_agree_with_the_oracle() {
     assert!(!against("plain clear coat", &[Estimator::Lcs], &of(white()), &GATES[..1], &truth).is_empty());
 }
 
-/// Adds a surface beside the room at `z`, with coats whose strengths, colour and roughness are textures. Scenes that have it share
-/// their kernels, which take many seconds to compile, whatever coats their other surfaces have.
+/// Adds a surface beside the room at `z`, with coats whose strengths, colour and roughness are textures. Kernels take
+/// many seconds to compile, and all scenes with this surface share them, whatever coats their other surfaces have.
 fn add_textured_coats(scene: &mut Scene, z: f64, roughness: f32) {
     let white = Some(scene.add_texture(white()));
     let material = scene.add_material(Material {
@@ -186,7 +186,7 @@ fn add_textured_coats(scene: &mut Scene, z: f64, roughness: f32) {
     add(scene, "coats", material, quad(DVec3::new(0.0, 0.0, z), DVec3::X * 0.1, DVec3::Y * 0.1, [1.0, 1.0]));
 }
 
-/// Textures of one colour change the image as much as their bytes round.
+/// Textures of one colour give the same image as factors, up to the rounding of texels to bytes.
 #[test]
 fn constant_textures_are_factors() {
     let image_of = |scene: &Scene| {

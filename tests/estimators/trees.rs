@@ -137,7 +137,7 @@ fn any_importance_agrees_with_all_of_it() {
         Cells::measure(&mut renderer(&scene, &s), Gate { lo, hi: lo + 0.3 }, 8, 1, 8, seed)
     };
     let all = measure(Importance::ALL, 8.0, 40);
-    // No switch and gloss alone; in long runs each of the other switches alone, too.
+    // First no switch, then only gloss. Long runs also test each of the other switches alone.
     let gloss = Importance { gloss: true, ..Importance::NONE };
     let variants = [combinations()[0], gloss, combinations()[1], combinations()[2], combinations()[4]];
     for &importance in if is_long() { &variants[..] } else { &variants[..2] } {

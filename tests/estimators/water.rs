@@ -1,4 +1,5 @@
-//! A medium with an index of refraction fills all space: lengths outside of glass count its group index, and glass bends light less.
+//! A medium with an index of refraction fills all space. Outside of glass, travel times use the group index of the medium, and
+//! glass refracts light less.
 
 use glam::DVec3;
 use taugate::internals::generate::zoo::{Light, zoo};
@@ -18,7 +19,7 @@ fn water() -> Medium {
     Medium { ior: IOR, group_ior: GROUP_IOR, ..Medium::default() }
 }
 
-/// The gate of which every end comes `factor` times as late.
+/// The gate with both ends multiplied by `factor`.
 fn stretched([lo, hi]: [f64; 2], factor: f32) -> Gate {
     Gate { lo: lo * f64::from(factor), hi: hi * f64::from(factor) }
 }

@@ -112,7 +112,7 @@ fn single_scattering_of_a_beam() {
     };
     for (bin, gate) in gates.into_iter().enumerate() {
         let phase = Phase::new(&HG);
-        // The fluence at the sensor, which is the radiance of a point light at the sensor, seen from the source of the beam.
+        // The fluence at the sensor. By reciprocity, it equals the radiance along the beam of a point light at the sensor.
         let truth = |sigma_s| {
             let fog = Coefficients { sigma_s, sigma_t: 0.05 };
             gated_single_scattering(fog, |cos| phase.density(cos), 2.0, -source, direction, [gate.0, gate.1])
@@ -225,8 +225,8 @@ fn absorption_factorises() {
     assert_same(total(&dark, &|_| 1.0), total(&clear, &|tau| (-0.1 * tau).exp()), "absorption");
 }
 
-/// A grid whose voxels are all equal to 0.5 inside of `bounds`. Beyond them it is denser, so that inside of them most collisions are
-/// null collisions.
+/// A grid whose voxels are all equal to 0.5 inside of `bounds`. The grid is denser outside of `bounds`, so that most
+/// collisions inside are null collisions.
 fn even_grid(bounds: [DVec3; 2], filter: GridFilter) -> DensityGrid {
     let resolution = [6u32, 6, 6];
     let is_edge = |i: u32| i == 0 || i == 5;
@@ -238,7 +238,7 @@ fn even_grid(bounds: [DVec3; 2], filter: GridFilter) -> DensityGrid {
     DensityGrid { resolution, density, bounds: [DVec3::ZERO, DVec3::splat(6.0)], transform, filter }
 }
 
-/// Image of the room, with an independent seed for each call's `seed`.
+/// Image of the room. Images of different seeds are independent.
 fn in_room(media: Vec<Medium>, seed: u64) -> Film {
     render(&room(media, OUTSIDE), &Settings { seed, ..settings([8, 8], 8_000, 6, &IN_ROOM) })
 }

@@ -1,5 +1,5 @@
-//! `bsdf_eval` against f64: its value, both densities, and reciprocity. The oracle checks the values of opaque materials
-//! again.
+//! `bsdf_eval` against f64: its value, both densities, and reciprocity. Values of opaque materials are also compared with the
+//! oracle.
 
 use std::f64::consts::{PI, TAU};
 
@@ -101,7 +101,7 @@ fn inputs(n: usize) -> Vec<Input> {
 /// about 4 / alpha (alpha is at least 0.05 here). Grazing directions divide the error by their cosine.
 const TOLERANCE: f64 = 1e-3;
 
-/// The smaller cosine between the two directions of a refraction and the facet; 1 for reflections.
+/// For a refraction, the smaller of the cosines between the facet normal and the two directions. For a reflection, 1.
 ///
 /// Near total reflection, the shader computes this cosine as the root of a difference, which f32 rounds by a few 1e-7. The
 /// relative error of the transmitted light is then 1e-6 over the squared cosine.
@@ -127,7 +127,7 @@ fn values_and_densities_agree_with_f64() {
         let reference = set.at(g.material as usize, base);
         let m = &set.kinds[g.material as usize];
         let f = reference.f(wl, wc, front);
-        // A retroreflector may be narrower than that.
+        // `TOLERANCE` assumes that alpha is at least 0.05. A retroreflector may have a smaller alpha.
         let steep = m.retroreflector.map_or(0.0, |r| 3e-7 / (r.alpha() * wl.z.min(wc.z).abs()));
         let tolerance = TOLERANCE + steep + 1e-6 / facet_cosine(wl, wc, front, m.ior.into()).powi(2);
         let close = |got: f32, expected: f64, floor: f64| {
@@ -174,7 +174,7 @@ fn values_and_densities_agree_with_f64() {
         // renderer's table are off by 0.003, so the diffuse part may differ by 1 % of an uncoated base.
         if m.transmission == 0.0 {
             let independent = set.prepared[g.material as usize].at(base).eval(wl, wc);
-            // Under a clear coat, both tables together may be off by 3 % of what gets through at grazing angles.
+            // Under a clear coat, both tables together may be off by 3 % of the transmitted light at grazing angles.
             let under = if m.clearcoat > 0.0 { 3e-2 } else { 0.0 };
             let coated = if m.specular > 0.0 { f64::from(1.0 - m.metallic) } else { 0.0 };
             for k in 0..3 {

@@ -142,7 +142,7 @@ fn retroreflection_agrees_with_f64() {
     let mut pcg = Pcg::new(34);
     let mut inputs: Vec<[f32; 8]> = vec![];
     for i in 0..30_000 {
-        // The narrowest lobe, two that signs have, and wide ones.
+        // The narrowest lobe, two typical lobes of road signs, and wide lobes.
         let alpha = [0.00136, 0.003, 0.014, 0.1, 0.9][i % 5];
         let w = vec3(polar(pcg.range(0.03, 1.0), pcg.range(0.0, 6.3)));
         inputs.push([w[0], w[1], w[2], alpha, pcg.uniform() as f32, pcg.uniform() as f32, 0.0, 0.0]);

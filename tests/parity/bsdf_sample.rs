@@ -152,9 +152,8 @@ fn directions_have_their_density() {
         let name = format!("{} alpha {:.2} from {}", set().kinds[case.material].name, reference.alpha, case.w);
         let p = p_value(reference, case.w);
         assert!(p > level, "{name}: p = {p:e}, level {level:e}");
-        // Wrong densities must fail: a lobe that is 4 % wider, or 15 % for plastic, whose lobe gets a tenth of the samples. Under
-        // clear coats lobes get fewer samples.
-        // The diffuse surface has no lobe; there a density that is 3 % off must fail.
+        // Wrong densities must fail. Lobes are 4 % too wide, or more where they get few samples: plastic (a tenth of the samples)
+        // and lobes under clear coats. The diffuse surface has no lobe; there the density is 3 % off.
         let lambert = set().kinds[case.material].name == "lambert";
         let wrong = if lambert {
             let cells = expected(|d| reference.pdf(case.w, d, true) * (1.03 - 0.06 * f64::from(u8::from(d.z > 0.7))));

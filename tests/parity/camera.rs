@@ -110,8 +110,8 @@ fn solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     2.0 * (a.dot(b.cross(c)).abs() / (1.0 + a.dot(b) + b.dot(c) + c.dot(a))).atan()
 }
 
-/// Every point on the camera ray of a film point is seen in the pixel of this film point, from the start of the ray. The nearest
-/// point of the film is checked against all corners and edges in f64.
+/// The sensor sees every point on a camera ray in the pixel from which the ray starts. The nearest point of the film is checked
+/// against all corners and edges in f64.
 #[test]
 fn parallel_rays_invert_the_film() {
     let sensor = DVec3::new(0.3, -0.2, 0.1);

@@ -72,7 +72,7 @@ impl Case {
         Input { v, q, length: length as f32, u: u as f32, corners }
     }
 
-    /// Area of the part of the triangle where the focal sum is in the range, by a regular grid.
+    /// Area of the part of the triangle where the focal sum is in the range, computed with a regular grid.
     fn area(&self) -> f64 {
         const N: usize = 400;
         let [a, b, c] = self.corners;
@@ -88,7 +88,7 @@ impl Case {
         0.5 * (b - a).cross(c - a).length() * inside as f64 / (N * N) as f64
     }
 
-    /// sqrt(length^2 - |P(q - v)|^2) / (|x - v| |x - q|), where P projects onto the plane of the triangle, or is left out.
+    /// sqrt(length^2 - |P(q - v)|^2) / (|x - v| |x - q|), where P projects onto the plane of the triangle if `projects`.
     fn stretch(&self, x: DVec3, projects: bool) -> f64 {
         let [a, b, c] = self.corners;
         let n = (b - a).cross(c - a).normalize();
@@ -105,7 +105,7 @@ fn focal_sum([v, q]: [DVec3; 2], x: DVec3) -> f64 {
 
 #[test]
 fn points_on_curves_have_the_density_of_the_coarea_formula() {
-    // Number of lengths, and of points per length: a regular grid. The arc may jump from one length to the next, so lengths are many.
+    // A regular grid of lengths and of points per length. Many lengths, because the arc may jump from one length to the next.
     const N: [usize; 2] = [512, 18];
     let mut pcg = Pcg::new(771);
     let kernel = CURVE.compile(&[]);
@@ -151,8 +151,8 @@ const SEARCH: ShaderFunction = ShaderFunction {
         result.triangle = choice.triangle; result.count = choice.count;",
 };
 
-/// Draws a point of an ellipsoid by a descent of the BVH. The foci see all directions. Results in the estimate of its contribution over its
-/// density, whose mean is the integral of the estimate.
+/// Draws a point of an ellipsoid by descending the BVH. The foci see all directions. The result is the estimated contribution of
+/// the point divided by its density. The mean of the results is the integral of the estimate.
 const DRAW: ShaderFunction = ShaderFunction {
     imports: &["ellipsoid_descent"],
     input: "v: vec3<f32>, length: f32, q: vec3<f32>, part: u32",

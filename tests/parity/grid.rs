@@ -13,7 +13,7 @@ use crate::values::{direction, dvec, vec3};
 
 pub const KERNELS: &[&ShaderFunction] = &[&PASSAGE];
 
-/// Passes the whole grid, then as much of it as has a share of the integral.
+/// Passes through the whole grid, then only up to the point where the integral reaches the fraction `share` of the whole.
 const PASSAGE: ShaderFunction = ShaderFunction {
     imports: &["medium"],
     input: "o: vec3<f32>, share: f32, d: vec3<f32>, pad: u32",
@@ -61,7 +61,7 @@ fn buffers(grid: &DensityGrid, origin: DVec3) -> [Contents; 3] {
     [contents("grids", &[record]), contents("densities", &densities), contents("media", &[0u32; 20])]
 }
 
-/// The integral of the density over the line, and over its first `length` metres behind the edge of the grid.
+/// The integral of the density over the line, and over the first `length` metres after the line enters the grid.
 fn march(grid: &DensityGrid, o: DVec3, d: DVec3, length: f64) -> [f64; 2] {
     const STEPS: u32 = 40_000;
     let prepared = PreparedGrid::new(grid);

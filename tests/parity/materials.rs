@@ -97,7 +97,7 @@ impl Set {
         let m = &self.kinds[material];
         let f0 = f64::from((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
         let f0 = m.specular_color.map(|color| (f0 * f64::from(color)).min(1.0));
-        // A lobe of another width replaces the retroreflector's where there is none; its share is 0.
+        // A material without a retroreflector gets one with a share of 0, whose width does not matter.
         let retroreflector = m.retroreflector.unwrap_or(Retroreflector { share: 0.0, angle: 1.0 });
         let half = (0.5 * f64::from(retroreflector.angle)).to_radians().tan();
         let share = retroreflector.share.into();
@@ -141,7 +141,7 @@ impl Reference<'_> {
         if (w.z > 0.0) == front { 1.0 } else { self.ior }
     }
 
-    /// The direction whose half vector with the known direction determines the lobe: at a retroreflector, the mirror image of `d`.
+    /// The direction that forms the half vector with the known direction: `d`, or at a retroreflector the mirror image of `d`.
     pub fn facing_lobe(&self, d: DVec3) -> DVec3 {
         if self.share > 0.0 { mirrored(d) } else { d }
     }

@@ -51,7 +51,7 @@ struct Ray {
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Draw {
     u: [f32; 2],
-    /// 0: of a light subpath; 1: of a sensor subpath; 2: of a sensor subpath, guided into the gate.
+    /// 0: flight on a light subpath; 1: on a sensor subpath; 2: on a sensor subpath, guided into the gate.
     kind: u32,
     pad: u32,
 }
@@ -66,7 +66,7 @@ struct Flight {
     pad: [u32; 2],
 }
 
-/// A box of coloured fog, and a smaller one that reaches out of it and counts where the two overlap.
+/// A box of coloured fog, and a smaller box that extends beyond it. Where they overlap, only the smaller box counts.
 fn media() -> [Medium; 2] {
     let large = Medium {
         lo: [-2.0, -1.0, -1.0],
@@ -152,7 +152,7 @@ fn flights(kind: u32, gate: [f32; 2]) -> Vec<Flight> {
     FLIGHT.run(&draws, &buffers)
 }
 
-/// The distance from the start of the flights at which `path` reaches the lamp by way of an event there.
+/// Distance from the start of the flights to the event from which a path to the lamp has the total length `path`.
 fn reach(path: f64) -> f64 {
     let (mut lo, mut hi) = (0.0, 10.0);
     for _ in 0..60 {
@@ -163,7 +163,7 @@ fn reach(path: f64) -> f64 {
     lo
 }
 
-/// Checks the means of the flights: the end of the ray has `transmitted`, the events have `scattered`.
+/// Checks the mean weights of the flights: `transmitted` at the end of the ray, `scattered` at events.
 fn check(name: &str, found: &[Flight], transmitted: DVec3, scattered: DVec3) {
     for (events, expected) in [(0, transmitted), (1, scattered)] {
         let n = found.len() as f64;
@@ -191,7 +191,7 @@ fn flights_have_the_mean_of_the_transmittance_and_of_the_scattered_light() {
     }
 }
 
-/// Where the gate ends before the ray does, no flight reaches the end of the ray, and no event is too late.
+/// If the gate ends before the ray does, no flight reaches the end of the ray, and no event is too late.
 #[test]
 fn guided_flights_end_inside_the_gate() {
     let last = reach(6.0 - 0.5);

@@ -290,7 +290,7 @@ fn assert_none(name: &str, wrong: &[String]) {
     assert!(wrong.is_empty(), "{name}: {} wrong\n{shown}", wrong.len());
 }
 
-/// Whether `connect` may get this pair. Pairs whose positions differ only by rounding are dropped before
+/// Whether `connect` may get this pair. Pairs whose positions differ only by rounding are dropped earlier
 /// (`slots.wgsl: can_connect`).
 fn apart(q: &PathVertex, v: &PathVertex) -> bool {
     let size = dvec(&q.position).abs().max_element();

@@ -41,7 +41,7 @@ fn functions() -> [Vec<PhaseFunction>; 2] {
     let lobe = |g| PhaseFunction::HenyeyGreenstein { g };
     let table =
         |cosines: &[f64], values: &[f64]| PhaseFunction::Table { cosines: cosines.into(), values: values.into() };
-    // A hundred nodes with a narrow forward peak, as of droplets.
+    // A hundred nodes with a narrow forward peak, as droplets have.
     let many: Vec<f64> = (0..=100).map(|i| 1.0 - 2.0 * (f64::from(100 - i) / 100.0).powi(3)).collect();
     let peak: Vec<f64> = many.iter().map(|c| Phase::new(&lobe(0.9)).density(*c) + 0.1 * (1.0 - c).powi(4)).collect();
     let single = vec![
@@ -93,7 +93,7 @@ fn evaluate(functions: &[PhaseFunction], count: u32) -> Vec<(Angle, [f32; 2])> {
     inputs.into_iter().zip(found).collect()
 }
 
-/// Whether the share of the light up to each sampled cosine is the number with which the cosine was sampled.
+/// Whether the cumulative distribution at each sampled cosine equals the random number from which the cosine was sampled.
 fn samples_agree(phase: &Phase, results: &[(Angle, [f32; 2])], wrong: f64) -> bool {
     // The density has kinks, so its integral is summed over the intervals between the sorted cosines.
     let mut sorted: Vec<(f64, f64)> =

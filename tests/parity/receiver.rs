@@ -22,7 +22,7 @@ const GLOSS: ShaderFunction = ShaderFunction {
 };
 
 /// The factor equals its formula and integrates to pi / (1 + width / 4) over the sphere. This is less than pi, the integral of
-/// the cosine of a diffuse surface, so a glossy surface does not count more light.
+/// the cosine of a diffuse surface, so a glossy surface counts no more light than a diffuse one.
 #[test]
 fn gloss_has_the_lobe_of_its_width() {
     let mut pcg = Pcg::new(11);
@@ -65,7 +65,7 @@ const RECEIVER: ShaderFunction = ShaderFunction {
 };
 
 /// A receiver has the mirrored direction, a lobe twice as wide as the slopes of the facets, and the probability of the glossy
-/// lobe (at most 0.9). If a retroreflector lies there, it has the lobe of the retroreflector.
+/// lobe (at most 0.9). A receiver on a retroreflector has the lobe of the retroreflector.
 #[test]
 fn a_receiver_has_the_gloss_of_its_material() {
     let mut pcg = Pcg::new(12);

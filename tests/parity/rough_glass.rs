@@ -1,5 +1,5 @@
-//! Rough glass of the oracle, which samples facets, against the lobe of Walter et al. 2007, which the device evaluates. Both
-//! are computed in f64.
+//! Rough glass: the oracle samples facets, and the device evaluates the lobe of Walter et al. 2007. The test compares both in
+//! f64.
 
 use std::f64::consts::TAU;
 
@@ -9,8 +9,8 @@ use taugate::internals::generate::numbers::Pcg;
 use crate::materials::{Reference, set};
 use crate::values::polar;
 
-/// Integrates the lobe over a grid of directions. Returns the reflected power, the reflected power weighted with (1 + x) / 2
-/// of its direction, then both for the transmitted power.
+/// Integrates the lobe over a grid of directions. Returns the reflected power, the reflected power weighted with (1 + x) / 2,
+/// and the same two for the transmitted power. x is the first coordinate of the direction.
 fn by_lobe(reference: &Reference, wo: DVec3, front: bool) -> [f64; 4] {
     const STEPS: [usize; 2] = [800, 400];
     let mut sums = [0.0; 4];

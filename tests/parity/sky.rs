@@ -114,7 +114,7 @@ fn the_device_sees_the_texels_of_the_image() {
     }
 }
 
-/// Sampled directions lie in texels as often as the density says, and the poles are no exception.
+/// Sampled directions lie in texels as often as the density says, also at the poles.
 #[test]
 fn directions_are_sampled_with_the_stated_density() {
     const SAMPLES: usize = 400_000;
@@ -125,7 +125,7 @@ fn directions_are_sampled_with_the_stated_density() {
             (0..SAMPLES).map(|_| [0; 4].map(|_| (pcg.uniform() * 4_294_967_296.0) as u32)).collect();
         let samples: Vec<Sampled> = SAMPLE.run(&inputs, &[contents("sky", &table), frame(|_| ())]);
         let total = total(&image);
-        // A quarter of each texel, so that the place in the texel counts too.
+        // Cells are quarters of texels, so that the position in the texel is tested too.
         let (width, height) = (2 * image.width as usize, 2 * image.height as usize);
         let mut counts = vec![0.0f64; width * height];
         let mut weight = 0.0f64;

@@ -189,7 +189,7 @@ const KEPT: [[f32; 3]; 4] = [[1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], 
 /// The weights of all strategies for every path, indexed by s; -1 where a strategy is not formed. `sample_count` is the
 /// number of samples that the connection strategy takes at a random light vertex.
 fn weights(kept: [f32; 3], sample_count: f32, constants: &[(&str, f64)], paths: &[Path]) -> Vec<[f32; 12]> {
-    // Of two buffers with one name, the first is bound; `buffers` also has a frame.
+    // If two buffers have the same name, the first is bound. `buffers` also returns a `frame`.
     let mut all = vec![frame(|f| {
         f.forward = [0.0, 0.0, -1.0];
         (f.pixel_area, f.splat_sample_count) = (0.05, 3.0);
@@ -266,7 +266,7 @@ fn sum_to_one(orthographic: bool) {
     }
 }
 
-/// With ellipsoidal connections. Results 7 to 10 are the weights of those with auxiliary vertex 1 to 4.
+/// The same with ellipsoidal connections. Results 7 to 10 are the weights of connections through auxiliary vertices 1 to 4.
 #[test]
 fn weights_with_ellipsoidal_connections_sum_to_one() {
     let mut pcg = Pcg::new(152);

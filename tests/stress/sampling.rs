@@ -44,8 +44,8 @@ fn slope(side: u32, steps: u32) -> f64 {
     slope
 }
 
-/// The relMSE of p pixels has a relative standard error of sqrt(2 / p), so the slope over four factors of 4 has one of about
-/// 0.03.
+/// The relMSE of p pixels has a relative standard error of sqrt(2 / p), so the standard error of the slope over four
+/// factors of 4 is about 0.03.
 #[test]
 fn errors_fall_with_the_samples() {
     assert!((slope(20, 4) + 1.0).abs() < 0.1);
