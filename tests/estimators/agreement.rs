@@ -56,8 +56,8 @@ pub fn is_long() -> bool {
     std::env::var_os("TAUGATE_ALL_ESTIMATORS").is_some()
 }
 
-/// All estimators evaluate materials, media and cameras with the same functions. So only the two estimators
-/// with the least code in common check such a feature. Long runs ([`is_long`]) use all estimators that can render the scene.
+/// All estimators evaluate materials, media and cameras with the same functions. So only the two estimators that have the least in
+/// common check such a feature. Long runs ([`is_long`]) use all estimators that can render the scene.
 pub fn feature_estimators(scene: &Scene) -> Vec<Estimator> {
     if is_long() {
         return estimators(scene);

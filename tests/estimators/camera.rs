@@ -137,7 +137,7 @@ fn a_moved_camera_has_its_own_bounds() {
     assert!(renderer.set_camera(&back(0.9)).unwrap());
 }
 
-/// A preview shares the prepared scene with the full renderer, but moves the camera and the headlamp without it.
+/// A preview shares the prepared scene with the full renderer, but moves only its own camera and headlamp.
 #[test]
 fn a_headlamp_moves_with_the_camera_of_a_preview() {
     let with_headlamp = |camera: Camera| {

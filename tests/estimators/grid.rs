@@ -40,7 +40,7 @@ fn images(scene: &Scene) -> Vec<f32> {
     [[5.0, 5.8], [5.8, 6.6], [0.0, f64::INFINITY]].into_iter().flat_map(&mut image).collect()
 }
 
-/// Share of the lit values that differ by more than 1e-4 of themselves.
+/// Fraction of the lit values with a relative difference above 1e-4.
 fn share_that_differs(a: &[f32], b: &[f32]) -> f64 {
     let lit = || a.iter().zip(b).filter(|(a, b)| a.max(**b) > 0.0);
     lit().filter(|(a, b)| (*a - *b).abs() > 1e-4 * a.max(**b)).count() as f64 / lit().count() as f64

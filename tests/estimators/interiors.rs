@@ -91,8 +91,8 @@ fn light_of_a_bulb_in_glass_scatters_as_the_closed_form_says() {
     }
 }
 
-/// Two balls of glass that scatter: a rough one with an opaque cube inside, and a smooth one with a lamp inside. `density` multiplies
-/// the coefficients.
+/// Two balls of scattering glass: a rough one with an opaque cube inside, and a smooth one with a lamp inside. `density`
+/// multiplies the coefficients.
 fn balls(density: f64) -> Scene {
     let mut scene = Scene::default();
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);

@@ -19,7 +19,7 @@ const INTENSITY: f32 = 3.0;
 const BASE: f32 = 0.6;
 const DISTANCE: f64 = 20.0;
 const SHARE: f32 = 0.3;
-/// Degrees.
+/// Angle of the retroreflector, in degrees.
 const ANGLE: f32 = 0.5;
 
 /// A plate at [`DISTANCE`] on the axis of a camera whose view is half a degree wide. The normal is turned away from the camera by

@@ -114,7 +114,7 @@ fn the_upper_half_of_the_sky_lights_walls_half_as_much_as_floors() {
         let v = normal.cross(u);
         let plane = quad(-0.5 * (u + v), u, v, [1.0; 2]);
         let mut scene = under_the_sky(vec![(diffuse("grey", [albedo; 3]), plane)], normal + u * 0.01, 0.4);
-        // A floor under an image with several columns is a test of the azimuths too: the bright texels have twice the radiance.
+        // With several columns, the floor also tests azimuths: the bright texels have twice the radiance.
         let (bright, dark) = ([2.0, 2.0, 2.0], [0.0; 3]);
         let rgb = [bright, dark, bright, dark, dark, dark, dark, dark].to_vec();
         scene.sky = Some(SkyImage { width: 4, height: 2, rgb });

@@ -348,7 +348,7 @@ fn white_fog_vanishes_under_an_even_sky() {
 
 #[test]
 fn a_sun_shines_through_a_slab() {
-    // Two slabs of absorption, above and to the side of a white floor. The sun's ray only meets the one above.
+    // Two slabs of absorption, above and to the side of a white floor. Rays to the sun only meet the slab above.
     let slab = |lo: DVec3, hi: DVec3| Medium { bounds: Some([lo, hi]), ..medium(0.0, 0.5, HG) };
     let far = 1e3;
     let mut scene = foggy(slab(DVec3::new(-far, 300.0, -far), DVec3::new(far, 301.0, far)), 0.1);

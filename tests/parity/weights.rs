@@ -203,7 +203,7 @@ fn weights(kept: [f32; 3], sample_count: f32, constants: &[(&str, f64)], paths: 
 }
 
 /// Indices of the paths whose weights do not sum to 1 if the strategy s = `without` is left out, and the number of paths for
-/// which that strategy was formed. If `length` is given, only paths with so many segments count.
+/// which that strategy was formed. If `length` is given, only paths with this many segments count.
 fn wrong(
     results: &[[f32; 12]],
     segments: &[usize],

@@ -1,6 +1,6 @@
-//! Tests of the tree query. An independent walk on the host computes the probability of drawing each vertex. The tests compare
-//! that with the probabilities that the device returns, with how often the device draws each vertex, and with the mean of its
-//! estimates. Every vertex inside the gate must have a probability above 0.
+//! Tests of the tree query. An independent walk on the host computes the probability of drawing each vertex. The tests check the
+//! probabilities that the device returns, how often it draws each vertex, and the mean of its estimates. Every vertex inside the
+//! gate must have a probability above 0.
 
 #[path = "../common/device.rs"]
 mod device;
