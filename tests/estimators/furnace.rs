@@ -48,7 +48,7 @@ fn sphere(albedo: f32) -> (Scene, f64) {
     (scene, truth)
 }
 
-/// Chords have a mean length of 4/3 m in the sphere and of 4 V / S = 0.78 m in the room, so light in these gates has been
+/// Chords have a mean length of 4/3 m in the sphere and of 4 V / S = 0.8 m in the room, so light in these gates has been
 /// reflected over 100 times.
 const SPHERE_GATE: Gate = Gate { lo: 140.0, hi: 142.0 };
 const ROOM_GATE: Gate = Gate { lo: 84.0, hi: 94.0 };

@@ -37,7 +37,7 @@ fn a_lit_floor_has_the_radiance_of_the_closed_form() {
             let truth = pooled((lo, hi));
             let brightest = truth.iter().copied().fold(0.0, f64::max);
             let wrong = |truth: &[f64]| {
-                // A cell with a hundredth of the light of the brightest one has too few paths for a test.
+                // A cell with less than a hundredth of the brightest cell's light has too few paths for a test.
                 let tested = (0..truth.len()).filter(|&i| truth[i] > 0.01 * brightest);
                 let z = |i: usize| ((cells.mean(i) - truth[i]).abs() - 1e-3 * brightest) / cells.variance(i).sqrt();
                 tested.filter(|&i| z(i) > threshold(truth.len() * GATES.len())).collect::<Vec<_>>()
@@ -45,7 +45,7 @@ fn a_lit_floor_has_the_radiance_of_the_closed_form() {
             let sums = [cells.whole().0, truth.iter().sum::<f64>() / truth.len() as f64];
             eprintln!("{estimator} [{lo}, {hi}): {sums:?}");
             assert!(sums[0] > 0.0 && wrong(&truth).is_empty(), "{estimator} [{lo}, {hi}): cells {:?}", wrong(&truth));
-            // Negative control: travel times that end 10 cm too late.
+            // Negative control: gates that are 10 cm too late.
             assert!(hi.is_infinite() || !wrong(&pooled((lo + 0.1, hi + 0.1))).is_empty(), "{estimator} [{lo}, {hi})");
         }
     }

@@ -57,7 +57,7 @@ fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
     let mean = means.iter().sum::<f64>() / means.len() as f64;
     let found = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (means.len() - 1) as f64;
     // A variance that is estimated from 32 values has a relative standard deviation of 25 %. The mean of the 32 stated variances
-    // has less than half of that.
+    // has less than half that deviation.
     let ratio = stated / found;
     assert!((0.45..2.2).contains(&ratio), "stated variance / variance between seeds = {ratio:.2}");
 }

@@ -26,8 +26,8 @@ fn batches(renderer: &mut Renderer, gate: Gate, seed: u32, iterations: u32, samp
     renderer.film().cells().clone()
 }
 
-/// Compares `pairs` pairs of renders with different seeds per estimator. Returns how many pairs differ at the stated significance
-/// and at 5 %, and the number of pairs.
+/// Compares `pairs` pairs of renders per estimator, all with different seeds. Returns how many pairs differ at the stated
+/// significance and at 5 %, and the number of pairs.
 fn alarms(pairs: u32, estimators: &[Estimator], samples: u32) -> [usize; 3] {
     let scene = build(Kind::CornellBox);
     let mut counts = [0; 3];
@@ -90,7 +90,7 @@ fn small_errors_are_found() {
 fn the_variances_of_pixels_are_not_enough() {
     let scene = build(Kind::CornellBox);
     let mut r = prepared(&scene, Estimator::LcsPaper);
-    // A variance from 32 batches has a relative error of a quarter, the mean over eight seeds of a tenth.
+    // A variance from 32 batches has a relative error of a quarter. Its mean over eight seeds has an error of a tenth.
     let (mut shared, mut added) = (0.0, 0.0);
     for seed in 5..13 {
         let cells = batches(&mut r, GATE, seed, 32, 2);

@@ -10,7 +10,7 @@ use super::{image, sum};
 /// Distance of the plane in metres. It is no power of two, and all travel times in view (about twice the distance) have the same
 /// f32 exponent.
 const DISTANCE: f64 = 870.0;
-/// Field of view in radians. The light in view arrives over about 700 f32 steps of 2^-13 m.
+/// Field of view in radians. The rings that are completely in view span about 700 f32 steps of 2^-13 m.
 const YFOV: f64 = 0.0195;
 /// Distance of neighbouring f32 numbers between 1024 m and 2048 m, in metres.
 const STEP: f64 = 1.0 / 8192.0;
