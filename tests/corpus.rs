@@ -15,7 +15,7 @@ use taugate::internals::generate::numbers::Pcg;
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Damaged copies of all files of a reader together.
+/// Number of damaged copies per reader.
 const COPIES: usize = 500;
 
 /// `bytes` with a few changes: bytes replaced, bits flipped, parts removed, doubled or taken from `other`.
@@ -43,7 +43,7 @@ fn damaged(bytes: &[u8], other: &[u8], pcg: &mut Pcg) -> Vec<u8> {
     copy
 }
 
-/// One test, because the memory that is counted is that of the whole process.
+/// One test for all readers, because it measures the memory of the whole process.
 #[test]
 fn damaged_files_are_survived() {
     let mut pcg = Pcg::new(22);

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import glb
 
 MODES = {0: "points", 1: "lines", 2: "lines", 3: "lines", 5: "triangle strips", 6: "triangle fans"}
-# Feature, words of the messages that name it. Extensions are named by themselves.
+# For each feature, the words by which messages name it. Messages contain the names of extensions.
 WORDS = {
     "normal textures": "normal textures", "metallic-roughness textures": "metallic-roughness textures",
     "vertex colours": "vertex colours", "skins": "skin", "morph targets": "morph", "animations": "animation",

@@ -3,7 +3,7 @@
     pip install numpy bpy==5.0.1           # Python 3.11
     python3 benches/corpus/made.py FOLDER [NAME...]
 
-Without names it makes all of them. The exporter's version decides the bytes.
+Without names it makes all of them. The bytes depend on the exporter's version.
 """
 import math
 import sys

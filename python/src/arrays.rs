@@ -24,7 +24,7 @@ pub struct Mesh<'py> {
     material: u32,
 }
 
-/// What may change between renders without new meshes.
+/// The part of a scene that may change between renders without new meshes.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Objects {
@@ -78,7 +78,7 @@ impl MaterialSpec {
     }
 }
 
-/// The scene of materials, textures (row 0 at the top) and meshes, without placements.
+/// The scene of materials, textures (row 0 at the top) and meshes, without instances.
 pub fn scene(materials: &str, textures: Vec<PyReadonlyArray3<'_, u8>>, meshes: Vec<Mesh>) -> Result<Scene> {
     let materials: Vec<MaterialSpec> = parsed("the materials", materials)?;
     let mut scene = Scene::default();
@@ -113,7 +113,7 @@ pub fn scene(materials: &str, textures: Vec<PyReadonlyArray3<'_, u8>>, meshes: V
 }
 
 impl Objects {
-    /// Places meshes, lights and what may move, and forgets those before.
+    /// Replaces the instances and lights of the scene, and the names of instances that may move.
     pub fn place(self, scene: &mut Scene) -> Result<()> {
         let lights: Vec<LightTable> = parsed("the lights", &self.lights)?;
         let lights = lights.iter().enumerate().map(|(k, table)| table.light(k + 1));

@@ -22,7 +22,7 @@ use crate::errors::{Failure, Result};
 use crate::shared::feasible;
 use crate::shared::ready::Ready;
 
-/// How long the calling thread waits for a step before it asks Python for interrupts. They reach only the main thread.
+/// How long the calling thread waits for a step before it asks Python for interrupts. Python reports them only in the main thread.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 static DEVICES: Mutex<Option<Devices>> = Mutex::new(None);
@@ -80,7 +80,7 @@ pub fn prepare(
     if aov == Aov::default()
         && let Some(before) = before.filter(|ready| ready.renderer.has_response_variance() == has_variance)
     {
-        // The device is open, so this cannot fail.
+        // The renderer `before` needs its device, so this device is usually open.
         if let Some(ready) = before.follow(&device(device_name)?, scene.clone(), settings)? {
             return Ok(Prepared { ready, layers: Layers::default() });
         }
@@ -105,7 +105,7 @@ pub fn prepare(
     Ok(Prepared { ready: Ready { renderer, scene, settings, prepared: Some(prepared), warnings }, layers })
 }
 
-/// Whether a black image is no mistake.
+/// Whether a black image is accepted without an error.
 pub fn may_be_dark(experiment: &Experiment, settings: &Settings) -> bool {
     experiment.gate.force.unwrap_or(false) || settings.responses().are_steady()
 }
@@ -120,8 +120,8 @@ pub struct Step {
 }
 
 /// Runs `work` in a thread of its own. The calling thread passes each step to `progress`, and asks Python for interrupts. If
-/// either raises an exception, this thread sets the flag that `work` gets, and waits for `work` to end. Returns the result of `work`
-/// and the exception.
+/// `progress` or Python raises an exception, the calling thread sets the flag that `work` gets, and waits for `work` to end. Returns
+/// the result of `work` and the exception.
 pub fn watched<T: Send>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(Sender<Step>, &Arc<AtomicBool>) -> T + Send,
@@ -188,7 +188,7 @@ fn add(
     started: Instant,
 ) -> Result<()> {
     let budget = settings.budget();
-    // With several responses, no iteration is abandoned: this would clear their images.
+    // An abandoned iteration would clear the images of several responses, so such a render finishes its iteration.
     let never = Arc::default();
     loop {
         let (film, elapsed) = (renderer.film(), started.elapsed());
@@ -209,7 +209,7 @@ fn add(
             Budget::Spp(spp) => done as f64 / f64::from(spp),
             Budget::Seconds(all) => seconds / all,
         };
-        // Nobody listens after an exception.
+        // `watched` keeps the receiver until this thread ends, so this cannot fail.
         let _ = steps.send(Step { fraction: fraction.min(1.0), samples: done, seconds });
     }
 }

@@ -16,7 +16,7 @@ pub type Words = (String, Vec<String>);
 /// Settings under the heading Output that a render in Python has.
 const OUTPUTS: [&str; 2] = ["aov", "variance"];
 
-/// The experiment of the flags. Fails if there is no such flag, if a word is no value of it, or if two flags exclude each other.
+/// The experiment of the flags. Fails if there is no such flag, if a word is not a valid value, or if two flags exclude each other.
 pub fn experiment(flags: &[Words]) -> Result<Experiment> {
     for (k, (name, _)) in flags.iter().enumerate() {
         let excluding = excluding(name);
@@ -42,7 +42,7 @@ struct Set<'a> {
 
 impl Visitor for Set<'_> {
     fn visit<T: Value>(&mut self, setting: &'static Setting, slot: &mut Option<T>) {
-        // Settings in a list of tables `[[medium]]` have the same names as flags. The visit begins with the flags.
+        // Settings in tables `[[medium]]` have the same names as flags. The visit begins with the flags, so the first match counts.
         if setting.name != self.name || self.found.is_some() {
             return;
         }
@@ -52,7 +52,7 @@ impl Visitor for Set<'_> {
     }
 }
 
-/// The message of the command line about a word that is no value of a flag.
+/// The message of the command line about a word that is not a valid value of a flag.
 fn wrong(setting: &Setting, word: &str, message: &str) -> String {
     let flag = match (setting.form, setting.value) {
         (Form::Switch, _) | (_, "") => format!("--{}", setting.name),

@@ -21,7 +21,7 @@ use crate::sums::{bytes, read};
 /// A finished or interrupted render.
 #[pyclass(frozen, name = "NativeImage", module = "taugate._native")]
 pub struct Image {
-    /// The images and their description. Its fingerprint of the scene is empty unless the sums come from `taugate.farm`.
+    /// The images and their description. The description has no fingerprint of the scene, unless the sums come from `taugate.farm`.
     pub sums: Accumulation,
     pub responses: Responses,
     pub layers: Layers,

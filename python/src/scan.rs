@@ -106,12 +106,12 @@ struct Measuring<'a> {
     film: ScanFilm,
     /// Number of laser points measured so far.
     measured: usize,
-    /// Samples of each pair of points.
+    /// Samples per pair of points.
     samples: u64,
 }
 
 impl Measuring<'_> {
-    /// Measures one laser point after the other, until `stop` is true. The point that `stop` interrupts does not count.
+    /// Measures one laser point after the other, until `stop` is true. A point that `stop` interrupts is left out.
     fn run(&mut self, renderer: &mut Renderer, steps: &Sender<Step>, stop: &Arc<AtomicBool>) -> Result<()> {
         let (started, count) = (Instant::now(), self.scan.laser_points.len());
         let laser = self.scene.lights.len() - 1;
@@ -131,7 +131,7 @@ impl Measuring<'_> {
             self.film.set(self.measured, renderer.film(), renderer.responses());
             (self.measured, self.samples) = (self.measured + 1, renderer.film().samples());
             let fraction = self.measured as f64 / count as f64;
-            // Nobody listens after an exception.
+            // `watched` keeps the receiver until this thread ends, so this cannot fail.
             let _ = steps.send(Step { fraction, samples: self.samples, seconds: started.elapsed().as_secs_f64() });
         }
         Ok(())

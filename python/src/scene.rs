@@ -44,17 +44,18 @@ pub struct NativeScene {
 struct State {
     /// Settings of the file and of the scene itself; a render adds its own.
     base: Experiment,
-    /// What the render before has read.
+    /// The scene of the file or the arrays, without the changes in `moved`.
     scene: Scene,
     /// How the file was read; `None` for arrays.
     input: Option<InputTable>,
-    /// Names of nodes that may move, and where those that have moved stand.
+    /// Names of the nodes of the file that may move.
     moves: Vec<String>,
+    /// Transforms of the nodes that were moved.
     moved: BTreeMap<String, DAffine3>,
     ready: Option<Ready>,
 }
 
-/// A render that needs no more choices.
+/// A render with all settings resolved.
 pub struct Job {
     pub experiment: Experiment,
     pub scene: Scene,
@@ -73,7 +74,7 @@ impl NativeScene {
         Ok(NativeScene::new(state))
     }
 
-    /// A scene of meshes and materials without any placement, light or camera. `materials` is JSON.
+    /// A scene of meshes and materials without any instance, light or camera. `materials` is JSON.
     #[staticmethod]
     fn from_arrays(
         materials: &str,
@@ -87,7 +88,7 @@ impl NativeScene {
         Ok(NativeScene::new(state))
     }
 
-    /// Replaces all placements, lights and media of a scene of arrays.
+    /// Replaces all instances and lights of a scene of arrays.
     fn place(&self, py: Python<'_>, objects: Objects) -> PyResult<()> {
         py.detach(|| {
             let mut state = self.state()?;
@@ -97,7 +98,7 @@ impl NativeScene {
         Ok(())
     }
 
-    /// Moves the node `name`; `matrix` is its world from mesh space, row by row.
+    /// Moves the node `name`. `matrix` maps mesh space to world space, row by row.
     fn set_transform(&self, py: Python<'_>, name: &str, matrix: [[f64; 4]; 4]) -> PyResult<()> {
         py.detach(|| {
             let mut state = self.state()?;
@@ -191,8 +192,8 @@ impl NativeScene {
         NativeScene { state: Mutex::new(state), renders: Mutex::new(None) }
     }
 
-    /// Waits until no other thread uses the scene. Fails in a function that this thread calls while it renders the scene: it would
-    /// wait for ever.
+    /// Waits until no other thread uses the scene. Fails if this thread renders the scene, as in a progress function: the thread would
+    /// wait for itself.
     fn state(&self) -> Result<MutexGuard<'_, State>> {
         if *lock(&self.renders) == Some(thread::current().id()) {
             return Err(settings(
@@ -227,7 +228,7 @@ impl NativeScene {
         Ok(Some(fingerprint::of_files(&files)?))
     }
 
-    /// A render that needs no more choices.
+    /// The render with these flags, with all settings resolved.
     pub fn job(&self, flags: &[Words]) -> Result<Job> {
         self.state()?.job(flags)
     }
@@ -357,7 +358,7 @@ impl State {
     }
 }
 
-/// Percentiles of the travel times of all light, in metres: first, 5, 50, 95 and last. And a gate around the median, which shows light.
+/// Percentiles of the travel times of all light in metres (first, 5, 50, 95 and last), and a gate around the median that shows light.
 fn arrivals(job: &Job) -> Result<(Option<[f64; 5]>, Option<String>)> {
     let settings = &job.resolved.settings;
     let prepared = PreparedScene::new(&job.scene, settings)?;

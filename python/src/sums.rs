@@ -38,7 +38,7 @@ impl Sums {
         Ok(PyBytes::new(py, &bytes))
     }
 
-    /// Adds another part of the same render, which has other iterations.
+    /// Adds a part of the same render with other iterations.
     fn merge(&self, py: Python<'_>, other: &Sums) -> PyResult<()> {
         if std::ptr::eq(self, other) {
             return Err(settings("sums cannot be merged with themselves").into());
@@ -84,7 +84,7 @@ impl Sums {
 }
 
 /// Fails with one sentence if the render of `scene` with `flags` cannot be divided into parts. Returns the fingerprint of the files,
-/// and the samples per pixel or else the seconds of the settings. The fingerprint is `None` if the scene is from arrays or has moved
+/// and the budget of the settings: samples per pixel, or seconds. The fingerprint is `None` if the scene is from arrays or has moved
 /// nodes.
 #[pyfunction]
 pub fn check_parts(
@@ -118,8 +118,8 @@ pub fn check_parts(
     Ok(checked?)
 }
 
-/// Renders the iterations `begin` to `end` (not included) of a render, as bytes of a file `.acc` without the state of adaptive sampling. With `spp`, the render ends after so many
-/// samples per pixel. `contents` identifies the scene.
+/// Renders the iterations `begin` to `end` (not included) of a render. Returns the bytes of a file `.acc`, without the state of
+/// adaptive sampling. `spp` limits the samples per pixel of the whole render. `contents` identifies the scene.
 #[pyfunction]
 pub fn accumulate<'py>(
     py: Python<'py>,
@@ -144,7 +144,7 @@ pub fn accumulate<'py>(
             let render = about(settings, printed, contents)?;
             let about = renderer.about(&render, started.elapsed().as_secs_f64());
             let (film, responses) = (renderer.film(), renderer.responses());
-            // Each part adapts by itself, so nobody needs what it has learned.
+            // Each part adapts by itself, so no other part needs the state of its adaptive sampling.
             bytes(Parts { about: &about, film, responses, adaptive: None, layers: &Layers::default() })
         })
     })?;
@@ -174,7 +174,8 @@ pub fn developed(py: Python<'_>, scene: &NativeScene, flags: Vec<Words>, sums: &
     Ok(image?)
 }
 
-/// Number of the iteration after `begin` at which a part ends that has at least `samples` samples per pixel, and their number.
+/// The end (not included) of a part that begins at iteration `begin` and has at least `samples` samples per pixel. Also returns the
+/// number of these samples.
 #[pyfunction]
 pub fn part(begin: u32, samples: f64) -> (u32, u64) {
     let mut end = begin + 1;
@@ -190,7 +191,7 @@ pub fn samples_before_iteration(number: u32) -> u64 {
     samples_before(number)
 }
 
-/// What the sums of a render are of, before its first iteration. `printed` is its experiment as TOML.
+/// The description of the sums of a render, before its first iteration. `printed` is the experiment as TOML.
 fn about(settings: &Settings, printed: &str, contents: String) -> Result<About> {
     let experiment = Experiment::parse(printed).map_err(|e| crate::errors::settings(e.to_string()))?;
     let experiment = experiment.with_absolute_paths()?;

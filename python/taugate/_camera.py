@@ -19,8 +19,8 @@ class Camera:
     OpenGL, Blender and glTF: y up, z backward. Lengths are in metres.
 
     ``resolution`` is (width, height) of the whole image. ``fov`` is the vertical field of view in degrees; an orthographic camera has the
-    ``height`` of its view in metres instead. ``principal_point`` is where the axis meets the image, as fractions of width and height from the
-    top left corner. ``crop`` (x0, x1, y0, y1) is the part that was rendered; ``None``: all.
+    ``height`` of its view in metres instead. ``principal_point`` is where the optical axis meets the image, as fractions of width and
+    height from the top left corner. ``crop`` (x0, x1, y0, y1) is the part that was rendered; ``None``: all.
     """
 
     world_from_camera: np.ndarray
@@ -125,7 +125,7 @@ class Camera:
         return self.world_from_camera[:3, 3] + np.asarray(depth, float)[..., None] * self.rays()
 
     def project(self, points):
-        """Pixels (..., 2) and z (...) of world positions (..., 3). Pixels of the camera's own place are NaN."""
+        """Pixels (..., 2) and z (...) of world positions (..., 3). The camera's own position gives NaN."""
         local = np.asarray(points, float) @ self.camera_from_world[:3, :3].T + self.camera_from_world[:3, 3]
         pixels = local @ self.K.T
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -37,7 +37,7 @@ class _Result:
 
     @property
     def settings(self):
-        """All settings with their defaults, as an experiment file (TOML) of the program. It holds neither arrays nor what was moved."""
+        """All settings with their defaults, as an experiment file (TOML) of the program, without arrays and the transforms of moved objects."""
         return self._native.settings
 
     @property
@@ -88,7 +88,7 @@ class _Result:
 
     def save(self, path, exposure=None):
         """Writes the files of the program: ``.exr``, or ``.npy`` with a description ``.json`` and variances ``.variance.npy``, or a picture
-        ``.png`` with this exposure in stops (``None``: automatic). Results of ``taugate.farm`` also have sums (``.acc``)."""
+        ``.png`` with this exposure in stops (``None``: automatic). Only results of ``taugate.farm`` can be saved as sums (``.acc``)."""
         self._native.save(path, exposure)
 
 
@@ -169,8 +169,8 @@ class Histogram(_Result):
         return self.gates.mean(axis=1)
 
     def to_mitransient(self):
-        """The pair (steady, transient) that ``mi.render`` of mitransient gives: (H, W, 3) and (H, W, T, 3). Its film is described by
-        :meth:`mitransient_film`."""
+        """The pair (steady, transient) that ``mi.render`` of mitransient gives: (H, W, 3) and (H, W, T, 3).
+        :meth:`mitransient_film` gives the settings of the film."""
         return self.pixels.sum(axis=2), self.pixels
 
     def mitransient_film(self):

@@ -11,7 +11,7 @@ from ._errors import SceneError, SettingsError
 from ._material import Material
 from ._scene import Scene
 
-# Parts around a circle of shapes that become triangles.
+# Segments per circle, for shapes that become triangles.
 PARTS = 64
 KINDS = (
     "SmoothDiffuse", "SmoothPlastic", "RoughPlastic", "SmoothConductor", "RoughConductor", "SmoothDielectric", "RoughDielectric",
@@ -65,7 +65,7 @@ class _Reader:
         return otherwise if not name or name.startswith("_") else name
 
     def values(self, item, prefix=""):
-        """The parameters of an object by name, without those of nested objects."""
+        """The parameters of an object and of its nested objects, by name."""
         found = self.mi.traverse(item)
         return {key: found[key] for key in found.keys()}
 
@@ -120,7 +120,7 @@ class _Reader:
         corners = vertices[triangles]
         crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         crosses /= np.maximum(np.linalg.norm(crosses, axis=1, keepdims=True), 1e-300)
-        # The triangle of the point: the sum of the solid angles is not needed, because the nearest centre with the nearest plane will do.
+        # Finds the triangle of the point: its plane contains the point, and among such triangles its centre is the nearest.
         offset = point - corners.mean(axis=1)
         size = np.abs(corners - corners.mean(axis=1, keepdims=True)).max()
         distance = np.abs((offset * crosses).sum(axis=1)) / size + 1e-3 * np.linalg.norm(offset, axis=1) / size
@@ -135,7 +135,7 @@ class _Reader:
         if kind is None or (bsdf.class_name() not in KINDS and not is_twosided):
             self.note(f"the BSDF {bsdf.class_name()} of '{name}' becomes grey and diffuse")
             return Material.diffuse(0.5)
-        # A two-sided BSDF has the parameters of its front and, with another name, of its back.
+        # A two-sided BSDF has parameters for its front and its back. Their names have different prefixes; this keeps the front.
         values = {re.sub(r"^(brdf_0|bsdf_0|bsdf|brdf)\.", "", key): value for key, value in self.values(bsdf).items()}
         of = f"the BSDF of '{name}'"
         sides = {"double_sided": is_twosided}

@@ -31,8 +31,8 @@ def render(scene, *, progress=None, **settings):
 def histogram(scene, *, progress=None, **settings):
     """Renders the images of many gates from the same light paths, and returns a :class:`Histogram`. Arguments as for :func:`render`.
 
-    ``gates="A..B/N"`` or ``(A, B, N)`` in metres divides a range into N gates; ``response`` and ``cw`` give others. ``variance=True`` also
-    estimates variances.
+    ``gates="A..B/N"`` or ``(A, B, N)`` in metres divides a range into N gates; ``response`` and ``cw`` define other responses.
+    ``variance=True`` also estimates variances.
     """
     return _run("histogram", Histogram, False, scene, progress, settings)
 
@@ -58,7 +58,7 @@ def _run(call, kind, single, scene, progress, settings):
 
 
 def watcher(progress):
-    """A context that gives the callback for the native part; ``None`` if nobody watches."""
+    """A context manager that returns the callback for the native part, or ``None`` without progress."""
     if progress is None or progress is False:
         return _Silent()
     return _Bar() if progress is True else _Caller(progress)

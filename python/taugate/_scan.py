@@ -22,9 +22,9 @@ UNKNOWN_VOLUME = 0
 class Scan:
     """The result of a scan.
 
-    ``data`` is a float32 array (T, points) of a confocal scan, or (T, points of the laser, points of the sensor): radiance of the points in
-    W/(m^2 sr), mean of red, green and blue. Points that an interrupt left out are NaN. ``variance`` has the same shape; ``None`` if the scan
-    had no ``variance=True``. ``description`` is the JSON of the program: positions, gates, settings.
+    ``data`` is a float32 array: (T, points) for a confocal scan, else (T, points of the laser, points of the sensor). It holds the radiance of
+    the points in W/(m^2 sr), as the mean of red, green and blue. Points that an interrupt left out are NaN. ``variance`` has the
+    same shape; ``None`` if the scan had no ``variance=True``. ``description`` is the JSON of the program: positions, gates, settings.
     """
 
     def __init__(self, data, description, variance=None):
@@ -52,7 +52,7 @@ class Scan:
 
     @property
     def is_confocal(self):
-        """Whether laser and sensor look at the same points together."""
+        """Whether laser and sensor always look at the same point."""
         return self.data.ndim == 2
 
     @property
@@ -121,7 +121,7 @@ class Scan:
             "delta_t": np.float32(width),
             "t_start": np.float32(start),
             "t_accounts_first_and_last_bounces": bool(about["account_first_and_last_bounces"]),
-            # JSON is YAML.
+            # tal reads YAML, and JSON is valid YAML.
             "scene_info": json.dumps(info),
         }
         with h5py.File(os.fspath(path), "w") as file:
@@ -136,7 +136,8 @@ def scan(scene, *, progress=None, **settings):
     """Measures a scan and returns a :class:`Scan`.
 
     ``scene`` is an experiment (.toml) with a table ``[scan]``, or a :class:`Scene` that was loaded from one. Keyword arguments and ``progress`` are
-    as for :func:`render`; the samples are for each pair of points. An interrupt raises :class:`Interrupted`, whose ``image`` is the scan so far.
+    as for :func:`render`; ``spp`` counts samples per pair of points. An interrupt raises :class:`Interrupted`, whose ``image`` is the
+    scan so far.
     """
     scene = scene if isinstance(scene, Scene) else load(scene)
     native, flags = scene._job(settings, "scan")
@@ -168,11 +169,11 @@ def _columns_first(H, *first):
 
 
 def _normals(points, place, plane=None):
-    """Unit normals of the plane through `plane` (by default the points themselves), towards `place`, one per point."""
+    """Unit normals, one per point, of the plane through the points, on the side of `place`. One or two points use the plane of `plane`."""
     around = (points if plane is None or points.size > 6 else plane).reshape(-1, 3)
     _, spread, axes = np.linalg.svd(around - around.mean(axis=0))
     towards = place - points
     if len(around) < 3 or spread[1] < 1e-9 * spread[0]:
-        # The points have no plane.
+        # Fewer than three points, or points on a line, define no plane.
         return towards / np.linalg.norm(towards, axis=-1, keepdims=True)
     return axes[2] * np.sign(towards @ axes[2])[..., None]

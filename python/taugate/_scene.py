@@ -23,8 +23,8 @@ class Scene:
     Keyword arguments are settings of all renders of the scene. Lengths are in metres. ``density_grid`` may be an array (Z, Y, X) of densities,
     here and in :func:`render`. A scene can be pickled: it remembers its file, or its arrays.
 
-    Renders of a scene share what they can: the device, the kernels, and the prepared meshes as long as only cameras, lights, gates, the seed and
-    the instances with ``moves=True`` change.
+    Renders of a scene share the device and the kernels. They also share the prepared meshes, as long as only cameras, lights, gates, the seed
+    and the instances with ``moves=True`` change.
     """
 
     def __init__(self, **settings):
@@ -57,8 +57,7 @@ class Scene:
 
         ``vertices`` (N, 3) in metres; ``triangles`` (M, 3) indices of vertices, counter-clockwise as seen from the front; ``normals`` (N, 3) for
         smooth shading; ``uvs`` (N, 2) for textures. ``material``: a :class:`Material` or the name of one; by default grey and diffuse. ``transform``
-        (4 x 4) is world from mesh space; ``None``: the identity. ``moves``: the instance will move, so prepare for that (see
-        :meth:`set_transform`).
+        (4 x 4) maps mesh space to world space; ``None``: the identity. ``moves``: whether the instance will move (see :meth:`set_transform`).
         """
         self._of_arrays()
         if isinstance(material, str) and material not in self._materials:
@@ -109,10 +108,10 @@ class Scene:
         self._changed()
 
     def set_transform(self, name, matrix):
-        """Moves an instance, or the node of a file: ``matrix`` (4 x 4) is its world from mesh space.
+        """Moves an instance, or the node of a file: ``matrix`` (4 x 4) maps mesh space to world space.
 
-        The next render only repeats what depends on it if the instance was added with ``moves=True``, or :func:`load` named it in ``moves``.
-        Otherwise the next render prepares the scene anew. The image is the same, except for rounding.
+        If the instance was added with ``moves=True``, or :func:`load` named it in ``moves``, the next render repeats only a part of the
+        preparation. Otherwise the next render prepares the whole scene anew. The image is the same, except for rounding.
         """
         matrix = _matrix(matrix)
         if self.path is None:
@@ -126,7 +125,7 @@ class Scene:
             self._moved[name] = matrix
 
     def transform(self, name):
-        """World from mesh space (4 x 4) of an instance, or of a node of a file."""
+        """The matrix (4 x 4) of an instance, or of a node of a file. It maps mesh space to world space."""
         if self.path is None and name in self._instances:
             return self._instances[name][1].copy()
         return np.array(self._built().transform(name))
@@ -161,7 +160,7 @@ class Scene:
             raise SettingsError(f"this scene was read from a file, so it takes {instead}")
 
     def _changed(self):
-        """Meshes or materials are others, so the native scene must be made again."""
+        """Forgets the native scene after a change of meshes or materials. The next render makes it again."""
         self._native = None
         #: The settings that the native scene has, with their temporary files.
         self._words = None

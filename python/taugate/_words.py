@@ -11,13 +11,14 @@ from ._errors import SettingsError
 from ._grid import grid_file
 
 FLAGS = {name.replace("-", "_"): (name, *about) for name, about in _native.flags().items()}
-# Numbers in these settings are metres of optical path, seconds, or metres.
+# A pair of numbers in these settings is a range in metres.
 RANGES = ("gate", "depth")
+# Units of numbers in these settings.
 UNITS = {"time": "s", "at": "s", "repeat": "m", "visibility": "m", "mor": "m"}
 
 
 class Words(list):
-    """Pairs of flags and words, with the temporary files that they name, which exist as long as this list."""
+    """Pairs of a flag and its words. The temporary files that the words name exist as long as this list."""
 
     def __init__(self):
         super().__init__()
@@ -75,7 +76,7 @@ def _word(keyword, value):
 
 
 def _number(value):
-    """A number with the digits that give the same number."""
+    """A number as text, with all digits that are needed to read the same number."""
     return str(int(value)) if isinstance(value, numbers.Integral) else repr(float(value))
 
 

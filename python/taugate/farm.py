@@ -3,8 +3,9 @@
     client = dask.distributed.Client("tcp://scheduler:8786")
     image = taugate.farm.render("room.glb", client=client, gate="12.5m..12.8m", error=0.01)
 
-A render is divided into parts: runs of iterations, whose random numbers are those of the whole render. Each part is a task of Dask. Its result
-are sums, and the sums of all parts add up to the image of one machine. A part counts whole or not at all, whatever happens to its machine.
+A render is divided into parts: runs of iterations, whose random numbers are those of the whole render. Each part is a task of Dask and
+returns sums. The sums of all parts add up to the image that one machine would render. A part counts in full or not at all, whatever happens to
+its machine.
 """
 
 import copy
@@ -27,11 +28,11 @@ from ._scene import Scene, load
 
 #: Samples per pixel of the first parts, which show how long a sample takes.
 FIRST_SAMPLES = 4
-#: Parts per thread of a worker that wait or run at a time, so that no worker is ever idle.
+#: Parts per worker thread that run or wait at a time. While one runs, the next one waits, so no worker is idle.
 AHEAD = 2
-#: Parts that are rendered again if they fail.
+#: How often Dask repeats a part that failed.
 RETRIES = 3
-#: Scenes that a worker keeps.
+#: Number of scenes that a worker keeps, and that a client keeps on its workers.
 KEPT = 4
 
 _scenes = {}
@@ -58,14 +59,14 @@ def render(
     name on all machines.
 
     The render ends after ``spp`` samples per pixel, after ``time`` seconds, or when the relative error of the image is at most ``error``,
-    whichever comes first; with none of them, the settings of the scene decide, by default 64 samples. The relative error is the root mean square of the standard errors of all pixels,
-    divided by the mean of the image.
+    whichever comes first. If none of the three is given, the settings of the scene decide, by default 64 samples. The relative error is the root
+    mean square of the standard errors of all pixels, divided by the mean of the image.
 
     A part takes about ``part_seconds``. After each one, ``on_update`` gets the image so far, and ``progress`` a :class:`Progress`. Further keyword
     arguments are settings, as for :func:`taugate.render`. An interrupt raises :class:`Interrupted`, whose ``image`` is the image so far.
 
-    Parts of a worker that is lost are rendered by another one. A part that fails four times is left out. The sums are added in the order of the
-    iterations, so the image does not depend on which machine was fast: with ``spp`` and ``sampling="uniform"`` it is that of
+    If a worker is lost, another one renders its parts. A part that fails four times is left out. The sums are added in the order of the
+    iterations, so the image does not depend on which machine was fast. With ``spp`` and ``sampling="uniform"`` it is the image of
     :func:`taugate.render`. With adaptive sampling each part adapts by itself.
 
     ``image.save("x.acc")`` writes the sums, which ``taugate develop``, ``merge`` and ``render --resume`` read. A scan, auxiliary layers (``aov``)
@@ -96,7 +97,7 @@ def dataset(jobs, *, client, folder, suffix=".npy"):
     ``jobs`` is an iterable of ``(name, scene, settings)``, which may be endless or made while the renders run; ``settings`` is a dictionary with
     the arguments of :func:`taugate.render`, or of :func:`taugate.histogram` if it has ``gates``. The result is ``folder/name.npy``, or has another
     ``suffix`` that :meth:`Image.save` knows. Files that are there already are kept, so a data set can be continued: give equal names to equal
-    jobs only. A job that fails four times raises its exception after the others.
+    jobs only. A job that fails four times is left out. After all jobs, the first exception is raised.
     """
     from distributed import as_completed
 
@@ -165,14 +166,14 @@ class _Run:
 
         self.job, self.client, self.time, self.error = job, client, time, error
         self.part_seconds, self.on_update, self.watch = part_seconds, on_update, watch
-        # Tasks of another run have other names, also if it was cancelled.
+        # Part of the names of the tasks. Each run has its own names, so that Dask never returns a task of a cancelled run.
         self.name = f"{job.key[:8]}-{uuid.uuid4().hex[:8]}"
         self.started = clock.monotonic()
         self.parts = as_completed()
         self.scene = _sent(client, job)
-        #: Iteration at which the next part begins, and at which the next part to be added begins.
+        #: First iteration of the next part to submit, and of the next part to add.
         self.next, self.wanted = 0, 0
-        #: Parts that were finished before those in front of them, by their first iteration. Their results stay on the workers.
+        #: Finished parts that wait for an earlier part, by their first iteration. Their results stay on the workers.
         self.waiting = {}
         self.sums, self.failure = None, None
         self.samples, self.seconds = 0, 0.0
@@ -189,7 +190,7 @@ class _Run:
             self._submit()
 
     def _add_in_order(self):
-        """Adds the parts that follow the last one that was added."""
+        """Adds the finished parts in order, up to the first part that is not finished."""
         while self.wanted in self.waiting:
             future = self.waiting.pop(self.wanted)
             self.wanted = future.taugate_range[1]
@@ -263,7 +264,7 @@ class _Run:
         return (Image if len(native.gates) == 1 else Histogram)(native, self.job.scene)
 
     def cancel(self):
-        """Ends the parts that nobody waits for."""
+        """Cancels the parts that were not added."""
         if self.futures:
             self.client.cancel(list(self.futures))
             self.futures.clear()
@@ -275,7 +276,7 @@ def _sent(client, job):
     if job.key not in sent:
         while len(sent) >= KEPT:
             del sent[next(iter(sent))]
-        # A task, because Dask repeats it where its result is lost with a worker. Data from scatter would be gone.
+        # A task instead of scatter: if a worker is lost with the result, Dask repeats the task. Scattered data would be lost.
         sent[job.key] = client.submit(bytes, job.payload, key=f"taugate-scene-{job.key[:8]}-{uuid.uuid4().hex[:8]}")
     return sent[job.key]
 

@@ -19,7 +19,7 @@ SIZE = (32, 32)
 
 @pytest.fixture(autouse=True)
 def interrupts():
-    """Python ignores Ctrl-C if its parent did, as shells do for jobs in the background; the tests send it."""
+    """Python ignores Ctrl-C in a background job of a shell. The tests send Ctrl-C, so this restores the handler."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)

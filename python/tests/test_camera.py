@@ -18,7 +18,7 @@ def test_points_of_the_depth_layer_lie_on_the_surfaces():
         seen = points[image.object == number[name]]
         assert len(seen) > 5 and np.allclose(seen[:, axis], value, atol=1e-3), name
         assert np.allclose(np.abs(image.normal[image.object == number[name]][:, axis]), 1, atol=1e-5)
-    # Counterexample: with the convention of OpenCV for the centre of a pixel, half a pixel away, points are off the floor.
+    # Counterexample: OpenCV's pixel centres, which are half a pixel away, move the points off the floor.
     K = image.camera.K - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
     shifted = taugate.Camera.from_matrices(K, image.camera.world_from_camera, SIZE)
     assert np.abs(shifted.points(image.depth)[image.object == number["floor"]][:, 1]).max() > 0.01

@@ -30,7 +30,7 @@ def cluster():
 
 
 def contents(path):
-    """What a file of sums says of its render, and the bytes of its arrays by their names."""
+    """The description of the render in a file of sums, and the bytes of the arrays by their names."""
     with zipfile.ZipFile(path) as file:
         arrays = {name: file.read(name) for name in file.namelist()}
     return json.loads(arrays.pop("about.json")), arrays
@@ -110,7 +110,7 @@ points = {{ corner = [-0.2, 0.8, -0.5], across = [0.4, 0, 0], down = [0, -0.4, 0
 gates = "4m..8m/4"
 """
     )
-    # Nobody asks a client that is None.
+    # The refusal comes before the client is used, so None is enough.
     with pytest.raises(taugate.SettingsError, match="scan; measure it with taugate.scan"):
         farm.render(tmp_path / "scan.toml", client=None)
     with pytest.raises(taugate.SettingsError, match="no auxiliary layers; leave out aov"):
@@ -122,7 +122,7 @@ gates = "4m..8m/4"
 def test_sums_and_grids(cluster, tmp_path, program):
     from taugate import farm
 
-    # Adaptive, and the settings of the scene say when it ends.
+    # Sampling is adaptive, and the settings of the scene decide when the render ends.
     small = dict(gate="5m..6m", resolution=(16, 12), light_paths=500)
     scene = taugate.load(SCENES / "cornell-box.glb", spp=12, **small)
     image = farm.render(scene, client=cluster, part_seconds=0.2)
@@ -138,7 +138,7 @@ def test_sums_and_grids(cluster, tmp_path, program):
     code, message = program("develop", "a.acc", "-o", "a.npy")
     assert code == 0, message
     assert (np.load(tmp_path / "a.npy") == image.pixels).all() and image.pixels.any()
-    # The program knows the scene, and goes on.
+    # The program recognizes the scene, and continues the render.
     code, message = program("render", "--resume", "a.acc", "--spp", "20", "-o", "more.npy")
     assert code == 0 and "going on after 12 samples" in message and "adaptive sampling has learned" in message, message
 

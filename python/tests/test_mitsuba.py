@@ -39,7 +39,7 @@ def both(tmp_path, text, spp):
 def test_a_scene_has_the_image_of_mitsuba(tmp_path, box):
     text = SCENE.replace("BOX", box)
     if box == "dielectric":
-        # Paths from the sensor, which Mitsuba traces, never hit a point, so they lack its light that glass bundles.
+        # Mitsuba traces paths from the sensor. They never hit a point light, so its caustics through glass are missing.
         text = re.sub('<emitter type="point".*</emitter>\n', "", text)
     truth, scene = both(tmp_path, text, 1024)
     image = taugate.render(scene, spp=128)
@@ -48,7 +48,7 @@ def test_a_scene_has_the_image_of_mitsuba(tmp_path, box):
     # Means of blocks of 8 x 8 pixels, which hide the noise. The ball has flat triangles.
     blocks = lambda x: x.reshape(3, 8, 4, 8, 3).mean(axis=(1, 3))
     relative = np.abs(blocks(image.pixels) - blocks(truth)) / blocks(truth).mean()
-    # Light that glass bundles is noisy in both.
+    # Caustics are noisy in both.
     assert relative.max() < (0.09 if box == "dielectric" else 0.04), relative.max()
     # Counterexample: mirrored, the images differ.
     assert (np.abs(blocks(image.pixels[:, ::-1]) - blocks(truth)) / blocks(truth).mean()).max() > 0.2

@@ -1,4 +1,4 @@
-"""Renders of files: their bits are those of the program, their mistakes have its sentences."""
+"""Renders of files have the same bits and the same error messages as those of the program."""
 
 import json
 import os

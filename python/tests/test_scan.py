@@ -1,4 +1,4 @@
-"""Scans: bits of the program, and files that tal opens."""
+"""Scans: the same bits as the program, and files that tal opens."""
 
 import os
 import signal

@@ -36,7 +36,7 @@ def test_moved_instances_have_the_bits_of_a_new_scene():
     assert not np.array_equal(moved.pixels, before.pixels)
     scene.set_transform("board", shift(0, 0.5, -1))
     assert np.array_equal(taugate.render(scene, spp=2).pixels, before.pixels)
-    # An instance that was not said to move can move too.
+    # An instance without moves=True can move too.
     scene.set_transform("wall", shift(0, 0, -0.5))
     assert taugate.render(scene, spp=2, aov="depth").depth.max() > before.camera.world_from_camera[2, 3] + 2
 

@@ -32,7 +32,7 @@ fn counts_have_the_mean_of_the_light() {
         (&"counts over all pulses".into(), &vec![12, 16, 3, 3].into())
     );
 
-    // With a first photon per pulse, a pixel and channel counts at most once per pulse.
+    // With --first-photon, each channel of a pixel counts at most one photon per pulse.
     let first = ["detect", "light.npy", "--photons", "1e6", "--pulses", "9", "--first-photon"];
     run(&[&first[..], &["-o", "first.npy"]].concat());
     let counts = read(&here.path().join("first.npy")).unwrap();
@@ -45,7 +45,7 @@ fn counts_have_the_mean_of_the_light() {
     run(&[&first[..], &["-o", "again.npy"]].concat());
     assert!(read(&here.path().join("again.npy")).unwrap() == counts, "the same seed gives other counts");
 
-    // Daylight counts for the duration of the gate, 3 m or 10 ns; an image is one gate, and --mono is one channel.
+    // The background is collected for the duration of the gate, 3 m or 10 ns. The image gives one gate, and --mono one channel.
     let day = ["--photons", "1e8", "--background", "day.exr", "--jitter", "100ps", "--dark-counts", "1e6", "--mono"];
     run(&[&["detect", "gate.exr", "-o", "day.npy"], &day[..]].concat());
     let bytes = std::fs::read(here.path().join("day.npy")).unwrap();

@@ -49,7 +49,7 @@ fn frames_of_a_moving_scene_are_those_rendered_alone() {
     assert_eq!((images.len(), images[0].delay().numer_denom_ms()), (3, (250, 1)));
     assert_eq!(image::image_dimensions(here.path().join("sheet.png")).unwrap(), (36, 8));
 
-    // Frames that are there are kept; one that is missing is rendered again, the same.
+    // Existing frames are kept. A missing frame is rendered again, with the same bits.
     let before = pixels(here.path(), "f.03.exr");
     std::fs::remove_file(here.path().join("f.03.exr")).unwrap();
     assert!(render(here.path(), &frames).contains("2 of 3 frames were there already"));

@@ -1,4 +1,4 @@
-//! Many gates from one render, on the command line: the files, and what mistakes get.
+//! Many gates from one render, on the command line: the files, and the messages about mistakes.
 
 use std::path::Path;
 

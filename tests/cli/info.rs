@@ -380,7 +380,7 @@ fn long_lists_are_cut() {
     assert_eq!(json["emitters"].as_array().unwrap().len(), 100);
 }
 
-/// A floor that is seen from below is black. `info` says how much of the view is, and a gated render says why it sees nothing.
+/// A floor that is seen from below is black. `info` says which share of the view is black, and a gated render says why it sees nothing.
 #[test]
 fn surfaces_that_are_black_from_behind_are_named() {
     let mut box_scene = build(Kind::CornellBox);
@@ -403,7 +403,7 @@ fn surfaces_that_are_black_from_behind_are_named() {
 
     let both = info(here.path(), &[&view[..], &["--double-sided"]].concat());
     assert_eq!(both["render"]["black_backs"], 0.0, "{both}");
-    // From inside, the box shows its fronts.
+    // Seen from inside, the walls of the box show their fronts.
     assert_eq!(info(here.path(), &["--resolution", "64x64"])["render"]["black_backs"], 0.0);
 }
 

@@ -1,4 +1,4 @@
-//! Sums of renders on the command line: renders that go on, and shards that become one render.
+//! Sums of renders on the command line: renders that are resumed, and shards that are merged into one render.
 
 use std::path::Path;
 
@@ -56,7 +56,7 @@ fn a_render_that_goes_on_ends_with_the_same_bits() {
         assert!(went_on.contains("going on after 20 samples per pixel in 9 iterations"), "{went_on}");
         assert!(bits(here, "whole.exr") == bits(here, "b.exr"), "{estimator:?}");
 
-        // The sums know the scene and the settings. What is finished is written at once.
+        // The sums contain the scene's path and the settings. A render that has all its samples is written at once.
         run(here, &["render", "--resume", "sums.acc", "--spp", "40", "-o", "c.exr"]);
         run(here, &["develop", "sums.acc", "-o", "d.exr", "-o", "d.npy", "-o", "d.png"]);
         assert!(bits(here, "whole.exr") == bits(here, "c.exr") && bits(here, "whole.exr") == bits(here, "d.exr"));
@@ -104,7 +104,7 @@ fn shards_become_one_render_in_any_order() {
     for (a, b) in bits(here, "a.exr").iter().zip(&bits(here, "whole.exr")) {
         assert!(a.iter().zip(b).all(|(a, b)| a.abs_diff(*b) <= 1));
     }
-    // A shard goes on as itself. The other shards have no iteration of it.
+    // A shard can be resumed, and renders only its own iterations.
     let more = run(here, &["render", "--resume", "1.acc", "--spp", "60", "-o", "1b.acc"]);
     assert!(more.contains("going on after"), "{more}");
     let uneven = run(here, &["merge", "0.acc", "1b.acc", "2.acc", "-o", "c.exr"]);
@@ -133,7 +133,7 @@ fn adaptive_shards_become_the_same_image_with_other_noise() {
     run(here, &["develop", "0.acc", "-o", "half.exr"]);
     let same = run_for_result(here, &["compare", "0.acc", "half.exr", "--json"]);
     assert_eq!(same["relmse"], 0.0, "{same}");
-    // A gate that is 2 % shorter is found.
+    // The comparison detects a gate that is 2 % shorter.
     let dim = [&["render", "box.glb"], &SMALL[..2], &["--gate", "5m..5.98m", "--spp", "128", "-o", "dim.exr"]].concat();
     run(here, &[&dim[..], &["--seed", "7"], &SMALL[4..]].concat());
     assert_eq!(taugate(here, &["compare", "merged.exr", "dim.exr", "--z", "z.png"]).status.code(), Some(1));
@@ -176,7 +176,7 @@ fn auxiliary_layers_stay_with_the_sums() {
     assert_eq!(names("a.exr"), ["depth.Z", "object.ID"]);
     assert!(layers("a.exr").1.is_some());
 
-    // Sums from sums keep them, and so does a render that goes on.
+    // Merged sums and resumed renders keep the layers.
     run(here, &["merge", "b.acc", "a.acc", "-o", "merged.acc"]);
     run(here, &["develop", "merged.acc", "-o", "merged.exr"]);
     run(here, &["render", "--resume", "a.acc", "--spp", "16", "-o", "more.exr", "-o", "more.acc"]);
@@ -220,7 +220,7 @@ fn another_render_is_refused_with_what_differs() {
     fails(here, &["render", "--resume", "missing.acc", "-o", "a.exr"], 2, "missing.acc: no such file");
     fails(here, &["render", "-o", "a.exr"], 2, "<SCENE|EXPERIMENT>");
 
-    // The same file with other contents, which no setting shows.
+    // The file has the same name but other contents, so all settings are the same.
     run(here, &["generate", "cornell-box", "--roughness", "0.2", "-o", "box.glb"]);
     refused(&["--spp", "8"], "the files of the scene, or those that the settings name, have other contents");
     assert!(std::fs::read(here.join("sums.acc")).unwrap() == before);

@@ -137,7 +137,7 @@ impl Page {
         }
     }
 
-    /// Waits for a message of a kind for which `is_wanted` holds. Messages that are no answers may have arrived before.
+    /// Waits for a message of a kind for which `is_wanted` holds. A message that is not an answer may have arrived before this call.
     fn wait(&mut self, kind: &str, is_wanted: impl Fn(&Json) -> bool) -> Json {
         let is_answer = ["pixel", "saved", "problem"].contains(&kind);
         if let Some(json) = self.last.get(kind).filter(|json| !is_answer && is_wanted(json)) {
@@ -305,7 +305,7 @@ fn mistakes_of_a_page_change_nothing() {
         page.wait("problem", |_| true);
     }
     assert_eq!(page.last["state"]["revision"], 1);
-    // With the six above, one more than a page may send. More would meet a closed connection.
+    // Together with the six above, these are one more than a page may send. Further messages would fail: the connection is closed.
     for _ in 0..15 {
         page.socket.send(Message::binary(vec![1, 2, 3])).unwrap();
     }
@@ -361,13 +361,13 @@ fn pages_share_a_render_and_a_slow_page_gets_few_pictures() {
     for page in &mut pages {
         page.wait_for_picture(|picture| picture.revision == 2);
     }
-    // A flood of messages ends the connection of its page alone.
+    // A flood of messages ends only the connection of its own page.
     for _ in 0..400 {
         if pages[8].socket.send(Message::text(r#"{"do":"pause","on":false}"#)).is_err() {
             break;
         }
     }
-    // The program closes with a code, which is lost where the connection breaks before it is read.
+    // The program closes with a code. The code is lost if the connection breaks before the test reads it.
     let code = loop {
         match pages[8].socket.read() {
             Ok(Message::Close(frame)) => break frame.map(|frame| u16::from(frame.code)),

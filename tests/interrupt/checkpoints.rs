@@ -23,13 +23,13 @@ const RENDER: [&str; 11] = [
     "--every",
 ];
 
-/// Starts a render that keeps its sums as often as it may.
+/// Starts a render that writes its sums as often as possible.
 fn start(here: &Path, flags: &[&str]) -> Child {
     let arguments = [&RENDER[..], &["1ms"], flags].concat();
     with_default_signals(&mut taugate(here, &arguments)).stderr(Stdio::piped()).spawn().expect("taugate starts")
 }
 
-/// Number of samples in the checkpoint, which is whole; 0 without one.
+/// Number of samples in the checkpoint; 0 if there is none. Fails if the checkpoint is not complete.
 fn samples(here: &Path) -> u64 {
     let path = here.join("sums.acc");
     if !path.exists() {
@@ -64,7 +64,7 @@ fn wait_for_sums(here: &Path, before: u64) {
 fn survives_being_killed(times: u32) {
     let folder = with_box();
     let here = folder.path();
-    // Kernels are compiled once, so that every render lives long enough to write.
+    // This render compiles the kernels, so that the later ones live long enough to write.
     assert!(start(here, &["--spp", "2", "-o", "out.exr"]).wait().unwrap().success());
     let (mut before, mut written) = (samples(here), 0);
     for round in 0..times {
@@ -94,7 +94,7 @@ fn survives_being_killed(times: u32) {
     }
     assert!(written >= times / 3, "only {written} of {times} renders wrote sums before they were killed");
 
-    // The end is that of a render that was never killed. 64 samples and a multiple of 8 end with a whole iteration.
+    // The image equals that of a render that was never killed. At 64 samples, and any multiple of 8 above, an iteration ends.
     let spp = (before + 16).next_multiple_of(8).max(64).to_string();
     assert!(start(here, &["--spp", &spp, "-o", "out.exr"]).wait().unwrap().success());
     assert_eq!(names(here), ["box.glb", "out.exr", "spare", "sums.acc"], "killed renders leave nothing behind");
@@ -122,13 +122,13 @@ fn signals_write_the_sums() {
     let here = folder.path();
     for (name, _) in SIGNALS {
         let before = samples(here);
-        // --every is so long that only the end writes.
+        // --every is so long that the render writes its sums only when it ends.
         let arguments = [&RENDER[..], &["1h", "--time", "1h"]].concat();
         let mut command = taugate(here, &arguments);
         let mut child = with_default_signals(&mut command).stderr(Stdio::piped()).spawn().unwrap();
         let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
         let mut line = String::new();
-        // The first line of progress comes after iterations. A render that goes on says so before.
+        // The first line of progress comes after some iterations. A resumed render prints another line before.
         while !line.contains(" samples, ") {
             line.clear();
             assert!(std::io::BufRead::read_line(&mut stderr, &mut line).unwrap() > 0, "{name}: it ended");
@@ -180,7 +180,7 @@ fn a_render_goes_on_if_its_sums_cannot_be_written() {
     assert!(read(Path::new(crate::saved_in(&message))).is_ok(), "{message}");
 }
 
-/// As for a full disk: the sums are larger than the limit, and the picture is smaller.
+/// A limit of the file size acts like a full disk: the sums are larger than the limit, and the picture is smaller.
 #[cfg(target_os = "linux")]
 #[test]
 fn sums_that_do_not_fit_on_the_disk_leave_one_message() {

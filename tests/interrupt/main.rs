@@ -16,8 +16,8 @@ use taugate::internals::image::exr_file::read_picture;
 /// SIGINT comes from Ctrl-C, SIGTERM from batch systems and at shutdown, SIGHUP from a terminal that is gone.
 const SIGNALS: [(&str, libc::c_int); 3] = [("-INT", libc::SIGINT), ("-TERM", libc::SIGTERM), ("-HUP", libc::SIGHUP)];
 
-/// Resets the handling of the signals, so that they end the command until it installs its own handlers. A process inherits
-/// ignored signals, and scripts ignore them for jobs in the background, so the process that runs the tests may ignore them.
+/// Gives the signals their default action, so that they end the command until it installs its own handlers. Scripts ignore signals
+/// for jobs in the background, and child processes inherit this. So the process that runs the tests may ignore them.
 fn with_default_signals(command: &mut Command) -> &mut Command {
     let reset = || {
         for (_, number) in SIGNALS {
@@ -108,7 +108,7 @@ fn an_interrupt_leaves_a_whole_image_or_none() {
     }
 }
 
-/// `taugate` in `folder`. Its files that do not fit elsewhere go to the folder `spare` inside `folder`.
+/// `taugate` in `folder`. A file that cannot be written to its own folder goes to the folder `spare` inside `folder`.
 fn taugate(folder: &Path, arguments: &[&str]) -> Command {
     let spare = folder.join("spare");
     std::fs::create_dir_all(&spare).unwrap();
@@ -152,7 +152,7 @@ fn a_hangup_does_not_end_a_render_that_nohup_keeps_alive() {
     assert!(folder.path().join("out.exr").exists());
 }
 
-/// The first line on stderr is a warning that comes after the outputs were checked: from then on, they can vanish.
+/// The first line on stderr is a warning that comes after the check of the outputs. After this line, the test removes their folder.
 #[test]
 fn a_render_whose_folder_vanishes_is_saved_elsewhere() {
     let folder = with_box();
@@ -178,8 +178,8 @@ fn a_render_whose_folder_vanishes_is_saved_elsewhere() {
     assert!(saved.with_extension("png").exists());
 }
 
-/// The limit is set while the render runs: the software driver keeps the memory of the device in files, which a limit from the start
-/// would affect as well.
+/// The test sets the limit while the render runs. The software driver keeps the memory of the device in files, and a limit from the
+/// start would affect these files too.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_limit_of_file_sizes_gives_a_message_and_leaves_nothing_behind() {
@@ -190,7 +190,7 @@ fn a_limit_of_file_sizes_gives_a_message_and_leaves_nothing_behind() {
     let mut line = String::new();
     stderr.read_line(&mut line).unwrap();
     assert!(line.contains("samples"), "a line of progress: {line}");
-    // The image takes more, the statistics less.
+    // The image is larger than the limit, the statistics are smaller.
     let limit = Command::new("prlimit").args(["--pid", &child.id().to_string(), "--fsize=40000"]).status();
     if !limit.is_ok_and(|status| status.success()) {
         println!("skipped: prlimit is missing");

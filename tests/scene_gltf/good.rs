@@ -131,7 +131,7 @@ fn metallic_roughness_textures_are_read() {
     glb.json["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"] = json!({ "index": 0 });
     let scene = read(&glb);
     assert_eq!((scene.materials[0].surface_texture, scene.warnings), (Some(0), vec![]));
-    // The factor is not replaced by the texture.
+    // The texture does not replace the factors.
     assert_eq!((scene.materials[0].metallic, scene.materials[0].roughness), (0.0, 0.75));
 }
 

@@ -173,7 +173,7 @@ fn morph(glb: &mut Glb, positions: usize, weight: f32) {
     glb.json["meshes"][0]["weights"] = json!([weight]);
 }
 
-/// Says that the positions, 3 elements of 12 bytes, are compressed; `change` has members of the extension that differ.
+/// Says that the positions, 3 elements of 12 bytes, are compressed; `change` replaces members of the extension.
 fn meshopt(glb: &mut Glb, change: Value) {
     let mut source = json!({
         "buffer": 0, "byteOffset": 0, "byteLength": 36, "byteStride": 12, "count": 3, "mode": "ATTRIBUTES",

@@ -152,7 +152,7 @@ fn skinned_meshes_follow_their_joints_at_rest() {
     check_invariants(&scene);
     assert_eq!(scene.warnings, Vec::<String>::new());
     // The transform of a skinned mesh's node, here to (7, 7, 17), has no effect. The joints move vertex (0, 1, 0) to (100, 1, -1)
-    // and (-1, 0, 0); it goes halfway between.
+    // and to (-1, 0, 0). With equal weights, the vertex is halfway between.
     let want = [[100.0, 0.0, -1.0], [0.0, 1.0, 0.0], [49.5, 0.5, -0.5]];
     assert_near(corners(&scene, 0), want);
     // A node without the skin shares the glTF mesh, but not its pose.

@@ -168,7 +168,7 @@ fn helper_peak() {
     helper(|path| load(path).map_or_else(|e| e.to_string(), |scene| format!("{} images", scene.images.len())));
 }
 
-/// A file of 300 KB with such images once took 4 GiB.
+/// A file of 300 KB with many names for one image once took 4 GiB.
 #[cfg(target_os = "linux")]
 #[test]
 fn an_image_takes_the_memory_of_its_texels_once_however_many_names_it_has() {

@@ -27,7 +27,7 @@ where
         browser.goto(url).await.unwrap();
         let page = Page { browser: browser.clone() };
         let result = tokio::spawn(test(page)).await;
-        // A browser that nobody ends would go on.
+        // Without this, the browser would keep running.
         let _ = browser.quit().await;
         result
     });
@@ -86,7 +86,7 @@ impl Driver {
         let mut lines = BufReader::new(process.stdout.take().unwrap()).lines();
         let port = lines
             .find_map(|line| line.ok()?.trim_end_matches('.').rsplit_once("successfully on port ")?.1.parse().ok());
-        // Someone must read what it prints later.
+        // Reads the later output, so that chromedriver never waits for a full pipe.
         std::thread::spawn(move || lines.for_each(drop));
         Some(Driver { process, port: port.expect("chromedriver prints its port") })
     }
@@ -201,7 +201,7 @@ impl Page {
         assert!(messages.is_empty(), "the console has messages: {messages:?}");
     }
 
-    /// The image on the screen, at one pixel per pixel of the screen, as 8-bit R, G, B.
+    /// The image on the screen as 8-bit R, G, B. One pixel of the image is one pixel of the screen.
     pub async fn screen(&self) -> Vec<u8> {
         self.click("#zoom-one").await;
         // After two frames of the screen, everything is drawn.

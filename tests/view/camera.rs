@@ -22,13 +22,13 @@ fn the_camera_is_turned_moved_and_reset() {
             "{turned}: a drag to the right moves the camera to the left, a drag downwards moves it up"
         );
 
-        // The whole image comes when the camera is still.
+        // Waits for the full image, which comes after the previews.
         let before = page.revision().await - 1;
         page.picture_after(before, 32).await;
         page.pause().await;
         let saved = page.save(&program, "turned").await;
         let command = page.run("return document.getElementById('command').textContent").await;
-        // A shell removes the quotes.
+        // Removes the quotes, as a shell does.
         let words: Vec<String> =
             command.as_str().unwrap().split_whitespace().map(|word| word.replace('\'', "")).collect();
         let end = words.iter().position(|word| word == "--spp").unwrap();

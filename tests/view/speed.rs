@@ -17,7 +17,7 @@ async fn time(page: &Page, action: &str) -> f64 {
     page.browser.execute_async(script, vec![]).await.unwrap().json().as_f64().unwrap()
 }
 
-/// The time of the first action is not the only one that counts, so it takes the median of five.
+/// The median time of five actions.
 async fn median(page: &Page, action: impl Fn(usize) -> String) -> f64 {
     let mut times = vec![];
     for k in 0..5 {
@@ -35,7 +35,7 @@ fn answers(scene: &'static str, gate: [f64; 2]) -> Option<[f64; 2]> {
     let (sender, receiver) = std::sync::mpsc::channel();
     let is_there = visit(&program.url.clone(), async move |page| {
         page.until("document.getElementById('picture').dataset.size === '512x512'").await;
-        // Loaded again, so kernels are compiled and the scene is prepared.
+        // The first load compiled the kernels and prepared the scene, so the time of this second load excludes both.
         page.browser.refresh().await.unwrap();
         page.until("document.getElementById('picture').dataset.revision").await;
         let first = page.run("return performance.now()").await.as_f64().unwrap();

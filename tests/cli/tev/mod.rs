@@ -28,7 +28,7 @@ fn render(here: &Path, address: &str, flags: &[&str]) -> String {
     message_of(output)
 }
 
-/// What a program prints that succeeds.
+/// What the program prints. It must succeed.
 fn message_of(output: Output) -> String {
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(0), "{message}");
@@ -77,7 +77,7 @@ fn tev_shows_what_the_file_holds() {
     }
 }
 
-/// Also, an address of IPv6, and the address from an experiment.
+/// The address is an IPv6 address, and comes from an experiment.
 #[test]
 fn each_frame_is_an_image() {
     let here = with("cornell-box");
@@ -142,7 +142,7 @@ fn without_a_tev_there_is_one_warning_and_the_image() {
 fn a_tev_that_goes_away_is_one_warning() {
     let here = with("cornell-box");
     let (listener, address) = listen();
-    // It takes the first packet and ends.
+    // This tev takes the first packet and ends.
     let tev = std::thread::spawn(move || {
         let mut stream = listener.accept().unwrap().0;
         viewer::read_packet(&mut stream).unwrap();
@@ -163,7 +163,7 @@ fn a_tev_that_reads_nothing_delays_the_render_by_seconds_only() {
     let flags = ["--resolution", "640x480", "--max-depth", "2", "--spp", "1", "-o", "a.exr"];
     let tev = std::thread::spawn(move || {
         let stream = listener.accept().unwrap();
-        // The kernel keeps the connection while the program runs.
+        // Keeps the connection open while the program runs.
         (stream, listener)
     });
     let start = Instant::now();
@@ -172,7 +172,7 @@ fn a_tev_that_reads_nothing_delays_the_render_by_seconds_only() {
     drop(tev.join().unwrap());
     let [warning] = warnings(&message)[..] else { panic!("{message}") };
     assert!(warning.contains("did not take the whole image within 5 s"), "{warning}");
-    // The program itself says how long it rendered.
+    // For comparison: the time without tev.
     let free = Instant::now();
     taugate(here.path(), &[&["render", "scene.glb"], &SMALL[..], &flags].concat());
     let bound = 2 * free.elapsed() + Duration::from_secs(7);

@@ -92,7 +92,7 @@ fn another_size_name_or_channel_is_another_image() {
     assert_eq!((viewer.images["b"].channels.len(), viewer.images["b"].updates.len()), (4, 2));
 }
 
-/// A snapshot without all its values is a defect of the caller. It is a warning, and no panic.
+/// A snapshot without all its values is a defect of the caller. The stream warns and does not panic.
 #[test]
 fn incomplete_images_are_not_sent() {
     let (listener, address) = listen();
@@ -115,7 +115,7 @@ fn offers_are_rare_and_cost_nothing_in_between() {
     while start.elapsed() < SECOND {
         stream.offer(|| {
             made += 1;
-            // 300 times this is the minimum time until the next snapshot.
+            // The next snapshot comes at least 300 times this time later.
             sleep(Duration::from_millis(2));
             snapshot("a", [4, 4])
         });
@@ -193,7 +193,7 @@ fn a_tev_that_ends_within_a_packet_is_one_warning() {
     let warning = send(&mut stream, &snapshot("a", [1500, 1500])).unwrap();
     assert!(warning.contains("is gone"), "{warning}");
     tev.join().unwrap();
-    // It tries to connect again, in vain; this is not reported.
+    // The stream tries to connect again, in vain, and does not report this.
     sleep(3 * SECOND);
     assert_eq!((send(&mut stream, &snapshot("a", [4, 4])), stream.warning()), (None, None));
 }
