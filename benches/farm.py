@@ -3,9 +3,9 @@
 
     python3 benches/farm.py [--seconds 10] [--resolution 512]
 
-Needs the Python module with its extra farm (pip install "./python[farm]"). Nothing else may run. It prints: the time of a render by one process and by
-a farm of one worker in turns; the size of a part, and the times to read and to add it; and the simulation. There, workers take the measured
-time per part with the measured spread, and one client receives and adds the parts one after the other.
+Needs the Python module with its extra farm (pip install "./python[farm]"). Nothing else may run on the machine. It prints three results:
+the time of a render by one process and by a farm of one worker, in turns; the size of a part, and the time to read and add it; and the
+simulation. In the simulation, one client receives and adds the parts one after the other.
 """
 
 import argparse
@@ -56,8 +56,8 @@ def measure(scene, settings):
 
 
 def simulate(workers, part_seconds, service, parts_per_worker=20, spread=0.1):
-    """Parts per second of a farm, relative to workers that never wait. Workers have two parts ahead; the client adds one part at a time and
-    then sends a new one."""
+    """Parts per second of a farm, relative to workers that never wait. Each worker has two parts: one runs, one waits. The client adds one part
+    at a time and then sends a new one. A part takes `part_seconds`, with a log-normal spread."""
     random.seed(1)
     draw = lambda: part_seconds * random.lognormvariate(0, spread)
     total = workers * parts_per_worker
@@ -69,7 +69,7 @@ def simulate(workers, part_seconds, service, parts_per_worker=20, spread=0.1):
     while done < total:
         now, worker = heapq.heappop(events)
         if worker < 0:
-            # The client has added a part, and sends a new one to the idlest worker.
+            # The client has added a part. It sends a new one to an idle worker, else to the worker with the fewest parts (of many workers: to any).
             done += 1
             if idle:
                 heapq.heappush(events, (now + draw(), idle.pop()))

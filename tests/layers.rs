@@ -36,7 +36,7 @@ fn base(scene: &Scene, surface: &Surface) -> [f64; 4] {
     [0, 1, 2, 3].map(|k| texel[k] * f64::from(material.base_color[k]))
 }
 
-/// The first surface along a ray that covers at least half of its point, by the oracle, and its distance.
+/// The first surface along a ray, and its distance, by the oracle. Surfaces whose alpha is below the cutoff (0.5 for blending) are passed.
 fn expected(scene: &Scene, geometry: &Geometry, ray: &Ray) -> Option<(f64, Surface)> {
     let mut passed = vec![];
     loop {
@@ -104,7 +104,7 @@ fn first_surfaces_are_those_of_the_oracle() {
     }
 }
 
-/// A wall behind two panes. A pane that covers less than half is not a surface; one that covers half is.
+/// A wall behind two panes. A pane with alpha below 0.5 does not count as a surface; a pane with alpha 0.5 does.
 #[test]
 fn a_pane_counts_from_half_coverage_on() {
     let mut scene = Scene::default();
@@ -134,7 +134,7 @@ fn a_sphere_has_one_distance_and_one_arrival() {
     let found = surfaces(&scene, &settings);
     for surface in &found {
         let surface = surface.expect("the sphere is closed");
-        // Facets are flat: their distance and their normals vary by their size.
+        // The facets are flat, so their distances and normals differ a little from those of the sphere.
         assert!((surface.distance - 1.0).abs() < 1e-3 && surface.albedo == [0.5; 3], "{surface:?}");
         assert!((Vec3::from(surface.normal).length() - 1.0).abs() < 1e-6);
     }

@@ -31,7 +31,7 @@ fn open_files() -> usize {
     std::fs::read_dir("/proc/self/fd").unwrap().count()
 }
 
-/// Reads, renders, restarts with other gates, and writes each scene once with each estimator. The seed changes the images alone.
+/// Reads, renders, restarts with other gates, and writes each scene once with each estimator. The seed changes only the images.
 fn round(device: &Device, scenes: &[Scene], folder: &Path, seed: u32) {
     let gates = Gates::new(Gate { lo: 5.0, hi: 9.0 }, 16).unwrap();
     for scene in scenes {

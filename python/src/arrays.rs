@@ -28,7 +28,7 @@ pub struct Mesh<'py> {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Objects {
-    /// Name, index of the mesh, and world from mesh space, row by row.
+    /// Name, index of the mesh, and the matrix from mesh space to world space, row by row.
     instances: Vec<(String, u32, [[f64; 4]; 4])>,
     /// JSON: the tables `[[light]]` of an experiment.
     lights: String,

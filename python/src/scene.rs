@@ -111,7 +111,7 @@ impl NativeScene {
         Ok(())
     }
 
-    /// World from mesh space of the first mesh of the node `name`, row by row.
+    /// The matrix of the first mesh of the node `name` from mesh space to world space, row by row.
     fn transform(&self, py: Python<'_>, name: &str) -> PyResult<[[f64; 4]; 4]> {
         let found = py.detach(|| {
             let state = self.state()?;

@@ -137,7 +137,7 @@ fn arrays_are_compared_and_plotted() {
     let code = |max| taugate(here.path(), &["compare", "a.npy", "b.npy", "--max-relmse", max]).status.code();
     assert_eq!((code("1e9"), code("1e-9")), (Some(0), Some(1)));
 
-    // The histogram of a pixel is that of the array, with error bars from the variances.
+    // The histogram of a pixel has the values of the array, and error bars from the variances.
     let (_, means) = array(&here.path().join("a.npy"));
     let rows: serde_json::Value =
         serde_json::from_str(&out(&["histogram", "a.npy", "--pixel", "3,2", "--plot", "p.svg", "--json"])).unwrap();

@@ -1,4 +1,4 @@
-//! Bugs that were found by using the program in hostile ways: one test per bug, named after it.
+//! Bugs that hostile use of the program has shown: one test per bug, named after the bug.
 
 #[path = "../common/glb.rs"]
 mod glb;

@@ -74,7 +74,7 @@ fn what_the_scene_reads_is_not_overwritten() {
     }
     fails(here.path(), &["render", "room.gltf", "-o", "wood floor.exr", "--png"], 2, "that the scene room.gltf reads");
     assert_eq!(std::fs::read(here.path().join("wood floor.png")).unwrap(), b"a texture");
-    // With another name the command goes on to load the scene, which fails for another reason.
+    // With another name, the command passes this check and fails later, when it loads the scene.
     fails(here.path(), &["render", "room.gltf", "-o", "out.exr", "--png"], 2, "room.gltf: ");
     assert_eq!(names(here.path()), ["room.gltf", "wood floor.png"]);
 }

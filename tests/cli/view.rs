@@ -229,7 +229,7 @@ fn the_page_sees_what_its_command_renders() {
     let is_close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-3 * b + 1e-7 * largest;
     assert!(picture.rgb.iter().zip(&image).all(is_close), "the picture is not the image");
 
-    // Another gate, then another camera, whose place is not in the file.
+    // Another gate, then another camera, which is not in the file.
     let state = page.set(json!({"gate": "6.6m..7m"}));
     let gated = is_what_its_command_renders(here.path(), &mut page, &state, "gate");
     let camera = json!({"look-from": "0.3,1.25,3.1", "look-at": "0,0.9,0", "fov": "45"});

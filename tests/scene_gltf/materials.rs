@@ -75,7 +75,7 @@ fn clear_coats_and_specular_colours_are_read() {
     let m = &scene.materials[0];
     assert_eq!((m.specular_color, m.clearcoat, m.clearcoat_roughness), ([0.5, 8.0, 0.0], 0.5, 0.25));
     assert_eq!(scene.warnings, Vec::<String>::new());
-    // Normals of its own are left out, but not those of the surface under the coat.
+    // The coat always has the normals of the surface under it. If its own normal map differs, a warning says so.
     let mut bumped = glb.clone();
     let map = json!({ "index": 0, "scale": 0.5 });
     bumped.json["materials"][0]["extensions"]["KHR_materials_clearcoat"]["clearcoatNormalTexture"] = map.clone();

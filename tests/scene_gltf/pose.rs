@@ -94,7 +94,7 @@ fn every_copy_of_a_node_is_an_instance_with_its_name() {
     assert_near(corners(&scene, 1), [[20.0, 0.0, 0.0], [20.0, 2.0, 0.0], [18.0, 0.0, 0.0]]);
     assert_near(corners(&scene, 2), [[0.0, 40.0, 0.0], [4.0, 40.0, 0.0], [0.0, 46.0, 0.0]]);
 
-    // With custom attributes alone, all copies are in one place.
+    // If all attributes are custom, no copy is moved.
     glb.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = json!({ "_ID": translation });
     assert_eq!(read(&glb).instances.len(), 4);
 }

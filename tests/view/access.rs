@@ -1,4 +1,4 @@
-//! The page for those who have no pointer, or who listen to it; and its messages to the console.
+//! The page without a pointer and for screen readers, and its messages to the console.
 
 use std::collections::BTreeSet;
 use std::time::Duration;

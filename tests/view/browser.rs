@@ -1,4 +1,4 @@
-//! A browser with the page, and what a person does with it.
+//! A browser that shows the page, and the actions of a person in it.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};

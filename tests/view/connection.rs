@@ -11,7 +11,7 @@ use crate::relay::Relay;
 fn pages_share_a_render_and_come_back() {
     let mut program = Program::start(&["--gate", "6.2m..6.5m"]);
     let relay = Relay::to(program.port());
-    // As over `ssh -L`, the port in the browser is not that of the program.
+    // As with `ssh -L`, the browser and the program have different ports.
     let url = format!("http://localhost:{}/#{}", relay.port, program.token());
     visit(&url.clone(), async move |page| {
         page.picture_after(0, 4).await;
@@ -19,7 +19,7 @@ fn pages_share_a_render_and_come_back() {
         page.until("document.getElementById('command').textContent.includes('6.2m..6.7m')").await;
         page.picture_after(1, 2).await;
 
-        // A page that is loaded again, and a second one, show the same settings.
+        // After a reload, and in a second tab, the page shows the same settings.
         page.browser.refresh().await.unwrap();
         page.picture_after(1, 2).await;
         assert_eq!(page.value("#gate-to").await, "6.7");

@@ -78,7 +78,7 @@ fn pixels_have_values_and_errors() {
         assert!((red - expected).abs() <= 0.05 * expected, "{shown}: {expected}");
         page.until("/depth [0-9.]+ m · [a-z]/.test(document.getElementById('readout-more').textContent)").await;
 
-        // The picture of the error is another one.
+        // The picture of the error differs from the picture of the radiance.
         let radiance = page.screen().await;
         page.click("[value=error]").await;
         page.until("document.getElementById('picture').dataset.layer === 'error'").await;
