@@ -28,8 +28,8 @@ pub fn experiment(path: &Path, about: &About) -> Result<Experiment> {
         .map_err(|e| Error::File { path: path.into(), message: format!("its settings cannot be read: {e}") })
 }
 
-/// The responses of the sums in the file `path`. Fails if they are not those of its settings, because the file of a `--response` is
-/// another one now.
+/// The responses of the sums in the file `path`, from the settings in it. Fails if the number of responses differs from that of the
+/// sums: then a file of `--response` has changed since the render.
 pub fn responses(path: &Path, about: &About) -> Result<Responses> {
     let responses = chosen(&experiment(path, about)?.gate)?;
     match responses.len() == about.responses.len() {

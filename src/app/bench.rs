@@ -113,7 +113,7 @@ impl Bench {
         self.out.join("results.csv")
     }
 
-    /// Results that were too accurate for their reference. They decide how accurate the next reference must be.
+    /// The file of results that were too accurate for their reference. They decide how accurate the next reference must be.
     fn refused(&self) -> PathBuf {
         self.out.join("refused.csv")
     }
@@ -187,7 +187,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Fails if a gate meets no light, so that the user learns of it before hours of work on other scenes.
+    /// Fails if a gate meets no light, before hours of work on other scenes.
     fn check_gates(&self, rows: &[Row]) -> Result<()> {
         for (at, entries) in &self.present {
             let scene = self.scene(*at);
@@ -199,7 +199,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Rows of an earlier run that are still valid: of the same scenes, settings, time and renderer.
+    /// Rows of an earlier run that are still valid: their scenes, settings, time and renderer are the same.
     fn kept(&self, resume: bool, progress: &Progress) -> Result<Vec<Row>> {
         let path = self.results();
         if !path.exists() {
@@ -232,7 +232,7 @@ impl Bench {
         Ok(rows)
     }
 
-    /// Identifies scene, settings, renderer and the suite's time.
+    /// Identifies the scene, the settings, the renderer and the time per render.
     fn fingerprint(&self, entry: &Entry) -> String {
         format!("{}-{}s", entry.fingerprint, self.suite.seconds)
     }
@@ -357,7 +357,7 @@ impl Bench {
     }
 }
 
-/// Of the results that are too accurate for their reference, the one with the smallest relMSE.
+/// The result with the smallest relMSE among those that are too accurate for their reference.
 fn too_near(rows: &[Row], part: fn(Means) -> f64) -> Option<&Row> {
     let near = rows.iter().filter(|row| !is_good(part(row.own), part(row.relmse)));
     near.min_by(|a, b| part(a.relmse).total_cmp(&part(b.relmse)))

@@ -171,7 +171,7 @@ fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[
     (0..array.width * array.height).into_par_iter().map(of_pixel).collect::<Vec<_>>().concat()
 }
 
-/// The description of the counts: that of the light, with the detector.
+/// The description of the counts: the description of the radiance, with the detector added.
 fn describe(args: &DetectArgs, input: &Input, shape: &[usize]) -> Value {
     let mut description = input.description.clone().unwrap_or(json!({}));
     if !description.is_object() {

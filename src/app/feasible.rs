@@ -31,7 +31,7 @@ pub fn nothing_inside(device: &Device, scene: &Scene, settings: &Settings) -> Er
     refuse(settings, scene, found, probed.ok().as_ref())
 }
 
-/// When light arrives. If none does, also the reason that black backs of surfaces may be.
+/// When light arrives. If none arrives, `backs` is a note if black backs of surfaces may be the reason.
 struct Probed {
     times: TravelTimes,
     backs: Option<String>,

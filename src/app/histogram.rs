@@ -18,13 +18,14 @@ use crate::app::cli::HistogramArgs;
 #[derive(Debug, Serialize)]
 struct Row {
     name: String,
-    /// Ends of the gate in metres of optical path; none if the array comes without its description, or if there is no end.
+    /// Begin and end of the gate in metres of optical path. None if the array has no description beside it; `end_m` is also none if
+    /// the gate has no end.
     begin_m: Option<f64>,
     end_m: Option<f64>,
     /// R, G and B.
     radiance: [f32; 3],
-    /// Standard deviations of the radiance; none without an array of variances, and for the mean over pixels, whose errors may
-    /// depend on each other.
+    /// Standard deviations of the radiance. None without an array of variances. Also none for the mean over pixels, because the
+    /// errors of pixels may be correlated.
     deviation: Option<[f32; 3]>,
 }
 
@@ -53,7 +54,7 @@ pub fn run(args: &HistogramArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The variances beside an array, if there are any. Fails if they are those of another array.
+/// The variances beside an array, if there are any. Fails if their shape differs from that of the array.
 fn variances(path: &Path, array: &ImageArray) -> Result<Option<ImageArray>, Error> {
     let path = variance_path(path);
     if !path.exists() {
@@ -112,14 +113,14 @@ fn rows(
     Ok(sum(array).into_iter().enumerate().map(row).collect())
 }
 
-/// The bars of the plot. Fails if the ends of a gate are not known.
+/// The bars of the plot. Fails if the begin or the end of a gate is not known.
 fn bars(path: &Path, rows: &[Row]) -> Result<Vec<Bar>, Error> {
     let bar = |row: &Row| {
         let deviations = row.deviation.unwrap_or_default().map(f64::from);
         Some(Bar {
             gate: [row.begin_m?, row.end_m?],
             light: row.radiance.iter().map(|&x| f64::from(x)).sum::<f64>() / 3.0,
-            // The channels of a pixel have the same paths, so their errors add up.
+            // The channels share their paths, so their errors are correlated: the standard deviations add up.
             deviation: deviations.iter().sum::<f64>() / 3.0,
         })
     };

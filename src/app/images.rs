@@ -21,7 +21,7 @@ pub struct Images<'a> {
 }
 
 impl Images<'_> {
-    /// Writes the image, the array and the picture. What cannot be written is left to `rescue`.
+    /// Writes the image, the array and the picture. `rescue` handles the files that cannot be written.
     pub fn write(&self, outputs: &Outputs, rescue: &mut Rescue) {
         let Images { film, responses, provenance, layers } = *self;
         if let Some(path) = &outputs.exr {

@@ -74,8 +74,8 @@ struct Camera {
 struct Emitter {
     node: String,
     kind: String,
-    /// Luminance-weighted power in W. None for a sun or a sky, whose irradiance is in `kind`, for an emitter that --emitters leaves out, and if the
-    /// scene cannot be prepared.
+    /// Luminance-weighted power in W. None for a sun or a sky (`kind` has its irradiance), for an emitter that --emitters leaves out,
+    /// and if the scene cannot be prepared.
     watts: Option<f64>,
 }
 
@@ -92,7 +92,7 @@ struct Render {
     /// The part of the image whose light is measured, if it is not the whole image: x0,x1,y0,y1.
     crop: Option<String>,
     light: Option<Light>,
-    /// Fraction of the visible surface that is a black back; none if it was not measured.
+    /// Fraction of the visible surface that is the black back of a one-sided surface; none if it was not measured.
     black_backs: Option<f64>,
     /// None without media, or if it was not measured.
     optical_thickness: Option<Thickness>,
@@ -160,7 +160,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
             report.warnings.extend(resolved.warnings);
             add_render(&mut report, &scene, &resolved.settings, args)?;
         }
-        // Only a change of the scene can remove these errors. The report still lists the contents.
+        // The user must change the scene to remove this error. The report still lists the contents.
         Err(Error::Scene { message, .. }) if !needs_render(args) => {
             report.notes.push(format!("cannot be rendered: {message}"))
         }
@@ -174,7 +174,7 @@ pub fn run(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether the user wants something that only a scene and a device that can render give.
+/// Whether the user wants a part of the report that needs a device and a scene that can be rendered.
 fn needs_render(args: &InfoArgs) -> bool {
     args.pixel.is_some() || !args.map.is_empty() || args.plot.is_some()
 }
@@ -217,7 +217,7 @@ fn contents(scene: &Scene) -> Report {
     }
 }
 
-/// The nodes that emit, with what they are.
+/// The nodes that emit, each with a description of its emitter.
 pub fn emitters(scene: &Scene) -> impl Iterator<Item = (String, String)> {
     // The first light of a node decides its kind.
     let lights: HashMap<&str, &SceneLight> = scene.lights.iter().rev().map(|l| (l.node.as_str(), l)).collect();
@@ -225,7 +225,7 @@ pub fn emitters(scene: &Scene) -> impl Iterator<Item = (String, String)> {
     emitting_nodes(scene).into_iter().map(move |node| (node.to_string(), kind(node)))
 }
 
-/// What `light` is. For a sky this includes the irradiance on a floor from which all of its upper half is visible.
+/// Describes `light`. For a sky, also gives the irradiance on a floor that sees the whole upper half of the sky.
 fn describe(light: &SceneLight, scene: &Scene) -> String {
     if !light.kind.is_sky() {
         return light.kind.describe();
@@ -266,7 +266,7 @@ fn add_render(report: &mut Report, scene: &Scene, settings: &Settings, args: &In
     };
     let info = opened.as_ref().ok().map(Device::info);
     let plan = MemoryPlan::new(scene, settings, &prepared, info)?;
-    // The light of suns and of the sky has no travel time, so travel times are those of the other lights.
+    // The light of suns and of the sky has no travel time, so the probe uses the other lights only.
     let others = if prepared.has_distant() { PreparedScene::without_distant(scene, part) } else { None };
     let timed = match &others {
         Some((part, prepared)) => Some((part, prepared)),
@@ -363,7 +363,7 @@ pub fn arrival(percent: f64, metres: f64) -> Arrival {
     Arrival { percent, metres, nanoseconds: metres / METRES_PER_NS, depth_metres: metres / 2.0 }
 }
 
-/// The medium inside of meshes of a material.
+/// Describes the medium inside meshes of a material.
 fn describe_interior(material: &str, medium: &SceneMedium) -> String {
     let numbers = |sigma: [f64; 3]| sigma.map(feasible::short).join(", ");
     let (scattering, absorption) = (numbers(medium.sigma_s), numbers(medium.sigma_a));

@@ -17,7 +17,7 @@ pub const INTERRUPTED: u8 = 130;
 pub enum Interrupt {
     /// The first, while there is no result to keep.
     First,
-    /// The second: the first stops the work and keeps its result so far.
+    /// The second. The first interrupt stops the work and keeps its result so far.
     Second,
     /// None, while files are written: no half-written file may remain.
     None,

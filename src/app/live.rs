@@ -36,7 +36,7 @@ impl Live<'_> {
         self.stream.offer_last(|| snapshot(name, responses, renderer));
     }
 
-    /// Waits a little until tev has the whole image.
+    /// Waits until tev has the whole image, at most [`PATIENCE`].
     pub fn finish(self, progress: &Progress) {
         warn(self.stream.finish(PATIENCE), progress);
     }

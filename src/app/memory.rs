@@ -7,8 +7,8 @@ use taugate::internals::settings::Settings;
 
 const GIB: f64 = (1u64 << 30) as f64;
 
-/// Fails if the images of several gates need more memory than is free. Does nothing where the operating system does not say how
-/// much that is.
+/// Fails if the images of several gates need more memory than is free. Does nothing if the operating system does not report the free
+/// memory.
 pub fn check(settings: &Settings, has_variance: bool) -> Result<()> {
     let count = settings.responses().len();
     let Some(free) = free().filter(|_| count > 1) else { return Ok(()) };
@@ -28,7 +28,7 @@ pub fn check(settings: &Settings, has_variance: bool) -> Result<()> {
     )))
 }
 
-/// Fails if `bytes` are more than are free. `what` needs them; `remedy` says how to need less.
+/// Fails if fewer than `bytes` are free. The message says that `what` needs this memory; `remedy` says how to need less.
 pub fn check_bytes(bytes: u64, what: &str, remedy: &str) -> Result<()> {
     match free().filter(|free| bytes > *free) {
         Some(free) => Err(Error::Settings(format!(

@@ -61,8 +61,8 @@ pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Re
     Ok(ExitCode::SUCCESS)
 }
 
-/// The parts by their first iteration, so that the result does not depend on the order in which the user names them. Fails before
-/// the arrays are read if the parts do not belong together.
+/// Sorts the parts by their first iteration, so that the result does not depend on the order in which the user names them. Fails if
+/// the parts do not belong together. Does not read the arrays yet.
 fn order(parts: &[PathBuf]) -> Result<Vec<(PathBuf, About)>> {
     let mut all = vec![];
     for path in parts {
@@ -88,14 +88,14 @@ fn name(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// The sums of all parts. A thread reads the next part while one is added, so at most four are in memory at a time.
+/// The sums of all parts. A thread reads the next part while this thread adds a part, so at most four parts are in memory at a time.
 fn merged(order: &[(PathBuf, About)]) -> Result<Accumulation> {
     let (first, others) = order.split_first().expect("the command names a file");
     let mut sums = read(&first.0)?;
     std::thread::scope(|scope| {
         let (sender, parts) = std::sync::mpsc::sync_channel(1);
         scope.spawn(move || {
-            // After an error nobody receives more parts.
+            // `send` fails after the loop below has returned an error. Then no more parts are read.
             others.iter().map(|(path, _)| read(path)).find_map(|part| sender.send(part).err());
         });
         for (part, (path, _)) in parts.iter().zip(others) {
@@ -105,7 +105,7 @@ fn merged(order: &[(PathBuf, About)]) -> Result<Accumulation> {
     })
 }
 
-/// Keeps the layers `wanted`. Fails if the sums lack one of them; `all` are those that are there.
+/// Keeps the layers `wanted`; `all` keeps every layer of the sums. Fails if the sums lack one of them.
 fn keep_layers(layers: &mut Layers, wanted: Aov) -> Result<()> {
     let missing = match wanted == Aov::ALL && !layers.channels.is_empty() {
         true => None,

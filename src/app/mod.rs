@@ -52,13 +52,13 @@ pub fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Prints a result to stdout: plain text or JSON, without characters that a terminal obeys. A closed pipe is no error: its
-/// reader, such as `head`, wants no more.
+/// Prints a result to stdout: plain text or JSON, with control characters escaped. A closed pipe is no error: its reader, such as
+/// `head`, wants no more.
 fn print(text: &str) -> anyhow::Result<()> {
     print_exactly(&escaped(text))
 }
 
-/// As [`print`], for TOML, in which a code would not always stand for the character. A terminal still gets codes.
+/// As [`print`], for TOML, where an escape code does not always stand for its character. So only a terminal gets codes.
 fn print_toml(text: &str) -> anyhow::Result<()> {
     if std::io::stdout().is_terminal() { print(text) } else { print_exactly(text) }
 }
@@ -73,8 +73,8 @@ fn print_exactly(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Prints a line to stderr, without characters that a terminal obeys. Errors are ignored: the work must go on after the user
-/// closes the pipe or the terminal.
+/// Prints a line to stderr, with control characters escaped. Errors are ignored: the work must go on after the user closes the pipe
+/// or the terminal.
 pub fn say(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{}", escaped(line));
 }

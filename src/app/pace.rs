@@ -9,10 +9,10 @@ use taugate::internals::settings::Settings;
 
 use super::progress::duration;
 
-/// Number of triangles from which on the pace of an estimator that searches all of them is measured.
+/// For an estimator that searches all triangles, the pace is measured if the scene has at least this many.
 const MANY_TRIANGLES: usize = 10_000;
 
-/// How long a sample per pixel takes, if the estimator's time grows with the number of triangles and the scene has many.
+/// Says how long one sample per pixel takes. `None` unless the estimator searches all triangles and the scene has many.
 pub fn note(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Option<String>> {
     let triangles = prepared.triangles();
     if settings.estimator().record().ellipsoids != Ellipsoids::Enumerated || triangles < MANY_TRIANGLES {

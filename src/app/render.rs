@@ -117,19 +117,19 @@ impl Outcome {
     }
 }
 
-/// Renders one experiment after the other on one device, and keeps its compiled kernels.
+/// Renders one experiment after the other on one device, and keeps the compiled kernels of the device.
 pub struct Session {
     pub interrupts: Interrupts,
     pub progress: Progress,
     device: Option<Device>,
     /// The renderer of the previous frame.
     ready: Option<Ready>,
-    /// Whether the experiments are the frames of a sequence. If so, existing files are kept, dark frames are no mistake, and an
+    /// Whether the experiments are the frames of a sequence. If so, existing files are kept, black frames are allowed, and an
     /// interrupted frame is not written.
     pub is_sequence: bool,
     /// The stream of --tev; `None` before the first render.
     tev: Option<TevStream>,
-    /// Notes and warnings that were printed.
+    /// Notes and warnings that were printed already.
     said: HashSet<String>,
 }
 
@@ -300,7 +300,7 @@ impl Session {
 }
 
 impl Session {
-    /// Whether a black image is no mistake.
+    /// Whether a black image is allowed.
     fn may_be_dark(&self, experiment: &Experiment, settings: &Settings) -> bool {
         experiment.gate.force.unwrap_or(false) || self.is_sequence || settings.responses().are_steady()
     }
@@ -332,7 +332,7 @@ impl Session {
         if let Some(warning) = plan.warning(device.info()) {
             self.progress.line(&format!("warning: {warning}"));
         }
-        // The layers come before the image, so that two copies of the scene are never on the device.
+        // Render the layers before making the renderer, so that the device never holds two copies of the scene.
         let layers = match outputs.aov {
             none if none == Aov::default() => Layers::default(),
             aov => preparation.timed("auxiliary layers", || layers(device, &scene, settings, &prepared, aov))?,
@@ -344,13 +344,13 @@ impl Session {
         if outputs.has_variance() {
             renderer.estimate_response_variance();
         }
-        // Another frame may follow.
+        // The next frame of a sequence may reuse the prepared scene.
         let prepared = self.is_sequence.then_some(prepared);
         Ok((Ready { renderer, scene, settings: settings.clone(), prepared, warnings }, layers))
     }
 }
 
-/// Adds the scene's file to an error of the settings, because the scene may be the cause.
+/// Names the scene's file in an error of the settings, because the scene may be the cause.
 fn of_file(error: Error, scene: &Path) -> Error {
     match error {
         Error::Settings(message) => Error::Scene { path: scene.into(), message },

@@ -22,7 +22,7 @@ pub struct Report<'a> {
     pub renderer: &'a Renderer,
     pub settings: &'a Settings,
     pub provenance: &'a Provenance,
-    /// Seconds of the iterations of this process; [`Provenance::seconds`] counts those of earlier ones too.
+    /// Seconds of the iterations of this process. [`Provenance::seconds`] also counts earlier processes.
     pub seconds: f64,
     /// Auxiliary layers of the image file.
     pub layers: &'a Layers,
@@ -44,7 +44,7 @@ struct Numbers<'a> {
     /// Seconds from the loading of the scene to the first iteration, and their stages.
     prepare_seconds: f64,
     prepare_stages: Vec<Stage>,
-    /// Seconds of all iterations, and their stages. The last stage is the time that the other stages do not explain.
+    /// Seconds of all iterations, and their stages. The last stage is the rest of the time.
     render_seconds: f64,
     stages: Vec<Stage>,
     rays_per_second: f64,
@@ -78,8 +78,8 @@ impl Report<'_> {
         Images { film: renderer.film(), responses: renderer.responses(), provenance, layers }
     }
 
-    /// Writes all files; `sums` writes one that keeps the sums. Each file that cannot be written is saved elsewhere if possible; the
-    /// error says where.
+    /// Writes all files; `sums` writes the file of sums. A file that cannot be written is saved elsewhere if possible, and the error
+    /// says where.
     pub fn write(&self, outputs: &Outputs, sums: impl Fn(&Path) -> Result<()>) -> anyhow::Result<()> {
         let mut rescue = Rescue::default();
         self.images().write(outputs, &mut rescue);

@@ -9,7 +9,7 @@ use anyhow::anyhow;
 use taugate::Error;
 use taugate::internals::error::Result;
 
-/// The files that could not be written where the user wants them.
+/// Remembers the files that could not be written where the user wants them.
 #[derive(Default)]
 pub struct Rescue {
     /// The error of the first of these files.

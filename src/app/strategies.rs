@@ -28,7 +28,8 @@ pub struct Job<'a> {
 }
 
 /// Checks that the program may create or replace the folder. The folder must either not exist or hold nothing but strategy
-/// images, and its parent must be writable. Also removes what renders that were killed left beside the folder.
+/// images, and its parent must be writable. Also removes temporary folders that killed
+/// renders left beside the folder.
 pub fn check_folder(folder: &Path) -> Result<()> {
     let fail = |message: String| Err(Error::File { path: folder.into(), message });
     match fs::read_dir(folder) {
@@ -51,8 +52,8 @@ pub fn check_folder(folder: &Path) -> Result<()> {
     temporary_beside(&place).map(drop)
 }
 
-/// Absolute path of the folder, which need not exist. A relative path could change its meaning when the folder is renamed,
-/// because the current directory may be inside.
+/// Absolute path of the folder, which need not exist. If the current directory is inside the folder, a relative path would change
+/// its meaning when the folder is renamed.
 fn real_place(folder: &Path) -> Result<PathBuf> {
     let fail = |e: io::Error| {
         let message = format!("cannot be written: {e}; choose an existing place where you may write");
@@ -85,7 +86,7 @@ fn is_ours(file: &str) -> bool {
     matches!(parts[..], [s, t, "weighted.exr" | "unweighted.exr"] | [s, t, "ellipsoidal", "weighted.exr" | "unweighted.exr"] if number(s, 's') && number(t, 't'))
 }
 
-/// Creates a temporary folder beside `folder`, so that a rename can move it there, and its lock. `folder` is a [`real_place`].
+/// Creates a temporary folder and its lock beside `folder`, so that a rename suffices later. `folder` comes from [`real_place`].
 fn temporary_beside(folder: &Path) -> Result<(tempfile::TempDir, Option<fs::File>)> {
     temporary_folder(folder).map_err(|e| {
         let message = format!("cannot be written: {e}; choose an existing place where you may write");

@@ -39,7 +39,7 @@ use stage::Stage;
 
 /// Commands that wait for the engine.
 const INBOX: usize = 256;
-/// Time between two looks at the interrupts.
+/// Time between two checks for an interrupt.
 const POLL: Duration = Duration::from_millis(50);
 /// Time that pages get to take their last message.
 const GOODBYE: Duration = Duration::from_secs(1);
@@ -104,7 +104,7 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Renders, and serves pages, until Ctrl-C. Fails if the render ends by a defect.
+/// Renders and serves pages until Ctrl-C. Fails if the render thread panics or the server fails.
 fn serve_until_interrupt(
     engine: Engine,
     sender: SyncSender<Command>,
@@ -118,7 +118,7 @@ fn serve_until_interrupt(
     let is_over = Arc::new(AtomicBool::new(false));
     let over = OnDrop(is_over.clone());
     let rendering = std::thread::Builder::new().name("render".into()).spawn(move || {
-        // Without the engine the pages would wait for ever, so its end, even by a panic, ends the server.
+        // Without the engine the pages would wait for ever. So the server ends when the engine does, even after a panic.
         let _over = over;
         engine.run();
     })?;
@@ -128,7 +128,7 @@ fn serve_until_interrupt(
             tokio::time::sleep(POLL).await;
         }
         let _ = end.send(true);
-        // The pages get some time to hear of the end.
+        // Give the pages some time to receive their last message.
         let start = Instant::now();
         while board.connections() != [0, 0] && start.elapsed() < GOODBYE {
             tokio::time::sleep(POLL).await;
@@ -157,7 +157,7 @@ impl Drop for OnDrop {
     }
 }
 
-/// Leaves out what the viewer does not have, and returns the names of these settings. Fails for a scan.
+/// Removes the settings that the viewer does not support, and returns their names. Fails for a scan.
 fn reduce(experiment: &mut Experiment) -> Result<Vec<&'static str>, Error> {
     if experiment.scan.is_some() {
         let message = "a scan has no picture to watch; render it with taugate render";

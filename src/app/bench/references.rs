@@ -71,7 +71,7 @@ pub fn make(
     Ok(code)
 }
 
-/// Names of the references that the entries need, without repetitions.
+/// Names of the references that the entries need, each once.
 fn distinct(entries: &[Entry]) -> Vec<&str> {
     let mut names: Vec<&str> = vec![];
     for entry in entries {

@@ -11,7 +11,7 @@ use crate::app::progress::duration;
 pub struct SuiteProgress {
     pub repetitions: u32,
     pub started: Instant,
-    /// Seconds of rendering: those that are done, and the total.
+    /// Seconds of rendering so far, and the total of the suite.
     pub done: f64,
     pub all: f64,
 }

@@ -86,7 +86,7 @@ fn describe(result: &HistogramComparison, names: Option<&[String]>) -> String {
     text
 }
 
-/// An array and its gates, if they are known.
+/// An array, and its gates if they are known. Fails if a value is not finite.
 fn read_finite(path: &Path) -> Result<(ImageArray, Option<Vec<DescribedResponse>>), Error> {
     let (array, gates) = if accumulated::is_sums(path) {
         let (array, gates) = accumulated::array(path)?;

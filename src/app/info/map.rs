@@ -27,7 +27,7 @@ pub struct Map {
     pub scale: Option<Scale>,
 }
 
-/// Travel times of the colour scale. `percent` is the part of the lit pixels that have light by this time.
+/// Travel times of the colour scale. Their `percent` is the percentage of the lit pixels that have light by this time.
 #[derive(Serialize)]
 pub struct Scale {
     /// First arrival over all pixels: dark blue.

@@ -9,14 +9,14 @@ use crate::app::feasible::short;
 /// A medium. Lengths are in metres; numbers are means over the channels.
 #[derive(Serialize)]
 pub struct Medium {
-    /// Mean distance between two events, where the density is 1; none for clear water.
+    /// Mean distance between two events where the density is 1. None if the medium neither scatters nor absorbs.
     mean_free_path: Option<f64>,
-    /// Share of the events that scatter instead of absorbing.
+    /// Fraction of the events that scatter; the others absorb.
     scattering_share: Option<f64>,
     phase: &'static str,
     ior: f32,
     group_ior: f32,
-    /// Lower and upper corner; none if the medium fills all space, or a grid alone bounds it.
+    /// Lower and upper corner; none if the medium fills all space, or if only its grid bounds it.
     bounds: Option<[[f64; 3]; 2]>,
     /// Voxels along x, y and z.
     grid: Option<[u32; 3]>,

@@ -46,7 +46,7 @@ pub fn crop_to(settings: &Settings, Pixel([x, y]): Pixel) -> Result<Settings> {
     settings.change().crop(Crop { x0: x, x1: x + 1, y0: y, y1: y + 1 }).build()
 }
 
-/// What the pixel shows; `settings` come from [`crop_to`].
+/// The object in the pixel. `settings` come from [`crop_to`].
 pub fn shown(device: &Device, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Shown> {
     let Crop { x0: column, y0: row, .. } = settings.crop();
     let mut object = None;

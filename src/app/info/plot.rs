@@ -9,9 +9,9 @@ use taugate::internals::files::{check_writable, write_atomically};
 use taugate::internals::image::time_plot::{Bar, steps};
 use taugate::internals::render::TravelTimes;
 
-/// Number of parts into which the plot divides the travel times.
+/// Number of bins of the histogram in the plot.
 const PARTS: usize = 100;
-/// The plot ends when this part of the light has arrived, in per cent.
+/// The plot ends when this percentage of the light has arrived.
 const END_PERCENT: f64 = 99.0;
 
 /// Fails if the plot has the wrong extension or cannot be written. Call it first, because the measurement takes a while.

@@ -15,7 +15,7 @@ use super::NotFinite;
 pub struct Iterations<'a> {
     pub settings: &'a Settings,
     pub shard: Shard,
-    /// Seconds of rendering before this process.
+    /// Seconds that earlier processes spent on this render.
     pub before: f64,
     pub strict: bool,
     pub stop: &'a AtomicBool,

@@ -1,4 +1,4 @@
-//! A renderer that is ready for its first iteration, and later for those of other frames.
+//! A renderer that is ready for its first iteration, and later for the first iterations of other frames.
 
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
@@ -18,13 +18,12 @@ pub struct Ready {
 }
 
 impl Ready {
-    /// The scene alone.
     pub fn into_scene(self) -> Scene {
         self.scene
     }
 
-    /// Ready for another frame, in which only cameras, lights, surfaces that move, responses or the seed are others. Its image has the
-    /// bits of a new renderer's. `None` if the frame needs new preparations.
+    /// Ready for another frame, in which only cameras, lights, positions of surfaces, responses or the seed differ. The image has the
+    /// same bits as with a new renderer. `None` if the frame needs new preparations.
     pub fn follow(self, device: &Device, scene: Scene, settings: &Settings) -> Result<Option<Ready>> {
         let Ready { mut renderer, scene: before, settings: old, prepared, warnings } = self;
         let Some(mut prepared) = prepared else { return Ok(None) };
@@ -43,7 +42,7 @@ impl Ready {
             renderer.clear_stats();
         } else {
             let has_variance = renderer.has_response_variance();
-            // Two copies of the scene are never on the device.
+            // Free the old scene first, so that the device never holds two copies.
             drop((before, renderer));
             if !prepared.follow_surfaces(&scene, settings)? {
                 return Ok(None);

@@ -135,7 +135,7 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     Ok(if is_whole { Outcome::Done } else { Outcome::Interrupted }.code())
 }
 
-/// The array that the scan writes. Fails if the user wants other files.
+/// The file of the array that the scan writes. Fails if the user wants other files.
 fn output(experiment: &Experiment) -> Result<PathBuf> {
     let OutputTable { output, checkpoint, resume, shard, .. } = &experiment.output;
     if checkpoint.is_some() || resume.is_some() || shard.is_some() {
@@ -151,7 +151,7 @@ fn output(experiment: &Experiment) -> Result<PathBuf> {
     }
 }
 
-/// Renders one point of the laser. Returns false if an interrupt ended it before its end.
+/// Renders one point of the laser. Returns false if an interrupt ended the render of the point early.
 fn measure(
     renderer: &mut Renderer,
     settings: &Settings,
@@ -181,8 +181,8 @@ fn measure(
     }
 }
 
-/// Fails if a point does not lie on the surface that the laser or the sensor sees in its direction: the travel times would begin or end
-/// elsewhere.
+/// Fails if a point does not lie on the surface that the laser or the sensor sees in its direction. The travel times would then be
+/// those of another point.
 fn check_points(device: &Device, scene: &Scene, settings: &Settings, scan: &Scan) -> Result<()> {
     let sensor_points = scan.sensor_points.as_ref().unwrap_or(&scan.laser_points);
     check_aimed_points(device, scene, settings, "sensor", &Scan::camera_at(scan.sensor, sensor_points))?;

@@ -16,7 +16,7 @@ use taugate::internals::input::sequence::Sequence;
 use super::sums::Identity;
 use super::{Outcome, Session, check_pose};
 
-/// Renders all frames, then the pictures of all of them.
+/// Renders all frames, then writes the contact sheet and the animation.
 pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCode> {
     for path in sequence.contact_sheet.iter().chain(&sequence.gif) {
         check_writable(path)?;
@@ -45,7 +45,7 @@ pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCod
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether all files of a frame are there, with the settings `wanted`; sums are those of `identity`. Fails if an image has other settings.
+/// Whether all files of a frame exist. Fails if an image has other settings than `wanted`, or if sums have another identity.
 pub fn is_finished(outputs: &Outputs, wanted: &str, identity: Option<&Identity>) -> Result<bool> {
     let found = [&outputs.exr, &outputs.npy].into_iter().flatten().filter(|path| path.exists());
     for path in found {

@@ -23,11 +23,11 @@ use super::super::progress::Progress;
 /// A write of the sums takes at most this fraction of the time of a render.
 const MAX_SHARE: f64 = 0.01;
 
-/// What the sums of a render are of, but for their number.
+/// Describes the render that sums belong to, without the number of samples.
 pub struct Identity(About);
 
 impl Identity {
-    /// `experiment` is the resolved experiment; the scene is where it says.
+    /// `experiment` is the resolved experiment. It names the file of the scene.
     pub fn new(experiment: Experiment, settings: &Settings, shard: Shard) -> Result<Identity> {
         let without_outputs = Experiment { output: Default::default(), ..experiment };
         let experiment = without_outputs.with_absolute_paths()?;
@@ -38,7 +38,7 @@ impl Identity {
         Ok(Identity(About::new(settings, experiment.to_toml(), &files, scene, shard)))
     }
 
-    /// Fails if the sums in the file are those of another render.
+    /// Fails if the sums in the file belong to another render.
     pub fn check_file(&self, path: &Path) -> Result<()> {
         let about = file::read_about(path)?;
         about.check_same_render(&path.display().to_string(), &self.0, "this command")
@@ -53,7 +53,7 @@ impl Identity {
     }
 }
 
-/// The experiment of the sums that --resume names, below the flags `typed`. For a command without a scene.
+/// The experiment of a command without a scene: that of the sums which --resume names. The flags `typed` take precedence.
 pub fn read_experiment(typed: Experiment) -> Result<Experiment> {
     let path = typed.output.resume.clone().expect("a command without a scene has --resume");
     let text = file::read_about(&path)?.settings;
@@ -67,14 +67,14 @@ pub fn read_experiment(typed: Experiment) -> Result<Experiment> {
     }
 }
 
-/// The sums from which a render goes on.
+/// The sums that a render continues.
 pub struct Earlier {
     path: PathBuf,
     pub sums: Accumulation,
 }
 
 impl Earlier {
-    /// Reads the file of --resume, or that of --checkpoint if it exists. Fails if both exist and are not the same file.
+    /// Reads the file of --resume, or the file of --checkpoint if it exists. Fails if these are two different files.
     pub fn read(experiment: &Experiment, outputs: &Outputs) -> Result<Option<Earlier>> {
         let checkpoint = outputs.checkpoint.as_ref().map(|(path, _)| path).filter(|path| path.exists());
         let path = match (&experiment.output.resume, checkpoint) {
@@ -91,7 +91,7 @@ impl Earlier {
         Ok(Some(Earlier { path: path.clone(), sums: file::read(path)? }))
     }
 
-    /// The shard to render: that of the flag, else that of the sums. Fails if they differ.
+    /// The shard to render: the shard of the flag, else the shard of the sums. Fails if the two differ.
     pub fn shard(&self, typed: Option<Shard>) -> Result<Shard> {
         let of_sums = self.sums.about.shard();
         match (typed, of_sums) {
@@ -108,7 +108,7 @@ impl Earlier {
         }
     }
 
-    /// Fails if the sums are not those of this render, or if they lack variances that the render must write.
+    /// Fails if the sums belong to another render, or if they lack variances that this render must write.
     pub fn check(&self, identity: &Identity, has_variance: bool) -> Result<()> {
         let name = self.path.display().to_string();
         self.sums.about.check_same_render(&name, &identity.0, "this command")?;
@@ -122,7 +122,7 @@ impl Earlier {
         }
     }
 
-    /// A line that says where the render goes on.
+    /// A line that says after how many samples and iterations the render goes on.
     pub fn describe(&self) -> String {
         let About { samples_per_pixel, iterations, .. } = &self.sums.about;
         format!(
@@ -173,7 +173,6 @@ impl Checkpoint {
         Ok(Some(Checkpoint { path: path.clone(), every, last: Instant::now(), took: Duration::ZERO, _lock: lock }))
     }
 
-    /// The file.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -24,7 +24,7 @@ const TOPICS: usize = 5;
 pub struct Surfaces {
     /// Length of the camera ray in metres per pixel, row-major; 0 without a surface.
     pub depth: Vec<f32>,
-    /// Name of the object per pixel, as an index into `names`; [`Surfaces::NOTHING`] without a surface.
+    /// Index into `names` of the object per pixel, row-major; [`Surfaces::NOTHING`] without a surface.
     pub object: Vec<u32>,
     pub names: Vec<String>,
 }
@@ -73,8 +73,8 @@ impl Board {
         self.publish(|newest, number| newest.texts[topic as usize] = Some((number, text)));
     }
 
-    /// Publishes the settings. `is_new`: they are others than before, so the failure of those is cleared. The surfaces are cleared
-    /// unless camera and scene are the same.
+    /// Publishes the settings. `is_new`: they differ from the last ones, so the last failure is cleared. `keeps_surfaces`: camera and
+    /// scene are the same; otherwise the surfaces are cleared.
     pub fn state(&self, report: &Report, resolution: [u32; 2], is_new: bool, keeps_surfaces: bool) {
         let text: Arc<str> = report.to_json().into();
         self.publish(|newest, number| {
@@ -125,7 +125,7 @@ impl Board {
         (newest.surfaces.clone(), newest.resolution)
     }
 
-    /// Whether a page is connected. Without one, pictures are rare.
+    /// Whether a page is connected. Otherwise the engine makes pictures less often.
     pub fn has_pages(&self) -> bool {
         self.pages.load(Ordering::Relaxed) > 0
     }

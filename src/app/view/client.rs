@@ -23,7 +23,7 @@ const HELLO: Duration = Duration::from_secs(5);
 const SEND: Duration = Duration::from_secs(20);
 /// A page that does not acknowledge a picture for this time is dropped.
 const ACK: Duration = Duration::from_secs(60);
-/// Messages per second that a page may send, and how many at once.
+/// Messages per second that a page may send, and how many it may send at once.
 const RATE: f64 = 100.0;
 const BURST: f64 = 200.0;
 /// A page that sent so many malformed messages is dropped.
@@ -72,10 +72,10 @@ struct Client<'a> {
     seen: u64,
     layer: Layer,
     response: u32,
-    /// Number of the picture that was sent last, and when; it is not acknowledged yet if `is_open`.
+    /// Number of the picture that was sent last. `is_open`: the page has not acknowledged this picture yet.
     frame: u32,
     is_open: bool,
-    /// Whether a picture was not sent because the last one is too new.
+    /// Whether a picture waits because the last one was sent (at time `sent`) too recently.
     is_held_back: bool,
     sent: Option<Instant>,
     /// Publication, layer and response of the picture that was sent last.
@@ -145,7 +145,7 @@ impl Client<'_> {
         }
     }
 
-    /// When the connection must be looked at again without a message.
+    /// When to check the connection again if no message arrives.
     fn wake(&self) -> Instant {
         match self.sent {
             Some(sent) if self.is_open => sent + ACK,
@@ -201,7 +201,7 @@ impl Client<'_> {
         if self.allowance < 0.0 { Err(End::Close(TOO_MANY, "the page sends too many messages")) } else { Ok(()) }
     }
 
-    /// Passes changes on, unless they are no values of their settings: the present iteration is worth more than a typing error.
+    /// Passes changes to the engine and ends the present iteration. Changes with a typing error are refused and end nothing.
     fn set(&self, changes: BTreeMap<String, Change>, page: &Answers) {
         if let Some(error) = stage::typing_error(&changes) {
             return page.send(&Report::Problem { message: error.to_string() });
@@ -211,7 +211,7 @@ impl Client<'_> {
         }
     }
 
-    /// Returns whether the engine gets the command.
+    /// Sends a command to the engine. Returns false if the queue is full or the engine is gone.
     fn command(&self, command: Command, page: &Answers) -> bool {
         let sent = self.shared.engine.try_send(command);
         if let Err(TrySendError::Full(_)) = sent {
@@ -231,7 +231,7 @@ impl Client<'_> {
         Ok(())
     }
 
-    /// Sends the newest picture, if the page has taken the one before, does not have this one, and the last one is old enough.
+    /// Sends the newest picture if the page does not have it, has acknowledged the last one, and got the last one long enough ago.
     async fn send_picture(&mut self) -> Result<(), End> {
         self.is_held_back = !self.is_open && self.sent.is_some_and(|sent| sent.elapsed() < BETWEEN_PICTURES);
         if self.is_open || self.is_held_back {
@@ -242,11 +242,11 @@ impl Client<'_> {
         if self.shown == Some(shown) {
             return Ok(());
         }
-        // The settings that the picture belongs to come first.
+        // The page must know the settings of the picture before the picture.
         self.send_texts().await?;
         self.frame = self.frame.wrapping_add(1);
         let (frame, layer, response) = (self.frame, self.layer, self.response);
-        // Encoding a large picture takes some milliseconds, which other pages need not wait for.
+        // Encoding a large picture takes some milliseconds. Do it on another thread, so that other pages need not wait.
         let message = tokio::task::spawn_blocking(move || picture.encode(frame, layer, response)).await;
         let Ok(message) = message else { return Err(End::Gone) };
         (self.shown, self.sent, self.is_open) = (Some(shown), Some(Instant::now()), true);

@@ -31,7 +31,7 @@ pub fn welcome(stage: &Stage, device: &Device, folder: &Path) -> Welcome {
 }
 
 /// The present settings. `warnings` come from the preparation of the scene. `input` is the file that the user named, and whether
-/// all its settings count in the viewer.
+/// the viewer uses all its settings.
 pub fn state(stage: &Stage, revision: u32, paused: bool, warnings: &[String], input: (&Path, bool)) -> State {
     let (scene, view) = (stage.scene(), stage.view());
     let settings = &view.settings;
@@ -88,7 +88,8 @@ fn camera(scene: &Scene, settings: &Settings) -> Camera {
 fn command(stage: &Stage, (input, is_whole): (&Path, bool)) -> Option<String> {
     let (start, experiment) = (stage.start(), &stage.view().experiment);
     let is_scene = start.scene.as_deref() == Some(input);
-    // The file of an experiment also has what no flag gives. Then only the settings that the page changed are flags.
+    // Flags cannot express every setting of an experiment file. Then the command names this file, with flags for the settings that
+    // the page changed.
     let words = if is_scene || !named::has_tables(start) {
         let scene = start.scene.as_ref().expect("the experiment names a scene");
         let mut words = vec![scene.to_str()?.to_string()];
@@ -111,7 +112,7 @@ fn command(stage: &Stage, (input, is_whole): (&Path, bool)) -> Option<String> {
     shlex::try_join(line).ok()
 }
 
-/// The page adds the number of samples and the output.
+/// Removes the budget and the output. The page adds its own number of samples and output to the command.
 fn without_budget(experiment: &Experiment) -> Experiment {
     let mut experiment = experiment.clone();
     (experiment.render.spp, experiment.render.time) = (None, None);

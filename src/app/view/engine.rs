@@ -1,4 +1,5 @@
-//! The thread that renders for the viewer. It obeys the pages between two steps of work, and a change of settings ends a step early.
+//! The thread that renders for the viewer. It carries out the commands of the pages between two steps of work. A change of settings
+//! ends a step early.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,20 +23,20 @@ use super::renderers::Renderers;
 use super::stage::{Effect, Stage};
 use super::{Answers, describe, save};
 
-/// Minimum time between two pictures without a page.
+/// Minimum time between two pictures while no page is connected.
 const WITHOUT_PAGE: Duration = Duration::from_secs(10);
-/// A camera that has not moved for this time is worth the preparation of the full image.
+/// The full image is prepared when the camera has not moved for this time.
 const SETTLED: Duration = Duration::from_millis(300);
 /// If the full image will take less than this many seconds, no finer preview comes first.
 const SOON: f64 = 0.3;
 /// Samples per pixel of a preview.
 const PREVIEW_SAMPLES: u32 = 2;
-/// Minimum ratio of the time between two pictures and the time that making one takes.
+/// The time between two pictures is at least this many times the time that one picture takes.
 const TIME_PER_PICTURE: u32 = 20;
 /// Time between two attempts to show a finished image in a tev that does not answer.
 const TEV_RETRY: Duration = Duration::from_secs(2);
 
-/// A request of a page. Answers go to its queue.
+/// A request of a page. Answers go to the queue `page`.
 pub enum Command {
     Set { changes: BTreeMap<String, Change>, page: Answers },
     Pause(bool),
@@ -62,7 +63,7 @@ pub struct Engine {
     pub stop: Arc<AtomicBool>,
     /// The file that the user named.
     pub input: PathBuf,
-    /// Whether all settings of that file count in the viewer.
+    /// Whether the viewer uses all settings of `input`.
     pub is_whole: bool,
     /// Folder for saved images.
     pub folder: PathBuf,
@@ -79,16 +80,16 @@ pub struct Work {
     failed: bool,
     welcome: Option<Welcome>,
     pub(super) renderers: Option<Renderers>,
-    /// Number of previews that are done or left out.
+    /// Number of previews that are done or skipped.
     previews: usize,
-    /// When the camera moved, if the full image does not have it yet.
+    /// When the camera moved; `None` if the full image has the present camera.
     moved: Option<Instant>,
-    /// Whether the histogram and the surfaces are those of the present camera and lights.
+    /// Whether the histogram (`has_surfaces`: the surfaces) was measured with the present camera and lights.
     pub(super) has_arrivals: bool,
     pub(super) has_surfaces: bool,
     /// Time spent on the iterations of the full image.
     seconds: f64,
-    /// Earliest time of the next picture, and whether samples were added since the last one.
+    /// Earliest time of the next picture, and whether samples were added since the last picture.
     next_picture: Option<Instant>,
     has_news: bool,
     /// Estimated relMSE of the last picture of the full image.
@@ -166,7 +167,7 @@ impl Engine {
         }
         work.failed = false;
         (work.previews, work.seconds, work.relmse) = (0, 0.0, None);
-        // The first picture of the new image need not wait.
+        // The first picture of the new image is shown at once.
         (work.next_picture, work.has_news) = (None, false);
         self.announce(effect == Effect::Restart);
     }
@@ -216,7 +217,7 @@ impl Engine {
             return Ok(Next::WaitFor(SETTLED.saturating_sub(moved.elapsed())));
         }
         if self.work.moved.is_some() {
-            // The previews of this camera are shown already.
+            // The page already has the previews of this camera.
             return self.prepare(usize::MAX);
         }
         if !self.work.has_arrivals {
@@ -228,7 +229,7 @@ impl Engine {
 
     /// Prepares the scene for the present settings. `previews`: how many previews are done.
     fn prepare(&mut self, previews: usize) -> Result<Next> {
-        // Two copies of the scene are never on the device.
+        // Free the old scene first, so that the device never holds two copies.
         self.work.renderers = None;
         let renderers = Renderers::new(&self.device, self.stage.scene(), &self.stage.view().settings)?;
         let work = &mut self.work;
@@ -238,7 +239,7 @@ impl Engine {
         if has_warnings {
             self.publish_state(false, true);
         }
-        // The first picture comes before the next command, or a camera that never rests would never be seen.
+        // Render the first preview before the next command. Otherwise a camera that moves all the time would never be shown.
         if self.work.previews == 0 && self.has_previews() { self.preview_step() } else { Ok(Next::Step) }
     }
 
@@ -246,8 +247,8 @@ impl Engine {
         self.work.renderers.as_ref().is_some_and(|renderers| !renderers.previews.is_empty())
     }
 
-    /// Renders the next preview and publishes it. The coarsest one is never abandoned. Leaves out finer previews if the image will be
-    /// there soon.
+    /// Renders the next preview and publishes it. The coarsest preview is never abandoned. Skips finer previews if the full
+    /// image will be ready soon.
     fn preview_step(&mut self) -> Result<Next> {
         let work = &mut self.work;
         let preview = &mut work.renderers.as_mut().expect("the scene is prepared").previews[work.previews];
@@ -308,7 +309,7 @@ impl Engine {
         Ok(Next::Step)
     }
 
-    /// Publishes the full image, if the film has more than the last picture, and the progress.
+    /// Publishes the progress, and the full image if it has new samples. Also offers the image to tev.
     fn publish_picture(&mut self, phase: Phase) {
         let work = &mut self.work;
         let full = &work.renderers.as_ref().expect("the scene is prepared").full;

@@ -1,5 +1,5 @@
-//! What the engine measures beside the image: when light arrives, and what the pixels show. The image does not depend on either, so
-//! their errors are not those of the render: the page then has no histogram, or no depths.
+//! Measures when light arrives and which surfaces the pixels show. The image depends on neither. So if a measurement fails, the
+//! render goes on, and the page has no histogram or no depths.
 
 use taugate::internals::error::Result;
 use taugate::internals::input::responses::chosen;
@@ -43,7 +43,7 @@ impl Engine {
         self.board.report(Topic::Arrivals, &Report::Arrivals(arrivals));
     }
 
-    /// The travel times of all light that has one; `None` if all of it comes from infinitely far away.
+    /// The travel times of all light that has one; `None` if all light comes from infinitely far away.
     fn arrivals(&self) -> Result<Option<TravelTimes>> {
         let (scene, settings) = (self.stage.scene(), &self.stage.view().settings);
         let prepared = &self.work.renderers.as_ref().expect("the scene is prepared").prepared;

@@ -15,9 +15,9 @@ pub enum Request {
     Set { changes: BTreeMap<String, Change> },
     /// Pauses the render, or goes on.
     Pause { on: bool },
-    /// What this page shows.
+    /// The picture that this page wants to see.
     Show { layer: Layer, response: u32 },
-    /// The page has taken a picture, so the next one may be sent.
+    /// The page has received a picture, so the server may send the next one.
     Ack { frame: u32 },
     /// Asks for the values of a pixel of the whole image.
     Pixel { x: u32, y: u32 },
@@ -35,7 +35,7 @@ impl Request {
 /// The new value of a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Change {
-    /// JSON null.
+    /// JSON null: the value that the viewer started with.
     AsAtStart,
     /// JSON false: the flag is not given.
     LeaveOut,
@@ -119,7 +119,7 @@ pub struct Emitter {
 pub struct State {
     /// Counts the changes of settings, from 1.
     pub revision: u32,
-    /// The settings that were given, by the names of their flags, as text.
+    /// The settings that the user gave, as text, keyed by flag.
     pub settings: BTreeMap<String, String>,
     pub camera: Camera,
     pub responses: Vec<Response>,
@@ -133,8 +133,8 @@ pub struct State {
     pub paused: bool,
     pub notes: Vec<String>,
     pub warnings: Vec<String>,
-    /// The `taugate render` that makes the same image, without the number of samples and the output. None if flags cannot give
-    /// these settings.
+    /// The `taugate render` command that makes the same image, without the number of samples and the output. None if flags cannot
+    /// express these settings.
     pub command: Option<String>,
 }
 
@@ -173,7 +173,7 @@ pub enum Phase {
     Coarse,
     Rendering,
     Paused,
-    /// The budget of the command line is used up.
+    /// The budget that the viewer started with is used up.
     Done,
     /// No light can arrive inside the gate.
     Dark,
@@ -202,7 +202,7 @@ pub struct Arrivals {
     pub end: f64,
     /// Fractions of all light.
     pub light: Vec<f64>,
-    /// Gates where much light arrives, and the gate of the command line.
+    /// Gates around percentiles of the arriving light, and the gate that the viewer started with.
     pub presets: Vec<Response>,
 }
 

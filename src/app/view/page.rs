@@ -1,6 +1,6 @@
 //! The files of the page, embedded in the program.
 
-/// Kind and text of a file of the page; `None` if there is no such file.
+/// MIME type and text of a file of the page; `None` if there is no such file.
 pub fn file(name: &str) -> Option<(&'static str, &'static str)> {
     let (_, text) = FILES.into_iter().find(|(known, _)| *known == name)?;
     let kind = match name.rsplit('.').next() {

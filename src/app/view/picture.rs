@@ -11,9 +11,9 @@ use super::message::Layer;
 
 /// Bytes of the header in front of the pixels.
 const HEADER: usize = 40;
-/// The largest value of a picture becomes this half float, well below the greatest one.
+/// The largest value of a picture is scaled to this half float, well below the largest finite one.
 const LARGEST_HALF: f32 = 32768.0;
-/// The images of all responses are made only up to this many values.
+/// A picture contains the images of all responses only if they have at most this many values.
 const MAX_RESPONSE_VALUES: usize = 1 << 28;
 /// The response of a picture that shows the sum of several responses.
 const SUM: u32 = u32::MAX;
@@ -32,7 +32,7 @@ pub struct Picture {
     pub variance: Vec<f32>,
     /// Number of responses.
     pub count: u32,
-    /// Means of each response, one image after the other; empty if there is one response, or if they are too many.
+    /// Means of each response, one image after the other; empty if there is one response, or if there are too many.
     pub responses: Vec<f32>,
 }
 
@@ -61,18 +61,19 @@ impl Picture {
         self.mean.len()
     }
 
-    /// The image of a response. `None` if its picture was not made.
+    /// The image of a response. `None` if the picture does not contain it.
     fn of_response(&self, response: u32) -> Option<&[f32]> {
         let begin = response as usize * self.values();
         self.responses.get(begin..begin + self.values())
     }
 
-    /// The image that a page gets that wants to see `response`: that of the response or, without one, the sum of all.
+    /// The image for a page that wants to see `response`: the image of this response or, without one, the sum of all responses.
     pub fn shown(&self, response: u32) -> &[f32] {
         self.of_response(response).unwrap_or(&self.mean)
     }
 
-    /// Index of the first channel of the pixel at the place of pixel (x, y) of an image of `full` pixels. `None` outside the image.
+    /// Index of the first channel of the pixel of this picture that covers pixel (x, y) of the full image, which has `full` pixels.
+    /// `None` outside the image.
     pub fn at(&self, [x, y]: [u32; 2], full: [u32; 2]) -> Option<usize> {
         let [width, height] = self.size;
         let scaled = |i: u32, size: u32, full: u32| {
@@ -87,8 +88,8 @@ impl Picture {
         (!self.responses.is_empty()).then(|| self.responses.chunks_exact(self.values()).map(luminance_at).collect())
     }
 
-    /// The standard error of the luminance relative to the luminance, in all three channels; 0 where it is not known. The errors of
-    /// the channels count as fully correlated, which they are for grey light.
+    /// The relative standard error of the luminance, repeated in all three channels; 0 where it is not known. The errors of the
+    /// channels are taken as fully correlated, which is exact for grey light.
     fn relative_error(&self) -> Vec<f32> {
         if self.variance.is_empty() {
             return vec![0.0; self.values()];
@@ -101,11 +102,11 @@ impl Picture {
         error.flat_map(|error| [error; 3]).collect()
     }
 
-    /// The binary message with this picture: a header of 40 bytes, then half floats, R, G, B of each pixel, row 0 at the top. A value is
-    /// half float times scale. The header is little-endian, in words of 32 bits unless noted:
+    /// The binary message with this picture: a header of 40 bytes, then half floats, R, G, B of each pixel, row 0 at the top. A value
+    /// is its half float times `scale`. The header is little-endian, in words of 32 bits unless noted:
     ///
     /// * "TGP1", `frame`, revision, width, height;
-    /// * response, or [`SUM`] if the picture shows the sum of several;
+    /// * response, or [`SUM`] if the picture shows the sum of several responses;
     /// * layer (8 bits: 0 radiance, 1 relative error) and 24 bits 0;
     /// * samples per pixel, scale (f32), number of responses.
     pub fn encode(&self, frame: u32, layer: Layer, response: u32) -> Vec<u8> {

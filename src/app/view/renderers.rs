@@ -8,7 +8,7 @@ use taugate::internals::settings::{Responses, Settings};
 
 use super::super::memory;
 
-/// Sides of the previews relative to the image, the coarsest first.
+/// The sides of the image are divided by these numbers to give the sides of the previews, the coarsest first.
 const DIVISORS: [u32; 3] = [8, 4, 2];
 /// Minimum side of a preview in pixels.
 const MIN_SIDE: u32 = 32;
@@ -16,9 +16,9 @@ const MIN_SIDE: u32 = 32;
 /// The renderers for one set of settings.
 pub struct Renderers {
     pub prepared: PreparedScene,
-    /// The image, with the bits of `taugate render`.
+    /// Renders the image, with the same bits as `taugate render`.
     pub full: Renderer,
-    /// Smaller images, the coarsest first.
+    /// Render smaller images, the coarsest first.
     pub previews: Vec<Renderer>,
     /// Warnings about the surfaces of the scene.
     pub warnings: Vec<String>,
@@ -35,7 +35,7 @@ impl Renderers {
         Ok(Renderers { prepared, full, previews, warnings })
     }
 
-    /// Replaces the renderers by others for new settings, with the same camera and emitters. The scene on the device stays.
+    /// Makes new renderers for new settings with the same camera and emitters. The scene on the device stays.
     pub fn replace(&mut self, scene: &Scene, settings: &Settings) -> Result<()> {
         self.previews.clear();
         self.full = with_variance(self.full.sibling(scene, settings, &self.prepared)?, settings);
@@ -53,9 +53,9 @@ impl Renderers {
         Ok(())
     }
 
-    /// Begins the previews again with the camera of `settings`, and its seed and responses. Also follows the lights, such as a
-    /// headlamp, if they moved. Returns false if there are no previews, if the camera is too far from the one that the scene was
-    /// prepared for, or if other lights emit than before. The image keeps the camera and the lights that it has.
+    /// Begins the previews again with the camera, seed and responses of `settings`. `with_lights`: also moves the lights, such as a
+    /// headlamp. Returns false if there are no previews, if the camera is too far from the one that the scene was prepared for, or if
+    /// other lights emit than before. The full image keeps its camera and lights.
     pub fn aim_previews(&mut self, scene: &Scene, settings: &Settings, with_lights: bool) -> Result<bool> {
         let moved = match with_lights {
             true => match self.prepared.follow_nearby(scene, settings)? {
@@ -77,7 +77,7 @@ impl Renderers {
     }
 }
 
-/// Estimates the variance of the images of several gates too, as `taugate render` does for image files, where there is memory for it.
+/// Also estimates the variance of the images of several gates if there is enough memory, as `taugate render` does for image files.
 fn with_variance(mut renderer: Renderer, settings: &Settings) -> Renderer {
     if memory::check(settings, true).is_ok() {
         renderer.estimate_response_variance();

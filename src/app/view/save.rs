@@ -1,4 +1,4 @@
-//! Saves the image of the viewer in the files that `taugate render` writes.
+//! Saves the image of the viewer, in the same file formats as `taugate render`.
 
 use std::path::{Path, PathBuf};
 
@@ -57,7 +57,7 @@ impl Finished<'_> {
         let path = folder.join(name);
         let mut wanted = Experiment { gate: self.stage.view().experiment.gate.clone(), ..Experiment::default() };
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-        // `resolve::outputs` needs an image or an array; pictures and numbers alone come without it.
+        // `resolve::outputs` needs an image or an array, even if only other files are written.
         let image = if extension == "exr" { path.clone() } else { path.with_extension("npy") };
         wanted.output.output = Some(Files(vec![image]));
         let outputs = match extension.to_str() {

@@ -34,7 +34,7 @@ const MAX_STRANGERS: usize = 256;
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// Opens the port: at `wanted`, or at the default address and, if that is taken, at a free port.
+/// Opens the port: `wanted`, else the default port, or a free port if the default one is taken.
 pub fn bind(wanted: Option<SocketAddr>) -> Result<TcpListener, Error> {
     let opened = match wanted {
         Some(address) => TcpListener::bind(address),
@@ -61,7 +61,7 @@ pub async fn serve(listener: TcpListener, shared: Arc<Shared>) -> std::io::Resul
     axum::serve(listener, router).await
 }
 
-/// Refuses requests for other hosts, and adds the headers that keep the page to itself.
+/// Refuses requests for other hosts, and adds the security headers.
 async fn guard(request: Request, next: Next) -> Response {
     if !is_for_this_machine(request.headers()) {
         return (StatusCode::FORBIDDEN, "this server answers only to localhost and to IP addresses\n").into_response();
@@ -101,8 +101,8 @@ async fn socket(State(shared): State<Arc<Shared>>, headers: HeaderMap, upgrade: 
         .on_upgrade(move |socket| client::run(socket, shared))
 }
 
-/// Whether the Host of a request is `localhost` or an IP address. The port may be any, since `ssh -L` changes it. A DNS name
-/// could be that of an attacker's page, made to point to this machine (DNS rebinding).
+/// Whether the Host of a request is `localhost` or an IP address, with any port, since `ssh -L` changes the port. The DNS name
+/// of an attacker's page could point to this machine (DNS rebinding), so DNS names are refused.
 fn is_for_this_machine(headers: &HeaderMap) -> bool {
     let mut hosts = headers.get_all(HOST).iter();
     match (hosts.next(), hosts.next()) {

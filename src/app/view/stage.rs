@@ -49,7 +49,7 @@ pub const CHANGEABLE: [&str; 30] = [
 
 /// Bytes per pixel of the films, the sample statistics, and the pictures for the pages.
 const PIXEL_BYTES: u64 = 256;
-/// Bytes per pixel and gate: two pictures, and the sums of the film.
+/// Bytes per pixel and gate of two pictures and the sums of the film.
 const GATE_BYTES: u64 = 48;
 
 /// Settings that place a camera. Choosing another camera resets them.
@@ -84,7 +84,7 @@ impl Changeable {
     }
 }
 
-/// A render that the scene is ready for.
+/// The settings that were applied to the scene.
 pub struct View {
     /// The settings that the user gave.
     pub experiment: Experiment,
@@ -102,11 +102,11 @@ pub enum Effect {
     Nothing,
     /// Only the seed or the responses changed.
     Restart,
-    /// The camera stands elsewhere, or looks elsewhere.
+    /// The camera moved, turned or has another projection.
     Camera,
-    /// Lights without a surface have moved too, or have another strength. A headlamp moves with the camera.
+    /// Lights without a surface moved or have another strength: a headlamp moves with the camera. The camera may have changed too.
     CameraAndLights,
-    /// Other settings of the render, for the same scene, emitters and camera.
+    /// Other settings changed, but not the scene, the emitters or the camera.
     Settings,
     /// The scene must be prepared again.
     All,
@@ -115,7 +115,7 @@ pub enum Effect {
 /// The loaded scene, with the present settings applied to it.
 pub struct Stage {
     start: Experiment,
-    /// What the page changed: text as on the command line, or `None` for a setting that is left out.
+    /// The settings that a page changed: text as on the command line, or `None` for a flag that is not given.
     changes: BTreeMap<String, Option<String>>,
     scene: Scene,
     original: Changeable,
@@ -149,11 +149,11 @@ impl Stage {
         self.original.cameras.iter().map(|camera| camera.name.as_str())
     }
 
-    /// Applies all changes, or none of them if one fails. Returns what the render must do again.
+    /// Applies all changes, or none of them if one fails. Returns how much of the render must be done again.
     pub fn change(&mut self, changes: &BTreeMap<String, Change>) -> Result<Effect> {
         let merged = self.merged(changes)?;
         let mut experiment = self.start.clone();
-        // What is left out goes first, so that it cannot remove a value.
+        // Remove settings first, so that a removal cannot undo a value set below.
         for (name, _) in merged.iter().filter(|(_, text)| text.is_none()) {
             named::set(&mut experiment, name, None)?;
         }
@@ -202,7 +202,7 @@ impl Stage {
                 Change::LeaveOut => {
                     merged.insert(name.clone(), None);
                     if name == "gate" {
-                        // A steady image: gates of any kind are left out.
+                        // The user wants a steady image, so remove gates of every kind.
                         merged.extend(["depth", "gates", "cw"].map(|other| (other.to_string(), None)));
                     }
                 }
@@ -213,7 +213,7 @@ impl Stage {
     }
 }
 
-/// The first value that its setting cannot have, whatever the scene and the other settings are.
+/// The error of the first value that its flag does not accept, whatever the scene and the other settings are.
 pub fn typing_error(changes: &BTreeMap<String, Change>) -> Option<Error> {
     let texts = changes.iter().filter_map(|(name, change)| match change {
         Change::Text(text) if CHANGEABLE.contains(&name.as_str()) => Some((name, text)),
@@ -222,7 +222,7 @@ pub fn typing_error(changes: &BTreeMap<String, Change>) -> Option<Error> {
     texts.into_iter().find_map(|(name, text)| named::set(&mut Experiment::default(), name, Some(text)).err())
 }
 
-/// Applies an experiment to a scene as it was loaded.
+/// Applies an experiment to a freshly loaded scene.
 fn apply(experiment: Experiment, scene: &mut Scene) -> Result<View> {
     let mut placed = experiment.clone();
     let notes = scenery::apply(&mut placed, scene)?;
@@ -259,7 +259,7 @@ fn effect((before, old): (&Changeable, &Settings), (scene, new): (&Scene, &Setti
         (true, true) if old == new => Effect::Nothing,
         (true, true) => Effect::Restart,
         (false, true) => Effect::Camera,
-        // The sensor of a parallel view is as wide as the image.
+        // The sensor of an orthographic camera depends on the aspect ratio of the image, so the scene must be prepared again.
         (true, false) if !camera.projection.is_orthographic() => Effect::Settings,
         _ => Effect::All,
     })

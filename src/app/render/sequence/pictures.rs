@@ -63,7 +63,7 @@ pub fn write(sequence: &Sequence, session: &mut Session) -> Result<()> {
     Ok(())
 }
 
-/// The image of a frame; of several responses, their sum.
+/// The image of a frame. If the frame has several responses, their sum.
 fn read(outputs: &Outputs) -> Result<Linear> {
     if let Some(path) = &outputs.npy {
         let array = npy_read::read(path)?;
@@ -98,7 +98,8 @@ fn sheet(frames: &[Linear]) -> (usize, usize, Vec<f32>) {
     (columns * width, rows * height, sheet)
 }
 
-/// Number of frames per row: such that all rows are full, if that needs at most twice as many columns as rows of a square.
+/// Number of frames per row: the smallest from sqrt(count) to 2 sqrt(count) with which all rows are full. Without one, sqrt(count),
+/// rounded up.
 fn columns(count: usize) -> usize {
     let side = (count as f64).sqrt();
     let full = (side.ceil() as usize..=(2.0 * side) as usize).find(|columns| count.is_multiple_of(*columns));

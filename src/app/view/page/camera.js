@@ -1,7 +1,7 @@
-// The camera: turning, moving and flying change its place, its target and its upward direction.
+// The camera: turning, moving and flying change its position, its target and its upward direction.
 
 const EPSILON = 1e-9;
-/** The camera does not look closer to straight up or down than this angle (radians), where turning would flip it. */
+/** Minimum angle (radians) between the view direction and the vertical. A smaller angle would let a turn flip the camera. */
 const LEAST_ANGLE = 0.02;
 
 const add = (a, b, factor = 1) => a.map((value, axis) => value + factor * b[axis]);
@@ -17,7 +17,7 @@ function turned(vector, axis, angle) {
   return add(add(scaled(vector, c), cross(axis, vector), s), axis, dot(axis, vector) * (1 - c));
 }
 
-/** The axis of the world that is upwards: +Y, unless the camera's own upward direction is far from it. */
+/** The axis of the world that points upwards: +Y, unless the camera's own upward direction is far from +Y. */
 function vertical(up) {
   const sizes = up.map(Math.abs);
   const axis = sizes[1] >= 0.5 * length(up) ? 1 : sizes.indexOf(Math.max(...sizes));
@@ -49,13 +49,13 @@ export function orbit(camera, yaw, pitch) {
   return { ...camera, look_from: add(camera.look_at, arm), up };
 }
 
-/** Turns the camera on its place: positive yaw to the left, positive pitch upwards. */
+/** Turns the camera in place: positive yaw to the left, positive pitch upwards. */
 export function look(camera, yaw, pitch) {
   const { arm, up } = turn(camera, add(camera.look_at, camera.look_from, -1), yaw, pitch);
   return { ...camera, look_at: add(camera.look_from, arm), up };
 }
 
-/** Moves the camera and its target, in metres to the right, upwards and forwards. */
+/** Moves the camera and its target to the right, upwards and forwards; distances in metres. */
 export function move(camera, right, upwards, forwards) {
   const axes = frameOf(camera);
   const way = add(add(scaled(axes.right, right), axes.up, upwards), axes.forward, forwards);
@@ -79,16 +79,16 @@ const text = (vector, digits) => vector.map(value => String(Number(value.toFixed
 /** Decimals for lengths: a thousandth of a per cent of the distance to the target. */
 const decimals = camera => Math.max(0, Math.min(12, Math.ceil(5 - Math.log10(Math.max(distance(camera), 1e-12)))));
 
-/** A place as text, as precise as the distance to the camera's target needs. */
+/** A position as text, with as many decimals as the distance to the camera's target needs. */
 export const placeText = (camera, key) => text(camera[key], decimals(camera));
 
-/** The camera of a state of the program. A target that the user gave stays where it is. */
+/** The camera in a state message. A target that the user gave stays where it is. */
 export function cameraOf({ camera, settings }) {
   const target = settings['look-at']?.split(',').map(Number);
   return target?.length === 3 && target.every(Number.isFinite) ? { ...camera, look_at: target } : camera;
 }
 
-/** The change of settings that makes `camera`. */
+/** The change of settings that sets `camera`. */
 export function cameraChange(camera) {
   const axis = vertical(camera.up);
   const isLevel = Math.abs(dot(frameOf(camera).right, axis)) < 1e-4;

@@ -7,7 +7,7 @@ const QUANTILE = 0.97;
 const BRIGHT = 0.9;
 /** At most this many pixels are examined. */
 const EXAMINED = 65536;
-/** The automatic scale of false colours ends at this quantile, and begins this many decades below it at most. */
+/** The automatic scale of false colours ends at this quantile, and begins at most this many decades below. */
 const TOP_QUANTILE = 0.995;
 const BOTTOM_QUANTILE = 0.02;
 const MOST_DECADES = 4;
@@ -17,10 +17,10 @@ export const ERROR_RANGE = [1e-3, 1];
 
 export const luminance = (r, g, b) => 0.2126 * r + 0.7152 * g + 0.0722 * b;
 
-/** Luminances of the lit pixels, sorted. Large pictures are examined in part. */
+/** Sorted luminances of the lit pixels; of large pictures, only every n-th pixel. */
 function sortedLuminances({ half, width, height, scale }) {
   const pixels = width * height;
-  // An odd stride does not fall on the same columns in each row.
+  // In most pictures, an odd stride samples different columns in each row.
   const stride = pixels <= EXAMINED ? 1 : Math.ceil(pixels / EXAMINED) | 1;
   const found = new Float32Array(Math.ceil(pixels / stride));
   let count = 0;
@@ -81,11 +81,11 @@ function table(polynomial) {
 /** Colour maps by layer. */
 export const MAPS = { mean: table(VIRIDIS), error: table(INFERNO) };
 
-/** Place of a value on a logarithmic scale from 0 to 1; less than 0 if the value is not positive. */
+/** Position (0 to 1) of a value on a logarithmic scale; less than 0 if the value is not positive. */
 export function placeOnScale(value, [low, high]) {
   if (!(value > 0)) return -1;
   return Math.min(1, Math.max(0, Math.log(value / low) / Math.log(high / low)));
 }
 
-/** Index into a colour map for a place on the scale. */
+/** Index into a colour map for a position on the scale. */
 export const stepOf = place => Math.round(place * (STEPS - 1));

@@ -4,13 +4,13 @@ import { ERROR_RANGE, MAPS, automatic } from './colours.js';
 import { byId, choose, chosen, fill, fitCanvas, make, onChoice, onEdit } from './dom.js';
 import { quantity } from './units.js';
 
-/** Automatic ranges follow the picture only if they would change by more than this, so noise does not make it flicker. */
+/** Automatic ranges change only by more than this, so that noise does not make the picture flicker. */
 const STILL_STOPS = 0.08;
 
 /** `onChange` is called when the picture must be drawn again, `onLayer` when another layer is wanted. */
 export function makeDisplay({ onChange, onLayer }) {
   const settings = { stops: 0, range: [1e-3, 1], auto: true };
-  let layer = 'mean'; // The layer of the picture that is shown; the wanted one may still be on its way.
+  let layer = 'mean'; // The layer of the picture that is shown. The layer that the user chose may not have arrived yet.
   let revision = -1;
 
   const isFalse = () => layer === 'error' || chosen('tone') === 'false';
@@ -58,7 +58,7 @@ export function makeDisplay({ onChange, onLayer }) {
     for (let power = Math.ceil(Math.log10(low) - 1e-9); power <= Math.log10(high) + 1e-9; power++) {
       labels.push([Math.log10(10 ** power / low) / decades, layer === 'error' ? `${100 * 10 ** power} %` : powerOfTen(power)]);
     }
-    // A scale without a power of ten inside still needs its ends.
+    // If the scale contains fewer than two powers of ten, label its ends.
     if (labels.length < 2) labels.splice(0, labels.length, [0, quantity(low, 2)], [1, quantity(high, 2)]);
     byId('legend-labels').replaceChildren(...labels.map(([place, text]) => {
       const label = make('span', text);

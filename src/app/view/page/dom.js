@@ -2,7 +2,7 @@
 
 export const byId = id => document.getElementById(id);
 
-/** A new element with text. Data of the server only ever becomes text, never markup. */
+/** A new element with text. Data from the server become text, never markup. */
 export function make(tag, text = '', className = '') {
   const element = document.createElement(tag);
   element.textContent = text;
@@ -53,7 +53,7 @@ export function setOptions(select, options) {
   }));
 }
 
-/** Gives a canvas one pixel per pixel of the screen. Returns its 2D context, which draws in CSS pixels, and its size in them. */
+/** Gives a canvas one pixel per pixel of the screen. Returns its 2D context, scaled to CSS pixels, and its size in CSS pixels. */
 export function fitCanvas(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const { width, height } = canvas.getBoundingClientRect();
@@ -66,7 +66,7 @@ export function fitCanvas(canvas) {
   return { context, width, height };
 }
 
-/** Calls `draw` at most once per frame of the screen, however often the returned function is called. */
+/** Returns a function that calls `draw`, but at most once per frame of the screen. */
 export function onceAFrame(draw) {
   let waiting = false;
   return () => {

@@ -5,7 +5,7 @@ import { makePlay } from './play.js';
 import { makeTimeline } from './timeline.js';
 import { UNITS, describeGate, gateChange, gatesChange, inUnit, niceStep, parseTravelTime } from './units.js';
 
-/** After this time (ms) without a change on this page, the gate of the program counts again. */
+/** After this time (ms) without a change on this page, the page follows the gate of the program again. */
 const SETTLE = 500;
 
 /** `onBin` is called with the number of the response that this page wants to see. */
@@ -14,7 +14,7 @@ export function makeGate(link, { onBin, onProblem }) {
   let touched = -Infinity;
   let isSum = false;
   let offered = []; // Gates that the program offers.
-  let suggested = null; // The one of them around the median, as [lo, hi].
+  let suggested = null; // The offered gate around the median travel time, as [lo, hi].
   let latest = null;
   let about = null; // Middle of the gate that the user saw or picked last, in metres.
 
@@ -61,7 +61,7 @@ export function makeGate(link, { onBin, onProblem }) {
     return true;
   }
 
-  /** The first gate of the range, to play from there. */
+  /** Goes to the first gate of the range, to play from there. */
   function rewind() {
     if (model.bins.length > 1) return pick(0);
     const [from] = timeline.range();
@@ -88,7 +88,7 @@ export function makeGate(link, { onBin, onProblem }) {
     timeline.draw();
   }
 
-  /** The gates of the user's named responses, which are rendered already; else those that the program offers. */
+  /** The gates of the user's named responses; without named responses, the gates that the program offers. */
   function presets() {
     if (model.mode === 'other') return model.bins.map((gate, bin) => ({ ...gate, bin }));
     return model.mode === 'many' ? [] : offered;
@@ -134,13 +134,13 @@ export function makeGate(link, { onBin, onProblem }) {
     show();
   }
 
-  /** Of a new set of gates, the page shows the one where the light was that it showed before. */
+  /** In a new set of gates, chooses the one that contains the middle of the gate shown before. */
   function chooseBin() {
     const bin = model.bins.length > 1 ? timeline.binAt(about ?? suggested?.[0] ?? 0) : 0;
     if (bin !== model.bin) onBin(model.bin = bin);
   }
 
-  // What the state said last counts once the user has stopped.
+  // Follows the newest state once the user has stopped.
   function settle() {
     if (latest && !timeline.isDragging()) followState(latest);
   }
@@ -149,7 +149,7 @@ export function makeGate(link, { onBin, onProblem }) {
     touched = -Infinity;
     play.stop();
     if (mode === 'steady') return link.set({ gate: false, depth: false, gates: false });
-    // A gate that was there before comes back; else the suggestion, or the middle third of the range.
+    // Use the gate that was shown before; else the suggested gate, or the middle third of the range.
     const [a, b] = timeline.range();
     const hasGate = model.lo > 0 && model.hi < Infinity;
     if (mode === 'gate') {

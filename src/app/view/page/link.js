@@ -2,7 +2,7 @@
 
 import { parseFrame } from './frame.js';
 
-/** Pauses before connecting again, in ms: the first one, and the maximum. Each is twice the one before it. */
+/** First and longest pause (ms) before connecting again. Each pause is twice as long as the one before. */
 const FIRST_PAUSE = 500;
 const LONGEST_PAUSE = 10000;
 /** Time between two messages of the same kind, in ms. */
@@ -10,7 +10,7 @@ const SET_EVERY = 100;
 const PIXEL_EVERY = 100;
 const SHOW_EVERY = 40;
 
-/** Closings after which connecting again by itself would not help. */
+/** Close codes after which the page does not connect again by itself, because it would not help. */
 const ENDINGS = {
   4401: 'This address has no valid token. Open the address that the program printed; the token is the part after #.',
   4400: 'The program closed the connection because it did not understand this page. Load the page again.',
@@ -80,9 +80,9 @@ export function openLink(token) {
     },
     emit,
     connect,
-    /** Changes settings: at most ten messages per second, and the last value always. */
+    /** Changes settings, with at most ten messages per second. The last value is always sent. */
     set: changes => set.merge(changes),
-    /** Asks for the values of a pixel. Only the last question of a tenth of a second is asked. */
+    /** Asks for the values of a pixel, at most ten times per second. Of questions in between, only the last one is sent. */
     pixel: (x, y) => pixel.merge({ x, y }),
     /** Says what this page wants to see. */
     show: (layer, response) => show.merge({ layer, response }),
@@ -92,10 +92,10 @@ export function openLink(token) {
   };
 }
 
-/** Settings that exclude each other: setting one of them removes the others that still wait. */
+/** Settings that exclude each other. A new value of one of them replaces waiting values of the others. */
 const EXCLUSIVE = [['gate', 'depth', 'gates'], ['fov', 'ortho']];
 
-/** Collects values and hands them to `deliver`: the first at once, later ones merged, at most one delivery per `period` ms. */
+/** Hands values to `deliver`, at most once per `period` ms. Values that arrive in between are merged. */
 function throttle(period, deliver) {
   let waiting = null;
   let timer = 0;

@@ -19,7 +19,7 @@ export function makeMedium(link) {
     latest = state;
     const { settings, medium } = state;
     const set = Object.keys(KINDS).find(name => KINDS[name].some(key => settings[key] !== undefined));
-    // A kind that the user has chosen, but not filled in yet, stays.
+    // If no such setting is given, keep the kind that the user has chosen but not filled in yet.
     if (set) kind.value = set;
     else if (!kind.dataset.chosen) kind.value = '';
     for (const key of FIELDS) fill(byId(key), settings[key] ?? '');
@@ -35,7 +35,7 @@ export function makeMedium(link) {
     const isSet = Object.values(KINDS).flat().some(key => latest?.settings[key] !== undefined);
     if (value === '' && isSet) link.set(Object.fromEntries(['visibility', 'mor', 'sigma-s', 'sigma-a', 'albedo'].map(key => [key, false])));
   });
-  /** The settings that a field of another kind of medium would contradict. */
+  /** Changes that remove the settings which contradict the setting `key`. */
   const others = key => {
     const own = Object.values(KINDS).find(keys => keys.includes(key));
     if (!own) return {};

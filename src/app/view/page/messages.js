@@ -27,12 +27,12 @@ export function makeMessages(link, { retry }) {
 
   const problem = text => say('problem', text, closeButton('problem'));
 
-  /** What lies over the picture. */
+  /** The text that covers the picture. */
   function coverText() {
     if (failed) return failed;
     if (progress?.phase === 'dark') return 'No light arrives in this gate.';
     const shown = byId('picture').dataset;
-    // A picture that is being replaced stays visible while the next one is prepared.
+    // If there is an old picture, it stays visible while the next one is prepared.
     if (progress?.phase === 'preparing' && shown.revision === undefined) return 'Preparing';
     if (progress?.relmse === null && shown.layer === 'error') return 'The error is known after two iterations.';
     return '';
@@ -42,7 +42,7 @@ export function makeMessages(link, { retry }) {
     const text = coverText();
     cover.hidden = text === '';
     cover.className = failed ? 'failed' : '';
-    // Text that stays is not announced again.
+    // Set only new text, so that screen readers do not announce the same text again.
     if (cover.textContent !== text) cover.textContent = text;
   }
 

@@ -22,7 +22,7 @@ export function makePanel(link, steering, { onProblem }) {
   onEdit(byId('estimator'), name => link.set({ estimator: name === '' ? false : name }));
   byId('double-sided').addEventListener('change', event => link.set({ 'double-sided': event.target.checked }));
 
-  // Both kinds of projection show the same part of the plane of the target.
+  // The new projection shows the same part of the plane through the target.
   onEdit(byId('projection'), kind => {
     const camera = cameraOf(latest);
     const height = viewHeight(camera);
@@ -52,7 +52,7 @@ export function makePanel(link, steering, { onProblem }) {
     }
   }
 
-  /** A box per emitter of the scene, and for those that flags have added. */
+  /** Shows a box per emitter of the scene, and one per emitter that a flag added. */
   function showEmitters(state) {
     const names = [...known, ...state.emitters.filter(name => !known.some(({ node }) => node === name)).map(node => ({ node, kind: '' }))];
     const list = byId('emitters');

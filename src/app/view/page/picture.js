@@ -1,4 +1,4 @@
-// The picture on the stage: painter, zoom, pixel grid, and the marker of the pixel that is held.
+// The picture on the stage: painter, zoom, pixel grid, and the marker of the held (selected) pixel.
 
 import { byId, fitCanvas, onceAFrame } from './dom.js';
 import { makeGlPainter } from './picture_gl.js';
@@ -7,7 +7,7 @@ import { makeView } from './view.js';
 
 /** Grey around the picture, as in style.css. */
 const BACKGROUND = [24, 24, 24];
-/** Zoom (pixels of the screen per pixel of the image) from which on the pixel grid is drawn, and its opacity. */
+/** The pixel grid is drawn from this zoom on (pixels of the screen per pixel of the image), with this opacity. */
 const GRID_FROM = 10;
 const GRID_OPACITY = 0.16;
 
@@ -62,7 +62,7 @@ export function makePicture({ display, without3d, onProblem }) {
   function measure(image = view.now.image) {
     const { width, height } = stage.getBoundingClientRect();
     const ratio = window.devicePixelRatio || 1;
-    // A canvas that is resized is empty, so it is resized only if it must be.
+    // Resizing clears the canvas, so resize it only if its size has changed.
     const pixels = [width, height].map(size => Math.max(1, Math.round(size * ratio)));
     if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
     view.resize(image, [width, height]);

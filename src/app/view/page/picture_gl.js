@@ -1,4 +1,4 @@
-// Draws the picture with WebGL2: half floats stay half floats until the shader maps them to colours.
+// Draws the picture with WebGL2. The texture holds the half floats; the shader maps them to colours.
 
 import { MAPS } from './colours.js';
 

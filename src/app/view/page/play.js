@@ -2,10 +2,10 @@
 
 import { byId } from './dom.js';
 
-/** Time per step in ms: at least, and at most if the picture of the step does not come. */
+/** Minimum time per step in ms, and the maximum if the picture of the step does not come. */
 const LEAST = { gate: 300, many: 125 };
 const MOST = 4000;
-/** Part of its width by which the gate moves per step. */
+/** The gate moves by this fraction of its width per step. */
 const PART = 0.5;
 
 /** `advance(direction, part)` makes a step and returns false at the end. */
@@ -13,7 +13,7 @@ export function makePlay(link, { model, advance }) {
   const button = byId('gate-play');
   let timer = 0;
   let started = 0;
-  let asked = null; // Revision before the step that is awaited, and whether its picture was seen.
+  let asked = null; // Revision before the present step, and whether the picture of this step has arrived.
   let state = null;
   let rewind = null;
 

@@ -4,12 +4,12 @@ import { fitCanvas } from './dom.js';
 
 const COLOURS = { axis: '#a6a6a6', grid: '#333333', points: '#6fb3f2', fit: '#e0a33c', target: '#9a9a9a' };
 const EDGE = { left: 40, right: 8, top: 6, bottom: 18 };
-/** The law is fitted to the points after this part of the time, which are the settled ones. */
+/** The law is fitted to the points after this fraction of the time; earlier points have not settled. */
 const SETTLED = 0.2;
-/** At most this many points are kept; then every second one is dropped. */
+/** If there are more points than this, every second one is dropped. */
 const MOST_POINTS = 600;
 
-/** Keeps points [seconds, relMSE]; returns whether it is a new one. */
+/** Adds a point [seconds, relMSE] if it is valid and later than the last one; returns whether it did. */
 export function addPoint(points, seconds, error) {
   const last = points.at(-1);
   if (!(seconds > 0) || !(error > 0) || (last && seconds <= last[0])) return false;
@@ -95,7 +95,7 @@ function drawGrid(context, { x, y }, toX, toY, width, height) {
   }
 }
 
-/** Powers of ten in a range of logarithms; also their doubles and fives if there are few. */
+/** Ticks in a range of logarithms: powers of ten, and also 2 and 5 times these if there are few. */
 function ticks([from, to]) {
   const factors = to - from > 1.6 ? [1] : [1, 2, 5];
   const found = [];

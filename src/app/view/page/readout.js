@@ -40,7 +40,7 @@ export function makeReadout(link, picture, { onHistogram }) {
         answer.object ?? '',
       ].filter(Boolean).join(' · ');
     } else if (frame?.layer === 'mean') {
-      // The picture has the radiance already; the rest comes with the answer.
+      // The picture already gives the radiance; the answer of the program will give the rest.
       const { image } = picture.view.now;
       radiance.textContent = `${values(valueAt(frame, (at[0] + 0.5) / image[0], (at[1] + 0.5) / image[1]), null)} W/(m² sr)`;
     }

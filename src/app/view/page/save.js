@@ -16,12 +16,12 @@ export function makeSave(link, { samples }) {
       link.save(`${stem || 'out'}${button.dataset.save}`);
     });
   }
-  // Enter in the name saves the usual file.
+  // Enter in the name field saves an EXR file.
   name.addEventListener('keydown', event => {
     if (event.key === 'Enter') document.querySelector('[data-save=".exr"]').click();
   });
 
-  /** The command, complete with the samples so far. */
+  /** The complete command, with the number of samples so far and an output. */
   const command = () => {
     // An EXR file holds at most 64 gates.
     const file = state?.responses.length > 64 ? 'out.npy' : 'out.exr';
@@ -30,7 +30,7 @@ export function makeSave(link, { samples }) {
   const show = () => {
     const text = command() || (state ? 'No command can make this image: its experiment has settings that no flag gives.' : '');
     byId('copy').disabled = !command() || samples() === 0;
-    // Selected text would lose its selection.
+    // Replacing the text would remove the selection of the user.
     if (byId('command').textContent === text || !getSelection().isCollapsed) return;
     // Lines break between flags, not inside them.
     byId('command').replaceChildren(...text.split(/(?= --)/).flatMap((part, k) => (k ? [' ', make('span', part.trim())] : [part])));
@@ -57,7 +57,7 @@ export function makeSave(link, { samples }) {
   });
 }
 
-/** Copies text. Returns whether it worked; pages without https on another machine have no clipboard, so the text is selected. */
+/** Copies text. Returns whether it worked. Without https on another machine there is no clipboard, so selects the text instead. */
 async function copy(text) {
   try {
     await navigator.clipboard.writeText(text);

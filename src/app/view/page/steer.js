@@ -2,12 +2,12 @@
 
 import { CAMERA_RESET, cameraChange, cameraOf, move, viewHeight } from './camera.js';
 
-/** After this time (ms) without a movement, the camera of the program counts again. */
+/** After this time (ms) without a movement, the page follows the camera of the program again. */
 const SETTLE = 500;
-/** Speed of flying, in heights of the view per second; and the factor with Shift. */
+/** Flying speed in heights of the view per second, and the factor by which Shift multiplies it. */
 const SPEED = 0.7;
 const FAST = 4;
-/** A key that is pressed for a moment flies as if for this time, in seconds. */
+/** A short press of a key flies for this time, in seconds. */
 const TAP = 0.05;
 
 const FLY_KEYS = { w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], e: [0, 1, 0], q: [0, -1, 0] };
@@ -48,7 +48,7 @@ export function makeSteering(link) {
     latest = cameraOf(state);
     if (performance.now() - moved > SETTLE) camera = latest;
   });
-  // A camera that the program refused is given up.
+  // The program may have refused the camera, so go back to its newest camera.
   link.on('problem', () => { camera = latest; });
 
   return {

@@ -8,9 +8,9 @@ const AXIS_HEIGHT = 18;
 const GRIP = 24;
 /** Decades of the logarithmic scale. */
 const DECADES = 4;
-/** Empty part of the range at each side. */
+/** Empty margin at each side, as a fraction of the range. */
 const MARGIN = 0.02;
-/** Handles move by this part of the visible range per press of an arrow key; with Shift ten times as far. */
+/** An arrow key moves a handle by this fraction of the visible range; with Shift ten times as far. */
 const KEY_STEP = 1 / 500;
 
 const COLOURS = { axis: '#a6a6a6', line: '#3a3a3a', bars: '#7d8a96', within: '#e0a33c', window: 'rgb(224 163 60 / 0.12)', pixel: '#6fb3f2' };
@@ -32,7 +32,7 @@ export function makeTimeline(model, actions) {
   const toMetres = x => shown()[0] + (x / width()) * (shown()[1] - shown()[0]);
   const hasGate = () => model.mode !== 'steady';
 
-  /** The range contains the light, and the gate too. */
+  /** Sets the whole range, so that it contains the histogram and the gate. */
   function measure() {
     let ends = arrivals?.light.length ? [arrivals.begin, arrivals.end] : null;
     if (hasGate() && model.hi < Infinity) {
@@ -66,7 +66,7 @@ export function makeTimeline(model, actions) {
     placeHandles(base);
   });
 
-  /** Part of the height for a share of the light. */
+  /** Height of a bar, as a fraction of the height of the plot. */
   function tall(value, most) {
     if (!(value > 0)) return 0;
     return byId('track-log').checked ? Math.max(0, 1 + Math.log10(value / most) / DECADES) : value / most;
@@ -100,7 +100,7 @@ export function makeTimeline(model, actions) {
     context.globalAlpha = 1;
   }
 
-  /** The light of the pixel that is held, in each gate. */
+  /** Draws the light of the held pixel in each gate. */
   function drawPixel(context, base) {
     const most = Math.max(...pixel);
     context.strokeStyle = COLOURS.pixel;
@@ -165,14 +165,14 @@ export function makeTimeline(model, actions) {
     }
   }
 
-  /** The gate of many gates that contains a travel time, or the nearest one. */
+  /** Index of the gate that contains a travel time, or of the nearest gate. */
   function binAt(metres) {
     const inside = model.bins.findIndex(({ lo, hi }) => lo <= metres && metres < (hi ?? Infinity));
     if (inside >= 0) return inside;
     return metres < model.bins[0].lo ? 0 : model.bins.length - 1;
   }
 
-  /** Moves an end of the gate, or all of it, to `lo` or `hi`; the ends do not pass each other. */
+  /** Moves one end of the gate or the whole gate to `lo` or `hi`. The ends do not pass each other. */
   function moveTo(part, lo, hi) {
     const least = niceStep(shown()[1] - shown()[0], 2000);
     if (part === 'begin') actions.move(Math.min(rounded(lo), model.hi - least), model.hi);
@@ -228,7 +228,7 @@ export function makeTimeline(model, actions) {
     zoom(Math.exp(Math.max(-240, Math.min(240, event.deltaY)) * 0.002), toMetres(event.clientX - track.getBoundingClientRect().left));
   }, { passive: false });
 
-  /** Zooms about a travel time; not beyond the whole range. */
+  /** Zooms about a travel time, out to the whole range at most. */
   function zoom(factor, about) {
     const [a, b] = shown();
     const [from, to] = range.whole;

@@ -5,7 +5,7 @@ import { byId, chosen } from './dom.js';
 
 /** Radians per CSS pixel of dragging. */
 const TURN = 0.006;
-/** Radians per press of an arrow key; and pixels, when it moves the picture. */
+/** An arrow key turns the camera by this angle in radians, or moves the picture by this many pixels. */
 const KEY_TURN = 0.06;
 const KEY_MOVE = 32;
 const ZOOM_STEP = 1.25;
@@ -68,7 +68,7 @@ export function makeTools({ picture, steering, onPoint, onHold, onPause }) {
   stage.addEventListener('contextmenu', event => event.preventDefault());
   stage.addEventListener('wheel', event => {
     event.preventDefault();
-    // Lines and pages as pixels; Alt turns the wheel sideways in some browsers.
+    // Convert lines and pages to pixels. In some browsers, Alt turns the wheel into sideways scrolling.
     const amount = (event.deltaY || event.deltaX) * [1, 16, 400][event.deltaMode];
     const factor = Math.exp(-Math.max(-240, Math.min(240, amount)) * 0.0018);
     if (event.altKey || chosen('tool') === 'fly') steering.change(camera => dolly(camera, factor));

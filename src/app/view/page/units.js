@@ -19,7 +19,7 @@ export function parseTravelTime(text, unit) {
   const [, digits, suffix] = match;
   if (suffix === '') return Number(digits) * UNITS[unit].metres;
   if (!Object.hasOwn(SUFFIXES, suffix)) return null;
-  // One-way depths are lengths; a time is the same in all units.
+  // Only a length can be a one-way depth. A time is always the full travel time.
   const halved = unit === 'depth' && suffix.endsWith('m');
   return Number(digits) * SUFFIXES[suffix] * (halved ? 2 : 1);
 }
@@ -27,10 +27,10 @@ export function parseTravelTime(text, unit) {
 /** A number with at most `digits` significant digits and no needless zeros. */
 export const short = (value, digits = 9) => String(Number(value.toPrecision(digits)));
 
-/** A travel time in metres, as the number of `unit`, without its suffix. */
+/** Converts a travel time from metres to `unit`; a number without suffix. */
 export const inUnit = (metres, unit, digits = 6) => short(metres / UNITS[unit].metres, digits);
 
-/** The change of settings that sets a gate (metres). It is written in the user's unit, so the command has the user's numbers. */
+/** The change of settings that sets a gate (metres). The text is in the user's unit, so that the command shows the user's numbers. */
 export function gateChange(lo, hi, unit) {
   const { suffix } = UNITS[unit];
   const end = value => (value === Infinity ? 'inf' : `${inUnit(value, unit, 8)}${suffix}`);
@@ -65,7 +65,7 @@ export function quantity(value, digits = 4) {
   return size < 1e-3 || size >= 1e5 ? value.toExponential(digits - 1) : value.toPrecision(digits);
 }
 
-/** A quantity with its standard error, to two digits of the error; without one, as `quantity`. */
+/** A quantity with its standard error, rounded to two digits of the error. Without an error, as `quantity`. */
 export function withError(value, error) {
   if (!(error > 0) || !Number.isFinite(value + error)) return quantity(value);
   const size = Math.max(Math.abs(value), error);

@@ -4,7 +4,7 @@ const MOST_ZOOM = 256;
 const LEAST_ZOOM = 1 / 64;
 /** At least this many CSS pixels of the picture stay on the stage. */
 const MARGIN = 40;
-/** A picture that fits at nearly a whole zoom gets this whole zoom. */
+/** If the zoom that fits the picture exceeds an integer by less than this factor, the zoom is this integer. */
 const NEARLY = 1.08;
 
 /** Pixels of the screen per CSS pixel. */
@@ -25,7 +25,7 @@ export function makeView(onChange) {
   function fit() {
     const ratios = [0, 1].map(axis => view.stage[axis] / view.image[axis]);
     view.zoom = Math.min(MOST_ZOOM, Math.max(LEAST_ZOOM, Math.min(...ratios)));
-    // Pixels of the image that cover a whole number of pixels of the screen are all of one size.
+    // With an integer zoom, all pixels of the image have the same size on the screen.
     const whole = Math.floor(view.zoom * screen());
     if (whole >= 1 && view.zoom * screen() < whole * NEARLY) view.zoom = whole / screen();
     view.fits = true;
