@@ -109,6 +109,13 @@ fn bindings_of_another_kernel_are_refused() {
     dispatch(&mut Recorder::new(&device).unwrap(), &other, &bindings);
 }
 
+/// A renderer follows a scene only on its own device.
+#[test]
+fn a_device_is_the_same_as_its_clones_alone() {
+    let device = open();
+    assert!(device.is_same(&device.clone()) && !device.is_same(&open()));
+}
+
 #[test]
 #[should_panic(expected = "a buffer of another device")]
 fn buffers_of_another_device_are_refused() {

@@ -49,6 +49,11 @@ impl Device {
         open_physical(instance, physical[index], DeviceInfo { drive: drive.unwrap_or(info.drive), ..info.clone() })
     }
 
+    /// Whether both stand for one open device, so that one may use the buffers of the other.
+    pub fn is_same(&self, other: &Device) -> bool {
+        Arc::ptr_eq(&self.shared, &other.shared)
+    }
+
     /// Name, kind and limits of the device.
     pub fn info(&self) -> &DeviceInfo {
         &self.shared.info

@@ -317,6 +317,11 @@ impl Renderer {
         self.plan.dark
     }
 
+    /// The device that renders.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
     /// Mean and variance of the pixels of the crop so far. With several responses: of the sum of their images.
     pub fn film(&self) -> &Film {
         &self.film

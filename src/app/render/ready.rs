@@ -23,13 +23,14 @@ impl Ready {
     }
 
     /// Ready for another frame, in which only cameras, lights, positions of surfaces, responses or the seed differ. The image has the
-    /// same bits as with a new renderer. `None` if the frame needs new preparations.
+    /// same bits as with a new renderer. `None` if the frame needs new preparations or another device.
     pub fn follow(self, device: &Device, scene: Scene, settings: &Settings) -> Result<Option<Ready>> {
         let Ready { mut renderer, scene: before, settings: old, prepared, warnings } = self;
         let Some(mut prepared) = prepared else { return Ok(None) };
         let (seed, responses) = (settings.seed(), settings.responses());
         let is_same_render = old.change().seed(seed).responses(responses.clone()).build()? == *settings
-            && renderer.can_restart(responses);
+            && renderer.can_restart(responses)
+            && renderer.device().is_same(device);
         if !is_same_render || !before.has_same_objects(&scene) {
             return Ok(None);
         }
