@@ -7,8 +7,8 @@
 // Bit of `Candidate.vertex` that marks an ellipsoidal connection.
 const ELLIPSOIDAL: u32 = 0x40000000u;
 
-// The travel time at the fraction `u`, in [0, 1), of the gate. The end of the gate does not belong to it, so a time that rounds to the
-// end goes to the start instead. In a gate of 16 f32 steps, this concerns 3 % of the light.
+// The travel time at the fraction `u`, in [0, 1), of the gate. The end of the gate does not belong to the gate, so a time that
+// rounds to the end goes to the start instead. In a gate of 16 f32 steps, this concerns 3 % of the light.
 fn travel_time_at(u: f32) -> f32 {
     let tau = frame.gate_lo + (frame.gate_hi - frame.gate_lo) * u;
     return select(frame.gate_lo, tau, tau < frame.gate_hi);
@@ -25,7 +25,8 @@ fn detour_length(q: PathVertex, v: PathVertex, tau: f32) -> f32 {
     return (tau - v.tau - q.tau) / SURROUNDING_GROUP_INDEX;
 }
 
-// Whether q and v can be connected over an auxiliary vertex: the straight connection must be too short for the gate.
+// Whether q and v can be connected over an auxiliary vertex. The two segments must be longer than the straight connection by at
+// least the length of the gate. Then the straight connection is too short for the gate.
 fn can_connect_over_surface(q: PathVertex, v: PathVertex, tau: f32) -> bool {
     let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 2u;
     let detour = detour_length(q, v, tau) - distance(q.position, v.position);

@@ -1,23 +1,23 @@
-// MIS weights: the power heuristic (Eq. 27, beta = 2) over exactly the strategies that are kept, computed with Georgiev's
-// partial sums ("Implementing Vertex Connection and Merging", 2012, Eqs. 31 to 40). The weights of all kept strategies of a
-// path sum to 1.
+// MIS weights: the power heuristic (Eq. 27, beta = 2) over exactly the strategies that are switched on, computed with Georgiev's
+// partial sums ("Implementing Vertex Connection and Merging", 2012, Eqs. 31 to 40). For each path, the weights of these
+// strategies sum to 1.
 //
-// A vertex of a light subpath is random unless it is deterministic. A query chooses among all light subpaths by their
-// contribution, whereas a sensor subpath takes the vertex that it happens to hit. So the first two random vertices of a
-// connected light subpath count as g = `query_sample_count` samples each: a strategy with r random vertices takes n(r) =
-// g^min(r, 2) samples. Later vertices do not raise the count, because subpaths with many segments are rare, and the few in one
-// pool must not dominate the image.
+// Punctual lights, and the spots of beams of zero radius, are deterministic vertices. All other vertices of light subpaths
+// are random. A query chooses among all light subpaths by their contribution, whereas a sensor subpath takes the vertex that
+// it happens to hit. So the first two random vertices of a connected light subpath count as g = `query_sample_count` samples
+// each: a strategy with r random vertices takes n(r) = g^min(r, 2) samples. Later vertices do not raise the count: subpaths
+// with many segments are rare, and the few of one iteration must not dominate the image.
 //
-// No query serves t = 1. It takes m n(r - 1) / g samples, where m is `splat_sample_count`: m / g times as many as the
-// connection to the vertex before. If that vertex is deterministic, t = 1 takes m samples, because no query chooses the
-// vertex. With g = 1 all this is the plain power heuristic.
+// The strategy t = 1 uses no query. It takes m n(r - 1) / g samples, where m is `splat_sample_count`. This is m / g times the
+// number of samples of the connection to the previous vertex. If the previous vertex is deterministic, t = 1 takes m samples,
+// because no query chooses a deterministic vertex. With g = 1, these weights are the plain power heuristic.
 //
 // Light from the sky: s = 0 (a sensor subpath leaves the scene) and s = 1 (a sampled direction) take one sample each. Strategies
 // with s >= 2 take g samples each, or m for t = 1.
 #import partial_sums
 #import camera
 
-// Partial sums of a light subpath's first segment (Eqs. 31 and 32): d_vcm leads to s = 1, d_vc to s = 0. Not called for
+// Partial sums of a light subpath's first segment (Eqs. 31 and 32): d_vcm is the term of s = 1, d_vc that of s = 0. Not called for
 // beams, whose sums are 0.
 fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
     if (e.stored) {
@@ -36,17 +36,17 @@ fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
     }
 }
 
-// Partial sums of a sensor subpath's first segment (Eqs. 33 and 34): d_vcm leads to t = 1. `cosine` is the cosine of the
+// Partial sums of a sensor subpath's first segment (Eqs. 33 and 34): d_vcm is the term of t = 1. `cosine` is the cosine of the
 // angle between the segment and the camera axis. The first segment of an orthographic camera has PATH_PARALLEL, so the density
-// of its end per area does not fall with the distance.
+// per area of its end point does not fall with the distance.
 fn start_sensor_sums(s: ptr<function, PathState>, cosine: f32) {
     (*s).d_vcm = frame.keep_t1 * mis(frame.splat_sample_count / pixel_pdf(cosine));
     (*s).d_vc = 0.0;
 }
 
-// Sample counts, divided by n(r), of strategies whose light subpath is longer than one with r random vertices. x: longer by
-// one vertex, y: longer by two or more. `depth` is the number of segments from the sensor to q. The longest of these light
-// subpaths is that of t = 1; the partial sums already contain its factor m / g.
+// For the connection of q to a light subpath with r random vertices: sample counts of the strategies with longer light subpaths,
+// divided by n(r). x: longer by one vertex, y: longer by two or more. `depth` is the number of segments from the sensor to q. The
+// strategy t = 1 has the longest light subpath; the partial sums already contain its factor m / g.
 fn sample_count_ratios(r: u32, depth: u32) -> vec2<f32> {
     let g = frame.query_sample_count;
     let next = select(1.0, g, (depth == 1u && r == 0u) || (depth > 1u && r < 2u));
@@ -54,7 +54,7 @@ fn sample_count_ratios(r: u32, depth: u32) -> vec2<f32> {
     return vec2<f32>(next, more);
 }
 
-// Weight of connecting q and v (Eqs. 38 to 40). d2: their squared distance, in media divided by the `flight_density` of the segment.
+// Weight of connecting q and v (Eqs. 38 to 40). d2: squared length of the segment; in media, divided by its `flight_density`.
 // w_sensor sums the strategies that trace q from v, w_light the strategies that trace v from q.
 fn connection_weight(q: PathVertex, v: PathVertex, at_q: Evaluation, at_v: Evaluation, d2: f32) -> f32 {
     let q_to_v = at_q.pdf * at_v.cosine / d2;
@@ -98,7 +98,8 @@ fn splat_weight(v: PathVertex, at_v: Evaluation, area_density: f32) -> f32 {
     return 1.0 / (1.0 + mis(ratio * area_density) * (v.d_vcm + auxiliary_sum(v) + v.d_vc * mis(at_v.pdf_reverse)));
 }
 
-// `sum_over_auxiliary` for a shade point. The first surface is no auxiliary vertex: its neighbour on the sensor's side is the sensor.
+// `sum_over_auxiliary` for a shade point. The first surface is no auxiliary vertex: its neighbour on the sensor's side is the
+// sensor.
 fn sum_over_sensor_auxiliary(q: PathVertex, w: vec3<f32>, r: f32) -> f32 {
     if ((q.flags & VERTEX_DEPTH) < 2u) {
         return 0.0;
@@ -106,8 +107,8 @@ fn sum_over_sensor_auxiliary(q: PathVertex, w: vec3<f32>, r: f32) -> f32 {
     return sum_over_auxiliary(q, w, r);
 }
 
-// Weight of the ellipsoidal connection of q and v over the auxiliary vertex x. to_v, r1, to_q, r2: unit directions and distances from x.
-// d2: their squares, in media divided by the `flight_density` of the segments.
+// Weight of the ellipsoidal connection of q and v over the auxiliary vertex x. to_v, r1, to_q, r2: unit directions and distances
+// from x. d2: squares of r1 and r2; in media, each divided by the `flight_density` of its segment.
 fn ellipsoidal_weight(
     q: PathVertex, v: PathVertex, x: PathVertex, at_q: Evaluation, at_v: Evaluation, at_x: Evaluation,
     d2: vec2<f32>, to_v: vec3<f32>, r1: f32, to_q: vec3<f32>, r2: f32,
@@ -135,7 +136,7 @@ fn keep_escape() -> f32 {
 // Weight of connecting q to the sky (s = 1). `pdf`: density per solid angle of sampling the direction.
 fn sky_connection_weight(q: PathVertex, at_q: Evaluation, pdf: f32) -> f32 {
     let header = load_sky();
-    // Light subpaths have sampled the same direction, so its density cancels.
+    // Light subpaths sample the direction with the same density `pdf`, so `pdf` cancels.
     let longer = frame.query_sample_count * header.select_pdf * header.disk_pdf * at_q.cosine;
     let w_light = keep_escape() * mis(at_q.pdf / pdf);
     let w_sensor = frame.keep_s2 * mis(longer) * (q.d_vcm + q.d_vc * mis(at_q.pdf_reverse));

@@ -31,7 +31,7 @@ pub struct Growth {
     pub power_law: Option<PowerLaw>,
 }
 
-/// One entry per sweep of the suite and variant with rows.
+/// One entry for each pair of a sweep and a variant that has rows.
 pub fn growth(suite: &Suite, rows: &[Row]) -> Vec<Growth> {
     let mut all = vec![];
     for sweep in Sweep::ALL {
@@ -89,7 +89,7 @@ fn ends(steps: &[Step]) -> (&Step, &Step) {
     (steps.first().expect("a growth has a step"), steps.last().expect("a growth has a step"))
 }
 
-/// The section of the report; empty without sweeps.
+/// The section of the report about growth; empty without sweeps.
 pub fn section(growths: &[Growth]) -> String {
     if growths.is_empty() {
         return String::new();
@@ -128,7 +128,8 @@ mod tests {
     fn laws_by_hand() {
         let exact = fit_power_law([(1.0, 3.0), (10.0, 30.0), (100.0, 300.0)]).unwrap();
         assert!((exact.exponent - 1.0).abs() < 1e-12 && exact.error.unwrap() < 1e-7);
-        // Through ln y = 0, 1, 0, 1 at ln x = 0, 1, 2, 3: slope 1 / 5, residuals 0.8, standard error sqrt(0.8 / 2 / 5).
+        // Through ln y = 0, 1, 0, 1 at ln x = 0, 1, 2, 3: slope 1 / 5, sum of squared residuals 0.8,
+        // standard error sqrt(0.8 / 2 / 5).
         let e = std::f64::consts::E;
         let bent = fit_power_law([(1.0, 1.0), (e, e), (e * e, 1.0), (e.powi(3), e)]).unwrap();
         assert!((bent.exponent - 0.2).abs() < 1e-12, "{bent:?}");

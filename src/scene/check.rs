@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 /// Upper bound on the coordinates of a scene, in metres from the origin of the world. Beyond it the squares of lengths would
 /// overflow in the device's f32 numbers.
 pub const MAX_COORDINATE: f64 = 1e15;
-/// Upper bound on the coordinates of a principal point, in widths and heights of the image. Pixel coordinates that were given
-/// instead of fractions are beyond it.
+/// Upper bound on the coordinates of a principal point, in widths and heights of the image. A larger value usually means
+/// that the coordinates are in pixels.
 const MAX_PRINCIPAL_POINT: f64 = 10.0;
 /// Tolerance for the length of unit vectors.
 const UNIT: f64 = 1e-3;
@@ -66,8 +66,8 @@ impl Camera {
     }
 }
 
-/// An error if `index` is not below `count`. `of` names the object that has the index, `what` the kind of object that the
-/// index selects.
+/// An error if `index` is not below `count`. `of` names the object that has the index. `what` is the kind of object that
+/// the index selects.
 pub(super) fn below(index: u32, count: usize, of: impl Fn() -> String, what: &str) -> Checked {
     match (index as usize) < count {
         true => Ok(()),

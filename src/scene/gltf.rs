@@ -90,7 +90,7 @@ pub fn paths(path: &Path, allowed: &[PathBuf]) -> Vec<PathBuf> {
     all
 }
 
-/// Loads the scene from the bytes of a `.glb` or `.gltf` file. `path` serves messages and relative URIs.
+/// Loads the scene from the bytes of a `.glb` or `.gltf` file. `path` appears in messages, and relative URIs start from its folder.
 pub fn load_slice(bytes: &[u8], path: &Path) -> Result<Scene> {
     load_from(bytes, path, &[], Playback::default())
 }

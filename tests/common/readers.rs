@@ -22,7 +22,7 @@ const MAX_TIME: Duration = Duration::from_secs(5);
 const FREE_BYTES: usize = 256 << 20;
 /// Bytes of memory that a reader may take for each byte of the file, beyond [`FREE_BYTES`].
 const BYTES_PER_BYTE: usize = 20;
-/// The same for readers of images. Images may take 4128 bytes per byte of their files. In addition, four bytes of a
+/// Like [`BYTES_PER_BYTE`], for readers of images. Images may take 4128 bytes per byte of their files. In addition, four bytes of a
 /// WebP image can declare a Huffman table of 4 KiB.
 const IMAGE_BYTES_PER_BYTE: usize = 6000;
 
@@ -67,7 +67,7 @@ impl Reader {
     }
 }
 
-/// Reads a scene. The reader turns panics into errors, which count as panics here.
+/// Reads a scene. The reader turns a panic into an error; this function turns that error back into a panic.
 fn load(bytes: &[u8]) {
     if let Err(error) = gltf::load_slice(bytes, Path::new("fuzz.glb")) {
         assert!(!error.to_string().contains("reader failed"), "the reader panicked");
@@ -163,7 +163,7 @@ fn experiment(bytes: &[u8]) {
     assert!(Experiment::parse(&again).is_ok(), "an experiment is written as\n{again}");
 }
 
-/// A file of this process with these bytes, in memory if possible.
+/// Calls `read` with the path of a temporary file that contains `bytes`. The file is in memory if possible.
 fn with_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(&Path) -> T) -> T {
     thread_local! {
         static FOLDER: LazyCell<tempfile::TempDir> = LazyCell::new(|| {
@@ -201,7 +201,7 @@ fn grid_npy(bytes: &[u8]) {
     with_file("grid.npy", bytes, |path| drop(grid::load(path, bounds)));
 }
 
-/// The experiment with `line`, in which `FILE` stands for the path.
+/// Parses `line` as an experiment, with `path` in place of `FILE`.
 fn experiment_with(line: &str, path: &Path) -> Experiment {
     Experiment::parse(&line.replace("FILE", path.to_str().expect("a plain path"))).expect("a good experiment")
 }
@@ -227,7 +227,7 @@ fn acc(bytes: &[u8]) {
     assert!(read_from(&mut again).is_ok(), "sums that were read are written as a wrong file");
 }
 
-/// Sums whose `about.json` is `bytes`. Check sums hide the inside of a file from a fuzzer.
+/// An accumulation whose `about.json` is `bytes`, with the right checksums: a fuzzer cannot guess checksums.
 fn acc_about(bytes: &[u8]) {
     const GOOD: &[u8] = include_bytes!("../../fuzz/corpus/acc/single");
     let mut zip = zip::ZipArchive::new(Cursor::new(GOOD)).expect("the corpus has whole files");

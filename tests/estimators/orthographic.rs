@@ -1,5 +1,5 @@
-//! Orthographic cameras: the estimators against a closed form and the oracle, with the strategies that connect light vertices to the
-//! sensor plane (t = 1).
+//! Orthographic cameras: the estimators against a closed form and the oracle, with the strategies that connect light vertices to
+//! the sensor plane (t = 1).
 
 use glam::{DAffine3, DVec3};
 use taugate::internals::generate::shapes::quad;
@@ -51,8 +51,8 @@ fn a_lit_floor_has_the_radiance_of_the_closed_form() {
     }
 }
 
-/// The floor in the light of a thin beam. No strategy but t = 1 finds the spot of the beam: its radiance, pixel and travel time are
-/// those of the closed form. A mirror beside the camera reflects a second beam to the floor.
+/// The floor in the light of a thin beam. Only the strategy t = 1 finds the spot of the beam. The mean of the image and the travel
+/// time of the spot have closed forms. A mirror beside the camera reflects a second beam to the floor.
 #[test]
 fn the_spot_of_a_thin_beam_is_found_by_connections_to_the_sensor() {
     let mut scene = floor();
@@ -63,7 +63,7 @@ fn the_spot_of_a_thin_beam_is_found_by_connections_to_the_sensor() {
     let (near, mirrored) = (DVec3::new(0.3, 0.2, 0.0), DVec3::new(2.75, 0.0, 0.0));
     let kind = LightKind::Beam { power: [2.0; 3], radius: 0.0 };
     light(&mut scene, "near", near + DVec3::Z, DVec3::NEG_Z, kind);
-    // It meets the mirror at (2.75, 0, 0.75), which turns it down.
+    // This beam meets the mirror at (2.75, 0, 0.75), and the mirror turns the beam down.
     light(&mut scene, "mirrored", DVec3::new(0.75, 0.0, 0.75), DVec3::X, kind);
     let truth = 0.6 * 2.0 / std::f64::consts::PI * -axis.z / (4.0 * 6.0);
     for (node, spot, before) in [("near", near, 1.0), ("mirrored", mirrored, 2.75)] {
@@ -120,7 +120,7 @@ fn image(renderer: &mut Renderer, gate: Gate) -> Vec<f32> {
     renderer.film().mean()
 }
 
-/// Light subpaths stop only if the light is late even at the nearest point of the sensor.
+/// A light subpath is culled only if its light is too late for the gate even at the nearest point of the sensor.
 #[test]
 fn culling_removes_no_light() {
     let gate = Gate { lo: 2.7, hi: 3.0 };
@@ -133,7 +133,8 @@ fn culling_removes_no_light() {
     }
 }
 
-/// A renderer accepts a camera that turned and moved, and gives the image of a new renderer. It rejects another projection.
+/// A renderer accepts a camera that turned, moved and changed its height of view, and then renders the same image as a new renderer.
+/// The renderer rejects a camera with another kind of projection.
 #[test]
 fn a_moved_camera_sees_what_one_there_sees() {
     let scene = orthographic(build(Kind::CornellBox), 1.5);

@@ -41,7 +41,7 @@ fn adaptive_samples_agree_with_the_closed_form() {
     }
 }
 
-/// The standard error that a render states for its image's mean equals the spread of the means of different seeds.
+/// The standard error that a render states for the mean of its image agrees with the spread of the means of different seeds.
 #[test]
 fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
     let scene = build(Kind::CornellBox);

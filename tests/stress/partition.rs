@@ -24,8 +24,8 @@ fn cornell(estimator: Estimator, max_depth: u32, light_paths: u32) -> Renderer {
     renderer(&build(Kind::CornellBox), &s)
 }
 
-/// Largest difference of any pixel between the sum of the gated images and the ungated image, relative to the mean of the ungated
-/// image. All images have the same seed.
+/// Compares the sum of the gated images with the ungated image, with the same seed for all images. Returns the largest difference
+/// in a pixel channel, relative to the mean of the ungated image.
 fn worst(estimator: Estimator, gates: &[Gate]) -> f64 {
     let mut renderer = cornell(estimator, 6, 100);
     let whole = image(&mut renderer, 7, Gate::OPEN, 1, 2);
@@ -57,8 +57,9 @@ fn a_thousand_gates_add_up_with_the_same_seed() {
 }
 
 /// Returns the light in the image of each of `n` gates, the light of the ungated image, and the standard error of the difference:
-/// the sum of the gates minus the ungated light. Each gate is rendered with `seeds` seeds of its own, so that the variances of
-/// the gates add up. The error is small only without t = 1, because rare bright pixels of this strategy dominate the variance.
+/// the sum of the gates minus the ungated light. Each gate is rendered with `seeds` seeds that no other gate has, so that the
+/// variances of the gates add up. The error is small only without t = 1, because rare bright pixels of this strategy dominate the
+/// variance.
 fn totals(estimator: Estimator, strategies: Strategies, n: u32, seeds: u32, whole_seeds: u32) -> (Vec<f64>, f64, f64) {
     let s = settings(estimator, [8, 8]).max_depth(4).light_paths(2000).strategies(strategies).build().unwrap();
     let mut renderer = renderer(&build(Kind::CornellBox), &s);

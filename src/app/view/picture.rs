@@ -15,7 +15,7 @@ const HEADER: usize = 40;
 const LARGEST_HALF: f32 = 32768.0;
 /// A picture contains the images of all responses only if they have at most this many values.
 const MAX_RESPONSE_VALUES: usize = 1 << 28;
-/// The response of a picture that shows the sum of several responses.
+/// Written instead of the number of a response if the picture shows the sum of several responses.
 const SUM: u32 = u32::MAX;
 /// Minimum time between two pictures.
 pub const BETWEEN_PICTURES: Duration = Duration::from_millis(100);
@@ -67,13 +67,13 @@ impl Picture {
         self.responses.get(begin..begin + self.values())
     }
 
-    /// The image for a page that wants to see `response`: the image of this response or, without one, the sum of all responses.
+    /// The image of `response` if the picture contains it; otherwise the sum of all responses.
     pub fn shown(&self, response: u32) -> &[f32] {
         self.of_response(response).unwrap_or(&self.mean)
     }
 
-    /// Index of the first channel of the pixel of this picture that covers pixel (x, y) of the full image, which has `full` pixels.
-    /// `None` outside the image.
+    /// Finds the pixel of this picture that covers pixel (x, y) of the full image, which has `full` pixels. Returns the index of
+    /// the first channel of this pixel; `None` outside the image.
     pub fn at(&self, [x, y]: [u32; 2], full: [u32; 2]) -> Option<usize> {
         let [width, height] = self.size;
         let scaled = |i: u32, size: u32, full: u32| {
@@ -102,8 +102,8 @@ impl Picture {
         error.flat_map(|error| [error; 3]).collect()
     }
 
-    /// The binary message with this picture: a header of 40 bytes, then half floats, R, G, B of each pixel, row 0 at the top. A value
-    /// is its half float times `scale`. The header is little-endian, in words of 32 bits unless noted:
+    /// The binary message with this picture: a header of 40 bytes, then half floats, R, G, B of each pixel, row 0 at the top. A
+    /// value is its half float times `scale`. The header is little-endian, in words of 32 bits unless noted:
     ///
     /// * "TGP1", `frame`, revision, width, height;
     /// * response, or [`SUM`] if the picture shows the sum of several responses;
@@ -137,8 +137,8 @@ impl Picture {
         message
     }
 
-    /// The estimated relMSE of the image: variance / (mean^2 + eps), averaged over pixels and channels. eps is (1 % of the image's mean)^2,
-    /// as in `taugate compare`. `None` if the variance is not known or the image is black.
+    /// The estimated relMSE of the image: variance / (mean^2 + eps), averaged over pixels and channels. eps is (1 % of the image's
+    /// mean)^2, as in `taugate compare`. `None` if the variance is not known or the image is black.
     pub fn relmse(&self) -> Option<f64> {
         let mean = self.mean.iter().map(|&x| f64::from(x)).sum::<f64>() / self.values().max(1) as f64;
         if self.variance.is_empty() || mean <= 0.0 {

@@ -1,4 +1,4 @@
-//! Poses the nodes of a file at a time: evaluates the animations of glTF 2.0, section 3.11.
+//! Poses the nodes of a file for a given time: evaluates the animations of the file (glTF 2.0, section 3.11).
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -56,7 +56,7 @@ enum Interpolation {
     CubicSpline,
 }
 
-/// What a channel changes.
+/// The property of a node that a channel changes.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Property {
     Translation,
@@ -78,7 +78,7 @@ impl Property {
 
 /// A property of a node as a function of time.
 struct Curve {
-    /// In seconds, ascending, at least one.
+    /// Times of the keys in seconds, in ascending order; never empty.
     times: Vec<f32>,
     /// One value per time; for cubic splines three: in-tangent, value, out-tangent.
     values: Vec<Vec<f32>>,
@@ -107,9 +107,10 @@ fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSe
     (0..all.len()).filter(|&index| moves[index] || has_moving_skin(index)).map(|index| doc.node_name(index)).collect()
 }
 
-/// Sets translation, rotation, scale and weights of the nodes to those at the time of `playback`. Without a time the nodes stay as
-/// they are, with a warning if the file has animations. Fails if the animation does not exist, if the time is not between 0 and
-/// the end of the animations, or if an animation is not valid. Returns [`super::Scene::moving`].
+/// Sets translation, rotation, scale and weights of the nodes to their values at the time of `playback`. Without a time, the nodes
+/// stay as they are; if the file has animations, the user gets a warning. Fails if `playback` names an animation without a time or
+/// one that does not exist, if the time is not between 0 and the end of the animations, or if an animation is not valid. Returns
+/// [`super::Scene::moving`].
 pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> Checked<Option<BTreeSet<String>>> {
     let Some(time) = playback.at else {
         if let Some(name) = playback.animation {
@@ -124,7 +125,7 @@ pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> 
     };
     let curves = curves(doc, &chosen(doc, playback.animation)?, warnings)?;
     let end = curves.values().filter_map(|curve| curve.times.last()).fold(0.0, |end, &time| f64::max(end, time.into()));
-    // Frames are at multiples of a rational number, so the last one may be late by rounding.
+    // Allows for rounding: frame times are quotients, so the time of the last frame may be slightly after the end.
     if !(0.0..=end * (1.0 + 1e-9)).contains(&time) {
         return Err(format!("has animations from 0 s to {end} s, so it has no pose at {time} s; choose a time inside"));
     }

@@ -1,4 +1,4 @@
-//! `--tev`: the image in the viewer tev, on the command line. Needs a device.
+//! The flag `--tev`, which shows the image in the viewer tev. Needs a device.
 
 mod stream;
 mod viewer;
@@ -35,7 +35,7 @@ fn message_of(output: Output) -> String {
     message
 }
 
-/// The warnings of a render that names its image in a later line.
+/// The warnings in the output of a render. Checks that the output also reports the image.
 fn warnings(message: &str) -> Vec<&str> {
     assert!(message.contains(": 64x48, ") || message.contains("640x480"), "{message}");
     message.lines().filter(|line| line.starts_with("warning: ")).collect()
@@ -60,7 +60,7 @@ fn check_same(shown: &Image, file: &Path) {
 #[test]
 fn tev_shows_what_the_file_holds() {
     let here = with("cornell-box");
-    // Two columns and two rows of tiles.
+    // The first image has two columns and two rows of tiles.
     for (name, count, flags) in [
         ("one.exr", 6, &["--resolution", "150x140", "--gate", "5m..7m", "--spp", "8"][..]),
         ("three.exr", 18, &["--resolution", "20x16", "--gates", "5m..8m/3", "--spp", "8"]),
