@@ -56,7 +56,7 @@ fn unpack_point(words: vec3<u32>) -> PointProperties {
 }
 
 // As `pack_point`, with the factors of the coats. The base colour and the roughness have 10 bits, all others have 8. The roots
-// of colours have a step of at most 0.4 %, no larger than the step of an sRGB byte. With HAS_TRANSMISSION_TEXTURES, all have 8 bits.
+// of colours have a step of at most 0.4 %, about the step of an sRGB byte. With HAS_TRANSMISSION_TEXTURES, all have 8 bits.
 fn pack_coated_point(p: PointProperties) -> vec3<u32> {
     let factors = pack4x8unorm(vec4<f32>(p.metallic, p.coats.specular, p.coats.clearcoat, p.coats.clearcoat_roughness));
     if (HAS_TRANSMISSION_TEXTURES) {

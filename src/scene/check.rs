@@ -10,7 +10,7 @@ use super::light::Light;
 use super::{Aim, Camera, Image, Instance, Material, Mesh, Projection, Scene};
 use crate::error::{Error, Result};
 
-/// Upper bound on the coordinates of a scene, in metres from the origin of the world. Beyond it the squares of lengths would
+/// Upper bound on the coordinates of a scene, in metres from the origin of the world. Within it, squares of lengths do not
 /// overflow in the device's f32 numbers.
 pub const MAX_COORDINATE: f64 = 1e15;
 /// Upper bound on the coordinates of a principal point, in widths and heights of the image. A larger value usually means

@@ -133,8 +133,8 @@ fn culling_removes_no_light() {
     }
 }
 
-/// A renderer accepts a camera that turned, moved and changed its height of view, and then renders the same image as a new renderer.
-/// The renderer rejects a camera with another kind of projection.
+/// A renderer accepts a camera that turned, moved and changed its height of view. It then renders the same image as a new
+/// renderer. A renderer rejects a camera with another kind of projection.
 #[test]
 fn a_moved_camera_sees_what_one_there_sees() {
     let scene = orthographic(build(Kind::CornellBox), 1.5);
