@@ -1,5 +1,5 @@
-// Importance of a light-tree node for a shade point: an estimate, not a bound, of the light that its vertices contribute through
-// the gate. It is 0 only where no vertex can contribute. Elsewhere any positive value keeps the result unbiased, and a tight
+// Importance of a light-tree node for a shade point. It estimates the light that its vertices contribute through the gate, and is no
+// bound on this light. It is 0 only where no vertex can contribute. Elsewhere any positive value keeps the result unbiased, and a tight
 // estimate gives less noise than a conservative bound.
 #import lightcone
 

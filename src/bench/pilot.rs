@@ -40,8 +40,8 @@ impl Pilot {
 const BLIND: f64 = 0.05;
 
 /// The pilot with the smallest product of two costs: over all pixels, and trimmed. Rare bright samples count, but a short render
-/// meets one only by luck. A pilot that misses light which other pilots found is chosen only if all pilots miss light: where it
-/// found none, its variance is 0, so its cost is too small.
+/// meets one only by luck. A pilot with no light in a place has no variance there, so its cost is too small. If other pilots
+/// found light in this place, the pilot is chosen only if all pilots miss light somewhere.
 ///
 /// All pilots are compared with the same image: the mean of all pilots over blocks of pixels. With single pixels, the noise
 /// of the other pilots would dominate the error of the best one.

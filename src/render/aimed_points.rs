@@ -10,7 +10,7 @@ use crate::settings::Settings;
 /// Maximum distance between a point of a scan and the surface there, relative to the distance from the laser or the sensor.
 const MAX_GAP: f64 = 1e-3;
 
-/// Fails if a point of the aimed `camera` does not lie on the first surface in its direction: travel times would then begin or
+/// Fails if a point of the aimed `camera` does not lie on the first surface in its direction. Travel times would then begin or
 /// end at another point. `who` is the laser or the sensor, for the message.
 ///
 /// # Panics

@@ -160,8 +160,8 @@ impl LightPool {
 
     /// Builds the 3D tree over emitter points and the 4D tree over scattered vertices (Sec. 5.4), or a single 4D tree over
     /// all of them. Both are valid: a query weights the vertex that it returns, of either kind, by 1 / P of this vertex. If the
-    /// deterministic vertices are too many to connect one by one, they form separate subtrees: lamps in the 3D tree, which gives
-    /// them a shadow ray of their own, and the spots of thin beams in the 4D tree.
+    /// deterministic vertices are too many to connect one by one, they form separate subtrees. Lamps are in the 3D tree, so they have
+    /// a shadow ray of their own. The spots of thin beams are in the 4D tree.
     fn trees(&self, plan: &Plan) -> SortedPool {
         let in_trees = plan.queries_deterministic(self.deterministic.len() as u32);
         let (one_by_one, queried) = self.deterministic.split_at(if in_trees { 0 } else { self.deterministic.len() });

@@ -298,8 +298,8 @@ fn about<R: Read + Seek>(zip: &mut Archive<R>) -> Result<About, Problem> {
     Ok(about)
 }
 
-/// Reads the `k`-th sum of each of the `moments`, an array of this shape. Without arrays of their own for each sum, a thousand files
-/// are merged as fast as they are read.
+/// Reads the `k`-th sum of each of the `moments`, an array of this shape. They go straight to their place: with an array of its
+/// own for each sum, `merge` is 15 to 20 % slower (docs/notebook/farm.md).
 fn read_sums<R: Read + Seek>(
     zip: &mut Archive<R>,
     name: &str,

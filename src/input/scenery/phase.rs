@@ -78,8 +78,8 @@ fn only(used: &[&str]) -> String {
     }
 }
 
-/// Phase function of water droplets with the diameter `d`, from 5 to 50 micrometres: the fit of Jendersie and d'Eon 2023,
-/// equations 4 to 7, to Mie scattering.
+/// Phase function of water droplets with the diameter `d`, from 5 to 50 micrometres. It is a fit to Mie scattering (Jendersie and
+/// d'Eon 2023, equations 4 to 7).
 fn droplets(d: f64) -> PhaseFunction {
     PhaseFunction::HenyeyGreensteinDraine {
         g: (-0.0990567 / (d - 1.67154)).exp(),
