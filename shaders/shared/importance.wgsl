@@ -1,6 +1,6 @@
-// Importance of a light-tree node for a shade point. It estimates the light that its vertices contribute through the gate, and is no
-// bound on this light. It is 0 only where no vertex can contribute. Elsewhere any positive value keeps the result unbiased, and a tight
-// estimate gives less noise than a conservative bound.
+// Importance of a light-tree node for a shade point. It estimates the light that its vertices contribute through the
+// gate, and is no bound on this light. It is 0 only where no vertex can contribute. Elsewhere any positive value keeps the
+// result unbiased, and a tight estimate gives less noise than a conservative bound.
 #import lightcone
 
 // Share that is added to the estimate of each live bucket. Errors of the uniform model multiply from level to level: with
