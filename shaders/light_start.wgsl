@@ -1,6 +1,6 @@
 // Starts the light subpaths of an iteration: samples an emitter, a point on it, and a direction. A separate dispatch starts
-// one subpath for each thin beam. All subpaths of a thin beam have the same first vertices. The separate dispatch keeps these
-// vertices once, however rarely the other subpaths draw the beam.
+// one subpath for each thin beam (a beam of zero radius). All subpaths of a thin beam have the same first vertices. The separate
+// dispatch keeps these vertices once, however rarely the other subpaths draw the beam.
 #import weights
 #import random
 
@@ -36,7 +36,7 @@ fn light_start(@builtin(global_invocation_id) id: vec3<u32>) {
     s.emitter = e.vertex.owner;
     s.triangle = e.triangle;
     s.throughput = e.throughput * per_path;
-    // Light subpaths from the sky start with 2, so that all their connections take equally many samples (weights.wgsl).
+    // Light subpaths from the sky start with 2 random vertices, so that all their connections take equally many samples (weights.wgsl).
     let random = select(select(0u, 1u, e.stored), 2u, HAS_SKY && e.sky);
     let lives = max_component(s.throughput) > 0.0 && (e.deterministic || !fixed_emitter);
     s.flags = (random << PATH_RANDOM_SHIFT) | select(0u, PATH_ALIVE, lives);

@@ -68,7 +68,8 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     if (was_deterministic) {
-        // From here on the paths of a beam differ, so each path carries its share of the power.
+        // From here on the paths of a beam differ, so each path carries its share of the power. If a mirror reflects the beam, they do
+        // not differ yet: the throughput is restored below.
         s.throughput *= 1.0 / (s.select_pdf * f32(frame.light_paths));
     }
     let u = random4(STREAM_LIGHT, path, frame.iteration, depth, 0u, frame.seed);

@@ -76,7 +76,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         if (max_component(light.xyz) > 0.0) {
             radiance[slot] += vec4<f32>(light.xyz * light.w, 0.0);
             tallies[slot].z += 1u;
-            // The probe reports scattered light only: that is what the user wants to gate.
+            // The probe (render/probe.rs) reports scattered light only: that is what the user wants to gate.
             if (OBSERVE == OBSERVE_RESPONSES || (OBSERVE == OBSERVE_TIMES && depth > 1u)) {
                 emitted[slot] = vec4<f32>(light.xyz * light.w, q.tau);
             }

@@ -85,6 +85,7 @@ fn query_by_time(q: PathVertex, index: u32, sample: u32, depth: u32, slot: u32, 
     if (frame.tree4_root == NONE) {
         return used;
     }
+    // The only tree node holds the bounds of the sorted vertices, and their number in `child`.
     let all = load_tree_child(frame.tree4_root, 0u);
     let shell = make_shell(q);
     let distances = box_distances(q.position, all.lo, all.hi);

@@ -94,7 +94,7 @@ class Camera:
     def K(self):
         """Intrinsics (3 x 3) of the rendered part: pixel = K (x, y, z) / z, with the centre of its first pixel at (0.5, 0.5)."""
         if self.fov is None:
-            raise SettingsError("a camera with parallel rays has no matrix K")
+            raise SettingsError("an orthographic or aimed camera has no matrix K; use a perspective camera")
         width, height = self.resolution
         focal = height / (2 * math.tan(math.radians(self.fov) / 2))
         x0, y0 = (self.crop[0], self.crop[2]) if self.crop else (0, 0)

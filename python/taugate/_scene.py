@@ -155,9 +155,9 @@ class Scene:
 
     # Inside.
 
-    def _of_arrays(self, instead="other objects in its file"):
+    def _of_arrays(self, instead="objects by changing that file"):
         if self.path is not None:
-            raise SettingsError(f"this scene was read from a file, so it takes {instead}")
+            raise SettingsError(f"this scene was read from a file; add {instead}")
 
     def _changed(self):
         """Forgets the native scene after a change of meshes or materials. The next render makes it again."""

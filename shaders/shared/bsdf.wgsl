@@ -12,6 +12,7 @@
 struct Bsdf {
     base: vec3<f32>,
     metallic: f32,
+    // GGX alpha of the shared lobe.
     alpha: f32,
     // Reflectance of the coat at normal incidence (the largest channel) and at grazing angles.
     f0: f32,
@@ -25,8 +26,9 @@ struct Bsdf {
     retroreflection: f32,
     retroreflector_alpha: f32,
     transmission: f32,
+    // See `Material.diffuse_scale`.
     diffuse_scale: f32,
-    // Refractive indices on the +z and the -z side.
+    // Refractive indices on the +z and the -z side, relative to the surroundings.
     eta_above: f32,
     eta_below: f32,
     // The back of a one-sided surface, which scatters nothing.
@@ -45,7 +47,7 @@ struct BsdfSample {
     direction: vec3<f32>,
     // Smooth lobes: f / pdf, without cosines. Delta lobes: reflectance / probability of choosing it.
     weight: vec3<f32>,
-    // Density of the direction, and of sampling the known direction in reverse. Both are 1 for delta lobes.
+    // Density of sampling `direction`, and of sampling the known direction if `direction` were known. Both are 1 for delta lobes.
     pdf: f32,
     pdf_reverse: f32,
     delta: bool,
@@ -62,7 +64,7 @@ struct Lobes {
 }
 
 // The BSDF of a material whose base colour at the point is `base`. `front`: the +z side of the frame is the front of the
-// surface, where the refractive index is 1.
+// surface, where the surroundings are.
 fn make_bsdf(material: u32, base: vec3<f32>, front: bool) -> Bsdf {
     let m = load_material(material);
     var b: Bsdf;
@@ -100,7 +102,8 @@ fn make_varying_bsdf(material: u32, p: PointProperties, front: bool) -> Bsdf {
         b.clearcoat *= p.coats.clearcoat;
         b.clearcoat_alpha = clearcoat_alpha(m, p.coats.clearcoat_roughness);
     }
-    // The mean albedos of the rows are stored after the table. They give the same scale as in a material with constant alpha.
+    // A row of the albedo table belongs to one alpha, and the mean albedos of the rows follow the table. Interpolating them gives the
+    // same scale as in a material with constant alpha.
     let row = sqrt(min(p.alpha, 1.0)) * f32(ALBEDO_ROWS - 1u);
     let i = min(u32(row), ALBEDO_ROWS - 2u);
     let means = ALBEDO_COLUMNS * ALBEDO_ROWS + i;

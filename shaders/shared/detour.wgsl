@@ -20,7 +20,7 @@ fn drawn_travel_time(sensor: SensorSample) -> f32 {
     return travel_time_at(f32(word >> 8u) * (1.0 / 16777216.0));
 }
 
-// Total length of the two segments of an ellipsoidal connection.
+// Total length of the two segments of an ellipsoidal connection. The straight distance is not subtracted.
 fn detour_length(q: PathVertex, v: PathVertex, tau: f32) -> f32 {
     return (tau - v.tau - q.tau) / SURROUNDING_GROUP_INDEX;
 }

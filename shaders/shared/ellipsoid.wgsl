@@ -118,7 +118,7 @@ fn in_order(x: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(min(x.x, x.y), max(x.x, x.y));
 }
 
-// The ends of the arcs in ascending order: the six crossings of the edges, between -pi and pi. Arc i runs from end i to end i + 1.
+// The ends of the arcs in ascending order: -pi, the six crossings of the edges, and pi. Arc i runs from end i to end i + 1.
 fn arc_ends(ab: vec2<f32>, bc: vec2<f32>, ca: vec2<f32>) -> array<f32, 8> {
     // Merges ab and bc, then inserts both ends of ca.
     let low = in_order(vec2<f32>(ab.x, bc.x));
@@ -201,7 +201,7 @@ fn arcs_in_triangle(e: Ellipsoid, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -
     return arcs;
 }
 
-// Barycentric weights of corners 1 and 2 at the point that lies the fraction `u` of the length along the arcs.
+// Barycentric weights of corners 1 and 2 at a point of the arcs: the point after the fraction `u` of their total length.
 fn point_on_arcs(arcs: Arcs, u: f32) -> vec2<f32> {
     var left = u * arcs.length;
     var angle = 0.0;

@@ -118,7 +118,8 @@ fn contribution_estimate(position: vec3<f32>, normal: vec3<f32>, v: Focus, q: Fo
     return cosines / (square(r1 * r2) * inverse_stretch(normal, w1, r1, w2, r2));
 }
 
-// Cosine at a focus for light that travels along -`w`; 1 for a focus without normal.
+// Cosine at a focus of light to or from the point, at least 0.05 if it is positive; 1 for a focus without normal. `w`: unit direction
+// from the point to the focus.
 fn focus_cosine(f: Focus, w: vec3<f32>) -> f32 {
     let cosine = -dot(f.normal, w);
     return select(select(0.0, max(cosine, 0.05), cosine > 0.0), 1.0, all(f.normal == vec3<f32>(0.0)));
@@ -141,7 +142,7 @@ fn descend_bvh(s: EllipsoidSearch, v: Focus, q: Focus, rng: ptr<function, u32>) 
     loop {
         let node = unpack_bvh_node(index);
         let meta4 = node.children.zw;
-        // Empty children have no bits.
+        // The meta byte of an empty child is 0.
         let first = select(vec4<f32>(0.0), ellipsoid_importance(node.x.xz, node.y.xz, node.z.xz, node.origin, node.scale, s, v, q),
             bytes_to_floats(meta4.x) > vec4<f32>(0.0));
         let second = select(vec4<f32>(0.0), ellipsoid_importance(node.x.yw, node.y.yw, node.z.yw, node.origin, node.scale, s, v, q),

@@ -99,8 +99,9 @@ fn search_four(meta4: u32, x: vec2<u32>, y: vec2<u32>, z: vec2<u32>, origin: vec
     return a | b | c | d;
 }
 
-// Counts the triangles in a part of the BVH that the ellipsoid may meet. Each of them replaces `choice` with probability 1 / count, so
-// the final choice is uniform over the triangles of all parts that were searched. `key`: key of the random numbers for this choice.
+// Counts the triangles that the ellipsoid may meet in a part of the BVH. Each of them replaces `choice` with probability 1 / count
+// (reservoir sampling), so the final choice is uniform over these triangles in all parts that were searched. `key`: key of the random
+// numbers for this choice.
 fn search_part(part: u32, s: EllipsoidSearch, key: vec4<u32>, choice: ptr<function, TriangleChoice>) {
     var stack: array<vec2<u32>, STACK_SIZE>;
     var depth = 0u;

@@ -26,7 +26,7 @@ struct Emission {
     vertex: PathVertex,
     direction: vec3<f32>,
     // Density per solid angle of `direction`; 1 for beams, whose direction is fixed. Suns and the sky: density per area of the
-    // point on the disk, which parallel light carries unchanged to every surface that faces it.
+    // point on the disk. Along parallel rays, this density does not change.
     pdf_direction: f32,
     // Initial throughput of the subpath: radiance (or intensity, or power) times cosine over all densities.
     throughput: vec3<f32>,
@@ -40,7 +40,7 @@ struct Emission {
     parallel: bool,
     // The light comes from the sky.
     sky: bool,
-    // The emitter point can be connected, and is stored for the 3D tree.
+    // The emitter point is stored in the pool, so that it can be connected. The host stores punctual lights and suns itself.
     stored: bool,
     // All subpaths from this emitter start alike: see PATH_DETERMINISTIC.
     deterministic: bool,

@@ -1,6 +1,6 @@
-// Constants of one iteration. Positions are in the render space of `render/space.rs`: its origin is the sensor of this frame
-// or of a nearby one. Lengths and travel times (optical path, c = 1) are in the unit of render space, a power of two in
-// metres. Areas and fluxes follow that unit; radiance does not depend on it.
+// Constants of one iteration. Positions are in render space (`render/space.rs`), whose origin is at or near the sensor. Lengths and
+// travel times (optical path, c = 1) are in the unit of render space, a power of two in metres. Areas and fluxes follow that unit;
+// radiance does not depend on it.
 
 struct Frame {
     // Camera axes in world space, unit length; the camera looks along `forward`.
@@ -15,8 +15,8 @@ struct Frame {
     extent: vec2<f32>,
     // Area of a pixel on that plane.
     pixel_area: f32,
-    // Sample count of the t = 1 strategies in the MIS weights: the number of light subpaths, stored or not, per sensor sample
-    // of an average pixel, times the estimator's weight for t = 1.
+    // Sample count of the t = 1 strategies in the MIS weights: the number of light subpaths in the iteration, stored or not, over
+    // the average number of samples per pixel, times the estimator's weight for t = 1.
     splat_sample_count: f32,
     // The gate [gate_lo, gate_hi) of optical path. gate_hi is 3e38 for an open gate.
     gate_lo: f32,
@@ -35,7 +35,7 @@ struct Frame {
     max_depth: u32,
     // Queries per shade point and tree (K).
     queries: u32,
-    // Deterministic vertices; they come first in the pool.
+    // Number of deterministic vertices (punctual lights, spots of thin beams), which come first in the pool.
     deterministic_count: u32,
     emitter_count: u32,
     // Roots of the 3D and the 4D tree: the index of a node, a leaf reference, or NONE.
@@ -51,7 +51,7 @@ struct Frame {
     crop_y: u32,
     crop_width: u32,
     crop_height: u32,
-    // Number of each pixel's first sample in this iteration, counted over the whole render.
+    // Number of the first sample of every pixel in this iteration. Numbers count over the whole render, so no pixel uses one twice.
     first_sample: u32,
     // Number of emitter points in the pool; they follow the deterministic vertices.
     emitter_points: u32,
@@ -73,8 +73,8 @@ struct Frame {
     hole_hi: f32,
     // Ellipsoidal connections form only paths whose detour over the auxiliary vertex is at least this long. 3e38 if the gate is open.
     min_detour: f32,
-    // Factor of the density of auxiliary vertices in MIS weights: 1 / (gate width MEAN_ARC), times the number of samples that an
-    // ellipsoidal connection counts for.
+    // Factor of the density of auxiliary vertices in MIS weights: 1 / (gate width * MEAN_ARC), times the number of samples that an
+    // ellipsoidal connection counts for (auxiliary.wgsl).
     auxiliary_density: f32,
     // Light vertices in the pool.
     vertex_count: u32,
@@ -86,8 +86,9 @@ struct Frame {
 // Parameters of one dispatch.
 struct Dispatch {
     // Light subpaths: number of the batch's first path within the iteration. First surfaces: number of the first pixel.
+    // Ellipsoids of epc: index of the first part of the BVH.
     first: u32,
-    // Number of threads that have work, where the host knows this number.
+    // Number of threads that have work, where the host knows this number. Ellipsoids of epc: number of parts of the BVH.
     count: u32,
     bounce: u32,
     // Index into `counters` of the length of the kernel's input list.

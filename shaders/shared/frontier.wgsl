@@ -139,7 +139,7 @@ fn sample_frontier(f: ptr<function, Frontier>, u: f32, rng: ptr<function, u32>) 
         (*f).next = 0u;
         (*f).before = vec2<f32>(0.0);
     }
-    // The first subtree whose sum is above `wanted`. P contains differences of rounded sums.
+    // The first subtree at which the prefix sum exceeds `wanted`. P is the difference of the same rounded sums.
     let wanted = rest * select((*f).all.y, (*f).all.x, by_power);
     var after = (*f).before + subtree_weights(f, (*f).next);
     loop {

@@ -129,7 +129,8 @@ fn pass_grid(g: Grid, o: vec3<f32>, d: vec3<f32>, first: f32, last: f32, needed:
     var t = first;
     var cell = cell_at(g, origin + t * direction);
     var integral = 0.0;
-    // The cell or block in which the integral reaches `needed`.
+    // The current step: lower corner of its cell or block, its length, whether the integral reaches `needed` in it, and the density of
+    // the block (negative if it is not constant).
     var low = cell;
     var width = 0.0;
     var found = false;

@@ -3,8 +3,9 @@
 // result unbiased, and a tight estimate gives less noise than a conservative bound.
 #import lightcone
 
-// Share that is added to the estimate of each live bucket. Errors of the uniform model multiply from level to level: with
-// 0.01, rare vertices became far too bright (docs/notebook/importance-floor.md).
+// Share that is added to the estimate of each live bucket: a bucket whose vertices may meet the gate. Errors of the model in
+// `power_through_gate` multiply from level to level: with 0.01, rare vertices became far too bright
+// (docs/notebook/importance-floor.md).
 const LIVE_BUCKET_SHARE: f32 = 0.3;
 // Minimum of the cosine factor, for the same reason.
 const MIN_COSINE: f32 = 0.1;
@@ -49,7 +50,7 @@ fn shares_through_gate(start: vec4<f32>, length: f32, density: f32, shell: Shell
 
 // Power of the node times the probability that its light meets the gate. `d`: range of the optical distance. In the
 // model, the travel time in a bucket and the distance are independent and uniform over their intervals, so the
-// density of their sum is a trapezium. The height of the trapezium replaces its integral: this ranks candidates as
+// density of their sum is a trapezium. The height of the trapezium replaces its integral: this ranks nodes equally
 // well and costs less (docs/notebook/importance-floor.md).
 fn power_through_gate(c: TreeChild, d: vec2<f32>, shell: Shell) -> f32 {
     if (!BY_OVERLAP) {

@@ -7,7 +7,7 @@ struct Shell {
     // Ends of the gate minus q_tau, widened by the rounding allowance.
     lo: f32,
     hi: f32,
-    // Minimum and maximum refractive index along a connection.
+    // Minimum and maximum travel time per length along a connection: see `eta_range`.
     eta_lo: f32,
     eta_hi: f32,
     // If HAS_HOLE, optical lengths strictly between hole_lo and hole_hi miss all responses: ends of the hole minus q_tau, narrowed by the
@@ -40,8 +40,9 @@ fn spatial_overlap(d: vec2<f32>, shell: Shell) -> f32 {
     return select(max(overlap / extent, 1e-3), 1.0, extent <= 0.0);
 }
 
-// First (x) and last (y) bucket that can hold time-valid vertices, as floats (Eqs. 23 and 24). If all travel times of the
-// node are equal, the formula is 0 / 0. All buckets are then live, which is right, because the node was not pruned.
+// First (x) and last (y) bucket that can hold time-valid vertices, which are vertices in the shell (Eqs. 23 and 24). Buckets in this
+// range are live. If all travel times of the node are equal, the formula is 0 / 0. All buckets are then live, which is right, because
+// the node was not pruned.
 fn live_buckets(c: TreeChild, d: vec2<f32>, shell: Shell) -> vec2<f32> {
     let scale = BUCKET_COUNT / max(c.tau_hi - c.tau_lo, 1e-30);
     let first = clamp(floor((shell.lo - d.y - c.tau_lo) * scale), 0.0, 7.0);

@@ -1,9 +1,9 @@
 // Participating media: where they are, how far light flies in them, and what they transmit.
 //
 // A medium fills a box, a density grid, all space, or the inside of a mesh. Outside of solids, boxes and grids may overlap; then the
-// last one counts. The inside of a null boundary has priority over them. Flights are sampled by scattering alone; absorption is a
-// factor of the throughput. In MIS weights, the density of a distance is the mean transmittance only (`flight_density`): the
-// coefficient at an event is a factor of every strategy of a path, so it cancels.
+// last one counts. The inside of a null boundary, a mesh that only bounds a medium, has priority over them. Flights are sampled by
+// scattering alone; absorption is a factor of the throughput. In MIS weights, the density of a distance is the mean transmittance only
+// (`flight_density`): the coefficient at an event is a factor of every strategy of a path, so it cancels.
 #import boundary
 #import frame
 #import grid
@@ -16,7 +16,7 @@ struct Medium {
     // PHASE_ constant of phase.wgsl.
     phase: u32,
     hi: vec3<f32>,
-    // Phase functions with two lobes, also if one is of Draine: share of the second lobe, 0 to 1.
+    // Phase functions with two lobes, one of which may be a Draine lobe: share of the second lobe, 0 to 1.
     share: f32,
     // Coefficients of scattering and absorption per unit of length.
     sigma_s: vec3<f32>,
@@ -223,9 +223,9 @@ fn end_share(transmitted: f32) -> f32 {
     return select(transmitted, sqrt(transmitted), dispatch.bounce == 0u);
 }
 
-// Samples a flight along o + t d for 0 < t < limit. `throughput`: throughput of the subpath so far. Each channel chooses the
-// distance with a probability in proportion to its throughput. The density is the sum over all channels, so that no channel gets
-// a large weight. `to_light`: see `end_share`.
+// Samples a flight along o + t d for 0 < t < limit. `throughput`: throughput of the subpath so far. One channel is chosen with a
+// probability in proportion to its throughput, and the distance is drawn for this channel. The density is the sum over all channels,
+// so that no channel gets a large weight. `to_light`: true for sensor subpaths, which use `end_share`.
 fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to_light: bool, u: vec2<f32>) -> Flight {
     let whole = optical_depths(o, d, limit);
     let shares = throughput / max(throughput.x + throughput.y + throughput.z, 1e-37);
@@ -243,8 +243,8 @@ fn free_flight(o: vec3<f32>, d: vec3<f32>, limit: f32, throughput: vec3<f32>, to
     return f;
 }
 
-// Samples a flight along o + t d that ends in an event with 0 < t < limit. `whole`: depths up to `limit`. The weight is
-// valid for a flight that may also pass all media without an event; callers correct it.
+// Samples a flight along o + t d that ends in an event with 0 < t < limit. `whole`: depths up to `limit`. The weight assumes the
+// density of a flight that may also pass all media without an event; callers correct it.
 fn flight_to_event(o: vec3<f32>, d: vec3<f32>, limit: f32, shares: vec3<f32>, whole: Depths, u: vec2<f32>) -> Flight {
     // The channel that chooses the optical depth of the event.
     let events = shares * one_minus_exp(whole.scattering);

@@ -13,8 +13,9 @@ fn follows_connected(v: PathVertex) -> bool {
 
 // Estimate of a ratio: density per length of drawing an event in the gate, over the density of a flight from the deterministic vertex.
 // Only here do MIS weights contain the density of a distance. `medium`: medium of the event. `back`: unit direction from the event to
-// the deterministic vertex. `onwards`: to the other neighbour. If the event moves by a length, the path grows 1 + cos(back, onwards)
-// times as much. The density in the gate is this factor over the width of the gate. A wide gate does not limit the flight.
+// the deterministic vertex. `onwards`: to the other neighbour. If the event moves along the sensor's segment by a length dl, the path
+// becomes (1 + cos(back, onwards)) dl longer. So the density in the gate is 1 + cos(back, onwards) over the width of the gate. The
+// result is at least 1, because a wide gate does not limit the flight.
 fn density_gain(medium: u32, back: vec3<f32>, onwards: vec3<f32>) -> f32 {
     return max((1.0 + dot(back, onwards)) / ((frame.gate_hi - frame.gate_lo) * mean_extinction(medium)), 1.0);
 }
@@ -24,9 +25,9 @@ fn sample_count_ratio(v: PathVertex) -> f32 {
     return select(1.0, frame.query_sample_count, random_vertices(v) < 2u);
 }
 
-// Factor of a segment in the densities of the MIS weights: the mean transmittance, for the optical depth `scattering`. The density of
-// an event itself cancels, because every strategy contains it. Null boundaries on a segment are known only after its ray was
-// traced, so scenes with null boundaries have MIS weights without transmittance.
+// Factor of a segment in the densities of the MIS weights: its transmittance, averaged over the channels. `scattering`: optical depth.
+// The coefficient at an event cancels, because every strategy contains it. Null boundaries on a segment are known only after its ray
+// was traced, so scenes with null boundaries have MIS weights without transmittance.
 fn flight_density(scattering: vec3<f32>) -> f32 {
     if (!HAS_MEDIA || HAS_NULL_BOUNDARIES) {
         return 1.0;

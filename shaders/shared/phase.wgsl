@@ -53,7 +53,7 @@ fn sample_phase_cosine(m: Medium, u: vec2<f32>) -> f32 {
     return sample_henyey_greenstein(select(m.g, m.g2, u.y < m.share), u.x);
 }
 
-// The cosine up to which the Henyey-Greenstein lobe scatters the share u of the light.
+// Inverse of the cumulative distribution of the Henyey-Greenstein lobe: it scatters the share u of the light to cosines below the result.
 fn sample_henyey_greenstein(g: f32, u: f32) -> f32 {
     if (abs(g) < 1e-3) {
         // Nearly isotropic: the first terms of the series in g.
@@ -89,11 +89,11 @@ fn draine_share(g: f32, alpha: f32, c: f32) -> f32 {
     return (lobe + alpha * squares) / draine_norm(g, alpha);
 }
 
-// Iterations of `sample_draine`. Eight give float precision for alpha up to 100.
+// Iterations of `sample_draine`. Eight are enough for float precision with alpha up to 100.
 const DRAINE_ITERATIONS: u32 = 12u;
 
-// The cosine up to which the lobe of Draine scatters the share u of the light. The unknown is the share v that the
-// Henyey-Greenstein lobe scatters up to this cosine; Newton's method finds it, kept inside an interval that contains it.
+// Inverse of the cumulative distribution of the lobe of Draine. The unknown is the share v that the Henyey-Greenstein lobe scatters to
+// cosines below the result. Newton's method finds v, kept inside an interval that contains it.
 fn sample_draine(g: f32, alpha: f32, u: f32) -> f32 {
     var lo = 0.0;
     var hi = 1.0;
@@ -138,13 +138,13 @@ fn table_value(m: Medium, cosine: f32) -> f32 {
     return mix(a.y, b.y, clamp((cosine - a.x) / (b.x - a.x), 0.0, 1.0));
 }
 
-// The cosine up to which m's table scatters the share u of the light.
+// Inverse of the cumulative distribution of m's table.
 fn sample_table(m: Medium, u: f32) -> f32 {
     let first = table_interval(m, BY_NODE_SHARE, u);
     let a = load_node(m, first);
     let b = load_node(m, first + 1u);
     let width = b.x - a.x;
-    // The share is quadratic between two nodes. The root in this form does not cancel.
+    // The share is quadratic between two nodes. In this form of its root, no digits cancel.
     let rest = (u - a.z) / (2.0 * PI);
     let slope = (b.y - a.y) / width;
     let root = sqrt(max(a.y * a.y + 2.0 * slope * rest, 0.0));

@@ -27,7 +27,8 @@ fn next_fine_uniform(rng: ptr<function, u32>) -> f32 {
     return f32(next_word(rng)) * (1.0 / 4294967296.0);
 }
 
-// One traversal of lcs-paper from `root`. Returns a vertex and 1 / P(j | q), or NONE at a dead node. `spatial`: 3D tree.
+// One traversal of lcs-paper from `root`. Returns a vertex and 1 / P(j | q), or NONE at a dead node, where both bounds are 0.
+// `spatial`: 3D tree.
 fn descend(root: u32, shell: Shell, spatial: bool, rng: ptr<function, u32>) -> Candidate {
     var current = root;
     var weight = 1.0;

@@ -5,8 +5,8 @@
 #import slots
 #import connection
 
-// Follows a traversal from its start to a leaf. Returns the leaf and 1 / P(leaf | q), or NONE at a dead node. P contains both
-// kinds of choices, by power and by importance.
+// Follows a traversal from its start to a leaf. Returns the leaf and 1 / P(leaf | q), or NONE at a dead node, whose children both
+// have importance 0. P contains both kinds of choices, by power and by importance.
 fn descend_by_importance(start: Traversal, receiver: Receiver, rng: ptr<function, u32>) -> Candidate {
     var current = start.node;
     var u = start.u;
@@ -48,7 +48,7 @@ fn scattered_share(q: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
 }
 
 // Contribution of v to q if both were diffuse and saw each other; 0 if v cannot contribute. v comes from its leaf record, whose
-// normal is rounded: v may face away by DIRECTION_ERROR.
+// normal is rounded. So the test whether v faces q allows an error of DIRECTION_ERROR.
 fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
     let offset = v.position - q.position;
     let d2 = dot(offset, offset);

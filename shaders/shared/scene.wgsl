@@ -1,4 +1,5 @@
-// The scene on the device: geometry, attributes, materials, textures, emitters. Declares group 0, together with frame.wgsl.
+// The scene on the device: geometry, attributes, materials, textures, emitters. Declares the bindings 1 to 11 of group 0. Frame, sky,
+// media, phase functions, grids and the camera's aims have the others.
 #import frame
 #import math
 
@@ -77,15 +78,14 @@ struct Emitter {
     // Alias table: this entry is kept with probability `keep`, otherwise `other` is taken.
     keep: f32,
     other: u32,
-    // Punctual lights and beams: position and unit direction.
+    // Punctual lights and beams: position and unit direction. Suns: centre of the disk and unit direction. Sky: centre of the scene.
     position: vec3<f32>,
     // Probability that a light subpath starts from this emitter.
     select_pdf: f32,
     direction: vec3<f32>,
-    // Spots: 1 - cosine of the outer half angle. Beams and suns: radius of the disk
-    // on which light subpaths start.
+    // Spots: 1 - cosine of the outer half angle. Beams, suns and the sky: radius of the disk on which light subpaths start.
     outer: f32,
-    // Intensity (point, spot) or power (beam); fluxes are in the unit of `frame.wgsl`. Triangles: unused.
+    // Intensity (point, spot) or power (beam, sun); fluxes are in the unit of `frame.wgsl`. Triangles and the sky: unused.
     strength: vec3<f32>,
     // Spots: 1 - cosine of the inner half angle.
     inner: f32,

@@ -31,7 +31,7 @@ fn write_candidate(slot: u32, vertex: u32, weight: f32) {
 const COINCIDENCE_TOLERANCE: f32 = 2.3841858e-7;
 
 // Whether a connection of q to v, which lies at the distance `d` along `w`, can contribute if both face each other. Tests
-// coincidence, number of segments and gate.
+// coincidence, number of segments and gate, and leaves out connections that `draw_in_gate` forms.
 fn is_in_reach(q: PathVertex, v: PathVertex, w: vec3<f32>, d: f32) -> bool {
     let segments = (q.flags & VERTEX_DEPTH) + (v.flags & VERTEX_DEPTH) + 1u;
     // Without short circuits: on masked SIMD, a branch costs more than the test that it saves.
@@ -106,7 +106,7 @@ fn query_deterministic(q: PathVertex, index: u32, sample: u32, depth: u32, slot:
 // Work item of a query kernel: a shade point and its candidate slots.
 struct WorkItem {
     q: PathVertex,
-    // Keys of the random numbers: pixel, number of the sample in the pixel, and segments from the sensor.
+    // Keys of the random numbers: pixel, number of the sample (counted over the whole render), and segments from the sensor.
     index: u32,
     sample: u32,
     depth: u32,

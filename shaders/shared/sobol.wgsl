@@ -11,8 +11,8 @@ const PAIR_LOBE: u32 = 2u;
 const PAIR_FLIGHT: u32 = 3u;
 
 // Nested uniform (Owen) scrambling: flips each binary digit by a hash of the higher digits (Laine and Karras 2011, with the
-// constants of Vegdahl 2021). In the reversed word, each step below changes a bit by lower bits only; these are the higher
-// digits of x. Two words of seed make the result uniform for every x.
+// constants of Vegdahl 2021). In each step below, the change of a bit depends only on lower bits of the reversed word, which are
+// the higher digits of x. Two words of seed make the result uniform for every x.
 fn owen_scramble(x: u32, seed: vec2<u32>) -> u32 {
     var v = reverseBits(x);
     v ^= v * 0x3d20adeau;

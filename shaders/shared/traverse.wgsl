@@ -115,8 +115,8 @@ fn extract_byte(x: u32, b: u32) -> u32 {
 
 // Slack of the slab test, 12 x 2^-24 of each term. The ray parameter of a plane is a sum whose terms may cancel. So planes
 // are moved outwards by the possible rounding error of the terms, and flat boxes keep their hits (after Ize 2013). The slack
-// is doubled for the shear of the triangle corners. Near planes are moved as well: on an axis along which the ray hardly
-// moves, the error of the near plane may exceed the slack of the far plane.
+// is doubled, because `to_ray` also rounds the corners of the triangles. Near planes are moved as well: on an axis along which the
+// ray hardly moves, the error of the near plane may exceed the slack of the far plane.
 const SLAB_SLACK: f32 = 7.2e-7;
 
 // The quantised planes of a node as ray parameters: byte times scale plus origin, for near and far planes.

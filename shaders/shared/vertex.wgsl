@@ -1,5 +1,5 @@
-// A vertex of a subpath: a point on a surface or on an emitter. Only this module evaluates and samples vertices and computes
-// their densities, cosines and sides. So no other module needs to know whether a vertex has a normal.
+// A vertex of a subpath: a point on a surface or on an emitter, or a scattering event in a medium. Only this module evaluates and
+// samples vertices and computes their densities, cosines and sides. So its callers treat vertices with and without a normal alike.
 #import emitter
 #import phase
 
@@ -7,7 +7,7 @@
 struct Evaluation {
     // Factor of this vertex in the measurement contribution, cosine included.
     value: vec3<f32>,
-    // Density per solid angle of sampling the direction. For a light vertex, times its `select_pdf`.
+    // Density per solid angle of sampling the direction. For a light vertex, times its `selection_pdf`.
     pdf: f32,
     // The same for a subpath that travels in reverse: it arrives along the direction and samples the previous vertex.
     pdf_reverse: f32,
@@ -81,7 +81,7 @@ fn eta_towards(v: PathVertex, w: vec3<f32>) -> f32 {
     return select(SURROUNDING_GROUP_INDEX, solid_index(v.material), (v.flags & VERTEX_FRONT) != 0u);
 }
 
-// Minimum (x) and maximum (y) refractive index of the media in which segments leave v.
+// Minimum (x) and maximum (y) of `eta_towards` over all directions.
 fn eta_range(v: PathVertex) -> vec2<f32> {
     let other = eta_towards(v, -v.geometric);
     return vec2<f32>(min(v.eta, other), max(v.eta, other));
@@ -110,7 +110,8 @@ fn ray_end(v: PathVertex, w: vec3<f32>) -> vec3<f32> {
     return offset_origin(v.position, v.geometric, v.offset, w);
 }
 
-// Whether v can be connected. A point on a surface needs a lobe that is not a delta, on its side of the material.
+// Whether v can be connected. A point on a surface needs a lobe that is not a delta, and must not lie on the black back of a
+// one-sided material.
 fn is_connectible(v: PathVertex) -> bool {
     if (is_in_medium(v)) {
         return true;
@@ -153,8 +154,8 @@ fn scattering_normal(v: PathVertex, wc: vec3<f32>) -> vec3<f32> {
 
 // Probability that a light subpath, which arrives from `wl` and does not know wc yet, samples wc with the turned normal. Let
 // a be the angle between the normals. A Lambert surface scatters (1 + cos a) / 2 of its light with the turned normal. A sample with
-// the flat normal hits the remaining directions with probability (1 - cos a) / 2. The result, 1 / (1 + tan(a / 2)), gives the sum
-// of both the smallest variance.
+// the flat normal hits the remaining directions with probability (1 - cos a) / 2. The result, 1 / (1 + tan(a / 2)), minimises the
+// variance of the sum of both.
 fn bump_probability(v: PathVertex, wl: vec3<f32>) -> f32 {
     if (!HAS_NORMAL_MAPS || (v.flags & VERTEX_BUMPED) == 0u) {
         return 1.0;
@@ -300,8 +301,8 @@ fn sample_vertex(v: PathVertex, to_light: bool, u: vec4<f32>) -> Scatter {
             s.pdf *= probability;
         }
     }
-    // The weight of a delta lobe is reflectance / probability: the cosines of value and measure cancel. Only the
-    // shading-normal correction of smooth lobes remains.
+    // The weight of a delta lobe is reflectance / probability, because the cosine of its value cancels with the cosine of the measure.
+    // Only the correction for shading normals remains: see `evaluate_light_vertex`.
     let known_ratio = known.z / max(abs(dot(v.geometric, v.to_previous)), 1e-9);
     let new_cosine = abs(sample.direction.z);
     let smooth_factor = select(known_ratio * s.cosine, new_cosine, to_light);

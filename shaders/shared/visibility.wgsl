@@ -3,7 +3,8 @@
 #import surface
 #import random
 
-// Whether a surface with alpha stops a ray exactly where its coverage is at least one half. Otherwise chance decides.
+// Whether a surface with alpha stops every ray where its coverage is at least one half, and no other ray. If false, a ray passes with
+// probability 1 - coverage.
 override AT_HALF_COVERAGE: bool = false;
 
 // Closest surface that the ray o + t d hits for 0 < t < t_max, or some surface if `any_hit` is set. `d` may have any length.

@@ -12,7 +12,7 @@ struct Arrival {
     // The hit; without meaning if the subpath arrived in a medium.
     surface: Surface,
     vertex: PathVertex,
-    // Largest factor by which the flight through media changed the throughput; 1 without media.
+    // Factor by which the flight through media changed the throughput, in the channel where it is largest; 1 without media.
     carried: f32,
     // Sensor subpaths: the segment that was traced. Also set if the ray left the scene.
     segment: FogSegment,

@@ -4,9 +4,9 @@
 //
 // Punctual lights, and the spots of beams of zero radius, are deterministic vertices. All other vertices of light subpaths
 // are random. A query chooses among all light subpaths by their contribution, whereas a sensor subpath takes the vertex that
-// it happens to hit. So the first two random vertices of a connected light subpath count as g = `query_sample_count` samples
-// each: a strategy with r random vertices takes n(r) = g^min(r, 2) samples. Later vertices do not raise the count: subpaths
-// with many segments are rare, and the few of one iteration must not dominate the image.
+// it happens to hit. So each of the first two random vertices of a connected light subpath multiplies the number of samples by
+// g = `query_sample_count`: a strategy with r random vertices takes n(r) = g^min(r, 2) samples. Later vertices do not raise the
+// number: subpaths with many segments are rare, and the few of one iteration must not dominate the image.
 //
 // The strategy t = 1 uses no query. It takes m n(r - 1) / g samples, where m is `splat_sample_count`. This is m / g times the
 // number of samples of the connection to the previous vertex. If the previous vertex is deterministic, t = 1 takes m samples,
@@ -25,8 +25,8 @@ fn start_light_sums(s: ptr<function, PathState>, e: Emission) {
         (*s).d_vcm = mis(1.0 / (frame.query_sample_count * e.pdf_direction));
         (*s).d_vc = frame.keep_s0 * mis(cosine / (frame.query_sample_count * e.density * e.pdf_direction));
     } else {
-        // Strategy s = 1 connects to each punctual light once. Only longer light subpaths select the
-        // light with probability select_pdf.
+        // Strategy s = 1 connects to each punctual light or sun once. Only longer light subpaths select the light with
+        // probability select_pdf.
         (*s).d_vcm = mis(1.0 / (frame.query_sample_count * e.pdf_direction * e.vertex.select_pdf));
         (*s).d_vc = 0.0;
         if (HAS_SKY && e.sky) {

@@ -50,7 +50,7 @@ pub fn picture(path: &Path) -> Result<Picture> {
     let Accumulation { about, film, responses: many, .. } = read(path)?;
     if many.is_some() {
         let message =
-            "has several gates, and an image is compared with an image; take the sums of a single gate".into();
+            "has the sums of several gates, but only an image of a single gate can be compared; give other sums".into();
         return Err(Error::File { path: path.into(), message });
     }
     let gate = responses(path, &about)?.support();

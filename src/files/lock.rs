@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::{target, write_error};
 use crate::error::{Error, Result};
 
-/// Attempts to lock a file that another process is removing.
+/// Maximum number of attempts to lock a file that other processes remove meanwhile.
 const ATTEMPTS: u32 = 100;
 
 /// While it lives, no other process can lock the same output. The lock is on a hidden file beside the output. That file is

@@ -1,5 +1,5 @@
-//! Vulkan compute: device, buffers, kernels. All unsafe code of the project is in this module. Nothing in it knows about
-//! rendering.
+//! Vulkan compute: device, buffers, kernels. All unsafe code of the package is in this module, except one call in
+//! `app/interrupts.rs`. Nothing in the module knows about rendering.
 
 mod allocate;
 mod allocation;

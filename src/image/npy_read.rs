@@ -144,7 +144,7 @@ pub(super) fn shape(header: &str, wanted: &str) -> std::result::Result<Vec<usize
         None => return Err(format!("its values are not plain numbers; {convert}")),
     }
     if !after("'fortran_order':").is_some_and(|rest| rest.starts_with("False")) {
-        return Err(format!("its values are in the order of columns; {convert}"));
+        return Err(format!("its values are in Fortran order (column by column); {convert}"));
     }
     let sides = after("'shape':").and_then(|rest| rest.strip_prefix('(')?.split_once(')')).map(|(sides, _)| sides);
     let sides = sides.unwrap_or_default().split(',').map(str::trim).filter(|side| !side.is_empty());
@@ -200,7 +200,7 @@ mod tests {
             (b"\x93NUMPY\x02\x00\xff\xff\xff\xff{".to_vec(), "not a NumPy array"),
             (with("<f4", "<f8"), "numpy.save"),
             (with("'<f4'", "[('a', '<f4')]"), "not plain numbers"),
-            (with("False", "True"), "order of columns"),
+            (with("False", "True"), "Fortran order"),
             (with("(1, 1, 3)", "(3,)"), "shape is [3]"),
             (with("(1, 1, 3)", "(1, x, 3)"), "contains 'x'"),
             (with("(1, 1, 3)", "(2, 1, 3)"), "does not fit"),

@@ -109,8 +109,8 @@ fn responses(table: &GateTable, warnings: &mut Vec<String>) -> Result<Responses>
         GatePrecision::Fine => {}
         GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => {
             return Err(settings(format!(
-                "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness would be mostly \
-                 rounding error; make the gate wider, or add --force",
+                "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness may be wrong by more \
+                 than 6 %; make the gate wider, or add --force",
                 gate.describe()
             )));
         }

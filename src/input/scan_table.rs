@@ -202,14 +202,11 @@ impl ScanTable {
         let given = [&self.points, &self.laser_points, &self.sensor_points];
         let has_directions = given.into_iter().flatten().any(Points::are_directions);
         if has_directions && self.points.is_some() && laser != sensor {
-            return Err(
-                "laser and sensor look in the same directions only if they stand in one place: remove the sensor"
-                    .into(),
-            );
+            return Err("if points are directions, laser and sensor must stand in one place: remove the sensor".into());
         }
         let accounts_first_and_last = self.account_first_and_last_bounces.unwrap_or(has_directions);
         if has_directions && !accounts_first_and_last {
-            return Err("directions have no points on a wall, so travel times contain all ways: remove account-first-and-last-bounces"
+            return Err("directions give no distances, so travel times include the ways to the wall: remove account-first-and-last-bounces"
                 .into());
         }
         let angle = |key: &str, degrees: Option<f64>| match degrees.unwrap_or(0.0) {
@@ -396,7 +393,7 @@ mod tests {
             (format!("sensor = [0, 0, 4]\n{}", directions("[0, 0, -1]", "[-30, 30]")), "in one place"),
             (
                 format!("account-first-and-last-bounces = false\n{}", directions("[0, 0, -1]", "[-30, 30]")),
-                "have no points on a wall",
+                "directions give no distances",
             ),
         ];
         for (keys, part) in table {

@@ -83,7 +83,9 @@ impl MemoryPlan {
         self.check(device).ok()?;
         let all = [&self.scene[..], &self.iteration, &self.pool].concat();
         let error = crate::gpu::buffer_desc::check_all(&all, device).err()?;
-        Some(format!("the render may stop after its light paths are traced; by an estimate of their vertices, {error}"))
+        Some(format!(
+            "the render may stop after its light paths are traced, if they have as many vertices as estimated: {error}"
+        ))
     }
 
     /// Fails if the render certainly does not fit the device. The error names the flag to change.

@@ -60,8 +60,8 @@ impl LightPool {
         }
     }
 
-    /// Orders the vertices for the estimator: builds the trees, or groups the vertices by path. Fails if there are more than
-    /// [`MAX_VERTICES`].
+    /// Orders the vertices for the estimator: builds the trees, groups the vertices by path, or sorts them by travel time. Fails if
+    /// there are more than [`MAX_VERTICES`].
     pub fn sort(&self, plan: &Plan, stats: &mut Stats) -> Result<SortedPool> {
         let count = self.deterministic.len() + self.emitter_points.len() + self.scattered.len();
         if count > MAX_VERTICES {

@@ -96,7 +96,7 @@ impl Headlamp {
     fn new(intensity: Option<f64>, text: &str) -> Result<Headlamp> {
         intensity.filter(|&watts| watts > 0.0 && watts <= f64::from(f32::MAX)).map(Headlamp::Intensity).ok_or_else(|| {
             Error::Settings(format!(
-                "'{text}' is not an intensity in W/sr: write a number above 0, or put --headlamp behind the scene's name"
+                "'{text}' is not an intensity in W/sr: write a number above 0, or, if it is the scene, write it before --headlamp"
             ))
         })
     }
@@ -193,7 +193,7 @@ impl<'de> Deserialize<'de> for Headlamp {
         }
         match Typed::deserialize(deserializer)? {
             Typed::Wanted(true) => Ok(Headlamp::Auto),
-            Typed::Wanted(false) => Err(Error::Settings("a headlamp is off without this key: remove the key".into())),
+            Typed::Wanted(false) => Err(Error::Settings("headlamp cannot be false: remove the key".into())),
             Typed::Number(watts) => Headlamp::new(Some(watts), &watts.to_string()),
             Typed::Text(text) => text.parse(),
         }

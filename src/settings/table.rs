@@ -298,12 +298,12 @@ table! {
 table! {
     /// `[output]`: the files that a render writes.
     OutputTable {
-        /// Image file (.exr): R, G, B, their variance, and the settings; of up to 64 --gates, the first one, and the others as layers.
-        /// NumPy array (.npy) of shape (height, width, 3) or (height, width, gates, 3), with a JSON file that describes it. Picture
-        /// (.png). Sums (.acc) for --resume, merge and develop. May be repeated
+        /// Image file (.exr): R, G, B, their variance, and the settings; with up to 64 --gates, R, G, B show the first gate, and layers
+        /// the others. NumPy array (.npy) of shape (height, width, 3) or (height, width, gates, 3), with a JSON file that describes it.
+        /// Picture (.png). Sums (.acc) for --resume, merge and develop. May be repeated
         output: Files, Setting::output("output", "OUT.exr|npy|png|acc").short('o').form(Form::Repeated);
 
-        /// Also write the variances of an array OUT.npy, to OUT.variance.npy; of many gates they take as much memory as the images
+        /// Also write the variances of an array OUT.npy, to OUT.variance.npy; with many gates, they take as much memory as the images
         variance: bool, Setting::output("variance", "").form(Form::Switch);
 
         /// Also write a tone-mapped picture [default name: the output file with .png]
@@ -324,8 +324,8 @@ table! {
         /// answers, there is only a warning [default address: 127.0.0.1:14158]
         tev: TevAddress, Setting::output("tev", "HOST:PORT").form(Form::Optional { bare: DEFAULT_TEV, equals: true });
 
-        /// Also keep the sums so far in this file, at times and at the end or an interrupt. If the file is there, the render goes on
-        /// from it, with the same image as if it had never stopped
+        /// Also write the sums so far to this file: regularly (see --every), at the end, and at an interrupt. If the file exists, the
+        /// render goes on from it, with the same image as if it had never stopped
         checkpoint: PathBuf, Setting::long_render("checkpoint", "FILE.acc");
 
         /// Time between two writes of --checkpoint; more if the writes would take over 1 % of the time [default: 60s]
@@ -336,7 +336,7 @@ table! {
         resume: PathBuf, Setting::long_render("resume", "FILE.acc");
 
         /// Render part I of N (I from 0), every Nth iteration, to a file OUT.acc; taugate merge joins the parts. --spp is that of
-        /// all parts together, --time that of each. Of --frames, every Nth frame
+        /// all parts together, --time that of each. With --frames, every Nth frame
         shard: Shard, Setting::long_render("shard", "I/N");
 
         /// Render the frames A, A + 1, ... up to but not including B, each to a file of its own: # in the name of an output stands for

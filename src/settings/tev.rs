@@ -88,7 +88,7 @@ impl<'de> Deserialize<'de> for TevAddress {
         }
         match Typed::deserialize(deserializer)? {
             Typed::Wanted(true) => DEFAULT_TEV.parse(),
-            Typed::Wanted(false) => Err(Error::Settings("tev is off without this key: remove the key".into())),
+            Typed::Wanted(false) => Err(Error::Settings("tev cannot be false: remove the key".into())),
             Typed::Text(text) => text.parse(),
         }
         .map_err(D::Error::custom)

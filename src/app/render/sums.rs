@@ -138,13 +138,13 @@ impl Earlier {
         let is_complete = iterations.iter().map(|i| u64::from(samples_in(i))).sum::<u64>() == *samples_per_pixel;
         let has_gap = shard.is_all() && iterations.gap().is_some();
         let reason = match (is_complete, has_gap || shards.len() > 1) {
-            _ if is_adaptive && self.sums.adaptive.is_none() => "it lacks what adaptive sampling has learned",
+            _ if is_adaptive && self.sums.adaptive.is_none() => "it lacks the state of adaptive sampling",
             (true, false) => return None,
             (_, true) => "its iterations are not those of a single render",
             (false, false) => "its last iteration was shortened to end with the wanted number of samples",
         };
         Some(format!(
-            "{}: {reason}; the image will be as right as that of a render that never stopped, with other noise",
+            "{}: {reason}; the image will be as accurate as that of a render that never stopped, but its noise will differ",
             self.path.display()
         ))
     }

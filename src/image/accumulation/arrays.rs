@@ -96,12 +96,12 @@ pub fn visit_values<R: Read + Seek>(
     mut visit: impl FnMut(&[f64]),
 ) -> Result<Vec<usize>, Problem> {
     let wrong = |what: &str| Problem::Contents(format!("its array {name} {what}"));
-    let mut entry = zip.by_name(&format!("{name}.npy")).map_err(|_| wrong("is missing or packed"))?;
+    let mut entry = zip.by_name(&format!("{name}.npy")).map_err(|_| wrong("is missing or cannot be unpacked"))?;
     if entry.compression() != CompressionMethod::Stored {
         return Err(wrong("is compressed"));
     }
     let (length, stored) = (entry.size(), entry.compressed_size());
-    let (text, data_at) = read_header(&mut entry)?.ok_or_else(|| wrong("is no NumPy array"))?;
+    let (text, data_at) = read_header(&mut entry)?.ok_or_else(|| wrong("is not a NumPy array"))?;
     let shape = shape(&text, "<f8").map_err(|problem| wrong(&format!("cannot be used: {problem}")))?;
     // Compare the sizes before memory is allocated: a header could claim more than the file holds.
     let bytes = shape.iter().try_fold(8u64, |product, &side| product.checked_mul(side as u64));
@@ -122,7 +122,7 @@ pub fn visit_values<R: Read + Seek>(
     }
     // Reads to the end, where the check sum is compared.
     if entry.read(&mut [0])? != 0 {
-        return Err(wrong("is longer than it says"));
+        return Err(wrong("is longer than its header says"));
     }
     Ok(shape)
 }

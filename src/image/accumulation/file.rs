@@ -193,7 +193,7 @@ impl From<zip::result::ZipError> for Problem {
     fn from(error: zip::result::ZipError) -> Problem {
         match error {
             zip::result::ZipError::Io(error) => error.into(),
-            other => Problem::Contents(format!("it is no zip of arrays ({other})")),
+            other => Problem::Contents(format!("it is not a zip archive of arrays ({other})")),
         }
     }
 }
@@ -271,14 +271,14 @@ fn about<R: Read + Seek>(zip: &mut Archive<R>) -> Result<About, Problem> {
     let wrong = |what: String| Problem::Contents(what);
     let text = text(zip, ABOUT)?;
     let format: serde_json::Value =
-        serde_json::from_slice(&text).map_err(|e| wrong(format!("{ABOUT} is no JSON ({e})")))?;
+        serde_json::from_slice(&text).map_err(|e| wrong(format!("{ABOUT} is not valid JSON ({e})")))?;
     if format["format"] != FORMAT {
         return Err(wrong(format!(
             "its format is {}, and this version of taugate reads format {FORMAT}",
             format["format"]
         )));
     }
-    let about: About = serde_json::from_value(format).map_err(|e| wrong(format!("{ABOUT} is incomplete ({e})")))?;
+    let about: About = serde_json::from_value(format).map_err(|e| wrong(format!("{ABOUT} cannot be used ({e})")))?;
     let [width, height] = about.size();
     let [x0, x1, y0, y1] = about.crop;
     let pixels = u64::from(width) * u64::from(height);
@@ -293,7 +293,7 @@ fn about<R: Read + Seek>(zip: &mut Archive<R>) -> Result<About, Problem> {
         return Err(wrong("its number of samples contradicts its iterations".into()));
     }
     if !(about.seconds >= 0.0 && about.seconds.is_finite()) {
-        return Err(wrong("its seconds are no time".into()));
+        return Err(wrong("its seconds of render time are negative or not finite".into()));
     }
     Ok(about)
 }

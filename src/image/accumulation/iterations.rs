@@ -83,20 +83,20 @@ impl TryFrom<Vec<[u32; 3]>> for Iterations {
 
     fn try_from(runs: Vec<[u32; 3]>) -> Result<Iterations, &'static str> {
         if runs.iter().map(|run| u64::from(run[1])).sum::<u64>() > MAX_ITERATIONS {
-            return Err("the iterations are too many");
+            return Err("there are too many iterations");
         }
         let mut all = vec![];
         for [first, count, step] in runs {
             let last = u64::from(first) + u64::from(count) * u64::from(step);
             if count == 0 || step == 0 || last >= u64::from(u32::MAX) {
-                return Err("a run of iterations is not first, number and step");
+                return Err("iterations must be runs [first, count, step], with count and step above 0");
             }
             all.extend((0..count).map(|i| first + i * step));
         }
         all.sort_unstable();
         match all.is_sorted_by(|a, b| a < b) {
             true => Ok(Iterations(all)),
-            false => Err("an iteration is there twice"),
+            false => Err("an iteration is listed twice"),
         }
     }
 }

@@ -44,7 +44,7 @@ pub fn read<R: Read + Seek>(zip: &mut Archive<R>, size: [usize; 2]) -> Result<La
                 true => Plane::Ids(values.into_iter().map(|id| id as u32).collect()),
                 false => {
                     return Err(Problem::Contents(format!(
-                        "its array {name} has values that are no numbers of objects"
+                        "its array {name} has values that are not whole numbers from 0 on"
                     )));
                 }
             },

@@ -31,8 +31,8 @@ pub struct LightRecord {
     /// Light subpaths start within `radius` of `position`.
     pub position: Vec3,
     pub radius: f32,
-    /// The light as a light vertex, if its position can be connected to shade points. All subpaths of the light start at this
-    /// vertex, so the pool stores it once.
+    /// The light as a light vertex, if its position can be connected to shade points. The vertex does not depend on random numbers,
+    /// so the pool stores it once.
     pub vertex: Option<PathVertex>,
     /// All subpaths begin with the same ray, so the vertices on that ray are deterministic too.
     pub is_thin: bool,

@@ -28,7 +28,7 @@ pub struct EmitterSet {
     /// Bounding box of all emitting points, in render space.
     pub lo: Vec3,
     pub hi: Vec3,
-    /// Indices of the emissive triangles in [`Geometry::triangles`]. Their points go to the 3D tree.
+    /// Indices of the emissive triangles in [`Geometry::triangles`]. Their points go to the 3D tree, or to the single tree.
     pub triangles: Vec<u32>,
     /// Bounding sphere (centre, radius) of the starting points of each light without a surface, in render space.
     pub lights: Vec<(Vec3, f32)>,

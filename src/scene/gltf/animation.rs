@@ -114,7 +114,7 @@ fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSe
 pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> Checked<Option<BTreeSet<String>>> {
     let Some(time) = playback.at else {
         if let Some(name) = playback.animation {
-            return Err(format!("plays the animation '{name}' only at a time: add --at or --frames"));
+            return Err(format!("the animation '{name}' needs a time: add --at or --frames"));
         }
         if !doc.root.animations.is_empty() {
             warnings.once("animations", || {
