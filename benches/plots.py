@@ -106,7 +106,7 @@ def draw_gate_width():
             values = [pairs[estimator][which] for _, pairs in rows]
             axis.loglog(widths, values, style, color=ESTIMATORS[estimator], label=f"{estimator}, {name}", ms=4)
     axis.axhline(1, color="black", lw=0.8)
-    axis.set_xlabel("width of the gate (units; the scene's diagonal is 1,568)")
+    axis.set_xlabel("width of the gate (units; the scene's diagonal is 961)")
     axis.set_ylabel("times lower error than\nthe better of bdpt and pt")
     axis.grid(True, alpha=0.3)
     axis.legend(fontsize=8, handlelength=3.5)
