@@ -1,3 +1,5 @@
+use rayon::prelude::*;
+
 use super::*;
 use crate::render::Renderer;
 
@@ -17,7 +19,7 @@ fn a_lamp_that_is_not_as_bright_as_expected_is_found() {
 /// Negative control: every expected mean is a fifth too large.
 #[test]
 fn means_off_by_a_fifth_are_found() {
-    for case in means::cases() {
+    means::cases().into_par_iter().for_each(|case| {
         let settings = METHOD.settings(&case.scene, "light-paths = 2000").unwrap();
         let mut renderer = Renderer::new(&device(), &case.scene, &settings).unwrap();
         for expected_mean in &case.expected {
@@ -25,5 +27,5 @@ fn means_off_by_a_fifth_are_found() {
                 means::ExpectedMean { mean: 1.2 * expected_mean.mean, ..*expected_mean }.check(&mut renderer).unwrap();
             assert!(matches!(verdict, Verdict::Wrong(_)), "{}: {verdict:?}", case.name);
         }
-    }
+    });
 }

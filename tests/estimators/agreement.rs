@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::cells::{Cells, disagreements, renderer, settings, threshold};
+use super::cells::{Cells, disagreements, is_long, renderer, settings, threshold};
 use super::rough_glass;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
@@ -49,11 +49,6 @@ fn has_only_beams(scene: &Scene) -> bool {
 /// Compares the estimators that check a feature with the oracle over several gates.
 pub fn feature_against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [u32; 2]) -> Vec<String> {
     against(name, &feature_estimators(scene), scene, gates, &oracle(scene, gates, resolution, 800))
-}
-
-/// Whether tests run with all estimators and variants, because the environment variable `TAUGATE_ALL_ESTIMATORS` is set.
-pub fn is_long() -> bool {
-    std::env::var_os("TAUGATE_ALL_ESTIMATORS").is_some()
 }
 
 /// All estimators evaluate materials, media and cameras with the same functions. So only the two estimators that have the least in

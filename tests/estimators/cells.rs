@@ -9,8 +9,15 @@ use taugate::internals::settings::{Budget, Estimator, Sampling, Settings, Settin
 
 /// Significance level of a test over all its cells together (Sidak's correction).
 pub const SIGNIFICANCE: f64 = 1e-3;
+/// Whether tests run with all estimators, variants and seeds, because the environment variable `TAUGATE_LONG_TESTS` is set.
+pub fn is_long() -> bool {
+    std::env::var_os("TAUGATE_LONG_TESTS").is_some()
+}
+
 /// Number of independent seeds from which each variance is estimated.
-pub const SEEDS: u32 = 32;
+pub fn seeds() -> u32 {
+    if is_long() { 32 } else { 24 }
+}
 
 pub fn settings(estimator: Estimator, resolution: [u32; 2]) -> SettingsBuilder {
     let settings = Settings::builder().estimator(estimator).resolution(resolution).budget(Budget::Spp(1)).seed(1);
@@ -32,7 +39,7 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Renders `SEEDS` independent images with `iterations` x `samples` samples per pixel and averages each over cells of
+    /// Renders [`seeds`] independent images with `iterations` x `samples` samples per pixel and averages each over cells of
     /// `cell` x `cell` pixels.
     pub fn measure(
         renderer: &mut Renderer,
@@ -43,7 +50,7 @@ impl Cells {
         first_seed: u32,
     ) -> Cells {
         let mut batches: Vec<Vec<f64>> = vec![];
-        for seed in 0..SEEDS {
+        for seed in 0..seeds() {
             renderer.restart(first_seed + seed, gate).unwrap();
             for _ in 0..iterations {
                 renderer.iterate(samples).unwrap_or_else(|e| panic!("{e}"));
@@ -97,11 +104,14 @@ pub fn pool(rgb: &[f32], width: usize, cell: usize) -> Vec<f64> {
 }
 
 /// The |z| above which one of `cells` values is significant, with Sidak's correction. The normal quantile is widened to that of
-/// Student's t with `SEEDS` - 1 degrees of freedom (the first two terms of the Cornish-Fisher expansion).
+/// Student's t with [`seeds`] - 1 degrees of freedom (the first three terms of the Cornish-Fisher expansion).
 pub fn threshold(cells: usize) -> f64 {
     let z = sidak_threshold(SIGNIFICANCE, cells);
-    let nu = f64::from(SEEDS - 1);
-    z + (z.powi(3) + z) / (4.0 * nu) + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
+    let nu = f64::from(seeds() - 1);
+    let first = (z.powi(3) + z) / 4.0;
+    let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
+    let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;
+    z + first / nu + second / nu.powi(2) + third / nu.powi(3)
 }
 
 /// Describes the cells in which two independent measurements differ significantly. Empty if they agree.

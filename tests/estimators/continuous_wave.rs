@@ -12,7 +12,7 @@ use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::frequencies::Frequencies;
 use taugate::internals::settings::{Emitters, Estimator};
 
-use super::cells::{SEEDS, renderer, settings, threshold};
+use super::cells::{renderer, seeds, settings, threshold};
 
 const MEGAHERTZ: f64 = 20.0;
 const SIZE: [u32; 2] = [24, 16];
@@ -71,7 +71,7 @@ fn rendered(estimator: Estimator) -> Modulation {
         }
         cells
     };
-    Modulation((0..SEEDS).map(render).collect())
+    Modulation((0..seeds()).map(render).collect())
 }
 
 /// The oracle has no modulated sensor. It sorts light into gates of 5 cm, and all light of a gate gets the phase of its middle.
@@ -93,7 +93,7 @@ fn oracle(max_depth: u32) -> Modulation {
         }
         cells
     };
-    Modulation((0..u64::from(SEEDS)).map(render).collect())
+    Modulation((0..u64::from(seeds())).map(render).collect())
 }
 
 #[test]

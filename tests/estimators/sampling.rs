@@ -1,6 +1,6 @@
 //! Adaptive sampling does not change the expected image, and the error that a render states is right.
 
-use super::cells::{Cells, SEEDS, device, disagreements, renderer, settings, threshold};
+use super::cells::{Cells, device, disagreements, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::render::{PreparedScene, StrategyImages};
@@ -46,6 +46,7 @@ fn adaptive_samples_agree_with_the_closed_form() {
 fn the_stated_error_of_adaptive_renders_is_that_of_seeds() {
     let scene = build(Kind::CornellBox);
     let mut renderer = renderer(&scene, &spread(Estimator::Lcs, Sampling::Adaptive));
+    const SEEDS: u32 = 32;
     let (mut means, mut stated) = (vec![], 0.0);
     for seed in 0..SEEDS {
         renderer.restart(800 + seed, GATE).unwrap();

@@ -1,6 +1,6 @@
 //! The gated integrating sphere, whose radiance in any gate is known in closed form (`oracle::sphere`).
 
-use super::cells::{Cells, renderer, settings, threshold};
+use super::cells::{Cells, is_long, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::render::Renderer;
@@ -63,7 +63,8 @@ fn resampled_queries_agree_with_the_closed_form() {
 #[test]
 fn a_sphere_of_a_hundred_metres_agrees_with_the_closed_form() {
     // `ellipsoids` has a sphere with fewer triangles for `epc`.
-    for estimator in Estimator::ALL.into_iter().filter(|&estimator| estimator != Estimator::Epc) {
+    let all = [Estimator::Lcs, Estimator::Bdpt, Estimator::LcsPaper, Estimator::Pt];
+    for &estimator in if is_long() { &all[..] } else { &all[..1] } {
         agrees(100.0, estimator, &[GATES[0], GATES[3], GATES[6]]);
     }
 }

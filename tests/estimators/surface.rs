@@ -150,7 +150,10 @@ fn varying_plastics_agree_with_the_oracle() {
     assert!(!against("plain plastic", &[Estimator::Lcs], &of(white()), &GATES[..1], &truth).is_empty());
 }
 
+/// The long version of `clear_coats_agree_with_the_oracle`, with textures.
+/// `cargo test --release --test estimators -- --ignored varying_clear_coats`
 #[test]
+#[ignore = "takes half a minute; coats without textures and the textures of coats are tested always"]
 fn varying_clear_coats_agree_with_the_oracle() {
     // The base is dark, so that the coat sends a large part of the light.
     let dark = |m| Material { base_color_texture: None, base_color: [0.02, 0.05, 0.05, 1.0], ..m };

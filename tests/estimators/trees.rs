@@ -1,7 +1,6 @@
 //! The expected image depends neither on the trees (one or two, leaf size) nor on the importance by which queries sample.
 
-use super::agreement::is_long;
-use super::cells::{Cells, disagreements, renderer, settings, threshold};
+use super::cells::{Cells, disagreements, is_long, renderer, settings, threshold};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::scene::Scene;
@@ -121,9 +120,10 @@ fn by(importance: Importance, resolution: [u32; 2]) -> Settings {
 #[test]
 fn any_importance_agrees_with_the_closed_form() {
     let scene = glowing_sphere();
-    for importance in combinations() {
+    let all = combinations();
+    for &importance in if is_long() { &all[..] } else { &all[..3] } {
         let z = z(&scene, &by(importance, [12, 12]), GATES[1], 1.0);
-        assert!(z.abs() < threshold(combinations().len()), "{importance}: z = {z:.2}");
+        assert!(z.abs() < threshold(all.len()), "{importance}: z = {z:.2}");
     }
     let late = z(&scene, &by(Importance::NONE, [12, 12]), GATES[1], 1.02);
     assert!(late.abs() > threshold(1), "a gate that is off by 2 % passes with z = {late:.2}");

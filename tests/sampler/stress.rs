@@ -211,14 +211,26 @@ fn rare_draws(kernel: &CompiledFunction, share: f32, first: bool) -> u32 {
 /// With random numbers of 24 bits, a first child of share 1e-9 was drawn with probability 6e-8, and a second child of share
 /// 2e-8 was never drawn. The returned P was wrong for both. A correct traversal fails one of these assertions with a probability
 /// of about 1e-4 per share and child (Poisson).
-#[test]
-fn rare_children_are_drawn_as_rarely_as_they_should() {
+fn a_rare_child_is_drawn_as_rarely_as_it_should(first: bool) {
     let kernel = COUNT.compile(&[]);
-    for first in [true, false] {
-        let [never, few] = [1e-9, 3e-7].map(|share| rare_draws(&kernel, share, first));
-        assert!(never <= 3, "first {first}: {never} draws, 0.1 expected");
-        assert!((12..=54).contains(&few), "first {first}: {few} draws, 30 expected");
-        let many = rare_draws(&kernel, 1e-6, first);
-        assert!(many > 54, "first {first}: {many} draws at a share three times as large would pass");
-    }
+    let [never, few] = [1e-9, 3e-7].map(|share| rare_draws(&kernel, share, first));
+    assert!(never <= 3, "first {first}: {never} draws, 0.1 expected");
+    assert!((12..=54).contains(&few), "first {first}: {few} draws, 30 expected");
+}
+
+#[test]
+fn a_rare_first_child_is_drawn_as_rarely_as_it_should() {
+    a_rare_child_is_drawn_as_rarely_as_it_should(true);
+}
+
+#[test]
+fn a_rare_second_child_is_drawn_as_rarely_as_it_should() {
+    a_rare_child_is_drawn_as_rarely_as_it_should(false);
+}
+
+/// Negative control: a share that is three times as large.
+#[test]
+fn a_child_that_is_drawn_three_times_as_often_is_noticed() {
+    let many = rare_draws(&COUNT.compile(&[]), 1e-6, true);
+    assert!(many > 54, "{many} draws at a share three times as large would pass");
 }
