@@ -2,14 +2,13 @@
 
 import math
 import os
-import re
 
 import numpy as np
 
 from ._camera import Camera
 from ._errors import SceneError, SettingsError
 from ._material import Material
-from ._mitsuba_texture import Textures
+from ._mitsuba_texture import Notes, Textures, children
 from ._scene import Scene
 
 # Segments per circle, for shapes that become triangles.
@@ -19,6 +18,8 @@ CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 KINDS = (
     "SmoothDiffuse", "SmoothPlastic", "RoughPlastic", "SmoothConductor", "RoughConductor", "SmoothDielectric", "RoughDielectric",
 )
+# BSDFs around another one, and their names.
+WRAPPERS = {"TwoSidedBRDF": "two-sided BSDF", "MaskBSDF": "mask", "BumpMap": "bump map", "NormalMap": "normal map"}
 
 
 def from_mitsuba(scene, **settings):
@@ -51,12 +52,9 @@ class _Reader:
     def __init__(self, mi, settings):
         self.mi = mi
         self.scene = Scene(**settings)
-        self.notes = []
+        self.notes = Notes()
+        self.note = self.notes.add
         self.textures = Textures(mi, self.note)
-
-    def note(self, text):
-        if text not in self.notes:
-            self.notes.append(text)
 
     def read(self, scene):
         for k, shape in enumerate(scene.shapes()):
@@ -65,7 +63,7 @@ class _Reader:
             self.emitter(emitter, self.name(emitter, f"light-{k}"))
         for k, sensor in enumerate(scene.sensors()):
             self.sensor(sensor, self.name(sensor, f"camera-{k}"))
-        self.scene.not_converted = self.notes
+        self.scene.not_converted = list(self.notes)
         return self.scene
 
     def name(self, item, otherwise):
@@ -77,10 +75,10 @@ class _Reader:
         """The parameters of an object and of its nested objects, by name. Textures have the name of the parameter that they are."""
         found = self.mi.traverse(item)
         values = {key: found[key] for key in found.keys()}
-        for key, (_, _, node, *_) in found.properties.items():
-            name, _, last = key.rpartition(".")
-            if name and last != "value" and isinstance(node, self.mi.Texture):
-                values.setdefault(name, node)
+        for name, child in children(self.mi, item).items():
+            if isinstance(child, self.mi.Texture):
+                values[name] = child
+                values.update({f"{name}.{key}": value for key, value in self.values(child).items()})
         return values
 
     # Shapes.
@@ -140,9 +138,13 @@ class _Reader:
         """Whether the front of the shape is the back of the triangles."""
         sample = shape.sample_position(0, self.mi.Point2f(0.3, 0.4))
         point, normal = (np.array(value, float).reshape(3) for value in (sample.p, sample.n))
-        corners = vertices[triangles]
+        corners = vertices[triangles].astype(float)
         crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        crosses /= np.maximum(np.linalg.norm(crosses, axis=1, keepdims=True), 1e-300)
+        lengths = np.linalg.norm(crosses, axis=1)
+        # Triangles without area have no front.
+        corners, crosses = corners[lengths > 0], crosses[lengths > 0] / lengths[lengths > 0, None]
+        if not len(corners):
+            return False
         # Finds the triangle of the point: its plane contains the point, and among such triangles its centre is the nearest.
         offset = point - corners.mean(axis=1)
         size = np.abs(corners - corners.mean(axis=1, keepdims=True)).max()
@@ -152,18 +154,31 @@ class _Reader:
     # Materials.
 
     def material(self, bsdf, name, uvs):
-        text = str(bsdf)
-        kind = next((kind for kind in re.findall(r"\b(\w+)\[", text) if kind in KINDS), None)
-        is_twosided = bsdf.class_name().startswith("TwoSided")
-        if kind is None or (bsdf.class_name() not in KINDS and not is_twosided):
-            self.note(f"the BSDF {bsdf.class_name()} of '{name}' becomes grey and diffuse")
-            return Material.diffuse(0.5)
-        # A two-sided BSDF has parameters for its front and its back. Their names have different prefixes; this keeps the front.
-        values = {re.sub(r"^(brdf_0|bsdf_0|bsdf|brdf)\.", "", key): value for key, value in self.values(bsdf).items()}
         of = f"the BSDF of '{name}'"
+        opacity, is_twosided = 1.0, False
+        while bsdf.class_name() in WRAPPERS:
+            kind = bsdf.class_name()
+            is_twosided |= kind == "TwoSidedBRDF"
+            if kind == "MaskBSDF":
+                opacity *= min(max(self.mean(self.values(bsdf), "opacity", 1.0, of), 0.0), 1.0)
+            elif kind != "TwoSidedBRDF":
+                self.note(f"the {WRAPPERS[kind]} of {of} is left out")
+            # The first BSDF in a two-sided BSDF is its front.
+            bsdf = next(child for child in children(self.mi, bsdf).values() if isinstance(child, self.mi.BSDF))
+        material = self.inner_material(bsdf, name, uvs, is_twosided)
+        material.alpha = opacity
+        return material
+
+    def inner_material(self, bsdf, name, uvs, is_twosided):
+        """The material of a BSDF that is not around another one."""
+        of, kind = f"the BSDF of '{name}'", bsdf.class_name()
+        if kind not in KINDS:
+            self.note(f"the BSDF {kind} of '{name}' becomes grey and diffuse")
+            return Material.diffuse(0.5)
+        values = self.values(bsdf)
         sides = {"double_sided": is_twosided}
         roughness, sides["roughness_texture"] = self.roughness(values, of, uvs) if kind.startswith("Rough") else (0.0, None)
-        if "distribution = beckmann" in text.lower():
+        if "distribution = beckmann" in str(bsdf).lower():
             self.note(f"the microfacets of '{name}' are GGX instead of Beckmann")
         if kind == "SmoothDiffuse":
             color, texture = self.color(values, "reflectance", of, uvs)

@@ -18,8 +18,41 @@ SIDE, SCALAR_SIDE = 1024, 128
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
+class Notes(list):
+    """Sentences, each one once."""
+
+    def add(self, text):
+        if text not in self:
+            self.append(text)
+
+
+def children(mi, item):
+    """The objects that an object consists of, by name. ``mi.traverse`` lists an object once, even if two parameters share it."""
+
+    # Nothing here may form a cycle with an object of Mitsuba: the garbage collector would delete the object during a render.
+    class Children(mi.TraversalCallback):
+        def put(self, name, value, flags, cpptype=None):
+            if isinstance(value, mi.Object):
+                self.put_object(name, value, flags)
+
+        # Versions before 3.9 call these.
+        def put_object(self, name, node, flags):
+            if node is not None:
+                self.found[name] = node
+
+        def put_parameter(self, name, value, flags, cpptype=None):
+            pass
+
+        put_value = put_parameter
+
+    callback = Children()
+    callback.found = {}
+    item.traverse(callback)
+    return callback.found
+
+
 class Textures:
-    """Converts the textures of a scene, each one once. `note` lists what is approximated."""
+    """Converts the textures of a scene, each one once. `note` takes sentences on what is approximated."""
 
     def __init__(self, mi, note):
         self.mi = mi
@@ -31,8 +64,8 @@ class Textures:
 
     def can_convert(self, node):
         """Whether the texture and its nested textures depend on nothing but the texture coordinates."""
-        nodes = [node, *(about[2] for about in self.mi.traverse(node).properties.values())]
-        return all(EVALUATED.match(one.class_name()) for one in nodes)
+        nested = children(self.mi, node).values()
+        return bool(EVALUATED.match(node.class_name())) and all(self.can_convert(one) for one in nested)
 
     def is_placed(self, node):
         """Whether its transform is within the limits of the renderer."""

@@ -1,5 +1,6 @@
 """Scenes of Mitsuba. Skipped where the packages mitsuba and mitransient are not installed."""
 
+import gc
 import os
 import re
 
@@ -176,11 +177,11 @@ def test_textures_are_placed_and_continued_as_in_mitsuba(wrap_mode, filter_type)
 
 
 def without_uvs(path, **more):
-    """A square without texture coordinates."""
-    mesh = mi.Mesh("mesh", 4, 2)
+    """A square without texture coordinates, and four triangles without area."""
+    mesh = mi.Mesh("mesh", 4, 6)
     values = mi.traverse(mesh)
     values["vertex_positions"] = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32).ravel()
-    values["faces"] = np.array([(0, 1, 2), (0, 2, 3)], np.uint32).ravel()
+    values["faces"] = np.array([(0, 0, 2), (2, 2, 0), (1, 1, 3), (3, 3, 1), (0, 1, 2), (0, 2, 3)], np.uint32).ravel()
     values.update()
     mesh.write_ply(str(path))
     return {"type": "ply", "filename": str(path), "face_normals": True, **more}
@@ -200,6 +201,14 @@ def test_shapes_have_the_texture_coordinates_of_mitsuba(tmp_path, kind):
     # Shapes of triangles have other outlines than round shapes.
     error = difference(albedo, truth)
     assert error < 0.03, error
+
+
+def test_triangles_without_area_do_not_hide_that_a_mesh_is_flipped(tmp_path):
+    mi.set_variant(VARIANT)
+    for flip in (False, True):
+        mesh = taugate.from_mitsuba(placed(without_uvs(tmp_path / "square.ply", flip_normals=flip)))._meshes["shape"]
+        a, b, c = mesh["vertices"][mesh["triangles"][-1]]
+        assert (np.cross(b - a, c - a)[2] < 0) == flip
 
 
 EDGES = {
@@ -260,6 +269,59 @@ def test_textures_of_roughness_and_of_specular_reflectance_have_the_image_of_mit
     # Counterexample: uniform roughness.
     wrong = taugate.from_mitsuba({**scene, "shape": metal_floor(0.4)["shape"]}, max_depth=4)
     assert difference(taugate.render(wrong, spp=64).pixels, truth) > 0.1
+
+
+def test_parameters_may_share_a_texture():
+    mi.set_variant(VARIANT)
+    # Mitsuba makes one object of the two bitmaps, and lists this object once.
+    shared = bitmap(picture())
+    scene = taugate.from_mitsuba(metal_floor(shared, specular_reflectance=shared))
+    material = scene._materials["shape"]
+    assert material.texture.texels.shape == (6, 8, 4) and material.roughness_texture.texels.shape == (48, 64)
+
+
+def test_bsdfs_around_other_bsdfs_keep_their_textures():
+    mi.set_variant(VARIANT)
+    diffuse = {"type": "diffuse", "reflectance": bitmap(picture())}
+    relief = {"type": "checkerboard"}
+    for wrapper, note in (
+        ({"type": "bumpmap", "relief": relief, "bsdf": diffuse}, "bump map"),
+        ({"type": "twosided", "bsdf": {"type": "normalmap", "normalmap": relief, "bsdf": diffuse}}, "normal map"),
+    ):
+        truth, albedo, notes = albedos({"type": "rectangle"}, bsdf=wrapper)
+        assert notes == [f"the {note} of the BSDF of 'shape' is left out"]
+        assert difference(albedo, truth) < 0.02
+
+
+def test_masks_let_light_through():
+    mi.set_variant(VARIANT)
+    up = mi.ScalarTransform4f().translate((0, 0, 1))
+    mask = {"type": "mask", "opacity": 0.3, "bsdf": {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": 0.9}}}
+    scene = placed({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": bitmap(picture())})
+    scene["mask"] = {"type": "rectangle", "to_world": up, "bsdf": mask}
+    # Of Mitsuba's path tracers, only this one sees lights through masks.
+    truth = np.array(mi.render(mi.load_dict(scene), integrator=mi.load_dict({"type": "volpath", "max_depth": 12}), spp=1024))
+    converted = taugate.from_mitsuba(scene, max_depth=6)
+    assert converted.not_converted == []
+    error = difference(taugate.render(converted, spp=128).pixels, truth)
+    assert error < 0.04, error
+
+
+def test_the_conversion_leaves_no_objects_of_mitsuba_to_the_garbage_collector():
+    # During a render, the collector would delete them, and Mitsuba would end the process.
+    mi.set_variant(VARIANT)
+    scene = mi.load_dict(placed({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": bitmap(picture())}))
+    gc.collect()
+    before = gc.get_debug()
+    gc.set_debug(gc.DEBUG_SAVEALL)
+    try:
+        taugate.from_mitsuba(scene)
+        gc.collect()
+        found = [item for garbage in gc.garbage for item in gc.get_referents(garbage) if isinstance(item, mi.Object)]
+    finally:
+        gc.set_debug(before)
+        gc.garbage.clear()
+    assert not found
 
 
 def test_textures_that_cannot_be_expressed_are_listed():
