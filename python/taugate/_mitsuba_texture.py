@@ -91,6 +91,7 @@ class Textures:
         return sums / np.maximum(count, 1)
 
     def texture(self, node, what, uvs, convert):
+        """The texture with the bytes that `convert` makes of the image."""
         image = self.image(node, uvs, what)
         key = (id(image), convert.__name__)
         if key not in self.bytes:
@@ -168,7 +169,8 @@ class Textures:
             corners = np.array([[(0.25, 0.25), (0.75, 0.25)], [(0.25, 0.75), (0.75, 0.75)]])
             texels = self.evaluate(node, _uvs_of(matrix, corners.reshape(-1, 2))).reshape(2, 2, 3)
             options = [("repeat", "nearest", False)]
-        uvs = _uvs_of(matrix, _probes(texels))
+        # Mitsuba rounds to these numbers.
+        uvs = _uvs_of(matrix, _probes(texels)).astype(np.float32).astype(float)
         truth = self.evaluate(node, uvs)
         points = uvs @ matrix[:2, :2].T + matrix[:2, 2]
         images = [_Image(texels, matrix, *option) for option in options]
