@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use glam::{DAffine3, DMat4};
+use glam::{DAffine2, DAffine3, DMat4};
 use numpy::ndarray::{ArrayView, Dimension};
 use numpy::{PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use serde::Deserialize;
 use taugate::internals::input::light_table::LightTable;
-use taugate::internals::scene::{self, AlphaMode, Image, Instance, Material, Scene};
+use taugate::internals::scene::{self, AlphaMode, Image, Instance, Material, Scene, Texture, Wrap};
 
 use crate::errors::{Result, settings};
 
@@ -53,7 +53,35 @@ struct MaterialSpec {
     clearcoat_roughness: f32,
     emission: [f32; 3],
     double_sided: bool,
+    /// Whether rays pass where alpha is below 1.
+    blend: bool,
     texture: Option<u32>,
+    roughness_texture: Option<u32>,
+}
+
+/// The class `Texture` of Python.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TextureSpec {
+    image: u32,
+    /// `repeat`, `mirror` or `clamp`.
+    wrap: [String; 2],
+    linear: bool,
+    /// Row by row.
+    transform: [[f64; 3]; 2],
+}
+
+impl TextureSpec {
+    fn texture(self) -> Texture {
+        let wrap = self.wrap.map(|mode| match mode.as_str() {
+            "mirror" => Wrap::Mirror,
+            "clamp" => Wrap::Clamp,
+            _ => Wrap::Repeat,
+        });
+        let [[a, c, x], [b, d, y]] = self.transform;
+        let transform = DAffine2::from_cols_array(&[a, b, c, d, x, y]);
+        Texture { image: self.image, wrap, linear: self.linear, transform }
+    }
 }
 
 impl MaterialSpec {
@@ -64,6 +92,7 @@ impl MaterialSpec {
             base_color_texture: self.texture,
             metallic: self.metallic,
             roughness: self.roughness,
+            surface_texture: self.roughness_texture,
             emission: self.emission,
             specular: self.specular,
             specular_color: self.specular_color,
@@ -71,22 +100,29 @@ impl MaterialSpec {
             transmission: self.transmission,
             clearcoat: self.clearcoat,
             clearcoat_roughness: self.clearcoat_roughness,
-            alpha_mode: if self.alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque },
+            alpha_mode: if self.blend { AlphaMode::Blend } else { AlphaMode::Opaque },
             double_sided: self.double_sided,
             ..Material::diffuse(&self.name, self.color)
         }
     }
 }
 
-/// The scene of materials, textures (row 0 at the top) and meshes, without instances.
-pub fn scene(materials: &str, textures: Vec<PyReadonlyArray3<'_, u8>>, meshes: Vec<Mesh>) -> Result<Scene> {
+/// The scene of materials, textures, their images (row 0 at the top) and meshes, without instances.
+pub fn scene(
+    materials: &str,
+    textures: &str,
+    images: Vec<PyReadonlyArray3<'_, u8>>,
+    meshes: Vec<Mesh>,
+) -> Result<Scene> {
     let materials: Vec<MaterialSpec> = parsed("the materials", materials)?;
+    let textures: Vec<TextureSpec> = parsed("the textures", textures)?;
     let mut scene = Scene::default();
-    for texels in textures {
+    for texels in images {
         let (height, width) = (texels.shape()[0] as u32, texels.shape()[1] as u32);
         let rgba = rows(&texels.as_array(), "the texture")?;
-        scene.add_texture(Image { width, height, rgba });
+        scene.images.push(Image { width, height, rgba });
     }
+    scene.textures = textures.into_iter().map(TextureSpec::texture).collect();
     scene.materials = materials.into_iter().map(MaterialSpec::material).collect();
     for mesh in meshes {
         let name = &mesh.name;
@@ -139,6 +175,7 @@ fn rows<T: Copy, D: Dimension, const N: usize>(array: &ArrayView<'_, T, D>, what
     if array.shape().last() != Some(&N) {
         return Err(settings(format!("{what} have the shape {:?}; the last axis must be {N} long", array.shape())));
     }
-    let values: Vec<T> = array.iter().copied().collect();
-    Ok(values.chunks_exact(N).map(|row| std::array::from_fn(|k| row[k])).collect())
+    let array = array.as_standard_layout();
+    let (rows, _) = array.as_slice().unwrap_or_default().as_chunks();
+    Ok(rows.to_vec())
 }

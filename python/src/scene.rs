@@ -74,15 +74,16 @@ impl NativeScene {
         Ok(NativeScene::new(state))
     }
 
-    /// A scene of meshes and materials without any instance, light or camera. `materials` is JSON.
+    /// A scene of meshes and materials without any instance, light or camera. `materials` and `textures` are JSON.
     #[staticmethod]
     fn from_arrays(
         materials: &str,
-        textures: Vec<PyReadonlyArray3<'_, u8>>,
+        textures: &str,
+        images: Vec<PyReadonlyArray3<'_, u8>>,
         meshes: Vec<Mesh>,
         flags: Vec<Words>,
     ) -> PyResult<NativeScene> {
-        let scene = crate::arrays::scene(materials, textures, meshes)?;
+        let scene = crate::arrays::scene(materials, textures, images, meshes)?;
         let base = flags::experiment(&flags)?;
         let state = State { base, scene, input: None, moves: vec![], moved: BTreeMap::new(), ready: None };
         Ok(NativeScene::new(state))

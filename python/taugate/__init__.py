@@ -16,6 +16,7 @@ from ._native import VERSION as __version__
 from ._render import Progress, histogram, render
 from ._scan import Scan, scan
 from ._scene import Scene, load
+from ._texture import Texture
 from ._words import settings
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "SettingsError",
+    "Texture",
     "from_mitsuba",
     "histogram",
     "load",

@@ -1,16 +1,20 @@
 """Materials."""
 
 import dataclasses
+from typing import Union
 
 import numpy as np
+
+from ._texture import Texture
 
 
 @dataclasses.dataclass
 class Material:
     """A metallic-roughness material of glTF, with its extensions. Colours are linear RGB.
 
-    ``color`` is the base colour, and ``alpha`` its coverage. ``emission`` is radiance in W/(m^2 sr). ``texture`` (H, W, 3 or 4, uint8, sRGB, row 0
-    at the top) multiplies the base colour. With ``specular`` 0 and ``metallic`` 0 a material is purely diffuse.
+    ``color`` is the base colour, and ``alpha`` its coverage. ``emission`` is radiance in W/(m^2 sr). With ``specular`` 0 and ``metallic`` 0 a
+    material is purely diffuse. ``texture`` multiplies the base colour and alpha, and ``roughness_texture`` the roughness. Each is a
+    :class:`Texture`, or its texels (H, W), (H, W, 1) or, for colours, (H, W, 3) or (H, W, 4). Meshes of such a material need ``uvs``.
     """
 
     color: tuple = (1.0, 1.0, 1.0)
@@ -25,7 +29,8 @@ class Material:
     clearcoat_roughness: float = 0.0
     emission: tuple = (0.0, 0.0, 0.0)
     double_sided: bool = True
-    texture: np.ndarray = None
+    texture: Union[np.ndarray, Texture, None] = None
+    roughness_texture: Union[np.ndarray, Texture, None] = None
 
     @classmethod
     def diffuse(cls, color=(0.5, 0.5, 0.5), **more):
@@ -52,13 +57,13 @@ class Material:
         """A lamp with this radiance in W/(m^2 sr) on its front, which reflects nothing."""
         return cls(**{"color": (0.0, 0.0, 0.0), "specular": 0.0, "emission": _rgb(radiance), "double_sided": False, **more})
 
-    def _plain(self, name, texture):
-        """The fields as the native part takes them; `texture` is the index of the texture."""
-        plain = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+    def _plain(self, name, textures):
+        """The fields as the native part takes them; `textures` has the indices of the textures by field."""
+        plain = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name not in textures}
         for key in ("color", "specular_color", "emission"):
             plain[key] = _rgb(plain[key])
         plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in plain.items()}
-        return {**plain, "name": name, "texture": texture}
+        return {**plain, **textures, "name": name}
 
 
 def _rgb(color):

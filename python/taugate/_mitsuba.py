@@ -2,20 +2,24 @@
 
 import math
 import os
-import re
 
 import numpy as np
 
 from ._camera import Camera
 from ._errors import SceneError, SettingsError
 from ._material import Material
+from ._mitsuba_texture import Notes, Textures, children
 from ._scene import Scene
 
 # Segments per circle, for shapes that become triangles.
 PARTS = 64
+# Texture coordinates of the corners of a triangle whose mesh has none.
+CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 KINDS = (
     "SmoothDiffuse", "SmoothPlastic", "RoughPlastic", "SmoothConductor", "RoughConductor", "SmoothDielectric", "RoughDielectric",
 )
+# BSDFs around another one, and their names.
+WRAPPERS = {"TwoSidedBRDF": "two-sided BSDF", "MaskBSDF": "mask", "BumpMap": "bump map", "NormalMap": "normal map"}
 
 
 def from_mitsuba(scene, **settings):
@@ -23,11 +27,16 @@ def from_mitsuba(scene, **settings):
 
     Needs the package ``mitsuba``, with a variant for RGB; without a variant it chooses ``llvm_ad_rgb`` or ``scalar_rgb``. Keyword arguments are
     settings of all renders. ``scene.not_converted`` of the result lists, in sentences, what is approximated or missing.
+
+    Bitmaps and checkerboards become textures with 8 bits per channel: of the reflectance of diffuse, plastic and conducting surfaces, and of the
+    ``alpha`` of rough ones. Other textures become their mean, or grey.
     """
     try:
         import mitsuba as mi
     except ImportError:
         raise ImportError("from_mitsuba() needs Mitsuba 3: pip install mitsuba") from None
+    if tuple(int(number) for number in mi.__version__.split(".")[:2]) < (3, 7):
+        raise ImportError(f"from_mitsuba() needs Mitsuba 3.7 or newer, but this is {mi.__version__}: pip install -U mitsuba")
     if mi.variant() is None:
         mi.set_variant("llvm_ad_rgb", "scalar_rgb")
     if "rgb" not in mi.variant():
@@ -43,11 +52,9 @@ class _Reader:
     def __init__(self, mi, settings):
         self.mi = mi
         self.scene = Scene(**settings)
-        self.notes = []
-
-    def note(self, text):
-        if text not in self.notes:
-            self.notes.append(text)
+        self.notes = Notes()
+        self.note = self.notes.add
+        self.textures = Textures(mi, self.note)
 
     def read(self, scene):
         for k, shape in enumerate(scene.shapes()):
@@ -56,7 +63,7 @@ class _Reader:
             self.emitter(emitter, self.name(emitter, f"light-{k}"))
         for k, sensor in enumerate(scene.sensors()):
             self.sensor(sensor, self.name(sensor, f"camera-{k}"))
-        self.scene.not_converted = self.notes
+        self.scene.not_converted = list(self.notes)
         return self.scene
 
     def name(self, item, otherwise):
@@ -64,10 +71,15 @@ class _Reader:
         name = item.id()
         return otherwise if not name or name.startswith("_") else name
 
-    def values(self, item, prefix=""):
-        """The parameters of an object and of its nested objects, by name."""
+    def values(self, item):
+        """The parameters of an object and of its nested objects, by name. Textures have the name of the parameter that they are."""
         found = self.mi.traverse(item)
-        return {key: found[key] for key in found.keys()}
+        values = {key: found[key] for key in found.keys()}
+        for name, child in children(self.mi, item).items():
+            if isinstance(child, self.mi.Texture):
+                values[name] = child
+                values.update({f"{name}.{key}": value for key, value in self.values(child).items()})
+        return values
 
     # Shapes.
 
@@ -75,22 +87,29 @@ class _Reader:
         geometry = self.triangles(shape, name)
         if geometry is None:
             return
-        vertices, triangles, normals = geometry
+        vertices, triangles, normals, uvs = geometry
+        corners = CORNERS
         if self.is_flipped(shape, vertices, triangles):
-            triangles, normals = triangles[:, ::-1], None if normals is None else -normals
-        material = self.material(shape.bsdf(), name)
+            triangles, corners, normals = triangles[:, ::-1], CORNERS[::-1], None if normals is None else -normals
+        material = self.material(shape.bsdf(), name, CORNERS if uvs is None else uvs)
+        if material.texture is None and material.roughness_texture is None:
+            uvs = None
+        elif uvs is None:
+            # Without texture coordinates, those of Mitsuba are barycentric.
+            vertices, normals = vertices[triangles].reshape(-1, 3), None if normals is None else normals[triangles].reshape(-1, 3)
+            triangles, uvs = np.arange(len(vertices)).reshape(-1, 3), np.tile(corners, (len(triangles), 1))
         if shape.is_emitter():
             material.emission = self.rgb(self.values(shape.emitter()), "radiance", f"the emitter of '{name}'")
             material.double_sided = False
         if shape.interior_medium() is not None or shape.exterior_medium() is not None:
             self.note(f"the medium of the shape '{name}' is left out")
-        self.scene.add_mesh(name, vertices, triangles, material, normals=normals)
+        self.scene.add_mesh(name, vertices, triangles, material, normals=normals, uvs=uvs)
 
     def triangles(self, shape, name):
-        """Vertices in world space, triangles, and normals or ``None``; ``None`` for a shape that is left out."""
+        """Vertices in world space, triangles, normals or ``None``, and texture coordinates or ``None``; ``None`` for a shape that is left out."""
         kind = shape.class_name()
         if kind in SHAPES:
-            vertices, triangles, normals = SHAPES[kind]()
+            vertices, triangles, normals, uvs = SHAPES[kind]()
             matrix = _matrix(self.values(shape)["to_world"])
             world = vertices @ matrix[:3, :3].T + matrix[:3, 3]
             if kind in ("Sphere", "Cylinder"):
@@ -100,7 +119,7 @@ class _Reader:
             if normals is not None:
                 normals = normals @ np.linalg.inv(matrix[:3, :3])
                 normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-            return world, triangles, normals
+            return world, triangles, normals, uvs
         if not shape.is_mesh():
             self.note(f"the shape '{name}' of the type {kind} is left out")
             return None
@@ -108,18 +127,24 @@ class _Reader:
         vertices = np.array(values["vertex_positions"]).reshape(-1, 3)
         triangles = np.array(values["faces"]).reshape(-1, 3)
         normals = np.array(values.get("vertex_normals", [])).reshape(-1, 3)
+        uvs = np.array(values.get("vertex_texcoords", [])).reshape(-1, 2)
+        uvs = uvs if len(uvs) else None
         if not len(normals) or shape.has_face_normals():
-            return vertices, triangles, None
+            return vertices, triangles, None, uvs
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        return vertices, triangles, normals / lengths if (lengths > 0).all() else None
+        return vertices, triangles, normals / lengths if (lengths > 0).all() else None, uvs
 
     def is_flipped(self, shape, vertices, triangles):
         """Whether the front of the shape is the back of the triangles."""
         sample = shape.sample_position(0, self.mi.Point2f(0.3, 0.4))
         point, normal = (np.array(value, float).reshape(3) for value in (sample.p, sample.n))
-        corners = vertices[triangles]
+        corners = vertices[triangles].astype(float)
         crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        crosses /= np.maximum(np.linalg.norm(crosses, axis=1, keepdims=True), 1e-300)
+        lengths = np.linalg.norm(crosses, axis=1)
+        # Triangles without area have no front.
+        corners, crosses = corners[lengths > 0], crosses[lengths > 0] / lengths[lengths > 0, None]
+        if not len(corners):
+            return False
         # Finds the triangle of the point: its plane contains the point, and among such triangles its centre is the nearest.
         offset = point - corners.mean(axis=1)
         size = np.abs(corners - corners.mean(axis=1, keepdims=True)).max()
@@ -128,59 +153,106 @@ class _Reader:
 
     # Materials.
 
-    def material(self, bsdf, name):
-        text = str(bsdf)
-        kind = next((kind for kind in re.findall(r"\b(\w+)\[", text) if kind in KINDS), None)
-        is_twosided = bsdf.class_name().startswith("TwoSided")
-        if kind is None or (bsdf.class_name() not in KINDS and not is_twosided):
-            self.note(f"the BSDF {bsdf.class_name()} of '{name}' becomes grey and diffuse")
-            return Material.diffuse(0.5)
-        # A two-sided BSDF has parameters for its front and its back. Their names have different prefixes; this keeps the front.
-        values = {re.sub(r"^(brdf_0|bsdf_0|bsdf|brdf)\.", "", key): value for key, value in self.values(bsdf).items()}
+    def material(self, bsdf, name, uvs):
         of = f"the BSDF of '{name}'"
+        opacity, is_twosided = 1.0, False
+        while bsdf.class_name() in WRAPPERS:
+            kind = bsdf.class_name()
+            is_twosided |= kind == "TwoSidedBRDF"
+            if kind == "MaskBSDF":
+                opacity *= min(max(self.mean(self.values(bsdf), "opacity", 1.0, of), 0.0), 1.0)
+            elif kind != "TwoSidedBRDF":
+                self.note(f"the {WRAPPERS[kind]} of {of} is left out")
+            # The first BSDF in a two-sided BSDF is its front.
+            bsdf = next(child for child in children(self.mi, bsdf).values() if isinstance(child, self.mi.BSDF))
+        material = self.inner_material(bsdf, name, uvs, is_twosided)
+        material.alpha = opacity
+        return material
+
+    def inner_material(self, bsdf, name, uvs, is_twosided):
+        """The material of a BSDF that is not around another one."""
+        of, kind = f"the BSDF of '{name}'", bsdf.class_name()
+        if kind not in KINDS:
+            self.note(f"the BSDF {kind} of '{name}' becomes grey and diffuse")
+            return Material.diffuse(0.5)
+        values = self.values(bsdf)
         sides = {"double_sided": is_twosided}
-        alpha = self.mean(values, "alpha", 0.0, of) if kind.startswith("Rough") else 0.0
-        # The roughness of glTF is the square root of the alpha of GGX.
-        roughness = math.sqrt(min(max(alpha, 0.0), 1.0))
-        if "alpha_u.value" in values or "alpha_u" in values:
-            self.note(f"the anisotropic roughness of '{name}' is left out")
-        if "distribution = beckmann" in text.lower():
+        roughness, sides["roughness_texture"] = self.roughness(values, of, uvs) if kind.startswith("Rough") else (0.0, None)
+        if "distribution = beckmann" in str(bsdf).lower():
             self.note(f"the microfacets of '{name}' are GGX instead of Beckmann")
         if kind == "SmoothDiffuse":
-            return Material.diffuse(self.rgb(values, "reflectance", of), **sides)
+            color, texture = self.color(values, "reflectance", of, uvs)
+            return Material.diffuse(color, texture=texture, double_sided=is_twosided)
         if kind.endswith("Plastic"):
             self.note(f"the plastic of '{name}' has the coat of glTF, which differs by some percent")
-            color = self.rgb(values, "diffuse_reflectance", of)
-            return Material.plastic(color, roughness, ior=self.mean(values, "eta", 1.49, of), **sides)
+            self.leave_out(values, "specular_reflectance", of)
+            color, texture = self.color(values, "diffuse_reflectance", of, uvs)
+            return Material.plastic(color, roughness, ior=self.mean(values, "eta", 1.49, of), texture=texture, **sides)
         if kind.endswith("Conductor"):
             self.note(f"the conductor of '{name}' has its reflectance at normal incidence, and Schlick's rise towards grazing angles")
             eta, k = (np.array(self.rgb(values, key, of)) for key in ("eta", "k"))
-            color = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
+            color, texture = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2), None
             if any(key.startswith("specular_reflectance") for key in values):
-                color = color * np.array(self.rgb(values, "specular_reflectance", of))
-            return Material.metal(tuple(np.clip(color, 0, 1)), roughness, **sides)
+                factor, texture = self.color(values, "specular_reflectance", of, uvs)
+                color = color * np.array(factor)
+            return Material.metal(tuple(np.clip(color, 0, 1)), roughness, texture=texture, **sides)
+        for key in ("specular_reflectance", "specular_transmittance"):
+            self.leave_out(values, key, of)
         eta = self.mean(values, "eta", 1.5, of)
         if eta < 1:
             self.note(f"the dielectric of '{name}' has an index below 1, so its inside counts as vacuum")
-        return Material.glass(max(eta, 1.0), roughness)
+        return Material.glass(max(eta, 1.0), roughness, roughness_texture=sides["roughness_texture"])
+
+    def roughness(self, values, of, uvs):
+        """Roughness of glTF, the square root of the alpha of GGX, and its texture or ``None``."""
+        node = self.texture(values, "alpha")
+        if node is not None and self.textures.can_convert(node) and self.textures.is_placed(node):
+            return 1.0, self.textures.roughness(node, f"the texture alpha of {of}", uvs)
+        if self.is_known(values, "alpha_u"):
+            self.note(f"the roughness of {of} is anisotropic; it becomes its geometric mean")
+            alpha = math.sqrt(self.mean(values, "alpha_u", 0.1, of) * self.mean(values, "alpha_v", 0.1, of))
+        else:
+            alpha = self.mean(values, "alpha", 0.1, of)
+        return math.sqrt(min(max(alpha, 0.0), 1.0)), None
+
+    def color(self, values, key, of, uvs):
+        """Three numbers, and the texture that multiplies them or ``None``."""
+        node = self.texture(values, key)
+        if node is None or not (self.textures.can_convert(node) and self.textures.is_placed(node)):
+            return self.rgb(values, key, of), None
+        return (1.0, 1.0, 1.0), self.textures.color(node, f"the texture {key} of {of}", uvs)
+
+    def texture(self, values, key):
+        """The texture of Mitsuba that is this parameter; ``None`` if the parameter is no texture."""
+        node = values.get(key)
+        return node if isinstance(node, self.mi.Texture) and f"{key}.value" not in values else None
 
     def rgb(self, values, key, of):
         """Three numbers. A texture becomes its mean."""
+        node = self.texture(values, key)
+        if node is not None and self.textures.can_convert(node):
+            self.note(f"the texture {key} of {of} becomes its mean colour")
+            return tuple(float(x) for x in self.textures.mean(node))
+        if node is not None:
+            self.note(f"the texture {key} of {of}, a {node.class_name()}, becomes 0.5")
+            return (0.5, 0.5, 0.5)
         for full in (f"{key}.value", key):
             if full in values:
                 value = np.array(values[full], float).ravel()
                 return tuple(float(x) for x in (np.repeat(value, 3) if value.size == 1 else value[:3]))
-        if f"{key}.data" in values:
-            data = np.array(values[f"{key}.data"], float)
-            self.note(f"the texture {key} of {of} becomes its mean colour")
-            mean = data.reshape(-1, data.shape[-1]).mean(axis=0)
-            return tuple(float(x) for x in (np.repeat(mean, 3) if mean.size == 1 else mean[:3]))
         self.note(f"{key} of {of} is not a colour; it becomes 1")
         return (1.0, 1.0, 1.0)
 
+    def is_known(self, values, key):
+        return f"{key}.value" in values or key in values
+
     def mean(self, values, key, default, of):
-        known = f"{key}.value" in values or key in values or f"{key}.data" in values
-        return float(np.mean(self.rgb(values, key, of))) if known else default
+        return float(np.mean(self.rgb(values, key, of))) if self.is_known(values, key) else default
+
+    def leave_out(self, values, key, of):
+        """Lists a factor that is not 1."""
+        if self.is_known(values, key) and (self.texture(values, key) is not None or self.rgb(values, key, of) != (1.0, 1.0, 1.0)):
+            self.note(f"{key} of {of} is left out")
 
     # Lights and cameras.
 
@@ -191,6 +263,8 @@ class _Reader:
         if kind == "PointLight":
             position = np.array(values["position"], float).ravel()
             self.scene.add_light("point", name, position.tolist(), intensity=list(self.rgb(values, "intensity", f"'{name}'")))
+        elif kind == "SpotLight" and "cutoff_angle" not in values:
+            self.note(f"the spot '{name}' is left out; Mitsuba tells its angles from version 3.9 on")
         elif kind == "SpotLight":
             matrix = _matrix(values["to_world"])
             outer, inner = (float(np.array(values[key]).item()) for key in ("cutoff_angle", "beam_width"))
@@ -231,16 +305,19 @@ def _matrix(transform):
 
 def _rectangle():
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
-    return corners, np.array([(0, 1, 2), (0, 2, 3)]), None
+    return corners, np.array([(0, 1, 2), (0, 2, 3)]), None, (corners[:, :2] + 1) / 2
 
 
 def _disk():
-    angles = 2 * math.pi * np.arange(PARTS) / PARTS
+    k = np.arange(PARTS + 1)
+    angles = 2 * math.pi * k / PARTS
     # The polygon has the area of the disk.
     radius = math.sqrt(math.pi / (PARTS / 2 * math.sin(2 * math.pi / PARTS)))
     rim = radius * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    k = np.arange(PARTS)
-    return np.vstack([rim, [(0, 0, 0)]]), np.stack([np.full(PARTS, PARTS), k, (k + 1) % PARTS], axis=1), None
+    k = k[:-1]
+    # Each triangle has a centre of its own, because v is the angle.
+    uvs = np.vstack([np.stack([0 * angles + 1, angles / (2 * math.pi)], axis=1), np.stack([0 * k, (k + 0.5) / PARTS], axis=1)])
+    return np.vstack([rim, np.zeros((PARTS, 3))]), np.stack([PARTS + 1 + k, k, k + 1], axis=1), None, uvs
 
 
 def _sphere():
@@ -250,7 +327,11 @@ def _sphere():
     i, j = (x.ravel() for x in np.meshgrid(np.arange(rows), np.arange(PARTS), indexing="ij"))
     a, b = i * (PARTS + 1) + j, (i + 1) * (PARTS + 1) + j
     triangles = np.concatenate([np.stack([a, b, b + 1], axis=1)[i < rows - 1], np.stack([a, b + 1, a + 1], axis=1)[i > 0]])
-    return points, triangles, points
+    u, v = phi / (2 * math.pi), theta / math.pi
+    # Each pole has one vertex per triangle, with the longitude of the middle of the triangle.
+    u[0] += 0.5 / PARTS
+    u[-1] -= 0.5 / PARTS
+    return points, triangles, points, np.stack([u, v], axis=-1).reshape(-1, 2)
 
 
 def _cylinder():
@@ -259,7 +340,9 @@ def _cylinder():
     k = np.arange(PARTS)
     top = k + PARTS + 1
     triangles = np.concatenate([np.stack([k, k + 1, top + 1], axis=1), np.stack([k, top + 1, top], axis=1)])
-    return np.vstack([ring, ring + (0, 0, 1)]), triangles, np.vstack([ring, ring])
+    u = angles / (2 * math.pi)
+    uvs = np.vstack([np.stack([u, 0 * u], axis=1), np.stack([u, 0 * u + 1], axis=1)])
+    return np.vstack([ring, ring + (0, 0, 1)]), triangles, np.vstack([ring, ring]), uvs
 
 
 SHAPES = {"Rectangle": _rectangle, "Disk": _disk, "Sphere": _sphere, "Cylinder": _cylinder}

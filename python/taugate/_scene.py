@@ -10,6 +10,7 @@ from . import _native
 from ._camera import Camera
 from ._errors import SettingsError
 from ._material import Material
+from ._texture import Texture, color_bytes, roughness_bytes
 from ._words import words
 
 # Settings that place a camera.
@@ -56,7 +57,8 @@ class Scene:
         """Adds or replaces a mesh and places it.
 
         ``vertices`` (N, 3) in metres; ``triangles`` (M, 3) indices of vertices, counter-clockwise as seen from the front; ``normals`` (N, 3) for
-        smooth shading; ``uvs`` (N, 2) for textures. ``material``: a :class:`Material` or the name of one; by default grey and diffuse. ``transform``
+        smooth shading; ``uvs`` (N, 2) for textures: (0, 0) is the top left corner of the image, and (1, 1) the bottom right one.
+        ``material``: a :class:`Material` or the name of one; by default grey and diffuse. ``transform``
         (4 x 4) maps mesh space to world space; ``None``: the identity. ``moves``: whether the instance will move (see :meth:`set_transform`).
         """
         self._of_arrays()
@@ -203,20 +205,33 @@ class Scene:
         return self._native
 
     def _from_arrays(self):
-        textures, materials = [], []
+        textures, images, materials, index_of = [], [], [], {}
         for name, material in self._materials.items():
-            index = None
-            if material.texture is not None:
-                texels = _array(material.texture, np.uint8, 3, "texture")
-                if texels.shape[2] == 3:
-                    texels = np.concatenate([texels, np.full_like(texels[..., :1], 255)], axis=2)
-                index = len(textures)
-                textures.append(texels)
-            materials.append(material._plain(name, index))
+            indices = {}
+            is_opaque = material.alpha >= 1
+            for field, bytes in (("texture", color_bytes), ("roughness_texture", roughness_bytes)):
+                texture, what = getattr(material, field), f"{field} of '{name}'"
+                indices[field] = None if texture is None else len(textures)
+                if texture is None:
+                    continue
+                if not isinstance(texture, Texture):
+                    texture = Texture(texture)
+                # Materials may share an image.
+                key = (id(texture.texels), field)
+                if key not in index_of:
+                    index_of[key] = len(images)
+                    images.append(bytes(texture.texels, what))
+                textures.append({**texture._sampler(what), "image": index_of[key]})
+                is_opaque = is_opaque and images[index_of[key]][..., 3].min() == 255
+            materials.append({**material._plain(name, indices), "blend": not is_opaque})
+        for name, mesh in self._meshes.items():
+            material = self._materials[mesh["material"]]
+            if mesh["uvs"] is None and (material.texture is not None or material.roughness_texture is not None):
+                raise SettingsError(f"the material of the mesh '{name}' has a texture, so the mesh needs uvs")
         names = list(self._materials)
         meshes = [{**mesh, "material": names.index(mesh["material"])} for mesh in self._meshes.values()]
         self._words = words(self.settings, "Scene")
-        return _native.NativeScene.from_arrays(json.dumps(materials), textures, meshes, self._words)
+        return _native.NativeScene.from_arrays(json.dumps(materials), json.dumps(textures), images, meshes, self._words)
 
     def __getstate__(self):
         return {**self.__dict__, "_native": None, "_words": None, "_stale": True}

@@ -1,5 +1,6 @@
 """Scenes of Mitsuba. Skipped where the packages mitsuba and mitransient are not installed."""
 
+import gc
 import os
 import re
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 import taugate
+import test_docs
 
 # With LLVM 15, which Mesa's drivers install, Mitsuba ends the process. Debian's package libllvm19 has an LLVM that works.
 RECENT_LLVM = "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1"
@@ -42,6 +44,12 @@ def both(tmp_path, text, spp):
     return truth, taugate.from_mitsuba(path, max_depth=8)
 
 
+def difference(pixels, truth):
+    """Largest difference of the means of 3 x 4 blocks of pixels, relative to the mean of the image. The means hide the noise."""
+    blocks = lambda x: x.reshape(3, len(x) // 3, 4, -1, 3).mean(axis=(1, 3))
+    return np.abs(blocks(pixels) - blocks(truth)).max() / blocks(truth).mean()
+
+
 @pytest.mark.parametrize("box", ["diffuse", "dielectric"])
 def test_a_scene_has_the_image_of_mitsuba(tmp_path, box):
     text = SCENE.replace("BOX", box)
@@ -52,13 +60,11 @@ def test_a_scene_has_the_image_of_mitsuba(tmp_path, box):
     image = taugate.render(scene, spp=128)
     assert image.pixels.shape == truth.shape == (24, 32, 3)
     assert scene.info()["emitters"][-1] == "lamp"
-    # Means of blocks of 8 x 8 pixels, which hide the noise. The ball has flat triangles.
-    blocks = lambda x: x.reshape(3, 8, 4, 8, 3).mean(axis=(1, 3))
-    relative = np.abs(blocks(image.pixels) - blocks(truth)) / blocks(truth).mean()
-    # Caustics are noisy in both.
-    assert relative.max() < (0.09 if box == "dielectric" else 0.04), relative.max()
+    # Caustics are noisy in both. The ball has flat triangles.
+    error = difference(image.pixels, truth)
+    assert error < (0.09 if box == "dielectric" else 0.04), error
     # Counterexample: mirrored, the images differ.
-    assert (np.abs(blocks(image.pixels[:, ::-1]) - blocks(truth)) / blocks(truth).mean()).max() > 0.2
+    assert difference(image.pixels[:, ::-1], truth) > 0.2
 
 
 def test_what_cannot_be_expressed_is_listed(tmp_path):
@@ -103,3 +109,282 @@ def test_the_cornell_box_of_mitransient_has_the_same_gated_images():
     # Counterexample: gates that lie 5 cm later.
     shifted = taugate.histogram(scene, gates=(start + 0.05, start + 0.05 + width * count, count), spp=64)
     assert np.abs((shifted.pixels.mean(axis=(0, 1)) - truth.mean(axis=(0, 1))) / error).max() > 4.5
+
+
+def picture():
+    """An image (6, 8, 3) without symmetry, as bytes."""
+    image = np.random.default_rng(3).integers(30, 255, (6, 8, 3)).astype(np.uint8)
+    image[:3, :4] = 250, 20, 20
+    return image
+
+
+def bitmap(texels, **more):
+    return {"type": "bitmap", "bitmap": mi.Bitmap(texels), **more}
+
+
+def placed(shape, to_world=None, size=(32, 24), **more):
+    """A scene of one shape, as a dictionary; the camera looks at the shape from above."""
+    transform = mi.ScalarTransform4f
+    film = {"type": "hdrfilm", "width": size[0], "height": size[1], "rfilter": {"type": "box"}}
+    view = transform().look_at(origin=(0.6, -1.2, 3.4), target=(0, 0, 0), up=(0, 1, 0))
+    return {
+        "type": "scene",
+        "sensor": {"type": "perspective", "fov": 40, "film": film, "to_world": view},
+        "bulb": {"type": "point", "position": (1, 0, 4), "intensity": 30.0},
+        "shape": {**shape, "to_world": to_world or transform(), **more},
+    }
+
+
+def albedos(shape, *placement, **more):
+    """The albedo that Mitsuba sees, the one that taugate sees, and what is not converted."""
+    # Mitsuba shows means of pixels, and taugate the centres of pixels; with many pixels, means of blocks agree.
+    scene = mi.load_dict(placed(shape, *placement, size=(256, 192), **more))
+    truth = np.array(mi.render(scene, integrator=mi.load_dict({"type": "aov", "aovs": "a:albedo"}), spp=16))[..., :3]
+    converted = taugate.from_mitsuba(scene)
+    return truth, taugate.render(converted, spp=1, aov="albedo").albedo, converted.not_converted
+
+
+def test_textures_of_a_floor_and_a_ball_have_the_image_of_mitsuba(tmp_path):
+    texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="picture.png"/></texture>'
+    text = re.sub('<rgb name="reflectance"[^>]*/>', texture, SCENE).replace("BOX", "diffuse")
+    assert text.count(texture) == 2
+    mi.set_variant(VARIANT)
+    mi.Bitmap(picture()).write(str(tmp_path / "picture.png"))
+    truth, scene = both(tmp_path, text, 1024)
+    assert scene.not_converted == ["the sphere 'ball' is a mesh of flat triangles with smooth normals"]
+    error = difference(taugate.render(scene, spp=128).pixels, truth)
+    assert error < 0.04, error
+    # Counterexamples: images upside down and mirrored.
+    for wrong in (picture()[::-1], picture()[:, ::-1]):
+        mi.Bitmap(wrong.copy()).write(str(tmp_path / "picture.png"))
+        assert difference(taugate.render(taugate.from_mitsuba(tmp_path / "scene.xml", max_depth=8), spp=16).pixels, truth) > 0.5
+
+
+@pytest.mark.parametrize("filter_type", ["nearest", "bilinear"])
+@pytest.mark.parametrize("wrap_mode", ["repeat", "mirror", "clamp"])
+def test_textures_are_placed_and_continued_as_in_mitsuba(wrap_mode, filter_type):
+    mi.set_variant(VARIANT)
+    to_uv = mi.ScalarTransform4f().rotate((0, 0, 1), 30) @ mi.ScalarTransform4f().scale((2.5, 2, 1)) @ mi.ScalarTransform4f().translate((0.2, -0.4, 0))
+    texture = bitmap(picture(), wrap_mode=wrap_mode, filter_type=filter_type, to_uv=to_uv)
+    truth, albedo, notes = albedos({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": texture})
+    assert difference(albedo, truth) < 0.02 and notes == []
+    # Counterexamples: the other modes.
+    others = [mode for mode in ("repeat", "mirror", "clamp") if mode != wrap_mode]
+    for wrong in others:
+        other = {**texture, "wrap_mode": wrong}
+        _, albedo, _ = albedos({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": other})
+        assert difference(albedo, truth) > 0.06
+
+
+def without_uvs(path, **more):
+    """A square without texture coordinates, and four triangles without area."""
+    mesh = mi.Mesh("mesh", 4, 6)
+    values = mi.traverse(mesh)
+    values["vertex_positions"] = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32).ravel()
+    values["faces"] = np.array([(0, 0, 2), (2, 2, 0), (1, 1, 3), (3, 3, 1), (0, 1, 2), (0, 2, 3)], np.uint32).ravel()
+    values.update()
+    mesh.write_ply(str(path))
+    return {"type": "ply", "filename": str(path), "face_normals": True, **more}
+
+
+SHAPES = {"cube": {}, "disk": {}, "sphere": {}, "cylinder": {}, "without_uvs": {}, "flipped": {"flip_normals": True}}
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_shapes_have_the_texture_coordinates_of_mitsuba(tmp_path, kind):
+    mi.set_variant(VARIANT)
+    shape = {"type": kind} if kind in ("cube", "disk", "sphere", "cylinder") else without_uvs(tmp_path / "square.ply", **SHAPES[kind])
+    # Shows the seam and a pole of the sphere.
+    tilt = mi.ScalarTransform4f().rotate((1, 0, 0), 40) @ mi.ScalarTransform4f().rotate((0, 0, 1), -100)
+    bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": bitmap(picture())}}
+    truth, albedo, _ = albedos({**shape, "bsdf": bsdf}, tilt if kind in ("cube", "sphere", "cylinder") else None)
+    # Shapes of triangles have other outlines than round shapes.
+    error = difference(albedo, truth)
+    assert error < 0.03, error
+
+
+def test_triangles_without_area_do_not_hide_that_a_mesh_is_flipped(tmp_path):
+    mi.set_variant(VARIANT)
+    for flip in (False, True):
+        mesh = taugate.from_mitsuba(placed(without_uvs(tmp_path / "square.ply", flip_normals=flip)))._meshes["shape"]
+        a, b, c = mesh["vertices"][mesh["triangles"][-1]]
+        assert (np.cross(b - a, c - a)[2] < 0) == flip
+
+
+EDGES = {
+    "one texel": picture()[:1, :1],
+    "one channel": picture()[..., :1].copy(),
+    "alpha": np.dstack([picture(), picture()[..., :1]]),
+    "16 bits": picture().astype(np.uint16) * 257,
+    "floats": (picture() / 255).astype(np.float32),
+}
+
+
+@pytest.mark.parametrize("raw", [False, True])
+@pytest.mark.parametrize("edge", EDGES)
+def test_bitmaps_of_all_types_have_the_colours_of_mitsuba(tmp_path, edge, raw):
+    mi.set_variant(VARIANT)
+    path = str(tmp_path / ("x.exr" if edge == "floats" else "x.png"))
+    mi.Bitmap(EDGES[edge]).write(path)
+    texture = {"type": "bitmap", "filename": path, "raw": raw}
+    truth, albedo, notes = albedos({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": texture})
+    assert difference(albedo, truth) < 0.02 and notes == []
+
+
+def test_checkerboards_and_nested_textures_are_sampled():
+    mi.set_variant(VARIANT)
+    scale = mi.ScalarTransform4f().scale((3, 2, 1))
+    board = {"type": "checkerboard", "color0": {"type": "rgb", "value": (0.8, 0.1, 0.1)}, "color1": {"type": "rgb", "value": 0.3}, "to_uv": scale}
+    truth, albedo, notes = albedos({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": board})
+    assert difference(albedo, truth) < 0.02 and notes == []
+    nested = {**board, "color0": bitmap(picture())}
+    truth, albedo, notes = albedos({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": nested})
+    assert difference(albedo, truth) < 0.02
+    assert len(notes) == 1 and re.fullmatch("the texture reflectance of the BSDF of 'shape' is sampled at .* points", notes[0])
+
+
+def metal_floor(alpha, **more):
+    """A glossy floor under a lamp."""
+    metal = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha, **more}
+    scene = placed({"type": "rectangle"}, bsdf={"type": "twosided", "bsdf": metal})
+    facing_down = mi.ScalarTransform4f().translate((0.3, 1, 2)) @ mi.ScalarTransform4f().rotate((1, 0, 0), 180)
+    lamp = {"type": "area", "radiance": 3.0}
+    return {**scene, "lamp": {"type": "disk", "to_world": facing_down, "emitter": lamp}}
+
+
+@pytest.mark.parametrize("filter_type", ["nearest", "bilinear"])
+def test_textures_of_roughness_and_of_specular_reflectance_have_the_image_of_mitsuba(filter_type):
+    mi.set_variant(VARIANT)
+    # Left half glossy, right half rough.
+    texels = np.linspace(0.1, 0.7, 8, dtype=np.float32) * np.ones((4, 1), np.float32)
+    alpha = bitmap(texels[..., None], raw=True, filter_type=filter_type)
+    # The two textures have different transforms.
+    turned = mi.ScalarTransform4f().rotate((0, 0, 1), 90)
+    scene = metal_floor(alpha, specular_reflectance=bitmap(picture(), to_uv=turned))
+    truth = np.array(mi.render(mi.load_dict(scene), integrator=mi.load_dict({"type": "path", "max_depth": 4}), spp=4096))
+    converted = taugate.from_mitsuba(scene, max_depth=4)
+    assert not any("mean" in note for note in converted.not_converted), converted.not_converted
+    error = difference(taugate.render(converted, spp=256).pixels, truth)
+    assert error < 0.04, error
+    # Counterexample: uniform roughness.
+    wrong = taugate.from_mitsuba({**scene, "shape": metal_floor(0.4)["shape"]}, max_depth=4)
+    assert difference(taugate.render(wrong, spp=64).pixels, truth) > 0.1
+
+
+def test_parameters_may_share_a_texture():
+    mi.set_variant(VARIANT)
+    # Mitsuba makes one object of the two bitmaps, and lists this object once.
+    shared = bitmap(picture())
+    scene = taugate.from_mitsuba(metal_floor(shared, specular_reflectance=shared))
+    material = scene._materials["shape"]
+    assert material.texture.texels.shape == (6, 8, 4) and material.roughness_texture.texels.shape == (48, 64)
+
+
+def test_bsdfs_around_other_bsdfs_keep_their_textures():
+    mi.set_variant(VARIANT)
+    diffuse = {"type": "diffuse", "reflectance": bitmap(picture())}
+    relief = {"type": "checkerboard"}
+    for wrapper, note in (
+        ({"type": "bumpmap", "relief": relief, "bsdf": diffuse}, "bump map"),
+        ({"type": "twosided", "bsdf": {"type": "normalmap", "normalmap": relief, "bsdf": diffuse}}, "normal map"),
+    ):
+        truth, albedo, notes = albedos({"type": "rectangle"}, bsdf=wrapper)
+        assert notes == [f"the {note} of the BSDF of 'shape' is left out"]
+        assert difference(albedo, truth) < 0.02
+
+
+def test_masks_let_light_through():
+    mi.set_variant(VARIANT)
+    up = mi.ScalarTransform4f().translate((0, 0, 1))
+    mask = {"type": "mask", "opacity": 0.3, "bsdf": {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": 0.9}}}
+    scene = placed({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": bitmap(picture())})
+    scene["mask"] = {"type": "rectangle", "to_world": up, "bsdf": mask}
+    # Of Mitsuba's path tracers, only this one sees lights through masks.
+    truth = np.array(mi.render(mi.load_dict(scene), integrator=mi.load_dict({"type": "volpath", "max_depth": 12}), spp=1024))
+    converted = taugate.from_mitsuba(scene, max_depth=6)
+    assert converted.not_converted == []
+    error = difference(taugate.render(converted, spp=128).pixels, truth)
+    assert error < 0.04, error
+
+
+def test_the_conversion_leaves_no_objects_of_mitsuba_to_the_garbage_collector():
+    # During a render, the collector would delete them, and Mitsuba would end the process.
+    mi.set_variant(VARIANT)
+    scene = mi.load_dict(placed({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": bitmap(picture())}))
+    gc.collect()
+    before = gc.get_debug()
+    gc.set_debug(gc.DEBUG_SAVEALL)
+    try:
+        taugate.from_mitsuba(scene)
+        gc.collect()
+        found = [item for garbage in gc.garbage for item in gc.get_referents(garbage) if isinstance(item, mi.Object)]
+    finally:
+        gc.set_debug(before)
+        gc.garbage.clear()
+    assert not found
+
+
+def test_textures_that_cannot_be_expressed_are_listed():
+    mi.set_variant(VARIANT)
+    lamp = {"type": "area", "radiance": bitmap(picture())}
+    attribute = {"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_color"}}
+    far = mi.ScalarTransform4f().scale((1e9, 1e9, 1))
+    hole = (picture() / 255).astype(np.float32)
+    hole[0, 0], hole[1, 0] = np.nan, 3
+    scene = {
+        **placed({"type": "rectangle"}, emitter=lamp),
+        "painted": {"type": "cube", "bsdf": attribute},
+        "broken": {"type": "rectangle", "bsdf": {"type": "diffuse", "reflectance": bitmap(hole)}},
+        "plastic": {"type": "rectangle", "bsdf": {"type": "plastic", "specular_reflectance": bitmap(picture())}},
+        "far": {"type": "rectangle", "bsdf": {"type": "diffuse", "reflectance": bitmap(picture(), to_uv=far)}},
+    }
+    notes = taugate.from_mitsuba(scene).not_converted
+    for note in (
+        "the texture radiance of the emitter of 'shape' becomes its mean colour",
+        "the texture reflectance of the BSDF of 'painted', a MeshAttribute, becomes 0.5",
+        "3 values of the texture reflectance of the BSDF of 'broken' are not numbers; they become 0",
+        "3 values of the texture reflectance of the BSDF of 'broken' are below 0 or above 1; they are clipped",
+        "specular_reflectance of the BSDF of 'plastic' is left out",
+        "the texture reflectance of the BSDF of 'far' becomes its mean colour",
+    ):
+        assert note in notes, notes
+    # The mean colour of the bitmap, decoded.
+    truth = np.where(picture() / 255 < 0.04045, picture() / 255 / 12.92, ((picture() / 255 + 0.055) / 1.055) ** 2.4).mean(axis=(0, 1))
+    assert np.allclose(taugate.from_mitsuba(scene)._materials["shape"].emission, truth, rtol=1e-3)
+
+
+def test_old_versions_of_mitsuba_are_refused(monkeypatch):
+    monkeypatch.setattr(mi, "__version__", "3.6.4")
+    with pytest.raises(ImportError, match="needs Mitsuba 3.7 or newer, but this is 3.6.4"):
+        taugate.from_mitsuba(placed({"type": "rectangle"}))
+
+
+def test_a_missing_bitmap_is_an_error_of_mitsuba(tmp_path):
+    texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="nowhere.png"/></texture>'
+    path = tmp_path / "scene.xml"
+    path.write_text(re.sub('<rgb name="reflectance"[^>]*/>', texture, SCENE).replace("BOX", "diffuse"))
+    with pytest.raises(RuntimeError, match="nowhere.png"):
+        taugate.from_mitsuba(path)
+
+
+def test_the_snippets_of_the_documentation_run(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib").use("Agg")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.xml").write_text(SCENE.replace("BOX", "diffuse"))
+    mi.set_variant(VARIANT)
+    snippets = [text for label, text in test_docs.SNIPPETS if label == " mitsuba"]
+    assert len(snippets) == 2
+    names = {"taugate": taugate}
+    test_docs.run(snippets, names)
+    assert names["scene"].not_converted == []
+
+
+def test_shapes_share_a_large_texture():
+    mi.set_variant(VARIANT)
+    texels = np.zeros((2048, 2048, 3), np.uint8)
+    texels[100:200, 300:400] = 200
+    bsdf = {"type": "diffuse", "id": "shared", "reflectance": bitmap(texels)}
+    scene = {**placed({"type": "rectangle"}, bsdf=bsdf), "other": {"type": "sphere", "bsdf": {"type": "ref", "id": "shared"}}}
+    materials = taugate.from_mitsuba(scene)._materials
+    assert materials["shape"].texture.texels is materials["other"].texture.texels
+    assert materials["shape"].texture.texels.dtype == np.uint8

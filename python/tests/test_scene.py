@@ -95,6 +95,94 @@ def test_materials_and_textures():
         assert taugate.render(scene, spp=1).pixels.any()
 
 
+def wall_albedo(texture, **material):
+    """The albedo (24, 24, 3) of a square whose left bottom corner has the texture coordinates (0, 1) and whose right top corner has (1, 0)."""
+    scene = taugate.Scene(resolution=(24, 24))
+    uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
+    scene.add_mesh("wall", *quad(), taugate.Material.diffuse(1.0, texture=texture, **material), uvs=uvs)
+    scene.add_light("point", "lamp", (0, 0, 3), intensity=10.0)
+    scene.add_camera("front", taugate.Camera.look_at((0, 0, 100), (0, 0, 0), fov=np.degrees(2 * np.arctan(0.01)), resolution=(24, 24)))
+    return taugate.render(scene, spp=64, aov="albedo").albedo
+
+
+def test_textures_have_filters_wrap_modes_and_transforms():
+    # Values that have sRGB bytes.
+    bytes = np.array([[[0, 64, 255], [255, 64, 0]], [[128, 128, 128], [200, 0, 64]], [[9, 8, 7], [100, 200, 30]]], np.uint8)
+    linear = np.where(bytes / 255 < 0.04045, bytes / 255 / 12.92, ((bytes / 255 + 0.055) / 1.055) ** 2.4)
+    large = np.kron(linear, np.ones((8, 12, 1)))
+    for texels in (bytes, linear, linear.astype(np.float32), np.dstack([linear, np.ones((3, 2))])):
+        albedo = wall_albedo(taugate.Texture(texels, filter="nearest"))
+        assert np.allclose(albedo, large, atol=2e-3)
+    twice = np.diag([2.0, 1.0, 1.0])
+    halves = {"repeat": (1, 1), "mirror": (1, -1), "clamp": (1, 0)}
+    for wrap, (_, second) in halves.items():
+        albedo = wall_albedo(taugate.Texture(bytes, wrap=wrap, filter="nearest", transform=twice))
+        left = large[:, ::2]
+        right = {1: left, -1: left[:, ::-1], 0: np.repeat(left[:, -1:], 12, axis=1)}[second]
+        assert np.allclose(albedo, np.hstack([left, right]), atol=2e-3), wrap
+    pair = wall_albedo(taugate.Texture(bytes, wrap=("mirror", "clamp"), filter="nearest", transform=twice))
+    assert np.allclose(pair[:, 12:], pair[:, 11::-1], atol=2e-3)
+    # One channel is grey, in linear floats and in sRGB bytes.
+    assert np.allclose(wall_albedo(np.full((2, 2), 0.25)), 0.25, atol=3e-3)
+    assert np.allclose(wall_albedo(np.full((1, 1, 1), 137, np.uint8)), 0.25, atol=3e-3)
+    # Where alpha is 0, there is no wall.
+    holes = np.full((1, 2, 4), 255, np.uint8)
+    holes[0, 0, 3] = 0
+    albedo = wall_albedo(taugate.Texture(holes, filter="nearest"))
+    assert not albedo[:, :12].any() and np.allclose(albedo[:, 12:], 1)
+    # Bilinear: the middle between black and white.
+    assert np.allclose(wall_albedo(np.array([[0.0, 1.0]]))[:, 11:13].mean(), 0.5, atol=0.01)
+
+
+def test_textures_of_roughness_change_the_image():
+    def pixels(spp=16, **material):
+        scene = room()
+        uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+        scene.add_mesh("floor", *quad((0, 0, 0), (2, 0, 0), (0, 0, -2)), taugate.Material.metal(0.8, **material), uvs=uvs)
+        return taugate.render(scene, spp=spp).pixels.reshape(8, 4, 8, 4, 3).mean(axis=(1, 3))
+
+    uniform = pixels(roughness=0.2)
+    difference = lambda other: np.abs(other - uniform).mean() / uniform.mean()
+    # With the same random numbers, the images differ by the rounding of the roughness.
+    for texels in (np.full((3, 2), 0.2), np.full((1, 1), 51, np.uint8)):
+        assert difference(pixels(roughness=1.0, roughness_texture=texels)) < 0.02
+    assert difference(pixels(roughness=1.0, roughness_texture=np.full((1, 1), 0.3))) > 0.03
+    # Textures of one material may have different transforms. Here one shows the right edge of its image, and one the left edge.
+    texels = np.array([[1.0, 1.0, 0.2, 0.2]])
+    right, left = (taugate.Texture(texels, "clamp", transform=[[1, 0, x], [0, 1, 0], [0, 0, 1]]) for x in (1, -1))
+    uniform = pixels(512, roughness=0.2)
+    assert difference(pixels(512, roughness=1.0, roughness_texture=right, texture=left)) < 0.05
+    assert difference(pixels(512, roughness=1.0, roughness_texture=left, texture=left)) > 0.1
+
+
+def test_mistakes_in_textures_are_explained():
+    for texels, message in (
+        (np.zeros((2, 2, 2)), r"texture of 'wall' has the shape \(2, 2, 2\), but must be \(H, W\), \(H, W, 1\), \(H, W, 3\) or \(H, W, 4\)"),
+        (np.zeros(3), "shape"),
+        (np.zeros((0, 2, 3)), "from 1 to 16,384 texels"),
+        (np.zeros((20000, 1, 3), np.uint8), "from 1 to 16,384 texels"),
+        (np.zeros((2, 2, 3), np.uint16), "uint16"),
+        (np.full((2, 2, 3), np.nan), "from 0 to 1"),
+        (np.full((2, 2, 3), 1.5), "from 0 to 1"),
+        (taugate.Texture(np.zeros((2, 2)), wrap="tile"), "repeat, mirror or clamp"),
+        (taugate.Texture(np.zeros((2, 2)), wrap=("repeat",)), "repeat, mirror or clamp"),
+        (taugate.Texture(np.zeros((2, 2)), filter="cubic"), "linear or nearest"),
+        (taugate.Texture(np.zeros((2, 2)), transform=np.eye(2)), "3 x 3"),
+        (taugate.Texture(np.zeros((2, 2)), transform=np.diag([1e9, 1, 1])), "1e6"),
+    ):
+        with pytest.raises(taugate.SettingsError, match=message):
+            wall_albedo(texels)
+    with pytest.raises(taugate.SettingsError, match="roughness_texture of 'wall' has the shape"):
+        wall_albedo(None, roughness_texture=np.zeros((2, 2, 3)))
+    scene = room()
+    scene.add_mesh("x", *quad(), taugate.Material(texture=np.zeros((2, 2))))
+    with pytest.raises(taugate.SettingsError, match="mesh 'x' has a texture, so the mesh needs uvs"):
+        taugate.render(scene)
+    scene.add_mesh("x", *quad(), uvs=np.zeros((4, 3)))
+    with pytest.raises(taugate.SettingsError, match="last axis must be 2"):
+        taugate.render(scene)
+
+
 def test_mistakes_in_arrays_are_explained():
     scene = room()
     with pytest.raises(taugate.SettingsError, match="vertices have the shape"):
