@@ -224,7 +224,7 @@ fn damaged_files_are_refused() {
     let mut changed = good.clone();
     changed[at] ^= 1;
     assert!(message(&changed).contains("Invalid checksum"), "{}", message(&changed));
-    assert!(message(b"text").contains("no zip"));
+    assert!(message(b"text").contains("not a zip"));
 
     // Files that other programs could write.
     let mut whole = accumulation(0..5, 1, false);
