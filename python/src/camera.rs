@@ -14,7 +14,7 @@ pub struct View {
     kind: String,
     /// World from camera space, row by row; the camera looks along -Z, and +Y is up.
     world_from_camera: [[f64; 4]; 4],
-    /// Vertical field of view in radians, or height of the view in metres.
+    /// Vertical field of view in radians; height of an orthographic view in metres; field of view of an aimed pixel in radians.
     extent: f64,
     principal_point: [f64; 2],
     /// Of the whole image.

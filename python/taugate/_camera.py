@@ -33,7 +33,7 @@ class Camera:
 
     @classmethod
     def look_at(cls, eye, target, up=(0, 1, 0), fov=40.0, resolution=(512, 512), height=None):
-        """A camera at ``eye`` that looks at the point ``target``."""
+        """A camera at ``eye`` that looks at the point ``target``. With ``height`` it is orthographic, and ``fov`` does not count."""
         eye, target, up = (np.asarray(x, float) for x in (eye, target, up))
         forward = target - eye
         right = np.cross(forward, up)
@@ -125,7 +125,8 @@ class Camera:
         return self.world_from_camera[:3, 3] + np.asarray(depth, float)[..., None] * self.rays()
 
     def project(self, points):
-        """Pixels (..., 2) and z (...) of world positions (..., 3). The camera's own position gives NaN."""
+        """Pixels (..., 2) of world positions (..., 3), and their z (...) in metres, which is negative behind the camera. The camera's own
+        position gives NaN. Perspective cameras only."""
         local = np.asarray(points, float) @ self.camera_from_world[:3, :3].T + self.camera_from_world[:3, 3]
         pixels = local @ self.K.T
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -134,7 +134,7 @@ class Histogram(_Result):
     """Images of many gates, from the same light paths.
 
     ``pixels`` is a float32 array (H, W, T, 3): radiance in W/(m^2 sr), integrated over each gate. ``variance`` has the same shape; it is ``None``
-    unless the render had ``variance=True``.
+    unless the render had ``variance=True`` or a single gate.
     """
 
     @functools.cached_property

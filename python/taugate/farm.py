@@ -95,9 +95,10 @@ def dataset(jobs, *, client, folder, suffix=".npy"):
     """Renders many images, each on one worker, to files in ``folder``. Yields the path of each file as it is finished.
 
     ``jobs`` is an iterable of ``(name, scene, settings)``, which may be endless or made while the renders run; ``settings`` is a dictionary with
-    the arguments of :func:`taugate.render`, or of :func:`taugate.histogram` if it has ``gates``. The result is ``folder/name.npy``, or has another
-    ``suffix`` that :meth:`Image.save` knows. Files that are there already are kept, so a data set can be continued: give equal names to equal
-    jobs only. A job that fails four times is left out. After all jobs, the first exception is raised.
+    the arguments of :func:`taugate.render`, or of :func:`taugate.histogram` if it has ``gates``. Each job writes ``folder/name.npy`` with the
+    files beside it, and an image also ``name.exr``. ``suffix`` is the ending of the file that is yielded: ``.npy``, or ``.exr`` if all results
+    are images. If this file is there already, it is kept, so a data set can be continued: give equal names to equal jobs only. A job that
+    fails four times is left out. After all jobs, the first exception is raised.
     """
     from distributed import as_completed
 

@@ -76,7 +76,7 @@ struct Frame {
     // Factor of the density of auxiliary vertices in MIS weights: 1 / (gate width * MEAN_ARC), times the number of samples that an
     // ellipsoidal connection counts for (auxiliary.wgsl).
     auxiliary_density: f32,
-    // Light vertices in the pool.
+    // Number of light vertices in the pool; 0 if the estimator builds no trees.
     vertex_count: u32,
     pad0: u32,
     pad1: u32,

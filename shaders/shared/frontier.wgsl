@@ -7,7 +7,8 @@
 // Maximum number of subtrees, 1 to MAX_SUBTREES (`--frontier`). With 1, the frontier is the root alone.
 override FRONTIER: u32 = 32u;
 const MAX_SUBTREES: u32 = 32u;
-// Upper bound on the number of visited subtrees: twice the number that fills the frontier, because many prove to be dead.
+// Upper bound on the number of visited subtrees: twice the number that fills the frontier. A subtree with a child of importance 0
+// does not enlarge the frontier.
 const MAX_VISITS: u32 = 64u;
 // Fraction of the frontier's power that is added to the power of each subtree. So choices by power can reach every subtree,
 // even if its own power is too small for the digits of the prefix sum.

@@ -89,7 +89,7 @@ fn cosine_factor(cosine: f32) -> f32 {
 }
 
 // pi times the glossy lobe, cosine included, towards a node with its centre at the offset `center` from the receiver. The
-// lobe is 1 / (w (1 + e^2 / w)^2) with the squared width w and the chord e to the mirrored direction: it has the tails of
+// result is 1 / (w (1 + e^2 / w)^2) with the squared width w and the chord e to the mirrored direction: it has the tails of
 // GGX, and its integral over the sphere is pi / (1 + w / 4). A node widens the lobe by its squared angular radius `radius2`.
 fn gloss_factor(r: Receiver, center: vec3<f32>, radius2: f32) -> f32 {
     let chord2 = max(2.0 - 2.0 * dot(center, r.mirrored) * inverseSqrt(max(dot(center, center), 1e-20)), 0.0);

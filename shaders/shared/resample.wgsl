@@ -129,7 +129,8 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, first: u32, rng: ptr<f
     var frontier: Frontier;
     grow_frontier(&frontier, root, receiver);
     let jitter = min(next_fine_uniform(rng), 1.0 - UNIFORM_STEP);
-    // If the whole frontier has few subtrees, two queries per subtree are enough.
+    // If a frontier with room for MAX_SUBTREES has few subtrees, few can contribute, and two queries per subtree are enough. A smaller
+    // frontier (`--frontier`) may have few subtrees because it is full.
     let enough = select(frame.queries, max(2u * frontier.count, MIN_QUERIES), FRONTIER == MAX_SUBTREES);
     let queries = select(min(frame.queries, enough), 0u, frontier.count == 0u);
     for (var k = 0u; k < queries; k++) {

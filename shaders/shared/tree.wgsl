@@ -36,7 +36,7 @@ override BUCKET_COUNT: f32 = f32(BUCKETS);
 // 3D tree over emitter points (v_tau = 0) and 4D tree over scattered vertices, in one array: six texels per TreeNode. With a
 // single tree, emitter points are in the 4D tree. Punctual lights, if too many to connect one by one, are always in the 3D tree.
 @group(1) @binding(1) var tree_nodes: texture_1d<u32>;
-// bdpt: the vertices of light path i are light_vertices[path_offsets[i] .. path_offsets[i + 1]].
+// bdpt and epc: the vertices of light path i are light_vertices[path_offsets[i] .. path_offsets[i + 1]].
 @group(1) @binding(2) var<storage, read> path_offsets: array<u32>;
 
 fn load_light_vertex(index: u32) -> PathVertex {

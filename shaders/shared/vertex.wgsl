@@ -138,6 +138,8 @@ fn to_local(normal: vec3<f32>, w: vec3<f32>) -> vec3<f32> {
     return w * frame_around(normal);
 }
 
+// Whether `w` is on the same side of the turned normal of v as of its geometric normal.
+//
 // A normal map may turn the shading normal of v away from the sensor's side of a path, although the surface faces that side.
 // Without a rule, such points would be black. The rule: where light leaves v along a direction that the turned normal faces,
 // v scatters with the turned normal; elsewhere v scatters as a flat surface. Only the direction `wc` in which light leaves

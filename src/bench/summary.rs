@@ -45,6 +45,7 @@ pub struct VariantSummary {
     pub queries_per_s: f64,
     pub rays_per_s: f64,
     pub dead_query_share: f64,
+    /// Sum over the repetitions.
     pub dropped: u64,
     /// Microseconds per pixel sample.
     pub us_per_sample: Spread,
@@ -54,8 +55,8 @@ pub struct VariantSummary {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorSummary {
     pub relmse: Spread,
-    /// relMSE of the better of bdpt and pt, divided by relMSE of this variant in the same repetition: above 1 if this variant is
-    /// better.
+    /// relMSE of the best baseline ([`is_baseline`]), divided by relMSE of this variant in the same repetition: above 1 if this
+    /// variant is better.
     pub ratio: Option<Spread>,
     /// Whether the reference is accurate enough for all results of the variant. If not, the numbers measure the error of the
     /// reference as well.
@@ -83,7 +84,7 @@ impl ErrorSummary {
     }
 }
 
-/// Whether the estimator of this name is a baseline: light-cone queries are compared with bdpt and pt.
+/// Whether the estimator of this name is a baseline, with which light-cone queries are compared: pt, bdpt or epc.
 pub fn is_baseline(estimator: &str) -> bool {
     estimator.parse::<Estimator>().is_ok_and(|estimator| !estimator.has_trees())
 }

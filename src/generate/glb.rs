@@ -1,4 +1,4 @@
-//! Writes a [`Scene`] as binary glTF 2.0, with exactly the features that the loader reads.
+//! Writes a [`Scene`] as binary glTF 2.0 for the loader. Media, retroreflectors and the transforms of textures are not written.
 
 use std::collections::BTreeSet;
 
@@ -17,7 +17,7 @@ pub struct Motion {
 }
 
 /// The bytes of the file. Its nodes are the instances, then the cameras, then the lights, each in the scene's order. Images
-/// become PNG. All textures use TEXCOORD_0. Numbers are rounded to f32.
+/// become PNG. All textures use TEXCOORD_0. Numbers are rounded to f32. Panics for a sky and for an aimed camera.
 pub fn write(scene: &Scene) -> Vec<u8> {
     write_moving(scene, None)
 }

@@ -10,7 +10,7 @@ use super::stage::{add, camera, diffuse, light, material};
 use crate::scene::{LightKind, Scene};
 
 const EQUIPMENT: DVec3 = DVec3::new(2.0, 0.0, 1.5);
-/// Lower left corner, width and height of the bars of the letter, as seen from the wall with x to the right.
+/// Smallest x and y, width and height of the bars of the letter. Seen from the wall, x grows to the left, so the letter is mirrored.
 const BARS: [[f64; 4]; 3] = [[-0.3, -0.4, 0.15, 0.8], [-0.15, 0.25, 0.45, 0.15], [-0.15, -0.05, 0.3, 0.15]];
 
 pub fn build() -> Scene {

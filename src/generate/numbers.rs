@@ -40,7 +40,8 @@ impl Pcg {
     }
 }
 
-/// Sine and cosine of an angle in radians, |angle| < 1e6, to about 1e-15. Those of the standard library differ between platforms.
+/// Sine and cosine of an angle in radians, |angle| < 1e6. The error is about 1e-16 times the larger of 1 and |angle|. The functions
+/// of the standard library differ between platforms.
 pub fn sin_cos(angle: f64) -> (f64, f64) {
     let quarter = (angle / FRAC_PI_2).round();
     let x = angle - quarter * FRAC_PI_2;

@@ -11,9 +11,9 @@ use crate::error::Result;
 
 /// Accepts descriptors of buffers, either to allocate the buffers or to list the descriptors.
 pub trait Allocate {
-    /// [`Buffer`], or the empty type `()` if nothing is allocated.
+    /// [`Buffer`], or the unit type `()` if nothing is allocated.
     type Buffer;
-    /// A buffer that the host reads after submits: [`ReadBack`], or the empty type `()` if nothing is allocated.
+    /// A buffer that the host reads after submits: [`ReadBack`], or the unit type `()` if nothing is allocated.
     type ReadBack;
 
     fn buffer(&self, desc: BufferDesc) -> Result<Self::Buffer>;

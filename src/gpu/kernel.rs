@@ -24,7 +24,7 @@ struct Compiled {
     variants: Mutex<Vec<Arc<Pipeline>>>,
 }
 
-/// Maximum number of kernels that a device keeps. A renderer has at most 14.
+/// Maximum number of kernels that a device keeps. A renderer has at most 16.
 const MAX_KEPT: usize = 128;
 
 /// The kernels that a device compiled last; the most recently used one is at the end.

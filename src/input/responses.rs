@@ -21,8 +21,8 @@ pub(super) fn is_steady(table: &GateTable) -> bool {
         && table.cw.is_none()
 }
 
-/// The responses that the user chose; without a choice the steady state. Fails if a table cannot be read, if a shape has no gate,
-/// if two responses have the same name, or if gates without an end should be repeated.
+/// The responses that the user chose; without a choice the steady state. Fails if a table cannot be read, if a shape has no gate, if
+/// a gate has no effect, if two responses have the same name, or if gates without an end should be repeated.
 pub fn chosen(table: &GateTable) -> Result<Responses> {
     let of_one_pulse = of_one_pulse(table)?;
     match table.repeat {

@@ -164,7 +164,7 @@ fn centres([columns, rows]: [u32; 2]) -> impl Iterator<Item = [f64; 2]> {
     (0..rows).flat_map(move |row| (0..columns).map(move |column| [part(column, columns), part(row, rows)]))
 }
 
-/// A scan. It consists of one render per point of the laser.
+/// A scan. It consists of one render per point of the laser. Positions are in world space, in metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scan {
     pub laser: DVec3,

@@ -1,5 +1,5 @@
-//! Adds the user's camera and lights to the scene of a file, and makes surfaces double-sided if the user wants that. Most glTF
-//! files have neither a camera nor a light. Such a scene gets a camera that sees the whole scene, and a headlamp.
+//! Adds the user's camera and lights to the scene of a file, replaces its media, and makes surfaces double-sided if the user wants
+//! that. Most glTF files have neither a camera nor a light. Such a scene gets a camera that sees the whole scene, and a headlamp.
 
 mod camera;
 mod grid;
@@ -13,14 +13,14 @@ use crate::input::experiment::Experiment;
 use crate::scene::Scene;
 
 /// Adds the camera and the lights of `experiment`, or its scan, to a scene that was just loaded. Moves the scene's own camera if
-/// the user places it. Makes all surfaces double-sided if the user wants that. Call it once per scene, before
-/// [`super::resolve::resolve`].
+/// the user places it. Replaces the scene's media if the user gives media. Makes all surfaces double-sided if the user wants that.
+/// Call it once per scene, before [`super::resolve::resolve`].
 ///
 /// Choices that depend on the scene, such as the place of an automatic camera, are written into `experiment`. So the experiment
 /// renders the same image later, even if the rules for these choices have changed.
 ///
-/// Returns notes for the user, one sentence each, about choices that this function made. Fails if a camera has no direction
-/// or a light is out of range, or if a name is unknown.
+/// Returns notes for the user, one sentence each, about choices that this function made. Fails if a camera has no direction, if a
+/// light, a medium or the scan is not valid, or if a name is unknown.
 pub fn apply(experiment: &mut Experiment, scene: &mut Scene) -> Result<Vec<String>> {
     let mut notes = vec![];
     if experiment.input.double_sided == Some(true) {

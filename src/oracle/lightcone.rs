@@ -73,7 +73,7 @@ pub fn pruned(gate: Gate, node: Extent, q: DVec3, q_tau: f64) -> bool {
 
 /// Effective power of a node of the 3D tree, where all v_tau are 0 (Eqs. 20 to 22), in [0, power]. If all distances are equal,
 /// the equation is 0/0, and the result is 0 or `power`. A node with result 0 may still have a valid vertex at the end of the
-/// range of distances; only [`pruned`] excludes valid vertices.
+/// range of distances; only [`pruned`] shows that it has none.
 pub fn effective_power_3d(gate: Gate, power: f64, bounds: Bounds, q: DVec3, q_tau: f64) -> f64 {
     let (d_min, d_max) = distances(q, bounds);
     if d_min == d_max {

@@ -12,7 +12,7 @@ pub struct PoolLayout {
     pub tree4_root: u32,
     /// Number of vertices of the longest light path; 0 if the pool is not ordered by path.
     pub longest_path: u32,
-    /// All light vertices.
+    /// Number of all light vertices; 0 if the pool is not ordered by trees.
     pub vertices: u32,
 }
 

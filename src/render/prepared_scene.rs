@@ -27,8 +27,9 @@ pub struct PreparedScene {
 }
 
 impl PreparedScene {
-    /// Fails if [`Scene::check`] fails, if the camera or a selected emitter does not exist, if nothing emits, or if a gated
-    /// render selects a light that is infinitely far away.
+    /// Fails if [`Scene::check`] fails, if the camera or a selected emitter does not exist, or if nothing emits. A light that is
+    /// infinitely far away must not be selected in a gated render, nor with a medium that fills all space. Also fails if a mesh that
+    /// bounds a medium is not closed, or if the device cannot render a medium.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<PreparedScene> {
         scene.check()?;
         null_boundary::check(scene)?;
@@ -157,7 +158,8 @@ fn sensor(camera: &Camera, settings: &Settings, space: &RenderSpace) -> Box3 {
     Box3::around(camera.corners(settings.resolution()).map(|corner| space.point(corner)))
 }
 
-/// Fails if a selected emitter does not exist, or if a gated render selects a light at infinity, which has no travel time.
+/// Fails if a selected emitter does not exist. Also fails if a light at infinity is selected in a gated render, where it has no travel
+/// time, or with a medium that fills all space, which lets none of its light through.
 fn check_emitters(scene: &Scene, settings: &Settings) -> Result<()> {
     let exists = |name: &String| {
         scene.lights.iter().any(|light| light.node == *name) || scene.instances.iter().any(|i| i.node == *name)

@@ -44,7 +44,7 @@ pub struct Scene {
     pub images: Vec<Image>,
     /// In the order of the nodes that carry them.
     pub cameras: Vec<Camera>,
-    /// Punctual lights and beams; emissive meshes are found through `materials`.
+    /// Punctual lights, beams and the sky; emissive meshes are found through `materials`.
     pub lights: Vec<Light>,
     /// Fog and other media outside of transmissive solids; where they overlap, the last counts.
     pub media: Vec<Medium>,

@@ -1,8 +1,8 @@
 //! Checks of a device that may be untested so far: `taugate devices --check`. Each check renders a small scene whose image is
 //! known.
 //!
-//! Every estimator renders every scene, with uniform and with adaptive sampling. So the checks find a driver that miscompiles a
-//! kernel, even if the driver reports no error.
+//! Every estimator renders every scene whose light it finds in a short time, with uniform and with adaptive sampling. So the
+//! checks find a driver that miscompiles a kernel, even if the driver reports no error.
 
 mod bits;
 mod lamp;

@@ -209,13 +209,13 @@ fn interval(text: &str, what: &str, example: &str, units: &[Unit], unit_names: &
         let message = format!("the {what} '{text}' has three dots: write two dots between its ends; {example}");
         return Err(Error::Settings(message));
     }
-    // Test for `+-` before `+`, because `+-` also contains a `+`.
     if let Some((a, b)) = text.split_once("..") {
         let (a, b) = (quantity(a)?, quantity(b)?);
         let unit_a = a.unit.or(b.unit).ok_or_else(no_unit)?;
         let unit_b = b.unit.or(a.unit).ok_or_else(no_unit)?;
         return Ok((a.value * unit_a, b.value * unit_b));
     }
+    // Test for `+-` before `+`, because `+-` also contains a `+`.
     if let Some((centre, half)) = text.split_once("+-").or_else(|| text.split_once('±')) {
         let (centre, half) = (quantity(centre)?, quantity(half)?);
         let centre_m = centre.value * centre.unit.or(half.unit).ok_or_else(no_unit)?;

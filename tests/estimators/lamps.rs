@@ -34,7 +34,7 @@ pub fn sphere_of(count: usize, subdivisions: u32) -> Scene {
 
 /// z-scores of the mean images with `count` point lights in the gates [2 + a, 2 + b), against `times` the closed form.
 fn z_of_sphere(count: usize, estimator: Estimator, gates: &[[f64; 2]], times: f64) -> Vec<f64> {
-    // `epc` searches the triangles for each connection. Its mesh is smaller than the sphere by 0.1 %.
+    // `epc` searches all triangles for each connection, so its sphere has fewer.
     let subdivisions = if estimator == Estimator::Epc { 4 } else { 6 };
     let scene = sphere_of(count, subdivisions);
     let mut renderer = renderer(&scene, &settings(estimator, [12, 12]).build().unwrap());
@@ -140,7 +140,7 @@ fn max_z(lamps: usize, settings: &Settings, gate: Gate, truth: &[(f64, f64)]) ->
     greatest
 }
 
-/// Settings of all estimators that can render beams, `lcs` with one tree and with two.
+/// Settings of the estimators that can render beams, except `epc`. `lcs` has one tree, then two.
 fn settings_under_test() -> [Settings; 4] {
     let [bdpt, paper, lcs] = [Estimator::Bdpt, Estimator::LcsPaper, Estimator::Lcs].map(room_settings);
     let two = lcs.change().single_tree(false).build().unwrap();

@@ -121,7 +121,7 @@ fn means(scene: &Scene, estimator: Estimator, gates: Gates, first_seed: u32) -> 
     means.into_iter().map(statistics).collect()
 }
 
-/// z-scores of [`means`] in the sphere, against the closed form of gates that end `stretch` times as late.
+/// z-scores of [`means`] in the sphere, against the closed form of gates that are `stretch` times as late.
 fn z_scores(means: &[[f64; 2]], gates: Gates, stretch: f64) -> Vec<f64> {
     let z = |(k, [mean, variance]): (usize, &[f64; 2])| {
         let Gate { lo, hi } = gates.gate(k as u32);

@@ -51,8 +51,8 @@ fn vertex(position: DVec3, normal: DVec3, sums: [f32; 2], pcg: &mut Pcg) -> Path
 }
 
 /// Shade points, and for each a light vertex: facing each other, in one plane, behind each other, or in a corner. In a fifth
-/// of the pairs, both vertices are level with the pinhole and differ only in z. All pairs share twelve places, so that
-/// vertices of different pairs are close too.
+/// of the pairs, the shade point is level with the pinhole (z = 0), and the vertices differ only in z. All pairs share twelve
+/// places, so that vertices of different pairs are close too.
 fn pairs() -> (Vec<PathVertex>, Vec<PathVertex>) {
     let mut pcg = Pcg::new(191);
     let (mut points, mut lights) = (vec![], vec![]);

@@ -11,7 +11,7 @@ use crate::app::progress::duration;
 pub struct SuiteProgress {
     pub repetitions: u32,
     pub started: Instant,
-    /// Seconds of rendering so far, and the total of the suite.
+    /// Seconds of rendering in this run so far, and in all.
     pub done: f64,
     pub all: f64,
 }

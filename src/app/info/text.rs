@@ -11,7 +11,7 @@ use super::pixel::{Object, Shown};
 use super::{Arrival, Memory, Render, Report};
 use crate::app::feasible::{SUGGESTED_PART, short};
 
-/// Maximum number of lines for cameras, for emitters and for warnings. The JSON report lists all.
+/// Maximum number of lines per list, such as the cameras. The JSON report lists all.
 const LISTED: usize = 20;
 
 struct Lines(String);

@@ -26,7 +26,7 @@ const ACK: Duration = Duration::from_secs(60);
 /// Messages per second that a page may send, and how many it may send at once.
 const RATE: f64 = 100.0;
 const BURST: f64 = 200.0;
-/// A page that sent so many malformed messages is dropped.
+/// A page that sent more malformed messages than this is dropped.
 const MAX_MALFORMED: u32 = 20;
 /// Maximum number of answers queued for a page.
 const ANSWERS: usize = 64;

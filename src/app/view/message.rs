@@ -159,6 +159,7 @@ pub struct Response {
     pub hi: Option<f64>,
 }
 
+/// The last medium of the scene: its coefficients per metre, R, G, B.
 #[derive(Debug, Clone, Serialize)]
 pub struct Medium {
     pub sigma_s: [f64; 3],
@@ -211,12 +212,12 @@ pub struct Pixel {
     pub x: u32,
     pub y: u32,
     pub radiance: [f32; 3],
-    /// Standard errors; None before two iterations.
+    /// Standard errors; None before two iterations, and with several responses.
     pub error: Option<[f32; 3]>,
     pub samples: u64,
     /// Length of the camera ray in metres; None if the pixel shows no surface, or if it is not known yet.
     pub depth: Option<f32>,
     pub object: Option<String>,
-    /// Luminance in each response, if there are several.
+    /// Luminance in each response; None with a single response, or with too many.
     pub histogram: Option<Vec<f32>>,
 }

@@ -82,7 +82,7 @@ impl Picture {
         Some(3 * (scaled(y, height, full[1])? * width as usize + scaled(x, width, full[0])?))
     }
 
-    /// Luminances of the pixel whose first channel is `at`, in each response. `None` if there is one response.
+    /// Luminances of the pixel whose first channel is `at`, in each response. `None` if `responses` is empty.
     pub fn histogram(&self, at: usize) -> Option<Vec<f32>> {
         let luminance_at = |image: &[f32]| luminance([image[at], image[at + 1], image[at + 2]]) as f32;
         (!self.responses.is_empty()).then(|| self.responses.chunks_exact(self.values()).map(luminance_at).collect())

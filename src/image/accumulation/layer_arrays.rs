@@ -36,7 +36,7 @@ pub fn read<R: Read + Seek>(zip: &mut Archive<R>, size: [usize; 2]) -> Result<La
         if zip.index_for_name(&format!("{name}.npy")).is_none() {
             continue;
         }
-        // The first arrival is infinite where no light arrives.
+        // Unlike sums, layers need not be finite: nothing is computed from them.
         let (_, values) = any_values(zip, name, |shape| shape == size)?;
         let plane = match name == IDS {
             false => Plane::Floats(values.into_iter().map(|value| value as f32).collect()),

@@ -12,7 +12,7 @@ use crate::settings::exposure::Exposure;
 use crate::settings::table::OutputTable;
 use crate::settings::values::Png;
 
-/// The files that a render writes: an image, an array, or both.
+/// The files that a render writes. At least one of them keeps the image: `exr`, `npy`, `acc`, `png` or `checkpoint`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outputs {
     pub exr: Option<PathBuf>,

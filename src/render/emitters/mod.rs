@@ -23,7 +23,8 @@ pub use sky::table as sky_table;
 pub struct EmitterSet {
     /// Alias table over flux: first triangles, then lights without a surface. Beams of zero radius are last.
     pub table: Vec<Emitter>,
-    /// Point and spot lights as light vertices. Each shade point connects to all of them, or to a selection if they are many.
+    /// Point lights, spot lights and suns as light vertices. Each shade point connects to all of them, or to a selection if they are
+    /// many.
     pub deterministic: Vec<PathVertex>,
     /// Bounding box of all emitting points, in render space.
     pub lo: Vec3,
