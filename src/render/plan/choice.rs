@@ -13,7 +13,7 @@ const HISTOGRAM_WIDTH: f64 = 0.1;
 
 /// Gates that are narrower than this fraction of the scene's diagonal have ellipsoidal connections, if the estimator has a record for
 /// thin gates (docs/notebook/ellipsoids-by-importance.md).
-const THIN_GATE: f64 = 0.0006;
+const THIN_GATE: f64 = 0.0004;
 
 /// The conditions, besides the responses, that decide which record of an estimator a render uses.
 pub struct Choice {
