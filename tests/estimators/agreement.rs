@@ -48,7 +48,7 @@ fn has_only_beams(scene: &Scene) -> bool {
 
 /// Compares the estimators that check a feature with the oracle over several gates.
 pub fn feature_against_oracle(name: &str, scene: &Scene, gates: &[(f64, f64)], resolution: [u32; 2]) -> Vec<String> {
-    against(name, &feature_estimators(scene), scene, gates, &oracle(scene, gates, resolution, 800))
+    against(name, &feature_estimators(scene), scene, gates, &oracle(scene, gates, resolution, oracle_samples()))
 }
 
 /// All estimators evaluate materials, media and cameras with the same functions. So only the two estimators that have the least in
@@ -59,6 +59,11 @@ pub fn feature_estimators(scene: &Scene) -> Vec<Estimator> {
     }
     let least_like_lcs = if has_only_beams(scene) { Estimator::Bdpt } else { Estimator::Pt };
     vec![least_like_lcs, Estimator::Lcs]
+}
+
+/// The oracle's samples per pixel in most tests.
+pub fn oracle_samples() -> u32 {
+    if is_long() { 800 } else { 500 }
 }
 
 /// The oracle's image through each gate, with `spp` samples per pixel.
@@ -121,7 +126,7 @@ fn cornell_truth() -> &'static Film {
     static TRUTH: OnceLock<Film> = OnceLock::new();
     TRUTH.get_or_init(|| {
         let gates = [&CORNELL_GATES[..], &[(6.6, 7.1)]].concat();
-        oracle(&build(Kind::CornellBox), &gates, [32, 32], 800)
+        oracle(&build(Kind::CornellBox), &gates, [32, 32], oracle_samples())
     })
 }
 
@@ -145,7 +150,13 @@ fn shifted_bins_are_rejected() {
 fn door_ajar_with_its_beam_agrees_with_the_oracle() {
     let scene = build(Kind::DoorAjar);
     let gates = [(14.0, 15.0), (0.0, f64::INFINITY)];
-    assert_none(against("door", &estimators(&scene), &scene, &gates, &oracle(&scene, &gates, [32, 16], 800)));
+    assert_none(against(
+        "door",
+        &estimators(&scene),
+        &scene,
+        &gates,
+        &oracle(&scene, &gates, [32, 16], oracle_samples()),
+    ));
 }
 
 #[test]

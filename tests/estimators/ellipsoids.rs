@@ -1,7 +1,7 @@
 //! Ellipsoidal connections, of `epc` and of `lcs`, in gates that bdpt hardly ever hits. Tests in other files cover `epc` in
 //! wide gates.
 
-use super::agreement::{against, assert_none, bin, oracle};
+use super::agreement::{against, assert_none, bin, oracle, oracle_samples};
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
@@ -68,7 +68,7 @@ fn foggy(scene: Scene) -> Scene {
 fn glass_alpha_and_fog_agree_with_the_oracle() {
     let gates = [(5.0, 5.5), (8.0, 8.5), (5.5, 6.0)];
     for (name, scene) in [("lamp", zoo(Light::Area)), ("fog", foggy(zoo(Light::Punctual)))] {
-        let truth = oracle(&scene, &gates, [24, 20], 800);
+        let truth = oracle(&scene, &gates, [24, 20], oracle_samples());
         assert_none(against(name, &[Estimator::Epc], &scene, &gates[..2], &truth));
         let shifted = against(name, &[Estimator::Epc], &scene, &gates[..1], &bin(&truth, 2));
         assert!(!shifted.is_empty(), "{name}: a gate that is shifted by its width is not rejected");

@@ -11,7 +11,7 @@ use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Emitters, Estimator, Settings};
 
-use super::agreement::{against, assert_none, feature_estimators, oracle};
+use super::agreement::{against, assert_none, feature_estimators, oracle, oracle_samples};
 use super::cells::{Cells, is_long, renderer, settings, threshold};
 
 const ALBEDO: f32 = 0.5;
@@ -173,7 +173,7 @@ fn one_lamp_more_is_noticed() {
 fn a_hundred_spot_lights_agree_with_the_oracle() {
     let scene = build(Kind::HundredLamps);
     let gates = [(11.0, 12.0), (0.0, f64::INFINITY)];
-    let truth = oracle(&scene, &gates, [24, 16], 800);
+    let truth = oracle(&scene, &gates, [24, 16], oracle_samples());
     assert_none(against("hundred lamps", &feature_estimators(&scene), &scene, &gates, &truth));
 }
 

@@ -1,7 +1,7 @@
 //! Images of rough glass: a ball in front of a lit room, and a pane in front of a lamp. The oracle samples one microfacet after
 //! the other and never evaluates the BSDF; the estimators evaluate the BSDF in every connection.
 
-use super::agreement::{against, assert_none, bin, feature_estimators, oracle};
+use super::agreement::{against, assert_none, bin, feature_estimators, oracle, oracle_samples};
 use super::cells::{Cells, disagreements, renderer, settings};
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
@@ -42,7 +42,7 @@ pub fn scene(rougher: f32) -> Scene {
 #[test]
 fn rough_glass_agrees_with_the_oracle() {
     let gates = [GATES[0], GATES[1], (0.0, f64::INFINITY)];
-    let truth = oracle(&scene(1.0), &gates, SIZE, 800);
+    let truth = oracle(&scene(1.0), &gates, SIZE, oracle_samples());
     assert_none(against("rough glass", &ESTIMATORS, &scene(1.0), &gates, &truth));
     // Negative control: alpha is a quarter larger.
     assert!(!against("rougher glass", &[Estimator::Lcs], &scene(1.25), &gates[..1], &truth).is_empty());
@@ -60,7 +60,7 @@ fn a_partly_transmitting_pane_agrees_with_the_oracle() {
     let mut painted = plain.clone();
     painted.materials[pane].transmission_texture = Some(texture);
     let gates = [GATES[0], (0.0, f64::INFINITY)];
-    let truth = oracle(&painted, &gates, SIZE, 800);
+    let truth = oracle(&painted, &gates, SIZE, oracle_samples());
     assert_none(against("painted pane", &feature_estimators(&painted), &painted, &gates, &truth));
     // Negative control: glass alone.
     assert!(!against("glass pane", &[Estimator::Lcs], &plain, &gates[1..], &bin(&truth, 1)).is_empty());

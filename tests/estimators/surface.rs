@@ -10,7 +10,7 @@ use taugate::internals::scene::{Image, Material, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
-use super::agreement::{against, assert_none, feature_estimators, oracle};
+use super::agreement::{against, assert_none, feature_estimators, oracle, oracle_samples};
 use super::cells::{Cells, renderer, settings, threshold};
 
 /// An image of 8 x 8 random texels.
@@ -79,7 +79,7 @@ const GATES: [(f64, f64); 2] = [(5.0, 6.0), (0.0, f64::INFINITY)];
 #[test]
 fn varying_roughness_metalness_and_colours_agree_with_the_oracle() {
     let scene = varied(roughness_and_metalness());
-    let truth = oracle(&scene, &GATES, [24, 16], 800);
+    let truth = oracle(&scene, &GATES, [24, 16], oracle_samples());
     assert_none(against("varied", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: factors without the texture.
     let plain = varied(white());
@@ -101,7 +101,7 @@ fn clear_coats_agree_with_the_oracle() {
         let dark = |m| Material { metallic: 0.3, base_color_texture: None, base_color: [0.05, 0.1, 0.1, 1.0], ..m };
         let of = |clearcoat| room_of(|m| Material { clearcoat, clearcoat_roughness, ..dark(m) });
         let scene = of(1.0);
-        let truth = oracle(&scene, &GATES, [24, 16], 800);
+        let truth = oracle(&scene, &GATES, [24, 16], oracle_samples());
         assert_none(against("clear coat", &feature_estimators(&scene), &scene, &GATES, &truth));
         // Negative control: hardly any clear coat, with the same kernels.
         assert!(!against("bare", &[Estimator::Lcs], &of(1e-6), &GATES[..1], &truth).is_empty());
@@ -112,7 +112,7 @@ fn clear_coats_agree_with_the_oracle() {
 fn specular_colours_agree_with_the_oracle() {
     let of = |specular_color| room_of(|m| Material { specular: 0.9, specular_color, ..m });
     let scene = of([0.2, 2.0, 12.0]);
-    let truth = oracle(&scene, &GATES, [24, 16], 800);
+    let truth = oracle(&scene, &GATES, [24, 16], oracle_samples());
     assert_none(against("colours", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: almost white, with the same kernels.
     assert!(!against("white", &[Estimator::Lcs], &of([1.0, 1.0, 1.001]), &GATES[..1], &truth).is_empty());
@@ -144,7 +144,7 @@ fn varying_plastics_agree_with_the_oracle() {
         })
     };
     let scene = of(four_channels());
-    let truth = oracle(&scene, &GATES, [24, 16], 800);
+    let truth = oracle(&scene, &GATES, [24, 16], oracle_samples());
     assert_none(against("varied plastic", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: factors without textures.
     assert!(!against("plain plastic", &[Estimator::Lcs], &of(white()), &GATES[..1], &truth).is_empty());
@@ -166,7 +166,7 @@ fn varying_clear_coats_agree_with_the_oracle() {
         })
     };
     let scene = of(four_channels());
-    let truth = oracle(&scene, &GATES, [24, 16], 800);
+    let truth = oracle(&scene, &GATES, [24, 16], oracle_samples());
     assert_none(against("varied clear coat", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: factors without textures.
     assert!(!against("plain clear coat", &[Estimator::Lcs], &of(white()), &GATES[..1], &truth).is_empty());
@@ -237,7 +237,7 @@ fn constant_textures_are_factors() {
 #[test]
 fn normal_maps_agree_with_the_oracle() {
     let scene = with_normal_map(zoo(Light::Area), bumps());
-    let truth = oracle(&scene, &GATES, [24, 16], 800);
+    let truth = oracle(&scene, &GATES, [24, 16], oracle_samples());
     assert_none(against("bumps", &feature_estimators(&scene), &scene, &GATES, &truth));
     // Negative control: half of the slopes.
     let mut smoother = scene.clone();
