@@ -1,7 +1,7 @@
 // Flights of sensor subpaths through fog, towards the places from which light can still arrive inside the gate (lcs).
 #import medium
 
-// Whether `guided_flight` replaces `free_flight` for sensor subpaths, if the gate has an end.
+// Whether sensor subpaths use `guided_flight` instead of `free_flight` when the gate has an end.
 override GUIDES_FLIGHTS: bool = false;
 // Share of the events on the first segment that are drawn uniformly in the gate. On later segments, all events are drawn in
 // proportion to scattering, because the factors of many events would multiply to a few bright paths.

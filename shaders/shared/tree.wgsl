@@ -27,8 +27,9 @@ struct TreeNode {
 
 const LEAF_BIT: u32 = 0x80000000u;
 const LEAF_FIRST: u32 = 0x07ffffffu;
-// Number of buckets that a node stores, and the number B of buckets that its travel times are divided into.
+// Number of buckets that a node has room for.
 const BUCKETS: u32 = 8u;
+// Number of buckets in use (B in the paper). They divide the travel times of a node into equal intervals.
 override BUCKET_COUNT: f32 = f32(BUCKETS);
 
 // The vertices of the pool: seven texels per PathVertex.

@@ -3,8 +3,8 @@
 #import surface
 #import random
 
-// Whether a surface with alpha stops every ray where its coverage is at least one half, and no other ray. If false, a ray passes with
-// probability 1 - coverage.
+// If true, a surface with alpha stops every ray where its coverage is at least one half, and lets every ray pass elsewhere. If false,
+// a ray passes with probability 1 - coverage.
 override AT_HALF_COVERAGE: bool = false;
 
 // Closest surface that the ray o + t d hits for 0 < t < t_max, or some surface if `any_hit` is set. `d` may have any length.
@@ -29,9 +29,9 @@ fn trace(o: vec3<f32>, d: vec3<f32>, t_max: f32, any_hit: bool, origin_triangle:
         if (EXIT_AT_TOP && !goes_on) {
             break;
         }
-        // A ray that may pass surfaces needs the nearest hit in every call: once it has passed a farther surface, it cannot hit
-        // the nearer ones.
         let reach = select(t_max, 3e38, HAS_NULL_BOUNDARIES && only_boundaries);
+        // A ray that may pass surfaces needs the nearest hit in every call: once it has passed a farther surface, it cannot hit
+        // the nearer ones. So `any_hit` applies only in scenes where no surface lets rays pass.
         let next = traverse(o, d, last_hit, reach, any_hit && !HAS_ALPHA && !HAS_NULL_BOUNDARIES, origin_triangle);
         last_hit = LastHit(next.t, next.triangle);
         goes_on = passes_boundary(next, o, d, hit);

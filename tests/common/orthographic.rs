@@ -16,8 +16,8 @@ const HEIGHT: f64 = 4.0;
 const CENTRE: [f64; 2] = [0.3, 0.6];
 pub const RESOLUTION: [u32; 2] = [24, 16];
 
-/// Light arrives from 2.80 m to 11.9 m, and half of it by 3.32 m. A path over the floor to the place of the camera instead of the
-/// sensor plane would take at least 3.14 m. So a bound that ignores the size of the sensor finds the first gate dark.
+/// Light arrives from 2.80 m to 11.9 m, and half of it by 3.32 m. If the sensor were a point at the camera's place, paths over the
+/// floor would take at least 3.14 m. So a bound that ignores the size of the sensor would find the first gate dark.
 pub const GATES: [(f64, f64); 4] = [(2.7, 3.0), (3.3, 4.0), (5.0, 12.0), (0.0, f64::INFINITY)];
 
 fn forward() -> DVec3 {

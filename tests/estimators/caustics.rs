@@ -57,9 +57,9 @@ fn caustics_agree_with_bdpt() {
 
 const GATES: [(f64, f64); 2] = [CAUSTIC, (0.0, f64::INFINITY)];
 
-/// The oracle's images. If glass did not slow light, the caustic would arrive in the last gate: the first gate, moved earlier by
-/// half the ball's diameter. The oracle hits the lamp through the glass by chance: over a hundred times per cell with 3,200 samples
-/// per pixel.
+/// The oracle's images through `GATES`, then through a third gate, in which the caustic would arrive if glass did not slow light. This
+/// gate is earlier than the first one by half the ball's diameter. The oracle hits the lamp through the glass by chance: over a
+/// hundred times per cell with 3,200 samples per pixel.
 fn truth() -> &'static Film {
     static TRUTH: OnceLock<Film> = OnceLock::new();
     TRUTH.get_or_init(|| {

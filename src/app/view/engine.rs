@@ -84,8 +84,9 @@ pub struct Work {
     previews: usize,
     /// When the camera moved; `None` if the full image has the present camera.
     moved: Option<Instant>,
-    /// Whether the histogram (`has_surfaces`: the surfaces) was measured with the present camera and lights.
+    /// Whether the histogram of arriving light was measured with the present camera and lights.
     pub(super) has_arrivals: bool,
+    /// Whether the depth and the object of every pixel were found with the present camera and lights.
     pub(super) has_surfaces: bool,
     /// Time spent on the iterations of the full image.
     seconds: f64,

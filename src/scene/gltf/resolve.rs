@@ -75,7 +75,8 @@ fn u32_le(bytes: &[u8]) -> Option<(u32, &[u8])> {
     Some((u32::from_le_bytes(*head), rest))
 }
 
-/// All buffers of the file, each cut to its `byteLength`; `None` for buffers without data, which stand for compressed data.
+/// All buffers of the file, each cut to its `byteLength`. `None` for a buffer without data: a placeholder for data that is compressed
+/// in another buffer.
 pub fn buffers<'a>(root: &Root, bin: Option<&'a [u8]>, folders: Folders) -> Checked<Vec<Option<Cow<'a, [u8]>>>> {
     let mut total = 0u64;
     let mut buffers = Vec::with_capacity(root.buffers.len());
