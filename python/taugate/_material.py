@@ -7,14 +7,18 @@ import numpy as np
 
 from ._texture import Texture
 
+TEXTURES = ("texture", "roughness_texture", "metallic_texture")
+
 
 @dataclasses.dataclass
 class Material:
     """A metallic-roughness material of glTF, with its extensions. Colours are linear RGB.
 
     ``color`` is the base colour, and ``alpha`` its coverage. ``emission`` is radiance in W/(m^2 sr). With ``specular`` 0 and ``metallic`` 0 a
-    material is purely diffuse. ``texture`` multiplies the base colour and alpha, and ``roughness_texture`` the roughness. Each is a
-    :class:`Texture`, or its texels (H, W), (H, W, 1) or, for colours, (H, W, 3) or (H, W, 4). Meshes of such a material need ``uvs``.
+    material is purely diffuse. ``texture`` multiplies the base colour and alpha, ``roughness_texture`` the roughness, and
+    ``metallic_texture`` the metalness (which is 0 unless you set it). Each is a :class:`Texture`, or its texels (H, W), (H, W, 1) or, for
+    colours, (H, W, 3) or (H, W, 4). Meshes of such a material need ``uvs``. The textures of roughness and metalness become one image: they
+    need the same shape, wrap modes, filter and transform.
     """
 
     color: tuple = (1.0, 1.0, 1.0)
@@ -31,6 +35,7 @@ class Material:
     double_sided: bool = True
     texture: Union[np.ndarray, Texture, None] = None
     roughness_texture: Union[np.ndarray, Texture, None] = None
+    metallic_texture: Union[np.ndarray, Texture, None] = None
 
     @classmethod
     def diffuse(cls, color=(0.5, 0.5, 0.5), **more):
@@ -57,9 +62,12 @@ class Material:
         """A lamp with this radiance in W/(m^2 sr) on its front, which reflects nothing."""
         return cls(**{"color": (0.0, 0.0, 0.0), "specular": 0.0, "emission": _rgb(radiance), "double_sided": False, **more})
 
+    def _has_textures(self):
+        return any(getattr(self, field) is not None for field in TEXTURES)
+
     def _plain(self, name, textures):
-        """The fields as the native part takes them; `textures` has the indices of the textures by field."""
-        plain = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name not in textures}
+        """The fields as the native part takes them; `textures` has the indices of the textures by native field."""
+        plain = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name not in TEXTURES}
         for key in ("color", "specular_color", "emission"):
             plain[key] = _rgb(plain[key])
         plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in plain.items()}

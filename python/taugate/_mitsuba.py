@@ -8,7 +8,7 @@ import numpy as np
 from ._camera import Camera
 from ._errors import SceneError, SettingsError
 from ._material import Material
-from ._mitsuba_texture import Notes, Textures, children
+from ._mitsuba_texture import LUMINANCE, Notes, Textures, children, mix_root
 from ._scene import Scene
 
 # Segments per circle, for shapes that become triangles.
@@ -16,7 +16,7 @@ PARTS = 64
 # Texture coordinates of the corners of a triangle whose mesh has none.
 CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 KINDS = (
-    "SmoothDiffuse", "SmoothPlastic", "RoughPlastic", "SmoothConductor", "RoughConductor", "SmoothDielectric", "RoughDielectric",
+    "Principled", "SmoothDiffuse", "SmoothPlastic", "RoughPlastic", "SmoothConductor", "RoughConductor", "SmoothDielectric", "RoughDielectric",
 )
 # BSDFs around another one, and their names.
 WRAPPERS = {"TwoSidedBRDF": "two-sided BSDF", "MaskBSDF": "mask", "BumpMap": "bump map", "NormalMap": "normal map"}
@@ -28,8 +28,9 @@ def from_mitsuba(scene, **settings):
     Needs the package ``mitsuba``, with a variant for RGB; without a variant it chooses ``llvm_ad_rgb`` or ``scalar_rgb``. Keyword arguments are
     settings of all renders. ``scene.not_converted`` of the result lists, in sentences, what is approximated or missing.
 
-    Bitmaps and checkerboards become textures with 8 bits per channel: of the reflectance of diffuse, plastic and conducting surfaces, and of the
-    ``alpha`` of rough ones. Other textures become their mean, or grey.
+    Bitmaps and checkerboards become textures with 8 bits per channel: of the reflectance of diffuse, plastic and conducting surfaces, of the
+    ``alpha`` of rough ones, of ``base_color``, ``roughness`` and ``metallic`` of the principled BSDF, and of the opacity of masks. Other
+    textures become their mean, or grey.
     """
     try:
         import mitsuba as mi
@@ -92,7 +93,7 @@ class _Reader:
         if self.is_flipped(shape, vertices, triangles):
             triangles, corners, normals = triangles[:, ::-1], CORNERS[::-1], None if normals is None else -normals
         material = self.material(shape.bsdf(), name, CORNERS if uvs is None else uvs)
-        if material.texture is None and material.roughness_texture is None:
+        if not material._has_textures():
             uvs = None
         elif uvs is None:
             # Without texture coordinates, those of Mitsuba are barycentric.
@@ -155,17 +156,27 @@ class _Reader:
 
     def material(self, bsdf, name, uvs):
         of = f"the BSDF of '{name}'"
-        opacity, is_twosided = 1.0, False
+        opacity, holes, is_twosided = 1.0, None, False
         while bsdf.class_name() in WRAPPERS:
             kind = bsdf.class_name()
             is_twosided |= kind == "TwoSidedBRDF"
             if kind == "MaskBSDF":
-                opacity *= min(max(self.mean(self.values(bsdf), "opacity", 1.0, of), 0.0), 1.0)
+                values = self.values(bsdf)
+                if holes is None and self.convertible(values, "opacity") is not None:
+                    holes = values
+                else:
+                    opacity *= self.share(values, "opacity", of)
             elif kind != "TwoSidedBRDF":
                 self.note(f"the {WRAPPERS[kind]} of {of} is left out")
             # The first BSDF in a two-sided BSDF is its front.
             bsdf = next(child for child in children(self.mi, bsdf).values() if isinstance(child, self.mi.BSDF))
         material = self.inner_material(bsdf, name, uvs, is_twosided)
+        if holes is not None:
+            texture = self.textures.with_alpha(material.texture, holes["opacity"], f"the texture opacity of {of}", uvs)
+            if texture is None:
+                opacity *= self.share(holes, "opacity", of)
+            else:
+                material.texture = texture
         material.alpha = opacity
         return material
 
@@ -177,6 +188,8 @@ class _Reader:
             return Material.diffuse(0.5)
         values = self.values(bsdf)
         sides = {"double_sided": is_twosided}
+        if kind == "Principled":
+            return self.principled(values, of, uvs, sides)
         roughness, sides["roughness_texture"] = self.roughness(values, of, uvs) if kind.startswith("Rough") else (0.0, None)
         if "distribution = beckmann" in str(bsdf).lower():
             self.note(f"the microfacets of '{name}' are GGX instead of Beckmann")
@@ -203,10 +216,62 @@ class _Reader:
             self.note(f"the dielectric of '{name}' has an index below 1, so its inside counts as vacuum")
         return Material.glass(max(eta, 1.0), roughness, roughness_texture=sides["roughness_texture"])
 
+    def principled(self, values, of, uvs, sides):
+        """The material of the principled BSDF. Its roughness is that of glTF: the square root of the alpha of GGX."""
+        for key in ("anisotropic", "sheen", "flatness"):
+            self.leave_out(values, key, of, 0.0)
+        if "eta" in values:
+            eta = self.mean(values, "eta", 1.5, of)
+        else:
+            eta = 2 / (1 - math.sqrt(0.08 * self.share(values, "specular", of))) - 1
+        if eta < 1:
+            self.note(f"eta of {of} is below 1; it becomes 1")
+        surface = self.surface(values, of, uvs)
+        metallic = surface["metallic"] if "metallic_texture" not in surface else float(self.textures.mean(values["metallic"]) @ LUMINANCE)
+        if eta == 1 and metallic > 0:
+            self.note(f"the metal of {of} reflects light; in Mitsuba it is black, because its specular is 0")
+        transmission = self.share(values, "spec_trans", of) if metallic < 1 else 0.0
+        if metallic < 1 and transmission < 1:
+            self.note(f"the diffuse part of {of} is that of glTF; its albedo is from 9 % lower to 5 % higher")
+        # Light through Mitsuba's glass gets the square root of the base colour, because it passes two surfaces.
+        root = transmission * (1 - metallic)
+        if 0 < root < 1:
+            self.note(f"base_color of {of} becomes a mix of itself and its square root, which is the colour of the glass")
+        color, texture = self.color(values, "base_color", of, uvs, root)
+        specular_color, tint, clearcoat = np.ones(3), self.share(values, "spec_tint", of), self.share(values, "clearcoat", of)
+        if tint > 0 and metallic < 1:
+            if texture is not None:
+                self.note(f"spec_tint of {of} has the mean colour of the texture base_color")
+            base = self.textures.mean(values["base_color"]) if texture is not None else np.array(self.rgb(values, "base_color", of))
+            if transmission > 0:
+                self.note(f"spec_tint of {of} is left out for its glass")
+            if base @ LUMINANCE > 0:
+                specular_color = 1 - tint + tint * base / (base @ LUMINANCE)
+        if clearcoat > 0:
+            self.note(f"the clear coat of {of} is that of glTF: GGX instead of GTR1, stronger at grazing angles, over darker layers")
+        # GGX is nearest to GTR1, in total variation, if its alpha is the square root of the alpha of GTR1. Then the median angles are equal.
+        coat = (0.1 + (0.001 - 0.1) * self.share(values, "clearcoat_gloss", of)) ** 0.25 if clearcoat > 0 else 0.0
+        return Material(
+            color, specular_color=tuple(specular_color), ior=max(eta, 1.0), transmission=transmission, clearcoat=clearcoat,
+            clearcoat_roughness=coat, texture=texture, **surface, **sides,
+        )
+
+    def surface(self, values, of, uvs):
+        """Roughness and metalness of the principled BSDF, and their textures."""
+        keys = [key for key in ("roughness", "metallic") if self.convertible(values, key) is not None]
+        whats = [f"the texture {key} of {of}" for key in keys]
+        textures = self.textures.numbers([values[key] for key in keys], whats, uvs)
+        if textures is None:
+            # The texture of the metalness becomes its mean.
+            del keys[1:], whats[1:]
+            textures = self.textures.numbers([values[key] for key in keys], whats, uvs)
+        surface = {key: 1.0 if key in keys else self.share(values, key, of) for key in ("roughness", "metallic")}
+        return {**surface, **{f"{key}_texture": texture for key, texture in zip(keys, textures)}}
+
     def roughness(self, values, of, uvs):
         """Roughness of glTF, the square root of the alpha of GGX, and its texture or ``None``."""
-        node = self.texture(values, "alpha")
-        if node is not None and self.textures.can_convert(node) and self.textures.is_placed(node):
+        node = self.convertible(values, "alpha")
+        if node is not None:
             return 1.0, self.textures.roughness(node, f"the texture alpha of {of}", uvs)
         if self.is_known(values, "alpha_u"):
             self.note(f"the roughness of {of} is anisotropic; it becomes its geometric mean")
@@ -215,12 +280,17 @@ class _Reader:
             alpha = self.mean(values, "alpha", 0.1, of)
         return math.sqrt(min(max(alpha, 0.0), 1.0)), None
 
-    def color(self, values, key, of, uvs):
-        """Three numbers, and the texture that multiplies them or ``None``."""
+    def color(self, values, key, of, uvs, root=0.0):
+        """Three numbers, and the texture that multiplies them or ``None``. For `root` see :func:`mix_root`."""
+        node = self.convertible(values, key)
+        if node is None:
+            return tuple(mix_root(np.array(self.rgb(values, key, of)), root).tolist()), None
+        return (1.0, 1.0, 1.0), self.textures.color(node, f"the texture {key} of {of}", uvs, root)
+
+    def convertible(self, values, key):
+        """The texture of Mitsuba that is this parameter and becomes a texture; ``None`` if there is none."""
         node = self.texture(values, key)
-        if node is None or not (self.textures.can_convert(node) and self.textures.is_placed(node)):
-            return self.rgb(values, key, of), None
-        return (1.0, 1.0, 1.0), self.textures.color(node, f"the texture {key} of {of}", uvs)
+        return node if node is not None and self.textures.can_convert(node) and self.textures.is_placed(node) else None
 
     def texture(self, values, key):
         """The texture of Mitsuba that is this parameter; ``None`` if the parameter is no texture."""
@@ -249,9 +319,13 @@ class _Reader:
     def mean(self, values, key, default, of):
         return float(np.mean(self.rgb(values, key, of))) if self.is_known(values, key) else default
 
-    def leave_out(self, values, key, of):
-        """Lists a factor that is not 1."""
-        if self.is_known(values, key) and (self.texture(values, key) is not None or self.rgb(values, key, of) != (1.0, 1.0, 1.0)):
+    def share(self, values, key, of):
+        """The mean, limited to numbers from 0 to 1."""
+        return min(max(self.mean(values, key, 0.0, of), 0.0), 1.0)
+
+    def leave_out(self, values, key, of, neutral=1.0):
+        """Lists a parameter that has an effect."""
+        if self.is_known(values, key) and (self.texture(values, key) is not None or self.rgb(values, key, of) != (neutral,) * 3):
             self.note(f"{key} of {of} is left out")
 
     # Lights and cameras.

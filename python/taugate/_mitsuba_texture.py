@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 
-from ._texture import MAX_TRANSFORM, WRAPS, Texture, blocks, linear_bytes, srgb_bytes, srgb_to_linear
+from ._texture import MAX_TRANSFORM, ROWS, WRAPS, Texture, blocks, linear_bytes, srgb_bytes, srgb_to_linear
 
 # Textures that depend on nothing but the texture coordinates, and values that are the same everywhere.
 EVALUATED = re.compile(r"Bitmap|Checkerboard|\w*Spectrum$")
@@ -51,15 +51,21 @@ def children(mi, item):
     return callback.found
 
 
+def mix_root(colors, root):
+    """The mix of colours and their square roots; `root`: the share of the roots."""
+    return (1 - root) * colors + root * np.sqrt(colors) if root else colors
+
+
 class Textures:
     """Converts the textures of a scene, each one once. `note` takes sentences on what is approximated."""
 
     def __init__(self, mi, note):
         self.mi = mi
         self.note = note
-        # Keys are addresses, so the values keep the objects that have these addresses.
+        # Keys have addresses, so the values keep the objects that have these addresses.
         self.exact = {}
         self.sampled = {}
+        self.resized = {}
         self.bytes = {}
 
     def can_convert(self, node):
@@ -72,13 +78,49 @@ class Textures:
         found = self.mi.traverse(node)
         return "to_uv" not in found or bool((np.abs(_matrix(found["to_uv"])) <= MAX_TRANSFORM).all())
 
-    def color(self, node, what, uvs):
-        """The :class:`Texture` of a colour. `uvs` are the texture coordinates of the mesh."""
-        return self.texture(node, what, uvs, self.color_texels)
+    def color(self, node, what, uvs, root=0.0):
+        """The :class:`Texture` of a colour. `uvs` are the texture coordinates of the mesh; for `root` see :func:`mix_root`."""
+        return self.texture(self.image(node, uvs, what), what, self.color_texels, root)
 
     def roughness(self, node, what, uvs):
         """The :class:`Texture` of the roughness of glTF, the square root of the alpha of GGX."""
-        return self.texture(node, what, uvs, self.roughness_texels)
+        return self.texture(self.image(node, uvs, what), what, self.roughness_texels)
+
+    def numbers(self, nodes, whats, uvs):
+        """The :class:`Texture` of each number from 0 to 1, of the same shape; ``None`` if wrap modes, filters or transforms differ."""
+        images = self.aligned([self.image(node, uvs, what) for node, what in zip(nodes, whats)])
+        return images and [self.texture(image, what, self.number_texels) for image, what in zip(images, whats)]
+
+    def with_alpha(self, texture, node, what, uvs):
+        """The texture of a colour, by default white, with the alpha of `node`; ``None`` if wrap modes, filters or transforms differ."""
+        alpha = self.image(node, uvs, what)
+        key = (id(texture and texture.texels), id(alpha), "alpha")
+        if texture is None:
+            texture = Texture(np.full((1, 1, 4), 255, np.uint8), alpha.wrap, alpha.filter, alpha.transform)
+        color = _Image(texture.texels[..., :3], texture.transform, texture.wrap, texture.filter, True)
+        images = self.aligned([color, alpha])
+        if images is None:
+            return None
+        if key not in self.bytes:
+            colors, alphas = self.color_texels(images[0], what), self.number_texels(images[1], what)
+            self.bytes[key] = (texture, alpha), np.dstack([colors[..., :3], alphas])
+        return Texture(self.bytes[key][1], alpha.wrap, alpha.filter, alpha.transform)
+
+    def aligned(self, images):
+        """The images with the same number of texels; ``None`` if their wrap modes, filters or transforms differ."""
+        for a, b in zip(images, images[1:]):
+            if (a.wrap, a.filter) != (b.wrap, b.filter) or not np.allclose(a.transform, b.transform):
+                return None
+        sizes = {image.texels.shape[:2] for image in images}
+        if len(sizes) < 2:
+            return images
+        # More texels, so that texels of both images end at about the same places as before.
+        largest = np.max(list(sizes), axis=0)
+        size = tuple(int(side) for side in largest * _scale(largest))
+        for image in images:
+            if (id(image), size) not in self.resized:
+                self.resized[id(image), size] = image, image.resized(*size)
+        return [self.resized[id(image), size][1] for image in images]
 
     def mean(self, node):
         """Three numbers."""
@@ -90,31 +132,33 @@ class Textures:
             count = count + (~np.isnan(values)).sum(axis=(0, 1))
         return sums / np.maximum(count, 1)
 
-    def texture(self, node, what, uvs, convert):
+    def texture(self, image, what, convert, *more):
         """The texture with the bytes that `convert` makes of the image."""
-        image = self.image(node, uvs, what)
-        key = (id(image), convert.__name__)
+        key = (id(image), convert.__name__, *more)
         if key not in self.bytes:
-            self.bytes[key] = convert(image, what)
-        return Texture(self.bytes[key], image.wrap, image.filter, image.transform)
+            self.bytes[key] = image, convert(image, what, *more)
+        return Texture(self.bytes[key][1], image.wrap, image.filter, image.transform)
 
-    def color_texels(self, image, what):
+    def color_texels(self, image, what, root=0.0):
         """sRGB bytes (H, W, 4)."""
         bytes = np.full((*image.texels.shape[:2], 4), 255, np.uint8)
-        if image.is_srgb:
+        if image.is_srgb and not root:
             bytes[..., :3] = image.texels
             return bytes
         for rows, values in self.clean(image, what):
-            bytes[rows, :, :3] = srgb_bytes(values)
+            bytes[rows, :, :3] = srgb_bytes(mix_root(values, root))
         return bytes
 
     def roughness_texels(self, image, what):
         """Bytes (H, W)."""
         # The renderer interpolates the square root, and Mitsuba its square. With more texels, this makes no difference.
-        image = image.enlarged()
+        return self.number_texels(image.enlarged(), what, np.sqrt)
+
+    def number_texels(self, image, what, function=np.asarray):
+        """Bytes (H, W)."""
         bytes = np.empty(image.texels.shape[:2], np.uint8)
         for rows, values in self.clean(image, what):
-            bytes[rows] = linear_bytes(np.sqrt(values[..., 0] if values.shape[2] == 1 else values @ LUMINANCE))
+            bytes[rows] = linear_bytes(function(values[..., 0] if values.shape[2] == 1 else values @ LUMINANCE))
         return bytes
 
     def clean(self, image, what):
@@ -175,7 +219,8 @@ class Textures:
         points = uvs @ matrix[:2, :2].T + matrix[:2, 2]
         images = [_Image(texels, matrix, *option) for option in options]
         errors = [image.error(points, truth) for image in images]
-        best = int(np.argmin(errors))
+        # Of options that differ by rounding alone, as for an image of one colour, the first one.
+        best = int(np.argmax(np.array(errors) <= min(errors) + 1e-6))
         return images[best] if errors[best] < 0.01 else None
 
     def sampled_image(self, node, low, high):
@@ -251,12 +296,18 @@ class _Image:
     def enlarged(self):
         """The same image with up to 8 times the texels along each side, and no more than ``SIDE``."""
         height, width = self.texels.shape[:2]
-        scale = min(8, SIDE // max(height, width))
-        if self.filter == "nearest" or scale < 2:
+        scale = _scale((height, width))
+        return self if self.filter == "nearest" else self.resized(scale * height, scale * width)
+
+    def resized(self, height, width):
+        """The same image with this number of texels."""
+        if (height, width) == self.texels.shape[:2]:
             return self
-        v, u = np.meshgrid(_centres(scale * height), _centres(scale * width), indexing="ij")
-        texels = self.lookup(np.stack([u, v], axis=-1).reshape(-1, 2)).reshape(scale * height, scale * width, -1)
-        return _Image(texels, self.transform, self.wrap, self.filter, False)
+        rows = []
+        for part in np.array_split(_centres(height), -(-height // ROWS)):
+            v, u = np.meshgrid(part, _centres(width), indexing="ij")
+            rows.append(self.lookup(np.stack([u, v], axis=-1).reshape(-1, 2)).reshape(len(part), width, -1).astype(np.float32))
+        return _Image(np.concatenate(rows), self.transform, self.wrap, self.filter, False)
 
     def texel(self, index, size):
         if self.wrap == "clamp":
@@ -281,6 +332,11 @@ def _probes(texels):
         sign, shift = random.choice([1, -1], 2), random.choice([-1, 0, 1], 2)
         points = np.vstack([points, np.where(sign > 0, point + shift, 1 + shift - point)])
     return points
+
+
+def _scale(size):
+    """Factor on the sides of an image: up to 8, and the image gets no more than ``SIDE`` texels along each side."""
+    return max(1, min(8, SIDE // max(size)))
 
 
 def _centres(count):

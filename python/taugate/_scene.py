@@ -10,7 +10,7 @@ from . import _native
 from ._camera import Camera
 from ._errors import SettingsError
 from ._material import Material
-from ._texture import Texture, color_bytes, roughness_bytes
+from ._texture import Texture, color_bytes, surface_bytes
 from ._words import words
 
 # Settings that place a camera.
@@ -209,24 +209,30 @@ class Scene:
         for name, material in self._materials.items():
             indices = {}
             is_opaque = material.alpha >= 1
-            for field, bytes in (("texture", color_bytes), ("roughness_texture", roughness_bytes)):
-                texture, what = getattr(material, field), f"{field} of '{name}'"
-                indices[field] = None if texture is None else len(textures)
-                if texture is None:
+            # The native part has one texture for roughness and metalness.
+            for field, bytes, parts in (
+                ("texture", color_bytes, ("texture",)), ("roughness_texture", surface_bytes, ("roughness_texture", "metallic_texture")),
+            ):
+                of_part = {part: getattr(material, part) for part in parts}
+                of_part = {part: one if one is None or isinstance(one, Texture) else Texture(one) for part, one in of_part.items()}
+                samplers = [one._sampler(f"{part} of '{name}'") for part, one in of_part.items() if one is not None]
+                indices[field] = len(textures) if samplers else None
+                if not samplers:
                     continue
-                if not isinstance(texture, Texture):
-                    texture = Texture(texture)
+                if samplers[0] != samplers[-1]:
+                    raise SettingsError(f"the {' and the '.join(parts)} of '{name}' become one image; give them the same wrap, filter and transform")
                 # Materials may share an image.
-                key = (id(texture.texels), field)
+                texels = [None if one is None else one.texels for one in of_part.values()]
+                key = (field, *map(id, texels))
                 if key not in index_of:
                     index_of[key] = len(images)
-                    images.append(bytes(texture.texels, what))
-                textures.append({**texture._sampler(what), "image": index_of[key]})
+                    images.append(bytes(*texels, name))
+                textures.append({**samplers[0], "image": index_of[key]})
                 is_opaque = is_opaque and images[index_of[key]][..., 3].min() == 255
             materials.append({**material._plain(name, indices), "blend": not is_opaque})
         for name, mesh in self._meshes.items():
             material = self._materials[mesh["material"]]
-            if mesh["uvs"] is None and (material.texture is not None or material.roughness_texture is not None):
+            if mesh["uvs"] is None and material._has_textures():
                 raise SettingsError(f"the material of the mesh '{name}' has a texture, so the mesh needs uvs")
         names = list(self._materials)
         meshes = [{**mesh, "material": names.index(mesh["material"])} for mesh in self._meshes.values()]

@@ -47,9 +47,9 @@ class Texture:
         return {"wrap": wrap, "linear": self.filter == "linear", "transform": matrix[:2].tolist()}
 
 
-def color_bytes(texels, what):
-    """Colours as sRGB bytes with alpha (H, W, 4)."""
-    texels = _checked(texels, what, (1, 3, 4))
+def color_bytes(texels, name):
+    """Colours as sRGB bytes with alpha (H, W, 4). `name`: of the material."""
+    texels = _checked(texels, f"texture of '{name}'", (1, 3, 4))
     if texels.dtype == np.uint8 and texels.shape[2] == 4:
         return np.ascontiguousarray(texels)
     colors = 3 if texels.shape[2] > 1 else 1
@@ -63,11 +63,19 @@ def color_bytes(texels, what):
     return bytes
 
 
-def roughness_bytes(texels, what):
-    """Roughness as bytes (H, W, 4) of the metallic-roughness texture of glTF: green is the roughness."""
-    texels = _checked(texels, what, (1,))
-    bytes = np.full((*texels.shape[:2], 4), 255, np.uint8)
-    bytes[..., 1] = texels[..., 0] if texels.dtype == np.uint8 else linear_bytes(texels[..., 0])
+def surface_bytes(roughness, metallic, name):
+    """The metallic-roughness texture of glTF as bytes (H, W, 4): green is the roughness and blue the metalness. One of them may be ``None``.
+    `name`: of the material."""
+    bytes = None
+    for channel, what, texels in ((1, "roughness_texture", roughness), (2, "metallic_texture", metallic)):
+        if texels is None:
+            continue
+        texels = _checked(texels, f"{what} of '{name}'", (1,))
+        if bytes is None:
+            bytes = np.full((*texels.shape[:2], 4), 255, np.uint8)
+        if texels.shape[:2] != bytes.shape[:2]:
+            raise SettingsError(f"the roughness_texture and the metallic_texture of '{name}' become one image; give them the same shape")
+        bytes[..., channel] = texels[..., 0] if texels.dtype == np.uint8 else linear_bytes(texels[..., 0])
     return bytes
 
 

@@ -1,5 +1,6 @@
 """Scenes of Mitsuba. Skipped where the packages mitsuba and mitransient are not installed."""
 
+import dataclasses
 import gc
 import os
 import re
@@ -68,11 +69,11 @@ def test_a_scene_has_the_image_of_mitsuba(tmp_path, box):
 
 
 def test_what_cannot_be_expressed_is_listed(tmp_path):
-    text = SCENE.replace('<bsdf type="BOX"/>', '<bsdf type="principled"/>').replace("</scene>", '<emitter type="constant" id="sky"/></scene>')
+    text = SCENE.replace('<bsdf type="BOX"/>', '<bsdf type="principledthin"/>').replace("</scene>", '<emitter type="constant" id="sky"/></scene>')
     _, scene = both(tmp_path, text, 1)
     assert scene.not_converted == [
         "the sphere 'ball' is a mesh of flat triangles with smooth normals",
-        "the BSDF Principled of 'box' becomes grey and diffuse",
+        "the BSDF PrincipledThin of 'box' becomes grey and diffuse",
         "the emitter 'sky' of the type ConstantBackgroundEmitter is left out",
     ]
 
@@ -271,6 +272,133 @@ def test_textures_of_roughness_and_of_specular_reflectance_have_the_image_of_mit
     assert difference(taugate.render(wrong, spp=64).pixels, truth) > 0.1
 
 
+def principled_scene(**parameters):
+    """A rectangle of the principled BSDF under a lamp; if the BSDF transmits light, a cube over a diffuse floor."""
+    bsdf = {"type": "principled", "base_color": {"type": "rgb", "value": (0.7, 0.5, 0.2)}, **parameters}
+    is_glass = "spec_trans" in parameters
+    above = mi.ScalarTransform4f().translate((0, 0, 0.5)) @ mi.ScalarTransform4f().rotate((0, 0, 1), 30) @ mi.ScalarTransform4f().scale(0.35)
+    large = mi.ScalarTransform4f().scale((2, 2, 1))
+    box = {"shape": {"type": "cube", "to_world": above, "bsdf": bsdf}, "floor": {"type": "rectangle", "to_world": large}}
+    scene = metal_floor(0.1)
+    scene["shape"] = {"type": "rectangle", "to_world": large, "bsdf": {"type": "twosided", "bsdf": bsdf}}
+    scene["sensor"]["to_world"] = mi.ScalarTransform4f().look_at(origin=(0.6, -2.2, 2.4), target=(0, 0, 0), up=(0, 0, 1))
+    scene["sensor"]["film"].update(width=16, height=12)
+    del scene["bulb"]
+    return {**scene, **box} if is_glass else scene
+
+
+def glossy(roughness, metallic=0.0):
+    """Changes of a material: alpha is the roughness instead of its square. At 0.8, a wide highlight hides this unless it is that of a metal."""
+    return [{"roughness": roughness**0.5}] if roughness < 0.8 or metallic > 0 else []
+
+
+ROUGHNESSES = (0.1, 0.4, 0.8)
+# Parameters, bounds of the error of the mean, limit of the errors of blocks, and wrong materials that exceed this limit.
+PRINCIPLED = [
+    *(({"metallic": 0.0, "specular": 0.0, "roughness": r}, (-0.02, 0.02), 0.07, [{"color": (0.5, 0.5, 0.5)}]) for r in ROUGHNESSES),
+    *(
+        ({"metallic": m, "specular": s, "roughness": r}, bounds, limit, [{"metallic": 0.5 if m != 0.5 else 0.0}, *glossy(r, m)])
+        for m, s, bounds, limit in (
+            (0.0, 0.5, (-0.05, 0.01), 0.1),
+            (0.0, 1.0, (-0.08, 0.00), 0.16),
+            (0.5, 0.5, (-0.03, 0.01), 0.08),
+            (0.5, 1.0, (-0.05, 0.01), 0.12),
+            (1.0, 0.5, (-0.02, 0.02), 0.06),
+            (1.0, 1.0, (-0.02, 0.02), 0.06),
+        )
+        for r in ROUGHNESSES
+    ),
+    *(({"spec_trans": 1.0, "eta": 1.5, "roughness": r}, (-0.02, 0.02), 0.1, [{"color": (0.7, 0.5, 0.2)}, *glossy(r)]) for r in ROUGHNESSES),
+    ({"specular": 1.0, "spec_tint": 1.0, "roughness": 0.3}, (-0.09, 0.00), 0.2, [{"specular_color": (1.0, 1.0, 1.0)}]),
+    *(
+        ({"clearcoat": 1.0, "clearcoat_gloss": g, "metallic": 1.0, "roughness": 0.5}, (-0.06, 0.0), 0.25, [{"clearcoat_roughness": 0.0}])
+        for g in (0.0, 0.5)
+    ),
+]
+
+
+@pytest.mark.parametrize("case", PRINCIPLED, ids=lambda case: " ".join(f"{key}={value}" for key, value in case[0].items()))
+def test_the_principled_bsdf_has_the_image_of_mitsuba(case):
+    mi.set_variant(VARIANT)
+    parameters, bounds, limit, changes = case
+    scene, depth = principled_scene(**parameters), 8 if "spec_trans" in parameters else 3
+    truth = np.array(mi.render(mi.load_dict(scene), integrator=mi.load_dict({"type": "path", "max_depth": depth}), spp=4096))
+    converted = taugate.from_mitsuba(scene, max_depth=depth)
+    material = converted._materials["shape"]
+    pixels = taugate.render(converted, spp=256).pixels
+    mean, error = pixels.mean() / truth.mean() - 1, difference(pixels, truth)
+    assert bounds[0] < mean < bounds[1] and error < limit, (mean, error)
+    # Counterexamples.
+    for change in changes:
+        converted.add_material("shape", dataclasses.replace(material, **change))
+        error = difference(taugate.render(converted, spp=256).pixels, truth)
+        assert error > limit, (change, error)
+
+
+def test_what_the_principled_bsdf_loses_is_listed():
+    mi.set_variant(VARIANT)
+    diffuse = "the diffuse part of the BSDF of 'shape' is that of glTF; its albedo is from 9 % lower to 5 % higher"
+    of = "of the BSDF of 'shape'"
+    metal = {"metallic": 1.0}
+    for parameters, notes in (
+        ({}, [diffuse]),
+        (metal, []),
+        ({**metal, "anisotropic": 0.5, "sheen": 0.2, "flatness": 0.1}, [f"{key} {of} is left out" for key in ("anisotropic", "sheen", "flatness")]),
+        ({**metal, "specular": 0.0}, ["the metal of the BSDF of 'shape' reflects light; in Mitsuba it is black, because its specular is 0"]),
+        ({"eta": 0.8}, [f"eta {of} is below 1; it becomes 1", diffuse]),
+        ({"spec_trans": 0.5}, [diffuse, f"base_color {of} becomes a mix of itself and its square root, which is the colour of the glass"]),
+        ({"spec_trans": 1.0, "spec_tint": 1.0}, [f"spec_tint {of} is left out for its glass"]),
+        ({"base_color": bitmap(picture()), "spec_tint": 1.0}, [diffuse, f"spec_tint {of} has the mean colour of the texture base_color"]),
+        (
+            {**metal, "clearcoat": 0.5},
+            ["the clear coat of the BSDF of 'shape' is that of glTF: GGX instead of GTR1, stronger at grazing angles, over darker layers"],
+        ),
+        ({**metal, "clearcoat": bitmap(picture()[..., :1].copy())}, [f"the texture clearcoat {of} becomes its mean colour", None]),
+    ):
+        found = taugate.from_mitsuba(principled_scene(**parameters)).not_converted
+        assert len(found) == len(notes) and all(note in (None, other) for note, other in zip(notes, found)), (parameters, found)
+
+
+def ramp(height, width, low, high):
+    """Numbers that grow to the right, as floats (H, W, 1)."""
+    return (np.linspace(low, high, width, dtype=np.float32) * np.ones((height, 1), np.float32))[..., None]
+
+
+def test_textures_of_the_principled_bsdf_have_the_image_of_mitsuba():
+    mi.set_variant(VARIANT)
+    # The metalness has more columns and fewer rows than the roughness.
+    roughness, metallic = bitmap(ramp(6, 4, 0.2, 0.8), raw=True), bitmap(ramp(3, 8, 1.0, 0.0), raw=True)
+    scene = principled_scene(base_color=bitmap(picture()), roughness=roughness, metallic=metallic)
+    truth = np.array(mi.render(mi.load_dict(scene), integrator=mi.load_dict({"type": "path", "max_depth": 3}), spp=4096))
+    converted = taugate.from_mitsuba(scene, max_depth=3)
+    assert converted.not_converted == ["the diffuse part of the BSDF of 'shape' is that of glTF; its albedo is from 9 % lower to 5 % higher"]
+    error = difference(taugate.render(converted, spp=256).pixels, truth)
+    assert error < 0.1, error
+    material = converted._materials["shape"]
+    assert material.roughness_texture.texels.shape == material.metallic_texture.texels.shape == (48, 64)
+    # Counterexamples: one of the textures is missing.
+    for change in ({"roughness_texture": None, "roughness": 0.5}, {"metallic_texture": None, "metallic": 0.5}, {"texture": None}):
+        converted.add_material("shape", dataclasses.replace(material, **change))
+        assert difference(taugate.render(converted, spp=256).pixels, truth) > 0.2, change
+
+
+def test_glass_has_the_square_root_of_a_texture():
+    mi.set_variant(VARIANT)
+    glass = taugate.from_mitsuba(principled_scene(base_color=bitmap(ramp(2, 4, 0.1, 0.9), raw=True), spec_trans=1.0))._materials["shape"]
+    linear = np.where(glass.texture.texels / 255 < 0.04045, glass.texture.texels / 255 / 12.92, ((glass.texture.texels / 255 + 0.055) / 1.055) ** 2.4)
+    assert np.allclose(linear[..., :3], np.sqrt(ramp(2, 4, 0.1, 0.9)), atol=0.005)
+
+
+def test_the_metalness_becomes_its_mean_where_its_texture_lies_elsewhere():
+    mi.set_variant(VARIANT)
+    turned = mi.ScalarTransform4f().rotate((0, 0, 1), 90)
+    scene = principled_scene(roughness=bitmap(ramp(2, 4, 0.1, 0.9), raw=True), metallic=bitmap(ramp(2, 4, 0.2, 0.4), raw=True, to_uv=turned))
+    converted = taugate.from_mitsuba(scene)
+    material = converted._materials["shape"]
+    assert "the texture metallic of the BSDF of 'shape' becomes its mean colour" in converted.not_converted
+    assert abs(material.metallic - 0.3) < 1e-3 and material.metallic_texture is None and material.roughness_texture is not None
+
+
 def test_parameters_may_share_a_texture():
     mi.set_variant(VARIANT)
     # Mitsuba makes one object of the two bitmaps, and lists this object once.
@@ -305,6 +433,38 @@ def test_masks_let_light_through():
     assert converted.not_converted == []
     error = difference(taugate.render(converted, spp=128).pixels, truth)
     assert error < 0.04, error
+
+
+@pytest.mark.parametrize("color", ["constant", "texture", "smaller texture", "texture of one colour"])
+def test_masks_with_a_texture_have_holes(color):
+    mi.set_variant(VARIANT)
+    up = mi.ScalarTransform4f().translate((0, 0, 1))
+    opacity = np.random.default_rng(5).random((4, 6, 1)).astype(np.float32)
+    texels = np.repeat(picture(), 2, axis=0) if color == "texture" else picture()[2:4, 3:5].copy()
+    reflectance = {"type": "rgb", "value": (0.9, 0.5, 0.2)} if color == "constant" else bitmap(texels)
+    if color == "texture of one colour":
+        reflectance = bitmap(texels[:1, :1].copy())
+    diffuse = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
+    scene = placed({"type": "rectangle"}, bsdf={"type": "diffuse", "reflectance": 0.5})
+    scene["mask"] = {"type": "rectangle", "to_world": up, "bsdf": {"type": "mask", "opacity": bitmap(opacity, raw=True), "bsdf": diffuse}}
+    truth = np.array(mi.render(mi.load_dict(scene), integrator=mi.load_dict({"type": "volpath", "max_depth": 12}), spp=1024))
+    converted = taugate.from_mitsuba(scene, max_depth=6)
+    assert converted.not_converted == []
+    error = difference(taugate.render(converted, spp=256).pixels, truth)
+    assert error < 0.05, error
+    # Counterexample: the mean opacity.
+    scene["mask"]["bsdf"]["opacity"] = float(opacity.mean())
+    assert difference(taugate.render(taugate.from_mitsuba(scene, max_depth=6), spp=64).pixels, truth) > 0.15
+
+
+def test_masks_that_lie_elsewhere_than_the_colour_become_their_mean():
+    mi.set_variant(VARIANT)
+    opacity = bitmap(ramp(2, 4, 0.2, 0.4), raw=True, wrap_mode="clamp")
+    mask = {"type": "mask", "opacity": opacity, "bsdf": {"type": "diffuse", "reflectance": bitmap(picture())}}
+    converted = taugate.from_mitsuba(placed({"type": "rectangle"}, bsdf=mask))
+    assert converted.not_converted == ["the texture opacity of the BSDF of 'shape' becomes its mean colour"]
+    material = converted._materials["shape"]
+    assert abs(material.alpha - 0.3) < 1e-3 and material.texture.texels[..., 3].min() == 255
 
 
 def test_the_conversion_leaves_no_objects_of_mitsuba_to_the_garbage_collector():

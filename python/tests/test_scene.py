@@ -155,6 +155,23 @@ def test_textures_of_roughness_change_the_image():
     assert difference(pixels(512, roughness=1.0, roughness_texture=left, texture=left)) > 0.1
 
 
+def test_textures_of_metalness_change_the_image():
+    def pixels(**material):
+        scene = room()
+        uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+        scene.add_mesh("floor", *quad((0, 0, 0), (2, 0, 0), (0, 0, -2)), taugate.Material(color=(0.8, 0.4, 0.2), **material), uvs=uvs)
+        return taugate.render(scene, spp=16).pixels.reshape(8, 4, 8, 4, 3).mean(axis=(1, 3))
+
+    uniform = pixels(metallic=0.5, roughness=0.4)
+    difference = lambda other: np.abs(other - uniform).mean() / uniform.mean()
+    half, other = np.full((3, 2), 0.5), np.full((3, 2), 0.4)
+    # With the same random numbers, the images differ by the rounding of the textures. The factors multiply.
+    assert difference(pixels(metallic=1.0, metallic_texture=half, roughness=0.4)) < 0.02
+    assert difference(pixels(metallic=1.0, metallic_texture=half, roughness=1.0, roughness_texture=other)) < 0.02
+    assert difference(pixels(metallic=1.0, metallic_texture=other, roughness=1.0, roughness_texture=half)) > 0.03
+    assert difference(pixels(metallic=0.5, metallic_texture=half, roughness=0.4)) > 0.03
+
+
 def test_mistakes_in_textures_are_explained():
     for texels, message in (
         (np.zeros((2, 2, 2)), r"texture of 'wall' has the shape \(2, 2, 2\), but must be \(H, W\), \(H, W, 1\), \(H, W, 3\) or \(H, W, 4\)"),
@@ -174,6 +191,12 @@ def test_mistakes_in_textures_are_explained():
             wall_albedo(texels)
     with pytest.raises(taugate.SettingsError, match="roughness_texture of 'wall' has the shape"):
         wall_albedo(None, roughness_texture=np.zeros((2, 2, 3)))
+    with pytest.raises(taugate.SettingsError, match="metallic_texture of 'wall' has the shape"):
+        wall_albedo(None, metallic_texture=np.zeros((2, 2, 3)))
+    with pytest.raises(taugate.SettingsError, match="roughness_texture and the metallic_texture of 'wall' .* same shape"):
+        wall_albedo(None, roughness_texture=np.zeros((2, 2)), metallic_texture=np.zeros((2, 3)))
+    with pytest.raises(taugate.SettingsError, match="roughness_texture and the metallic_texture of 'wall' .* same wrap, filter and transform"):
+        wall_albedo(None, roughness_texture=np.zeros((2, 2)), metallic_texture=taugate.Texture(np.zeros((2, 2)), "clamp"))
     scene = room()
     scene.add_mesh("x", *quad(), taugate.Material(texture=np.zeros((2, 2))))
     with pytest.raises(taugate.SettingsError, match="mesh 'x' has a texture, so the mesh needs uvs"):
