@@ -5,8 +5,8 @@ use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::internals::wgsl::layout::constants::{CHUNK, LISTS};
 use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE};
 
-/// Number of slots.
-const SLOTS: usize = 1 << 20;
+use super::Sizes;
+
 /// Percentage of live slots.
 const LIVE: usize = 30;
 /// Number of words in `counters`.
@@ -16,12 +16,12 @@ const FROM: u32 = 2;
 /// Index of the counter that receives the number of live slots.
 const TO: u32 = 3;
 
-pub fn compare(device: &Device) {
+pub fn compare(device: &Device, Sizes { slots, rounds, .. }: Sizes) {
     let mut pcg = Pcg::new(9);
-    let marks: Vec<u32> = (0..SLOTS).map(|_| u32::from(pcg.below(100) < LIVE)).collect();
-    let chunks = SLOTS.div_ceil(CHUNK as usize);
+    let marks: Vec<u32> = (0..slots).map(|_| u32::from(pcg.below(100) < LIVE)).collect();
+    let chunks = slots.div_ceil(CHUNK as usize);
     let mut counters = [0u32; COUNTERS];
-    counters[FROM as usize] = SLOTS as u32;
+    counters[FROM as usize] = slots as u32;
     let frame = Frame { slots: 1, ..bytemuck::Zeroable::zeroed() };
     let upload = |name, words: &[u32]| Buffer::from_slice(device, name, words, "").expect("upload");
     let empty = |name, words: usize| Buffer::new::<u32>(device, name, words, "").expect("buffer");
@@ -31,7 +31,7 @@ pub fn compare(device: &Device) {
         ("counters", upload("counters", &counters)),
         ("source", empty("source", 1)),
         ("chunk_counts", empty("chunk counts", 2 * chunks)),
-        ("list_a", empty("live slots", SLOTS)),
+        ("list_a", empty("live slots", slots)),
         ("list_b", empty("other list", 1)),
         ("arguments", empty("arguments", 6 * LISTS as usize)),
     ];
@@ -50,7 +50,7 @@ pub fn compare(device: &Device) {
         }
         recorder.submit().expect("submit");
     };
-    let mut list = vec![0u32; SLOTS];
+    let mut list = vec![0u32; slots];
     let mut on_host = || {
         let mut n = 0;
         for (i, mark) in marks.iter().enumerate() {
@@ -63,9 +63,9 @@ pub fn compare(device: &Device) {
     let live = on_host();
     let there = buffers[5].1.to_vec::<u32>(live).expect("live slots");
     assert_eq!(buffers[2].1.to_vec::<u32>(COUNTERS).expect("counters")[TO as usize] as usize, live);
-    let expected: Vec<u32> = (0..SLOTS as u32).filter(|&i| marks[i as usize] == 1).collect();
+    let expected: Vec<u32> = (0..slots as u32).filter(|&i| marks[i as usize] == 1).collect();
     assert!(there == expected, "the list of the device differs from that of the host");
-    super::report("compaction, one host thread", SLOTS, on_device, || {
+    super::report("compaction, one host thread", slots, rounds, on_device, || {
         std::hint::black_box(on_host());
     });
 }

@@ -8,11 +8,12 @@ use rayon::prelude::*;
 use taugate::internals::gpu::{Buffer, Device, Kernel, Recorder};
 use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
 use taugate::internals::render::leaf_record;
-use taugate::internals::render::material::Material;
+use taugate::internals::render::material::{Features, Material};
 use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST, MAX_SUBTREES};
-use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE, PathVertex, TreeChild, TreeNode};
+use taugate::internals::wgsl::layout::{Dispatch, Frame, Medium, NONE, PathVertex, TreeChild, TreeNode};
 
-use super::points::{GATE, Point, hash32, next_bits};
+use super::Sizes;
+use super::points::{GATE, Point, fine_uniform, hash32};
 
 /// Queries per shade point.
 const QUERIES: u32 = 16;
@@ -20,7 +21,7 @@ const QUERIES: u32 = 16;
 const LEAF_SIZE: usize = 16;
 const MAX_DEPTH: u32 = 24;
 
-/// Constants of `shared/importance.wgsl` and `shared/frontier.wgsl`.
+/// Constants of `shared/importance.wgsl`, `shared/frontier.wgsl` and `shared/leaf.wgsl`.
 const LIVE_BUCKET_SHARE: f32 = 0.3;
 const MIN_COSINE: f32 = 0.1;
 const POWER_PROBABILITY: f32 = 1.0 / 16.0;
@@ -28,6 +29,7 @@ const MIN_IMPORTANCE: f32 = 1e-36;
 const UNIFORM_STEP: f32 = 1.0 / 16_777_216.0;
 const MAX_VISITS: usize = 64;
 const MIN_SHARE: f32 = 1.0 / 1024.0;
+const DIRECTION_ERROR: f32 = 0.002;
 
 const KERNEL: &str = "
 #import resample
@@ -107,17 +109,22 @@ fn total_power(c: &TreeChild) -> f32 {
     (c.power_unit * sum as f32).max(1e-36)
 }
 
-fn fine_uniform(rng: &mut u32) -> f32 {
-    (next_bits(rng) as f32 / 4_294_967_296.0).min(1.0 - UNIFORM_STEP)
+fn fine_uniform_below_1(rng: &mut u32) -> f32 {
+    fine_uniform(rng).min(1.0 - UNIFORM_STEP)
 }
 
 fn remap_uniform(u: f32, start: f32, part: f32, rng: &mut u32) -> f32 {
-    let fresh = fine_uniform(rng);
+    let fresh = fine_uniform_below_1(rng);
     let last_digit = f32::from_bits(u.to_bits() & 0x7f80_0000) * f32::EPSILON;
     if part < 1.0 / 256.0 {
         return fresh;
     }
     (((u - start).max(0.0) + last_digit * fresh) / part).clamp(0.0, 1.0 - UNIFORM_STEP)
+}
+
+/// `value` without the lower half of its digits, as the frontier stores it.
+fn packed(value: f32) -> f32 {
+    f32::from_bits(value.to_bits() & 0xffff_0000)
 }
 
 /// The subtrees of the frontier, each with the cumulative sums of power and importance.
@@ -138,7 +145,7 @@ fn grow_frontier(nodes: &[TreeNode], root: u32, r: &Receiver) -> Vec<(u32, [f32;
         for child in [&nodes[current as usize].left, &nodes[current as usize].right] {
             let importance = node_importance(child, r);
             if importance > 0.0 {
-                frontier.push_back((child.child, [total_power(child), importance]));
+                frontier.push_back((child.child, [total_power(child), importance].map(packed)));
             }
         }
     }
@@ -171,6 +178,8 @@ fn descend(
         let node = &nodes[current as usize];
         let (left, right) = (node_importance(&node.left, r), node_importance(&node.right, r));
         if left + right <= 0.0 {
+            // The device draws a number before it looks.
+            fine_uniform(rng);
             return None;
         }
         let power = |c: &TreeChild, live: bool| if live { total_power(c) } else { 0.0 };
@@ -196,10 +205,10 @@ fn vertex_importance(r: &Receiver, depth: u32, v: &PathVertex) -> f32 {
     let w = offset / d;
     let tau = v.tau + d;
     let open = d2 > 0.0 && depth + (v.flags & 0xff) < MAX_DEPTH && tau >= r.lo && tau < r.hi;
-    if !open || r.n.dot(w) <= 0.0 || n.dot(w) >= 0.0 {
+    if !open || r.n.dot(w) <= 0.0 || n.dot(w) >= DIRECTION_ERROR {
         return 0.0;
     }
-    let cosines = r.n.dot(w).max(1e-4) * (-n.dot(w)).max(1e-4);
+    let cosines = r.n.dot(w).max(1e-4) * n.dot(w).abs().max(1e-4);
     (Vec3::from(v.throughput).max_element() * cosines / d2).max(MIN_IMPORTANCE)
 }
 
@@ -209,7 +218,7 @@ fn choose(vertices: &[PathVertex], leaf: u32, weight: f32, r: &Receiver, depth: 
     for vertex in &vertices[first as usize..(first + count) as usize] {
         let importance = vertex_importance(r, depth, vertex);
         sum += importance;
-        if fine_uniform(rng) * sum < importance {
+        if fine_uniform_below_1(rng) * sum < importance {
             chosen = Some(importance);
         }
     }
@@ -234,7 +243,7 @@ fn on_host(tree: &Tree, vertices: &[PathVertex], shade: &[Point]) -> u64 {
     let query = |(i, s): (usize, &Point)| {
         let r = Receiver { q: s.p, n: s.n, lo: GATE[0] - s.tau, hi: GATE[1] - s.tau };
         let mut rng = hash32(i as u32);
-        let jitter = fine_uniform(&mut rng);
+        let jitter = fine_uniform_below_1(&mut rng);
         let mut alive = 0;
         let frontier = grow_frontier(&tree.nodes, tree.root, &r);
         for k in 0..QUERIES {
@@ -248,7 +257,7 @@ fn on_host(tree: &Tree, vertices: &[PathVertex], shade: &[Point]) -> u64 {
     shade.par_iter().enumerate().with_min_len(256).map(query).sum()
 }
 
-pub fn compare(device: &Device, light: &[Point], shade: &[Point]) {
+pub fn compare(device: &Device, light: &[Point], shade: &[Point], sizes: Sizes) {
     let mut items: Vec<Item> = light.iter().zip(0..).map(|(point, index)| point.item(index)).collect();
     let options = TreeOptions { leaf_size: LEAF_SIZE, buckets: 8, first_node: 0, first_vertex: 0 };
     let tree = Tree::build(&mut items, options);
@@ -262,20 +271,9 @@ pub fn compare(device: &Device, light: &[Point], shade: &[Point]) {
         tree3_root: NONE,
         ..bytemuck::Zeroable::zeroed()
     };
-    let plain = [
-        "HAS_TEXTURES",
-        "HAS_SURFACE_TEXTURES",
-        "HAS_COAT_TEXTURES",
-        "HAS_TEXTURE_TRANSFORMS",
-        "HAS_NORMAL_MAPS",
-        "HAS_SPECULAR_COLORS",
-        "HAS_CLEARCOAT",
-        "HAS_VERTEX_COLORS",
-        "HAS_ALPHA",
-        "HAS_GLOSSY",
-        "HAS_TRANSMISSION",
-    ]
-    .map(|name| (name, 0.0));
+    let others =
+        ["HAS_PARALLEL", "HAS_SKY", "HAS_MEDIA", "HAS_INTERIORS", "HAS_GRIDS", "DRAWS_IN_GATE", "QUERIED_PUNCTUAL"];
+    let plain = [&Features::default().constants()[..], &others.map(|name| (name, 0.0))].concat();
     let kernel = Kernel::from_source(device, "bench", KERNEL, "bench_importance", &plain).expect("kernel");
     let upload = |name, bytes: &[u8]| Buffer::from_slice(device, name, bytes, "").expect("upload");
     let points: Vec<PathVertex> = shade.iter().map(vertex).collect();
@@ -288,10 +286,12 @@ pub fn compare(device: &Device, light: &[Point], shade: &[Point]) {
             upload("leaf records", bytemuck::cast_slice(&vertices.iter().map(leaf_record).collect::<Vec<_>>())),
         ),
         ("shade_points", upload("points", bytemuck::cast_slice(&points))),
+        ("media", Buffer::new::<Medium>(device, "media", 1, "").expect("media")),
         ("materials", Buffer::new::<Material>(device, "materials", 1, "").expect("materials")),
-        ("found", Buffer::new::<u32>(device, "found", shade.len(), "").expect("found")),
     ];
-    let named: Vec<(&str, &Buffer)> = buffers.iter().map(|(name, buffer)| (*name, buffer)).collect();
+    let found = Buffer::new::<u32>(device, "found", shade.len(), "").expect("found");
+    let named: Vec<(&str, &Buffer)> =
+        buffers.iter().map(|(name, buffer)| (*name, buffer)).chain([("found", &found)]).collect();
     let bound = kernel.bind(&named).expect("binding");
     let mut recorder = Recorder::new(device).expect("recorder");
     let mut on_device = || {
@@ -300,14 +300,16 @@ pub fn compare(device: &Device, light: &[Point], shade: &[Point]) {
         recorder.submit().expect("submit");
     };
     on_device();
-    let there: u64 = buffers[5].1.to_vec::<u32>(shade.len()).expect("found").iter().map(|&n| u64::from(n)).sum();
+    let there: u64 = found.to_vec::<u32>(shade.len()).expect("found").iter().map(|&n| u64::from(n)).sum();
     let all = shade.len() * QUERIES as usize;
+    let [device, host] = [there, on_host(&tree, &vertices, shade)].map(|found| found as f64 / all as f64);
     println!(
         "lcs       leaf {LEAF_SIZE}; found {:.2} % on the device, {:.2} % on the host",
-        100.0 * there as f64 / all as f64,
-        100.0 * on_host(&tree, &vertices, shade) as f64 / all as f64,
+        100.0 * device,
+        100.0 * host
     );
-    super::report("queries by importance", all, on_device, || {
+    super::assert_close("queries by importance", device, host);
+    super::report("queries by importance", all, sizes.rounds, on_device, || {
         on_host(&tree, &vertices, shade);
     });
 }

@@ -9,6 +9,8 @@ use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::values::Resolution;
 
+use super::Sizes;
+
 /// A kernel, the name of its work items, and their number in [`Stats`].
 type Items = (&'static str, &'static str, fn(&Stats) -> u64);
 
@@ -20,11 +22,11 @@ const ITEMS: [Items; 5] = [
     ("gather", "shade points", |s| s.shade_points),
 ];
 
-pub fn report(device: &Device) {
-    let scene = build(Kind::ClutteredRoom { triangles: 20_000 });
+pub fn report(device: &Device, sizes: Sizes) {
+    let scene = build(Kind::ClutteredRoom { triangles: sizes.triangles.min(20_000) });
     for estimator in Estimator::ALL {
         let mut experiment = Experiment::default();
-        experiment.camera.resolution = Some(Resolution([256, 256]));
+        experiment.camera.resolution = Some(Resolution([sizes.side as u32 / 2; 2]));
         experiment.gate.gate = Some(Gate { lo: 8.6, hi: 8.85 });
         experiment.render.estimator = Some(estimator);
         let settings = resolve(&experiment, &scene).expect("settings").settings;

@@ -11,6 +11,8 @@
 //!
 //! The host uses all cores through rayon, except for the compaction. Results are medians of 7 rounds, with the range of the ratios.
 //! At the end, the throughput of whole kernels in a render, with shading; the host has no code for them.
+//!
+//! `cargo test` runs every part once with small sizes, and checks that the two sides agree.
 
 #[path = "../common/flatten.rs"]
 mod flatten;
@@ -27,37 +29,58 @@ use std::time::Instant;
 
 use taugate::internals::gpu::Device;
 
-/// Rounds of every comparison.
-const ROUNDS: usize = 7;
+/// How much work the benches do.
+#[derive(Clone, Copy)]
+pub struct Sizes {
+    /// Rounds of every comparison.
+    rounds: usize,
+    /// Triangles of the room.
+    triangles: u32,
+    /// Width and height in pixels of the image whose rays are traced. The images of all other benches have half of both.
+    side: usize,
+    /// Light vertices.
+    vertices: usize,
+    /// Slots to compact.
+    slots: usize,
+}
+
+const FULL: Sizes = Sizes { rounds: 7, triangles: 200_000, side: 512, vertices: 200_000, slots: 1 << 20 };
+const SMALL: Sizes = Sizes { rounds: 1, triangles: 2000, side: 64, vertices: 5000, slots: 1 << 12 };
 
 fn main() {
-    // The first number is the triangle count. Cargo also passes the argument --bench.
-    let triangles = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(200_000);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let is_bench = arguments.iter().any(|a| a == "--bench");
+    // `cargo test` passes on its own arguments, such as names of tests.
+    if !is_bench && !arguments.is_empty() {
+        return;
+    }
+    // The first number is the triangle count.
+    let triangles = arguments.iter().find_map(|a| a.parse().ok()).unwrap_or(FULL.triangles);
+    let sizes = if is_bench { Sizes { triangles, ..FULL } } else { SMALL };
     let device = Device::open(None).expect("a Vulkan device");
     println!("device    {} ({})", device.info().name, device.info().driver);
-    let room = rays::Room::new(triangles);
+    let room = rays::Room::new(sizes.triangles);
     println!("scene     {} triangles", room.triangles.len());
-    let arguments: Vec<String> = std::env::args().collect();
     let file = arguments.iter().position(|a| a == "--rays").map(|at| arguments.get(at + 1).expect("--rays FILE"));
-    rays::compare(&device, &room, file.map(Path::new));
+    rays::compare(&device, &room, file.map(Path::new), sizes);
     if file.is_some() {
         return;
     }
-    let (light, shade) = (points::light_vertices(&room), points::shade_points(&room));
+    let (light, shade) = (points::light_vertices(&room, sizes.vertices), points::shade_points(&room, sizes.side / 2));
     for leaf_size in [1, 16] {
-        queries::compare(&device, &light, &shade, leaf_size);
+        queries::compare(&device, &light, &shade, leaf_size, sizes);
     }
-    importance::compare(&device, &light, &shade);
-    compaction::compare(&device);
-    kernels::report(&device);
+    importance::compare(&device, &light, &shade, sizes);
+    compaction::compare(&device, sizes);
+    kernels::report(&device, sizes);
 }
 
 /// Runs both sides in turns. Prints millions of items per second, and the ratio of throughputs, device / host.
-fn report(what: &str, count: usize, mut on_device: impl FnMut(), mut on_host: impl FnMut()) {
+fn report(what: &str, count: usize, rounds: usize, mut on_device: impl FnMut(), mut on_host: impl FnMut()) {
     on_device();
     on_host();
     let (mut device, mut host) = (vec![], vec![]);
-    for _ in 0..ROUNDS {
+    for _ in 0..rounds {
         device.push(seconds(&mut on_device));
         host.push(seconds(&mut on_host));
     }
@@ -67,10 +90,15 @@ fn report(what: &str, count: usize, mut on_device: impl FnMut(), mut on_host: im
         "{what:<28} device {:6.2} M/s   host {:6.2} M/s   ratio {:.2} ({:.2} to {:.2})",
         count as f64 / median(&mut device) / 1e6,
         count as f64 / median(&mut host) / 1e6,
-        ratios[ROUNDS / 2],
+        ratios[rounds / 2],
         ratios[0],
-        ratios[ROUNDS - 1],
+        ratios[rounds - 1],
     );
+}
+
+/// Fails if the shares of queries that find a vertex differ by more than rounding explains. Both sides draw the same random numbers.
+fn assert_close(what: &str, device: f64, host: f64) {
+    assert!((device - host).abs() < 1e-3, "{what}: {device} on the device, {host} on the host");
 }
 
 fn seconds(work: &mut impl FnMut()) -> f64 {

@@ -6,8 +6,6 @@ use taugate::internals::lightcone::tree::Item;
 
 use super::rays::{BenchRay, Room, cosine};
 
-/// Number of light vertices.
-pub const VERTICES: usize = 200_000;
 /// The gate in metres.
 pub const GATE: [f32; 2] = [9.0, 9.15];
 
@@ -41,24 +39,25 @@ fn walk(room: &Room, mut ray: BenchRay, depth: u32, pcg: &mut Pcg, mut reach: im
     }
 }
 
-/// [`VERTICES`] vertices of diffuse paths from the light.
-pub fn light_vertices(room: &Room) -> Vec<Point> {
+/// Vertices of diffuse paths from the light.
+pub fn light_vertices(room: &Room, count: usize) -> Vec<Point> {
     let mut pcg = Pcg::new(5);
     let mut points = vec![];
-    while points.len() < VERTICES {
+    while points.len() < count {
         let direction = cosine(-Vec3::Y, &mut pcg);
         let ray = BenchRay { origin: room.light.into(), t_max: 1e30, direction: direction.into(), pad: 0.0 };
         walk(room, ray, 8, &mut pcg, |point| points.push(point));
     }
-    points.truncate(VERTICES);
+    points.truncate(count);
     points
 }
 
-/// First and second hits of camera rays in an image of 256 x 256 pixels.
-pub fn shade_points(room: &Room) -> Vec<Point> {
+/// First and second hits of camera rays in an image of `side` x `side` pixels.
+pub fn shade_points(room: &Room, side: usize) -> Vec<Point> {
     let (mut pcg, mut points) = (Pcg::new(3), vec![]);
-    for i in 0..256 * 256 {
-        let (x, y) = ((i % 256) as f32 / 128.0 - 1.0, 1.0 - (i / 256) as f32 / 128.0);
+    let half = 0.5 * side as f32;
+    for i in 0..side * side {
+        let (x, y) = ((i % side) as f32 / half - 1.0, 1.0 - (i / side) as f32 / half);
         walk(room, room.primary(x, y), 2, &mut pcg, |point| points.push(point));
     }
     points
@@ -71,7 +70,7 @@ pub fn hash32(state: u32) -> u32 {
 }
 
 /// Advances the random number generator of a query; returns 32 random bits.
-pub fn next_bits(rng: &mut u32) -> u32 {
+fn next_bits(rng: &mut u32) -> u32 {
     *rng = rng.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     hash32(*rng)
 }
@@ -79,4 +78,9 @@ pub fn next_bits(rng: &mut u32) -> u32 {
 /// A uniform random number in [0, 1) in steps of 2^-24.
 pub fn uniform(rng: &mut u32) -> f32 {
     (next_bits(rng) >> 8) as f32 / 16_777_216.0
+}
+
+/// A uniform random number in [0, 1] in steps of 2^-32 near 0.
+pub fn fine_uniform(rng: &mut u32) -> f32 {
+    next_bits(rng) as f32 / 4_294_967_296.0
 }

@@ -7,7 +7,8 @@ use taugate::internals::lightcone::tree::{Item, Tree, TreeOptions};
 use taugate::internals::wgsl::layout::constants::{LEAF_BIT, LEAF_FIRST};
 use taugate::internals::wgsl::layout::{Dispatch, Frame, NONE, PathVertex, TreeChild, TreeNode};
 
-use super::points::{GATE, Point, VERTICES, hash32, uniform};
+use super::Sizes;
+use super::points::{GATE, Point, fine_uniform, hash32, uniform};
 
 /// Queries per shade point.
 const QUERIES: u32 = 4;
@@ -22,7 +23,7 @@ fn bench_queries(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let q = shade_points[id.x];
-    let shell = Shell(q.xyz, frame.gate_lo - q.w, frame.gate_hi - q.w, 1.0, 1.0);
+    let shell = Shell(q.xyz, frame.gate_lo - q.w, frame.gate_hi - q.w, 1.0, 1.0, 0.0, 0.0);
     var sum = 0.0;
     var alive = 0.0;
     var rng = hash32(id.x);
@@ -67,7 +68,8 @@ fn descend(nodes: &[TreeNode], root: u32, shell: &Shell, rng: &mut u32) -> Optio
         let node = &nodes[current as usize];
         let (left, right) = (node_bound(&node.left, shell), node_bound(&node.right, shell));
         let sum = left + right;
-        let take_left = uniform(rng) * sum < left;
+        let take_lesser = fine_uniform(rng) * sum < left.min(right);
+        let take_left = take_lesser == (left < right);
         if sum <= 0.0 {
             return None;
         }
@@ -79,7 +81,7 @@ fn descend(nodes: &[TreeNode], root: u32, shell: &Shell, rng: &mut u32) -> Optio
     Some(((current & LEAF_FIRST) + pick, weight * count as f32))
 }
 
-pub fn compare(device: &Device, light: &[Point], shade: &[Point], leaf_size: usize) {
+pub fn compare(device: &Device, light: &[Point], shade: &[Point], leaf_size: usize, sizes: Sizes) {
     let mut items: Vec<Item> = light.iter().zip(0..).map(|(point, index)| point.item(index)).collect();
     let build = std::time::Instant::now();
     let tree = Tree::build(&mut items, TreeOptions { leaf_size, buckets: 8, first_node: 0, first_vertex: 0 });
@@ -141,12 +143,14 @@ pub fn compare(device: &Device, light: &[Point], shade: &[Point], leaf_size: usi
     let device_alive: f64 = there.iter().map(|f| f64::from(f[1])).sum();
     let all = points.len() * QUERIES as usize;
     println!(
-        "leaf {leaf_size:<2}   {VERTICES} vertices in {:.0} ms; alive {:.2} % on the device, {:.2} % on the host",
+        "leaf {leaf_size:<2}   {} vertices in {:.0} ms; alive {:.2} % on the device, {:.2} % on the host",
+        light.len(),
         built.as_secs_f64() * 1e3,
         100.0 * device_alive / all as f64,
         100.0 * alive / all as f64,
     );
-    super::report(&format!("queries, leaf {leaf_size}"), all, on_device, || {
+    super::assert_close("queries", device_alive / all as f64, alive / all as f64);
+    super::report(&format!("queries, leaf {leaf_size}"), all, sizes.rounds, on_device, || {
         on_host();
     });
 }

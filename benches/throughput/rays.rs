@@ -10,7 +10,7 @@ use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::gpu::{Bindings, Buffer, Device, Kernel, Recorder};
 use taugate::internals::wgsl::layout::{Dispatch, NONE, Triangle};
 
-use super::flatten;
+use super::{Sizes, flatten};
 
 const KERNEL: &str = "
 #import traverse
@@ -24,7 +24,7 @@ fn bench_rays(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let ray = rays[id.x];
-    let hit = traverse(ray.origin, ray.direction, 0.0, ray.t_max, ANY, NONE);
+    let hit = traverse(ray.origin, ray.direction, LastHit(0.0, NONE), ray.t_max, ANY, NONE);
     hits[id.x] = vec2<f32>(hit.t, bitcast<f32>(hit.triangle));
 }
 ";
@@ -216,8 +216,8 @@ fn write(file: &Path, room: &Room, batches: &[Batch]) {
 }
 
 /// Prints the throughput of each kind of ray. `file`: where to write the triangles and rays.
-pub fn compare(device: &Device, room: &Room, file: Option<&Path>) {
-    let batches = mixed_rays(room, 512);
+pub fn compare(device: &Device, room: &Room, file: Option<&Path>, sizes: Sizes) {
+    let batches = mixed_rays(room, sizes.side);
     if let Some(file) = file {
         write(file, room, &batches);
     }
@@ -232,9 +232,16 @@ pub fn compare(device: &Device, room: &Room, file: Option<&Path>) {
     run(&uploaded);
     let wrong: usize = [0, 2].map(|i| differing(room, &batches[i], &uploaded[i])).iter().sum();
     println!("rays      {} primary rays; {wrong} closest hits differ between device and host", batches[0].rays.len());
+    assert!(1000 * wrong <= batches[0].rays.len(), "more than 0.1 % of the closest hits differ");
     let total = batches.iter().map(|b| b.rays.len()).sum();
-    super::report("mixed rays", total, || run(&uploaded), || batches.iter().for_each(|b| on_host(room, b)));
+    super::report(
+        "mixed rays",
+        total,
+        sizes.rounds,
+        || run(&uploaded),
+        || batches.iter().for_each(|b| on_host(room, b)),
+    );
     for (batch, one) in batches.iter().zip(&uploaded) {
-        super::report(batch.name, one.count, || run(std::slice::from_ref(one)), || on_host(room, batch));
+        super::report(batch.name, one.count, sizes.rounds, || run(std::slice::from_ref(one)), || on_host(room, batch));
     }
 }

@@ -360,10 +360,18 @@ impl State {
 }
 
 /// Percentiles of the travel times of all light in metres (first, 5, 50, 95 and last), and a gate around the median that shows light.
+/// The light of suns and of the sky has no travel time, so it does not count.
 fn arrivals(job: &Job) -> Result<(Option<[f64; 5]>, Option<String>)> {
     let settings = &job.resolved.settings;
     let prepared = PreparedScene::new(&job.scene, settings)?;
-    let times = probe(&engine::device(job.experiment.render.device.as_deref())?, &job.scene, settings, &prepared)?;
+    let device = engine::device(job.experiment.render.device.as_deref())?;
+    let times = if !prepared.has_distant() {
+        probe(&device, &job.scene, settings, &prepared)?
+    } else if let Some((settings, prepared)) = PreparedScene::without_distant(&job.scene, settings) {
+        probe(&device, &job.scene, &settings, &prepared)?
+    } else {
+        return Ok((None, None));
+    };
     let percentile = |percent| times.percentile(percent).unwrap_or(f64::NAN);
     let found = times.range().map(|(first, last)| [first, percentile(5.0), percentile(50.0), percentile(95.0), last]);
     Ok((found, feasible::suggestion(&times, &job.scene, feasible::MEDIAN).map(|gate| gate.to_string())))

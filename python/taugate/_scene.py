@@ -144,7 +144,7 @@ class Scene:
         by number), ``triangles``, ``bounds`` (two corners in metres), ``diagonal``, ``media`` (how many), ``resolution``, ``notes``, ``warnings``.
 
         With ``arrival=True``, which needs a device, also ``arrival``: first, 5 %, 50 %, 95 % and last of the travel times of the light, in metres
-        (``None``: no light arrives), and ``suggested_gate``, which shows light.
+        (``None``: no light arrives), and ``suggested_gate``, which shows light. Suns and the sky are left out: their light has no travel time.
         """
         native, flags = self._job(settings, "info")
         info = native.info(flags, arrival)

@@ -32,6 +32,8 @@ FIRST_SAMPLES = 4
 AHEAD = 2
 #: How often Dask repeats a part that failed.
 RETRIES = 3
+#: Endings of the files by which a data set knows the jobs that are finished.
+ENDINGS = (".npy", ".exr")
 #: Number of scenes that a worker keeps, and that a client keeps on its workers.
 KEPT = 4
 
@@ -98,8 +100,14 @@ def dataset(jobs, *, client, folder, suffix=".npy"):
     the arguments of :func:`taugate.render`, or of :func:`taugate.histogram` if it has ``gates``. Each job writes ``folder/name.npy`` with the
     files beside it, and an image also ``name.exr``. ``suffix`` is the ending of the file that is yielded: ``.npy``, or ``.exr`` if all results
     are images. If this file is there already, it is kept, so a data set can be continued: give equal names to equal jobs only. A job that
-    fails four times is left out. After all jobs, the first exception is raised.
+    fails four times is left out, and so is a histogram if ``suffix`` is ``.exr``. After all jobs, the first exception is raised.
     """
+    if suffix not in ENDINGS:
+        raise SettingsError(f"suffix is {suffix!r}, but must be {' or '.join(map(repr, ENDINGS))}")
+    return _dataset(jobs, client, folder, suffix)
+
+
+def _dataset(jobs, client, folder, suffix):
     from distributed import as_completed
 
     os.makedirs(folder, exist_ok=True)
@@ -127,6 +135,10 @@ def dataset(jobs, *, client, folder, suffix=".npy"):
             files = future.result()
         except Exception as failure:  # of the job, whatever it is
             failures.append(failure)
+            continue
+        if suffix not in files:
+            name = os.path.basename(future.taugate_path)
+            failures.append(SettingsError(f"{name} was not written, because a histogram has no {suffix}; use suffix='.npy'"))
             continue
         # The file that shows that the job is finished comes last.
         for ending, contents in sorted(files.items(), key=lambda file: file[0] == suffix):
@@ -317,7 +329,7 @@ def _render_whole(key, payload, settings):
     scene = _scene(key, payload)
     image = taugate.histogram(scene, **settings) if settings.get("gates") is not None else taugate.render(scene, **settings)
     with tempfile.TemporaryDirectory() as folder:
-        for ending in (".npy", ".exr"):
+        for ending in ENDINGS:
             if ending == ".npy" or isinstance(image, Image):
                 image.save(os.path.join(folder, "image" + ending))
         files = {}

@@ -161,3 +161,24 @@ def test_a_data_set_is_continued(cluster, tmp_path):
     jobs[1:1] = [("broken", scene, dict(gate="1..2", spp=2))]
     with pytest.raises(taugate.SettingsError, match="no unit"):
         list(farm.dataset(jobs, client=cluster, folder=tmp_path))
+
+
+@pytest.mark.parametrize("suffix", [".png", "npy", ""])
+def test_a_data_set_refuses_files_that_it_does_not_write(tmp_path, suffix):
+    from taugate import farm
+
+    with pytest.raises(taugate.SettingsError, match="must be '.npy' or '.exr'"):
+        farm.dataset([], client=None, folder=tmp_path / "new", suffix=suffix)
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_data_set_of_images_leaves_out_a_histogram(cluster, tmp_path):
+    from taugate import farm
+
+    scene = taugate.load(SCENES / "cornell-box.glb", resolution=SIZE, light_paths=1000, spp=2)
+    jobs = [("image", scene, dict(gate="5m..6m")), ("histogram", scene, dict(gates="5m..6m/2"))]
+    made = []
+    with pytest.raises(taugate.SettingsError, match="histogram.exr was not written"):
+        for path in farm.dataset(jobs, client=cluster, folder=tmp_path, suffix=".exr"):
+            made.append(pathlib.Path(path).name)
+    assert made == ["image.exr"] and (tmp_path / "image.exr").exists()

@@ -220,6 +220,13 @@ def test_a_scene_says_what_it_contains(box):
     assert taugate.render(box, gate=info["suggested_gate"], spp=2).pixels.any()
 
 
+def test_the_light_of_the_sky_has_no_travel_time(box):
+    info = box.info(arrival=True, sky=1000)
+    assert np.allclose(info["arrival"], box.info(arrival=True)["arrival"], rtol=0.01)
+    info = box.info(arrival=True, sky=1000, emitters="sky")
+    assert info["arrival"] is None and info["suggested_gate"] is None
+
+
 def test_a_continuous_wave_sensor_has_layers_of_depth(box):
     waves = taugate.histogram(box, cw=20, spp=2)
     assert waves.pixels.shape == (32, 32, 4, 3)

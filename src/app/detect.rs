@@ -42,6 +42,12 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     let input = input(&args.input)?;
     let background = background(args.background.as_deref(), &input.array)?;
     let counts = counts(args, &detector, &input, &background);
+    if counts.iter().any(|count| !count.is_finite()) {
+        return Err(settings(
+            "counts exceed the largest number of the output, 3e38; lower --photons or --pulses".into(),
+        )
+        .into());
+    }
 
     let mut shape = vec![input.array.height, input.array.width];
     shape.extend(input.array.responses);

@@ -17,6 +17,7 @@ use crate::compare::metrics::{Means, RELMSE_FORMULA, TRIMMED};
 use crate::error::{Error, Result};
 use crate::files::write_atomically;
 use crate::image::exr_file::{Picture, read_picture, version};
+use crate::settings::Estimator;
 
 /// The contents of a page.
 pub struct Page<'a> {
@@ -126,16 +127,18 @@ fn reported<'a>(page: &Page<'a>, scene: &str) -> Option<&'a str> {
     Some(entry.paper.as_str()).filter(|paper| !paper.is_empty())
 }
 
-/// A table of ratios beside those that the paper reports. Empty if the paper reports none for the scenes of the suite.
+/// A table of ratios beside those that the paper reports, for the variants with light-cone queries. Empty if the paper reports none
+/// for the scenes of the suite.
 fn against_the_paper(page: &Page) -> String {
     let mut text = String::new();
     for (scene, _) in page.scenes {
         let Some(paper) = reported(page, scene) else { continue };
-        let is_baseline = |line: &&VariantSummary| {
+        let has_trees = |line: &&VariantSummary| {
             let named = |row: &&Row| row.scene == *scene && row.variant == line.variant;
-            page.rows.iter().find(named).is_some_and(|row| summary::is_baseline(&row.estimator))
+            let estimator = page.rows.iter().find(named).map(|row| row.estimator.parse::<Estimator>());
+            estimator.is_some_and(|estimator| estimator.is_ok_and(Estimator::has_trees))
         };
-        for line in summary::lines(page.rows, scene).iter().filter(|line| !is_baseline(line)) {
+        for line in summary::lines(page.rows, scene).iter().filter(has_trees) {
             let [all, trimmed] = [&line.all, &line.trimmed].map(ratio);
             let _ = writeln!(text, "| {scene} | {} | {all} | {trimmed} | {paper} |", line.variant);
         }

@@ -84,9 +84,9 @@ impl ErrorSummary {
     }
 }
 
-/// Whether the estimator of this name is a baseline, with which light-cone queries are compared: pt, bdpt or epc.
+/// Whether the estimator of this name is a baseline, with which the others are compared: pt or bdpt.
 pub fn is_baseline(estimator: &str) -> bool {
-    estimator.parse::<Estimator>().is_ok_and(|estimator| !estimator.has_trees())
+    matches!(estimator.parse(), Ok(Estimator::Pt | Estimator::Bdpt))
 }
 
 /// relMSE over all pixels.
@@ -236,5 +236,13 @@ pub(super) mod tests {
         let poor = super::lines(&poor.collect::<Vec<_>>(), "s");
         assert!(poor.iter().all(|l| l.all.ratio.is_none() && l.trimmed.ratio.is_some()), "{poor:?}");
         assert!(super::lines(&rows, "elsewhere").is_empty());
+    }
+
+    #[test]
+    fn only_pt_and_bdpt_are_baselines() {
+        let row = |estimator, relmse| row(estimator, estimator, 0, 0, relmse);
+        let rows = [row("pt", 4.0), row("bdpt", 2.0), row("epc", 0.5), row("lcs", 1.0)];
+        let ratios = lines(&rows, "s").iter().map(|l| l.all.ratio.unwrap().median).collect::<Vec<_>>();
+        assert_eq!(ratios, [0.5, 1.0, 4.0, 2.0]);
     }
 }

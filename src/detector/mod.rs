@@ -7,7 +7,7 @@
 
 mod jitter;
 
-use rand_distr::{Binomial, Distribution, Exp1, Normal, Poisson};
+use rand_distr::{Binomial, Distribution, Exp1, Normal, Poisson, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 
@@ -76,14 +76,14 @@ impl Detector {
         light.zip(bins.seconds()).map(mean).collect()
     }
 
-    /// Random counts per gate over all pulses, for `means` per pulse and gate. The same `seed` gives the same counts.
+    /// Random counts per gate over all pulses, for `means` per pulse and gate. The same `seed` gives the same counts. A count is not
+    /// finite if the mean over all pulses is not.
     pub fn counts(&self, means: &[f64], bins: &Bins, seed: u64) -> Vec<f64> {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         match self.blind {
             Blind::Never => {
-                let poisson =
-                    |mean: f64| Poisson::new(self.pulses as f64 * mean).map_or(0.0, |p| p.sample(&mut random));
-                jitter::spread(means, &bins.0, self.jitter).into_iter().map(poisson).collect()
+                let count = |mean: f64| poisson(self.pulses as f64 * mean, &mut random);
+                jitter::spread(means, &bins.0, self.jitter).into_iter().map(count).collect()
             }
             // Each pulse gives at most one count, so the counts are multinomial, also after the jitter.
             Blind::UntilNextPulse => {
@@ -138,6 +138,19 @@ impl Detector {
             }
         }
         counts
+    }
+}
+
+/// A random count of a Poisson distribution. It is not finite if the mean is not.
+fn poisson(mean: f64, random: &mut Pcg64Mcg) -> f64 {
+    match Poisson::new(mean) {
+        Ok(poisson) => poisson.sample(random),
+        Err(_) if mean <= 0.0 => 0.0,
+        // Above about 2e19, `Poisson` refuses the mean. A normal distribution has the same shape there.
+        Err(_) => {
+            let deviations: f64 = StandardNormal.sample(random);
+            (mean + mean.sqrt() * deviations).round()
+        }
     }
 }
 

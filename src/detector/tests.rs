@@ -42,6 +42,17 @@ fn counts_without_dead_time_are_poisson() {
 }
 
 #[test]
+fn huge_counts_are_poisson_too() {
+    let mean = 1e22;
+    let [(found, variance)] = moments(PLAIN, &[mean], &bins(1, 1.0), 4000)[..] else { panic!("one gate") };
+    assert!((found - mean).abs() <= 5.0 * (mean / 4000.0).sqrt(), "{found}");
+    assert!((variance / mean - 1.0).abs() <= 0.13, "{variance}");
+    for (pulses, mean) in [(1, f64::INFINITY), (u64::MAX, f64::MAX)] {
+        assert!(!Detector { pulses, ..PLAIN }.counts(&[mean], &bins(1, 1.0), 1)[0].is_finite());
+    }
+}
+
+#[test]
 fn the_first_photon_hides_later_ones() {
     let bins = bins(3, 1.0);
     let means = [0.5, 1.0, 2.0];

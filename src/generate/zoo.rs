@@ -4,7 +4,7 @@
 
 use super::paint;
 use super::shapes::{cuboid, icosphere, quad, torus};
-use super::stage::{add, camera, diffuse, glass, light, look, material, mesh, metal, place, plastic, texture};
+use super::stage::{about, add, camera, diffuse, glass, light, look, material, mesh, metal, place, plastic, texture};
 use crate::scene::{AlphaMode, Image, LightKind, Material, Mesh, Scene};
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -45,7 +45,7 @@ fn things(scene: &mut Scene, specular: bool) {
     let mixed = mesh(scene, "half metal", mixed, sphere.clone());
     // A mirrored, stretched and rotated instance: its normals need the inverse transpose, its winding the sign of the
     // determinant.
-    let stretch = DMat3::from_diagonal(DVec3::new(-1.3, 0.7, 1.0)) * DMat3::from_rotation_y(0.7);
+    let stretch = DMat3::from_diagonal(DVec3::new(-1.3, 0.7, 1.0)) * about(DVec3::Y, 0.7);
     place(scene, "stretched", mixed, DAffine3::from_mat3_translation(stretch, DVec3::new(-0.9, 0.5, -0.6)));
     let clear = material(scene, if specular { glass("glass") } else { plastic("block", [0.3, 0.5, 0.7], 0.2) });
     add(scene, "glass", clear, {

@@ -1,6 +1,7 @@
 //! Says in plain words what is wrong with a TOML file. The messages of serde name types of Rust, and omit the key and the table.
 
 use super::experiment::Experiment;
+use super::scan_table;
 use crate::settings::setting::{Setting, Value, Visitor};
 
 /// Rewrites a message of the TOML parser about byte `at` of `text`. The result names the table, the key and the remedy. Messages
@@ -132,19 +133,21 @@ pub fn table_of(key: &str) -> Option<&'static str> {
         }
     }
     type Visit = fn(&mut Experiment, &mut Find);
-    let tables: [(&str, Visit); 6] = [
+    let tables: [(&str, Visit); 7] = [
         ("camera", |experiment, find| experiment.camera.visit(find)),
         ("emitter", |experiment, find| experiment.emitter.visit(find)),
         ("input", |experiment, find| experiment.input.visit(find)),
+        ("medium", |experiment, find| experiment.medium.visit(find)),
         ("gate", |experiment, find| experiment.gate.visit(find)),
         ("render", |experiment, find| experiment.render.visit(find)),
         ("output", |experiment, find| experiment.output.visit(find)),
     ];
     let (mut experiment, mut find) = (Experiment::default(), Find(key, false));
-    tables.into_iter().find_map(|(name, visit)| {
+    let table = tables.into_iter().find_map(|(name, visit)| {
         visit(&mut experiment, &mut find);
         find.1.then_some(name)
-    })
+    });
+    table.or(scan_table::KEYS.contains(&key).then_some("scan"))
 }
 
 #[cfg(test)]
@@ -177,6 +180,11 @@ mod tests {
         let tables = [
             ("spp = 4", "the file has no key spp: it belongs to [render]"),
             ("[output]\nspp = 4", "[output] has no key spp: it belongs to [render]"),
+            ("[render]\nsigma-s = 0.1", "[render] has no key sigma-s: it belongs to [medium]"),
+            ("[gate]\nmedium_group_ior = 1.36", "[gate] has no key medium-group-ior: it belongs to [medium]"),
+            ("[camera]\nlaser = [1, 2, 3]", "[camera] has no key laser: it belongs to [scan]"),
+            ("pixel-fov = 3", "the file has no key pixel-fov: it belongs to [scan]"),
+            ("[camera]\npower = 3", "[camera] has no key power: choose one of camera"),
             (
                 "[gate]\ngte = 4",
                 "[gate] has no key gte: choose one of gate, depth, gates, response, repeat, cw, gate-keys, force",

@@ -24,6 +24,18 @@ const MAX_ANGLE: f64 = 90.0;
 /// Maximum number of points of the laser, and of the sensor.
 const MAX_POINTS: usize = 65_535;
 
+/// The keys of `[scan]` that no other table has. `[[light]]` has a power too.
+pub const KEYS: [&str; 8] = [
+    "laser",
+    "sensor",
+    "divergence",
+    "pixel-fov",
+    "account-first-and-last-bounces",
+    "points",
+    "laser-points",
+    "sensor-points",
+];
+
 /// A scan as the user wrote it. Reading a file checks it, so [`ScanTable::scan`] cannot fail afterwards.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", deny_unknown_fields, rename_all = "kebab-case")]
@@ -318,6 +330,14 @@ mod tests {
         let experiment = Experiment::parse(&format!("[scan]\n{keys}")).map_err(|e| e.to_string())?;
         assert_eq!(Experiment::parse(&experiment.to_toml()).unwrap(), experiment, "{}", experiment.to_toml());
         experiment.scan.unwrap().scan()
+    }
+
+    /// The message about an unknown key lists all keys of the table.
+    #[test]
+    fn keys_are_those_of_the_table_without_the_power() {
+        let message = parse("no-such-key = 1").unwrap_err();
+        let (_, keys) = message.split_once("choose one of ").unwrap();
+        assert_eq!(keys.split(", ").filter(|key| *key != "power").collect::<Vec<_>>(), KEYS);
     }
 
     #[test]

@@ -51,10 +51,11 @@ fn counts_have_the_mean_of_the_light() {
     let bytes = std::fs::read(here.path().join("day.npy")).unwrap();
     assert!(String::from_utf8_lossy(&bytes[..128]).contains("(12, 16, 1)"));
 
-    let table: [(&[&str], &str); 9] = [
+    let table: [(&[&str], &str); 10] = [
         (&["light.npy", "-o", "x.exr", "--photons", "1"], "must end in .npy"),
         (&["light.npy", "-o", "light.npy", "--photons", "1"], "would replace the light"),
         (&["light.npy", "-o", "x.npy", "--photons", "-1"], "0 or more"),
+        (&["light.npy", "-o", "x.npy", "--photons", "1e300"], "lower --photons or --pulses"),
         (&["light.npy", "-o", "x.npy", "--photons", "1", "--efficiency", "2"], "from 0 to 1"),
         (&["light.npy", "-o", "x.npy", "--photons", "1", "--background", "night"], "is no background"),
         (&["day.exr", "-o", "x.npy", "--photons", "1"], "gates that end"),

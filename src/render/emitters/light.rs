@@ -32,7 +32,7 @@ pub struct LightRecord {
     pub position: Vec3,
     pub radius: f32,
     /// The light as a light vertex, if its position can be connected to shade points. The vertex does not depend on random numbers,
-    /// so the pool stores it once.
+    /// so the pool stores it once. [`super::EmitterSet`] sets `owner`, `select_pdf` and `eta`.
     pub vertex: Option<PathVertex>,
     /// All subpaths begin with the same ray, so the vertices on that ray are deterministic too.
     pub is_thin: bool,
@@ -136,7 +136,6 @@ fn punctual(entry: Emitter, profile: u32, flux: f64) -> LightRecord {
         to_previous: entry.direction,
         base_color: [entry.outer, entry.inner, 0.0],
         flags: VERTEX_EMITTER | VERTEX_DETERMINISTIC | VERTEX_VALID,
-        eta: 1.0,
         ..bytemuck::Zeroable::zeroed()
     };
     LightRecord { entry, flux, position: entry.position.into(), radius: 0.0, vertex: Some(vertex), is_thin: false }

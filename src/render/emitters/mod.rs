@@ -12,7 +12,7 @@ use glam::{BVec3, DVec3, Vec3};
 
 use super::geometry::Geometry;
 use super::space::RenderSpace;
-use crate::scene::{Light, Medium, Scene, SkyImage};
+use crate::scene::{Light, Medium, Scene, SkyImage, surrounding_indices};
 use crate::settings::Emitters;
 use crate::wgsl::layout::constants::EMITTER_SKY;
 use crate::wgsl::layout::{Emitter, PathVertex};
@@ -74,7 +74,9 @@ impl EmitterSet {
         for (material, density) in geometry.materials.iter_mut().zip(densities) {
             material.emission_density = (density / total) as f32;
         }
+        let [_, group_index] = surrounding_indices(&scene.media);
         for vertex in &mut set.deterministic {
+            vertex.eta = group_index;
             vertex.select_pdf = set.table[vertex.owner as usize].select_pdf;
         }
         let shines = |light: &&Light| selected.include(&light.node);
