@@ -224,6 +224,22 @@ fn resolved_settings_printed_as_an_experiment_resolve_to_themselves() {
 }
 
 #[test]
+fn a_printed_experiment_has_no_crop_of_the_whole_image() {
+    let printed = |toml: &str| {
+        let typed = experiment(&format!("emitter.emitters = 'beam'\n{toml}"));
+        as_experiment(&typed, &resolve(&typed, &scene()).unwrap().settings, &scene())
+    };
+    let mut whole = printed("camera.resolution = '64x64'");
+    assert_eq!(whole.camera.crop, None);
+    // Another resolution shows the whole image, and not its top left quarter.
+    whole.camera.resolution = Some(Resolution([128, 128]));
+    let settings = resolve(&whole, &scene()).unwrap().settings;
+    assert_eq!(settings.crop(), Crop { x0: 0, x1: 128, y0: 0, y1: 128 });
+    let part = Crop { x0: 0, x1: 63, y0: 0, y1: 64 };
+    assert_eq!(printed("camera = { resolution = '64x64', crop = '0,63,0,64' }").camera.crop, Some(part));
+}
+
+#[test]
 fn leaves_follow_the_estimator() {
     let size = |toml: &str| settings_of(toml).leaf_size();
     assert_eq!(size("render.estimator = 'lcs'"), 16);
