@@ -98,6 +98,22 @@ fn a_gate_that_sweeps_is_a_sequence() {
 }
 
 #[test]
+fn a_printed_sequence_keeps_its_gates() {
+    let here = with("cornell-box");
+    let keys = ["--gate-keys", "0=5m..5.2m", "--gate-keys", "2=6m..6.2m", "--frames", "0..2", "-o", "g#.exr"];
+    let print = |arguments: &[&str]| {
+        let output = taugate(here.path(), &[&["render"], arguments, &["--print-config"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let config = print(&[&["scene.glb"], &keys[..]].concat());
+    assert!(config.contains("gate-keys = [[0, \"5m..5.2m\"], [2, \"6m..6.2m\"]]"), "{config}");
+    assert!(config.contains("estimator = \"lcs\"") && !config.contains("gate = \""), "{config}");
+    std::fs::write(here.path().join("e.toml"), &config).unwrap();
+    assert_eq!(print(&["e.toml"]), config, "a printed experiment prints itself");
+}
+
+#[test]
 fn mistakes_name_the_remedy() {
     let here = with("street");
     assert!(taugate(here.path(), &["generate", "cornell-box", "-o", "box.glb"]).status.success());

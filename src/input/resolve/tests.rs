@@ -4,6 +4,7 @@ use glam::{DAffine3, DVec3};
 
 use super::*;
 use crate::generate::stage::diffuse;
+use crate::input::sequence::at_first_frame;
 use crate::scene::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection};
 
 /// A scene with two cameras, a sun, a beam, an emissive lamp, and a wall that does not emit.
@@ -237,6 +238,18 @@ fn a_printed_experiment_has_no_crop_of_the_whole_image() {
     assert_eq!(settings.crop(), Crop { x0: 0, x1: 128, y0: 0, y1: 128 });
     let part = Crop { x0: 0, x1: 63, y0: 0, y1: 64 };
     assert_eq!(printed("camera = { resolution = '64x64', crop = '0,63,0,64' }").camera.crop, Some(part));
+}
+
+#[test]
+fn a_printed_experiment_keeps_the_moving_gate() {
+    let keys = "gate = { gate-keys = [[2, '1m..2m'], [4, '5m..6m']], response = 'gauss:0.01m', force = true }";
+    let typed = experiment(&format!("emitter.emitters = 'beam'\noutput.frames = '2..4'\n{keys}"));
+    let first = at_first_frame(&typed);
+    let settings = resolve(&first, &scene()).unwrap().settings;
+    assert_eq!(settings.responses().iter().next().unwrap().gate(), Gate { lo: 1.0, hi: 2.0 });
+    let printed = as_experiment(&first, &settings, &scene());
+    assert_eq!((&printed.gate, printed.render.estimator), (&typed.gate, Some(Estimator::Lcs)));
+    assert_eq!(experiment(&printed.to_toml()), printed);
 }
 
 #[test]
