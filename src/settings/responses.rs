@@ -148,7 +148,8 @@ impl Responses {
         if self.frequencies.is_some() {
             return GateTable { cw: self.frequencies.clone(), ..GateTable::default() };
         }
-        if self.is_single_box() {
+        // A gate without a response has a default name. Any other name needs a response.
+        if self.is_single_box() && self.list[0].name() == default_name(self.list[0].gate()) {
             let gate = (!self.are_steady()).then(|| self.support());
             return GateTable { gate, ..GateTable::default() };
         }
@@ -169,6 +170,11 @@ impl Responses {
     }
 }
 
+/// The name of the only response, if the user gives only its gate.
+fn default_name(gate: Gate) -> &'static str {
+    if gate.is_open() { "steady" } else { "gate" }
+}
+
 impl Default for Responses {
     /// One response, the steady state.
     fn default() -> Responses {
@@ -178,8 +184,7 @@ impl Default for Responses {
 
 impl From<Gate> for Responses {
     fn from(gate: Gate) -> Responses {
-        let name = if gate.is_open() { "steady" } else { "gate" };
-        Responses { list: vec![Response::new(name, gate, Edge::Sharp)], uniform: None, frequencies: None }
+        Responses { list: vec![Response::new(default_name(gate), gate, Edge::Sharp)], uniform: None, frequencies: None }
     }
 }
 

@@ -253,6 +253,24 @@ fn a_printed_experiment_keeps_the_moving_gate() {
 }
 
 #[test]
+fn a_single_response_keeps_its_name() {
+    for (gate, name) in [
+        ("response = 'near=box:1m..2m'", "near"),
+        ("response = 'near=box:0m..inf'", "near"),
+        ("gate = '1m..2m'\nresponse = 'box'", "box"),
+        ("gate = '1m..2m'", "gate"),
+        ("gate = '1m..2m'\nresponse = 'gauss:0.1m'", "gauss"),
+        ("force = true", "steady"),
+    ] {
+        let typed = experiment(&format!("emitter.emitters = 'beam'\n[gate]\n{gate}"));
+        let first = resolve(&typed, &scene()).unwrap().settings;
+        let printed = as_experiment(&typed, &first, &scene()).to_toml();
+        assert_eq!(settings_of(&printed), first, "{printed}");
+        assert_eq!(first.responses().iter().next().unwrap().name(), name, "{gate}");
+    }
+}
+
+#[test]
 fn leaves_follow_the_estimator() {
     let size = |toml: &str| settings_of(toml).leaf_size();
     assert_eq!(size("render.estimator = 'lcs'"), 16);
