@@ -150,6 +150,14 @@ fn mistakes_name_the_flag_and_the_remedy() {
         ("emitter.emitters = 'beam,nothing'", "no node 'nothing'"),
         ("gate.gate = '1m..2m'\nemitter.emitters = 'sun'", "choose other lights with --emitters from beam, lamp"),
         ("gate.gate = '100m+0.0001mm'\nemitter.emitters = 'beam'", "make the gate wider, or add --force"),
+        (
+            "gate = { gate = '1m..2m', repeat = '1e-15m' }\nemitter.emitters = 'beam'",
+            "--repeat 1e-15m is too short for the gate of 1 m: give at least 0.001m",
+        ),
+        (
+            "gate = { gates = '1m..6m/2', response = 'trapezoid:0.5m', repeat = '2.9mm' }\nemitter.emitters = 'beam'",
+            "at least 0.003m",
+        ),
     ];
     for (toml, part) in table {
         let message = message(toml, &scene());
