@@ -90,7 +90,7 @@ impl Experiment {
             let (line, column) = position(text, at.unwrap_or(0));
             ParseError { line, column, message: message.into() }
         };
-        let GateTable { gate, depth, gates, response, repeat, cw, .. } = &experiment.gate;
+        let GateTable { gate, depth, gates, response, repeat, cw, gate_keys, .. } = &experiment.gate;
         if gate.is_some() && depth.is_some() {
             return Err(exclusive("gate", "depth", "gate and depth both set the gate: keep one"));
         }
@@ -98,10 +98,15 @@ impl Experiment {
             let other = if gate.is_some() { "gate" } else { "depth" };
             return Err(exclusive(other, "gates", &format!("{other} and gates both set the gates: keep one")));
         }
+        let fixed = [("gate", gate.is_some()), ("depth", depth.is_some()), ("gates", gates.is_some())];
+        if let Some((other, _)) = fixed.iter().find(|(_, given)| *given && gate_keys.is_some()) {
+            return Err(exclusive(other, "gate-keys", &format!("{other} and gate-keys both set the gate: keep one")));
+        }
         let others = [
             ("gate", gate.is_some()),
             ("depth", depth.is_some()),
             ("gates", gates.is_some()),
+            ("gate-keys", gate_keys.is_some()),
             ("response", response.is_some()),
             ("repeat", repeat.is_some()),
         ];
@@ -110,6 +115,9 @@ impl Experiment {
         }
         if experiment.camera.fov.is_some() && experiment.camera.ortho.is_some() {
             return Err(exclusive("fov", "ortho", "fov and ortho both set the view of the camera: keep one"));
+        }
+        if experiment.input.at.is_some() && experiment.output.frames.is_some() {
+            return Err(exclusive("at", "frames", "at and frames both set the time of the scene: keep one"));
         }
         if experiment.render.spp.is_some() && experiment.render.time.is_some() {
             return Err(exclusive("spp", "time", "spp and time both limit the render: keep one"));
@@ -276,7 +284,8 @@ fn key_offset(text: &str, key: &str) -> Option<usize> {
         })
         .find_map(|(start, line)| {
             let indent = line.len() - line.trim_start().len();
-            line.trim_start().strip_prefix(key)?.trim_start().starts_with('=').then_some(start + indent)
+            let (name, _) = line.split_once('=')?;
+            (name.trim().replace('_', "-") == key).then_some(start + indent)
         })
 }
 
@@ -341,6 +350,26 @@ png = true
                 3,
                 1,
                 "depth and gates both set the gates: keep one",
+            ),
+            (
+                "[gate]\ngate-keys = [[0, \"1m..2m\"]]\ngate = \"1m..2m\"\n",
+                3,
+                1,
+                "gate and gate-keys both set the gate: keep one",
+            ),
+            ("[gate]\ndepth = \"1m..2m\"\ngate_keys = [[0, \"1m..2m\"]]\n", 3, 1, "depth and gate-keys both"),
+            ("[gate]\ngates = \"1m..2m/4\"\ngate-keys = [[0, \"1m..2m\"]]\n", 3, 1, "gates and gate-keys both"),
+            (
+                "[gate]\ncw = 20\ngate-keys = [[0, \"1m..2m\"]]\n",
+                3,
+                1,
+                "gate-keys and cw both say which light counts: keep one",
+            ),
+            (
+                "[input]\nat = 1\n[output]\nframes = \"0..2\"\n",
+                4,
+                1,
+                "at and frames both set the time of the scene: keep one",
             ),
             ("[gate]\ngates = \"1m..2m\"\n", 2, 9, "how many gates"),
             ("[render]\ntime = \"3s\"\nspp = 4\n", 3, 1, "keep one"),
