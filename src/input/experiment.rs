@@ -14,6 +14,8 @@ use crate::input::medium_tables::MediumTables;
 use crate::input::plain::{plain, table_of};
 use crate::input::response_table::ResponseTable;
 use crate::input::scan_table::ScanTable;
+use crate::input::sequence::DEFAULT_FPS;
+use crate::settings::moment::Moment;
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::setting::{Setting, Value, Visitor};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, OutputTable, RenderTable};
@@ -129,6 +131,13 @@ impl Experiment {
     /// as one setting.
     pub fn over(self, mut below: Experiment) -> Experiment {
         // Keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
+        if let Some(Moment(seconds)) = self.input.at {
+            below.render_only(seconds);
+        }
+        if self.output.frames.is_some() {
+            below.input.at = None;
+        }
+        below.gate.leave_responses_to(&self.gate);
         if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
             (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
             below.gate.gate_keys = None;
@@ -166,6 +175,20 @@ impl Experiment {
             scan: self.scan.or(below.scan),
             response: vec![],
         }
+    }
+
+    /// Turns a sequence of frames into the single moment at `seconds`, with the gate that the keys of the sequence give then.
+    fn render_only(&mut self, seconds: f64) {
+        let OutputTable { frames, fps, shard, contact_sheet, gif, .. } = &mut self.output;
+        let fps = fps.take().unwrap_or(DEFAULT_FPS);
+        if let Some(keys) = self.gate.gate_keys.take() {
+            self.gate.gate = Some(keys.gate(seconds * f64::from(fps)));
+        }
+        if frames.take().is_some() {
+            // The shard of a sequence is a part of its frames.
+            *shard = None;
+        }
+        (*contact_sheet, *gif) = (None, None);
     }
 
     /// Calls `visitor` with every setting of every table.
@@ -447,6 +470,48 @@ png = true
         flags.camera.ortho = Some(Height(2.0));
         let merged = flags.over(file).camera;
         assert_eq!((merged.fov, merged.ortho), (None, Some(Height(2.0))));
+    }
+
+    #[test]
+    fn a_moment_replaces_the_frames_of_the_file() {
+        let file = "[output]\nframes = '0..16'\nfps = 8\nshard = '0/2'\noutput = 'a.##.exr'\ngif = 'a.gif'\ncontact-sheet = 'a.png'\n\
+                    [gate]\ngate-keys = [[0, '1m..2m'], [16, '3m..4m']]\n";
+        let merged = |flags: &str, file: &str| Experiment::parse(flags).unwrap().over(Experiment::parse(file).unwrap());
+        let moment = merged("input.at = 1", file);
+        assert_eq!(
+            moment,
+            Experiment::parse("input.at = 1\ngate.gate = '2m..3m'\noutput.output = 'a.##.exr'").unwrap(),
+            "the gate is that of frame 8"
+        );
+        assert_eq!(
+            merged("input.at = 1\ngate.depth = '4m..5m'", file).gate,
+            Experiment::parse("gate.depth = '4m..5m'").unwrap().gate
+        );
+        let frames = merged("output.frames = '2..3'", "input.at = 1\n");
+        assert_eq!((frames.input.at, frames.output.frames.is_some()), (None, true));
+    }
+
+    #[test]
+    fn a_gate_replaces_the_responses_of_the_file_that_have_gates() {
+        let merged = |flags: &str, file: &str| {
+            let parse = |keys: &str| Experiment::parse(&format!("[gate]\n{keys}\n")).unwrap();
+            parse(flags).over(parse(file)).gate
+        };
+        let of = |keys: &str| Experiment::parse(&format!("[gate]\n{keys}\n")).unwrap().gate;
+        let slices = "response = ['near=box:1m..2m', 'slice.csv']";
+        for gate in ["gate = '5m..6m'", "depth = '5m..6m'", "gates = '5m..6m/4'", "gate-keys = [[0, '5m..6m']]"] {
+            assert_eq!(merged(gate, slices), of(gate));
+            // The edges of the file belong to any gate.
+            assert_eq!(merged(gate, "response = 'gauss:0.1m'"), of(&format!("{gate}\nresponse = 'gauss:0.1m'")));
+            assert_eq!(merged(slices, gate), of(slices));
+        }
+        let mixed = "response = ['near=box:1m..2m', 'gauss:0.1m']";
+        assert_eq!(merged("gate = '5m..6m'", mixed), of(&format!("gate = '5m..6m'\n{mixed}")));
+        assert_eq!(merged("gates = '5m..6m/4'", mixed), of("gates = '5m..6m/4'"), "--gates takes one response");
+        assert_eq!(
+            merged("response = 'gauss:0.1m'", "gate = '5m..6m'"),
+            of("gate = '5m..6m'\nresponse = 'gauss:0.1m'")
+        );
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::settings::table::OutputTable;
 use crate::settings::values::{Files, Png};
 
 /// Frames per second, if the user gives none.
-const DEFAULT_FPS: u32 = 24;
+pub(super) const DEFAULT_FPS: u32 = 24;
 const MAX_FPS: u32 = 10_000;
 
 /// The frames of an experiment with `--frames`.
