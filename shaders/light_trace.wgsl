@@ -43,7 +43,7 @@ fn light_trace(@builtin(global_invocation_id) id: vec3<u32>) {
         add_auxiliary_sum(&v, before);
     }
     v.owner = s.emitter;
-    var random = min((s.flags >> PATH_RANDOM_SHIFT) + 1u, 3u);
+    var random = min(((s.flags >> PATH_RANDOM_SHIFT) & 3u) + 1u, 3u);
     if (was_deterministic && is_in_medium(v)) {
         // Where the light scatters first is random, so each path of the beam carries its share of the power.
         v.throughput *= 1.0 / (s.select_pdf * f32(frame.light_paths));

@@ -49,7 +49,7 @@ fn sensor_trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let arrival = advance(&s, false, true, key, flight);
     // Whether light vertices may be connected to events on the segment.
     let has_segment = DRAWS_IN_GATE && arrival.segment.limit > 0.0 && depth < frame.max_depth;
-    if (has_segment) {
+    if (DRAWS_IN_GATE) {
         segments[slot] = arrival.segment;
     }
     if (!arrival.found) {

@@ -141,7 +141,7 @@ override HAS_MEDIA: bool = true;
 // Index of refraction and group index outside of transmitting solids. The travel time there is the group index times the length.
 override SURROUNDING_IOR: f32 = 1.0;
 override SURROUNDING_GROUP_INDEX: f32 = 1.0;
-// Whether transmitting solids may contain media (solid.wgsl).
+// Whether transmitting solids contain other media than the space around them, or none (solid.wgsl).
 override HAS_INTERIORS: bool = true;
 // Whether meshes bound media without bending light (boundary.wgsl).
 override HAS_NULL_BOUNDARIES: bool = true;

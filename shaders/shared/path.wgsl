@@ -109,7 +109,7 @@ struct FogSegment {
     // Partial MIS sums at the start of the segment.
     d_vcm: f32,
     d_vc: f32,
-    // Distance from the start to the shade point.
+    // Distance from the start to the shade point; 0 if the ray left the scene.
     length: f32,
     // Code of the solid that the segment runs in (solid.wgsl).
     solid: u32,

@@ -38,7 +38,8 @@ fn advance(state: ptr<function, PathState>, is_direct: bool, to_light: bool, key
         let limit = select(3e38, distance(a.surface.position, (*state).position), a.found);
         surrounding_solid = solid;
         let flight = fly(state, limit, is_direct, to_light, u);
-        a.segment = FogSegment((*state).throughput, limit, (*state).d_vcm, (*state).d_vc, flight.distance, solid);
+        let to_shade_point = select(0.0, flight.distance, a.found || flight.scattered);
+        a.segment = FogSegment((*state).throughput, limit, (*state).d_vcm, (*state).d_vc, to_shade_point, solid);
         (*state).throughput *= flight.weight;
         a.carried = max_component(flight.weight);
         let is_parallel = HAS_PARALLEL && ((*state).flags & PATH_PARALLEL) != 0u;

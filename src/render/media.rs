@@ -63,14 +63,15 @@ impl Media {
         Ok(Media { list, outside, phase_tables, surrounding: surrounding_indices(&scene.media), grids, densities })
     }
 
-    /// Values of the WGSL `override` constants that depend on the media.
-    pub fn constants(&self) -> [(&'static str, f64); 7] {
+    /// Values of the WGSL `override` constants that depend on the media. `has_glass`: whether a surface transmits light. The media
+    /// around glass do not enter it.
+    pub fn constants(&self, has_glass: bool) -> [(&'static str, f64); 7] {
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
         let has = |phase| switch(self.list.iter().any(|medium| medium.phase == phase));
         let [ior, group_index] = self.surrounding.map(f64::from);
         [
             ("HAS_MEDIA", switch(!self.list.is_empty())),
-            ("HAS_INTERIORS", switch(self.list.len() > self.outside)),
+            ("HAS_INTERIORS", switch(self.list.len() > self.outside || (has_glass && !self.list.is_empty()))),
             ("HAS_GRIDS", switch(!self.grids.is_empty())),
             ("HAS_DRAINE", has(PHASE_DRAINE)),
             ("HAS_PHASE_TABLES", has(PHASE_TABLE)),

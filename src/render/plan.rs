@@ -105,6 +105,8 @@ pub struct Plan {
     has_media: bool,
     /// Travel time per length outside of solids.
     group_index: f64,
+    /// Whether light is faster in a solid than outside of it.
+    has_fast_solids: bool,
     /// Parts of the BVH for [`Bvh::parts`](crate::bvh::Bvh::parts); empty unless the estimator forms ellipsoidal connections.
     pub bvh_parts: Vec<u32>,
     /// Values of the WGSL `override` constants that depend on the media.
@@ -181,12 +183,13 @@ impl Plan {
             aims: prepared.aims.len(),
             has_media: !prepared.media.list.is_empty(),
             group_index: prepared.media.surrounding[1].into(),
+            has_fast_solids: constants::has_fast_solids(scene, prepared.media.surrounding[1]),
             bvh_parts: if estimator.ellipsoids == Ellipsoids::Enumerated {
                 prepared.geometry.bvh.parts(PART_TRIANGLES)
             } else {
                 vec![]
             },
-            media_constants: prepared.media.constants(),
+            media_constants: prepared.media.constants(features.transmission),
             crop: settings.crop(),
             crop_pixels: u64::from(settings.crop().width()) * u64::from(settings.crop().height()),
             traces_light,
@@ -317,30 +320,6 @@ impl Plan {
     /// Whether the render then has the same bits as a new render with `responses`.
     pub fn has_bits_of(&self, responses: &Responses) -> bool {
         self.can_have(responses) && std::ptr::eq(self.estimator, self.choice.record(responses))
-    }
-
-    /// Whether queries choose among `count` deterministic vertices. Otherwise each shade point connects to all of them.
-    pub fn queries_deterministic(&self, count: u32) -> bool {
-        self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
-    }
-
-    /// Whether the estimator chooses the positions of events by the gate. It cannot do so with null boundaries: it does not know
-    /// them on segments that it does not trace.
-    fn moves_events(&self) -> bool {
-        self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries
-    }
-
-    /// Whether events in media are drawn inside the gate, for connections to deterministic vertices.
-    pub fn draws_in_gate(&self) -> bool {
-        self.moves_events() && !self.queries_deterministic(self.max_deterministic)
-    }
-
-    /// Number of parts of the gate; a query kernel may choose a vertex for each part.
-    fn time_groups(&self) -> u32 {
-        match self.observe {
-            Observe::Responses => self.estimator.time_groups,
-            _ => 1,
-        }
     }
 
     /// Number of candidate slots per shade point for a pool, at least 1.

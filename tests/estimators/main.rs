@@ -13,6 +13,7 @@ mod device;
 mod drive;
 mod ellipsoids;
 mod fog;
+mod fog_and_glass;
 mod furnace;
 mod grid;
 mod headlamp;

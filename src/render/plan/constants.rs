@@ -1,8 +1,9 @@
-//! The constants of a render's kernels. These values decide which code the kernels contain.
+//! The constants of a render's kernels, and the choices behind them. These values decide which code the kernels contain.
 
 use super::{Observe, Plan};
-use crate::estimators::Ellipsoids;
-use crate::wgsl::layout::constants::{OBSERVE_RESPONSES, OBSERVE_STRATEGIES, OBSERVE_TIMES};
+use crate::estimators::{Ellipsoids, PoolOrder};
+use crate::scene::Scene;
+use crate::wgsl::layout::constants::{DETERMINISTIC_SLOTS, OBSERVE_RESPONSES, OBSERVE_STRATEGIES, OBSERVE_TIMES};
 
 impl Plan {
     /// Values of the WGSL `override` constants of all kernels.
@@ -26,7 +27,7 @@ impl Plan {
             ("DRAWS_IN_GATE", switch(self.draws_in_gate())),
             ("HAS_ELLIPSOIDS", switch(self.estimator.ellipsoids != Ellipsoids::None)),
             ("RESAMPLES_ELLIPSOIDS", switch(self.estimator.ellipsoids == Ellipsoids::Resampled)),
-            ("GUIDES_FLIGHTS", switch(self.moves_events())),
+            ("GUIDES_FLIGHTS", switch(self.guides_flights())),
             ("BUCKET_COUNT", self.buckets.into()),
             ("FRONTIER", self.frontier.into()),
             ("QUERIED_PUNCTUAL", switch(queried)),
@@ -41,4 +42,39 @@ impl Plan {
         constants.extend(self.estimator.constants.iter().map(|&(name, value)| (name, value.into())));
         constants
     }
+
+    /// Whether queries choose among `count` deterministic vertices. Otherwise each shade point connects to all of them.
+    pub fn queries_deterministic(&self, count: u32) -> bool {
+        self.estimator.pool_order == PoolOrder::Trees && count > DETERMINISTIC_SLOTS
+    }
+
+    /// Whether the estimator chooses the positions of events by the gate. It cannot do so with null boundaries: it does not know
+    /// them on segments that it does not trace.
+    fn moves_events(&self) -> bool {
+        self.has_media && self.estimator.draws_in_gate && !self.features.null_boundaries
+    }
+
+    /// Whether sensor subpaths fly towards the places from which light can arrive inside the gate. These places assume that light
+    /// is nowhere faster than outside of solids.
+    fn guides_flights(&self) -> bool {
+        self.moves_events() && !self.has_fast_solids
+    }
+
+    /// Whether events in media are drawn inside the gate, for connections to deterministic vertices.
+    pub fn draws_in_gate(&self) -> bool {
+        self.moves_events() && self.max_deterministic <= DETERMINISTIC_SLOTS
+    }
+
+    /// Number of parts of the gate; a query kernel may choose a vertex for each part.
+    pub(super) fn time_groups(&self) -> u32 {
+        match self.observe {
+            Observe::Responses => self.estimator.time_groups,
+            _ => 1,
+        }
+    }
+}
+
+/// Whether light is faster in a transmitting solid than outside, where it travels with `group_index`.
+pub fn has_fast_solids(scene: &Scene, group_index: f32) -> bool {
+    scene.materials.iter().any(|material| material.transmission > 0.0 && material.ior < group_index)
 }
