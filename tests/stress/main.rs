@@ -14,6 +14,7 @@ mod shader_function;
 mod accumulation;
 mod checks;
 mod coplanar;
+mod fog;
 mod gates;
 mod partition;
 mod sampling;

@@ -5,7 +5,7 @@ use taugate::internals::generate::shapes::cuboid;
 use taugate::internals::generate::stage::{add, glass, light, material, metal};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::Renderer;
-use taugate::internals::scene::{LightKind, Scene};
+use taugate::internals::scene::{LightKind, Medium, PhaseFunction, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
@@ -24,8 +24,8 @@ const ITERATIONS: u32 = 64;
 /// Largest allowed standard error of the relative change of the mean.
 const PRECISE: f64 = 0.02;
 
-/// The scene scaled by `scale`, then moved by `shift`. Intensity and power are multiplied by `scale` squared, so that radiance
-/// stays the same.
+/// The scene scaled by `scale`, then moved by `shift`. Intensity and power are multiplied by `scale` squared and coefficients of
+/// media divided by `scale`, so that radiance stays the same.
 fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
     let mut out = scene.clone();
     let move_to = |p: DVec3| p * scale + shift;
@@ -35,6 +35,11 @@ fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
     }
     for camera in &mut out.cameras {
         camera.transform.translation = move_to(camera.transform.translation);
+    }
+    for medium in &mut out.media {
+        medium.sigma_s = medium.sigma_s.map(|sigma| sigma / scale);
+        medium.sigma_a = medium.sigma_a.map(|sigma| sigma / scale);
+        medium.bounds = medium.bounds.map(|bounds| bounds.map(move_to));
     }
     let area = |rgb: [f32; 3]| rgb.map(|x| (f64::from(x) * scale * scale) as f32);
     for light in &mut out.lights {
@@ -68,6 +73,14 @@ fn mixed() -> Scene {
     let beam = LightKind::Beam { power: [2.0, 1.0, 1.0], radius: 0.02 };
     light(&mut scene, "beam", DVec3::new(0.2, 1.2, 0.9), DVec3::new(-0.2, -0.3, -1.0), beam);
     scene
+}
+
+/// [`mixed`] with fog in the back half of the box.
+fn mixed_in_fog() -> Scene {
+    let bounds = Some([DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 0.0)]);
+    let phase = PhaseFunction::HenyeyGreenstein { g: 0.5 };
+    let fog = Medium { sigma_s: [0.3, 0.4, 0.5], sigma_a: [0.1, 0.05, 0.02], phase, bounds, ..Medium::default() };
+    Scene { media: vec![fog], ..mixed() }
 }
 
 /// Images of independent iterations, through the gate scaled by `scale`.
@@ -117,7 +130,7 @@ fn near(scene: &Scene, name: &str, estimator: Estimator, places: &[(f64, f64)]) 
 }
 
 /// Upper bound on the number of comparisons over all estimators and scenes, for the significance threshold.
-const TESTS: usize = PLACES.len() * 16;
+const TESTS: usize = PLACES.len() * 20;
 /// Scale of the scene, and its distance from the origin of world space in metres.
 const PLACES: [(f64, f64); 7] = [(1e-3, 0.0), (1e3, 0.0), (1e6, 0.0), (1e9, 0.0), (1.0, 1e3), (1.0, 1e5), (1e-3, 1e5)];
 
@@ -154,6 +167,7 @@ fn a_gate_that_is_scaled_wrongly_is_noticed() {
 fn every_estimator_and_emitter_at_every_scale_and_place() {
     for estimator in Estimator::ALL {
         near(&mixed(), "mixed", estimator, &PLACES);
+        near(&mixed_in_fog(), "mixed, in fog", estimator, &PLACES);
         near(&zoo(Light::Area), "area light", estimator, &PLACES);
         near(&zoo(Light::Punctual), "point and spot", estimator, &PLACES);
         if estimator != Estimator::Pt {
