@@ -48,6 +48,17 @@ def test_a_histogram_has_the_bits_and_the_description_of_the_program(box, progra
     assert histogram.mitransient_film() == {"start_opl": 5, "bin_width_opl": 0.5, "temporal_bins": 8}
 
 
+def test_a_gate_may_end_at_infinity(box):
+    for begin in (5, 5.0, np.float32(5)):
+        late = taugate.render(box, gate=(begin, np.inf), spp=2)
+        assert late.gate == (5.0, np.inf)
+        assert np.array_equal(late.pixels, taugate.render(box, gate="5m..inf", spp=2).pixels)
+    # The gate of an image without a gate makes the same image.
+    steady = taugate.render(box, spp=2)
+    assert np.array_equal(taugate.render(box, gate=steady.gate, spp=2).pixels, steady.pixels)
+    assert not np.array_equal(late.pixels, steady.pixels)
+
+
 def test_renders_after_one_another_have_the_bits_of_new_scenes(box):
     taugate.render(box, gate="5m..6m", spp=2)
     for settings in ({"gate": "6m..7m"}, {"seed": 3, "gate": "6m..7m"}, {"spp": 3}, {"gates": "5m..9m/4"}, {"aov": "depth", "spp": 2}):
