@@ -22,7 +22,7 @@ use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::{self, Outputs};
 use taugate::internals::input::scenery;
-use taugate::internals::input::sequence::Sequence;
+use taugate::internals::input::sequence::{Sequence, at_first_frame};
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, StrategyImages, layers};
 use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
@@ -73,7 +73,8 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// Prints the settings of an experiment.
-fn print(mut experiment: Experiment) -> anyhow::Result<ExitCode> {
+fn print(experiment: Experiment) -> anyhow::Result<ExitCode> {
+    let mut experiment = at_first_frame(&experiment);
     let mut scene = load_scene(&experiment)?;
     scenery::apply(&mut experiment, &mut scene)?;
     let resolved = resolve::resolve(&experiment, &scene)?;

@@ -14,6 +14,8 @@ use crate::input::medium_tables::MediumTables;
 use crate::input::plain::{plain, table_of};
 use crate::input::response_table::ResponseTable;
 use crate::input::scan_table::ScanTable;
+use crate::input::sequence::DEFAULT_FPS;
+use crate::settings::moment::Moment;
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::setting::{Setting, Value, Visitor};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, InputTable, OutputTable, RenderTable};
@@ -90,7 +92,7 @@ impl Experiment {
             let (line, column) = position(text, at.unwrap_or(0));
             ParseError { line, column, message: message.into() }
         };
-        let GateTable { gate, depth, gates, response, repeat, cw, .. } = &experiment.gate;
+        let GateTable { gate, depth, gates, response, repeat, cw, gate_keys, .. } = &experiment.gate;
         if gate.is_some() && depth.is_some() {
             return Err(exclusive("gate", "depth", "gate and depth both set the gate: keep one"));
         }
@@ -98,10 +100,15 @@ impl Experiment {
             let other = if gate.is_some() { "gate" } else { "depth" };
             return Err(exclusive(other, "gates", &format!("{other} and gates both set the gates: keep one")));
         }
+        let fixed = [("gate", gate.is_some()), ("depth", depth.is_some()), ("gates", gates.is_some())];
+        if let Some((other, _)) = fixed.iter().find(|(_, given)| *given && gate_keys.is_some()) {
+            return Err(exclusive(other, "gate-keys", &format!("{other} and gate-keys both set the gate: keep one")));
+        }
         let others = [
             ("gate", gate.is_some()),
             ("depth", depth.is_some()),
             ("gates", gates.is_some()),
+            ("gate-keys", gate_keys.is_some()),
             ("response", response.is_some()),
             ("repeat", repeat.is_some()),
         ];
@@ -110,6 +117,9 @@ impl Experiment {
         }
         if experiment.camera.fov.is_some() && experiment.camera.ortho.is_some() {
             return Err(exclusive("fov", "ortho", "fov and ortho both set the view of the camera: keep one"));
+        }
+        if experiment.input.at.is_some() && experiment.output.frames.is_some() {
+            return Err(exclusive("at", "frames", "at and frames both set the time of the scene: keep one"));
         }
         if experiment.render.spp.is_some() && experiment.render.time.is_some() {
             return Err(exclusive("spp", "time", "spp and time both limit the render: keep one"));
@@ -121,6 +131,13 @@ impl Experiment {
     /// as one setting.
     pub fn over(self, mut below: Experiment) -> Experiment {
         // Keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
+        if let Some(Moment(seconds)) = self.input.at {
+            below.render_only(seconds);
+        }
+        if self.output.frames.is_some() {
+            below.input.at = None;
+        }
+        below.gate.leave_responses_to(&self.gate);
         if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
             (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
             below.gate.gate_keys = None;
@@ -158,6 +175,20 @@ impl Experiment {
             scan: self.scan.or(below.scan),
             response: vec![],
         }
+    }
+
+    /// Turns a sequence of frames into the single moment at `seconds`, with the gate that the keys of the sequence give then.
+    fn render_only(&mut self, seconds: f64) {
+        let OutputTable { frames, fps, shard, contact_sheet, gif, .. } = &mut self.output;
+        let fps = fps.take().unwrap_or(DEFAULT_FPS);
+        if let Some(keys) = self.gate.gate_keys.take() {
+            self.gate.gate = Some(keys.gate(seconds * f64::from(fps)));
+        }
+        if frames.take().is_some() {
+            // The shard of a sequence is a part of its frames.
+            *shard = None;
+        }
+        (*contact_sheet, *gif) = (None, None);
     }
 
     /// Calls `visitor` with every setting of every table.
@@ -276,7 +307,8 @@ fn key_offset(text: &str, key: &str) -> Option<usize> {
         })
         .find_map(|(start, line)| {
             let indent = line.len() - line.trim_start().len();
-            line.trim_start().strip_prefix(key)?.trim_start().starts_with('=').then_some(start + indent)
+            let (name, _) = line.split_once('=')?;
+            (name.trim().replace('_', "-") == key).then_some(start + indent)
         })
 }
 
@@ -341,6 +373,26 @@ png = true
                 3,
                 1,
                 "depth and gates both set the gates: keep one",
+            ),
+            (
+                "[gate]\ngate-keys = [[0, \"1m..2m\"]]\ngate = \"1m..2m\"\n",
+                3,
+                1,
+                "gate and gate-keys both set the gate: keep one",
+            ),
+            ("[gate]\ndepth = \"1m..2m\"\ngate_keys = [[0, \"1m..2m\"]]\n", 3, 1, "depth and gate-keys both"),
+            ("[gate]\ngates = \"1m..2m/4\"\ngate-keys = [[0, \"1m..2m\"]]\n", 3, 1, "gates and gate-keys both"),
+            (
+                "[gate]\ncw = 20\ngate-keys = [[0, \"1m..2m\"]]\n",
+                3,
+                1,
+                "gate-keys and cw both say which light counts: keep one",
+            ),
+            (
+                "[input]\nat = 1\n[output]\nframes = \"0..2\"\n",
+                4,
+                1,
+                "at and frames both set the time of the scene: keep one",
             ),
             ("[gate]\ngates = \"1m..2m\"\n", 2, 9, "how many gates"),
             ("[render]\ntime = \"3s\"\nspp = 4\n", 3, 1, "keep one"),
@@ -418,6 +470,48 @@ png = true
         flags.camera.ortho = Some(Height(2.0));
         let merged = flags.over(file).camera;
         assert_eq!((merged.fov, merged.ortho), (None, Some(Height(2.0))));
+    }
+
+    #[test]
+    fn a_moment_replaces_the_frames_of_the_file() {
+        let file = "[output]\nframes = '0..16'\nfps = 8\nshard = '0/2'\noutput = 'a.##.exr'\ngif = 'a.gif'\ncontact-sheet = 'a.png'\n\
+                    [gate]\ngate-keys = [[0, '1m..2m'], [16, '3m..4m']]\n";
+        let merged = |flags: &str, file: &str| Experiment::parse(flags).unwrap().over(Experiment::parse(file).unwrap());
+        let moment = merged("input.at = 1", file);
+        assert_eq!(
+            moment,
+            Experiment::parse("input.at = 1\ngate.gate = '2m..3m'\noutput.output = 'a.##.exr'").unwrap(),
+            "the gate is that of frame 8"
+        );
+        assert_eq!(
+            merged("input.at = 1\ngate.depth = '4m..5m'", file).gate,
+            Experiment::parse("gate.depth = '4m..5m'").unwrap().gate
+        );
+        let frames = merged("output.frames = '2..3'", "input.at = 1\n");
+        assert_eq!((frames.input.at, frames.output.frames.is_some()), (None, true));
+    }
+
+    #[test]
+    fn a_gate_replaces_the_responses_of_the_file_that_have_gates() {
+        let merged = |flags: &str, file: &str| {
+            let parse = |keys: &str| Experiment::parse(&format!("[gate]\n{keys}\n")).unwrap();
+            parse(flags).over(parse(file)).gate
+        };
+        let of = |keys: &str| Experiment::parse(&format!("[gate]\n{keys}\n")).unwrap().gate;
+        let slices = "response = ['near=box:1m..2m', 'slice.csv']";
+        for gate in ["gate = '5m..6m'", "depth = '5m..6m'", "gates = '5m..6m/4'", "gate-keys = [[0, '5m..6m']]"] {
+            assert_eq!(merged(gate, slices), of(gate));
+            // The edges of the file belong to any gate.
+            assert_eq!(merged(gate, "response = 'gauss:0.1m'"), of(&format!("{gate}\nresponse = 'gauss:0.1m'")));
+            assert_eq!(merged(slices, gate), of(slices));
+        }
+        let mixed = "response = ['near=box:1m..2m', 'gauss:0.1m']";
+        assert_eq!(merged("gate = '5m..6m'", mixed), of(&format!("gate = '5m..6m'\n{mixed}")));
+        assert_eq!(merged("gates = '5m..6m/4'", mixed), of("gates = '5m..6m/4'"), "--gates takes one response");
+        assert_eq!(
+            merged("response = 'gauss:0.1m'", "gate = '5m..6m'"),
+            of("gate = '5m..6m'\nresponse = 'gauss:0.1m'")
+        );
     }
 
     #[test]

@@ -17,9 +17,24 @@ pub struct MediumTables {
 }
 
 impl MediumTables {
-    /// Merges the media of two experiments. `--no-medium` also removes the list of the file.
-    pub fn over(self, below: MediumTables) -> MediumTables {
-        let removes = self.one.no_medium == Some(true);
+    /// Merges the media of two experiments. `--no-medium` also removes the medium or the list of the file. Settings that exclude each
+    /// other replace each other.
+    pub fn over(self, mut below: MediumTables) -> MediumTables {
+        let (above, beneath) = (&self.one, &mut below.one);
+        let removes = above.no_medium == Some(true);
+        if removes {
+            *beneath = MediumTable::default();
+        }
+        if *above != MediumTable::default() {
+            beneath.no_medium = None;
+        }
+        if above.visibility.is_some() || above.mor.is_some() {
+            (beneath.sigma_s, beneath.sigma_a) = (None, None);
+            (beneath.visibility, beneath.mor) = (None, None);
+        }
+        if above.sigma_s.is_some() || above.sigma_a.is_some() {
+            (beneath.visibility, beneath.mor, beneath.albedo) = (None, None, None);
+        }
         let list = if removes || !self.list.is_empty() { self.list } else { below.list };
         MediumTables { one: self.one.over(below.one), list }
     }

@@ -77,7 +77,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     Ok(Resolved { settings, warnings })
 }
 
-/// The experiment that resolves to exactly `settings`, with all defaults filled in.
+/// The experiment that resolves to exactly `settings`, with all defaults filled in. It keeps the gate keys of a sequence.
 pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene) -> Experiment {
     let Tables { camera, emitter, gate, render } = settings.to_tables();
     let mut full = experiment.clone();
@@ -92,7 +92,11 @@ pub fn as_experiment(experiment: &Experiment, settings: &Settings, scene: &Scene
         // The scan places its own sensor and laser.
         (full.camera, full.emitter) = Default::default();
     }
-    full.gate = GateTable { force: experiment.gate.force, ..gate };
+    full.gate = match &experiment.gate {
+        // The gate of a single frame says less than the keys.
+        moving if moving.gate_keys.is_some() => GateTable { gate: None, ..moving.clone() },
+        fixed => GateTable { force: fixed.force, ..gate },
+    };
     full.render = RenderTable { device: experiment.render.device.clone(), strict: experiment.render.strict, ..render };
     full
 }

@@ -41,7 +41,6 @@ fn of_one_pulse(table: &GateTable) -> Result<Responses> {
     }
     let gate = table.gate.or(table.depth.map(|depth| depth.0));
     let specs = table.response.clone().map_or(vec![], |specs| specs.0);
-    let has_own_gate = |spec: &ResponseSpec| !matches!(spec.shape, Shape::Gate { gate: None, .. });
     match &specs[..] {
         [] => return Ok(table.gates.map_or_else(|| gate.unwrap_or(Gate::OPEN).into(), Responses::from)),
         [ResponseSpec { name: None, shape: Shape::Gate { edge, gate: None } }] => {
@@ -49,7 +48,7 @@ fn of_one_pulse(table: &GateTable) -> Result<Responses> {
                 return Ok(Responses::uniform_with(gates, *edge));
             }
         }
-        all if all.iter().all(has_own_gate) && (gate.is_some() || table.gates.is_some()) => {
+        all if all.iter().all(ResponseSpec::has_own_gate) && (gate.is_some() || table.gates.is_some()) => {
             return Err(settings(
                 "every --response has a gate of its own, so another gate has no effect: remove --gate, --depth or --gates",
             ));

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
-use crate::settings::frames::GateKeys;
+use crate::settings::frames::{Frames, GateKeys};
 use crate::settings::moment::Moment;
 use crate::settings::shard::Shard;
 use crate::settings::table::OutputTable;
 use crate::settings::values::{Files, Png};
 
 /// Frames per second, if the user gives none.
-const DEFAULT_FPS: u32 = 24;
+pub(super) const DEFAULT_FPS: u32 = 24;
 const MAX_FPS: u32 = 10_000;
 
 /// The frames of an experiment with `--frames`.
@@ -112,7 +112,7 @@ impl Sequence {
             experiment.input.at = Some(Moment(f64::from(number) / f64::from(self.fps)));
         }
         if let Some(keys) = &self.keys {
-            experiment.gate.gate = Some(keys.gate(number));
+            experiment.gate.gate = Some(keys.gate(number.into()));
         }
         let name = |path: &mut PathBuf| *path = numbered(path, number).expect("the names were checked");
         let OutputTable { output, png, stats, .. } = &mut experiment.output;
@@ -123,6 +123,17 @@ impl Sequence {
         stats.iter_mut().for_each(name);
         experiment
     }
+}
+
+/// The experiment with the gate of its first frame beside its gate keys, if it has any. Defaults such as the estimator depend on
+/// this gate.
+pub fn at_first_frame(experiment: &Experiment) -> Experiment {
+    let mut first = experiment.clone();
+    if let Some(keys) = &first.gate.gate_keys {
+        let number = first.output.frames.as_ref().map_or(0, |Frames(frames)| frames.start);
+        first.gate.gate = Some(keys.gate(number.into()));
+    }
+    first
 }
 
 /// Fails if a flag of long renders does not fit a sequence.

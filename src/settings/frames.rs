@@ -61,15 +61,15 @@ impl GateKeys {
         Ok(GateKeys(keys))
     }
 
-    /// The gate of a frame.
-    pub fn gate(&self, frame: u32) -> Gate {
-        let after = self.0.partition_point(|(key, _)| *key <= frame);
+    /// The gate of a frame, or of a time between two frames, counted in frames.
+    pub fn gate(&self, frame: f64) -> Gate {
+        let after = self.0.partition_point(|(key, _)| f64::from(*key) <= frame);
         let (first, last) = (self.0[0], self.0[self.0.len() - 1]);
         if after == 0 || after == self.0.len() {
             return if after == 0 { first.1 } else { last.1 };
         }
         let [(from, a), (to, b)] = [self.0[after - 1], self.0[after]];
-        let s = f64::from(frame - from) / f64::from(to - from);
+        let s = (frame - f64::from(from)) / f64::from(to - from);
         Gate { lo: a.lo + s * (b.lo - a.lo), hi: a.hi + s * (b.hi - a.hi) }
     }
 }
@@ -126,10 +126,11 @@ mod tests {
     fn a_gate_moves_linearly_between_its_keys() {
         let key = |text: &str| GateKeys::parse(OsStr::new(text)).unwrap();
         let keys = key("20=8m..9m").and(key("10=5m..7m"));
-        assert_eq!(keys.gate(3), Gate { lo: 5.0, hi: 7.0 });
-        assert_eq!(keys.gate(15), Gate { lo: 6.5, hi: 8.0 });
-        assert_eq!(keys.gate(99), Gate { lo: 8.0, hi: 9.0 });
-        assert_eq!(key("5=1m..2m").and(key("5=3m..4m")).gate(5), Gate { lo: 3.0, hi: 4.0 });
+        assert_eq!(keys.gate(3.0), Gate { lo: 5.0, hi: 7.0 });
+        assert_eq!(keys.gate(15.0), Gate { lo: 6.5, hi: 8.0 });
+        assert_eq!(keys.gate(12.5), Gate { lo: 5.75, hi: 7.5 });
+        assert_eq!(keys.gate(99.0), Gate { lo: 8.0, hi: 9.0 });
+        assert_eq!(key("5=1m..2m").and(key("5=3m..4m")).gate(5.0), Gate { lo: 3.0, hi: 4.0 });
         for text in ["5m..6m", "x=5m..6m", "3=6m..5m", "3=5m..inf"] {
             assert!(GateKeys::parse(OsStr::new(text)).is_err(), "{text}");
         }

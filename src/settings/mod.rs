@@ -138,8 +138,13 @@ impl Settings {
 
     /// The part of the image that is rendered. With uniform sampling its pixels have the same values as in the whole image.
     pub fn crop(&self) -> Crop {
+        self.chosen.crop.unwrap_or(self.whole())
+    }
+
+    /// The whole image as a crop.
+    fn whole(&self) -> Crop {
         let [x1, y1] = self.chosen.resolution;
-        self.chosen.crop.unwrap_or(Crop { x0: 0, y0: 0, x1, y1 })
+        Crop { x0: 0, y0: 0, x1, y1 }
     }
 
     /// The number of samples per pixel, or the time, after which the render stops.
@@ -172,14 +177,15 @@ impl Settings {
     }
 
     /// All settings that the image depends on, as tables of an experiment, with defaults filled in. The name of the camera is
-    /// `None`, because only the scene knows the name.
+    /// `None`, because only the scene knows the name. A crop of the whole image is `None` too, so that the user can change the
+    /// resolution of a printed experiment and still sees the whole image.
     #[doc(hidden)]
     pub fn to_tables(&self) -> Tables {
         let responses = self.responses();
         Tables {
             camera: CameraTable {
                 resolution: Some(values::Resolution(self.resolution())),
-                crop: Some(self.crop()),
+                crop: Some(self.crop()).filter(|&crop| crop != self.whole()),
                 ..CameraTable::default()
             },
             emitter: EmitterTable { emitters: Some(self.emitters().clone()), ..EmitterTable::default() },

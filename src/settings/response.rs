@@ -192,8 +192,9 @@ impl Response {
         match &self.weight {
             Weight::Gate { gate, edge } => {
                 let falls = if gate.hi.is_finite() { edge.rise(tau - gate.hi) } else { 0.0 };
-                // A gate that begins at 0 has no edge there, because no light is earlier.
-                let rises = if gate.lo == 0.0 { 1.0 } else { edge.rise(tau - gate.lo) };
+                // A gate that begins at 0 has no edge there, because no light is earlier, except the light of an earlier pulse.
+                let begins_at_zero = gate.lo == 0.0 && self.period.is_none();
+                let rises = if begins_at_zero { 1.0 } else { edge.rise(tau - gate.lo) };
                 (rises - falls).max(0.0)
             }
             Weight::Table(Table { rows, .. }) => {
@@ -257,6 +258,13 @@ mod tests {
                 let tau = 0.0178 * f64::from(i);
                 let sum: f64 = gates.iter().map(|gate| gate.weight(tau)).sum();
                 assert!((sum - 1.0).abs() < 1e-12, "{edge:?} at {tau}: {sum}");
+            }
+            // The gates of a pulsed laser that fill its period abut at its ends too.
+            let pulsed: Vec<Response> = gates[..5].iter().map(|gate| gate.clone().repeated(5.0)).collect();
+            for i in 0..1000 {
+                let tau = 0.0178 * f64::from(i);
+                let sum: f64 = pulsed.iter().map(|gate| gate.weight(tau)).sum();
+                assert!((sum - 1.0).abs() < 1e-9, "{edge:?}, repeated, at {tau}: {sum}");
             }
         }
     }

@@ -11,6 +11,7 @@ use serde::{Serialize, Serializer};
 use crate::error::{Error, Result};
 use crate::settings::response::{Edge, Response};
 use crate::settings::setting::Value;
+use crate::settings::table::GateTable;
 use crate::settings::units::{Gate, number, path_length};
 
 const HOW_TO_WRITE: &str = "write box, trapezoid:RISE, gauss:SIGMA or the name of a table FILE.csv; with a name and a gate of its own it is like \
@@ -38,6 +39,16 @@ impl ResponseSpec {
         ResponseSpec { name: None, shape: Shape::Gate { edge, gate: None } }
     }
 
+    /// Whether the response needs no other gate.
+    pub fn has_own_gate(&self) -> bool {
+        !matches!(self.shape, Shape::Gate { gate: None, .. })
+    }
+
+    /// Whether the response only gives the edges of gates, so that it fits any number of gates.
+    pub fn is_only_edges(&self) -> bool {
+        self.name.is_none() && !self.has_own_gate()
+    }
+
     /// The text of a response; `None` for a table that comes from no file.
     pub fn of(response: &Response) -> Option<ResponseSpec> {
         let shape = match response.edge() {
@@ -45,6 +56,27 @@ impl ResponseSpec {
             None => Shape::Table(response.file()?.into()),
         };
         Some(ResponseSpec { name: Some(response.name().into()), shape })
+    }
+}
+
+impl GateTable {
+    /// Prepares this table for settings of `above` that replace its own: a gate replaces responses that have no use for one, and
+    /// responses with gates of their own replace a gate.
+    pub fn leave_responses_to(&mut self, above: &GateTable) {
+        let GateTable { gate, depth, gates, response, gate_keys, .. } = above;
+        match response {
+            Some(ResponseSpecs(specs)) if specs.iter().all(ResponseSpec::has_own_gate) => {
+                (self.gate, self.depth, self.gates, self.gate_keys) = (None, None, None, None);
+            }
+            Some(_) => {}
+            None if gates.is_some() => {
+                self.response.take_if(|ResponseSpecs(specs)| !matches!(&specs[..], [spec] if spec.is_only_edges()));
+            }
+            None if gate.is_some() || depth.is_some() || gate_keys.is_some() => {
+                self.response.take_if(|ResponseSpecs(specs)| specs.iter().all(ResponseSpec::has_own_gate));
+            }
+            None => {}
+        }
     }
 }
 

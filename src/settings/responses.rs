@@ -11,10 +11,13 @@ use crate::settings::optical_path::OpticalPath;
 use crate::settings::response::{Edge, Response};
 use crate::settings::response_specs::{ResponseSpec, ResponseSpecs};
 use crate::settings::table::GateTable;
-use crate::settings::units::Gate;
+use crate::settings::units::{Gate, number};
 
 /// Names of channels that image files have beside the responses.
 const RESERVED_NAMES: [&str; 6] = ["Variance", "depth", "normal", "albedo", "object", "arrival"];
+
+/// Maximum length of a gate with its edges, in periods of a pulsed laser. Each arrival takes one step per period of the gate.
+const MAX_PERIODS: f64 = 1000.0;
 
 /// The responses that a render measures, at least one. A plain gate is a list of one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -125,8 +128,22 @@ impl Responses {
         gates.max_by(|a, b| (a.hi - a.lo).total_cmp(&(b.hi - b.lo))).expect("there is a response")
     }
 
-    /// Fails if a gate is invalid, with the message of [`Gate::new`].
+    /// Fails if a gate is invalid, with the message of [`Gate::new`], or if a gate is longer than [`MAX_PERIODS`] periods.
     pub(crate) fn check(&self) -> Result<()> {
+        for response in self.iter() {
+            let Some(period) = response.period() else { continue };
+            let Gate { lo, hi } = response.support_of_pulse();
+            // Also refuses a period that is not a number.
+            let is_possible = period > 0.0 && period.is_finite() && (hi - lo) / period <= MAX_PERIODS;
+            if !is_possible {
+                return Err(Error::Settings(format!(
+                    "--repeat {} is too short for the gate of {} m: give at least {}",
+                    OpticalPath(period),
+                    number(hi - lo),
+                    OpticalPath((hi - lo) / MAX_PERIODS),
+                )));
+            }
+        }
         let gates = self.iter().flat_map(|response| [response.gate(), response.support()]);
         gates.into_iter().try_for_each(|gate| Gate::new(gate.lo, gate.hi).map(drop))
     }
@@ -148,7 +165,8 @@ impl Responses {
         if self.frequencies.is_some() {
             return GateTable { cw: self.frequencies.clone(), ..GateTable::default() };
         }
-        if self.is_single_box() {
+        // A gate without a response has a default name. Any other name needs a response.
+        if self.is_single_box() && self.list[0].name() == default_name(self.list[0].gate()) {
             let gate = (!self.are_steady()).then(|| self.support());
             return GateTable { gate, ..GateTable::default() };
         }
@@ -169,6 +187,11 @@ impl Responses {
     }
 }
 
+/// The name of the only response, if the user gives only its gate.
+fn default_name(gate: Gate) -> &'static str {
+    if gate.is_open() { "steady" } else { "gate" }
+}
+
 impl Default for Responses {
     /// One response, the steady state.
     fn default() -> Responses {
@@ -178,8 +201,7 @@ impl Default for Responses {
 
 impl From<Gate> for Responses {
     fn from(gate: Gate) -> Responses {
-        let name = if gate.is_open() { "steady" } else { "gate" };
-        Responses { list: vec![Response::new(name, gate, Edge::Sharp)], uniform: None, frequencies: None }
+        Responses { list: vec![Response::new(default_name(gate), gate, Edge::Sharp)], uniform: None, frequencies: None }
     }
 }
 

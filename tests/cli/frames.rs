@@ -98,6 +98,37 @@ fn a_gate_that_sweeps_is_a_sequence() {
 }
 
 #[test]
+fn a_printed_sequence_keeps_its_gates() {
+    let here = with("cornell-box");
+    let keys = ["--gate-keys", "0=5m..5.2m", "--gate-keys", "2=6m..6.2m", "--frames", "0..2", "-o", "g#.exr"];
+    let print = |arguments: &[&str]| {
+        let output = taugate(here.path(), &[&["render"], arguments, &["--print-config"]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let config = print(&[&["scene.glb"], &keys[..]].concat());
+    assert!(config.contains("gate-keys = [[0, \"5m..5.2m\"], [2, \"6m..6.2m\"]]"), "{config}");
+    assert!(config.contains("estimator = \"lcs\"") && !config.contains("gate = \""), "{config}");
+    std::fs::write(here.path().join("e.toml"), &config).unwrap();
+    assert_eq!(print(&["e.toml"]), config, "a printed experiment prints itself");
+}
+
+#[test]
+fn a_moment_overrides_the_frames_of_a_file() {
+    let here = with("street");
+    let file = "scene = 'scene.glb'\ngate.depth = '20m..40m'\n[output]\noutput = 'f.##.exr'\nframes = '0..16'\nfps = 8\ngif = 'f.gif'\n";
+    std::fs::write(here.path().join("e.toml"), file).unwrap();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), &[&["render"], arguments, &SMALL[..]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    run(&["e.toml", "--at", "1s", "-o", "m.exr"]);
+    assert_eq!(names(here.path()), ["e.toml", "m.exr", "scene.glb"]);
+    run(&["scene.glb", "--depth", "20m..40m", "--at", "1s", "-o", "alone.exr"]);
+    assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), "m.exr"));
+}
+
+#[test]
 fn mistakes_name_the_remedy() {
     let here = with("street");
     assert!(taugate(here.path(), &["generate", "cornell-box", "-o", "box.glb"]).status.success());

@@ -233,6 +233,18 @@ fn another_render_is_refused_with_what_differs() {
 }
 
 #[test]
+fn sums_of_a_named_response_go_on() {
+    let here = with_box();
+    let here = here.path();
+    let rest = ["--resolution", "8x8", "--light-paths", "500", "--max-depth", "5"];
+    for gate in [&["--response", "near=box:5m..6m"][..], &["--gate", "5m..6m", "--response", "box"]] {
+        run(here, &[&["render", "box.glb", "--spp", "4", "-o", "a.acc"], &rest[..], gate].concat());
+        let said = run(here, &["render", "--resume", "a.acc", "--spp", "8", "-o", "a.exr"]);
+        assert!(said.contains("going on after 4 samples per pixel"), "{said}");
+    }
+}
+
+#[test]
 fn files_may_move_while_their_contents_stay() {
     let here = with_box();
     let here = here.path();

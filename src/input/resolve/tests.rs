@@ -4,6 +4,7 @@ use glam::{DAffine3, DVec3};
 
 use super::*;
 use crate::generate::stage::diffuse;
+use crate::input::sequence::at_first_frame;
 use crate::scene::{Camera, Image, Instance, Light, LightKind, Material, Mesh, Projection};
 
 /// A scene with two cameras, a sun, a beam, an emissive lamp, and a wall that does not emit.
@@ -149,6 +150,14 @@ fn mistakes_name_the_flag_and_the_remedy() {
         ("emitter.emitters = 'beam,nothing'", "no node 'nothing'"),
         ("gate.gate = '1m..2m'\nemitter.emitters = 'sun'", "choose other lights with --emitters from beam, lamp"),
         ("gate.gate = '100m+0.0001mm'\nemitter.emitters = 'beam'", "make the gate wider, or add --force"),
+        (
+            "gate = { gate = '1m..2m', repeat = '1e-15m' }\nemitter.emitters = 'beam'",
+            "--repeat 1e-15m is too short for the gate of 1 m: give at least 0.001m",
+        ),
+        (
+            "gate = { gates = '1m..6m/2', response = 'trapezoid:0.5m', repeat = '2.9mm' }\nemitter.emitters = 'beam'",
+            "at least 0.003m",
+        ),
     ];
     for (toml, part) in table {
         let message = message(toml, &scene());
@@ -221,6 +230,52 @@ fn resolved_settings_printed_as_an_experiment_resolve_to_themselves() {
     let first = resolve(&typed, &scene()).unwrap().settings;
     let printed = as_experiment(&typed, &first, &scene()).to_toml();
     assert_eq!(settings_of(&printed), first, "{printed}");
+}
+
+#[test]
+fn a_printed_experiment_has_no_crop_of_the_whole_image() {
+    let printed = |toml: &str| {
+        let typed = experiment(&format!("emitter.emitters = 'beam'\n{toml}"));
+        as_experiment(&typed, &resolve(&typed, &scene()).unwrap().settings, &scene())
+    };
+    let mut whole = printed("camera.resolution = '64x64'");
+    assert_eq!(whole.camera.crop, None);
+    // Another resolution shows the whole image, and not its top left quarter.
+    whole.camera.resolution = Some(Resolution([128, 128]));
+    let settings = resolve(&whole, &scene()).unwrap().settings;
+    assert_eq!(settings.crop(), Crop { x0: 0, x1: 128, y0: 0, y1: 128 });
+    let part = Crop { x0: 0, x1: 63, y0: 0, y1: 64 };
+    assert_eq!(printed("camera = { resolution = '64x64', crop = '0,63,0,64' }").camera.crop, Some(part));
+}
+
+#[test]
+fn a_printed_experiment_keeps_the_moving_gate() {
+    let keys = "gate = { gate-keys = [[2, '1m..2m'], [4, '5m..6m']], response = 'gauss:0.01m', force = true }";
+    let typed = experiment(&format!("emitter.emitters = 'beam'\noutput.frames = '2..4'\n{keys}"));
+    let first = at_first_frame(&typed);
+    let settings = resolve(&first, &scene()).unwrap().settings;
+    assert_eq!(settings.responses().iter().next().unwrap().gate(), Gate { lo: 1.0, hi: 2.0 });
+    let printed = as_experiment(&first, &settings, &scene());
+    assert_eq!((&printed.gate, printed.render.estimator), (&typed.gate, Some(Estimator::Lcs)));
+    assert_eq!(experiment(&printed.to_toml()), printed);
+}
+
+#[test]
+fn a_single_response_keeps_its_name() {
+    for (gate, name) in [
+        ("response = 'near=box:1m..2m'", "near"),
+        ("response = 'near=box:0m..inf'", "near"),
+        ("gate = '1m..2m'\nresponse = 'box'", "box"),
+        ("gate = '1m..2m'", "gate"),
+        ("gate = '1m..2m'\nresponse = 'gauss:0.1m'", "gauss"),
+        ("force = true", "steady"),
+    ] {
+        let typed = experiment(&format!("emitter.emitters = 'beam'\n[gate]\n{gate}"));
+        let first = resolve(&typed, &scene()).unwrap().settings;
+        let printed = as_experiment(&typed, &first, &scene()).to_toml();
+        assert_eq!(settings_of(&printed), first, "{printed}");
+        assert_eq!(first.responses().iter().next().unwrap().name(), name, "{gate}");
+    }
 }
 
 #[test]

@@ -160,6 +160,24 @@ mod tests {
     }
 
     #[test]
+    fn flags_replace_the_other_ways_to_give_a_medium() {
+        let of = |keys: &str| Experiment::parse(&format!("[medium]\n{keys}")).unwrap().medium;
+        for (flags, file, merged) in [
+            ("mor = '50m'", "sigma-s = 1\nsigma-a = 2\ng = 0.5", "mor = '50m'\ng = 0.5"),
+            ("mor = '50m'", "visibility = '9m'\nalbedo = 0.9", "mor = '50m'\nalbedo = 0.9"),
+            ("visibility = '50m'", "mor = '9m'", "visibility = '50m'"),
+            ("sigma-s = 3", "sigma-s = 1\nsigma-a = 2", "sigma-s = 3\nsigma-a = 2"),
+            ("sigma-a = 3", "mor = '9m'\nalbedo = 0.9\nior = 1.3", "sigma-a = 3\nior = 1.3"),
+            ("no-medium = true", "mor = '9m'\nior = 1.3", "no-medium = true"),
+            ("sigma-s = 3", "no-medium = true", "sigma-s = 3"),
+        ] {
+            let found = of(flags).over(of(file));
+            assert_eq!(found, of(merged), "{flags} over {file}");
+            assert!(apply(&found, &mut build(Kind::CornellBox)).is_ok(), "{flags} over {file}");
+        }
+    }
+
+    #[test]
     fn water_needs_no_coefficients() {
         let water = &media("ior = 1.33\ngroup-ior = 1.35").unwrap()[0];
         assert_eq!((water.ior, water.group_ior, water.sigma_s), (1.33, 1.35, [0.0; 3]));
