@@ -85,6 +85,16 @@ def test_files_are_those_of_the_program(box, program, tmp_path):
         image.save(tmp_path / "no folder" / "x.exr")
 
 
+def test_a_saved_histogram_without_variances_leaves_no_older_variances(box, tmp_path):
+    settings = dict(gates="5m..9m/4", spp=2)
+    taugate.histogram(box, variance=True, **settings).save(tmp_path / "h.npy")
+    assert (tmp_path / "h.variance.npy").exists()
+    # There is nothing to remove the second time.
+    for _ in range(2):
+        taugate.histogram(box, seed=1, **settings).save(tmp_path / "h.npy")
+        assert not (tmp_path / "h.variance.npy").exists() and (tmp_path / "h.json").exists()
+
+
 def test_settings_are_an_experiment_of_the_program(box, program, tmp_path):
     image = taugate.render(box, gate="6m..7m", spp=2, lamp=[(0, 1, 0, 5), (0.5, 1, 0, 3)], emitters=["light", "lamp-2"])
     (tmp_path / "again.toml").write_text(image.settings)
