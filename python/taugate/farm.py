@@ -234,7 +234,9 @@ class _Run:
             if self.time is not None:
                 shares.append(seconds / self.time)
             if self.error is not None:
-                shares.append(min(1.0, self.error / self.sums.relative_error()) ** 2)
+                # The relative error may be 0.
+                relative = self.sums.relative_error()
+                shares.append(1.0 if relative <= self.error else (self.error / relative) ** 2)
             self.watch(*Progress(min(1.0, max(shares)), self.sums.samples, seconds))
 
     def _is_over(self):

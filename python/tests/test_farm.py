@@ -14,7 +14,7 @@ import pytest
 
 import taugate
 
-from conftest import SCENES, SIZE
+from conftest import SCENES, SIZE, quad
 
 distributed = pytest.importorskip("distributed")
 
@@ -82,6 +82,19 @@ def test_an_error_or_a_time_ends_a_render(cluster):
     started = time.monotonic()
     image = farm.render(scene, client=cluster, time=1.0, part_seconds=0.2)
     assert image.samples > 0 and time.monotonic() - started < 20
+
+
+def test_an_image_without_noise_ends_a_render(cluster):
+    from taugate import farm
+
+    # The camera sees nothing but the front of a lamp, so each sample has the same radiance.
+    scene = taugate.Scene(**SETTINGS)
+    scene.add_mesh("lamp", *quad((0, 0, -5.5), (40, 0, 0), (0, 40, 0)), taugate.Material.emitter(2))
+    scene.add_camera("front", taugate.Camera.look_at((0, 0, 0), (0, 0, -1), fov=1, resolution=SIZE))
+    shown = []
+    image = farm.render(scene, client=cluster, error=0.1, part_seconds=0.2, progress=shown.append)
+    assert image.variance.max() == 0 and np.allclose(image.pixels, 2)
+    assert shown[-1].fraction == 1
 
 
 def test_histograms_and_mistakes(cluster):
