@@ -5,6 +5,8 @@ import os
 import pathlib
 import pickle
 import signal
+import subprocess
+import sys
 import threading
 import time
 import zipfile
@@ -174,6 +176,30 @@ def test_a_data_set_is_continued(cluster, tmp_path):
     jobs[1:1] = [("broken", scene, dict(gate="1..2", spp=2))]
     with pytest.raises(taugate.SettingsError, match="no unit"):
         list(farm.dataset(jobs, client=cluster, folder=tmp_path))
+
+
+LEAVE_FILES = """
+import pathlib, sys
+from taugate import farm
+for number in range(farm.KEPT + 1):
+    job = farm._Job(sys.argv[1], {}, None)
+    scene = farm._scene(str(number), job.payload)
+    if number == 0:
+        # As a render does whose scene a later scene displaces.
+        used = scene
+kept = list(pathlib.Path(sys.argv[2]).glob("taugate-*/scene.glb"))
+del used
+print(len(kept), len(list(pathlib.Path(sys.argv[2]).glob("taugate-*"))))
+"""
+
+
+def test_a_worker_leaves_no_scene_files(tmp_path):
+    from taugate import farm
+
+    words = [sys.executable, "-c", LEAVE_FILES, SCENES / "cornell-box.glb", tmp_path]
+    done = subprocess.run(words, cwd=tmp_path, env={**os.environ, "TMPDIR": str(tmp_path)}, capture_output=True, text=True)
+    assert done.stdout.split() == [str(farm.KEPT + 1), str(farm.KEPT)], done.stderr
+    assert not list(tmp_path.iterdir()), "nothing is left at exit"
 
 
 @pytest.mark.parametrize("suffix", [".png", "npy", ""])
