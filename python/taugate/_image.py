@@ -88,7 +88,8 @@ class _Result:
 
     def save(self, path, exposure=None):
         """Writes the files of the program: ``.exr``, or ``.npy`` with a description ``.json`` and variances ``.variance.npy``, or a picture
-        ``.png`` with this exposure in stops (``None``: automatic). Only results of ``taugate.farm`` can be saved as sums (``.acc``)."""
+        ``.png`` with this exposure in stops (``None``: automatic). Only results of ``taugate.farm`` can be saved as sums (``.acc``).
+        If there are no variances, an older ``.variance.npy`` is removed."""
         self._native.save(path, exposure)
 
 

@@ -37,18 +37,27 @@ class Scan:
         description = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         if "laser_points" not in description:
             raise SettingsError(f"{path} is no scan, but an image")
-        variance = path.with_suffix(".variance.npy")
-        return cls(np.load(path), description, np.load(variance) if variance.exists() else None)
+        data, variance = np.load(path), path.with_suffix(".variance.npy")
+        variance = np.load(variance) if variance.exists() else None
+        if variance is not None and variance.shape != data.shape:
+            # The file is from an older scan of the same name.
+            variance = None
+        return cls(data, description, variance)
 
     def save(self, path):
-        """Writes the array (.npy), its description (.json), and its variances (.variance.npy) if there are any."""
+        """Writes the array (.npy), its description (.json), and its variances (.variance.npy). If there are no variances, an older file with
+        variances is removed."""
         path = pathlib.Path(path)
         if path.suffix != ".npy":
             raise SettingsError(f"the output {path} must end in .npy; to_tal writes HDF5")
+        variance = path.with_suffix(".variance.npy")
+        if self.variance is None:
+            # First, so that the new array never has the old variances.
+            variance.unlink(missing_ok=True)
         np.save(path, self.data)
         path.with_suffix(".json").write_text(json.dumps(self.description, indent=2), encoding="utf-8")
         if self.variance is not None:
-            np.save(path.with_suffix(".variance.npy"), self.variance)
+            np.save(variance, self.variance)
 
     @property
     def is_confocal(self):

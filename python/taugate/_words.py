@@ -62,9 +62,9 @@ def _word(keyword, value):
         value = value.tolist()
     if _is_list(value):
         if keyword in RANGES and len(value) == 2:
-            return f"{_number(value[0])}m..{_number(value[1])}m"
+            return f"{_metres(value[0])}..{_metres(value[1])}"
         if keyword == "gates" and len(value) == 3:
-            return f"{_number(value[0])}m..{_number(value[1])}m/{_number(value[2])}"
+            return f"{_metres(value[0])}..{_metres(value[1])}/{_number(value[2])}"
         return ("x" if keyword == "resolution" else ",").join(_word("", one) for one in value)
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
@@ -73,6 +73,11 @@ def _word(keyword, value):
     if isinstance(value, (str, os.PathLike)):
         return os.fspath(value)
     raise SettingsError(f"{keyword} is a {type(value).__name__}, but must be text, a number or a list of them")
+
+
+def _metres(value):
+    """A length as text. Infinity has no unit, as on the command line."""
+    return "inf" if value == float("inf") else _number(value) + "m"
 
 
 def _number(value):

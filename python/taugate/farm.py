@@ -12,6 +12,7 @@ import copy
 import hashlib
 import os
 import pickle
+import shutil
 import tempfile
 import threading
 import time as clock
@@ -234,7 +235,9 @@ class _Run:
             if self.time is not None:
                 shares.append(seconds / self.time)
             if self.error is not None:
-                shares.append(min(1.0, self.error / self.sums.relative_error()) ** 2)
+                # The relative error may be 0.
+                relative = self.sums.relative_error()
+                shares.append(1.0 if relative <= self.error else (self.error / relative) ** 2)
             self.watch(*Progress(min(1.0, max(shares)), self.sums.samples, seconds))
 
     def _is_over(self):
@@ -307,7 +310,10 @@ def _scene(key, payload):
         if key not in _scenes:
             scene, contents = pickle.loads(payload)
             if contents is not None:
-                scene.path = os.path.join(tempfile.mkdtemp(prefix="taugate-"), "scene.glb")
+                folder = tempfile.mkdtemp(prefix="taugate-")
+                # Renders that still use the scene keep it, and so the folder, also after it left `_scenes`.
+                weakref.finalize(scene, shutil.rmtree, folder, ignore_errors=True)
+                scene.path = os.path.join(folder, "scene.glb")
                 _write(scene.path, contents)
             while len(_scenes) >= KEPT:
                 del _scenes[next(iter(_scenes))]

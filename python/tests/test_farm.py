@@ -5,6 +5,8 @@ import os
 import pathlib
 import pickle
 import signal
+import subprocess
+import sys
 import threading
 import time
 import zipfile
@@ -14,7 +16,7 @@ import pytest
 
 import taugate
 
-from conftest import SCENES, SIZE
+from conftest import SCENES, SIZE, quad
 
 distributed = pytest.importorskip("distributed")
 
@@ -82,6 +84,19 @@ def test_an_error_or_a_time_ends_a_render(cluster):
     started = time.monotonic()
     image = farm.render(scene, client=cluster, time=1.0, part_seconds=0.2)
     assert image.samples > 0 and time.monotonic() - started < 20
+
+
+def test_an_image_without_noise_ends_a_render(cluster):
+    from taugate import farm
+
+    # The camera sees nothing but the front of a lamp, so each sample has the same radiance.
+    scene = taugate.Scene(**SETTINGS)
+    scene.add_mesh("lamp", *quad((0, 0, -5.5), (40, 0, 0), (0, 40, 0)), taugate.Material.emitter(2))
+    scene.add_camera("front", taugate.Camera.look_at((0, 0, 0), (0, 0, -1), fov=1, resolution=SIZE))
+    shown = []
+    image = farm.render(scene, client=cluster, error=0.1, part_seconds=0.2, progress=shown.append)
+    assert image.variance.max() == 0 and np.allclose(image.pixels, 2)
+    assert shown[-1].fraction == 1
 
 
 def test_histograms_and_mistakes(cluster):
@@ -161,6 +176,30 @@ def test_a_data_set_is_continued(cluster, tmp_path):
     jobs[1:1] = [("broken", scene, dict(gate="1..2", spp=2))]
     with pytest.raises(taugate.SettingsError, match="no unit"):
         list(farm.dataset(jobs, client=cluster, folder=tmp_path))
+
+
+LEAVE_FILES = """
+import pathlib, sys
+from taugate import farm
+for number in range(farm.KEPT + 1):
+    job = farm._Job(sys.argv[1], {}, None)
+    scene = farm._scene(str(number), job.payload)
+    if number == 0:
+        # As a render does whose scene a later scene displaces.
+        used = scene
+kept = list(pathlib.Path(sys.argv[2]).glob("taugate-*/scene.glb"))
+del used
+print(len(kept), len(list(pathlib.Path(sys.argv[2]).glob("taugate-*"))))
+"""
+
+
+def test_a_worker_leaves_no_scene_files(tmp_path):
+    from taugate import farm
+
+    words = [sys.executable, "-c", LEAVE_FILES, SCENES / "cornell-box.glb", tmp_path]
+    done = subprocess.run(words, cwd=tmp_path, env={**os.environ, "TMPDIR": str(tmp_path)}, capture_output=True, text=True)
+    assert done.stdout.split() == [str(farm.KEPT + 1), str(farm.KEPT)], done.stderr
+    assert not list(tmp_path.iterdir()), "nothing is left at exit"
 
 
 @pytest.mark.parametrize("suffix", [".png", "npy", ""])

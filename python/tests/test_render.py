@@ -48,6 +48,17 @@ def test_a_histogram_has_the_bits_and_the_description_of_the_program(box, progra
     assert histogram.mitransient_film() == {"start_opl": 5, "bin_width_opl": 0.5, "temporal_bins": 8}
 
 
+def test_a_gate_may_end_at_infinity(box):
+    for begin in (5, 5.0, np.float32(5)):
+        late = taugate.render(box, gate=(begin, np.inf), spp=2)
+        assert late.gate == (5.0, np.inf)
+        assert np.array_equal(late.pixels, taugate.render(box, gate="5m..inf", spp=2).pixels)
+    # The gate of an image without a gate makes the same image.
+    steady = taugate.render(box, spp=2)
+    assert np.array_equal(taugate.render(box, gate=steady.gate, spp=2).pixels, steady.pixels)
+    assert not np.array_equal(late.pixels, steady.pixels)
+
+
 def test_renders_after_one_another_have_the_bits_of_new_scenes(box):
     taugate.render(box, gate="5m..6m", spp=2)
     for settings in ({"gate": "6m..7m"}, {"seed": 3, "gate": "6m..7m"}, {"spp": 3}, {"gates": "5m..9m/4"}, {"aov": "depth", "spp": 2}):
@@ -72,6 +83,16 @@ def test_files_are_those_of_the_program(box, program, tmp_path):
         image.save(tmp_path / "x.tif")
     with pytest.raises(taugate.FileError):
         image.save(tmp_path / "no folder" / "x.exr")
+
+
+def test_a_saved_histogram_without_variances_leaves_no_older_variances(box, tmp_path):
+    settings = dict(gates="5m..9m/4", spp=2)
+    taugate.histogram(box, variance=True, **settings).save(tmp_path / "h.npy")
+    assert (tmp_path / "h.variance.npy").exists()
+    # There is nothing to remove the second time.
+    for _ in range(2):
+        taugate.histogram(box, seed=1, **settings).save(tmp_path / "h.npy")
+        assert not (tmp_path / "h.variance.npy").exists() and (tmp_path / "h.json").exists()
 
 
 def test_settings_are_an_experiment_of_the_program(box, program, tmp_path):

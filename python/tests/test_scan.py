@@ -47,6 +47,20 @@ def test_a_scan_has_the_bits_of_the_program(program, tmp_path):
     assert np.allclose(scan.edges, np.linspace(1.9, 3.9, 11))
 
 
+def test_an_array_without_variances_leaves_no_older_variances(tmp_path):
+    path = tmp_path / "scan.npy"
+    description = {"laser_points": [[0, 0, 0]] * 2}
+    first = taugate.Scan(np.ones((3, 2), np.float32), description, np.full((3, 2), 0.5, np.float32))
+    first.save(path)
+    assert np.array_equal(taugate.Scan.load(path).variance, first.variance)
+    # A program that knows nothing of the variances writes another scan under this name.
+    np.save(path, np.ones((4, 2), np.float32))
+    assert taugate.Scan.load(path).variance is None
+    taugate.Scan(2 * first.data, description).save(path)
+    assert taugate.Scan.load(path).variance is None
+    assert sorted(os.listdir(tmp_path)) == ["scan.json", "scan.npy"]
+
+
 @pytest.mark.parametrize("points, shape", [(CONFOCAL, (10, 3, 2)), (EXHAUSTIVE, (10, 3, 2, 2, 4)), (SINGLE, (10, 3, 2))])
 def test_tal_opens_a_scan(tmp_path, points, shape):
     h5py = pytest.importorskip("h5py")

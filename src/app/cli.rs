@@ -97,8 +97,8 @@ pub struct ViewArgs {
     #[arg(long, value_name = "IP:PORT", help_heading = "Page")]
     pub listen: Option<SocketAddr>,
 
-    /// Open the page in the default browser. Other users of this machine may see the address, with its token, in the list of
-    /// processes
+    /// Open the page in the default browser. The browser gets a private file that leads to the page, so the list of processes does
+    /// not show the token
     #[arg(long, help_heading = "Page")]
     pub open: bool,
 

@@ -11,6 +11,7 @@ mod picture;
 mod renderers;
 mod save;
 mod server;
+mod signpost;
 mod stage;
 
 use std::net::{SocketAddr, TcpListener};
@@ -35,6 +36,7 @@ use board::Board;
 use client::Shared;
 use engine::{Command, Engine, Work};
 use message::Report;
+use signpost::Signpost;
 use stage::Stage;
 
 /// Commands that wait for the engine.
@@ -95,22 +97,33 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
     let url = url(address, &token);
     super::print(&format!("{url}\n"))?;
     explain(address);
-    if open && let Err(e) = open::that_detached(&url) {
-        super::say(&format!("warning: no browser could be opened ({e}); open the address yourself"));
-    }
+    // From now on the first interrupt does not end the process, so that it removes the signpost.
     interrupts.end_the_process_at(Interrupt::Second);
+    let signpost = if open { open_page(&url) } else { None };
 
-    serve_until_interrupt(engine, sender, token, listener, &interrupts)?;
+    serve_until_interrupt(engine, sender, token, listener, &interrupts, signpost)?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// Renders and serves pages until Ctrl-C. Fails if the render thread panics or the server fails.
+/// Opens the page at `url` in a browser, by way of a signpost. The browser needs the signpost only for a moment, but nobody says when.
+fn open_page(url: &str) -> Option<Signpost> {
+    let opened = Signpost::to(url).and_then(|signpost| {
+        open::that_detached(signpost.path())?;
+        Ok(signpost)
+    });
+    opened
+        .inspect_err(|e| super::say(&format!("warning: no browser could be opened ({e}); open the address yourself")))
+        .ok()
+}
+
+/// Renders and serves pages until Ctrl-C, then removes the signpost. Fails if the render thread panics or the server fails.
 fn serve_until_interrupt(
     engine: Engine,
     sender: SyncSender<Command>,
     token: String,
     listener: TcpListener,
     interrupts: &Interrupts,
+    signpost: Option<Signpost>,
 ) -> anyhow::Result<()> {
     let (end, ended) = watch::channel(false);
     let (board, stop) = (engine.board.clone(), engine.stop.clone());
@@ -127,6 +140,8 @@ fn serve_until_interrupt(
         while !interrupted.load(Ordering::Relaxed) && !is_over.load(Ordering::Relaxed) {
             tokio::time::sleep(POLL).await;
         }
+        // At once, because a second interrupt ends the process.
+        drop(signpost);
         let _ = end.send(true);
         // Give the pages some time to receive their last message.
         let start = Instant::now();

@@ -1,5 +1,7 @@
 //! One scene of a suite, loaded, with the settings of every variant resolved.
 
+use std::path::PathBuf;
+
 use super::suite::{Part, SceneEntry, Suite};
 use crate::error::{Error, Result};
 use crate::generate;
@@ -21,7 +23,7 @@ pub struct Job {
     pub entries: Vec<Entry>,
     /// Notes about the scene and warnings about the settings, one sentence each, without repetitions.
     pub warnings: Vec<String>,
-    /// Hash of the scene file and of the files it refers to.
+    /// Hash of the scene file, of the files it refers to, and of the grids and tables that the settings name.
     hash: Hash,
 }
 
@@ -50,7 +52,12 @@ impl Job {
         let mut scene = gltf::load_slice(&files[0], entry.path()).map_err(|e| wrong(e, Part::Path))?;
         let mut own = entry.experiment.clone();
         let warnings = scenery::apply(&mut own, &mut scene).map_err(|e| wrong(e, Part::Name))?;
-        let hash = files.iter().fold(Hash::new(), |hash, bytes| hash.with(bytes));
+        let mut hash = files.iter().fold(Hash::new(), |hash, bytes| hash.with(bytes));
+        let inputs = own.input_files();
+        if !inputs.is_empty() {
+            let contents = fingerprint::of_files(&inputs).map_err(|e| wrong(e, Part::Name))?;
+            hash = hash.with(contents.as_bytes());
+        }
         let mut job = Job { name: entry.name.clone(), scene, entries: vec![], warnings, hash };
         for variant in &suite.variants {
             let (camera, emitter) = (own.camera.clone(), own.emitter.clone());
@@ -86,9 +93,11 @@ impl Job {
         config.scene = None;
         (config.render.seed, config.render.spp, config.render.time) = (None, None, None);
         let text = config.to_toml();
+        // The hash has the contents of the files, so their folders do not matter.
+        let placeless = without_folders(config);
 
         // The expected image depends on scene, camera, gate and the set of paths, not on the estimator.
-        let mut truth = config.clone();
+        let mut truth = placeless.clone();
         truth.render = crate::settings::table::RenderTable {
             strategies: Some(settings.strategies()),
             max_depth: Some(settings.max_depth()),
@@ -97,7 +106,7 @@ impl Job {
         let reference = format!("{}-{}.exr", self.name, self.hash.with(truth.to_toml().as_bytes()).digits());
         Entry {
             variant: variant.into(),
-            fingerprint: self.hash.with(text.as_bytes()).with(fingerprint::RENDERER.as_bytes()).digits(),
+            fingerprint: self.hash.with(placeless.to_toml().as_bytes()).with(fingerprint::RENDERER.as_bytes()).digits(),
             config: text,
             reference,
             settings,
@@ -134,6 +143,16 @@ impl Job {
     }
 }
 
+/// The experiment with the names of its files alone.
+fn without_folders(mut experiment: Experiment) -> Experiment {
+    let cut = experiment.each_path(|path| {
+        *path = path.file_name().map_or(PathBuf::new(), PathBuf::from);
+        Ok(())
+    });
+    cut.expect("cutting does not fail");
+    experiment
+}
+
 #[cfg(test)]
 mod tests {
     use std::path::Path;
@@ -142,10 +161,15 @@ mod tests {
 
     /// The name of the reference of a scene with these keys.
     fn reference(keys: &str) -> String {
+        reference_in(Path::new(""), keys)
+    }
+
+    /// Like [`reference`], for a suite in this folder.
+    fn reference_in(folder: &Path, keys: &str) -> String {
         let text = format!(
             "[[scene]]\nname = 'box'\ngenerate = {{ name = 'cornell-box' }}\nresolution = '8x8'\n{keys}\n[[variant]]\nname = 'bdpt'\n"
         );
-        let suite = Suite::parse(Path::new("s.toml"), text).unwrap_or_else(|e| panic!("{keys}: {e}"));
+        let suite = Suite::parse(&folder.join("s.toml"), text).unwrap_or_else(|e| panic!("{keys}: {e}"));
         let mut job = Job::load(&suite, &suite.scenes[0]).unwrap_or_else(|e| panic!("{keys}: {e}"));
         job.entries.remove(0).reference
     }
@@ -171,5 +195,19 @@ mod tests {
         let names: std::collections::BTreeSet<String> = keys.iter().map(|keys| reference(keys)).collect();
         assert_eq!(names.len(), keys.len(), "{names:?}");
         assert!(names.contains(&reference("")));
+    }
+
+    #[test]
+    fn the_contents_of_a_table_decide_and_not_its_place() {
+        let keys = "medium = { sigma-s = 0.1, phase = 'tables/fog.csv' }";
+        let [here, there] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let reference = |folder: &tempfile::TempDir, table: &str| {
+            std::fs::create_dir_all(folder.path().join("tables")).unwrap();
+            std::fs::write(folder.path().join("tables/fog.csv"), table).unwrap();
+            reference_in(folder.path(), keys)
+        };
+        let first = reference(&here, "-1,1\n1,1\n");
+        assert_ne!(reference(&here, "-1,2\n1,1\n"), first);
+        assert_eq!(reference(&there, "-1,1\n1,1\n"), first);
     }
 }

@@ -155,7 +155,7 @@ struct VariantTable {
 type Mistake = (Range<usize>, String);
 
 impl Suite {
-    /// Reads a suite. Paths of scenes are relative to the folder of the suite. Errors name line and column.
+    /// Reads a suite. Paths of scenes, grids and tables are relative to the folder of the suite. Errors name line and column.
     pub fn read(path: &Path) -> Result<Suite> {
         let fail = |message: String| Error::File { path: path.into(), message };
         let length = std::fs::metadata(path).map_err(|e| fail(format!("cannot read the suite: {e}")))?.len();
@@ -283,8 +283,7 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
         }
     };
     let at = [path_at, gate_at.unwrap_or(table.name.span()), table.name.span()];
-    let own = Experiment {
-        scene: Some(path),
+    let mut own = Experiment {
         camera: CameraTable {
             camera: table.camera,
             look_from: table.look_from,
@@ -309,6 +308,12 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
         render: render(table.render)?,
         ..Experiment::default()
     };
+    let joined = own.each_path(|file| {
+        *file = folder.join(&*file);
+        Ok(())
+    });
+    joined.and_then(|()| own.check_paths()).map_err(|e| (table.name.span(), e.to_string()))?;
+    own.scene = Some(path);
     let below = Experiment { render: shared.clone(), ..Experiment::default() };
     let (name, sweep, paper) = (table.name.into_inner(), table.sweep, table.paper);
     Ok(SceneEntry { name, sweep, paper, generated, experiment: own.over(below), at })

@@ -216,7 +216,7 @@ impl Experiment {
     }
 
     /// Calls `look` with every path, up to the first error.
-    fn each_path(&mut self, mut look: impl FnMut(&mut PathBuf) -> Result<()>) -> Result<()> {
+    pub(crate) fn each_path(&mut self, mut look: impl FnMut(&mut PathBuf) -> Result<()>) -> Result<()> {
         struct Paths<F>(F, Result<()>);
         impl<F: FnMut(&mut PathBuf) -> Result<()>> Visitor for Paths<F> {
             fn visit<T: Value>(&mut self, _: &'static Setting, slot: &mut Option<T>) {

@@ -30,7 +30,12 @@ struct Viewer {
 impl Viewer {
     /// Starts a viewer of `room.glb` in `folder`.
     fn start(folder: &Path, flags: &[&str]) -> Viewer {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_taugate"))
+        Viewer::start_by(&mut Command::new(env!("CARGO_BIN_EXE_taugate")), folder, flags)
+    }
+
+    /// Like [`Viewer::start`], with this command, which may have an environment of its own.
+    fn start_by(command: &mut Command, folder: &Path, flags: &[&str]) -> Viewer {
+        let mut child = command
             .args(["view", "room.glb", "--listen", "127.0.0.1:0"])
             .args(flags)
             .current_dir(folder)
@@ -344,6 +349,45 @@ fn strangers_are_refused() {
     }
     assert!(viewer.get("/", "evil.example").0.starts_with("HTTP/1.1 403"));
     assert!(viewer.get("/ws", &host).0.starts_with("HTTP/1.1 4"));
+}
+
+/// A browser is a script here, which keeps its arguments, and the mode and the contents of the file.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_browser_gets_the_token_in_a_private_file() {
+    use std::os::unix::fs::PermissionsExt;
+
+    use crate::names;
+
+    let here = room();
+    let [tools, files] = ["tools", "files"].map(|name| here.path().join(name));
+    for folder in [&tools, &files] {
+        std::fs::create_dir(folder).unwrap();
+    }
+    let script = "#!/bin/sh\nstat -c %a \"$1\" > mode\ncat \"$1\" > page\necho \"$@\" > part && mv part arguments\n";
+    std::fs::write(tools.join("xdg-open"), script).unwrap();
+    std::fs::set_permissions(tools.join("xdg-open"), PermissionsExt::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", tools.display(), std::env::var("PATH").unwrap());
+
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taugate"));
+    command.envs([("PATH", path.as_str()), ("TMPDIR", files.to_str().unwrap())]);
+    let mut viewer = Viewer::start_by(&mut command, here.path(), &[&SMALL[..], &["--open"]].concat());
+    let read = |name| std::fs::read_to_string(here.path().join(name)).unwrap();
+    let start = Instant::now();
+    while !here.path().join("arguments").exists() {
+        assert!(start.elapsed() < PATIENCE, "no browser");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let file = names(&files).concat();
+    assert_eq!(read("arguments").trim(), files.join(&file).to_str().unwrap());
+    assert!(file.ends_with(".html") && !file.contains(&viewer.token), "{file}");
+    assert_eq!(read("mode").trim(), "600");
+    let address = format!("http://localhost:{}/#{}", viewer.port, viewer.token);
+    assert!(read("page").contains(&format!("content=\"0; url={address}\"")), "{}", read("page"));
+
+    viewer.signal();
+    assert_eq!(viewer.child.wait().unwrap().code(), Some(0));
+    assert_eq!(names(&files), [""; 0], "the file is removed");
 }
 
 #[test]
