@@ -7,6 +7,7 @@ mod lights;
 mod medium;
 mod phase;
 mod scan;
+mod sky_image;
 
 use crate::error::Result;
 use crate::input::experiment::Experiment;

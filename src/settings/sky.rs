@@ -1,7 +1,7 @@
 //! The sky as the user gives it: a radiance, or the image of a sky; and a factor on it.
 
 use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
@@ -14,7 +14,7 @@ pub enum Sky {
     /// Radiance in W / (m^2 sr), the same in all directions, for red, green and blue. No channel is negative, and at least one is
     /// more than 0.
     Radiance([f64; 3]),
-    /// An equirectangular EXR image of the radiance in W / (m^2 sr).
+    /// An equirectangular image (EXR or Radiance HDR) of the radiance in W / (m^2 sr).
     Image(PathBuf),
 }
 
@@ -37,15 +37,24 @@ impl Sky {
     fn unknown(text: &str) -> String {
         format!(
             "'{text}' is no sky: write a radiance in W/(m^2 sr), such as 1 or 0.4,0.6,1, or the name of an equirectangular image \
-             that ends in .exr"
+             that ends in .exr or .hdr"
         )
     }
+}
+
+/// Whether the name says that this is a Radiance HDR file.
+pub(crate) fn is_radiance_hdr(path: &Path) -> bool {
+    has_extension(path, "hdr")
+}
+
+fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }
 
 impl Value for Sky {
     fn parse(word: &OsStr) -> Result<Sky, String> {
         let path = PathBuf::from(word);
-        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
+        if has_extension(&path, "exr") || is_radiance_hdr(&path) {
             return Ok(Sky::Image(path));
         }
         let text = word.to_str().ok_or("this is not UTF-8")?;
@@ -132,7 +141,7 @@ mod tests {
         assert_eq!(parse("2"), Ok(Sky::Radiance([2.0; 3])));
         assert_eq!(parse("0.5, 0,1e3"), Ok(Sky::Radiance([0.5, 0.0, 1000.0])));
         assert_eq!(parse("a,b.EXR"), Ok(Sky::Image("a,b.EXR".into())));
-        for bad in ["", "blue", "1,2", "1,2,3,4", "sky.hdr", "1;2;3"] {
+        for bad in ["", "blue", "1,2", "1,2,3,4", "sky.png", "1;2;3"] {
             assert!(parse(bad).unwrap_err().contains("is no sky: write"), "{bad}");
         }
         for bad in ["0", "0,0,0", "-1", "1,-1,1", "inf", "NaN"] {

@@ -95,7 +95,7 @@ table! {
         lamp: Lamps, Setting::scene("lamp", "X,Y,Z,INTENSITY").form(Form::SignedRepeated);
 
         /// Add light from all directions, called sky: its radiance in W/(m^2 sr), as one number or R,G,B, or the file of an
-        /// equirectangular image (.exr) with +Y up; gated renders leave it out, because it has no travel time
+        /// equirectangular image (.exr, .hdr) with +Y up; gated renders leave it out, because it has no travel time
         sky: Sky, Setting::scene("sky", "RADIANCE|FILE.exr").form(Form::Signed);
 
         /// Factor on the radiance of --sky [default: 1]

@@ -42,6 +42,7 @@ pub const READERS: &[Reader] = &[
     reader("experiment", BYTES_PER_BYTE, experiment),
     reader("exr", BYTES_PER_BYTE, exr),
     reader("npy", BYTES_PER_BYTE, npy),
+    reader("hdr", IMAGE_BYTES_PER_BYTE, hdr),
     reader("vol", BYTES_PER_BYTE, vol),
     reader("grid_npy", BYTES_PER_BYTE, grid_npy),
     reader("response_csv", BYTES_PER_BYTE, response_csv),
@@ -190,6 +191,13 @@ fn exr(bytes: &[u8]) {
 /// An array that `compare` or `detect` reads.
 fn npy(bytes: &[u8]) {
     with_file("a.npy", bytes, |path| drop(npy_read::read(path)));
+}
+
+/// The image of a sky, in Radiance HDR.
+fn hdr(bytes: &[u8]) {
+    with_file("sky.hdr", bytes, |path| {
+        let _ = scenery::apply(&mut experiment_with("emitter.sky = 'FILE'", path), &mut Scene::default());
+    });
 }
 
 fn vol(bytes: &[u8]) {

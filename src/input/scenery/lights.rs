@@ -1,16 +1,15 @@
 //! The lights: `--headlamp`, `--lamp`, `--sky` and `[[light]]`.
 
 use std::f64::consts::PI;
-use std::path::Path;
 
 use glam::DVec3;
 
 use super::camera::centre;
+use super::sky_image;
 use crate::error::{Error, Result};
-use crate::image::exr_file::read_picture;
 use crate::input::experiment::Experiment;
 use crate::input::responses::is_steady;
-use crate::scene::{Light, LightKind, Scene, SkyImage};
+use crate::scene::{Light, LightKind, Scene};
 use crate::settings::numbers::{Headlamp, Numbers};
 use crate::settings::sky::{Sky, SkyScale};
 use crate::settings::table::EmitterTable;
@@ -85,7 +84,7 @@ fn add_sky(table: &EmitterTable, scene: &mut Scene) -> Result<()> {
     let radiance = match &table.sky {
         Some(Sky::Radiance(rgb)) => rgb.map(|channel| (channel * scale) as f32),
         Some(Sky::Image(path)) => {
-            scene.sky = Some(read_sky(path, scale as f32)?);
+            scene.sky = Some(sky_image::read(path, scale as f32)?);
             [scale as f32; 3]
         }
         None => return Ok(()),
@@ -97,26 +96,8 @@ fn add_sky(table: &EmitterTable, scene: &mut Scene) -> Result<()> {
     Ok(())
 }
 
-/// Reads an equirectangular EXR image. Fails if a value is negative, not finite, or too large after it is multiplied by `scale`, or
-/// if the image is black.
-fn read_sky(path: &Path, scale: f32) -> Result<SkyImage> {
-    let fail = |message: String| Error::File { path: path.into(), message };
-    let picture = read_picture(path)?;
-    let rgb = picture.rgb.as_chunks::<3>().0.to_vec();
-    let sky = SkyImage { width: picture.width, height: picture.height, rgb };
-    sky.check(scale).map_err(|message| fail(format!("{message}; correct the image")))?;
-    match sky.rgb.iter().any(|&texel| is_bright(texel)) {
-        true => Ok(sky),
-        false => Err(fail("is black, so this sky has no light; choose another image".into())),
-    }
-}
-
 fn point(node: String, position: DVec3, intensity: f64) -> Light {
     Light { node, position, direction: DVec3::NEG_Z, kind: LightKind::Point { intensity: [intensity as f32; 3] } }
-}
-
-fn is_bright(rgb: [f32; 3]) -> bool {
-    rgb.iter().any(|&channel| channel > 0.0)
 }
 
 /// Whether a light of the scene, other than a surface, emits light that can be rendered. With a gate, suns and skies cannot be
@@ -139,4 +120,8 @@ fn automatic_intensity(scene: &Scene, position: DVec3) -> f64 {
     // A scene that is a single point, or of an extreme size, still needs a valid intensity.
     let intensity = if distance > 0.0 { intensity.clamp(1e-30, 1e30) } else { 1.0 };
     format!("{intensity:.2e}").parse().unwrap_or(intensity)
+}
+
+fn is_bright(rgb: [f32; 3]) -> bool {
+    rgb.iter().any(|&channel| channel > 0.0)
 }

@@ -220,6 +220,38 @@ fn the_image_of_a_sky_is_read_and_checked() {
     }
 }
 
+#[test]
+fn the_image_of_a_sky_may_be_radiance_hdr() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("sky.HDR");
+    let toml = format!("emitter.sky = '{}'", file.display());
+    let with = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).unwrap();
+        let mut scene = block();
+        apply(&mut experiment(&toml), &mut scene).map(|_| scene.sky.unwrap()).map_err(|e| e.to_string())
+    };
+    // A texel of the bytes r, g, b, e has the radiance r 2^(e - 136), and so on.
+    let (header, size) = ("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n", "\n-Y 1 +X 2\n");
+    let texels = [128, 64, 0, 129, 255, 0, 1, 136];
+    let sky = with(&[header.as_bytes(), size.as_bytes(), &texels].concat()).unwrap();
+    assert_eq!((sky.width, sky.height, &sky.rgb[..]), (2, 1, &[[1.0, 0.5, 0.0], [255.0, 0.0, 1.0]][..]));
+    let sky = with(&[header.as_bytes(), b"EXPOSURE=2\n", size.as_bytes(), &texels].concat()).unwrap();
+    assert_eq!(sky.rgb, [[0.5, 0.25, 0.0], [127.5, 0.0, 0.5]]);
+    let black = [header.as_bytes(), size.as_bytes(), &[0; 8]].concat();
+    let vast = [header.as_bytes(), b"\n-Y 8000 +X 8000\n", &texels].concat();
+    let empty = [header.as_bytes(), b"\n-Y 0 +X 8\n"].concat();
+    for (bad, part) in [
+        (&black[..], "is black"),
+        (&vast, "too many for its"),
+        (&empty, "reads 1 to 64 megapixels"),
+        (b"GIF89a", "is not a Radiance HDR image"),
+        (&black[..black.len() - 3], "is not a Radiance HDR image"),
+    ] {
+        let message = with(bad).expect_err(part);
+        assert!(message.contains(part) && message.contains("sky.HDR"), "{message}");
+    }
+}
+
 /// The distance to the centre is 0, so a part of the scene's size counts instead.
 #[test]
 fn a_headlamp_at_the_centre_has_a_sensible_intensity() {
