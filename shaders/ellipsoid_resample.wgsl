@@ -24,7 +24,7 @@ fn draw_vertex(q: PathVertex, tau: f32, first: u32, count: u32, rng: ptr<functio
     for (var i = 0u; i < VERTEX_DRAWS; i++) {
         let vertex = first + multiply_wide(next_word(rng), count).x;
         let v = load_leaf_vertex(vertex);
-        let importance = select(0.0, v.throughput.x, can_connect_over_surface(q, v, tau));
+        let importance = select(0.0, max_component(v.throughput), can_connect_over_surface(q, v, tau));
         sum += importance;
         if (next_uniform(rng) * sum < importance) {
             chosen.vertex = vertex;
@@ -47,9 +47,10 @@ fn ellipsoid_resample(@builtin(global_invocation_id) id: vec3<u32>) {
     let dimension = (STREAM_QUERY << 28u) | ((q.flags & VERTEX_DEPTH) << 14u) | ELLIPSOID_STREAM;
     var rng = pcg4d(vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed)).x;
     let slot = rank * frame.slots + frame.slots - 1u;
-    let lamps = frame.deterministic_count;
+    // If lamps are in the trees, they come before the other vertices too: they are the emitter points then, with a single tree.
+    let lamps = frame.deterministic_count + select(0u, frame.emitter_points, QUERIED_PUNCTUAL);
     let others = frame.vertex_count - lamps;
-    // Half of the candidates begin at a deterministic vertex, if there are vertices of both kinds.
+    // Half of the candidates begin at a lamp, or at another deterministic vertex, if there are vertices of both kinds.
     let of_lamps = select(select(CANDIDATES / 2u, CANDIDATES, others == 0u), 0u, lamps == 0u);
     let to_q = focus_at(q);
     var chosen = AuxiliaryPoint(NONE, 0.0, vec2<f32>(0.0));

@@ -172,6 +172,12 @@ def greatest_z(a, b):
     return np.abs(z).max(), z
 
 
+def relative_error(images):
+    """Relative standard error of the mean over all seeds, gates and cells."""
+    of_seeds = images.reshape(len(images), -1).mean(axis=1)
+    return of_seeds.std(ddof=1) / len(of_seeds) ** 0.5 / of_seeds.mean()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--binary", default="target/release/taugate")
@@ -189,8 +195,9 @@ def main():
     worst, z = greatest_z(here, there)
     apart, _ = greatest_z(shifted, there)
     ratio = here.mean() / there.mean()
+    error = ratio * np.hypot(relative_error(here), relative_error(there))
     print(f"{arguments.estimator} against mitransient {mitransient.__version__}{', in fog' if arguments.fog else ''}, {z.size} cells of {len(gates)} gates: ratio of means "
-          f"{ratio:.4f}, greatest |z| {worst:.2f}, rms z {np.sqrt((z ** 2).mean()):.2f}; gates shifted by 2 %: greatest |z| {apart:.1f}")
+          f"{ratio:.4f} +- {error:.4f}, greatest |z| {worst:.2f}, rms z {np.sqrt((z ** 2).mean()):.2f}; gates shifted by 2 %: greatest |z| {apart:.1f}")
     sys.exit(0 if worst < LIMIT < apart else 1)
 
 

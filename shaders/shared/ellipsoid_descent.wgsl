@@ -140,6 +140,9 @@ fn descend_bvh(s: EllipsoidSearch, v: Focus, q: Focus, rng: ptr<function, u32>) 
     var group = TriangleGroup(0u, 0u, 1.0);
     // The loop exits at its end: with a condition at the top, masked SIMD would run the body once more.
     loop {
+        if (EXIT_AT_TOP && (!is_inner || !(group.probability > 0.0))) {
+            break;
+        }
         let node = unpack_bvh_node(index);
         let meta4 = node.children.zw;
         // The meta byte of an empty child is 0.
@@ -156,7 +159,7 @@ fn descend_bvh(s: EllipsoidSearch, v: Focus, q: Focus, rng: ptr<function, u32>) 
         group.first = node.children.y + (child_meta & 0x1fu);
         group.count = countOneBits(child_meta >> 5u);
         continuing {
-            break if !is_inner || !(group.probability > 0.0);
+            break if !EXIT_AT_TOP & (!is_inner || !(group.probability > 0.0));
         }
     }
     return group;

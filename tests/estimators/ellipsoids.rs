@@ -3,11 +3,13 @@
 
 use super::agreement::{against, assert_none, bin, oracle, oracle_samples};
 use super::cells::{Cells, disagreements, renderer, settings, threshold};
+use glam::DVec3;
+use taugate::internals::generate::stage::light;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::oracle::sphere::gated_radiance;
 use taugate::internals::render::Renderer;
-use taugate::internals::scene::{Medium, PhaseFunction, Scene};
+use taugate::internals::scene::{LightKind, Medium, PhaseFunction, Scene};
 use taugate::internals::settings::units::Gate;
 use taugate::internals::settings::{Estimator, Settings, UseEllipsoids};
 
@@ -84,6 +86,37 @@ fn glass_alpha_and_fog_agree_with_the_oracle() {
         let shifted = against(name, &[Estimator::Epc], &scene, &gates[..1], &bin(&truth, 2));
         assert!(!shifted.is_empty(), "{name}: a gate that is shifted by its width is not rejected");
     }
+}
+
+/// More than eight lamps are in the trees, and none of them shines red.
+#[test]
+fn many_green_lamps_keep_their_light_in_thin_gates() {
+    let scene = |power: f32| {
+        let mut scene = build(Kind::CornellBox);
+        scene.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
+        for k in 0..9 {
+            let at = DVec3::new(-0.4 + 0.1 * f64::from(k), 1.8, 0.1 * f64::from(k % 3));
+            light(
+                &mut scene,
+                &format!("lamp {k}"),
+                at,
+                DVec3::NEG_Y,
+                LightKind::Point { intensity: [0.0, power, 0.0] },
+            );
+        }
+        scene
+    };
+    let gate = Gate { lo: 7.0, hi: 7.01 };
+    let cells = |power: f32, ellipsoids: UseEllipsoids, iterations: u32, seed: u32| {
+        let settings = settings(Estimator::Lcs, [16, 16]).max_depth(5).ellipsoids(ellipsoids).build().unwrap();
+        let cells = Cells::measure(&mut renderer(&scene(power), &settings), gate, 8, iterations, 16, seed);
+        eprintln!("{ellipsoids:?}: {:?}", cells.whole());
+        cells
+    };
+    let without = cells(1.0, UseEllipsoids::Off, 2, 400);
+    assert_none(disagreements(&cells(1.0, UseEllipsoids::On, 1, 40), &without));
+    // Negative control: lamps of 1.3 times the power.
+    assert!(!disagreements(&cells(1.3, UseEllipsoids::On, 1, 40), &without).is_empty());
 }
 
 /// `lcs` with and without ellipsoidal connections has the same mean in every cell.
