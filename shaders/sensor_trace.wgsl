@@ -137,6 +137,9 @@ fn escape(s: PathState, slot: u32) {
     if (OBSERVE == OBSERVE_STRATEGIES) {
         emitted[slot] = vec4<f32>(value, weight);
     }
+    if (OBSERVE == OBSERVE_RESPONSES) {
+        emitted[slot] = vec4<f32>(value * weight, 0.0);
+    }
 }
 
 // xyz: light of the emitter at q towards the sensor, times the throughput; 0 if q does not emit there. w: MIS weight of s = 0

@@ -26,7 +26,7 @@ fn auxiliary_density2(n: vec3<f32>, w1: vec3<f32>, r1: f32, w2: vec3<f32>, r2: f
 // solids, and connectible.
 fn sum_over_auxiliary(x: PathVertex, w: vec3<f32>, r: f32) -> f32 {
     let is_reached = has_normal(x) && (x.flags & VERTEX_EMITTER) == 0u && dot(x.geometric, w) > 0.0
-        && x.eta == SURROUNDING_GROUP_INDEX;
+        && x.eta == SURROUNDING_GROUP_INDEX && !is_in_solid(x, x.to_previous);
     if (!is_reached) {
         return 0.0;
     }

@@ -264,7 +264,7 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
     let gate_at = table.gate.as_ref().map(Spanned::span).or(table.depth.as_ref().map(Spanned::span));
     let gate = table.gate.map(Spanned::into_inner).or(table.depth.map(|depth| depth.into_inner().0));
     if let (Some(gate), Some(at)) = (gate, &gate_at)
-        && let GatePrecision::TooThin { ulps } = gate.precision()
+        && let GatePrecision::TooThin { ulps } = gate.precision(0.0)
     {
         let gate = gate.describe();
         let message = format!("the {gate} is only {ulps:.1} steps of 32-bit travel times wide; make it wider");

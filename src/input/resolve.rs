@@ -30,7 +30,7 @@ pub struct Resolved {
 pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let mut warnings = Vec::new();
     let Experiment { render, .. } = experiment;
-    let responses = responses(&experiment.gate, &mut warnings)?;
+    let responses = chosen(&experiment.gate)?;
     // The user can correct these mistakes only in the scene, so the message names the scene's file.
     let unfit = |message: &str| Error::Scene {
         path: experiment.scene.clone().unwrap_or_else(|| "the scene".into()),
@@ -48,6 +48,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         ));
     }
     let camera = camera(&experiment.camera, scene)?;
+    check_precision(&responses.narrowest(), &scene.cameras[camera], &experiment.gate, &mut warnings)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
     let estimator = render.estimator.unwrap_or_else(|| {
@@ -105,11 +106,12 @@ fn settings(message: impl Into<String>) -> Error {
     Error::Settings(message.into())
 }
 
-/// The responses that the user chose. Fails if a gate is too narrow for 32-bit travel times, unless the user gave `--force`.
-fn responses(table: &GateTable, warnings: &mut Vec<String>) -> Result<Responses> {
-    let responses = chosen(table)?;
-    let gate = responses.narrowest();
-    match gate.precision() {
+/// Fails if `gate` is too narrow for 32-bit travel times, unless the user gave `--force`. The travel times to `camera` are sums with
+/// the lengths that it omits, so they are rounded like longer ones.
+fn check_precision(gate: &Gate, camera: &Camera, table: &GateTable, warnings: &mut Vec<String>) -> Result<()> {
+    let aims = camera.projection.aims().unwrap_or_default();
+    let omitted = aims.iter().map(|aim| aim.omitted).fold(0.0, f64::max);
+    match gate.precision(omitted) {
         GatePrecision::Fine => {}
         GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => {
             return Err(settings(format!(
@@ -118,21 +120,18 @@ fn responses(table: &GateTable, warnings: &mut Vec<String>) -> Result<Responses>
                 gate.describe()
             )));
         }
-        GatePrecision::Coarse { .. } | GatePrecision::TooThin { .. } => warnings.extend(gate_warning(&gate)),
+        GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => warnings.push(gate_warning(gate, ulps)),
     }
-    Ok(responses)
+    Ok(())
 }
 
-/// A warning if the width of `gate` is near the resolution of 32-bit travel times, else `None`.
-pub fn gate_warning(gate: &Gate) -> Option<String> {
-    match gate.precision() {
-        GatePrecision::Fine => None,
-        GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => Some(format!(
-            "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be wrong by {:.1} %",
-            gate.describe(),
-            100.0 / ulps.max(1.0)
-        )),
-    }
+/// A warning that the width of `gate` is only `ulps` steps of travel times.
+fn gate_warning(gate: &Gate, ulps: f64) -> String {
+    format!(
+        "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be wrong by {:.1} %",
+        gate.describe(),
+        100.0 / ulps.max(1.0)
+    )
 }
 
 fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {

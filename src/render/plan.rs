@@ -131,6 +131,8 @@ pub struct Plan {
     sensor_corners: [Vec3; 4],
     /// Maximum over the pixels of the length in metres that does not count for their travel times.
     omitted: f64,
+    /// The travel time of `omitted` in render space.
+    omitted_time: f32,
     /// Whether culling is on and the bounds show that no light can arrive inside the gate. Then there is nothing to trace.
     pub dark: bool,
     pub space: RenderSpace,
@@ -203,6 +205,7 @@ impl Plan {
             prepared_sensor: prepared.sensor,
             sensor_corners: [Vec3::ZERO; 4],
             omitted: 0.0,
+            omitted_time: 0.0,
             dark: false,
             space: prepared.space,
             responses: settings.responses().clone(),
@@ -292,7 +295,6 @@ impl Plan {
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
-        // A sensor subpath begins at minus the omitted length, but a light subpath begins at 0. Culling allows for this.
         let omitted = self.space.length(self.omitted * self.group_index);
         let rounding_allowance = rounding_allowance(gate, from_origin + omitted);
         self.frame.seed = seed;
@@ -306,7 +308,8 @@ impl Plan {
         self.frame.min_detour = if closed { detour as f32 } else { OPEN };
         self.frame.auxiliary_density = (f64::from(self.estimator.ellipsoid_sample_count) * self.group_index
             / (width * f64::from(MEAN_ARC))) as f32;
-        self.frame.cull_hi = if self.cull && closed { hi + omitted as f32 + rounding_allowance } else { OPEN };
+        self.frame.cull_hi = if self.cull && closed { hi + rounding_allowance } else { OPEN };
+        self.omitted_time = omitted as f32;
     }
 
     /// Whether a render with these kernels can begin again with `responses`.
@@ -368,6 +371,9 @@ impl Plan {
             frame.tree3_root = pool.tree3_root;
             frame.tree4_root = pool.tree4_root;
             frame.slots = slots;
+        } else {
+            // A sensor subpath begins at minus the omitted length, but a light subpath begins at 0.
+            frame.cull_hi += self.omitted_time;
         }
         frame
     }

@@ -106,13 +106,14 @@ impl Gate {
         Gate::new(2.0 * lo, 2.0 * hi)
     }
 
-    /// Compares the width with the difference between neighbouring f32 numbers at `hi`.
+    /// Compares the width with the difference between neighbouring f32 numbers at `hi` + `omitted`. Travel times that lack the length
+    /// `omitted` in metres are differences of numbers that contain it.
     #[doc(hidden)]
-    pub fn precision(&self) -> GatePrecision {
+    pub fn precision(&self, omitted: f64) -> GatePrecision {
         if self.hi.is_infinite() {
             return GatePrecision::Fine;
         }
-        let hi = self.hi as f32;
+        let hi = (self.hi + omitted) as f32;
         let ulps = (self.hi - self.lo) / (f64::from(hi.next_up()) - f64::from(hi));
         if ulps < REFUSED_ULPS || ulps.is_nan() {
             GatePrecision::TooThin { ulps }

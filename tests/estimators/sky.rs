@@ -5,8 +5,8 @@ use taugate::internals::generate::shapes::{cuboid, inside_out, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, glass, light, material, metal, plastic};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{LightKind, Material, Mesh, Scene, SkyImage};
-use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Edge, Estimator, Response, Responses};
 
 use super::agreement::{against, assert_none, feature_estimators, oracle, oracle_samples};
 use super::cells::{Cells, renderer, settings};
@@ -44,6 +44,26 @@ fn sees(name: &str, scene: &Scene, max_depth: u32, truth: f64) {
         let tolerance = 4.5 * error + 2e-5 * truth;
         assert!((mean - truth).abs() <= tolerance, "{name}, {estimator}: {mean} +- {error}, not {truth}");
         assert!(tolerance < 0.05 * truth, "{name}, {estimator}: the test is too weak, {error}");
+    }
+}
+
+/// The middle of the view is a block, the corners are background.
+#[test]
+fn responses_without_an_end_hold_the_sky() {
+    let grey = (diffuse("grey", [0.6; 3]), cuboid(DVec3::splat(-1.0), DVec3::splat(1.0)));
+    let scene = under_the_sky(vec![grey], DVec3::new(0.0, 0.0, 6.0), 1.0);
+    let open = |name: &str| Response::new(name, Gate::OPEN, Edge::Sharp);
+    let responses = Responses::new(vec![open("a"), open("b")]).unwrap();
+    let settings = settings(Estimator::Lcs, [8, 8]).responses(responses).light_paths(4000).build().unwrap();
+    let mut renderer = renderer(&scene, &settings);
+    (0..8).for_each(|_| renderer.iterate(16).unwrap());
+    let film = renderer.responses().unwrap();
+    for k in 0..2 {
+        let image = film.mean(k);
+        let pixel = |x: usize, y: usize| f64::from(image[3 * (8 * y + x)]);
+        let (block, background) = (pixel(4, 4), pixel(0, 0));
+        assert!((block / (0.6 * f64::from(RADIANCE)) - 1.0).abs() < 0.1, "{block}");
+        assert!((background / f64::from(RADIANCE) - 1.0).abs() < 1e-5, "{background}");
     }
 }
 

@@ -39,13 +39,22 @@ impl Choice {
             }
             wanted => Some(wanted == UseEllipsoids::On),
         };
-        Ok(Choice { estimator: settings.estimator(), diagonal: scene.diagonal(), ellipsoids })
+        let choice = Choice { estimator: settings.estimator(), diagonal: scene.diagonal(), ellipsoids };
+        if ellipsoids == Some(true) && choice.is_histogram(settings.responses()) {
+            return Err(Error::Settings(
+                "--ellipsoids on is not possible with gates that cover a tenth of the scene's diagonal or more; leave it out, or \
+                 render thin gates one by one"
+                    .into(),
+            ));
+        }
+        Ok(choice)
     }
 
     /// The record for these responses.
     pub fn record(&self, responses: &Responses) -> &'static Record {
         let record = self.estimator.record();
-        let is_thin = self.ellipsoids.unwrap_or(lit_length(responses) < THIN_GATE * self.diagonal);
+        // Travel times of ellipsoidal connections are drawn from the whole support, also from its hole.
+        let is_thin = self.ellipsoids.unwrap_or(length(responses.support()) < THIN_GATE * self.diagonal);
         let special = match self.is_histogram(responses) {
             true => record.for_histograms,
             false => record.for_thin_gates.filter(|_| is_thin),
@@ -62,6 +71,9 @@ impl Choice {
 
 /// Total length in metres of the intervals of travel time that count for some response.
 fn lit_length(responses: &Responses) -> f64 {
-    let length = |gate: Gate| gate.hi - gate.lo;
     length(responses.support()) - responses.hole().map_or(0.0, length)
+}
+
+fn length(gate: Gate) -> f64 {
+    gate.hi - gate.lo
 }

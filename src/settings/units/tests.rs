@@ -105,11 +105,14 @@ fn the_gate_is_described_in_three_units() {
 fn thin_gates_are_told_apart_by_f32_steps() {
     // Neighbouring f32 numbers in [8, 16) differ by 2^-20.
     let step = 1.0 / f64::from(1 << 20);
-    let wide = |n: f64| Gate { lo: 12.5, hi: 12.5 + n * step }.precision();
+    let wide = |n: f64| Gate { lo: 12.5, hi: 12.5 + n * step }.precision(0.0);
     assert_eq!(wide(256.0), GatePrecision::Fine);
     assert_eq!(wide(255.0), GatePrecision::Coarse { ulps: 255.0 });
     assert_eq!(wide(16.0), GatePrecision::Coarse { ulps: 16.0 });
     assert_eq!(wide(15.0), GatePrecision::TooThin { ulps: 15.0 });
-    assert_eq!(Gate::OPEN.precision(), GatePrecision::Fine);
-    assert!(matches!(Gate { lo: 0.0, hi: 1e300 }.precision(), GatePrecision::TooThin { .. }));
+    assert!(
+        matches!(Gate { lo: 1.0, hi: 1.0 + 16.0 * step }.precision(11.0), GatePrecision::Coarse { ulps } if ulps == 16.0)
+    );
+    assert_eq!(Gate::OPEN.precision(0.0), GatePrecision::Fine);
+    assert!(matches!(Gate { lo: 0.0, hi: 1e300 }.precision(0.0), GatePrecision::TooThin { .. }));
 }
