@@ -1,6 +1,7 @@
 //! `taugate render`: from the command line to the files.
 
 mod iterations;
+mod outputs;
 mod ready;
 mod scan;
 mod sequence;
@@ -15,7 +16,6 @@ use std::time::Instant;
 
 use taugate::Error;
 use taugate::internals::error::Result;
-use taugate::internals::files::{check_writable, lies_in};
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::layers::Layers;
@@ -28,7 +28,6 @@ use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::shard::Shard;
-use taugate::internals::settings::sky::Sky;
 use taugate::internals::settings::{Sampling, Settings};
 use taugate::internals::tev::TevStream;
 
@@ -40,6 +39,8 @@ use super::report::{Report, is_black};
 use super::{feasible, memory, pace, strategies};
 use crate::app::cli::RenderArgs;
 use iterations::Iterations;
+pub use outputs::check_inputs;
+use outputs::check_outputs;
 use ready::Ready;
 use sums::{Checkpoint, Earlier, Identity};
 
@@ -377,55 +378,4 @@ pub fn read_experiment(input: PathBuf, mut typed: Experiment) -> Result<Experime
     }
     typed.scene = Some(input);
     Ok(typed)
-}
-
-/// Checks before the render that every output can be written, so that no long render is lost.
-fn check_outputs(outputs: &Outputs) -> Result<()> {
-    let paths = outputs.files();
-    paths.iter().try_for_each(|path| check_writable(path))?;
-    let mut pairs = paths.iter().enumerate().flat_map(|(i, path)| paths[..i].iter().map(move |other| (path, other)));
-    if let Some((path, other)) = pairs.find(|(path, other)| lies_in(path, other)) {
-        if path == other {
-            return Err(Error::Settings(format!(
-                "two outputs have the name {} (an array OUT.npy comes with a description OUT.json); choose another name",
-                path.display()
-            )));
-        }
-        return Err(Error::Settings(format!(
-            "{} and {} are links to one file, so one would replace the other; choose another name",
-            other.display(),
-            path.display()
-        )));
-    }
-    let Some(folder) = &outputs.strategy_images else { return Ok(()) };
-    strategies::check_folder(folder)?;
-    match paths.iter().find(|file| lies_in(file, folder)) {
-        Some(file) => Err(Error::Settings(format!(
-            "the folder of --strategy-images is replaced as a whole, and {} would lie in this folder; choose another",
-            file.display()
-        ))),
-        None => Ok(()),
-    }
-}
-
-/// Refuses outputs that would overwrite an input: a file of the scene, such as a texture, or the image of the sky.
-pub fn check_inputs(outputs: &[PathBuf], scene: &Path, experiment: &Experiment) -> Result<()> {
-    let existing: Vec<_> = outputs.iter().filter(|path| path.exists()).collect();
-    if existing.is_empty() {
-        return Ok(());
-    }
-    if let Some(Sky::Image(sky)) = &experiment.emitter.sky
-        && let Some(output) = existing.iter().find(|output| lies_in(output, sky))
-    {
-        let message = "is the image of --sky; choose another name".into();
-        return Err(Error::File { path: output.to_path_buf(), message });
-    }
-    let inputs = gltf::paths(scene, &experiment.input.allowed());
-    match existing.into_iter().find(|output| inputs.iter().any(|input| lies_in(output, input))) {
-        Some(output) => {
-            let message = format!("is a file that the scene {} reads; choose another name", scene.display());
-            Err(Error::File { path: output.clone(), message })
-        }
-        None => Ok(()),
-    }
 }

@@ -7,19 +7,19 @@ use std::process::ExitCode;
 
 use taugate::Error;
 use taugate::internals::error::Result;
-use taugate::internals::files::check_writable;
 use taugate::internals::image::exr_file::read_settings;
 use taugate::internals::image::npy_file::description_path;
 use taugate::internals::input::resolve::{Outputs, outputs};
 use taugate::internals::input::sequence::Sequence;
 
+use super::outputs::check_pictures;
 use super::sums::Identity;
 use super::{Outcome, Session, check_pose};
 
 /// Renders all frames, then writes the contact sheet and the animation.
 pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCode> {
-    for path in sequence.contact_sheet.iter().chain(&sequence.gif) {
-        check_writable(path)?;
+    if let Some(first) = sequence.frames().next() {
+        check_pictures(sequence, &sequence.frame(first))?;
     }
     // The first frames must not be rendered if the last one is beyond the end of the animation.
     if let Some(last) = sequence.frames().next_back() {
