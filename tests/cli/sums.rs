@@ -87,6 +87,20 @@ fn histograms_go_on_too() {
 }
 
 #[test]
+fn variances_that_the_sums_lack_are_not_written() {
+    let here = with_box();
+    let here = here.path();
+    let flags = ["--resolution", "8x6", "--gates", "4m..8m/100", "--light-paths", "500", "--spp", "4", "-o", "a.acc"];
+    run(here, &[&["render", "box.glb"], &flags[..]].concat());
+    for outputs in [&["-o", "o.npy", "-o", "c.acc"][..], &["-o", "o.npy"], &["-o", "c.acc"]] {
+        let develop = [&["develop", "a.acc", "--variance"], outputs].concat();
+        fails(here, &develop, 2, "a.acc has no variances of its gates");
+    }
+    assert_eq!(names(here), ["a.acc", "box.glb"]);
+    run(here, &["develop", "a.acc", "-o", "o.npy", "-o", "c.acc"]);
+}
+
+#[test]
 fn shards_become_one_render_in_any_order() {
     let here = with_box();
     let here = here.path();
