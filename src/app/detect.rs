@@ -9,7 +9,7 @@ use taugate::Error;
 use taugate::internals::detector::{Bins, Blind, Detector};
 use taugate::internals::files::{check_writable, write_atomically};
 use taugate::internals::image::exr_file::read_picture;
-use taugate::internals::image::npy_file::{description_path, write_array};
+use taugate::internals::image::npy_file::{description_path, variance_path, write_new_array};
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
 
 use super::accumulated;
@@ -28,12 +28,12 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
         return Err(settings(format!("the output {} must end in .npy", args.output.display())).into());
     }
     let detector = detector(args)?;
-    let description = description_path(&args.output);
+    let (description, variances) = (description_path(&args.output), variance_path(&args.output));
     check_writable(&args.output)?;
     check_writable(&description)?;
     let same =
         |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
-    if [&args.output, &description]
+    if [&args.output, &description, &variances]
         .into_iter()
         .any(|file| same(file, &args.input) || same(file, &description_path(&args.input)))
     {
@@ -53,7 +53,7 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     shape.extend(input.array.responses);
     shape.push(channels(args));
     let text = serde_json::to_string_pretty(&describe(args, &input, &shape))?;
-    write_array(&args.output, &shape, counts.iter().copied())?;
+    write_new_array(&args.output, &shape, counts.iter().copied())?;
     write_atomically(&description, |writer| std::io::Write::write_all(writer, text.as_bytes()))?;
     let total: f64 = counts.iter().map(|&count| f64::from(count)).sum();
     let pixels = (input.array.width * input.array.height * channels(args)) as f64;

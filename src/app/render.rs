@@ -155,7 +155,7 @@ impl Session {
         let scene_path = experiment.scene.clone().expect("the experiment names a scene");
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
-        check_inputs(&outputs.files(), &scene_path, &experiment)?;
+        check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
         // Lock the checkpoint before reading it, so that the sums are those of the last render that wrote the file.
         let mut checkpoint = Checkpoint::new(&outputs)?;
         let earlier = Earlier::read(&experiment, &outputs)?;

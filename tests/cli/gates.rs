@@ -170,6 +170,20 @@ fn arrays_are_compared_and_plotted() {
     }
 }
 
+/// Error bars never belong to an older array of the same name.
+#[test]
+fn variances_of_an_older_array_are_removed() {
+    let here = with_box();
+    let gates = ["--gates", "5m..8m/3", "-o", "a.npy"];
+    render(here.path(), &[&gates[..], &["--variance"]].concat());
+    render(here.path(), &[&gates[..], &["--seed", "2", "-q"]].concat());
+    assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb"]);
+    let run = |arguments: &[&str]| assert!(taugate(here.path(), arguments).status.success(), "{arguments:?}");
+    std::fs::copy(here.path().join("a.npy"), here.path().join("counts.variance.npy")).unwrap();
+    run(&["detect", "a.npy", "-o", "counts.npy", "--photons", "10"]);
+    assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb", "counts.json", "counts.npy"]);
+}
+
 #[test]
 fn mistakes_name_the_remedy() {
     let here = with_box();

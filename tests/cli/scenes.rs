@@ -79,6 +79,9 @@ fn what_the_settings_read_is_not_overwritten() {
     };
     refused("smoke.npy", "./smoke.npy");
     assert_eq!(names(here), ["box.glb", "smoke.npy"]);
+    // The array fog.npy would remove the variances of an earlier array.
+    std::fs::rename(here.join("smoke.npy"), here.join("fog.variance.npy")).unwrap();
+    refused("fog.variance.npy", "fog.npy");
 }
 
 /// However the user spells the path, an output never overwrites a file that the scene reads.

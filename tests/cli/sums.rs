@@ -80,6 +80,11 @@ fn histograms_go_on_too() {
     run(here, &["detect", "sums.acc", "-o", "a.npy", "--photons", "1e4"]);
     run(here, &["detect", "whole.npy", "-o", "b.npy", "--photons", "1e4"]);
     assert!(npy_read::read(&here.join("a.npy")).unwrap() == npy_read::read(&here.join("b.npy")).unwrap());
+    // An earlier array with this name had variances, which a new array without variances does not keep.
+    assert!(here.join("d.variance.npy").exists());
+    run(here, &["develop", "sums.acc", "-o", "d2.npy", "--variance"]);
+    run(here, &["develop", "sums.acc", "-o", "d2.npy"]);
+    assert!(!here.join("d2.variance.npy").exists());
     for suffix in ["npy", "variance.npy"] {
         let read = |name: &str| npy_read::read(&here.join(format!("{name}.{suffix}"))).unwrap();
         assert!(read("whole") == read("c") && read("whole") == read("d"), "{suffix}");
