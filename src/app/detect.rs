@@ -9,6 +9,7 @@ use taugate::Error;
 use taugate::internals::detector::{Bins, Blind, Detector};
 use taugate::internals::files::{check_writable, write_atomically};
 use taugate::internals::image::exr_file::read_picture;
+use taugate::internals::image::exr_responses;
 use taugate::internals::image::npy_file::{description_path, variance_path, write_new_array};
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
 
@@ -19,8 +20,8 @@ use crate::app::cli::DetectArgs;
 struct Input {
     array: ImageArray,
     bins: Bins,
-    /// The JSON file beside the array, if there is one.
-    description: Option<Value>,
+    /// The description of the radiance: the JSON file beside an array, or the gates of an image or of sums.
+    description: Value,
 }
 
 pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
@@ -91,25 +92,16 @@ fn detector(args: &DetectArgs) -> Result<Detector, Error> {
 
 fn input(path: &Path) -> Result<Input, Error> {
     let fail = |message: &str| Error::File { path: path.into(), message: message.into() };
-    let ends = |gates: Vec<DescribedResponse>| {
-        gates.into_iter().map(|gate| [gate.gate_begin_m, gate.gate_end_m.unwrap_or(f64::INFINITY)]).collect()
-    };
-    let (array, gates, description) = if has_extension(path, "exr") {
-        let picture = read_picture(path)?;
-        let gate =
-            picture.gate.ok_or_else(|| fail("names no gate; give an image that taugate rendered with --gate"))?;
-        let (width, height) = (picture.width as usize, picture.height as usize);
-        (ImageArray { width, height, responses: None, values: picture.rgb }, vec![gate], None)
+    let (array, gates) = if has_extension(path, "exr") {
+        let (array, gates) = exr_responses::read(path)?;
+        (array, gates.ok_or_else(|| fail("names no gate; give an image that taugate rendered with --gate"))?)
     } else if has_extension(path, "npy") {
         let array = read(path)?;
-        let responses = described(path, &array)
+        let gates = described(path, &array)
             .ok_or_else(|| fail("comes without the JSON file that names its gates; keep that file beside the array"))?;
-        let description =
-            std::fs::read(description_path(path)).ok().and_then(|text| serde_json::from_slice(&text).ok());
-        (array, ends(responses), description)
+        (array, gates)
     } else if accumulated::is_sums(path) {
-        let (array, responses) = accumulated::array(path)?;
-        (array, ends(responses), None)
+        accumulated::array(path)?
     } else {
         return Err(settings(format!(
             "{} must be an array (.npy), an image (.exr) or sums (.acc) of taugate render",
@@ -119,7 +111,31 @@ fn input(path: &Path) -> Result<Input, Error> {
     if array.values.iter().any(|value| !value.is_finite()) {
         return Err(fail("has values that are not finite; render an image without such pixels"));
     }
-    Ok(Input { array, bins: Bins::new(gates)?, description })
+    let ends = |gate: &DescribedResponse| [gate.gate_begin_m, gate.gate_end_m.unwrap_or(f64::INFINITY)];
+    let bins = Bins::new(gates.iter().map(ends).collect())?;
+    let beside = || serde_json::from_slice(&std::fs::read(description_path(path)).ok()?).ok();
+    let of_file = if has_extension(path, "npy") { beside().filter(Value::is_object) } else { None };
+    let description = of_file.unwrap_or_else(|| description(&array, &gates));
+    Ok(Input { array, bins, description })
+}
+
+/// Describes the gates with the names that the JSON file beside an array has.
+fn description(array: &ImageArray, gates: &[DescribedResponse]) -> Value {
+    let axes = if array.responses.is_some() { "height, width, response, channel" } else { "height, width, channel" };
+    let mut description = json!({ "responses": gates, "axes": axes });
+    let (first, last, count) = (&gates[0], &gates[gates.len() - 1], gates.len() as f64);
+    let width = (last.gate_end_m.unwrap_or(f64::INFINITY) - first.gate_begin_m) / count;
+    let begins = |k: usize| first.gate_begin_m + k as f64 * width;
+    let are_near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * width;
+    let is_bin = |(k, gate): (usize, &DescribedResponse)| {
+        are_near(gate.gate_begin_m, begins(k)) && gate.gate_end_m.is_some_and(|end| are_near(end, begins(k + 1)))
+    };
+    if gates.iter().enumerate().all(is_bin) {
+        description["start_opl"] = first.gate_begin_m.into();
+        description["bin_width_opl"] = width.into();
+        description["temporal_bins"] = gates.len().into();
+    }
+    description
 }
 
 /// R, G, B of the background per pixel: a number, or an image of a render without a gate.
@@ -134,8 +150,11 @@ fn background(text: Option<&str>, array: &ImageArray) -> Result<Vec<[f32; 3]>, E
         })?;
         return Ok(vec![[radiance; 3]; pixels]);
     }
-    let picture = read_picture(path)?;
     let fail = |message: String| Error::File { path: path.into(), message };
+    if exr_responses::has_many(path)? {
+        return Err(fail("has several gates, but daylight has none; render the background without a gate".into()));
+    }
+    let picture = read_picture(path)?;
     if (picture.width as usize, picture.height as usize) != (array.width, array.height) {
         return Err(fail(format!(
             "is {}x{}, but the light is {}x{}; render the background with the same --resolution and --crop",
@@ -179,10 +198,7 @@ fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[
 
 /// The description of the counts: the description of the radiance, with the detector added.
 fn describe(args: &DetectArgs, input: &Input, shape: &[usize]) -> Value {
-    let mut description = input.description.clone().unwrap_or(json!({}));
-    if !description.is_object() {
-        description = json!({});
-    }
+    let mut description = input.description.clone();
     description["unit"] = "counts over all pulses".into();
     description["shape"] = shape.into();
     description["detector"] = json!({

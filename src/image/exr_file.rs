@@ -195,7 +195,7 @@ fn floats(values: &[f32]) -> AttributeValue {
 }
 
 /// An EXR text, which consists of bytes; readers expect UTF-8.
-fn text(string: &str) -> Text {
+pub(super) fn text(string: &str) -> Text {
     Text::from_bytes_unchecked(string.bytes().collect())
 }
 
@@ -325,17 +325,24 @@ impl Values {
     }
 }
 
-/// Width and height of an image that [`read_picture`] accepts, by its header. Fails if the decoder would allocate too much memory,
+/// Width and height of an image that [`read_picture`] accepts, see [`header`].
+pub fn read_size(path: &Path) -> Result<[u32; 2]> {
+    let size = header(path, COLOR_CHANNELS.len())?.layer_size;
+    Ok([size.width() as u32, size.height() as u32])
+}
+
+/// The header of an image of which `channels` channels will be read, or all channels if it has fewer. Fails if the decoder would allocate too much memory,
 /// if the file is not one flat image, or if it has no channels R, G, B. A header of a few bytes may claim any size, so this is
 /// checked before memory is allocated.
-pub fn read_size(path: &Path) -> Result<[u32; 2]> {
+pub(super) fn header(path: &Path, channels: usize) -> Result<Header> {
     let fail = |message: String| Err(Error::File { path: path.into(), message });
     let length = check_readable(path)?;
     let file = File::open(path).map_err(|e| read_error(path, e))?;
     let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(|e| unreadable(path, e))?;
-    let [header] = &meta.headers[..] else {
+    if meta.headers.len() != 1 {
         return fail(format!("has {} parts; extract one into a file of its own", meta.headers.len()));
-    };
+    }
+    let [header] = <[Header; 1]>::try_from(meta.headers.to_vec()).expect("there is one part");
     if header.deep {
         return fail("is a deep image, which cannot be compared; flatten it".into());
     }
@@ -346,15 +353,16 @@ pub fn read_size(path: &Path) -> Result<[u32; 2]> {
             MAX_PIXELS >> 20
         ));
     }
-    if width * height > FREE_PIXELS + PIXELS_PER_BYTE * length {
+    let images = channels.min(header.channels.list.len()).div_ceil(COLOR_CHANNELS.len()) as u64;
+    if images * width * height > FREE_PIXELS + PIXELS_PER_BYTE * length {
         return fail(format!(
             "has a header of {width} x {height} pixels, too many for its {length} bytes; write the image again"
         ));
     }
-    if block_bytes(header) > MAX_BLOCK_BYTES {
+    if block_bytes(&header) > MAX_BLOCK_BYTES {
         return fail(format!(
             "has blocks of {} MiB, but taugate reads at most {} MiB; write it with smaller tiles or fewer channels",
-            block_bytes(header) >> 20,
+            block_bytes(&header) >> 20,
             MAX_BLOCK_BYTES >> 20
         ));
     }
@@ -366,7 +374,7 @@ pub fn read_size(path: &Path) -> Result<[u32; 2]> {
     if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
         return fail("has subsampled channels; write it with R, G, B at full resolution".into());
     }
-    Ok([width as u32, height as u32])
+    Ok(header)
 }
 
 /// Maximum size of a decoded block in bytes, all channels included.
@@ -379,7 +387,7 @@ fn block_bytes(header: &Header) -> u64 {
     (columns as u64 * rows as u64).saturating_mul(header.channels.bytes_per_pixel as u64)
 }
 
-fn unreadable(path: &Path, error: exr::error::Error) -> Error {
+pub(super) fn unreadable(path: &Path, error: exr::error::Error) -> Error {
     match error {
         exr::error::Error::Io(error) => read_error(path, error),
         other => {

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
@@ -42,8 +42,8 @@ impl ImageArray {
     }
 }
 
-/// A response as the JSON file beside an array describes it.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+/// A response as the JSON file beside an array describes it, with the names of the fields in that file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DescribedResponse {
     pub name: String,
     /// Begin and end of the gate in metres of optical path. The end is `None` for a gate without an end.

@@ -97,6 +97,19 @@ fn a_gate_that_sweeps_is_a_sequence() {
     assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), "g12.exr"));
 }
 
+/// The picture of a frame shows the light of all gates, whatever the file that keeps them.
+#[test]
+fn a_contact_sheet_shows_all_gates() {
+    let here = with("street");
+    let flags = ["--gates", "10m..80m/2", "--frames", "0..2", "--fps", "2"];
+    for kind in ["exr", "npy"] {
+        let (frames, sheet) = (format!("f#.{kind}"), format!("{kind}.png"));
+        render(here.path(), &[&flags[..], &["-o", &frames, "--contact-sheet", &sheet]].concat());
+    }
+    let picture = |name: &str| image::open(here.path().join(name)).unwrap().into_rgb8();
+    assert!(picture("exr.png") == picture("npy.png"));
+}
+
 #[test]
 fn a_printed_sequence_keeps_its_gates() {
     let here = with("cornell-box");
