@@ -173,11 +173,15 @@ impl Session {
             Some(earlier) => earlier.shard(experiment.output.shard)?,
             None => experiment.output.shard.unwrap_or(Shard::ALL),
         };
-        let identity = match outputs.sums().next().is_some() || earlier.is_some() {
+        let identity = match self.is_sequence || outputs.sums().next().is_some() || earlier.is_some() {
             true => Some(Identity::new(config.clone(), settings, shard)?),
             false => None,
         };
         let printed = Experiment { output: Default::default(), ..config }.to_toml();
+        let printed = match identity.as_ref().filter(|_| self.is_sequence) {
+            Some(identity) => sequence::with_inputs(&printed, identity),
+            None => printed,
+        };
         if self.is_sequence && sequence::is_finished(&outputs, &printed, identity.as_ref())? {
             return Ok(Outcome::Kept);
         }

@@ -7,7 +7,8 @@ use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, read as read_exr};
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::image::exr_file::{header, read_picture, text, unreadable};
+use crate::image::exr_file::{read_picture, text};
+use crate::image::exr_header::{header, unreadable};
 use crate::image::npy_read::{DescribedResponse, ImageArray};
 
 /// The name of the response of a file that lists none.
