@@ -111,8 +111,8 @@ fn input(path: &Path) -> Result<Input, Error> {
     if array.values.iter().any(|value| !value.is_finite()) {
         return Err(fail("has values that are not finite; render an image without such pixels"));
     }
-    let ends = |gate: &DescribedResponse| [gate.gate_begin_m, gate.gate_end_m.unwrap_or(f64::INFINITY)];
-    let bins = Bins::new(gates.iter().map(ends).collect())?;
+    let bins = Bins::new(gates.iter().map(DescribedResponse::gate).collect())?
+        .weighted(gates.iter().map(DescribedResponse::integral).collect())?;
     let beside = || serde_json::from_slice(&std::fs::read(description_path(path)).ok()?).ok();
     let of_file = if has_extension(path, "npy") { beside().filter(Value::is_object) } else { None };
     let description = of_file.unwrap_or_else(|| description(&array, &gates));

@@ -45,24 +45,38 @@ pub struct Detector {
 
 /// The gates of a detector. Every gate has an end. They are in ascending order and do not overlap.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bins(Vec<[f64; 2]>);
+pub struct Bins {
+    gates: Vec<[f64; 2]>,
+    /// The integral of the weights of each gate over travel time, in metres.
+    integrals: Vec<f64>,
+}
 
 impl Bins {
-    /// Begin and end of each gate in metres of optical path. Fails if there is none, if a gate has no end, if the gates are not in
+    /// Begin and end of each gate in metres of optical path. The weight is 1 inside a gate. Fails if there is none, if a gate has no end, if the gates are not in
     /// ascending order, or if two overlap.
     pub fn new(gates: Vec<[f64; 2]>) -> Result<Bins> {
         let are_good = gates.iter().all(|[lo, hi]| 0.0 <= *lo && lo < hi && hi.is_finite());
         match !gates.is_empty() && are_good && gates.is_sorted_by(|a, b| a[1] <= b[0]) {
-            true => Ok(Bins(gates)),
+            true => Ok(Bins { integrals: gates.iter().map(|[lo, hi]| hi - lo).collect(), gates }),
             false => Err(Error::Settings(
                 "a detector needs gates that end and that do not overlap, in ascending order; render with --gates A..B/N".into(),
             )),
         }
     }
 
-    /// Duration of each gate in seconds.
+    /// The gates with weights that have these integrals over travel time, in metres. Fails if one is negative or not finite.
+    pub fn weighted(self, integrals: Vec<f64>) -> Result<Bins> {
+        match integrals.iter().all(|&integral| 0.0 <= integral && integral.is_finite()) {
+            true => Ok(Bins { integrals, ..self }),
+            false => Err(Error::Settings(
+                "the integral of the weights of a gate is negative or not finite; render the light again".into(),
+            )),
+        }
+    }
+
+    /// For each gate, the integral of its weight over time in seconds: the duration of a box.
     pub fn seconds(&self) -> impl Iterator<Item = f64> {
-        self.0.iter().map(|[lo, hi]| (hi - lo) / METRES_PER_NS * 1e-9)
+        self.integrals.iter().map(|integral| integral / METRES_PER_NS * 1e-9)
     }
 }
 
@@ -83,11 +97,11 @@ impl Detector {
         match self.blind {
             Blind::Never => {
                 let count = |mean: f64| poisson(self.pulses as f64 * mean, &mut random);
-                jitter::spread(means, &bins.0, self.jitter).into_iter().map(count).collect()
+                jitter::spread(means, &bins.gates, self.jitter).into_iter().map(count).collect()
             }
             // Each pulse gives at most one count, so the counts are multinomial, also after the jitter.
             Blind::UntilNextPulse => {
-                let first = jitter::spread(&first_photon(means), &bins.0, self.jitter);
+                let first = jitter::spread(&first_photon(means), &bins.gates, self.jitter);
                 let (mut pulses, mut rest) = (self.pulses, 1.0);
                 let mut counts = vec![];
                 for probability in first {
@@ -104,7 +118,7 @@ impl Detector {
     }
 
     /// Simulates every pulse photon by photon. After a count, the next photon is drawn from the end of the dead time on.
-    fn pulse_by_pulse(&self, means: &[f64], Bins(gates): &Bins, dead: f64, random: &mut Pcg64Mcg) -> Vec<f64> {
+    fn pulse_by_pulse(&self, means: &[f64], Bins { gates, .. }: &Bins, dead: f64, random: &mut Pcg64Mcg) -> Vec<f64> {
         let mut counts = vec![0.0; means.len()];
         let error = Normal::new(0.0, self.jitter).expect("the jitter is finite");
         // Mean number of photons before each gate.

@@ -25,6 +25,11 @@ fn means_hold_light_background_and_dark_counts() {
     // A gate of 1 ns: 0.3 * 1000 * (light + 1e9 * 0.01) + 0.005.
     let means = detector.means([0.0, 2.0].into_iter(), 1e7, &bins);
     assert!((means[0] - 3.005).abs() < 1e-9 && (means[1] - 603.005).abs() < 1e-9, "{means:?}");
+    // Of a gate with half the weight, the light has the weight already.
+    let bins = bins.weighted(vec![METRES_PER_NS, 0.5 * METRES_PER_NS]).unwrap();
+    let means = detector.means([0.0, 2.0].into_iter(), 1e7, &bins);
+    assert!((means[0] - 3.005).abs() < 1e-9 && (means[1] - 601.5025).abs() < 1e-9, "{means:?}");
+    assert!(bins.weighted(vec![1.0, f64::NAN]).is_err());
 }
 
 #[test]

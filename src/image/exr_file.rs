@@ -94,7 +94,8 @@ pub fn write_responses(
     let mut channels: Vec<_> = groups.into_iter().flat_map(channels_of).collect();
     channels.extend(planes_of(layers));
 
-    let gate = responses.iter().next().map_or(Gate::OPEN, Response::gate);
+    let first = responses.iter().next();
+    let (gate, integral) = (first.map_or(Gate::OPEN, Response::gate), first.map_or(f64::INFINITY, Response::integral));
     let mut attributes = LayerAttributes {
         layer_position: Vec2(crop.x0 as i32, crop.y0 as i32),
         software_name: Some(text(&version())),
@@ -108,6 +109,7 @@ pub fn write_responses(
             ("tof:gateMax_m", AttributeValue::F64(gate.hi)),
             ("tof:gateMin_ns", AttributeValue::F64(gate.lo / METRES_PER_NS)),
             ("tof:gateMax_ns", AttributeValue::F64(gate.hi / METRES_PER_NS)),
+            ("tof:weightIntegral_m", AttributeValue::F64(integral)),
             ("tof:convention", AttributeValue::Text(text("optical_path_length"))),
             ("tof:c_m_per_s", AttributeValue::F64(SPEED_OF_LIGHT_M_PER_S)),
             ("tof:seed", AttributeValue::Text(text(&provenance.seed.to_string()))),
@@ -119,7 +121,10 @@ pub fn write_responses(
         .map(|(name, value)| (text(name), value)),
     );
     if images.is_some() {
-        let gates = |r: &Response| serde_json::json!({"name": r.name(), "gate_m": [r.gate().lo, r.gate().hi]});
+        let gates = |r: &Response| {
+            let gate = [r.gate().lo, r.gate().hi];
+            serde_json::json!({"name": r.name(), "gate_m": gate, "weight_integral_m": r.integral()})
+        };
         let list = serde_json::Value::from_iter(responses.iter().map(gates)).to_string();
         attributes.other.insert(text("tof:responses"), AttributeValue::Text(text(&list)));
     } else {

@@ -19,6 +19,7 @@ const SINGLE: &str = "gate";
 struct Listed {
     name: String,
     gate_m: [Option<f64>; 2],
+    weight_integral_m: Option<f64>,
 }
 
 /// Whether the file holds the images of several responses.
@@ -28,10 +29,21 @@ pub fn has_many(path: &Path) -> Result<bool> {
 
 /// The images of all responses, and the responses if they are known. They are not known if another program wrote the file.
 pub fn read(path: &Path) -> Result<(ImageArray, Option<Vec<DescribedResponse>>)> {
-    let Some(responses) = listed(path, &header(path, usize::MAX)?)? else {
+    let header = header(path, usize::MAX)?;
+    let Some(responses) = listed(path, &header)? else {
         let picture = read_picture(path)?;
         let (width, height) = (picture.width as usize, picture.height as usize);
-        let response = picture.gate.map(|[begin, end]| described(SINGLE.into(), begin, end));
+        let finite = |x: f64| Some(x).filter(|x| x.is_finite());
+        let weight_integral_m = match header.own_attributes.other.get(&text("tof:weightIntegral_m")) {
+            Some(AttributeValue::F64(integral)) => finite(*integral),
+            _ => None,
+        };
+        let response = picture.gate.map(|[begin, end]| DescribedResponse {
+            name: SINGLE.into(),
+            gate_begin_m: begin,
+            gate_end_m: finite(end),
+            weight_integral_m,
+        });
         let array = ImageArray { width, height, responses: None, values: picture.rgb };
         return Ok((array, response.map(|response| vec![response])));
     };
@@ -66,9 +78,11 @@ fn listed(path: &Path, header: &Header) -> Result<Option<Vec<DescribedResponse>>
     let Some(AttributeValue::Text(list)) = header.own_attributes.other.get(&text("tof:responses")) else {
         return Ok(None);
     };
-    let of = |listed: Listed| {
-        let [begin, end] = listed.gate_m;
-        described(listed.name, begin.unwrap_or(0.0), end.unwrap_or(f64::INFINITY))
+    let of = |Listed { name, gate_m: [begin, end], weight_integral_m }| DescribedResponse {
+        name,
+        gate_begin_m: begin.unwrap_or(0.0),
+        gate_end_m: end,
+        weight_integral_m,
     };
     match serde_json::from_slice::<Vec<Listed>>(list.bytes()) {
         // Each response has three channels of its own.
@@ -80,8 +94,4 @@ fn listed(path: &Path, header: &Header) -> Result<Option<Vec<DescribedResponse>>
             message: "has a list of gates (tof:responses) that cannot be read; render it again".into(),
         }),
     }
-}
-
-fn described(name: String, begin: f64, end: f64) -> DescribedResponse {
-    DescribedResponse { name, gate_begin_m: begin, gate_end_m: Some(end).filter(|end| end.is_finite()) }
 }

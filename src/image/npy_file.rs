@@ -63,6 +63,8 @@ pub(super) struct Entry<'a> {
     gate_begin_m: f64,
     /// Null for a gate without an end.
     gate_end_m: f64,
+    /// The integral of the weights over travel time: the length of a gate with any edges. Null for a gate without an end.
+    weight_integral_m: f64,
     /// The period of a pulsed laser: light of all its pulses counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     repeat_m: Option<f64>,
@@ -76,6 +78,7 @@ impl Entry<'_> {
             response: text,
             gate_begin_m: response.gate().lo,
             gate_end_m: response.gate().hi,
+            weight_integral_m: response.integral(),
             repeat_m: response.period(),
         }
     }

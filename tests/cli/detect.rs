@@ -86,3 +86,30 @@ fn counts_have_the_mean_of_the_light() {
     }
     assert!(!names(here.path()).iter().any(|name| name.starts_with('x')));
 }
+
+/// Daylight has the weight that the response gives to its travel time.
+#[test]
+fn a_measured_gate_collects_daylight_by_its_weights() {
+    let here = folder();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    run(&["generate", "cornell-box", "-o", "box.glb"]);
+    // A triangle from 17 ns to 24 ns with the integral 3.5 ns.
+    std::fs::write(here.path().join("slice.csv"), "time_ns,weight\n17,0\n20,1\n24,0\n").unwrap();
+    let small = ["--resolution", "8x6", "--spp", "2", "-q", "-o", "light.npy", "-o", "light.exr", "-o", "light.acc"];
+    let soft = ["--response", "soft=gauss:8m..8.299792458m,0.1m"];
+    for (responses, nanoseconds) in [(&[][..], 3.5), (&soft[..], 4.5)] {
+        run(&[&["render", "box.glb", "--response", "slice.csv"], &small[..], responses].concat());
+        for light in ["light.npy", "light.exr", "light.acc"] {
+            // The background outshines the light of the render.
+            let day = ["--photons", "1e-3", "--background", "1e15", "--seed", "3"];
+            run(&[&["detect", light, "-o", "day.npy"], &day[..]].concat());
+            let counts = read(&here.path().join("day.npy")).unwrap();
+            let total: f64 = counts.values.iter().map(|&x| f64::from(x)).sum();
+            let expected = 1e3 * nanoseconds * 8.0 * 6.0 * 3.0;
+            assert!((total - expected).abs() < 6.0 * expected.sqrt(), "{light}: {total} {expected}");
+        }
+    }
+}

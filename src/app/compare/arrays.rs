@@ -55,8 +55,9 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         ))
         .into());
     }
+    let of = |gate: &DescribedResponse| (gate.name.clone(), gate.gate(), gate.integral());
     if let (Some(gates), Some(others)) = (&gates, &others)
-        && gates != others
+        && !gates.iter().map(of).eq(others.iter().map(of))
     {
         crate::app::say("note: the two files have different gates");
     }
