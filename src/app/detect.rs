@@ -42,7 +42,7 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     }
     let input = input(&args.input)?;
     let background = background(args.background.as_deref(), &input.array)?;
-    let counts = counts(args, &detector, &input, &background);
+    let counts = counts(args, &detector, &input, &background)?;
     if counts.iter().any(|count| !count.is_finite()) {
         return Err(settings(
             "counts exceed the largest number of the output, 3e38; lower --photons or --pulses".into(),
@@ -171,8 +171,8 @@ fn channels(args: &DetectArgs) -> usize {
     if args.mono { 1 } else { 3 }
 }
 
-/// The counts of all pixels, in the order of the array.
-fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[f32; 3]]) -> Vec<f32> {
+/// The counts of all pixels, in the order of the array. Fails if they cannot be drawn.
+fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[f32; 3]]) -> Result<Vec<f32>, Error> {
     let Input { array, bins, .. } = input;
     let channels = channels(args);
     let of_channel = |rgb: &[f32; 3], channel: usize| match args.mono {
@@ -185,15 +185,17 @@ fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[
         for channel in 0..channels {
             let radiance = light.iter().map(|rgb| of_channel(rgb, channel));
             let means = detector.means(radiance, of_channel(&background[pixel], channel), bins);
+            detector.check(&means, bins)?;
             // A seed per pixel and channel: counts do not depend on the order of the work.
             let seed = (u64::from(args.seed) << 32) ^ (3 * pixel + channel) as u64;
             for (k, count) in detector.counts(&means, bins, seed).into_iter().enumerate() {
                 counts[k * channels + channel] = count as f32;
             }
         }
-        counts
+        Ok(counts)
     };
-    (0..array.width * array.height).into_par_iter().map(of_pixel).collect::<Vec<_>>().concat()
+    let all: Vec<Vec<f32>> = (0..array.width * array.height).into_par_iter().map(of_pixel).collect::<Result<_, _>>()?;
+    Ok(all.concat())
 }
 
 /// The description of the counts: the description of the radiance, with the detector added.

@@ -14,6 +14,9 @@ use rand_pcg::rand_core::SeedableRng;
 use crate::error::{Error, Result};
 use crate::settings::units::METRES_PER_NS;
 
+/// Maximum number of counts per pulse of a detector with a dead time, because they are drawn one by one.
+const MAX_COUNTS: f64 = 1e6;
+
 /// When a detector is blind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Blind {
@@ -90,8 +93,30 @@ impl Detector {
         light.zip(bins.seconds()).map(mean).collect()
     }
 
+    /// Fails if no counts can be drawn for these `means`: one is not finite, or a dead time leaves too many counts per pulse, which
+    /// are drawn one by one.
+    pub fn check(&self, means: &[f64], bins: &Bins) -> Result<()> {
+        let fail = |message: String| Err(Error::Settings(message));
+        let total: f64 = means.iter().sum();
+        if !total.is_finite() {
+            return fail(
+                "the mean number of photons per pulse exceeds the largest number, 2e308; lower --photons".into(),
+            );
+        }
+        let Blind::For(dead) = self.blind else { return Ok(()) };
+        let span: f64 = bins.gates.iter().map(|[lo, hi]| hi - lo).sum();
+        let counts = total.min(span / dead + bins.gates.len() as f64);
+        match counts <= MAX_COUNTS {
+            true => Ok(()),
+            false => fail(format!(
+                "a pixel would count up to {counts:.1e} photons per pulse, but with a dead time at most {MAX_COUNTS:e} can be drawn; \
+                 raise --dead-time or lower --photons"
+            )),
+        }
+    }
+
     /// Random counts per gate over all pulses, for `means` per pulse and gate. The same `seed` gives the same counts. A count is not
-    /// finite if the mean over all pulses is not.
+    /// finite if the mean over all pulses is not. The means must pass [`Detector::check`].
     pub fn counts(&self, means: &[f64], bins: &Bins, seed: u64) -> Vec<f64> {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         match self.blind {

@@ -58,6 +58,21 @@ fn huge_counts_are_poisson_too() {
 }
 
 #[test]
+fn means_that_cannot_be_drawn_are_refused() {
+    let check =
+        |blind, mean: f64| Detector { blind, ..PLAIN }.check(&[mean, mean], &bins(2, 1.0)).map_err(|e| e.to_string());
+    for blind in [Blind::Never, Blind::UntilNextPulse, Blind::For(0.1)] {
+        // A dead time bounds the number of counts, however bright the light is.
+        assert!(check(blind, 1e300).is_ok());
+        assert!(check(blind, f64::MAX).unwrap_err().contains("lower --photons"));
+    }
+    let counts = Detector { blind: Blind::For(0.1), ..PLAIN }.counts(&[1e300; 2], &bins(2, 1.0), 1);
+    assert!((9.0..=11.0).contains(&counts[0]) && (9.0..=11.0).contains(&counts[1]), "{counts:?}");
+    assert!(check(Blind::For(1e-30), 1e3).is_ok());
+    assert!(check(Blind::For(1e-30), 1e18).unwrap_err().contains("up to 2.0e18 photons per pulse"));
+}
+
+#[test]
 fn the_first_photon_hides_later_ones() {
     let bins = bins(3, 1.0);
     let means = [0.5, 1.0, 2.0];
