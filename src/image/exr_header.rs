@@ -26,11 +26,17 @@ const PIXELS_PER_BYTE: u64 = 256;
 /// Names of the channels of an image.
 pub(super) const COLOR_CHANNELS: [&str; 3] = ["R", "G", "B"];
 
-/// The settings as an experiment file that [`super::exr_file::write`] stored, `tof:settings`; `None` if the file cannot be read or has none.
-pub fn read_settings(path: &Path) -> Option<String> {
+/// The header of the first image in the file; `None` if it cannot be read.
+fn first(path: &Path) -> Option<Header> {
     let file = File::open(path).ok()?;
     let meta = MetaData::read_from_buffered(BufReader::new(file), false).ok()?;
-    match meta.headers.first()?.own_attributes.other.get(&text("tof:settings"))? {
+    meta.headers.into_iter().next()
+}
+
+/// The settings as an experiment file that [`super::exr_file::write`] stored, `tof:settings`; `None` if the file cannot be read or
+/// has none.
+pub fn read_settings(path: &Path) -> Option<String> {
+    match first(path)?.own_attributes.other.get(&text("tof:settings"))? {
         AttributeValue::Text(settings) => Some(settings.to_string()),
         _ => None,
     }
@@ -38,7 +44,7 @@ pub fn read_settings(path: &Path) -> Option<String> {
 
 /// The first of the layers `wanted` that the file lacks; `None` if it has them all. A file that cannot be read has none.
 pub fn missing_layer(path: &Path, wanted: Aov) -> Option<&'static str> {
-    let channels = header(path, 0).map_or(vec![], |header| header.channels.list.to_vec());
+    let channels = first(path).map_or(vec![], |header| header.channels.list.to_vec());
     let has = |layer: &str| channels.iter().any(|channel| channel.name.to_string().split('.').next() == Some(layer));
     wanted.names().find(|layer| !has(layer))
 }
@@ -49,18 +55,17 @@ pub fn read_size(path: &Path) -> Result<[u32; 2]> {
     Ok([size.width() as u32, size.height() as u32])
 }
 
-/// The header of an image of which `channels` channels will be read, or all channels if it has fewer. Fails if the decoder would allocate too much memory,
-/// if the file is not one flat image, or if it has no channels R, G, B. A header of a few bytes may claim any size, so this is
-/// checked before memory is allocated.
+/// The header of an image of which `channels` channels will be read, or all channels if it has fewer. Fails if the decoder would
+/// allocate too much memory, if the file is not one flat image, or if it has no channels R, G, B. A header of a few bytes may claim
+/// any size, so this is checked before memory is allocated.
 pub(super) fn header(path: &Path, channels: usize) -> Result<Header> {
     let fail = |message: String| Err(Error::File { path: path.into(), message });
     let length = check_readable(path)?;
     let file = File::open(path).map_err(|e| read_error(path, e))?;
     let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(|e| unreadable(path, e))?;
-    if meta.headers.len() != 1 {
+    let [header] = &meta.headers[..] else {
         return fail(format!("has {} parts; extract one into a file of its own", meta.headers.len()));
-    }
-    let [header] = <[Header; 1]>::try_from(meta.headers.to_vec()).expect("there is one part");
+    };
     if header.deep {
         return fail("is a deep image, which cannot be compared; flatten it".into());
     }
@@ -77,10 +82,10 @@ pub(super) fn header(path: &Path, channels: usize) -> Result<Header> {
             "has a header of {width} x {height} pixels, too many for its {length} bytes; write the image again"
         ));
     }
-    if block_bytes(&header) > MAX_BLOCK_BYTES {
+    if block_bytes(header) > MAX_BLOCK_BYTES {
         return fail(format!(
             "has blocks of {} MiB, but taugate reads at most {} MiB; write it with smaller tiles or fewer channels",
-            block_bytes(&header) >> 20,
+            block_bytes(header) >> 20,
             MAX_BLOCK_BYTES >> 20
         ));
     }
@@ -92,7 +97,7 @@ pub(super) fn header(path: &Path, channels: usize) -> Result<Header> {
     if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
         return fail("has subsampled channels; write it with R, G, B at full resolution".into());
     }
-    Ok(header)
+    Ok(header.clone())
 }
 
 /// Maximum size of a decoded block in bytes, all channels included.
