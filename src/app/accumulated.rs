@@ -79,10 +79,5 @@ pub fn array(path: &Path) -> Result<(ImageArray, Vec<DescribedResponse>)> {
             ImageArray { width, height, responses: Some(all.responses()), values }
         }
     };
-    let described = |response: &taugate::Response| DescribedResponse {
-        name: response.name().into(),
-        gate_begin_m: response.gate().lo,
-        gate_end_m: Some(response.gate().hi).filter(|end| end.is_finite()),
-    };
-    Ok((array, responses(path, &about)?.iter().map(described).collect()))
+    Ok((array, responses(path, &about)?.iter().map(DescribedResponse::of).collect()))
 }

@@ -262,7 +262,8 @@ pub struct DetectArgs {
     #[arg(long, value_name = "0..1", help_heading = "Detector", allow_hyphen_values = true, default_value_t = 1.0)]
     pub efficiency: f64,
 
-    /// Daylight: radiance in W/(m^2 sr), as a number or as an image rendered without a gate; each gate sees it for its duration
+    /// Daylight: radiance in W/(m^2 sr), as a number or as an image rendered without a gate; each gate sees it for the
+    /// integral of its weights, which is the duration of a box
     #[arg(long, value_name = "RADIANCE|FILE.exr", help_heading = "Detector")]
     pub background: Option<String>,
 

@@ -11,7 +11,8 @@ use taugate::internals::compare::flip;
 use taugate::internals::compare::metrics::{self, RELMSE_FORMULA, TRIMMED};
 use taugate::internals::image::accumulation::file::read_about;
 use taugate::internals::image::batches::CellBatches;
-use taugate::internals::image::exr_file::{Picture, read_picture, read_size, write_plain};
+use taugate::internals::image::exr_file::{Picture, read_picture, write_plain};
+use taugate::internals::image::exr_header::read_size;
 use taugate::internals::image::png_file;
 
 use super::accumulated;

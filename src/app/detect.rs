@@ -9,7 +9,8 @@ use taugate::Error;
 use taugate::internals::detector::{Bins, Blind, Detector};
 use taugate::internals::files::{check_writable, write_atomically};
 use taugate::internals::image::exr_file::read_picture;
-use taugate::internals::image::npy_file::{description_path, write_array};
+use taugate::internals::image::exr_responses;
+use taugate::internals::image::npy_file::{description_path, variance_path, write_new_array};
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
 
 use super::accumulated;
@@ -19,8 +20,8 @@ use crate::app::cli::DetectArgs;
 struct Input {
     array: ImageArray,
     bins: Bins,
-    /// The JSON file beside the array, if there is one.
-    description: Option<Value>,
+    /// The description of the radiance: the JSON file beside an array, or the gates of an image or of sums.
+    description: Value,
 }
 
 pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
@@ -28,12 +29,12 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
         return Err(settings(format!("the output {} must end in .npy", args.output.display())).into());
     }
     let detector = detector(args)?;
-    let description = description_path(&args.output);
+    let (description, variances) = (description_path(&args.output), variance_path(&args.output));
     check_writable(&args.output)?;
     check_writable(&description)?;
     let same =
         |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
-    if [&args.output, &description]
+    if [&args.output, &description, &variances]
         .into_iter()
         .any(|file| same(file, &args.input) || same(file, &description_path(&args.input)))
     {
@@ -41,7 +42,7 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     }
     let input = input(&args.input)?;
     let background = background(args.background.as_deref(), &input.array)?;
-    let counts = counts(args, &detector, &input, &background);
+    let counts = counts(args, &detector, &input, &background)?;
     if counts.iter().any(|count| !count.is_finite()) {
         return Err(settings(
             "counts exceed the largest number of the output, 3e38; lower --photons or --pulses".into(),
@@ -53,7 +54,7 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
     shape.extend(input.array.responses);
     shape.push(channels(args));
     let text = serde_json::to_string_pretty(&describe(args, &input, &shape))?;
-    write_array(&args.output, &shape, counts.iter().copied())?;
+    write_new_array(&args.output, &shape, counts.iter().copied())?;
     write_atomically(&description, |writer| std::io::Write::write_all(writer, text.as_bytes()))?;
     let total: f64 = counts.iter().map(|&count| f64::from(count)).sum();
     let pixels = (input.array.width * input.array.height * channels(args)) as f64;
@@ -91,25 +92,16 @@ fn detector(args: &DetectArgs) -> Result<Detector, Error> {
 
 fn input(path: &Path) -> Result<Input, Error> {
     let fail = |message: &str| Error::File { path: path.into(), message: message.into() };
-    let ends = |gates: Vec<DescribedResponse>| {
-        gates.into_iter().map(|gate| [gate.gate_begin_m, gate.gate_end_m.unwrap_or(f64::INFINITY)]).collect()
-    };
-    let (array, gates, description) = if has_extension(path, "exr") {
-        let picture = read_picture(path)?;
-        let gate =
-            picture.gate.ok_or_else(|| fail("names no gate; give an image that taugate rendered with --gate"))?;
-        let (width, height) = (picture.width as usize, picture.height as usize);
-        (ImageArray { width, height, responses: None, values: picture.rgb }, vec![gate], None)
+    let (array, gates) = if has_extension(path, "exr") {
+        let (array, gates) = exr_responses::read(path)?;
+        (array, gates.ok_or_else(|| fail("names no gate; give an image that taugate rendered with --gate"))?)
     } else if has_extension(path, "npy") {
         let array = read(path)?;
-        let responses = described(path, &array)
+        let gates = described(path, &array)
             .ok_or_else(|| fail("comes without the JSON file that names its gates; keep that file beside the array"))?;
-        let description =
-            std::fs::read(description_path(path)).ok().and_then(|text| serde_json::from_slice(&text).ok());
-        (array, ends(responses), description)
+        (array, gates)
     } else if accumulated::is_sums(path) {
-        let (array, responses) = accumulated::array(path)?;
-        (array, ends(responses), None)
+        accumulated::array(path)?
     } else {
         return Err(settings(format!(
             "{} must be an array (.npy), an image (.exr) or sums (.acc) of taugate render",
@@ -119,7 +111,31 @@ fn input(path: &Path) -> Result<Input, Error> {
     if array.values.iter().any(|value| !value.is_finite()) {
         return Err(fail("has values that are not finite; render an image without such pixels"));
     }
-    Ok(Input { array, bins: Bins::new(gates)?, description })
+    let bins = Bins::new(gates.iter().map(DescribedResponse::gate).collect())?
+        .weighted(gates.iter().map(DescribedResponse::integral).collect())?;
+    let beside = || serde_json::from_slice(&std::fs::read(description_path(path)).ok()?).ok();
+    let of_file = if has_extension(path, "npy") { beside().filter(Value::is_object) } else { None };
+    let description = of_file.unwrap_or_else(|| description(&array, &gates));
+    Ok(Input { array, bins, description })
+}
+
+/// Describes the gates with the names that the JSON file beside an array has.
+fn description(array: &ImageArray, gates: &[DescribedResponse]) -> Value {
+    let axes = if array.responses.is_some() { "height, width, response, channel" } else { "height, width, channel" };
+    let mut description = json!({ "responses": gates, "axes": axes });
+    let (first, last, count) = (&gates[0], &gates[gates.len() - 1], gates.len() as f64);
+    let width = (last.gate_end_m.unwrap_or(f64::INFINITY) - first.gate_begin_m) / count;
+    let begins = |k: usize| first.gate_begin_m + k as f64 * width;
+    let are_near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * width;
+    let is_bin = |(k, gate): (usize, &DescribedResponse)| {
+        are_near(gate.gate_begin_m, begins(k)) && gate.gate_end_m.is_some_and(|end| are_near(end, begins(k + 1)))
+    };
+    if gates.iter().enumerate().all(is_bin) {
+        description["start_opl"] = first.gate_begin_m.into();
+        description["bin_width_opl"] = width.into();
+        description["temporal_bins"] = gates.len().into();
+    }
+    description
 }
 
 /// R, G, B of the background per pixel: a number, or an image of a render without a gate.
@@ -134,8 +150,11 @@ fn background(text: Option<&str>, array: &ImageArray) -> Result<Vec<[f32; 3]>, E
         })?;
         return Ok(vec![[radiance; 3]; pixels]);
     }
-    let picture = read_picture(path)?;
     let fail = |message: String| Error::File { path: path.into(), message };
+    if exr_responses::has_many(path)? {
+        return Err(fail("has several gates, but daylight has none; render the background without a gate".into()));
+    }
+    let picture = read_picture(path)?;
     if (picture.width as usize, picture.height as usize) != (array.width, array.height) {
         return Err(fail(format!(
             "is {}x{}, but the light is {}x{}; render the background with the same --resolution and --crop",
@@ -152,8 +171,8 @@ fn channels(args: &DetectArgs) -> usize {
     if args.mono { 1 } else { 3 }
 }
 
-/// The counts of all pixels, in the order of the array.
-fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[f32; 3]]) -> Vec<f32> {
+/// The counts of all pixels, in the order of the array. Fails if they cannot be drawn.
+fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[f32; 3]]) -> Result<Vec<f32>, Error> {
     let Input { array, bins, .. } = input;
     let channels = channels(args);
     let of_channel = |rgb: &[f32; 3], channel: usize| match args.mono {
@@ -166,23 +185,22 @@ fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[
         for channel in 0..channels {
             let radiance = light.iter().map(|rgb| of_channel(rgb, channel));
             let means = detector.means(radiance, of_channel(&background[pixel], channel), bins);
+            detector.check(&means, bins)?;
             // A seed per pixel and channel: counts do not depend on the order of the work.
             let seed = (u64::from(args.seed) << 32) ^ (3 * pixel + channel) as u64;
             for (k, count) in detector.counts(&means, bins, seed).into_iter().enumerate() {
                 counts[k * channels + channel] = count as f32;
             }
         }
-        counts
+        Ok(counts)
     };
-    (0..array.width * array.height).into_par_iter().map(of_pixel).collect::<Vec<_>>().concat()
+    let all: Vec<Vec<f32>> = (0..array.width * array.height).into_par_iter().map(of_pixel).collect::<Result<_, _>>()?;
+    Ok(all.concat())
 }
 
 /// The description of the counts: the description of the radiance, with the detector added.
 fn describe(args: &DetectArgs, input: &Input, shape: &[usize]) -> Value {
-    let mut description = input.description.clone().unwrap_or(json!({}));
-    if !description.is_object() {
-        description = json!({});
-    }
+    let mut description = input.description.clone();
     description["unit"] = "counts over all pulses".into();
     description["shape"] = shape.into();
     description["detector"] = json!({

@@ -35,10 +35,7 @@ pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Re
         keep_layers(&mut sums.layers, aov)?;
     }
     let provenance = provenance(&sums.about, responses);
-    if outputs.has_variance()
-        && sums.responses.as_ref().is_some_and(|film| !film.has_variance())
-        && outputs.acc.is_none()
-    {
+    if (outputs.exr.is_some() || outputs.variance) && sums.responses.as_ref().is_some_and(|film| !film.has_variance()) {
         return Err(Error::Settings(format!(
             "{} has no variances of its gates; render with --variance, or write an array without --variance",
             path.display()

@@ -1,6 +1,7 @@
 //! `taugate render`: from the command line to the files.
 
 mod iterations;
+mod outputs;
 mod ready;
 mod scan;
 mod sequence;
@@ -15,7 +16,6 @@ use std::time::Instant;
 
 use taugate::Error;
 use taugate::internals::error::Result;
-use taugate::internals::files::{check_writable, lies_in};
 use taugate::internals::gpu::Device;
 use taugate::internals::image::exr_file::Provenance;
 use taugate::internals::image::layers::Layers;
@@ -28,7 +28,6 @@ use taugate::internals::scene::Scene;
 use taugate::internals::scene::gltf::{self, Playback};
 use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::shard::Shard;
-use taugate::internals::settings::sky::Sky;
 use taugate::internals::settings::{Sampling, Settings};
 use taugate::internals::tev::TevStream;
 
@@ -40,6 +39,8 @@ use super::report::{Report, is_black};
 use super::{feasible, memory, pace, strategies};
 use crate::app::cli::RenderArgs;
 use iterations::Iterations;
+pub use outputs::check_inputs;
+use outputs::check_outputs;
 use ready::Ready;
 use sums::{Checkpoint, Earlier, Identity};
 
@@ -154,7 +155,7 @@ impl Session {
         let scene_path = experiment.scene.clone().expect("the experiment names a scene");
         let outputs = resolve::outputs(&experiment)?;
         check_outputs(&outputs)?;
-        check_inputs(&outputs.files(), &scene_path, &experiment)?;
+        check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
         // Lock the checkpoint before reading it, so that the sums are those of the last render that wrote the file.
         let mut checkpoint = Checkpoint::new(&outputs)?;
         let earlier = Earlier::read(&experiment, &outputs)?;
@@ -172,11 +173,15 @@ impl Session {
             Some(earlier) => earlier.shard(experiment.output.shard)?,
             None => experiment.output.shard.unwrap_or(Shard::ALL),
         };
-        let identity = match outputs.sums().next().is_some() || earlier.is_some() {
+        let identity = match self.is_sequence || outputs.sums().next().is_some() || earlier.is_some() {
             true => Some(Identity::new(config.clone(), settings, shard)?),
             false => None,
         };
         let printed = Experiment { output: Default::default(), ..config }.to_toml();
+        let printed = match identity.as_ref().filter(|_| self.is_sequence) {
+            Some(identity) => sequence::with_inputs(&printed, identity),
+            None => printed,
+        };
         if self.is_sequence && sequence::is_finished(&outputs, &printed, identity.as_ref())? {
             return Ok(Outcome::Kept);
         }
@@ -377,55 +382,4 @@ pub fn read_experiment(input: PathBuf, mut typed: Experiment) -> Result<Experime
     }
     typed.scene = Some(input);
     Ok(typed)
-}
-
-/// Checks before the render that every output can be written, so that no long render is lost.
-fn check_outputs(outputs: &Outputs) -> Result<()> {
-    let paths = outputs.files();
-    paths.iter().try_for_each(|path| check_writable(path))?;
-    let mut pairs = paths.iter().enumerate().flat_map(|(i, path)| paths[..i].iter().map(move |other| (path, other)));
-    if let Some((path, other)) = pairs.find(|(path, other)| lies_in(path, other)) {
-        if path == other {
-            return Err(Error::Settings(format!(
-                "two outputs have the name {} (an array OUT.npy comes with a description OUT.json); choose another name",
-                path.display()
-            )));
-        }
-        return Err(Error::Settings(format!(
-            "{} and {} are links to one file, so one would replace the other; choose another name",
-            other.display(),
-            path.display()
-        )));
-    }
-    let Some(folder) = &outputs.strategy_images else { return Ok(()) };
-    strategies::check_folder(folder)?;
-    match paths.iter().find(|file| lies_in(file, folder)) {
-        Some(file) => Err(Error::Settings(format!(
-            "the folder of --strategy-images is replaced as a whole, and {} would lie in this folder; choose another",
-            file.display()
-        ))),
-        None => Ok(()),
-    }
-}
-
-/// Refuses outputs that would overwrite an input: a file of the scene, such as a texture, or the image of the sky.
-pub fn check_inputs(outputs: &[PathBuf], scene: &Path, experiment: &Experiment) -> Result<()> {
-    let existing: Vec<_> = outputs.iter().filter(|path| path.exists()).collect();
-    if existing.is_empty() {
-        return Ok(());
-    }
-    if let Some(Sky::Image(sky)) = &experiment.emitter.sky
-        && let Some(output) = existing.iter().find(|output| lies_in(output, sky))
-    {
-        let message = "is the image of --sky; choose another name".into();
-        return Err(Error::File { path: output.to_path_buf(), message });
-    }
-    let inputs = gltf::paths(scene, &experiment.input.allowed());
-    match existing.into_iter().find(|output| inputs.iter().any(|input| lies_in(output, input))) {
-        Some(output) => {
-            let message = format!("is a file that the scene {} reads; choose another name", scene.display());
-            Err(Error::File { path: output.clone(), message })
-        }
-        None => Ok(()),
-    }
 }

@@ -91,6 +91,8 @@ impl Job {
     fn entry(&self, variant: &str, experiment: &Experiment, settings: Settings) -> Entry {
         let mut config = resolve::as_experiment(experiment, &settings, &self.scene);
         config.scene = None;
+        // The names of references are hashes of this text. Earlier versions printed the crop of a whole image too.
+        config.camera.crop = Some(settings.crop());
         (config.render.seed, config.render.spp, config.render.time) = (None, None, None);
         let text = config.to_toml();
         // The hash has the contents of the files, so their folders do not matter.
@@ -159,19 +161,34 @@ mod tests {
 
     use super::*;
 
-    /// The name of the reference of a scene with these keys.
-    fn reference(keys: &str) -> String {
-        reference_in(Path::new(""), keys)
-    }
-
-    /// Like [`reference`], for a suite in this folder.
-    fn reference_in(folder: &Path, keys: &str) -> String {
+    /// The entry of a scene with these keys, in a suite in this folder.
+    fn entry_in(folder: &Path, keys: &str) -> Entry {
         let text = format!(
             "[[scene]]\nname = 'box'\ngenerate = {{ name = 'cornell-box' }}\nresolution = '8x8'\n{keys}\n[[variant]]\nname = 'bdpt'\n"
         );
         let suite = Suite::parse(&folder.join("s.toml"), text).unwrap_or_else(|e| panic!("{keys}: {e}"));
         let mut job = Job::load(&suite, &suite.scenes[0]).unwrap_or_else(|e| panic!("{keys}: {e}"));
-        job.entries.remove(0).reference
+        job.entries.remove(0)
+    }
+
+    fn entry(keys: &str) -> Entry {
+        entry_in(Path::new(""), keys)
+    }
+
+    /// The name of the reference of a scene with these keys.
+    fn reference(keys: &str) -> String {
+        entry(keys).reference
+    }
+
+    /// Like [`reference`], for a suite in this folder.
+    fn reference_in(folder: &Path, keys: &str) -> String {
+        entry_in(folder, keys).reference
+    }
+
+    /// A suite whose keys stay the same keeps its references.
+    #[test]
+    fn the_text_behind_a_name_has_the_crop_of_the_whole_image() {
+        assert!(entry("").config.contains("crop = \"0,8,0,8\""), "{}", entry("").config);
     }
 
     #[test]

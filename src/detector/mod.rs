@@ -14,6 +14,9 @@ use rand_pcg::rand_core::SeedableRng;
 use crate::error::{Error, Result};
 use crate::settings::units::METRES_PER_NS;
 
+/// Maximum number of counts per pulse of a detector with a dead time, because they are drawn one by one.
+const MAX_COUNTS: f64 = 1e6;
+
 /// When a detector is blind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Blind {
@@ -45,24 +48,38 @@ pub struct Detector {
 
 /// The gates of a detector. Every gate has an end. They are in ascending order and do not overlap.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bins(Vec<[f64; 2]>);
+pub struct Bins {
+    gates: Vec<[f64; 2]>,
+    /// The integral of the weights of each gate over travel time, in metres.
+    integrals: Vec<f64>,
+}
 
 impl Bins {
-    /// Begin and end of each gate in metres of optical path. Fails if there is none, if a gate has no end, if the gates are not in
+    /// Begin and end of each gate in metres of optical path. The weight is 1 inside a gate. Fails if there is none, if a gate has no end, if the gates are not in
     /// ascending order, or if two overlap.
     pub fn new(gates: Vec<[f64; 2]>) -> Result<Bins> {
         let are_good = gates.iter().all(|[lo, hi]| 0.0 <= *lo && lo < hi && hi.is_finite());
         match !gates.is_empty() && are_good && gates.is_sorted_by(|a, b| a[1] <= b[0]) {
-            true => Ok(Bins(gates)),
+            true => Ok(Bins { integrals: gates.iter().map(|[lo, hi]| hi - lo).collect(), gates }),
             false => Err(Error::Settings(
                 "a detector needs gates that end and that do not overlap, in ascending order; render with --gates A..B/N".into(),
             )),
         }
     }
 
-    /// Duration of each gate in seconds.
+    /// The gates with weights that have these integrals over travel time, in metres. Fails if one is negative or not finite.
+    pub fn weighted(self, integrals: Vec<f64>) -> Result<Bins> {
+        match integrals.iter().all(|&integral| 0.0 <= integral && integral.is_finite()) {
+            true => Ok(Bins { integrals, ..self }),
+            false => Err(Error::Settings(
+                "the integral of the weights of a gate is negative or not finite; render the light again".into(),
+            )),
+        }
+    }
+
+    /// For each gate, the integral of its weight over time in seconds: the duration of a box.
     pub fn seconds(&self) -> impl Iterator<Item = f64> {
-        self.0.iter().map(|[lo, hi]| (hi - lo) / METRES_PER_NS * 1e-9)
+        self.integrals.iter().map(|integral| integral / METRES_PER_NS * 1e-9)
     }
 }
 
@@ -76,18 +93,40 @@ impl Detector {
         light.zip(bins.seconds()).map(mean).collect()
     }
 
+    /// Fails if no counts can be drawn for these `means`: one is not finite, or a dead time leaves too many counts per pulse, which
+    /// are drawn one by one.
+    pub fn check(&self, means: &[f64], bins: &Bins) -> Result<()> {
+        let fail = |message: String| Err(Error::Settings(message));
+        let total: f64 = means.iter().sum();
+        if !total.is_finite() {
+            return fail(
+                "the mean number of photons per pulse exceeds the largest number, 2e308; lower --photons".into(),
+            );
+        }
+        let Blind::For(dead) = self.blind else { return Ok(()) };
+        let span: f64 = bins.gates.iter().map(|[lo, hi]| hi - lo).sum();
+        let counts = total.min(span / dead + bins.gates.len() as f64);
+        match counts <= MAX_COUNTS {
+            true => Ok(()),
+            false => fail(format!(
+                "a pixel would count up to {counts:.1e} photons per pulse, but with a dead time at most {MAX_COUNTS:e} can be drawn; \
+                 raise --dead-time or lower --photons"
+            )),
+        }
+    }
+
     /// Random counts per gate over all pulses, for `means` per pulse and gate. The same `seed` gives the same counts. A count is not
-    /// finite if the mean over all pulses is not.
+    /// finite if the mean over all pulses is not. The means must pass [`Detector::check`].
     pub fn counts(&self, means: &[f64], bins: &Bins, seed: u64) -> Vec<f64> {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         match self.blind {
             Blind::Never => {
                 let count = |mean: f64| poisson(self.pulses as f64 * mean, &mut random);
-                jitter::spread(means, &bins.0, self.jitter).into_iter().map(count).collect()
+                jitter::spread(means, &bins.gates, self.jitter).into_iter().map(count).collect()
             }
             // Each pulse gives at most one count, so the counts are multinomial, also after the jitter.
             Blind::UntilNextPulse => {
-                let first = jitter::spread(&first_photon(means), &bins.0, self.jitter);
+                let first = jitter::spread(&first_photon(means), &bins.gates, self.jitter);
                 let (mut pulses, mut rest) = (self.pulses, 1.0);
                 let mut counts = vec![];
                 for probability in first {
@@ -104,7 +143,7 @@ impl Detector {
     }
 
     /// Simulates every pulse photon by photon. After a count, the next photon is drawn from the end of the dead time on.
-    fn pulse_by_pulse(&self, means: &[f64], Bins(gates): &Bins, dead: f64, random: &mut Pcg64Mcg) -> Vec<f64> {
+    fn pulse_by_pulse(&self, means: &[f64], Bins { gates, .. }: &Bins, dead: f64, random: &mut Pcg64Mcg) -> Vec<f64> {
         let mut counts = vec![0.0; means.len()];
         let error = Normal::new(0.0, self.jitter).expect("the jitter is finite");
         // Mean number of photons before each gate.

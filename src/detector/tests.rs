@@ -25,6 +25,11 @@ fn means_hold_light_background_and_dark_counts() {
     // A gate of 1 ns: 0.3 * 1000 * (light + 1e9 * 0.01) + 0.005.
     let means = detector.means([0.0, 2.0].into_iter(), 1e7, &bins);
     assert!((means[0] - 3.005).abs() < 1e-9 && (means[1] - 603.005).abs() < 1e-9, "{means:?}");
+    // Of a gate with half the weight, the light has the weight already.
+    let bins = bins.weighted(vec![METRES_PER_NS, 0.5 * METRES_PER_NS]).unwrap();
+    let means = detector.means([0.0, 2.0].into_iter(), 1e7, &bins);
+    assert!((means[0] - 3.005).abs() < 1e-9 && (means[1] - 601.5025).abs() < 1e-9, "{means:?}");
+    assert!(bins.weighted(vec![1.0, f64::NAN]).is_err());
 }
 
 #[test]
@@ -50,6 +55,21 @@ fn huge_counts_are_poisson_too() {
     for (pulses, mean) in [(1, f64::INFINITY), (u64::MAX, f64::MAX)] {
         assert!(!Detector { pulses, ..PLAIN }.counts(&[mean], &bins(1, 1.0), 1)[0].is_finite());
     }
+}
+
+#[test]
+fn means_that_cannot_be_drawn_are_refused() {
+    let check =
+        |blind, mean: f64| Detector { blind, ..PLAIN }.check(&[mean, mean], &bins(2, 1.0)).map_err(|e| e.to_string());
+    for blind in [Blind::Never, Blind::UntilNextPulse, Blind::For(0.1)] {
+        // A dead time bounds the number of counts, however bright the light is.
+        assert!(check(blind, 1e300).is_ok());
+        assert!(check(blind, f64::MAX).unwrap_err().contains("lower --photons"));
+    }
+    let counts = Detector { blind: Blind::For(0.1), ..PLAIN }.counts(&[1e300; 2], &bins(2, 1.0), 1);
+    assert!((9.0..=11.0).contains(&counts[0]) && (9.0..=11.0).contains(&counts[1]), "{counts:?}");
+    assert!(check(Blind::For(1e-30), 1e3).is_ok());
+    assert!(check(Blind::For(1e-30), 1e18).unwrap_err().contains("up to 2.0e18 photons per pulse"));
 }
 
 #[test]

@@ -1,38 +1,26 @@
 //! Writes the film as an EXR file, and reads EXR files as images to compare.
 
-use std::fs::File;
-use std::io::{self, BufReader};
+use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-use exr::meta::BlockDescription;
-use exr::meta::header::Header;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
-    MetaData, ReadChannels, ReadLayers, ReadSpecificChannel, Text, Vec2, WritableImage, read,
+    ReadChannels, ReadLayers, ReadSpecificChannel, Text, Vec2, WritableImage, read,
 };
 
-use crate::error::{Error, Result};
-use crate::files::{check_readable, read_error, write_atomically};
+use crate::error::Result;
+use crate::files::write_atomically;
 use crate::image::channels::{self, ChannelGroup};
+use crate::image::exr_header::{COLOR_CHANNELS, read_size, unreadable};
 use crate::image::film::Film;
 use crate::image::fingerprint;
 use crate::image::layers::{Layers, Plane};
 use crate::image::response_film::ResponseFilm;
 use crate::settings::units::{Gate, METRES_PER_NS};
-use crate::settings::{Crop, MAX_PIXELS, Response, Responses, Settings};
+use crate::settings::{Crop, Response, Responses, Settings};
 
-/// Maximum size in bytes of a decoded block of an EXR file: a tile or some rows, with all channels. The decoder holds one block
-/// per thread. A block of our own largest image, with all auxiliary layers, has 16 MiB.
-const MAX_BLOCK_BYTES: u64 = 64 << 20;
-/// Number of pixels that an image may have even if its file is short. Together with [`PIXELS_PER_BYTE`], this stops small files that
-/// claim gigabytes.
-const FREE_PIXELS: u64 = 8 << 20;
-/// Pixels that an image may have for each byte of its file, beyond [`FREE_PIXELS`]. Deflate packs at most 1032 bytes into one, and
-/// a pixel of three 16-bit channels has 6.
-const PIXELS_PER_BYTE: u64 = 256;
-/// Names of the channels that taugate reads. The variance may be missing.
-const COLOR_CHANNELS: [&str; 3] = ["R", "G", "B"];
+/// Names of the channels of the variance, which may be missing.
 const VARIANCE_CHANNELS: [&str; 3] = ["Variance.R", "Variance.G", "Variance.B"];
 
 const SPEED_OF_LIGHT_M_PER_S: f64 = METRES_PER_NS * 1e9;
@@ -106,7 +94,8 @@ pub fn write_responses(
     let mut channels: Vec<_> = groups.into_iter().flat_map(channels_of).collect();
     channels.extend(planes_of(layers));
 
-    let gate = responses.iter().next().map_or(Gate::OPEN, Response::gate);
+    let first = responses.iter().next();
+    let (gate, integral) = (first.map_or(Gate::OPEN, Response::gate), first.map_or(f64::INFINITY, Response::integral));
     let mut attributes = LayerAttributes {
         layer_position: Vec2(crop.x0 as i32, crop.y0 as i32),
         software_name: Some(text(&version())),
@@ -120,6 +109,7 @@ pub fn write_responses(
             ("tof:gateMax_m", AttributeValue::F64(gate.hi)),
             ("tof:gateMin_ns", AttributeValue::F64(gate.lo / METRES_PER_NS)),
             ("tof:gateMax_ns", AttributeValue::F64(gate.hi / METRES_PER_NS)),
+            ("tof:weightIntegral_m", AttributeValue::F64(integral)),
             ("tof:convention", AttributeValue::Text(text("optical_path_length"))),
             ("tof:c_m_per_s", AttributeValue::F64(SPEED_OF_LIGHT_M_PER_S)),
             ("tof:seed", AttributeValue::Text(text(&provenance.seed.to_string()))),
@@ -131,7 +121,10 @@ pub fn write_responses(
         .map(|(name, value)| (text(name), value)),
     );
     if images.is_some() {
-        let gates = |r: &Response| serde_json::json!({"name": r.name(), "gate_m": [r.gate().lo, r.gate().hi]});
+        let gates = |r: &Response| {
+            let gate = [r.gate().lo, r.gate().hi];
+            serde_json::json!({"name": r.name(), "gate_m": gate, "weight_integral_m": r.integral()})
+        };
         let list = serde_json::Value::from_iter(responses.iter().map(gates)).to_string();
         attributes.other.insert(text("tof:responses"), AttributeValue::Text(text(&list)));
     } else {
@@ -195,7 +188,7 @@ fn floats(values: &[f32]) -> AttributeValue {
 }
 
 /// An EXR text, which consists of bytes; readers expect UTF-8.
-fn text(string: &str) -> Text {
+pub(super) fn text(string: &str) -> Text {
     Text::from_bytes_unchecked(string.bytes().collect())
 }
 
@@ -226,16 +219,6 @@ pub struct Picture {
     pub gate: Option<[f64; 2]>,
     /// Column and row of the first pixel in the whole image.
     pub corner: [i32; 2],
-}
-
-/// The settings as an experiment file that [`write`] stored, `tof:settings`; `None` if the file cannot be read or has none.
-pub fn read_settings(path: &Path) -> Option<String> {
-    let file = File::open(path).ok()?;
-    let meta = MetaData::read_from_buffered(BufReader::new(file), false).ok()?;
-    match meta.headers.first()?.own_attributes.other.get(&text("tof:settings"))? {
-        AttributeValue::Text(settings) => Some(settings.to_string()),
-        _ => None,
-    }
 }
 
 /// Reads a single-part EXR of any program: the channels R, G, B, and Variance.R, .G, .B if there. Other channels take no memory:
@@ -321,69 +304,6 @@ impl Values {
         self.rgb[first..first + 3].copy_from_slice(&rgb);
         if let Some(values) = &mut self.variance {
             values[first..first + 3].copy_from_slice(&variance);
-        }
-    }
-}
-
-/// Width and height of an image that [`read_picture`] accepts, by its header. Fails if the decoder would allocate too much memory,
-/// if the file is not one flat image, or if it has no channels R, G, B. A header of a few bytes may claim any size, so this is
-/// checked before memory is allocated.
-pub fn read_size(path: &Path) -> Result<[u32; 2]> {
-    let fail = |message: String| Err(Error::File { path: path.into(), message });
-    let length = check_readable(path)?;
-    let file = File::open(path).map_err(|e| read_error(path, e))?;
-    let meta = MetaData::read_from_buffered(BufReader::new(file), false).map_err(|e| unreadable(path, e))?;
-    let [header] = &meta.headers[..] else {
-        return fail(format!("has {} parts; extract one into a file of its own", meta.headers.len()));
-    };
-    if header.deep {
-        return fail("is a deep image, which cannot be compared; flatten it".into());
-    }
-    let (width, height) = (header.layer_size.width() as u64, header.layer_size.height() as u64);
-    if width.saturating_mul(height) > MAX_PIXELS {
-        return fail(format!(
-            "has a header of {width} x {height} pixels, but taugate reads at most {} megapixels; crop the image",
-            MAX_PIXELS >> 20
-        ));
-    }
-    if width * height > FREE_PIXELS + PIXELS_PER_BYTE * length {
-        return fail(format!(
-            "has a header of {width} x {height} pixels, too many for its {length} bytes; write the image again"
-        ));
-    }
-    if block_bytes(header) > MAX_BLOCK_BYTES {
-        return fail(format!(
-            "has blocks of {} MiB, but taugate reads at most {} MiB; write it with smaller tiles or fewer channels",
-            block_bytes(header) >> 20,
-            MAX_BLOCK_BYTES >> 20
-        ));
-    }
-    let names = || header.channels.list.iter().map(|channel| channel.name.to_string());
-    if !COLOR_CHANNELS.iter().all(|wanted| names().any(|name| name == *wanted)) {
-        let names = names().collect::<Vec<_>>().join(", ");
-        return fail(format!("has no channels R, G, B to compare, only {names}; write it with these names"));
-    }
-    if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
-        return fail("has subsampled channels; write it with R, G, B at full resolution".into());
-    }
-    Ok([width as u32, height as u32])
-}
-
-/// Maximum size of a decoded block in bytes, all channels included.
-fn block_bytes(header: &Header) -> u64 {
-    let Vec2(width, height) = header.layer_size;
-    let (columns, rows) = match &header.blocks {
-        BlockDescription::Tiles(tiles) => (tiles.tile_size.width().min(width), tiles.tile_size.height().min(height)),
-        BlockDescription::ScanLines => (width, header.compression.scan_lines_per_block().min(height)),
-    };
-    (columns as u64 * rows as u64).saturating_mul(header.channels.bytes_per_pixel as u64)
-}
-
-fn unreadable(path: &Path, error: exr::error::Error) -> Error {
-    match error {
-        exr::error::Error::Io(error) => read_error(path, error),
-        other => {
-            Error::File { path: path.into(), message: format!("is not an EXR file that taugate can read: {other}") }
         }
     }
 }

@@ -6,6 +6,8 @@ pub mod batches;
 pub mod channels;
 pub mod depth;
 pub mod exr_file;
+pub mod exr_header;
+pub mod exr_responses;
 pub mod film;
 pub mod fingerprint;
 pub mod layers;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files::write_atomically;
 use crate::image::depth;
 use crate::image::exr_file::{Provenance, version};
@@ -63,6 +63,8 @@ pub(super) struct Entry<'a> {
     gate_begin_m: f64,
     /// Null for a gate without an end.
     gate_end_m: f64,
+    /// The integral of the weights over travel time: the length of a gate with any edges. Null for a gate without an end.
+    weight_integral_m: f64,
     /// The period of a pulsed laser: light of all its pulses counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     repeat_m: Option<f64>,
@@ -76,6 +78,7 @@ impl Entry<'_> {
             response: text,
             gate_begin_m: response.gate().lo,
             gate_end_m: response.gate().hi,
+            weight_integral_m: response.integral(),
             repeat_m: response.period(),
         }
     }
@@ -92,12 +95,12 @@ pub fn variance_path(path: &Path) -> PathBuf {
 }
 
 /// Writes the means as 32-bit floats: of shape (height, width, 3) for one response, of shape (height, width, responses, 3) for
-/// several. Row 0 is at the top.
+/// several. Row 0 is at the top. Removes the variances of an earlier array, see [`write_new_array`].
 pub fn write_means(path: &Path, film: &Film, responses: Option<&ResponseFilm>) -> Result<()> {
     match responses {
-        None => write_array(path, &shape(film, None), film.mean()),
+        None => write_new_array(path, &shape(film, None), film.mean()),
         Some(all) => {
-            write_array(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)))
+            write_new_array(path, &shape(film, responses), (0..all.pixels()).flat_map(|pixel| all.means_of(pixel)))
         }
     }
 }
@@ -161,6 +164,20 @@ pub fn write_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item 
         writer.write_all(&header("<f4", shape))?;
         values.into_iter().try_for_each(|value| writer.write_all(&value.to_le_bytes()))
     })
+}
+
+/// As [`write_array`]. Then removes the file of variances beside an earlier array of this name, so that no reader takes it for the
+/// variances of the new array.
+pub fn write_new_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item = f32>) -> Result<()> {
+    write_array(path, shape, values)?;
+    let variances = variance_path(path);
+    match std::fs::remove_file(&variances) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            let message = format!("belongs to an earlier array, but cannot be removed: {error}; remove it");
+            Err(Error::io(&variances, message, error))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The header of a `.npy` file of version 1.0 with values of the type `kind`: `<f4` or `<f8`, little-endian floats. Its length is a

@@ -4,11 +4,12 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
 use crate::image::npy_file::description_path;
+use crate::settings::Response;
 
 /// Maximum length of a header in bytes. NumPy writes 118 bytes for four sides.
 const MAX_HEADER: usize = 4096;
@@ -42,13 +43,38 @@ impl ImageArray {
     }
 }
 
-/// A response as the JSON file beside an array describes it.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+/// A response as the JSON file beside an array describes it, with the names of the fields in that file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DescribedResponse {
     pub name: String,
     /// Begin and end of the gate in metres of optical path. The end is `None` for a gate without an end.
     pub gate_begin_m: f64,
     pub gate_end_m: Option<f64>,
+    /// The integral of the weights over travel time in metres. Files of earlier versions lack it.
+    pub weight_integral_m: Option<f64>,
+}
+
+impl DescribedResponse {
+    pub fn of(response: &Response) -> DescribedResponse {
+        let finite = |x: f64| Some(x).filter(|x| x.is_finite());
+        DescribedResponse {
+            name: response.name().into(),
+            gate_begin_m: response.gate().lo,
+            gate_end_m: finite(response.gate().hi),
+            weight_integral_m: finite(response.integral()),
+        }
+    }
+
+    /// Begin and end of the gate in metres.
+    pub fn gate(&self) -> [f64; 2] {
+        [self.gate_begin_m, self.gate_end_m.unwrap_or(f64::INFINITY)]
+    }
+
+    /// The integral of the weights over travel time in metres. If the file does not say it, the gate is taken for a box.
+    pub fn integral(&self) -> f64 {
+        let [begin, end] = self.gate();
+        self.weight_integral_m.unwrap_or(end - begin)
+    }
 }
 
 #[derive(Deserialize)]

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::files::write_atomically;
 use crate::image::exr_file::{Provenance, version};
 use crate::image::film::Film;
-use crate::image::npy_file::{Bins, Entry, write_array};
+use crate::image::npy_file::{Bins, Entry, write_array, write_new_array};
 use crate::image::response_film::ResponseFilm;
 use crate::input::scan_table::{Points, Scan, ScanTable};
 
@@ -65,9 +65,9 @@ impl ScanFilm {
     }
 
     /// Writes the means as 32-bit floats of shape (response, point) for a confocal scan, and (response, point of the laser, point of
-    /// the sensor) for an exhaustive one.
+    /// the sensor) for an exhaustive one. Removes the variances of an earlier array.
     pub fn write_means(&self, path: &Path, scan: &Scan) -> Result<()> {
-        write_array(path, &self.shape(scan), self.means.iter().copied())
+        write_new_array(path, &self.shape(scan), self.means.iter().copied())
     }
 
     /// Writes the variances of the means, in the same shape.

@@ -212,6 +212,18 @@ impl Response {
         }
     }
 
+    /// The integral of the weight of one pulse over travel time, in metres: the length of a gate with any edges. Steady light counts
+    /// as long as light at the speed of light takes for it.
+    pub fn integral(&self) -> f64 {
+        match &self.weight {
+            Weight::Gate { gate, .. } => gate.hi - gate.lo,
+            Weight::Table(Table { rows, .. }) => {
+                rows.windows(2).map(|pair| 0.5 * (pair[0][1] + pair[1][1]) * (pair[1][0] - pair[0][0])).sum()
+            }
+            Weight::Wave { .. } => f64::INFINITY,
+        }
+    }
+
     /// The response as text: its name, and its gate in optical path, time and depth.
     pub fn describe(&self) -> String {
         let gate = self.gate().describe();
@@ -287,6 +299,16 @@ mod tests {
         ] {
             let error = Response::table("a", rows, None).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_integral_is_the_sum_of_the_weights() {
+        let steps = Response::table("a", vec![[1.0, 0.0], [2.0, 4.0], [2.0, 1.0], [4.0, 3.0]], None).unwrap();
+        let gates = [Edge::Sharp, Edge::Ramp(0.4), Edge::Gauss(0.1)].map(|edge| Response::new("a", GATE, edge));
+        for response in gates.into_iter().chain([steps]) {
+            let sum: f64 = (0..5000).map(|i| 1e-3 * response.weight(1e-3 * (f64::from(i) + 0.5))).sum();
+            assert!((sum - response.integral()).abs() < 1e-5, "{response:?}: {sum}");
         }
     }
 

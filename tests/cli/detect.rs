@@ -32,6 +32,19 @@ fn counts_have_the_mean_of_the_light() {
         (&"counts over all pulses".into(), &vec![12, 16, 3, 3].into())
     );
 
+    // An image of several gates gives the counts and the description of the array.
+    let of_image = ["--photons", "1000", "--pulses", "50", "--efficiency", "0.5"];
+    run(&[&["detect", "light.exr", "-o", "image.npy"], &of_image[..]].concat());
+    assert!(read(&here.path().join("image.npy")).unwrap() == read(&here.path().join("counts.npy")).unwrap());
+    let text = std::fs::read_to_string(here.path().join("image.json")).unwrap();
+    let of_image: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for key in ["start_opl", "bin_width_opl", "temporal_bins", "axes", "shape", "unit"] {
+        assert!(of_image[key] == description[key] && !of_image[key].is_null(), "{key}: {text}");
+    }
+    for key in ["name", "gate_begin_m", "gate_end_m"] {
+        assert_eq!(of_image["responses"][2][key], description["responses"][2][key], "{key}: {text}");
+    }
+
     // With --first-photon, each channel of a pixel counts at most one photon per pulse.
     let first = ["detect", "light.npy", "--photons", "1e6", "--pulses", "9", "--first-photon"];
     run(&[&first[..], &["-o", "first.npy"]].concat());
@@ -51,13 +64,26 @@ fn counts_have_the_mean_of_the_light() {
     let bytes = std::fs::read(here.path().join("day.npy")).unwrap();
     assert!(String::from_utf8_lossy(&bytes[..128]).contains("(12, 16, 1)"));
 
-    let table: [(&[&str], &str); 10] = [
+    let text = std::fs::read_to_string(here.path().join("day.json")).unwrap();
+    let description: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((&description["start_opl"], &description["bin_width_opl"]), (&5.0.into(), &3.0.into()), "{text}");
+
+    let table: [(&[&str], &str); 13] = [
         (&["light.npy", "-o", "x.exr", "--photons", "1"], "must end in .npy"),
         (&["light.npy", "-o", "light.npy", "--photons", "1"], "would replace the light"),
         (&["light.npy", "-o", "x.npy", "--photons", "-1"], "0 or more"),
         (&["light.npy", "-o", "x.npy", "--photons", "1e300"], "lower --photons or --pulses"),
         (&["light.npy", "-o", "x.npy", "--photons", "1", "--efficiency", "2"], "from 0 to 1"),
         (&["light.npy", "-o", "x.npy", "--photons", "1", "--background", "night"], "is no background"),
+        (&["light.npy", "-o", "x.npy", "--photons", "1", "--background", "light.exr"], "has several gates"),
+        (
+            &["light.npy", "-o", "x.npy", "--photons", "1e18", "--dead-time", "1e-30m"],
+            "raise --dead-time or lower --photons",
+        ),
+        (
+            &["light.npy", "-o", "x.npy", "--photons", "1e308", "--background", "1e12", "--dead-time", "1m"],
+            "lower --photons",
+        ),
         (&["day.exr", "-o", "x.npy", "--photons", "1"], "gates that end"),
         (&["light.npy", "-o", "x.npy", "--photons", "1", "--jitter", "5"], "like 100m or 400ns"),
         (&["light.npy", "-o", "x.npy"], "--photons"),
@@ -67,4 +93,31 @@ fn counts_have_the_mean_of_the_light() {
         fails(here.path(), &[&["detect"], arguments].concat(), 2, part);
     }
     assert!(!names(here.path()).iter().any(|name| name.starts_with('x')));
+}
+
+/// Daylight has the weight that the response gives to its travel time.
+#[test]
+fn a_measured_gate_collects_daylight_by_its_weights() {
+    let here = folder();
+    let run = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    run(&["generate", "cornell-box", "-o", "box.glb"]);
+    // A triangle from 17 ns to 24 ns with the integral 3.5 ns.
+    std::fs::write(here.path().join("slice.csv"), "time_ns,weight\n17,0\n20,1\n24,0\n").unwrap();
+    let small = ["--resolution", "8x6", "--spp", "2", "-q", "-o", "light.npy", "-o", "light.exr", "-o", "light.acc"];
+    let soft = ["--response", "soft=gauss:8m..8.299792458m,0.1m"];
+    for (responses, nanoseconds) in [(&[][..], 3.5), (&soft[..], 4.5)] {
+        run(&[&["render", "box.glb", "--response", "slice.csv"], &small[..], responses].concat());
+        for light in ["light.npy", "light.exr", "light.acc"] {
+            // The background outshines the light of the render.
+            let day = ["--photons", "1e-3", "--background", "1e15", "--seed", "3"];
+            run(&[&["detect", light, "-o", "day.npy"], &day[..]].concat());
+            let counts = read(&here.path().join("day.npy")).unwrap();
+            let total: f64 = counts.values.iter().map(|&x| f64::from(x)).sum();
+            let expected = 1e3 * nanoseconds * 8.0 * 6.0 * 3.0;
+            assert!((total - expected).abs() < 6.0 * expected.sqrt(), "{light}: {total} {expected}");
+        }
+    }
 }

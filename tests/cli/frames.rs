@@ -97,6 +97,54 @@ fn a_gate_that_sweeps_is_a_sequence() {
     assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), "g12.exr"));
 }
 
+/// The picture of a frame shows the light of all gates, whatever the file that keeps them.
+#[test]
+fn a_contact_sheet_shows_all_gates() {
+    let here = with("street");
+    let flags = ["--gates", "10m..80m/2", "--frames", "0..2", "--fps", "2"];
+    for kind in ["exr", "npy"] {
+        let (frames, sheet) = (format!("f#.{kind}"), format!("{kind}.png"));
+        render(here.path(), &[&flags[..], &["-o", &frames, "--contact-sheet", &sheet]].concat());
+    }
+    let picture = |name: &str| image::open(here.path().join(name)).unwrap().into_rgb8();
+    assert!(picture("exr.png") == picture("npy.png"));
+}
+
+#[test]
+fn frames_of_another_scene_or_without_the_layers_are_not_kept() {
+    let here = with("cornell-box");
+    let here = here.path();
+    let frames = ["--gate-keys", "0=5m..6m", "--gate-keys", "2=6m..7m", "--frames", "0..2"];
+    let again = |flags: &[&str], part: &str| {
+        let command = [&["render", "scene.glb"], &SMALL[..], &frames, flags].concat();
+        let message = fails(here, &command, 2, part);
+        assert!(message.contains("remove it, or choose another name"), "{message}");
+    };
+    let files = ["-o", "f#.exr", "-o", "f#.npy"];
+    render(here, &[&frames[..], &files].concat());
+    assert!(render(here, &[&frames[..], &files].concat()).contains("2 of 2 frames were there already"));
+    again(&[&files[..], &["--aov", "depth"]].concat(), "f0.exr: is there already, but without the layer depth");
+    render(here, &[&frames[..], &["-o", "s#.acc"]].concat());
+    again(&["-o", "s#.acc", "--aov", "depth"], "s0.acc: is there already, but without the layer depth");
+    render(here, &[&frames[..], &["-o", "g#.exr", "--aov", "depth,normal"]].concat());
+    assert!(
+        render(here, &[&frames[..], &["-o", "g#.exr", "--aov", "normal"]].concat())
+            .contains("2 of 2 frames were there")
+    );
+
+    // The path of the scene is the same, but not its contents.
+    let mut scene = build(Kind::CornellBox);
+    scene.add_light(
+        "lamp",
+        scene.cameras[0].transform.translation,
+        glam::DVec3::NEG_Z,
+        LightKind::Point { intensity: [1.0; 3] },
+    );
+    std::fs::write(here.join("scene.glb"), glb::write(&scene)).unwrap();
+    again(&files, "f0.exr: is there already, but its scene or another input has changed");
+    again(&["-o", "f#.npy"], "f0.npy: is there already, but its scene or another input has changed");
+}
+
 #[test]
 fn a_printed_sequence_keeps_its_gates() {
     let here = with("cornell-box");

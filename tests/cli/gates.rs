@@ -128,7 +128,8 @@ fn arrays_are_compared_and_plotted() {
         String::from_utf8(output.stdout).unwrap()
     };
     render(here.path(), &["--gates", "5m..8m/3", "-o", "a.npy", "--variance"]);
-    render(here.path(), &["--gates", "5m..8m/3", "--seed", "2", "-o", "b.npy", "-o", "b.exr"]);
+    render(here.path(), &["--gates", "5m..8m/3", "--seed", "2", "-o", "b.npy"]);
+    render(here.path(), &["--gate", "5m..8m", "-o", "b.exr"]);
 
     let same: serde_json::Value = serde_json::from_str(&out(&["compare", "a.npy", "a.npy", "--json"])).unwrap();
     assert_eq!((&same["relmse"], &same["ratio_of_means"], &same["compared"]), (&0.0.into(), &1.0.into(), &3.into()));
@@ -155,9 +156,9 @@ fn arrays_are_compared_and_plotted() {
     std::fs::copy(here.path().join("b.npy"), here.path().join("alone.npy")).unwrap();
     render(here.path(), &["--gates", "5m..8m/4", "-o", "four.npy"]);
     let table: [(&[&str], &str); 9] = [
-        (&["compare", "a.npy", "b.exr"], "only compared with an array"),
+        (&["compare", "a.npy", "b.exr"], "only compared with another of them"),
         (&["compare", "a.npy", "four.npy"], "differ in size: a.npy is 8x6 with 3 gates, four.npy is 8x6 with 4 gates"),
-        (&["compare", "a.npy", "b.npy", "--z", "z.png"], "--z needs images"),
+        (&["compare", "a.npy", "b.npy", "--z", "z.png"], "--z needs two images of a single gate"),
         (&["compare", "a.npy", "text.npy"], "text.npy: this is not a NumPy array"),
         (&["histogram", "a.npy", "--pixel", "8,0"], "outside of the array"),
         (&["histogram", "a.npy", "--plot", "p.png"], "must end in .svg"),
@@ -168,6 +169,50 @@ fn arrays_are_compared_and_plotted() {
     for (arguments, part) in table {
         fails(here.path(), arguments, 2, part);
     }
+}
+
+/// Error bars never belong to an older array of the same name.
+#[test]
+fn variances_of_an_older_array_are_removed() {
+    let here = with_box();
+    let gates = ["--gates", "5m..8m/3", "-o", "a.npy"];
+    render(here.path(), &[&gates[..], &["--variance"]].concat());
+    render(here.path(), &[&gates[..], &["--seed", "2", "-q"]].concat());
+    assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb"]);
+    let run = |arguments: &[&str]| assert!(taugate(here.path(), arguments).status.success(), "{arguments:?}");
+    std::fs::copy(here.path().join("a.npy"), here.path().join("counts.variance.npy")).unwrap();
+    run(&["detect", "a.npy", "-o", "counts.npy", "--photons", "10"]);
+    assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb", "counts.json", "counts.npy"]);
+}
+
+/// An image of several gates is not taken for its first gate.
+#[test]
+fn all_gates_of_an_image_are_compared() {
+    let here = with_box();
+    let at = |name: &str| here.path().join(name);
+    let out = |arguments: &[&str]| {
+        let output = taugate(here.path(), arguments);
+        (output.status.code(), String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    // The first gates are equal, the others differ.
+    let [first, second, third] = ["bin0=box:5m..6m", "bin1=box:6m..7m", "bin2=box:7m..8m"];
+    let list = ["--response", first, "--response", second, "--response", third];
+    render(here.path(), &[&list[..], &["-o", "a.exr", "-o", "a.npy", "--aov", "depth"]].concat());
+    let list = ["--response", first, "--response", third, "--response", second];
+    render(here.path(), &[&list[..], &["-o", "b.exr", "-o", "b.npy"]].concat());
+    assert!(read_picture(&at("a.exr")).unwrap().rgb == read_picture(&at("b.exr")).unwrap().rgb);
+    let (code, text, note) = out(&["compare", "b.exr", "a.exr", "--max-relmse", "1e-9"]);
+    assert!(code == Some(1) && text.contains("  in bin2") && note.contains("different gates"), "{text} {note}");
+    // An image and an array of the same render hold the same light.
+    for (a, b) in [("a.exr", "a.npy"), ("b.npy", "b.exr"), ("a.exr", "a.exr")] {
+        let (code, text, note) = out(&["compare", a, b, "--json"]);
+        let same: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!((code, &same["relmse"], &same["compared"], note.as_str()), (Some(0), &0.0.into(), &3.into(), ""));
+    }
+    render(here.path(), &["--gate", "5m..6m", "-o", "one.exr"]);
+    fails(here.path(), &["compare", "a.exr", "one.exr"], 2, "render both with the same gates");
+    let message = fails(here.path(), &["compare", "a.exr", "b.exr", "--z", "z.png"], 2, "of a single gate");
+    assert!(message.contains("render each gate alone"), "{message}");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use taugate::internals::generate::{Kind, build, glb};
 
+use crate::grids::npy;
 use crate::{fails, folder, names, taugate};
 
 #[test]
@@ -61,6 +62,28 @@ fn a_generated_scene_is_described_and_resolved() {
     assert_eq!(names(here.path()), ["box.glb", "e.toml"]);
 }
 
+/// However the user spells the path, an output never replaces a file that the settings name.
+#[test]
+fn what_the_settings_read_is_not_overwritten() {
+    let here = folder();
+    let here = here.path();
+    assert!(taugate(here, &["generate", "cornell-box", "-o", "box.glb"]).status.success());
+    let smoke = npy("<f4", "(1, 1, 2)", &[0.5, 0.25]);
+    std::fs::write(here.join("smoke.npy"), &smoke).unwrap();
+    let small = ["render", "box.glb", "--resolution", "4x4", "--spp", "1", "--sigma-s", "0.1"];
+    let small = [&small[..], &["--medium-bounds=-0.5,0.5,-0.5,0.5,1.5,0.5", "--density-grid"]].concat();
+    let refused = |grid: &str, output: &str| {
+        let message = fails(here, &[&small[..], &[grid, "-o", output]].concat(), 2, "is a file that the settings name");
+        assert!(message.contains("choose another name"), "{message}");
+        assert_eq!(std::fs::read(here.join(grid)).unwrap(), smoke);
+    };
+    refused("smoke.npy", "./smoke.npy");
+    assert_eq!(names(here), ["box.glb", "smoke.npy"]);
+    // The array fog.npy would remove the variances of an earlier array.
+    std::fs::rename(here.join("smoke.npy"), here.join("fog.variance.npy")).unwrap();
+    refused("fog.variance.npy", "fog.npy");
+}
+
 /// However the user spells the path, an output never overwrites a file that the scene reads.
 #[test]
 fn what_the_scene_reads_is_not_overwritten() {
@@ -73,6 +96,9 @@ fn what_the_scene_reads_is_not_overwritten() {
         fails(here.path(), &arguments, 2, "is a file that the scene room.gltf reads; choose another name");
     }
     fails(here.path(), &["render", "room.gltf", "-o", "wood floor.exr", "--png"], 2, "that the scene room.gltf reads");
+    let frames = ["render", "room.gltf", "--gate-keys", "0=1m..2m", "--frames", "0..2", "-o", "f#.exr"];
+    let sheet = [&frames[..], &["--contact-sheet", "wood floor.png"]].concat();
+    fails(here.path(), &sheet, 2, "that the scene room.gltf reads");
     assert_eq!(std::fs::read(here.path().join("wood floor.png")).unwrap(), b"a texture");
     // With another name, the command passes this check and fails later, when it loads the scene.
     fails(here.path(), &["render", "room.gltf", "-o", "out.exr", "--png"], 2, "room.gltf: ");

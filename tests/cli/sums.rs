@@ -80,10 +80,29 @@ fn histograms_go_on_too() {
     run(here, &["detect", "sums.acc", "-o", "a.npy", "--photons", "1e4"]);
     run(here, &["detect", "whole.npy", "-o", "b.npy", "--photons", "1e4"]);
     assert!(npy_read::read(&here.join("a.npy")).unwrap() == npy_read::read(&here.join("b.npy")).unwrap());
+    // An earlier array with this name had variances, which a new array without variances does not keep.
+    assert!(here.join("d.variance.npy").exists());
+    run(here, &["develop", "sums.acc", "-o", "d2.npy", "--variance"]);
+    run(here, &["develop", "sums.acc", "-o", "d2.npy"]);
+    assert!(!here.join("d2.variance.npy").exists());
     for suffix in ["npy", "variance.npy"] {
         let read = |name: &str| npy_read::read(&here.join(format!("{name}.{suffix}"))).unwrap();
         assert!(read("whole") == read("c") && read("whole") == read("d"), "{suffix}");
     }
+}
+
+#[test]
+fn variances_that_the_sums_lack_are_not_written() {
+    let here = with_box();
+    let here = here.path();
+    let flags = ["--resolution", "8x6", "--gates", "4m..8m/100", "--light-paths", "500", "--spp", "4", "-o", "a.acc"];
+    run(here, &[&["render", "box.glb"], &flags[..]].concat());
+    for outputs in [&["-o", "o.npy", "-o", "c.acc"][..], &["-o", "o.npy"], &["-o", "c.acc"]] {
+        let develop = [&["develop", "a.acc", "--variance"], outputs].concat();
+        fails(here, &develop, 2, "a.acc has no variances of its gates");
+    }
+    assert_eq!(names(here), ["a.acc", "box.glb"]);
+    run(here, &["develop", "a.acc", "-o", "o.npy", "-o", "c.acc"]);
 }
 
 #[test]

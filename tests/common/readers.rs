@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 use taugate::Scene;
 use taugate::internals::image::accumulation::file::{read_from, write_to};
-use taugate::internals::image::{exr_file, npy_read};
+use taugate::internals::image::{exr_file, exr_header, exr_responses, npy_read};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::resolve::outputs;
 use taugate::internals::input::scenery;
@@ -183,8 +183,9 @@ fn with_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(&Path) -> T) -> T {
 /// An image that `compare` reads.
 fn exr(bytes: &[u8]) {
     with_file("a.exr", bytes, |path| {
-        let _ = exr_file::read_settings(path);
+        let _ = exr_header::read_settings(path);
         let _ = exr_file::read_picture(path);
+        let _ = exr_responses::read(path);
     });
 }
 

@@ -1,4 +1,4 @@
-//! Compares the arrays (`.npy`) of two renders: the error of every gate.
+//! Compares two renders of several gates: the error of every gate.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use taugate::Error;
 use taugate::internals::compare::histogram::{HistogramComparison, MIN_LIGHT};
 use taugate::internals::compare::metrics::{RELMSE_FORMULA, TRIMMED, first_non_finite};
+use taugate::internals::image::exr_responses;
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
 
 use crate::app::accumulated;
@@ -14,17 +15,32 @@ use crate::app::cli::CompareArgs;
 /// Number of gates with the largest errors that the report names.
 const WORST: usize = 5;
 
-/// Whether `path` names an array, or sums of several gates.
+/// Whether `path` names an array, or an image or sums of several gates.
 pub fn is_array(path: &Path) -> Result<bool, Error> {
-    Ok(path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy")) || accumulated::has_many(path)?)
+    match accumulated::is_sums(path) {
+        true => accumulated::has_many(path),
+        false => Ok(is_npy(path) || exr_responses::has_many(path)?),
+    }
+}
+
+fn is_npy(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"))
 }
 
 pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
     if !is_array(&args.image)? || !is_array(&args.reference)? {
-        return Err(settings("an array (.npy) is only compared with an array; render both with -o OUT.npy").into());
+        return Err(settings(
+            "an array, or a file of several gates, is only compared with another of them; render both with the same gates and \
+             -o OUT.npy",
+        )
+        .into());
     }
     if args.z.is_some() {
-        return Err(settings("--z needs images (.exr), because arrays do not hold batches of samples").into());
+        return Err(settings(
+            "--z needs two images of a single gate, because arrays and files of several gates do not hold batches of samples; \
+             render each gate alone with -o OUT.exr",
+        )
+        .into());
     }
     let ((image, gates), (reference, others)) = (read_finite(&args.image)?, read_finite(&args.reference)?);
     let shape = |array: &ImageArray| [array.height, array.width, array.images()];
@@ -39,10 +55,11 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         ))
         .into());
     }
+    let of = |gate: &DescribedResponse| (gate.name.clone(), gate.gate(), gate.integral());
     if let (Some(gates), Some(others)) = (&gates, &others)
-        && gates != others
+        && !gates.iter().map(of).eq(others.iter().map(of))
     {
-        crate::app::say("note: the files beside the arrays describe different gates");
+        crate::app::say("note: the two files have different gates");
     }
     let result = HistogramComparison::of(image.images(), |k| image.image(k), |k| reference.image(k))?;
     let within = args.max_relmse.is_none_or(|max| result.relmse <= max);
@@ -91,10 +108,12 @@ fn read_finite(path: &Path) -> Result<(ImageArray, Option<Vec<DescribedResponse>
     let (array, gates) = if accumulated::is_sums(path) {
         let (array, gates) = accumulated::array(path)?;
         (array, Some(gates))
-    } else {
+    } else if is_npy(path) {
         let array = read(path)?;
         let gates = described(path, &array);
         (array, gates)
+    } else {
+        exr_responses::read(path)?
     };
     if let Some((at, channel)) = first_non_finite(&array.values) {
         let (pixel, gate) = (at / array.images(), at % array.images());

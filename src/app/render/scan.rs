@@ -34,10 +34,9 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     let scan = table.scan().map_err(Error::Settings)?;
     let scene_path = experiment.scene.clone().expect("the experiment names a scene");
     let has_variance = experiment.output.variance.unwrap_or(false);
-    let mut files = vec![path.clone(), description_path(&path)];
-    files.extend(has_variance.then(|| variance_path(&path)));
-    check_outputs(&resolve::outputs(&experiment)?)?;
-    check_inputs(&files, &scene_path, &experiment)?;
+    let outputs = resolve::outputs(&experiment)?;
+    check_outputs(&outputs)?;
+    check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
 
     // Load the scene and resolve the settings.
     let mut preparation = Preparation::new();

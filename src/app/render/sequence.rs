@@ -7,19 +7,24 @@ use std::process::ExitCode;
 
 use taugate::Error;
 use taugate::internals::error::Result;
-use taugate::internals::files::check_writable;
-use taugate::internals::image::exr_file::read_settings;
+use taugate::internals::image::accumulation;
+use taugate::internals::image::exr_header::{missing_layer, read_settings};
 use taugate::internals::image::npy_file::description_path;
 use taugate::internals::input::resolve::{Outputs, outputs};
 use taugate::internals::input::sequence::Sequence;
+use taugate::internals::settings::aov::Aov;
 
+use super::outputs::check_pictures;
 use super::sums::Identity;
 use super::{Outcome, Session, check_pose};
 
+/// The beginning of the settings of a frame, before the fingerprint of the contents of its inputs. It is a comment in TOML.
+const INPUTS: &str = "# Inputs: ";
+
 /// Renders all frames, then writes the contact sheet and the animation.
 pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCode> {
-    for path in sequence.contact_sheet.iter().chain(&sequence.gif) {
-        check_writable(path)?;
+    if let Some(first) = sequence.frames().next() {
+        check_pictures(sequence, &sequence.frame(first))?;
     }
     // The first frames must not be rendered if the last one is beyond the end of the animation.
     if let Some(last) = sequence.frames().next_back() {
@@ -45,19 +50,46 @@ pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCod
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether all files of a frame exist. Fails if an image has other settings than `wanted`, or if sums have another identity.
+/// The settings of a frame with a first line about its inputs, so that a later command can check both.
+pub fn with_inputs(settings: &str, identity: &Identity) -> String {
+    format!("{INPUTS}{}\n{settings}", identity.inputs())
+}
+
+/// Whether all files of a frame exist. Fails if an image has other settings or inputs than `wanted`, see [`with_inputs`], or lacks a
+/// layer, or if sums have another identity.
 pub fn is_finished(outputs: &Outputs, wanted: &str, identity: Option<&Identity>) -> Result<bool> {
-    let found = [&outputs.exr, &outputs.npy].into_iter().flatten().filter(|path| path.exists());
-    for path in found {
-        if settings_of(path).as_deref() != Some(wanted) {
-            return Err(Error::File {
-                path: path.clone(),
-                message: "is there already, but not with these settings; remove it, or choose another name".into(),
-            });
+    let other = |path: &Path, how: &str| {
+        let message = format!("is there already, but {how}; remove it, or choose another name");
+        Err(Error::File { path: path.into(), message })
+    };
+    let without_inputs = |settings: &str| match settings.strip_prefix(INPUTS).and_then(|rest| rest.split_once('\n')) {
+        Some((_, rest)) => rest.to_owned(),
+        None => settings.to_owned(),
+    };
+    for path in [&outputs.exr, &outputs.npy].into_iter().flatten().filter(|path| path.exists()) {
+        match settings_of(path).as_deref() {
+            Some(found) if found == wanted => {}
+            Some(found) if found == without_inputs(wanted) => {
+                return other(path, "it was rendered alone, without a fingerprint of its inputs");
+            }
+            Some(found) if without_inputs(found) == without_inputs(wanted) => {
+                return other(path, "its scene or another input has changed");
+            }
+            _ => return other(path, "not with these settings"),
         }
+    }
+    if let Some(path) = outputs.exr.as_ref().filter(|path| path.exists())
+        && let Some(layer) = missing_layer(path, outputs.aov)
+    {
+        return other(path, &format!("without the layer {layer}"));
     }
     if let (Some(path), Some(identity)) = (outputs.acc.as_ref().filter(|path| path.exists()), identity) {
         identity.check_file(path)?;
+        if outputs.aov != Aov::default()
+            && let Err(layer) = accumulation::file::read(path)?.layers.keep(outputs.aov)
+        {
+            return other(path, &format!("without the layer {layer}"));
+        }
     }
     Ok(outputs.files().iter().all(|path| path.exists()))
 }

@@ -38,6 +38,11 @@ impl Identity {
         Ok(Identity(About::new(settings, experiment.to_toml(), &files, scene, shard)))
     }
 
+    /// The fingerprint of the contents of the scene, and of the files that the settings name.
+    pub fn inputs(&self) -> &str {
+        &self.0.scene
+    }
+
     /// Fails if the sums in the file belong to another render.
     pub fn check_file(&self, path: &Path) -> Result<()> {
         let about = file::read_about(path)?;

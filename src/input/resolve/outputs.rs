@@ -58,6 +58,13 @@ impl Outputs {
         files
     }
 
+    /// The files that are replaced or removed: [`Outputs::files`], and the variances beside an earlier array.
+    pub fn replaced(&self) -> Vec<PathBuf> {
+        let mut files = self.files();
+        files.extend(self.npy.as_deref().map(npy_file::variance_path));
+        files
+    }
+
     /// The files that keep the sums.
     pub fn sums(&self) -> impl Iterator<Item = &Path> {
         let checkpoint = self.checkpoint.as_ref().map(|(path, _)| path);

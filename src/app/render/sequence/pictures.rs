@@ -7,8 +7,7 @@ use image::{Delay, Frame, RgbImage};
 use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::files::write_atomically;
-use taugate::internals::image::exr_file::read_picture;
-use taugate::internals::image::{npy_read, png_file};
+use taugate::internals::image::{exr_responses, npy_read, png_file};
 use taugate::internals::input::resolve::Outputs;
 use taugate::internals::input::sequence::Sequence;
 use taugate::internals::settings::exposure::Exposure;
@@ -65,17 +64,16 @@ pub fn write(sequence: &Sequence, session: &mut Session) -> Result<()> {
 
 /// The image of a frame. If the frame has several responses, their sum.
 fn read(outputs: &Outputs) -> Result<Linear> {
-    if let Some(path) = &outputs.npy {
-        let array = npy_read::read(path)?;
-        let mut rgb = vec![0.0; 3 * array.width * array.height];
-        for response in 0..array.images() {
-            rgb.iter_mut().zip(array.image(response)).for_each(|(sum, x)| *sum += x);
-        }
-        return Ok(Linear { width: array.width, height: array.height, rgb });
+    let array = match (&outputs.npy, &outputs.exr) {
+        (Some(path), _) => npy_read::read(path)?,
+        (None, Some(path)) => exr_responses::read(path)?.0,
+        (None, None) => return Err(Error::Settings("a sequence needs -o OUT.####.exr".into())),
+    };
+    let mut rgb = vec![0.0; 3 * array.width * array.height];
+    for response in 0..array.images() {
+        rgb.iter_mut().zip(array.image(response)).for_each(|(sum, x)| *sum += x);
     }
-    let path = outputs.exr.as_ref().ok_or_else(|| Error::Settings("a sequence needs -o OUT.####.exr".into()))?;
-    let picture = read_picture(path)?;
-    Ok(Linear { width: picture.width as usize, height: picture.height as usize, rgb: picture.rgb })
+    Ok(Linear { width: array.width, height: array.height, rgb })
 }
 
 /// All frames in rows: width, height and colours.
