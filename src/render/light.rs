@@ -243,3 +243,6 @@ impl Subpaths {
         self.recorder.dispatch("light_start", &self.start.0, &self.start.1, constants, groups)
     }
 }
+
+#[cfg(test)]
+mod tests;

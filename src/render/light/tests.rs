@@ -1,0 +1,71 @@
+//! Light vertices in an infinite medium spread as a closed form says.
+
+use glam::{DVec3, Vec3};
+
+use crate::generate::stage::{camera, light};
+use crate::gpu::Device;
+use crate::oracle::fog::second_moment;
+use crate::render::Renderer;
+use crate::scene::{LightKind, Medium, PhaseFunction, Scene};
+use crate::settings::{Estimator, Settings};
+use crate::wgsl::layout::constants::VERTEX_IN_MEDIUM;
+
+/// Ends of the intervals of travel time, in mean free paths.
+const ENDS: [f64; 6] = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
+const ITERATIONS: usize = 8;
+
+/// For each interval: the mean squared distance of the light from the lamp, relative to the closed form for the scattering
+/// coefficient `1 + wrong` per metre, and its standard error. The medium scatters once per metre, with the mean cosine `g`.
+fn moments(g: f64, wrong: f64) -> Vec<(f64, f64)> {
+    let phase = PhaseFunction::HenyeyGreenstein { g };
+    let media = vec![Medium { sigma_s: [1.0; 3], phase, ..Medium::default() }];
+    let mut scene = Scene { media, ..Scene::default() };
+    light(&mut scene, "lamp", DVec3::ZERO, DVec3::NEG_Y, LightKind::Point { intensity: [1.0; 3] });
+    camera(&mut scene, DVec3::Z * 5.0, DVec3::ZERO, 0.5, [4, 4]);
+    let settings = Settings::builder().estimator(Estimator::Bdpt).resolution([4, 4]).seed(3);
+    // Light travels 20 mean free paths in about 20 segments, and hardly ever in more than 60.
+    let settings = settings.max_depth(60).light_paths(16_000).splat_paths(0).build().unwrap();
+    let device = Device::open(None).expect("this test needs a Vulkan device: run ./setup.sh");
+    let mut renderer = Renderer::new(&device, &scene, &settings).unwrap();
+    let space = renderer.plan.space;
+    let lamp = space.point(DVec3::ZERO);
+    let mut ratios = vec![vec![]; ENDS.len() - 1];
+    for _ in 0..ITERATIONS {
+        let iteration = renderer.next_iteration(1);
+        let pool = renderer.build_pool(&iteration, &mut |_| ()).unwrap();
+        renderer.finish_iteration(1);
+        let mut sums = vec![[0.0; 2]; ENDS.len() - 1];
+        for v in pool.vertices.iter().filter(|v| v.flags & VERTEX_IN_MEDIUM != 0) {
+            let tau = f64::from(v.tau) * space.unit;
+            let Some(k) = ENDS.windows(2).position(|ends| (ends[0]..ends[1]).contains(&tau)) else { continue };
+            let distance = (Vec3::from(v.position) - lamp).as_dvec3().length() * space.unit;
+            let weight = f64::from(v.throughput[0]);
+            sums[k][0] += weight * distance * distance;
+            sums[k][1] += weight * second_moment(1.0 + wrong, g, tau);
+        }
+        ratios.iter_mut().zip(&sums).for_each(|(ratios, [found, expected])| ratios.push(found / expected));
+    }
+    let n = ITERATIONS as f64;
+    let mean = |ratios: &[f64]| ratios.iter().sum::<f64>() / n;
+    let error = |ratios: &[f64]| {
+        let m = mean(ratios);
+        (ratios.iter().map(|r| (r - m).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt()
+    };
+    ratios.iter().map(|ratios| (mean(ratios), error(ratios))).collect()
+}
+
+#[test]
+fn light_in_a_medium_spreads_as_the_closed_form_says() {
+    for g in [0.8, 0.0, -0.3] {
+        let found = moments(g, 0.0);
+        println!("g = {g}: {found:.4?}");
+        // 5 standard errors: there are 15 values, and the errors come from 8 iterations.
+        assert!(
+            found.iter().all(|(ratio, error)| (ratio - 1.0).abs() < 5.0 * error && *error < 0.005),
+            "g = {g}: {found:?}"
+        );
+    }
+    // Negative control: a coefficient that is wrong by 5 %.
+    let wrong = moments(0.0, 0.05);
+    assert!(wrong.iter().any(|(ratio, error)| (ratio - 1.0).abs() > 5.0 * error), "{wrong:?}");
+}
