@@ -1,0 +1,72 @@
+//! Merges experiments: flags have priority over the file.
+
+use super::Experiment;
+use crate::input::sequence::DEFAULT_FPS;
+use crate::settings::moment::Moment;
+use crate::settings::table::{CameraTable, GateTable, OutputTable};
+
+impl Experiment {
+    /// Merges two experiments: the settings of `self`, and those of `below` that `self` does not give. The list of lights counts
+    /// as one setting.
+    pub fn over(self, mut below: Experiment) -> Experiment {
+        // Keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
+        if let Some(Moment(seconds)) = self.input.at {
+            below.render_only(seconds);
+        }
+        if self.output.frames.is_some() {
+            below.input.at = None;
+        }
+        below.gate.leave_responses_to(&self.gate);
+        if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
+            (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
+            below.gate.gate_keys = None;
+        }
+        if self.gate.gate_keys.is_some() {
+            (below.gate.gate, below.gate.depth, below.gate.gates, below.gate.cw) = (None, None, None, None);
+        }
+        if self.gate.response.is_some() || self.gate.repeat.is_some() {
+            below.gate.cw = None;
+        }
+        if self.gate.cw.is_some() {
+            below.gate = GateTable { force: below.gate.force, ..GateTable::default() };
+        }
+        if self.camera.fov.is_some() || self.camera.ortho.is_some() {
+            (below.camera.fov, below.camera.ortho) = (None, None);
+        }
+        if self.render.spp.is_some() || self.render.time.is_some() {
+            (below.render.spp, below.render.time) = (None, None);
+        }
+        // If `self` names a camera, the place and the view in `below` may belong to another camera.
+        if self.camera.camera.is_some() {
+            let CameraTable { camera, resolution, crop, .. } = below.camera;
+            below.camera = CameraTable { camera, resolution, crop, ..CameraTable::default() };
+        }
+        Experiment {
+            scene: self.scene.or(below.scene),
+            camera: self.camera.over(below.camera),
+            emitter: self.emitter.over(below.emitter),
+            input: self.input.over(below.input),
+            gate: self.gate.over(below.gate),
+            render: self.render.over(below.render),
+            output: self.output.over(below.output),
+            medium: self.medium.over(below.medium),
+            light: if self.light.is_empty() { below.light } else { self.light },
+            scan: self.scan.or(below.scan),
+            response: vec![],
+        }
+    }
+
+    /// Turns a sequence of frames into the single moment at `seconds`, with the gate that the keys of the sequence give then.
+    fn render_only(&mut self, seconds: f64) {
+        let OutputTable { frames, fps, shard, contact_sheet, gif, .. } = &mut self.output;
+        let fps = fps.take().unwrap_or(DEFAULT_FPS);
+        if let Some(keys) = self.gate.gate_keys.take() {
+            self.gate.gate = Some(keys.gate(seconds * f64::from(fps)));
+        }
+        if frames.take().is_some() {
+            // The shard of a sequence is a part of its frames.
+            *shard = None;
+        }
+        (*contact_sheet, *gif) = (None, None);
+    }
+}
