@@ -89,6 +89,17 @@ fn clear_coats_and_specular_colours_are_read() {
     assert!(read(&glb).warnings[0].contains("clearcoatFactor of material `Paint` (7)"));
 }
 
+/// The extension gives an index of 0 the meaning of a Fresnel reflectance of 1.
+#[test]
+fn an_index_of_0_reflects_everything() {
+    let mut glb = complete();
+    extensions(&mut glb)["KHR_materials_ior"]["ior"] = json!(0);
+    let ior = read(&glb).materials[0].ior;
+    assert!(((ior - 1.0) / (ior + 1.0)).powi(2) > 0.99, "{ior}");
+    extensions(&mut glb)["KHR_materials_ior"]["ior"] = json!(0.5);
+    assert!(refusal(&glb.build()).contains("is 0.5, but must be at least 1"));
+}
+
 #[test]
 fn textures_of_transmission_are_read() {
     let mut glb = complete();

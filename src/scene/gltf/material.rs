@@ -135,6 +135,10 @@ impl Materials {
                 "the {specular_key} of material `{name}` is negative or not finite; correct it and re-export"
             ));
         }
+        // The extension gives 0 the meaning of a reflectance of 1 at all angles.
+        if ior == 0.0 {
+            ior = SpecularGlossiness::IOR;
+        }
         if !(ior.is_finite() && ior >= 1.0) {
             return Err(format!(
                 "the ior of material `{name}` is {ior}, but must be at least 1; set it to e.g. 1.5 and re-export"
