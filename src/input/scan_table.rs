@@ -8,6 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::scene::{Aim, Camera, Light, LightKind, Projection};
+use crate::settings::MAX_ROW;
 use crate::settings::keys::Dashed;
 use crate::settings::numbers::Numbers;
 
@@ -20,8 +21,8 @@ pub const LASER: &str = "scan laser";
 const DEFAULT_POWER: f64 = 1.0;
 /// Maximum divergence and field of view, in degrees.
 const MAX_ANGLE: f64 = 90.0;
-/// Maximum number of points of the laser, and of the sensor.
-const MAX_POINTS: usize = 65_535;
+/// Maximum number of points of the laser, and of the sensor, which have a pixel each in an image of one row.
+const MAX_POINTS: usize = MAX_ROW as usize;
 
 /// The keys of `[scan]` that no other table has. `[[light]]` has a power too.
 pub const KEYS: [&str; 8] = [
