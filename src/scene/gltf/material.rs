@@ -163,6 +163,11 @@ impl Materials {
             coated > 0.0 && !is_same_map(&clearcoat, source),
             "clear coats have the normals of the surface under them, although the file gives them others",
         );
+        let brightest = |color: [f32; 3]| color.into_iter().fold(0.0, f32::max);
+        ignored(
+            coated > 0.0 && brightest(emission) > 0.0,
+            "clear coats do not dim the light of lamps under them; if the lamps are too bright, lower the emission",
+        );
 
         let normal_scale = source.normal_texture.as_ref().map_or(1.0, |info| info.scale);
         let normal_scale = finite(normal_scale, &format!("the scale of the normalTexture of material `{name}`"))?;
@@ -172,7 +177,6 @@ impl Materials {
         };
         // A texture that multiplies a factor of 0 has no effect.
         let of = |factor: f32, info: &Option<Info>, slot: &str| if factor > 0.0 { used(info, slot) } else { Ok(None) };
-        let brightest = |color: [f32; 3]| color.into_iter().fold(0.0, f32::max);
         let mut uses = [
             // Three of these are replaced by those of KHR_materials_pbrSpecularGlossiness.
             used(&pbr.base_color_texture, "baseColorTexture")?,
