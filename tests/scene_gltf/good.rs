@@ -24,7 +24,7 @@ fn a_complete_file_is_read() {
 
     let material = &scene.materials[0];
     assert_eq!((material.base_color, material.metallic, material.roughness), ([0.5, 0.25, 1.0, 1.0], 0.0, 0.75));
-    assert_eq!((material.emission, material.specular, material.ior), ([4.0, 2.0, 0.0], 0.5, 1.25));
+    assert_eq!((material.emission, material.specular, material.ior), ([4.0, 2.0, 0.0], 1.0, 1.25));
     assert_eq!((material.transmission, material.alpha_mode), (0.125, AlphaMode::Mask(0.25)));
     assert!(material.double_sided);
     assert_eq!((material.base_color_texture, material.emission_texture), (Some(0), None));

@@ -103,6 +103,23 @@ fn a_lamp_under_a_clear_coat_gives_a_warning() {
     assert_eq!(read(&glb).warnings, Vec::<String>::new());
 }
 
+#[test]
+fn glass_with_specular_factors_gives_a_warning() {
+    for specular in [
+        json!({ "specularFactor": 0.5 }),
+        json!({ "specularColorFactor": [1.0, 0.5, 1.0] }),
+        json!({ "specularTexture": { "index": 0 } }),
+    ] {
+        let mut glb = complete();
+        extensions(&mut glb)["KHR_materials_specular"] = specular;
+        let warnings = read(&glb).warnings;
+        assert!(warnings.len() == 1 && warnings[0].contains("set the ior"), "{warnings:?}");
+        // Metals let no light through, so they are no glass.
+        glb.json["materials"][0]["pbrMetallicRoughness"]["metallicFactor"] = json!(1);
+        assert_eq!(read(&glb).warnings, Vec::<String>::new());
+    }
+}
+
 /// The extension gives an index of 0 the meaning of a Fresnel reflectance of 1.
 #[test]
 fn an_index_of_0_reflects_everything() {

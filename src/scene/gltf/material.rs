@@ -168,6 +168,13 @@ impl Materials {
             coated > 0.0 && brightest(emission) > 0.0,
             "clear coats do not dim the light of lamps under them; if the lamps are too bright, lower the emission",
         );
+        let has_specular_texture = specular.specular_texture.is_some() || specular.specular_color_texture.is_some();
+        let has_plain_gloss = reflected == 1.0 && specular_color == [1.0; 3] && !has_specular_texture;
+        let has_glass = transmitted > 0.0 && (metallic < 1.0 || pbr.metallic_roughness_texture.is_some());
+        ignored(
+            has_glass && !has_plain_gloss,
+            "glass reflects as its index of refraction says, whatever its specular factors are; set the ior to change it",
+        );
 
         let normal_scale = source.normal_texture.as_ref().map_or(1.0, |info| info.scale);
         let normal_scale = finite(normal_scale, &format!("the scale of the normalTexture of material `{name}`"))?;
