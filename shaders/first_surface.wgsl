@@ -18,7 +18,7 @@ fn first_surface(@builtin(global_invocation_id) id: vec3<u32>) {
     let index = dispatch.first + id.x;
     let column = frame.crop_x + index % frame.crop_width;
     let row = frame.crop_y + index / frame.crop_width;
-    let ray = camera_ray(vec2<f32>(f32(column), f32(row)) + 0.5);
+    let ray = camera_ray(vec2<u32>(column, row), vec2<f32>(0.5));
     let direction = normalize(ray.direction);
     let hit = trace(ray.origin, direction, 3e38, false, NONE, vec4<u32>(0u));
     var near = vec4<u32>(0u);

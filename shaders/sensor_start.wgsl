@@ -17,7 +17,7 @@ fn sensor_start(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let sensor = sensor_sample(slot);
     let u = stratified2(sensor.index, frame.iteration, sensor.number, PAIR_PIXEL, frame.seed);
-    let ray = camera_ray(vec2<f32>(sensor.pixel) + u);
+    let ray = camera_ray(sensor.pixel, u);
     let length2 = dot(ray.direction, ray.direction);
     let direction = ray.direction * inverseSqrt(length2);
 

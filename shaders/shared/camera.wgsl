@@ -26,14 +26,16 @@ struct SensorSegment {
     length: f32,
 }
 
-// Camera ray through the film point `p`, in pixels of the whole film with row 0 at the top.
-fn camera_ray(p: vec2<f32>) -> CameraRay {
+// Camera ray through the point `u` of a pixel, (0, 0) to (1, 1) from its upper left corner. `pixel`: column and row in the whole film,
+// with row 0 at the top.
+fn camera_ray(pixel: vec2<u32>, u: vec2<f32>) -> CameraRay {
     if (HAS_AIMS) {
-        let axis = load_aim(vec2<u32>(p)).xyz;
-        let offset = (2.0 * fract(p) - 1.0) * frame.extent;
+        // The sum of both may round up to the next pixel, which looks elsewhere.
+        let axis = load_aim(pixel).xyz;
+        let offset = (2.0 * u - 1.0) * frame.extent;
         return CameraRay(frame.sensor, frame_around(axis) * vec3<f32>(offset, 1.0));
     }
-    let q = p - frame.principal_offset;
+    let q = vec2<f32>(pixel) + u - frame.principal_offset;
     let x = (2.0 * q.x / f32(frame.width) - 1.0) * frame.extent.x;
     let y = (1.0 - 2.0 * q.y / f32(frame.height)) * frame.extent.y;
     if (HAS_ORTHOGRAPHIC) {

@@ -52,11 +52,18 @@ fn surface_at(index: u32, u: f32, v: f32) -> Surface {
         let c = attributes[numbers.z];
         let w = 1.0 - u - v;
         s.uv = w * vec2<f32>(a.u, a.v) + u * vec2<f32>(b.u, b.v) + v * vec2<f32>(c.u, c.v);
+        var flips = false;
         if ((t.material & TRIANGLE_SMOOTH) != 0u) {
-            s.normal = shading_normal(a.normal, b.normal, c.normal, vec3<f32>(w, u, v), t.instance, s.geometric);
+            let normal = shading_normal(a.normal, b.normal, c.normal, vec3<f32>(w, u, v), t.instance, s.geometric);
+            flips = dot(normal, s.geometric) < 0.0;
+            s.normal = select(normal, -normal, flips);
         }
         if ((HAS_VERTEX_COLORS || HAS_NORMAL_MAPS) && (t.material & TRIANGLE_DETAILED) != 0u) {
             add_details(&s, numbers, vec3<f32>(w, u, v), t.instance, facing);
+        }
+        if (HAS_NORMAL_MAPS && flips) {
+            // A normal map turns the normal of the mesh. Where this normal is flipped, the turn must be flipped too.
+            s.tangent = -s.tangent;
         }
     }
     return s;
@@ -98,8 +105,8 @@ fn plane_normal(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return frame_around(normalize(select(b, a, dot(a, a) > dot(b, b)) / size))[0];
 }
 
-// Unit shading normal in world space: the interpolated corner normals, flipped to the side of `geometric`. It is `geometric`
-// if the corner normals cancel.
+// Unit normal in world space, interpolated between the corners; on either side of the surface. It is `geometric` if the corner
+// normals cancel.
 fn shading_normal(a: u32, b: u32, c: u32, weights: vec3<f32>, instance: u32, geometric: vec3<f32>) -> vec3<f32> {
     let local = weights.x * decode_octahedral(a) + weights.y * decode_octahedral(b) + weights.z * decode_octahedral(c);
     let m = load_instance(instance);
@@ -108,8 +115,7 @@ fn shading_normal(a: u32, b: u32, c: u32, weights: vec3<f32>, instance: u32, geo
     if (!(length2 > 1e-12)) {
         return geometric;
     }
-    let n = world * inverseSqrt(length2);
-    return select(n, -n, dot(n, geometric) < 0.0);
+    return world * inverseSqrt(length2);
 }
 
 // Linear base colour (xyz) and alpha (w) at the point.

@@ -182,7 +182,10 @@ fn scatter(state: ptr<function, PathState>, v: PathVertex, carried_before: f32, 
         return true;
     }
     let m = load_material(v.material);
-    let is_mirror = metallic_and_alpha(m, v.base_color).x >= 1.0 && !(HAS_CLEARCOAT && m.clearcoat > 0.0);
+    // A vertex with several lobes, or with a normal map, chooses at random.
+    let has_more_lobes = (HAS_CLEARCOAT && m.clearcoat > 0.0) || (HAS_RETROREFLECTORS && m.retroreflection > 0.0);
+    let is_bumped = HAS_NORMAL_MAPS && (v.flags & VERTEX_BUMPED) != 0u;
+    let is_mirror = metallic_and_alpha(m, v.base_color).x >= 1.0 && !has_more_lobes && !is_bumped;
     if (!(s.delta && is_mirror)) {
         (*state).flags &= ~PATH_DETERMINISTIC;
     }

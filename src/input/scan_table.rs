@@ -1,6 +1,5 @@
 //! `[scan]` of an experiment file: a laser and a sensor that look at points of a wall, or in directions as a LiDAR does.
 
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -9,6 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::scene::{Aim, Camera, Light, LightKind, Projection};
+use crate::settings::MAX_ROW;
 use crate::settings::keys::Dashed;
 use crate::settings::numbers::Numbers;
 
@@ -21,8 +21,8 @@ pub const LASER: &str = "scan laser";
 const DEFAULT_POWER: f64 = 1.0;
 /// Maximum divergence and field of view, in degrees.
 const MAX_ANGLE: f64 = 90.0;
-/// Maximum number of points of the laser, and of the sensor.
-const MAX_POINTS: usize = 65_535;
+/// Maximum number of points of the laser, and of the sensor, which have a pixel each in an image of one row.
+const MAX_POINTS: usize = MAX_ROW as usize;
 
 /// The keys of `[scan]` that no other table has. `[[light]]` has a power too.
 pub const KEYS: [&str; 8] = [
@@ -249,11 +249,7 @@ impl Scan {
             direction: (self.laser_points[index] - self.laser).normalize(),
             kind: match self.divergence > 0.0 {
                 false => LightKind::Beam { power: [self.power as f32; 3], radius: 0.0 },
-                true => {
-                    let half = 0.5 * self.divergence;
-                    let solid_angle = 4.0 * PI * (0.5 * half).sin().powi(2);
-                    LightKind::spot([(self.power / solid_angle) as f32; 3], half as f32, half as f32)
-                }
+                true => LightKind::cone(self.power, 0.5 * self.divergence),
             },
         }
     }
@@ -323,6 +319,8 @@ impl<'de> Deserialize<'de> for ScanTable {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
     use crate::input::experiment::Experiment;
 
@@ -383,9 +381,11 @@ mod tests {
             assert!(direction(index).distance(wanted(azimuth, elevation)) < 1e-12, "{index}");
         }
         // All of the power, 1 W, is in the cone.
-        let LightKind::Spot { intensity, outer, .. } = scan.light(0).kind else { panic!("a cone is a spot light") };
-        let power = f64::from(intensity[0]) * 2.0 * PI * (1.0 - f64::from(outer).cos());
-        assert!((power - 1.0).abs() < 1e-4, "{power}");
+        let LightKind::Spot { intensity, inner, outer } = scan.light(0).kind else { panic!("a cone is a spot light") };
+        let cap = |half: f32| 4.0 * PI * (0.5 * f64::from(half)).sin().powi(2);
+        // The integral of the falloff, the square of a ramp, is a third of the solid angle between the cones.
+        let power = f64::from(intensity[0]) * (cap(inner) + (cap(outer) - cap(inner)) / 3.0);
+        assert!((power - 1.0).abs() < 1e-6, "{power}");
     }
 
     #[test]

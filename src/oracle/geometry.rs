@@ -90,7 +90,7 @@ pub struct Surface {
     pub position: DVec3,
     /// Unit geometric normal of the front side.
     pub geometric: DVec3,
-    /// Unit shading normal of the front side: interpolated, or the geometric normal if the mesh has no normals.
+    /// Unit shading normal on the front side: interpolated, or the geometric normal if the mesh has no normals.
     pub shading: DVec3,
     pub uv: DVec2,
     /// Linear vertex colour and alpha; white if the mesh has none.
@@ -287,11 +287,13 @@ impl<'a> Geometry<'a> {
         let corners = mesh.triangles[triangle.index as usize].map(|i| i as usize);
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let mut shading = triangle.normal;
+        let mut flip = 1.0;
         if !mesh.normals.is_empty() {
             let to_world: DMat3 = instance.transform.matrix3.inverse().transpose();
             let blend: DVec3 =
                 corners.iter().zip(weights).map(|(&i, w)| Vec3::from(mesh.normals[i]).as_dvec3() * w).sum();
             shading = (to_world * blend).try_normalize().unwrap_or(shading);
+            flip = if shading.dot(triangle.normal) < 0.0 { -1.0 } else { 1.0 };
         }
         let mut uv = DVec2::ZERO;
         if !mesh.uvs.is_empty() {
@@ -308,12 +310,13 @@ impl<'a> Geometry<'a> {
             let of = |i: usize| Vec4::from(mesh.tangents[i]).truncate().as_dvec3();
             let tangent: DVec3 = corners.iter().zip(weights).map(|(&i, w)| of(i) * w).sum();
             let bitangent = normal.cross(tangent) * f64::from(mesh.tangents[corners[0]][3]);
-            [matrix * tangent, matrix * bitangent]
+            // A normal map turns the normal of the mesh. Where this normal is flipped, the turn must be flipped too.
+            [matrix * tangent * flip, matrix * bitangent * flip]
         });
         Surface {
             position: triangle.point(hit.u, hit.v),
             geometric: triangle.normal,
-            shading,
+            shading: shading * flip,
             uv,
             color,
             tangents,

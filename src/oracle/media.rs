@@ -127,7 +127,7 @@ impl<'a> Media<'a> {
         while let Some(hit) = geometry.closest_but(&ray, &passed) {
             let surface = geometry.surface(&hit);
             passed.push(hit.triangle);
-            if geometry.scene.materials[surface.material as usize].transmission == 0.0 {
+            if !geometry.scene.materials[surface.material as usize].transmits() {
                 continue;
             }
             match surface.geometric.dot(ray.direction) > 0.0 {

@@ -122,7 +122,7 @@ impl<'a> World<'a> {
             surface,
             frame: [x, z.cross(x), z],
             // The back of glass is the inside of a solid, so it is never black, even if the material is single-sided.
-            black: inside && !material.double_sided && material.transmission == 0.0,
+            black: inside && !material.double_sided && !material.transmits(),
             bsdf,
         }
     }
@@ -201,5 +201,26 @@ impl Vertex<'_> {
 
     fn local(&self, w: DVec3) -> DVec3 {
         DVec3::new(self.frame[0].dot(w), self.frame[1].dot(w), self.frame[2].dot(w))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{shapes, stage};
+
+    /// The default metalness of glTF is 1. It leaves no light for a transmission, so the back of such a material is black.
+    #[test]
+    fn a_metal_has_a_black_back_whatever_its_transmission() {
+        for (metallic, black) in [(1.0, true), (0.5, false)] {
+            let mut scene = Scene::default();
+            let kind = Material { transmission: 1.0, metallic, double_sided: false, ..stage::glass("sheet") };
+            let sheet = stage::material(&mut scene, kind);
+            stage::add(&mut scene, "sheet", sheet, shapes::quad(DVec3::ZERO, DVec3::X, DVec3::Y, [1.0; 2]));
+            let world = World::new(&scene, &Emitters::Scene);
+            let ray = Ray::new(DVec3::new(0.3, 0.3, -1.0), DVec3::Z);
+            let back = world.trace(ray, &mut Pcg::new(1)).unwrap();
+            assert_eq!((back.inside, back.black), (true, black), "metalness {metallic}");
+        }
     }
 }

@@ -14,24 +14,26 @@ pub struct ShadingAttributes {
     pub normal_matrix: [u32; 9],
 }
 
-/// Removes every triangle whose corners, orientation, material and shading attributes equal those of an earlier triangle.
-/// Returns the number of removed triangles and the instance of the first one; `None` if no triangle was removed.
+/// Removes every triangle whose corners, orientation, material and shading attributes equal those of an earlier triangle. A
+/// triangle without attributes (`None`) stays: it is a translucent layer, and each layer dims the light behind it. Returns the number of
+/// removed triangles and the instance of the first one; `None` if no triangle was removed.
 pub fn drop_copies(
     triangles: &mut Vec<Triangle>,
-    attributes: impl Fn(&Triangle) -> ShadingAttributes,
+    attributes: impl Fn(&Triangle) -> Option<ShadingAttributes>,
 ) -> Option<(usize, u32)> {
     let mut keys: Vec<(u64, u32)> =
         triangles.par_iter().enumerate().map(|(i, t)| (hash(position_key(t).0.map(u64::from)), i as u32)).collect();
     keys.par_sort_unstable();
     let identity = |t: &Triangle| {
         let (key, first) = position_key(t);
-        let ShadingAttributes { corners, normal_matrix } = attributes(t);
-        (key, [0, 1, 2].map(|k| corners[(first + k) % 3]), normal_matrix)
+        let ShadingAttributes { corners, normal_matrix } = attributes(t)?;
+        Some((key, [0, 1, 2].map(|k| corners[(first + k) % 3]), normal_matrix))
     };
     let mut copies = vec![];
     for run in keys.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() > 1) {
         let mut seen = std::collections::HashSet::new();
-        copies.extend(run.iter().map(|&(_, i)| i).filter(|&i| !seen.insert(identity(&triangles[i as usize]))));
+        let mut is_copy = |i: u32| identity(&triangles[i as usize]).is_some_and(|identity| !seen.insert(identity));
+        copies.extend(run.iter().map(|&(_, i)| i).filter(|&i| is_copy(i)));
     }
     copies.sort_unstable();
     let first = triangles[*copies.first()? as usize].instance;
@@ -60,7 +62,38 @@ fn position_key(t: &Triangle) -> ([u32; 10], usize) {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
+    use crate::generate::{shapes, stage};
+    use crate::render::albedo::AlbedoTable;
+    use crate::render::geometry::Geometry;
+    use crate::render::space::RenderSpace;
+    use crate::scene::{AlphaMode, Material, Scene};
+    use crate::settings::Emitters;
+
+    /// Two quads in one place. Each translucent layer dims the light behind it, but a lamp must not shine twice.
+    #[test]
+    fn translucent_layers_in_one_place_stay() {
+        let cases = [
+            (AlphaMode::Blend, 0.5, 0.0, 4),
+            (AlphaMode::Blend, 0.5, 1.0, 2),
+            (AlphaMode::Blend, 1.0, 0.0, 2),
+            (AlphaMode::Mask(0.6), 0.5, 0.0, 2),
+        ];
+        for (alpha_mode, alpha, emission, expected) in cases {
+            let mut scene = Scene::default();
+            let film = Material { alpha_mode, emission: [emission; 3], ..stage::diffuse("film", [0.5; 3]) };
+            let film = Material { base_color: [0.5, 0.5, 0.5, alpha], ..film };
+            let film = stage::material(&mut scene, film);
+            for name in ["front", "back"] {
+                stage::add(&mut scene, name, film, shapes::quad(DVec3::ZERO, DVec3::X, DVec3::Y, [1.0; 2]));
+            }
+            let space = RenderSpace::metres(DVec3::ZERO);
+            let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
+            assert_eq!(geometry.triangles.len(), expected, "{alpha_mode:?}, alpha {alpha}, emission {emission}");
+        }
+    }
 
     #[test]
     fn copies_are_those_that_cannot_be_told_apart() {
@@ -73,7 +106,7 @@ mod tests {
             v2,
             material,
         };
-        let plain = |_: &Triangle| ShadingAttributes::default();
+        let plain = |_: &Triangle| Some(ShadingAttributes::default());
         let one = triangle([a, b, c], 0, 5);
         let others = [
             triangle([b, a, c], 1, 5),
@@ -95,9 +128,9 @@ mod tests {
         // Instance 1 lists the same corners with the same texture coordinates, but starts at another corner. Instance 2 has
         // other texture coordinates.
         let coordinates = [[[7; 6], [8; 6], [9; 6]], [[8; 6], [9; 6], [7; 6]], [[7; 6], [8; 6], [1; 6]]];
-        let attributes = |t: &Triangle| ShadingAttributes {
-            corners: coordinates[t.instance as usize],
-            ..ShadingAttributes::default()
+        let attributes = |t: &Triangle| {
+            let corners = coordinates[t.instance as usize];
+            Some(ShadingAttributes { corners, ..ShadingAttributes::default() })
         };
         let mut all = vec![triangle([a, b, c], 0), triangle([b, c, a], 1), triangle([a, b, c], 2)];
         assert_eq!(drop_copies(&mut all, attributes), Some((1, 1)));

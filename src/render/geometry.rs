@@ -4,7 +4,7 @@ use glam::{DAffine2, DMat3, DVec3};
 
 use super::albedo::AlbedoTable;
 use super::duplicates::{ShadingAttributes, drop_copies};
-use super::material::{Features, Material, MaterialSet};
+use super::material::{Features, MATERIAL_BLEND, Material, MaterialSet};
 use super::space::RenderSpace;
 use crate::bvh::{self, Bvh};
 use crate::scene::{Image, Instance, Mesh, Scene, Wrap};
@@ -151,9 +151,14 @@ impl Part {
 }
 
 impl Geometry {
-    /// The data that distinguish the triangle from others with the same corners and material.
-    fn shading_attributes(&self, t: &Triangle) -> ShadingAttributes {
+    /// The data that distinguish the triangle from others with the same corners and material. `None` for a translucent layer. A
+    /// translucent lamp does not count as one, because each of its copies would shine.
+    fn shading_attributes(&self, t: &Triangle) -> Option<ShadingAttributes> {
         let material = &self.materials[(t.material & TRIANGLE_MATERIAL) as usize];
+        let is_translucent = t.material & TRIANGLE_ALPHA != 0 && material.flags & MATERIAL_BLEND != 0;
+        if is_translucent && material.emission == [0.0; 3] {
+            return None;
+        }
         let smooth = t.material & TRIANGLE_SMOOTH != 0;
         let textured = material.textures().iter().any(|&texture| texture != NONE);
         let corner = |k: u32| {
@@ -165,10 +170,10 @@ impl Geometry {
         };
         let InstanceNormals { x, y, z, .. } = self.instances[t.instance as usize];
         let columns: [f32; 9] = bytemuck::cast([x, y, z]);
-        ShadingAttributes {
+        Some(ShadingAttributes {
             corners: if t.corner == NONE { [[0; 6]; 3] } else { [0, 1, 2].map(corner) },
             normal_matrix: if smooth || material.normal_texture != NONE { columns.map(f32::to_bits) } else { [0; 9] },
-        }
+        })
     }
 }
 

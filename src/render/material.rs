@@ -164,15 +164,14 @@ impl<'a> MaterialSet<'a> {
         let f90 = if uncolored > 0.0 { m.specular } else { 0.0 };
         let smoothed = |roughness: f32| Some(roughness * roughness).filter(|a| *a >= DELTA_ALPHA).unwrap_or(0.0);
         let mut alpha = smoothed(m.roughness);
-        if m.transmission > 0.0 && (ior - 1.0).abs() < 1e-5 {
+        let transmits = m.transmits();
+        if transmits && (ior - 1.0).abs() < 1e-5 {
             alpha = 0.0;
         }
         let emission = if is_emitter { m.emission } else { [0.0; 3] };
         let emission_texture = if emission == [0.0; 3] { None } else { m.emission_texture };
         let coats = [specular_texture, specular_color_texture, clearcoat_texture, clearcoat_roughness_texture];
         let coat_varies = coats.iter().any(|texture| texture.is_some());
-        // A texture may make the metalness smaller than its factor.
-        let transmits = m.transmission > 0.0 && (m.metallic < 1.0 || m.surface_texture.is_some());
         let transmission_texture = m.transmission_texture.filter(|_| transmits);
         let varies = coat_varies || m.surface_texture.is_some() || transmission_texture.is_some();
         self.features.surface_textures |= varies;
@@ -180,7 +179,7 @@ impl<'a> MaterialSet<'a> {
         self.features.normal_maps |= normal_texture.is_some();
         let retroreflector = m.retroreflector.filter(|retroreflector| retroreflector.share > 0.0);
         self.features.retroreflectors |= retroreflector.is_some();
-        let has_lobes = m.metallic > 0.0 || f90 > 0.0 || m.transmission > 0.0 || m.clearcoat > 0.0;
+        let has_lobes = m.metallic > 0.0 || f90 > 0.0 || transmits || m.clearcoat > 0.0;
         self.features.glossy |= has_lobes || retroreflector.is_some();
         self.features.specular_colors |= f0_color != [f0; 3] || specular_color_texture.is_some();
         self.features.clearcoat |= m.clearcoat > 0.0;
@@ -206,7 +205,7 @@ impl<'a> MaterialSet<'a> {
             alpha,
             f0,
             ior,
-            transmission: m.transmission,
+            transmission: if transmits { m.transmission } else { 0.0 },
             diffuse_scale: (1.0 / (std::f64::consts::PI * below)) as f32,
             alpha_cutoff: cutoff,
             flags: mode | varying | if m.double_sided { MATERIAL_DOUBLE_SIDED } else { 0 },

@@ -11,6 +11,7 @@ mod compressed;
 mod document;
 mod draco;
 mod extension;
+mod flat;
 mod image;
 mod instancing;
 mod jpeg;
@@ -189,12 +190,18 @@ fn place(
             return Err(instancing::too_many());
         }
         for transform in transforms {
-            if is_singular(&transform) {
-                warnings.once("singular", || format!("node `{name}` is scaled to nothing, so its mesh is left out"));
-                continue;
+            let flattens = is_singular(&transform);
+            for mesh in range.clone() {
+                let usable =
+                    if flattens { flat::invertible(&transform, &meshes.meshes[mesh]) } else { Some(transform) };
+                match usable {
+                    Some(transform) => {
+                        instances.push(Instance { mesh: mesh as u32, transform, node: name.clone() });
+                    }
+                    None => warnings
+                        .once("singular", || format!("node `{name}` is scaled to nothing, so its mesh is left out")),
+                }
             }
-            let instance = |mesh: usize| Instance { mesh: mesh as u32, transform, node: name.clone() };
-            instances.extend(range.clone().map(instance));
         }
     }
     Ok(instances)

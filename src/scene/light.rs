@@ -1,5 +1,7 @@
 //! Lights without a surface: their kinds, and the properties of each kind that the rest of the program needs.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 
 use super::check::{MAX_COORDINATE, is_unit};
@@ -7,6 +9,8 @@ use super::check::{MAX_COORDINATE, is_unit};
 /// Upper bound on the irradiance of a sun in W / m^2, and on the radiance of a sky in W / (m^2 sr). The device represents a sun by
 /// a far point, whose intensity must be finite.
 pub(crate) const MAX_DISTANT: f32 = 1e20;
+/// Maximum of the inner half angle of a spot, relative to the outer one.
+const SHARPEST: f32 = 0.999;
 
 /// A light without a surface.
 #[derive(Debug, Clone, PartialEq)]
@@ -94,7 +98,15 @@ impl LightKind {
     /// A spot light with a cone from `inner` to `outer` (half angles in radians). Where they are equal, `inner` becomes slightly
     /// smaller: without room for the falloff, the falloff would divide by zero.
     pub fn spot(intensity: [f32; 3], inner: f32, outer: f32) -> LightKind {
-        LightKind::Spot { intensity, inner: inner.min(0.999 * outer), outer }
+        LightKind::Spot { intensity, inner: inner.min(SHARPEST * outer), outer }
+    }
+
+    /// A spot light whose cone of the half angle `half`, in radians, has the same intensity everywhere. It emits `power` W per channel.
+    pub(crate) fn cone(power: f64, half: f64) -> LightKind {
+        let outer = half as f32;
+        let inner = SHARPEST * outer;
+        let intensity = (power / spot_solid_angle(cap_height(inner), cap_height(outer))) as f32;
+        LightKind::Spot { intensity: [intensity; 3], inner, outer }
     }
 
     /// Radiant intensity (W / sr), power (W), irradiance (W / m^2) or radiance (W / (m^2 sr)), for red, green and blue.
@@ -144,4 +156,16 @@ impl LightKind {
             LightKind::Sky { radiance: [r, g, b] } => format!("sky, radiance ({r}, {g}, {b}) W/(m^2 sr)"),
         }
     }
+}
+
+/// 1 - cosine of `angle` in radians, as 2 sin^2(angle / 2), which stays accurate for small angles.
+pub(crate) fn cap_height(angle: f32) -> f64 {
+    2.0 * (0.5 * f64::from(angle)).sin().powi(2)
+}
+
+/// Power of a spot over its intensity, in sr. `inner` and `outer`: 1 - cosine of the half angles. The falloff is 1 inside the inner
+/// cone. From there to the outer cone it is the square of a ramp from 1 to 0, linear in the cosine; the integral of that square is 1/3
+/// of the solid angle between the cones.
+pub(crate) fn spot_solid_angle(inner: f64, outer: f64) -> f64 {
+    2.0 * PI * (inner + (outer - inner) / 3.0)
 }

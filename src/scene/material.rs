@@ -169,6 +169,12 @@ impl Material {
         Material { emission: radiance, double_sided: false, ..Material::diffuse(name, [0.0; 3]) }
     }
 
+    /// Whether light passes through surfaces of this material. The metallic part of a material is opaque; a texture may lower the
+    /// metalness.
+    pub(crate) fn transmits(&self) -> bool {
+        self.transmission > 0.0 && (self.metallic < 1.0 || self.surface_texture.is_some())
+    }
+
     /// Whether surfaces of this material only bound a medium: they do not reflect, refract or colour light that comes from a
     /// medium with the index `outside`. Such boundaries do not count as vertices of paths.
     pub fn is_null_boundary(&self, outside: f32) -> bool {

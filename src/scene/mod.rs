@@ -22,8 +22,8 @@ use std::collections::BTreeSet;
 use glam::{BVec3, DAffine2, DAffine3, DVec3, Vec3};
 
 pub use camera::{Aim, Camera, Projection};
-pub(crate) use light::MAX_DISTANT;
 pub use light::{Light, LightKind};
+pub(crate) use light::{MAX_DISTANT, cap_height, spot_solid_angle};
 pub use material::{AlphaMode, Material, Retroreflector};
 pub use medium::{DensityGrid, GridFilter, MAX_COEFFICIENT, Medium, PhaseFunction, surrounding_indices};
 pub use optical_thickness::optical_thickness;

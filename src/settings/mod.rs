@@ -69,6 +69,8 @@ pub const DEFAULT_WIDTH: u32 = 512;
 
 /// Maximum number of pixels along one side of the image.
 pub const MAX_SIDE: u32 = 16_384;
+/// Maximum number of pixels in an image of one row, as scans have: the list of samples stores a column in 16 bits.
+pub const MAX_ROW: u32 = 65_535;
 /// Maximum number of pixels in an image: 64 Mi.
 pub const MAX_PIXELS: u64 = 1 << 26;
 /// Maximum number of samples per pixel.
@@ -208,8 +210,9 @@ impl PartialEq for Settings {
 
 /// Fails if an image cannot have this width and height in pixels. `source` says where the size comes from, for the message.
 pub fn check_resolution(source: &str, [width, height]: [u32; 2]) -> Result<()> {
-    let fits = |side: u32| (1..=MAX_SIDE).contains(&side);
-    if fits(width) && fits(height) && u64::from(width) * u64::from(height) <= MAX_PIXELS {
+    let longest = if height == 1 { MAX_ROW } else { MAX_SIDE };
+    let fits = (1..=longest).contains(&width) && (1..=MAX_SIDE).contains(&height);
+    if fits && u64::from(width) * u64::from(height) <= MAX_PIXELS {
         return Ok(());
     }
     Err(Error::Settings(format!(

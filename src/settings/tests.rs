@@ -40,6 +40,8 @@ fn settings_outside_their_limits_are_not_built() {
         (builder().budget(Budget::Spp(0)), "--spp is 0"),
         (builder().budget(Budget::Seconds(f64::NAN)), "--time must be more than 0"),
         (builder().resolution([0, 5]), "--resolution"),
+        (builder().resolution([16_385, 2]), "sides must be from 1 to 16384"),
+        (builder().resolution([65_536, 1]), "sides must be from 1 to 16384"),
         (builder().crop(crop), "does not lie inside the image of 512x512"),
         (builder().gate(Gate { lo: 2.0, hi: 1.0 }), "reversed"),
         (builder().gate(Gate { lo: f64::NAN, hi: 1.0 }), "NaN"),
@@ -47,4 +49,6 @@ fn settings_outside_their_limits_are_not_built() {
         let message = wrong.build().unwrap_err().to_string();
         assert!(message.contains(part), "{message}");
     }
+    // A scan has one row of pixels, which may be longer.
+    assert!(builder().resolution([65_535, 1]).build().is_ok());
 }

@@ -67,6 +67,24 @@ fn a_scan_is_an_array_of_gates_and_points() {
     }
 }
 
+/// A scan may have more points than an image may have columns.
+#[test]
+fn a_scan_has_as_many_points_as_its_table_allows() {
+    let here = folder();
+    let here = here.path();
+    assert!(taugate(here, &["generate", "hidden-letter", "-o", "letter.glb"]).status.success());
+    let grid = "{ corner = [-0.4, 0.4, 0], across = [0.8, 0, 0], down = [0, -0.8, 0], count = [200, 100] }";
+    write(here, "many.toml", &format!("laser-points = [[0, 0, 0]]\nsensor-points = {grid}"), "light-paths = 100");
+    let output = taugate(here, &["render", "many.toml", "-o", "m.npy", "--spp", "1", "-q"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let light = read(&here.join("m.npy"));
+    let of_points = |from: usize, to: usize| {
+        (0..5).flat_map(|gate| &light[20_000 * gate + from..20_000 * gate + to]).filter(|x| **x > 0.0).count()
+    };
+    let [before, beyond] = [of_points(0, 16_384), of_points(16_384, 20_000)];
+    assert!(light.len() == 100_000 && before > 1000 && beyond > 200, "{before} {beyond}");
+}
+
 /// A LiDAR in front of the wall: each beam sees the wall at its distance.
 #[test]
 fn a_lidar_measures_distances() {

@@ -109,7 +109,7 @@ pub fn complete() -> Glb {
         "emissiveFactor": [1.0, 0.5, 0.0],
         "extensions": {
             "KHR_materials_emissive_strength": { "emissiveStrength": 4.0 }, "KHR_materials_ior": { "ior": 1.25 },
-            "KHR_materials_specular": { "specularFactor": 0.5 },
+            "KHR_materials_specular": { "specularFactor": 1.0 },
             "KHR_materials_transmission": { "transmissionFactor": 0.125 },
         },
     });

@@ -4,16 +4,16 @@ use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
 use taugate::internals::wgsl::layout::{Frame, NONE};
 
-use crate::shader_function::ShaderFunction;
-use crate::values::{dvec, frame, vec3};
+use crate::shader_function::{ShaderFunction, contents};
+use crate::values::{direction, dvec, frame, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&FILM, &TO_SENSOR];
+pub const KERNELS: &[&ShaderFunction] = &[&FILM, &TO_SENSOR, &AIMED];
 
 const FILM: ShaderFunction = ShaderFunction {
     imports: &["camera"],
     input: "p: vec2<f32>, scale: f32, pad: f32",
     result: "d: vec3<f32>, pdf: f32, pixel: u32, behind: u32, pad: vec2<u32>",
-    body: "result.d = camera_ray(input.p).direction;
+    body: "result.d = camera_ray(vec2<u32>(0u), input.p).direction;
         result.pdf = pixel_pdf(dot(normalize(result.d), frame.forward));
         result.pixel = pixel_of(input.scale * result.d); result.behind = pixel_of(-result.d);",
 };
@@ -23,11 +23,19 @@ const TO_SENSOR: ShaderFunction = ShaderFunction {
     imports: &["camera"],
     input: "p: vec2<f32>, distance: f32, pad: f32",
     result: "origin: vec3<f32>, length: f32, direction: vec3<f32>, pdf: f32, end: vec3<f32>, pixel: u32, nearest: vec3<f32>, pad: u32",
-    body: "let ray = camera_ray(input.p); let point = ray.origin + input.distance * ray.direction;
+    body: "let ray = camera_ray(vec2<u32>(0u), input.p); let point = ray.origin + input.distance * ray.direction;
         let to_sensor = segment_to_sensor(point);
         result.origin = ray.origin; result.direction = to_sensor.direction; result.length = to_sensor.length;
         result.end = to_sensor.end; result.nearest = nearest_sensor_point(point); result.pdf = pixel_pdf(0.5);
         result.pixel = pixel_of(point - frame.sensor);",
+};
+
+/// A scanning sensor of one row.
+const AIMED: ShaderFunction = ShaderFunction {
+    imports: &["camera"],
+    input: "u: vec2<f32>, column: u32, pad: u32",
+    result: "d: vec3<f32>, pad: f32",
+    body: "result.d = camera_ray(vec2<u32>(input.column, 0u), input.u).direction;",
 };
 
 fn camera(f: &mut Frame) {
@@ -155,4 +163,35 @@ fn parallel_rays_invert_the_film() {
         on += usize::from(inside);
     }
     assert!(on > 3000 && results.len() - on > 3000);
+}
+
+/// All rays of a pixel lie in its square field of view. In f32, the sum of a large column and a number just below 1 is the next column.
+#[test]
+fn rays_of_an_aimed_pixel_stay_in_its_field_of_view() {
+    const COLUMNS: u32 = 65_535;
+    const EXTENT: f32 = 0.01;
+    let mut pcg = Pcg::new(113);
+    let aims: Vec<[f32; 4]> = (0..COLUMNS)
+        .map(|_| {
+            let [x, y, z] = vec3(direction(&mut pcg));
+            [x, y, z, 1.0]
+        })
+        .collect();
+    let place = |f: &mut Frame| (f.width, f.height, f.extent) = (COLUMNS, 1, [EXTENT; 2]);
+    let below_one = 1.0f32.next_down().to_bits();
+    let inputs: Vec<[u32; 4]> = (0..COLUMNS)
+        .map(|column| [[0, below_one][pcg.below(2)], (pcg.uniform() as f32).to_bits(), column, 0])
+        .collect();
+    let kernel = AIMED.compile(&[("HAS_AIMS", 1.0)]);
+    let results: Vec<[f32; 4]> = kernel.run(&inputs, &[frame(place), contents("aims", &aims)]);
+    for ((input, r), [x, y, z, _]) in inputs.iter().zip(&results).zip(aims) {
+        let (d, axis) = (dvec(&[r[0], r[1], r[2]]), dvec(&[x, y, z]));
+        // The first coordinate is at an edge of the field of view; the second one is anywhere.
+        let v = f64::from(f32::from_bits(input[1]));
+        let aside = f64::from(EXTENT) * (1.0 + (2.0 * v - 1.0).powi(2)).sqrt();
+        assert!(
+            (d.dot(axis) - 1.0).abs() < 1e-6 && ((d - axis).length() - aside).abs() < 1e-5,
+            "{input:?}: {d} {axis}"
+        );
+    }
 }

@@ -289,3 +289,13 @@ struct Refraction {
     /// Density of sampling `i` where `o` is known, per solid angle.
     pdf_from_c: f64,
 }
+
+/// A metal lets no light through, whatever its transmission, and keeps its roughness. A texture may lower its metalness.
+#[test]
+fn a_metal_has_no_transmission() {
+    let metal = Material { transmission: 1.0, ior: 1.0, ..stage::metal("metal", [1.0; 3], 0.5) };
+    let half = Material { metallic: 0.5, ..metal.clone() };
+    let device = Set::new(vec![metal, half]).device;
+    assert_eq!((device[0].transmission, device[0].alpha), (0.0, 0.25));
+    assert_eq!((device[1].transmission, device[1].alpha), (1.0, 0.0));
+}

@@ -146,7 +146,8 @@ fn a_varying_bsdf_is_the_constant_bsdf_of_the_point() {
             let constant = (i % 10) as u32;
             let base = [0; 3].map(|_| pcg.uniform() as f32);
             let (wl, wc) = (vec3(direction(&mut pcg)), vec3(direction(&mut pcg)));
-            Pair { wl, other: constant / 5 * 5, wc, constant, base, front: pcg.below(2) as u32 }
+            // The second of five materials varies: the first one is a metal, which without a texture has no transmission.
+            Pair { wl, other: constant / 5 * 5 + 1, wc, constant, base, front: pcg.below(2) as u32 }
         })
         .collect();
     let results: Vec<[[f32; 4]; 4]> = VARY.run(&inputs, &set.buffers());

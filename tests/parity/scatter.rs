@@ -269,6 +269,41 @@ fn only_deltas_cannot_be_connected() {
     }
 }
 
+/// A thin beam stays one ray only where it meets a plain mirror. Other vertices choose among lobes or normals, and vertices with a
+/// lobe that is not a delta can be connected.
+#[test]
+fn only_plain_mirrors_keep_a_beam_deterministic() {
+    let set = set();
+    let cases = [
+        ("mirror", 0),
+        ("mirror", VERTEX_BUMPED),
+        ("retroreflecting mirror", 0),
+        ("coated mirror", 0),
+        ("twice a mirror", 0),
+    ];
+    let up = vec3(DVec3::Z);
+    let at = |(name, flags): (&str, u32)| PathVertex {
+        material: set.named(name, 0.0) as u32,
+        flags: FRONT | flags,
+        normal: up,
+        geometric: up,
+        to_previous: vec3(DVec3::new(0.6, 0.0, 0.8)),
+        base_color: [1.0; 3],
+        eta: 1.0,
+        select_pdf: 1.0,
+        throughput: [1.0; 3],
+        ..Zeroable::zeroed()
+    };
+    // The value of u.w chooses the mirror under the retroreflector, or under the clear coat.
+    let inputs = cases.map(|case| Step { v: at(case), u: [0.5, 0.5, 0.5, 0.4], survival: -1.0, ..Zeroable::zeroed() });
+    let results: Vec<Stepped> = STEP.run(&inputs, &buffers());
+    const DETERMINISTIC: u32 = 2;
+    for ((name, flags), r) in cases.into_iter().zip(&results) {
+        assert!(r.departed == 1 && (dvec(&r.direction) - DVec3::new(-0.6, 0.0, 0.8)).length() < 1e-6, "{name}: {r:?}");
+        assert_eq!(r.state.flags & DETERMINISTIC != 0, name == "mirror" && flags == 0, "{name}, {flags}");
+    }
+}
+
 const SUMS: ShaderFunction = ShaderFunction {
     imports: &["walk"],
     input: "position: vec3<f32>, eta: f32, normal: vec3<f32>, tau: f32, direction: vec3<f32>, length: f32, d_vcm: f32,

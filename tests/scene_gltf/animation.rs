@@ -95,6 +95,42 @@ fn cameras_lights_and_morph_targets_move_too() {
     assert_eq!(posed(&morph, playback(0.5)).unwrap().meshes[0].positions[0], [0.0, 0.0, 2.0]);
 }
 
+/// glTF allows normalized integers for rotations and for weights of morph targets; gltfpack writes such weights.
+#[test]
+fn rotations_and_weights_may_be_normalized_integers() {
+    let values = |bytes: &[u8], component, shape| {
+        let mut glb = animated("weights", "LINEAR", &[0.0, 1.0], &[[0.0], [1.0]]);
+        let output = glb.accessor(bytes, component, shape, 2);
+        glb.json["accessors"][output]["normalized"] = json!(true);
+        glb.json["animations"][0]["samplers"][0]["output"] = json!(output);
+        glb
+    };
+    for (bytes, component, expected) in [
+        (&[51, 255][..], 5121, 0.6f32),
+        (&[127, 0x81], 5120, 0.0),
+        (&[0, 0, 0xff, 0xff], 5123, 0.5),
+        (&[0xff, 0x7f, 0xff, 0x7f], 5122, 1.0),
+    ] {
+        let mut glb = values(bytes, component, "SCALAR");
+        let moves = glb.floats(&[[0.0, 0.0, 1.0]; 3]);
+        glb.json["meshes"][0]["primitives"][0]["targets"] = json!([{ "POSITION": moves }]);
+        let z = posed(&glb, playback(0.5)).unwrap().meshes[0].positions[0][2];
+        assert!((z - expected).abs() < 1e-6, "{component}: {z}");
+        glb.json["accessors"]
+            .as_array_mut()
+            .unwrap()
+            .iter_mut()
+            .for_each(|accessor| accessor["normalized"] = json!(false));
+        let error = posed(&glb, playback(0.5)).unwrap_err();
+        assert!(error.contains("integers that are not normalized"), "{error}");
+    }
+    // A half turn around y, as unsigned bytes.
+    let mut glb = values(&[0, 255, 0, 0, 0, 255, 0, 0], 5121, "VEC4");
+    glb.json["animations"][0]["channels"][0]["target"]["path"] = json!("rotation");
+    let x = posed(&glb, playback(0.5)).unwrap().instances[0].transform.transform_vector3(DVec3::X);
+    assert!(x.abs_diff_eq(DVec3::NEG_X, 1e-6), "{x}");
+}
+
 #[test]
 fn invalid_animations_are_refused_only_if_they_are_played() {
     let keys = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]];

@@ -88,6 +88,21 @@ fn plain_data_beside_draco_data_is_preferred() {
     assert_eq!(read(&glb).warnings, Vec::<String>::new());
 }
 
+/// A damaged file may declare that data in a Draco mesh are single bytes, and use them as indices.
+#[test]
+fn draco_attributes_of_single_bytes_are_read_as_such() {
+    let bytes = std::fs::read(file("draco-sequential")).unwrap();
+    let (json, bin) = bytes[20..].split_at(u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize);
+    let mut glb = Glb { json: serde_json::from_slice(json).unwrap(), bin: bin[8..].to_vec() };
+    let primitive = &mut glb.json["meshes"][0]["primitives"];
+    let (uv, position) =
+        (primitive[0]["attributes"]["TEXCOORD_0"].clone(), primitive[0]["attributes"]["POSITION"].clone());
+    primitive.as_array_mut().unwrap().insert(0, json!({ "attributes": { "POSITION": position }, "indices": uv }));
+    let uv = &mut glb.json["accessors"][uv.as_u64().unwrap() as usize];
+    (uv["type"], uv["componentType"]) = (json!("SCALAR"), json!(5121));
+    survive(&glb.build(), || "single bytes".into());
+}
+
 #[test]
 fn damage_to_compressed_data_is_survived() {
     let mut random = random();

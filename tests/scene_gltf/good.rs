@@ -24,7 +24,7 @@ fn a_complete_file_is_read() {
 
     let material = &scene.materials[0];
     assert_eq!((material.base_color, material.metallic, material.roughness), ([0.5, 0.25, 1.0, 1.0], 0.0, 0.75));
-    assert_eq!((material.emission, material.specular, material.ior), ([4.0, 2.0, 0.0], 0.5, 1.25));
+    assert_eq!((material.emission, material.specular, material.ior), ([4.0, 2.0, 0.0], 1.0, 1.25));
     assert_eq!((material.transmission, material.alpha_mode), (0.125, AlphaMode::Mask(0.25)));
     assert!(material.double_sided);
     assert_eq!((material.base_color_texture, material.emission_texture), (Some(0), None));
@@ -65,6 +65,29 @@ fn nested_nodes_compose_and_share_their_mesh() {
     assert_eq!(plain.transform.transform_point3(DVec3::ONE), DVec3::new(3.0, 8.0, 2.0));
     assert_eq!(mirror.transform.transform_point3(DVec3::ONE), DVec3::new(-1.0, 2.0, 10.0));
     assert!(scene.warnings[0].contains("`node 3` is scaled to nothing"), "{:?}", scene.warnings);
+}
+
+/// Exporters flatten planes with a scale of 0 along their normal.
+#[test]
+fn a_flat_mesh_may_have_a_scale_of_0_along_its_normal() {
+    let local = [DVec3::new(0.0, 0.0, 5.0), DVec3::new(1.0, 0.0, 5.0), DVec3::new(0.0, 1.0, 5.0)];
+    let mut glb = single(&local.map(|p| p.as_vec3().to_array()), json!({}));
+    let quarter = std::f64::consts::FRAC_1_SQRT_2;
+    for x in [2.0, -2.0] {
+        glb.json["nodes"] = json!([{
+            "mesh": 0, "translation": [7, 0, 0], "rotation": [quarter, 0, 0, quarter], "scale": [x, 3.0, 0.0]
+        }]);
+        let scene = read(&glb);
+        check_invariants(&scene);
+        assert_eq!(scene.warnings, Vec::<String>::new());
+        let transform = scene.instances[0].transform;
+        // The rotation turns y to z.
+        for (p, expected) in local.into_iter().zip([[7.0, 0.0, 0.0], [7.0 + x, 0.0, 0.0], [7.0, 0.0, 3.0]]) {
+            let place = transform.transform_point3(p);
+            assert!(place.abs_diff_eq(DVec3::from(expected), 1e-6), "{place} {expected:?}");
+        }
+        assert!(transform.matrix3.determinant() > 0.0, "the mesh is not mirrored");
+    }
 }
 
 #[test]

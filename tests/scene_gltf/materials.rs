@@ -67,13 +67,17 @@ fn a_material_may_use_another_set_of_texture_coordinates() {
 fn clear_coats_and_specular_colours_are_read() {
     let mut glb = complete();
     glb.json["extensionsUsed"] = json!(["KHR_materials_clearcoat"]);
-    let extensions = &mut glb.json["materials"][0]["extensions"];
-    extensions["KHR_materials_specular"]["specularColorFactor"] = json!([0.5, 8.0, 0.0]);
+    let paint = &mut glb.json["materials"][0];
+    paint["emissiveFactor"] = json!([0, 0, 0]);
+    let extensions = &mut paint["extensions"];
+    extensions["KHR_materials_transmission"] = json!({});
+    extensions["KHR_materials_specular"] = json!({ "specularFactor": 0.5, "specularColorFactor": [0.5, 8.0, 0.0] });
     extensions["KHR_materials_clearcoat"] = json!({ "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.25 });
     let scene = read(&glb);
     check_invariants(&scene);
     let m = &scene.materials[0];
-    assert_eq!((m.specular_color, m.clearcoat, m.clearcoat_roughness), ([0.5, 8.0, 0.0], 0.5, 0.25));
+    assert_eq!((m.specular, m.specular_color), (0.5, [0.5, 8.0, 0.0]));
+    assert_eq!((m.clearcoat, m.clearcoat_roughness), (0.5, 0.25));
     assert_eq!(scene.warnings, Vec::<String>::new());
     // The coat always has the normals of the surface under it. If its own normal map differs, a warning says so.
     let mut bumped = glb.clone();
@@ -87,6 +91,44 @@ fn clear_coats_and_specular_colours_are_read() {
     glb.json["materials"][0]["extensions"]["KHR_materials_clearcoat"]["clearcoatFactor"] = json!(7);
     assert_eq!(read(&glb).materials[0].clearcoat, 1.0);
     assert!(read(&glb).warnings[0].contains("clearcoatFactor of material `Paint` (7)"));
+}
+
+#[test]
+fn a_lamp_under_a_clear_coat_gives_a_warning() {
+    let mut glb = complete();
+    extensions(&mut glb)["KHR_materials_clearcoat"] = json!({ "clearcoatFactor": 0.5 });
+    let warnings = read(&glb).warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("lower the emission"), "{warnings:?}");
+    glb.json["materials"][0]["emissiveFactor"] = json!([0, 0, 0]);
+    assert_eq!(read(&glb).warnings, Vec::<String>::new());
+}
+
+#[test]
+fn glass_with_specular_factors_gives_a_warning() {
+    for specular in [
+        json!({ "specularFactor": 0.5 }),
+        json!({ "specularColorFactor": [1.0, 0.5, 1.0] }),
+        json!({ "specularTexture": { "index": 0 } }),
+    ] {
+        let mut glb = complete();
+        extensions(&mut glb)["KHR_materials_specular"] = specular;
+        let warnings = read(&glb).warnings;
+        assert!(warnings.len() == 1 && warnings[0].contains("set the ior"), "{warnings:?}");
+        // Metals let no light through, so they are no glass.
+        glb.json["materials"][0]["pbrMetallicRoughness"]["metallicFactor"] = json!(1);
+        assert_eq!(read(&glb).warnings, Vec::<String>::new());
+    }
+}
+
+/// The extension gives an index of 0 the meaning of a Fresnel reflectance of 1.
+#[test]
+fn an_index_of_0_reflects_everything() {
+    let mut glb = complete();
+    extensions(&mut glb)["KHR_materials_ior"]["ior"] = json!(0);
+    let ior = read(&glb).materials[0].ior;
+    assert!(((ior - 1.0) / (ior + 1.0)).powi(2) > 0.99, "{ior}");
+    extensions(&mut glb)["KHR_materials_ior"]["ior"] = json!(0.5);
+    assert!(refusal(&glb.build()).contains("is 0.5, but must be at least 1"));
 }
 
 #[test]
@@ -109,6 +151,8 @@ fn textures_of_coats_are_read() {
     for _ in 1..4 {
         glb.push("textures", json!({ "source": 0 }));
     }
+    glb.json["materials"][0]["emissiveFactor"] = json!([0, 0, 0]);
+    extensions(&mut glb)["KHR_materials_transmission"] = json!({});
     extensions(&mut glb)["KHR_materials_specular"] =
         json!({ "specularTexture": texture(0), "specularColorTexture": texture(1) });
     extensions(&mut glb)["KHR_materials_clearcoat"] = json!({ "clearcoatFactor": 0.5, "clearcoatTexture": texture(2),

@@ -38,7 +38,7 @@ const SHARP: f32 = 0.3;
 /// Whether the scene has a material that can focus light: glass, or metal, gloss or a clear coat of low roughness.
 fn focuses_light(scene: &Scene) -> bool {
     let focuses = |m: &Material| {
-        m.transmission > 0.0
+        m.transmits()
             || ((m.metallic > 0.0 || m.specular > 0.0) && is_sharp(scene, m.roughness, m.surface_texture))
             || (m.clearcoat > 0.0 && is_sharp(scene, m.clearcoat_roughness, m.clearcoat_roughness_texture))
     };

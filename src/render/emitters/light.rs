@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::luminance;
 use crate::render::space::RenderSpace;
-use crate::scene::{Light, LightKind, SkyImage};
+use crate::scene::{Light, LightKind, SkyImage, cap_height, spot_solid_angle};
 use crate::wgsl::layout::constants::*;
 use crate::wgsl::layout::{Emitter, PathVertex};
 
@@ -68,10 +68,7 @@ fn point(placed: Emitter, intensity: [f32; 3]) -> LightRecord {
 
 /// `inner` and `outer`: 1 - cosine of the half angles.
 fn spot(placed: Emitter, intensity: [f32; 3], inner: f64, outer: f64) -> LightRecord {
-    // The falloff is 1 inside the inner cone. From there to the outer cone it is the square of a ramp from 1 to 0, linear in
-    // the cosine; the integral of that square is 1/3 of the solid angle between the cones.
-    let solid_angle = 2.0 * PI * (inner + (outer - inner) / 3.0);
-    let flux = solid_angle * luminance(intensity);
+    let flux = spot_solid_angle(inner, outer) * luminance(intensity);
     let [inner, outer] = [inner, outer].map(|height| height as f32);
     punctual(Emitter { kind: EMITTER_SPOT, strength: intensity, inner, outer, ..placed }, EMIT_SPOT, flux)
 }
@@ -139,11 +136,6 @@ fn punctual(entry: Emitter, profile: u32, flux: f64) -> LightRecord {
         ..bytemuck::Zeroable::zeroed()
     };
     LightRecord { entry, flux, position: entry.position.into(), radius: 0.0, vertex: Some(vertex), is_thin: false }
-}
-
-/// 1 - cosine of `angle` in radians, as 2 sin^2(angle / 2), which stays accurate for small angles.
-fn cap_height(angle: f32) -> f64 {
-    2.0 * (0.5 * f64::from(angle)).sin().powi(2)
 }
 
 #[cfg(test)]

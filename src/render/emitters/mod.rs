@@ -2,6 +2,7 @@
 
 mod alias;
 mod light;
+mod power;
 mod sky;
 mod triangle;
 
@@ -17,6 +18,7 @@ use crate::settings::Emitters;
 use crate::wgsl::layout::constants::EMITTER_SKY;
 use crate::wgsl::layout::{Emitter, PathVertex};
 use light::{LightRecord, Sphere};
+use power::Powers;
 pub use sky::table as sky_table;
 
 /// The emitters in the layout that the kernels read.
@@ -109,8 +111,10 @@ impl EmitterSet {
     fn add_triangles(&mut self, scene: &Scene, geometry: &Geometry, weights: &mut Vec<f64>) -> Vec<f64> {
         let exitances = triangle::exitances(scene, geometry);
         let mut by_instance = vec![0.0; geometry.instances.len()];
-        for t in triangle::emissive_triangles(geometry, &exitances) {
-            by_instance[t.instance as usize] += t.flux;
+        let triangles = triangle::emissive_triangles(geometry, &exitances);
+        let powers = Powers::new(scene, geometry, triangles.len());
+        for t in triangles {
+            by_instance[t.instance as usize] += powers.of(&t);
             self.triangles.push(t.entry.triangle);
             self.table.push(t.entry);
             weights.push(t.flux);

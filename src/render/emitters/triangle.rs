@@ -13,8 +13,11 @@ use crate::wgsl::layout::constants::*;
 pub struct EmissiveTriangle {
     /// Entry of the device's emitter table.
     pub entry: Emitter,
-    /// Luminance-weighted power in render space. Multiply it by the square of the unit to get W.
+    /// Luminance-weighted power in render space, which decides how often the triangle is chosen. It counts the mean of the whole
+    /// texture.
     pub flux: f64,
+    /// In render space.
+    pub area: f64,
     pub corners: [Vec3; 3],
     pub instance: u32,
 }
@@ -46,7 +49,7 @@ pub fn emissive_triangles(geometry: &Geometry, exitances: &[f64]) -> Vec<Emissiv
             let area = 0.5 * (b - a).cross(c - a).length();
             let entry = Emitter { kind: EMITTER_TRIANGLE, triangle: i as u32, ..bytemuck::Zeroable::zeroed() };
             let flux = exitance_of(i) * area;
-            (area > 0.0).then_some(EmissiveTriangle { entry, flux, corners, instance: t.instance })
+            (area > 0.0).then_some(EmissiveTriangle { entry, flux, area, corners, instance: t.instance })
         })
         .collect()
 }
@@ -55,10 +58,12 @@ pub fn emissive_triangles(geometry: &Geometry, exitances: &[f64]) -> Vec<Emissiv
 fn mean_texel(scene: &Scene, texture: u32) -> f64 {
     let Some(texture) = scene.textures.get(texture as usize) else { return 1.0 };
     let image = &scene.images[texture.image as usize];
-    let linear = |c: u8| {
-        let x = f32::from(c) / 255.0;
-        if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
-    };
     let sum: f64 = image.rgba.iter().map(|c| luminance([linear(c[0]), linear(c[1]), linear(c[2])])).sum();
     sum / image.rgba.len().max(1) as f64
+}
+
+/// Decodes an sRGB byte to a linear value in [0, 1].
+pub fn linear(byte: u8) -> f32 {
+    let x = f32::from(byte) / 255.0;
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }

@@ -36,6 +36,10 @@ pub const QUANTIZED: &[Format] = &[
 pub const DIRECTION: &[Format] = &[(F32, false), (I8, true), (I16, true)];
 /// Formats of COLOR_n and WEIGHTS_n.
 pub const FRACTION: &[Format] = &[(F32, false), (U8, true), (U16, true)];
+/// Formats of the values of animated rotations and weights.
+pub const ANIMATED: &[Format] = &[(F32, false), (I8, true), (U8, true), (I16, true), (U16, true)];
+/// Formats of indices. Whether they are normalized is ignored.
+const INDEX: &[Format] = &[(U8, false), (U8, true), (U16, false), (U16, true), (U32, false), (U32, true)];
 /// Formats of JOINTS_n.
 pub const JOINT: &[Format] = &[(U8, false), (U16, false)];
 
@@ -52,10 +56,11 @@ struct Elements<'a> {
 }
 
 impl Document<'_> {
-    /// Vectors of `N` = 2, 3 or 4 components, or matrices of `N` = 16, column by column. Integers become floats; normalized ones
-    /// are mapped to [0, 1], or [-1, 1] if they are signed. `what` names the accessor in messages.
+    /// Scalars (`N` = 1), vectors of `N` = 2, 3 or 4 components, or matrices of `N` = 16, column by column. Integers become floats;
+    /// normalized ones are mapped to [0, 1], or [-1, 1] if they are signed. `what` names the accessor in messages.
     pub fn vectors<const N: usize>(&self, index: usize, what: &str, allowed: &[Format]) -> Checked<Vec<[f32; N]>> {
         let shape = match N {
+            1 => Type::Scalar,
             2 => Type::Vec2,
             3 => Type::Vec3,
             4 => Type::Vec4,
@@ -76,12 +81,6 @@ impl Document<'_> {
         })
     }
 
-    /// 32-bit floats.
-    pub fn scalars(&self, index: usize, what: &str) -> Checked<Vec<f32>> {
-        let elements = self.elements(index, what, Type::Scalar, FLOAT)?;
-        Ok(elements.vectors::<1, 4>(f32::from_le_bytes).into_iter().flatten().collect())
-    }
-
     /// RGBA in [0, 1] from vectors of 3 or 4 numbers; alpha is 1 if there are 3. Values outside [0, 1] are clamped.
     pub fn colors(&self, index: usize, what: &str) -> Checked<Vec<[f32; 4]>> {
         let has_alpha = self.root.accessors.get(index).is_some_and(|accessor| accessor.type_ == Valid(Type::Vec4));
@@ -97,7 +96,7 @@ impl Document<'_> {
 
     /// Unsigned integers. The caller must check that they are in range of the vertices.
     pub fn indices(&self, index: usize, what: &str) -> Checked<Vec<u32>> {
-        let elements = self.elements(index, what, Type::Scalar, &[(U8, false), (U16, false), (U32, false)])?;
+        let elements = self.elements(index, what, Type::Scalar, INDEX)?;
         Ok(elements.map(unsigned))
     }
 
@@ -131,17 +130,17 @@ impl Document<'_> {
             Valid(component) if allowed.iter().any(|format| format.0 == component.0) => component.0,
             _ => return Err(format!("{name} has a component type that is not allowed there; re-export the file")),
         };
-        let format = (component, accessor.normalized && component != F32 && shape != Type::Scalar);
+        let format = (component, accessor.normalized && component != F32);
         if !allowed.contains(&format) {
             let wrong = if accessor.normalized { "normalized" } else { "not normalized" };
             return Err(format!(
                 "{name} has integers that are {wrong}, which is not allowed there; re-export the file"
             ));
         }
-        if let Some(bytes) = self.draco.bytes(self, index, component, shape.multiplicity(), what) {
-            let component = if shape == Type::Scalar { U32 } else { component };
+        if let Some(decoded) = self.draco.bytes(self, index, component, shape.multiplicity(), what) {
+            let (component, bytes) = decoded?;
             let size = component.size() * shape.multiplicity();
-            let bytes = Some((Cow::Owned(bytes?), size));
+            let bytes = Some((Cow::Owned(bytes), size));
             return Ok(Elements { format: (component, format.1), count: count as usize, size, bytes, patches: vec![] });
         }
         let size = component.size() * shape.multiplicity();

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::Checked;
-use super::accessor::{DIRECTION, FLOAT};
+use super::accessor::{ANIMATED, FLOAT, Format};
 use super::document::{Document, Warnings, label};
 
 /// Which animations to play, and the time of the pose.
@@ -225,9 +225,14 @@ fn property(path: &str) -> Option<Property> {
     }
 }
 
+/// The components of all elements of an accessor.
+fn numbers<const N: usize>(doc: &Document, accessor: usize, what: &str, allowed: &[Format]) -> Checked<Vec<f32>> {
+    Ok(doc.vectors::<N>(accessor, what, allowed)?.into_iter().flatten().collect())
+}
+
 impl Curve {
     fn read(doc: &Document, sampler: &Sampler, property: Property, what: &str) -> Checked<Curve> {
-        let times = doc.scalars(sampler.input, &format!("times of {what}"))?;
+        let times = numbers::<1>(doc, sampler.input, &format!("times of {what}"), FLOAT)?;
         if times.iter().any(|time| !time.is_finite() || *time < 0.0) {
             return Err(format!("{what} has a time that is negative or not finite; correct it and re-export"));
         }
@@ -235,12 +240,10 @@ impl Curve {
             return Err(format!("{what} has times that are not in ascending order; correct them and re-export"));
         }
         let output = format!("values of {what}");
-        let flat: Vec<f32> = match property {
-            Property::Translation | Property::Scale => {
-                doc.vectors::<3>(sampler.output, &output, FLOAT)?.into_iter().flatten().collect()
-            }
-            Property::Rotation => doc.vectors::<4>(sampler.output, &output, DIRECTION)?.into_iter().flatten().collect(),
-            Property::Weights => doc.scalars(sampler.output, &output)?,
+        let flat = match property {
+            Property::Translation | Property::Scale => numbers::<3>(doc, sampler.output, &output, FLOAT)?,
+            Property::Rotation => numbers::<4>(doc, sampler.output, &output, ANIMATED)?,
+            Property::Weights => numbers::<1>(doc, sampler.output, &output, ANIMATED)?,
         };
         if flat.iter().any(|value| !value.is_finite()) {
             return Err(format!("{what} has a value that is not finite; correct it and re-export"));

@@ -118,8 +118,8 @@ impl DracoMeshes {
         }))
     }
 
-    /// The elements of an accessor, tightly packed, with `width` components per element; indices are of type U32, whatever
-    /// `component` is. `None` if its data is not in a Draco mesh.
+    /// The elements of an accessor, tightly packed, with `width` components per element, and the type of the components: U32 for
+    /// indices, else `component`. `None` if its data is not in a Draco mesh.
     pub fn bytes(
         &self,
         doc: &Document,
@@ -127,24 +127,28 @@ impl DracoMeshes {
         component: ComponentType,
         width: usize,
         what: &str,
-    ) -> Option<Checked<Vec<u8>>> {
+    ) -> Option<Checked<(ComponentType, Vec<u8>)>> {
         let (mesh, part) = self.part(doc, accessor, what)?;
         Some(mesh.and_then(|mesh| match part {
-            Part::Indices => Ok(mesh.faces().iter().flatten().flat_map(|point| point.0.to_le_bytes()).collect()),
+            Part::Indices => {
+                let bytes = mesh.faces().iter().flatten().flat_map(|point| point.0.to_le_bytes()).collect();
+                Ok((ComponentType::U32, bytes))
+            }
             Part::Attribute(number) => {
                 let attribute = mesh
                     .attribute_by_unique_id(number)
                     .ok_or_else(|| format!("the Draco data of {what} has no attribute {number}; re-export the file"))?;
                 // The values are whole numbers if the accessor has integers.
                 let values = attribute.read_f32s(mesh.num_points(), width).into_iter();
-                Ok(match component {
+                let bytes = match component {
                     ComponentType::I8 => values.flat_map(|value| (value as i8).to_le_bytes()).collect(),
                     ComponentType::U8 => values.flat_map(|value| (value as u8).to_le_bytes()).collect(),
                     ComponentType::I16 => values.flat_map(|value| (value as i16).to_le_bytes()).collect(),
                     ComponentType::U16 => values.flat_map(|value| (value as u16).to_le_bytes()).collect(),
                     ComponentType::U32 => values.flat_map(|value| (value as u32).to_le_bytes()).collect(),
                     ComponentType::F32 => values.flat_map(|value| value.to_le_bytes()).collect(),
-                })
+                };
+                Ok((component, bytes))
             }
         }))
     }

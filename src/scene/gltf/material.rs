@@ -135,6 +135,10 @@ impl Materials {
                 "the {specular_key} of material `{name}` is negative or not finite; correct it and re-export"
             ));
         }
+        // The extension gives 0 the meaning of a reflectance of 1 at all angles.
+        if ior == 0.0 {
+            ior = SpecularGlossiness::IOR;
+        }
         if !(ior.is_finite() && ior >= 1.0) {
             return Err(format!(
                 "the ior of material `{name}` is {ior}, but must be at least 1; set it to e.g. 1.5 and re-export"
@@ -159,6 +163,18 @@ impl Materials {
             coated > 0.0 && !is_same_map(&clearcoat, source),
             "clear coats have the normals of the surface under them, although the file gives them others",
         );
+        let brightest = |color: [f32; 3]| color.into_iter().fold(0.0, f32::max);
+        ignored(
+            coated > 0.0 && brightest(emission) > 0.0,
+            "clear coats do not dim the light of lamps under them; if the lamps are too bright, lower the emission",
+        );
+        let has_specular_texture = specular.specular_texture.is_some() || specular.specular_color_texture.is_some();
+        let has_plain_gloss = reflected == 1.0 && specular_color == [1.0; 3] && !has_specular_texture;
+        let has_glass = transmitted > 0.0 && (metallic < 1.0 || pbr.metallic_roughness_texture.is_some());
+        ignored(
+            has_glass && !has_plain_gloss,
+            "glass reflects as its index of refraction says, whatever its specular factors are; set the ior to change it",
+        );
 
         let normal_scale = source.normal_texture.as_ref().map_or(1.0, |info| info.scale);
         let normal_scale = finite(normal_scale, &format!("the scale of the normalTexture of material `{name}`"))?;
@@ -168,7 +184,6 @@ impl Materials {
         };
         // A texture that multiplies a factor of 0 has no effect.
         let of = |factor: f32, info: &Option<Info>, slot: &str| if factor > 0.0 { used(info, slot) } else { Ok(None) };
-        let brightest = |color: [f32; 3]| color.into_iter().fold(0.0, f32::max);
         let mut uses = [
             // Three of these are replaced by those of KHR_materials_pbrSpecularGlossiness.
             used(&pbr.base_color_texture, "baseColorTexture")?,
