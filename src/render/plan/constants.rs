@@ -76,5 +76,5 @@ impl Plan {
 
 /// Whether light is faster in a transmitting solid than outside, where it travels with `group_index`.
 pub fn has_fast_solids(scene: &Scene, group_index: f32) -> bool {
-    scene.materials.iter().any(|material| material.transmission > 0.0 && material.ior < group_index)
+    scene.materials.iter().any(|material| material.transmits() && material.ior < group_index)
 }
