@@ -64,16 +64,14 @@ class Scene:
         self._of_arrays()
         if isinstance(material, str) and material not in self._materials:
             raise SettingsError(f"the scene has no material '{material}'; add it with add_material")
-        if not isinstance(material, str):
-            self._materials[name] = material or Material.diffuse()
-            material = name
         self._meshes[name] = {
             "name": name,
             "vertices": _array(vertices, np.float32, 2, "vertices"),
             "triangles": _array(triangles, np.uint32, 2, "triangles"),
             "normals": None if normals is None else _array(normals, np.float32, 2, "normals"),
             "uvs": None if uvs is None else _array(uvs, np.float32, 2, "uvs"),
-            "material": material,
+            # The name of a material, or the mesh's own material.
+            "material": material or Material.diffuse(),
         }
         self._changed()
         self.add_instance(name, name, transform, moves=moves)
@@ -206,7 +204,8 @@ class Scene:
 
     def _from_arrays(self):
         textures, images, materials, index_of = [], [], [], {}
-        for name, material in self._materials.items():
+        own = [(name, mesh["material"]) for name, mesh in self._meshes.items() if not isinstance(mesh["material"], str)]
+        for name, material in [*self._materials.items(), *own]:
             indices = {}
             is_opaque = material.alpha >= 1
             # The native part has one texture for roughness and metalness.
@@ -230,12 +229,15 @@ class Scene:
                 textures.append({**samplers[0], "image": index_of[key]})
                 is_opaque = is_opaque and images[index_of[key]][..., 3].min() == 255
             materials.append({**material._plain(name, indices), "blend": not is_opaque})
+        names, own_index, meshes = list(self._materials), len(self._materials), []
         for name, mesh in self._meshes.items():
-            material = self._materials[mesh["material"]]
+            if isinstance(mesh["material"], str):
+                material, index = self._materials[mesh["material"]], names.index(mesh["material"])
+            else:
+                material, index, own_index = mesh["material"], own_index, own_index + 1
             if mesh["uvs"] is None and material._has_textures():
                 raise SettingsError(f"the material of the mesh '{name}' has a texture, so the mesh needs uvs")
-        names = list(self._materials)
-        meshes = [{**mesh, "material": names.index(mesh["material"])} for mesh in self._meshes.values()]
+            meshes.append({**mesh, "material": index})
         self._words = words(self.settings, "Scene")
         return _native.NativeScene.from_arrays(json.dumps(materials), json.dumps(textures), images, meshes, self._words)
 

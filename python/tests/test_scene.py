@@ -95,6 +95,24 @@ def test_materials_and_textures():
         assert taugate.render(scene, spp=1).pixels.any()
 
 
+def test_a_mesh_keeps_a_material_of_its_name():
+    scene = room()
+    scene.add_material("wall", taugate.Material.diffuse((0, 0, 1)))
+    scene.add_material("paint", taugate.Material.diffuse((0, 1, 0)))
+    scene.add_mesh("paint", *quad((0, 1, 1), (1, 0, 0), (0, 1, 0)), "paint")
+    # The own material of a mesh neither replaces a material of this name nor is replaced by it.
+    scene.add_mesh("wall", *quad((9, 9, 9)), taugate.Material.diffuse((1, 0, 0)))
+    scene.add_mesh("board", *quad((0, 1, 2), (0.5, 0, 0), (0, 0.5, 0)), "wall")
+    scene.add_material("board", taugate.Material.diffuse((1, 1, 1)))
+    image = taugate.render(scene, spp=4, aov="albedo,object")
+    number = {name: key for key, name in image.objects.items()}
+    for name, color in (("board", (0, 0, 1)), ("paint", (0, 1, 0)), ("floor", (0.6, 0.6, 0.6))):
+        assert np.allclose(np.median(image.albedo[image.object == number[name]], axis=0), color, atol=0.01), name
+    # A new own material replaces the old one.
+    scene.add_mesh("floor", *quad((0, 0, 0), (2, 0, 0), (0, 0, -2)))
+    assert np.allclose(np.median(taugate.render(scene, spp=4, aov="albedo").albedo[image.object == number["floor"]], axis=0), 0.5, atol=0.01)
+
+
 def wall_albedo(texture, **material):
     """The albedo (24, 24, 3) of a square whose left bottom corner has the texture coordinates (0, 1) and whose right top corner has (1, 0)."""
     scene = taugate.Scene(resolution=(24, 24))
