@@ -13,8 +13,8 @@ from ._material import Material
 from ._texture import Texture, color_bytes, surface_bytes
 from ._words import words
 
-# Settings that place a camera.
-PLACING = ("camera", "look_from", "look_at", "up", "fov", "ortho", "principal_point")
+# Settings that choose or place another camera than the first one of the scene.
+PLACING = ("camera", "look_from", "look_at")
 LIGHTS = ("point", "spot", "beam")
 
 
@@ -94,7 +94,8 @@ class Scene:
         self._stale = True
 
     def add_camera(self, name, camera):
-        """Adds or replaces a :class:`Camera`. Renders use the first one, unless they have ``camera="name"``."""
+        """Adds or replaces a :class:`Camera`. Renders use the first one, unless they have ``camera="name"``, ``look_from`` or ``look_at``.
+        Other settings, such as ``fov``, change it for one render."""
         self.cameras[name] = camera
 
     def remove(self, name):
@@ -178,8 +179,13 @@ class Scene:
         elif camera is None and self.cameras and not any(settings.get(key) is not None for key in PLACING):
             camera = next(iter(self.cameras.values()))
         if isinstance(camera, Camera):
-            del_camera = {key: value for key, value in settings.items() if key != "camera"}
-            settings = {**camera._settings(), **{key: value for key, value in del_camera.items() if value is not None}}
+            given = {key: value for key, value in settings.items() if key != "camera" and value is not None}
+            of_camera = camera._settings()
+            if "fov" in given or "ortho" in given:
+                # A camera has one of the two, and the call decides.
+                of_camera.pop("fov", None)
+                of_camera.pop("ortho", None)
+            settings = {**of_camera, **given}
         return settings
 
     def _built(self):
