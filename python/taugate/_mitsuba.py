@@ -104,7 +104,9 @@ class _Reader:
             material.double_sided = False
         if shape.interior_medium() is not None or shape.exterior_medium() is not None:
             self.note(f"the medium of the shape '{name}' is left out")
-        self.scene.add_mesh(name, vertices, triangles, material, normals=normals, uvs=uvs)
+        # By name, so that add_material can replace it.
+        self.scene.add_material(name, material)
+        self.scene.add_mesh(name, vertices, triangles, name, normals=normals, uvs=uvs)
 
     def triangles(self, shape, name):
         """Vertices in world space, triangles, normals or ``None``, and texture coordinates or ``None``; ``None`` for a shape that is left out."""
