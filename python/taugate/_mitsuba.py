@@ -1,5 +1,6 @@
 """Scenes of Mitsuba 3, read by Mitsuba itself."""
 
+import dataclasses
 import math
 import os
 
@@ -100,8 +101,8 @@ class _Reader:
             vertices, normals = vertices[triangles].reshape(-1, 3), None if normals is None else normals[triangles].reshape(-1, 3)
             triangles, uvs = np.arange(len(vertices)).reshape(-1, 3), np.tile(corners, (len(triangles), 1))
         if shape.is_emitter():
-            material.emission = self.rgb(self.values(shape.emitter()), "radiance", f"the emitter of '{name}'")
-            material.double_sided = False
+            radiance = self.rgb(self.values(shape.emitter()), "radiance", f"the emitter of '{name}'")
+            material = dataclasses.replace(material, emission=radiance, double_sided=False)
         if shape.interior_medium() is not None or shape.exterior_medium() is not None:
             self.note(f"the medium of the shape '{name}' is left out")
         # By name, so that add_material can replace it.
@@ -178,9 +179,8 @@ class _Reader:
             if texture is None:
                 opacity *= self.share(holes, "opacity", of)
             else:
-                material.texture = texture
-        material.alpha = opacity
-        return material
+                material = dataclasses.replace(material, texture=texture)
+        return dataclasses.replace(material, alpha=opacity)
 
     def inner_material(self, bsdf, name, uvs, is_twosided):
         """The material of a BSDF that is not around another one."""

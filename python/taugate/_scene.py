@@ -3,6 +3,7 @@
 import copy
 import json
 import os
+import types
 
 import numpy as np
 
@@ -29,11 +30,9 @@ class Scene:
     """
 
     def __init__(self, **settings):
-        words(settings, "Scene")
         self.path = None
         self.moves = ()
-        #: Settings of all renders of the scene.
-        self.settings = {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in settings.items()}
+        self.settings = settings
         #: Cameras by name. The first one is the default.
         self.cameras = {}
         #: What :func:`from_mitsuba` approximated or left out, one sentence each.
@@ -43,6 +42,16 @@ class Scene:
         self._instances = {}
         self._lights = {}
         self._moved = {}
+
+    @property
+    def settings(self):
+        """Settings of all renders of the scene. To change them, assign a dictionary, such as ``{**scene.settings, "spp": 16}``."""
+        return types.MappingProxyType(self._settings)
+
+    @settings.setter
+    def settings(self, settings):
+        words(settings, "Scene")
+        self._settings = {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in settings.items()}
         self._changed()
 
     # Objects.
@@ -161,7 +170,7 @@ class Scene:
             raise SettingsError(f"this scene was read from a file; add {instead}")
 
     def _changed(self):
-        """Forgets the native scene after a change of meshes or materials. The next render makes it again."""
+        """Forgets the native scene after a change of meshes, materials or settings. The next render makes it again."""
         self._native = None
         #: The settings that the native scene has, with their temporary files.
         self._words = None
@@ -191,7 +200,7 @@ class Scene:
     def _built(self):
         if self.path is not None:
             if self._native is None:
-                self._words = words(self.settings, "load")
+                self._words = words(self._settings, "load")
                 self._native = _native.NativeScene.load(self.path, self._words, list(self.moves))
                 for name, matrix in self._moved.items():
                     self._native.set_transform(name, matrix.tolist())
@@ -244,11 +253,17 @@ class Scene:
             if mesh["uvs"] is None and material._has_textures():
                 raise SettingsError(f"the material of the mesh '{name}' has a texture, so the mesh needs uvs")
             meshes.append({**mesh, "material": index})
-        self._words = words(self.settings, "Scene")
+        self._words = words(self._settings, "Scene")
         return _native.NativeScene.from_arrays(json.dumps(materials), json.dumps(textures), images, meshes, self._words)
 
     def __getstate__(self):
         return {**self.__dict__, "_native": None, "_words": None, "_stale": True}
+
+    def __copy__(self):
+        twin = object.__new__(type(self))
+        # The objects are shared, but not the dictionaries and lists.
+        twin.__dict__.update({key: copy.copy(value) if isinstance(value, (dict, list)) else value for key, value in self.__getstate__().items()})
+        return twin
 
     def __deepcopy__(self, memo):
         twin = copy.copy(self)

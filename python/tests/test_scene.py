@@ -70,6 +70,37 @@ def test_scenes_survive_pickle_and_copy():
     assert np.array_equal(taugate.render(twin, spp=2).pixels, taugate.render(file, spp=2).pixels)
 
 
+def test_a_copy_has_its_own_objects():
+    scene = room()
+    twin = copy.copy(scene)
+    twin.remove("board")
+    twin.remove("front")
+    twin.settings = {**twin.settings, "spp": 1}
+    assert "board" in scene._meshes and "front" in scene.cameras and "spp" not in scene.settings
+    assert taugate.render(scene, camera=scene.cameras["front"], spp=1).samples == 1
+
+
+def test_changes_after_adding_count_or_are_refused():
+    scene, paint = room(spp=2), taugate.Material.diffuse(texture=taugate.Texture(np.ones((1, 1))))
+    scene.add_material("paint", paint)
+    assert taugate.render(scene).samples == 2
+    for thing, field in ((paint, "color"), (paint.texture, "filter")):
+        with pytest.raises(taugate.SettingsError, match=f"does not change; make another one with dataclasses.replace\\(old, {field}=...\\)"):
+            setattr(thing, field, 1)
+    with pytest.raises(TypeError, match="item assignment"):
+        scene.settings["spp"] = 3
+    scene.settings = {**scene.settings, "spp": 3}
+    assert taugate.render(scene).samples == 3
+    file = taugate.load(SCENES / "cornell-box.glb", resolution=SIZE, spp=2)
+    file.set_transform("tall box", shift(0.1, 0, 0) @ file.transform("tall box"))
+    moved = taugate.render(file).pixels
+    file.settings = {**file.settings, "seed": 1}
+    file.settings = {**file.settings, "seed": 0}
+    assert np.array_equal(taugate.render(file).pixels, moved)
+    with pytest.raises(TypeError, match="did you mean spp"):
+        scene.settings = dict(sp=3)
+
+
 def test_fog_and_lights_are_settings():
     clear, fog = taugate.render(room(), spp=4), taugate.render(room(sigma_a=0.1, sigma_s=0.01, phase="hg", phase_g=0.5), spp=4)
     assert clear.pixels.mean() > fog.pixels.mean() > 0
