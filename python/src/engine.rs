@@ -188,7 +188,7 @@ fn add(
     started: Instant,
 ) -> Result<()> {
     let budget = settings.budget();
-    // An abandoned iteration would clear the images of several responses, so such a render finishes its iteration.
+    // An abandoned iteration would clear the images of responses, so such a render finishes its iteration.
     let never = Arc::default();
     loop {
         let (film, elapsed) = (renderer.film(), started.elapsed());
@@ -198,8 +198,7 @@ fn add(
         if samples == 0 || black || stop.load(Ordering::SeqCst) {
             return Ok(());
         }
-        let has_responses = renderer.responses().is_some();
-        renderer.iterate_unless(samples, if has_responses { &never } else { stop })?;
+        renderer.iterate_unless(samples, if renderer.has_responses() { &never } else { stop })?;
         let dropped = renderer.stats().dropped;
         if strict && dropped > 0 {
             return Err(Failure::NotFinite(dropped));
