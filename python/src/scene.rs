@@ -99,7 +99,7 @@ impl NativeScene {
         Ok(())
     }
 
-    /// Moves the node `name`. `matrix` maps mesh space to world space, row by row.
+    /// Moves the node `name`. `matrix` maps the space of its first mesh to world space, row by row.
     fn set_transform(&self, py: Python<'_>, name: &str, matrix: [[f64; 4]; 4]) -> PyResult<()> {
         py.detach(|| {
             let mut state = self.state()?;
@@ -288,9 +288,7 @@ impl State {
         }
         self.read(&experiment.input.clone())?;
         let mut scene = self.scene.clone();
-        for instance in &mut scene.instances {
-            instance.transform = self.moved.get(&instance.node).copied().unwrap_or(instance.transform);
-        }
+        move_nodes(&mut scene, &self.moved);
         let notes = scenery::apply(&mut experiment, &mut scene)?;
         let resolved = resolve::resolve(&experiment, &scene)?;
         let config = resolve::as_experiment(&experiment, &resolved.settings, &scene);
@@ -356,6 +354,18 @@ impl State {
             }
             (other, _) => other,
         }
+    }
+}
+
+/// Gives the first instance of each of these nodes a new transform. The others, such as copies of its mesh, keep their places relative to
+/// the first.
+fn move_nodes(scene: &mut Scene, moved: &BTreeMap<String, DAffine3>) {
+    let mut firsts = BTreeMap::new();
+    for instance in &mut scene.instances {
+        let Some(&matrix) = moved.get(&instance.node) else { continue };
+        let before = instance.transform;
+        let first = *firsts.entry(instance.node.clone()).or_insert(before);
+        instance.transform = if before == first { matrix } else { matrix * first.inverse() * before };
     }
 }
 

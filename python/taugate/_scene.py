@@ -118,7 +118,8 @@ class Scene:
         self._changed()
 
     def set_transform(self, name, matrix):
-        """Moves an instance, or the node of a file: ``matrix`` (4 x 4) maps mesh space to world space.
+        """Moves an instance, or the node of a file: ``matrix`` (4 x 4) maps mesh space to world space. If a file has several instances of
+        this name, such as copies of a node, ``matrix`` is that of the first. The others keep their places relative to it.
 
         If the instance was added with ``moves=True``, or :func:`load` named it in ``moves``, the next render repeats only a part of the
         preparation. Otherwise the next render prepares the whole scene anew. The image is the same, except for rounding.
@@ -135,7 +136,7 @@ class Scene:
             self._moved[name] = matrix
 
     def transform(self, name):
-        """The matrix (4 x 4) of an instance, or of a node of a file. It maps mesh space to world space."""
+        """The matrix (4 x 4) of an instance, or of the first instance of a node of a file. It maps mesh space to world space."""
         if self.path is None and name in self._instances:
             return self._instances[name][1].copy()
         return np.array(self._built().transform(name))

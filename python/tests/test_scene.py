@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import taugate
-from conftest import SCENES, SIZE, agree, quad, room, shift
+from conftest import ROOT, SCENES, SIZE, agree, quad, room, shift
 
 
 def test_a_lit_floor_has_the_radiance_of_the_formula():
@@ -56,6 +56,20 @@ def test_nodes_of_a_file_move():
         scene.set_transform("chair", there)
     with pytest.raises(taugate.SettingsError, match="no node 'chair', so it cannot move"):
         taugate.load(SCENES / "cornell-box.glb", moves=["chair"])
+
+
+def test_copies_of_a_node_keep_their_places_relative_to_each_other():
+    scene = taugate.load(ROOT / "tests/data/gltf/gpu_instances.glb", resolution=SIZE)
+    bounds = lambda: np.array(scene.info()["bounds"])
+    before, there, ends = bounds(), scene.transform("rows"), []
+    for side in (0, 1):
+        scene.set_transform("rows", shift(20 * side - 10, 2, 0) @ there)
+        assert np.allclose(scene.transform("rows"), shift(20 * side - 10, 2, 0) @ there)
+        ends.append(bounds()[side, 0] - (20 * side - 10))
+    # A cube is 0.3 m wide; the first one is at x = -1.
+    assert np.isclose(ends[0], -1.15) and ends[1] > 1
+    scene.set_transform("rows", there)
+    assert np.allclose(bounds(), before)
 
 
 def test_scenes_survive_pickle_and_copy():
