@@ -14,6 +14,8 @@ from ._scene import Scene
 
 # Segments per circle, for shapes that become triangles.
 PARTS = 64
+# Mitsuba's default for near_clip, in metres. Larger values are meant to hide something.
+NEAR = 0.01
 # Texture coordinates of the corners of a triangle whose mesh has none.
 CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 KINDS = (
@@ -101,6 +103,8 @@ class _Reader:
             vertices, normals = vertices[triangles].reshape(-1, 3), None if normals is None else normals[triangles].reshape(-1, 3)
             triangles, uvs = np.arange(len(vertices)).reshape(-1, 3), np.tile(corners, (len(triangles), 1))
         if shape.is_emitter():
+            if material.double_sided:
+                self.note(f"the back of the emitter '{name}' reflects no light")
             radiance = self.rgb(self.values(shape.emitter()), "radiance", f"the emitter of '{name}'")
             material = dataclasses.replace(material, emission=radiance, double_sided=False)
         if shape.interior_medium() is not None or shape.exterior_medium() is not None:
@@ -172,7 +176,9 @@ class _Reader:
             elif kind != "TwoSidedBRDF":
                 self.note(f"the {WRAPPERS[kind]} of {of} is left out")
             # The first BSDF in a two-sided BSDF is its front.
-            bsdf = next(child for child in children(self.mi, bsdf).values() if isinstance(child, self.mi.BSDF))
+            bsdf, *others = (child for child in children(self.mi, bsdf).values() if isinstance(child, self.mi.BSDF))
+            if any(other is not bsdf for other in others):
+                self.note(f"the back of {of} is like its front")
         material = self.inner_material(bsdf, name, uvs, is_twosided)
         if holes is not None:
             texture = self.textures.with_alpha(material.texture, holes["opacity"], f"the texture opacity of {of}", uvs)
@@ -344,6 +350,7 @@ class _Reader:
         elif kind == "SpotLight":
             matrix = _matrix(values["to_world"])
             outer, inner = (float(np.array(values[key]).item()) for key in ("cutoff_angle", "beam_width"))
+            self.leave_out(values, "texture", f"the spot '{name}'")
             self.note(f"the light of the spot '{name}' falls off between its angles as in glTF, not linearly")
             self.scene.add_light(
                 "spot", name, matrix[:3, 3].tolist(), direction=matrix[:3, 2].tolist(), inner_angle=inner, outer_angle=outer,
@@ -364,6 +371,8 @@ class _Reader:
             self.note(f"the crop of the sensor '{name}' is left out; give it as the setting crop")
         if any(float(np.array(values.get(f"principal_point_offset_{axis}", 0)).item()) for axis in "xy"):
             self.note(f"the principal point of the sensor '{name}' is left out")
+        if float(np.array(values["near_clip"]).item()) > NEAR:
+            self.note(f"near_clip of the sensor '{name}' is left out")
         # Mitsuba's cameras look along +Z, with +X to the left and +Y up.
         pose = np.eye(4)
         pose[:3, :3] = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0) * (-1, -1, 1)
