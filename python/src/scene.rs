@@ -317,7 +317,7 @@ impl State {
             return Err(crate::errors::settings("a histogram needs gates, such as gates='5m..15m/100'"));
         }
         let has_variance = count > 1 && experiment.output.variance.unwrap_or(false);
-        memory::check(settings, has_variance)?;
+        engine::check_memory(self.ready.as_ref(), settings, has_variance)?;
         let mut warnings = [&scene.warnings[..], &resolved.warnings].concat();
         let prepared = engine::prepare(self.ready.take(), scene, &experiment, settings, has_variance);
         let Prepared { mut ready, layers } = prepared.map_err(|failure| self.of_file(failure))?;

@@ -228,6 +228,17 @@ def test_an_interrupt_keeps_the_image_of_a_response(box, tmp_path):
     assert image.samples > 0 and image.pixels.any()
 
 
+def test_a_histogram_must_fit_twice_into_the_memory(box):
+    try:
+        [line] = [line for line in open("/proc/meminfo") if line.startswith("MemAvailable")]
+    except OSError:
+        pytest.skip("this system does not tell how much memory is free")
+    # Three numbers of 8 bytes per pixel and gate.
+    count = int(0.7 * 1024 * int(line.split()[1]) / (24 * 1024**2))
+    with pytest.raises(taugate.SettingsError, match=f"a histogram of {count} gates of 1024x1024 pixels needs .* use fewer gates"):
+        taugate.histogram(box, gates=(4, 9, count), resolution=(1024, 1024), spp=1)
+
+
 def test_other_threads_run_during_a_render(box):
     count = [0, True]
 
