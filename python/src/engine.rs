@@ -11,6 +11,7 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use taugate::internals::gpu::Device;
 use taugate::internals::image::layers::Layers;
+use taugate::internals::image::response_film::ResponseFilm;
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::render::schedule::next_samples;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, layers};
@@ -19,8 +20,8 @@ use taugate::internals::settings::aov::Aov;
 use taugate::internals::settings::{Budget, Settings};
 
 use crate::errors::{Failure, Result};
-use crate::shared::feasible;
 use crate::shared::ready::Ready;
+use crate::shared::{feasible, memory};
 
 /// How long the calling thread waits for a step before it asks Python for interrupts. Python reports them only in the main thread.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -103,6 +104,26 @@ pub fn prepare(
     }
     let settings = settings.clone();
     Ok(Prepared { ready: Ready { renderer, scene, settings, prepared: Some(prepared), warnings }, layers })
+}
+
+/// Fails if the images of several gates need more memory than is free. They exist twice at the end: in the renderer, which the next
+/// render takes over, and in the result. The renderer `before` gives up its images or lends them.
+pub fn check_memory(before: Option<&Ready>, settings: &Settings, has_variance: bool) -> Result<()> {
+    let (count, crop) = (settings.responses().len(), settings.crop());
+    if count == 1 {
+        return Ok(());
+    }
+    let pixels = u64::from(crop.width()) * u64::from(crop.height());
+    let needed = ResponseFilm::bytes(pixels, count as u64, has_variance).saturating_mul(2);
+    let held = before.map_or(0, |Ready { renderer, .. }| {
+        let bytes = |film: &ResponseFilm| {
+            ResponseFilm::bytes(film.pixels() as u64, film.responses() as u64, renderer.has_response_variance())
+        };
+        renderer.responses().map_or(0, bytes)
+    });
+    let what = format!("a histogram of {count} gates of {}x{} pixels", crop.width(), crop.height());
+    memory::check_bytes(needed.saturating_sub(held), &what, "use fewer gates, a smaller resolution, or crop")?;
+    Ok(())
 }
 
 /// Whether a black image is accepted without an error.
@@ -188,7 +209,7 @@ fn add(
     started: Instant,
 ) -> Result<()> {
     let budget = settings.budget();
-    // An abandoned iteration would clear the images of several responses, so such a render finishes its iteration.
+    // An abandoned iteration would clear the images of responses, so such a render finishes its iteration.
     let never = Arc::default();
     loop {
         let (film, elapsed) = (renderer.film(), started.elapsed());
@@ -198,8 +219,7 @@ fn add(
         if samples == 0 || black || stop.load(Ordering::SeqCst) {
             return Ok(());
         }
-        let has_responses = renderer.responses().is_some();
-        renderer.iterate_unless(samples, if has_responses { &never } else { stop })?;
+        renderer.iterate_unless(samples, if renderer.has_responses() { &never } else { stop })?;
         let dropped = renderer.stats().dropped;
         if strict && dropped > 0 {
             return Err(Failure::NotFinite(dropped));

@@ -93,7 +93,11 @@ fn run(job: &Job, path: &Path, progress: Option<&Py<PyAny>>) -> Result<(usize, V
             film.write_variances(&variance_path(path), &scan)?;
         }
     }
-    let warnings = [&scene.warnings[..], &resolved.warnings].concat();
+    let mut warnings = [&scene.warnings[..], &resolved.warnings].concat();
+    let dropped = renderer.stats().dropped;
+    if dropped > 0 {
+        warnings.push(format!("{dropped} samples were not finite and count as 0"));
+    }
     Ok((measured, warnings, failure.filter(|_| !is_whole)))
 }
 

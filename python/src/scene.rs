@@ -99,7 +99,7 @@ impl NativeScene {
         Ok(())
     }
 
-    /// Moves the node `name`. `matrix` maps mesh space to world space, row by row.
+    /// Moves the node `name`. `matrix` maps the space of its first mesh to world space, row by row.
     fn set_transform(&self, py: Python<'_>, name: &str, matrix: [[f64; 4]; 4]) -> PyResult<()> {
         py.detach(|| {
             let mut state = self.state()?;
@@ -288,9 +288,7 @@ impl State {
         }
         self.read(&experiment.input.clone())?;
         let mut scene = self.scene.clone();
-        for instance in &mut scene.instances {
-            instance.transform = self.moved.get(&instance.node).copied().unwrap_or(instance.transform);
-        }
+        move_nodes(&mut scene, &self.moved);
         let notes = scenery::apply(&mut experiment, &mut scene)?;
         let resolved = resolve::resolve(&experiment, &scene)?;
         let config = resolve::as_experiment(&experiment, &resolved.settings, &scene);
@@ -319,7 +317,7 @@ impl State {
             return Err(crate::errors::settings("a histogram needs gates, such as gates='5m..15m/100'"));
         }
         let has_variance = count > 1 && experiment.output.variance.unwrap_or(false);
-        memory::check(settings, has_variance)?;
+        engine::check_memory(self.ready.as_ref(), settings, has_variance)?;
         let mut warnings = [&scene.warnings[..], &resolved.warnings].concat();
         let prepared = engine::prepare(self.ready.take(), scene, &experiment, settings, has_variance);
         let Prepared { mut ready, layers } = prepared.map_err(|failure| self.of_file(failure))?;
@@ -356,6 +354,18 @@ impl State {
             }
             (other, _) => other,
         }
+    }
+}
+
+/// Gives the first instance of each of these nodes a new transform. The others, such as copies of its mesh, keep their places relative to
+/// the first.
+fn move_nodes(scene: &mut Scene, moved: &BTreeMap<String, DAffine3>) {
+    let mut firsts = BTreeMap::new();
+    for instance in &mut scene.instances {
+        let Some(&matrix) = moved.get(&instance.node) else { continue };
+        let before = instance.transform;
+        let first = *firsts.entry(instance.node.clone()).or_insert(before);
+        instance.transform = if before == first { matrix } else { matrix * first.inverse() * before };
     }
 }
 

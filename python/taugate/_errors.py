@@ -35,3 +35,13 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, image=None):
         super().__init__("the render was interrupted; the result so far is in .image")
         self.image = image
+
+
+def explain_changes(cls):
+    """Makes a frozen dataclass say what to do instead of changing a field."""
+
+    def refuse(self, field, *_):
+        raise SettingsError(f"a {cls.__name__} does not change; make another one with dataclasses.replace(old, {field}=...), and add that one")
+
+    cls.__setattr__ = cls.__delattr__ = refuse
+    return cls

@@ -170,7 +170,8 @@ class Histogram(_Result):
         return self.gates.mean(axis=1)
 
     def to_mitransient(self):
-        """The pair (steady, transient) that ``mi.render`` of mitransient gives: (H, W, 3) and (H, W, T, 3).
+        """The pair (steady, transient) as ``mi.render`` of mitransient gives it: (H, W, 3) and (H, W, T, 3). ``steady`` is the sum over the
+        gates. That of mitransient also has the light outside the gates: :func:`taugate.render` without a gate gives it.
         :meth:`mitransient_film` gives the settings of the film."""
         return self.pixels.sum(axis=2), self.pixels
 

@@ -5,12 +5,14 @@ from typing import Union
 
 import numpy as np
 
+from ._errors import explain_changes
 from ._texture import Texture
 
 TEXTURES = ("texture", "roughness_texture", "metallic_texture")
 
 
-@dataclasses.dataclass
+@explain_changes
+@dataclasses.dataclass(frozen=True)
 class Material:
     """A metallic-roughness material of glTF, with its extensions. Colours are linear RGB.
 
@@ -19,6 +21,8 @@ class Material:
     ``metallic_texture`` the metalness (which is 0 unless you set it). Each is a :class:`Texture`, or its texels (H, W), (H, W, 1) or, for
     colours, (H, W, 3) or (H, W, 4). Meshes of such a material need ``uvs``. The textures of roughness and metalness become one image: they
     need the same shape, wrap modes, filter and transform.
+
+    The fields do not change; ``dataclasses.replace(material, color=...)`` makes another material.
     """
 
     color: tuple = (1.0, 1.0, 1.0)

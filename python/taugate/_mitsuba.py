@@ -1,5 +1,6 @@
 """Scenes of Mitsuba 3, read by Mitsuba itself."""
 
+import dataclasses
 import math
 import os
 
@@ -8,11 +9,12 @@ import numpy as np
 from ._camera import Camera
 from ._errors import SceneError, SettingsError
 from ._material import Material
+from ._mitsuba_shapes import SHAPES
 from ._mitsuba_texture import LUMINANCE, Notes, Textures, children, mix_root
 from ._scene import Scene
 
-# Segments per circle, for shapes that become triangles.
-PARTS = 64
+# Mitsuba's default for near_clip, in metres. Larger values are meant to hide something.
+NEAR = 0.01
 # Texture coordinates of the corners of a triangle whose mesh has none.
 CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 KINDS = (
@@ -100,11 +102,15 @@ class _Reader:
             vertices, normals = vertices[triangles].reshape(-1, 3), None if normals is None else normals[triangles].reshape(-1, 3)
             triangles, uvs = np.arange(len(vertices)).reshape(-1, 3), np.tile(corners, (len(triangles), 1))
         if shape.is_emitter():
-            material.emission = self.rgb(self.values(shape.emitter()), "radiance", f"the emitter of '{name}'")
-            material.double_sided = False
+            if material.double_sided:
+                self.note(f"the back of the emitter '{name}' reflects no light")
+            radiance = self.rgb(self.values(shape.emitter()), "radiance", f"the emitter of '{name}'")
+            material = dataclasses.replace(material, emission=radiance, double_sided=False)
         if shape.interior_medium() is not None or shape.exterior_medium() is not None:
             self.note(f"the medium of the shape '{name}' is left out")
-        self.scene.add_mesh(name, vertices, triangles, material, normals=normals, uvs=uvs)
+        # By name, so that add_material can replace it.
+        self.scene.add_material(name, material)
+        self.scene.add_mesh(name, vertices, triangles, name, normals=normals, uvs=uvs)
 
     def triangles(self, shape, name):
         """Vertices in world space, triangles, normals or ``None``, and texture coordinates or ``None``; ``None`` for a shape that is left out."""
@@ -169,16 +175,17 @@ class _Reader:
             elif kind != "TwoSidedBRDF":
                 self.note(f"the {WRAPPERS[kind]} of {of} is left out")
             # The first BSDF in a two-sided BSDF is its front.
-            bsdf = next(child for child in children(self.mi, bsdf).values() if isinstance(child, self.mi.BSDF))
+            bsdf, *others = (child for child in children(self.mi, bsdf).values() if isinstance(child, self.mi.BSDF))
+            if any(other is not bsdf for other in others):
+                self.note(f"the back of {of} is like its front")
         material = self.inner_material(bsdf, name, uvs, is_twosided)
         if holes is not None:
             texture = self.textures.with_alpha(material.texture, holes["opacity"], f"the texture opacity of {of}", uvs)
             if texture is None:
                 opacity *= self.share(holes, "opacity", of)
             else:
-                material.texture = texture
-        material.alpha = opacity
-        return material
+                material = dataclasses.replace(material, texture=texture)
+        return dataclasses.replace(material, alpha=opacity)
 
     def inner_material(self, bsdf, name, uvs, is_twosided):
         """The material of a BSDF that is not around another one."""
@@ -342,6 +349,7 @@ class _Reader:
         elif kind == "SpotLight":
             matrix = _matrix(values["to_world"])
             outer, inner = (float(np.array(values[key]).item()) for key in ("cutoff_angle", "beam_width"))
+            self.leave_out(values, "texture", f"the spot '{name}'")
             self.note(f"the light of the spot '{name}' falls off between its angles as in glTF, not linearly")
             self.scene.add_light(
                 "spot", name, matrix[:3, 3].tolist(), direction=matrix[:3, 2].tolist(), inner_angle=inner, outer_angle=outer,
@@ -362,6 +370,8 @@ class _Reader:
             self.note(f"the crop of the sensor '{name}' is left out; give it as the setting crop")
         if any(float(np.array(values.get(f"principal_point_offset_{axis}", 0)).item()) for axis in "xy"):
             self.note(f"the principal point of the sensor '{name}' is left out")
+        if float(np.array(values["near_clip"]).item()) > NEAR:
+            self.note(f"near_clip of the sensor '{name}' is left out")
         # Mitsuba's cameras look along +Z, with +X to the left and +Y up.
         pose = np.eye(4)
         pose[:3, :3] = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0) * (-1, -1, 1)
@@ -375,48 +385,3 @@ class _Reader:
 def _matrix(transform):
     """The 4 x 4 matrix of a transform of any variant."""
     return np.array(transform.matrix, float).reshape(4, 4) if hasattr(transform, "matrix") else np.array(transform, float)
-
-
-def _rectangle():
-    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
-    return corners, np.array([(0, 1, 2), (0, 2, 3)]), None, (corners[:, :2] + 1) / 2
-
-
-def _disk():
-    k = np.arange(PARTS + 1)
-    angles = 2 * math.pi * k / PARTS
-    # The polygon has the area of the disk.
-    radius = math.sqrt(math.pi / (PARTS / 2 * math.sin(2 * math.pi / PARTS)))
-    rim = radius * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    k = k[:-1]
-    # Each triangle has a centre of its own, because v is the angle.
-    uvs = np.vstack([np.stack([0 * angles + 1, angles / (2 * math.pi)], axis=1), np.stack([0 * k, (k + 0.5) / PARTS], axis=1)])
-    return np.vstack([rim, np.zeros((PARTS, 3))]), np.stack([PARTS + 1 + k, k, k + 1], axis=1), None, uvs
-
-
-def _sphere():
-    rows = PARTS // 2
-    theta, phi = np.meshgrid(math.pi * np.arange(rows + 1) / rows, 2 * math.pi * np.arange(PARTS + 1) / PARTS, indexing="ij")
-    points = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1).reshape(-1, 3)
-    i, j = (x.ravel() for x in np.meshgrid(np.arange(rows), np.arange(PARTS), indexing="ij"))
-    a, b = i * (PARTS + 1) + j, (i + 1) * (PARTS + 1) + j
-    triangles = np.concatenate([np.stack([a, b, b + 1], axis=1)[i < rows - 1], np.stack([a, b + 1, a + 1], axis=1)[i > 0]])
-    u, v = phi / (2 * math.pi), theta / math.pi
-    # Each pole has one vertex per triangle, with the longitude of the middle of the triangle.
-    u[0] += 0.5 / PARTS
-    u[-1] -= 0.5 / PARTS
-    return points, triangles, points, np.stack([u, v], axis=-1).reshape(-1, 2)
-
-
-def _cylinder():
-    angles = 2 * math.pi * np.arange(PARTS + 1) / PARTS
-    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    k = np.arange(PARTS)
-    top = k + PARTS + 1
-    triangles = np.concatenate([np.stack([k, k + 1, top + 1], axis=1), np.stack([k, top + 1, top], axis=1)])
-    u = angles / (2 * math.pi)
-    uvs = np.vstack([np.stack([u, 0 * u], axis=1), np.stack([u, 0 * u + 1], axis=1)])
-    return np.vstack([ring, ring + (0, 0, 1)]), triangles, np.vstack([ring, ring]), uvs
-
-
-SHAPES = {"Rectangle": _rectangle, "Disk": _disk, "Sphere": _sphere, "Cylinder": _cylinder}

@@ -113,7 +113,7 @@ class Scan:
             raise SettingsError("tal needs two grids or two lists of points, not one of each")
         else:
             H = H.reshape(bins + laser_axes + sensor_axes)
-            H, name = _columns_first(H, 1, 1 + len(laser_axes)), ["T_Li_Si", "T_Lx_Ly_Sx_Sy"][len(sensor_axes) - 1]
+            H, name = (H, "T_Li_Si") if len(laser_axes) == 1 else (_columns_first(H, 1, 3), "T_Lx_Ly_Sx_Sy")
         info = {"original_format": "HDF5_TAL", "config": {"renderer": about["version"], "unit": about["unit"]}}
         contents = {
             "H": H.astype(np.float32),

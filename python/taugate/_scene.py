@@ -3,6 +3,7 @@
 import copy
 import json
 import os
+import types
 
 import numpy as np
 
@@ -13,8 +14,8 @@ from ._material import Material
 from ._texture import Texture, color_bytes, surface_bytes
 from ._words import words
 
-# Settings that place a camera.
-PLACING = ("camera", "look_from", "look_at", "up", "fov", "ortho", "principal_point")
+# Settings that choose or place another camera than the first one of the scene.
+PLACING = ("camera", "look_from", "look_at")
 LIGHTS = ("point", "spot", "beam")
 
 
@@ -29,11 +30,9 @@ class Scene:
     """
 
     def __init__(self, **settings):
-        words(settings, "Scene")
         self.path = None
         self.moves = ()
-        #: Settings of all renders of the scene.
-        self.settings = {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in settings.items()}
+        self.settings = settings
         #: Cameras by name. The first one is the default.
         self.cameras = {}
         #: What :func:`from_mitsuba` approximated or left out, one sentence each.
@@ -43,6 +42,16 @@ class Scene:
         self._instances = {}
         self._lights = {}
         self._moved = {}
+
+    @property
+    def settings(self):
+        """Settings of all renders of the scene. To change them, assign a dictionary, such as ``{**scene.settings, "spp": 16}``."""
+        return types.MappingProxyType(self._settings)
+
+    @settings.setter
+    def settings(self, settings):
+        words(settings, "Scene")
+        self._settings = {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in settings.items()}
         self._changed()
 
     # Objects.
@@ -64,16 +73,14 @@ class Scene:
         self._of_arrays()
         if isinstance(material, str) and material not in self._materials:
             raise SettingsError(f"the scene has no material '{material}'; add it with add_material")
-        if not isinstance(material, str):
-            self._materials[name] = material or Material.diffuse()
-            material = name
         self._meshes[name] = {
             "name": name,
             "vertices": _array(vertices, np.float32, 2, "vertices"),
             "triangles": _array(triangles, np.uint32, 2, "triangles"),
             "normals": None if normals is None else _array(normals, np.float32, 2, "normals"),
             "uvs": None if uvs is None else _array(uvs, np.float32, 2, "uvs"),
-            "material": material,
+            # The name of a material, or the mesh's own material.
+            "material": material or Material.diffuse(),
         }
         self._changed()
         self.add_instance(name, name, transform, moves=moves)
@@ -96,7 +103,8 @@ class Scene:
         self._stale = True
 
     def add_camera(self, name, camera):
-        """Adds or replaces a :class:`Camera`. Renders use the first one, unless they have ``camera="name"``."""
+        """Adds or replaces a :class:`Camera`. Renders use the first one, unless they have ``camera="name"``, ``look_from`` or ``look_at``.
+        Other settings, such as ``fov``, change it for one render."""
         self.cameras[name] = camera
 
     def remove(self, name):
@@ -110,7 +118,8 @@ class Scene:
         self._changed()
 
     def set_transform(self, name, matrix):
-        """Moves an instance, or the node of a file: ``matrix`` (4 x 4) maps mesh space to world space.
+        """Moves an instance, or the node of a file: ``matrix`` (4 x 4) maps mesh space to world space. If a file has several instances of
+        this name, such as copies of a node, ``matrix`` is that of the first. The others keep their places relative to it.
 
         If the instance was added with ``moves=True``, or :func:`load` named it in ``moves``, the next render repeats only a part of the
         preparation. Otherwise the next render prepares the whole scene anew. The image is the same, except for rounding.
@@ -127,7 +136,7 @@ class Scene:
             self._moved[name] = matrix
 
     def transform(self, name):
-        """The matrix (4 x 4) of an instance, or of a node of a file. It maps mesh space to world space."""
+        """The matrix (4 x 4) of an instance, or of the first instance of a node of a file. It maps mesh space to world space."""
         if self.path is None and name in self._instances:
             return self._instances[name][1].copy()
         return np.array(self._built().transform(name))
@@ -162,7 +171,7 @@ class Scene:
             raise SettingsError(f"this scene was read from a file; add {instead}")
 
     def _changed(self):
-        """Forgets the native scene after a change of meshes or materials. The next render makes it again."""
+        """Forgets the native scene after a change of meshes, materials or settings. The next render makes it again."""
         self._native = None
         #: The settings that the native scene has, with their temporary files.
         self._words = None
@@ -180,14 +189,19 @@ class Scene:
         elif camera is None and self.cameras and not any(settings.get(key) is not None for key in PLACING):
             camera = next(iter(self.cameras.values()))
         if isinstance(camera, Camera):
-            del_camera = {key: value for key, value in settings.items() if key != "camera"}
-            settings = {**camera._settings(), **{key: value for key, value in del_camera.items() if value is not None}}
+            given = {key: value for key, value in settings.items() if key != "camera" and value is not None}
+            of_camera = camera._settings()
+            if "fov" in given or "ortho" in given:
+                # A camera has one of the two, and the call decides.
+                of_camera.pop("fov", None)
+                of_camera.pop("ortho", None)
+            settings = {**of_camera, **given}
         return settings
 
     def _built(self):
         if self.path is not None:
             if self._native is None:
-                self._words = words(self.settings, "load")
+                self._words = words(self._settings, "load")
                 self._native = _native.NativeScene.load(self.path, self._words, list(self.moves))
                 for name, matrix in self._moved.items():
                     self._native.set_transform(name, matrix.tolist())
@@ -206,7 +220,8 @@ class Scene:
 
     def _from_arrays(self):
         textures, images, materials, index_of = [], [], [], {}
-        for name, material in self._materials.items():
+        own = [(name, mesh["material"]) for name, mesh in self._meshes.items() if not isinstance(mesh["material"], str)]
+        for name, material in [*self._materials.items(), *own]:
             indices = {}
             is_opaque = material.alpha >= 1
             # The native part has one texture for roughness and metalness.
@@ -230,17 +245,26 @@ class Scene:
                 textures.append({**samplers[0], "image": index_of[key]})
                 is_opaque = is_opaque and images[index_of[key]][..., 3].min() == 255
             materials.append({**material._plain(name, indices), "blend": not is_opaque})
+        names, own_index, meshes = list(self._materials), len(self._materials), []
         for name, mesh in self._meshes.items():
-            material = self._materials[mesh["material"]]
+            if isinstance(mesh["material"], str):
+                material, index = self._materials[mesh["material"]], names.index(mesh["material"])
+            else:
+                material, index, own_index = mesh["material"], own_index, own_index + 1
             if mesh["uvs"] is None and material._has_textures():
                 raise SettingsError(f"the material of the mesh '{name}' has a texture, so the mesh needs uvs")
-        names = list(self._materials)
-        meshes = [{**mesh, "material": names.index(mesh["material"])} for mesh in self._meshes.values()]
-        self._words = words(self.settings, "Scene")
+            meshes.append({**mesh, "material": index})
+        self._words = words(self._settings, "Scene")
         return _native.NativeScene.from_arrays(json.dumps(materials), json.dumps(textures), images, meshes, self._words)
 
     def __getstate__(self):
         return {**self.__dict__, "_native": None, "_words": None, "_stale": True}
+
+    def __copy__(self):
+        twin = object.__new__(type(self))
+        # The objects are shared, but not the dictionaries and lists.
+        twin.__dict__.update({key: copy.copy(value) if isinstance(value, (dict, list)) else value for key, value in self.__getstate__().items()})
+        return twin
 
     def __deepcopy__(self, memo):
         twin = copy.copy(self)

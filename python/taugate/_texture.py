@@ -5,7 +5,7 @@ from typing import Optional, Union
 
 import numpy as np
 
-from ._errors import SettingsError
+from ._errors import SettingsError, explain_changes
 
 WRAPS = ("repeat", "mirror", "clamp")
 FILTERS = ("linear", "nearest")
@@ -16,7 +16,8 @@ MAX_TRANSFORM = 1e6
 ROWS = 256
 
 
-@dataclasses.dataclass
+@explain_changes
+@dataclasses.dataclass(frozen=True)
 class Texture:
     """An image on a surface, with its filter and its place. A material also takes the texels alone.
 
@@ -25,6 +26,7 @@ class Texture:
 
     ``wrap``: ``"repeat"``, ``"mirror"`` or ``"clamp"`` outside the image, or a pair of these for u and v. ``filter``: ``"linear"`` or ``"nearest"``.
     ``transform`` (3 x 3) maps the ``uvs`` of the mesh to those of the image, where (0, 0) is the top left corner and (1, 1) the bottom right one.
+    The fields do not change, see :class:`Material`.
     """
 
     texels: np.ndarray

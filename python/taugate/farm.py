@@ -68,7 +68,8 @@ def render(
     A part takes about ``part_seconds``. After each one, ``on_update`` gets the image so far, and ``progress`` a :class:`Progress`. Further keyword
     arguments are settings, as for :func:`taugate.render`. An interrupt raises :class:`Interrupted`, whose ``image`` is the image so far.
 
-    If a worker is lost, another one renders its parts. A part that fails four times is left out. The sums are added in the order of the
+    If a worker is lost, another one renders its parts. A part that fails four times is left out; if all parts of the first round fail, the
+    render fails with the last exception. The sums are added in the order of the
     iterations, so the image does not depend on which machine was fast. With ``spp`` and ``sampling="uniform"`` it is the image of
     :func:`taugate.render`. With adaptive sampling each part adapts by itself.
 
@@ -189,7 +190,8 @@ class _Run:
         self.next, self.wanted = 0, 0
         #: Finished parts that wait for an earlier part, by their first iteration. Their results stay on the workers.
         self.waiting = {}
-        self.sums, self.failure = None, None
+        #: Sums of the parts that succeeded, the last exception of a part, and how many parts failed.
+        self.sums, self.failure, self.failed = None, None, 0
         self.samples, self.seconds = 0, 0.0
         self.futures = set()
 
@@ -201,7 +203,9 @@ class _Run:
             self._add_in_order()
             if self._is_over():
                 return
-            self._submit()
+            # After the time, a render without an image still waits for the parts that run.
+            if not self._is_late():
+                self._submit()
 
     def _add_in_order(self):
         """Adds the finished parts in order, up to the first part that is not finished."""
@@ -215,6 +219,7 @@ class _Run:
                 raise
             except Exception as failure:  # of the worker, whatever it is
                 self.failure = failure
+                self.failed += 1
                 continue
             self.samples += part.samples
             self.seconds += part.seconds
@@ -240,15 +245,23 @@ class _Run:
                 shares.append(1.0 if relative <= self.error else (self.error / relative) ** 2)
             self.watch(*Progress(min(1.0, max(shares)), self.sums.samples, seconds))
 
+    def _is_late(self):
+        return self.time is not None and clock.monotonic() - self.started >= self.time
+
     def _is_over(self):
-        if self.time is not None and clock.monotonic() - self.started >= self.time and self.sums is not None:
-            return True
-        return self.error is not None and self.sums is not None and self.sums.relative_error() <= self.error
+        if self.sums is None:
+            # If a whole round fails, so will all parts.
+            return self.failed >= self._round()
+        return self._is_late() or (self.error is not None and self.sums.relative_error() <= self.error)
+
+    def _round(self):
+        """The most parts that run or wait at a time."""
+        return 2 * AHEAD * max(_threads(self.client), 1)
 
     def _submit(self):
         """Keeps all workers busy."""
-        limit = AHEAD * max(_threads(self.client), 1)
-        while self.parts.count() + len(self.waiting) < 2 * limit and self.parts.count() < limit:
+        limit = self._round()
+        while self.parts.count() + len(self.waiting) < limit and self.parts.count() < limit // 2:
             if self.job.spp is not None and _native.samples_before_iteration(self.next) >= self.job.spp:
                 return
             samples = FIRST_SAMPLES

@@ -79,6 +79,21 @@ def test_cameras_are_chosen_by_name_or_by_settings():
     assert taugate.render(scene, camera=parallel, spp=1).pixels.any()
 
 
+def test_settings_change_the_first_camera():
+    scene = room()
+    front = scene.camera()
+    for settings in (dict(fov=20), dict(principal_point=(0.4, 0.5)), dict(ortho=3), dict(fov=20, camera="front"), dict(ortho=3, camera=front)):
+        changed = scene.camera(**settings)
+        assert np.allclose(changed.world_from_camera, front.world_from_camera), settings
+        assert changed.height == settings.get("ortho"), settings
+        assert changed.fov is None if "ortho" in settings else np.isclose(changed.fov, settings.get("fov", 40)), settings
+        assert np.allclose(changed.principal_point, settings.get("principal_point", (0.5, 0.5))), settings
+    parallel = scene.camera(ortho=3)
+    assert np.isclose(scene.camera(camera=parallel, fov=30).fov, 30)
+    up = scene.camera(up=(1, 0, 0))
+    assert np.allclose(up.world_from_camera[:3, 2:], front.world_from_camera[:3, 2:]) and up.world_from_camera[0, 1] < -0.9
+
+
 def test_mistakes_in_matrices_are_explained():
     camera = room().camera()
     with pytest.raises(taugate.SettingsError, match="must be a rotation"):

@@ -86,6 +86,18 @@ def test_an_error_or_a_time_ends_a_render(cluster):
     assert image.samples > 0 and time.monotonic() - started < 20
 
 
+@pytest.mark.parametrize("settings", [dict(error=0.1), dict(time=1.0)])
+def test_a_render_whose_parts_all_fail_ends(cluster, monkeypatch, settings):
+    from taugate import farm
+
+    def fail(*_):
+        raise MemoryError("no room")
+
+    monkeypatch.setattr(farm, "_accumulate", fail)
+    with pytest.raises(taugate.Error, match="no part of the render succeeded; the last one failed with: no room"):
+        farm.render(SCENES / "cornell-box.glb", client=cluster, **settings, **SETTINGS)
+
+
 def test_an_image_without_noise_ends_a_render(cluster):
     from taugate import farm
 

@@ -408,6 +408,29 @@ def test_parameters_may_share_a_texture():
     assert material.texture.texels.shape == (6, 8, 4) and material.roughness_texture.texels.shape == (48, 64)
 
 
+def test_what_sides_spots_and_sensors_lose_is_listed():
+    mi.set_variant(VARIANT)
+    sides = {"type": "twosided", "front": {"type": "diffuse"}, "back": {"type": "plastic"}}
+    same = {"type": "twosided", "only": {"type": "diffuse"}}
+    area = {"type": "area", "radiance": {"type": "rgb", "value": 2.0}}
+    scene = {
+        "type": "scene",
+        "leaf": {"type": "rectangle", "bsdf": sides},
+        "panel": {"type": "rectangle", "bsdf": same, "emitter": area},
+        "lamp": {"type": "rectangle", "emitter": area},
+        "wide": {"type": "perspective"},
+        "cut": {"type": "perspective", "near_clip": 1.0},
+    }
+    assert sorted(taugate.from_mitsuba(scene).not_converted) == [
+        "near_clip of the sensor 'cut' is left out",
+        "the back of the BSDF of 'leaf' is like its front",
+        "the back of the emitter 'panel' reflects no light",
+    ]
+    if mi.__version__ >= "3.9":
+        torch = {"type": "spot", "id": "torch", "texture": bitmap(picture())}
+        assert "texture of the spot 'torch' is left out" in taugate.from_mitsuba({"type": "scene", "torch": torch}).not_converted
+
+
 def test_bsdfs_around_other_bsdfs_keep_their_textures():
     mi.set_variant(VARIANT)
     diffuse = {"type": "diffuse", "reflectance": bitmap(picture())}

@@ -216,6 +216,29 @@ def test_an_interrupt_keeps_the_image_so_far(box):
     assert image.samples > 0 and np.isfinite(image.pixels).all() and image.pixels.any()
 
 
+def test_an_interrupt_keeps_the_image_of_a_response(box, tmp_path):
+    table = tmp_path / "table.csv"
+    table.write_text("tau_m,weight\n4,0\n6,1\n9,0\n")
+    taugate.render(box, response=f"a={table}", spp=1)
+    # Iterations are long, so the interrupt comes within one.
+    threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(taugate.Interrupted) as stopped:
+        taugate.render(box, response=f"a={table}", time=60, resolution=(256, 256))
+    image = stopped.value.image
+    assert image.samples > 0 and image.pixels.any()
+
+
+def test_a_histogram_must_fit_twice_into_the_memory(box):
+    try:
+        [line] = [line for line in open("/proc/meminfo") if line.startswith("MemAvailable")]
+    except OSError:
+        pytest.skip("this system does not tell how much memory is free")
+    # Three numbers of 8 bytes per pixel and gate.
+    count = int(0.7 * 1024 * int(line.split()[1]) / (24 * 1024**2))
+    with pytest.raises(taugate.SettingsError, match=f"a histogram of {count} gates of 1024x1024 pixels needs .* use fewer gates"):
+        taugate.histogram(box, gates=(4, 9, count), resolution=(1024, 1024), spp=1)
+
+
 def test_other_threads_run_during_a_render(box):
     count = [0, True]
 

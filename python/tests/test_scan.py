@@ -86,6 +86,16 @@ def test_tal_opens_a_scan(tmp_path, points, shape):
     assert np.allclose(capture.laser_xyz, (2, 0, 1.5)) and not capture.t_accounts_first_and_last_bounces
 
 
+def test_tal_opens_a_scan_of_lists(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    lasers, sensors = [[0.1, 0, 0], [-0.3, 0.2, 0]], [[0, 0, 0], [0.5, 0, 0], [0.5, 0.5, 0]]
+    scan = taugate.scan(written(tmp_path, f"laser-points = {lasers}\nsensor-points = {sensors}"), spp=1)
+    scan.to_tal(tmp_path / "scan.hdf5")
+    with h5py.File(tmp_path / "scan.hdf5") as file:
+        assert np.array_equal(file["H"], 3 * scan.data) and file["H"].shape == (10, 2, 3)
+        assert np.allclose(file["laser_grid_xyz"], lasers) and np.allclose(file["sensor_grid_xyz"], sensors)
+
+
 def test_an_interrupted_scan_keeps_its_points(tmp_path):
     path = written(tmp_path, CONFOCAL)
     scene = taugate.load(path)

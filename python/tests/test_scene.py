@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import taugate
-from conftest import SCENES, SIZE, agree, quad, room, shift
+from conftest import ROOT, SCENES, SIZE, agree, quad, room, shift
 
 
 def test_a_lit_floor_has_the_radiance_of_the_formula():
@@ -58,6 +58,20 @@ def test_nodes_of_a_file_move():
         taugate.load(SCENES / "cornell-box.glb", moves=["chair"])
 
 
+def test_copies_of_a_node_keep_their_places_relative_to_each_other():
+    scene = taugate.load(ROOT / "tests/data/gltf/gpu_instances.glb", resolution=SIZE)
+    bounds = lambda: np.array(scene.info()["bounds"])
+    before, there, ends = bounds(), scene.transform("rows"), []
+    for side in (0, 1):
+        scene.set_transform("rows", shift(20 * side - 10, 2, 0) @ there)
+        assert np.allclose(scene.transform("rows"), shift(20 * side - 10, 2, 0) @ there)
+        ends.append(bounds()[side, 0] - (20 * side - 10))
+    # A cube is 0.3 m wide; the first one is at x = -1.
+    assert np.isclose(ends[0], -1.15) and ends[1] > 1
+    scene.set_transform("rows", there)
+    assert np.allclose(bounds(), before)
+
+
 def test_scenes_survive_pickle_and_copy():
     scene = room()
     scene.set_transform("board", shift(0.5, 0.7, -0.5))
@@ -68,6 +82,37 @@ def test_scenes_survive_pickle_and_copy():
     file.set_transform("tall box", shift(0.1, 0, 0) @ file.transform("tall box"))
     twin = pickle.loads(pickle.dumps(file))
     assert np.array_equal(taugate.render(twin, spp=2).pixels, taugate.render(file, spp=2).pixels)
+
+
+def test_a_copy_has_its_own_objects():
+    scene = room()
+    twin = copy.copy(scene)
+    twin.remove("board")
+    twin.remove("front")
+    twin.settings = {**twin.settings, "spp": 1}
+    assert "board" in scene._meshes and "front" in scene.cameras and "spp" not in scene.settings
+    assert taugate.render(scene, camera=scene.cameras["front"], spp=1).samples == 1
+
+
+def test_changes_after_adding_count_or_are_refused():
+    scene, paint = room(spp=2), taugate.Material.diffuse(texture=taugate.Texture(np.ones((1, 1))))
+    scene.add_material("paint", paint)
+    assert taugate.render(scene).samples == 2
+    for thing, field in ((paint, "color"), (paint.texture, "filter")):
+        with pytest.raises(taugate.SettingsError, match=f"does not change; make another one with dataclasses.replace\\(old, {field}=...\\)"):
+            setattr(thing, field, 1)
+    with pytest.raises(TypeError, match="item assignment"):
+        scene.settings["spp"] = 3
+    scene.settings = {**scene.settings, "spp": 3}
+    assert taugate.render(scene).samples == 3
+    file = taugate.load(SCENES / "cornell-box.glb", resolution=SIZE, spp=2)
+    file.set_transform("tall box", shift(0.1, 0, 0) @ file.transform("tall box"))
+    moved = taugate.render(file).pixels
+    file.settings = {**file.settings, "seed": 1}
+    file.settings = {**file.settings, "seed": 0}
+    assert np.array_equal(taugate.render(file).pixels, moved)
+    with pytest.raises(TypeError, match="did you mean spp"):
+        scene.settings = dict(sp=3)
 
 
 def test_fog_and_lights_are_settings():
@@ -93,6 +138,24 @@ def test_materials_and_textures():
     for material in (taugate.Material.metal(), taugate.Material.plastic(), taugate.Material.emitter(2)):
         scene.add_mesh("board", *quad(), material)
         assert taugate.render(scene, spp=1).pixels.any()
+
+
+def test_a_mesh_keeps_a_material_of_its_name():
+    scene = room()
+    scene.add_material("wall", taugate.Material.diffuse((0, 0, 1)))
+    scene.add_material("paint", taugate.Material.diffuse((0, 1, 0)))
+    scene.add_mesh("paint", *quad((0, 1, 1), (1, 0, 0), (0, 1, 0)), "paint")
+    # The own material of a mesh neither replaces a material of this name nor is replaced by it.
+    scene.add_mesh("wall", *quad((9, 9, 9)), taugate.Material.diffuse((1, 0, 0)))
+    scene.add_mesh("board", *quad((0, 1, 2), (0.5, 0, 0), (0, 0.5, 0)), "wall")
+    scene.add_material("board", taugate.Material.diffuse((1, 1, 1)))
+    image = taugate.render(scene, spp=4, aov="albedo,object")
+    number = {name: key for key, name in image.objects.items()}
+    for name, color in (("board", (0, 0, 1)), ("paint", (0, 1, 0)), ("floor", (0.6, 0.6, 0.6))):
+        assert np.allclose(np.median(image.albedo[image.object == number[name]], axis=0), color, atol=0.01), name
+    # A new own material replaces the old one.
+    scene.add_mesh("floor", *quad((0, 0, 0), (2, 0, 0), (0, 0, -2)))
+    assert np.allclose(np.median(taugate.render(scene, spp=4, aov="albedo").albedo[image.object == number["floor"]], axis=0), 0.5, atol=0.01)
 
 
 def wall_albedo(texture, **material):

@@ -332,6 +332,11 @@ impl Renderer {
         self.responses.as_ref().map(ResponseSums::film).filter(|film| film.responses() > 1)
     }
 
+    /// Whether iterations divide their light into responses: several, or a shaped one. An abandoned iteration then clears all images.
+    pub fn has_responses(&self) -> bool {
+        self.responses.is_some()
+    }
+
     /// Also estimates the variance of the images of several responses, which takes as much memory again as these images. Call it
     /// before the first iteration.
     ///
