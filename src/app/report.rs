@@ -8,7 +8,7 @@ use taugate::internals::error::Result;
 use taugate::internals::files::write_atomically;
 use taugate::internals::image::exr_file::{Provenance, version};
 use taugate::internals::image::layers::Layers;
-use taugate::internals::input::resolve::Outputs;
+use taugate::internals::input::resolve::{Outputs, gate_warning};
 use taugate::internals::render::{Renderer, Stage, Stats};
 use taugate::internals::settings::Settings;
 
@@ -128,6 +128,10 @@ impl Report<'_> {
         let (film, stats) = (self.renderer.film(), self.renderer.stats());
         if stats.dropped > 0 {
             progress.line(&format!("warning: {} samples were not finite and count as 0", stats.dropped));
+        }
+        // The one at the start may be out of sight.
+        if let Some(warning) = gate_warning(&self.settings.responses().narrowest(), 0.0) {
+            progress.line(&format!("warning: {warning}"));
         }
         if is_black(self.renderer) {
             progress.line(

@@ -120,18 +120,21 @@ fn check_precision(gate: &Gate, camera: &Camera, table: &GateTable, warnings: &m
                 gate.describe()
             )));
         }
-        GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => warnings.push(gate_warning(gate, ulps)),
+        GatePrecision::Coarse { .. } | GatePrecision::TooThin { .. } => warnings.extend(gate_warning(gate, omitted)),
     }
     Ok(())
 }
 
-/// A warning that the width of `gate` is only `ulps` steps of travel times.
-fn gate_warning(gate: &Gate, ulps: f64) -> String {
-    format!(
-        "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be wrong by {:.1} %",
-        gate.describe(),
-        100.0 / ulps.max(1.0)
-    )
+/// A warning if the width of `gate` is near the resolution of 32-bit travel times, else `None`. `omitted`: see [`Gate::precision`].
+pub fn gate_warning(gate: &Gate, omitted: f64) -> Option<String> {
+    match gate.precision(omitted) {
+        GatePrecision::Fine => None,
+        GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => Some(format!(
+            "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be wrong by {:.1} %",
+            gate.describe(),
+            100.0 / ulps.max(1.0)
+        )),
+    }
 }
 
 fn camera(table: &CameraTable, scene: &Scene) -> Result<usize> {
