@@ -45,26 +45,26 @@ fn room(lamps: Light, density: f64, in_meshes: bool, is_inside: bool) -> Scene {
     scene
 }
 
-fn image(scene: &Scene, estimator: Estimator, [lo, hi]: [f64; 2], seed: u32) -> Cells {
+fn image(scene: &Scene, estimator: Estimator, [lo, hi]: [f64; 2], iterations: u32, seed: u32) -> Cells {
     let s = settings(estimator, SIZE).max_depth(8).build().unwrap();
-    Cells::measure(&mut renderer(scene, &s), Gate { lo, hi }, 8, 1, 4, seed)
+    Cells::measure(&mut renderer(scene, &s), Gate { lo, hi }, 8, iterations, 4, seed)
 }
 
 /// Compares images of fog in meshes with an image of fog in boxes. Fog with 1.5 times the density must differ.
-fn compare(lamps: Light, is_inside: bool, gate: [f64; 2], estimators: &[Estimator]) {
-    let boxes = image(&room(lamps, 1.0, false, is_inside), Estimator::Lcs, gate, 1);
+fn compare(lamps: Light, is_inside: bool, gate: [f64; 2], estimators: &[Estimator], iterations: u32) {
+    let boxes = image(&room(lamps, 1.0, false, is_inside), Estimator::Lcs, gate, iterations, 1);
     for &estimator in estimators {
-        let meshes = image(&room(lamps, 1.0, true, is_inside), estimator, gate, 100);
+        let meshes = image(&room(lamps, 1.0, true, is_inside), estimator, gate, iterations, 100);
         eprintln!("{estimator} {gate:?}: {:?}, in boxes {:?}", meshes.whole(), boxes.whole());
         assert_none(disagreements(&boxes, &meshes));
     }
-    let denser = image(&room(lamps, 1.5, true, is_inside), Estimator::Bdpt, gate, 100);
+    let denser = image(&room(lamps, 1.5, true, is_inside), Estimator::Bdpt, gate, iterations, 100);
     assert!(!disagreements(&boxes, &denser).is_empty(), "{gate:?}");
 }
 
 #[test]
 fn fog_in_meshes_is_fog_in_boxes() {
-    compare(Light::Punctual, true, [4.0, 5.0], &[Estimator::Lcs]);
+    compare(Light::Punctual, true, [4.0, 5.0], &[Estimator::Lcs], 1);
 }
 
 /// `cargo test --release --test estimators -- --ignored --nocapture fog_in_meshes`
@@ -73,7 +73,7 @@ fn fog_in_meshes_is_fog_in_boxes() {
 fn fog_in_meshes_is_fog_in_boxes_for_all_estimators() {
     let all = Estimator::ALL;
     let but_pt: Vec<Estimator> = all.into_iter().filter(|&e| e != Estimator::Pt).collect();
-    compare(Light::Punctual, false, [5.0, 6.0], &all);
-    compare(Light::Area, true, [0.0, f64::INFINITY], &all);
-    compare(Light::Beam, false, [6.5, 7.5], &but_pt);
+    compare(Light::Punctual, false, [5.0, 6.0], &all, 4);
+    compare(Light::Area, true, [0.0, f64::INFINITY], &all, 4);
+    compare(Light::Beam, false, [6.5, 7.5], &but_pt, 4);
 }
