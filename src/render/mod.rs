@@ -332,6 +332,12 @@ impl Renderer {
         self.responses.as_ref().map(ResponseSums::film).filter(|film| film.responses() > 1)
     }
 
+    /// Whether the image is a sum over the responses. If so, abandoning an iteration may begin the render anew.
+    #[doc(hidden)]
+    pub fn has_responses(&self) -> bool {
+        self.responses.is_some()
+    }
+
     /// Also estimates the variance of the images of several responses, which takes as much memory again as these images. Call it
     /// before the first iteration.
     ///
