@@ -256,7 +256,8 @@ impl Session {
             return Ok(Outcome::Interrupted);
         }
 
-        if !may_be_dark && !interrupted && is_black(renderer) {
+        // A shard may miss light that the other shards find.
+        if !may_be_dark && !interrupted && shard.is_all() && is_black(renderer) {
             return Err(feasible::nothing_inside(device, scene, settings).into());
         }
 
