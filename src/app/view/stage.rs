@@ -157,10 +157,17 @@ impl Stage {
         for (name, _) in merged.iter().filter(|(_, text)| text.is_none()) {
             named::set(&mut experiment, name, None)?;
         }
-        for (name, text) in &merged {
-            if let Some(text) = text {
-                named::set(&mut experiment, name, Some(text))?;
-            }
+        if merged.get("gate").is_some_and(Option::is_none) {
+            (experiment.gate.response, experiment.gate.repeat) = (None, None);
+        }
+        let texts = || merged.iter().filter_map(|(name, text)| Some((name, text.as_deref()?)));
+        let mut changed = Experiment::default();
+        for (name, text) in texts() {
+            named::set(&mut changed, name, Some(text))?;
+        }
+        experiment.gate.leave_responses_to(&changed.gate);
+        for (name, text) in texts() {
+            named::set(&mut experiment, name, Some(text))?;
         }
         let before = Changeable::of(&self.scene);
         self.original.restore(&mut self.scene);
@@ -204,6 +211,7 @@ impl Stage {
                     if name == "gate" {
                         // The user wants a steady image, so remove gates of every kind.
                         merged.extend(["depth", "gates", "cw"].map(|other| (other.to_string(), None)));
+                        merged.remove("repeat");
                     }
                 }
                 Change::Text(text) => drop(merged.insert(name.clone(), Some(text.clone()))),
@@ -320,6 +328,26 @@ mod tests {
         assert!(stage.view().settings.responses().are_steady());
         stage.change(&changes(r#"{"gate": null, "fov": null}"#)).unwrap();
         assert!(stage.view().settings == start);
+    }
+
+    #[test]
+    fn another_gate_replaces_responses_with_gates_of_their_own() {
+        let (_folder, stage) = stage();
+        for (name, text) in [("response", "gauss:6m..6.5m,5cm"), ("gates", "6m..7m/2")] {
+            let mut start = stage.start().clone();
+            named::set(&mut start, "gate", None).unwrap();
+            named::set(&mut start, name, Some(text)).unwrap();
+            named::set(&mut start, "repeat", Some("50m")).unwrap();
+            let mut stage = Stage::new(start).unwrap();
+            let of_start = stage.view().settings.clone();
+            stage.change(&changes(r#"{"gate": "6.2m..6.4m", "repeat": false}"#)).unwrap();
+            let responses = stage.view().settings.responses();
+            assert!(responses.is_single_box() && responses.support().lo == 6.2, "{}", responses.describe());
+            stage.change(&changes(r#"{"gate": false}"#)).unwrap();
+            assert!(stage.view().settings.responses().are_steady());
+            stage.change(&changes(r#"{"gate": null, "repeat": null}"#)).unwrap();
+            assert!(stage.view().settings == of_start, "{name}");
+        }
     }
 
     #[test]
