@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Maximum number of iterations in a file. The longest render has fewer.
-const MAX_ITERATIONS: u64 = 1 << 22;
+/// Maximum number of iterations in a file. A render with more would take days, however short its iterations are.
+const MAX_ITERATIONS: u64 = 1 << 28;
 
 /// A set of iterations by their numbers, which count from 0. In a file it is a list of runs: first iteration, number of iterations,
 /// step.
@@ -124,7 +124,8 @@ mod tests {
             assert_eq!(serde_json::to_string(&set).unwrap(), text);
             assert_eq!(serde_json::from_str::<Iterations>(text).unwrap(), set);
         }
-        for text in ["[[0,4194305,1]]", "[[0,0,1]]", "[[0,2,0]]", "[[4294967295,1,1]]", "[[1,2,1],[2,1,1]]", "[[1,2]]"]
+        for text in
+            ["[[0,268435457,1]]", "[[0,0,1]]", "[[0,2,0]]", "[[4294967295,1,1]]", "[[1,2,1],[2,1,1]]", "[[1,2]]"]
         {
             assert!(serde_json::from_str::<Iterations>(text).is_err(), "{text}");
         }
