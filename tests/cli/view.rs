@@ -338,6 +338,21 @@ fn a_refused_change_keeps_the_image_of_several_gates() {
     }
 }
 
+/// Nothing is replaced, not even the variances of an array that is gone.
+#[test]
+fn saved_arrays_have_variances() {
+    let here = room();
+    let viewer = Viewer::start(here.path(), &[&SMALL[..], &["--gates", "5m..8m/6"]].concat());
+    let mut page = viewer.page();
+    page.wait("progress", |progress| progress["phase"] == "done");
+    std::fs::write(here.path().join("a.variance.npy"), "mine").unwrap();
+    page.say(&json!({"do": "save", "name": "a.npy"}));
+    assert!(page.wait("problem", |_| true)["message"].as_str().unwrap().contains("a.variance.npy exists already"));
+    page.say(&json!({"do": "save", "name": "b.npy"}));
+    page.wait("saved", |_| true);
+    assert!(here.path().join("b.variance.npy").exists());
+}
+
 #[test]
 fn strangers_are_refused() {
     let here = room();
