@@ -12,6 +12,7 @@ use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::exr_responses;
 use taugate::internals::image::npy_file::{description_path, variance_path, write_new_array};
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
+use taugate::internals::settings::units::Gate;
 
 use super::accumulated;
 use crate::app::cli::DetectArgs;
@@ -160,6 +161,11 @@ fn background(text: Option<&str>, array: &ImageArray) -> Result<Vec<[f32; 3]>, E
             "is {}x{}, but the light is {}x{}; render the background with the same --resolution and --crop",
             picture.width, picture.height, array.width, array.height
         )));
+    }
+    if let Some([lo, hi]) = picture.gate
+        && !(Gate { lo, hi }).is_open()
+    {
+        return Err(fail("has a gate, but daylight has none; render the background without a gate".into()));
     }
     if picture.rgb.iter().any(|value| !value.is_finite()) {
         return Err(fail("has values that are not finite; render an image without such pixels".into()));
