@@ -82,10 +82,11 @@ impl TryFrom<Vec<[u32; 3]>> for Iterations {
     type Error = &'static str;
 
     fn try_from(runs: Vec<[u32; 3]>) -> Result<Iterations, &'static str> {
-        if runs.iter().map(|run| u64::from(run[1])).sum::<u64>() > MAX_ITERATIONS {
+        let total = runs.iter().map(|run| u64::from(run[1])).sum::<u64>();
+        if total > MAX_ITERATIONS {
             return Err("there are too many iterations");
         }
-        let mut all = vec![];
+        let mut all = Vec::with_capacity(total as usize);
         for [first, count, step] in runs {
             let last = u64::from(first) + u64::from(count) * u64::from(step);
             if count == 0 || step == 0 || last >= u64::from(u32::MAX) {
