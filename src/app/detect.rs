@@ -12,6 +12,7 @@ use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::exr_responses;
 use taugate::internals::image::npy_file::{description_path, variance_path, write_new_array};
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
+use taugate::internals::settings::units::Gate;
 
 use super::accumulated;
 use crate::app::cli::DetectArgs;
@@ -161,6 +162,11 @@ fn background(text: Option<&str>, array: &ImageArray) -> Result<Vec<[f32; 3]>, E
             picture.width, picture.height, array.width, array.height
         )));
     }
+    if let Some([lo, hi]) = picture.gate
+        && !(Gate { lo, hi }).is_open()
+    {
+        return Err(fail("has a gate, but daylight has none; render the background without a gate".into()));
+    }
     if picture.rgb.iter().any(|value| !value.is_finite()) {
         return Err(fail("has values that are not finite; render an image without such pixels".into()));
     }
@@ -179,22 +185,34 @@ fn counts(args: &DetectArgs, detector: &Detector, input: &Input, background: &[[
         true => rgb.iter().map(|&x| f64::from(x)).sum::<f64>() / 3.0,
         false => f64::from(rgb[channel]),
     };
-    let of_pixel = |pixel: usize| {
+    let means_of = |pixel: usize, channel: usize| {
         let light = array.pixel([pixel % array.width, pixel / array.width]);
+        let radiance = light.iter().map(|rgb| of_channel(rgb, channel));
+        detector.means(radiance, of_channel(&background[pixel], channel), bins)
+    };
+    let pixels = 0..array.width * array.height;
+    let draws_of = |pixel: usize| {
+        let of_channel = |channel| {
+            let means = means_of(pixel, channel);
+            detector.check(&means, bins)?;
+            Ok(detector.draws(&means, bins))
+        };
+        (0..channels).map(of_channel).sum::<Result<f64, Error>>()
+    };
+    Detector::check_draws(pixels.clone().into_par_iter().map(draws_of).sum::<Result<f64, Error>>()?)?;
+    let of_pixel = |pixel: usize| {
         let mut counts = vec![0.0; array.images() * channels];
         for channel in 0..channels {
-            let radiance = light.iter().map(|rgb| of_channel(rgb, channel));
-            let means = detector.means(radiance, of_channel(&background[pixel], channel), bins);
-            detector.check(&means, bins)?;
+            let means = means_of(pixel, channel);
             // A seed per pixel and channel: counts do not depend on the order of the work.
             let seed = (u64::from(args.seed) << 32) ^ (3 * pixel + channel) as u64;
             for (k, count) in detector.counts(&means, bins, seed).into_iter().enumerate() {
                 counts[k * channels + channel] = count as f32;
             }
         }
-        Ok(counts)
+        counts
     };
-    let all: Vec<Vec<f32>> = (0..array.width * array.height).into_par_iter().map(of_pixel).collect::<Result<_, _>>()?;
+    let all: Vec<Vec<f32>> = pixels.into_par_iter().map(of_pixel).collect();
     Ok(all.concat())
 }
 

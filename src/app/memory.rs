@@ -7,11 +7,11 @@ use taugate::internals::settings::Settings;
 
 const GIB: f64 = (1u64 << 30) as f64;
 
-/// Fails if the images of several gates need more memory than is free. Does nothing if the operating system does not report the free
-/// memory.
-pub fn check(settings: &Settings, has_variance: bool) -> Result<()> {
+/// Fails if the images of several gates need more memory than was `free` before any of them was in memory. Does nothing if this is not
+/// known.
+pub fn check(settings: &Settings, has_variance: bool, free: Option<u64>) -> Result<()> {
     let count = settings.responses().len();
-    let Some(free) = free().filter(|_| count > 1) else { return Ok(()) };
+    let Some(free) = free.filter(|_| count > 1) else { return Ok(()) };
     let crop = settings.crop();
     let pixels = u64::from(crop.width()) * u64::from(crop.height());
     let needed = ResponseFilm::bytes(pixels, count as u64, has_variance);
@@ -28,9 +28,9 @@ pub fn check(settings: &Settings, has_variance: bool) -> Result<()> {
     )))
 }
 
-/// Fails if fewer than `bytes` are free. The message says that `what` needs this memory; `remedy` says how to need less.
-pub fn check_bytes(bytes: u64, what: &str, remedy: &str) -> Result<()> {
-    match free().filter(|free| bytes > *free) {
+/// Fails if fewer than `bytes` were `free`. The message says that `what` needs this memory; `remedy` says how to need less.
+pub fn check_bytes(bytes: u64, free: Option<u64>, what: &str, remedy: &str) -> Result<()> {
+    match free.filter(|free| bytes > *free) {
         Some(free) => Err(Error::Settings(format!(
             "{what} needs {:.1} GiB of memory, but only {:.1} GiB are free; {remedy}",
             bytes as f64 / GIB,
@@ -40,8 +40,8 @@ pub fn check_bytes(bytes: u64, what: &str, remedy: &str) -> Result<()> {
     }
 }
 
-/// Bytes that programs can still allocate, as Linux estimates them.
-fn free() -> Option<u64> {
+/// Bytes that programs can still allocate, as Linux estimates them; `None` if the operating system does not report them.
+pub fn free() -> Option<u64> {
     free_in(&std::fs::read_to_string("/proc/meminfo").ok()?)
 }
 

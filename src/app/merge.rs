@@ -20,6 +20,7 @@ use super::accumulated;
 use super::cli::DevelopedFiles;
 use super::images::Images;
 use super::progress::duration;
+use super::report::BLACK;
 use super::rescue::Rescue;
 
 /// Joins the sums `parts` and writes the files.
@@ -51,7 +52,7 @@ pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Re
     }
     rescue.finish()?;
     if !quiet {
-        warnings(&sums.about).iter().for_each(|warning| super::say(&format!("warning: {warning}")));
+        warnings(&sums).iter().for_each(|warning| super::say(&format!("warning: {warning}")));
         super::say(&summary(&sums, &outputs));
         images.describe_exposure(&outputs).iter().for_each(|line| super::say(line));
     }
@@ -149,8 +150,13 @@ fn provenance(about: &About, responses: Responses) -> Provenance {
     }
 }
 
-/// Sentences about parts that are missing.
-fn warnings(about: &About) -> Vec<String> {
+/// Sentences about parts that are missing, and about an image without light.
+fn warnings(sums: &Accumulation) -> Vec<String> {
+    let is_black = sums.film.mean().iter().all(|&x| x == 0.0);
+    missing_parts(&sums.about).into_iter().chain(is_black.then(|| BLACK.into())).collect()
+}
+
+fn missing_parts(about: &About) -> Option<String> {
     let count = about.shards.iter().map(|shard| shard.count()).max().unwrap_or(1);
     let has = |index: u32| about.shards.iter().any(|shard| (shard.index(), shard.count()) == (index, count));
     let missing: Vec<String> =
@@ -160,12 +166,10 @@ fn warnings(about: &About) -> Vec<String> {
             n if n > 8 => format!("{} and {} more", missing[..8].join(", "), n - 8),
             _ => missing.join(", "),
         };
-        return vec![format!("shards are missing ({named}), so the image has fewer samples than the whole render")];
+        return Some(format!("shards are missing ({named}), so the image has fewer samples than the whole render"));
     }
     let gap = about.iterations.gap();
     gap.map(|gap| format!("iteration {gap} is missing, because a shard ended early; the image has fewer samples"))
-        .into_iter()
-        .collect()
 }
 
 fn summary(sums: &Accumulation, outputs: &Outputs) -> String {

@@ -158,6 +158,8 @@ impl Session {
         check_inputs(&outputs.replaced(), &scene_path, &experiment)?;
         // Lock the checkpoint before reading it, so that the sums are those of the last render that wrote the file.
         let mut checkpoint = Checkpoint::new(&outputs)?;
+        // The images of the render take the place of those that it continues.
+        let free = memory::free();
         let earlier = Earlier::read(&experiment, &outputs)?;
         // There is no result to keep yet.
         self.interrupts.end_the_process_at(Interrupt::First);
@@ -188,7 +190,7 @@ impl Session {
         if let (Some(earlier), Some(identity)) = (&earlier, &identity) {
             earlier.check(identity, outputs.has_variance())?;
         }
-        memory::check(settings, outputs.has_variance())?;
+        memory::check(settings, outputs.has_variance(), free)?;
         if outputs.strategy_images.is_some() {
             StrategyImages::check(settings)?;
         }
@@ -256,7 +258,8 @@ impl Session {
             return Ok(Outcome::Interrupted);
         }
 
-        if !may_be_dark && !interrupted && is_black(renderer) {
+        // A shard may miss light that the other shards find.
+        if !may_be_dark && !interrupted && shard.is_all() && is_black(renderer) {
             return Err(feasible::nothing_inside(device, scene, settings).into());
         }
 

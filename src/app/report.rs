@@ -17,6 +17,10 @@ use super::preparation::Preparation;
 use super::progress::{Position, Progress, duration, rays};
 use super::rescue::Rescue;
 
+/// The warning about an image without light.
+pub const BLACK: &str = "the image is black; taugate info lists the emitters, the times at which light arrives, and surfaces that are \
+                         black from behind";
+
 /// A finished render.
 pub struct Report<'a> {
     pub renderer: &'a Renderer,
@@ -134,9 +138,7 @@ impl Report<'_> {
             progress.line(&format!("warning: {warning}"));
         }
         if is_black(self.renderer) {
-            progress.line(
-                "warning: the image is black; taugate info lists the emitters, the times at which light arrives, and surfaces that are black from behind",
-            );
+            progress.line(&format!("warning: {BLACK}"));
         }
         let spread = match self.renderer.samples_in_pixels() {
             [min, max] if min < max => format!(" ({min} to {max})"),

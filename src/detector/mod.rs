@@ -17,6 +17,9 @@ use crate::settings::units::METRES_PER_NS;
 /// Maximum number of counts per pulse of a detector with a dead time, because they are drawn one by one.
 const MAX_COUNTS: f64 = 1e6;
 
+/// Maximum number of counts and pulses of all pixels of a detector with a dead time.
+const MAX_DRAWS: f64 = 1e12;
+
 /// When a detector is blind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Blind {
@@ -103,15 +106,39 @@ impl Detector {
                 "the mean number of photons per pulse exceeds the largest number, 2e308; lower --photons".into(),
             );
         }
-        let Blind::For(dead) = self.blind else { return Ok(()) };
-        let span: f64 = bins.gates.iter().map(|[lo, hi]| hi - lo).sum();
-        let counts = total.min(span / dead + bins.gates.len() as f64);
+        let counts = self.max_counts(means, bins);
         match counts <= MAX_COUNTS {
             true => Ok(()),
             false => fail(format!(
                 "a pixel would count up to {counts:.1e} photons per pulse, but with a dead time at most {MAX_COUNTS:e} can be drawn; \
                  raise --dead-time or lower --photons"
             )),
+        }
+    }
+
+    /// An upper bound of the counts per pulse that a detector with a dead time draws one by one; 0 for other detectors.
+    fn max_counts(&self, means: &[f64], bins: &Bins) -> f64 {
+        let Blind::For(dead) = self.blind else { return 0.0 };
+        let span: f64 = bins.gates.iter().map(|[lo, hi]| hi - lo).sum();
+        means.iter().sum::<f64>().min(span / dead + bins.gates.len() as f64)
+    }
+
+    /// About how many random numbers [`Detector::counts`] draws one by one: with a dead time one per pulse and one per count.
+    pub fn draws(&self, means: &[f64], bins: &Bins) -> f64 {
+        match self.blind {
+            Blind::For(_) => self.pulses as f64 * (1.0 + self.max_counts(means, bins)),
+            _ => 0.0,
+        }
+    }
+
+    /// Fails if all pixels together need so many `draws`, see [`Detector::draws`], that they would take days.
+    pub fn check_draws(draws: f64) -> Result<()> {
+        match draws <= MAX_DRAWS {
+            true => Ok(()),
+            false => Err(Error::Settings(format!(
+                "the counts with a dead time need {draws:.1e} random numbers, and the maximum is {MAX_DRAWS:e}; lower --pulses, or use \
+                 --first-photon instead of --dead-time"
+            ))),
         }
     }
 

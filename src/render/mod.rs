@@ -333,6 +333,7 @@ impl Renderer {
     }
 
     /// Whether iterations divide their light into responses: several, or a shaped one. An abandoned iteration then clears all images.
+    #[doc(hidden)]
     pub fn has_responses(&self) -> bool {
         self.responses.is_some()
     }

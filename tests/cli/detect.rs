@@ -68,7 +68,7 @@ fn counts_have_the_mean_of_the_light() {
     let description: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!((&description["start_opl"], &description["bin_width_opl"]), (&5.0.into(), &3.0.into()), "{text}");
 
-    let table: [(&[&str], &str); 13] = [
+    let table: [(&[&str], &str); 15] = [
         (&["light.npy", "-o", "x.exr", "--photons", "1"], "must end in .npy"),
         (&["light.npy", "-o", "light.npy", "--photons", "1"], "would replace the light"),
         (&["light.npy", "-o", "x.npy", "--photons", "-1"], "0 or more"),
@@ -83,6 +83,14 @@ fn counts_have_the_mean_of_the_light() {
         (
             &["light.npy", "-o", "x.npy", "--photons", "1e308", "--background", "1e12", "--dead-time", "1m"],
             "lower --photons",
+        ),
+        (
+            &["light.npy", "-o", "x.npy", "--photons", "1e4", "--dead-time", "1m", "--pulses", "10000000000"],
+            "lower --pulses, or use --first-photon",
+        ),
+        (
+            &["light.npy", "-o", "x.npy", "--photons", "1", "--background", "gate.exr"],
+            "has a gate, but daylight has none",
         ),
         (&["day.exr", "-o", "x.npy", "--photons", "1"], "gates that end"),
         (&["light.npy", "-o", "x.npy", "--photons", "1", "--jitter", "5"], "like 100m or 400ns"),

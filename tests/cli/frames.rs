@@ -126,6 +126,9 @@ fn frames_of_another_scene_or_without_the_layers_are_not_kept() {
     again(&[&files[..], &["--aov", "depth"]].concat(), "f0.exr: is there already, but without the layer depth");
     render(here, &[&frames[..], &["-o", "s#.acc"]].concat());
     again(&["-o", "s#.acc", "--aov", "depth"], "s0.acc: is there already, but without the layer depth");
+    let longer =
+        [&["render", "scene.glb", "--spp", "3"], &SMALL[..2], &SMALL[4..], &frames, &["-o", "s#.acc"]].concat();
+    fails(here, &longer, 2, "s0.acc: is there already, but with another --spp or --time");
     render(here, &[&frames[..], &["-o", "g#.exr", "--aov", "depth,normal"]].concat());
     assert!(
         render(here, &[&frames[..], &["-o", "g#.exr", "--aov", "normal"]].concat())

@@ -429,6 +429,9 @@ fn info_lists_suns_and_skies_and_suggests_no_gate_for_them() {
     let alone = info(here.path(), &[&small[..], &["--emitters", "sun"]].concat());
     assert!(alone["render"]["possible"].is_null() && alone["render"]["light"].is_null(), "{alone}");
     assert!(alone["notes"][0].as_str().unwrap().contains("no travel time"), "{alone}");
+    let of_pixel = ["info", "scene.glb", "--resolution", "32x32", "--emitters", "sun", "--pixel", "16,10"];
+    let text = String::from_utf8(taugate(here.path(), &of_pixel).stdout).unwrap();
+    assert!(text.contains("16,10 shows node 'back'"), "{text}");
     for node in ["sun", "sky"] {
         let flags = ["--sky", "1", "--emitters", node, "--gate", "1m..2m"];
         refused(here.path(), &flags, 2, &[&format!("'{node}' is infinitely far away"), "from light"]);

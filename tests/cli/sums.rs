@@ -138,6 +138,20 @@ fn shards_become_one_render_in_any_order() {
     fails(here, &other, 2, "1.acc holds shard 1/3, and not shard 0/2");
 }
 
+/// With 48 samples per pixel there is no iteration 20.
+#[test]
+fn a_shard_without_light_is_merged() {
+    let here = with_box();
+    let here = here.path();
+    for shard in ["0", "20"] {
+        render(here, &["--spp", "48", "--shard", &format!("{shard}/32"), "-o", &format!("{shard}.acc")]);
+    }
+    let message = run(here, &["merge", "20.acc", "0.acc", "-o", "both.exr", "-o", "both.acc"]);
+    assert!(message.contains("2 samples per pixel in 1 iterations") && !message.contains("is black"), "{message}");
+    let message = run(here, &["merge", "20.acc", "-o", "none.npy"]);
+    assert!(message.contains("warning: the image is black"), "{message}");
+}
+
 #[test]
 fn adaptive_shards_become_the_same_image_with_other_noise() {
     let here = with_box();

@@ -319,6 +319,40 @@ fn mistakes_of_a_page_change_nothing() {
     assert_eq!(crate::names(here.path()), ["room.glb", "there.exr"]);
 }
 
+/// An iteration of several gates is in their images as soon as it begins, so it must not be abandoned for nothing.
+#[test]
+fn a_refused_change_keeps_the_image_of_several_gates() {
+    let here = room();
+    let viewer = Viewer::start(here.path(), &["--resolution", "160x120", "--gates", "5m..8m/6"]);
+    let mut page = viewer.page();
+    let mut samples = 4;
+    for _ in 0..20 {
+        let progress = page.wait("progress", |p| p["phase"] == "rendering" && p["samples"].as_u64().unwrap() > samples);
+        samples = progress["samples"].as_u64().unwrap();
+        page.say(&json!({"do": "set", "changes": {"camera": "nobody"}}));
+        let start = page.last["progress"]["samples"].as_u64().unwrap();
+        page.wait("problem", |_| true);
+        page.last.remove("progress");
+        let now = page.wait("progress", |p| p["phase"] == "rendering")["samples"].as_u64().unwrap();
+        assert!(now >= start, "{now} samples after {start}");
+    }
+}
+
+/// Nothing is replaced, not even the variances of an array that is gone.
+#[test]
+fn saved_arrays_have_variances() {
+    let here = room();
+    let viewer = Viewer::start(here.path(), &[&SMALL[..], &["--gates", "5m..8m/6"]].concat());
+    let mut page = viewer.page();
+    page.wait("progress", |progress| progress["phase"] == "done");
+    std::fs::write(here.path().join("a.variance.npy"), "mine").unwrap();
+    page.say(&json!({"do": "save", "name": "a.npy"}));
+    assert!(page.wait("problem", |_| true)["message"].as_str().unwrap().contains("a.variance.npy exists already"));
+    page.say(&json!({"do": "save", "name": "b.npy"}));
+    page.wait("saved", |_| true);
+    assert!(here.path().join("b.variance.npy").exists());
+}
+
 #[test]
 fn strangers_are_refused() {
     let here = room();

@@ -8,8 +8,9 @@ use super::cells::{renderer, settings, tuned};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::render::schedule::next_samples;
 use taugate::internals::render::{Renderer, Tuning};
+use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
-use taugate::internals::settings::{Budget, Crop, Estimator, Sampling};
+use taugate::internals::settings::{Budget, Crop, Edge, Estimator, Response, Responses, Sampling};
 
 const SIZE: [u32; 2] = [40, 24];
 const GATE: Gate = Gate { lo: 8.0, hi: 9.0 };
@@ -80,7 +81,28 @@ fn each_iteration_adds_its_samples() {
     assert_eq!(renderer.film().samples(), 4);
 }
 
-/// Abandons an iteration after ever longer times, until it is completed.
+/// Abandons an iteration after ever longer times, until it is completed, and calls `visit` after each attempt that failed. Returns
+/// their number.
+fn abandon_until_complete(renderer: &mut Renderer, visit: impl Fn(&Renderer)) -> i32 {
+    for abandoned in 0.. {
+        let stop = Arc::new(AtomicBool::new(false));
+        let later = std::thread::spawn({
+            let stop = stop.clone();
+            move || {
+                std::thread::sleep(Duration::from_millis(1).mul_f64(1.4f64.powi(abandoned)));
+                stop.store(true, Ordering::Relaxed);
+            }
+        });
+        let is_complete = renderer.iterate_unless(4, &stop).unwrap();
+        later.join().unwrap();
+        if is_complete {
+            return abandoned;
+        }
+        visit(renderer);
+    }
+    unreachable!("the attempts have no end")
+}
+
 #[test]
 fn an_abandoned_iteration_leaves_no_trace() {
     let scene = build(Kind::ClutteredRoom { triangles: 5_000 });
@@ -92,24 +114,7 @@ fn an_abandoned_iteration_leaves_no_trace() {
             renderer.iterate(2).unwrap();
         }
         whole.iterate(4).unwrap();
-        let mut abandoned = 0;
-        loop {
-            let stop = Arc::new(AtomicBool::new(false));
-            let later = std::thread::spawn({
-                let stop = stop.clone();
-                move || {
-                    std::thread::sleep(Duration::from_millis(1).mul_f64(1.4f64.powi(abandoned)));
-                    stop.store(true, Ordering::Relaxed);
-                }
-            });
-            let is_complete = other.iterate_unless(4, &stop).unwrap();
-            later.join().unwrap();
-            if is_complete {
-                break;
-            }
-            abandoned += 1;
-            assert_eq!(other.film().iterations(), 1);
-        }
+        let abandoned = abandon_until_complete(&mut other, |other| assert_eq!(other.film().iterations(), 1));
         assert!(abandoned > 3, "{estimator:?}: only {abandoned} iterations were abandoned");
         let bits = |renderer: &Renderer| renderer.film().mean().iter().map(|x| x.to_bits()).collect::<Vec<u32>>();
         assert!(bits(&whole) == bits(&other), "{estimator:?}: the image has other bits");
@@ -148,5 +153,21 @@ fn a_longer_render_begins_with_the_bits_of_a_shorter_one() {
         assert!(short.iter().all(|image| image.iter().any(|&bits| bits > 0)), "a black image proves nothing");
         assert!(short == film(Budget::Spp(1000), 10), "{estimator:?}: more samples");
         assert!(short == film(Budget::Seconds(1e6), 10), "{estimator:?}: a budget of seconds");
+    }
+}
+
+/// Of a render with such responses, a part of the iteration may be in the images, so the render begins anew.
+#[test]
+fn a_render_of_responses_survives_abandoned_iterations() {
+    let scene = build(Kind::ClutteredRoom { triangles: 5_000 });
+    let gates: Responses = Gates::new(Gate { lo: 8.0, hi: 10.0 }, 4).unwrap().into();
+    let gauss = Responses::new(vec![Response::new("gauss", GATE, Edge::Gauss(0.1))]).unwrap();
+    for responses in [gates, gauss] {
+        let settings = settings(Estimator::Lcs, [96, 64]).responses(responses).build().unwrap();
+        let [mut whole, mut other] = [(); 2].map(|()| renderer(&scene, &settings));
+        let abandoned = abandon_until_complete(&mut other, |other| assert_eq!(other.film().iterations(), 0));
+        assert!(abandoned > 3, "only {abandoned} iterations were abandoned");
+        whole.iterate(4).unwrap();
+        assert!(whole.film().mean() == other.film().mean(), "the image has other bits");
     }
 }

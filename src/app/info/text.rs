@@ -108,20 +108,21 @@ fn add_memory(lines: &mut Lines, render: &Render) {
 }
 
 fn add_travel_times(lines: &mut Lines, render: &Render) {
-    let Some(p) = &render.possible else { return };
-    let ns = |metres: f64| short(metres / METRES_PER_NS);
-    lines.line(
-        "possible",
-        format!(
-            "travel times from {} m = {} ns to {} m = {} ns ({} segments of at most {} m)",
-            short(p.min),
-            ns(p.min),
-            short(p.max),
-            ns(p.max),
-            p.max_depth,
-            short(p.max_segment)
-        ),
-    );
+    if let Some(p) = &render.possible {
+        let ns = |metres: f64| short(metres / METRES_PER_NS);
+        lines.line(
+            "possible",
+            format!(
+                "travel times from {} m = {} ns to {} m = {} ns ({} segments of at most {} m)",
+                short(p.min),
+                ns(p.min),
+                short(p.max),
+                ns(p.max),
+                p.max_depth,
+                short(p.max_segment)
+            ),
+        );
+    }
     if let Some(Shown { column, row, object }) = &render.pixel {
         let shown = object.as_ref().map_or("no surface".into(), describe);
         lines.line("pixel", format!("{column},{row} shows {shown}"));

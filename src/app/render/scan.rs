@@ -52,9 +52,10 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
     if experiment.output.tev.is_some() {
         session.say("note: a scan is not shown in tev, because it is no image".into());
     }
-    memory::check(&settings, has_variance)?;
+    memory::check(&settings, has_variance, memory::free())?;
     memory::check_bytes(
         ScanFilm::bytes(&scan, settings.responses().len(), has_variance),
+        memory::free(),
         "the array of the scan",
         "use fewer gates or points",
     )?;

@@ -85,6 +85,9 @@ pub fn is_finished(outputs: &Outputs, wanted: &str, identity: Option<&Identity>)
     }
     if let (Some(path), Some(identity)) = (outputs.acc.as_ref().filter(|path| path.exists()), identity) {
         identity.check_file(path)?;
+        if !identity.has_budget_of(path)? {
+            return other(path, "with another --spp or --time");
+        }
         if outputs.aov != Aov::default()
             && let Err(layer) = accumulation::file::read(path)?.layers.keep(outputs.aov)
         {

@@ -49,6 +49,12 @@ impl Identity {
         about.check_same_render(&path.display().to_string(), &self.0, "this command")
     }
 
+    /// Whether the sums in the file have the same --spp or --time.
+    pub fn has_budget_of(&self, path: &Path) -> Result<bool> {
+        let budget = |settings: &str| Experiment::parse(settings).ok().map(|e| (e.render.spp, e.render.time));
+        Ok(budget(&file::read_about(path)?.settings) == budget(&self.0.settings))
+    }
+
     /// Writes the sums after `seconds` of rendering, with the auxiliary layers of the image.
     pub fn write(&self, path: &Path, renderer: &Renderer, layers: &Layers, seconds: f64) -> Result<()> {
         let about = renderer.about(&self.0, seconds);

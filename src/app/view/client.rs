@@ -201,7 +201,7 @@ impl Client<'_> {
         if self.allowance < 0.0 { Err(End::Close(TOO_MANY, "the page sends too many messages")) } else { Ok(()) }
     }
 
-    /// Passes changes to the engine and ends the present iteration. Changes with a typing error are refused and end nothing.
+    /// Passes changes to the engine and asks it to end the present iteration. Changes with a typing error are refused and end nothing.
     fn set(&self, changes: BTreeMap<String, Change>, page: &Answers) {
         if let Some(error) = stage::typing_error(&changes) {
             return page.send(&Report::Problem { message: error.to_string() });

@@ -59,7 +59,7 @@ pub struct Engine {
     pub stage: Stage,
     pub board: Arc<Board>,
     pub inbox: Receiver<Command>,
-    /// Set with each change of the image, so that the present iteration is abandoned.
+    /// Set with each change of the image, so that the present iteration is abandoned if that loses no earlier one.
     pub stop: Arc<AtomicBool>,
     /// The file that the user named.
     pub input: PathBuf,
@@ -292,11 +292,10 @@ impl Engine {
             return Ok(if waits_for_tev { Next::WaitFor(TEV_RETRY) } else { Next::Wait });
         }
         let start = Instant::now();
-        if !full.iterate_unless(samples, &self.stop)? {
-            if full.film().iterations() == 0 {
-                (work.seconds, work.relmse) = (0.0, None);
-                full.clear_stats();
-            }
+        // A change may be refused or have no effect. It must not cost the image, which an abandoned iteration of responses would.
+        let never = Arc::default();
+        let stop = if full.has_responses() && film.iterations() > 0 { &never } else { &self.stop };
+        if !full.iterate_unless(samples, stop)? {
             return Ok(Next::Step);
         }
         work.seconds += start.elapsed().as_secs_f64();

@@ -32,7 +32,8 @@ impl Engine {
             Some(preset(name, feasible::suggestion(times.as_ref()?, self.stage.scene(), percent)?))
         });
         let at_start = chosen(&self.stage.start().gate).ok().filter(|responses| responses.len() == 1);
-        let at_start = at_start.map(|responses| responses.support()).filter(|gate| gate.hi.is_finite());
+        let at_start = at_start.and_then(|responses| responses.iter().next().map(|response| response.gate()));
+        let at_start = at_start.filter(|gate| gate.hi.is_finite());
         let arrivals = Arrivals {
             revision: self.work.revision,
             begin,

@@ -79,7 +79,7 @@ impl Renderers {
 
 /// Also estimates the variance of the images of several gates if there is enough memory, as `taugate render` does for image files.
 fn with_variance(mut renderer: Renderer, settings: &Settings) -> Renderer {
-    if memory::check(settings, true).is_ok() {
+    if memory::check(settings, true, memory::free()).is_ok() {
         renderer.estimate_response_variance();
     }
     renderer

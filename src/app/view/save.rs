@@ -31,7 +31,7 @@ impl Finished<'_> {
     pub fn save(&self, folder: &Path, name: &str) -> anyhow::Result<Vec<PathBuf>> {
         let outputs = self.outputs(folder, name)?;
         let files = outputs.files();
-        if let Some(file) = files.iter().find(|file| file.symlink_metadata().is_ok()) {
+        if let Some(file) = outputs.replaced().iter().find(|file| file.symlink_metadata().is_ok()) {
             bail!("{} exists already; save under another name", file.display());
         }
         let view = self.stage.view();
@@ -60,6 +60,8 @@ impl Finished<'_> {
         // `resolve::outputs` needs an image or an array, even if only other files are written.
         let image = if extension == "exr" { path.clone() } else { path.with_extension("npy") };
         wanted.output.output = Some(Files(vec![image]));
+        let has_variance = self.renderer.responses().is_none() || self.renderer.has_response_variance();
+        wanted.output.variance = (extension == "npy" && has_variance).then_some(true);
         let outputs = match extension.to_str() {
             Some("exr" | "npy") => resolve::outputs(&wanted)?,
             Some("png") => Outputs { npy: None, png: Some(path), ..resolve::outputs(&wanted)? },

@@ -120,6 +120,8 @@ pub struct Stage {
     scene: Scene,
     original: Changeable,
     view: View,
+    /// Free memory before the first render. The images of a render take the place of those before a change.
+    free: Option<u64>,
 }
 
 impl Stage {
@@ -127,8 +129,9 @@ impl Stage {
     pub fn new(start: Experiment) -> anyhow::Result<Stage> {
         let mut scene = render::load_scene(&start)?;
         let original = Changeable::of(&scene);
-        let view = apply(start.clone(), &mut scene)?;
-        Ok(Stage { start, changes: BTreeMap::new(), scene, original, view })
+        let free = memory::free();
+        let view = apply(start.clone(), &mut scene, free)?;
+        Ok(Stage { start, changes: BTreeMap::new(), scene, original, view, free })
     }
 
     pub fn scene(&self) -> &Scene {
@@ -157,14 +160,21 @@ impl Stage {
         for (name, _) in merged.iter().filter(|(_, text)| text.is_none()) {
             named::set(&mut experiment, name, None)?;
         }
-        for (name, text) in &merged {
-            if let Some(text) = text {
-                named::set(&mut experiment, name, Some(text))?;
-            }
+        if merged.get("gate").is_some_and(Option::is_none) {
+            (experiment.gate.response, experiment.gate.repeat) = (None, None);
+        }
+        let texts = || merged.iter().filter_map(|(name, text)| Some((name, text.as_deref()?)));
+        let mut changed = Experiment::default();
+        for (name, text) in texts() {
+            named::set(&mut changed, name, Some(text))?;
+        }
+        experiment.gate.leave_responses_to(&changed.gate);
+        for (name, text) in texts() {
+            named::set(&mut experiment, name, Some(text))?;
         }
         let before = Changeable::of(&self.scene);
         self.original.restore(&mut self.scene);
-        match apply(experiment, &mut self.scene) {
+        match apply(experiment, &mut self.scene, self.free) {
             Ok(view) => {
                 let effect = effect((&before, &self.view.settings), (&self.scene, &view.settings));
                 (self.changes, self.view) = (merged, view);
@@ -204,6 +214,7 @@ impl Stage {
                     if name == "gate" {
                         // The user wants a steady image, so remove gates of every kind.
                         merged.extend(["depth", "gates", "cw"].map(|other| (other.to_string(), None)));
+                        merged.remove("repeat");
                     }
                 }
                 Change::Text(text) => drop(merged.insert(name.clone(), Some(text.clone()))),
@@ -222,16 +233,16 @@ pub fn typing_error(changes: &BTreeMap<String, Change>) -> Option<Error> {
     texts.into_iter().find_map(|(name, text)| named::set(&mut Experiment::default(), name, Some(text)).err())
 }
 
-/// Applies an experiment to a freshly loaded scene.
-fn apply(experiment: Experiment, scene: &mut Scene) -> Result<View> {
+/// Applies an experiment to a freshly loaded scene. Fails if the images need more memory than was `free` before any of them.
+fn apply(experiment: Experiment, scene: &mut Scene, free: Option<u64>) -> Result<View> {
     let mut placed = experiment.clone();
     let notes = scenery::apply(&mut placed, scene)?;
     let resolved = resolve::resolve(&placed, scene)?;
-    memory::check(&resolved.settings, false)?;
+    memory::check(&resolved.settings, false, free)?;
     let [width, height] = resolved.settings.resolution().map(u64::from);
     let gates = resolved.settings.responses().len() as u64;
     let bytes = width * height * (PIXEL_BYTES + GATE_BYTES * gates);
-    memory::check_bytes(bytes, "the image", "use a smaller --resolution or fewer gates")?;
+    memory::check_bytes(bytes, free, "the image", "use a smaller --resolution or fewer gates")?;
     let warnings = scene.warnings.iter().cloned().chain(resolved.warnings).collect();
     Ok(View { experiment, placed, settings: resolved.settings, notes, warnings })
 }
@@ -266,141 +277,4 @@ fn effect((before, old): (&Changeable, &Settings), (scene, new): (&Scene, &Setti
 }
 
 #[cfg(test)]
-mod tests {
-    use rand_pcg::Pcg32;
-    use rand_pcg::rand_core::Rng;
-    use taugate::internals::generate::{Kind, build, glb};
-
-    use super::super::message::Request;
-    use super::*;
-
-    fn stage() -> (tempfile::TempDir, Stage) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("room.glb");
-        std::fs::write(&path, glb::write(&build(Kind::CornellBox))).unwrap();
-        let mut start = Experiment { scene: Some(path), ..Experiment::default() };
-        named::set(&mut start, "gate", Some("6m..7m")).unwrap();
-        (folder, Stage::new(start).unwrap())
-    }
-
-    fn changes(json: &str) -> BTreeMap<String, Change> {
-        serde_json::from_str(json).unwrap()
-    }
-
-    #[test]
-    fn changes_say_what_they_invalidate() {
-        let (_folder, mut stage) = stage();
-        for (json, expected) in [
-            (r#"{"gate": "6.2m..6.5m"}"#, Effect::Restart),
-            (r#"{"seed": "7"}"#, Effect::Restart),
-            (r#"{"look-from": "0,1,3.5"}"#, Effect::Camera),
-            (r#"{"estimator": "bdpt"}"#, Effect::Settings),
-            (r#"{"resolution": "64x64"}"#, Effect::Settings),
-            (r#"{"gates": "6m..7m/4"}"#, Effect::Settings),
-            (r#"{"headlamp": "3"}"#, Effect::All),
-            (r#"{"look-from": "0,1,3.4"}"#, Effect::CameraAndLights),
-            (r#"{"headlamp-offset": "0.1,0,0"}"#, Effect::CameraAndLights),
-            (r#"{"headlamp": "4", "estimator": "lcs"}"#, Effect::All),
-            (r#"{"visibility": "60m"}"#, Effect::All),
-            (r#"{"ortho": "2"}"#, Effect::Camera),
-            (r#"{"resolution": "32x64"}"#, Effect::All),
-            (r#"{"resolution": "32x64"}"#, Effect::Nothing),
-        ] {
-            assert_eq!(stage.change(&changes(json)).unwrap(), expected, "{json}");
-        }
-    }
-
-    #[test]
-    fn values_return_to_those_of_the_start() {
-        let (_folder, mut stage) = stage();
-        let start = stage.view().settings.clone();
-        stage.change(&changes(r#"{"depth": "1m..2m", "fov": "50"}"#)).unwrap();
-        assert!(stage.view().experiment.gate.gate.is_none());
-        stage.change(&changes(r#"{"gate": false}"#)).unwrap();
-        assert!(stage.view().settings.responses().are_steady());
-        stage.change(&changes(r#"{"gate": null, "fov": null}"#)).unwrap();
-        assert!(stage.view().settings == start);
-    }
-
-    #[test]
-    fn a_refused_change_leaves_everything_as_it_was() {
-        let (_folder, mut stage) = stage();
-        stage.change(&changes(r#"{"look-from": "0,1,3"}"#)).unwrap();
-        let before = (stage.view().settings.clone(), stage.scene().cameras.clone(), stage.changes.clone());
-        for json in [
-            r#"{"seed": "1", "gate": "x"}"#,
-            r#"{"camera": "nobody"}"#,
-            r#"{"look-at": "0,1,3"}"#,
-            r#"{"sky": "a.exr"}"#,
-        ] {
-            stage.change(&changes(json)).unwrap_err();
-            assert!(
-                before == (stage.view().settings.clone(), stage.scene().cameras.clone(), stage.changes.clone()),
-                "{json}"
-            );
-        }
-    }
-
-    const MESSAGES: [&str; 12] = [
-        r#"{"do":"hello","token":"0123456789abcdef"}"#,
-        r#"{"do":"set","changes":{"gate":"6.2m..6.5m","estimator":"lcs"}}"#,
-        r#"{"do":"set","changes":{"gates":"4m..10m/30","resolution":"640x480"}}"#,
-        r#"{"do":"set","changes":{"look-from":"0,1,3.9","look-at":"-0.5,1e3,0","up":"0,1,0","fov":"40"}}"#,
-        r#"{"do":"set","changes":{"ortho":"2.5","headlamp":"100","headlamp-offset":"0.1,-2,0"}}"#,
-        r#"{"do":"set","changes":{"visibility":"60m","albedo":"0.9","phase-g":"-0.5","no-medium":true}}"#,
-        r#"{"do":"set","changes":{"sigma-s":"0.1,0.2,0.3","cw":"80,60","max-depth":null,"emitters":"light"}}"#,
-        r#"{"do":"set","changes":{"camera":"auto","sampling":"uniform","seed":"4294967295","depth":false}}"#,
-        r#"{"do":"show","layer":"error","response":3}"#,
-        r#"{"do":"pixel","x":10,"y":20}"#,
-        r#"{"do":"save","name":"out.exr"}"#,
-        r#"{"do":"pause","on":true}"#,
-    ];
-
-    /// A message with some bytes replaced, removed, repeated, or taken from another message.
-    fn mutated(random: &mut Pcg32) -> String {
-        let mut below = |n: usize| random.next_u32() as usize % n.max(1);
-        let mut bytes = MESSAGES[below(MESSAGES.len())].as_bytes().to_vec();
-        for _ in 0..below(6) {
-            let at = below(bytes.len());
-            match below(4) {
-                0 => bytes[at] = b"0123456789.,-+eEmnN/{}[]\":\\ \x00\xff"[below(30)],
-                1 => drop(bytes.drain(at..(at + below(8)).min(bytes.len()))),
-                2 => {
-                    let piece = bytes[at..(at + below(12)).min(bytes.len())].to_vec();
-                    bytes.splice(at..at, piece);
-                }
-                _ => {
-                    let other = MESSAGES[below(MESSAGES.len())].as_bytes();
-                    let from = below(other.len());
-                    bytes.splice(at..at, other[from..(from + below(20)).min(other.len())].iter().copied());
-                }
-            }
-            bytes.push(b' ');
-        }
-        String::from_utf8_lossy(&bytes).into_owned()
-    }
-
-    #[test]
-    fn malformed_messages_are_survived() {
-        let (_folder, mut stage) = stage();
-        let mut random = Pcg32::new(1, 1);
-        let (mut accepted, mut refused, mut unread) = (0, 0, 0);
-        for _ in 0..100_000 {
-            match Request::parse(&mutated(&mut random)) {
-                Ok(Request::Set { changes }) => match stage.change(&changes) {
-                    Ok(_) => accepted += 1,
-                    Err(_) => refused += 1,
-                },
-                Ok(_) => {}
-                Err(message) => {
-                    assert!(!message.is_empty());
-                    unread += 1;
-                }
-            }
-        }
-        assert!(accepted > 1000 && refused > 1000 && unread > 1000, "{accepted} {refused} {unread}");
-        // The stage still works.
-        stage.change(&CHANGEABLE.map(|name| (name.to_string(), Change::AsAtStart)).into()).unwrap();
-        assert_eq!(named::as_texts(&stage.view().experiment), named::as_texts(stage.start()));
-    }
-}
+mod tests;

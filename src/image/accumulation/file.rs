@@ -337,12 +337,17 @@ fn cells<R: Read + Seek>(zip: &mut Archive<R>, size: [u32; 2]) -> Result<CellBat
 }
 
 fn adaptive<R: Read + Seek>(zip: &mut Archive<R>, [rows, columns]: [usize; 2]) -> Result<AdaptiveState, Problem> {
-    let pixels = values(zip, "adaptive", &[rows, columns, 4])?;
+    let (_, pixels) = any_values(zip, "adaptive", |shape| *shape == [rows, columns, 4])?;
     let counts = values(zip, "adaptive_counts", &[2])?;
     let (pixels, _) = pixels.as_chunks();
-    let is_wrong = |pixel: &[f64; 4]| pixel[0] < 0.0 || pixel[2] < 0.0;
-    if pixels.iter().any(is_wrong) || counts.iter().any(|&count| count < 0.0) {
-        return Err(Problem::Contents("its state of adaptive sampling has a negative count".into()));
+    // The device adds the squares as f32, so their sum may be infinite.
+    let is_right = |&[samples, sum, squares, light]: &[f64; 4]| {
+        [samples, sum, light].iter().all(|x| x.is_finite()) && samples >= 0.0 && squares >= 0.0
+    };
+    if !pixels.iter().all(is_right) || counts.iter().any(|&count| count < 0.0) {
+        return Err(Problem::Contents(
+            "its state of adaptive sampling, adaptive, has a negative count or a value that is not finite".into(),
+        ));
     }
     Ok(AdaptiveState { pixels: pixels.to_vec(), samples: counts[0], iterations: counts[1] as u32 })
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Maximum number of iterations in a file. The longest render has fewer.
-const MAX_ITERATIONS: u64 = 1 << 22;
+/// Maximum number of iterations in a file: 128 MiB of memory, and two days of iterations of 5 ms.
+const MAX_ITERATIONS: u64 = 1 << 25;
 
 /// A set of iterations by their numbers, which count from 0. In a file it is a list of runs: first iteration, number of iterations,
 /// step.
@@ -82,10 +82,11 @@ impl TryFrom<Vec<[u32; 3]>> for Iterations {
     type Error = &'static str;
 
     fn try_from(runs: Vec<[u32; 3]>) -> Result<Iterations, &'static str> {
-        if runs.iter().map(|run| u64::from(run[1])).sum::<u64>() > MAX_ITERATIONS {
+        let total = runs.iter().map(|run| u64::from(run[1])).sum::<u64>();
+        if total > MAX_ITERATIONS {
             return Err("there are too many iterations");
         }
-        let mut all = vec![];
+        let mut all = Vec::with_capacity(total as usize);
         for [first, count, step] in runs {
             let last = u64::from(first) + u64::from(count) * u64::from(step);
             if count == 0 || step == 0 || last >= u64::from(u32::MAX) {
@@ -124,7 +125,7 @@ mod tests {
             assert_eq!(serde_json::to_string(&set).unwrap(), text);
             assert_eq!(serde_json::from_str::<Iterations>(text).unwrap(), set);
         }
-        for text in ["[[0,4194305,1]]", "[[0,0,1]]", "[[0,2,0]]", "[[4294967295,1,1]]", "[[1,2,1],[2,1,1]]", "[[1,2]]"]
+        for text in ["[[0,33554433,1]]", "[[0,0,1]]", "[[0,2,0]]", "[[4294967295,1,1]]", "[[1,2,1],[2,1,1]]", "[[1,2]]"]
         {
             assert!(serde_json::from_str::<Iterations>(text).is_err(), "{text}");
         }

@@ -239,6 +239,10 @@ fn damaged_files_are_refused() {
     let mut whole = accumulation(0..5, 1, false);
     whole.adaptive.as_mut().unwrap().pixels[2][1] = f64::NAN;
     assert!(message(&bytes(&whole)).contains("not finite"));
+    // The device adds squares as f32, which may overflow.
+    whole.adaptive.as_mut().unwrap().pixels[2][1] = 1e30;
+    whole.adaptive.as_mut().unwrap().pixels[2][2] = f64::INFINITY;
+    assert_eq!(read_from(&mut Cursor::new(bytes(&whole))).unwrap().adaptive, whole.adaptive);
     let mut whole = accumulation(0..5, 1, false);
     whole.about.samples_per_pixel = 2;
     assert!(message(&bytes(&whole)).contains("contradicts its iterations"));

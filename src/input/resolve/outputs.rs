@@ -109,7 +109,8 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         }
     };
     let [exr, npy, acc, picture] = [only("exr")?, only("npy")?, only("acc")?, only("png")?];
-    let count = chosen(&experiment.gate)?.len();
+    let responses = chosen(&experiment.gate)?;
+    let count = responses.len();
     if exr.is_some() && count > MAX_EXR_RESPONSES {
         return Err(settings(format!(
             "an .exr file holds at most {MAX_EXR_RESPONSES} gates, and these are {count}; write -o OUT.npy"
@@ -145,8 +146,10 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
     if let Some(path) = stats.as_ref().filter(|path| !has(path, "json")) {
         return Err(settings(format!("the --stats file {} must end in .json", path.display())));
     }
-    if count > 1 && wanted.strategy_images.is_some() {
-        return Err(settings("--strategy-images needs a single gate: render it alone, with --gate"));
+    if !responses.is_single_box() && wanted.strategy_images.is_some() {
+        return Err(settings(
+            "--strategy-images needs a single gate with the weight 1: render it alone, with --gate and without --response and --repeat",
+        ));
     }
     let exposure = wanted.exposure.unwrap_or_default();
     let depth = experiment.gate.cw.is_some();

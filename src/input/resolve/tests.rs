@@ -353,6 +353,14 @@ fn outputs_are_named_after_the_image() {
         ("output = { output = 'a.exr', variance = true }", "--variance is for an array"),
         ("output = { output = 'a.npy', aov = 'depth' }", "--aov adds layers to an image file or to sums"),
         ("gate.gates = '1m..2m/2'\noutput = { output = 'a.exr', strategy-images = 'b' }", "needs a single gate"),
+        (
+            "gate = { gate = '1m..2m', repeat = '9m' }\noutput = { output = 'a.exr', strategy-images = 'b' }",
+            "without --response and --repeat",
+        ),
+        (
+            "gate = { gate = '1m..2m', response = 'gauss:1cm' }\noutput = { output = 'a.exr', strategy-images = 'b' }",
+            "without --response and --repeat",
+        ),
         ("output = { output = 'a.exr', png = 'a.jpg' }", "must end in .png"),
         ("output = { output = 'a.exr', stats = 'a.exr' }", "must end in .json"),
     ] {

@@ -41,8 +41,8 @@ impl SensorTracer {
         Ok(())
     }
 
-    /// Runs the bounces of a tile until no path lives, and calls `visit` with every contribution. Returns the seconds of the
-    /// longest submit that traced paths.
+    /// Runs the bounces of a tile until no path lives or the iteration is abandoned, and calls `visit` with every contribution.
+    /// Returns the seconds of the longest submit that traced paths.
     pub(super) fn observe_bounces(
         &mut self,
         plan: &Plan,
@@ -57,6 +57,10 @@ impl SensorTracer {
             let seconds;
             (living, seconds) = self.run_bounce(bindings, &Dispatch { bounce, ..*constants }, living, stats)?;
             longest = longest.max(seconds);
+            // The lists of an abandoned bounce contradict each other.
+            if self.is_abandoned() {
+                break;
+            }
             self.record_counters()?;
             stats.submit(&mut self.recorder)?;
             stats.timed(stage::READ_FILM, || self.report(plan, tile, bounce, visit))?;
