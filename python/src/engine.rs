@@ -122,7 +122,12 @@ pub fn check_memory(before: Option<&Ready>, settings: &Settings, has_variance: b
         renderer.responses().map_or(0, bytes)
     });
     let what = format!("a histogram of {count} gates of {}x{} pixels", crop.width(), crop.height());
-    memory::check_bytes(needed.saturating_sub(held), &what, "use fewer gates, a smaller resolution, or crop")?;
+    memory::check_bytes(
+        needed.saturating_sub(held),
+        memory::free(),
+        &what,
+        "use fewer gates, a smaller resolution, or crop",
+    )?;
     Ok(())
 }
 

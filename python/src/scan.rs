@@ -45,9 +45,9 @@ fn run(job: &Job, path: &Path, progress: Option<&Py<PyAny>>) -> Result<(usize, V
     let scan = table.scan().map_err(mistake)?;
     let settings = resolved.settings.change().sampling(Sampling::Uniform).build()?;
     let has_variance = experiment.output.variance.unwrap_or(false);
-    memory::check(&settings, has_variance)?;
+    memory::check(&settings, has_variance, memory::free())?;
     let bytes = ScanFilm::bytes(&scan, settings.responses().len(), has_variance);
-    memory::check_bytes(bytes, "the array of the scan", "use fewer gates or points")?;
+    memory::check_bytes(bytes, memory::free(), "the array of the scan", "use fewer gates or points")?;
 
     let prepared = PreparedScene::new(scene, &settings)?;
     let device = engine::device(experiment.render.device.as_deref())?;

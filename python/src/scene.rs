@@ -214,7 +214,7 @@ impl NativeScene {
         let Job { experiment, scene, resolved, printed, .. } = state.job(flags)?;
         let settings = &resolved.settings;
         let has_variance = settings.responses().len() > 1 && experiment.output.variance.unwrap_or(false);
-        memory::check(settings, has_variance)?;
+        memory::check(settings, has_variance, memory::free())?;
         let mut ready = engine::prepare(state.ready.take(), scene, &experiment, settings, has_variance)?.ready;
         let result = work(&mut ready.renderer, settings, &printed);
         state.ready = Some(ready);

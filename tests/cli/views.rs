@@ -143,9 +143,9 @@ fn the_summary_says_how_well_the_image_is_known() {
     // F distribution with 7 and 120 degrees of freedom: a probability of 1e-3 beyond each end.
     assert!((0.08..3.8).contains(&(spread / claimed)), "{spread} against {claimed}");
 
-    // A gate near the resolution of travel times gives a warning, once, and in the statistics.
+    // A gate near the resolution of travel times gives a warning at the start, again at the end, and in the statistics.
     let message = render(here.path(), &["-o", "c.exr", "--gate", "7m+0.1mm", "--stats", "c.json", "--force"], 0);
-    assert_eq!(message.matches("steps of 32-bit travel times").count(), 1, "{message}");
+    assert_eq!(message.matches("steps of 32-bit travel times").count(), 2, "{message}");
     assert!(numbers("c.json")["warnings"][0].as_str().unwrap().contains("32-bit travel times"));
 
     // One iteration gives no estimate of the error.
