@@ -6,7 +6,6 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use serde::{Deserialize, Serialize};
-use taugate::Error;
 use taugate::internals::image::accumulation::{self, About, Accumulation};
 use taugate::internals::image::exr_file::{self, Provenance};
 use taugate::internals::image::film::Film;
@@ -74,19 +73,13 @@ impl Image {
                 png_file::write(path, film.width(), film.height(), &mean, factor)?;
             }
             "npy" => {
-                let variances = npy_file::variance_path(path);
-                let has_variance = responses.is_none_or(ResponseFilm::has_variance);
-                if !has_variance {
-                    // First, so that the new array never has the old variances.
-                    remove_old(&variances)?;
-                }
                 npy_file::write_means(path, film, responses)?;
                 npy_file::write_description(&npy_file::description_path(path), film, responses, provenance)?;
                 if let Some((images, frequencies)) = responses.zip(self.responses.frequencies()) {
                     npy_file::write_depths(&npy_file::depth_path(path), film, images, frequencies)?;
                 }
-                if has_variance {
-                    npy_file::write_variances(&variances, film, responses)?;
+                if responses.is_none_or(ResponseFilm::has_variance) {
+                    npy_file::write_variances(&npy_file::variance_path(path), film, responses)?;
                 }
             }
             "acc" if self.sums.about.scene.is_empty() => {
@@ -98,17 +91,6 @@ impl Image {
             _ => return Err(settings(format!("the output {} must end in .exr, .npy, .png or .acc", path.display()))),
         }
         Ok(())
-    }
-}
-
-/// Removes a file, if it is there.
-fn remove_old(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-            let message = format!("the variances of an older image cannot be removed: {e}");
-            Err(Error::File { path: path.into(), message }.into())
-        }
-        _ => Ok(()),
     }
 }
 

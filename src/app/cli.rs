@@ -97,8 +97,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "IP:PORT", help_heading = "Page")]
     pub listen: Option<SocketAddr>,
 
-    /// Open the page in the default browser. The browser gets a private file that leads to the page, so the list of processes does
-    /// not show the token
+    /// Open the page in the default browser, by way of a private file. So the list of processes does not show the token
     #[arg(long, help_heading = "Page")]
     pub open: bool,
 
@@ -262,8 +261,8 @@ pub struct DetectArgs {
     #[arg(long, value_name = "0..1", help_heading = "Detector", allow_hyphen_values = true, default_value_t = 1.0)]
     pub efficiency: f64,
 
-    /// Daylight: radiance in W/(m^2 sr), as a number or as an image rendered without a gate; each gate sees it for the
-    /// integral of its weights, which is the duration of a box
+    /// Daylight: radiance in W/(m^2 sr), as a number or as an image rendered without a gate. Each gate collects it for the integral of
+    /// its weights, which is the duration of a box
     #[arg(long, value_name = "RADIANCE|FILE.exr", help_heading = "Detector")]
     pub background: Option<String>,
 

@@ -171,24 +171,16 @@ mod tests {
         job.entries.remove(0)
     }
 
-    fn entry(keys: &str) -> Entry {
-        entry_in(Path::new(""), keys)
-    }
-
     /// The name of the reference of a scene with these keys.
     fn reference(keys: &str) -> String {
-        entry(keys).reference
-    }
-
-    /// Like [`reference`], for a suite in this folder.
-    fn reference_in(folder: &Path, keys: &str) -> String {
-        entry_in(folder, keys).reference
+        entry_in(Path::new(""), keys).reference
     }
 
     /// A suite whose keys stay the same keeps its references.
     #[test]
     fn the_text_behind_a_name_has_the_crop_of_the_whole_image() {
-        assert!(entry("").config.contains("crop = \"0,8,0,8\""), "{}", entry("").config);
+        let config = entry_in(Path::new(""), "").config;
+        assert!(config.contains("crop = \"0,8,0,8\""), "{config}");
     }
 
     #[test]
@@ -221,7 +213,7 @@ mod tests {
         let reference = |folder: &tempfile::TempDir, table: &str| {
             std::fs::create_dir_all(folder.path().join("tables")).unwrap();
             std::fs::write(folder.path().join("tables/fog.csv"), table).unwrap();
-            reference_in(folder.path(), keys)
+            entry_in(folder.path(), keys).reference
         };
         let first = reference(&here, "-1,1\n1,1\n");
         assert_ne!(reference(&here, "-1,2\n1,1\n"), first);

@@ -308,11 +308,8 @@ fn scene(table: SceneTable, folder: &Path, shared: &RenderTable) -> Result<Scene
         render: render(table.render)?,
         ..Experiment::default()
     };
-    let joined = own.each_path(|file| {
-        *file = folder.join(&*file);
-        Ok(())
-    });
-    joined.and_then(|()| own.check_paths()).map_err(|e| (table.name.span(), e.to_string()))?;
+    own.take_paths_from(folder);
+    own.check_paths().map_err(|e| (table.name.span(), e.to_string()))?;
     own.scene = Some(path);
     let below = Experiment { render: shared.clone(), ..Experiment::default() };
     let (name, sweep, paper) = (table.name.into_inner(), table.sweep, table.paper);

@@ -58,8 +58,8 @@ pub struct Bins {
 }
 
 impl Bins {
-    /// Begin and end of each gate in metres of optical path. The weight is 1 inside a gate. Fails if there is none, if a gate has no end, if the gates are not in
-    /// ascending order, or if two overlap.
+    /// Begin and end of each gate in metres of optical path. The weight is 1 inside a gate. Fails if there is none, if a gate has no
+    /// end, if the gates are not in ascending order, or if two overlap.
     pub fn new(gates: Vec<[f64; 2]>) -> Result<Bins> {
         let are_good = gates.iter().all(|[lo, hi]| 0.0 <= *lo && lo < hi && hi.is_finite());
         match !gates.is_empty() && are_good && gates.is_sorted_by(|a, b| a[1] <= b[0]) {
@@ -96,8 +96,8 @@ impl Detector {
         light.zip(bins.seconds()).map(mean).collect()
     }
 
-    /// Fails if no counts can be drawn for these `means`: one is not finite, or a dead time leaves too many counts per pulse, which
-    /// are drawn one by one.
+    /// Fails if no counts can be drawn for these `means`. Either a mean is not finite, or a dead time leaves too many counts per pulse.
+    /// With a dead time, counts are drawn one by one.
     pub fn check(&self, means: &[f64], bins: &Bins) -> Result<()> {
         let fail = |message: String| Err(Error::Settings(message));
         let total: f64 = means.iter().sum();

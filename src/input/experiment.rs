@@ -69,12 +69,17 @@ impl Experiment {
 
         experiment.scene.take_if(|name| name.as_os_str().is_empty());
         experiment.visit(&mut WithoutEmptyNames);
-        let folder = path.parent().unwrap_or(Path::new(""));
-        experiment.each_path(|file| {
+        experiment.take_paths_from(path.parent().unwrap_or(Path::new("")));
+        Ok(experiment)
+    }
+
+    /// Makes all relative paths relative to `folder`.
+    pub(crate) fn take_paths_from(&mut self, folder: &Path) {
+        let joined = self.each_path(|file| {
             *file = folder.join(&*file);
             Ok(())
-        })?;
-        Ok(experiment)
+        });
+        joined.expect("joining does not fail");
     }
 
     /// Calls `visitor` with every setting of every table.

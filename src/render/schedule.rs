@@ -156,12 +156,13 @@ mod tests {
         }
     }
 
-    /// Expected variance that the film estimates (`Film::variance_of_mean`), divided by the true variance of the mean. The
-    /// pixel has the average number of samples in the first iteration and `share` times the average in all others.
-    fn stated_over_true(lengths: &[u32], share: f64) -> f64 {
+    /// Expected variance that the film estimates (`Film::variance_of_mean`), divided by the true variance of the mean. The film joins
+    /// `shards` shards. The pixel has the average number of samples in the first iteration of each, and `share` times the average in
+    /// all others.
+    fn stated_over_true(lengths: &[u32], shards: usize, share: f64) -> f64 {
         let weights = || lengths.iter().map(|&samples| f64::from(samples));
         // Variance of iteration i if each sample has variance 1.
-        let variance = |i: usize, weight: f64| if i == 0 { 1.0 / weight } else { 1.0 / (share * weight) };
+        let variance = |i: usize, weight: f64| if i < shards { 1.0 / weight } else { 1.0 / (share * weight) };
         let [all, n] = [weights().sum::<f64>(), lengths.len() as f64];
         let of_mean = weights().enumerate().map(|(i, w)| w * w * variance(i, w)).sum::<f64>() / (all * all);
         let spread = weights().enumerate().map(|(i, w)| w * variance(i, w)).sum::<f64>() - all * of_mean;
@@ -172,14 +173,32 @@ mod tests {
     fn the_stated_variance_is_right_where_samples_follow_the_error() {
         let long = lengths(1000);
         for share in [0.25, 4.0] {
-            assert!((stated_over_true(&long[..8], share) - 1.0).abs() < 1e-12);
+            assert!((stated_over_true(&long[..8], 1, share) - 1.0).abs() < 1e-12);
             for iterations in 9..long.len() {
-                let ratio = stated_over_true(&long[..iterations], share);
+                let ratio = stated_over_true(&long[..iterations], 1, share);
                 assert!((0.96..1.07).contains(&ratio), "{iterations} iterations, {share} times the samples: {ratio}");
             }
         }
         // Counterexample: if the iterations grow while the errors are learned, the estimate is wrong.
-        assert!(stated_over_true(&[1, 1, 2, 4, 8], 4.0) > 1.4);
+        assert!(stated_over_true(&[1, 1, 2, 4, 8], 1, 4.0) > 1.4);
+    }
+
+    #[test]
+    fn the_stated_variance_of_8_to_16_shards_is_off_by_a_third_at_most() {
+        let long = lengths(1000);
+        let ratios = |share: f64| {
+            let films = (8..=16).flat_map(|shards| [64, 128, 256, 512].map(|spp| (shards, spp)));
+            films
+                .map(|(shards, spp)| {
+                    let iterations = (0..).take_while(|&i| samples_before(i) < spp).count();
+                    stated_over_true(&long[..iterations], shards, share)
+                })
+                .collect::<Vec<f64>>()
+        };
+        let (many, few) = (ratios(4.0), ratios(0.25));
+        let (greatest, least) = (many.into_iter().fold(0.0, f64::max), few.into_iter().fold(f64::MAX, f64::min));
+        println!("{greatest:.3} and {least:.3}");
+        assert!((1.3..1.37).contains(&greatest) && (0.78..0.82).contains(&least), "{greatest} {least}");
     }
 
     #[test]

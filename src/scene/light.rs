@@ -164,8 +164,8 @@ pub(crate) fn cap_height(angle: f32) -> f64 {
 }
 
 /// Power of a spot over its intensity, in sr. `inner` and `outer`: 1 - cosine of the half angles. The falloff is 1 inside the inner
-/// cone. From there to the outer cone it is the square of a ramp from 1 to 0, linear in the cosine; the integral of that square is 1/3
-/// of the solid angle between the cones.
+/// cone. Between the cones it is the square of a ramp from 1 to 0 that is linear in the cosine. The integral of this square is 1/3 of
+/// the solid angle between the cones.
 pub(crate) fn spot_solid_angle(inner: f64, outer: f64) -> f64 {
     2.0 * PI * (inner + (outer - inner) / 3.0)
 }

@@ -36,10 +36,9 @@ fn add_lamp(scene: &mut Scene) {
     add(scene, "lamp", shine, quad(DVec3::new(-2.0, 2.0, -1.0), DVec3::X * 4.0, DVec3::Z * 4.0, [1.0; 2]));
 }
 
-const BULB: DVec3 = DVec3::new(-0.6, 1.8, 0.6);
-
-fn add_bulb(scene: &mut Scene, power: f32) {
-    light(scene, "bulb", BULB, DVec3::NEG_Y, LightKind::Point { intensity: [power; 3] });
+/// A point light of 3 `power` W/sr.
+fn add_bulb(scene: &mut Scene, at: DVec3, power: f64) {
+    light(scene, "bulb", at, DVec3::NEG_Y, LightKind::Point { intensity: [(3.0 * power) as f32; 3] });
 }
 
 fn ball(scene: &mut Scene, inside: Material, radius: f64, at: DVec3) {
@@ -53,6 +52,13 @@ fn cells(scene: &Scene, estimator: Estimator, gate: Gate, iterations: u32, seed:
     let cells = Cells::measure(&mut renderer(scene, &s), gate, 8, iterations, 16, seed);
     eprintln!("{estimator}: {:?}", cells.whole());
     cells
+}
+
+/// Compares `lcs` with `bdpt` on `scene(1.0)`, and asserts that `lcs` on `scene(wrong)` differs. `iterations`: of `bdpt` and of `lcs`.
+fn lcs_agrees_with_bdpt(scene: impl Fn(f64) -> Scene, wrong: f64, gate: Gate, iterations: [u32; 2]) {
+    let truth = cells(&scene(1.0), Estimator::Bdpt, gate, iterations[0], 1);
+    assert_none(disagreements(&truth, &cells(&scene(1.0), Estimator::Lcs, gate, iterations[1], 300)));
+    assert!(!disagreements(&truth, &cells(&scene(wrong), Estimator::Lcs, gate, iterations[1], 300)).is_empty());
 }
 
 /// Fog around clear glass does not enter it, also not between its surface and an opaque object inside.
@@ -76,57 +82,45 @@ fn fog_does_not_enter_clear_glass() {
     assert!(!against("darker cube", &[Estimator::Lcs], &scene(0.4), &gates[1..], &bin(&truth, 1)).is_empty());
 }
 
-/// The events of fog on the segment before rough glass are not drawn again on the segment inside the glass.
+/// The events of fog on the segment before rough glass are not drawn again on the segment inside the glass. Negative control: a lamp
+/// of 1.2 times the power.
 #[test]
 fn events_before_rough_glass_are_drawn_once() {
-    let scene = |power: f32| {
+    let scene = |power: f64| {
         let mut scene = stage(vec![fog(0.6)]);
-        add_bulb(&mut scene, power);
+        add_bulb(&mut scene, DVec3::new(-0.6, 1.8, 0.6), power);
         ball(&mut scene, Material { roughness: 0.6, ..glass("rough") }, 0.6, DVec3::new(0.0, 0.65, 0.6));
         scene
     };
-    let gate = Gate { lo: 2.5, hi: 4.0 };
-    let truth = cells(&scene(3.0), Estimator::Bdpt, gate, 4, 1);
-    assert_none(disagreements(&truth, &cells(&scene(3.0), Estimator::Lcs, gate, 1, 300)));
-    // Negative control: a lamp of 1.2 times the power.
-    assert!(!disagreements(&truth, &cells(&scene(3.6), Estimator::Lcs, gate, 1, 300)).is_empty());
+    lcs_agrees_with_bdpt(scene, 1.2, Gate { lo: 2.5, hi: 4.0 }, [4, 1]);
 }
 
-/// A box of fog before empty space: segments that leave the scene hold events too.
+/// A box of fog before empty space: segments that leave the scene hold events too. Negative control: fog that is 1.3 times as dense.
 #[test]
 fn fog_before_empty_space_scatters_light() {
-    let mut scene = Scene {
-        media: vec![Medium { bounds: Some([[-1.0, -1.0, -2.0], [1.0, 1.0, 1.0]].map(DVec3::from)), ..fog(0.05) }],
-        ..Scene::default()
+    let scene = |density: f64| {
+        let bounds = Some([[-1.0, -1.0, -2.0], [1.0, 1.0, 1.0]].map(DVec3::from));
+        let mut scene = Scene { media: vec![Medium { bounds, ..fog(0.05 * density) }], ..Scene::default() };
+        add_bulb(&mut scene, DVec3::new(0.2, 0.3, -0.5), 1.0);
+        camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.6, SIZE);
+        scene
     };
-    let kind = LightKind::Point { intensity: [3.0; 3] };
-    light(&mut scene, "bulb", DVec3::new(0.2, 0.3, -0.5), DVec3::NEG_Y, kind);
-    camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.6, SIZE);
-    let gate = Gate { lo: 0.5, hi: f64::INFINITY };
-    let truth = cells(&scene, Estimator::Bdpt, gate, 4, 1);
-    assert_none(disagreements(&truth, &cells(&scene, Estimator::Lcs, gate, 1, 300)));
-    // Negative control: fog that is 1.3 times as dense.
-    scene.media = vec![Medium { bounds: scene.media[0].bounds, ..fog(0.065) }];
-    assert!(!disagreements(&truth, &cells(&scene, Estimator::Lcs, gate, 1, 300)).is_empty());
+    lcs_agrees_with_bdpt(scene, 1.3, Gate { lo: 0.5, hi: f64::INFINITY }, [4, 1]);
 }
 
-/// Light through a layer of air in water. In this gate, light that crosses water alone is too late.
+/// Light through a layer of air in water. In this gate, light that crosses water alone is too late. Negative control: a lamp of twice
+/// the power.
 #[test]
 fn light_through_air_in_water_arrives_in_time() {
-    let scene = |power: f32| {
+    let scene = |power: f64| {
         let mut scene = Scene { media: vec![Medium { ior: 1.33, group_ior: 1.33, ..fog(0.3) }], ..Scene::default() };
-        let kind = LightKind::Point { intensity: [power; 3] };
-        light(&mut scene, "bulb", DVec3::new(0.0, 3.0, -2.0), DVec3::NEG_Y, kind);
+        add_bulb(&mut scene, DVec3::new(0.0, 3.0, -2.0), power);
         let air = material(&mut scene, Material { roughness: 0.3, ior: 1.0, ..glass("air") });
         add(&mut scene, "layer", air, cuboid(DVec3::new(-3.0, 1.0, -6.0), DVec3::new(3.0, 2.5, 0.0)));
         camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.6, SIZE);
         scene
     };
-    let gate = Gate { lo: 4.2, hi: 4.8 };
-    let truth = cells(&scene(3.0), Estimator::Bdpt, gate, 12, 1);
-    assert_none(disagreements(&truth, &cells(&scene(3.0), Estimator::Lcs, gate, 4, 300)));
-    // Negative control: a lamp of twice the power.
-    assert!(!disagreements(&truth, &cells(&scene(6.0), Estimator::Lcs, gate, 4, 300)).is_empty());
+    lcs_agrees_with_bdpt(scene, 2.0, Gate { lo: 4.2, hi: 4.8 }, [12, 4]);
 }
 
 /// With more lamps than shade points connect to one by one, a histogram of `lcs` draws no events in the gate.

@@ -1,36 +1,30 @@
 //! Fog that is thin or thick, at any scale, through gates of a few f32 steps: light that scatters once has the radiance of the
 //! closed form.
 
-use glam::{DAffine3, DVec3};
-use taugate::internals::generate::stage::light;
+use glam::DVec3;
+use taugate::internals::generate::stage::{camera, light};
 use taugate::internals::oracle::fog::{Coefficients, gated_single_scattering};
-use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Projection, Scene};
+use taugate::internals::scene::{LightKind, Medium, PhaseFunction, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
 use super::cells::{Cells, renderer, settings, threshold};
 
+const SIZE: [u32; 2] = [8, 8];
 const ISOTROPIC: f64 = 0.25 / std::f64::consts::PI;
 /// Share of the extinction that is scattering.
 const ALBEDO: f64 = 0.9;
 const LAMP: DVec3 = DVec3::new(0.7, 0.2, -1.0);
 
-/// A pinhole that looks along -Z through a field of view of 0.02 degrees, and a point light 1.24 `scale` metres away, in fog of
-/// the extinction coefficient `sigma_t`. There are no surfaces.
+/// A pinhole and a point light in fog, without surfaces. The pinhole looks along -Z, with a field of view of 0.02 degrees. The light
+/// is 1.24 `scale` metres away. `sigma_t`: extinction coefficient of the fog, per metre.
 fn scene(scale: f64, sigma_t: f64) -> Scene {
     let phase = PhaseFunction::HenyeyGreenstein { g: 0.0 };
     let medium =
         Medium { sigma_s: [ALBEDO * sigma_t; 3], sigma_a: [(1.0 - ALBEDO) * sigma_t; 3], phase, ..Medium::default() };
     let mut scene = Scene { media: vec![medium], ..Scene::default() };
     light(&mut scene, "lamp", LAMP * scale, DVec3::NEG_Z, LightKind::Point { intensity: [intensity(scale) as f32; 3] });
-    scene.add_camera(Camera {
-        name: "pinhole".into(),
-        transform: DAffine3::IDENTITY,
-        projection: Projection::Perspective { yfov: 0.02f64.to_radians() },
-        aspect: None,
-        resolution: None,
-        principal_point: Camera::CENTRED,
-    });
+    camera(&mut scene, DVec3::ZERO, DVec3::NEG_Z, 0.02f64.to_radians(), SIZE);
     scene
 }
 
@@ -45,7 +39,7 @@ fn bias(estimator: Estimator, scale: f64, depth: f64, [lo, hi]: [f64; 2]) -> (f6
     let gate = [lo * scale, hi * scale];
     let medium = Coefficients { sigma_s: ALBEDO * sigma_t, sigma_t };
     let truth = gated_single_scattering(medium, |_| ISOTROPIC, intensity(scale), LAMP * scale, DVec3::NEG_Z, gate);
-    let s = settings(estimator, [8, 8]).max_depth(2).build().unwrap();
+    let s = settings(estimator, SIZE).max_depth(2).build().unwrap();
     let mut renderer = renderer(&scene(scale, sigma_t), &s);
     let (found, error) = Cells::measure(&mut renderer, Gate { lo: gate[0], hi: gate[1] }, 8, 1, 16, 100).whole();
     assert_eq!(renderer.stats().dropped, 0, "{estimator} at scale {scale:e}: contributions that are not finite");

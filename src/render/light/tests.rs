@@ -14,8 +14,8 @@ use crate::wgsl::layout::constants::VERTEX_IN_MEDIUM;
 const ENDS: [f64; 6] = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 const ITERATIONS: usize = 8;
 
-/// For each interval: the mean squared distance of the light from the lamp, relative to the closed form for the scattering
-/// coefficient `1 + wrong` per metre, and its standard error. The medium scatters once per metre, with the mean cosine `g`.
+/// For each interval: the mean squared distance of the light from the lamp over the closed form, and the standard error of this
+/// ratio. The medium scatters once per metre, with the mean cosine `g`. The closed form has the scattering coefficient `1 + wrong`.
 fn moments(g: f64, wrong: f64) -> Vec<(f64, f64)> {
     let phase = PhaseFunction::HenyeyGreenstein { g };
     let media = vec![Medium { sigma_s: [1.0; 3], phase, ..Medium::default() }];
