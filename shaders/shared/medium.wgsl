@@ -147,18 +147,16 @@ struct Depths {
 fn optical_depths(o: vec3<f32>, d: vec3<f32>, length: f32) -> Depths {
     var depths = Depths(vec3<f32>(0.0), vec3<f32>(0.0));
     var t = 0.0;
-    for (var i = 0u; i <= last_stretch(); i++) {
-        if (t < length) {
-            let stretch = stretch_at(o, d, t);
-            let end = min(stretch.end, length);
-            if (stretch.medium != NONE) {
-                let m = load_medium(stretch.medium);
-                let passed = pass_medium(stretch.medium, o, d, t, end, 3e38).integral;
-                depths.scattering += m.sigma_s * passed;
-                depths.absorption += m.sigma_a * passed;
-            }
-            t = end;
+    for (var i = 0u; i <= last_stretch() && t < length; i++) {
+        let stretch = stretch_at(o, d, t);
+        let end = min(stretch.end, length);
+        if (stretch.medium != NONE) {
+            let m = load_medium(stretch.medium);
+            let passed = pass_medium(stretch.medium, o, d, t, end, 3e38).integral;
+            depths.scattering += m.sigma_s * passed;
+            depths.absorption += m.sigma_a * passed;
         }
+        t = end;
     }
     return depths;
 }

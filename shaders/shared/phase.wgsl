@@ -8,7 +8,10 @@ const PHASE_RAYLEIGH: u32 = 1u;
 const PHASE_DRAINE: u32 = 2u;
 const PHASE_TABLE: u32 = 3u;
 
-// Whether a medium has a lobe of Draine, and whether a medium has a table.
+// Which phase functions the media have, apart from single Henyey-Greenstein lobes: two such lobes, Rayleigh scattering, a lobe of
+// Draine, a table. Kernels leave out the rest, because queries evaluate a phase function for each vertex of a leaf.
+override HAS_TWO_LOBES: bool = false;
+override HAS_RAYLEIGH: bool = false;
 override HAS_DRAINE: bool = false;
 override HAS_PHASE_TABLES: bool = false;
 
@@ -24,7 +27,7 @@ fn henyey_greenstein(g: f32, cosine: f32) -> f32 {
 
 // Phase function: density per solid angle of scattering by the angle with this cosine. Its integral over the sphere is 1.
 fn phase_value(m: Medium, cosine: f32) -> f32 {
-    if (m.phase == PHASE_RAYLEIGH) {
+    if (HAS_RAYLEIGH && m.phase == PHASE_RAYLEIGH) {
         return 3.0 / (16.0 * PI) * (1.0 + cosine * cosine);
     }
     if (HAS_DRAINE && m.phase == PHASE_DRAINE) {
@@ -33,12 +36,15 @@ fn phase_value(m: Medium, cosine: f32) -> f32 {
     if (HAS_PHASE_TABLES && m.phase == PHASE_TABLE) {
         return table_value(m, cosine);
     }
+    if (!HAS_TWO_LOBES) {
+        return henyey_greenstein(m.g, cosine);
+    }
     return mix(henyey_greenstein(m.g, cosine), henyey_greenstein(m.g2, cosine), m.share);
 }
 
 // Samples the cosine of the scattering angle, with the density of `phase_value`. `u`: one number for the angle, one for the lobe.
 fn sample_phase_cosine(m: Medium, u: vec2<f32>) -> f32 {
-    if (m.phase == PHASE_RAYLEIGH) {
+    if (HAS_RAYLEIGH && m.phase == PHASE_RAYLEIGH) {
         // The root of the cubic equation of the cumulative distribution.
         let q = 4.0 * u.x - 2.0;
         let root = pow(abs(q) + sqrt(q * q + 1.0), 1.0 / 3.0);

@@ -39,24 +39,25 @@ fn descend_by_importance(start: Traversal, receiver: Receiver, rng: ptr<function
     return Candidate(current, 1.0 / (POWER_PROBABILITY * p.x + (1.0 - POWER_PROBABILITY) * p.y));
 }
 
-// Share of the light from the direction `w` that q scatters to the sensor, with the approximations of `outgoing_light`.
-fn scattered_share(q: PathVertex, w: vec3<f32>, min_cosine: f32) -> f32 {
+// Share of the light from the direction `w` that q scatters to the sensor, with the approximations of `outgoing_light`. `medium`: the
+// medium of an event.
+fn scattered_share(q: PathVertex, medium: Medium, w: vec3<f32>, min_cosine: f32) -> f32 {
     if (is_in_medium(q)) {
-        return 4.0 * PI * phase_value(load_medium(q.material), -dot(q.to_previous, w));
+        return 4.0 * PI * phase_value(medium, -dot(q.to_previous, w));
     }
     return max(vertex_cosine(q, w), min_cosine);
 }
 
 // Contribution of v to q if both were diffuse and saw each other; 0 if v cannot contribute. v comes from its leaf record, whose
 // normal is rounded. So the test whether v faces q allows an error of DIRECTION_ERROR.
-fn vertex_importance(q: PathVertex, v: PathVertex) -> f32 {
+fn vertex_importance(q: PathVertex, medium: Medium, v: PathVertex) -> f32 {
     let offset = v.position - q.position;
     let d2 = dot(offset, offset);
     let d = sqrt(d2);
     let w = offset * (1.0 / d);
     // At grazing angles, glossy and transmitting surfaces return more light than the cosine says.
     let min_cosine = select(1e-4, 0.05, HAS_GLOSSY || HAS_TRANSMISSION);
-    let cosines = scattered_share(q, w, min_cosine) * outgoing_light(v, -w, min_cosine);
+    let cosines = scattered_share(q, medium, w, min_cosine) * outgoing_light(v, -w, min_cosine);
     let sent = max(max_component(v.throughput) * cosines / d2, MIN_IMPORTANCE);
     let is_facing = !is_one_sided(v) | (dot(v.geometric, w) < DIRECTION_ERROR);
     return select(0.0, sent, is_in_reach(q, v, w, d) & faces(q, w) & is_facing & (cosines > 0.0));
@@ -70,8 +71,13 @@ fn choose_in_leaf(q: PathVertex, leaf: Candidate, rng: ptr<function, u32>) -> Ca
     var chosen = Candidate(NONE, 0.0);
     var chosen_importance = 0.0;
     var sum = 0.0;
+    // Loaded once for all vertices.
+    var medium: Medium;
+    if (HAS_MEDIA) {
+        medium = load_medium(select(0u, q.material, is_in_medium(q)));
+    }
     for (var i = 0u; i < count; i++) {
-        let importance = vertex_importance(q, load_leaf_vertex(first + i));
+        let importance = vertex_importance(q, medium, load_leaf_vertex(first + i));
         sum += importance;
         // The uniform is below 1, so that the first vertex that can contribute is taken. The uniform has steps of 2^-32,
         // so that a rare vertex is taken with exactly the probability that its weight contains.
@@ -117,6 +123,19 @@ struct Choices {
 
 // Minimum number of queries of a shade point, unless K is smaller.
 const MIN_QUERIES: u32 = 4u;
+// Whether a medium scatters light.
+override HAS_SCATTERING: bool = false;
+
+// Maximum number of queries for q. In media that scatter, sensor subpaths have many vertices, and the first matter most. So the number
+// is halved once for surfaces behind the first vertex, and once per bounce for events (docs/notebook/fog-sampling.md).
+fn max_queries(q: PathVertex) -> u32 {
+    if (!HAS_SCATTERING || TIME_GROUPS > 1u) {
+        return frame.queries;
+    }
+    let bounces = (q.flags & VERTEX_DEPTH) - 1u;
+    let halvings = min(bounces, select(1u, 31u, is_in_medium(q)));
+    return max(frame.queries >> halvings, min(frame.queries, MIN_QUERIES));
+}
 
 // Resampling of up to K stratified queries of one tree by their unshadowed contribution (Talbot et al. 2005). Writes one vertex per part
 // of the gate to the slots from `first` on, with the factor that replaces 1 / (K P(j | q)).
@@ -132,7 +151,7 @@ fn resample(root: u32, q: PathVertex, receiver: Receiver, first: u32, rng: ptr<f
     // If a frontier with room for MAX_SUBTREES has few subtrees, few can contribute, and two queries per subtree are enough. A smaller
     // frontier (`--frontier`) may have few subtrees because it is full.
     let enough = select(frame.queries, max(2u * frontier.count, MIN_QUERIES), FRONTIER == MAX_SUBTREES);
-    let queries = select(min(frame.queries, enough), 0u, frontier.count == 0u);
+    let queries = select(min(max_queries(q), enough), 0u, frontier.count == 0u);
     for (var k = 0u; k < queries; k++) {
         let start = sample_frontier(&frontier, (f32(k) + jitter) / f32(queries), rng);
         let leaf = descend_by_importance(start, receiver, rng);

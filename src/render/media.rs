@@ -7,7 +7,7 @@ use super::space::RenderSpace;
 use super::{grid, phase};
 use crate::error::{Error, Result};
 use crate::scene::{self, Scene, surrounding_indices};
-use crate::wgsl::layout::constants::{PHASE_DRAINE, PHASE_TABLE};
+use crate::wgsl::layout::constants::{PHASE_DRAINE, PHASE_LOBES, PHASE_RAYLEIGH, PHASE_TABLE};
 use crate::wgsl::layout::{Grid, Medium};
 
 /// Stands for infinity in the corners of media without bounds.
@@ -65,16 +65,19 @@ impl Media {
 
     /// Values of the WGSL `override` constants that depend on the media. `has_glass`: whether a surface transmits light. The media
     /// around glass do not enter it.
-    pub fn constants(&self, has_glass: bool) -> [(&'static str, f64); 7] {
+    pub fn constants(&self, has_glass: bool) -> [(&'static str, f64); 10] {
         let switch = |on: bool| if on { 1.0 } else { 0.0 };
-        let has = |phase| switch(self.list.iter().any(|medium| medium.phase == phase));
+        let any = |holds: fn(&Medium) -> bool| switch(self.list.iter().any(holds));
         let [ior, group_index] = self.surrounding.map(f64::from);
         [
             ("HAS_MEDIA", switch(!self.list.is_empty())),
             ("HAS_INTERIORS", switch(self.list.len() > self.outside || (has_glass && !self.list.is_empty()))),
             ("HAS_GRIDS", switch(!self.grids.is_empty())),
-            ("HAS_DRAINE", has(PHASE_DRAINE)),
-            ("HAS_PHASE_TABLES", has(PHASE_TABLE)),
+            ("HAS_SCATTERING", any(|medium| medium.sigma_s != [0.0; 3])),
+            ("HAS_TWO_LOBES", any(|medium| medium.phase == PHASE_LOBES && medium.share > 0.0)),
+            ("HAS_RAYLEIGH", any(|medium| medium.phase == PHASE_RAYLEIGH)),
+            ("HAS_DRAINE", any(|medium| medium.phase == PHASE_DRAINE)),
+            ("HAS_PHASE_TABLES", any(|medium| medium.phase == PHASE_TABLE)),
             ("SURROUNDING_IOR", ior),
             ("SURROUNDING_GROUP_INDEX", group_index),
         ]

@@ -110,7 +110,7 @@ pub struct Plan {
     /// Parts of the BVH for [`Bvh::parts`](crate::bvh::Bvh::parts); empty unless the estimator forms ellipsoidal connections.
     pub bvh_parts: Vec<u32>,
     /// Values of the WGSL `override` constants that depend on the media.
-    media_constants: [(&'static str, f64); 7],
+    media_constants: [(&'static str, f64); 10],
     pub crop: Crop,
     pub crop_pixels: u64,
     /// Whether light subpaths are traced beyond their first vertex, the one on the emitter.

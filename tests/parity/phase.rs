@@ -89,7 +89,9 @@ fn evaluate(functions: &[PhaseFunction], count: u32) -> Vec<(Angle, [f32; 2])> {
     let inputs: Vec<Angle> = (0..media.len() as u32).flat_map(|m| vec![m; count as usize]).map(&mut draw).collect();
     tables.resize(tables.len().max(1), [0.0; 4]);
     let buffers = [contents("media", &media), contents("phase_tables", &tables)];
-    let found = PHASE.compile(&[("HAS_DRAINE", 1.0), ("HAS_PHASE_TABLES", 1.0)]).run(&inputs, &buffers);
+    let found = PHASE
+        .compile(&[("HAS_TWO_LOBES", 1.0), ("HAS_RAYLEIGH", 1.0), ("HAS_DRAINE", 1.0), ("HAS_PHASE_TABLES", 1.0)])
+        .run(&inputs, &buffers);
     inputs.into_iter().zip(found).collect()
 }
 
