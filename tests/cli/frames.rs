@@ -102,12 +102,37 @@ fn a_gate_that_sweeps_is_a_sequence() {
 fn a_contact_sheet_shows_all_gates() {
     let here = with("street");
     let flags = ["--gates", "10m..80m/2", "--frames", "0..2", "--fps", "2"];
-    for kind in ["exr", "npy"] {
+    for kind in ["exr", "npy", "acc"] {
         let (frames, sheet) = (format!("f#.{kind}"), format!("{kind}.png"));
         render(here.path(), &[&flags[..], &["-o", &frames, "--contact-sheet", &sheet]].concat());
     }
     let picture = |name: &str| image::open(here.path().join(name)).unwrap().into_rgb8();
-    assert!(picture("exr.png") == picture("npy.png"));
+    assert!(picture("exr.png") == picture("npy.png") && picture("exr.png") == picture("acc.png"));
+    // Its exposure needs no pictures of the frames.
+    let bright = ["-o", "f#.exr", "--contact-sheet", "bright.png", "--exposure", "20"];
+    assert!(render(here.path(), &[&flags[..], &bright].concat()).contains("2 of 2 frames were there already"));
+    assert!(picture("bright.png").as_raw().iter().filter(|&&byte| byte == 255).count() > 100);
+}
+
+/// A picture does not say which exposure it has, so pictures of finished frames are made again.
+#[test]
+fn pictures_of_finished_frames_get_the_new_exposure() {
+    let here = with("cornell-box");
+    let here = here.path();
+    let keys = ["--gate-keys", "0=5m..6m", "--gate-keys", "2=6m..7m", "--frames", "0..2"];
+    for (frames, name) in [("f#.exr", "f1.png"), ("f#.npy", "f1.png"), ("f#.acc", "f1.png")] {
+        let flags = [&keys[..], &["-o", frames, "--png"]].concat();
+        let picture = || std::fs::read(here.join(name)).unwrap();
+        let run = |exposure: &str| {
+            let message = render(here, &[&flags[..], &["--exposure", exposure]].concat());
+            (message.contains("2 of 2 frames were there already"), picture())
+        };
+        let (was_there, dark) = run("1");
+        let (is_there, bright) = run("3");
+        assert!(!was_there && is_there && dark != bright, "{frames}");
+        assert!(run("1") == (true, dark), "{frames}");
+        std::fs::remove_file(here.join(name)).unwrap();
+    }
 }
 
 #[test]

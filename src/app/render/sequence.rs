@@ -35,7 +35,10 @@ pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCod
     let mut kept = 0;
     for (number, frame) in sequence.own_frames().enumerate() {
         let outcome = session.render(sequence.frame(frame))?;
-        kept += usize::from(outcome == Outcome::Kept);
+        if outcome == Outcome::Kept {
+            pictures::rewrite(&files(sequence, frame)?)?;
+            kept += 1;
+        }
         if outcome == Outcome::Done {
             session.progress.line(&format!("frame {frame}: {} of {count}", number + 1));
         }
