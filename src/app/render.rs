@@ -184,7 +184,9 @@ impl Session {
             Some(identity) => sequence::with_inputs(&printed, identity),
             None => printed,
         };
-        if self.is_sequence && sequence::is_finished(&outputs, &printed, identity.as_ref())? {
+        if let Some(identity) = identity.as_ref().filter(|_| self.is_sequence)
+            && sequence::is_finished(&outputs, identity)?
+        {
             return Ok(Outcome::Kept);
         }
         if let (Some(earlier), Some(identity)) = (&earlier, &identity) {

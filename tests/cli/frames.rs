@@ -127,12 +127,30 @@ fn pictures_of_finished_frames_get_the_new_exposure() {
             let message = render(here, &[&flags[..], &["--exposure", exposure]].concat());
             (message.contains("2 of 2 frames were there already"), picture())
         };
+        // The first picture is made from a frame that has none yet.
+        render(here, &[&keys[..], &["-o", frames]].concat());
         let (was_there, dark) = run("1");
         let (is_there, bright) = run("3");
-        assert!(!was_there && is_there && dark != bright, "{frames}");
+        assert!(was_there && is_there && dark != bright, "{frames}");
         assert!(run("1") == (true, dark), "{frames}");
         std::fs::remove_file(here.join(name)).unwrap();
     }
+}
+
+/// Finished frames are kept if only settings have changed that do not affect them.
+#[test]
+fn frames_are_kept_if_their_settings_give_the_same_image() {
+    let here = with("cornell-box");
+    let here = here.path();
+    let keys = ["--gate-keys", "0=5m..6m", "--gate-keys", "2=6m..7m", "--frames", "0..2"];
+    let files = ["-o", "f#.exr", "-o", "g#.npy", "-o", "s#.acc"];
+    render(here, &[&keys[..], &files].concat());
+    let again = [&["render", "./scene.glb", "--strict", "--force", "--device", "0"], &SMALL[..], &keys, &files];
+    let output = taugate(here, &again.concat());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("2 of 2 frames were there already"), "{message}");
+    let longer = [&["render", "scene.glb", "--spp", "3"], &SMALL[..2], &SMALL[4..], &keys, &["-o", "f#.exr"]].concat();
+    fails(here, &longer, 2, "not with these settings (render.spp is 3 in one and is 2 in the other); remove it");
 }
 
 #[test]
