@@ -199,6 +199,15 @@ fn light_that_counts_for_no_gate_is_an_error() {
     }
 }
 
+/// Sums and images of one render have one gate, without its edges.
+#[test]
+fn sums_and_images_of_a_shaped_gate_have_one_gate() {
+    let here = with_box();
+    render(here.path(), &["--gate", "5m..8m", "--response", "gauss:0.1m", "-o", "a.exr", "-o", "a.acc"]);
+    let output = taugate(here.path(), &["compare", "a.exr", "a.acc"]);
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
 /// An image of several gates is not taken for its first gate.
 #[test]
 fn all_gates_of_an_image_are_compared() {
