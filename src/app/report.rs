@@ -70,7 +70,7 @@ struct Numbers<'a> {
 
 impl Report<'_> {
     fn position(&self) -> Position {
-        Position::of(self.renderer, Duration::from_secs_f64(self.seconds))
+        Position::of(self.renderer, Duration::from_secs_f64(self.seconds), (0, 0.0))
     }
 
     fn images(&self) -> Images<'_> {

@@ -95,7 +95,8 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         }
         film.set(measured, renderer.film(), renderer.responses());
         (measured, samples) = (measured + 1, renderer.film().samples());
-        let position = Position { samples, elapsed: started.elapsed(), rays: renderer.stats().rays() };
+        let position =
+            Position { samples, elapsed: started.elapsed(), rays: renderer.stats().rays(), before: (0, 0.0) };
         session.progress.show(measured as f64 / count as f64, || {
             format!("point {measured} of {count}, {}", rays(position.rays_per_second()))
         });
