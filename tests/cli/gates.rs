@@ -185,6 +185,17 @@ fn variances_of_an_older_array_are_removed() {
     assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb", "counts.json", "counts.npy"]);
 }
 
+/// Depths never belong to an older array of the same name.
+#[test]
+fn depths_of_an_older_array_are_removed() {
+    let here = with_box();
+    render(here.path(), &["--cw", "20", "-o", "a.npy"]);
+    render(here.path(), &["--gate", "5m..8m", "-o", "a.npy"]);
+    assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb"]);
+    render(here.path(), &["--cw", "20", "-o", "b.npy"]);
+    fails(here.path(), &["detect", "b.depth.npy", "-o", "b.npy", "--photons", "10"], 2, "would replace the light");
+}
+
 /// Light between two gates does not make an image that is black without a message.
 #[test]
 fn light_that_counts_for_no_gate_is_an_error() {

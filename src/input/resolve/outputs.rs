@@ -58,10 +58,10 @@ impl Outputs {
         files
     }
 
-    /// The files that are replaced or removed: [`Outputs::files`], and the variances beside an earlier array.
+    /// The files that are replaced or removed: [`Outputs::files`], and the variances and depths beside an earlier array.
     pub fn replaced(&self) -> Vec<PathBuf> {
         let mut files = self.files();
-        files.extend(self.npy.as_deref().map(npy_file::variance_path));
+        files.extend(self.npy.as_deref().map_or(vec![], |npy| npy_file::paths_beside(npy).into()));
         files
     }
 
