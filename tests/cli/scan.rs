@@ -120,7 +120,7 @@ fn mistakes_in_a_scan_are_explained() {
     write(here, "lamp.toml", CONFOCAL, "[emitter]\nlamp = [[0, 0, 1, 5]]");
     write(here, "late.toml", &CONFOCAL.replace("[3, 2]", "[1, 1]"), "max-depth = 3");
     let before = names(here);
-    let table: [(&str, &[&str], &str); 9] = [
+    let table: [(&str, &[&str], &str); 12] = [
         ("none.toml", &[], "needs points"),
         ("off.toml", &[], "1 of 2 points of the sensor are not on a surface; the first is [0, 0, 0.2]"),
         ("beside.toml", &[], "there is no surface there"),
@@ -129,6 +129,9 @@ fn mistakes_in_a_scan_are_explained() {
         ("late.toml", &[], "meets no light"),
         ("good.toml", &["--png", "x.png"], "cannot have --png"),
         ("good.toml", &["--frames", "0..2"], "cannot have --frames"),
+        ("good.toml", &["--gif", "x.gif"], "cannot have --gif"),
+        ("good.toml", &["--contact-sheet", "x.png"], "cannot have --contact-sheet"),
+        ("good.toml", &["--fps", "5"], "cannot have --fps"),
         ("good.toml", &["-o", "y.exr"], "write -o OUT.npy"),
     ];
     for (file, arguments, part) in table {

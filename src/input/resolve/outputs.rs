@@ -152,7 +152,8 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         ));
     }
     let exposure = wanted.exposure.unwrap_or_default();
-    let depth = experiment.gate.cw.is_some();
+    // A scan is no image of depths.
+    let depth = experiment.gate.cw.is_some() && experiment.scan.is_none();
     let keeps_variance = keeps_sums && (variance || count <= MAX_EXR_RESPONSES);
     Ok(Outputs {
         exr,
