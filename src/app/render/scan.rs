@@ -106,7 +106,7 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         session.progress.line("interrupted before the first point of the laser was measured; nothing was written");
         return Ok(Outcome::Interrupted.code());
     }
-    if measured == count && renderer.stats().inside_gate == 0 && !experiment.gate.force.unwrap_or(false) {
+    if measured == count && film.is_black() && !experiment.gate.force.unwrap_or(false) {
         return Err(feasible::nothing_inside(&device, &scene, &settings).into());
     }
 
