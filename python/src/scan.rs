@@ -82,7 +82,7 @@ fn run(job: &Job, path: &Path, progress: Option<&Py<PyAny>>) -> Result<(usize, V
     }
     let Measuring { film, measured, samples, .. } = measuring;
     let is_whole = measured == scan.laser_points.len();
-    if is_whole && renderer.stats().inside_gate == 0 && !experiment.gate.force.unwrap_or(false) {
+    if is_whole && film.is_black() && !experiment.gate.force.unwrap_or(false) {
         return Err(feasible::nothing_inside(&device, scene, &settings).into());
     }
     if measured > 0 {

@@ -324,9 +324,7 @@ impl State {
         warnings.extend(ready.warnings.iter().cloned());
         let strict = experiment.render.strict.unwrap_or(false);
         let (seconds, interrupt) = engine::iterate(&mut ready.renderer, settings, strict, progress)?;
-        let film = ready.renderer.film();
-        let is_black = ready.renderer.stats().inside_gate == 0 && film.mean().iter().all(|&x| x == 0.0);
-        if is_black && interrupt.is_none() && !engine::may_be_dark(&experiment, settings) {
+        if ready.renderer.is_black() && interrupt.is_none() && !engine::may_be_dark(&experiment, settings) {
             let device = engine::device(experiment.render.device.as_deref())?;
             return Err(feasible::nothing_inside(&device, &ready.scene, settings).into());
         }

@@ -10,7 +10,8 @@ use taugate::internals::image::exr_file::Picture;
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray};
 use taugate::internals::input::experiment::Experiment;
 use taugate::internals::input::responses::chosen;
-use taugate::internals::settings::Responses;
+use taugate::internals::settings::units::Gate;
+use taugate::internals::settings::{Response, Responses};
 
 /// Whether `path` names sums.
 pub fn is_sums(path: &Path) -> bool {
@@ -53,7 +54,8 @@ pub fn picture(path: &Path) -> Result<Picture> {
             "has the sums of several gates, but only an image of a single gate can be compared; give other sums".into();
         return Err(Error::File { path: path.into(), message });
     }
-    let gate = responses(path, &about)?.support();
+    // The gate without its edges, as EXR files have it.
+    let gate = responses(path, &about)?.iter().next().map_or(Gate::OPEN, Response::gate);
     Ok(Picture {
         width: film.width(),
         height: film.height(),

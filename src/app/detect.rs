@@ -10,7 +10,7 @@ use taugate::internals::detector::{Bins, Blind, Detector};
 use taugate::internals::files::{check_writable, write_atomically};
 use taugate::internals::image::exr_file::read_picture;
 use taugate::internals::image::exr_responses;
-use taugate::internals::image::npy_file::{description_path, variance_path, write_new_array};
+use taugate::internals::image::npy_file::{description_path, paths_beside, write_new_array};
 use taugate::internals::image::npy_read::{DescribedResponse, ImageArray, described, read};
 use taugate::internals::settings::units::Gate;
 
@@ -30,12 +30,13 @@ pub fn run(args: &DetectArgs) -> anyhow::Result<ExitCode> {
         return Err(settings(format!("the output {} must end in .npy", args.output.display())).into());
     }
     let detector = detector(args)?;
-    let (description, variances) = (description_path(&args.output), variance_path(&args.output));
+    let description = description_path(&args.output);
+    let [variances, depths] = paths_beside(&args.output);
     check_writable(&args.output)?;
     check_writable(&description)?;
     let same =
         |a: &Path, b: &Path| std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b));
-    if [&args.output, &description, &variances]
+    if [&args.output, &description, &variances, &depths]
         .into_iter()
         .any(|file| same(file, &args.input) || same(file, &description_path(&args.input)))
     {

@@ -20,6 +20,7 @@ use super::accumulated;
 use super::cli::DevelopedFiles;
 use super::images::Images;
 use super::progress::duration;
+use super::render::check_inputs;
 use super::report::BLACK;
 use super::rescue::Rescue;
 
@@ -30,6 +31,13 @@ pub fn run(parts: &[PathBuf], files: &DevelopedFiles, quiet: bool) -> anyhow::Re
     let outputs = outputs(files, &accumulated::experiment(path, first)?)?;
     let responses = accumulated::responses(path, first)?;
     check_outputs(&outputs, parts)?;
+    // The parts may have been rendered from copies of one scene.
+    for (path, about) in &order {
+        let experiment = accumulated::experiment(path, about)?;
+        if let Some(scene) = &experiment.scene {
+            check_inputs(&outputs.replaced(), scene, &experiment)?;
+        }
+    }
 
     let mut sums = merged(&order)?;
     if let Some(aov) = files.aov {

@@ -22,11 +22,13 @@ pub struct Position {
     pub samples: u64,
     pub elapsed: Duration,
     pub rays: u64,
+    /// Samples and seconds of earlier processes. `samples` contains these samples; `elapsed` and `rays` are of this process.
+    pub before: (u64, f64),
 }
 
 impl Position {
-    pub fn of(renderer: &Renderer, elapsed: Duration) -> Position {
-        Position { samples: renderer.film().samples(), elapsed, rays: renderer.stats().rays() }
+    pub fn of(renderer: &Renderer, elapsed: Duration, before: (u64, f64)) -> Position {
+        Position { samples: renderer.film().samples(), elapsed, rays: renderer.stats().rays(), before }
     }
 
     pub fn rays_per_second(&self) -> f64 {
@@ -37,9 +39,22 @@ impl Position {
     fn done(&self, budget: &Budget) -> f64 {
         let done = match *budget {
             Budget::Spp(spp) => self.samples as f64 / f64::from(spp),
-            Budget::Seconds(seconds) => self.elapsed.as_secs_f64() / seconds,
+            Budget::Seconds(seconds) => (self.before.1 + self.elapsed.as_secs_f64()) / seconds,
         };
         done.min(1.0)
+    }
+
+    /// Seconds until the budget is used, if the render goes on at the pace of this process; `None` if the pace is not known yet.
+    fn left(&self, budget: &Budget) -> Option<f64> {
+        let elapsed = self.elapsed.as_secs_f64();
+        let left = match *budget {
+            Budget::Spp(spp) => {
+                let new = self.samples.saturating_sub(self.before.0);
+                elapsed * u64::from(spp).saturating_sub(self.samples) as f64 / new as f64
+            }
+            Budget::Seconds(seconds) => seconds - self.before.1 - elapsed,
+        };
+        left.is_finite().then_some(left.max(0.0))
     }
 
     fn describe(&self, budget: &Budget) -> String {
@@ -47,11 +62,7 @@ impl Position {
             Budget::Spp(spp) => format!(" of {spp}"),
             Budget::Seconds(_) => String::new(),
         };
-        let done = self.done(budget);
-        let left = match done > 0.0 {
-            true => format!(", {} left", duration(self.elapsed.as_secs_f64() * (1.0 - done) / done)),
-            false => String::new(),
-        };
+        let left = self.left(budget).map_or(String::new(), |seconds| format!(", {} left", duration(seconds)));
         format!("{}{of} samples{left}, {}", self.samples, rays(self.rays_per_second()))
     }
 }
@@ -124,5 +135,24 @@ pub fn duration(seconds: f64) -> String {
         10..60 => format!("{whole} s"),
         60..3600 => format!("{} min {} s", whole / 60, whole % 60),
         _ => format!("{} h {} min", whole / 3600, whole / 60 % 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_render_that_goes_on_knows_how_long_it_will_take() {
+        // 60 of 100 samples are there; this process made 20 of them in 10 s, after 400 s of another process.
+        let position = Position { samples: 60, elapsed: Duration::from_secs(10), rays: 1000, before: (40, 400.0) };
+        let [samples, time] = [Budget::Spp(100), Budget::Seconds(500.0)];
+        assert_eq!((position.done(&samples), position.left(&samples)), (0.6, Some(20.0)));
+        assert_eq!((position.done(&time), position.left(&time)), (0.82, Some(90.0)));
+        assert_eq!(position.rays_per_second(), 100.0);
+        let start = Position { samples: 40, elapsed: Duration::ZERO, ..position };
+        assert_eq!(start.left(&samples), None);
+        let past = Position { samples: 120, before: (40, 600.0), ..start };
+        assert_eq!((past.left(&samples), past.left(&time)), (Some(0.0), Some(0.0)));
     }
 }

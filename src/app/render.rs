@@ -35,7 +35,7 @@ use super::interrupts::{INTERRUPTED, Interrupt, Interrupts};
 use super::live::Live;
 use super::preparation::Preparation;
 use super::progress::Progress;
-use super::report::{Report, is_black};
+use super::report::Report;
 use super::{feasible, memory, pace, strategies};
 use crate::app::cli::RenderArgs;
 use iterations::Iterations;
@@ -184,7 +184,9 @@ impl Session {
             Some(identity) => sequence::with_inputs(&printed, identity),
             None => printed,
         };
-        if self.is_sequence && sequence::is_finished(&outputs, &printed, identity.as_ref())? {
+        if let Some(identity) = identity.as_ref().filter(|_| self.is_sequence)
+            && sequence::is_finished(&outputs, identity)?
+        {
             return Ok(Outcome::Kept);
         }
         if let (Some(earlier), Some(identity)) = (&earlier, &identity) {
@@ -259,7 +261,7 @@ impl Session {
         }
 
         // A shard may miss light that the other shards find.
-        if !may_be_dark && !interrupted && shard.is_all() && is_black(renderer) {
+        if !may_be_dark && !interrupted && shard.is_all() && renderer.is_black() {
             return Err(feasible::nothing_inside(device, scene, settings).into());
         }
 

@@ -68,13 +68,9 @@ struct Numbers<'a> {
     renderer: &'a Stats,
 }
 
-pub fn is_black(renderer: &Renderer) -> bool {
-    renderer.stats().inside_gate == 0 && renderer.film().mean().iter().all(|&v| v == 0.0)
-}
-
 impl Report<'_> {
     fn position(&self) -> Position {
-        Position::of(self.renderer, Duration::from_secs_f64(self.seconds))
+        Position::of(self.renderer, Duration::from_secs_f64(self.seconds), (0, 0.0))
     }
 
     fn images(&self) -> Images<'_> {
@@ -137,7 +133,7 @@ impl Report<'_> {
         if let Some(warning) = gate_warning(&self.settings.responses().narrowest(), 0.0) {
             progress.line(&format!("warning: {warning}"));
         }
-        if is_black(self.renderer) {
+        if self.renderer.is_black() {
             progress.line(&format!("warning: {BLACK}"));
         }
         let spread = match self.renderer.samples_in_pixels() {

@@ -138,7 +138,7 @@ impl About {
                 self.version, self.renderer, other.version, other.renderer
             ));
         }
-        let differences = differences(self, other);
+        let differences = differences((&self.settings, &self.files), (&other.settings, &other.files), &BUDGET);
         if !differences.is_empty() {
             return fail(format!("{name} and {other_name} are not the same render: {}", differences.join("; ")));
         }
@@ -193,27 +193,36 @@ impl Accumulation {
     }
 }
 
-/// Settings on which no sum depends: they only say when a render ends, where it runs, or where its files are.
-const WITHOUT_EFFECT: [&str; 6] =
-    ["scene", "input.allow-path", "render.spp", "render.time", "render.device", "render.strict"];
+/// Settings on which no image depends: they only say where a render runs, where its files are, or what it refuses.
+const WITHOUT_EFFECT: [&str; 5] = ["scene", "input.allow-path", "gate.force", "render.device", "render.strict"];
+/// Settings that only say when a render ends. The sums may be parts of one render, but the images differ.
+const BUDGET: [&str; 2] = ["render.spp", "render.time"];
 
-/// The differences between the settings of two renders, one text per setting. Paths of files may differ.
-fn differences(a: &About, b: &About) -> Vec<String> {
-    let [a, b] = [a, b].map(|about| {
+/// The first difference between the settings of two images; `None` if there is none that affects the image. Each image has the
+/// settings as TOML, and the paths in it of files, which may differ.
+pub fn difference_of_images(a: (&str, &[String]), b: (&str, &[String])) -> Option<String> {
+    differences(a, b, &[]).into_iter().next()
+}
+
+/// The differences between the settings of two renders, one text per setting, without those that are `ignored` or have no effect.
+/// Each render has its settings as TOML, and the paths in it of files, which may differ.
+fn differences(a: (&str, &[String]), b: (&str, &[String]), ignored: &[&str]) -> Vec<String> {
+    let [a, b] = [a, b].map(|(toml, files)| {
         let mut settings = BTreeMap::new();
         // Longest first, because a path may begin with a shorter one.
-        let mut files: Vec<&str> = about.files.iter().map(String::as_str).collect();
+        let mut files: Vec<&str> = files.iter().map(String::as_str).collect();
         files.sort_by_key(|path| std::cmp::Reverse(path.len()));
-        if let Ok(table) = about.settings.parse::<toml::Table>() {
+        if let Ok(table) = toml.parse::<toml::Table>() {
             collect("", toml::Value::Table(table), &files, &mut settings);
         }
         settings
     });
+    let counts = |name: &str| !WITHOUT_EFFECT.contains(&name) && !ignored.contains(&name);
     let names: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
     let show = |value: Option<&String>| value.map_or("is not set".into(), |value| format!("is {value}"));
     names
         .into_iter()
-        .filter(|name| !WITHOUT_EFFECT.contains(&name.as_str()) && a.get(*name) != b.get(*name))
+        .filter(|name| counts(name) && a.get(*name) != b.get(*name))
         .map(|name| format!("{name} {} in one and {} in the other", show(a.get(name)), show(b.get(name))))
         .collect()
 }

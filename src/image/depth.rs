@@ -31,22 +31,29 @@ pub fn echo(images: [f64; 4], period: f64) -> Echo {
 
 /// The depth that two frequencies agree on. Each frequency allows several depths, up to the distance at which both phases repeat
 /// together. This function takes the pair with the smallest difference and returns its mean. The weights are the squared
-/// frequencies, because an error of the phase changes the depth less at the higher frequency. NaN if a depth is NaN.
+/// frequencies, because an error of the phase changes the depth less at the higher frequency. Depths are compared modulo the common
+/// distance, because noise may move one phase past 0 and not the other. NaN if a depth is NaN.
 pub fn unwrapped(depths: [f32; 2], megahertz: [f64; 2]) -> f32 {
+    if depths.iter().any(|depth| depth.is_nan()) {
+        return f32::NAN;
+    }
     let half = megahertz.map(|f| 0.5 * Frequencies::period(f));
     let turns = common_turns(megahertz);
-    let at = |i: usize, n: u32| f64::from(depths[i]) + f64::from(n) * half[i];
-    let mut best = (f64::INFINITY, f64::NAN);
-    for n in 0..turns[0] {
-        // The nearest depth that the other frequency allows.
-        let near = ((at(0, n) - at(1, 0)) / half[1]).round().clamp(0.0, f64::from(turns[1] - 1)) as u32;
+    let at = |i: usize, n: i64| f64::from(depths[i]) + n as f64 * half[i];
+    let mut best = (f64::INFINITY, 0.0f64);
+    for n in 0..i64::from(turns[0]) {
+        // The nearest depth that the other frequency allows, from one turn before to one turn after the common distance.
+        let near = ((at(0, n) - at(1, 0)) / half[1]).round().clamp(-1.0, f64::from(turns[1])) as i64;
         let difference = (at(0, n) - at(1, near)).abs();
         if difference < best.0 {
             let [a, b] = megahertz.map(|f| f * f);
             best = (difference, (a * at(0, n) + b * at(1, near)) / (a + b));
         }
     }
-    best.1 as f32
+    // With more turns than are tried, the common distance is not reached.
+    let is_common = turns.iter().all(|&n| f64::from(n) < MAX_TURNS);
+    let depth = if is_common { best.1.rem_euclid(half[0] * f64::from(turns[0])) } else { best.1.max(0.0) };
+    depth as f32
 }
 
 /// Maximum number of turns that are tried.
@@ -134,5 +141,17 @@ mod tests {
             assert!((f64::from(unwrapped([of(f), of(g)], [f, g])) - depth).abs() < 1e-5, "{depth}");
         }
         assert!(unwrapped([f32::NAN, 1.0], [f, g]).is_nan());
+        assert!(unwrapped([f32::NAN, 1.0], [1.0, 1.0 + 1e-5]).is_nan());
+    }
+
+    /// Noise may move one phase below 0, where it begins anew.
+    #[test]
+    fn depths_near_the_ends_of_the_range_are_near_them() {
+        let range = 7.4948;
+        for depths in [[0.005, 2.493], [1.869, 0.005], [1.873, 2.497], [0.001, 0.003]] {
+            let depth = f64::from(unwrapped(depths, [80.0, 60.0]));
+            assert!((0.0..=range).contains(&depth), "{depths:?}: {depth}");
+            assert!(depth < 0.02 || depth > range - 0.02, "{depths:?}: {depth}");
+        }
     }
 }

@@ -95,7 +95,7 @@ pub fn variance_path(path: &Path) -> PathBuf {
 }
 
 /// Writes the means as 32-bit floats: of shape (height, width, 3) for one response, of shape (height, width, responses, 3) for
-/// several. Row 0 is at the top. Removes the variances of an earlier array, see [`write_new_array`].
+/// several. Row 0 is at the top. Removes the files beside an earlier array, see [`write_new_array`].
 pub fn write_means(path: &Path, film: &Film, responses: Option<&ResponseFilm>) -> Result<()> {
     match responses {
         None => write_new_array(path, &shape(film, None), film.mean()),
@@ -166,18 +166,22 @@ pub fn write_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item 
     })
 }
 
-/// As [`write_array`]. Then removes the file of variances beside an earlier array of this name, so that no reader takes it for the
-/// variances of the new array.
+/// The arrays beside the array `path` that not every array has: its variances and its depths.
+pub fn paths_beside(path: &Path) -> [PathBuf; 2] {
+    [variance_path(path), depth_path(path)]
+}
+
+/// As [`write_array`]. Then removes the variances and depths beside an earlier array of this name, so that no reader takes them for
+/// those of the new array.
 pub fn write_new_array(path: &Path, shape: &[usize], values: impl IntoIterator<Item = f32>) -> Result<()> {
     write_array(path, shape, values)?;
-    let variances = variance_path(path);
-    match std::fs::remove_file(&variances) {
+    paths_beside(path).iter().try_for_each(|beside| match std::fs::remove_file(beside) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
             let message = format!("belongs to an earlier array, but cannot be removed: {error}; remove it");
-            Err(Error::io(&variances, message, error))
+            Err(Error::io(beside, message, error))
         }
         _ => Ok(()),
-    }
+    })
 }
 
 /// The header of a `.npy` file of version 1.0 with values of the type `kind`: `<f4` or `<f8`, little-endian floats. Its length is a

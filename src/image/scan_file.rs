@@ -64,6 +64,11 @@ impl ScanFilm {
         }
     }
 
+    /// Whether no light was measured.
+    pub fn is_black(&self) -> bool {
+        self.means.iter().all(|&mean| mean == 0.0)
+    }
+
     /// Writes the means as 32-bit floats of shape (response, point) for a confocal scan, and (response, point of the laser, point of
     /// the sensor) for an exhaustive one. Removes the variances of an earlier array.
     pub fn write_means(&self, path: &Path, scan: &Scan) -> Result<()> {

@@ -48,7 +48,8 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         ));
     }
     let camera = camera(&experiment.camera, scene)?;
-    check_precision(&responses.narrowest(), &scene.cameras[camera], &experiment.gate, &mut warnings)?;
+    let latest = if responses.is_repeated() { LATEST_LIGHT * scene.diagonal() } else { 0.0 };
+    check_precision(&responses.narrowest(), &scene.cameras[camera], latest, &experiment.gate, &mut warnings)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
     let estimator = render.estimator.unwrap_or_else(|| {
@@ -106,11 +107,20 @@ fn settings(message: impl Into<String>) -> Error {
     Error::Settings(message.into())
 }
 
+/// Travel time of the latest light that matters to the gates of a pulsed laser, in diagonals of the scene.
+const LATEST_LIGHT: f64 = 4.0;
+
 /// Fails if `gate` is too narrow for 32-bit travel times, unless the user gave `--force`. The travel times to `camera` are sums with
-/// the lengths that it omits, so they are rounded like longer ones.
-fn check_precision(gate: &Gate, camera: &Camera, table: &GateTable, warnings: &mut Vec<String>) -> Result<()> {
+/// the lengths that it omits, so they are rounded like longer ones. The gate may repeat until the travel time `latest`.
+fn check_precision(
+    gate: &Gate,
+    camera: &Camera,
+    latest: f64,
+    table: &GateTable,
+    warnings: &mut Vec<String>,
+) -> Result<()> {
     let aims = camera.projection.aims().unwrap_or_default();
-    let omitted = aims.iter().map(|aim| aim.omitted).fold(0.0, f64::max);
+    let omitted = aims.iter().map(|aim| aim.omitted).fold(0.0, f64::max) + (latest - gate.hi).max(0.0);
     match gate.precision(omitted) {
         GatePrecision::Fine => {}
         GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => {

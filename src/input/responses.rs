@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::files::{check_readable, read_error};
 use crate::settings::response_specs::{ResponseSpec, Shape};
 use crate::settings::table::GateTable;
-use crate::settings::units::{Gate, path_unit};
+use crate::settings::units::{Gate, length_unit, path_unit};
 use crate::settings::{Edge, Response, Responses};
 
 /// Maximum size of a table in bytes.
@@ -87,7 +87,7 @@ fn response(spec: &ResponseSpec, gate: Option<Gate>) -> Result<Response> {
     }
 }
 
-/// Reads a CSV file of two columns, travel time and weight. The header gives the unit of the times.
+/// Reads a CSV file of two columns, travel time or distance and weight. The header gives the quantity and its unit.
 fn read_table(name: &str, path: &Path) -> Result<Response> {
     let fail = |message: String| Error::File { path: path.into(), message };
     let length = check_readable(path)?;
@@ -105,13 +105,38 @@ fn read_table(name: &str, path: &Path) -> Result<Response> {
 const HOW_TO_WRITE: &str =
     "write a first line like tau_m,weight or time_ns,weight, then a travel time and a weight per line";
 
+/// Names of columns with travel times, in units of length or time.
+const TRAVEL_TIMES: [&str; 3] = ["tau", "time", "opl"];
+/// Names of columns with distances from a sensor beside the emitter. The travel time is twice the distance.
+const DISTANCES: [&str; 3] = ["depth", "range", "distance"];
+
+/// The factor from the values of a column to travel times in metres. `name` is the column's name in the header, such as `tau_m`,
+/// `depth_cm` or `ns`.
+fn column_unit(name: &str) -> std::result::Result<f64, String> {
+    let (quantity, unit) = name.rsplit_once('_').unwrap_or((TRAVEL_TIMES[0], name));
+    let metres = path_unit(unit).ok_or_else(|| format!("its header names no unit; {HOW_TO_WRITE}"))?;
+    let is_in = |names: &[&str]| names.iter().any(|known| quantity.eq_ignore_ascii_case(known));
+    match (is_in(&TRAVEL_TIMES), is_in(&DISTANCES), length_unit(unit)) {
+        (true, ..) => Ok(metres),
+        (_, true, Some(metres)) => Ok(2.0 * metres),
+        (_, true, None) => Err(format!(
+            "its header gives a {quantity} in {unit}, which is a unit of time: write {quantity}_m, or time_{unit} for travel times"
+        )),
+        _ => Err(format!(
+            "its header names the quantity '{quantity}', which is unknown: write {} for travel times, or {} for one-way distances",
+            TRAVEL_TIMES.join(", "),
+            DISTANCES.join(", ")
+        )),
+    }
+}
+
 /// The rows of a table: travel times in metres, and weights. Lines that are empty or begin with `#` do not count.
 fn parse_table(text: &str) -> std::result::Result<Vec<[f64; 2]>, String> {
-    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+    // Some spreadsheets begin a file with a byte order mark.
+    let lines = text.trim_start_matches('\u{feff}').lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
     let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let header = lines.next().and_then(|(_, header)| header.split_once(',')).map(|(time, _)| time.trim());
-    let unit = header.and_then(|time| path_unit(time.rsplit_once('_').map_or(time, |(_, unit)| unit)));
-    let unit = unit.ok_or_else(|| format!("its header names no unit; {HOW_TO_WRITE}"))?;
+    let unit = column_unit(header.unwrap_or_default())?;
     lines
         .map(|(number, line)| {
             let cells: Vec<f64> = line
@@ -173,8 +198,26 @@ mod tests {
             Ok(vec![[1.0, 0.0], [2.0, 0.5], [3.0, 0.0]])
         );
         assert_eq!(parse_table("ns,weight\n10,1\n"), Ok(vec![[10.0 * 0.299792458, 1.0]]));
+        let [weights, twice] = [[[1.0, 0.0], [2.0, 1.0]], [[2.0, 0.0], [4.0, 1.0]]].map(Vec::from);
+        for (header, rows) in [
+            ("\u{feff}tau_m", &weights),
+            ("opl_m", &weights),
+            ("Time_m", &weights),
+            ("depth_m", &twice),
+            ("range_m", &twice),
+            ("distance_m", &twice),
+        ] {
+            assert_eq!(parse_table(&format!("{header},weight\n1,0\n2,1\n")).as_ref(), Ok(rows), "{header}");
+        }
+        assert_eq!(parse_table("depth_cm,weight\n100,1\n"), Ok(vec![[2.0, 1.0]]));
         for (text, part) in [
             ("", "no unit"),
+            ("depth,weight\n1,2\n", "no unit"),
+            ("depth_ns,weight\n1,2\n", "write depth_m, or time_ns"),
+            (
+                "laser_m,weight\n1,2\n",
+                "'laser', which is unknown: write tau, time, opl for travel times, or depth, range",
+            ),
             ("1,2\n3,4\n", "no unit"),
             ("time,weight\n1,2\n", "no unit"),
             ("tau_m,weight\n1;2\n", "line 2"),

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::{Aim, Camera, Light, LightKind, Projection};
 use crate::settings::MAX_ROW;
 use crate::settings::keys::Dashed;
@@ -277,29 +277,6 @@ fn aimed(place: DVec3, points: &[DVec3], pixel_fov: f64, omitted: impl Fn(DVec3)
     Camera {
         projection: Projection::Aimed { aims, pixel_fov },
         ..Camera::looking_at(SENSOR, place, points[0], 1.0, [points.len() as u32, 1])
-    }
-}
-
-impl ScanTable {
-    /// Fails if the experiment has settings that a scan does not have: a camera, lights, frames, or files that a scan does not
-    /// write.
-    pub fn check_experiment(experiment: &super::experiment::Experiment) -> Result<()> {
-        let output = &experiment.output;
-        let has_lights = !experiment.light.is_empty() || experiment.emitter != Default::default();
-        let given = [
-            ("a camera", experiment.camera != Default::default(), "the sensor of [scan] is the camera"),
-            ("lights", has_lights, "the laser of [scan] is the only light"),
-            ("--frames", output.frames.is_some(), "render the scans of a sequence one by one, with --at"),
-            ("--gate-keys", experiment.gate.gate_keys.is_some(), "give it gates with --gates"),
-            ("--aov", output.aov.is_some(), "a scan has no image"),
-            ("--png", output.png.is_some(), "a scan has no image"),
-            ("--stats", output.stats.is_some(), "a scan has no statistics"),
-            ("--strategy-images", output.strategy_images.is_some(), "a scan has no image"),
-        ];
-        match given.iter().find(|(_, is_given, _)| *is_given) {
-            Some((what, _, why)) => Err(Error::Settings(format!("a scan cannot have {what}: {why}"))),
-            None => Ok(()),
-        }
     }
 }
 

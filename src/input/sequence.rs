@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
+use crate::settings::exposure::Exposure;
 use crate::settings::frames::{Frames, GateKeys};
 use crate::settings::moment::Moment;
 use crate::settings::shard::Shard;
@@ -28,6 +29,8 @@ pub struct Sequence {
     is_animated: bool,
     pub contact_sheet: Option<PathBuf>,
     pub gif: Option<PathBuf>,
+    /// Exposure of the contact sheet and of the animation.
+    pub exposure: Exposure,
 }
 
 impl Sequence {
@@ -75,6 +78,11 @@ impl Sequence {
                 path.display()
             )));
         }
+        let exposure = output.exposure.unwrap_or_default();
+        if (contact_sheet.is_some() || gif.is_some()) && !has_pictures(output) {
+            // The frames have no picture that could be exposed.
+            experiment.output.exposure = None;
+        }
         let is_animated = is_animated();
         if !is_animated && keys.is_none() {
             return Err(settings(
@@ -86,7 +94,7 @@ impl Sequence {
         if !(1..=MAX_FPS).contains(&fps) {
             return Err(settings(format!("--fps is {fps}; it must be from 1 to {MAX_FPS}")));
         }
-        Ok(Some(Sequence { experiment, frames, shard, fps, keys, is_animated, contact_sheet, gif }))
+        Ok(Some(Sequence { experiment, frames, shard, fps, keys, is_animated, contact_sheet, gif, exposure }))
     }
 
     /// Numbers of all frames.
@@ -125,6 +133,16 @@ impl Sequence {
     }
 }
 
+/// Whether a render, or each frame of a sequence, has a picture.
+pub(super) fn has_pictures(output: &OutputTable) -> bool {
+    let wanted = output.png.as_ref().is_some_and(|png| *png != Png::Wanted(false));
+    wanted || output.output.iter().flat_map(|files| &files.0).any(|path| is_picture(path))
+}
+
+pub(super) fn is_picture(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"))
+}
+
 /// The experiment with the gate of its first frame beside its gate keys, if it has any. Defaults such as the estimator depend on
 /// this gate.
 pub fn at_first_frame(experiment: &Experiment) -> Experiment {
@@ -146,8 +164,7 @@ fn check_long(output: &OutputTable) -> Result<()> {
         ));
     }
     let names = output.output.iter().flat_map(|files| &files.0);
-    let is_picture = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
-    if names.clone().next().is_some() && names.clone().all(is_picture) {
+    if names.clone().next().is_some() && names.clone().all(|path| is_picture(path)) {
         return Err(settings(
             "a picture does not say with which settings it was rendered, so it cannot be kept: add -o OUT.####.exr"
                 .into(),
@@ -199,6 +216,22 @@ mod tests {
         let still = super::tests::sequence(text, false).unwrap().unwrap();
         assert_eq!(still.frame(12).input.at, None);
         assert!(super::tests::sequence("scene = 'a.glb'", true).unwrap().is_none());
+    }
+
+    #[test]
+    fn an_exposure_is_for_the_pictures_that_exist() {
+        let exposures = |text: &str| {
+            let text = format!("[output]\nframes = '0..2'\nexposure = 2\n{text}");
+            let sequence = sequence(&text, true).unwrap().unwrap();
+            (sequence.exposure, sequence.frame(0).output.exposure)
+        };
+        let two = Exposure::Stops(2.0);
+        assert_eq!(exposures("output = 'a#.exr'\ngif = 'a.gif'"), (two, None));
+        assert_eq!(exposures("output = 'a#.exr'\ncontact-sheet = 'a.png'\npng = false"), (two, None));
+        assert_eq!(exposures("output = 'a#.exr'\ngif = 'a.gif'\npng = true"), (two, Some(two)));
+        assert_eq!(exposures("output = ['a#.exr', 'a#.png']\ngif = 'a.gif'"), (two, Some(two)));
+        // Without any picture, the exposure is a mistake, which each frame refuses.
+        assert_eq!(exposures("output = 'a#.exr'"), (two, Some(two)));
     }
 
     #[test]

@@ -317,6 +317,14 @@ impl Renderer {
         self.plan.dark
     }
 
+    /// Whether no light was found so far. The device counts light inside the support of all responses. There, light between two gates,
+    /// or where the weight of a table is 0, counts for no response.
+    #[doc(hidden)]
+    pub fn is_black(&self) -> bool {
+        let is_outside = !self.plan.responses.is_single_box() || self.stats.inside_gate == 0;
+        is_outside && self.film.mean().iter().all(|&x| x == 0.0)
+    }
+
     /// The device that renders.
     pub fn device(&self) -> &Device {
         &self.device

@@ -114,12 +114,19 @@ impl Responses {
         (longest.hi > longest.lo && longest.hi - longest.lo >= 0.25 * (whole.hi - whole.lo)).then_some(longest)
     }
 
-    /// The gate with the fewest steps of 32-bit travel times. Rounding is most visible in this gate.
+    /// The gate with the fewest steps of 32-bit travel times. Rounding is most visible in this gate. Gates of a pulsed laser also count
+    /// light of late travel times, so the shortest of them has the fewest steps.
     #[doc(hidden)]
     pub fn narrowest(&self) -> Gate {
-        let relative_width = |gate: &Gate| (gate.hi - gate.lo) / gate.hi;
+        let is_repeated = self.is_repeated();
+        let relative_width = |gate: &Gate| (gate.hi - gate.lo) / if is_repeated { 1.0 } else { gate.hi };
         let gates = self.iter().map(Response::support_of_pulse);
         gates.min_by(|a, b| relative_width(a).total_cmp(&relative_width(b))).expect("there is a response")
+    }
+
+    /// Whether the gates contain light of every pulse of a laser, see [`Response::repeated`].
+    pub fn is_repeated(&self) -> bool {
+        self.iter().any(|response| response.period().is_some())
     }
 
     /// The longest gate, with its edges.

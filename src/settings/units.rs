@@ -275,6 +275,11 @@ pub(crate) fn path_unit(name: &str) -> Option<f64> {
     PATH_UNITS.iter().find(|(unit, _)| *unit == name).map(|(_, metres)| *metres)
 }
 
+/// The size in metres of a unit of length; `None` if there is no such unit.
+pub(crate) fn length_unit(name: &str) -> Option<f64> {
+    LENGTH_UNITS.iter().find(|(unit, _)| *unit == name).map(|(_, metres)| *metres)
+}
+
 /// A length in metres, from a number with a unit of length; `None` if `text` is something else.
 pub(crate) fn length(text: &str) -> Option<f64> {
     let Quantity { value, unit } = quantity(text, text, "", &LENGTH_UNITS, LENGTH_UNIT_NAMES).ok()?;

@@ -102,12 +102,55 @@ fn a_gate_that_sweeps_is_a_sequence() {
 fn a_contact_sheet_shows_all_gates() {
     let here = with("street");
     let flags = ["--gates", "10m..80m/2", "--frames", "0..2", "--fps", "2"];
-    for kind in ["exr", "npy"] {
+    for kind in ["exr", "npy", "acc"] {
         let (frames, sheet) = (format!("f#.{kind}"), format!("{kind}.png"));
         render(here.path(), &[&flags[..], &["-o", &frames, "--contact-sheet", &sheet]].concat());
     }
     let picture = |name: &str| image::open(here.path().join(name)).unwrap().into_rgb8();
-    assert!(picture("exr.png") == picture("npy.png"));
+    assert!(picture("exr.png") == picture("npy.png") && picture("exr.png") == picture("acc.png"));
+    // Its exposure needs no pictures of the frames.
+    let bright = ["-o", "f#.exr", "--contact-sheet", "bright.png", "--exposure", "20"];
+    assert!(render(here.path(), &[&flags[..], &bright].concat()).contains("2 of 2 frames were there already"));
+    assert!(picture("bright.png").as_raw().iter().filter(|&&byte| byte == 255).count() > 100);
+}
+
+/// A picture does not say which exposure it has, so pictures of finished frames are made again.
+#[test]
+fn pictures_of_finished_frames_get_the_new_exposure() {
+    let here = with("cornell-box");
+    let here = here.path();
+    let keys = ["--gate-keys", "0=5m..6m", "--gate-keys", "2=6m..7m", "--frames", "0..2"];
+    for (frames, name) in [("f#.exr", "f1.png"), ("f#.npy", "f1.png"), ("f#.acc", "f1.png")] {
+        let flags = [&keys[..], &["-o", frames, "--png"]].concat();
+        let picture = || std::fs::read(here.join(name)).unwrap();
+        let run = |exposure: &str| {
+            let message = render(here, &[&flags[..], &["--exposure", exposure]].concat());
+            (message.contains("2 of 2 frames were there already"), picture())
+        };
+        // The first picture is made from a frame that has none yet.
+        render(here, &[&keys[..], &["-o", frames]].concat());
+        let (was_there, dark) = run("1");
+        let (is_there, bright) = run("3");
+        assert!(was_there && is_there && dark != bright, "{frames}");
+        assert!(run("1") == (true, dark), "{frames}");
+        std::fs::remove_file(here.join(name)).unwrap();
+    }
+}
+
+/// Finished frames are kept if only settings have changed that do not affect them.
+#[test]
+fn frames_are_kept_if_their_settings_give_the_same_image() {
+    let here = with("cornell-box");
+    let here = here.path();
+    let keys = ["--gate-keys", "0=5m..6m", "--gate-keys", "2=6m..7m", "--frames", "0..2"];
+    let files = ["-o", "f#.exr", "-o", "g#.npy", "-o", "s#.acc"];
+    render(here, &[&keys[..], &files].concat());
+    let again = [&["render", "./scene.glb", "--strict", "--force", "--device", "0"], &SMALL[..], &keys, &files];
+    let output = taugate(here, &again.concat());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("2 of 2 frames were there already"), "{message}");
+    let longer = [&["render", "scene.glb", "--spp", "3"], &SMALL[..2], &SMALL[4..], &keys, &["-o", "f#.exr"]].concat();
+    fails(here, &longer, 2, "not with these settings (render.spp is 3 in one and is 2 in the other); remove it");
 }
 
 #[test]

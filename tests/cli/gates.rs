@@ -185,6 +185,40 @@ fn variances_of_an_older_array_are_removed() {
     assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb", "counts.json", "counts.npy"]);
 }
 
+/// Depths never belong to an older array of the same name.
+#[test]
+fn depths_of_an_older_array_are_removed() {
+    let here = with_box();
+    render(here.path(), &["--cw", "20", "-o", "a.npy"]);
+    render(here.path(), &["--gate", "5m..8m", "-o", "a.npy"]);
+    assert_eq!(names(here.path()), ["a.json", "a.npy", "box.glb"]);
+    render(here.path(), &["--cw", "20", "-o", "b.npy"]);
+    fails(here.path(), &["detect", "b.depth.npy", "-o", "b.npy", "--photons", "10"], 2, "would replace the light");
+}
+
+/// Light between two gates does not make an image that is black without a message.
+#[test]
+fn light_that_counts_for_no_gate_is_an_error() {
+    let here = with_box();
+    std::fs::write(here.path().join("hole.csv"), "tau_m,weight\n0,1\n0.1,0\n900,0\n900.1,1\n").unwrap();
+    let before = names(here.path());
+    let two = ["--max-depth", "3", "--response", "a=box:0m..0.1m", "--response", "b=box:40m..300m"];
+    for flags in [&two[..], &["--response", "hole.csv"]] {
+        let render = [&["render", "box.glb", "-q", "--resolution", "8x6", "--spp", "2", "-o", "a.npy"], flags].concat();
+        fails(here.path(), &render, 2, "meets no light");
+        assert_eq!(names(here.path()), before);
+    }
+}
+
+/// Sums and images of one render have one gate, without its edges.
+#[test]
+fn sums_and_images_of_a_shaped_gate_have_one_gate() {
+    let here = with_box();
+    render(here.path(), &["--gate", "5m..8m", "--response", "gauss:0.1m", "-o", "a.exr", "-o", "a.acc"]);
+    let output = taugate(here.path(), &["compare", "a.exr", "a.acc"]);
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
 /// An image of several gates is not taken for its first gate.
 #[test]
 fn all_gates_of_an_image_are_compared() {

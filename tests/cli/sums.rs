@@ -294,3 +294,17 @@ fn files_may_move_while_their_contents_stay() {
     let more = [&["render", "box.glb"], &SMALL[..], &more].concat();
     fails(here, &more, 2, "or those that the settings name, have other contents");
 }
+
+/// The sums name the files that the render read. The files of an image do not replace them.
+#[test]
+fn images_of_sums_do_not_replace_the_inputs_of_the_render() {
+    let here = with_box();
+    let here = here.path();
+    std::fs::write(here.join("fog.npy"), npy("<f4", "(2, 2, 2)", &[0.5; 8])).unwrap();
+    let grid = ["--sigma-s", "1", "--medium-bounds=-0.5,0.5,-0.5,0.5,1.5,0.5", "--density-grid", "fog.npy"];
+    render(here, &[&grid[..], &["--spp", "2", "-o", "a.acc"]].concat());
+    let before = std::fs::read(here.join("fog.npy")).unwrap();
+    fails(here, &["develop", "a.acc", "-o", "fog.npy"], 2, "fog.npy: is a file that the settings name as an input");
+    fails(here, &["merge", "a.acc", "-o", "fog.npy"], 2, "choose another name");
+    assert!(std::fs::read(here.join("fog.npy")).unwrap() == before);
+}

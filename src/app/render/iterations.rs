@@ -36,6 +36,7 @@ impl Iterations<'_> {
             Budget::Spp(spp) if !shard.is_all() => Budget::Spp(samples_of_shard(shard, spp) as u32),
             other => other,
         };
+        let earlier = (renderer.film().samples(), before);
         let mut schedule = vec![];
         loop {
             renderer.go_to_next_of(shard);
@@ -53,7 +54,7 @@ impl Iterations<'_> {
                 return Err(NotFinite { dropped }.into());
             }
             watch(renderer, before + started.elapsed().as_secs_f64(), progress);
-            progress.update(&Position::of(renderer, started.elapsed()), &own);
+            progress.update(&Position::of(renderer, started.elapsed(), earlier), &own);
         }
     }
 }

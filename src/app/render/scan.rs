@@ -95,7 +95,8 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         }
         film.set(measured, renderer.film(), renderer.responses());
         (measured, samples) = (measured + 1, renderer.film().samples());
-        let position = Position { samples, elapsed: started.elapsed(), rays: renderer.stats().rays() };
+        let position =
+            Position { samples, elapsed: started.elapsed(), rays: renderer.stats().rays(), before: (0, 0.0) };
         session.progress.show(measured as f64 / count as f64, || {
             format!("point {measured} of {count}, {}", rays(position.rays_per_second()))
         });
@@ -105,7 +106,7 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         session.progress.line("interrupted before the first point of the laser was measured; nothing was written");
         return Ok(Outcome::Interrupted.code());
     }
-    if measured == count && renderer.stats().inside_gate == 0 && !experiment.gate.force.unwrap_or(false) {
+    if measured == count && film.is_black() && !experiment.gate.force.unwrap_or(false) {
         return Err(feasible::nothing_inside(&device, &scene, &settings).into());
     }
 

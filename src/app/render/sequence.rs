@@ -35,7 +35,10 @@ pub fn run(sequence: &Sequence, session: &mut Session) -> anyhow::Result<ExitCod
     let mut kept = 0;
     for (number, frame) in sequence.own_frames().enumerate() {
         let outcome = session.render(sequence.frame(frame))?;
-        kept += usize::from(outcome == Outcome::Kept);
+        if outcome == Outcome::Kept {
+            pictures::rewrite(&files(sequence, frame)?)?;
+            kept += 1;
+        }
         if outcome == Outcome::Done {
             session.progress.line(&format!("frame {frame}: {} of {count}", number + 1));
         }
@@ -55,27 +58,26 @@ pub fn with_inputs(settings: &str, identity: &Identity) -> String {
     format!("{INPUTS}{}\n{settings}", identity.inputs())
 }
 
-/// Whether all files of a frame exist. Fails if an image has other settings or inputs than `wanted`, see [`with_inputs`], or lacks a
-/// layer, or if sums have another identity.
-pub fn is_finished(outputs: &Outputs, wanted: &str, identity: Option<&Identity>) -> Result<bool> {
+/// Whether all files of a frame exist, apart from its picture, which is made from them. Fails if an image has other settings or inputs than `identity`, or lacks a layer, or if sums
+/// have another identity. Settings that do not affect the image may differ.
+pub fn is_finished(outputs: &Outputs, identity: &Identity) -> Result<bool> {
     let other = |path: &Path, how: &str| {
         let message = format!("is there already, but {how}; remove it, or choose another name");
         Err(Error::File { path: path.into(), message })
     };
-    let without_inputs = |settings: &str| match settings.strip_prefix(INPUTS).and_then(|rest| rest.split_once('\n')) {
-        Some((_, rest)) => rest.to_owned(),
-        None => settings.to_owned(),
-    };
     for path in [&outputs.exr, &outputs.npy].into_iter().flatten().filter(|path| path.exists()) {
-        match settings_of(path).as_deref() {
-            Some(found) if found == wanted => {}
-            Some(found) if found == without_inputs(wanted) => {
+        let found = settings_of(path).unwrap_or_default();
+        let (inputs, found) = match found.strip_prefix(INPUTS).and_then(|rest| rest.split_once('\n')) {
+            Some((inputs, rest)) => (Some(inputs), rest),
+            None => (None, &found[..]),
+        };
+        match identity.difference_to(found) {
+            Some(difference) => return other(path, &format!("not with these settings ({difference})")),
+            None if inputs.is_none() => {
                 return other(path, "it was rendered alone, without a fingerprint of its inputs");
             }
-            Some(found) if without_inputs(found) == without_inputs(wanted) => {
-                return other(path, "its scene or another input has changed");
-            }
-            _ => return other(path, "not with these settings"),
+            None if inputs != Some(identity.inputs()) => return other(path, "its scene or another input has changed"),
+            None => {}
         }
     }
     if let Some(path) = outputs.exr.as_ref().filter(|path| path.exists())
@@ -83,7 +85,7 @@ pub fn is_finished(outputs: &Outputs, wanted: &str, identity: Option<&Identity>)
     {
         return other(path, &format!("without the layer {layer}"));
     }
-    if let (Some(path), Some(identity)) = (outputs.acc.as_ref().filter(|path| path.exists()), identity) {
+    if let Some(path) = outputs.acc.as_ref().filter(|path| path.exists()) {
         identity.check_file(path)?;
         if !identity.has_budget_of(path)? {
             return other(path, "with another --spp or --time");
@@ -94,7 +96,7 @@ pub fn is_finished(outputs: &Outputs, wanted: &str, identity: Option<&Identity>)
             return other(path, &format!("without the layer {layer}"));
         }
     }
-    Ok(outputs.files().iter().all(|path| path.exists()))
+    Ok(outputs.files().iter().all(|path| path.exists() || Some(path) == outputs.png.as_ref()))
 }
 
 /// The settings that an image or an array was rendered with; `None` if they are not known.

@@ -7,7 +7,7 @@ use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::files::Lock;
 use taugate::internals::image::accumulation::file::{self, Parts};
-use taugate::internals::image::accumulation::{About, Accumulation};
+use taugate::internals::image::accumulation::{self, About, Accumulation};
 use taugate::internals::image::fingerprint;
 use taugate::internals::image::layers::Layers;
 use taugate::internals::input::experiment::Experiment;
@@ -47,6 +47,16 @@ impl Identity {
     pub fn check_file(&self, path: &Path) -> Result<()> {
         let about = file::read_about(path)?;
         about.check_same_render(&path.display().to_string(), &self.0, "this command")
+    }
+
+    /// How the settings of an image, as TOML, differ from those of this render in a way that affects the image; `None` if they do not.
+    pub fn difference_to(&self, settings: &str) -> Option<String> {
+        let other = Experiment::parse(settings).ok().and_then(|other| other.with_absolute_paths().ok());
+        let Some(other) = other.filter(|other| other.scene.is_some()) else {
+            return Some("its settings are not known".into());
+        };
+        let files: Vec<String> = other.input_files().iter().map(|path| path.to_string_lossy().into()).collect();
+        accumulation::difference_of_images((&self.0.settings, &self.0.files), (&other.to_toml(), &files))
     }
 
     /// Whether the sums in the file have the same --spp or --time.

@@ -204,6 +204,23 @@ fn the_contents_of_files_decide_and_not_their_paths() {
     assert!(check(&here, &About { files: vec![], ..at("/there", "1m") }).is_err());
 }
 
+/// Some settings affect neither sums nor images. The number of samples affects images alone.
+#[test]
+fn settings_without_effect_may_differ() {
+    let [plain, forced] = ["", "force = true\n"].map(|force| {
+        let mut about = accumulation(0..1, 1, false).about;
+        about.settings = SETTINGS.replace("[gate]\n", &format!("[gate]\n{force}"));
+        about
+    });
+    assert_ne!(plain.settings, forced.settings);
+    assert!(plain.check_same_render("a.acc", &forced, "b.acc").is_ok());
+    let of = |settings: &'static str| (settings, &[][..]);
+    let two = of("scene = 'a.glb'\n[render]\nspp = 2\ndevice = '0'\n");
+    assert_eq!(difference_of_images(two, of("scene = 'b.glb'\n[render]\nspp = 2\nstrict = true\n")), None);
+    let three = difference_of_images(two, of("[render]\nspp = 3\n")).unwrap();
+    assert_eq!(three, "render.spp is 2 in one and is 3 in the other");
+}
+
 #[test]
 fn damaged_files_are_refused() {
     let good = bytes(&accumulation(0..5, 3, true));

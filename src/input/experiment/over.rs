@@ -1,20 +1,26 @@
 //! Merges experiments: flags have priority over the file.
 
 use super::Experiment;
-use crate::input::sequence::DEFAULT_FPS;
+use crate::input::sequence::{DEFAULT_FPS, has_pictures, is_picture};
 use crate::settings::moment::Moment;
 use crate::settings::table::{CameraTable, GateTable, OutputTable};
+use crate::settings::values::{Files, Png};
 
 impl Experiment {
     /// Merges two experiments: the settings of `self`, and those of `below` that `self` does not give. The list of lights counts
     /// as one setting.
     pub fn over(self, mut below: Experiment) -> Experiment {
+        let was_exposed = is_exposed(&below.output);
         // Keys that exclude each other count as one setting: a depth given as a flag also replaces the gate of the file.
         if let Some(Moment(seconds)) = self.input.at {
             below.render_only(seconds);
         }
         if self.output.frames.is_some() {
             below.input.at = None;
+        }
+        leave_outputs_to(&mut below.output, &self.output);
+        if was_exposed && !is_exposed(&below.output) && !is_exposed(&self.output) {
+            below.output.exposure = None;
         }
         below.gate.leave_responses_to(&self.gate);
         if self.gate.gate.is_some() || self.gate.depth.is_some() || self.gate.gates.is_some() {
@@ -69,4 +75,35 @@ impl Experiment {
         }
         (*contact_sheet, *gif) = (None, None);
     }
+}
+
+/// Removes from `below` what does not fit the outputs of the flags: a picture that they name too, and settings of files that they
+/// replace.
+fn leave_outputs_to(below: &mut OutputTable, flags: &OutputTable) {
+    if let (Some(Png::Wanted(true) | Png::File(_)), Some(Files(files))) = (&flags.png, &mut below.output) {
+        // A picture may be the only output, which then gives the other picture its name.
+        if !files.iter().all(|path| is_picture(path)) {
+            files.retain(|path| !is_picture(path));
+        }
+    }
+    if let Some(Files(files)) = &flags.output {
+        let has =
+            |extension| files.iter().any(|path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)));
+        let keeps_sums = has("acc") || flags.checkpoint.is_some() || below.checkpoint.is_some();
+        if has("png") {
+            below.png = None;
+        }
+        if !has("exr") && !keeps_sums {
+            below.aov = None;
+        }
+        if !has("npy") && !keeps_sums {
+            below.variance = None;
+        }
+        below.output = None;
+    }
+}
+
+/// Whether a render writes a picture that has an exposure.
+fn is_exposed(output: &OutputTable) -> bool {
+    has_pictures(output) || output.gif.is_some() || output.contact_sheet.is_some()
 }

@@ -171,6 +171,40 @@ fn a_moment_replaces_the_frames_of_the_file() {
 }
 
 #[test]
+fn outputs_replace_what_does_not_fit_them() {
+    let merged = |flags: &str, file: &str| {
+        let parse = |keys: &str| Experiment::parse(&format!("[output]\n{keys}\n")).unwrap();
+        parse(flags).over(parse(file)).output
+    };
+    let of = |keys: &str| Experiment::parse(&format!("[output]\n{keys}\n")).unwrap().output;
+    let all = "output = ['a.exr', 'a.npy']\naov = 'depth'\nvariance = true\npng = true\nexposure = 2";
+    for (flags, file, both) in [
+        ("output = 'b.png'", all, "output = 'b.png'\nexposure = 2"),
+        ("output = 'b.exr'", all, "output = 'b.exr'\naov = 'depth'\npng = true\nexposure = 2"),
+        ("output = 'b.npy'", all, "output = 'b.npy'\nvariance = true\npng = true\nexposure = 2"),
+        ("output = 'b.acc'", all, "output = 'b.acc'\naov = 'depth'\nvariance = true\npng = true\nexposure = 2"),
+        ("output = 'b.exr'\npng = false", all, "output = 'b.exr'\naov = 'depth'\npng = false\nexposure = 2"),
+        ("output = 'b.exr'", "output = ['a.exr', 'a.png']\nexposure = 2", "output = 'b.exr'"),
+        ("png = 'b.png'", "output = ['a.exr', 'a.png']\nexposure = 2", "output = 'a.exr'\npng = 'b.png'\nexposure = 2"),
+        ("png = true", "output = 'a.png'", "output = 'a.png'\npng = true"),
+        // A mistake of the file alone stays one, and so does a mistake of the flags alone.
+        ("output = 'b.exr'", "exposure = 2", "output = 'b.exr'\nexposure = 2"),
+        (
+            "output = 'b.exr'\nvariance = true",
+            all,
+            "output = 'b.exr'\nvariance = true\naov = 'depth'\npng = true\nexposure = 2",
+        ),
+    ] {
+        assert_eq!(merged(flags, file), of(both), "{flags} over {file}");
+    }
+    let moment = Experiment { input: Experiment::parse("input.at = 1").unwrap().input, ..Experiment::default() };
+    let file = Experiment::parse("[output]\nframes = '0..2'\noutput = 'a#.exr'\ngif = 'a.gif'\nexposure = 2").unwrap();
+    assert_eq!(moment.over(file).output, of("output = 'a#.exr'"));
+    let checkpoint = merged("output = 'b.npy'", "output = 'a.exr'\naov = 'depth'\ncheckpoint = 'c.acc'");
+    assert_eq!(checkpoint, of("output = 'b.npy'\naov = 'depth'\ncheckpoint = 'c.acc'"));
+}
+
+#[test]
 fn a_gate_replaces_the_responses_of_the_file_that_have_gates() {
     let merged = |flags: &str, file: &str| {
         let parse = |keys: &str| Experiment::parse(&format!("[gate]\n{keys}\n")).unwrap();

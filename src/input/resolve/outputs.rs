@@ -58,10 +58,10 @@ impl Outputs {
         files
     }
 
-    /// The files that are replaced or removed: [`Outputs::files`], and the variances beside an earlier array.
+    /// The files that are replaced or removed: [`Outputs::files`], and the variances and depths beside an earlier array.
     pub fn replaced(&self) -> Vec<PathBuf> {
         let mut files = self.files();
-        files.extend(self.npy.as_deref().map(npy_file::variance_path));
+        files.extend(self.npy.as_deref().map_or(vec![], |npy| npy_file::paths_beside(npy).into()));
         files
     }
 
@@ -152,7 +152,8 @@ pub fn outputs(experiment: &Experiment) -> Result<Outputs> {
         ));
     }
     let exposure = wanted.exposure.unwrap_or_default();
-    let depth = experiment.gate.cw.is_some();
+    // A scan is no image of depths.
+    let depth = experiment.gate.cw.is_some() && experiment.scan.is_none();
     let keeps_variance = keeps_sums && (variance || count <= MAX_EXR_RESPONSES);
     Ok(Outputs {
         exr,

@@ -222,6 +222,23 @@ fn a_thin_gate_warns_or_needs_force() {
     assert_eq!(warnings("gate = { gate = '100m+0.0001mm', force = true }\nemitter.emitters = 'beam'"), 1);
 }
 
+/// A gate of a pulsed laser also counts light of late travel times, whose rounding errors are larger. The diagonal is 3.5 m.
+#[test]
+fn a_thin_gate_that_repeats_is_tested_at_late_travel_times() {
+    let warnings = |keys: &str| {
+        let toml = format!("gate = {{ {keys} }}\nemitter.emitters = 'beam'");
+        resolve(&experiment(&toml), &scene()).map(|resolved| resolved.warnings.len()).map_err(|e| e.to_string())
+    };
+    assert_eq!(warnings("gate = '0.1m+0.1mm'"), Ok(0));
+    assert_eq!(warnings("gate = '0.1m+0.1mm', repeat = '1m'"), Ok(1));
+    assert_eq!(warnings("gate = '0.1m+1mm', repeat = '1m'"), Ok(0));
+    // The earlier of two gates may be the thinner one.
+    let two = "response = ['a=box:0.1m+0.01mm', 'b=box:0.9m+0.08mm']";
+    assert_eq!(warnings(two), Ok(0));
+    assert!(warnings(&format!("{two}, repeat = '1m'")).unwrap_err().contains("only 10.5 steps"));
+    assert_eq!(warnings(&format!("{two}, repeat = '1m', force = true")), Ok(1));
+}
+
 #[test]
 fn resolved_settings_printed_as_an_experiment_resolve_to_themselves() {
     let typed = experiment(

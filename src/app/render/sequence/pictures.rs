@@ -14,6 +14,7 @@ use taugate::internals::settings::exposure::Exposure;
 
 use super::super::Session;
 use super::files;
+use crate::app::accumulated;
 
 /// Maximum width and height of the contact sheet, in pixels. Larger frames are reduced.
 const MAX_SIDE: usize = 4096;
@@ -32,23 +33,18 @@ pub fn write(sequence: &Sequence, session: &mut Session) -> Result<()> {
     }
     let outputs: Vec<Outputs> = sequence.frames().map(|frame| files(sequence, frame)).collect::<Result<_>>()?;
     let frames: Vec<Linear> = outputs.iter().map(read).collect::<Result<_>>()?;
-    let exposure = match outputs[0].exposure {
-        Exposure::Stops(stops) => stops.exp2() as f32,
-        Exposure::Auto => {
-            png_file::exposure(&frames.iter().flat_map(|frame| &frame.rgb).copied().collect::<Vec<f32>>())
-        }
-    };
+    let exposure = factor(sequence.exposure, frames.iter().flat_map(|frame| &frame.rgb));
     if let Some(path) = &sequence.contact_sheet {
         let (width, height, rgb) = sheet(&frames);
         png_file::write(path, width as u32, height as u32, &rgb, exposure)?;
         session.progress.line(&path.display().to_string());
     }
     if let Some(path) = &sequence.gif {
-        let delay = Delay::from_numer_denom_ms(1000, sequence.fps());
         write_atomically(path, |writer| {
             let mut encoder = GifEncoder::new_with_speed(writer, 10);
             encoder.set_repeat(Repeat::Infinite).map_err(io::Error::other)?;
-            for frame in &frames {
+            for (number, frame) in frames.iter().enumerate() {
+                let delay = Delay::from_numer_denom_ms(10 * hundredths(number, sequence.fps()), 1);
                 let bytes = png_file::expose(&frame.rgb, exposure);
                 let picture = RgbImage::from_raw(frame.width as u32, frame.height as u32, bytes);
                 let picture = picture.ok_or_else(|| io::Error::other("a frame has no pixels"))?;
@@ -62,12 +58,35 @@ pub fn write(sequence: &Sequence, session: &mut Session) -> Result<()> {
     Ok(())
 }
 
+/// Writes the picture of a finished frame again. The picture may have had another exposure.
+pub fn rewrite(outputs: &Outputs) -> Result<()> {
+    let Some(path) = &outputs.png else { return Ok(()) };
+    let Linear { width, height, rgb } = read(outputs)?;
+    png_file::write(path, width as u32, height as u32, &rgb, factor(outputs.exposure, &rgb))
+}
+
+/// The factor by which pictures multiply the linear values `rgb`.
+fn factor<'a>(exposure: Exposure, rgb: impl IntoIterator<Item = &'a f32>) -> f32 {
+    match exposure {
+        Exposure::Stops(stops) => stops.exp2() as f32,
+        Exposure::Auto => png_file::exposure(&rgb.into_iter().copied().collect::<Vec<f32>>()),
+    }
+}
+
+/// How long an animation shows the frame with this number, counted from 0: whole hundredths of a second, as GIF files have them. The
+/// rounding errors do not add up, so that the animation has the right length.
+fn hundredths(number: usize, fps: u32) -> u32 {
+    let end_of = |count: usize| (100.0 * count as f64 / f64::from(fps)).round() as u32;
+    (end_of(number + 1) - end_of(number)).max(1)
+}
+
 /// The image of a frame. If the frame has several responses, their sum.
 fn read(outputs: &Outputs) -> Result<Linear> {
-    let array = match (&outputs.npy, &outputs.exr) {
-        (Some(path), _) => npy_read::read(path)?,
-        (None, Some(path)) => exr_responses::read(path)?.0,
-        (None, None) => return Err(Error::Settings("a sequence needs -o OUT.####.exr".into())),
+    let array = match (&outputs.npy, &outputs.exr, &outputs.acc) {
+        (Some(path), ..) => npy_read::read(path)?,
+        (_, Some(path), _) => exr_responses::read(path)?.0,
+        (.., Some(path)) => accumulated::array(path)?.0,
+        (None, None, None) => return Err(Error::Settings("a sequence needs -o OUT.####.exr".into())),
     };
     let mut rgb = vec![0.0; 3 * array.width * array.height];
     for response in 0..array.images() {
@@ -119,7 +138,17 @@ impl Linear {
 
 #[cfg(test)]
 mod tests {
-    use super::columns;
+    use super::{columns, hundredths};
+
+    #[test]
+    fn an_animation_has_the_wanted_speed() {
+        let delays = |fps| [0, 1, 2, 3, 4, 5].map(|number| hundredths(number, fps));
+        assert_eq!(delays(4), [25; 6]);
+        assert_eq!(delays(24), [4, 4, 5, 4, 4, 4]);
+        assert_eq!(delays(60), [2, 1, 2, 2, 1, 2]);
+        assert_eq!(delays(1000), [1; 6]);
+        assert_eq!((0..240).map(|number| hundredths(number, 24)).sum::<u32>(), 1000);
+    }
 
     #[test]
     fn rows_are_full_if_that_is_near_a_square() {
