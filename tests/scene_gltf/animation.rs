@@ -63,6 +63,18 @@ fn translations_follow_their_keys() {
     assert_eq!(posed(&linear, Playback::default()).unwrap().instances[0].transform.translation, DVec3::ZERO);
 }
 
+/// Keys are f32: the last key of these clips is slightly before its time in f64.
+#[test]
+fn the_last_frame_is_inside_the_animation() {
+    for (end, at) in [(0.7f32, 0.7), ((100.0f64 / 30.0) as f32, 100.0 / 30.0)] {
+        assert!(f64::from(end) < at, "{at}");
+        let glb = animated("translation", "LINEAR", &[0.0, end], &[[0.0; 3], [2.0, 0.0, 0.0]]);
+        assert_eq!(translation(&glb, at).x, 2.0, "{at}");
+        assert_eq!(translation(&glb, -1e-7 * at).x, 0.0, "{at}");
+        assert!(posed(&glb, playback(at * 1.00001)).is_err(), "{at}");
+    }
+}
+
 #[test]
 fn rotations_take_the_shorter_way_and_scales_are_linear() {
     // A quarter turn, whose second key has the opposite sign: the same rotation.

@@ -20,6 +20,10 @@ pub struct Playback<'a> {
     pub animation: Option<&'a str>,
 }
 
+/// A time may be outside the animations by this fraction of their length. The times of keys are rounded to f32, so the last key may
+/// be slightly before the last frame.
+const ROUNDING: f64 = 1e-6;
+
 #[derive(Deserialize)]
 struct Animation {
     channels: Vec<Channel>,
@@ -125,8 +129,8 @@ pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> 
     };
     let curves = curves(doc, &chosen(doc, playback.animation)?, warnings)?;
     let end = curves.values().filter_map(|curve| curve.times.last()).fold(0.0, |end, &time| f64::max(end, time.into()));
-    // Allows for rounding: frame times are quotients, so the time of the last frame may be slightly after the end.
-    if !(0.0..=end * (1.0 + 1e-9)).contains(&time) {
+    let slack = ROUNDING * end;
+    if !(-slack..=end + slack).contains(&time) {
         return Err(format!("has animations from 0 s to {end} s, so it has no pose at {time} s; choose a time inside"));
     }
     for ((node, property), curve) in &curves {
