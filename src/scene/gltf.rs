@@ -114,14 +114,11 @@ fn guarded<T>(path: &Path, read: impl FnOnce() -> Checked<T>) -> Result<T> {
         .map_err(|message| Error::Scene { path: path.into(), message })
 }
 
-/// Whether the file has animations; false if it cannot be read, which [`load`] reports.
-pub fn has_animations(path: &Path) -> bool {
-    let found = || {
-        let bytes = resolve::read_file(path).ok()?;
-        let (json, _) = resolve::split_container(&bytes).ok()?;
-        Some(!serde_json::from_slice::<serde_json::Value>(json).ok()?.get("animations")?.as_array()?.is_empty())
-    };
-    catch_unwind(AssertUnwindSafe(found)).ok().flatten().unwrap_or(false)
+/// Time in seconds of the last key of the animations in the file, or of the animation `name`; `None` if the file has no animation
+/// that moves a node. Fails as [`load_with`] does if an animation is not valid. Reads neither meshes nor images.
+pub fn end_of_animations(path: &Path, allowed: &[PathBuf], name: Option<&str>) -> Result<Option<f64>> {
+    let bytes = resolve::read_file(path).map_err(|message| Error::Scene { path: path.into(), message })?;
+    guarded(path, || animation::end(&Document::open(&bytes, Folders::new(path, allowed))?, name))
 }
 
 /// Turns the bytes into a scene.
