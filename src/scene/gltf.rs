@@ -141,6 +141,7 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
     let cameras = camera::load(&doc, &worlds)?;
     let lights = light::load(&doc, &worlds, &mut warnings)?;
     let images = image::load(&doc, folders, &materials.textures.images, &mut warnings)?;
+    material::darken(&mut materials, &images);
     let scene = Scene {
         meshes: meshes.meshes,
         instances,

@@ -1,5 +1,7 @@
 //! Reads materials, and collects the textures that they use.
 
+use std::collections::HashMap;
+
 use ::gltf::json;
 use ::gltf::json::material::AlphaMode as JsonAlphaMode;
 use ::gltf::json::texture::Info;
@@ -10,7 +12,7 @@ use super::material_extension::{Clearcoat, SpecularGlossiness, read};
 use super::texture::{Channels, Textures};
 use super::texture_use::{TextureUse, UvMapping, add_all, as_info};
 use super::{Checked, retroreflector};
-use crate::scene::{AlphaMode, Material};
+use crate::scene::{AlphaMode, Image, Material};
 
 /// All materials of the file in its order, and the textures that they use.
 pub struct Materials {
@@ -252,6 +254,24 @@ impl Materials {
             n => format!(", and {n} more"),
         };
         warnings.push(format!("factors outside [0, 1] are clamped: {listed}{rest}"));
+    }
+}
+
+/// Sets the emission of materials to 0 if their texture leaves nothing of it. So they do not count as lamps, of which a scene needs
+/// at least one.
+pub fn darken(materials: &mut Materials, images: &[Image]) {
+    // Whether an image has red, green and blue above 0. Materials may share an image.
+    let mut known: HashMap<u32, [bool; 3]> = HashMap::new();
+    for material in &mut materials.materials {
+        let texture = material.emission_texture.and_then(|index| materials.textures.list.get(index as usize));
+        let Some((number, image)) = texture.and_then(|t| Some((t.image, images.get(t.image as usize)?))) else {
+            continue;
+        };
+        let shines =
+            known.entry(number).or_insert_with(|| [0, 1, 2].map(|k| image.rgba.iter().any(|rgba| rgba[k] > 0)));
+        if (0..3).all(|k| material.emission[k] == 0.0 || !shines[k]) {
+            (material.emission, material.emission_texture) = ([0.0; 3], None);
+        }
     }
 }
 
