@@ -167,15 +167,18 @@ fn place(
     warnings: &mut Warnings,
 ) -> Checked<Vec<Instance>> {
     let mut instances = Vec::new();
-    let mut triangles = 0u64;
+    let (mut triangles, mut count) = (0u64, 0);
     for (index, world) in worlds.visible() {
         let (Some(node), Some(placement)) = (doc.root.nodes.get(index), meshes.of(index)) else { continue };
+        let range = placement.range.clone();
+        if range.is_empty() {
+            continue;
+        }
         let name = doc.node_name(index);
         let transforms = match placement.skinned_at {
             Some(origin) => vec![DAffine3::from_translation(origin)],
             None => instancing::copies(doc, index, node)?.into_iter().map(|copy| world * copy).collect(),
         };
-        let range = placement.range.clone();
         let per_copy: u64 = range.clone().map(|mesh| meshes.meshes[mesh].triangles.len() as u64).sum();
         triangles += per_copy * transforms.len() as u64;
         if triangles > mesh::MAX_TRIANGLES {
@@ -184,7 +187,9 @@ fn place(
                 mesh::MAX_TRIANGLES >> 20
             ));
         }
-        if instances.len() + range.len() * transforms.len() > instancing::MAX_INSTANCES {
+        // Copies that are left out below count too: reading them takes as long.
+        count += range.len() * transforms.len();
+        if count > instancing::MAX_INSTANCES {
             return Err(instancing::too_many());
         }
         for transform in transforms {

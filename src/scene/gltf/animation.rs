@@ -114,11 +114,14 @@ fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSe
             open.extend(node.children.iter().flatten().map(|child| child.value()));
         }
     }
-    let is_deformed = |skin: usize| {
-        let joints = doc.root.skins.get(skin).map(|skin| &skin.joints);
-        joints.is_some_and(|joints| joints.iter().any(|joint| moves.get(joint.value()) == Some(&true)))
+    let moves_at = |index: usize| moves.get(index) == Some(&true);
+    let skins = doc.root.skins.iter();
+    // Once per skin: many nodes may share a skin of many joints.
+    let deformed: Vec<bool> = skins.map(|skin| skin.joints.iter().any(|joint| moves_at(joint.value()))).collect();
+    let has_moving_skin = |index: usize| {
+        let skin = all[index].skin.as_ref();
+        skin.is_some_and(|skin| deformed.get(skin.value()) == Some(&true))
     };
-    let has_moving_skin = |index: usize| all[index].skin.as_ref().is_some_and(|skin| is_deformed(skin.value()));
     (0..all.len()).filter(|&index| moves[index] || has_moving_skin(index)).map(|index| doc.node_name(index)).collect()
 }
 

@@ -18,12 +18,14 @@ use crate::scene::{AlphaMode, Image, Material};
 pub struct Materials {
     pub materials: Vec<Material>,
     pub textures: Textures,
-    /// By material: the texture coordinates of its meshes.
+    /// By material of the file: the texture coordinates of its meshes.
     uv_mappings: Vec<UvMapping>,
     /// Factors outside [0, 1], which were clamped: property, material and value.
     limited: Vec<String>,
     /// Index of the glTF default material once a primitive needs it.
     default: Option<u32>,
+    /// Materials of which there is a copy without a normal map, and the index of this copy.
+    flat: HashMap<u32, u32>,
 }
 
 impl Materials {
@@ -32,20 +34,27 @@ impl Materials {
         let Some(index) = index else {
             let default = *self.default.get_or_insert_with(|| {
                 self.materials.push(default_material());
-                self.uv_mappings.push(UvMapping::default());
                 self.materials.len() as u32 - 1
             });
             return Ok((default, UvMapping::default()));
         };
         match self.uv_mappings.get(index) {
-            Some(mapping) if self.default != Some(index as u32) => Ok((index as u32, *mapping)),
-            _ => Err(format!("{what} refers to material {index}, which does not exist; re-export the file")),
+            Some(mapping) => Ok((index as u32, *mapping)),
+            None => Err(format!("{what} refers to material {index}, which does not exist; re-export the file")),
         }
     }
 
     /// Whether meshes with this material need tangents.
     pub fn is_bumped(&self, index: u32) -> bool {
         self.materials.get(index as usize).is_some_and(|material| material.normal_texture.is_some())
+    }
+
+    /// Index of a copy of the material `index` that has no normal map.
+    pub fn without_normal_map(&mut self, index: u32) -> u32 {
+        *self.flat.entry(index).or_insert_with(|| {
+            self.materials.push(Material { normal_texture: None, ..self.materials[index as usize].clone() });
+            self.materials.len() as u32 - 1
+        })
     }
 
     /// Whether meshes with this material need texture coordinates.
@@ -61,6 +70,7 @@ pub fn load(doc: &Document, warnings: &mut Warnings) -> Checked<Materials> {
         uv_mappings: vec![],
         limited: vec![],
         default: None,
+        flat: HashMap::new(),
     };
     for (index, material) in doc.root.materials.iter().enumerate() {
         let material = out.material(doc, index, material, warnings)?;
