@@ -281,7 +281,7 @@ impl State {
     fn job(&mut self, flags: &[Words]) -> Result<Job> {
         let mut experiment = flags::experiment(flags)?.over(self.base.clone());
         experiment.check_paths()?;
-        if Sequence::new(&experiment, || true)?.is_some() {
+        if Sequence::new(&experiment, || Ok(Some(0.0)))?.is_some() {
             return Err(settings(
                 "this experiment is a sequence of frames; render one of them at a time, with at=SECONDS",
             ));

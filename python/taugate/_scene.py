@@ -17,6 +17,8 @@ from ._words import words
 # Settings that choose or place another camera than the first one of the scene.
 PLACING = ("camera", "look_from", "look_at")
 LIGHTS = ("point", "spot", "beam")
+# Largest error of a vertex from rounding to 32 bits, relative to the size of the mesh. Above it, vertices are stored relative to its centre.
+MAX_ROUNDING = 1e-5
 
 
 class Scene:
@@ -73,9 +75,12 @@ class Scene:
         self._of_arrays()
         if isinstance(material, str) and material not in self._materials:
             raise SettingsError(f"the scene has no material '{material}'; add it with add_material")
+        vertices, centre = _near_origin(vertices)
         self._meshes[name] = {
             "name": name,
-            "vertices": _array(vertices, np.float32, 2, "vertices"),
+            "vertices": vertices,
+            # Added to the vertices.
+            "centre": centre,
             "triangles": _array(triangles, np.uint32, 2, "triangles"),
             "normals": None if normals is None else _array(normals, np.float32, 2, "normals"),
             "uvs": None if uvs is None else _array(uvs, np.float32, 2, "uvs"),
@@ -211,7 +216,10 @@ class Scene:
         if self._stale:
             meshes = list(self._meshes)
             self._native.place({
-                "instances": [(name, meshes.index(mesh), matrix.tolist()) for name, (mesh, matrix, _) in self._instances.items()],
+                "instances": [
+                    (name, meshes.index(mesh), (matrix @ _translation(self._meshes[mesh]["centre"])).tolist())
+                    for name, (mesh, matrix, _) in self._instances.items()
+                ],
                 "lights": json.dumps(list(self._lights.values()), default=lambda value: np.asarray(value).tolist()),
                 "moves": [name for name, (_, _, moves) in self._instances.items() if moves],
             })
@@ -298,6 +306,25 @@ def _array(values, kind, axes, what):
     if np.issubdtype(kind, np.integer) and values.size and (values.dtype.kind not in "iu" or values.min() < 0):
         raise SettingsError(f"{what} must be whole numbers from 0 on")
     return np.array(values, dtype=kind, order="C")
+
+
+def _near_origin(vertices):
+    """The vertices as 32-bit numbers, and the point that they are relative to. This point is the origin, unless rounding would move a vertex
+    by more than 1e-5 of the size of the mesh, as in a small mesh with geographic coordinates."""
+    rounded = _array(vertices, np.float32, 2, "vertices")
+    vertices = np.asarray(vertices)
+    if vertices.dtype != np.float32 and vertices.shape[1] == 3 and vertices.size and np.isfinite(rounded).all():
+        low, high = vertices.min(axis=0).astype(float), vertices.max(axis=0).astype(float)
+        if np.abs(rounded - vertices).max() > MAX_ROUNDING * (high - low).max():
+            centre = (low + high) / 2
+            return _array(vertices - centre, np.float32, 2, "vertices"), centre
+    return rounded, np.zeros(3)
+
+
+def _translation(offset):
+    matrix = np.eye(4)
+    matrix[:3, 3] = offset
+    return matrix
 
 
 def _matrix(matrix):

@@ -269,6 +269,26 @@ def test_mistakes_in_textures_are_explained():
         taugate.render(scene)
 
 
+def test_small_meshes_far_from_the_origin_keep_their_shape():
+    """UTM coordinates have steps of half a metre as 32-bit numbers."""
+    far = np.array([4.5e5, 5.4e6, 120.3])
+    vertices = np.array([(0, 0, 0), (3.3, 0, 0), (3.3, 2.1, 0), (0, 2.1, 0.7)]) + far
+    triangles = [(0, 1, 2), (0, 2, 3)]
+    scene = taugate.Scene(headlamp=1, look_from=tuple(far + 5), look_at=tuple(far))
+    scene.add_mesh("tile", vertices, triangles)
+    low, high = np.array(scene.info()["bounds"])
+    assert np.allclose(high - low, (3.3, 2.1, 0.7), atol=1e-6) and np.allclose(low, far, atol=1e-6)
+    assert (scene.transform("tile") == np.eye(4)).all()
+    # A transform applies to the vertices that were given.
+    turn = np.array([(0, -1, 0, 5.4e6), (1, 0, 0, -4.5e5), (0, 0, 1, 0), (0, 0, 0, 1.0)])
+    scene.set_transform("tile", turn)
+    low, high = np.array(scene.info()["bounds"])
+    assert np.allclose([low, high], [(-2.1, 0, 120.3), (0, 3.3, 121)], atol=1e-6)
+    # Ordinary vertices are used as they are.
+    scene.add_mesh("tile", vertices - far, triangles)
+    assert not scene._meshes["tile"]["centre"].any()
+
+
 def test_mistakes_in_arrays_are_explained():
     scene = room()
     with pytest.raises(taugate.SettingsError, match="vertices have the shape"):

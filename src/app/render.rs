@@ -61,11 +61,11 @@ pub fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     if print_config {
         return print(experiment);
     }
-    let scene = experiment.scene.clone().expect("read_experiment names a scene");
     if let Some(table) = experiment.scan.clone() {
         return scan::run(&table, experiment, &mut Session::new(quiet)?);
     }
-    let sequence = Sequence::new(&experiment, || gltf::has_animations(&scene))?;
+    let (path, allowed, playback) = source(&experiment);
+    let sequence = Sequence::new(&experiment, || gltf::end_of_animations(path, &allowed, playback.animation))?;
     let mut session = Session::new(quiet)?;
     match sequence {
         Some(sequence) => sequence::run(&sequence, &mut session),

@@ -25,8 +25,8 @@ pub struct Sequence {
     shard: Shard,
     fps: u32,
     keys: Option<GateKeys>,
-    /// Whether the scene is posed at the time of each frame.
-    is_animated: bool,
+    /// End of the animations in seconds. The scene is posed at the time of each frame; `None` if no animation moves a node.
+    end: Option<f64>,
     pub contact_sheet: Option<PathBuf>,
     pub gif: Option<PathBuf>,
     /// Exposure of the contact sheet and of the animation.
@@ -34,9 +34,10 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// The sequence of an experiment; `None` if it has no frames. `is_animated`: whether the scene has animations. Fails if a
-    /// setting of sequences comes without frames, if the name of an output has no `#`, or if all frames would be the same.
-    pub fn new(experiment: &Experiment, is_animated: impl FnOnce() -> bool) -> Result<Option<Sequence>> {
+    /// The sequence of an experiment; `None` if it has no frames. `end`: the end of the scene's animations in seconds, `None` if no
+    /// node moves. Fails if a setting of sequences comes without frames, if the name of an output has no `#`, or if all frames would
+    /// be the same.
+    pub fn new(experiment: &Experiment, end: impl FnOnce() -> Result<Option<f64>>) -> Result<Option<Sequence>> {
         let mut experiment = experiment.clone();
         if experiment.output.frames.is_some() {
             check_long(&experiment.output)?;
@@ -83,10 +84,11 @@ impl Sequence {
             // The frames have no picture that could be exposed.
             experiment.output.exposure = None;
         }
-        let is_animated = is_animated();
-        if !is_animated && keys.is_none() {
+        let end = end()?;
+        if end.is_none() && keys.is_none() {
             return Err(settings(
-                "the scene has no animations and the gate does not move, so all frames would be the same: add --gate-keys FRAME=A..B"
+                "no node of the scene is animated and the gate does not move, so all frames would be the same: add \
+                 --gate-keys FRAME=A..B"
                     .into(),
             ));
         }
@@ -94,7 +96,7 @@ impl Sequence {
         if !(1..=MAX_FPS).contains(&fps) {
             return Err(settings(format!("--fps is {fps}; it must be from 1 to {MAX_FPS}")));
         }
-        Ok(Some(Sequence { experiment, frames, shard, fps, keys, is_animated, contact_sheet, gif, exposure }))
+        Ok(Some(Sequence { experiment, frames, shard, fps, keys, end, contact_sheet, gif, exposure }))
     }
 
     /// Numbers of all frames.
@@ -116,8 +118,10 @@ impl Sequence {
     /// The experiment that renders a frame alone.
     pub fn frame(&self, number: u32) -> Experiment {
         let mut experiment = self.experiment.clone();
-        if self.is_animated {
-            experiment.input.at = Some(Moment(f64::from(number) / f64::from(self.fps)));
+        if let Some(end) = self.end {
+            let time = f64::from(number) / f64::from(self.fps);
+            // A gate may sweep longer than the nodes move: then they keep their last pose, as glTF prescribes.
+            experiment.input.at = Some(Moment(if self.keys.is_some() { time.min(end) } else { time }));
         }
         if let Some(keys) = &self.keys {
             experiment.gate.gate = Some(keys.gate(number.into()));
@@ -199,30 +203,36 @@ mod tests {
     use super::*;
     use crate::settings::units::Gate;
 
-    fn sequence(text: &str, is_animated: bool) -> Result<Option<Sequence>> {
-        Sequence::new(&Experiment::parse(text).unwrap(), || is_animated)
+    fn sequence(text: &str, end: Option<f64>) -> Result<Option<Sequence>> {
+        Sequence::new(&Experiment::parse(text).unwrap(), || Ok(end))
     }
 
     #[test]
     fn a_frame_has_its_time_its_gate_and_its_files() {
         let text = "[output]\nframes = '10..20'\nfps = 4\noutput = ['a/b.###.exr', 'c#.npy']\nstats = '#.json'\n\
                     [gate]\ngate-keys = [[10, '5m..6m'], [14, '7m..8m']]\n";
-        let sequence = sequence(text, true).unwrap().unwrap();
+        let sequence = sequence(text, Some(9.0)).unwrap().unwrap();
         assert_eq!((sequence.frames(), sequence.fps()), (10..20, 4));
         let frame = sequence.frame(12);
         assert_eq!((frame.input.at, frame.gate.gate), (Some(Moment(3.0)), Some(Gate { lo: 6.0, hi: 7.0 })));
         assert_eq!(frame.output.output, Some(Files(vec!["a/b.012.exr".into(), "c12.npy".into()])));
         assert_eq!((frame.output.stats, frame.output.frames), (Some("12.json".into()), None));
-        let still = super::tests::sequence(text, false).unwrap().unwrap();
+        let still = super::tests::sequence(text, None).unwrap().unwrap();
         assert_eq!(still.frame(12).input.at, None);
-        assert!(super::tests::sequence("scene = 'a.glb'", true).unwrap().is_none());
+        // With gate keys, the nodes keep their last pose.
+        let short = super::tests::sequence(text, Some(2.75)).unwrap().unwrap();
+        assert_eq!([11, 12].map(|frame| short.frame(frame).input.at), [Some(Moment(2.75)); 2]);
+        let (without_keys, _) = text.split_once("[gate]").unwrap();
+        let short = super::tests::sequence(without_keys, Some(2.75)).unwrap().unwrap();
+        assert_eq!(short.frame(12).input.at, Some(Moment(3.0)));
+        assert!(super::tests::sequence("scene = 'a.glb'", Some(1.0)).unwrap().is_none());
     }
 
     #[test]
     fn an_exposure_is_for_the_pictures_that_exist() {
         let exposures = |text: &str| {
             let text = format!("[output]\nframes = '0..2'\nexposure = 2\n{text}");
-            let sequence = sequence(&text, true).unwrap().unwrap();
+            let sequence = sequence(&text, Some(1.0)).unwrap().unwrap();
             (sequence.exposure, sequence.frame(0).output.exposure)
         };
         let two = Exposure::Stops(2.0);
@@ -249,7 +259,7 @@ mod tests {
             ("fps = 3\noutput = 'a#.exr'", "--fps is for a sequence"),
             ("gif = 'a.gif'", "--gif is for a sequence"),
         ] {
-            let error = sequence(&format!("[output]\n{text}\n"), false).map(drop).unwrap_err().to_string();
+            let error = sequence(&format!("[output]\n{text}\n"), None).map(drop).unwrap_err().to_string();
             assert!(error.contains(part), "{text}: {error}");
         }
     }

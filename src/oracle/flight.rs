@@ -119,7 +119,7 @@ impl World<'_> {
                 }
             }
             let Some(vertex) = surface else { return Flight::Escaped };
-            if self.media.is_null_boundary(vertex.surface.material) {
+            if self.media.is_null_boundary(vertex.surface.instance) {
                 region = self.beyond(&vertex, ray.direction, region);
                 ray = Ray::new(vertex.position, ray.direction);
                 continue;
@@ -153,7 +153,7 @@ impl World<'_> {
                 passed *= transmittance(&stretch, &ray, channel, pcg);
             }
             let Some(vertex) = surface.filter(|_| passed > 0.0) else { return passed };
-            if !self.media.is_null_boundary(vertex.surface.material) {
+            if !self.media.is_null_boundary(vertex.surface.instance) {
                 return 0.0;
             }
             region = self.beyond(&vertex, ray.direction, region);
@@ -170,7 +170,7 @@ impl World<'_> {
     pub fn beyond(&self, vertex: &Vertex, onwards: DVec3, region: Region) -> Region {
         match vertex.inside {
             true => self.region(Ray::new(vertex.position, onwards)),
-            false => self.media.inside(vertex.surface.material, self.ior_of(vertex.surface.material), region),
+            false => self.media.inside(&vertex.surface, self.ior_of(vertex.surface.material), region),
         }
     }
 }

@@ -3,10 +3,10 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::geometry::{Geometry, Ray};
+use super::geometry::{Geometry, Ray, Surface};
 use super::phase::Phase;
 use crate::generate::numbers::Pcg;
-use crate::scene::{DensityGrid, GridFilter, Medium, Scene};
+use crate::scene::{DensityGrid, GridFilter, Medium, Mesh, Scene};
 
 /// All media of a scene.
 pub struct Media<'a> {
@@ -16,7 +16,7 @@ pub struct Media<'a> {
     interiors: Vec<Option<PreparedMedium<'a>>>,
     /// The region outside of all solids.
     surrounding: Region,
-    /// Per material.
+    /// Per instance.
     is_null_boundary: Vec<bool>,
     /// Whether all coefficients are the same in the three channels.
     is_grey: bool,
@@ -68,6 +68,7 @@ impl<'a> Media<'a> {
         let water = scene.media.iter().rev().find(|medium| medium.is_unbounded());
         let [ior, group_ior] = water.map_or([1.0; 2], |medium| [medium.ior, medium.group_ior]);
         let interiors: Vec<Option<&Medium>> = scene.materials.iter().map(|m| m.interior.as_ref()).collect();
+        let is_null = |mesh: &Mesh| scene.materials[mesh.material as usize].is_null_boundary(mesh, ior);
         let is_grey = |sigma: [f64; 3]| sigma[0] == sigma[1] && sigma[0] == sigma[2];
         let mut all = scene.media.iter().chain(interiors.iter().copied().flatten());
         Media {
@@ -75,7 +76,7 @@ impl<'a> Media<'a> {
             outside: scene.media.iter().map(PreparedMedium::new).collect(),
             interiors: interiors.into_iter().map(|medium| medium.map(PreparedMedium::new)).collect(),
             surrounding: Region { solid: None, eta: ior.into(), group_index: group_ior.into() },
-            is_null_boundary: scene.materials.iter().map(|m| m.is_null_boundary(ior)).collect(),
+            is_null_boundary: scene.instances.iter().map(|i| is_null(&scene.meshes[i.mesh as usize])).collect(),
         }
     }
 
@@ -88,8 +89,8 @@ impl<'a> Media<'a> {
         self.interiors.iter().any(Option::is_some)
     }
 
-    pub fn is_null_boundary(&self, material: u32) -> bool {
-        self.is_null_boundary[material as usize]
+    pub fn is_null_boundary(&self, instance: u32) -> bool {
+        self.is_null_boundary[instance as usize]
     }
 
     /// Index of refraction outside of all solids.
@@ -108,11 +109,12 @@ impl<'a> Media<'a> {
         Channel { index, weight }
     }
 
-    /// The region inside a solid of this material, for a ray that enters it from `outside`. `ior` is the index of the solid.
-    pub fn inside(&self, material: u32, ior: f64, outside: Region) -> Region {
-        match self.is_null_boundary(material) {
-            true => Region { solid: Some(material), ..outside },
-            false => Region { solid: Some(material), eta: ior, group_index: ior },
+    /// The region inside a solid with this surface, for a ray that enters it from `outside`. `ior` is the index of the solid.
+    pub fn inside(&self, surface: &Surface, ior: f64, outside: Region) -> Region {
+        let solid = Some(surface.material);
+        match self.is_null_boundary(surface.instance) {
+            true => Region { solid, ..outside },
+            false => Region { solid, eta: ior, group_index: ior },
         }
     }
 
@@ -133,7 +135,7 @@ impl<'a> Media<'a> {
             match surface.geometric.dot(ray.direction) > 0.0 {
                 false => depth += 1,
                 true if depth > 0 => depth -= 1,
-                true => return self.inside(surface.material, ior(surface.material), self.surrounding),
+                true => return self.inside(&surface, ior(surface.material), self.surrounding),
             }
         }
         self.surrounding

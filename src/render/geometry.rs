@@ -1,10 +1,12 @@
 //! The scene, flattened for the device: triangles in render space, attributes, materials, textures.
 
+use std::collections::HashMap;
+
 use glam::{DAffine2, DMat3, DVec3};
 
 use super::albedo::AlbedoTable;
-use super::duplicates::{ShadingAttributes, drop_copies};
-use super::material::{Features, MATERIAL_BLEND, Material, MaterialSet};
+use super::duplicates::{Dropped, ShadingAttributes, drop_copies};
+use super::material::{Features, MATERIAL_BLEND, MATERIAL_DOUBLE_SIDED, Material, MaterialSet};
 use super::space::RenderSpace;
 use crate::bvh::{self, Bvh};
 use crate::scene::{Image, Instance, Mesh, Scene, Wrap};
@@ -23,7 +25,7 @@ pub struct Geometry {
     /// As long as `attributes`, or empty if no mesh has vertex colours or tangents.
     pub details: Vec<VertexDetails>,
     pub instances: Vec<InstanceNormals>,
-    /// See [`MaterialSet::list`].
+    /// See [`MaterialSet::list`]; then double-sided copies of some of them, see [`Dropped::double_sided`].
     pub materials: Vec<Material>,
     pub textures: Vec<TextureInfo>,
     /// Where the texels of the scene's images lie on the device. The texels are not copied before the upload.
@@ -35,6 +37,8 @@ pub struct Geometry {
     instance_materials: Vec<u32>,
     /// Index in `corners` of the first corner of each mesh; NONE for a mesh without attributes.
     first_corners: Vec<u32>,
+    /// Index in `materials` of the double-sided copy of a material.
+    double_sided: HashMap<u32, u32>,
     /// `None` if nothing can move.
     fixed: Option<Fixed>,
 }
@@ -62,6 +66,7 @@ impl Geometry {
             materials: materials.list,
             instance_materials,
             first_corners,
+            double_sided: HashMap::new(),
             fixed: None,
         };
         geometry.place(scene, space);
@@ -114,7 +119,7 @@ struct Part {
 }
 
 impl Part {
-    fn new(geometry: &Geometry, scene: &Scene, space: &RenderSpace, has: impl Fn(&Instance) -> bool) -> Part {
+    fn new(geometry: &mut Geometry, scene: &Scene, space: &RenderSpace, has: impl Fn(&Instance) -> bool) -> Part {
         let mut triangles = vec![];
         for (number, instance) in scene.instances.iter().enumerate().filter(|(_, instance)| has(instance)) {
             let mesh = &scene.meshes[instance.mesh as usize];
@@ -143,7 +148,11 @@ impl Part {
                 triangles.push(Triangle { v0, instance: number as u32, v1, corner, v2, material });
             }
         }
-        let copies = drop_copies(&mut triangles, |t| geometry.shading_attributes(t));
+        let Dropped { copies, double_sided } = drop_copies(&mut triangles, |t| geometry.shading_attributes(t));
+        for triangle in double_sided {
+            let material = &mut triangles[triangle].material;
+            *material = geometry.double_sided(*material);
+        }
         let bvh = bvh::build(&triangles.iter().map(|t| [t.v0, t.v1, t.v2]).collect::<Vec<_>>());
         let triangles = bvh.order.iter().map(|&i| triangles[i as usize]).collect();
         Part { triangles, bvh, copies }
@@ -151,6 +160,17 @@ impl Part {
 }
 
 impl Geometry {
+    /// The index of a material's double-sided copy, with the TRIANGLE_ bits of `material`.
+    fn double_sided(&mut self, material: u32) -> u32 {
+        let number = material & TRIANGLE_MATERIAL;
+        let copy = *self.double_sided.entry(number).or_insert_with(|| {
+            let single = self.materials[number as usize];
+            self.materials.push(Material { flags: single.flags | MATERIAL_DOUBLE_SIDED, ..single });
+            self.materials.len() as u32 - 1
+        });
+        material & !TRIANGLE_MATERIAL | copy
+    }
+
     /// The data that distinguish the triangle from others with the same corners and material. `None` for a translucent layer. A
     /// translucent lamp does not count as one, because each of its copies would shine.
     fn shading_attributes(&self, t: &Triangle) -> Option<ShadingAttributes> {
@@ -170,9 +190,12 @@ impl Geometry {
         };
         let InstanceNormals { x, y, z, .. } = self.instances[t.instance as usize];
         let columns: [f32; 9] = bytemuck::cast([x, y, z]);
+        let reflects_only =
+            material.emission == [0.0; 3] && material.transmission == 0.0 && t.material & TRIANGLE_NULL == 0;
         Some(ShadingAttributes {
             corners: if t.corner == NONE { [[0; 6]; 3] } else { [0, 1, 2].map(corner) },
             normal_matrix: if smooth || material.normal_texture != NONE { columns.map(f32::to_bits) } else { [0; 9] },
+            may_get_back: reflects_only && material.flags & MATERIAL_DOUBLE_SIDED == 0,
         })
     }
 }

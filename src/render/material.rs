@@ -139,7 +139,7 @@ impl<'a> MaterialSet<'a> {
         let alpha = if is_partial(source, mesh) { TRIANGLE_ALPHA } else { 0 };
         self.features.alpha |= alpha != 0;
         self.features.vertex_colors |= !mesh.colors.is_empty();
-        let is_null = source.is_null_boundary(self.surrounding_ior);
+        let is_null = source.is_null_boundary(mesh, self.surrounding_ior);
         self.features.null_boundaries |= is_null;
         number | alpha | if is_null { TRIANGLE_NULL } else { 0 }
     }

@@ -10,7 +10,7 @@ pub fn check(scene: &Scene) -> Result<()> {
     let [outside, _] = surrounding_indices(&scene.media);
     for mesh in &scene.meshes {
         let material = &scene.materials[mesh.material as usize];
-        let edges = if material.is_null_boundary(outside) { open_edges(mesh) } else { 0 };
+        let edges = if material.is_null_boundary(mesh, outside) { open_edges(mesh) } else { 0 };
         if edges > 0 {
             return Err(Error::Settings(format!(
                 "mesh '{}' bounds a medium but is not closed ({edges} of its edges belong to one triangle only); close it, or \
@@ -47,6 +47,20 @@ mod tests {
 
     use super::*;
     use crate::generate::shapes::{ball, cuboid, icosphere, torus};
+    use crate::scene::{Material, Medium};
+
+    /// The colours of a mesh tint the light that passes through.
+    #[test]
+    fn a_mesh_with_colours_is_no_null_boundary() {
+        let smoke = Material { interior: Some(Medium::default()), ior: 1.0, ..Material::glass("smoke") };
+        let with = |color: [f32; 4]| {
+            let plain = cuboid(DVec3::ZERO, DVec3::ONE);
+            Mesh { colors: vec![color; plain.positions.len()], ..plain }
+        };
+        assert!(smoke.is_null_boundary(&cuboid(DVec3::ZERO, DVec3::ONE), 1.0));
+        assert!(smoke.is_null_boundary(&with([1.0, 1.0, 1.0, 0.5]), 1.0));
+        assert!(!smoke.is_null_boundary(&with([1.0, 0.9, 1.0, 1.0]), 1.0));
+    }
 
     #[test]
     fn shapes_are_closed_until_a_triangle_is_missing() {

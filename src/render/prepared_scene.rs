@@ -46,8 +46,8 @@ impl PreparedScene {
         let emitters = EmitterSet::new(scene, settings.emitters(), &space, &mut geometry);
         if emitters.table.is_empty() {
             return Err(Error::Settings(
-                "nothing emits light (a light of power 0 or an emissive surface without area does not count): select other \
-                 nodes with --emitters, or add a light to the scene"
+                "nothing emits light (a light of power 0 or an emissive surface without area does not count): add a light with \
+                 --headlamp, or select other nodes with --emitters"
                     .into(),
             ));
         }

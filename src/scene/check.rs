@@ -198,12 +198,16 @@ pub(super) fn is_unit(v: DVec3) -> bool {
     (v.length() - 1.0).abs() < UNIT
 }
 
-/// True if the transform flattens space to a plane, a line or a point, or nearly so: it has no useful inverse.
+/// True if the transform flattens space to a plane, a line or a point, or nearly so: it has no useful inverse. A transform may make
+/// rods and plates of any shape whose thickness is more than 1e-12 of their length.
 pub fn is_singular(transform: &DAffine3) -> bool {
     let matrix = transform.matrix3;
     let longest = matrix.x_axis.length().max(matrix.y_axis.length()).max(matrix.z_axis.length());
-    let volume = (matrix * longest.recip()).determinant().abs();
-    volume.is_nan() || volume <= 1e-12
+    let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| axis * longest.recip());
+    // A cube becomes a parallelepiped. Its thickness is its volume over the area of its largest face.
+    let (volume, largest) =
+        (x.dot(y.cross(z)).abs(), x.cross(y).length().max(y.cross(z).length()).max(z.cross(x).length()));
+    volume.is_nan() || volume <= 1e-12 * largest
 }
 
 /// An error if the box of a mesh, transformed to the world, has a coordinate above [`MAX_COORDINATE`].
@@ -235,6 +239,14 @@ mod tests {
         assert!(is_singular(&scale(f64::NAN, 1.0, 1.0)));
         assert!(!is_singular(&scale(1.0, 1e-6, 1.0)));
         assert!(!is_singular(&scale(1e-30, -1e-30, 1e-30)));
+        // A cable of 1 mm and 1 km, and a wall of 1 km and 1 nm.
+        assert!(!is_singular(&scale(5e-4, 5e-4, 1e3)));
+        assert!(!is_singular(&scale(1e3, 1e-9 * 1.1, 1e3)));
+        assert!(is_singular(&scale(1.0, 1e-13, 1.0)));
+        assert!(is_singular(&scale(1.0, 1e-13, 1e-13)));
+        // Long axes in one plane.
+        let matrix3 = glam::DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::new(0.5, 0.5, 1e-13));
+        assert!(is_singular(&DAffine3 { matrix3, ..DAffine3::IDENTITY }));
     }
 
     type Change = fn(&mut Scene);

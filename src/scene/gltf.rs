@@ -114,14 +114,11 @@ fn guarded<T>(path: &Path, read: impl FnOnce() -> Checked<T>) -> Result<T> {
         .map_err(|message| Error::Scene { path: path.into(), message })
 }
 
-/// Whether the file has animations; false if it cannot be read, which [`load`] reports.
-pub fn has_animations(path: &Path) -> bool {
-    let found = || {
-        let bytes = resolve::read_file(path).ok()?;
-        let (json, _) = resolve::split_container(&bytes).ok()?;
-        Some(!serde_json::from_slice::<serde_json::Value>(json).ok()?.get("animations")?.as_array()?.is_empty())
-    };
-    catch_unwind(AssertUnwindSafe(found)).ok().flatten().unwrap_or(false)
+/// Time in seconds of the last key of the animations in the file, or of the animation `name`; `None` if the file has no animation
+/// that moves a node. Fails as [`load_with`] does if an animation is not valid. Reads neither meshes nor images.
+pub fn end_of_animations(path: &Path, allowed: &[PathBuf], name: Option<&str>) -> Result<Option<f64>> {
+    let bytes = resolve::read_file(path).map_err(|message| Error::Scene { path: path.into(), message })?;
+    guarded(path, || animation::end(&Document::open(&bytes, Folders::new(path, allowed))?, name))
 }
 
 /// Turns the bytes into a scene.
@@ -144,6 +141,7 @@ fn read(bytes: &[u8], folders: Folders, playback: Playback) -> Checked<Scene> {
     let cameras = camera::load(&doc, &worlds)?;
     let lights = light::load(&doc, &worlds, &mut warnings)?;
     let images = image::load(&doc, folders, &materials.textures.images, &mut warnings)?;
+    material::darken(&mut materials, &images);
     let scene = Scene {
         meshes: meshes.meshes,
         instances,
@@ -169,15 +167,18 @@ fn place(
     warnings: &mut Warnings,
 ) -> Checked<Vec<Instance>> {
     let mut instances = Vec::new();
-    let mut triangles = 0u64;
+    let (mut triangles, mut count) = (0u64, 0);
     for (index, world) in worlds.visible() {
         let (Some(node), Some(placement)) = (doc.root.nodes.get(index), meshes.of(index)) else { continue };
+        let range = placement.range.clone();
+        if range.is_empty() {
+            continue;
+        }
         let name = doc.node_name(index);
         let transforms = match placement.skinned_at {
             Some(origin) => vec![DAffine3::from_translation(origin)],
             None => instancing::copies(doc, index, node)?.into_iter().map(|copy| world * copy).collect(),
         };
-        let range = placement.range.clone();
         let per_copy: u64 = range.clone().map(|mesh| meshes.meshes[mesh].triangles.len() as u64).sum();
         triangles += per_copy * transforms.len() as u64;
         if triangles > mesh::MAX_TRIANGLES {
@@ -186,7 +187,9 @@ fn place(
                 mesh::MAX_TRIANGLES >> 20
             ));
         }
-        if instances.len() + range.len() * transforms.len() > instancing::MAX_INSTANCES {
+        // Copies that are left out below count too: reading them takes as long.
+        count += range.len() * transforms.len();
+        if count > instancing::MAX_INSTANCES {
             return Err(instancing::too_many());
         }
         for transform in transforms {

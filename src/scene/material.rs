@@ -1,5 +1,6 @@
 //! Materials: their fields, constructors for common kinds, and the range of each field.
 
+use super::Mesh;
 use super::check::{Checked, below};
 use super::medium::Medium;
 
@@ -175,13 +176,19 @@ impl Material {
         self.transmission > 0.0 && (self.metallic < 1.0 || self.surface_texture.is_some())
     }
 
-    /// Whether surfaces of this material only bound a medium: they do not reflect, refract or colour light that comes from a
+    /// Whether `mesh`, which has this material, only bounds a medium: it does not reflect, refract or colour light that comes from a
     /// medium with the index `outside`. Such boundaries do not count as vertices of paths.
-    pub fn is_null_boundary(&self, outside: f32) -> bool {
+    pub fn is_null_boundary(&self, mesh: &Mesh, outside: f32) -> bool {
         let is_clear = self.base_color[..3] == [1.0; 3] && self.base_color_texture.is_none();
         let transmits = self.transmission == 1.0 && self.transmission_texture.is_none();
         let only_transmits = transmits && self.metallic == 0.0 && self.clearcoat == 0.0;
-        self.interior.is_some() && self.ior == outside && is_clear && only_transmits && self.emission == [0.0; 3]
+        let is_white = || mesh.colors.iter().all(|color| color[..3] == [1.0; 3]);
+        self.interior.is_some()
+            && self.ior == outside
+            && is_clear
+            && only_transmits
+            && self.emission == [0.0; 3]
+            && is_white()
     }
 
     /// Indices of the textures that the material uses.

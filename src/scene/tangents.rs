@@ -6,6 +6,9 @@ use glam::Vec3;
 
 use super::Mesh;
 
+/// MikkTSpace needs stack space for each triangle around a vertex.
+const MAX_SHARED: u64 = 4096;
+
 impl Mesh {
     /// Computes [`Mesh::tangents`] from positions, normals and texture coordinates. Vertices whose triangles need different
     /// tangents are split. Without texture coordinates it does nothing.
@@ -18,6 +21,26 @@ impl Mesh {
         let _ = bevy_mikktspace::generate_tangents(&mut corners);
         let tangents = corners.tangents;
         self.split_by_tangent(&tangents);
+    }
+
+    /// How long [`Mesh::add_tangents`] takes: the sum over all vertices of the square of the number of triangles that share the vertex.
+    /// `None` if more than [`MAX_SHARED`] triangles share one.
+    pub(crate) fn tangent_work(&self) -> Option<u64> {
+        if self.uvs.is_empty() {
+            return Some(0);
+        }
+        let corners = Corners { mesh: self, tangents: vec![] };
+        // MikkTSpace joins vertices with the same position, normal and texture coordinates.
+        let mut shared: HashMap<[u32; 8], u64> = HashMap::new();
+        for face in 0..self.triangles.len() {
+            let normal = self.normals.is_empty().then(|| corners.face_normal(face).to_array());
+            for vertex in self.triangles[face].map(|corner| corner as usize) {
+                let ([x, y, z], [u, v]) = (self.positions[vertex], self.uvs[vertex]);
+                let [p, q, r] = normal.unwrap_or_else(|| self.normals[vertex]);
+                *shared.entry([x, y, z, p, q, r, u, v].map(f32::to_bits)).or_default() += 1;
+            }
+        }
+        shared.values().all(|&count| count <= MAX_SHARED).then(|| shared.values().map(|count| count * count).sum())
     }
 
     /// Gives every corner its tangent: a vertex becomes one vertex per distinct tangent of its corners.

@@ -97,6 +97,18 @@ fn a_gate_that_sweeps_is_a_sequence() {
     assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), "g12.exr"));
 }
 
+/// The car stops after 2 s, but the gate sweeps on.
+#[test]
+fn a_gate_sweeps_over_a_scene_that_stops() {
+    let here = with("street");
+    let keys = ["--gate-keys", "0=40m..60m", "--gate-keys", "4=60m..80m"];
+    render(here.path(), &[&keys[..], &["--frames", "1..5", "--fps", "1", "-o", "g#.exr"]].concat());
+    for (frame, at, gate) in [(1, "1s", "45m..65m"), (4, "2s", "60m..80m")] {
+        render(here.path(), &["--at", at, "--gate", gate, "-o", "alone.exr"]);
+        assert!(pixels(here.path(), "alone.exr") == pixels(here.path(), &format!("g{frame}.exr")), "frame {frame}");
+    }
+}
+
 /// The picture of a frame shows the light of all gates, whatever the file that keeps them.
 #[test]
 fn a_contact_sheet_shows_all_gates() {

@@ -1,7 +1,7 @@
 //! Animations: the pose of nodes at a time.
 
 use glam::{DQuat, DVec3};
-use taugate::internals::scene::gltf::{Playback, load_slice_at};
+use taugate::internals::scene::gltf::{Playback, end_of_animations, load_slice_at};
 
 use super::*;
 
@@ -61,6 +61,18 @@ fn translations_follow_their_keys() {
         assert!((found.x - f64::from(cubic(at))).abs() < 1e-5 && (found.y - 1.0).abs() < 1e-6, "{at}: {found}");
     }
     assert_eq!(posed(&linear, Playback::default()).unwrap().instances[0].transform.translation, DVec3::ZERO);
+}
+
+/// Keys are f32: the last key of these clips is slightly before its time in f64.
+#[test]
+fn the_last_frame_is_inside_the_animation() {
+    for (end, at) in [(0.7f32, 0.7), ((100.0f64 / 30.0) as f32, 100.0 / 30.0)] {
+        assert!(f64::from(end) < at, "{at}");
+        let glb = animated("translation", "LINEAR", &[0.0, end], &[[0.0; 3], [2.0, 0.0, 0.0]]);
+        assert_eq!(translation(&glb, at).x, 2.0, "{at}");
+        assert_eq!(translation(&glb, -1e-7 * at).x, 0.0, "{at}");
+        assert!(posed(&glb, playback(at * 1.00001)).is_err(), "{at}");
+    }
 }
 
 #[test]
@@ -129,6 +141,49 @@ fn rotations_and_weights_may_be_normalized_integers() {
     glb.json["animations"][0]["channels"][0]["target"]["path"] = json!("rotation");
     let x = posed(&glb, playback(0.5)).unwrap().instances[0].transform.transform_vector3(DVec3::X);
     assert!(x.abs_diff_eq(DVec3::NEG_X, 1e-6), "{x}");
+}
+
+/// A file that animates only properties of materials and cameras has no end: its nodes keep their pose.
+#[test]
+fn animations_end_with_the_last_key_of_a_node() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("test.glb");
+    let end = |glb: &Glb, name: Option<&str>| {
+        std::fs::write(&path, glb.build()).unwrap();
+        end_of_animations(&path, &[], name).map_err(|e| e.to_string())
+    };
+    let keys = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
+    let mut glb = animated("translation", "LINEAR", &[0.0, 1.0], &keys);
+    add(&mut glb, "scale", "LINEAR", &[0.0, 2.5], &keys);
+    assert_eq!((end(&glb, None), end(&glb, Some("translation-LINEAR"))), (Ok(Some(2.5)), Ok(Some(1.0))));
+    assert!(end(&glb, Some("walk")).unwrap_err().contains("choose one of"));
+    for animation in 0..2 {
+        let target =
+            json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": "/materials/0" } } });
+        glb.json["animations"][animation]["channels"][0]["target"] = target;
+    }
+    assert_eq!(end(&glb, None), Ok(None));
+    assert!(end(&glb, Some("scale-LINEAR")).unwrap_err().contains("moves no node; leave out --animation"));
+    glb.json["animations"] = json!([]);
+    assert_eq!(end(&glb, None), Ok(None));
+}
+
+/// All channels share the keys of one accessor, so a small file has many keys.
+#[test]
+fn the_keys_of_a_file_are_limited() {
+    const KEYS: usize = 1 << 16;
+    const NODES: usize = 300;
+    let times: Vec<f32> = (0..KEYS).map(|k| k as f32).collect();
+    let mut glb = animated("scale", "STEP", &times, &[[1.0f32; 3]; KEYS]);
+    let target = |node: usize| json!({ "sampler": 0, "target": { "node": node, "path": "scale" } });
+    glb.json["animations"][0]["channels"] = (0..NODES).map(target).collect();
+    for _ in 1..NODES {
+        glb.push("nodes", json!({}));
+    }
+    let error = posed(&glb, playback(0.5)).unwrap_err();
+    assert!(error.contains("the animations have more than 67108864 numbers at the times of"), "{error}");
+    glb.json["animations"][0]["channels"].as_array_mut().unwrap().truncate(200);
+    assert!(posed(&glb, playback(0.5)).is_ok());
 }
 
 #[test]

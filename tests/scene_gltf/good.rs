@@ -191,9 +191,16 @@ fn normal_maps_get_tangents() {
     let tangents = glb.floats(&[[0.0, 2.0, 0.0, 1.0]; 3]);
     glb.json["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] = json!(tangents);
     assert_eq!(read(&glb).meshes[0].tangents, [[0.0, 1.0, 0.0, 1.0]; 3]);
-    // Tangents of a mesh without normals are ignored.
-    glb.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("NORMAL");
-    assert_eq!(read(&glb).meshes[0].tangents, [[1.0, 0.0, 0.0, -1.0]; 3]);
+    // Tangents of a mesh without texture coordinates are ignored, because its normal map has no place. So are those of a mesh
+    // without normals.
+    let without = |names: &[&str]| {
+        let mut glb = glb.clone();
+        let attributes = glb.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap();
+        names.iter().for_each(|name| drop(attributes.remove(*name)));
+        read(&glb).meshes[0].tangents.clone()
+    };
+    assert_eq!(without(&["NORMAL"]), [[1.0, 0.0, 0.0, -1.0]; 3]);
+    assert!(without(&["TEXCOORD_0"]).is_empty() && without(&["NORMAL", "TEXCOORD_0"]).is_empty());
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod glb;
 mod peak;
 
 mod animation;
+mod bounds;
 mod cameras;
 mod compressed;
 mod extensions;

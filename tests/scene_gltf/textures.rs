@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use image::{DynamicImage, ImageFormat, Rgb, RgbImage};
+use taugate::internals::scene::Material;
 use taugate::internals::scene::gltf::load;
 
 use super::*;
@@ -239,4 +240,24 @@ fn a_large_webp_image_opens_but_not_if_it_is_too_short_for_the_memory_of_its_dec
     assert_eq!((image.width, image.height), (8192, 4096));
     let message = refusal(&scene(&file.get_ref()[..100]));
     assert!(message.contains("too few for their 33554432 pixels"), "{message}");
+}
+
+/// Otherwise the material would count as a lamp, and the scene would get no headlamp.
+#[test]
+fn an_emission_texture_without_light_removes_the_emission() {
+    for (color, factor, shines) in
+        [([0, 0, 0], [1, 1, 1], false), ([9, 0, 0], [0, 1, 1], false), ([0, 1, 0], [0, 1, 1], true)]
+    {
+        let mut glb = untextured();
+        let view = glb.view(&plain(color, ImageFormat::Png));
+        glb.push("images", json!({ "bufferView": view }));
+        glb.push("textures", json!({ "source": 0 }));
+        let paint = &mut glb.json["materials"][0];
+        paint["emissiveFactor"] = json!(factor);
+        paint["emissiveTexture"] = json!({ "index": 0 });
+        let scene = read(&glb);
+        check_invariants(&scene);
+        let Material { emission, emission_texture, .. } = &scene.materials[0];
+        assert_eq!((*emission != [0.0; 3], emission_texture.is_some()), (shines, shines), "{color:?} {factor:?}");
+    }
 }

@@ -100,6 +100,24 @@ fn every_wall_twice_is_the_same_image() {
     assert!(difference(&render(&turned(build(Kind::CornellBox)), Estimator::Bdpt, GATE), &apart) > 2e-4);
 }
 
+/// CAD programs export each face twice, once turned over, with a material that is not double-sided.
+#[test]
+fn a_face_with_a_turned_copy_is_double_sided() {
+    let sides = |double_sided: bool, copies: bool| {
+        let mut scene = build(Kind::CornellBox);
+        scene.materials.iter_mut().filter(|m| m.emission == [0.0; 3]).for_each(|m| m.double_sided = double_sided);
+        for mesh in scene.meshes.iter_mut().filter(|mesh| copies && mesh.name != "light") {
+            let turned: Vec<[u32; 3]> = mesh.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+            mesh.triangles.splice(0..0, turned);
+        }
+        render(&turned(scene), Estimator::Bdpt, GATE)
+    };
+    let wanted = sides(true, false);
+    let difference = difference(&wanted, &sides(false, true));
+    println!("{difference:e}");
+    assert!(difference < 1e-4, "{difference:e}");
+}
+
 /// Two adjacent rooms whose walls at x = 1 coincide. The lamp is in one room, the pinhole in the other. `door`: these two
 /// walls are missing.
 fn two_rooms(door: bool) -> Scene {

@@ -1,5 +1,6 @@
 //! The lights: `--headlamp`, `--lamp`, `--sky` and `[[light]]`.
 
+use std::collections::HashSet;
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -9,7 +10,7 @@ use super::sky_image;
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
 use crate::input::responses::is_steady;
-use crate::scene::{Light, LightKind, Scene};
+use crate::scene::{Instance, Light, LightKind, Scene};
 use crate::settings::numbers::{Headlamp, Numbers};
 use crate::settings::sky::{Sky, SkyScale};
 use crate::settings::table::EmitterTable;
@@ -42,6 +43,7 @@ pub(super) fn apply(
     }
 
     add_sky(&experiment.emitter, scene)?;
+    name_distant_apart(scene);
 
     let table = &mut experiment.emitter;
     let wanted = table.headlamp.is_some() || table.headlamp_offset.is_some();
@@ -96,6 +98,27 @@ fn add_sky(table: &EmitterTable, scene: &mut Scene) -> Result<()> {
     Ok(())
 }
 
+/// Numbers suns and skies that have the name of another emitter, as in `lamp#2`. A gated render leaves suns and skies out by name,
+/// and must keep the other emitter.
+fn name_distant_apart(scene: &mut Scene) {
+    let Scene { lights, instances, .. } = &*scene;
+    if !lights.iter().any(|light| light.kind.is_distant()) {
+        return;
+    }
+    let positioned = lights.iter().filter(|light| !light.kind.is_distant()).map(|light| &light.node);
+    let surfaces = instances.iter().filter(|instance| is_bright(emission(scene, instance))).map(|one| &one.node);
+    let mut names: HashSet<String> = positioned.chain(surfaces).cloned().collect();
+    for light in scene.lights.iter_mut().filter(|light| light.kind.is_distant()) {
+        let own = light.node.clone();
+        let mut number = 1;
+        while names.contains(&light.node) {
+            number += 1;
+            light.node = format!("{own}#{number}");
+        }
+        names.insert(light.node.clone());
+    }
+}
+
 fn point(node: String, position: DVec3, intensity: f64) -> Light {
     Light { node, position, direction: DVec3::NEG_Z, kind: LightKind::Point { intensity: [intensity as f32; 3] } }
 }
@@ -107,8 +130,11 @@ fn has_lamp(scene: &Scene, is_steady: bool) -> bool {
 }
 
 fn has_bright_surface(scene: &Scene) -> bool {
-    let emission = |mesh: u32| scene.materials[scene.meshes[mesh as usize].material as usize].emission;
-    scene.instances.iter().any(|instance| is_bright(emission(instance.mesh)))
+    scene.instances.iter().any(|instance| is_bright(emission(scene, instance)))
+}
+
+fn emission(scene: &Scene, instance: &Instance) -> [f32; 3] {
+    scene.materials[scene.meshes[instance.mesh as usize].material as usize].emission
 }
 
 /// Automatic radiant intensity in W / sr of a headlamp at `position`: pi d^2, where d is the distance to the scene's centre. A

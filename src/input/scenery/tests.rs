@@ -5,6 +5,7 @@ use crate::generate::shapes::{cuboid, quad};
 use crate::generate::stage::{add, camera, diffuse, light, material};
 use crate::input::resolve::{as_experiment, resolve};
 use crate::scene::{Camera, LightKind, Projection};
+use crate::settings::Emitters;
 use crate::settings::numbers::Headlamp;
 
 const LO: DVec3 = DVec3::new(-1.0, 0.0, -3.0);
@@ -193,6 +194,22 @@ fn a_sky_is_added_to_the_lights_of_the_scene() {
     assert_eq!((scene.lights[0].node.as_str(), &scene.sky), ("sky", &None));
     let (scene, _, _) = applied("emitter.sky = 2\ngate.gate = '1m..2m'", block());
     assert_eq!(scene.lights[1].node, "headlamp");
+}
+
+/// A gated render leaves out suns and skies by their names. Lights and surfaces with the same names must stay.
+#[test]
+fn suns_and_skies_have_names_of_their_own() {
+    let mut scene = staged();
+    scene.materials[0].emission = [1.0; 3];
+    let node = scene.instances[0].node.clone();
+    let sun = LightKind::Directional { irradiance: [1.0; 3] };
+    light(&mut scene, "sky", DVec3::Y, DVec3::NEG_Y, sun);
+    light(&mut scene, &node, DVec3::Y, DVec3::NEG_Y, sun);
+    let (scene, experiment, _) = applied("gate.gate = '1m..2m'\nemitter.sky = 2", scene);
+    let names: Vec<&str> = scene.lights.iter().map(|light| light.node.as_str()).collect();
+    assert_eq!(names, ["sky", "sky#2", &format!("{node}#2"), "sky#3"]);
+    let resolved = resolve(&experiment, &scene).unwrap();
+    assert_eq!(*resolved.settings.emitters(), Emitters::Nodes(vec!["sky".into(), node]));
 }
 
 #[test]

@@ -20,6 +20,12 @@ pub struct Playback<'a> {
     pub animation: Option<&'a str>,
 }
 
+/// A time may be outside the animations by this fraction of their length. The times of keys are rounded to f32, so the last key may
+/// be slightly before the last frame.
+const ROUNDING: f64 = 1e-6;
+/// Upper bound on the numbers of all keys together. A file may have more if it is larger: one number per byte.
+const MAX_NUMBERS: u64 = 1 << 26;
+
 #[derive(Deserialize)]
 struct Animation {
     channels: Vec<Channel>,
@@ -80,10 +86,19 @@ impl Property {
 struct Curve {
     /// Times of the keys in seconds, in ascending order; never empty.
     times: Vec<f32>,
-    /// One value per time; for cubic splines three: in-tangent, value, out-tangent.
-    values: Vec<Vec<f32>>,
+    /// One value per time; for cubic splines three: in-tangent, value, out-tangent. A value has `components` numbers.
+    values: Vec<f32>,
+    components: usize,
     interpolation: Interpolation,
     property: Property,
+}
+
+/// The animations at one time.
+struct Moment {
+    /// The values of all animated properties, by node.
+    values: HashMap<(usize, Property), Vec<f32>>,
+    /// Time of the last key in seconds.
+    end: f64,
 }
 
 /// Names of the nodes that move if animations change `nodes`: these nodes, all nodes below them, and nodes whose skin has a joint
@@ -99,11 +114,14 @@ fn moving<'a>(doc: &Document, nodes: impl Iterator<Item = &'a usize>) -> BTreeSe
             open.extend(node.children.iter().flatten().map(|child| child.value()));
         }
     }
-    let is_deformed = |skin: usize| {
-        let joints = doc.root.skins.get(skin).map(|skin| &skin.joints);
-        joints.is_some_and(|joints| joints.iter().any(|joint| moves.get(joint.value()) == Some(&true)))
+    let moves_at = |index: usize| moves.get(index) == Some(&true);
+    let skins = doc.root.skins.iter();
+    // Once per skin: many nodes may share a skin of many joints.
+    let deformed: Vec<bool> = skins.map(|skin| skin.joints.iter().any(|joint| moves_at(joint.value()))).collect();
+    let has_moving_skin = |index: usize| {
+        let skin = all[index].skin.as_ref();
+        skin.is_some_and(|skin| deformed.get(skin.value()) == Some(&true))
     };
-    let has_moving_skin = |index: usize| all[index].skin.as_ref().is_some_and(|skin| is_deformed(skin.value()));
     (0..all.len()).filter(|&index| moves[index] || has_moving_skin(index)).map(|index| doc.node_name(index)).collect()
 }
 
@@ -123,15 +141,17 @@ pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> 
         }
         return Ok(None);
     };
-    let curves = curves(doc, &chosen(doc, playback.animation)?, warnings)?;
-    let end = curves.values().filter_map(|curve| curve.times.last()).fold(0.0, |end, &time| f64::max(end, time.into()));
-    // Allows for rounding: frame times are quotients, so the time of the last frame may be slightly after the end.
-    if !(0.0..=end * (1.0 + 1e-9)).contains(&time) {
+    let Moment { values, end } = evaluate(doc, &chosen(doc, playback.animation)?, time, warnings)?;
+    if values.is_empty() {
+        return Err("has animations that move no node; render it without --at and --frames".into());
+    }
+    let slack = ROUNDING * end;
+    if !(-slack..=end + slack).contains(&time) {
         return Err(format!("has animations from 0 s to {end} s, so it has no pose at {time} s; choose a time inside"));
     }
-    for ((node, property), curve) in &curves {
-        let value = curve.value(time);
-        let target = &mut doc.root.nodes[*node];
+    let moving = moving(doc, values.keys().map(|(node, _)| node));
+    for ((node, property), value) in values {
+        let target = &mut doc.root.nodes[node];
         let three = || [value[0], value[1], value[2]];
         match property {
             Property::Translation => target.translation = Some(three()),
@@ -140,7 +160,20 @@ pub fn pose(doc: &mut Document, playback: Playback, warnings: &mut Warnings) -> 
             Property::Weights => target.weights = Some(value),
         }
     }
-    Ok(Some(moving(doc, curves.keys().map(|(node, _)| node))))
+    Ok(Some(moving))
+}
+
+/// Time in seconds of the last key of the animations, or of the animation `name`; `None` if the file has no animation that moves a
+/// node. Fails if `name` does not exist or moves no node, or if an animation is not valid.
+pub fn end(doc: &Document, name: Option<&str>) -> Checked<Option<f64>> {
+    if doc.root.animations.is_empty() && name.is_none() {
+        return Ok(None);
+    }
+    let Moment { values, end } = evaluate(doc, &chosen(doc, name)?, 0.0, &mut Warnings::default())?;
+    match name {
+        Some(name) if values.is_empty() => Err(format!("the animation '{name}' moves no node; leave out --animation")),
+        _ => Ok((!values.is_empty()).then_some(end)),
+    }
 }
 
 /// The animations to play, with their labels.
@@ -169,14 +202,12 @@ fn chosen(doc: &Document, name: Option<&str>) -> Checked<Vec<(String, Animation)
     Ok(all)
 }
 
-/// The curves of all channels, by node and property. Fails if two animations move the same property of a node.
-fn curves(
-    doc: &Document,
-    animations: &[(String, Animation)],
-    warnings: &mut Warnings,
-) -> Checked<HashMap<(usize, Property), Curve>> {
-    let mut curves = HashMap::new();
+/// Evaluates the curves of all channels at `time`. Fails if two animations move the same property of a node. Each curve is dropped
+/// before the next one is read: many channels may share the keys of one accessor, so all curves may be much larger than the file.
+fn evaluate(doc: &Document, animations: &[(String, Animation)], time: f64, warnings: &mut Warnings) -> Checked<Moment> {
+    let mut moment = Moment { values: HashMap::new(), end: 0.0 };
     let mut by: HashMap<(usize, Property), &str> = HashMap::new();
+    let mut keys = Keys { doc, numbers: 0 };
     for (label, animation) in animations {
         for channel in &animation.channels {
             let Some(property) = property(&channel.target.path) else {
@@ -206,13 +237,12 @@ fn curves(
                 .get(channel.sampler)
                 .ok_or_else(|| format!("animation `{label}` has no sampler {}; re-export the file", channel.sampler))?;
             let what = format!("animation `{label}` of node `{name}`");
-            curves.insert((node, property), Curve::read(doc, sampler, property, &what)?);
+            let curve = Curve::read(&mut keys, sampler, property, &what)?;
+            moment.values.insert((node, property), curve.value(time));
+            moment.end = moment.end.max(curve.times.last().copied().unwrap_or_default().into());
         }
     }
-    if curves.is_empty() {
-        return Err("has animations that move no node; render it without --at and --frames".into());
-    }
-    Ok(curves)
+    Ok(moment)
 }
 
 fn property(path: &str) -> Option<Property> {
@@ -225,14 +255,29 @@ fn property(path: &str) -> Option<Property> {
     }
 }
 
-/// The components of all elements of an accessor.
-fn numbers<const N: usize>(doc: &Document, accessor: usize, what: &str, allowed: &[Format]) -> Checked<Vec<f32>> {
-    Ok(doc.vectors::<N>(accessor, what, allowed)?.into_iter().flatten().collect())
+/// Reads the keys of animations.
+struct Keys<'a> {
+    doc: &'a Document<'a>,
+    /// Numbers read so far. A limit on the file size is not enough, because many channels may share one accessor.
+    numbers: u64,
+}
+
+impl Keys<'_> {
+    /// The components of all elements of an accessor.
+    fn read<const N: usize>(&mut self, accessor: usize, what: &str, allowed: &[Format]) -> Checked<Vec<f32>> {
+        self.numbers += N as u64 * self.doc.count(accessor, what)?;
+        if self.numbers > MAX_NUMBERS.max(self.doc.buffer_bytes()) {
+            return Err(format!(
+                "the animations have more than {MAX_NUMBERS} numbers at the {what}; remove some of them"
+            ));
+        }
+        Ok(self.doc.vectors::<N>(accessor, what, allowed)?.into_flattened())
+    }
 }
 
 impl Curve {
-    fn read(doc: &Document, sampler: &Sampler, property: Property, what: &str) -> Checked<Curve> {
-        let times = numbers::<1>(doc, sampler.input, &format!("times of {what}"), FLOAT)?;
+    fn read(keys: &mut Keys, sampler: &Sampler, property: Property, what: &str) -> Checked<Curve> {
+        let times = keys.read::<1>(sampler.input, &format!("times of {what}"), FLOAT)?;
         if times.iter().any(|time| !time.is_finite() || *time < 0.0) {
             return Err(format!("{what} has a time that is negative or not finite; correct it and re-export"));
         }
@@ -240,26 +285,25 @@ impl Curve {
             return Err(format!("{what} has times that are not in ascending order; correct them and re-export"));
         }
         let output = format!("values of {what}");
-        let flat = match property {
-            Property::Translation | Property::Scale => numbers::<3>(doc, sampler.output, &output, FLOAT)?,
-            Property::Rotation => numbers::<4>(doc, sampler.output, &output, ANIMATED)?,
-            Property::Weights => numbers::<1>(doc, sampler.output, &output, ANIMATED)?,
+        let values = match property {
+            Property::Translation | Property::Scale => keys.read::<3>(sampler.output, &output, FLOAT)?,
+            Property::Rotation => keys.read::<4>(sampler.output, &output, ANIMATED)?,
+            Property::Weights => keys.read::<1>(sampler.output, &output, ANIMATED)?,
         };
-        if flat.iter().any(|value| !value.is_finite()) {
+        if values.iter().any(|value| !value.is_finite()) {
             return Err(format!("{what} has a value that is not finite; correct it and re-export"));
         }
         let interpolation = sampler.interpolation;
         let per_time = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
-        let components = property.components().unwrap_or(flat.len() / (per_time * times.len()));
-        if components == 0 || flat.len() != components * per_time * times.len() {
+        let components = property.components().unwrap_or(values.len() / (per_time * times.len()));
+        if components == 0 || values.len() != components * per_time * times.len() {
             return Err(format!(
                 "{what} has {} values for {} times; re-export the file",
-                flat.len() / components.max(1),
+                values.len() / components.max(1),
                 times.len()
             ));
         }
-        let values = flat.chunks_exact(components).map(<[f32]>::to_vec).collect();
-        Ok(Curve { times, values, interpolation, property })
+        Ok(Curve { times, values, components, interpolation, property })
     }
 
     /// The value at `time`: before the first key the value of the first key, after the last key the value of the last key.
@@ -278,7 +322,7 @@ impl Curve {
             Interpolation::Linear => self.mix(&[(self.key(k), 1.0 - s), (self.key(k + 1), s)]),
             Interpolation::CubicSpline => {
                 let (s2, s3) = (s * s, s * s * s);
-                let (out_tangent, in_tangent) = (&self.values[3 * k + 2], &self.values[3 * (k + 1)]);
+                let (out_tangent, in_tangent) = (self.entry(3 * k + 2), self.entry(3 * (k + 1)));
                 let mixed = self.mix(&[
                     (self.key(k), 2.0 * s3 - 3.0 * s2 + 1.0),
                     (out_tangent, (t1 - t0) * (s3 - 2.0 * s2 + s)),
@@ -293,9 +337,14 @@ impl Curve {
     /// The value of a key, without tangents.
     fn key(&self, k: usize) -> &[f32] {
         match self.interpolation {
-            Interpolation::CubicSpline => &self.values[3 * k + 1],
-            Interpolation::Linear | Interpolation::Step => &self.values[k],
+            Interpolation::CubicSpline => self.entry(3 * k + 1),
+            Interpolation::Linear | Interpolation::Step => self.entry(k),
         }
+    }
+
+    /// Value or tangent number `i`.
+    fn entry(&self, i: usize) -> &[f32] {
+        &self.values[i * self.components..][..self.components]
     }
 
     /// A weighted sum.

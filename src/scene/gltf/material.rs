@@ -1,5 +1,7 @@
 //! Reads materials, and collects the textures that they use.
 
+use std::collections::HashMap;
+
 use ::gltf::json;
 use ::gltf::json::material::AlphaMode as JsonAlphaMode;
 use ::gltf::json::texture::Info;
@@ -10,18 +12,20 @@ use super::material_extension::{Clearcoat, SpecularGlossiness, read};
 use super::texture::{Channels, Textures};
 use super::texture_use::{TextureUse, UvMapping, add_all, as_info};
 use super::{Checked, retroreflector};
-use crate::scene::{AlphaMode, Material};
+use crate::scene::{AlphaMode, Image, Material};
 
 /// All materials of the file in its order, and the textures that they use.
 pub struct Materials {
     pub materials: Vec<Material>,
     pub textures: Textures,
-    /// By material: the texture coordinates of its meshes.
+    /// By material of the file: the texture coordinates of its meshes.
     uv_mappings: Vec<UvMapping>,
     /// Factors outside [0, 1], which were clamped: property, material and value.
     limited: Vec<String>,
     /// Index of the glTF default material once a primitive needs it.
     default: Option<u32>,
+    /// Materials of which there is a copy without a normal map, and the index of this copy.
+    flat: HashMap<u32, u32>,
 }
 
 impl Materials {
@@ -30,20 +34,27 @@ impl Materials {
         let Some(index) = index else {
             let default = *self.default.get_or_insert_with(|| {
                 self.materials.push(default_material());
-                self.uv_mappings.push(UvMapping::default());
                 self.materials.len() as u32 - 1
             });
             return Ok((default, UvMapping::default()));
         };
         match self.uv_mappings.get(index) {
-            Some(mapping) if self.default != Some(index as u32) => Ok((index as u32, *mapping)),
-            _ => Err(format!("{what} refers to material {index}, which does not exist; re-export the file")),
+            Some(mapping) => Ok((index as u32, *mapping)),
+            None => Err(format!("{what} refers to material {index}, which does not exist; re-export the file")),
         }
     }
 
     /// Whether meshes with this material need tangents.
     pub fn is_bumped(&self, index: u32) -> bool {
         self.materials.get(index as usize).is_some_and(|material| material.normal_texture.is_some())
+    }
+
+    /// Index of a copy of the material `index` that has no normal map.
+    pub fn without_normal_map(&mut self, index: u32) -> u32 {
+        *self.flat.entry(index).or_insert_with(|| {
+            self.materials.push(Material { normal_texture: None, ..self.materials[index as usize].clone() });
+            self.materials.len() as u32 - 1
+        })
     }
 
     /// Whether meshes with this material need texture coordinates.
@@ -59,6 +70,7 @@ pub fn load(doc: &Document, warnings: &mut Warnings) -> Checked<Materials> {
         uv_mappings: vec![],
         limited: vec![],
         default: None,
+        flat: HashMap::new(),
     };
     for (index, material) in doc.root.materials.iter().enumerate() {
         let material = out.material(doc, index, material, warnings)?;
@@ -252,6 +264,24 @@ impl Materials {
             n => format!(", and {n} more"),
         };
         warnings.push(format!("factors outside [0, 1] are clamped: {listed}{rest}"));
+    }
+}
+
+/// Sets the emission of materials to 0 if their texture leaves nothing of it. So they do not count as lamps, of which a scene needs
+/// at least one.
+pub fn darken(materials: &mut Materials, images: &[Image]) {
+    // Whether an image has red, green and blue above 0. Materials may share an image.
+    let mut known: HashMap<u32, [bool; 3]> = HashMap::new();
+    for material in &mut materials.materials {
+        let texture = material.emission_texture.and_then(|index| materials.textures.list.get(index as usize));
+        let Some((number, image)) = texture.and_then(|t| Some((t.image, images.get(t.image as usize)?))) else {
+            continue;
+        };
+        let shines =
+            known.entry(number).or_insert_with(|| [0, 1, 2].map(|k| image.rgba.iter().any(|rgba| rgba[k] > 0)));
+        if (0..3).all(|k| material.emission[k] == 0.0 || !shines[k]) {
+            (material.emission, material.emission_texture) = ([0.0; 3], None);
+        }
     }
 }
 

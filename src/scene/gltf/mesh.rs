@@ -19,6 +19,11 @@ use crate::scene::Mesh;
 /// Maximum number of triangles in a scene, instances included.
 pub const MAX_TRIANGLES: u64 = 64 << 20;
 
+/// Upper bound on [`Meshes::tangent_work`]: this number, and more per corner of a triangle. About six triangles share a vertex of a
+/// usual mesh, so its work per corner is about six.
+const FREE_TANGENT_WORK: u64 = 1 << 26;
+const TANGENT_WORK_PER_CORNER: u64 = 32;
+
 /// The meshes of a node.
 #[derive(Clone)]
 pub struct Placement {
@@ -47,16 +52,21 @@ pub struct Meshes {
     vertices_read: u64,
     /// Triangle corners read so far.
     corners_read: u64,
+    /// Sum of [`Mesh::tangent_work`] so far.
+    tangent_work: u64,
     degenerate: u64,
     points_or_lines: u64,
     flattened: Vec<String>,
     missing_uvs: Vec<String>,
+    /// Meshes whose tangents would take too long.
+    crowded: Vec<String>,
 }
 
 /// Reads every mesh that a visible node of the scene refers to; drops and counts primitives and triangles that cannot be seen.
 pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings: &mut Warnings) -> Checked<Meshes> {
     let mut out = Meshes::default();
     let mut skins: HashMap<usize, Option<Skin>> = HashMap::new();
+    let mut matrices_read = 0;
     let mut nodes_of: BTreeMap<Shape, Vec<usize>> = BTreeMap::new();
     for (index, _) in worlds.visible() {
         let Some(node) = doc.root.nodes.get(index) else { continue };
@@ -69,7 +79,7 @@ pub fn load(doc: &Document, worlds: &Worlds, materials: &mut Materials, warnings
             Some(number) => {
                 let skin = match skins.entry(number) {
                     Entry::Occupied(known) => known.into_mut(),
-                    Entry::Vacant(new) => new.insert(Skin::load(doc, worlds, number, warnings)?),
+                    Entry::Vacant(new) => new.insert(Skin::load(doc, worlds, number, &mut matrices_read, warnings)?),
                 };
                 skin.as_ref().map(|_| number)
             }
@@ -128,6 +138,12 @@ impl Meshes {
         if let Some((count, name)) = first(&self.missing_uvs) {
             warnings.push(format!("{count} textured meshes have no texture coordinates (first: {name})"));
         }
+        if let Some((count, name)) = first(&self.crowded) {
+            warnings.push(format!(
+                "the normal maps of {count} meshes are left out: too many triangles share a vertex to compute tangents; export \
+                 the tangents too (first: {name})"
+            ));
+        }
     }
 
     /// Appends the mesh of one primitive, unless it has no visible triangle.
@@ -148,6 +164,7 @@ impl Meshes {
             Invalid => return Err(format!("{name} has an unknown mode; re-export the file")),
         };
         let mut mesh = self.vertices(doc, name, primitive, materials)?;
+        self.count_vertices(mesh.positions.len() as u64 * pose.targets(primitive), &mesh.name)?;
         let is_mirrored = pose.apply(doc, primitive, &mut mesh)?;
         check_finite(&mesh.positions, &format!("POSITION of {} after deformation", mesh.name))?;
         let corners = self.corners(doc, &mesh, primitive)?;
@@ -182,17 +199,44 @@ impl Meshes {
             self.flattened.push(mesh.name.clone());
         }
         // The tangents of the file do not fit the normals of flat or deformed meshes.
-        let has_tangents = !mesh.normals.is_empty() && !pose.deforms() && normalise_tangents(&mut mesh.tangents);
+        let is_smooth = !mesh.normals.is_empty() && !pose.deforms();
+        let has_tangents = is_smooth && !mesh.uvs.is_empty() && normalise_tangents(&mut mesh.tangents);
         if !materials.is_bumped(mesh.material) {
             mesh.tangents = Vec::new();
         } else if !has_tangents {
-            mesh.add_tangents();
+            mesh.tangents = Vec::new();
+            if self.can_have_tangents(&mesh) {
+                mesh.add_tangents();
+            } else {
+                mesh.material = materials.without_normal_map(mesh.material);
+                self.crowded.push(mesh.name.clone());
+            }
         }
         if mesh.uvs.is_empty() && materials.is_textured(mesh.material) {
             self.missing_uvs.push(mesh.name.clone());
         }
         self.meshes.push(mesh);
         Ok(())
+    }
+
+    /// Counts vertices, or vertices of morph targets, before they are read. Fails if there are too many.
+    fn count_vertices(&mut self, count: u64, name: &str) -> Checked<()> {
+        self.vertices_read += count;
+        match self.vertices_read > MAX_ELEMENTS {
+            true => Err(format!(
+                "the scene has more than {MAX_ELEMENTS} vertices at {name}, morph targets included; simplify it or split it"
+            )),
+            false => Ok(()),
+        }
+    }
+
+    /// Whether the tangents of the mesh can be computed in a time that is about proportional to the number of all triangles.
+    fn can_have_tangents(&mut self, mesh: &Mesh) -> bool {
+        let work = mesh.tangent_work();
+        let limit = FREE_TANGENT_WORK + TANGENT_WORK_PER_CORNER * self.corners_read;
+        let is_possible = work.is_some_and(|work| self.tangent_work + work <= limit);
+        self.tangent_work += work.filter(|_| is_possible).unwrap_or(0);
+        is_possible
     }
 
     /// Reads a mesh without its triangles. Normals and tangents are finite, but not yet of unit length.
@@ -207,10 +251,7 @@ impl Meshes {
         let positions = attribute(primitive, Semantic::Positions)
             .ok_or_else(|| format!("{name} has no POSITION attribute; remove it or re-export the file"))?;
         let count = doc.count(positions, &what("POSITION"))?;
-        self.vertices_read += count;
-        if self.vertices_read > MAX_ELEMENTS {
-            return Err(format!("the scene has more than {MAX_ELEMENTS} vertices at {name}; simplify it or split it"));
-        }
+        self.count_vertices(count, &name)?;
         let positions = doc.vectors::<3>(positions, &what("POSITION"), QUANTIZED)?;
         check_finite(&positions, &what("POSITION"))?;
 

@@ -13,6 +13,8 @@ use crate::scene::Mesh;
 
 /// Number of sets of four joints per vertex that are read.
 const MAX_SETS: u32 = 4;
+/// Maximum number of inverse bind matrices of all skins together.
+const MAX_MATRICES: u64 = 4 << 20;
 
 /// A skin with the transforms of its joints.
 pub struct Skin {
@@ -32,8 +34,15 @@ pub struct Pose<'a> {
 }
 
 impl Skin {
-    /// Reads skin `index`; `None`, with a warning, if one of its joints is not part of the scene.
-    pub fn load(doc: &Document, worlds: &Worlds, index: usize, warnings: &mut Warnings) -> Checked<Option<Self>> {
+    /// Reads skin `index`; `None`, with a warning, if one of its joints is not part of the scene. `matrices_read`: number of matrices of
+    /// all skins so far. Skins may share an accessor.
+    pub fn load(
+        doc: &Document,
+        worlds: &Worlds,
+        index: usize,
+        matrices_read: &mut u64,
+        warnings: &mut Warnings,
+    ) -> Checked<Option<Self>> {
         let skin = (doc.root.skins.get(index))
             .ok_or_else(|| format!("skin {index} is referred to but does not exist; re-export the file"))?;
         let name = format!("skin `{}`", label(skin.name.as_deref(), "skin", index));
@@ -51,7 +60,14 @@ impl Skin {
         }
         let origin = joints.first().map_or(DVec3::ZERO, |joint| joint.translation);
         if let Some(accessor) = skin.inverse_bind_matrices {
-            let matrices = doc.vectors::<16>(accessor.value(), &format!("inverse bind matrices of {name}"), FLOAT)?;
+            let what = format!("inverse bind matrices of {name}");
+            *matrices_read += doc.count(accessor.value(), &what)?;
+            if *matrices_read > MAX_MATRICES {
+                return Err(format!(
+                    "the skins have more than {MAX_MATRICES} matrices at the {what}; remove some skins"
+                ));
+            }
+            let matrices = doc.vectors::<16>(accessor.value(), &what, FLOAT)?;
             if matrices.len() < joints.len() {
                 return Err(format!(
                     "{name} has {} inverse bind matrices for {} joints; re-export the file",
@@ -75,6 +91,11 @@ impl Pose<'_> {
     /// Whether [`Pose::apply`] may change the mesh.
     pub fn deforms(&self) -> bool {
         self.skin.is_some() || self.weights.iter().any(|&weight| weight != 0.0)
+    }
+
+    /// Number of morph targets that [`Pose::apply`] reads for each vertex.
+    pub fn targets(&self, primitive: &Primitive) -> u64 {
+        primitive.targets.iter().flatten().zip(self.weights).filter(|(_, weight)| **weight != 0.0).count() as u64
     }
 
     /// Moves the positions and normals of `mesh`; `primitive` has its attributes. Returns for each vertex whether the skin
