@@ -169,6 +169,23 @@ fn cornell_box_agrees_with_the_oracle() {
     assert_none(against("cornell", &estimators(&scene), &scene, &CORNELL_GATES, cornell_truth()));
 }
 
+/// Negative control: two channels of the oracle's image are swapped.
+#[test]
+fn swapped_channels_are_rejected() {
+    let mut swapped = bin(cornell_truth(), 0);
+    swapped.bins[0].iter_mut().for_each(|pixel| (pixel.mean.swap(1, 2), pixel.variance.swap(1, 2)).0);
+    let scene = build(Kind::CornellBox);
+    assert!(!against("cornell, swapped", &[Estimator::Bdpt], &scene, &CORNELL_GATES[..1], &swapped).is_empty());
+}
+
+#[test]
+fn bright_cells_in_the_dark_and_undefined_values_are_found() {
+    let differs =
+        |found: f64, expected: f64| !differences(&[(found, 1e-6)], &[(expected, 1e-6)], 1.0, 1.0, 4.0).is_empty();
+    assert!(!differs(0.5, 0.5) && differs(0.5, 0.51) && differs(f64::NAN, 0.5));
+    assert!(!differs(0.0, 0.0) && !differs(0.02, 0.009) && differs(0.03, 0.0) && differs(f64::NAN, 0.0));
+}
+
 /// Negative control: the oracle's bin is shifted by a fifth of its width.
 #[test]
 fn shifted_bins_are_rejected() {
