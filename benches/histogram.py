@@ -148,7 +148,9 @@ def compare(arguments, name, variants, folder):
         case.scene = os.path.join(folder, f"{name}.glb")
         peers.glb.write(case.scene, document, binary)
         peer = Peer(peers, document, binary, case, arguments.seconds)
-    halves = [case.render(["--estimator", estimator], arguments.reference * arguments.seconds, 901)[0] for estimator in ("bdpt", "lcs")]
+    # Estimators share random numbers if they share a seed, and the halves of the reference must be independent.
+    halves = [case.render(["--estimator", estimator], arguments.reference * arguments.seconds, seed)[0]
+              for estimator, seed in (("bdpt", 901), ("lcs", 902))]
     reference = Reference(*halves)
     names = [*variants, *([PEER] if peer else [])]
     errors, spent = {n: [] for n in names}, {n: [] for n in names}

@@ -4,6 +4,8 @@ use crate::compare::metrics::Means;
 
 /// The relMSE of a reference itself must be this many times smaller than the best result that is compared with it.
 pub const MARGIN: f64 = 20.0;
+/// About the relMSE of a black image. Ratios between larger errors say nothing, because the images show less than a black one.
+pub const BLACK_RELMSE: f64 = 1.0;
 /// Maximum relMSE of a reference itself. Larger values cannot be trusted: if a dark pixel is bright by chance, relMSE divides its
 /// error by this false brightness.
 pub const MAX_REFERENCE_RELMSE: f64 = 0.02;

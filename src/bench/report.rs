@@ -98,7 +98,7 @@ fn header(page: &Page) -> String {
             text,
             "relMSE: {RELMSE_FORMULA}. Trimmed relMSE leaves out the worst {:.0} % of the pixels of each image, where a few rare \
              bright samples (in the image or in its reference) dominate. This number does not show such samples. A black image has a relMSE \
-             of about 1: do not compare larger values. \"Reference too noisy\": the error of the reference is not {MARGIN} times \
+             of about 1, so there is no ratio if both errors are larger. \"Reference too noisy\": the error of the reference is not {MARGIN} times \
              smaller than all errors of the variant, so the page leaves the number out. FLIP: mean of HDR-FLIP. \"Times lower\": \
              relMSE of the better of bdpt and pt divided by relMSE of the variant, in the same repetition. Slope: exponent of \
              relMSE (of trimmed relMSE if relMSE is left out) as a power of time; -1 if errors are independent noise.",
@@ -148,7 +148,7 @@ fn against_the_paper(page: &Page) -> String {
     }
     String::from(
         "\n## Comparison with the paper\n\nThe paper measured over all pixels, with its own machine, gates and references. \"-\": the \
-         reference is too noisy.\n\n| scene | variant | relMSE, times lower | trimmed relMSE, times lower | the paper reports |\n\
+         reference is too noisy, or both images are worse than a black one.\n\n| scene | variant | relMSE, times lower | trimmed relMSE, times lower | the paper reports |\n\
          |---|---|---|---|---|\n",
     ) + &text
 }

@@ -1,7 +1,7 @@
 //! Summaries of rows: medians over repetitions, ratios within repetitions, and slopes of convergence.
 
 use super::power_law::fit_power_law;
-use super::quality::is_good;
+use super::quality::{BLACK_RELMSE, is_good};
 use super::table::Row;
 use crate::compare::metrics::Means;
 use crate::settings::Estimator;
@@ -64,7 +64,8 @@ pub struct ErrorSummary {
 }
 
 impl ErrorSummary {
-    /// `None` without rows. The ratio is `None` if this variant or a baseline is not reliable.
+    /// `None` without rows. The ratio is `None` if this variant or a baseline is not reliable, or if in some repetition a black
+    /// image would have a lower error than both.
     fn of(rows: &[&Row], ends: &[&Row], variant: &str, part: fn(Means) -> f64) -> Option<ErrorSummary> {
         let is_baseline = |row: &&&Row| is_baseline(&row.estimator);
         let baseline = |repetition: u32| {
@@ -75,10 +76,11 @@ impl ErrorSummary {
         let good = |row: &&&Row| is_good(part(row.own), part(row.relmse));
         let reliable = rows.iter().filter(|row| row.variant == variant).all(|row| good(&row));
         let comparable = reliable && rows.iter().filter(is_baseline).all(|row| good(&row));
-        let ratios = mine().filter_map(|row| Some(baseline(row.repetition)? / part(row.relmse)));
+        let pairs = || mine().filter_map(|row| Some((baseline(row.repetition)?, part(row.relmse))));
+        let comparable = comparable && pairs().all(|(baseline, mine)| baseline.min(mine) <= BLACK_RELMSE);
         Some(ErrorSummary {
             relmse: Spread::of(mine().map(|row| part(row.relmse)))?,
-            ratio: Spread::of(ratios).filter(|_| comparable),
+            ratio: Spread::of(pairs().map(|(baseline, mine)| baseline / mine)).filter(|_| comparable),
             reliable,
         })
     }
@@ -241,8 +243,21 @@ pub(super) mod tests {
     #[test]
     fn only_pt_and_bdpt_are_baselines() {
         let row = |estimator, relmse| row(estimator, estimator, 0, 0, relmse);
-        let rows = [row("pt", 4.0), row("bdpt", 2.0), row("epc", 0.5), row("lcs", 1.0)];
+        let rows = [row("pt", 0.4), row("bdpt", 0.2), row("epc", 0.05), row("lcs", 0.1)];
         let ratios = lines(&rows, "s").iter().map(|l| l.all.ratio.unwrap().median).collect::<Vec<_>>();
         assert_eq!(ratios, [0.5, 1.0, 4.0, 2.0]);
+    }
+
+    #[test]
+    fn images_that_are_worse_than_black_have_no_ratio() {
+        let ratio = |baseline: f64, mine: f64| {
+            let rows = [row("bdpt", "bdpt", 0, 0, baseline), row("lcs", "lcs", 0, 0, mine)];
+            lines(&rows, "s")[1].all.ratio.map(|ratio| ratio.median)
+        };
+        assert_eq!((ratio(5.0, 0.5), ratio(0.5, 5.0)), (Some(10.0), Some(0.1)));
+        assert_eq!((ratio(5.0, 2.0), ratio(2.0, 5.0)), (None, None));
+        // One such repetition is enough.
+        let rows = [(0, 0.8), (1, 1.2)].map(|(n, x)| [row("bdpt", "bdpt", n, 0, 2.0 * x), row("lcs", "lcs", n, 0, x)]);
+        assert_eq!(lines(&rows.concat(), "s")[1].all.ratio, None);
     }
 }

@@ -133,7 +133,8 @@ impl CompiledFunction {
     }
 }
 
-fn calls(module: &naga::Module, block: &naga::Block, names: &mut Vec<String>) {
+/// Adds the names of the functions that a block calls.
+pub fn calls(module: &naga::Module, block: &naga::Block, names: &mut Vec<String>) {
     use naga::Statement;
     for statement in block.iter() {
         match statement {

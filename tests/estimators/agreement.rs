@@ -2,14 +2,14 @@
 
 use std::sync::OnceLock;
 
-use super::cells::{Cells, disagreements, is_long, renderer, settings, threshold};
+use super::cells::{Cells, disagreements, exceeds, is_long, renderer, settings, threshold, z_score};
 use super::rough_glass;
 use taugate::internals::generate::zoo::{Light, zoo};
 use taugate::internals::generate::{Kind, build};
 use taugate::internals::oracle::path_tracer::{self, Film};
 use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::units::Gate;
-use taugate::internals::settings::{Emitters, Estimator, Strategies};
+use taugate::internals::settings::{Emitters, Estimator, SettingsBuilder, Strategies};
 
 const CELL: usize = 8;
 const MAX_DEPTH: u32 = 10;
@@ -18,19 +18,43 @@ fn gate(lo: f64, hi: f64) -> Gate {
     Gate { lo, hi }
 }
 
-/// Mean and variance of each cell of one bin of the oracle's image.
-fn oracle_cells(film: &Film, bin: usize) -> Vec<(f64, f64)> {
+/// Mean and variance of each cell of one bin of the oracle's image: of the average over the channels, and of each channel
+/// (`[3 * cell + channel]`).
+fn oracle_cells(film: &Film, bin: usize) -> [Vec<(f64, f64)>; 2] {
     let width = film.resolution[0] as usize;
     let columns = width.div_ceil(CELL);
-    let mut sums = vec![(0.0, 0.0, 0usize); columns * (film.resolution[1] as usize).div_ceil(CELL)];
+    let mut sums = vec![([(0.0, 0.0); 4], 0usize); columns * (film.resolution[1] as usize).div_ceil(CELL)];
     for (i, p) in film.bins[bin].iter().enumerate() {
-        let (mean, variance, n) = &mut sums[i / width / CELL * columns + i % width / CELL];
-        *mean += p.mean.iter().sum::<f64>() / 3.0;
+        let (values, n) = &mut sums[i / width / CELL * columns + i % width / CELL];
+        values[0].0 += p.mean.iter().sum::<f64>() / 3.0;
         // Upper bound: the channels of a pixel may be fully correlated.
-        *variance += p.variance.iter().map(|v| v.sqrt() / 3.0).sum::<f64>().powi(2);
+        values[0].1 += p.variance.iter().map(|v| v.sqrt() / 3.0).sum::<f64>().powi(2);
+        for (value, (mean, variance)) in values[1..].iter_mut().zip(p.mean.into_iter().zip(p.variance)) {
+            *value = (value.0 + mean, value.1 + variance);
+        }
         *n += 1;
     }
-    sums.into_iter().map(|(m, v, n)| (m / n as f64, v / (n * n) as f64)).collect()
+    let means = sums.into_iter().map(|(values, n)| values.map(|(m, v)| (m / n as f64, v / (n * n) as f64)));
+    let means: Vec<[(f64, f64); 4]> = means.collect();
+    [means.iter().map(|m| m[0]).collect(), means.iter().flat_map(|m| &m[1..]).copied().collect()]
+}
+
+/// Describes the values that differ significantly from `factor` times the expected ones. `whole` is the mean of the oracle's image.
+/// The variance of a value that is dark in the oracle's image is too uncertain for a test. Such a value must be dark too.
+fn differences(found: &[(f64, f64)], expected: &[(f64, f64)], factor: f64, whole: f64, limit: f64) -> Vec<String> {
+    let mut wrong = vec![];
+    for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
+        let (mean, variance) = (factor * expected.0, found.1 + factor * factor * expected.1);
+        let z = z_score(found.0 - mean, variance);
+        let differs = match 100.0 * expected.0 < whole {
+            true => found.0.is_nan() || found.0 > 0.02 * whole + limit * variance.sqrt(),
+            false => exceeds(z, limit),
+        };
+        if differs {
+            wrong.push(format!("{i}: {:.6}, oracle {mean:.6}, z = {z:.2}", found.0));
+        }
+    }
+    wrong
 }
 
 /// The estimators that can render the scene's emitters: `pt` cannot render beams.
@@ -78,40 +102,49 @@ pub fn bin(film: &Film, bin: usize) -> Film {
     Film { resolution: film.resolution, bins: vec![film.bins[bin].clone()] }
 }
 
-/// Compares images of `scene` with `truth` and describes each cell in which they differ significantly.
+/// A factor between two images that the comparisons notice, unless a test says otherwise.
+pub const NOTICED: f64 = 1.2;
+
+/// Compares images of `scene` with `truth` and describes each cell, and each channel of a cell, in which they differ significantly.
+/// If none does, this panics unless an image that is [`NOTICED`] times as bright would differ through at least one of the gates.
 pub fn against(name: &str, estimators: &[Estimator], scene: &Scene, gates: &[(f64, f64)], truth: &Film) -> Vec<String> {
-    let mut wrong = vec![];
-    for &estimator in estimators {
-        let s = settings(estimator, truth.resolution).max_depth(MAX_DEPTH).build().unwrap();
-        let mut renderer = renderer(scene, &s);
-        // Few paths of pt fall into a gate. With 4 samples per pixel, a cell has about a hundred paths in the last gate of the
-        // Cornell box; their weights vary so much that the mean is not yet normally distributed.
-        let samples = if estimator == Estimator::Pt { 16 } else { 4 };
-        for (bin, &(lo, hi)) in gates.iter().enumerate() {
-            let cells = Cells::measure(&mut renderer, gate(lo, hi), CELL, 1, samples, 500);
-            let expected = oracle_cells(truth, bin);
+    let of_estimator = |&estimator: &Estimator| {
+        let settings = settings(estimator, truth.resolution);
+        settings_against(name, settings, scene, gates, truth, NOTICED)
+    };
+    estimators.iter().flat_map(of_estimator).collect()
+}
+
+/// As [`against`], for an estimator with these settings, and with a factor other than [`NOTICED`].
+pub fn settings_against(
+    name: &str,
+    settings: SettingsBuilder,
+    scene: &Scene,
+    gates: &[(f64, f64)],
+    truth: &Film,
+    noticed: f64,
+) -> Vec<String> {
+    let settings = settings.max_depth(MAX_DEPTH).build().unwrap();
+    let (estimator, mut renderer) = (settings.estimator(), renderer(scene, &settings));
+    // Few paths of pt fall into a gate. With 4 samples per pixel, a cell has about a hundred paths in the last gate of the
+    // Cornell box; their weights vary so much that the mean is not yet normally distributed.
+    let samples = if estimator == Estimator::Pt { 16 } else { 4 };
+    let (mut wrong, mut rejected) = (vec![], 0);
+    for (bin, &(lo, hi)) in gates.iter().enumerate() {
+        let cells = Cells::measure(&mut renderer, gate(lo, hi), CELL, 1, samples, 500);
+        let [averages, channels] = oracle_cells(truth, bin);
+        let whole = averages.iter().map(|e| e.0).sum::<f64>() / averages.len() as f64;
+        let title = format!("{name} {estimator} [{lo}, {hi})");
+        eprintln!("{title}: {:.6}, oracle {whole:.6}", cells.whole().0);
+        for (kind, found, expected) in [("cell", cells.averages(), averages), ("channel", cells.channels(), channels)] {
             let limit = threshold(expected.len() * gates.len());
-            let total: f64 = expected.iter().map(|e| e.0).sum();
-            eprintln!(
-                "{name} {estimator:?} [{lo}, {hi}): {:.6}, oracle {:.6}",
-                cells.whole().0,
-                total / expected.len() as f64
-            );
-            for (i, (mean, variance)) in expected.into_iter().enumerate() {
-                // The variance of a dark cell is too uncertain for a test.
-                if mean * 100.0 < total / cells.batches.len() as f64 {
-                    continue;
-                }
-                let z = (cells.mean(i) - mean) / (cells.variance(i) + variance).sqrt();
-                if z.abs() > limit {
-                    wrong.push(format!(
-                        "{name} {estimator:?} [{lo}, {hi}) cell {i}: {:.6}, oracle {mean:.6}, z = {z:.2}",
-                        cells.mean(i)
-                    ));
-                }
-            }
+            let differences = |factor: f64| differences(&found, &expected, factor, whole, limit);
+            wrong.extend(differences(1.0).into_iter().map(|line| format!("{title} {kind} {line}")));
+            rejected += differences(noticed).len();
         }
     }
+    // A wrong truth may be `noticed` times too dark.
+    assert!(rejected > 0 || !wrong.is_empty(), "{name} {estimator}: {noticed} times the light is not rejected");
     wrong
 }
 
@@ -134,6 +167,23 @@ fn cornell_truth() -> &'static Film {
 fn cornell_box_agrees_with_the_oracle() {
     let scene = build(Kind::CornellBox);
     assert_none(against("cornell", &estimators(&scene), &scene, &CORNELL_GATES, cornell_truth()));
+}
+
+/// Negative control: two channels of the oracle's image are swapped.
+#[test]
+fn swapped_channels_are_rejected() {
+    let mut swapped = bin(cornell_truth(), 0);
+    swapped.bins[0].iter_mut().for_each(|pixel| (pixel.mean.swap(1, 2), pixel.variance.swap(1, 2)).0);
+    let scene = build(Kind::CornellBox);
+    assert!(!against("cornell, swapped", &[Estimator::Bdpt], &scene, &CORNELL_GATES[..1], &swapped).is_empty());
+}
+
+#[test]
+fn bright_cells_in_the_dark_and_undefined_values_are_found() {
+    let differs =
+        |found: f64, expected: f64| !differences(&[(found, 1e-6)], &[(expected, 1e-6)], 1.0, 1.0, 4.0).is_empty();
+    assert!(!differs(0.5, 0.5) && differs(0.5, 0.51) && differs(f64::NAN, 0.5));
+    assert!(!differs(0.0, 0.0) && !differs(0.02, 0.009) && differs(0.03, 0.0) && differs(f64::NAN, 0.0));
 }
 
 /// Negative control: the oracle's bin is shifted by a fifth of its width.
@@ -194,6 +244,8 @@ pub fn whole_images(name: &str, scene: &Scene, lo: f64) {
                 100.0 * (mean / expected - 1.0)
             );
             assert!(z.abs() < threshold(24), "{name} {estimator:?} [{lo}, {hi}): z = {z:.2}");
+            let wrong = (mean - 1.1 * expected) / spread.hypot(1.1 * error);
+            assert!(wrong.abs() > threshold(24), "{name} {estimator:?} [{lo}, {hi}): 10 % more light is not rejected");
         }
     }
 }
@@ -218,13 +270,18 @@ fn whole_images_of_rough_glass_agree_with_the_oracle() {
 /// Compares each set of strategies with all strategies of `bdpt`, in the Cornell box.
 fn strategies_agree(sets: &[(Estimator, Strategies)]) {
     let scene = build(Kind::CornellBox);
-    let cells = |estimator, strategies| {
+    let cells = |estimator, strategies, seed| {
         let s = settings(estimator, [32, 32]).strategies(strategies).build().unwrap();
-        Cells::measure(&mut renderer(&scene, &s), gate(9.0, 9.4), CELL, 1, 8, 900)
+        Cells::measure(&mut renderer(&scene, &s), gate(9.0, 9.4), CELL, 1, 8, seed)
     };
-    let all = cells(Estimator::Bdpt, Strategies::All);
+    let all = cells(Estimator::Bdpt, Strategies::All, 1000);
     for &(estimator, strategies) in sets {
-        assert_none(disagreements(&all, &cells(estimator, strategies)));
+        let found = cells(estimator, strategies, 900);
+        assert_none(disagreements(&all, &found));
+        assert!(
+            !disagreements(&all, &found.times(NOTICED)).is_empty(),
+            "{estimator}: a brighter image is not rejected"
+        );
     }
 }
 

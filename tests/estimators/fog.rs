@@ -161,7 +161,8 @@ fn rooms_with_droplets_and_tables_agree_with_the_oracle() {
         PhaseFunction::HenyeyGreensteinDraine { g: 0.9, g_draine: 0.5, alpha: 20.0, weight_draine: 0.5 };
     scene.media[1].phase =
         PhaseFunction::Table { cosines: vec![-1.0, -0.8, 0.5, 1.0], values: vec![2.0, 0.1, 0.3, 3.0] };
-    assert_none(feature_against_oracle("droplets", &scene, &[(5.0, 6.0)], [16, 8]));
+    let gates = [(5.0, 6.0), (0.0, f64::INFINITY)];
+    assert_none(feature_against_oracle("droplets", &scene, &gates, [16, 8]));
 }
 
 /// A room in coloured fog, with a denser box of other fog around its middle. The denser box counts where the two overlap.

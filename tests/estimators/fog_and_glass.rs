@@ -147,7 +147,7 @@ fn histograms_in_fog_under_many_lamps_agree() {
         });
         let images: Vec<Vec<f64>> = images.collect();
         let lit = (0..images[0].len()).filter(|&k| images[0][k] > 0.0);
-        Cells { batches: lit.map(|k| images.iter().map(|image| image[k]).collect()).collect() }
+        Cells::grey(lit.map(|k| images.iter().map(|image| image[k]).collect()).collect())
     };
     let truth = whole(Estimator::Bdpt, 0.3, 1);
     assert_none(disagreements(&truth, &whole(Estimator::Lcs, 0.3, 300)));

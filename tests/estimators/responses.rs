@@ -29,35 +29,57 @@ fn rendered(mut renderer: Renderer) -> Renderer {
     renderer
 }
 
+/// Gates with these ends, none of which abut.
+fn separate(ends: &[[f64; 2]]) -> Responses {
+    let gates = ends.iter().map(|&[lo, hi]| Gate { lo, hi }).enumerate();
+    Responses::new(gates.map(|(k, gate)| Response::new(format!("{k}"), gate, Edge::Sharp)).collect()).unwrap()
+}
+
 /// Two thin gates with a hole between them: a render leaves out the light of the hole. Each gate agrees with the closed form.
 #[test]
 fn gates_far_apart_agree_with_the_closed_form() {
-    let far = |stretch: f64| [[2.6, 2.8], [6.0, 6.4]].map(|[lo, hi]| Gate { lo: lo * stretch, hi: hi * stretch });
-    let gates = far(1.0).into_iter().enumerate().map(|(k, gate)| Response::new(format!("{k}"), gate, Edge::Sharp));
-    let responses = Responses::new(gates.collect()).unwrap();
+    let responses = separate(&[[2.6, 2.8], [6.0, 6.4]]);
     assert_eq!(responses.hole(), Some(Gate { lo: 2.8, hi: 6.0 }));
     for estimator in Estimator::ALL {
-        let settings = settings(estimator, [16, 16]).responses(responses.clone()).build().unwrap();
-        let mut renderer = renderer(&sphere(), &settings);
-        let mut means = [vec![], vec![]];
-        for seed in 0..seeds() {
-            renderer.restart(500 + seed, responses.clone()).unwrap();
-            renderer.iterate(8).unwrap();
-            let film = renderer.responses().unwrap();
-            means.iter_mut().enumerate().for_each(|(k, means)| means.push(mean(&film.mean(k))));
-        }
-        let z = |k: usize, gate: Gate| {
-            let n = means[k].len() as f64;
-            let mean = means[k].iter().sum::<f64>() / n;
-            let variance = means[k].iter().map(|x| (x - mean).powi(2)).sum::<f64>() / ((n - 1.0) * n);
-            eprintln!("{estimator}, gate {k}: {mean} +- {}", variance.sqrt());
-            (mean - gated_radiance(RADIUS.into(), ALBEDO.into(), gate.lo, gate.hi)) / variance.sqrt()
-        };
-        for k in 0..2 {
-            assert!(z(k, far(1.0)[k]).abs() < threshold(8), "{estimator}, gate {k}: z = {:.2}", z(k, far(1.0)[k]));
+        let means = means(&sphere(), estimator, &responses, 500);
+        for (k, z) in z_scores(&means, &responses, 1.0).into_iter().enumerate() {
+            assert!(z.abs() < threshold(8), "{estimator}, gate {k}: z = {z:.2}");
         }
         // Negative control: gates that are 3 % late.
-        assert!((0..2).any(|k| z(k, far(1.03)[k]).abs() > threshold(8)), "{estimator}: late gates pass");
+        let late = z_scores(&means, &responses, 1.03);
+        assert!(late.into_iter().any(|z| z.abs() > threshold(8)), "{estimator}: late gates pass");
+    }
+}
+
+/// `lcs` queries its trees for a vertex per sixteenth of the support, if several responses are lit for at most a tenth of the
+/// diagonal, which is 0.35 m here. Negative control: the closed form for responses that are 3 % late.
+#[test]
+fn short_responses_of_lcs_agree_with_the_closed_form() {
+    let soft = Response::new("soft", Gate { lo: 2.95, hi: 3.15 }, Edge::Ramp(0.1));
+    let cases = [
+        Responses::from(gates(2.9, 3.2, 6)),
+        separate(&[[2.7, 2.8], [3.4, 3.5]]),
+        Responses::new(vec![soft]).unwrap(),
+        // So thin that there are ellipsoidal connections too.
+        Responses::from(gates(3.3, 3.301, 4)),
+    ];
+    let count = cases.iter().map(Responses::len).sum();
+    let scene = sphere();
+    for (n, responses) in cases.iter().enumerate() {
+        let settings = settings(Estimator::Lcs, [12, 12]).responses(responses.clone()).build().unwrap();
+        let mut renderer = renderer(&scene, &settings);
+        let has_record_of = |others: &Responses| renderer.can_restart(others);
+        // The same responses, but lit for more than a tenth of the diagonal, or for less than 0.04 % of it.
+        let wide = [gates(2.9, 3.3, 6).into(), separate(&[[2.7, 2.9], [3.4, 3.6]])];
+        assert!(!wide.iter().any(has_record_of), "case {n}: the record for histograms");
+        assert_eq!(has_record_of(&gates(3.3, 3.3001, 6).into()), n == 3, "case {n}: the record for thin gates");
+
+        let means = means_of(&mut renderer, responses, 700);
+        for (k, z) in z_scores(&means, responses, 1.0).into_iter().enumerate() {
+            assert!(z.abs() < threshold(count), "case {n}, response {k}: z = {z:.2}");
+        }
+        let late = z_scores(&means, responses, 1.03);
+        assert!(late.iter().any(|z| z.abs() > threshold(count)), "case {n}: late responses pass: {late:?}");
     }
 }
 
@@ -100,19 +122,23 @@ fn sphere() -> Scene {
 }
 
 /// Mean over all pixels in each gate, with its squared standard error.
-fn means(scene: &Scene, estimator: Estimator, gates: Gates, first_seed: u32) -> Vec<[f64; 2]> {
-    let settings = settings(estimator, [16, 16]).responses(gates).build().unwrap();
-    let mut renderer = renderer(scene, &settings);
-    let mut means = vec![vec![]; gates.count() as usize];
+fn means(scene: &Scene, estimator: Estimator, responses: &Responses, first_seed: u32) -> Vec<[f64; 2]> {
+    let settings = settings(estimator, [16, 16]).responses(responses.clone()).build().unwrap();
+    means_of(&mut renderer(scene, &settings), responses, first_seed)
+}
+
+/// As [`means`], with a renderer for these responses.
+fn means_of(renderer: &mut Renderer, responses: &Responses, first_seed: u32) -> Vec<[f64; 2]> {
+    let mut means = vec![vec![]; responses.len()];
     for seed in 0..seeds() {
-        renderer.restart(first_seed + seed, gates).unwrap();
+        renderer.restart(first_seed + seed, responses.clone()).unwrap();
         renderer.iterate(8).unwrap();
-        let film = renderer.responses().unwrap();
         for (k, means) in means.iter_mut().enumerate() {
-            let image = film.mean(k);
-            means.push(image.iter().map(|&x| f64::from(x)).sum::<f64>() / image.len() as f64);
+            // If there is only one response, the image shows it.
+            means.push(mean(&renderer.responses().map_or_else(|| renderer.film().mean(), |film| film.mean(k))));
         }
     }
+    assert_eq!(renderer.stats().dropped, 0);
     let statistics = |means: Vec<f64>| {
         let n = means.len() as f64;
         let mean = means.iter().sum::<f64>() / n;
@@ -121,29 +147,42 @@ fn means(scene: &Scene, estimator: Estimator, gates: Gates, first_seed: u32) -> 
     means.into_iter().map(statistics).collect()
 }
 
-/// z-scores of [`means`] in the sphere, against the closed form of gates that are `stretch` times as late.
-fn z_scores(means: &[[f64; 2]], gates: Gates, stretch: f64) -> Vec<f64> {
-    let z = |(k, [mean, variance]): (usize, &[f64; 2])| {
-        let Gate { lo, hi } = gates.gate(k as u32);
-        (mean - gated_radiance(RADIUS.into(), ALBEDO.into(), lo * stretch, hi * stretch)) / variance.sqrt()
+/// z-scores of [`means`] in the sphere, against the closed form of responses that are `stretch` times as late.
+fn z_scores(means: &[[f64; 2]], responses: &Responses, stretch: f64) -> Vec<f64> {
+    let z = |(response, [mean, variance]): (&Response, &[f64; 2])| {
+        let truth = closed_form(response, stretch);
+        eprintln!("{}: {mean} +- {}, closed form {truth}", response.describe(), variance.sqrt());
+        (mean - truth) / variance.sqrt()
     };
-    means.iter().enumerate().map(z).collect()
+    responses.iter().zip(means).map(z).collect()
+}
+
+/// Light of the sphere in a response that is `stretch` times as late: the sum over slices in which its weight is nearly constant.
+fn closed_form(response: &Response, stretch: f64) -> f64 {
+    let Gate { lo, hi } = response.support();
+    let slices = if response.is_box() { 1 } else { 300 };
+    let end = |n: u32| lo + (hi - lo) * f64::from(n) / f64::from(slices);
+    let slice = |n: u32| {
+        let radiance = gated_radiance(RADIUS.into(), ALBEDO.into(), stretch * end(n), stretch * end(n + 1));
+        response.weight(0.5 * (end(n) + end(n + 1))) * radiance
+    };
+    (0..slices).map(slice).sum()
 }
 
 #[test]
 fn every_gate_agrees_with_the_closed_form() {
-    let gates = gates(2.25, 8.25, 12);
+    let gates = gates(2.25, 8.25, 12).into();
     let mut cases = vec![(sphere(), Estimator::Bdpt), (sphere(), Estimator::Lcs)];
     if is_long() {
         // More lamps than are connected one by one.
         cases.push((sphere_of(20, 6), Estimator::Lcs));
     }
     for (scene, estimator) in cases {
-        let means = means(&scene, estimator, gates, 100);
-        for (k, z) in z_scores(&means, gates, 1.0).into_iter().enumerate() {
+        let means = means(&scene, estimator, &gates, 100);
+        for (k, z) in z_scores(&means, &gates, 1.0).into_iter().enumerate() {
             assert!(z.abs() < threshold(12), "{estimator:?}, gate {k}: z = {z:.2}");
         }
-        let wrong = z_scores(&means, gates, 1.02).into_iter().filter(|z| z.abs() > threshold(12)).count();
+        let wrong = z_scores(&means, &gates, 1.02).into_iter().filter(|z| z.abs() > threshold(12)).count();
         assert!(wrong > 3, "{estimator:?}: gates that are off by 2 % are rejected {wrong} times only");
     }
 }
@@ -162,7 +201,7 @@ fn a_short_histogram_in_fog_and_among_mirrors_has_the_light_of_bdpt() {
     let scenes = [(foggy_sphere(), gates(3.0, 4.2, 4)), (build(Kind::Zoo(Light::Area)), gates(8.0, 10.0, 4))];
     for (scene, gates) in scenes {
         let [lcs, bdpt] =
-            [(Estimator::Lcs, 200), (Estimator::Bdpt, 300)].map(|(e, seed)| means(&scene, e, gates, seed));
+            [(Estimator::Lcs, 200), (Estimator::Bdpt, 300)].map(|(e, seed)| means(&scene, e, &gates.into(), seed));
         let z = |factor: f64| -> Vec<f64> {
             let pairs = lcs.iter().zip(&bdpt);
             pairs.map(|([a, va], [b, vb])| (factor * a - b) / (factor * factor * va + vb).sqrt()).collect()

@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 
+use super::agreement::NOTICED;
 use super::cells::{Cells, disagreements, renderer, settings};
 use taugate::internals::scene::gltf;
 use taugate::internals::settings::units::Gate;
@@ -24,18 +25,20 @@ fn scene_path(name: &str) -> Option<PathBuf> {
 fn estimators_agree(name: &str, emitters: Emitters, gate: Gate, resolution: [u32; 2]) {
     let Some(path) = scene_path(name) else { return };
     let scene = gltf::load(&path).unwrap_or_else(|e| panic!("{e}"));
-    let cells = |estimator| {
+    let cells = |estimator, seed| {
         let s =
             settings(estimator, resolution).emitters(emitters.clone()).max_depth(12).light_paths(4000).build().unwrap();
-        Cells::measure(&mut renderer(&scene, &s), gate, 16, 1, 8, 40)
+        Cells::measure(&mut renderer(&scene, &s), gate, 16, 1, 8, seed)
     };
-    let bdpt = cells(Estimator::Bdpt);
+    let bdpt = cells(Estimator::Bdpt, 400);
     assert!(bdpt.whole().0 > 0.0);
     for estimator in [Estimator::LcsPaper, Estimator::Lcs] {
-        let lcs = cells(estimator);
+        let lcs = cells(estimator, 40);
         println!("{name}: bdpt {:?}, {estimator} {:?}", bdpt.whole(), lcs.whole());
         let wrong = disagreements(&bdpt, &lcs);
         assert!(wrong.is_empty(), "{name}, {estimator}:\n{}", wrong.join("\n"));
+        let brighter = disagreements(&bdpt, &lcs.times(NOTICED));
+        assert!(!brighter.is_empty(), "{name}, {estimator}: a brighter image is not rejected");
     }
 }
 

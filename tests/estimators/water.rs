@@ -73,5 +73,6 @@ fn a_room_under_water_agrees_with_the_oracle() {
     let mut scene = zoo(Light::Area);
     let phase = PhaseFunction::HenyeyGreenstein { g: 0.7 };
     scene.media = vec![Medium { sigma_s: [0.1; 3], sigma_a: [0.05, 0.02, 0.01], phase, ..water() }];
-    assert_none(feature_against_oracle("water", &scene, &[(7.0, 8.5)], [16, 8]));
+    let gates = [(7.0, 8.5), (0.0, f64::INFINITY)];
+    assert_none(feature_against_oracle("water", &scene, &gates, [24, 16]));
 }

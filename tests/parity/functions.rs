@@ -1,198 +1,208 @@
 //! Every function of `shaders/shared/` is tested. Reflection lists the functions. The body of a test kernel calls each of
 //! them, or the list below says which test covers it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use taugate::internals::gpu::shader;
 use taugate::internals::wgsl::SOURCES;
 
-use crate::shader_function::ShaderFunction;
+use crate::shader_function::{ShaderFunction, calls};
 
-/// Functions that no test kernel calls, and the tests that cover them.
-const ELSEWHERE: &[(&str, &str)] = &[
-    ("is_in_reach", "kernels choose and connect pairs as the oracle does (pairs)"),
-    ("load_leaf_vertex", "kernels choose and connect pairs as the oracle does (pairs)"),
-    ("unpack_direction", "kernels choose and connect pairs as the oracle does (pairs)"),
-    ("pack_weights", "descend_by_importance"),
-    ("unpack_weights", "descend_by_importance"),
-    ("subtree_weights", "descend_by_importance"),
-    ("to_sphere", "arcs_in_triangle"),
-    ("normal_to_sphere", "search_part"),
-    ("angle_of", "arcs_in_triangle"),
-    ("at_angle", "arcs_in_triangle"),
-    ("half_circle", "arcs_in_triangle"),
-    ("is_on_left", "arcs_in_triangle"),
-    ("cross2", "arcs_in_triangle"),
-    ("plane_weights", "arcs_in_triangle"),
-    ("in_order", "arcs_in_triangle"),
-    ("arc_ends", "arcs_in_triangle"),
-    ("four_and", "arcs_in_triangle"),
-    ("may_meet", "search_part"),
-    ("unpack_bvh_node", "search_part"),
-    ("focal_sum", "search_part"),
-    ("ellipsoid_importance", "draw_on_ellipsoid"),
-    ("choose_child", "draw_on_ellipsoid"),
-    ("sums_before", "draw_on_ellipsoid"),
-    ("with_even_share", "draw_on_ellipsoid"),
-    ("descend_bvh", "draw_on_ellipsoid"),
-    ("focus_cosine", "draw_on_ellipsoid"),
-    ("focus_at", "renders of lcs with ellipsoidal connections agree with the oracle"),
-    ("nearest_four", "search_part"),
-    ("farthest_four", "search_part"),
-    ("search_four", "search_part"),
-    ("auxiliary_density2", "weights_with_ellipsoidal_connections_sum_to_one"),
-    ("sum_over_auxiliary", "weights_with_ellipsoidal_connections_sum_to_one"),
-    ("sum_over_sensor_auxiliary", "weights_with_ellipsoidal_connections_sum_to_one"),
-    ("auxiliary_sum", "weights_with_ellipsoidal_connections_sum_to_one"),
-    ("previous_distance", "weights_with_ellipsoidal_connections_sum_to_one"),
-    ("drawn_travel_time", "renders of epc agree with the oracle"),
-    ("travel_time_at", "thin gates of a sphere agree with the closed form"),
-    ("detour_length", "renders of epc agree with the oracle"),
-    ("can_connect_over_surface", "renders of epc agree with the oracle"),
-    ("ellipsoid_key", "renders of epc agree with the oracle"),
-    ("connect_over", "renders of epc agree with the oracle"),
-    ("draw_on_triangle", "renders of epc agree with the oracle"),
-    ("next_word", "descend"),
-    ("surface_vertex", "arrive"),
-    ("load_aim", "a wall that is scanned has the radiance of the closed form"),
-    ("clearcoat_alpha", "renders of textured coats agree with the oracle"),
-    ("pack_coated_point", "point_words on varying coats"),
-    ("unpack_coated_point", "make_varying_bsdf on varying coats"),
-    ("transform_uv", "base_color on transformed textures"),
-    ("stretch_at", "transmitted"),
-    ("medium_span", "transmitted"),
-    ("point_in_grid", "pass_grid"),
-    ("direction_in_grid", "pass_grid"),
-    ("grid_margin", "grid_span"),
-    ("grid_density", "medium_density"),
-    ("cell_corners", "pass_grid"),
-    ("cell_at", "pass_grid"),
-    ("cell_density", "pass_grid"),
-    ("cell_integral", "pass_grid"),
-    ("one_minus_exp", "free_flight"),
-    ("minus_log_rest", "free_flight"),
-    ("normalised", "free_flight"),
-    ("solid_index", "eta_towards"),
-    ("henyey_greenstein", "phase_value"),
-    ("draine", "phase_value"),
-    ("draine_norm", "phase_value"),
-    ("draine_share", "sample_phase_cosine"),
-    ("sample_henyey_greenstein", "sample_phase_cosine"),
-    ("sample_draine", "sample_phase_cosine"),
-    ("table_value", "phase_value"),
-    ("table_interval", "phase_value"),
-    ("load_node", "phase_value"),
-    ("sample_table", "sample_phase_cosine"),
-    ("evaluate_medium_vertex", "renders of foggy rooms agree with the oracle"),
-    ("sample_medium_vertex", "sample_phase_cosine; renders of foggy rooms agree with the oracle"),
-    ("is_in_medium", "renders of foggy rooms agree with the oracle"),
-    ("is_drawn_in_gate", "light that scatters once has the radiance of the closed form"),
-    ("can_draw_in_gate", "light that scatters once has the radiance of the closed form"),
-    ("query_segment", "light that scatters once has the radiance of the closed form"),
-    ("segment_start", "light that scatters once has the radiance of the closed form"),
-    ("guiding_interval", "renders of foggy rooms agree with the oracle"),
-    ("flight_to_event", "free_flight"),
-    ("end_share", "free_flight"),
-    ("mean_extinction", "density_gain"),
-    ("density_gain", "MIS weights only; renders of foggy rooms agree with the oracle"),
-    ("follows_connected", "renders of foggy rooms agree with the oracle"),
-    ("scattered_share", "an estimate; renders of foggy rooms agree with the oracle"),
-    ("is_in_solid", "renders of foggy rooms with glass agree with the oracle"),
-    ("fly", "free_flight"),
-    ("note_crossing", "fog in meshes is fog in boxes"),
-    ("enclosing_medium", "fog in meshes is fog in boxes"),
-    ("passes_boundary", "fog in meshes is fog in boxes"),
-    ("last_stretch", "transmitted"),
-    ("traced_transmittance", "fog in meshes is fog in boxes"),
-    ("depths_towards", "transmitted"),
-    ("solid_towards", "glass with media inside agrees with the oracle"),
-    ("solid_of", "as solid_towards"),
-    ("path_solid", "as solid_towards"),
-    ("with_solid", "as solid_towards"),
-    ("arrive_in_medium", "renders of foggy rooms agree with the oracle"),
-    ("segment_depths", "transmitted"),
-    ("flight_density", "MIS weights only; renders of foggy rooms agree with the oracle"),
-    ("is_sun", "connection_weight on suns"),
-    ("medium_receiver", "an estimate; renders of foggy rooms agree with the oracle"),
-    ("flight_uniforms", "as random4"),
-    ("gate_interval", "light that scatters once has the radiance of the closed form"),
-    ("distance_at", "light that scatters once has the radiance of the closed form"),
-    ("draw_in_gate", "light that scatters once has the radiance of the closed form"),
-    ("shading_normal", "surface_at is compared with the oracle on smooth meshes"),
-    ("sample_triangle", "sample_emission on a triangle"),
-    ("sample_punctual", "sample_emission on points and spots"),
-    ("sample_beam", "sample_emission on beams"),
-    ("delta_sample", "bsdf_sample on mirrors and smooth glass"),
-    ("coat_fresnel", "bsdf_eval on plastics"),
-    ("lobe_albedo", "coat_albedo"),
-    ("is_coated", "bsdf_eval and bsdf_sample on coated materials"),
-    ("add_clearcoat", "as is_coated"),
-    ("clearcoat_albedo", "as is_coated"),
-    ("clearcoat_fresnel", "as is_coated"),
-    ("clearcoat_passes", "as is_coated"),
-    ("is_retroreflector", "bsdf_eval and bsdf_sample on retroreflectors"),
-    ("add_retroreflection", "as is_retroreflector"),
-    ("intersect_triangle", "trace against a test of all triangles"),
-    ("intersect_four", "trace against a test of all triangles"),
-    ("to_ray", "trace against a test of all triangles, and watertight"),
-    ("turn_to_last", "trace against a test of all triangles, and watertight"),
-    ("ray_axes", "trace against a test of all triangles, and watertight"),
-    ("edge_area", "trace against a test of all triangles, and watertight"),
-    ("plane_normal", "surface_at is compared with the oracle; slivers in watertight"),
-    ("random_words", "random4"),
-    ("random_below", "choose_emitter among very many emitters, bit by bit"),
-    ("multiply_wide", "random_below"),
-    ("next_uniform", "the frequencies of descend in the sampler's tests"),
-    ("next_fine_uniform", "rare children in the sampler's tests"),
-    ("lets_pass", "transmittance of translucent quads in trace; decals in one plane in tests/stress"),
-    ("traverse", "trace is its only caller and is compared with a test of all triangles"),
-    ("safe_inverse", "trace along the axes"),
-    ("extract_byte", "trace, which would misread nodes"),
-    ("descend", "tests/sampler"),
-    ("live_buckets", "bucket_power"),
-    ("live_powers", "bucket_power"),
-    ("shares_through_gate", "power_through_gate"),
-    ("push_subtree", "the frequencies of descend_by_importance"),
-    ("unshadowed", "images against closed forms and the oracle; pairs runs the whole kernel `connect`"),
-    ("can_connect", "as unshadowed"),
-    ("connectable_or_none", "as unshadowed"),
-    ("write_candidate", "as unshadowed"),
-    ("query_deterministic", "images of scenes with point lights, spot lights and beams"),
-    ("draw_deterministic", "images of scenes with many lamps"),
-    ("begin_work_item", "as unshadowed"),
-    ("load_sky_row", "sky_towards and sample_sky"),
-    ("load_sky_texel", "as load_sky_row"),
-    ("keep_escape", "weights of a path sum to 1"),
-    ("emit_from_sky", "images under a sky against closed forms and the oracle"),
-    ("clear_slots", "as unshadowed"),
-    ("transmits", "eta_towards, in scatter"),
-    ("has_normal", "vertex_cosine"),
-    ("is_one_sided", "faces"),
-    ("sample_encoded", "sample_texture for colours, point_words for data"),
-    ("add_details", "surface_at is compared with the oracle on meshes with colours and tangents"),
-    ("unpack_color", "as add_details"),
-    ("faces_bump", "scattering_normal and normal_probability, in scatter"),
-    ("scattering_normal", "steps and connections at vertices with turned normals, in scatter"),
-    ("bump_probability", "as scattering_normal"),
-    ("normal_probability", "as scattering_normal"),
-    ("vertex_bsdf", "evaluate_shade_point and evaluate_light_vertex"),
-    ("connection_time", "travel_time and optical_length, at the edges of shells"),
-    ("is_unoccluded", "images of scenes with occluders"),
-    ("advance", "the parity tests of trace, reintersect and arrive; images"),
-    ("is_too_late", "images with and without --no-cull"),
-    ("vertex_importance", "images by lcs against closed forms and the oracle: a wrong probability would bias them"),
-    ("outgoing_light", "as vertex_importance"),
-    ("choose_in_leaf", "as vertex_importance"),
-    ("resample", "as vertex_importance"),
-    ("time_group", "estimators responses: gates from one render agree with the closed form"),
-    ("light_vertex_tau", "estimators responses: histograms agree with the closed form"),
-    ("target_function", "as vertex_importance"),
-    ("total_power", "frequencies of the leaves in importance"),
-    ("sensor_sample", "crops against whole images in estimators/determinism; a unit test of the samples of tiles"),
-    ("samples_of_pixel", "as sensor_sample; images of a lit triangle in estimators"),
-    ("random_vertices", "weights of a path sum to 1"),
-    ("sample_count_ratios", "weights of a path sum to 1"),
-    ("unpack_vertex", "load_light_vertex and load_shade_point"),
+/// How a function is tested that no test kernel calls itself.
+enum Cover {
+    /// Through this function of `shaders/shared/`, which calls it.
+    Caller(&'static str),
+    /// By this file in `tests/`, and this test in it.
+    Test(&'static str, &'static str),
+}
+use Cover::{Caller, Test};
+
+/// Functions that no test kernel calls itself.
+const ELSEWHERE: &[(&str, Cover)] = &[
+    ("is_in_reach", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("load_leaf_vertex", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("unpack_direction", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("pack_weights", Caller("grow_frontier")),
+    ("unpack_weights", Caller("sample_frontier")),
+    ("subtree_weights", Caller("sample_frontier")),
+    ("to_sphere", Caller("arcs_in_triangle")),
+    ("normal_to_sphere", Caller("search_part")),
+    ("angle_of", Caller("arcs_in_triangle")),
+    ("at_angle", Caller("point_on_arcs")),
+    ("half_circle", Caller("arcs_in_triangle")),
+    ("is_on_left", Caller("arcs_in_triangle")),
+    ("cross2", Caller("arcs_in_triangle")),
+    ("plane_weights", Caller("point_on_arcs")),
+    ("in_order", Caller("arcs_in_triangle")),
+    ("arc_ends", Caller("arcs_in_triangle")),
+    ("four_and", Caller("arcs_in_triangle")),
+    ("may_meet", Caller("search_part")),
+    ("unpack_bvh_node", Caller("search_part")),
+    ("focal_sum", Caller("search_part")),
+    ("ellipsoid_importance", Caller("draw_on_ellipsoid")),
+    ("choose_child", Caller("draw_on_ellipsoid")),
+    ("sums_before", Caller("draw_on_ellipsoid")),
+    ("with_even_share", Caller("draw_on_ellipsoid")),
+    ("descend_bvh", Caller("draw_on_ellipsoid")),
+    ("focus_cosine", Caller("draw_on_ellipsoid")),
+    ("focus_at", Test("estimators/ellipsoids.rs", "glass_alpha_and_fog_agree_with_the_oracle")),
+    ("nearest_four", Caller("search_part")),
+    ("farthest_four", Caller("search_part")),
+    ("search_four", Caller("search_part")),
+    ("auxiliary_density2", Test("parity/weights.rs", "weights_with_ellipsoidal_connections_sum_to_one")),
+    ("sum_over_auxiliary", Test("parity/weights.rs", "weights_with_ellipsoidal_connections_sum_to_one")),
+    ("sum_over_sensor_auxiliary", Test("parity/weights.rs", "weights_with_ellipsoidal_connections_sum_to_one")),
+    ("auxiliary_sum", Test("parity/weights.rs", "weights_with_ellipsoidal_connections_sum_to_one")),
+    ("previous_distance", Test("parity/weights.rs", "weights_with_ellipsoidal_connections_sum_to_one")),
+    ("drawn_travel_time", Test("estimators/ellipsoids.rs", "glass_alpha_and_fog_agree_with_the_oracle")),
+    ("travel_time_at", Test("estimators/ellipsoids.rs", "thin_gates_of_a_sphere_agree_with_the_closed_form")),
+    ("detour_length", Test("estimators/ellipsoids.rs", "glass_alpha_and_fog_agree_with_the_oracle")),
+    ("can_connect_over_surface", Test("estimators/ellipsoids.rs", "glass_alpha_and_fog_agree_with_the_oracle")),
+    ("ellipsoid_key", Test("estimators/ellipsoids.rs", "glass_alpha_and_fog_agree_with_the_oracle")),
+    ("connect_over", Test("estimators/ellipsoids.rs", "glass_alpha_and_fog_agree_with_the_oracle")),
+    ("draw_on_triangle", Test("estimators/ellipsoids.rs", "glass_alpha_and_fog_agree_with_the_oracle")),
+    ("next_word", Caller("descend")),
+    ("surface_vertex", Caller("arrive")),
+    ("load_aim", Test("estimators/scan.rs", "a_wall_has_the_radiance_of_the_closed_form")),
+    ("clearcoat_alpha", Test("estimators/surface.rs", "a_textured_coat_reflects_in_proportion_to_its_texels")),
+    ("pack_coated_point", Caller("point_words")),
+    ("unpack_coated_point", Caller("unpack_point")),
+    ("transform_uv", Caller("base_color")),
+    ("stretch_at", Caller("optical_depths")),
+    ("medium_span", Caller("media_extent")),
+    ("point_in_grid", Caller("pass_grid")),
+    ("direction_in_grid", Caller("pass_grid")),
+    ("grid_margin", Caller("grid_span")),
+    ("grid_density", Caller("medium_density")),
+    ("cell_corners", Caller("pass_grid")),
+    ("cell_at", Caller("pass_grid")),
+    ("cell_density", Caller("pass_grid")),
+    ("cell_integral", Caller("pass_grid")),
+    ("one_minus_exp", Caller("free_flight")),
+    ("minus_log_rest", Caller("free_flight")),
+    ("normalised", Caller("free_flight")),
+    ("solid_index", Caller("eta_towards")),
+    ("henyey_greenstein", Caller("phase_value")),
+    ("draine", Caller("phase_value")),
+    ("draine_norm", Caller("phase_value")),
+    ("draine_share", Caller("sample_phase_cosine")),
+    ("sample_henyey_greenstein", Caller("sample_phase_cosine")),
+    ("sample_draine", Caller("sample_phase_cosine")),
+    ("table_value", Caller("phase_value")),
+    ("table_interval", Caller("phase_value")),
+    ("load_node", Caller("phase_value")),
+    ("sample_table", Caller("sample_phase_cosine")),
+    ("evaluate_medium_vertex", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("sample_medium_vertex", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("is_in_medium", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("is_drawn_in_gate", Test("estimators/fog.rs", "light_that_scatters_once_has_the_radiance_of_the_closed_form")),
+    ("can_draw_in_gate", Test("estimators/fog.rs", "light_that_scatters_once_has_the_radiance_of_the_closed_form")),
+    ("query_segment", Test("estimators/fog.rs", "light_that_scatters_once_has_the_radiance_of_the_closed_form")),
+    ("segment_start", Test("estimators/fog.rs", "light_that_scatters_once_has_the_radiance_of_the_closed_form")),
+    ("guiding_interval", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("flight_to_event", Caller("free_flight")),
+    ("end_share", Caller("free_flight")),
+    ("mean_extinction", Caller("density_gain")),
+    ("density_gain", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("follows_connected", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("scattered_share", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("is_in_solid", Test("estimators/fog_and_glass.rs", "fog_does_not_enter_clear_glass")),
+    ("fly", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("note_crossing", Test("estimators/null_boundaries.rs", "fog_in_meshes_is_fog_in_boxes")),
+    ("enclosing_medium", Test("estimators/null_boundaries.rs", "fog_in_meshes_is_fog_in_boxes")),
+    ("passes_boundary", Test("estimators/null_boundaries.rs", "fog_in_meshes_is_fog_in_boxes")),
+    ("last_stretch", Caller("optical_depths")),
+    ("traced_transmittance", Test("estimators/null_boundaries.rs", "fog_in_meshes_is_fog_in_boxes")),
+    ("depths_towards", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("solid_towards", Test("estimators/interiors.rs", "glass_with_media_inside_agrees_with_the_oracle")),
+    ("solid_of", Test("estimators/interiors.rs", "glass_with_media_inside_agrees_with_the_oracle")),
+    ("path_solid", Test("estimators/interiors.rs", "glass_with_media_inside_agrees_with_the_oracle")),
+    ("with_solid", Test("estimators/interiors.rs", "glass_with_media_inside_agrees_with_the_oracle")),
+    ("arrive_in_medium", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("segment_depths", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("flight_density", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("is_sun", Test("estimators/sun.rs", "estimators_agree_with_the_oracle_in_sunlight")),
+    ("medium_receiver", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("flight_uniforms", Test("estimators/fog.rs", "a_foggy_room_agrees_with_the_oracle")),
+    ("gate_interval", Test("estimators/fog.rs", "light_that_scatters_once_has_the_radiance_of_the_closed_form")),
+    ("distance_at", Test("estimators/fog.rs", "light_that_scatters_once_has_the_radiance_of_the_closed_form")),
+    ("draw_in_gate", Test("estimators/fog.rs", "light_that_scatters_once_has_the_radiance_of_the_closed_form")),
+    ("shading_normal", Caller("surface_at")),
+    ("sample_triangle", Caller("sample_emission")),
+    ("sample_punctual", Caller("sample_emission")),
+    ("sample_beam", Caller("sample_emission")),
+    ("delta_sample", Caller("bsdf_sample")),
+    ("coat_fresnel", Caller("bsdf_eval")),
+    ("lobe_albedo", Caller("coat_albedo")),
+    ("is_coated", Caller("bsdf_eval")),
+    ("add_clearcoat", Caller("bsdf_eval")),
+    ("clearcoat_albedo", Caller("bsdf_eval")),
+    ("clearcoat_fresnel", Caller("bsdf_eval")),
+    ("clearcoat_passes", Caller("bsdf_eval")),
+    ("is_retroreflector", Caller("bsdf_eval")),
+    ("add_retroreflection", Caller("bsdf_eval")),
+    ("intersect_triangle", Caller("trace")),
+    ("intersect_four", Caller("trace")),
+    ("to_ray", Caller("trace")),
+    ("turn_to_last", Caller("trace")),
+    ("ray_axes", Caller("trace")),
+    ("edge_area", Caller("trace")),
+    ("plane_normal", Caller("surface_at")),
+    ("random_words", Caller("random4")),
+    ("random_below", Test("parity/emitter.rs", "a_million_emitters_are_chosen_uniformly")),
+    ("multiply_wide", Caller("random_below")),
+    ("next_uniform", Caller("descend")),
+    ("next_fine_uniform", Test("sampler/stress.rs", "a_rare_first_child_is_drawn_as_rarely_as_it_should")),
+    ("lets_pass", Test("parity/trace.rs", "alpha_lets_its_share_of_rays_through")),
+    ("traverse", Caller("trace")),
+    ("safe_inverse", Caller("trace")),
+    ("extract_byte", Caller("trace")),
+    ("descend", Test("sampler/main.rs", "draws_have_the_probabilities_of_the_walk")),
+    ("live_buckets", Caller("bucket_power")),
+    ("live_powers", Caller("bucket_power")),
+    ("shares_through_gate", Caller("power_through_gate")),
+    ("push_subtree", Caller("grow_frontier")),
+    ("unshadowed", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("can_connect", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("connectable_or_none", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("write_candidate", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("query_deterministic", Test("estimators/sphere.rs", "light_cone_shell_queries_agree_with_the_closed_form")),
+    ("draw_deterministic", Test("estimators/lamps.rs", "many_points_in_one_place_agree_with_the_closed_form")),
+    ("begin_work_item", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("load_sky_row", Caller("sky_towards")),
+    ("load_sky_texel", Caller("sky_towards")),
+    ("keep_escape", Test("parity/weights.rs", "weights_of_a_path_sum_to_one")),
+    ("emit_from_sky", Test("estimators/sky.rs", "estimators_agree_with_the_oracle_under_the_sky")),
+    ("clear_slots", Test("parity/pairs.rs", "near_pairs_pass_the_query_kernels")),
+    ("transmits", Caller("eta_towards")),
+    ("has_normal", Caller("vertex_cosine")),
+    ("is_one_sided", Caller("faces")),
+    ("sample_encoded", Caller("sample_texture")),
+    ("add_details", Test("parity/bump.rs", "normal_maps_and_vertex_colours_agree_with_the_oracle")),
+    ("unpack_color", Test("parity/bump.rs", "normal_maps_and_vertex_colours_agree_with_the_oracle")),
+    ("faces_bump", Caller("scattering_normal")),
+    ("scattering_normal", Test("parity/scatter.rs", "steps_agree_with_connections")),
+    ("bump_probability", Test("parity/scatter.rs", "steps_agree_with_connections")),
+    ("normal_probability", Test("parity/scatter.rs", "steps_agree_with_connections")),
+    ("vertex_bsdf", Caller("evaluate_shade_point")),
+    ("connection_time", Test("parity/shell_edge.rs", "the_gate_is_half_open")),
+    ("is_unoccluded", Test("estimators/agreement.rs", "cornell_box_agrees_with_the_oracle")),
+    ("advance", Test("estimators/agreement.rs", "cornell_box_agrees_with_the_oracle")),
+    ("is_too_late", Test("estimators/orthographic.rs", "culling_removes_no_light")),
+    ("vertex_importance", Test("estimators/sphere.rs", "resampled_queries_agree_with_the_closed_form")),
+    ("outgoing_light", Test("estimators/sphere.rs", "resampled_queries_agree_with_the_closed_form")),
+    ("choose_in_leaf", Test("estimators/sphere.rs", "resampled_queries_agree_with_the_closed_form")),
+    ("resample", Test("estimators/sphere.rs", "resampled_queries_agree_with_the_closed_form")),
+    ("time_group", Test("estimators/responses.rs", "short_responses_of_lcs_agree_with_the_closed_form")),
+    ("light_vertex_tau", Test("estimators/responses.rs", "every_gate_agrees_with_the_closed_form")),
+    ("target_function", Test("estimators/sphere.rs", "resampled_queries_agree_with_the_closed_form")),
+    ("total_power", Test("parity/importance.rs", "leaves_come_up_with_the_probability_they_report")),
+    ("sensor_sample", Test("estimators/determinism.rs", "a_crop_is_a_part_of_the_whole_image")),
+    ("samples_of_pixel", Test("estimators/determinism.rs", "a_crop_is_a_part_of_the_whole_image")),
+    ("random_vertices", Test("parity/weights.rs", "weights_of_a_path_sum_to_one")),
+    ("sample_count_ratios", Test("parity/weights.rs", "weights_of_a_path_sum_to_one")),
+    ("unpack_vertex", Caller("load_light_vertex")),
 ];
 
 fn all() -> Vec<&'static ShaderFunction> {
@@ -227,26 +237,61 @@ fn all() -> Vec<&'static ShaderFunction> {
     .concat()
 }
 
-/// Names of all functions that the shared modules declare.
-fn declared() -> BTreeSet<String> {
-    let shared = SOURCES.iter().filter(|(path, _)| path.starts_with("shared/"));
-    shared
-        .flat_map(|(path, text)| {
-            let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
-            module.functions.iter().filter_map(|(_, f)| f.name.clone()).collect::<Vec<_>>()
-        })
-        .collect()
+/// The functions that the shared modules declare, and the names of those that each calls.
+fn declared() -> BTreeMap<String, BTreeSet<String>> {
+    let mut all: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (path, text) in SOURCES.iter().filter(|(path, _)| path.starts_with("shared/")) {
+        let (module, _) = shader::compose(path, text).and_then(|c| c.parse()).unwrap_or_else(|e| panic!("{e}"));
+        for (_, function) in module.functions.iter() {
+            let mut names = vec![];
+            calls(&module, &function.body, &mut names);
+            all.entry(function.name.clone().expect("functions have names")).or_default().extend(names);
+        }
+    }
+    all
+}
+
+/// Whether `caller` calls `function`, itself or through others.
+fn reaches(declared: &BTreeMap<String, BTreeSet<String>>, caller: &str, function: &str) -> bool {
+    let called = declared.get(caller).into_iter().flatten();
+    called.into_iter().any(|name| name == function || reaches(declared, name, function))
+}
+
+/// Whether a file in `tests/` has this test, and runs it always.
+fn has_test(file: &str, name: &str) -> bool {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(file);
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let lines: Vec<&str> = text.lines().collect();
+    let head = format!("fn {name}() {{");
+    let Some(at) = lines.iter().position(|line| *line == head) else { return false };
+    let attributes: Vec<&&str> = lines[..at].iter().rev().take_while(|line| line.starts_with("#[")).collect();
+    attributes.contains(&&"#[test]") && !attributes.iter().any(|line| line.starts_with("#[ignore"))
 }
 
 #[test]
 fn every_shared_function_is_tested() {
     let called: BTreeSet<String> = all().iter().flat_map(|kernel| kernel.called()).collect();
     let declared = declared();
-    let excused: BTreeSet<String> = ELSEWHERE.iter().map(|(name, _)| name.to_string()).collect();
-    let forgotten: Vec<_> = declared.iter().filter(|f| !called.contains(*f) && !excused.contains(*f)).collect();
+    let excused: BTreeSet<&str> = ELSEWHERE.iter().map(|(name, _)| *name).collect();
+    let forgotten: Vec<_> = declared.keys().filter(|f| !called.contains(*f) && !excused.contains(f.as_str())).collect();
     assert!(forgotten.is_empty(), "no test kernel calls {forgotten:?}; test them, or add them to ELSEWHERE");
-    let stale: Vec<_> = excused.iter().filter(|f| !declared.contains(*f) || called.contains(*f)).collect();
+    let stale: Vec<_> = excused.iter().filter(|f| !declared.contains_key(**f) || called.contains(**f)).collect();
     assert!(stale.is_empty(), "remove from ELSEWHERE: {stale:?} no longer exist or have a test kernel");
+    let mut wrong = vec![];
+    for (name, cover) in ELSEWHERE {
+        match cover {
+            Caller(caller) if !called.contains(*caller) && !excused.contains(caller) => {
+                wrong.push(format!("{name}: nothing tests {caller}"));
+            }
+            Caller(caller) if !reaches(&declared, caller, name) => {
+                wrong.push(format!("{name}: {caller} does not call it"));
+            }
+            Test(file, test) if !has_test(file, test) => wrong.push(format!("{name}: no test {test} runs in {file}")),
+            _ => (),
+        }
+    }
+    assert!(wrong.is_empty(), "correct ELSEWHERE:\n{}", wrong.join("\n"));
+    assert!(!has_test("estimators/agreement.rs", "all_strategies_agree"), "an ignored test counts");
     assert!(
         declared.len() > 60 && called.len() > 40,
         "{} functions declared, {} called by test kernels",

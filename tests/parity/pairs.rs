@@ -1,7 +1,8 @@
 //! Degenerate pairs of a shade point and a light vertex: at one place, close together, in one plane, or behind each other.
 //!
 //! The pairs run through the whole kernels `shell_query`, `shell_resample` and `connect`. Contributions must be finite and
-//! not negative. If they are not 0, they must equal Eq. 25 with its MIS weight in f64.
+//! not negative. They must equal Eq. 25 with its MIS weight in f64. Only if a vertex is seen almost along its surface, a
+//! contribution may be 0 instead.
 
 use std::f64::consts::PI;
 
@@ -275,7 +276,8 @@ fn fault(q: &PathVertex, v: &PathVertex, factor: f64, got: [f32; 4], compared: &
         return Some(about());
     }
     if got_light == DVec3::ZERO {
-        return None;
+        // The gate is open and nothing occludes a pair, so only rounding may hide it. Values below f32's range become 0.
+        return (cosine > 1e-3 && want.min_element() > 1e-36).then(about);
     }
     *compared += 1;
     // A cosine has an absolute error of 3e-7. Value and weight depend on at most its sixth power.
@@ -374,7 +376,7 @@ fn near_pairs_of_any_material_stay_finite() {
     }
 }
 
-/// The tests above would detect contributions that are 1 % too large.
+/// The tests above would detect contributions that are 1 % too large, and contributions that are 0.
 #[test]
 fn a_wrong_contribution_is_noticed() {
     let (points, lights) = pairs();
@@ -385,6 +387,8 @@ fn a_wrong_contribution_is_noticed() {
     let mut compared = 0;
     let wrong = (0..points.len()).filter(|&i| fault(&points[i], &lights[i], 1.0, got[i], &mut compared).is_some());
     assert!(wrong.count() > points.len() / 8);
+    let lost = (points.iter().zip(&lights)).filter(|(q, v)| fault(q, v, 1.0, [0.0; 4], &mut compared).is_some());
+    assert!(lost.count() > points.len() / 4);
 }
 
 /// Both vertices are within 4e-6 m of the pinhole, and 1e-11 m apart. Squared densities would overflow to infinity there, and

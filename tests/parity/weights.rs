@@ -144,10 +144,14 @@ struct Path {
 /// Kinds of emitters: a surface that emits on one side or on both, a point, a beam with a radius and a beam without one, the sky.
 const KINDS: [u32; 6] = [0, 1, 2, 4, 5, 6];
 
-/// A random path. Both neighbours of every vertex are in front of its surface. Shading normals differ from the geometric
+/// A random path. Both neighbours of a vertex are in front of its surface. If the path `crosses` glass, this holds for three
+/// quarters of the vertices, and at the others the path passes through rough glass. Shading normals differ from the geometric
 /// ones, and a quarter of the vertices are mirrors.
-fn path(pcg: &mut Pcg, kind: u32, segments: usize, orthographic: bool) -> Path {
+fn path(pcg: &mut Pcg, kind: u32, segments: usize, orthographic: bool, crosses: bool) -> Path {
     let set = set();
+    let glass = set.named("rough glass", 1.0) as u32;
+    // Not the emitter, which is the last place from the sensor.
+    let is_crossed: Vec<bool> = (0..segments).map(|n| crosses && n > 0 && pcg.below(4) == 0).collect();
     let wide: Vec<u32> = (0..set.kinds.len() as u32).filter(|&i| set.kinds[i as usize].roughness > 0.4).collect();
     let mirror = set.named("mirror", 0.0) as u32;
     let mut places = vec![DVec3::ZERO];
@@ -155,6 +159,8 @@ fn path(pcg: &mut Pcg, kind: u32, segments: usize, orthographic: bool) -> Path {
         let towards = match n {
             0 if orthographic => DVec3::NEG_Z,
             0 => (direction(pcg) + 2.0 * DVec3::NEG_Z).normalize(),
+            // Facets refract only into directions near the straight one.
+            _ if is_crossed[n] => ((places[n] - places[n - 1]).normalize() + 0.4 * direction(pcg)).normalize(),
             _ => direction(pcg),
         };
         places.push(places[n] + pcg.range(0.5, 2.0) * towards);
@@ -166,15 +172,23 @@ fn path(pcg: &mut Pcg, kind: u32, segments: usize, orthographic: bool) -> Path {
     for i in 0..segments {
         let ahead = (places[i + 1] - places[i]).normalize();
         let behind = if i == 0 { ahead } else { (places[i - 1] - places[i]).normalize() };
-        // Both neighbours are in front of a surface with this normal.
-        let between = (ahead + behind).normalize();
-        let facing = |n: DVec3| n.dot(ahead) > 0.05 && n.dot(behind) > 0.05;
+        let crossed = is_crossed.get(segments - i).is_some_and(|&crossed| crossed);
+        let behind = if crossed { -behind } else { behind };
+        // Both neighbours are in front of a surface with this normal, or one in front of it and one behind it.
+        let side = if crossed && pcg.below(2) == 0 { -1.0 } else { 1.0 };
+        let between = side * (ahead + behind).normalize();
+        let facing = |n: DVec3| side * n.dot(ahead) > 0.05 && side * n.dot(behind) > 0.05;
+        let spread = if crossed { 0.2 } else { 0.5 };
         let near = |pcg: &mut Pcg| {
-            let tries = (0..100).map(|_| (between + 0.5 * direction(pcg)).normalize());
+            let tries = (0..100).map(|_| (between + spread * direction(pcg)).normalize());
             tries.collect::<Vec<_>>().into_iter().find(|&n| facing(n)).unwrap_or(between)
         };
         let (geometric, normal) = (near(pcg), near(pcg));
-        let material = if i > 0 && pcg.below(4) == 0 { mirror } else { wide[pcg.below(wide.len())] };
+        let material = match i > 0 && pcg.below(4) == 0 {
+            _ if crossed => glass,
+            true => mirror,
+            false => wide[pcg.below(wide.len())],
+        };
         let four = |v: DVec3, w: f32| [vec3(v)[0], vec3(v)[1], vec3(v)[2], w];
         path.place[i] = four(places[i], 0.0);
         path.geometric[i] = four(geometric, 0.0);
@@ -227,22 +241,27 @@ fn wrong(
 
 #[test]
 fn weights_of_a_path_sum_to_one() {
-    sum_to_one(false);
+    sum_to_one(false, false);
+}
+
+#[test]
+fn weights_of_a_path_through_rough_glass_sum_to_one() {
+    sum_to_one(false, true);
 }
 
 #[test]
 fn weights_of_a_path_to_an_orthographic_camera_sum_to_one() {
-    sum_to_one(true);
+    sum_to_one(true, false);
 }
 
-fn sum_to_one(orthographic: bool) {
+fn sum_to_one(orthographic: bool, crosses: bool) {
     let mut pcg = Pcg::new(151);
     let segments: Vec<usize> = (0..6000).map(|i| if i % 60 == 0 { 1 } else { 2 + pcg.below(LONGEST - 1) }).collect();
     let kinds: Vec<u32> = (0..6000).map(|_| KINDS[pcg.below(KINDS.len())]).collect();
     // A path of one segment sees the emitter itself, which must be a surface.
     let kinds: Vec<u32> = kinds.iter().zip(&segments).map(|(&kind, &k)| if k == 1 { kind % 2 } else { kind }).collect();
     let paths: Vec<Path> =
-        kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, orthographic)).collect();
+        kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, orthographic, crosses)).collect();
     for (kept, sample_count) in KEPT.into_iter().flat_map(|kept| [1.0, 4.0].map(|sample_count| (kept, sample_count))) {
         let constants = [("HAS_ORTHOGRAPHIC", f64::from(u8::from(orthographic)))];
         let results = weights(kept, sample_count, &constants, &paths);
@@ -272,7 +291,8 @@ fn weights_with_ellipsoidal_connections_sum_to_one() {
     let mut pcg = Pcg::new(152);
     let segments: Vec<usize> = (0..6000).map(|_| 2 + pcg.below(LONGEST - 1)).collect();
     let kinds: Vec<u32> = segments.iter().map(|_| KINDS[pcg.below(5)]).collect();
-    let paths: Vec<Path> = kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, false)).collect();
+    let paths: Vec<Path> =
+        kinds.iter().zip(&segments).map(|(&kind, &k)| path(&mut pcg, kind, k, false, false)).collect();
     for sample_count in [1.0, 4.0] {
         let results = weights(KEPT[0], sample_count, &[("HAS_ELLIPSOIDS", 1.0)], &paths);
         let (offenders, formed) = wrong(&results, &segments, None, None);
