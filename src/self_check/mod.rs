@@ -59,17 +59,19 @@ impl Method {
 /// Runs all checks on `device`, and calls `visit` after each check.
 pub fn check(device: &Device, visit: &mut dyn FnMut(Outcome)) {
     let cases = means::cases();
-    for method in Method::all() {
-        let mut done = |what: &str, verdict: Result<Verdict>| {
-            let name = format!("{}, {}, {what}", method.estimator, method.sampling);
-            visit(Outcome { name, verdict: verdict.unwrap_or_else(Verdict::Failed) });
-        };
-        done("a lamp seen directly", lamp::check(device, method, lamp::RADIANCE));
-        for case in cases.iter().filter(|case| case.is_for(method.estimator)) {
-            case.check(device, method, &mut done);
-        }
-        done("bits with other tiles and workgroups", bits::check(device, method));
+    Method::all().for_each(|method| check_method(device, method, &cases, visit));
+}
+
+fn check_method(device: &Device, method: Method, cases: &[means::Case], visit: &mut dyn FnMut(Outcome)) {
+    let mut done = |what: &str, verdict: Result<Verdict>| {
+        let name = format!("{}, {}, {what}", method.estimator, method.sampling);
+        visit(Outcome { name, verdict: verdict.unwrap_or_else(Verdict::Failed) });
+    };
+    done("a lamp seen directly", lamp::check(device, method, lamp::RADIANCE));
+    for case in cases.iter().filter(|case| case.is_for(method.estimator)) {
+        case.check(device, method, &mut done);
     }
+    done("bits with other tiles and workgroups", bits::check(device, method));
 }
 
 #[cfg(test)]

@@ -8,7 +8,9 @@ fn taugate(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_taugate")).args(arguments).output().expect("taugate starts")
 }
 
+/// `cargo test --release --test cli -- --ignored every_check_is_ok`. A unit test of `self_check` runs the checks of one estimator.
 #[test]
+#[ignore = "takes a minute"]
 fn every_check_is_ok_on_this_device() {
     let output = taugate(&["devices", "--check"]);
     let text = String::from_utf8(output.stdout).unwrap();

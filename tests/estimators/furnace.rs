@@ -12,7 +12,7 @@ use taugate::internals::scene::{Material, Mesh, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
-use super::cells::{Cells, renderer, settings, threshold};
+use super::cells::{Cells, is_long, renderer, settings, threshold};
 
 /// Largest allowed relative error of the energy.
 const LOSS: f64 = 0.005;
@@ -92,7 +92,8 @@ fn the_closed_form_says_the_same() {
 
 #[test]
 fn a_hundred_reflections_lose_nothing() {
-    for estimator in [Estimator::Pt, Estimator::Lcs] {
+    let all = [Estimator::Lcs, Estimator::Pt];
+    for &estimator in if is_long() { &all[..] } else { &all[..1] } {
         keeps_its_energy(&sphere(1.0), SPHERE_GATE, estimator, false);
     }
 }

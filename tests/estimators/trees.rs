@@ -121,7 +121,7 @@ fn by(importance: Importance, resolution: [u32; 2]) -> Settings {
 fn any_importance_agrees_with_the_closed_form() {
     let scene = glowing_sphere();
     let all = combinations();
-    for &importance in if is_long() { &all[..] } else { &all[..3] } {
+    for &importance in if is_long() { &all[..] } else { &all[..2] } {
         let z = z(&scene, &by(importance, [12, 12]), GATES[1], 1.0);
         assert!(z.abs() < threshold(all.len()), "{importance}: z = {z:.2}");
     }
