@@ -27,7 +27,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("in_order", "arcs_in_triangle"),
     ("arc_ends", "arcs_in_triangle"),
     ("four_and", "arcs_in_triangle"),
-    ("may_meet", "search_part"),
+    ("scaled_normal", "may_meet"),
     ("unpack_bvh_node", "search_part"),
     ("focal_sum", "search_part"),
     ("ellipsoid_importance", "draw_on_ellipsoid"),
