@@ -48,6 +48,14 @@ impl RenderSpace {
         RenderSpace { origin: (place / step).round() * step, ..space }
     }
 
+    /// Distance in metres of `camera` from the origin of [`RenderSpace::of_camera`].
+    pub fn distance_of_camera(scene: &Scene, camera: &Camera, selected: &Emitters) -> f64 {
+        if scene.moving.is_none() {
+            return 0.0;
+        }
+        RenderSpace::of_camera(scene, camera, selected).origin.distance(camera.transform.translation)
+    }
+
     /// The point `world` (m) in render space.
     pub fn point(&self, world: DVec3) -> Vec3 {
         ((world - self.origin) / self.unit).as_vec3()
