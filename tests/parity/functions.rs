@@ -184,6 +184,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("outgoing_light", "as vertex_importance"),
     ("choose_in_leaf", "as vertex_importance"),
     ("resample", "as vertex_importance"),
+    ("max_queries", "the number of candidates only; renders of foggy rooms agree with the oracle"),
     ("time_group", "estimators responses: gates from one render agree with the closed form"),
     ("light_vertex_tau", "estimators responses: histograms agree with the closed form"),
     ("target_function", "as vertex_importance"),
