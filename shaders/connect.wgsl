@@ -63,7 +63,7 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let tau = connection_time(q, v, w, sqrt(segment.length2));
     let in_gate = gate_weight(tau);
     if (in_gate == 0.0) {
-        contributions[slot] = vec4<f32>(0.0, 0.0, 0.0, -1.0);
+        contributions[slot] = vec4<f32>(0.0, 0.0, 0.0, NOT_TRACED);
         return;
     }
     let contribution = unshadowed(q, v);
@@ -71,7 +71,7 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
     let value = contribution.xyz * (candidate.weight * counted * in_gate);
     if (!(max_component(abs(value)) > 0.0)) {
         // The value is zero or not a number, so no ray is needed. `gather` counts the second case as dropped.
-        contributions[slot] = vec4<f32>(value, -1.0);
+        contributions[slot] = vec4<f32>(value, NOT_TRACED);
         return;
     }
 
@@ -86,7 +86,7 @@ fn connect(@builtin(global_invocation_id) id: vec3<u32>) {
 fn connect_by_ellipsoid(
     q: PathVertex, v: PathVertex, sensor: SensorSample, x: AuxiliaryPoint, inverse_density: f32, slot: u32,
 ) -> vec4<f32> {
-    let nothing = vec4<f32>(0.0, 0.0, 0.0, -1.0);
+    let nothing = vec4<f32>(0.0, 0.0, 0.0, NOT_TRACED);
     if (x.triangle == NONE || gate_weight(x.tau) == 0.0) {
         return nothing;
     }
@@ -96,7 +96,7 @@ fn connect_by_ellipsoid(
     }
     let value = c.value * (inverse_density * candidates[slot].weight * select(c.weight, 1.0, OBSERVE == OBSERVE_STRATEGIES));
     if (!(max_component(abs(value)) > 0.0)) {
-        return vec4<f32>(value, -1.0);
+        return vec4<f32>(value, NOT_TRACED);
     }
     let words = pcg4d(ellipsoid_key(sensor, dispatch.bounce, slot) ^ vec4<u32>(0u, 0u, 0u, x.triangle));
     let lit_q = is_unoccluded(ray_end(q, -c.to_q), ray_end(c.x, c.to_q), words);
@@ -113,14 +113,14 @@ fn connect_to_sky(q: PathVertex, slot: u32) -> vec4<f32> {
     let seen = sample_sky(random_words(STREAM_QUERY, sensor.index, sensor.sample, q.flags & VERTEX_DEPTH, 2u, frame.seed));
     let w = seen.direction;
     if (!(seen.pdf > 0.0 && faces(q, w))) {
-        return vec4<f32>(0.0, 0.0, 0.0, -1.0);
+        return vec4<f32>(0.0, 0.0, 0.0, NOT_TRACED);
     }
     let at_q = evaluate_shade_point(q, w);
     let weight = sky_connection_weight(q, at_q, seen.pdf);
     let counted = select(weight, 1.0, OBSERVE == OBSERVE_STRATEGIES);
     let value = q.throughput * at_q.value * transmitted(segment_depths(q, w, 3e38)) * seen.radiance * (counted / seen.pdf);
     if (!(max_component(abs(value)) > 0.0)) {
-        return vec4<f32>(value, -1.0);
+        return vec4<f32>(value, NOT_TRACED);
     }
     let dimension = (STREAM_ALPHA << 28u) | (1u << 27u) | (dispatch.bounce << 14u) | (slot % frame.slots);
     let key = vec4<u32>(sensor.index, sensor.sample, dimension, frame.seed);

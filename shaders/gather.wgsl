@@ -31,7 +31,7 @@ fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
         let c = contributions[slot];
         let finite = is_finite(c.xyz);
         tally.x += select(1u, 0u, finite);
-        tally.y += select(0u, 1u, c.w >= 0.0);
+        tally.y += select(0u, 1u, c.w > NOT_TRACED);
         tally.z += select(0u, 1u, finite && max_component(c.xyz) > 0.0);
         sum += select(vec3<f32>(0.0), c.xyz, finite);
     }

@@ -8,3 +8,7 @@ struct Candidate {
     // 1 / (K P(j | q)), the factor of Eqs. 25 and 26. For lcs: the resampling factor that replaces it.
     weight: f32,
 }
+
+// The fourth component of a contribution for which no shadow ray was traced. Travel times are larger, even if they are negative:
+// rounding, or a field of view, may put light slightly before time 0 if they omit the ways to a wall.
+const NOT_TRACED: f32 = -3e38;

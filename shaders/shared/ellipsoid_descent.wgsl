@@ -178,7 +178,7 @@ fn draw_on_ellipsoid(s: EllipsoidSearch, v: Focus, q: Focus, rng: ptr<function, 
             if (may_meet(s, group.first + i)) {
                 let t = load_triangle(group.first + i);
                 let arcs = arcs_in_triangle(s.ellipsoid, t.v0, t.v1, t.v2);
-                let normal = normalize(cross(t.v1 - t.v0, t.v2 - t.v0));
+                let normal = normalize(scaled_normal(t));
                 let jitter = next_uniform(rng);
                 for (var k = 0u; k < POINT_DRAWS && arcs.length > 0.0; k++) {
                     let weights = point_on_arcs(arcs, (f32(k) + jitter) * (1.0 / f32(POINT_DRAWS)));

@@ -38,10 +38,18 @@ fn make_search(v: vec3<f32>, q: vec3<f32>, length: f32) -> EllipsoidSearch {
     return EllipsoidSearch(make_ellipsoid(v, q, length), v, length - slack, q, length + slack);
 }
 
+// A normal of the triangle. Its largest component is near 1, so products with lengths do not underflow, as they would with the cross
+// product of the edges of a small triangle. The factor is a power of two, so it changes no bit of a mantissa.
+fn scaled_normal(t: Triangle) -> vec3<f32> {
+    let n = cross(t.v1 - t.v0, t.v2 - t.v0);
+    let exponent = bitcast<u32>(max_component(abs(n))) & 0x7f800000u;
+    return n * bitcast<f32>(0x7f000000u - exponent);
+}
+
 // Whether the ellipsoid may meet the triangle: it cuts the plane, some corner lies outside, and both foci are on the same side.
 fn may_meet(s: EllipsoidSearch, index: u32) -> bool {
     let t = load_triangle(index);
-    let n = cross(t.v1 - t.v0, t.v2 - t.v0);
+    let n = scaled_normal(t);
     let side_v = dot(n, s.v - t.v0);
     let side_q = dot(n, s.q - t.v0);
     // |n| times the distance of the plane from the centre. If the plane cuts the ellipsoid, it is at most the length of `reach`.
@@ -49,7 +57,9 @@ fn may_meet(s: EllipsoidSearch, index: u32) -> bool {
     let reach = normal_to_sphere(s.ellipsoid, n);
     let farthest = max(max(focal_sum(s, t.v0), focal_sum(s, t.v1)), focal_sum(s, t.v2));
     let is_null = HAS_NULL_BOUNDARIES && (t.material & TRIANGLE_NULL) != 0u;
-    return side_v * side_q > 0.0 && height * height <= dot(reach, reach) * (1.0 + ELLIPSOID_SLACK) && farthest >= s.lo && !is_null;
+    // A product of the two sides may underflow.
+    let same_side = min(side_v, side_q) > 0.0 || max(side_v, side_q) < 0.0;
+    return same_side && height * height <= dot(reach, reach) * (1.0 + ELLIPSOID_SLACK) && farthest >= s.lo && !is_null;
 }
 
 // |p - v| + |p - q|.

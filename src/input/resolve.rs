@@ -8,6 +8,7 @@ use std::collections::HashSet;
 use crate::error::{Error, Result};
 use crate::input::experiment::Experiment;
 use crate::input::responses::chosen;
+use crate::render::space::RenderSpace;
 use crate::scene::{Camera, Scene};
 use crate::settings::table::{CameraTable, EmitterTable, GateTable, RenderTable, Tables};
 use crate::settings::units::{Gate, GatePrecision};
@@ -48,10 +49,13 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
         ));
     }
     let camera = camera(&experiment.camera, scene)?;
+    let narrowest = responses.narrowest();
     let latest = if responses.is_repeated() { LATEST_LIGHT * scene.diagonal() } else { 0.0 };
-    check_precision(&responses.narrowest(), &scene.cameras[camera], latest, &experiment.gate, &mut warnings)?;
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
+    let from_origin = RenderSpace::distance_of_camera(scene, &scene.cameras[camera], &emitters);
+    let unseen = omitted(&scene.cameras[camera]) + from_origin + (latest - narrowest.hi).max(0.0);
+    check_precision(&narrowest, unseen, &experiment.gate, &mut warnings)?;
     let estimator = render.estimator.unwrap_or_else(|| {
         let gate = defaults::decisive(&responses, scene, experiment.scan.is_some());
         defaults::estimator(gate, scene, &emitters)
@@ -110,18 +114,15 @@ fn settings(message: impl Into<String>) -> Error {
 /// Travel time of the latest light that matters to the gates of a pulsed laser, in diagonals of the scene.
 const LATEST_LIGHT: f64 = 4.0;
 
-/// Fails if `gate` is too narrow for 32-bit travel times, unless the user gave `--force`. The travel times to `camera` are sums with
-/// the lengths that it omits, so they are rounded like longer ones. The gate may repeat until the travel time `latest`.
-fn check_precision(
-    gate: &Gate,
-    camera: &Camera,
-    latest: f64,
-    table: &GateTable,
-    warnings: &mut Vec<String>,
-) -> Result<()> {
-    let aims = camera.projection.aims().unwrap_or_default();
-    let omitted = aims.iter().map(|aim| aim.omitted).fold(0.0, f64::max) + (latest - gate.hi).max(0.0);
-    match gate.precision(omitted) {
+/// Maximum length in metres that the travel times to `camera` omit.
+fn omitted(camera: &Camera) -> f64 {
+    camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.omitted).fold(0.0, f64::max)
+}
+
+/// Fails if `gate` is too narrow for 32-bit travel times, unless the user gave `--force`. Travel times are rounded as if they were
+/// longer by `unseen` metres: see [`Gate::precision`].
+fn check_precision(gate: &Gate, unseen: f64, table: &GateTable, warnings: &mut Vec<String>) -> Result<()> {
+    match gate.precision(unseen) {
         GatePrecision::Fine => {}
         GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => {
             return Err(settings(format!(
@@ -130,14 +131,14 @@ fn check_precision(
                 gate.describe()
             )));
         }
-        GatePrecision::Coarse { .. } | GatePrecision::TooThin { .. } => warnings.extend(gate_warning(gate, omitted)),
+        GatePrecision::Coarse { .. } | GatePrecision::TooThin { .. } => warnings.extend(gate_warning(gate, unseen)),
     }
     Ok(())
 }
 
-/// A warning if the width of `gate` is near the resolution of 32-bit travel times, else `None`. `omitted`: see [`Gate::precision`].
-pub fn gate_warning(gate: &Gate, omitted: f64) -> Option<String> {
-    match gate.precision(omitted) {
+/// A warning if the width of `gate` is near the resolution of 32-bit travel times, else `None`. `unseen`: see [`Gate::precision`].
+pub fn gate_warning(gate: &Gate, unseen: f64) -> Option<String> {
+    match gate.precision(unseen) {
         GatePrecision::Fine => None,
         GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => Some(format!(
             "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be wrong by {:.1} %",

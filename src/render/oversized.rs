@@ -83,7 +83,7 @@ fn corners(t: &Triangle) -> [Vec3; 3] {
     [t.v0, t.v1, t.v2].map(Vec3::from)
 }
 
-fn extent(t: &Triangle) -> f32 {
+pub(super) fn extent(t: &Triangle) -> f32 {
     corners(t).iter().map(|p| p.abs().max_element()).fold(0.0, f32::max)
 }
 

@@ -292,10 +292,13 @@ impl Plan {
         let moved = farthest(&|corner| self.prepared_sensor.distance_to(corner));
         let travel_time_bounds = self.travel_time_bounds.moved(moved * self.space.unit).without(self.omitted);
         self.dark = self.cull && !gate.is_open() && !travel_time_bounds.overlaps(&gate);
+        let omitted = self.space.length(self.omitted * self.group_index);
         let gate = Gate { lo: self.space.length(gate.lo), hi: self.space.length(gate.hi) };
+        // Light that comes straight back from a wall, the ways to which are omitted, has the travel time 0 except for rounding. A
+        // gate that begins at 0 keeps it if rounding makes the time negative.
+        let gate = if gate.lo == 0.0 && omitted > 0.0 { Gate { lo: -omitted, ..gate } } else { gate };
         let closed = gate.hi.is_finite();
         let hi = if closed { gate.hi as f32 } else { OPEN };
-        let omitted = self.space.length(self.omitted * self.group_index);
         let rounding_allowance = rounding_allowance(gate, from_origin + omitted);
         self.frame.seed = seed;
         self.frame.gate_lo = gate.lo as f32;

@@ -45,6 +45,8 @@ impl Weights {
 
     /// Calls `visit` with the index and the weight of every response that sees light of travel time `tau`.
     fn visit(&self, tau: f32, mut visit: impl FnMut(u32, f64)) {
+        // If travel times omit the ways to a wall, rounding or a field of view may put light slightly before time 0.
+        let tau = tau.max(0.0);
         for (k, response) in self.others.iter().enumerate() {
             let weight = response.weight(f64::from(tau) * self.unit);
             if weight > 0.0 {

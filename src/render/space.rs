@@ -6,8 +6,9 @@ use crate::scene::{Camera, Medium, Scene};
 use crate::settings::Emitters;
 
 /// World space, translated and scaled. The origin is at or near a sensor, so that f32 coordinates near the sensor are precise.
-/// The unit of length is near the size of the scene. MIS weights contain squares of densities per area, which are fourth powers
-/// of lengths. With this unit they neither overflow nor underflow in f32. The unit is a power of two, so scaling changes no bit
+/// The unit of length is near the size of the scene, or between the distances of its nearest and farthest objects if these differ
+/// very much. MIS weights contain squares of densities per area, which are fourth powers of lengths. With this unit they neither
+/// overflow nor underflow in f32. The unit is a power of two, so scaling changes no bit
 /// of a mantissa, and a scene twice as large gives the same image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderSpace {
@@ -24,9 +25,11 @@ impl RenderSpace {
     }
 
     /// Render space with its origin at `origin`. Its unit is the largest power of two (in metres) that is at most the maximum
-    /// distance of the scene from `origin` along an axis. 1 m for an empty scene.
+    /// distance of the scene from `origin` along an axis. If this distance is over [`WIDEST`] times the minimum distance, the
+    /// geometric mean of both takes its place. 1 m for an empty scene.
     pub fn new(scene: &Scene, origin: DVec3, selected: &Emitters) -> RenderSpace {
-        let size = max_coordinate(scene, origin, selected);
+        let [near, far] = distances(scene, origin, selected);
+        let size = if far > WIDEST * near { (near * far).sqrt().max(far / FARTHEST) } else { far };
         // Beyond these exponents the square of the unit, which divides fluxes, would leave the range of f32.
         let exponent = if size > 0.0 { size.log2().floor().clamp(-60.0, 60.0) } else { 0.0 };
         RenderSpace { origin, unit: exponent.exp2() }
@@ -43,6 +46,14 @@ impl RenderSpace {
         // No point is farther than MAX_SENSOR_DISTANCE from the nearest point of the grid.
         let step = f64::from(MAX_SENSOR_DISTANCE) * space.unit;
         RenderSpace { origin: (place / step).round() * step, ..space }
+    }
+
+    /// Distance in metres of `camera` from the origin of [`RenderSpace::of_camera`].
+    pub fn distance_of_camera(scene: &Scene, camera: &Camera, selected: &Emitters) -> f64 {
+        if scene.moving.is_none() {
+            return 0.0;
+        }
+        RenderSpace::of_camera(scene, camera, selected).origin.distance(camera.transform.translation)
     }
 
     /// The point `world` (m) in render space.
@@ -85,9 +96,18 @@ impl RenderSpace {
 /// its light from the image with the sensor at the origin. With an origin 60 m away from the box, it would differ by 1e-3.
 const MAX_SENSOR_DISTANCE: f32 = 0.25;
 
-/// Maximum distance along an axis from `origin` to the bounding boxes of the meshes and media and to the selected lights, in
-/// metres.
-fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
+/// Maximum ratio of the distances of the farthest and the nearest object for which the unit is the distance of the farthest object.
+/// From a ratio of about 1e7 on, fourth powers of lengths between near objects would underflow.
+const WIDEST: f64 = (1 << 16) as f64;
+
+/// Maximum distance of the farthest object, relative to the distance that determines the unit. Fourth powers of its distance in units
+/// are then far below the upper limit of the MIS sums, 1e30.
+pub(super) const FARTHEST: f64 = (1 << 20) as f64;
+
+/// Distances along an axis from `origin` to the nearest and to the farthest object, in metres: meshes, media and selected lights.
+/// Lights are never the nearest object. The minimum is only searched below the maximum divided by [`WIDEST`]; if nothing is nearer,
+/// it is this quotient.
+fn distances(scene: &Scene, origin: DVec3, selected: &Emitters) -> [f64; 2] {
     let boxes: Vec<Option<[DVec3; 2]>> = scene
         .meshes
         .iter()
@@ -100,12 +120,17 @@ fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
         .collect();
     let distance = |p: DVec3| (p - origin).abs().max_element();
     let mut max = 0.0f64;
-    for instance in &scene.instances {
+    let mut nearest_of_boxes = vec![f64::INFINITY; scene.instances.len()];
+    for (instance, nearest) in scene.instances.iter().zip(&mut nearest_of_boxes) {
         let Some(ends) = boxes[instance.mesh as usize] else { continue };
+        let [mut lo, mut hi] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         for i in 0..8 {
             let corner = DVec3::new(ends[i & 1].x, ends[(i >> 1) & 1].y, ends[i >> 2].z);
-            max = max.max(distance(instance.transform.transform_point3(corner)));
+            let corner = instance.transform.transform_point3(corner);
+            max = max.max(distance(corner));
+            (lo, hi) = (lo.min(corner), hi.max(corner));
         }
+        *nearest = (lo - origin).max(origin - hi).max_element();
     }
     for light in scene.lights.iter().filter(|light| selected.include(&light.node)) {
         let Some(radius) = light.kind.radius() else { continue };
@@ -114,13 +139,30 @@ fn max_coordinate(scene: &Scene, origin: DVec3, selected: &Emitters) -> f64 {
     for corner in scene.media.iter().filter_map(Medium::extent).flatten() {
         max = max.max(distance(corner));
     }
-    max
+
+    // The distance of a triangle or a medium is that of its farthest corner, so a camera in a corner of a room is no special case.
+    let farthest = |corners: &[DVec3]| corners.iter().map(|&p| distance(p)).fold(0.0, f64::max);
+    let mut min = max / WIDEST;
+    for corners in scene.media.iter().filter_map(Medium::extent) {
+        min = min.min(farthest(&corners));
+    }
+    for (instance, nearest) in scene.instances.iter().zip(nearest_of_boxes) {
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let point =
+            |i: u32| instance.transform.transform_point3(DVec3::from(mesh.positions[i as usize].map(f64::from)));
+        if nearest < min {
+            min = mesh.triangles.iter().map(|corners| farthest(&corners.map(point))).fold(min, f64::min);
+        }
+    }
+    [min, max]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::generate::{Kind, build};
+    use crate::scene::{Instance, Mesh};
+    use glam::DAffine3;
 
     #[test]
     fn the_unit_is_the_power_of_two_below_the_size_of_the_scene() {
@@ -134,6 +176,23 @@ mod tests {
         assert_eq!(space(&scene).unit, 2f64.powi(19));
         assert_eq!(space(&scene).point(DVec3::new(0.0, 1.0, 3.9 - 2f64.powi(19))), Vec3::NEG_Z);
         assert_eq!(RenderSpace::new(&Scene::default(), DVec3::ONE, &Emitters::Scene).unit, 1.0);
+    }
+
+    #[test]
+    fn the_unit_lies_between_near_and_far_objects() {
+        let unit = |far: f64| {
+            let mut scene = build(Kind::CornellBox);
+            let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+            let triangle = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
+            scene.meshes.push(triangle);
+            let (mesh, transform) = (scene.meshes.len() as u32 - 1, DAffine3::from_translation(DVec3::Z * far));
+            scene.instances.push(Instance { mesh, transform, node: "far".into() });
+            RenderSpace::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene).unit
+        };
+        assert_eq!(unit(1e5), 2f64.powi(16));
+        // The nearest triangles are between 2.9 m and 4.9 m away.
+        assert_eq!(unit(1e10), 2f64.powi(17));
+        assert_eq!(unit(2f64.powi(60)), 2f64.powi(40));
     }
 
     #[test]

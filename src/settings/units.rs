@@ -106,14 +106,15 @@ impl Gate {
         Gate::new(2.0 * lo, 2.0 * hi)
     }
 
-    /// Compares the width with the difference between neighbouring f32 numbers at `hi` + `omitted`. Travel times that lack the length
-    /// `omitted` in metres are differences of numbers that contain it.
+    /// Compares the width with the difference between neighbouring f32 numbers at `hi` + `unseen`. `unseen` is the sum of lengths in
+    /// metres that make rounding errors larger. Travel times that omit a length are differences of numbers that contain it.
+    /// Coordinates near a sensor that is away from the origin of render space contain its distance from the origin.
     #[doc(hidden)]
-    pub fn precision(&self, omitted: f64) -> GatePrecision {
+    pub fn precision(&self, unseen: f64) -> GatePrecision {
         if self.hi.is_infinite() {
             return GatePrecision::Fine;
         }
-        let hi = (self.hi + omitted) as f32;
+        let hi = (self.hi + unseen) as f32;
         let ulps = (self.hi - self.lo) / (f64::from(hi.next_up()) - f64::from(hi));
         if ulps < REFUSED_ULPS || ulps.is_nan() {
             GatePrecision::TooThin { ulps }

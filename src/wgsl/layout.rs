@@ -143,6 +143,7 @@ pub mod constants {
         EMITTER_SUN: u32 = 4,
         EMITTER_SKY: u32 = 5,
         SKY_VERTEX: u32 = 0xffff_fffe,
+        NOT_TRACED: f32 = -3e38,
         ALBEDO_COLUMNS: u32 = 64,
         ALBEDO_ROWS: u32 = 32,
         /// Distance between a triangle and the origin of a ray that leaves it, relative to the largest coordinate of the

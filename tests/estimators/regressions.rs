@@ -3,6 +3,7 @@
 use glam::DVec3;
 use taugate::internals::generate::shapes::{append, cuboid, quad};
 use taugate::internals::generate::stage::{add, camera, diffuse, emitter, light, material};
+use taugate::internals::generate::{Kind, build};
 use taugate::internals::scene::{AlphaMode, LightKind, Material, Mesh, Scene};
 use taugate::internals::settings::{Emitters, Estimator, Sampling};
 
@@ -110,6 +111,29 @@ fn pixels_that_see_a_lamp_alone_show_all_of_it() {
         for x in 5..19 {
             let pixel = &mean[(y * 24 + x) * 3..][..3];
             assert!(pixel.iter().all(|&value| value == 1.0), "pixel {x}, {y}: {pixel:?}");
+        }
+    }
+}
+
+/// The unit of render space was the distance of the farthest object. One object 1e10 m away made the squared distances of the near
+/// scene so small that MIS weights no longer summed to 1: the image became up to twice as bright with `pt`, and more with `bdpt`.
+#[test]
+fn an_object_far_behind_the_camera_changes_nothing() {
+    let near = build(Kind::CornellBox);
+    for estimator in [Estimator::Pt, Estimator::Bdpt, Estimator::Lcs] {
+        let render = |scene: &Scene| {
+            let s = settings(estimator, [16, 16]).max_depth(4).build().unwrap();
+            let mut renderer = renderer(scene, &s);
+            renderer.iterate(16).unwrap_or_else(|e| panic!("{e}"));
+            renderer.film().mean().iter().map(|&x| f64::from(x)).sum::<f64>()
+        };
+        let alone = render(&near);
+        for distance in [1e7, 1e10, 1e12] {
+            let mut scene = near.clone();
+            let grey = material(&mut scene, diffuse("grey", [0.5; 3]));
+            add(&mut scene, "far", grey, quad(DVec3::new(0.0, 0.0, distance), DVec3::X, DVec3::Y, [1.0, 1.0]));
+            let ratio = render(&scene) / alone;
+            assert!((ratio - 1.0).abs() < 1e-3, "{estimator}, {distance:e} m: {ratio} times as bright");
         }
     }
 }

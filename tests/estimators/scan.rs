@@ -7,8 +7,9 @@ use taugate::internals::generate::shapes::quad;
 use taugate::internals::generate::stage::{add, diffuse, light, material};
 use taugate::internals::render::{PreparedScene, Renderer};
 use taugate::internals::scene::{Aim, Camera, LightKind, Projection, Scene};
+use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
-use taugate::internals::settings::{Estimator, Settings};
+use taugate::internals::settings::{Estimator, Responses, Settings};
 
 use super::cells::{Cells, device, renderer, settings, threshold};
 
@@ -162,4 +163,36 @@ fn a_turned_laser_gives_the_bits_of_a_new_render() {
     assert!(!prepared.follow(&more, &settings).unwrap());
     // Another number of points needs another film.
     assert!(!turned.set_camera(&sensor(&SEEN[..2], |_| 0.0)).unwrap());
+}
+
+/// Light that goes from the laser to a point of the wall, and from this point to the sensor, has the travel time 0 if both ways are
+/// omitted. The bug: rounding made the travel time of some pixels negative, and a gate that began at 0 left them out.
+#[test]
+fn gates_from_the_wall_on_keep_the_direct_return() {
+    let points: Vec<DVec3> =
+        (0..64).map(|i| DVec3::new(f64::from(i % 8), f64::from(i / 8), 0.0) / 8.1 - 0.43).collect();
+    let points: Vec<DVec3> = points.into_iter().map(|p| DVec3 { z: 0.0, ..p }).collect();
+    let lit_by_cone = |omitted: &dyn Fn(DVec3) -> f64| {
+        let mut scene = scene(DVec3::ZERO, &points, omitted);
+        scene.lights[0].kind = LightKind::spot([1.0; 3], 0.4, 0.4);
+        scene
+    };
+    for estimator in [Estimator::Bdpt, Estimator::Lcs] {
+        let settings = || scan_settings(estimator, &points).change().max_depth(2).light_paths(100);
+        let mut counted = renderer(&lit_by_cone(&|_| 0.0), &settings().build().unwrap());
+        counted.iterate(4).unwrap();
+        let truth = counted.film().mean();
+        assert!(truth.iter().all(|&x| x > 0.0));
+        let kinds =
+            [Responses::from(Gate { lo: 0.0, hi: 1.0 }), Gates::new(Gate { lo: 0.0, hi: 1.0 }, 10).unwrap().into()];
+        for responses in kinds {
+            let settings = settings().responses(responses).build().unwrap();
+            let mut omitted = renderer(&lit_by_cone(&|seen| ends(seen, seen)), &settings);
+            omitted.iterate(4).unwrap();
+            // All of it is in the first gate.
+            let first = omitted.responses().map_or_else(|| omitted.film().mean(), |film| film.mean(0));
+            let lost = truth.iter().zip(&first).filter(|(a, b)| (*a - *b).abs() > 1e-3 * **a).count() / 3;
+            assert_eq!(lost, 0, "{estimator}, {} gates: {lost} of 64 pixels lose light", settings.responses().len());
+        }
+    }
 }

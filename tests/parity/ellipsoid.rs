@@ -3,9 +3,12 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use taugate::internals::generate::numbers::Pcg;
+use taugate::internals::generate::shapes::quad;
+use taugate::internals::generate::stage::{add, diffuse, material};
 use taugate::internals::render::albedo::AlbedoTable;
 use taugate::internals::render::geometry::Geometry;
 use taugate::internals::render::space::RenderSpace;
+use taugate::internals::scene::Scene;
 use taugate::internals::settings::Emitters;
 use taugate::internals::wgsl::layout::constants::PART_LEAVES;
 
@@ -13,7 +16,7 @@ use crate::shader_function::ShaderFunction;
 use crate::trace;
 use crate::values::{direction, dvec, frame, vec3};
 
-pub const KERNELS: &[&ShaderFunction] = &[&CURVE, &SEARCH, &MEETS, &DRAW];
+pub const KERNELS: &[&ShaderFunction] = &[&CURVE, &SEARCH, &MAY_MEET, &MEETS, &DRAW];
 
 const CURVE: ShaderFunction = ShaderFunction {
     imports: &["ellipsoid"],
@@ -151,6 +154,13 @@ const SEARCH: ShaderFunction = ShaderFunction {
         result.triangle = choice.triangle; result.count = choice.count;",
 };
 
+const MAY_MEET: ShaderFunction = ShaderFunction {
+    imports: &["ellipsoid_search"],
+    input: "v: vec3<f32>, length: f32, q: vec3<f32>, triangle: u32",
+    result: "may_meet: u32",
+    body: "result.may_meet = u32(may_meet(make_search(input.v, input.q, input.length), input.triangle));",
+};
+
 /// Draws a point of an ellipsoid by descending the BVH. The foci see all directions. The result is the estimated contribution of
 /// the point divided by its density. The mean of the results is the integral of the estimate.
 const DRAW: ShaderFunction = ShaderFunction {
@@ -255,4 +265,43 @@ fn searches_and_descents_find_triangles_as_often_as_they_say() {
     }
     assert!(met_in_all > 100, "the ellipsoids meet only {met_in_all} triangles");
     assert!(well_known >= 5, "the integrals of only {well_known} triangles are known within 1.5 %");
+}
+
+/// The unit of render space may be far larger than the objects. Products of several small lengths then underflowed, and small
+/// triangles got lost.
+#[test]
+fn small_triangles_are_met_in_any_unit() {
+    let mut pcg = Pcg::new(773);
+    let mut scene = Scene::default();
+    let white = material(&mut scene, diffuse("white", [1.0; 3]));
+    // Triangles of 1 mm and smaller, some of them near the ellipsoids.
+    for i in 0..60 {
+        let size = [1e-3, 1e-5][i % 2];
+        let corner = pcg.range(0.5, 1.5) * direction(&mut pcg);
+        add(&mut scene, "sheet", white, quad(corner, size * direction(&mut pcg), size * direction(&mut pcg), [1.0; 2]));
+    }
+    let foci: Vec<[DVec3; 2]> = (0..10).map(|_| [direction(&mut pcg), direction(&mut pcg)]).collect();
+    let lengths: Vec<f64> = foci.iter().map(|[v, q]| v.distance(*q) + pcg.range(0.2, 1.0)).collect();
+    let kernel = MAY_MEET.compile(&[]);
+    let met_in = |unit: f64| -> Vec<u32> {
+        let space = RenderSpace { origin: DVec3::ZERO, unit };
+        let mut buffers = vec![frame(|_| ())];
+        buffers.extend(trace::buffers_in(&scene, &space));
+        let sought = |[v, q]: [DVec3; 2], length: f64, index: u32| Sought {
+            v: space.point(v).into(),
+            length: space.length(length) as f32,
+            q: space.point(q).into(),
+            index,
+        };
+        let pairs = foci.iter().zip(&lengths).flat_map(|(&f, &l)| (0..120).map(move |index| sought(f, l, index)));
+        kernel.run(&pairs.collect::<Vec<_>>(), &buffers)
+    };
+    let in_metres = met_in(1.0);
+    let met = in_metres.iter().filter(|&&met| met == 1).count();
+    assert!(met > 50 && met < 1000, "{met} of {} triangles may be met", in_metres.len());
+    for exponent in [-19, 19, 26] {
+        let other = met_in(f64::from(exponent).exp2());
+        let wrong = other.iter().zip(&in_metres).filter(|(a, b)| a != b).count();
+        assert_eq!(wrong, 0, "answers of {wrong} triangles change in units of 2^{exponent} m, {met} are met in metres");
+    }
 }

@@ -154,7 +154,11 @@ pub fn scene() -> Scene {
 
 /// The buffers of a scene. Coordinates are in metres, relative to `origin`.
 pub fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
-    let g = Geometry::new(scene, &RenderSpace::metres(origin), &Emitters::Scene, &AlbedoTable::new());
+    buffers_in(scene, &RenderSpace::metres(origin))
+}
+
+pub fn buffers_in(scene: &Scene, space: &RenderSpace) -> Vec<Contents> {
+    let g = Geometry::new(scene, space, &Emitters::Scene, &AlbedoTable::new());
     // A buffer needs at least one element to be bound.
     let padded = |list: &[u32]| if list.is_empty() { vec![0] } else { list.to_vec() };
     let details = if g.details.is_empty() { vec![VertexDetails::zeroed()] } else { g.details.clone() };

@@ -385,3 +385,20 @@ fn outputs_are_named_after_the_image() {
         assert!(message.contains(part), "{toml}: {message}");
     }
 }
+
+/// In a scene that moves, the camera may be away from the origin of render space. Coordinates near it then have coarser steps.
+#[test]
+fn thin_gates_of_scenes_that_move_are_judged_by_the_shifted_origin() {
+    let mut scene = scene();
+    // The unit of render space is 4096 m, so the points of the grid are 1024 m apart.
+    scene.instances[0].transform = DAffine3::from_translation(5000.0 * DVec3::X);
+    scene.cameras[0].transform = DAffine3::from_translation(500.0 * DVec3::X);
+    let experiment = experiment("gate.gate = '2m..2.005m'\nemitter.emitters = ['lamp']");
+    assert_eq!(resolve(&experiment, &scene).unwrap().warnings, Vec::<String>::new());
+    scene.moving = Some([].into());
+    let warnings = resolve(&experiment, &scene).unwrap().warnings;
+    assert!(warnings.len() == 1 && warnings[0].contains("steps of 32-bit travel times"), "{warnings:?}");
+    // With the camera at a point of the grid, nothing is coarse.
+    scene.cameras[0].transform = DAffine3::from_translation(1024.0 * DVec3::X);
+    assert_eq!(resolve(&experiment, &scene).unwrap().warnings, Vec::<String>::new());
+}

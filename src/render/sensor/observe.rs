@@ -3,6 +3,7 @@
 use super::*;
 use crate::render::plan::Observe;
 use crate::wgsl::layout::Candidate;
+use crate::wgsl::layout::constants::NOT_TRACED;
 
 /// A contribution of a sensor subpath.
 pub struct SensorContribution {
@@ -98,13 +99,13 @@ impl SensorTracer {
         if length(SHADE) == 0 {
             return Ok(());
         }
-        // Connections. A negative fourth component marks a connection for which no shadow ray was traced.
+        // Connections, without those for which no shadow ray was traced.
         let slots = b.slot_list.to_vec::<u32>(length(CANDIDATES))?;
         let shade_list = b.shade_list.to_vec::<u32>(length(SHADE))?;
         let entries = self.capacity * self.slots as usize;
         let live: Vec<(u32, [f32; 4])> = b.contributions.with::<[f32; 4], _>(entries, |contributions| {
             let all = slots.iter().map(|&slot| (slot, contributions[slot as usize]));
-            all.filter(|(_, c)| c[3] >= 0.0).collect()
+            all.filter(|(_, c)| c[3] > NOT_TRACED).collect()
         })?;
         b.candidates.with::<Candidate, _>(entries, |candidates| {
             for (slot, c) in live {

@@ -1,0 +1,60 @@
+//! Warnings about objects that are so far away that 32-bit MIS weights cannot cover both them and the nearest surfaces.
+
+use std::collections::BTreeSet;
+
+use super::geometry::Geometry;
+use super::oversized::extent;
+use super::space::{FARTHEST, RenderSpace};
+use crate::scene::Scene;
+
+/// Returns a warning, with the remedy, if objects are more than [`FARTHEST`] squared times as far away as the nearest triangle.
+/// Distances are along an axis, from the origin of render space.
+pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Option<String> {
+    let near = geometry.triangles.iter().map(extent).fold(f32::INFINITY, f32::min);
+    let is_far = |distance: f32| f64::from(distance) > f64::from(near) * FARTHEST.powi(2);
+    let triangles = geometry.triangles.iter().filter(|t| is_far(extent(t)));
+    let lights = scene.lights.iter().filter(|light| !light.kind.is_distant());
+    let lights = lights.filter(|light| is_far(space.point(light.position).abs().max_element()));
+    let nodes: BTreeSet<&str> = triangles
+        .map(|t| scene.instances[t.instance as usize].node.as_str())
+        .chain(lights.map(|light| light.node.as_str()))
+        .collect();
+    let others = match nodes.len() {
+        0 | 1 => String::new(),
+        n => format!(" (and {} more)", n - 1),
+    };
+    nodes.first().map(|node| {
+        format!(
+            "'{node}'{others} is more than {:.0e} times as far away as the nearest surface, {:.2e} m, so the image is too bright: \
+             remove it, or move it nearer",
+            FARTHEST.powi(2),
+            f64::from(near) * space.unit
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::shapes::quad;
+    use crate::generate::stage::{add, diffuse, material};
+    use crate::generate::{Kind, build};
+    use crate::render::albedo::AlbedoTable;
+    use crate::settings::Emitters;
+    use glam::DVec3;
+
+    #[test]
+    fn an_object_that_is_too_far_away_is_named() {
+        let warning = |distance: f64| {
+            let mut scene = build(Kind::CornellBox);
+            let grey = material(&mut scene, diffuse("grey", [0.5; 3]));
+            add(&mut scene, "moon", grey, quad(DVec3::Z * distance, DVec3::X, DVec3::Y, [1.0; 2]));
+            let space = RenderSpace::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
+            let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
+            warnings(&scene, &geometry, &space)
+        };
+        assert_eq!(warning(1e12), None);
+        let found = warning(1e13).unwrap();
+        assert!(found.starts_with("'moon' is more than 1e12 times as far away") && found.contains("nearer"), "{found}");
+    }
+}
