@@ -4,9 +4,9 @@
 #     cargo build --release
 #     docs/pictures/make.sh [SECONDS [RACE_SECONDS]]
 #
-# SECONDS (default 600) is the rendering time of each of the eight images, by lcs; 0 leaves the images as they are. RACE_SECONDS
-# (default 30) is the rendering time of each estimator in the row of crops. The reference of the row takes 40 times as long, and 160
-# times at most.
+# SECONDS (default 600) is the rendering time of each of the eight images, by the default estimator: lcs with a gate, bdpt without
+# one. 0 leaves the images as they are. RACE_SECONDS (default 30) is the rendering time of each estimator in the row of crops. The
+# reference of the row takes 40 times as long, and 160 times at most.
 #
 # Environment: RESOLUTION of the images (640x360), CROP_RESOLUTION of the row (320x180), TAUGATE, the program
 # (target/release/taugate), and PYTHON (python3), which needs Pillow 10.1 or later, numpy and matplotlib (pip install pillow
@@ -34,7 +34,7 @@ picture() { # NAME SCENE [FLAG...]
     local name=$1 scene=$2
     shift 2
     [ "$seconds" != 0 ] || return 0
-    "$taugate" render "$scene" --estimator lcs --time "${seconds}s" --resolution "$resolution" \
+    "$taugate" render "$scene" --time "${seconds}s" --resolution "$resolution" \
         -o "$work/$name.exr" --png "$pictures/$name.png" "$@"
 }
 picture cornell-steady "$root/scenes/cornell-box.glb"

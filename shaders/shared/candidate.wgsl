@@ -9,6 +9,6 @@ struct Candidate {
     weight: f32,
 }
 
-// The fourth component of a contribution for which no shadow ray was traced. Travel times are larger, even if they are negative:
-// rounding, or a field of view, may put light slightly before time 0 if they omit the ways to a wall.
+// The fourth component of a contribution for which no shadow ray was traced. Travel times are always larger. They may be slightly
+// negative where they omit the ways to a wall.
 const NOT_TRACED: f32 = -3e38;

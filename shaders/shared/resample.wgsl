@@ -110,7 +110,9 @@ const MAX_TIME_GROUPS: u32 = 16u;
 
 // The part of the gate that contains a travel time.
 fn time_group(tau: f32) -> u32 {
-    let part = (tau - frame.gate_lo) / (frame.gate_hi - frame.gate_lo);
+    // A gate begins before time 0 only because of rounding and fields of view.
+    let lo = max(frame.gate_lo, 0.0);
+    let part = max(tau - lo, 0.0) / (frame.gate_hi - lo);
     return min(u32(part * f32(TIME_GROUPS)), TIME_GROUPS - 1u);
 }
 
@@ -127,7 +129,7 @@ const MIN_QUERIES: u32 = 4u;
 override HAS_SCATTERING: bool = false;
 
 // Maximum number of queries for q. In media that scatter, sensor subpaths have many vertices, and the first matter most. So the number
-// is halved once for surfaces behind the first vertex, and once per bounce for events (docs/notebook/fog-sampling.md).
+// is halved once for surfaces behind the first vertex, and once per bounce for events (docs/notebook/fog-query-cost.md).
 fn max_queries(q: PathVertex) -> u32 {
     if (!HAS_SCATTERING || TIME_GROUPS > 1u) {
         return frame.queries;

@@ -276,6 +276,7 @@ impl Session {
             layers: &layers,
             preparation: &preparation,
             warnings: &warnings,
+            gate_warning: resolved.gate_warning.as_deref(),
         };
         self.interrupts.end_the_process_at(Interrupt::None);
         if let Some(live) = &mut live {

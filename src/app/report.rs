@@ -8,7 +8,7 @@ use taugate::internals::error::Result;
 use taugate::internals::files::write_atomically;
 use taugate::internals::image::exr_file::{Provenance, version};
 use taugate::internals::image::layers::Layers;
-use taugate::internals::input::resolve::{Outputs, gate_warning};
+use taugate::internals::input::resolve::Outputs;
 use taugate::internals::render::{Renderer, Stage, Stats};
 use taugate::internals::settings::Settings;
 
@@ -33,6 +33,8 @@ pub struct Report<'a> {
     pub preparation: &'a Preparation,
     /// Warnings that were printed before the first iteration.
     pub warnings: &'a [String],
+    /// The one of them about the width of the gate.
+    pub gate_warning: Option<&'a str>,
 }
 
 /// The contents of the file that --stats writes.
@@ -130,7 +132,7 @@ impl Report<'_> {
             progress.line(&format!("warning: {} samples were not finite and count as 0", stats.dropped));
         }
         // The one at the start may be out of sight.
-        if let Some(warning) = gate_warning(&self.settings.responses().narrowest(), 0.0) {
+        if let Some(warning) = self.gate_warning {
             progress.line(&format!("warning: {warning}"));
         }
         if self.renderer.is_black() {

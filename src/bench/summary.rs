@@ -64,8 +64,8 @@ pub struct ErrorSummary {
 }
 
 impl ErrorSummary {
-    /// `None` without rows. The ratio is `None` if this variant or a baseline is not reliable, or if in some repetition a black
-    /// image would have a lower error than both.
+    /// `None` without rows. The ratio is `None` if this variant or a baseline is not reliable. It is also `None` if a black image has
+    /// a lower error than both in some repetition.
     fn of(rows: &[&Row], ends: &[&Row], variant: &str, part: fn(Means) -> f64) -> Option<ErrorSummary> {
         let is_baseline = |row: &&&Row| is_baseline(&row.estimator);
         let baseline = |repetition: u32| {

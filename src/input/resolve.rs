@@ -23,6 +23,8 @@ pub struct Resolved {
     pub settings: Settings,
     /// One sentence per warning.
     pub warnings: Vec<String>,
+    /// The one of them about a gate that is near the resolution of 32-bit travel times.
+    pub gate_warning: Option<String>,
 }
 
 /// Fills in all settings. `experiment` (flags and file, already merged) has priority over the scene, and the scene over the
@@ -55,7 +57,8 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
     let from_origin = RenderSpace::distance_of_camera(scene, &scene.cameras[camera], &emitters);
     let unseen = omitted(&scene.cameras[camera]) + from_origin + (latest - narrowest.hi).max(0.0);
-    check_precision(&narrowest, unseen, &experiment.gate, &mut warnings)?;
+    let gate_warning = gate_warning(&narrowest, unseen, &experiment.gate)?;
+    warnings.extend(gate_warning.clone());
     let estimator = render.estimator.unwrap_or_else(|| {
         let gate = defaults::decisive(&responses, scene, experiment.scan.is_some());
         defaults::estimator(gate, scene, &emitters)
@@ -80,7 +83,7 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
             warnings.push(estimator.beam_refusal(&format!("the beam '{node}'")));
         }
     }
-    Ok(Resolved { settings, warnings })
+    Ok(Resolved { settings, warnings, gate_warning })
 }
 
 /// The experiment that resolves to exactly `settings`, with all defaults filled in. It keeps the gate keys of a sequence.
@@ -119,32 +122,21 @@ fn omitted(camera: &Camera) -> f64 {
     camera.projection.aims().unwrap_or_default().iter().map(|aim| aim.omitted).fold(0.0, f64::max)
 }
 
-/// Fails if `gate` is too narrow for 32-bit travel times, unless the user gave `--force`. Travel times are rounded as if they were
-/// longer by `unseen` metres: see [`Gate::precision`].
-fn check_precision(gate: &Gate, unseen: f64, table: &GateTable, warnings: &mut Vec<String>) -> Result<()> {
+/// A warning if the width of `gate` is near the resolution of 32-bit travel times, else `None`. Fails if the gate is too narrow for them,
+/// unless the user gave `--force`. Travel times are rounded as if they were longer by `unseen` metres: see [`Gate::precision`].
+fn gate_warning(gate: &Gate, unseen: f64, table: &GateTable) -> Result<Option<String>> {
     match gate.precision(unseen) {
-        GatePrecision::Fine => {}
-        GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => {
-            return Err(settings(format!(
-                "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness may be wrong by more \
-                 than 6 %; make the gate wider, or add --force",
-                gate.describe()
-            )));
-        }
-        GatePrecision::Coarse { .. } | GatePrecision::TooThin { .. } => warnings.extend(gate_warning(gate, unseen)),
-    }
-    Ok(())
-}
-
-/// A warning if the width of `gate` is near the resolution of 32-bit travel times, else `None`. `unseen`: see [`Gate::precision`].
-pub fn gate_warning(gate: &Gate, unseen: f64) -> Option<String> {
-    match gate.precision(unseen) {
-        GatePrecision::Fine => None,
-        GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => Some(format!(
+        GatePrecision::Fine => Ok(None),
+        GatePrecision::TooThin { ulps } if !table.force.unwrap_or(false) => Err(settings(format!(
+            "the {} is only {ulps:.1} steps of 32-bit travel times wide, so its brightness may be wrong by more than 6 %; make the \
+             gate wider, or add --force",
+            gate.describe()
+        ))),
+        GatePrecision::Coarse { ulps } | GatePrecision::TooThin { ulps } => Ok(Some(format!(
             "the {} is only {ulps:.0} steps of 32-bit travel times wide; its brightness may be wrong by {:.1} %",
             gate.describe(),
             100.0 / ulps.max(1.0)
-        )),
+        ))),
     }
 }
 

@@ -106,7 +106,7 @@ const HOW_TO_WRITE: &str =
     "write a first line like tau_m,weight or time_ns,weight, then a travel time and a weight per line";
 
 /// Names of columns with travel times, in units of length or time.
-const TRAVEL_TIMES: [&str; 3] = ["tau", "time", "opl"];
+const TRAVEL_TIMES: [&str; 6] = ["tau", "time", "opl", "t", "delay", "travel_time"];
 /// Names of columns with distances from a sensor beside the emitter. The travel time is twice the distance.
 const DISTANCES: [&str; 3] = ["depth", "range", "distance"];
 
@@ -203,6 +203,7 @@ mod tests {
             ("\u{feff}tau_m", &weights),
             ("opl_m", &weights),
             ("Time_m", &weights),
+            ("travel_time_m", &weights),
             ("depth_m", &twice),
             ("range_m", &twice),
             ("distance_m", &twice),
@@ -216,7 +217,7 @@ mod tests {
             ("depth_ns,weight\n1,2\n", "write depth_m, or time_ns"),
             (
                 "laser_m,weight\n1,2\n",
-                "'laser', which is unknown: write tau, time, opl for travel times, or depth, range",
+                "'laser', which is unknown: write tau, time, opl, t, delay, travel_time for travel times, or depth, range",
             ),
             ("1,2\n3,4\n", "no unit"),
             ("time,weight\n1,2\n", "no unit"),

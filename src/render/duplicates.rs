@@ -32,7 +32,7 @@ pub struct Dropped {
 }
 
 /// Removes every triangle whose corners, orientation, material and shading attributes equal those of an earlier triangle. Also
-/// removes backs: triangles that differ from an earlier one only in orientation, normals and tangents. A triangle without attributes
+/// removes backs: triangles that reflect only and differ from an earlier one only in orientation, normals and tangents. A triangle without attributes
 /// (`None`) stays: it is a translucent layer, and each layer dims the light behind it.
 pub fn drop_copies(
     triangles: &mut Vec<Triangle>,

@@ -1,6 +1,6 @@
 //! Warnings about objects that are so far away that 32-bit MIS weights cannot cover both them and the nearest surfaces.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::geometry::Geometry;
 use super::oversized::extent;
@@ -8,12 +8,17 @@ use super::space::{FARTHEST, RenderSpace};
 use crate::scene::Scene;
 
 /// Returns a warning, with the remedy, if objects are more than [`FARTHEST`] squared times as far away as the nearest triangle.
-/// Distances are along an axis, from the origin of render space.
-pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Option<String> {
+/// Distances are along an axis, from the origin of render space. `powers`: powers of the emitters in use, by name.
+pub fn warnings(
+    scene: &Scene,
+    geometry: &Geometry,
+    space: &RenderSpace,
+    powers: &BTreeMap<String, f64>,
+) -> Option<String> {
     let near = geometry.triangles.iter().map(extent).fold(f32::INFINITY, f32::min);
     let is_far = |distance: f32| f64::from(distance) > f64::from(near) * FARTHEST.powi(2);
     let triangles = geometry.triangles.iter().filter(|t| is_far(extent(t)));
-    let lights = scene.lights.iter().filter(|light| !light.kind.is_distant());
+    let lights = scene.lights.iter().filter(|light| !light.kind.is_distant() && powers.contains_key(&light.node));
     let lights = lights.filter(|light| is_far(space.point(light.position).abs().max_element()));
     let nodes: BTreeSet<&str> = triangles
         .map(|t| scene.instances[t.instance as usize].node.as_str())
@@ -25,8 +30,8 @@ pub fn warnings(scene: &Scene, geometry: &Geometry, space: &RenderSpace) -> Opti
     };
     nodes.first().map(|node| {
         format!(
-            "'{node}'{others} is more than {:.0e} times as far away as the nearest surface, {:.2e} m, so the image is too bright: \
-             remove it, or move it nearer",
+            "'{node}'{others} is more than {:.0e} times as far away as the nearest surface ({:.2e} m). The image is too bright: remove \
+             the object, or move it nearer",
             FARTHEST.powi(2),
             f64::from(near) * space.unit
         )
@@ -51,7 +56,7 @@ mod tests {
             add(&mut scene, "moon", grey, quad(DVec3::Z * distance, DVec3::X, DVec3::Y, [1.0; 2]));
             let space = RenderSpace::new(&scene, scene.cameras[0].transform.translation, &Emitters::Scene);
             let geometry = Geometry::new(&scene, &space, &Emitters::Scene, AlbedoTable::shared());
-            warnings(&scene, &geometry, &space)
+            warnings(&scene, &geometry, &space, &BTreeMap::new())
         };
         assert_eq!(warning(1e12), None);
         let found = warning(1e13).unwrap();

@@ -322,8 +322,8 @@ impl Renderer {
     /// or where the weight of a table is 0, counts for no response.
     #[doc(hidden)]
     pub fn is_black(&self) -> bool {
-        let is_outside = !self.plan.responses.is_single_box() || self.stats.inside_gate == 0;
-        is_outside && self.film.mean().iter().all(|&x| x == 0.0)
+        let may_be_black = !self.plan.responses.is_single_box() || self.stats.inside_gate == 0;
+        may_be_black && self.film.mean().iter().all(|&x| x == 0.0)
     }
 
     /// The device that renders.

@@ -132,8 +132,8 @@ impl PreparedScene {
         Some((settings, prepared))
     }
 
-    /// Warnings about a valid scene that will look wrong, one sentence each: copies of triangles, surfaces that are far too
-    /// large, objects that are far too distant, lamps in the plane of another surface.
+    /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are far
+    /// too large, objects that are far too distant, and lamps in the plane of another surface.
     pub fn warnings(&self, scene: &Scene) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
@@ -144,7 +144,7 @@ impl PreparedScene {
         });
         let PreparedScene { geometry, space, .. } = self;
         let oversized = oversized::warnings(scene, geometry, space);
-        let far = far_objects::warnings(scene, geometry, space);
+        let far = far_objects::warnings(scene, geometry, space, self.powers());
         copies.into_iter().chain(oversized).chain(far).chain(coplanar::warnings(scene, geometry, space)).collect()
     }
 

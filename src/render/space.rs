@@ -142,7 +142,8 @@ fn distances(scene: &Scene, origin: DVec3, selected: &Emitters) -> [f64; 2] {
 
     // The distance of a triangle or a medium is that of its farthest corner, so a camera in a corner of a room is no special case.
     let farthest = |corners: &[DVec3]| corners.iter().map(|&p| distance(p)).fold(0.0, f64::max);
-    let mut min = max / WIDEST;
+    let limit = max / WIDEST;
+    let mut min = limit;
     for corners in scene.media.iter().filter_map(Medium::extent) {
         min = min.min(farthest(&corners));
     }
@@ -151,7 +152,8 @@ fn distances(scene: &Scene, origin: DVec3, selected: &Emitters) -> [f64; 2] {
         let point =
             |i: u32| instance.transform.transform_point3(DVec3::from(mesh.positions[i as usize].map(f64::from)));
         if nearest < min {
-            min = mesh.triangles.iter().map(|corners| farthest(&corners.map(point))).fold(min, f64::min);
+            let near = mesh.triangles.iter().filter(|corners| distance(point(corners[0])) < limit);
+            min = near.map(|corners| farthest(&corners.map(point))).fold(min, f64::min);
         }
     }
     [min, max]

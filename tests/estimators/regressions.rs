@@ -116,7 +116,7 @@ fn pixels_that_see_a_lamp_alone_show_all_of_it() {
 }
 
 /// The unit of render space was the distance of the farthest object. One object 1e10 m away made the squared distances of the near
-/// scene so small that MIS weights no longer summed to 1: the image became up to twice as bright with `pt`, and more with `bdpt`.
+/// scene so small that MIS weights no longer summed to 1. The image became up to twice as bright with `pt`, and more with `bdpt`.
 #[test]
 fn an_object_far_behind_the_camera_changes_nothing() {
     let near = build(Kind::CornellBox);

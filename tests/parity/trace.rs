@@ -157,6 +157,7 @@ pub fn buffers(scene: &Scene, origin: DVec3) -> Vec<Contents> {
     buffers_in(scene, &RenderSpace::metres(origin))
 }
 
+/// As [`buffers`], in the coordinates of `space`.
 pub fn buffers_in(scene: &Scene, space: &RenderSpace) -> Vec<Contents> {
     let g = Geometry::new(scene, space, &Emitters::Scene, &AlbedoTable::new());
     // A buffer needs at least one element to be bound.

@@ -58,8 +58,9 @@ pub fn with_inputs(settings: &str, identity: &Identity) -> String {
     format!("{INPUTS}{}\n{settings}", identity.inputs())
 }
 
-/// Whether all files of a frame exist, apart from its picture, which is made from them. Fails if an image has other settings or inputs than `identity`, or lacks a layer, or if sums
-/// have another identity. Settings that do not affect the image may differ.
+/// Whether all files of a frame exist. Its picture may be missing, because it is made from them. Fails if an image has other
+/// settings or inputs than `identity`, or lacks a layer, or if sums have another identity. Settings that do not affect the image may
+/// differ.
 pub fn is_finished(outputs: &Outputs, identity: &Identity) -> Result<bool> {
     let other = |path: &Path, how: &str| {
         let message = format!("is there already, but {how}; remove it, or choose another name");

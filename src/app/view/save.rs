@@ -47,6 +47,8 @@ impl Finished<'_> {
             layers: &Layers::default(),
             preparation: &Preparation::new(),
             warnings: &view.warnings,
+            // The page shows all warnings.
+            gate_warning: None,
         };
         report.write(&outputs, |_| Ok(()))?;
         Ok(files)

@@ -108,14 +108,21 @@ fn name_distant_apart(scene: &mut Scene) {
     let positioned = lights.iter().filter(|light| !light.kind.is_distant()).map(|light| &light.node);
     let surfaces = instances.iter().filter(|instance| is_bright(emission(scene, instance))).map(|one| &one.node);
     let mut names: HashSet<String> = positioned.chain(surfaces).cloned().collect();
-    for light in scene.lights.iter_mut().filter(|light| light.kind.is_distant()) {
-        let own = light.node.clone();
-        let mut number = 1;
-        while names.contains(&light.node) {
-            number += 1;
-            light.node = format!("{own}#{number}");
+    // Suns first, so that the sky gets another name than they have. Suns of one name keep one name.
+    for is_sky in [false, true] {
+        let mut taken = names.clone();
+        let is_next =
+            |light: &&mut Light| light.kind.is_distant() && matches!(light.kind, LightKind::Sky { .. }) == is_sky;
+        for light in scene.lights.iter_mut().filter(is_next) {
+            let own = light.node.clone();
+            let mut number = 1;
+            while names.contains(&light.node) {
+                number += 1;
+                light.node = format!("{own}#{number}");
+            }
+            taken.insert(light.node.clone());
         }
-        names.insert(light.node.clone());
+        names = taken;
     }
 }
 

@@ -205,9 +205,11 @@ fn suns_and_skies_have_names_of_their_own() {
     let sun = LightKind::Directional { irradiance: [1.0; 3] };
     light(&mut scene, "sky", DVec3::Y, DVec3::NEG_Y, sun);
     light(&mut scene, &node, DVec3::Y, DVec3::NEG_Y, sun);
+    light(&mut scene, &node, DVec3::X, DVec3::NEG_X, sun);
     let (scene, experiment, _) = applied("gate.gate = '1m..2m'\nemitter.sky = 2", scene);
     let names: Vec<&str> = scene.lights.iter().map(|light| light.node.as_str()).collect();
-    assert_eq!(names, ["sky", "sky#2", &format!("{node}#2"), "sky#3"]);
+    let second = format!("{node}#2");
+    assert_eq!(names, ["sky", "sky#2", &second, &second, "sky#3"]);
     let resolved = resolve(&experiment, &scene).unwrap();
     assert_eq!(*resolved.settings.emitters(), Emitters::Nodes(vec!["sky".into(), node]));
 }

@@ -203,7 +203,7 @@ fn chosen(doc: &Document, name: Option<&str>) -> Checked<Vec<(String, Animation)
 }
 
 /// Evaluates the curves of all channels at `time`. Fails if two animations move the same property of a node. Each curve is dropped
-/// before the next one is read: many channels may share the keys of one accessor, so all curves may be much larger than the file.
+/// before the next one is read. Many channels may share the keys of one accessor, so all curves may be much larger than the file.
 fn evaluate(doc: &Document, animations: &[(String, Animation)], time: f64, warnings: &mut Warnings) -> Checked<Moment> {
     let mut moment = Moment { values: HashMap::new(), end: 0.0 };
     let mut by: HashMap<(usize, Property), &str> = HashMap::new();
@@ -266,10 +266,9 @@ impl Keys<'_> {
     /// The components of all elements of an accessor.
     fn read<const N: usize>(&mut self, accessor: usize, what: &str, allowed: &[Format]) -> Checked<Vec<f32>> {
         self.numbers += N as u64 * self.doc.count(accessor, what)?;
-        if self.numbers > MAX_NUMBERS.max(self.doc.buffer_bytes()) {
-            return Err(format!(
-                "the animations have more than {MAX_NUMBERS} numbers at the {what}; remove some of them"
-            ));
+        let limit = MAX_NUMBERS.max(self.doc.buffer_bytes());
+        if self.numbers > limit {
+            return Err(format!("the animations have more than {limit} numbers at the {what}; remove some of them"));
         }
         Ok(self.doc.vectors::<N>(accessor, what, allowed)?.into_flattened())
     }
