@@ -138,7 +138,8 @@ impl About {
                 self.version, self.renderer, other.version, other.renderer
             ));
         }
-        let differences = differences((&self.settings, &self.files), (&other.settings, &other.files), &BUDGET);
+        let [own, others] = [self, other].map(|about| (&*about.settings, &*about.files));
+        let differences = differences((name, own), (other_name, others), &BUDGET);
         if !differences.is_empty() {
             return fail(format!("{name} and {other_name} are not the same render: {}", differences.join("; ")));
         }
@@ -198,15 +199,18 @@ const WITHOUT_EFFECT: [&str; 5] = ["scene", "input.allow-path", "gate.force", "r
 /// Settings that only say when a render ends. The sums may be parts of one render, but the images differ.
 const BUDGET: [&str; 2] = ["render.spp", "render.time"];
 
-/// The first difference between the settings of two images; `None` if there is none that affects the image. Each image has the
-/// settings as TOML, and the paths in it of files, which may differ.
-pub fn difference_of_images(a: (&str, &[String]), b: (&str, &[String])) -> Option<String> {
+/// Settings as TOML, and the paths in it of files, which may differ.
+type WithPaths<'a> = (&'a str, &'a [String]);
+
+/// The first difference between the settings of two images; `None` if there is none that affects the image. Each image has a name for
+/// the message.
+pub fn difference_of_images(a: (&str, WithPaths), b: (&str, WithPaths)) -> Option<String> {
     differences(a, b, &[]).into_iter().next()
 }
 
 /// The differences between the settings of two renders, one text per setting, without those that are `ignored` or have no effect.
-/// Each render has its settings as TOML, and the paths in it of files, which may differ.
-fn differences(a: (&str, &[String]), b: (&str, &[String]), ignored: &[&str]) -> Vec<String> {
+/// Each render has a name for the message.
+fn differences((name_a, a): (&str, WithPaths), (name_b, b): (&str, WithPaths), ignored: &[&str]) -> Vec<String> {
     let [a, b] = [a, b].map(|(toml, files)| {
         let mut settings = BTreeMap::new();
         // Longest first, because a path may begin with a shorter one.
@@ -223,7 +227,7 @@ fn differences(a: (&str, &[String]), b: (&str, &[String]), ignored: &[&str]) -> 
     names
         .into_iter()
         .filter(|name| counts(name) && a.get(*name) != b.get(*name))
-        .map(|name| format!("{name} {} in one and {} in the other", show(a.get(name)), show(b.get(name))))
+        .map(|name| format!("{name} {} in {name_a} and {} in {name_b}", show(a.get(name)), show(b.get(name))))
         .collect()
 }
 

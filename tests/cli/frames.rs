@@ -163,7 +163,12 @@ fn frames_are_kept_if_their_settings_give_the_same_image() {
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(message.contains("2 of 2 frames were there already"), "{message}");
     let longer = [&["render", "scene.glb", "--spp", "3"], &SMALL[..2], &SMALL[4..], &keys, &["-o", "f#.exr"]].concat();
-    fails(here, &longer, 2, "not with these settings (render.spp is 3 in one and is 2 in the other); remove it");
+    fails(
+        here,
+        &longer,
+        2,
+        "not with these settings (render.spp is 3 in this command and is 2 in the file); remove it",
+    );
 }
 
 #[test]

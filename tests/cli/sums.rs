@@ -236,7 +236,7 @@ fn another_render_is_refused_with_what_differs() {
         let command = [&["render", "box.glb"], &SMALL[..], &["--checkpoint", "sums.acc"], flags].concat();
         fails(here, &command, 2, part);
     };
-    refused(&["--seed", "1"], "render.seed is 0 in one and is 1 in the other");
+    refused(&["--seed", "1"], "render.seed is 0 in sums.acc and is 1 in this command");
     refused(&["--headlamp"], "emitter.headlamp");
     refused(&["--estimator", "bdpt"], "render.estimator");
     refused(&["--resume", "other.acc"], "keep one, or choose another name");
@@ -249,7 +249,7 @@ fn another_render_is_refused_with_what_differs() {
         );
     }
     let gate = ["render", "--resume", "sums.acc", "--gate", "5m..7m", "-o", "a.exr"];
-    fails(here, &gate, 2, "gate.gate is \"5m..6m\" in one and is \"5m..7m\" in the other");
+    fails(here, &gate, 2, "gate.gate is \"5m..6m\" in sums.acc and is \"5m..7m\" in this command");
     fails(here, &["render", "--resume", "missing.acc", "-o", "a.exr"], 2, "missing.acc: no such file");
     fails(here, &["render", "-o", "a.exr"], 2, "<SCENE|EXPERIMENT>");
 

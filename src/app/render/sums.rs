@@ -56,7 +56,8 @@ impl Identity {
             return Some("its settings are not known".into());
         };
         let files: Vec<String> = other.input_files().iter().map(|path| path.to_string_lossy().into()).collect();
-        accumulation::difference_of_images((&self.0.settings, &self.0.files), (&other.to_toml(), &files))
+        let own = ("this command", (&*self.0.settings, &*self.0.files));
+        accumulation::difference_of_images(own, ("the file", (&other.to_toml(), &files)))
     }
 
     /// Whether the sums in the file have the same --spp or --time.

@@ -170,9 +170,12 @@ fn other_renders_are_refused_with_what_differs() {
     for (change, part) in [
         (
             (|about| about.settings = about.settings.replace("1m..2m", "1m..3m")) as fn(&mut About),
-            "gate.gate is \"1m..2m\" in one and is \"1m..3m\" in the other",
+            "gate.gate is \"1m..2m\" in a.acc and is \"1m..3m\" in b.acc",
         ),
-        (|about| about.settings = about.settings.replace("seed = 3", ""), "render.seed is 3 in one and is not set"),
+        (
+            |about| about.settings = about.settings.replace("seed = 3", ""),
+            "render.seed is 3 in a.acc and is not set in b.acc",
+        ),
         (|about| about.scene = "t".into(), "other contents"),
         (|about| about.renderer = "q".into(), "different versions"),
         (|about| about.resolution = [9, 9], "differ in size"),
@@ -216,9 +219,9 @@ fn settings_without_effect_may_differ() {
     assert!(plain.check_same_render("a.acc", &forced, "b.acc").is_ok());
     let of = |settings: &'static str| (settings, &[][..]);
     let two = of("scene = 'a.glb'\n[render]\nspp = 2\ndevice = '0'\n");
-    assert_eq!(difference_of_images(two, of("scene = 'b.glb'\n[render]\nspp = 2\nstrict = true\n")), None);
-    let three = difference_of_images(two, of("[render]\nspp = 3\n")).unwrap();
-    assert_eq!(three, "render.spp is 2 in one and is 3 in the other");
+    let difference = |other| difference_of_images(("one", two), ("the other", of(other)));
+    assert_eq!(difference("scene = 'b.glb'\n[render]\nspp = 2\nstrict = true\n"), None);
+    assert_eq!(difference("[render]\nspp = 3\n").unwrap(), "render.spp is 2 in one and is 3 in the other");
 }
 
 #[test]
