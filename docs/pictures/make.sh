@@ -4,9 +4,9 @@
 #     cargo build --release
 #     docs/pictures/make.sh [SECONDS [RACE_SECONDS]]
 #
-# SECONDS (default 600) is the rendering time of each of the eight images, by the default estimator: lcs with a gate, bdpt without
-# one (in fog always lcs, which has less noise here). 0 leaves the images as they are. RACE_SECONDS (default 30) is the rendering
-# time of each estimator in the row of crops. The reference of the row takes 40 times as long, and 160 times at most.
+# SECONDS (default 600) is the rendering time of each of the eight images; 0 leaves the images as they are. The estimator is lcs with
+# a gate and in fog, otherwise bdpt. RACE_SECONDS (default 30) is the rendering time of each estimator in the row of crops. The
+# reference of the row takes 40 times as long, and 160 times at most.
 #
 # Environment: RESOLUTION of the images (640x360), CROP_RESOLUTION of the row (320x180), TAUGATE, the program
 # (target/release/taugate), and PYTHON (python3), which needs Pillow 10.1 or later, numpy and matplotlib (pip install pillow

@@ -38,8 +38,8 @@ fn make_search(v: vec3<f32>, q: vec3<f32>, length: f32) -> EllipsoidSearch {
     return EllipsoidSearch(make_ellipsoid(v, q, length), v, length - slack, q, length + slack);
 }
 
-// A normal of the triangle. Its largest component is near 1, so products with lengths do not underflow, as they would with the cross
-// product of the edges of a small triangle. The factor is a power of two, so it changes no bit of a mantissa.
+// A normal of the triangle, with a largest component from 1 to 2. The cross product of the edges of a small triangle is so short that
+// its products with lengths may underflow. The factor between the two is a power of two, so it changes no bit of a mantissa.
 fn scaled_normal(t: Triangle) -> vec3<f32> {
     let n = cross(t.v1 - t.v0, t.v2 - t.v0);
     let exponent = bitcast<u32>(max_component(abs(n))) & 0x7f800000u;

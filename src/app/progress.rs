@@ -22,12 +22,19 @@ pub struct Position {
     pub samples: u64,
     pub elapsed: Duration,
     pub rays: u64,
-    /// Samples and seconds of earlier processes. `samples` contains these samples; `elapsed` and `rays` are of this process.
-    pub before: (u64, f64),
+    /// What earlier processes did. `samples` contains their samples; `elapsed` and `rays` are of this process.
+    pub before: Before,
+}
+
+/// Samples per pixel and seconds of earlier processes.
+#[derive(Clone, Copy, Default)]
+pub struct Before {
+    pub samples: u64,
+    pub seconds: f64,
 }
 
 impl Position {
-    pub fn of(renderer: &Renderer, elapsed: Duration, before: (u64, f64)) -> Position {
+    pub fn of(renderer: &Renderer, elapsed: Duration, before: Before) -> Position {
         Position { samples: renderer.film().samples(), elapsed, rays: renderer.stats().rays(), before }
     }
 
@@ -39,20 +46,20 @@ impl Position {
     fn done(&self, budget: &Budget) -> f64 {
         let done = match *budget {
             Budget::Spp(spp) => self.samples as f64 / f64::from(spp),
-            Budget::Seconds(seconds) => (self.before.1 + self.elapsed.as_secs_f64()) / seconds,
+            Budget::Seconds(seconds) => (self.before.seconds + self.elapsed.as_secs_f64()) / seconds,
         };
         done.min(1.0)
     }
 
-    /// Seconds until the budget is used, if the render goes on at the pace of this process; `None` if the pace is not known yet.
+    /// Seconds until the budget is used, at the pace of this process. `None` if the pace is not known yet.
     fn left(&self, budget: &Budget) -> Option<f64> {
         let elapsed = self.elapsed.as_secs_f64();
         let left = match *budget {
             Budget::Spp(spp) => {
-                let new = self.samples.saturating_sub(self.before.0);
+                let new = self.samples.saturating_sub(self.before.samples);
                 elapsed * u64::from(spp).saturating_sub(self.samples) as f64 / new as f64
             }
-            Budget::Seconds(seconds) => seconds - self.before.1 - elapsed,
+            Budget::Seconds(seconds) => seconds - self.before.seconds - elapsed,
         };
         left.is_finite().then_some(left.max(0.0))
     }
@@ -145,14 +152,15 @@ mod tests {
     #[test]
     fn a_render_that_goes_on_knows_how_long_it_will_take() {
         // 60 of 100 samples are there; this process made 20 of them in 10 s, after 400 s of another process.
-        let position = Position { samples: 60, elapsed: Duration::from_secs(10), rays: 1000, before: (40, 400.0) };
+        let before = |seconds| Before { samples: 40, seconds };
+        let position = Position { samples: 60, elapsed: Duration::from_secs(10), rays: 1000, before: before(400.0) };
         let [samples, time] = [Budget::Spp(100), Budget::Seconds(500.0)];
         assert_eq!((position.done(&samples), position.left(&samples)), (0.6, Some(20.0)));
         assert_eq!((position.done(&time), position.left(&time)), (0.82, Some(90.0)));
         assert_eq!(position.rays_per_second(), 100.0);
         let start = Position { samples: 40, elapsed: Duration::ZERO, ..position };
         assert_eq!(start.left(&samples), None);
-        let past = Position { samples: 120, before: (40, 600.0), ..start };
+        let past = Position { samples: 120, before: before(600.0), ..start };
         assert_eq!((past.left(&samples), past.left(&time)), (Some(0.0), Some(0.0)));
     }
 }

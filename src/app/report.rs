@@ -14,7 +14,7 @@ use taugate::internals::settings::Settings;
 
 use super::images::Images;
 use super::preparation::Preparation;
-use super::progress::{Position, Progress, duration, rays};
+use super::progress::{Before, Position, Progress, duration, rays};
 use super::rescue::Rescue;
 
 /// The warning about an image without light.
@@ -72,7 +72,7 @@ struct Numbers<'a> {
 
 impl Report<'_> {
     fn position(&self) -> Position {
-        Position::of(self.renderer, Duration::from_secs_f64(self.seconds), (0, 0.0))
+        Position::of(self.renderer, Duration::from_secs_f64(self.seconds), Before::default())
     }
 
     fn images(&self) -> Images<'_> {

@@ -143,9 +143,9 @@ impl Film {
     /// is unbiased for iterations of equal length, and for unequal ones if the variance of an iteration is inversely proportional to
     /// its samples. Adaptive samples break that rule: a pixel with 4 times the average samples has them only from the second
     /// iteration on. With the lengths of [`crate::render::schedule`] the estimate is then at most 7 % too large. In a film that joins
-    /// N adaptive shards, the first N iterations have the average samples in every pixel. With 8 to 16 shards of 64 to 512 samples per
-    /// pixel, the estimate is up to 36 % too large for pixels with 4 times the average samples. For pixels with a quarter of the
-    /// average, it is up to 21 % too small. Always finite; 0 with fewer than two iterations.
+    /// N adaptive shards, the first N iterations have the average samples in every pixel. For 8 to 16 shards of 64 to 512 samples per
+    /// pixel: with 4 times the average samples, the estimate is up to 36 % too large. With a quarter of the average, it is up to 21 %
+    /// too small. Always finite; 0 with fewer than two iterations.
     pub fn variance_of_mean(&self) -> Vec<f32> {
         if self.iterations < 2 {
             return vec![0.0; self.moments.len()];

@@ -52,12 +52,17 @@ pub fn resolve(experiment: &Experiment, scene: &Scene) -> Result<Resolved> {
     }
     let camera = camera(&experiment.camera, scene)?;
     let narrowest = responses.narrowest();
-    let latest = if responses.is_repeated() { LATEST_LIGHT * scene.diagonal() } else { 0.0 };
     let resolution = resolution(&experiment.camera, &scene.cameras[camera])?;
     let emitters = emitters(&experiment.emitter, scene, responses.are_steady(), &mut warnings)?;
-    let from_origin = RenderSpace::distance_of_camera(scene, &scene.cameras[camera], &emitters);
-    let unseen = omitted(&scene.cameras[camera]) + from_origin + (latest - narrowest.hi).max(0.0);
-    let gate_warning = gate_warning(&narrowest, unseen, &experiment.gate)?;
+    let unseen = || {
+        let from_origin = RenderSpace::distance_of_camera(scene, &scene.cameras[camera], &emitters);
+        let latest = if responses.is_repeated() { LATEST_LIGHT * scene.diagonal() } else { 0.0 };
+        omitted(&scene.cameras[camera]) + from_origin + (latest - narrowest.hi).max(0.0)
+    };
+    let gate_warning = match narrowest.hi.is_finite() {
+        true => gate_warning(&narrowest, unseen(), &experiment.gate)?,
+        false => None,
+    };
     warnings.extend(gate_warning.clone());
     let estimator = render.estimator.unwrap_or_else(|| {
         let gate = defaults::decisive(&responses, scene, experiment.scan.is_some());

@@ -32,8 +32,8 @@ pub struct Dropped {
 }
 
 /// Removes every triangle whose corners, orientation, material and shading attributes equal those of an earlier triangle. Also
-/// removes backs: triangles that reflect only and differ from an earlier one only in orientation, normals and tangents. A triangle without attributes
-/// (`None`) stays: it is a translucent layer, and each layer dims the light behind it.
+/// removes backs: triangles that only reflect, and differ from an earlier one only in orientation, normals and tangents. A triangle
+/// without attributes (`None`) stays: it is a translucent layer, and each layer dims the light behind it.
 pub fn drop_copies(
     triangles: &mut Vec<Triangle>,
     attributes: impl Fn(&Triangle) -> Option<ShadingAttributes>,
@@ -55,9 +55,9 @@ pub fn drop_copies(
             if !seen.insert((face.key, face.is_turned, corners, normal_matrix)) {
                 copies.push(i);
             } else if may_get_back && let Some(is_turned) = face.is_turned {
-                match fronts
-                    .entry((face.key, corners.map(|[_, u, v, red_green, blue_alpha, _]| [u, v, red_green, blue_alpha])))
-                {
+                let paint =
+                    corners.map(|[_normal, u, v, red_green, blue_alpha, _tangent]| [u, v, red_green, blue_alpha]);
+                match fronts.entry((face.key, paint)) {
                     Entry::Vacant(new) => drop(new.insert((i, is_turned))),
                     Entry::Occupied(known) => {
                         let &(front, front_is_turned) = known.get();

@@ -8,8 +8,8 @@ use crate::settings::Emitters;
 /// World space, translated and scaled. The origin is at or near a sensor, so that f32 coordinates near the sensor are precise.
 /// The unit of length is near the size of the scene, or between the distances of its nearest and farthest objects if these differ
 /// very much. MIS weights contain squares of densities per area, which are fourth powers of lengths. With this unit they neither
-/// overflow nor underflow in f32. The unit is a power of two, so scaling changes no bit
-/// of a mantissa, and a scene twice as large gives the same image.
+/// overflow nor underflow in f32. The unit is a power of two, so scaling changes no bit of a mantissa, and a scene twice as large
+/// gives the same image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderSpace {
     /// The origin in world space, in metres.
@@ -140,7 +140,7 @@ fn distances(scene: &Scene, origin: DVec3, selected: &Emitters) -> [f64; 2] {
         max = max.max(distance(corner));
     }
 
-    // The distance of a triangle or a medium is that of its farthest corner, so a camera in a corner of a room is no special case.
+    // The distance of a triangle or a medium is that of its farthest corner. So a camera in a corner of a room is no special case.
     let farthest = |corners: &[DVec3]| corners.iter().map(|&p| distance(p)).fold(0.0, f64::max);
     let limit = max / WIDEST;
     let mut min = limit;

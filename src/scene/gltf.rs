@@ -114,8 +114,8 @@ fn guarded<T>(path: &Path, read: impl FnOnce() -> Checked<T>) -> Result<T> {
         .map_err(|message| Error::Scene { path: path.into(), message })
 }
 
-/// Time in seconds of the last key of the animations in the file, or of the animation `name`; `None` if the file has no animation
-/// that moves a node. Fails as [`load_with`] does if an animation is not valid. Reads neither meshes nor images.
+/// Time in seconds of the last key of the animations in the file, or of the animation `name`. `None` if no animation moves a node.
+/// Fails as [`load_with`] does if an animation is not valid. Reads neither meshes nor images.
 pub fn end_of_animations(path: &Path, allowed: &[PathBuf], name: Option<&str>) -> Result<Option<f64>> {
     let bytes = resolve::read_file(path).map_err(|message| Error::Scene { path: path.into(), message })?;
     guarded(path, || animation::end(&Document::open(&bytes, Folders::new(path, allowed))?, name))

@@ -176,8 +176,8 @@ impl Material {
         self.transmission > 0.0 && (self.metallic < 1.0 || self.surface_texture.is_some())
     }
 
-    /// Whether `mesh`, which has this material, only bounds a medium: it does not reflect, refract or colour light that comes from a
-    /// medium with the index `outside`. Such boundaries do not count as vertices of paths.
+    /// Whether `mesh`, which has this material, only bounds a medium. It then does not reflect, refract or colour light. `outside`: index
+    /// of refraction outside of the mesh. Such boundaries do not count as vertices of paths.
     pub fn is_null_boundary(&self, mesh: &Mesh, outside: f32) -> bool {
         let is_clear = self.base_color[..3] == [1.0; 3] && self.base_color_texture.is_none();
         let transmits = self.transmission == 1.0 && self.transmission_texture.is_none();

@@ -127,7 +127,7 @@ pub fn settings_against(
     let settings = settings.max_depth(MAX_DEPTH).build().unwrap();
     let (estimator, mut renderer) = (settings.estimator(), renderer(scene, &settings));
     // Few paths of pt fall into a gate. With 4 samples per pixel, a cell has about a hundred paths in the last gate of the
-    // Cornell box; their weights vary so much that the mean is not yet normally distributed.
+    // Cornell box. Their weights vary so much that the mean is not yet normally distributed.
     let samples = if estimator == Estimator::Pt { 16 } else { 4 };
     let (mut wrong, mut rejected) = (vec![], 0);
     for (bin, &(lo, hi)) in gates.iter().enumerate() {

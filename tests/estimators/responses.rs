@@ -51,8 +51,8 @@ fn gates_far_apart_agree_with_the_closed_form() {
     }
 }
 
-/// If several responses are lit for at most a tenth of the diagonal, which is 0.35 m here, `lcs` queries its trees for a vertex per
-/// sixteenth of the support. Negative control: the closed form for responses that are 3 % late.
+/// If several responses are lit for at most a tenth of the diagonal, `lcs` queries its trees for a vertex per sixteenth of the
+/// support. A tenth of the diagonal is 0.35 m here. Negative control: the closed form for responses that are 3 % late.
 #[test]
 fn short_responses_of_lcs_agree_with_the_closed_form() {
     let soft = Response::new("soft", Gate { lo: 2.95, hi: 3.15 }, Edge::Ramp(0.1));

@@ -165,8 +165,8 @@ fn a_turned_laser_gives_the_bits_of_a_new_render() {
     assert!(!turned.set_camera(&sensor(&SEEN[..2], |_| 0.0)).unwrap());
 }
 
-/// Light that goes from the laser to a point of the wall and on to the sensor has the travel time 0 if both ways are omitted. The
-/// bug: rounding made the travel time of some pixels negative, and a gate that began at 0 left them out.
+/// Light goes from the laser to a point of the wall and on to the sensor. If both ways are omitted, its travel time is 0. The bug:
+/// rounding made the travel time of some pixels negative, and a gate that began at 0 left them out.
 #[test]
 fn gates_from_the_wall_on_keep_the_direct_return() {
     let points: Vec<DVec3> =

@@ -8,7 +8,7 @@ use taugate::internals::render::schedule::{next_samples_of, samples_of_shard};
 use taugate::internals::settings::shard::Shard;
 use taugate::internals::settings::{Budget, Settings};
 
-use super::super::progress::{Position, Progress};
+use super::super::progress::{Before, Position, Progress};
 use super::NotFinite;
 
 /// Adds iterations until the budget is used or an interrupt arrives.
@@ -36,7 +36,7 @@ impl Iterations<'_> {
             Budget::Spp(spp) if !shard.is_all() => Budget::Spp(samples_of_shard(shard, spp) as u32),
             other => other,
         };
-        let earlier = (renderer.film().samples(), before);
+        let earlier = Before { samples: renderer.film().samples(), seconds: before };
         let mut schedule = vec![];
         loop {
             renderer.go_to_next_of(shard);

@@ -23,7 +23,7 @@ use taugate::internals::settings::{Budget, Sampling, Settings};
 
 use super::super::interrupts::Interrupt;
 use super::super::preparation::Preparation;
-use super::super::progress::{Position, duration, rays};
+use super::super::progress::{Before, Position, duration, rays};
 use super::super::rescue::Rescue;
 use super::super::{feasible, memory};
 use super::{NotFinite, Outcome, Session, check_inputs, check_outputs, load_scene, of_file};
@@ -95,8 +95,8 @@ pub fn run(table: &ScanTable, mut experiment: Experiment, session: &mut Session)
         }
         film.set(measured, renderer.film(), renderer.responses());
         (measured, samples) = (measured + 1, renderer.film().samples());
-        let position =
-            Position { samples, elapsed: started.elapsed(), rays: renderer.stats().rays(), before: (0, 0.0) };
+        let rays_so_far = renderer.stats().rays();
+        let position = Position { samples, elapsed: started.elapsed(), rays: rays_so_far, before: Before::default() };
         session.progress.show(measured as f64 / count as f64, || {
             format!("point {measured} of {count}, {}", rays(position.rays_per_second()))
         });

@@ -49,7 +49,7 @@ impl Materials {
         self.materials.get(index as usize).is_some_and(|material| material.normal_texture.is_some())
     }
 
-    /// Index of a copy of the material `index` that has no normal map.
+    /// Index of a copy of material `index` without its normal map. Adds the copy on the first call.
     pub fn without_normal_map(&mut self, index: u32) -> u32 {
         *self.flat.entry(index).or_insert_with(|| {
             self.materials.push(Material { normal_texture: None, ..self.materials[index as usize].clone() });
