@@ -199,7 +199,7 @@ fn forget_renderer(path: &Path) {
 #[test]
 fn a_reference_by_another_version_is_checked_before_it_counts() {
     let here = folder("60ms", "7.5m..8.5m");
-    let make = &bench(&["--reference", "--reference-time", "1s"]);
+    let make = &bench(&["--reference", "--reference-time", "500ms"]);
     succeeds(here.path(), make);
     let file = reference(here.path());
     let first = read_picture(&file).unwrap();

@@ -12,7 +12,9 @@ use taugate::internals::scene::{Camera, LightKind, Medium, PhaseFunction, Projec
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
-use super::agreement::{assert_none, feature_against_oracle, feature_estimators, whole_images};
+use super::agreement::{
+    against, assert_none, feature_against_oracle, oracle, oracle_samples, unlike_estimators, whole_images,
+};
 use super::cells::{Cells, renderer, settings, threshold};
 
 pub const SIGMA_S: f64 = 0.1;
@@ -63,7 +65,7 @@ pub fn mean(scene: &Scene, estimator: Estimator, [lo, hi]: [f64; 2]) -> (f64, f6
 fn light_that_scatters_once_has_the_radiance_of_the_closed_form() {
     let lamp = DVec3::new(0.7, 0.2, -1.0);
     let scene = fog(lamp);
-    for estimator in feature_estimators(&scene) {
+    for estimator in unlike_estimators(&scene) {
         for gate in GATES {
             let (found, error) = mean(&scene, estimator, gate);
             let expected = truth(lamp, SIGMA_S, gate);
@@ -180,7 +182,9 @@ fn foggy(lamps: Light) -> Scene {
 #[test]
 fn a_foggy_room_agrees_with_the_oracle() {
     let gates = [(5.0, 6.0), (0.0, f64::INFINITY)];
-    assert_none(feature_against_oracle("punctual", &foggy(Light::Punctual), &gates, [24, 16]));
+    let scene = foggy(Light::Punctual);
+    let truth = oracle(&scene, &gates, [24, 16], oracle_samples());
+    assert_none(against("punctual", &unlike_estimators(&scene), &scene, &gates, &truth));
 }
 
 /// The long version, with all lamps and smaller errors:

@@ -9,7 +9,7 @@ use taugate::internals::settings::Estimator;
 use taugate::internals::settings::gates::Gates;
 use taugate::internals::settings::units::Gate;
 
-use super::agreement::{against, assert_none, bin, oracle, oracle_samples};
+use super::agreement::{against, assert_none, bin, feature_estimators, oracle, oracle_samples};
 use super::cells::{Cells, disagreements, renderer, settings};
 
 const SIZE: [u32; 2] = [16, 8];
@@ -77,7 +77,7 @@ fn fog_does_not_enter_clear_glass() {
     };
     let gates = [(3.0, 5.0), (0.0, f64::INFINITY)];
     let truth = oracle(&scene(0.8), &gates, SIZE, oracle_samples());
-    assert_none(against("fog", &[Estimator::Bdpt, Estimator::Lcs], &scene(0.8), &gates, &truth));
+    assert_none(against("fog", &feature_estimators(&scene(0.8)), &scene(0.8), &gates, &truth));
     // Negative control: a darker cube.
     assert!(!against("darker cube", &[Estimator::Lcs], &scene(0.4), &gates[1..], &bin(&truth, 1)).is_empty());
 }

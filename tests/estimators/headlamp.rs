@@ -12,7 +12,7 @@ use taugate::internals::settings::Estimator;
 use taugate::internals::settings::frequencies::Frequencies;
 use taugate::internals::settings::units::Gate;
 
-use super::agreement::{against, assert_none, feature_estimators, oracle};
+use super::agreement::{against, assert_none, oracle, unlike_estimators};
 use super::cells::{Cells, renderer, settings};
 
 const INTENSITY: f32 = 3.0;
@@ -82,7 +82,7 @@ fn dark_box(keys: &str) -> Scene {
 
 fn agrees(name: &str, scene: &Scene, gates: &[(f64, f64)]) {
     let truth = oracle(scene, gates, [24, 16], 400);
-    assert_none(against(name, &feature_estimators(scene), scene, gates, &truth));
+    assert_none(against(name, &unlike_estimators(scene), scene, gates, &truth));
 }
 
 #[test]

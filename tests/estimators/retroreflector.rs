@@ -13,7 +13,7 @@ use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
 use super::agreement::{against, assert_none, feature_estimators, oracle, whole_images};
-use super::cells::{renderer, settings};
+use super::cells::{is_long, renderer, settings};
 
 const INTENSITY: f32 = 3.0;
 const BASE: f32 = 0.6;
@@ -65,7 +65,8 @@ fn mean(renderer: &mut Renderer, gate: Gate) -> f64 {
 fn a_plate_in_the_light_of_a_headlamp_has_the_radiance_of_the_closed_form() {
     let sheet = Retroreflector { share: SHARE, angle: ANGLE };
     let share = f64::from(SHARE);
-    for estimator in Estimator::ALL {
+    // All estimators connect the lamp by the same function.
+    for &estimator in if is_long() { &Estimator::ALL[..] } else { &[Estimator::Lcs] } {
         for (tilt, offset) in [(0.0, 0.0), (30.0, 0.0), (0.0, 0.1)] {
             let settings = settings(estimator, [8, 8]).max_depth(2).light_paths(100).build().unwrap();
             let mut renderer = renderer(&plate(sheet, tilt, offset), &settings);

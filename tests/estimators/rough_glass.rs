@@ -66,7 +66,9 @@ fn a_partly_transmitting_pane_agrees_with_the_oracle() {
     assert!(!against("glass pane", &[Estimator::Lcs], &plain, &gates[1..], &bin(&truth, 1)).is_empty());
 }
 
+/// `cargo test --release --test estimators -- --ignored estimators_agree_on_rough_glass`
 #[test]
+#[ignore = "the oracle tests the same images always"]
 fn estimators_agree_on_rough_glass() {
     let cells = |estimator, rougher, seed| {
         let s = settings(estimator, SIZE).max_depth(8).build().unwrap();

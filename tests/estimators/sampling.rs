@@ -14,7 +14,9 @@ fn spread(estimator: Estimator, sampling: Sampling) -> Settings {
     settings(estimator, [24, 24]).sampling(sampling).max_depth(10).build().unwrap()
 }
 
+/// `cargo test --release --test estimators -- --ignored adaptive_samples`
 #[test]
+#[ignore = "takes ten seconds; the closed form is tested always"]
 fn adaptive_samples_agree_with_uniform_ones() {
     let scene = build(Kind::CornellBox);
     let all = [Estimator::Lcs, Estimator::Bdpt];

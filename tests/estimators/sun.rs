@@ -8,7 +8,7 @@ use taugate::internals::scene::{LightKind, Scene};
 use taugate::internals::settings::Estimator;
 use taugate::internals::settings::units::Gate;
 
-use super::agreement::{against, assert_none, feature_estimators, oracle, oracle_samples};
+use super::agreement::{against, assert_none, oracle, oracle_samples, unlike_estimators};
 use super::cells::{Cells, renderer, settings};
 
 const STEADY: (f64, f64) = (0.0, f64::INFINITY);
@@ -83,7 +83,7 @@ fn sunny_box() -> Scene {
 fn agrees(name: &str, scene: &Scene) {
     assert_none(against(
         name,
-        &feature_estimators(scene),
+        &unlike_estimators(scene),
         scene,
         &[STEADY],
         &oracle(scene, &[STEADY], [24, 16], oracle_samples()),

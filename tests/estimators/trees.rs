@@ -83,7 +83,9 @@ fn leaves_and_frontiers_of_any_size_agree_with_the_closed_form() {
     }
 }
 
+/// `cargo test --release --test estimators -- --ignored a_single_tree`
 #[test]
+#[ignore = "takes ten seconds; the closed form is tested always"]
 fn a_single_tree_agrees_with_two() {
     let scene = build(Kind::CornellBox);
     let measure = |settings: Settings, lo: f64| {
@@ -129,7 +131,9 @@ fn any_importance_agrees_with_the_closed_form() {
     assert!(late.abs() > threshold(1), "a gate that is off by 2 % passes with z = {late:.2}");
 }
 
+/// `cargo test --release --test estimators -- --ignored any_importance`
 #[test]
+#[ignore = "takes ten seconds; the closed form is tested always"]
 fn any_importance_agrees_with_all_of_it() {
     let scene = build(Kind::CornellBox);
     let measure = |importance: Importance, lo: f64, seed: u32| {

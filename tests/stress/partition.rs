@@ -84,7 +84,7 @@ fn totals(estimator: Estimator, strategies: Strategies, n: u32, seeds: u32, whol
 
 #[test]
 fn thirty_gates_add_up_with_resampled_queries() {
-    let (parts, whole, error) = totals(Estimator::Lcs, Strategies::Paper, 30, 32, 64);
+    let (parts, whole, error) = totals(Estimator::Lcs, Strategies::Paper, 30, 16, 64);
     assert!(error < 0.02 * whole && ((parts.iter().sum::<f64>() - whole) / error).abs() < threshold(1));
     // Negative control: the brightest gate is missing.
     let brightest = parts.iter().copied().fold(0.0, f64::max);
