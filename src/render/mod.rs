@@ -10,6 +10,7 @@ mod coplanar;
 mod device_scene;
 mod duplicates;
 mod emitters;
+mod enclosed;
 mod far_objects;
 mod first_surface;
 pub mod geometry;

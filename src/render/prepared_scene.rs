@@ -8,7 +8,7 @@ use super::geometry::Geometry;
 use super::media::Media;
 use super::space::RenderSpace;
 use super::travel_time_bounds::Box3;
-use super::{coplanar, far_objects, null_boundary, oversized};
+use super::{coplanar, enclosed, far_objects, null_boundary, oversized};
 use crate::error::{Error, Result};
 use crate::scene::{Camera, Light, Medium, Scene};
 use crate::settings::{Emitters, Settings};
@@ -133,7 +133,7 @@ impl PreparedScene {
     }
 
     /// Warnings about a valid scene that will look wrong, one text each. They are about copies of triangles, surfaces that are far
-    /// too large, objects that are far too distant, and lamps in the plane of another surface.
+    /// too large, objects that are far too distant, lamps and pinholes inside of glass, and lamps in the plane of another surface.
     pub fn warnings(&self, scene: &Scene) -> Vec<String> {
         let copies = self.geometry.copies.map(|(count, instance)| {
             let node = &scene.instances[instance as usize].node;
@@ -145,7 +145,9 @@ impl PreparedScene {
         let PreparedScene { geometry, space, .. } = self;
         let oversized = oversized::warnings(scene, geometry, space);
         let far = far_objects::warnings(scene, geometry, space, self.powers());
-        copies.into_iter().chain(oversized).chain(far).chain(coplanar::warnings(scene, geometry, space)).collect()
+        let enclosed = enclosed::warnings(scene, space, self.sensor, self.powers());
+        let coplanar = coplanar::warnings(scene, geometry, space);
+        copies.into_iter().chain(oversized).chain(far).chain(enclosed).chain(coplanar).collect()
     }
 
     /// Number of triangles over all instances, without copies.

@@ -61,6 +61,11 @@ impl RenderSpace {
         ((world - self.origin) / self.unit).as_vec3()
     }
 
+    /// The position in the world, in metres, of a point of render space.
+    pub fn world(&self, point: Vec3) -> DVec3 {
+        self.origin + self.unit * point.as_dvec3()
+    }
+
     /// The sensor position `world` (m) in render space. `None` if the sensor is so far from the origin that coordinates near
     /// it would be imprecise: the scene must be prepared again.
     pub fn sensor(&self, world: DVec3) -> Option<Vec3> {

@@ -113,6 +113,10 @@ impl Box3 {
         a.with(b).with(c.with(d))
     }
 
+    pub(super) fn centre(&self) -> Vec3 {
+        0.5 * (self.lo + self.hi)
+    }
+
     /// Distance of a point from the box; 0 inside.
     pub(super) fn distance_to(&self, p: Vec3) -> f64 {
         self.distance(&Box3::point(p))

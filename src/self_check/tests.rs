@@ -16,13 +16,13 @@ fn a_lamp_that_is_not_as_bright_as_expected_is_found() {
     assert!(matches!(lamp::check(&device(), METHOD, almost).unwrap(), Verdict::Wrong(_)));
 }
 
-/// The command line's long test, `every_check_is_ok`, runs all methods.
+/// With two of the rooms. The command line's long test, `every_check_is_ok`, runs all methods and rooms.
 #[test]
-fn all_checks_of_a_method_are_right() {
+fn the_checks_of_a_method_are_right() {
     let method = Method { estimator: Estimator::Lcs, sampling: Sampling::Adaptive };
     let mut outcomes = vec![];
-    check_method(&device(), method, &means::cases(), &mut |outcome| outcomes.push(outcome));
-    assert_eq!(outcomes.len(), 10);
+    check_method(&device(), method, &means::cases()[..2], &mut |outcome| outcomes.push(outcome));
+    assert_eq!(outcomes.len(), 2 + means::cases()[..2].iter().map(|case| case.expected.len()).sum::<usize>());
     for Outcome { name, verdict } in outcomes {
         assert!(matches!(verdict, Verdict::Right(_)), "{name}: {verdict:?}");
     }
