@@ -1,9 +1,17 @@
 //! The camera that the page turns is that of the command that it shows.
 
+use std::time::Duration;
+
 use thirtyfour::prelude::*;
 
 use crate::browser::visit;
 use crate::program::{Program, agree, render};
+
+/// JavaScript for the elevation of the camera in degrees. It looks at a point 1 m above the ground.
+const ELEVATION: &str = "(([x, y, z]) => 180 / Math.PI * Math.atan2(y - 1, Math.hypot(x, z)))\
+                         (document.getElementById('look-from').value.split(','))";
+/// After this time without a movement, the page follows the camera of the program.
+const SETTLED: Duration = Duration::from_millis(700);
 
 #[test]
 fn the_camera_is_turned_moved_and_reset() {
@@ -39,6 +47,23 @@ fn the_camera_is_turned_moved_and_reset() {
         page.find("#stage").await.send_keys("r").await.unwrap();
         page.until(&format!("document.getElementById('look-from').value === '{start}'")).await;
         page.until("!document.getElementById('command').textContent.includes('--look-from')").await;
+
+        // Past 60 degrees of elevation, and as far as it goes, the camera stays level.
+        page.drag("#stage", (0, -150), (0, 190)).await;
+        page.until(&format!("Math.abs({ELEVATION} - 65.3) < 1")).await;
+        tokio::time::sleep(SETTLED).await;
+        let before = page.run(&format!("return {ELEVATION}")).await.as_f64().unwrap();
+        page.drag("#stage", (-60, 0), (100, 0)).await;
+        page.until("document.getElementById('look-from').value.split(',')[0] < -0.5").await;
+        tokio::time::sleep(SETTLED).await;
+        let after = page.run(&format!("return {ELEVATION}")).await.as_f64().unwrap();
+        assert!((before - after).abs() < 0.1, "{before} and {after} degrees");
+        page.drag("#stage", (0, -150), (0, 300)).await;
+        page.until(&format!("Math.abs({ELEVATION} - 88.85) < 0.1")).await;
+        let command = page.run("return document.getElementById('command').textContent").await;
+        assert!(!command.as_str().unwrap().contains("--up"), "{command}");
+        page.find("#stage").await.send_keys("r").await.unwrap();
+        page.until(&format!("document.getElementById('look-from').value === '{start}'")).await;
 
         // Flying forwards, then closer with the wheel's keys.
         page.find("#stage").await.send_keys("www").await.unwrap();

@@ -17,11 +17,28 @@ function turned(vector, axis, angle) {
   return add(add(scaled(vector, c), cross(axis, vector), s), axis, dot(axis, vector) * (1 - c));
 }
 
-/** The axis of the world that points upwards: +Y, unless the camera's own upward direction is far from +Y. */
-function vertical(up) {
-  const sizes = up.map(Math.abs);
-  const axis = sizes[1] >= 0.5 * length(up) ? 1 : sizes.indexOf(Math.max(...sizes));
-  return [0, 1, 2].map(k => (k === axis ? Math.sign(up[k]) || 1 : 0));
+const UP = [0, 1, 0];
+/** A camera is level if the sine of its roll is smaller than this. */
+const LEVEL = 1e-4;
+
+const isLevel = (camera, axis) => Math.abs(dot(frameOf(camera).right, axis)) < LEVEL;
+
+/**
+ * The vertical, about which the camera turns, as a unit vector. `given` is the setting `up`, and `isPlaced` says whether settings
+ * place the camera. The program levels a placed camera with this setting, or else with +Y. The camera of a file is level with an axis
+ * of the world; +Y if there is none.
+ */
+function verticalOf(camera, given, isPlaced) {
+  // The upward direction of a camera that is not level with an axis comes from `cameraChange` and is no vertical.
+  const isOwn = given && given.every(value => Math.abs(value) < 1 - 1e-6) && Math.abs(dot(unit(given), frameOf(camera).forward)) < LEVEL;
+  if (given && !isOwn) return unit(given);
+  if (isPlaced && !given) return UP;
+  for (const axis of [1, 2, 0]) {
+    const direction = [0, 1, 2].map(k => (k === axis ? Math.sign(camera.up[k]) : 0));
+    // A camera that looks along one axis may be level with two. It looks rather upwards or downwards than lies on its side.
+    if (Math.abs(camera.up[axis]) > 0.25 && isLevel(camera, direction)) return direction;
+  }
+  return UP;
 }
 
 /** Right, up and forward of a camera, as unit vectors. */
@@ -33,7 +50,7 @@ function frameOf({ look_from, look_at, up }) {
 
 /** Turns the vector `arm` about the vertical and about the camera's right, by angles in radians; also turns `up`. */
 function turn(camera, arm, yaw, pitch) {
-  const axis = vertical(camera.up);
+  const axis = camera.vertical;
   const { forward, right } = frameOf(camera);
   const angle = Math.acos(Math.max(-1, Math.min(1, dot(forward, axis))));
   const allowed = Math.max(angle - (Math.PI - LEAST_ANGLE), Math.min(angle - LEAST_ANGLE, pitch));
@@ -82,21 +99,24 @@ const decimals = camera => Math.max(0, Math.min(12, Math.ceil(5 - Math.log10(Mat
 /** A position as text, with as many decimals as the distance to the camera's target needs. */
 export const placeText = (camera, key) => text(camera[key], decimals(camera));
 
-/** The camera in a state message. A target that the user gave stays where it is. */
+/** The camera in a state message, with its `vertical`. A target that the user gave stays where it is. */
 export function cameraOf({ camera, settings }) {
-  const target = settings['look-at']?.split(',').map(Number);
-  return target?.length === 3 && target.every(Number.isFinite) ? { ...camera, look_at: target } : camera;
+  const vector = name => {
+    const numbers = settings[name]?.split(',').map(Number);
+    return numbers?.length === 3 && numbers.every(Number.isFinite) ? numbers : null;
+  };
+  const isPlaced = Boolean(settings['look-from'] ?? settings['look-at']);
+  return { ...camera, look_at: vector('look-at') ?? camera.look_at, vertical: verticalOf(camera, vector('up'), isPlaced) };
 }
 
 /** The change of settings that sets `camera`. */
 export function cameraChange(camera) {
-  const axis = vertical(camera.up);
-  const isLevel = Math.abs(dot(frameOf(camera).right, axis)) < 1e-4;
+  const { vertical } = camera;
   const change = {
     'look-from': placeText(camera, 'look_from'),
     'look-at': placeText(camera, 'look_at'),
     // +Y is the default of the program, so a level camera needs no flag.
-    up: isLevel ? (axis[1] === 1 ? false : text(axis, 0)) : text(camera.up, 6),
+    up: !isLevel(camera, vertical) ? text(camera.up, 6) : length(add(vertical, UP, -1)) < 1e-6 ? false : text(vertical, 6),
   };
   if (camera.ortho) change.ortho = String(Number(camera.ortho.toPrecision(6)));
   return change;
