@@ -120,6 +120,27 @@ fn the_gate_is_typed_in_all_units() {
         page.click("#gate-play").await;
         page.until("Number(document.getElementById('gate-from').value) > 3.18").await;
         page.click("#gate-play").await;
+        // Behind the last light, playing begins again with the first light.
+        page.enter("#gate-to", "200").await;
+        page.enter("#gate-from", "199.9").await;
+        page.click("#gate-play").await;
+        page.until("Number(document.getElementById('gate-from').value) < 10").await;
+        page.click("#gate-play").await;
+
+        // A gate without end gets one from the end of the range.
+        page.enter("#gate-to", "inf").await;
+        page.until("document.getElementById('gate-to').value === 'inf'").await;
+        page.find("#gate-end").await.send_keys("" + Key::Left).await.unwrap();
+        page.until("Number(document.getElementById('gate-to').value) < 200").await;
+
+        // The time line has a finest scale.
+        page.run(
+            "const handle = document.getElementById('gate-begin');
+             for (let k = 0; k < 300; k++) handle.dispatchEvent(new KeyboardEvent('keydown', { key: '+', bubbles: true }))",
+        )
+        .await;
+        page.click("#track-all").await;
+        page.until("document.getElementById('gate-begin').getAttribute('aria-valuemax') > 5").await;
         page.says_nothing().await;
     });
 }

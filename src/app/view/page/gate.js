@@ -55,7 +55,8 @@ export function makeGate(link, { onBin, onProblem }) {
     if (model.mode !== 'gate' || model.hi === Infinity) return false;
     const size = model.hi - model.lo;
     const lo = Math.max(0, model.lo + direction * size * part);
-    const [from, to] = timeline.range();
+    // Not the whole range, which contains every gate and so would grow with each step.
+    const [from, to] = timeline.light();
     if (part < 1 && (lo + size > to || lo < from)) return false;
     move(lo, lo + size);
     return true;
@@ -64,7 +65,7 @@ export function makeGate(link, { onBin, onProblem }) {
   /** Goes to the first gate of the range, to play from there. */
   function rewind() {
     if (model.bins.length > 1) return pick(0);
-    const [from] = timeline.range();
+    const [from] = timeline.light();
     move(from, from + model.hi - model.lo);
   }
 

@@ -6,12 +6,16 @@ import { UNITS, inUnit, niceStep, short } from './units.js';
 const AXIS_HEIGHT = 18;
 /** Width of the handles in CSS pixels; they lie outside of the gate. */
 const GRIP = 24;
+/** Room at each side of the time line in CSS pixels, so that the visible part of a handle at its end lies inside. */
+const PAD = 12;
 /** Decades of the logarithmic scale. */
 const DECADES = 4;
 /** Empty margin at each side, as a fraction of the range. */
 const MARGIN = 0.02;
 /** An arrow key moves a handle by this fraction of the visible range; with Shift ten times as far. */
 const KEY_STEP = 1 / 500;
+/** Minimum visible range, relative to its end. A smaller one would be finer than the numbers. */
+const LEAST_SPAN = 1e-9;
 
 const COLOURS = { axis: '#a6a6a6', line: '#3a3a3a', bars: '#7d8a96', within: '#e0a33c', window: 'rgb(224 163 60 / 0.12)', pixel: '#6fb3f2' };
 
@@ -27,10 +31,12 @@ export function makeTimeline(model, actions) {
   let drag = null;
 
   const shown = () => range.shown ?? range.whole;
-  const width = () => Math.max(1, track.clientWidth);
-  const toX = metres => ((metres - shown()[0]) / (shown()[1] - shown()[0])) * width();
-  const toMetres = x => shown()[0] + (x / width()) * (shown()[1] - shown()[0]);
+  const width = () => Math.max(1, track.clientWidth - 2 * PAD);
+  const toX = metres => PAD + ((metres - shown()[0]) / (shown()[1] - shown()[0])) * width();
+  const toMetres = x => shown()[0] + ((x - PAD) / width()) * (shown()[1] - shown()[0]);
   const hasGate = () => model.mode !== 'steady';
+  /** Where the handle of the gate's end is: a gate without end ends with the visible range. */
+  const end = () => (model.hi === Infinity ? Math.max(shown()[1], model.lo) : model.hi);
 
   /** Sets the whole range, so that it contains the histogram and the gate. */
   function measure() {
@@ -61,7 +67,8 @@ export function makeTimeline(model, actions) {
     }
     drawBars(context, base);
     if (model.bins.length > 1) drawBins(context, base);
-    if (pixel) drawPixel(context, base);
+    // The values may belong to other gates than these.
+    if (model.bins.length > 1 && pixel?.length === model.bins.length) drawPixel(context, base, w);
     drawAxis(context, w, base);
     placeHandles(base);
   });
@@ -101,7 +108,7 @@ export function makeTimeline(model, actions) {
   }
 
   /** Draws the light of the held pixel in each gate. */
-  function drawPixel(context, base) {
+  function drawPixel(context, base, w) {
     const most = Math.max(...pixel);
     context.strokeStyle = COLOURS.pixel;
     context.lineWidth = 1.5;
@@ -109,7 +116,7 @@ export function makeTimeline(model, actions) {
     model.bins.forEach(({ lo, hi }, k) => {
       const y = base - tall(pixel[k] ?? 0, most) * (base - 8);
       context.lineTo(toX(lo), y);
-      context.lineTo(toX(hi), y);
+      context.lineTo(Math.min(w, toX(hi ?? Infinity)), y);
     });
     context.stroke();
     context.lineWidth = 1;
@@ -123,7 +130,8 @@ export function makeTimeline(model, actions) {
     context.fillRect(0, base, w, 1);
     context.fillStyle = COLOURS.axis;
     context.textAlign = 'center';
-    for (let k = Math.ceil(from / step); k * step <= to; k++) {
+    const first = Math.ceil(from / step);
+    for (let k = first; k * step <= to && k < first + w; k++) {
       const x = toX(k * step * unit);
       context.fillRect(Math.round(x), base, 1, 4);
       const label = short(k * step, 7);
@@ -136,7 +144,7 @@ export function makeTimeline(model, actions) {
 
   function placeHandles(base) {
     const visible = hasGate() && model.mode !== 'other';
-    const [x0, x1] = [toX(model.lo), Math.min(width() + 20, toX(model.hi))];
+    const [x0, x1] = [toX(model.lo), toX(end())];
     const place = (id, left, size, label, value, shownAt = visible) => {
       const handle = byId(id);
       handle.hidden = !shownAt;
@@ -156,7 +164,7 @@ export function makeTimeline(model, actions) {
     const many = model.bins.length > 1 && bin !== undefined;
     if (many) {
       const left = toX(bin.lo);
-      place('gate-bin', left, Math.max(3, toX(bin.hi ?? Infinity) - left || width()), `${bin.name}, ${say(bin.lo)} to ${say(bin.hi ?? Infinity)}`, model.bin, true);
+      place('gate-bin', left, Math.max(3, toX(bin.hi ?? shown()[1]) - left), `${bin.name}, ${say(bin.lo)} to ${say(bin.hi ?? Infinity)}`, model.bin, true);
       const handle = byId('gate-bin');
       handle.setAttribute('aria-valuemin', 0);
       handle.setAttribute('aria-valuemax', model.bins.length - 1);
@@ -175,6 +183,7 @@ export function makeTimeline(model, actions) {
   /** Moves one end of the gate or the whole gate to `lo` or `hi`. The ends do not pass each other. */
   function moveTo(part, lo, hi) {
     const least = niceStep(shown()[1] - shown()[0], 2000);
+    // The whole gate keeps its width, which may be infinite.
     if (part === 'begin') actions.move(Math.min(rounded(lo), model.hi - least), model.hi);
     else if (part === 'end') actions.move(model.lo, Math.max(rounded(hi), model.lo + least));
     else {
@@ -185,26 +194,27 @@ export function makeTimeline(model, actions) {
   }
 
   track.addEventListener('pointerdown', event => {
-    if (event.button !== 0) return;
+    // A second finger changes nothing.
+    if (event.button !== 0 || drag) return;
     const x = event.clientX - track.getBoundingClientRect().left;
     const metres = toMetres(x);
     const part = { 'gate-begin': 'begin', 'gate-end': 'end', 'gate-window': 'window' }[event.target.id];
     if (model.bins.length > 1 && !['begin', 'end'].includes(part)) {
-      drag = { part: 'bin' };
+      drag = { part: 'bin', pointer: event.pointerId };
       byId('gate-bin').focus({ preventScroll: true });
       actions.pick(binAt(metres));
     } else if (part) {
-      drag = { part, offset: metres - (part === 'end' ? model.hi : model.lo) };
+      drag = { part, offset: metres - (part === 'end' ? end() : model.lo), pointer: event.pointerId };
       event.target.focus({ preventScroll: true });
     } else {
       // A press beside the gate draws a new one from there; a mere click moves the gate there.
-      drag = { part: 'new', from: metres, x };
+      drag = { part: 'new', from: metres, x, pointer: event.pointerId };
     }
     track.setPointerCapture(event.pointerId);
     event.preventDefault();
   });
   track.addEventListener('pointermove', event => {
-    if (!drag) return;
+    if (event.pointerId !== drag?.pointer) return;
     const x = event.clientX - track.getBoundingClientRect().left;
     const metres = toMetres(x);
     if (drag.part === 'bin') actions.pick(binAt(metres));
@@ -215,14 +225,17 @@ export function makeTimeline(model, actions) {
       if (ends[1] > ends[0]) actions.move(...ends);
     }
   });
-  track.addEventListener('pointerup', () => {
-    if (drag?.part === 'new' && !drag.isDrawn && hasGate() && model.hi < Infinity) {
+  track.addEventListener('pointerup', event => {
+    if (event.pointerId !== drag?.pointer) return;
+    if (drag.part === 'new' && !drag.isDrawn && hasGate() && model.hi < Infinity) {
       moveTo('window', drag.from - (model.hi - model.lo) / 2);
     }
     drag = null;
     draw();
   });
-  track.addEventListener('pointercancel', () => { drag = null; });
+  for (const kind of ['pointercancel', 'lostpointercapture']) {
+    track.addEventListener(kind, event => { if (event.pointerId === drag?.pointer) drag = null; });
+  }
   track.addEventListener('wheel', event => {
     event.preventDefault();
     zoom(Math.exp(Math.max(-240, Math.min(240, event.deltaY)) * 0.002), toMetres(event.clientX - track.getBoundingClientRect().left));
@@ -233,6 +246,7 @@ export function makeTimeline(model, actions) {
     const [a, b] = shown();
     const [from, to] = range.whole;
     const next = [Math.max(from, about - (about - a) * factor), Math.min(to, about + (b - about) * factor)];
+    if (!(next[1] - next[0] >= LEAST_SPAN * to)) return;
     range.shown = next[0] <= from && next[1] >= to ? null : next;
     draw();
   }
@@ -242,7 +256,7 @@ export function makeTimeline(model, actions) {
     if (!part || event.ctrlKey || event.metaKey || event.altKey) return;
     const direction = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -1, PageUp: 1 }[event.key];
     const page = event.key.startsWith('Page');
-    if (event.key === '+' || event.key === '-') zoom(event.key === '+' ? 0.8 : 1.25, part === 'end' ? model.hi : model.lo);
+    if (event.key === '+' || event.key === '-') zoom(event.key === '+' ? 0.8 : 1.25, part === 'end' ? end() : model.lo);
     else if (part === 'bin') {
       const last = model.bins.length - 1;
       const next = { Home: 0, End: last }[event.key] ?? (direction && model.bin + direction * (page || event.shiftKey ? 10 : 1));
@@ -250,9 +264,9 @@ export function makeTimeline(model, actions) {
       actions.pick(Math.max(0, Math.min(last, next)));
     } else {
       const [a, b] = shown();
-      const size = model.hi - model.lo;
+      const size = end() - model.lo;
       const step = page ? size : (b - a) * KEY_STEP * (event.shiftKey ? 10 : 1);
-      const from = part === 'end' ? model.hi : model.lo;
+      const from = part === 'end' ? end() : model.lo;
       const ends = { Home: a, End: part === 'window' ? b - size : b };
       const target = ends[event.key] ?? (direction && from + direction * step);
       if (target === undefined) return;
@@ -271,6 +285,8 @@ export function makeTimeline(model, actions) {
     showPixel(histogram) { pixel = histogram; draw(); },
     isDragging: () => drag !== null,
     range: () => range.whole,
+    /** Range of the histogram, whatever the gate is; without a histogram, the whole range. */
+    light: () => (arrivals?.light.length ? [arrivals.begin, arrivals.end] : range.whole),
     binAt,
   };
 }

@@ -42,15 +42,17 @@ export function makeTools({ picture, steering, onPoint, onHold, onPause }) {
   }
 
   stage.addEventListener('pointerdown', event => {
-    if (event.button > 2) return;
+    // A second finger changes nothing.
+    if (event.button > 2 || drag) return;
     stage.focus({ preventScroll: true });
     stage.setPointerCapture(event.pointerId);
-    drag = { action: actionOf(event), last: at(event), far: 0, button: event.button };
+    drag = { action: actionOf(event), last: at(event), far: 0, button: event.button, pointer: event.pointerId };
     event.preventDefault();
   });
   // The middle button would scroll the page.
   stage.addEventListener('mousedown', event => { if (event.button === 1) event.preventDefault(); });
   stage.addEventListener('pointermove', event => {
+    if (drag && event.pointerId !== drag.pointer) return;
     const here = at(event);
     onPoint(view.pixelAt(...here));
     if (!drag) return;
@@ -60,10 +62,13 @@ export function makeTools({ picture, steering, onPoint, onHold, onPause }) {
     if (drag.far >= CLICK) dragBy(drag.action, dx, dy);
   });
   stage.addEventListener('pointerup', event => {
-    if (drag && drag.far < CLICK && drag.button === 0 && !event.shiftKey) onHold(view.pixelAt(...at(event)));
+    if (event.pointerId !== drag?.pointer) return;
+    if (drag.far < CLICK && drag.button === 0 && !event.shiftKey) onHold(view.pixelAt(...at(event)));
     drag = null;
   });
-  stage.addEventListener('pointercancel', () => { drag = null; });
+  for (const kind of ['pointercancel', 'lostpointercapture']) {
+    stage.addEventListener(kind, event => { if (event.pointerId === drag?.pointer) drag = null; });
+  }
   stage.addEventListener('pointerleave', () => onPoint(null));
   stage.addEventListener('contextmenu', event => event.preventDefault());
   stage.addEventListener('wheel', event => {
