@@ -204,6 +204,11 @@ impl Page {
     /// The image on the screen as 8-bit R, G, B. One pixel of the image is one pixel of the screen.
     pub async fn screen(&self) -> Vec<u8> {
         self.click("#zoom-one").await;
+        self.shot().await
+    }
+
+    /// The same without a click that draws the image again.
+    pub async fn shot(&self) -> Vec<u8> {
         // After two frames of the screen, everything is drawn.
         self.browser
             .execute_async("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))", vec![])

@@ -33,6 +33,14 @@ fn the_screen_shows_what_is_saved_and_what_render_makes() {
         let dimmer = expose(&pixels(&saved), 2f32.powf(STOPS - 0.1));
         assert!(largest_difference(&screen, &dimmer) > 1);
 
+        // The browser may take WebGL2 away and give it back.
+        let lose = "const picture = document.getElementById('picture'), gl = picture.getContext('webgl2').getExtension('WEBGL_lose_context');
+            picture.addEventListener('webglcontextlost', () => setTimeout(() => gl.restoreContext()), { once: true });
+            picture.addEventListener('webglcontextrestored', () => arguments[0](), { once: true });
+            gl.loseContext();";
+        page.browser.execute_async(lose, vec![]).await.unwrap();
+        assert!(largest_difference(&page.shot().await, &expected) <= 1, "the picture is not drawn again");
+
         let (_folder, reference) = render(&words(&["--gate", "6.2m..6.5m"]));
         assert!(agree(&saved, &reference), "the saved image is not that of taugate render");
         let (_folder, other) = render(&words(&["--gate", "6.3m..6.6m"]));

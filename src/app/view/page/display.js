@@ -6,12 +6,16 @@ import { quantity } from './units.js';
 
 /** Automatic ranges change only by more than this, so that noise does not make the picture flicker. */
 const STILL_STOPS = 0.08;
+/** The slider reaches this many EV to both sides of its middle; the automatic exposure moves the middle if it comes near to an end. */
+const REACH = 16;
+const NEAR = 12;
 
 /** `onChange` is called when the picture must be drawn again, `onLayer` when another layer is wanted. */
 export function makeDisplay({ onChange, onLayer }) {
   const settings = { stops: 0, range: [1e-3, 1], auto: true };
   let layer = 'mean'; // The layer of the picture that is shown. The layer that the user chose may not have arrived yet.
   let revision = -1;
+  let middle = 0; // Of the slider.
 
   const isFalse = () => layer === 'error' || chosen('tone') === 'false';
   const range = () => (layer === 'error' ? ERROR_RANGE : settings.range);
@@ -34,7 +38,9 @@ export function makeDisplay({ onChange, onLayer }) {
     byId('range').hidden = !falseColour || wanted === 'error';
     byId('auto-label').hidden = wanted === 'error';
     byId('auto').checked = settings.auto;
-    byId('stops-slider').value = settings.stops;
+    if (Math.abs(settings.stops - middle) > (settings.auto ? NEAR : REACH)) middle = Math.round(settings.stops);
+    const slider = byId('stops-slider');
+    [slider.min, slider.max, slider.value] = [middle - REACH, middle + REACH, settings.stops];
     fill(byId('stops'), settings.stops.toFixed(2));
     fill(byId('range-low'), quantity(settings.range[0], 3));
     fill(byId('range-high'), quantity(settings.range[1], 3));

@@ -19,20 +19,20 @@ const GRID_OPACITY = 0.16;
  */
 export function makePicture({ display, without3d, onProblem }) {
   const stage = byId('stage');
-  const canvas = byId('picture');
-  const painter = (without3d ? null : makeGlPainter(canvas)) ?? make2dPainter(canvas);
+  const { canvas, painter } = choosePainter(byId('picture'), without3d, () => draw());
   canvas.dataset.painter = painter.name;
   let frame = null;
   let held = null;
 
   const draw = onceAFrame(() => {
-    const { zoom, left, top, image, stage: size } = view.now;
-    const ratio = canvas.width / Math.max(1, size[0]);
+    const { zoom, left, top, image } = view.now;
+    const ratio = window.devicePixelRatio || 1;
     if (frame) {
       byId('zoom').textContent = `${Math.round(100 * zoom * ratio)} %`;
       const isWhole = frame.width === image[0] && frame.height === image[1];
       painter.draw({
-        left: left * ratio, top: top * ratio, zoom: zoom * ratio, image, background: BACKGROUND,
+        // Pixels of the image begin at pixels of the screen.
+        left: Math.round(left * ratio), top: Math.round(top * ratio), zoom: zoom * ratio, image, background: BACKGROUND,
         // A coarse picture has fewer pixels than the image: it is interpolated.
         smooth: !isWhole,
         grid: isWhole && zoom * ratio >= GRID_FROM ? GRID_OPACITY : 0,
@@ -69,6 +69,12 @@ export function makePicture({ display, without3d, onProblem }) {
     draw();
   }
   new ResizeObserver(() => measure()).observe(stage);
+  // On another screen, or with another zoom of the browser, the stage may have the same size in CSS pixels.
+  function watchRatio() {
+    const query = matchMedia(`(resolution: ${window.devicePixelRatio || 1}dppx)`);
+    query.addEventListener('change', () => { measure(); watchRatio(); }, { once: true });
+  }
+  watchRatio();
 
   return {
     view,
@@ -91,4 +97,17 @@ export function makePicture({ display, without3d, onProblem }) {
     },
     held: () => held,
   };
+}
+
+/** A painter, WebGL2 if possible, and the canvas on which it paints. */
+function choosePainter(canvas, without3d, onRestored) {
+  try {
+    const painter = without3d ? null : makeGlPainter(canvas, { onRestored });
+    return { canvas, painter: painter ?? make2dPainter(canvas) };
+  } catch {
+    // A canvas that was used by WebGL2 has no 2D context.
+    const other = canvas.cloneNode();
+    canvas.replaceWith(other);
+    return { canvas: other, painter: make2dPainter(other) };
+  }
 }

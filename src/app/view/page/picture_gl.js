@@ -69,8 +69,11 @@ void main() {
 
 const UNIFORMS = ['picture', 'map', 'stage', 'corner', 'zoom', 'image', 'smooth_', 'false_colour', 'factor', 'range', 'grid', 'background'];
 
-/** Returns a painter { upload, draw }, or null if the browser has no WebGL2. */
-export function makeGlPainter(canvas) {
+/**
+ * Returns a painter { upload, draw }, or null if the browser has no WebGL2. Throws if its WebGL2 cannot draw. `onRestored` is called when
+ * the picture must be drawn again because the browser had lost it.
+ */
+export function makeGlPainter(canvas, { onRestored }) {
   const gl = canvas.getContext('webgl2', { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: false });
   if (!gl) return null;
   const largest = gl.getParameter(gl.MAX_TEXTURE_SIZE);
@@ -121,6 +124,7 @@ export function makeGlPainter(canvas) {
   canvas.addEventListener('webglcontextrestored', () => {
     prepare();
     if (latest) upload(latest);
+    onRestored();
   });
 
   return {
