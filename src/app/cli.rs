@@ -77,7 +77,7 @@ const VIEW_EXAMPLES: &str = "\
 Examples:
   taugate view room.glb --gate 12.5m..12.8m --open
   taugate view room.glb --listen 127.0.0.1:9000
-  ssh -L 9000:localhost:9000 HOST                      then open the address here in a browser
+  ssh -L 9000:127.0.0.1:9000 HOST                      then open the address here in a browser
 
 Exit codes: 0 ended by Ctrl-C, 2 wrong input or file, 4 device error";
 

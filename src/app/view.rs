@@ -14,7 +14,7 @@ mod server;
 mod signpost;
 mod stage;
 
-use std::net::{SocketAddr, TcpListener};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -196,12 +196,16 @@ fn token() -> anyhow::Result<String> {
 
 /// The address of the page. The token comes after the `#`, which browsers do not send to servers.
 fn url(address: SocketAddr, token: &str) -> String {
-    let host = match address.ip() {
-        ip if ip.is_loopback() || ip.is_unspecified() => "localhost".to_string(),
-        std::net::IpAddr::V6(ip) => format!("[{ip}]"),
-        ip => ip.to_string(),
-    };
-    format!("http://{host}:{}/#{token}", address.port())
+    format!("http://{}/#{token}", reachable(address))
+}
+
+/// An address at which this machine reaches a listener at `address`. It is no name: the browser could take `localhost` for an address
+/// of the other kind, where another user may listen and would get the token.
+fn reachable(mut address: SocketAddr) -> SocketAddr {
+    if address.ip().is_unspecified() {
+        address.set_ip(if address.is_ipv4() { Ipv4Addr::LOCALHOST.into() } else { Ipv6Addr::LOCALHOST.into() });
+    }
+    address
 }
 
 /// Tells the user how to go on, and what it means to listen on other addresses.
@@ -210,11 +214,15 @@ fn explain(address: SocketAddr) {
     if !address.ip().is_loopback() {
         super::say(&format!(
             "warning: {address} can be reached from other machines: whoever has the address of the page sees and changes this render, \
-             and nothing is encrypted; prefer ssh -L {0}:localhost:{0}",
-            address.port()
+             and nothing is encrypted; prefer ssh -L {}:{}",
+            address.port(),
+            reachable(address)
         ));
     }
     if address.ip().is_unspecified() {
-        super::say("on another machine, write the IP address of this machine instead of localhost");
+        super::say(&format!(
+            "on another machine, write the IP address of this machine instead of {}",
+            reachable(address).ip()
+        ));
     }
 }

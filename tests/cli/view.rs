@@ -244,7 +244,7 @@ fn a_browser_gets_the_token_in_a_private_file() {
     assert_eq!(read("arguments").trim(), files.join(&file).to_str().unwrap());
     assert!(file.ends_with(".html") && !file.contains(&viewer.token), "{file}");
     assert_eq!(read("mode").trim(), "600");
-    let address = format!("http://localhost:{}/#{}", viewer.port, viewer.token);
+    let address = format!("http://127.0.0.1:{}/#{}", viewer.port, viewer.token);
     assert!(read("page").contains(&format!("content=\"0; url={address}\"")), "{}", read("page"));
 
     viewer.signal();

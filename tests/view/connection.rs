@@ -62,7 +62,7 @@ fn pages_without_the_token_and_of_other_sites_are_refused() {
         page.browser.goto(&program.url).await.unwrap();
         page.picture_after(0, 1).await;
 
-        let socket = format!("ws://localhost:{}/ws", program.port());
+        let socket = format!("ws://127.0.0.1:{}/ws", program.port());
         let connect = async || {
             let script = "const socket = new WebSocket(arguments[0]);
                 socket.onopen = () => arguments[1]('open');

@@ -80,7 +80,7 @@ impl Program {
         let mut url = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut url).unwrap();
         let url = url.trim_end().to_string();
-        assert!(url.starts_with("http://localhost:"), "taugate view prints its address first, not {url:?}");
+        assert!(url.starts_with("http://127.0.0.1:"), "taugate view prints its address first, not {url:?}");
         Program { process, url, folder, _turn: turn }
     }
 

@@ -40,7 +40,7 @@ impl Viewer {
             .expect("taugate starts");
         let mut line = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let address = line.trim().strip_prefix("http://localhost:").unwrap_or_else(|| panic!("no address: {line:?}"));
+        let address = line.trim().strip_prefix("http://127.0.0.1:").unwrap_or_else(|| panic!("no address: {line:?}"));
         let (port, token) = address.split_once("/#").expect("a token");
         assert_eq!(token.len(), 32);
         Viewer { child, port: port.parse().unwrap(), token: token.into() }
