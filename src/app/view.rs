@@ -14,6 +14,7 @@ mod server;
 mod signpost;
 mod stage;
 
+use std::collections::VecDeque;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -86,6 +87,8 @@ pub fn run(args: ViewArgs) -> anyhow::Result<ExitCode> {
         stage,
         board: Arc::new(Board::new()),
         inbox,
+        sender: sender.clone(),
+        waiting: VecDeque::new(),
         stop: Arc::default(),
         input,
         is_whole,

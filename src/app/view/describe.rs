@@ -15,6 +15,9 @@ use super::super::info;
 use super::message::{Camera, Emitter, Medium, Response, State, Welcome};
 use super::stage::Stage;
 
+/// Minimum distance of the point at which a camera looks, relative to the diagonal of the scene.
+const LEAST_DISTANCE: f64 = 0.05;
+
 pub fn welcome(stage: &Stage, device: &Device, folder: &Path) -> Welcome {
     let scene = stage.scene();
     let path = stage.start().scene.as_ref().expect("the experiment names a scene");
@@ -65,7 +68,8 @@ fn camera(scene: &Scene, settings: &Settings) -> Camera {
     let axis = |v: glam::DVec3| camera.transform.transform_vector3(v).normalize();
     let forward = axis(glam::DVec3::NEG_Z);
     let centre = scene.bounds().map_or(from + forward, |[lo, hi]| 0.5 * (lo + hi));
-    let distance = match from.distance(centre) {
+    // The page flies at a speed in proportion to this distance.
+    let distance = match from.distance(centre).max(LEAST_DISTANCE * scene.diagonal()) {
         distance if distance > 0.0 => distance,
         _ => 1.0,
     };

@@ -1,18 +1,19 @@
-//! The thread that renders for the viewer. It carries out the commands of the pages between two steps of work. A change of settings
-//! ends a step early.
+//! The thread that renders for the viewer. It carries out the commands of the pages between two steps of work. During an iteration of
+//! the full image it listens, and ends the iteration early for a command that needs this.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use taugate::internals::error::Result;
 use taugate::internals::gpu::Device;
 use taugate::internals::render::Renderer;
 use taugate::internals::render::schedule::next_samples;
-use taugate::internals::settings::{Budget, MAX_SECONDS};
+use taugate::internals::settings::{Budget, MAX_SECONDS, Settings};
 use taugate::internals::tev::TevStream;
 
 use super::super::live::snapshot;
@@ -33,15 +34,24 @@ const SOON: f64 = 0.3;
 const PREVIEW_SAMPLES: u32 = 2;
 /// The time between two pictures is at least this many times the time that one picture takes.
 const TIME_PER_PICTURE: u32 = 20;
-/// Time between two attempts to show a finished image in a tev that does not answer.
+/// Time between two attempts to show a finished image in tev, which may be started again at any time. tev gets only what it does not
+/// have. An attempt takes at most one part in [`TIME_PER_PICTURE`] of the time.
 const TEV_RETRY: Duration = Duration::from_secs(2);
 
 /// A request of a page. Answers go to the queue `page`.
 pub enum Command {
-    Set { changes: BTreeMap<String, Change>, page: Answers },
+    Set {
+        changes: BTreeMap<String, Change>,
+        page: Answers,
+    },
     Pause(bool),
-    Save { name: String, page: Answers },
+    Save {
+        name: String,
+        page: Answers,
+    },
     End,
+    /// From the engine itself: its iteration is over.
+    IterationOver,
 }
 
 /// What the engine does after a step.
@@ -59,7 +69,11 @@ pub struct Engine {
     pub stage: Stage,
     pub board: Arc<Board>,
     pub inbox: Receiver<Command>,
-    /// Set with each change of the image, so that the present iteration is abandoned if that loses no earlier one.
+    /// The other end of `inbox`.
+    pub sender: SyncSender<Command>,
+    /// Commands that came out of `inbox` during an iteration, and must wait until it is over.
+    pub waiting: VecDeque<Command>,
+    /// Set with each change of the image, so that the present preview is abandoned.
     pub stop: Arc<AtomicBool>,
     /// The file that the user named.
     pub input: PathBuf,
@@ -84,33 +98,60 @@ pub struct Work {
     previews: usize,
     /// When the camera moved; `None` if the full image has the present camera.
     moved: Option<Instant>,
-    /// Whether the histogram of arriving light was measured with the present camera and lights.
+    /// Whether the histogram of arriving light was measured with the present camera, lights and [`Probed`].
     pub(super) has_arrivals: bool,
-    /// Whether the depth and the object of every pixel were found with the present camera and lights.
+    probed: Option<Probed>,
+    /// Whether the depth and the object of every pixel were found with the present camera, lights and resolution.
     pub(super) has_surfaces: bool,
     /// Time spent on the iterations of the full image.
     seconds: f64,
-    /// Earliest time of the next picture, and whether samples were added since the last picture.
-    next_picture: Option<Instant>,
+    /// When the last picture of these settings was made, and how long that took.
+    last_picture: Option<(Instant, Duration)>,
+    /// Whether samples were added since the last picture.
     has_news: bool,
     /// Estimated relMSE of the last picture of the full image.
     relmse: Option<f64>,
 }
 
+/// What the histogram of arriving light depends on, apart from the scene, the emitters and the camera.
+#[derive(Clone, Copy, PartialEq)]
+struct Probed {
+    resolution: [u32; 2],
+    max_depth: u32,
+    light_paths: u32,
+}
+
+impl Probed {
+    fn new(settings: &Settings) -> Probed {
+        Probed {
+            resolution: settings.resolution(),
+            max_depth: settings.max_depth(),
+            light_paths: settings.light_paths(),
+        }
+    }
+
+    fn has_size_of(&self, other: &Probed) -> bool {
+        self.resolution == other.resolution
+    }
+
+    fn has_light_of(&self, other: &Probed) -> bool {
+        let [a, b] = [self.resolution, other.resolution].map(|size| size.map(u64::from));
+        // The field of view depends on the aspect ratio.
+        a[0] * b[1] == a[1] * b[0] && (self.max_depth, self.light_paths) == (other.max_depth, other.light_paths)
+    }
+}
+
 impl Engine {
-    /// Renders until the inbox is closed or the command to end arrives.
+    /// Renders until the command to end arrives.
     pub fn run(mut self) {
-        self.announce(true);
+        self.announce(Effect::Restart);
         let mut next = Next::Step;
         loop {
             self.stop.store(false, Ordering::SeqCst);
             let command = match next {
                 Next::End => return,
-                Next::Step => match self.inbox.try_recv() {
-                    Err(TryRecvError::Empty) => None,
-                    Err(TryRecvError::Disconnected) => return,
-                    Ok(command) => Some(command),
-                },
+                _ if !self.waiting.is_empty() => self.waiting.pop_front(),
+                Next::Step => self.inbox.try_recv().ok(),
                 Next::Wait => match self.inbox.recv() {
                     Err(_) => return,
                     Ok(command) => Some(command),
@@ -135,13 +176,30 @@ impl Engine {
                 self.publish_state(false, true);
             }
             Command::Save { name, page } => page.send(&self.save(&name)),
-            Command::Set { changes, page } => match self.stage.change(&changes) {
-                Ok(Effect::Nothing) => self.publish_state(false, true),
-                Ok(effect) => self.begin(effect),
-                Err(error) => page.send(&Report::Problem { message: error.to_string() }),
-            },
+            Command::Set { changes, page } => {
+                let mut total = change(&mut self.stage, &changes, &page);
+                // Changes that came meanwhile begin one render together.
+                while let Some(command) = self.waiting.pop_front().or_else(|| self.inbox.try_recv().ok()) {
+                    let Command::Set { changes, page } = command else {
+                        self.waiting.push_front(command);
+                        break;
+                    };
+                    total = sum(total, change(&mut self.stage, &changes, &page));
+                }
+                self.follow(total);
+            }
+            Command::IterationOver => {}
         }
         Next::Step
+    }
+
+    /// Acts on the effect of changes that the stage has accepted, if any.
+    fn follow(&mut self, effect: Option<Effect>) {
+        match effect {
+            None => {}
+            Some(Effect::Nothing) => self.publish_state(false, true),
+            Some(effect) => self.begin(effect),
+        }
     }
 
     /// Begins a render with the present settings.
@@ -169,21 +227,28 @@ impl Engine {
         work.failed = false;
         (work.previews, work.seconds, work.relmse) = (0, 0.0, None);
         // The first picture of the new image is shown at once.
-        (work.next_picture, work.has_news) = (None, false);
-        self.announce(effect == Effect::Restart);
+        (work.last_picture, work.has_news) = (None, false);
+        self.announce(effect);
     }
 
-    fn announce(&mut self, keeps_arrivals: bool) {
+    fn announce(&mut self, effect: Effect) {
         let work = &mut self.work;
         work.revision += 1;
-        work.has_arrivals &= keeps_arrivals;
-        work.has_surfaces &= keeps_arrivals;
+        let probed = Probed::new(&self.stage.view().settings);
+        let is_same_view = matches!(effect, Effect::Restart | Effect::Settings);
+        let is_like = |is_like: fn(&Probed, &Probed) -> bool| {
+            is_same_view && work.probed.is_none_or(|before| is_like(&probed, &before))
+        };
+        let keeps_surfaces = is_like(Probed::has_size_of);
+        work.has_arrivals &= is_like(Probed::has_light_of);
+        work.has_surfaces &= keeps_surfaces;
+        work.probed = Some(probed);
         let welcome = describe::welcome(&self.stage, &self.device, &self.folder);
         if work.welcome.as_ref() != Some(&welcome) {
             self.board.report(Topic::Welcome, &Report::Welcome(welcome.clone()));
             work.welcome = Some(welcome);
         }
-        self.publish_state(true, keeps_arrivals);
+        self.publish_state(true, keeps_surfaces);
         if self.work.renderers.is_none() {
             self.report_progress(Phase::Preparing);
         }
@@ -287,26 +352,80 @@ impl Engine {
             _ => None,
         };
         if let Some(phase) = end {
+            let start = Instant::now();
             self.publish_picture(phase);
-            let waits_for_tev = self.tev.as_ref().is_some_and(TevStream::is_down);
-            return Ok(if waits_for_tev { Next::WaitFor(TEV_RETRY) } else { Next::Wait });
+            let retry = TEV_RETRY.max(start.elapsed() * TIME_PER_PICTURE);
+            return Ok(if self.tev.is_some() { Next::WaitFor(retry) } else { Next::Wait });
         }
         let start = Instant::now();
-        // A change may be refused or have no effect. It must not cost the image, which an abandoned iteration of responses would.
-        let never = Arc::default();
-        let stop = if full.has_responses() && film.iterations() > 0 { &never } else { &self.stop };
-        if !full.iterate_unless(samples, stop)? {
+        let (is_added, effect) = self.iterate(samples)?;
+        if effect.is_some_and(|effect| effect != Effect::Nothing) {
+            self.follow(effect);
             return Ok(Next::Step);
         }
+        self.follow(effect);
+        if !is_added {
+            return Ok(Next::Step);
+        }
+        let work = &mut self.work;
         work.seconds += start.elapsed().as_secs_f64();
         work.has_news = true;
-        if work.next_picture.is_none_or(|time| Instant::now() >= time) {
+        let pause = if self.board.has_pages() { BETWEEN_PICTURES } else { WITHOUT_PAGE };
+        let is_due = |(time, cost): (Instant, Duration)| time.elapsed() >= pause.max(cost * TIME_PER_PICTURE);
+        if work.last_picture.is_none_or(is_due) {
             self.publish_picture(Phase::Rendering);
         }
         if !self.work.has_surfaces {
             self.find_surfaces();
         }
         Ok(Next::Step)
+    }
+
+    /// Renders an iteration of the full image, and listens to the pages meanwhile. Returns whether the iteration was added to the image,
+    /// and the effect of the changes that were accepted. Such a change ends the iteration, unless it has no effect. A pause or a wish to
+    /// save ends it too if there is an image which that leaves as it is.
+    fn iterate(&mut self, samples: u32) -> Result<(bool, Option<Effect>)> {
+        let full = &mut self.work.renderers.as_mut().expect("the scene is prepared").full;
+        // An abandoned iteration of responses costs their images.
+        let keeps_image = full.film().iterations() > 0 && !full.has_responses();
+        let stop = Arc::<AtomicBool>::default();
+        let abandon = || stop.store(true, Ordering::SeqCst);
+        let mut total = None;
+        let sender = &self.sender;
+        thread::scope(|scope| {
+            let iteration = scope.spawn(|| {
+                // Even after a panic.
+                let _over = OnDrop(|| drop(sender.send(Command::IterationOver)));
+                full.iterate_unless(samples, &stop)
+            });
+            while let Ok(command) = self.inbox.recv() {
+                match command {
+                    Command::IterationOver => break,
+                    Command::Set { changes, page } if self.waiting.is_empty() => {
+                        total = sum(total, change(&mut self.stage, &changes, &page));
+                        if total.is_some_and(|effect| effect != Effect::Nothing) {
+                            abandon();
+                        }
+                    }
+                    Command::Pause(on) => {
+                        self.work.paused = on;
+                        total = sum(total, Some(Effect::Nothing));
+                        if on && keeps_image {
+                            abandon();
+                        }
+                    }
+                    // What is saved is the image before later changes, so these wait too.
+                    command => {
+                        if matches!(command, Command::End) || keeps_image {
+                            abandon();
+                        }
+                        self.waiting.push_back(command);
+                    }
+                }
+            }
+            let is_added = iteration.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
+            Ok((is_added, total))
+        })
     }
 
     /// Publishes the progress, and the full image if it has new samples. Also offers the image to tev.
@@ -331,9 +450,7 @@ impl Engine {
             let picture = Picture::new(full, work.revision);
             work.relmse = picture.relmse();
             self.board.picture(picture);
-            let pause = if self.board.has_pages() { BETWEEN_PICTURES } else { WITHOUT_PAGE };
-            let pause = pause.max(start.elapsed() * TIME_PER_PICTURE);
-            (work.next_picture, work.has_news) = (Some(Instant::now() + pause), false);
+            (work.last_picture, work.has_news) = (Some((Instant::now(), start.elapsed())), false);
         }
         self.report_progress(phase);
     }
@@ -377,5 +494,28 @@ impl Engine {
             Ok(files) => Report::Saved { files: files.iter().map(|file| file.display().to_string()).collect() },
             Err(message) => Report::Problem { message },
         }
+    }
+}
+
+/// Applies changes. Tells the page if they are refused, and returns their effect otherwise.
+fn change(stage: &mut Stage, changes: &BTreeMap<String, Change>, page: &Answers) -> Option<Effect> {
+    let effect = stage.change(changes);
+    effect.inspect_err(|error| page.send(&Report::Problem { message: error.to_string() })).ok()
+}
+
+/// The effect of two changes, each of which may have been refused.
+fn sum(first: Option<Effect>, second: Option<Effect>) -> Option<Effect> {
+    match (first, second) {
+        (Some(first), Some(second)) => Some(first.and(second)),
+        _ => first.or(second),
+    }
+}
+
+/// Does something when it is dropped.
+struct OnDrop<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for OnDrop<F> {
+    fn drop(&mut self) {
+        self.0();
     }
 }

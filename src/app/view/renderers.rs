@@ -29,7 +29,8 @@ impl Renderers {
     pub fn new(device: &Device, scene: &Scene, settings: &Settings) -> Result<Renderers> {
         let prepared = PreparedScene::new(scene, settings)?;
         MemoryPlan::new(scene, settings, &prepared, Some(device.info()))?.check(device.info())?;
-        let full = with_variance(Renderer::from_prepared(device, scene, settings, &prepared)?, settings);
+        let mut full = Renderer::from_prepared(device, scene, settings, &prepared)?;
+        estimate_variance(&mut full, settings);
         let previews = previews(&full, scene, settings, &prepared)?;
         let warnings = prepared.warnings(scene);
         Ok(Renderers { prepared, full, previews, warnings })
@@ -38,7 +39,9 @@ impl Renderers {
     /// Makes new renderers for new settings with the same camera and emitters. The scene on the device stays.
     pub fn replace(&mut self, scene: &Scene, settings: &Settings) -> Result<()> {
         self.previews.clear();
-        self.full = with_variance(self.full.sibling(scene, settings, &self.prepared)?, settings);
+        self.full = self.full.sibling(scene, settings, &self.prepared)?;
+        // Only now, because the old images are free here.
+        estimate_variance(&mut self.full, settings);
         self.previews = previews(&self.full, scene, settings, &self.prepared)?;
         Ok(())
     }
@@ -78,11 +81,10 @@ impl Renderers {
 }
 
 /// Also estimates the variance of the images of several gates if there is enough memory, as `taugate render` does for image files.
-fn with_variance(mut renderer: Renderer, settings: &Settings) -> Renderer {
+fn estimate_variance(renderer: &mut Renderer, settings: &Settings) {
     if memory::check(settings, true, memory::free()).is_ok() {
         renderer.estimate_response_variance();
     }
-    renderer
 }
 
 fn previews(full: &Renderer, scene: &Scene, settings: &Settings, prepared: &PreparedScene) -> Result<Vec<Renderer>> {

@@ -112,6 +112,21 @@ pub enum Effect {
     All,
 }
 
+impl Effect {
+    /// The effect of two changes, one after the other.
+    pub fn and(self, other: Effect) -> Effect {
+        use Effect::{All, Camera, CameraAndLights, Nothing, Restart, Settings};
+        match (self, other) {
+            (Nothing, effect) | (effect, Nothing) => effect,
+            (Restart, effect) | (effect, Restart) => effect,
+            (Settings, Settings) => Settings,
+            (Camera, Camera) => Camera,
+            (Camera | CameraAndLights, Camera | CameraAndLights) => CameraAndLights,
+            (All | Settings, _) | (_, All | Settings) => All,
+        }
+    }
+}
+
 /// The loaded scene, with the present settings applied to it.
 pub struct Stage {
     start: Experiment,
@@ -189,7 +204,7 @@ impl Stage {
 
     fn merged(&self, changes: &BTreeMap<String, Change>) -> Result<BTreeMap<String, Option<String>>> {
         let mut merged = self.changes.clone();
-        for (name, change) in changes {
+        for name in changes.keys() {
             if !CHANGEABLE.contains(&name.as_str()) {
                 return Err(Error::Settings(format!(
                     "a page cannot change --{name}; restart taugate view with this flag"
@@ -199,16 +214,17 @@ impl Stage {
                 merged.remove(other);
             }
             merged.remove(name);
-            if name == "camera" {
-                merged.retain(|name, _| !PLACES.contains(&name.as_str()));
-                if matches!(change, Change::Text(_)) {
-                    merged.extend(PLACES.map(|place| (place.to_string(), None)));
-                }
+        }
+        // After all others, because removing one of two settings that exclude each other would bring back the other one of the start.
+        if let Some(change) = changes.get("camera") {
+            merged.retain(|name, _| !PLACES.contains(&name.as_str()));
+            if matches!(change, Change::Text(_)) {
+                merged.extend(PLACES.map(|place| (place.to_string(), None)));
             }
         }
         for (name, change) in changes {
             match change {
-                Change::AsAtStart => {}
+                Change::AsAtStart => drop(merged.remove(name)),
                 Change::LeaveOut => {
                     merged.insert(name.clone(), None);
                     if name == "gate" {

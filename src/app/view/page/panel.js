@@ -1,6 +1,6 @@
 // The settings beside the picture: camera, emitters, estimator. Each control sets one flag of `taugate render`.
 
-import { cameraOf, placeText, viewHeight } from './camera.js';
+import { cameraChange, cameraOf, placeText, viewHeight } from './camera.js';
 import { byId, fill, make, onEdit, setOptions } from './dom.js';
 import { short } from './units.js';
 
@@ -15,7 +15,9 @@ export function makePanel(link, steering, { onProblem }) {
 
   for (const key of PLAIN) onEdit(byId(key), text => link.set({ [key]: text === '' ? false : text }), restore);
   for (const key of ['look-from', 'look-at']) {
-    onEdit(byId(key), text => link.set({ [key]: text === '' ? null : text.replace(/[\s,]+/g, ',') }), restore);
+    // Also sends the rest of the camera that the page shows. The program would choose a target itself.
+    const place = text => ({ ...cameraChange(cameraOf(latest)), [key]: text.replace(/[\s,]+/g, ',') });
+    onEdit(byId(key), text => link.set(text === '' ? { [key]: null } : place(text)), restore);
   }
   onEdit(byId('camera'), name => link.set({ camera: name, 'look-from': false, 'look-at': false, up: false, fov: false }));
   byId('camera-reset').addEventListener('click', () => steering.reset());

@@ -54,6 +54,33 @@ fn values_return_to_those_of_the_start() {
 }
 
 #[test]
+fn another_camera_stands_where_the_file_says() {
+    let (_folder, stage) = stage();
+    let of_file = stage.scene().cameras[0].clone();
+    let mut start = stage.start().clone();
+    named::set(&mut start, "ortho", Some("2")).unwrap();
+    let mut stage = Stage::new(start).unwrap();
+    // The page sends these removals too, in case an earlier move of the camera still waits to be sent.
+    stage.change(&changes(r#"{"camera": "camera", "look-from": false, "up": false, "fov": false}"#)).unwrap();
+    assert_eq!(stage.scene().cameras[stage.view().settings.camera()], of_file);
+}
+
+#[test]
+fn effects_add_up() {
+    use Effect::*;
+    for (effects, sum) in [
+        (&[Nothing, Restart, Settings, Restart][..], Settings),
+        (&[Camera, Restart, Camera], Camera),
+        (&[Camera, CameraAndLights, Nothing], CameraAndLights),
+        (&[Camera, Settings], All),
+        (&[Restart, All, Restart], All),
+        (&[Nothing, Nothing], Nothing),
+    ] {
+        assert_eq!(effects.iter().copied().reduce(Effect::and), Some(sum), "{effects:?}");
+    }
+}
+
+#[test]
 fn another_gate_replaces_responses_with_gates_of_their_own() {
     let (_folder, stage) = stage();
     for (name, text) in [("response", "gauss:6m..6.5m,5cm"), ("gates", "6m..7m/2")] {
