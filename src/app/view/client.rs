@@ -1,13 +1,16 @@
 //! One connection with a page.
 
 use std::collections::BTreeMap;
+use std::future::poll_fn;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError};
+use std::task::Poll;
 use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket};
+use futures_util::{SinkExt, StreamExt};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
@@ -19,11 +22,20 @@ use super::{Answers, board::Surfaces, stage};
 
 /// A page must send the token within this time.
 const HELLO: Duration = Duration::from_secs(5);
-/// A page that takes no message for this time is dropped.
+/// A page that does not take what was sent within this time, plus [`SECONDS_PER_BYTE`], is dropped.
 const SEND: Duration = Duration::from_secs(20);
-/// A page that does not acknowledge a picture for this time is dropped.
+/// A page that does not acknowledge a picture within this time, plus [`SECONDS_PER_BYTE`], is dropped. After the program has sent a
+/// picture, much of it may still wait on the way.
 const ACK: Duration = Duration::from_secs(60);
-/// Messages per second that a page may send, and how many it may send at once.
+/// Of the slowest link that shows pictures, with 0.5 Mbit/s. Also in link.js.
+const SECONDS_PER_BYTE: f64 = 8.0 / 0.5e6;
+/// A larger picture is announced, so that the page does not take the connection for dead while the picture arrives.
+const LARGE: usize = 1 << 20;
+/// If nothing was sent for this time, a sign of life is sent.
+const PULSE: Duration = Duration::from_secs(30);
+/// A page from which nothing comes for this time, not even answers to signs of life, is dropped.
+const SILENCE: Duration = Duration::from_secs(90);
+/// Messages per second that are read from a page, and how many may come at once. Further messages wait.
 const RATE: f64 = 100.0;
 const BURST: f64 = 200.0;
 /// A page that sent more malformed messages than this is dropped.
@@ -34,7 +46,6 @@ const ANSWERS: usize = 64;
 const WRONG_TOKEN: u16 = 4401;
 const TOO_SLOW: u16 = 4408;
 const MALFORMED: u16 = 4400;
-const TOO_MANY: u16 = 4429;
 const GOING_AWAY: u16 = 1001;
 
 /// What all connections share.
@@ -55,6 +66,12 @@ enum End {
     Gone,
 }
 
+/// What happens on a connection.
+enum Event {
+    Received(Option<Result<Message, axum::Error>>),
+    Sent,
+}
+
 /// Serves one page until it leaves, breaks a rule, or the program ends.
 pub async fn run(mut socket: WebSocket, shared: Arc<Shared>) {
     let _counted = shared.board.count_connection();
@@ -72,12 +89,17 @@ struct Client<'a> {
     seen: u64,
     layer: Layer,
     response: u32,
-    /// Number of the picture that was sent last. `is_open`: the page has not acknowledged this picture yet.
+    /// Number of the picture that was sent last. `open`: until when the page must acknowledge it; `None` if it has done so.
     frame: u32,
-    is_open: bool,
+    open: Option<Instant>,
     /// Whether a picture waits because the last one was sent (at time `sent`) too recently.
     is_held_back: bool,
     sent: Option<Instant>,
+    /// Until when the page must take the messages that are on their way; `None` if there are none.
+    sending: Option<Instant>,
+    /// When messages were sent or received last.
+    spoken: Instant,
+    heard: Instant,
     /// Publication, layer and response of the picture that was sent last.
     shown: Option<(u64, Layer, u32)>,
     allowance: f64,
@@ -106,9 +128,12 @@ impl Client<'_> {
             layer: Layer::Mean,
             response: 0,
             frame: 0,
-            is_open: false,
+            open: None,
             is_held_back: false,
             sent: None,
+            sending: None,
+            spoken: now,
+            heard: now,
             shown: None,
             allowance: BURST,
             refilled: now,
@@ -125,43 +150,90 @@ impl Client<'_> {
         published.mark_changed();
         let mut ended = self.shared.ended.clone();
         loop {
-            let wake = self.wake();
+            let (wake, is_idle) = (self.wake(), self.sending.is_none());
             tokio::select! {
-                message = self.socket.recv() => self.receive(message, &answers_of_page).await?,
-                Some(answer) = answers.recv() => self.send_text(answer).await?,
-                _ = published.changed() => {
-                    published.mark_unchanged();
-                    self.send_texts().await?;
-                    self.send_picture().await?;
-                }
-                () = sleep_until(wake) => {
-                    if self.is_open && self.sent.is_some_and(|sent| sent.elapsed() >= ACK) {
-                        return Err(End::Close(TOO_SLOW, "the page is too slow"));
-                    }
-                    self.send_picture().await?;
-                }
+                event = self.event() => match event? {
+                    Event::Received(message) => self.receive(message, &answers_of_page)?,
+                    Event::Sent => self.sending = None,
+                },
+                Some(answer) = answers.recv(), if is_idle => self.send_text(answer).await?,
+                _ = published.changed(), if is_idle => {}
+                () = sleep_until(wake) => self.check_times().await?,
                 _ = ended.changed() => return Err(End::Close(GOING_AWAY, "the program ends")),
+            }
+            if self.sending.is_none() {
+                self.send_texts().await?;
+                self.send_picture().await?;
             }
         }
     }
 
-    /// When to check the connection again if no message arrives.
-    fn wake(&self) -> Instant {
-        match self.sent {
-            Some(sent) if self.is_open => sent + ACK,
-            Some(sent) if self.is_held_back => sent + BETWEEN_PICTURES,
-            _ => Instant::now() + ACK,
-        }
+    /// Waits until everything is sent, or a message arrives. It can be dropped at any time. Reading goes on while a large picture is on
+    /// its way, so the page can change settings meanwhile.
+    async fn event(&mut self) -> Result<Event, End> {
+        let (is_sending, may_read) = (self.sending.is_some(), self.may_read_from() <= Instant::now());
+        poll_fn(|context| {
+            if is_sending && let Poll::Ready(sent) = self.socket.poll_flush_unpin(context) {
+                return Poll::Ready(sent.map(|()| Event::Sent).map_err(|_| End::Gone));
+            }
+            if !may_read {
+                return Poll::Pending;
+            }
+            self.socket.poll_next_unpin(context).map(|message| Ok(Event::Received(message)))
+        })
+        .await
     }
 
-    async fn receive(&mut self, message: Option<Result<Message, axum::Error>>, page: &Answers) -> Result<(), End> {
+    /// When the next message of the page may be read.
+    fn may_read_from(&self) -> Instant {
+        self.refilled + Duration::from_secs_f64((1.0 - self.allowance).max(0.0) / RATE)
+    }
+
+    /// When to check the connection again if no message arrives.
+    fn wake(&self) -> Instant {
+        let now = Instant::now();
+        let read = Some(self.may_read_from()).filter(|time| *time > now);
+        let next = match self.sending {
+            Some(until) => [Some(until), None, None],
+            None => [
+                Some(self.spoken + PULSE),
+                Some(self.open.unwrap_or(self.heard + SILENCE)),
+                self.sent.filter(|_| self.is_held_back).map(|sent| sent + BETWEEN_PICTURES),
+            ],
+        };
+        next.into_iter().chain([read]).flatten().min().unwrap_or(now)
+    }
+
+    /// Ends the connection if the page is too slow or silent, and shows it a sign of life from time to time.
+    async fn check_times(&mut self) -> Result<(), End> {
+        let now = Instant::now();
+        if let Some(until) = self.sending {
+            return if now < until { Ok(()) } else { Err(End::Gone) };
+        }
+        if self.open.is_some_and(|until| now >= until) {
+            return Err(End::Close(TOO_SLOW, "the page is too slow"));
+        }
+        // While a picture is on its way, so may be the last sign of life.
+        if self.open.is_none() && now >= self.heard + SILENCE {
+            return Err(End::Gone);
+        }
+        if now >= self.spoken + PULSE {
+            // The browser answers the ping, and hides it from the page.
+            self.send(Message::Ping(Bytes::new())).await?;
+            self.send_text(Report::Alive { bytes: 0 }.to_json().into()).await?;
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, message: Option<Result<Message, axum::Error>>, page: &Answers) -> Result<(), End> {
+        self.heard = Instant::now();
+        self.count_message();
         let text = match message {
             None | Some(Err(_)) | Some(Ok(Message::Close(_))) => return Err(End::Gone),
             Some(Ok(Message::Text(text))) => text,
             Some(Ok(Message::Binary(_))) => Utf8Bytes::default(),
-            Some(Ok(Message::Ping(_) | Message::Pong(_))) => return self.count_message(),
+            Some(Ok(Message::Ping(_) | Message::Pong(_))) => return Ok(()),
         };
-        self.count_message()?;
         match Request::parse(&text) {
             Err(message) => {
                 self.malformed += 1;
@@ -173,14 +245,10 @@ impl Client<'_> {
             Ok(Request::Hello { .. }) => {}
             Ok(Request::Ack { frame }) => {
                 if frame == self.frame {
-                    self.is_open = false;
-                    self.send_picture().await?;
+                    self.open = None;
                 }
             }
-            Ok(Request::Show { layer, response }) => {
-                (self.layer, self.response) = (layer, response);
-                self.send_picture().await?;
-            }
+            Ok(Request::Show { layer, response }) => (self.layer, self.response) = (layer, response),
             Ok(Request::Pixel { x, y }) => {
                 if let Some(pixel) = self.pixel([x, y]) {
                     page.send(&Report::Pixel(pixel));
@@ -193,12 +261,11 @@ impl Client<'_> {
         Ok(())
     }
 
-    /// Limits the rate of messages.
-    fn count_message(&mut self) -> Result<(), End> {
+    /// Counts a message, to limit their rate. After a stall of the link, many may come at once.
+    fn count_message(&mut self) {
         let now = Instant::now();
         self.allowance = (self.allowance + RATE * (now - self.refilled).as_secs_f64()).min(BURST) - 1.0;
         self.refilled = now;
-        if self.allowance < 0.0 { Err(End::Close(TOO_MANY, "the page sends too many messages")) } else { Ok(()) }
     }
 
     /// Passes changes to the engine and asks it to end the present iteration. Changes with a typing error are refused and end nothing.
@@ -233,8 +300,8 @@ impl Client<'_> {
 
     /// Sends the newest picture if the page does not have it, has acknowledged the last one, and got the last one long enough ago.
     async fn send_picture(&mut self) -> Result<(), End> {
-        self.is_held_back = !self.is_open && self.sent.is_some_and(|sent| sent.elapsed() < BETWEEN_PICTURES);
-        if self.is_open || self.is_held_back {
+        self.is_held_back = self.open.is_none() && self.sent.is_some_and(|sent| sent.elapsed() < BETWEEN_PICTURES);
+        if self.open.is_some() || self.is_held_back {
             return Ok(());
         }
         let Some((number, picture)) = self.shared.board.newest_picture() else { return Ok(()) };
@@ -249,16 +316,31 @@ impl Client<'_> {
         // Encoding a large picture takes some milliseconds. Do it on another thread, so that other pages need not wait.
         let message = tokio::task::spawn_blocking(move || picture.encode(frame, layer, response)).await;
         let Ok(message) = message else { return Err(End::Gone) };
-        (self.shown, self.sent, self.is_open) = (Some(shown), Some(Instant::now()), true);
-        self.send(Message::Binary(Bytes::from(message))).await
+        let bytes = message.len();
+        if bytes > LARGE {
+            self.send_text(Report::Alive { bytes }.to_json().into()).await?;
+        }
+        self.send(Message::Binary(Bytes::from(message))).await?;
+        (self.shown, self.sent) = (Some(shown), Some(Instant::now()));
+        self.open = self.sending.map(|until| until + ACK);
+        Ok(())
     }
 
     async fn send_text(&mut self, text: Arc<str>) -> Result<(), End> {
         self.send(Message::Text(Utf8Bytes::from(&*text))).await
     }
 
+    /// Puts a message on its way after those that are on their way. [`Client::event`] sends them.
     async fn send(&mut self, message: Message) -> Result<(), End> {
-        match timeout(SEND, self.socket.send(message)).await {
+        let bytes = match &message {
+            Message::Binary(bytes) => bytes.len(),
+            _ => 0,
+        };
+        let now = Instant::now();
+        self.spoken = now;
+        let least = now + SEND + Duration::from_secs_f64(bytes as f64 * SECONDS_PER_BYTE);
+        self.sending = Some(self.sending.map_or(least, |until| until.max(least)));
+        match timeout(SEND, self.socket.feed(message)).await {
             Ok(Ok(())) => Ok(()),
             _ => Err(End::Gone),
         }
@@ -279,6 +361,8 @@ impl Client<'_> {
         Some(Pixel {
             x,
             y,
+            revision: picture.revision,
+            response: picture.response_shown(Layer::Mean, self.response),
             radiance: three(picture.shown(self.response)),
             error: has_error.then(|| three(&picture.variance).map(f32::sqrt)),
             samples: picture.samples,

@@ -74,6 +74,10 @@ pub enum Report {
     Progress(Progress),
     Arrivals(Arrivals),
     Pixel(Pixel),
+    /// The connection is alive, which a page cannot see otherwise. A picture of so many bytes comes next; 0: none.
+    Alive {
+        bytes: usize,
+    },
     Saved {
         files: Vec<String>,
     },
@@ -142,7 +146,7 @@ pub struct State {
 pub struct Camera {
     pub name: String,
     pub look_from: [f64; 3],
-    /// A point on the axis of the camera, at the distance of the scene's centre.
+    /// A point on the axis of the camera, at the distance of the scene's centre or a little further away.
     pub look_at: [f64; 3],
     pub up: [f64; 3],
     /// Vertical field of view in degrees; None for an orthographic camera.
@@ -211,6 +215,9 @@ pub struct Arrivals {
 pub struct Pixel {
     pub x: u32,
     pub y: u32,
+    /// Revision and response of the picture with these values, as in the header of a picture.
+    pub revision: u32,
+    pub response: u32,
     pub radiance: [f32; 3],
     /// Standard errors; None before two iterations, and with several responses.
     pub error: Option<[f32; 3]>,

@@ -72,6 +72,12 @@ impl Picture {
         self.of_response(response).unwrap_or(&self.mean)
     }
 
+    /// The number of the response in the header of a picture that shows `response`.
+    pub fn response_shown(&self, layer: Layer, response: u32) -> u32 {
+        let is_sum = self.count > 1 && (layer == Layer::Error || self.of_response(response).is_none());
+        if is_sum { SUM } else { response }
+    }
+
     /// Finds the pixel of this picture that covers pixel (x, y) of the full image, which has `full` pixels. Returns the index of
     /// the first channel of this pixel; `None` outside the image.
     pub fn at(&self, [x, y]: [u32; 2], full: [u32; 2]) -> Option<usize> {
@@ -126,8 +132,7 @@ impl Picture {
 
         let mut message = Vec::with_capacity(HEADER + 2 * halves.len());
         message.extend(b"TGP1");
-        let is_sum = self.count > 1 && (layer == Layer::Error || self.of_response(response).is_none());
-        let response = if is_sum { SUM } else { response };
+        let response = self.response_shown(layer, response);
         let words = [frame, self.revision, self.size[0], self.size[1], response, u32::from(layer == Layer::Error)];
         words.into_iter().for_each(|word| message.extend(word.to_le_bytes()));
         message.extend(u32::try_from(self.samples).unwrap_or(u32::MAX).to_le_bytes());

@@ -113,7 +113,13 @@ impl Page {
     }
 
     pub fn receive(&mut self) -> Received {
-        match self.socket.read().expect("a message in time") {
+        let message = loop {
+            match self.socket.read().expect("a message in time") {
+                Message::Ping(_) => {}
+                message => break message,
+            }
+        };
+        match message {
             Message::Text(text) => {
                 let json: Json = serde_json::from_str(&text).unwrap();
                 let kind = json["is"].as_str().unwrap().to_string();

@@ -9,12 +9,16 @@ const LONGEST_PAUSE = 10000;
 const SET_EVERY = 100;
 const PIXEL_EVERY = 100;
 const SHOW_EVERY = 40;
+/** If nothing arrives for this time (ms), the connection is dead. The program shows a sign of life every 30 s. */
+const SILENCE = 75000;
+const LOOK_EVERY = 5000;
+/** A large picture that the program has announced may take this time (ms) per byte. Also in client.rs. */
+const PER_BYTE = 0.016;
 
 /** Close codes after which the page does not connect again by itself, because it would not help. */
 const ENDINGS = {
   4401: 'This address has no valid token. Open the address that the program printed; the token is the part after #.',
   4400: 'The program closed the connection because it did not understand this page. Load the page again.',
-  4429: 'The program closed the connection because this page sent too many messages.',
   1001: 'The program has ended. Start it again, and open the address that it prints.',
 };
 
@@ -27,6 +31,8 @@ export function openLink(token) {
   let socket = null;
   let pause = FIRST_PAUSE;
   let timer = 0;
+  let heard = 0;
+  let patience = SILENCE;
 
   const emit = (kind, value) => {
     for (const handler of handlers.get(kind) ?? []) handler(value);
@@ -47,13 +53,18 @@ export function openLink(token) {
     socket = mine;
     mine.binaryType = 'arraybuffer';
     mine.onopen = () => send({ do: 'hello', token });
+    heard = performance.now();
+    patience = SILENCE;
     mine.onmessage = ({ data }) => {
+      heard = performance.now();
+      patience = SILENCE;
       if (data instanceof ArrayBuffer) {
         const frame = parseFrame(data);
         if (frame) emit('picture', frame);
         return;
       }
       const message = JSON.parse(data);
+      if (message.is === 'alive') patience += PER_BYTE * message.bytes;
       if (message.is === 'welcome') {
         pause = FIRST_PAUSE;
         emit('connection', { open: true, text: 'Connected', canRetry: false });
@@ -62,6 +73,7 @@ export function openLink(token) {
     };
     mine.onclose = ({ code }) => {
       if (socket !== mine) return;
+      socket = null;
       for (const waiting of [set, pixel, show]) waiting.forget();
       if (ENDINGS[code]) {
         emit('connection', { open: false, text: ENDINGS[code], canRetry: code !== 4401 });
@@ -73,6 +85,14 @@ export function openLink(token) {
       pause = Math.min(2 * pause, LONGEST_PAUSE);
     };
   }
+
+  setInterval(() => {
+    if (!socket || performance.now() - heard < patience) return;
+    // The browser itself waits for an answer to the close, which will not come.
+    const dead = socket;
+    dead.onclose({ code: 1006 });
+    dead.close();
+  }, LOOK_EVERY);
 
   return {
     on(kind, handler) {

@@ -4,7 +4,7 @@ import { byId } from './dom.js';
 import { valueAt } from './frame.js';
 import { quantity, short, withError } from './units.js';
 
-/** The values are asked for again this often (ms) while pictures arrive. */
+/** The values are asked for again this often (ms) while pictures and progress arrive, and once after the last of them. */
 const AGAIN = 500;
 
 /** `onHistogram` gets the light of the pixel in each gate, or null. */
@@ -12,11 +12,14 @@ export function makeReadout(link, picture, { onHistogram }) {
   let pointed = null;
   let answer = null;
   let asked = -Infinity;
+  let timer = 0;
 
   const pixel = () => picture.held() ?? pointed;
 
   function ask() {
     const at = pixel();
+    clearTimeout(timer);
+    timer = 0;
     if (!at) return;
     asked = performance.now();
     link.pixel(...at);
@@ -27,7 +30,9 @@ export function makeReadout(link, picture, { onHistogram }) {
     const frame = picture.frame();
     byId('unpin').hidden = !picture.held();
     byId('readout-place').textContent = at ? `${picture.held() ? 'Held ' : ''}x ${at[0]}, y ${at[1]}` : 'No pixel';
-    const isThis = at && answer && answer.x === at[0] && answer.y === at[1];
+    // An answer may belong to an earlier picture, or to another gate.
+    const isThis = at && answer && answer.x === at[0] && answer.y === at[1] && answer.revision >= (frame?.revision ?? 0)
+      && (frame?.layer !== 'mean' || answer.response === frame.response);
     const [radiance, more] = [byId('readout-radiance'), byId('readout-more')];
     radiance.textContent = more.textContent = '';
     onHistogram(isThis ? answer.histogram : null);
@@ -46,8 +51,14 @@ export function makeReadout(link, picture, { onHistogram }) {
     }
   }
 
+  function askAgain() {
+    timer ||= setTimeout(ask, Math.max(0, asked + AGAIN - performance.now()));
+  }
+
   link.on('pixel', message => { answer = message; show(); });
-  link.on('picture', () => { if (performance.now() - asked > AGAIN) ask(); });
+  link.on('picture', () => { askAgain(); show(); });
+  // The depths and objects arrive later than the first picture.
+  link.on('progress', askAgain);
   byId('unpin').addEventListener('click', () => hold(null));
 
   function hold(at) {
