@@ -3,6 +3,7 @@
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
@@ -16,7 +17,11 @@ use axum::http::uri::{Authority, Uri};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 use taugate::Error;
+use tokio::sync::Semaphore;
 
 use super::client::{self, Shared};
 use super::page;
@@ -29,6 +34,12 @@ const MAX_MESSAGE: usize = 16 << 10;
 const MAX_PAGES: usize = 64;
 /// Maximum number of connections that have not sent the token yet. Each has 5 seconds for that.
 const MAX_STRANGERS: usize = 256;
+/// Maximum number of connections without a WebSocket. Further ones wait, so that file handles are left for images.
+const MAX_PLAIN: usize = 256;
+/// A connection that sends no whole request within this time is closed.
+const REQUEST: Duration = Duration::from_secs(10);
+/// Time before the next attempt if no connection can be accepted, for example because no file handle is left.
+const PAUSE: Duration = Duration::from_millis(100);
 
 /// What the page may load: only files of this server, and its own WebSocket.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \
@@ -58,7 +69,22 @@ pub async fn serve(listener: TcpListener, shared: Arc<Shared>) -> std::io::Resul
         .route("/{name}", get(|Path(name): Path<String>| async move { file(&name) }))
         .layer(middleware::from_fn(guard))
         .with_state(shared);
-    axum::serve(listener, router).await
+    let places = Arc::new(Semaphore::new(MAX_PLAIN));
+    loop {
+        let place = places.clone().acquire_owned().await.expect("nobody closes the semaphore");
+        let Ok((stream, _)) = listener.accept().await else {
+            tokio::time::sleep(PAUSE).await;
+            continue;
+        };
+        let service = TowerToHyperService::new(router.clone());
+        tokio::spawn(async move {
+            let mut http = http1::Builder::new();
+            http.timer(TokioTimer::new()).header_read_timeout(REQUEST);
+            // Also ends when the connection becomes a WebSocket. An error concerns only this connection.
+            let _ = http.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
+            drop(place);
+        });
+    }
 }
 
 /// Refuses requests for other hosts, and adds the security headers.
