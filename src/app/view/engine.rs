@@ -113,21 +113,16 @@ pub struct Work {
     relmse: Option<f64>,
 }
 
-/// What the histogram of arriving light depends on, apart from the scene, the emitters and the camera.
+/// What the histogram of arriving light depends on, apart from the scene, the emitters, the camera and noise.
 #[derive(Clone, Copy, PartialEq)]
 struct Probed {
     resolution: [u32; 2],
     max_depth: u32,
-    light_paths: u32,
 }
 
 impl Probed {
     fn new(settings: &Settings) -> Probed {
-        Probed {
-            resolution: settings.resolution(),
-            max_depth: settings.max_depth(),
-            light_paths: settings.light_paths(),
-        }
+        Probed { resolution: settings.resolution(), max_depth: settings.max_depth() }
     }
 
     fn has_size_of(&self, other: &Probed) -> bool {
@@ -137,7 +132,7 @@ impl Probed {
     fn has_light_of(&self, other: &Probed) -> bool {
         let [a, b] = [self.resolution, other.resolution].map(|size| size.map(u64::from));
         // The field of view depends on the aspect ratio.
-        a[0] * b[1] == a[1] * b[0] && (self.max_depth, self.light_paths) == (other.max_depth, other.light_paths)
+        a[0] * b[1] == a[1] * b[0] && self.max_depth == other.max_depth
     }
 }
 
