@@ -1,5 +1,7 @@
 //! Refuses renders whose images do not fit into the memory of this machine.
 
+use std::path::{Path, PathBuf};
+
 use taugate::Error;
 use taugate::internals::error::Result;
 use taugate::internals::image::response_film::ResponseFilm;
@@ -40,9 +42,16 @@ pub fn check_bytes(bytes: u64, free: Option<u64>, what: &str, remedy: &str) -> R
     }
 }
 
-/// Bytes that programs can still allocate, as Linux estimates them; `None` if the operating system does not report them.
+/// Bytes that programs can still allocate, as Linux estimates them, within the limits that Slurm or Kubernetes sets; `None` if the
+/// operating system does not report them.
 pub fn free() -> Option<u64> {
-    free_in(&std::fs::read_to_string("/proc/meminfo").ok()?)
+    let of_machine = read("/proc/meminfo").and_then(|table| free_in(&table));
+    let groups = read("/proc/self/cgroup").map_or(vec![], |table| groups(&table));
+    groups.iter().filter_map(|group| group.free()).chain(of_machine).min()
+}
+
+fn read(path: impl AsRef<Path>) -> Option<String> {
+    std::fs::read_to_string(path).ok()
 }
 
 fn free_in(table: &str) -> Option<u64> {
@@ -51,9 +60,71 @@ fn free_in(table: &str) -> Option<u64> {
     kibibytes.checked_mul(1024)
 }
 
+/// The folder of a control group, and its files: the limit, the memory in use, and the row of memory.stat with the files that are only
+/// cached.
+#[derive(Debug, PartialEq)]
+struct Group {
+    folder: PathBuf,
+    files: [&'static str; 2],
+    cached: [&'static str; 2],
+}
+
+impl Group {
+    fn free(&self) -> Option<u64> {
+        let [limit, used] = self.files.map(|name| read(self.folder.join(name)));
+        free_of_group(&limit?, &used?, &read(self.folder.join("memory.stat")).unwrap_or_default(), self.cached)
+    }
+}
+
+/// The control groups that limit the memory of a process whose /proc/self/cgroup is `table`: its own, and those around it.
+fn groups(table: &str) -> Vec<Group> {
+    let of_line = |line: &str| {
+        let mut parts = line.splitn(3, ':').skip(1);
+        let (controllers, path) = (parts.next()?, parts.next()?);
+        let (root, files, cached) = if controllers.is_empty() {
+            ("/sys/fs/cgroup", ["memory.max", "memory.current"], ["inactive_file", "active_file"])
+        } else if controllers.split(',').any(|name| name == "memory") {
+            let files = ["memory.limit_in_bytes", "memory.usage_in_bytes"];
+            ("/sys/fs/cgroup/memory", files, ["total_inactive_file", "total_active_file"])
+        } else {
+            return None;
+        };
+        // In a container, the path may be one of the host, of which only the root is there.
+        let around = Path::new(path.trim_start_matches('/')).ancestors().map(|path| Path::new(root).join(path));
+        Some(around.map(|folder| Group { folder, files, cached }).collect::<Vec<_>>())
+    };
+    table.lines().filter_map(of_line).flatten().collect()
+}
+
+/// Bytes that the processes of a control group can still allocate; `None` without a limit. Files that are only cached can make room.
+fn free_of_group(limit: &str, used: &str, stat: &str, cached: [&str; 2]) -> Option<u64> {
+    let (limit, used): (u64, u64) = (limit.trim().parse().ok()?, used.trim().parse().ok()?);
+    let row = |line: &str| line.split_once(' ').filter(|(name, _)| cached.contains(name))?.1.trim().parse::<u64>().ok();
+    let cached = stat.lines().filter_map(row).fold(0, u64::saturating_add);
+    Some(limit.saturating_sub(used.saturating_sub(cached)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn control_groups_limit_the_memory() {
+        let folders = |table| groups(table).into_iter().map(|group| group.folder).collect::<Vec<_>>();
+        assert_eq!(
+            folders("0::/a/b\n"),
+            ["/sys/fs/cgroup/a/b", "/sys/fs/cgroup/a", "/sys/fs/cgroup/"].map(PathBuf::from)
+        );
+        let table = "4:memory:/slurm\n3:cpu,cpuacct:/x\n0::/\n";
+        let expected = ["/sys/fs/cgroup/memory/slurm", "/sys/fs/cgroup/memory/", "/sys/fs/cgroup/"].map(PathBuf::from);
+        assert_eq!(folders(table), expected);
+        assert_eq!(folders("nonsense"), Vec::<PathBuf>::new());
+        let stat = "anon 5\nfile 90\ninactive_file 30\nactive_file 20\n";
+        let cached = ["inactive_file", "active_file"];
+        assert_eq!(free_of_group("1000\n", "900\n", stat, cached), Some(150));
+        assert_eq!(free_of_group("1000", "1200", "", cached), Some(0));
+        assert_eq!(free_of_group("max\n", "900\n", stat, cached), None);
+    }
 
     #[test]
     fn free_memory_is_read_from_the_table_of_linux() {
