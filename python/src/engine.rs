@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -26,39 +26,50 @@ use crate::shared::{feasible, memory};
 /// How long the calling thread waits for a step before it asks Python for interrupts. Python reports them only in the main thread.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-static DEVICES: Mutex<Option<Devices>> = Mutex::new(None);
+/// The open devices by the name that selected them.
+static DEVICES: Mutex<Option<HashMap<Option<String>, Device>>> = Mutex::new(None);
 
-/// The open devices.
-struct Devices {
-    /// The process that opened them.
-    process: u32,
-    /// By the name that selected the device.
-    open: HashMap<Option<String>, Device>,
-}
+/// The process that used the module first.
+static PROCESS: OnceLock<u32> = OnceLock::new();
 
 /// Locks a mutex, even a poisoned one: a panic elsewhere leaves its contents intact.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The device of this name. It is opened once, and keeps its compiled kernels. Fails in a process that was forked from one with a
-/// device, because threads of the driver do not survive a fork.
+/// Fails in a process that was forked from one that has used the module. Threads do not survive a fork, neither those of the driver nor
+/// those that share work among cores, so work would wait for them for ever. Each function that works with threads calls this first.
+pub fn check_process() -> Result<()> {
+    if *PROCESS.get_or_init(std::process::id) == std::process::id() {
+        return Ok(());
+    }
+    Err(taugate::Error::Device(
+        "this process was forked from one that has used taugate; start processes with multiprocessing.get_context('spawn')".into(),
+    )
+    .into())
+}
+
+/// The device of this name. It is opened once, and keeps its compiled kernels.
 pub fn device(name: Option<&str>) -> Result<Device> {
     let mut devices = lock(&DEVICES);
-    let devices = devices.get_or_insert_with(|| Devices { process: std::process::id(), open: HashMap::new() });
-    if devices.process != std::process::id() {
-        return Err(taugate::Error::Device(
-            "this process was forked from one that has rendered; start processes with multiprocessing.get_context('spawn')".into(),
-        )
-        .into());
-    }
+    let devices = devices.get_or_insert_default();
     let key = name.map(String::from);
-    if let Some(device) = devices.open.get(&key) {
+    if let Some(device) = devices.get(&key) {
         return Ok(device.clone());
     }
     let device = Device::open(name)?;
-    devices.open.insert(key, device.clone());
+    devices.insert(key, device.clone());
     Ok(device)
+}
+
+/// After an error of a device, such as its loss, the next render opens it anew. A device whose memory is too small stays open.
+pub fn forget_broken<T>(result: Result<T>) -> Result<T> {
+    if let Err(Failure::Library(taugate::Error::Device(message))) = &result
+        && !message.contains("memory")
+    {
+        *lock(&DEVICES) = None;
+    }
+    result
 }
 
 /// A render that is ready for its first iteration.
@@ -78,9 +89,9 @@ pub fn prepare(
 ) -> Result<Prepared> {
     let aov = experiment.output.aov.unwrap_or_default();
     let device_name = experiment.render.device.as_deref();
-    if aov == Aov::default()
-        && let Some(before) = before.filter(|ready| ready.renderer.has_response_variance() == has_variance)
-    {
+    // A renderer that this render cannot take over is dropped here, so that two copies of the scene are never on the device.
+    let can_follow = |ready: &Ready| aov == Aov::default() && ready.renderer.has_response_variance() == has_variance;
+    if let Some(before) = before.filter(can_follow) {
         // The renderer `before` needs its device, so this device is usually open.
         if let Some(ready) = before.follow(&device(device_name)?, scene.clone(), settings)? {
             return Ok(Prepared { ready, layers: Layers::default() });
@@ -145,7 +156,7 @@ pub struct Step {
     pub seconds: f64,
 }
 
-/// Runs `work` in a thread of its own. The calling thread passes each step to `progress`, and asks Python for interrupts. If
+/// Runs `work` in a thread of its own. The calling thread passes the newest step to `progress`, and asks Python for interrupts. If
 /// `progress` or Python raises an exception, the calling thread sets the flag that `work` gets, and waits for `work` to end. Returns
 /// the result of `work` and the exception.
 pub fn watched<T: Send>(
@@ -159,7 +170,8 @@ pub fn watched<T: Send>(
         let mut failure = None;
         loop {
             let step = match receiver.recv_timeout(PATIENCE) {
-                Ok(step) => Some(step),
+                // A slow `progress` gets the newest step.
+                Ok(step) => Some(receiver.try_iter().last().unwrap_or(step)),
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => break,
             };

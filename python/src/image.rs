@@ -15,6 +15,7 @@ use taugate::internals::image::{depth, npy_file, png_file};
 use taugate::internals::settings::{Crop, Responses};
 
 use crate::camera::View;
+use crate::engine::check_process;
 use crate::errors::{Result, settings};
 use crate::sums::{bytes, read};
 
@@ -63,6 +64,7 @@ impl Image {
     }
 
     fn write(&self, path: &Path, exposure: Option<f32>) -> Result<()> {
+        check_process()?;
         let (film, responses, provenance) = (self.film(), self.images(), &self.provenance());
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         match extension.as_str() {
@@ -97,7 +99,7 @@ impl Image {
 type Array<'py> = Bound<'py, PyAny>;
 
 /// An array of this shape.
-fn array<'py, T: numpy::Element>(py: Python<'py>, values: Vec<T>, shape: &[usize]) -> PyResult<Array<'py>> {
+pub fn array<'py, T: numpy::Element>(py: Python<'py>, values: Vec<T>, shape: &[usize]) -> PyResult<Array<'py>> {
     Ok(PyArray1::from_vec(py, values).reshape(shape.to_vec())?.into_any())
 }
 
@@ -155,16 +157,19 @@ impl Image {
 
     /// The image, or the sum of the images of all responses: (H, W, 3).
     fn pixels<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        check_process()?;
         array(py, self.film().mean(), &self.shape())
     }
 
     /// Variance of `pixels`.
     fn variance<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        check_process()?;
         array(py, self.film().variance_of_mean(), &self.shape())
     }
 
     /// The images of all responses: (H, W, T, 3).
     fn bins<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        check_process()?;
         let [height, width, _] = self.shape();
         match self.images() {
             None => array(py, self.film().mean(), &[height, width, 1, 3]),
@@ -177,6 +182,7 @@ impl Image {
 
     /// Variance of `bins`; `None` if it was not estimated.
     fn bin_variance<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
+        check_process()?;
         let [height, width, _] = self.shape();
         match self.images() {
             None => array(py, self.film().variance_of_mean(), &[height, width, 1, 3]).map(Some),
@@ -288,6 +294,7 @@ impl Image {
     /// The image as sRGB bytes, (H, W, 3), with the exposure of a PNG file.
     #[pyo3(signature = (exposure=None))]
     fn picture<'py>(&self, py: Python<'py>, exposure: Option<f32>) -> PyResult<Array<'py>> {
+        check_process()?;
         let mean = self.film().mean();
         let factor = exposure.map_or_else(|| png_file::exposure(&mean), f32::exp2);
         array(py, png_file::expose(&mean, factor), &self.shape())

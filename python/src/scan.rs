@@ -1,6 +1,5 @@
 //! Scans: one render per laser point, all with the same renderer.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
@@ -8,8 +7,7 @@ use std::time::Instant;
 
 use pyo3::prelude::*;
 use taugate::internals::image::exr_file::Provenance;
-use taugate::internals::image::npy_file::{description_path, variance_path};
-use taugate::internals::image::scan_file::ScanFilm;
+use taugate::internals::image::scan_file::{ScanArrays, ScanFilm};
 use taugate::internals::input::scan_table::Scan;
 use taugate::internals::render::schedule::scan_samples;
 use taugate::internals::render::{MemoryPlan, PreparedScene, Renderer, check_aimed_points};
@@ -19,25 +17,40 @@ use taugate::internals::settings::{Budget, Sampling, Settings};
 use crate::engine::{self, Step, is_interrupt, watched};
 use crate::errors::{Failure, Result, settings as mistake};
 use crate::flags::Words;
+use crate::image::array;
 use crate::scene::{Job, NativeScene};
 use crate::shared::{feasible, memory};
 
-/// Measures all pairs of points of the scan of `scene`. Writes the same files as the command line: the array `path` (.npy), its
-/// description and, with the setting `variance`, its variances. Returns the number of laser points that were measured, warnings, and
-/// the exception that interrupted the scan, if any. Writes nothing if no point was measured.
+/// The array of a scan, its description as JSON, and, with the setting `variance`, its variances.
+type Arrays<'py> = (Bound<'py, PyAny>, String, Option<Bound<'py, PyAny>>);
+
+/// Measures all pairs of points of the scan of `scene`. Returns what the command line writes to files, `None` if no point of the laser
+/// was measured; warnings; and the exception that interrupted the scan, if any.
 #[pyfunction]
-#[pyo3(signature = (scene, flags, path, progress=None))]
-pub fn scan(
-    py: Python<'_>,
+#[pyo3(signature = (scene, flags, progress=None))]
+pub fn scan<'py>(
+    py: Python<'py>,
     scene: &NativeScene,
     flags: Vec<Words>,
-    path: PathBuf,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(usize, Vec<String>, Option<PyErr>)> {
-    Ok(py.detach(|| run(&scene.job(&flags)?, &path, progress.as_ref()))?)
+) -> PyResult<(Option<Arrays<'py>>, Vec<String>, Option<PyErr>)> {
+    let result = py.detach(|| engine::forget_broken(run(&scene.job(&flags)?, progress.as_ref())));
+    let Measured { arrays, warnings, interrupt } = result?;
+    let arrays = arrays.map(|(ScanArrays { shape, means, variances }, description)| {
+        let variances = variances.map(|values| array(py, values, &shape)).transpose()?;
+        PyResult::Ok((array(py, means, &shape)?, description, variances))
+    });
+    Ok((arrays.transpose()?, warnings, interrupt))
 }
 
-fn run(job: &Job, path: &Path, progress: Option<&Py<PyAny>>) -> Result<(usize, Vec<String>, Option<PyErr>)> {
+struct Measured {
+    /// The arrays and their description.
+    arrays: Option<(ScanArrays, String)>,
+    warnings: Vec<String>,
+    interrupt: Option<PyErr>,
+}
+
+fn run(job: &Job, progress: Option<&Py<PyAny>>) -> Result<Measured> {
     let Job { experiment, scene, resolved, printed, .. } = job;
     let Some(table) = &experiment.scan else {
         return Err(mistake("this is no scan; load an experiment (.toml) with a table [scan]"));
@@ -85,20 +98,19 @@ fn run(job: &Job, path: &Path, progress: Option<&Py<PyAny>>) -> Result<(usize, V
     if is_whole && film.is_black() && !experiment.gate.force.unwrap_or(false) {
         return Err(feasible::nothing_inside(&device, scene, &settings).into());
     }
+    let mut arrays = None;
     if measured > 0 {
         let provenance = Provenance::new(&settings, started.elapsed().as_secs_f64(), printed.clone());
-        film.write_means(path, &scan)?;
-        film.write_description(&description_path(path), table, &scan, measured, samples, &provenance)?;
-        if has_variance {
-            film.write_variances(&variance_path(path), &scan)?;
-        }
+        let description = film.description(table, &scan, measured, samples, &provenance);
+        let description = description.map_err(|e| mistake(format!("the scan cannot be described: {e}")))?;
+        arrays = Some((film.into_arrays(&scan), description));
     }
     let mut warnings = [&scene.warnings[..], &resolved.warnings].concat();
     let dropped = renderer.stats().dropped;
     if dropped > 0 {
         warnings.push(format!("{dropped} samples were not finite and count as 0"));
     }
-    Ok((measured, warnings, failure.filter(|_| !is_whole)))
+    Ok(Measured { arrays, warnings, interrupt: failure.filter(|_| !is_whole) })
 }
 
 struct Measuring<'a> {

@@ -27,7 +27,7 @@ use taugate::internals::settings::table::InputTable;
 use crate::arrays::{Mesh, Objects, transform};
 use crate::camera::View;
 use crate::engine::{self, Prepared, lock};
-use crate::errors::{Result, settings};
+use crate::errors::{Failure, Result, settings};
 use crate::flags::{self, Words};
 use crate::image::Image;
 use crate::shared::ready::Ready;
@@ -129,7 +129,7 @@ impl NativeScene {
     fn info<'py>(&self, py: Python<'py>, flags: Vec<Words>, arrival: bool) -> PyResult<Bound<'py, PyDict>> {
         let (job, times) = py.detach(|| {
             let job = self.state()?.job(&flags)?;
-            let times = if arrival { Some(arrivals(&job)?) } else { None };
+            let times = if arrival { Some(engine::forget_broken(arrivals(&job))?) } else { None };
             Result::Ok((job, times))
         })?;
         let scene = &job.scene;
@@ -183,8 +183,39 @@ impl NativeScene {
             *lock(&self.renders) = Some(thread::current().id());
             let result = state.render(&flags, single, progress.as_ref());
             *lock(&self.renders) = None;
-            result
+            engine::forget_broken(result)
         })?)
+    }
+
+    /// Fails in a progress function of a render of this scene.
+    fn check_idle(&self) -> PyResult<()> {
+        Ok(self.refuse_own_render()?)
+    }
+
+    /// Frees the renderer of the last render, unless another thread uses the scene.
+    fn release(&self, py: Python<'_>) {
+        py.detach(|| {
+            if let Ok(mut state) = self.state.try_lock() {
+                state.ready = None;
+            }
+        });
+    }
+
+    /// Number of images that a render makes: one per gate or other response.
+    fn responses(&self, py: Python<'_>, flags: Vec<Words>) -> PyResult<usize> {
+        Ok(py.detach(|| Result::Ok(self.job(&flags)?.resolved.settings.responses().len()))?)
+    }
+
+    /// Fingerprint of the files of a render: those of the scene, and those that its settings name. `None` if there are none.
+    fn files(&self, py: Python<'_>, flags: Vec<Words>) -> PyResult<Option<String>> {
+        let found = py.detach(|| {
+            let base = self.state()?.base.clone();
+            match files(&flags::experiment(&flags)?.over(base)) {
+                none if none.is_empty() => Ok(None),
+                files => Ok(Some(fingerprint::of_files(&files)?)),
+            }
+        });
+        found.map_err(|failure: Failure| failure.into())
     }
 }
 
@@ -196,12 +227,17 @@ impl NativeScene {
     /// Waits until no other thread uses the scene. Fails if this thread renders the scene, as in a progress function: the thread would
     /// wait for itself.
     fn state(&self) -> Result<MutexGuard<'_, State>> {
+        self.refuse_own_render()?;
+        Ok(lock(&self.state))
+    }
+
+    fn refuse_own_render(&self) -> Result<()> {
         if *lock(&self.renders) == Some(thread::current().id()) {
             return Err(settings(
                 "this scene is being rendered, so a progress function cannot use it; use it after the render",
             ));
         }
-        Ok(lock(&self.state))
+        Ok(())
     }
 
     /// Calls `work` with a renderer without iterations, its settings, and the experiment as TOML.
@@ -215,18 +251,24 @@ impl NativeScene {
         let settings = &resolved.settings;
         let has_variance = settings.responses().len() > 1 && experiment.output.variance.unwrap_or(false);
         memory::check(settings, has_variance, memory::free())?;
-        let mut ready = engine::prepare(state.ready.take(), scene, &experiment, settings, has_variance)?.ready;
-        let result = work(&mut ready.renderer, settings, &printed);
-        state.ready = Some(ready);
-        result
+        let before = state.ready.take();
+        engine::forget_broken(engine::prepare(before, scene, &experiment, settings, has_variance).and_then(
+            |prepared| {
+                let mut ready = prepared.ready;
+                let result = work(&mut ready.renderer, settings, &printed)?;
+                state.ready = Some(ready);
+                Ok(result)
+            },
+        ))
     }
 
     /// The fingerprint that the program gives to the files of an experiment; `None` if the scene is from arrays, or nodes were moved.
     pub fn fingerprint(&self, experiment: &Experiment) -> Result<Option<String>> {
         let was_moved = !self.state()?.moved.is_empty();
-        let Some(scene) = experiment.scene.as_ref().filter(|_| !was_moved) else { return Ok(None) };
-        let files = [gltf::paths(scene, &experiment.input.allowed()), experiment.input_files()].concat();
-        Ok(Some(fingerprint::of_files(&files)?))
+        if experiment.scene.is_none() || was_moved {
+            return Ok(None);
+        }
+        Ok(Some(fingerprint::of_files(&files(experiment))?))
     }
 
     /// The render with these flags, with all settings resolved.
@@ -235,8 +277,15 @@ impl NativeScene {
     }
 }
 
+/// The files of the scene, and those that the settings name.
+fn files(experiment: &Experiment) -> Vec<PathBuf> {
+    let of_scene = experiment.scene.as_ref().map(|scene| gltf::paths(scene, &experiment.input.allowed()));
+    [of_scene.unwrap_or_default(), experiment.input_files()].concat()
+}
+
 impl State {
     fn load(path: PathBuf, flags: &[Words], moves: Vec<String>) -> Result<State> {
+        engine::check_process()?;
         let typed = flags::experiment(flags)?;
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
         let base = if extension == "toml" {
@@ -279,6 +328,7 @@ impl State {
     }
 
     fn job(&mut self, flags: &[Words]) -> Result<Job> {
+        engine::check_process()?;
         let mut experiment = flags::experiment(flags)?.over(self.base.clone());
         experiment.check_paths()?;
         if Sequence::new(&experiment, || Ok(Some(0.0)))?.is_some() {
@@ -344,8 +394,8 @@ impl State {
     }
 
     /// Adds the scene's file to an error of the settings, because the scene may be the cause.
-    fn of_file(&self, failure: crate::errors::Failure) -> crate::errors::Failure {
-        use crate::errors::Failure::Library;
+    fn of_file(&self, failure: Failure) -> Failure {
+        use Failure::Library;
         match (failure, &self.base.scene) {
             (Library(Error::Settings(message)), Some(path)) if !message.contains("--force") => {
                 Library(Error::Scene { path: path.clone(), message })

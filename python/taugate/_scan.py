@@ -3,7 +3,6 @@
 import json
 import os
 import pathlib
-import tempfile
 import warnings
 
 import numpy as np
@@ -150,10 +149,12 @@ def scan(scene, *, progress=None, **settings):
     """
     scene = scene if isinstance(scene, Scene) else load(scene)
     native, flags = scene._job(settings, "scan")
-    with tempfile.TemporaryDirectory() as folder, watcher(progress) as watch:
-        path = os.path.join(folder, "scan.npy")
-        measured, found, interrupt = _native.scan(native, flags, path, watch)
-        result = Scan.load(path) if measured else None
+    with watcher(progress) as watch:
+        arrays, found, interrupt = _native.scan(native, flags, watch)
+    result = None
+    if arrays is not None:
+        data, description, variance = arrays
+        result = Scan(data, json.loads(description), variance)
     for warning in found:
         warnings.warn(warning, stacklevel=2)
     if interrupt is not None:

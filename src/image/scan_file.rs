@@ -1,5 +1,6 @@
 //! Writes the result of a scan as a NumPy array, with a JSON file beside it.
 
+use std::io::Write;
 use std::path::Path;
 
 use serde::Serialize;
@@ -21,6 +22,14 @@ pub struct ScanFilm {
     means: Vec<f32>,
     /// Variances of the means, in the same order; empty if they are not wanted.
     variances: Vec<f32>,
+}
+
+/// The arrays of a [`ScanFilm`].
+pub struct ScanArrays {
+    pub shape: Vec<usize>,
+    pub means: Vec<f32>,
+    /// `None` if they are not wanted.
+    pub variances: Option<Vec<f32>>,
 }
 
 impl ScanFilm {
@@ -86,7 +95,14 @@ impl ScanFilm {
         shape
     }
 
-    /// Writes the JSON file that describes the arrays. `measured`: number of points of the laser that were measured.
+    /// The arrays, as [`ScanFilm::write_means`] and [`ScanFilm::write_variances`] write them.
+    pub fn into_arrays(self, scan: &Scan) -> ScanArrays {
+        let shape = self.shape(scan);
+        let variances = Some(self.variances).filter(|variances| !variances.is_empty());
+        ScanArrays { shape, means: self.means, variances }
+    }
+
+    /// Writes the JSON file that describes the arrays, see [`ScanFilm::description`].
     pub fn write_description(
         &self,
         path: &Path,
@@ -96,6 +112,21 @@ impl ScanFilm {
         samples: u64,
         provenance: &Provenance,
     ) -> Result<()> {
+        write_atomically(path, |writer| {
+            let text = self.description(table, scan, measured, samples, provenance)?;
+            writer.write_all(text.as_bytes())
+        })
+    }
+
+    /// JSON that describes the arrays. `measured`: number of points of the laser that were measured.
+    pub fn description(
+        &self,
+        table: &ScanTable,
+        scan: &Scan,
+        measured: usize,
+        samples: u64,
+        provenance: &Provenance,
+    ) -> serde_json::Result<String> {
         let positions = |points: &[glam::DVec3]| points.iter().map(|p| p.to_array()).collect::<Vec<_>>();
         let laser_points = table.points.as_ref().or(table.laser_points.as_ref());
         let sensor_points = table.points.as_ref().or(table.sensor_points.as_ref());
@@ -124,7 +155,7 @@ impl ScanFilm {
             version: version(),
             settings: &provenance.settings,
         };
-        write_atomically(path, |writer| Ok(serde_json::to_writer_pretty(writer, &description)?))
+        serde_json::to_string_pretty(&description)
     }
 }
 
